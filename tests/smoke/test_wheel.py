@@ -19,9 +19,7 @@ from tests.programs import run_python
 
 pytestmark = pytest.mark.slow
 
-PACKAGES = ("pipeline", "telemetry")
 EXAMPLES = PROJECT / "docs" / "examples"
-MEGABYTE = 1e6
 #: What the toolkit may weigh with all that it needs, but for drawing and for reading scikit-fuzzy's systems.
 MOST_MB = 100.0
 
@@ -54,9 +52,8 @@ def sources(folder: Path) -> set[str]:
 
 
 def test_the_wheel_holds_the_packages_and_the_configuration_inside_pipeline_and_nothing_else(wheel):
-    expected = set().union(*(sources(PROJECT / package) for package in PACKAGES))
-    expected |= {f"pipeline/{name}" for name in sources(PROJECT / "conf")}
-    assert content(wheel) == expected
+    packages = sources(PROJECT / "pipeline") | sources(PROJECT / "telemetry")
+    assert content(wheel) == packages | {f"pipeline/{name}" for name in sources(PROJECT / "conf")}
     assert "telemetry/file/schema/inspection.proto" in content(wheel)
     assert "pipeline/conf/experiment/train.yaml" in content(wheel)
 
@@ -128,7 +125,7 @@ class Alone:
         own = [path for path in self.site.rglob("*") if path.is_file()]
         others = [Path(one.locate_file(file)) for one in self.distributions.values() for file in one.files]
         files = (path for path in own + others if path.suffix != ".pyc" and path.is_file())
-        return sum(path.stat().st_size for path in files) / MEGABYTE
+        return sum(path.stat().st_size for path in files) / 1e6
 
     def run(self, *words: object, beside: Path | None = None) -> subprocess.CompletedProcess[str]:
         """Run Python, which sees another folder of packages beside its own if there is one."""

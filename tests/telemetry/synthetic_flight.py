@@ -40,10 +40,6 @@ PLAIN_FIELDS = {
 class SyntheticFlight(SimpleNamespace):
     """What `fly` puts into it: arrays over samples, over controls, and over instants of the attitude."""
 
-    @property
-    def num_controls(self) -> int:
-        return len(self.time_s) - 1
-
     def but(self, **changes: Any) -> "SyntheticFlight":
         """The same flight with other arrays."""
         return SyntheticFlight(**{**vars(self), **changes})
@@ -81,15 +77,13 @@ def rotate_to_body(quaternion: Floats, vector: Floats) -> Floats:
     return Rotation.from_quat(quaternion).inv().apply(vector)
 
 
-def fly(num_controls: int = 360, radius: float = 75.0) -> SyntheticFlight:
+def fly(num_controls: int = 360) -> SyntheticFlight:
     time_s = CONTROL_PERIOD * np.arange(num_controls + 1.0)
-    rate = 2.0 * MEAN_MOTION
+    radius, rate = 75.0, 2.0 * MEAN_MOTION
     position, velocity, acceleration = circle(time_s, radius, rate)
     quaternion = pointing_quaternions(position)
     fine_time = (time_s[:-1, None] + ATTITUDE_OFFSETS).ravel()
-    fine_position = circle(fine_time, radius, rate)[0]
     force = MASS * acceleration[:-1]
-    sun_angle = 4.0 - MEAN_MOTION * time_s
     sample, point = np.arange(num_controls + 1)[:, None], np.arange(NUM_POINTS)
     inspected = (sample >= 2.4 * point) & (point < NUM_POINTS - 2)
     states = np.where(inspected, PointState.INSPECTED, (sample + point) % PointState.INSPECTED)
@@ -100,18 +94,18 @@ def fly(num_controls: int = 360, radius: float = 75.0) -> SyntheticFlight:
     means = np.linspace(-1.0, 1.0, len(WORDS))
     first = np.exp(-((fis_inputs[:, :, 0, None] - means) ** 2) / 0.1)
     second = np.exp(-((fis_inputs[:, :, 1, None] * 5.0 - means) ** 2) / 0.1)
-    firing = np.minimum(first[..., :, None], second[..., None, :]).reshape(3, num_controls, -1)
     wave = 2.0 * np.pi * fine_time / 700.0
     torque = 4e-3 * np.column_stack((np.sin(wave), np.cos(1.3 * wave), np.sin(0.7 * wave)))
     fine = (num_controls, len(ATTITUDE_OFFSETS))
     return SyntheticFlight(
+        num_controls=num_controls,
         time_s=time_s,
         position_m=position,
         velocity_m_s=velocity,
         quaternion=quaternion,
         chief_quaternion=np.tile([0.0, 0.0, 0.0, 1.0], (num_controls + 1, 1)),
         angular_velocity_rad_s=rotate_to_body(quaternion, np.cross(position, velocity) / radius**2),
-        attitude_quaternion=pointing_quaternions(fine_position).reshape(*fine, 4),
+        attitude_quaternion=pointing_quaternions(circle(fine_time, radius, rate)[0]).reshape(*fine, 4),
         attitude_rate_rad_s=np.full((*fine, 3), rate / np.sqrt(3.0)),
         torque_n_m=torque.reshape(*fine, 3),
         force_body_n=force_body,
@@ -124,9 +118,9 @@ def fly(num_controls: int = 360, radius: float = 75.0) -> SyntheticFlight:
         lambda_u_rad=angles[:, 1],
         eta_u_rad=angles[:, 2],
         fis_inputs=fis_inputs,
-        firing_strengths=firing,
+        firing_strengths=np.minimum(first[..., :, None], second[..., None, :]).reshape(3, num_controls, -1),
         fis_output_n=force_body.T,
-        sun_angle_rad=sun_angle,
+        sun_angle_rad=4.0 - MEAN_MOTION * time_s,
         delta_v_m_s=np.concatenate(([0.0], np.cumsum(np.abs(force).sum(axis=1)) * CONTROL_PERIOD / MASS)),
     )
 

@@ -44,8 +44,7 @@ TOGETHER += [(f"problem={name}",) for name in options([conf_folder()])["problem"
 
 @pytest.mark.parametrize("words", TOGETHER, ids=lambda words: " ".join(filter(None, words))[:60])
 def test_every_option_composes(words):
-    composed = compose_experiment([*FLY, *filter(None, words)])
-    assert composed.experiment.name == "fly"
+    assert compose_experiment([*FLY, *filter(None, words)]).experiment.name == "fly"
 
 
 @pytest.mark.parametrize("path", VALUES, ids=lambda path: path.relative_to(conf_folder()).as_posix())

@@ -57,21 +57,11 @@ def episodes(columns: dict[str, NDArray[Any]]) -> list[Episode]:
     """Part a table into its episodes."""
     lengths = columns["length"]
     steps, samples, kept = (np.cumsum(n)[:-1] for n in (lengths, lengths + 1, -(-lengths // EVERY) + 1))
-
-    def parted(name: str, ends: NDArray[np.int64]) -> list[NDArray[np.float64]]:
-        return np.split(columns[name], ends) if name in columns else [np.zeros(0)] * len(lengths)
-
-    rows = zip(
-        columns["start"],
-        parted("actions", steps),
-        parted("counts", samples),
-        parted("weights", samples),
-        parted("rewards", steps),
-        parted("places", kept),
-        parted("turns", kept),
-        map(str, columns["status"]),
-        strict=True,
-    )
+    ends = {"actions": steps, "counts": samples, "weights": samples, "rewards": steps}
+    ends |= {"places": kept, "turns": kept}
+    none = [np.zeros(0)] * len(lengths)
+    parts = [np.split(columns[name], each) if name in columns else none for name, each in ends.items()]
+    rows = zip(columns["start"], *parts, map(str, columns["status"]), strict=True)
     return [Episode(*row) for row in rows]
 
 

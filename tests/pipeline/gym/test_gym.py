@@ -68,8 +68,7 @@ def test_gymnasium_finds_no_fault(world: str) -> None:
 
 @pytest.mark.filterwarnings("ignore:.*infinity")
 def test_six_degrees_of_freedom_are_an_environment_too() -> None:
-    env = gymnasium.make("pipeline.gym:SixDofInspection-v0").unwrapped
-    check_env(env)
+    check_env(gymnasium.make("pipeline.gym:SixDofInspection-v0").unwrapped)
     with pytest.raises(ValueError, match="safety: this is not flown with six degrees of freedom"):
         gym.SixDofInspectionEnv(["world=afrl_six_dof", "safety=filter"])
 
@@ -139,8 +138,7 @@ def test_success_is_inside_the_limits_alone(world, velocity_m_s) -> None:
     kind = gym.SixDofInspectionEnv if "six_dof" in world else InspectionEnv
     env = kind([f"world={world}", "inspection_threshold_percent=1"])
     start = Scenario(np.array([-40.0, 0.0, 0.0]), np.array([-velocity_m_s, 0.0, 0.0]), np.pi)
-    priority = np.array([-1.0, 0.0, 0.0])
-    _, before = env.reset(options={"scenario": start, "priority": priority})
+    _, before = env.reset(options={"scenario": start, "priority": np.array([-1.0, 0.0, 0.0])})
     *_, told = env.step(np.zeros(env.action_space.shape))
     assert before["is_success"]
     assert told["num_inspected"] >= 1.0

@@ -90,8 +90,7 @@ def test_far_away_and_pointing_well_no_other_point_is_inspected():
     case = problem(1, "attitude=ideal")
     log = flown(case, np.zeros((0, 3)))
     assert np.linalg.norm(log.position_m, axis=1).min() > case.sight.max()
-    seen = margins_along(case, log.position_m).max(axis=0) >= 0.0
-    assert np.array_equal(seen, log.is_inspected[-1])
+    assert np.array_equal(margins_along(case, log.position_m).max(axis=0) >= 0.0, log.is_inspected[-1])
 
 
 def test_a_camera_that_looks_away_sees_nothing():
@@ -113,8 +112,7 @@ def test_the_search_pays_for_what_is_spent_short_and_outside(world):
     distances = np.linalg.norm(path[1:], axis=1)
     short = np.sort(np.maximum(0.0, -best))[:95].sum()
     outside = max(0.0, distances.max() - 120.0, 60.0 - distances.min())
-    assert short > 0
-    assert outside > 0
+    assert min(short, outside) > 0
     spent = np.abs(burns).sum() * 10.0 / 12.0
     genes = np.array([*burns[0], *burns[1], 40.7])
     # more plans than are priced side by side: some that burn less, and later
@@ -135,10 +133,7 @@ def test_rows_are_the_slopes_of_what_is_demanded():
     periods = np.arange(0, case.num_controls, 7)
     rows, _ = polish._rows(case, [(normal, sample, 10.0), (outward, sample, 15.0)], periods)
 
-    quantities = (
-        lambda path: case.normals[sample, :, point] @ path[sample],
-        lambda path: np.linalg.norm(path[sample]),
-    )
+    quantities = (lambda path: normal @ path[sample], lambda path: np.linalg.norm(path[sample]))
     for place in (0, 5, 20, 28, 29, 40):
         for axis in range(3):
             change = np.zeros_like(forces)
@@ -210,10 +205,7 @@ def test_edges_are_covered_by_vertices():
 
 def test_what_is_left_when_the_worst_are_let_go():
     takes = {(0, 0): 1.0, (1, 1): 2.0, (2, 2): 3.0, (0, 1): 5.0, (1, 2): 6.0, (0, 2): 3.0}
-    assert unavoidable(takes, 0) == 6.0
-    assert unavoidable(takes, 1) == 3.0
-    assert unavoidable(takes, 2) == 1.0
-    assert unavoidable(takes, 3) == 0.0
+    assert [unavoidable(takes, num_let_go) for num_let_go in range(4)] == [6.0, 3.0, 1.0, 0.0]
 
 
 def test_pairs_raise_the_bound_and_the_ceiling_holds():
@@ -255,8 +247,7 @@ def test_solutions_are_those_of_scipy(num_rows, num_forces, presolves):
     ids=["infinite slope", "no bound", "no force within its limits"],
 )
 def test_a_program_without_a_solution_has_no_forces_and_infinite_slack(slope, most, max_force):
-    program = np.array([[slope]]), np.array([most]), FUEL, max_force
-    found = polish.least_forces(*program, presolves=False)
+    found = polish.least_forces(np.array([[slope]]), np.array([most]), FUEL, max_force, presolves=False)
     assert (*found.forces, found.slack, *found.prices) == (0.0, np.inf, 0.0)
 
 
@@ -284,8 +275,7 @@ def test_from_a_feasible_plan_fuel_never_rises_and_every_step_meets_what_is_aske
         path = path_of(case, each.forces)
         distances = np.linalg.norm(path[1:], axis=1)
         assert (margins_along(case, path).max(axis=0) >= 0.0).sum() >= NEEDED
-        assert distances.min() >= 15.0 + 0.99 * polish.NEAR_MARGIN
-        assert distances.max() <= 200.0
+        assert 15.0 + 0.99 * polish.NEAR_MARGIN <= distances.min() <= distances.max() <= 200.0
         assert np.abs(each.forces).max() <= 1.0
         assert np.all(each.forces[np.arange(case.num_controls) % 6 != 0] == 0.0)
 
@@ -303,9 +293,8 @@ def test_a_wall_in_the_way_is_kept_out_of():
 
 def test_of_more_points_than_needed_the_costly_go():
     best, prices = np.array([1.0, 0.0, 2.0, 0.5, -1.0]), np.array([0.0, 3.0, 0.0, 1.0, 0.0])
-    assert polish.choose(best, 2, prices).tolist() == [2, 0]
-    assert polish.choose(best, 3, prices).tolist() == [2, 0, 3]
-    assert polish.choose(best, 5, prices).tolist() == [2, 0, 3, 1, 4]
+    for needed, kept in ((2, [2, 0]), (3, [2, 0, 3]), (5, [2, 0, 3, 1, 4])):
+        assert polish.choose(best, needed, prices).tolist() == kept
 
 
 def test_restarts_agree_within_a_thousandth():

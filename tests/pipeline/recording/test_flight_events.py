@@ -27,10 +27,9 @@ MISSION = cases.composed(*SHORT).experiment.mission
 
 def flight(distance_m: list[float], inspected_count: list[int]) -> FlightLog:
     """Eleven samples at distances along i, with the first of 99 points inspected."""
-    inspected = np.arange(99) < np.array(inspected_count)[:, np.newaxis]
     return cases.flown(*SHORT)._replace(
         position_m=np.array(distance_m)[:, np.newaxis] * [1.0, 0.0, 0.0],
-        is_inspected=inspected,
+        is_inspected=np.arange(99) < np.array(inspected_count)[:, np.newaxis],
         is_inspectable=np.ones(99, dtype=bool),
         delta_v_m_s=0.1 * np.arange(11.0),
         force_hill_n=np.ones((10, 3)),
@@ -66,8 +65,7 @@ def test_approach_leave_and_return():
 def test_a_flight_that_starts_outside_says_so_and_violates_nothing():
     distances = [10.0, *[50.0] * 10]
     assert told(distances) == [(0, "error"), (1, "info")]
-    end = events(MISSION, flight(distances, [0] * 11), 5.0)[-1]
-    assert end.text.endswith("always inside the limits")
+    assert events(MISSION, flight(distances, [0] * 11), 5.0)[-1].text.endswith("always inside the limits")
 
 
 def test_the_threshold_is_95_of_99_points():

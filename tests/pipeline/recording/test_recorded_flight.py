@@ -139,13 +139,11 @@ def test_points_and_their_states(name: str, overrides: tuple[str, ...], request:
         assert_array_equal(clouds["state"][k], kinds)
     assert set(clouds["state"].ravel().tolist()) == {0, 1, 2, 3}
     # what is lit and not inspected is what guidance calls a candidate
-    num_lit = (clouds["state"] == 1).sum(axis=1)
-    assert_array_equal(num_lit, recorded["/guidance"]["num_candidates"])
+    assert_array_equal((clouds["state"] == 1).sum(axis=1), recorded["/guidance"]["num_candidates"])
 
 
 def test_firing_strengths_are_in_the_order_of_the_rules_in_words(full: Recording):
-    controller = serialize.loads(full.attachments["controller.json"].decode(), "json")
-    for system in controller.systems:
+    for system in serialize.loads(full.attachments["controller.json"].decode(), "json").systems:
         inferred = full[f"/fis/{system.name}"]
         expected = step_by_step.firing_strengths(system, inferred["inputs"])
         assert expected.shape == (360, 25)
@@ -221,8 +219,7 @@ def short(path: Path, controller: Controller) -> Recording:
 
 
 def test_a_system_of_one_input_records_one(tmp_path):
-    fuzzy = serialize.from_mapping(cases.composed().config["controller"])
-    system = fuzzy.systems[0]
+    system = serialize.from_mapping(cases.composed().config["controller"]).systems[0]
     rules = tuple(replace(rule, antecedent=rule.antecedent.operands[1]) for rule in system.rules[:5])
     lean = replace(system, inputs=system.inputs[1:], rules=rules)
     found = short(tmp_path / "lean.mcap", Controller("lean", (lean,), "hill"))

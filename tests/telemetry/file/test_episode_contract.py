@@ -89,8 +89,7 @@ def test_metadata_and_attachments_come_before_the_first_message(flight, flight_f
 
 
 def test_the_same_flight_gives_the_same_bytes_also_sample_by_sample(flight, flight_file, tmp_path):
-    again = synthetic_flight.record(flight, tmp_path / "again.mcap")
-    assert again.read_bytes() == flight_file.read_bytes()
+    assert synthetic_flight.record(flight, tmp_path / "again.mcap").read_bytes() == flight_file.read_bytes()
     told = {"metadata": synthetic_flight.metadata(flight), "attachments": synthetic_flight.ATTACHMENTS}
     with EpisodeWriter(tmp_path / "one_by_one.mcap", **told) as writer:
         synthetic_flight.write_samples(writer, flight, range(361))

@@ -37,12 +37,8 @@ triples = st.tuples(finite, finite, finite)
 
 lists = st.lists(words, max_size=5).map(tuple)
 OF_EPISODES = {"scenario_id": words, "config_hash": words, "seed": st.integers(0, 2**63 - 1)}
-OF_EPISODES |= {
-    "position_m": triples,
-    "boresight": triples,
-    "sun_angle_rad": finite,
-    "max_distance_m": finite,
-}
+OF_EPISODES |= {"position_m": triples, "boresight": triples}
+OF_EPISODES |= {"sun_angle_rad": finite, "max_distance_m": finite}
 EPISODES = st.builds(EpisodeDescription, **{name: st.none() | kind for name, kind in OF_EPISODES.items()})
 PUT = {"input_names": lists, "input_units": lists, "output_name": words, "output_unit": words, "rules": lists}
 

@@ -46,8 +46,7 @@ def test_cases_are_read_with_their_outcomes(run: Path) -> None:
 
 
 def test_the_telling_cases_are_named(run: Path) -> None:
-    found = {extreme.label: extreme.sample for extreme in campaign.extremes(runs.read_evaluation(run))}
-    assert found == {
+    assert {extreme.label: extreme.sample for extreme in campaign.extremes(runs.read_evaluation(run))} == {
         "nearest: case 8, 10.0 m": 3,
         "farthest: case 13, 120.0 m": 5,
         "most delta-v: case 5, 4.000 m/s": 6,

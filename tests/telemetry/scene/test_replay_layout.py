@@ -109,8 +109,7 @@ def test_curves_and_shells_are_the_flights(flight, content):
         np.testing.assert_allclose(found, expected, rtol=1e-7, atol=1e-6 if "torque" in curve else 0)
     np.testing.assert_allclose(content.times("/curves/torque/applied", scalars), np.arange(3600.0))
     for name, radius in (("nearest", 15.0), ("farthest", 200.0)):
-        half_sizes = content.column(f"/scene/limits/{name}", "Ellipsoids3D:half_sizes")
-        assert half_sizes[0][0] == [radius] * 3
+        assert content.column(f"/scene/limits/{name}", "Ellipsoids3D:half_sizes")[0][0] == [radius] * 3
 
 
 def test_rules_are_told_in_words_at_each_instant(flight, content):
@@ -137,8 +136,7 @@ def test_flights_are_laid_over_each_other(flight, flight_file, short_flight, sho
         assert content.column(f"/scene/flights/{index}/deputy", "Points3D:labels") == [[name]]
     colours = [content.column(f"/scene/flights/{i}/trail", "LineStrips3D:colors") for i in (0, 1)]
     assert colours[0] != colours[1]
-    events = [text for (text,) in content.column("/events", "TextLog:text")]
-    assert events == [
+    assert [text for (text,) in content.column("/events", "TextLog:text")] == [
         "1180 s: flight: 50 of 99 points inspected",
         "1180 s: short: 50 of 99 points inspected",
         "2260 s: flight: 95 of 99 points inspected",
@@ -192,9 +190,8 @@ def test_a_viewer_that_fails_is_said_and_only_a_browser_gets_a_page(
     asked = "import sys; sys.exit(8 if '--web-viewer' in sys.argv else 7)"
     monkeypatch.setattr("telemetry.scene.viewer._RERUN", (sys.executable, "-c", asked))
     monkeypatch.setenv("DISPLAY", ":0")
-    with pytest.raises(
-        RecordingError, match=f"the viewer ended with exit code {code}; see its message above; write a file"
-    ):
+    message = f"the viewer ended with exit code {code}; see its message above; write a file"
+    with pytest.raises(RecordingError, match=message):
         viewer.show(replay.scene([short_file]), in_browser=in_browser)
 
 

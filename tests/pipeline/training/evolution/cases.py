@@ -9,6 +9,7 @@ from pipeline.settings.training import Penalty
 from pipeline.training.evolution.generations import Evaluate
 from pipeline.training.evolution.rounds import Evolution, evolve_rounds
 
+NUM_GENES = 10
 PENALTY = Penalty(outside_m_s=100.0, short_point_m_s=10.0, missed_point_m_s=0.1)
 
 
@@ -18,9 +19,9 @@ def optimizer(**changes: Any) -> Optimizer:
     return Optimizer(**(small | changes))
 
 
-def evolve(evaluate: Evaluate, num_genes: int, settings: Optimizer, seed: int, **how: Any) -> Evolution:
+def evolve(evaluate: Evaluate, settings: Optimizer, seed: int, **how: Any) -> Evolution:
     """Evolve with one fitness function for all rounds."""
-    return evolve_rounds(lambda _round, _champion: evaluate, num_genes, settings, seed, **how)
+    return evolve_rounds(lambda _round, _champion: evaluate, NUM_GENES, settings, seed, **how)
 
 
 def rows_of(evolution: Evolution) -> list[dict[str, Any]]:

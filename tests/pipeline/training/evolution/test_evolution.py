@@ -11,9 +11,7 @@ import pytest
 from pipeline.training.evolution import generations
 from pipeline.training.evolution.rounds import Evolution, evolve_rounds
 from pipeline.training.evolution.state import CheckpointError
-from tests.pipeline.training.evolution.cases import Sphere, column, evolve, optimizer, rows_of
-
-NUM_GENES = 10
+from tests.pipeline.training.evolution.cases import NUM_GENES, Sphere, column, evolve, optimizer, rows_of
 
 
 def assert_same(one: Evolution, other: Evolution) -> None:
@@ -24,7 +22,7 @@ def assert_same(one: Evolution, other: Evolution) -> None:
 
 
 def test_converges_on_a_sphere():
-    result = evolve(Sphere(), NUM_GENES, optimizer(population_size=100, generations=120), seed=1)
+    result = evolve(Sphere(), optimizer(population_size=100, generations=120), seed=1)
     assert result.history[-1].best < 1e-4
     np.testing.assert_allclose(result.history[-1].champion, 0.3, atol=0.01)
     assert not result.interrupted
@@ -38,7 +36,7 @@ def test_elite_is_kept_verbatim_and_nothing_is_evaluated_again(monkeypatch):
         return bred[-1]
 
     monkeypatch.setattr(generations, "breed", breed)
-    result = evolve(sphere, NUM_GENES, optimizer(), seed=2)
+    result = evolve(sphere, optimizer(), seed=2)
     assert result.history[-1].evaluations == 40 + 30 * 36
     best = [generation.best for generation in result.history]
     assert best == sorted(best, reverse=True)
@@ -57,7 +55,7 @@ def test_elite_is_kept_verbatim_and_nothing_is_evaluated_again(monkeypatch):
 
 
 def test_step_size_follows_success():
-    result = evolve(Sphere(), NUM_GENES, optimizer(generations=60), seed=4)
+    result = evolve(Sphere(), optimizer(generations=60), seed=4)
     steps, best = column(result, "step_size"), column(result, "best")
     assert steps[:2] == [1.0, 1.0]
     for k in range(2, len(steps)):
@@ -77,12 +75,12 @@ def test_a_seed_alone_decides_and_the_global_generators_are_left_as_they_were():
 
     before = state()
     small = optimizer(generations=8)
-    one = evolve(Sphere(), NUM_GENES, small, seed=5)
+    one = evolve(Sphere(), small, seed=5)
     assert state() == before
-    assert_same(evolve(restless, NUM_GENES, small, seed=5), one)
+    assert_same(evolve(restless, small, seed=5), one)
     assert state() != before
-    assert_same(evolve(Sphere(), NUM_GENES, small, seed=5), one)
-    assert evolve(Sphere(), NUM_GENES, small, seed=6).history[-1].best != one.history[-1].best
+    assert_same(evolve(Sphere(), small, seed=5), one)
+    assert evolve(Sphere(), small, seed=6).history[-1].best != one.history[-1].best
 
 
 def test_rounds_start_afresh_from_the_last_champion():
@@ -91,8 +89,7 @@ def test_rounds_start_afresh_from_the_last_champion():
     result = evolve_rounds(lambda index, _: spheres[index], NUM_GENES, settings, seed=1)
     assert column(result, "round") == 11 * [0] + 11 * [1] + 11 * [2]
     for index in (1, 2):
-        last_champion = result.history[11 * index - 1].champion
-        np.testing.assert_array_equal(spheres[index].batches[0][0], last_champion)
+        np.testing.assert_array_equal(spheres[index].batches[0][0], result.history[11 * index - 1].champion)
         assert not np.array_equal(spheres[index].batches[0][1:], spheres[index - 1].batches[0][1:])
         assert result.history[11 * index].step_size == 1.0
     # the same fitness function: the champion carried over can only be beaten
@@ -100,10 +97,8 @@ def test_rounds_start_afresh_from_the_last_champion():
 
 
 def test_stall_ends_a_round():
-    def plateau(genomes):
-        return {"fitness": np.ones(len(genomes))}
-
-    result = evolve(plateau, NUM_GENES, optimizer(stall_generations=4, rounds=2, generations=50), seed=1)
+    settings = optimizer(stall_generations=4, rounds=2, generations=50)
+    result = evolve(lambda genomes: {"fitness": np.ones(len(genomes))}, settings, seed=1)
     assert column(result, "generation") == [0, 1, 2, 3, 4, 0, 1, 2, 3, 4]
 
 
@@ -112,19 +107,18 @@ def checkpoint(tmp_path):
     """Of a run that is over, in the place of a file that was no checkpoint."""
     path = tmp_path / "checkpoint.npz"
     path.write_bytes(b"nothing of ours")
-    evolve(Sphere(), NUM_GENES, optimizer(generations=1), seed=1, checkpoint=path)
+    evolve(Sphere(), optimizer(generations=1), seed=1, checkpoint=path)
     return path
 
 
 def resume(checkpoint, seed=1, **settings):
     sphere = Sphere()
-    result = evolve(sphere, NUM_GENES, optimizer(**settings), seed, checkpoint=checkpoint, resume=True)
-    return sphere, result
+    return sphere, evolve(sphere, optimizer(**settings), seed, checkpoint=checkpoint, resume=True)
 
 
 def test_resuming_a_finished_run_evaluates_nothing(checkpoint):
     sphere, again = resume(checkpoint, generations=1)
-    assert_same(evolve(Sphere(), NUM_GENES, optimizer(generations=1), seed=1), again)
+    assert_same(evolve(Sphere(), optimizer(generations=1), seed=1), again)
     assert sphere.batches == []
 
 
@@ -162,11 +156,11 @@ def test_a_checkpoint_that_lacks_something_is_refused(name, message, checkpoint)
 
 def test_a_fitness_that_is_no_number_is_refused():
     with pytest.raises(ValueError, match="a finite number for each genome"):
-        evolve(lambda genomes: {"fitness": np.full(len(genomes), np.nan)}, NUM_GENES, optimizer(), seed=1)
+        evolve(lambda genomes: {"fitness": np.full(len(genomes), np.nan)}, optimizer(), seed=1)
 
 
 def test_threads_that_draw_from_the_global_generator_change_nothing():
-    one, is_over = evolve(Sphere(), NUM_GENES, optimizer(generations=10), seed=5), threading.Event()
+    one, is_over = evolve(Sphere(), optimizer(generations=10), seed=5), threading.Event()
 
     def draw():
         while not is_over.is_set():
@@ -176,7 +170,7 @@ def test_threads_that_draw_from_the_global_generator_change_nothing():
     sys.setswitchinterval(1e-6)
     thread.start()
     try:
-        assert_same(one, evolve(Sphere(), NUM_GENES, optimizer(generations=10), seed=5))
+        assert_same(one, evolve(Sphere(), optimizer(generations=10), seed=5))
     finally:
         sys.setswitchinterval(interval)
         is_over.set()
