@@ -127,7 +127,7 @@ def number(value: float) -> str:
 
 def lead(evidence: Mapping[str, Any]) -> str:
     """Say what came out: the worst verdict about the gravest requirement, and what became of the others."""
-    verdicts = ("refuted", "not shown", "shown")
+    verdicts = ("refuted", "not shown", "shown in part", "shown")
     ranked = sorted(
         evidence["requirements"],
         key=lambda one: (verdicts.index(one["verdict"]), SEVERITIES.index(one["severity"])),

@@ -122,7 +122,7 @@ def of_requirement(
         "sentence": verdicts.sentence(found, judged),
         "why": judged.why,
         "methods": {
-            name: {"verdict": verdicts.WORDS[one.verdict], "word": one.word, "why": one.why}
+            name: {"verdict": one.verdict, "word": one.word, "why": one.why}
             for name, one in verdicts.outcomes(found).items()
         },
     }

@@ -7,9 +7,9 @@ minus the confidence. The bounds are those of Clopper and Pearson, Biometrika 26
 """
 
 from bisect import bisect_left
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,8 @@ from pipeline.evaluation.assurance.proofs import Certificate, SafetyProof, TubeP
 from pipeline.evaluation.assurance.quantities import EXTREMES, UNITS
 from pipeline.evaluation.assurance.requirements import BOUNDS, CASES, SAFETY_LAYER, SEARCH, TUBE, Requirement
 
-Verdict = Literal["shown", "refuted", "open"]
+#: from the best to the worst
+Verdict = Literal["shown", "shown in part", "not shown", "refuted"]
 
 
 @dataclass(frozen=True)
@@ -32,7 +33,7 @@ class Judgement:
     ----------
     verdict : str
         ``shown``: the lower bound of the share that meets it is at least the claimed one; ``refuted``: the
-        upper bound is below; else ``open``.
+        upper bound is below; else ``not shown``.
     num_cases, num_failed, num_allowed : int
         Flown; not met; and most failures for which the claim would still be shown (-1: too few cases).
     low, high : float
@@ -101,7 +102,7 @@ def judge(margins: Floats, is_met: NDArray[np.bool_], probability: float, confid
     low, high = share_bounds(num_cases - num_failed, num_cases, confidence)
     ascending = np.sort(margins)
     return Judgement(
-        verdict="shown" if num_failed <= allowed else "refuted" if high < probability else "open",
+        verdict="shown" if num_failed <= allowed else "refuted" if high < probability else "not shown",
         num_cases=num_cases,
         num_failed=num_failed,
         num_allowed=allowed,
@@ -118,11 +119,6 @@ def _shows(num_cases: int, num_failed: int, probability: float, confidence: floa
     from scipy.special import bdtr  # noqa: PLC0415 - as above
 
     return bool(num_failed < num_cases and bdtr(num_failed, num_cases, 1.0 - probability) <= 1.0 - confidence)
-
-
-#: from the best to the worst, and in words
-WORDS: Mapping[Verdict, str] = {"shown": "shown", "open": "not shown", "refuted": "refuted"}
-ORDER = list(WORDS)
 
 
 class Outcome(NamedTuple):
@@ -195,37 +191,38 @@ def verdict(found: Found) -> Outcome:
     """Return the combined verdict.
 
     For a claim about a share of the cases the cases are decisive: single failures found by a search do
-    not refute it. They do where all cases must meet the requirement. A proof shows a requirement for any
-    share, unless a flight contradicts it.
+    not refute it. They do where all cases must meet the requirement. A proof for all cases shows a
+    requirement for any share, unless a flight contradicts it. A proof for fewer cases than the requirement
+    asks for shows it in part, and a flight that fails leaves the verdict to the cases.
     """
     judged = outcomes(found)
     failed = any(one.first_failed is not None for one in found.searches)
+    has_failed = failed or (found.judgement is not None and found.judgement.num_failed > 0)
     for method, what in ((SAFETY_LAYER, "of the safety layer"), (TUBE, "by a tube of all starts")):
         proof = judged.get(method)
-        if proof is not None and proof.verdict == "shown":
-            if failed or (found.judgement and found.judgement.num_failed):
-                return Outcome("refuted", WORDS["refuted"], f"flights contradict the proof {what}")
-            return proof._replace(word=WORDS["shown"])
+        if proof is not None and proof.is_proof:
+            if not has_failed:
+                return proof._replace(word=proof.verdict)
+            if proof.probability == 1.0:
+                return Outcome("refuted", "refuted", f"flights contradict the proof {what}")
     if failed and found.requirement.probability == 1.0 and CASES in judged:
-        return judged[SEARCH]._replace(word=WORDS["refuted"])
+        return judged[SEARCH]._replace(word="refuted")
     decisive = [judged[name] for name in (CASES, BOUNDS) if name in judged] or list(judged.values())
-    worst = max(decisive, key=lambda one: ORDER.index(one.verdict))
-    return worst._replace(word=WORDS[worst.verdict])
+    worst = max(decisive, key=lambda one: get_args(Verdict).index(one.verdict))
+    return worst._replace(word=worst.verdict)
 
 
 def _of_cases(requirement: Requirement, judgement: Judgement) -> Outcome:
-    confidence = percent(requirement.confidence)
-    claim = f"{percent(requirement.probability)} with {confidence} confidence"
+    surely = f"with {percent(requirement.confidence)} confidence"
+    claim = f"{percent(requirement.probability)} {surely}"
     failed = f"{judgement.num_failed:,} of {judgement.num_cases:,} cases fail"
     if requirement.probability == 1.0:
         low = percent(judgement.low)
-        why = (
-            f"with {confidence} confidence at least {low} of such cases meet it; only a proof shows it of all"
-        )
+        why = f"{surely} at least {low} of such cases meet it; only a proof shows it of all"
     elif judgement.verdict == "shown":
         why = f"up to {judgement.num_allowed:,} failures show {claim}"
     elif judgement.verdict == "refuted":
-        why = f"with {confidence} confidence at most {percent(judgement.high)} of such cases meet it"
+        why = f"{surely} at most {percent(judgement.high)} of such cases meet it"
     elif judgement.num_allowed < 0:
         needed = cases_needed(requirement.probability, requirement.confidence)
         why = f"{claim} needs {needed:,} cases without a failure"
@@ -239,18 +236,20 @@ def _of_searches(searches: Sequence[Search]) -> Outcome:
     if failed := sum(one.first_failed is not None for one in searches):
         why = f"{failed} of {len(searches)} searches find a case that fails, in {flights}"
         return Outcome("refuted", "failure found", why)
-    return Outcome("open", "none found", f"{len(searches)} searches find no case that fails, in {flights}")
+    return Outcome(
+        "not shown", "none found", f"{len(searches)} searches find no case that fails, in {flights}"
+    )
 
 
 def _of_bounds(certificates: Sequence[Certificate]) -> Outcome:
     if not certificates:
-        return Outcome("open", "nothing to bound", "the controller has no system that is asked about")
+        return Outcome("not shown", "nothing to bound", "the controller has no system that is asked about")
     for one in certificates:
         if one.verdict == "yes":
-            return Outcome("refuted", WORDS["refuted"], one.sentence.rstrip("."))
+            return Outcome("refuted", "refuted", one.sentence.rstrip("."))
     for one in certificates:
         if one.verdict != "no":
-            return Outcome("open", one.verdict, one.sentence.rstrip("."))
+            return Outcome("not shown", one.verdict, one.sentence.rstrip("."))
     boxes = sum(len(one.low) for one in certificates)
     why = f"no for all inputs: {boxes:,} boxes prove the answers to {len(certificates)} questions"
     return Outcome("shown", "proved", why, is_proof=True)
@@ -273,20 +272,19 @@ def _of_the_layer(requirement: Requirement, proof: SafetyProof) -> Outcome:
         if proof.probability < 1.0:
             why += f", while errors are within their bounds, as in {percent(proof.probability)} of flights"
         why += "".join(f", provided that {one}" for one in proof.assumed)
-        if proof.probability < requirement.probability:
-            return Outcome("open", f"proved for {percent(proof.probability)}", why)
-        return Outcome(
-            "shown", "proved", why, is_proof=True, probability=proof.probability, assumed=proof.assumed
-        )
-    return Outcome("open", "does not apply", why)
+        if proof.probability >= requirement.probability:
+            return Outcome("shown", "proved", why, True, proof.probability, proof.assumed)
+        word = f"proved for {percent(proof.probability)}"
+        return Outcome("shown in part", word, why, True, proof.probability, proof.assumed)
+    return Outcome("not shown", "does not apply", why)
 
 
 def _of_a_tube(requirement: Requirement, tube: TubeProof) -> Outcome:
     if tube.fault:
-        return Outcome("open", "does not apply", tube.fault)
+        return Outcome("not shown", "does not apply", tube.fault)
     kept = f"a tube holds all starts, keeps the limit, and is at the goal after {tube.end_s:g} s"
     if requirement.formula is None or not tube.proves(requirement.formula):
-        return Outcome("open", "does not apply", f"{kept}, from which this does not follow")
+        return Outcome("not shown", "does not apply", f"{kept}, from which this does not follow")
     return Outcome("shown", "proved", kept, is_proof=True)
 
 
@@ -300,7 +298,8 @@ def share(requirement: Requirement, judged: Outcome) -> str:
     if judged.is_proof:
         if judged.probability < 1.0:
             given = "".join(f", if {one}" for one in judged.assumed)
-            return f"{percent(judged.probability)} of cases or more (proved{given})"
+            rest = ", not all" if judged.verdict == "shown in part" else ""
+            return f"{percent(judged.probability)} of cases or more{rest} (proved{given})"
         return "all cases (proved)" if requirement.formula else "all inputs (proved)"
     if requirement.formula is None:
         return "all inputs"
