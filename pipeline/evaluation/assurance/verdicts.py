@@ -326,7 +326,7 @@ def sentence(found: Found, judged: Outcome) -> str:
     )
     is_flown = found.judgement or found.searches
     words = f"{claim}. {_flown(found) if is_flown else f'Failing means {requirement.consequence}'}."
-    return words if judged.verdict == "shown" else f"{words} {judged.why[0].upper()}{judged.why[1:]}."
+    return words if judged.verdict.startswith("shown") else f"{words} {judged.why[0].upper()}{judged.why[1:]}."
 
 
 def _flown(found: Found) -> str:
