@@ -213,16 +213,15 @@ def verdict(found: Found) -> Outcome:
 
 
 def _of_cases(requirement: Requirement, judgement: Judgement) -> Outcome:
-    surely = f"with {percent(requirement.confidence)} confidence"
-    claim = f"{percent(requirement.probability)} {surely}"
+    sure = f"with {percent(requirement.confidence)} confidence"
+    claim = f"{percent(requirement.probability)} {sure}"
     failed = f"{judgement.num_failed:,} of {judgement.num_cases:,} cases fail"
     if requirement.probability == 1.0:
-        low = percent(judgement.low)
-        why = f"{surely} at least {low} of such cases meet it; only a proof shows it of all"
+        why = f"{sure} at least {percent(judgement.low)} of such cases meet it; only a proof shows it of all"
     elif judgement.verdict == "shown":
         why = f"up to {judgement.num_allowed:,} failures show {claim}"
     elif judgement.verdict == "refuted":
-        why = f"{surely} at most {percent(judgement.high)} of such cases meet it"
+        why = f"{sure} at most {percent(judgement.high)} of such cases meet it"
     elif judgement.num_allowed < 0:
         needed = cases_needed(requirement.probability, requirement.confidence)
         why = f"{claim} needs {needed:,} cases without a failure"
@@ -294,12 +293,11 @@ def percent(share: float) -> str:
 
 
 def share(requirement: Requirement, judged: Outcome) -> str:
-    """Say for what share of the cases, and how surely, a requirement is claimed or proved."""
+    """Say for what share of the cases, and how sure, a requirement is claimed or proved."""
     if judged.is_proof:
         if judged.probability < 1.0:
             given = "".join(f", if {one}" for one in judged.assumed)
-            rest = ", not all" if judged.verdict == "shown in part" else ""
-            return f"{percent(judged.probability)} of cases or more{rest} (proved{given})"
+            return f"{percent(judged.probability)} of cases or more (proved{given})"
         return "all cases (proved)" if requirement.formula else "all inputs (proved)"
     if requirement.formula is None:
         return "all inputs"
@@ -326,7 +324,9 @@ def sentence(found: Found, judged: Outcome) -> str:
     )
     is_flown = found.judgement or found.searches
     words = f"{claim}. {_flown(found) if is_flown else f'Failing means {requirement.consequence}'}."
-    return words if judged.verdict.startswith("shown") else f"{words} {judged.why[0].upper()}{judged.why[1:]}."
+    if judged.verdict.startswith("shown"):
+        return words
+    return f"{words} {judged.why[0].upper()}{judged.why[1:]}."
 
 
 def _flown(found: Found) -> str:
