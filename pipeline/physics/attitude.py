@@ -16,8 +16,6 @@ from fis_tools.compiled.three import Three, cross, dot, length, three_of, times
 from pipeline.array_types import Floats
 from pipeline.physics.quaternion import dcm_b_from_h, derivative, normalised
 
-#: y* before the first instant, Hill axes
-FIRST_Y = (0.0, 1.0, 0.0)
 #: |k x r|/|r| below which y* is not defined by the position
 POLE = 1e-3
 #: |k x r|/|r| below which pole blending carries y* along
@@ -37,7 +35,7 @@ def _carried_y(x: Three, previous_y: Three) -> Three:
 
 @compiled(error_model="numpy")
 def desired_y(position_h: Three, previous_y_h: Three) -> Three:
-    """Return the desired second body axis, from that at the previous instant; `FIRST_Y` before the first."""
+    """Return the desired second body axis, from that at the previous instant; (0, 1, 0) before the first."""
     distance, horizontal = length(position_h), Three(-position_h.y, position_h.x, 0.0)
     if length(horizontal) < POLE * distance:
         return _carried_y(position_h / distance, previous_y_h)

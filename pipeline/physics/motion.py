@@ -18,6 +18,7 @@ that are not 0 or 1 from a `Step`. A law that stops a deputy is a gain, shape (3
 """
 
 from collections.abc import Collection
+from functools import lru_cache
 from math import cos, pi, sin
 from typing import NamedTuple, Protocol
 
@@ -138,7 +139,11 @@ class Step(NamedTuple):
 
 def motion_over(orbit: Orbit, deputy: Deputy, durations: Collection[float]) -> Motion:
     """Return the motion of a deputy over some durations, s."""
-    n, mass = orbit.mean_motion_rad_s, deputy.mass_kg
+    return _motion_over(orbit.mean_motion_rad_s, deputy.mass_kg, tuple(durations))
+
+
+@lru_cache(maxsize=32)  # rehearsals pack the same world for every call
+def _motion_over(n: float, mass: float, durations: tuple[float, ...]) -> Motion:
     with plainly("pipeline"):  # compiling takes longer than all calls in a run
         return Motion(
             transition=np.array([state_transition(n, duration) for duration in durations]).reshape(-1, 6, 6),

@@ -323,10 +323,8 @@ def sentence(found: Found, judged: Outcome) -> str:
         ": in all inputs", ": for all inputs"
     )
     is_flown = found.judgement or found.searches
-    words = f"{claim}. {_flown(found) if is_flown else f'Failing means {requirement.consequence}'}."
-    if judged.verdict.startswith("shown"):
-        return words
-    return f"{words} {judged.why[0].upper()}{judged.why[1:]}."
+    told = f"{claim}. {_flown(found) if is_flown else f'Failing means {requirement.consequence}'}."
+    return told if judged.verdict.startswith("shown") else f"{told} {judged.why[0].upper()}{judged.why[1:]}."
 
 
 def _flown(found: Found) -> str:

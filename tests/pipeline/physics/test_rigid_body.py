@@ -160,7 +160,7 @@ def test_the_derivative_is_that_of_a_steady_rotation(q, rate):
 def test_the_desired_attitude_is_that_of_the_readable_flight_over_both_poles(azimuth, blends):
     """From where nothing has to turn; so near to a pole that y* is kept, and a little beside it."""
     mission = SimpleNamespace(attitude=SimpleNamespace(pole_blending=blends), attitude_period_s=2.0)
-    y, before = Three(*attitudes.FIRST_Y), None
+    y, before = Three(0.0, 1.0, 0.0), None
     pole = np.pi / 2 + np.array([-1.01e-3, -0.99e-3, 0.0, 0.99e-3, 1.01e-3])
     for elevation in np.sort(np.concatenate((np.arange(0.0, 2.0 * np.pi, 0.01), pole, pole + np.pi))):
         around = azimuth + 0.02 * elevation  # past the poles, not straight over them
@@ -191,7 +191,7 @@ def test_the_torque_opposes_error_and_rate_and_is_clipped_and_gains_are_matrices
 def errors_after(seconds, axis, angle, line_of_sight_rate):
     """Turn from a misalignment while the line of sight turns about k; return later boresight errors, deg."""
     quaternion = Rotation.from_rotvec(angle * np.array(axis) / np.linalg.norm(axis)).as_quat()
-    rate, errors, y = np.zeros(3), [], Three(*attitudes.FIRST_Y)
+    rate, errors, y = np.zeros(3), [], Three(0.0, 1.0, 0.0)
     for second in range(seconds + 150):
         around = line_of_sight_rate * second
         towards = Three(np.cos(around), np.sin(around), 0.0)
