@@ -95,7 +95,8 @@ def compiled(function: F | None = None, /, **options: Any) -> F | Callable[[F], 
 
     Functions that it calls in compiled code must be decorated as well. The options are those of
     ``numba.njit`` except ``cache``, such as ``error_model="numpy"``. It is typed as the function, so that
-    type checkers see its arguments.
+    type checkers see its arguments. It must hold products in place of powers: numba multiplies where Python
+    calls the C library, which rounds otherwise.
     """
 
     def decorate(function: F) -> F:

@@ -49,7 +49,7 @@ def visible_share(sun_height: float, orbit_radius: float) -> float:
     if apart >= sun + earth:
         return 1.0
     if apart <= abs(earth - sun):
-        return 0.0 if earth >= sun else 1.0 - (earth / sun) ** 2
+        return 0.0 if earth >= sun else 1.0 - (earth / sun) * (earth / sun)
     along = (apart * apart + sun * sun - earth * earth) / (2.0 * apart)
     across = sqrt(max(0.0, sun * sun - along * along))
     hidden = sun * sun * acos(max(-1.0, min(1.0, along / sun)))

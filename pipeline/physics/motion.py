@@ -50,7 +50,7 @@ def state_transition(mean_motion: float, duration: float) -> Floats:
     angle = n * duration
     s = sin(angle)
     c = cos(angle)
-    one_minus_c = 2.0 * sin(0.5 * angle) ** 2
+    one_minus_c = 2.0 * sin(0.5 * angle) * sin(0.5 * angle)
     late = _angle_minus_sine(angle)
     return np.array(
         [
@@ -68,7 +68,7 @@ def input_matrix(mean_motion: float, duration: float, mass: float) -> Floats:
     """Return Gamma, shape (6, 3), for a mean motion above zero, rad/s, a duration, s, and a mass, kg."""
     n = mean_motion
     angle = n * duration
-    one_minus_c = 2.0 * sin(0.5 * angle) ** 2
+    one_minus_c = 2.0 * sin(0.5 * angle) * sin(0.5 * angle)
     late = _angle_minus_sine(angle)
     along_track = 4.0 * one_minus_c / (n * n) - 1.5 * duration * duration
     place = np.array(

@@ -75,7 +75,8 @@ def oblate_attraction(course: Course, place: Three) -> Three:
 @compiled(error_model="numpy", forceinline=True)
 def attraction(course: Course, place: Three) -> Three:
     """Return the Earth's attraction at a place, m/s^2."""
-    return (-course.gravity / length(place) ** 3) * place + oblate_attraction(course, place)
+    distance = length(place)
+    return (-course.gravity / (distance * (distance * distance))) * place + oblate_attraction(course, place)
 
 
 @compiled(error_model="numpy", forceinline=True)
@@ -109,7 +110,7 @@ def revolve(course: Course, drag_per_square: float, velocity: Three) -> None:
         write_three(course.common[at], slowed - oblate_attraction(course, place))
         middle = attraction(course, ahead(place, velocity, pull, 0.5 * duration))
         last = attraction(course, ahead(place, velocity, middle, duration))
-        moved = (duration**2 / 6.0) * (pull + 2.0 * middle)
+        moved = (duration * duration / 6.0) * (pull + 2.0 * middle)
         place = place + duration * velocity + moved
         velocity = velocity_at_end(velocity, pull, middle, last, duration)
 

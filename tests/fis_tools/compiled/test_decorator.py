@@ -1,5 +1,6 @@
 """Functions compiled by our decorator: in caches of their own, anew where anything they depend on changed."""
 
+import ast
 import os
 import re
 import stat
@@ -131,6 +132,20 @@ def test_what_takes_vectors_runs_as_plain_python_with_the_package_that_calls_it(
     """Compiled code takes the number of lanes as a constant, which a call from Python does not give it."""
     with plainly("kernels"):
         assert [component.tolist() for component in same(2.0, 4)] == [[2.0] * 4] * 3
+
+
+def test_no_compiled_function_raises_to_a_power():
+    """numba multiplies where Python asks the C library for a power, which rounds otherwise."""
+    functions = {
+        f"{path.name} {node.name}": list(map(type, ast.walk(node)))
+        for package in ("fis_tools", "pipeline")
+        for path in (PROJECT / package).rglob("*.py")
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.FunctionDef)
+        and "compiled" in str(list(map(ast.unparse, node.decorator_list)))
+    }
+    assert len(functions) > 200
+    assert [name for name, parts in functions.items() if ast.Pow in parts] == []
 
 
 @pytest.mark.slow

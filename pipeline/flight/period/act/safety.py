@@ -82,7 +82,7 @@ def look_ahead(world: World, state: State) -> bool:
     is_unsafe = length(moving) - guard.speed_at_chief - guard.speed_slope * length(then) > 0.0
     is_unsafe |= braking > guard.braking_force
     is_unsafe |= most(most(abs(force.x), abs(force.z)), abs(force.y)) > guard.planned_force
-    is_unsafe |= (closest < guard.keep_out**2) | (reach > guard.keep_in**2)
+    is_unsafe |= (closest < guard.keep_out * guard.keep_out) | (reach > guard.keep_in * guard.keep_in)
     store(lanes.is_unsafe, 0, select(is_unsafe, 1.0, 0.0))
     return some(is_unsafe)
 

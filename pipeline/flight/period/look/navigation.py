@@ -103,7 +103,7 @@ def propagate_covariance(now: Moment, law: Filter, covariance: Floats, period: i
     count = 6 + len(law.constants)
     square = dot(force, force)
     place = load_three(state.estimate.filtered, 0)
-    farther = most(dot(place, place) / now.world.max_distance**2, 1.0)
+    farther = most(dot(place, place) / (now.world.max_distance * now.world.max_distance), 1.0)
     growth = farther * farther
     for row in range(6):
         for column in range(count):
