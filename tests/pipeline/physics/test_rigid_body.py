@@ -98,6 +98,19 @@ def test_a_top_that_spins_fast_for_an_hour_points_where_the_closed_form_says():
     assert error < 2.0 * attitudes.TUMBLING_TOLERANCE_RAD
 
 
+@pytest.mark.parametrize(("rate", "duration"), [(0.01, 400.0), (0.7, 3600.0)])
+def test_the_longest_step_spends_the_tolerance_of_one_error(rate, duration):
+    """By the stability function of the Runge-Kutta method, at the fastest rate that the energy allows."""
+    start, fastest = np.array([0.0, 0.0, rate]), np.sqrt(2.9) * rate + MEAN_MOTION
+    step = attitudes.longest_tumbling_step(np.diag([1.0, 2.0, 2.9]), start, MEAN_MOTION, duration)
+    steps, turned = duration / step, fastest * step
+    factor = np.polyval([1 / 24, 1 / 6, 1 / 2, 1.0, 1.0], 1j * turned)
+    slowed = steps * (turned - np.angle(factor))
+    damped = 0.5 * fastest * duration * (1.0 - abs(factor) ** steps)
+    assert max(slowed, damped) == pytest.approx(attitudes.TUMBLING_TOLERANCE_RAD, rel=0.02)
+    assert (slowed > damped) == (rate == 0.01)
+
+
 components = arrays(np.float64, 4, elements=st.floats(-1.0, 1.0))
 unit_quaternions = components.filter(lambda q: np.linalg.norm(q) > 1e-3).map(lambda q: q / np.linalg.norm(q))
 #: the first example waits for the compiler
