@@ -255,7 +255,9 @@ def test_what_all_cases_must_meet_is_shown_by_a_proof_alone_and_refuted_by_one_f
     said = sentence(proved, verdict(proved))
     assert said.startswith("Shown: in all cases (proved) the deputy stays away. All 1,000 did and all 2")
     assert "the nearest 15.5 m from its centre. Failing means a collision." in said
-    assert verdict(replace(flown, proof=BOUNDED)).word == "shown in part"
+    bounded = replace(flown, proof=BOUNDED)
+    assert verdict(bounded).word == "shown in part"
+    assert verdicts.outcomes(bounded)["safety_layer"].word == "proved for 99 %"
     for proof in (OFF, LAYER, BOUNDED):
         failing = replace(flown, judgement=cases(1, probability=1.0), proof=proof)
         assert verdict(failing).word == "refuted"
