@@ -220,7 +220,7 @@ def test_what_else_to_try(all_cases, before, tutorial) -> None:
     middle = list(all_cases.fly(pressed(1, 5)))[-1]
     assert f"one press, and {succeeded(middle):.1f} % succeed" in tutorial
     band = list(all_cases.fly(typed("dead_band_force_x_n", "0.03")))[-1]
-    assert f"{succeeded(before) - succeeded(band):.1f} points of success are lost" in tutorial
+    assert f"success falls by {succeeded(before) - succeeded(band):.1f} percentage points" in tutorial
     changes = []
     for place, rule in CORNERS:
         system = CHAMPION.systems[place]
@@ -228,4 +228,4 @@ def test_what_else_to_try(all_cases, before, tutorial) -> None:
         towards = len(terms) // 2 - system.outputs[0].term_index(held)
         now = list(all_cases.fly(pressed(place, rule + 1, step=int(np.sign(towards)))))[-1]
         changes.append(abs(succeeded(now) - succeeded(before)))
-    assert f"each changes success by {max(changes):.1f} points at most" in tutorial
+    assert f"each changes success by at most {max(changes):.1f} percentage points" in tutorial
