@@ -12,6 +12,7 @@ from fis_tools.document import Block, Code, Document, Figure, Fold, Heading, Ite
 from fis_tools.document.html import element, page, read, template
 from pipeline.evaluation.assurance.requirements import METHODS as ALL_METHODS
 from pipeline.evaluation.assurance.requirements import SEVERITIES
+from pipeline.evaluation.assurance.verdicts import ORDER
 from pipeline.report.figures.style import Illustration, caption_of
 from pipeline.report.page import sun_at_start
 from pipeline.run import artifacts
@@ -65,7 +66,7 @@ def document(evidence: Mapping[str, Any], tube: Illustration | None = None) -> D
 def _drawings() -> Any:
     """Return the macros that draw."""
     words = {"wrapped": partial(wrap, max_lines=3, placeholder=" …"), "narrow": partial(wrap, width=12)}
-    known = {"css": css, "css_of": css_of, "methods": METHODS, **words}
+    known = {"css": css, "css_of": css_of, "methods": METHODS, "order": ORDER, **words}
     return template("pipeline.report", "templates", "drawings.html").make_module(known)
 
 
@@ -127,15 +128,14 @@ def number(value: float) -> str:
 
 def lead(evidence: Mapping[str, Any]) -> str:
     """Say what came out: the worst verdict about the gravest requirement, and what became of the others."""
-    verdicts = ("refuted", "not shown", "shown in part", "shown")
     ranked = sorted(
         evidence["requirements"],
-        key=lambda one: (verdicts.index(one["verdict"]), SEVERITIES.index(one["severity"])),
+        key=lambda one: (-ORDER.index(one["verdict"]), SEVERITIES.index(one["severity"])),
     )
     first, *others = ranked
     rest = [
         f"{', '.join(ids)}: {word}" + (", each as it is worded below" if word == "shown" else "")
-        for word in verdicts
+        for word in reversed(ORDER)
         if (ids := [one["id"] for one in others if one["verdict"] == word])
     ]
     return f"{first['id']}, {first['severity']}. {first['sentence']}" + (

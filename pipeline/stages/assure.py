@@ -288,7 +288,7 @@ def _provenance(
             "start_distance_m": [near, far],
             "start_speed_m_s": speed,
             "sun": experiment.sun.mode,
-            "safety": mission.safety.kind + (", with margins" if mission.safety.probability else ""),
+            "safety": "robust" if mission.safety.probability else mission.safety.kind,
             "navigation": mission.navigation.mode,
             "thrusters": mission.actuators.kind,
             "dynamics": mission.dynamics.model,

@@ -21,8 +21,9 @@ from pipeline.evaluation.assurance.proofs import Certificate, SafetyProof, TubeP
 from pipeline.evaluation.assurance.quantities import EXTREMES, UNITS
 from pipeline.evaluation.assurance.requirements import BOUNDS, CASES, SAFETY_LAYER, SEARCH, TUBE, Requirement
 
-#: from the best to the worst
 Verdict = Literal["shown", "shown in part", "not shown", "refuted"]
+#: from the best to the worst
+ORDER: tuple[Verdict, ...] = get_args(Verdict)
 
 
 @dataclass(frozen=True)
@@ -208,7 +209,7 @@ def verdict(found: Found) -> Outcome:
     if failed and found.requirement.probability == 1.0 and CASES in judged:
         return judged[SEARCH]._replace(word="refuted")
     decisive = [judged[name] for name in (CASES, BOUNDS) if name in judged] or list(judged.values())
-    worst = max(decisive, key=lambda one: get_args(Verdict).index(one.verdict))
+    worst = max(decisive, key=lambda one: ORDER.index(one.verdict))
     return worst._replace(word=worst.verdict)
 
 
@@ -235,9 +236,8 @@ def _of_searches(searches: Sequence[Search]) -> Outcome:
     if failed := sum(one.first_failed is not None for one in searches):
         why = f"{failed} of {len(searches)} searches find a case that fails, in {flights}"
         return Outcome("refuted", "failure found", why)
-    return Outcome(
-        "not shown", "none found", f"{len(searches)} searches find no case that fails, in {flights}"
-    )
+    why = f"{len(searches)} searches find no case that fails, in {flights}"
+    return Outcome("not shown", "none found", why)
 
 
 def _of_bounds(certificates: Sequence[Certificate]) -> Outcome:
@@ -271,10 +271,10 @@ def _of_the_layer(requirement: Requirement, proof: SafetyProof) -> Outcome:
         if proof.probability < 1.0:
             why += f", while errors are within their bounds, as in {percent(proof.probability)} of flights"
         why += "".join(f", provided that {one}" for one in proof.assumed)
-        if proof.probability >= requirement.probability:
-            return Outcome("shown", "proved", why, True, proof.probability, proof.assumed)
-        word = f"proved for {percent(proof.probability)}"
-        return Outcome("shown in part", word, why, True, proof.probability, proof.assumed)
+        is_whole = proof.probability >= requirement.probability
+        found: Verdict = "shown" if is_whole else "shown in part"
+        word = "proved" if is_whole else f"proved for {percent(proof.probability)}"
+        return Outcome(found, word, why, is_proof=True, probability=proof.probability, assumed=proof.assumed)
     return Outcome("not shown", "does not apply", why)
 
 

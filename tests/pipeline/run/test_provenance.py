@@ -107,11 +107,13 @@ def test_one_process_holds_a_folder_until_it_is_gone(tmp_path, monkeypatch, ran)
     folder = tmp_path / "run"
     command = [sys.executable, "-c", HOLD, str(folder)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=PROJECT) as process:  # noqa: S603
-        assert process.stdout.readline() == "held\n"
-        with pytest.raises(HeldError, match=rf"run is held by process {process.pid} on \S+ since 20"):
-            held(folder).__enter__()
-        assert f"is held by process {process.pid} on" in ran(*FLY, f"hydra.run.dir={folder}", code=2).err
-        process.kill()
+        try:
+            assert process.stdout.readline() == "held\n"
+            with pytest.raises(HeldError, match=rf"run is held by process {process.pid} on \S+ since 20"):
+                held(folder).__enter__()
+            assert f"is held by process {process.pid} on" in ran(*FLY, f"hydra.run.dir={folder}", code=2).err
+        finally:
+            process.kill()
     assert called == []
     assert not (folder / artifacts.CONFIG).exists()
     # the lock of a killed process is told and taken over
@@ -176,7 +178,7 @@ print(out.tobytes().hex())
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="names processors of this kind")
+@pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="compiles for x86-64 processors")
 def test_compiled_code_gives_the_same_bits_on_every_processor(tmp_path):
     (tmp_path / "several.py").write_text(COMPILED)
     told = []

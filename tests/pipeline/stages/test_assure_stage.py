@@ -125,6 +125,15 @@ def test_the_page_is_what_the_data_says_and_needs_nothing_else(assured, evidence
     assert text.count("&lt;script&gt;") >= 4
 
 
+def test_the_argument_stands_as_the_worst_of_its_goals_and_names_their_shares(evidence):
+    share = "99 % of cases or more (proved, if estimates are near, if motion is linear)"
+    shown = {**evidence["requirements"][0], "verdict": "shown", "share": share}
+    for worst in ("shown in part", "not shown", "refuted"):
+        text = write({**evidence, "requirements": [shown, {**shown, "verdict": worst}, shown]})
+        assert f"G0: {worst}<" in text
+        assert f"R1: {worst} for 99 % of cases (proved)<" in text
+
+
 def test_it_repeats_to_the_last_bit(assured, evidence):
     recorded = {name: digest for name, digest in evidence["sha256"].items() if name.endswith("parquet")}
     assert main(["stages=[assure]", f"hydra.run.dir={assured}"]) == 0
