@@ -259,7 +259,8 @@ class Safety:
     """Distance at which the greatest speed is speed_limit_m_s."""
     braking_force_n: checks.Positive = 0.8
     """Greatest force along each Hill axis to stop within a control period."""
-    probability: Annotated[checks.Number, Field(gt=0, lt=1)] | None = None
+    #: rarer errors of thrusters are not drawn: pipeline.flight.world.bounds
+    probability: Annotated[checks.Number, Field(gt=0, le=0.9999)] | None = None
     """Of a flight, that the bounds hold on its errors, for which margins are kept; null: none are."""
     planned_force_n: Annotated[checks.Positive, Only("safety.probability")] = 0.1
     """Greatest force along each Hill axis that is passed on where anything is inexact."""

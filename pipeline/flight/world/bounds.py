@@ -64,7 +64,8 @@ def bounds_of(mission: Mission) -> Bounds:
     """Return the bounds under which a mission's safety layer plans."""
     if mission.safety.probability is None or is_exact(mission):
         return Bounds()
-    return _Recursion(mission, errors_of(mission)).bounds()
+    known = covariances(mission)
+    return _Recursion(mission, errors_of(mission, known), known).bounds()
 
 
 def spheres_of(mission: Mission, bounds: Bounds) -> tuple[float, float]:
@@ -116,9 +117,10 @@ def guard_of(mission: Mission) -> Guard:
     )
 
 
-def errors_of(mission: Mission) -> Errors:
+def errors_of(mission: Mission, known: Floats) -> Errors:
     """Return bounds on a flight's errors from the settings of navigation, thrusters and motion.
 
+    The estimates' noise has covariances `known`, shape (K+1, 6, 6).
     Of the probability that one of them fails, half is for the noise of all samples together, four tenths are
     for the thrusters, and a tenth is for constant errors of sensors.
     """
@@ -138,7 +140,6 @@ def errors_of(mission: Mission) -> Errors:
     tilt = radians(constant * navigation.attitude_bias_deg)
     off = constant * navigation.bias_m
     off += tilt * mission.deputy.max_distance_m if navigation.measures == "range_bearing" else 0.0
-    known = covariances(mission)
     place, speed = (noise * spread(known, row) for row in np.split(np.eye(6), 2))
     turn = tilt + radians(noise * navigation.attitude_noise_deg)  # it changes as the body turns
     force += (1.0 + share) * turn * SQRT_3 * mission.deputy.max_force_n
@@ -149,17 +150,17 @@ def errors_of(mission: Mission) -> Errors:
 def largest_share(scale: float, turn: float, probability: float) -> float:
     """Return what ``|(I + S) R - I|`` stays below, of normal scales and a normal rotation, rad.
 
-    A quantile of 200,000 draws, at the upper end of its 99.9 % interval.
+    A quantile of at least 200,000 draws, 25 of them beyond it, at the upper end of its 99.9 % interval.
     """
     from scipy.spatial.transform import Rotation  # noqa: PLC0415 - slow to import, used only here
 
-    generator, count = np.random.default_rng(0), 200_000
+    generator, count = np.random.default_rng(0), max(200_000, ceil(25.0 / (1.0 - probability)))
     scales, turns = generator.standard_normal((2, count, 3))
     rotations = Rotation.from_rotvec(turn * turns).as_matrix()
     off = rotations * (1.0 + scale * scales)[:, :, np.newaxis] - np.eye(3)
     shares = np.sort(np.sqrt(np.linalg.eigvalsh(off @ off.transpose(0, 2, 1))[:, -1]))
     above = 3.1 * sqrt(count * probability * (1.0 - probability))
-    return float(shares[min(count - 1, ceil(count * probability + above))])
+    return float(shares[ceil(count * probability + above)])
 
 
 def unknown_acceleration(mission: Mission) -> float:
@@ -189,11 +190,14 @@ def process_noise(mission: Mission) -> float:
 def covariances(mission: Mission) -> Floats:
     """Return covariances of the estimates' noise, shape (K+1, 6, 6), under the greatest planned force.
 
-    Fixes are from the farthest place; smaller forces and nearer places give smaller covariances.
+    Fixes are from the farthest place; smaller forces and nearer places give smaller covariances. Zeros where
+    navigation is perfect.
     """
     from scipy.linalg import block_diag  # noqa: PLC0415 - slow to import, used only here
 
     navigation, safety, period = mission.navigation, mission.safety, mission.control_period_s
+    if navigation.mode == "perfect":
+        return np.zeros((1, 6, 6))
     motion = motion_over(mission.orbit, mission.deputy, (period,))
     phi, gamma = motion.transition[0], motion.control[0]
     tilts = np.radians((navigation.attitude_bias_deg, navigation.attitude_noise_deg))
@@ -248,12 +252,11 @@ def dip(radius: float, length: float) -> float:
 class _Recursion:
     """What becomes, from sample to sample, of a stop's place and force under bounded errors."""
 
-    def __init__(self, mission: Mission, errors: Errors) -> None:
+    def __init__(self, mission: Mission, errors: Errors, known: Floats) -> None:
         motion = motion_over(mission.orbit, mission.deputy, (mission.control_period_s,))
-        self.mission, self.errors, self.motion = mission, errors, motion
+        self.mission, self.errors, self.motion, self.known = mission, errors, motion, known
         self.stop = stop_of(motion)
         self.place = stopped(motion, self.stop).transition[0, :3]
-        self.known = covariances(mission) if mission.navigation.mode == "fixes" else np.zeros((1, 6, 6))
         phi, gamma = motion.transition[0], motion.control[0]
         #: by which a newton moves the place of the next stop, m, and changes its force
         self.pushed = self.place @ gamma

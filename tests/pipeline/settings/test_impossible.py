@@ -75,7 +75,7 @@ CASES = [
     ("controller", {"kind": "coast", "path": "x"}, "one of kind coast has kind"),
     ("controller", {"path": "x", "name": "y"}, "one of kind file has path"),
     ("safety.keep_out_margin_m", 0.0, "safety.keep_out_margin_m is 0.0; it must be at least 0.001 (m)"),
-    ("safety.probability", 1.0, "safety.probability is 1.0; it must be less than 1"),
+    ("safety.probability", 1.0, "safety.probability is 1.0; it must be from 0 to 0.9999"),
     ("safety.keep_out_margin_m", 190.0, "is 205.0 and deputy.max_distance_m less safety.keep_in_margin_m is"),
     ("safety.braking_force_n", 1.1, "safety.braking_force_n is 1.1; it must be from 0 to 1 (N)"),
     ("safety.braking_force_n", 0.008, "to stand still 198 m above the chief takes 0.00873 N; raise it"),

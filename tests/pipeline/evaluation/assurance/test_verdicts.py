@@ -126,18 +126,18 @@ def test_the_layer_proves_what_follows_from_its_spheres():
 )
 def test_with_bounds_the_layer_proves_its_limits_where_nothing_is_exact(override: str, num_assumed: int):
     proof = safety_proof(experiment("safety=robust", override).mission, scenarios(2))
-    assert (proof.failing, len(proof.assumed), proof.probability) == ((), num_assumed, 0.99)
+    assert (proof.failing, len(proof.assumed), proof.probability) == ((), num_assumed, 0.999)
     assert proof.proves(parse("always (distance >= 15 m) and always (distance <= 200 m)", UNITS))
     assert not proof.proves(parse("always (distance >= 16.1 m)", UNITS))
-    shown = verdict(Found(replace(REQUIREMENT, probability=0.99), proof=proof))
+    shown = verdict(Found(replace(REQUIREMENT, probability=0.999), proof=proof))
     assert (shown.verdict, shown.is_proof) == ("shown", True)
-    assert "in 99 % of flights" in shown.why
+    assert "in 99.9 % of flights" in shown.why
     assert all(one in sentence(Found(REQUIREMENT, proof=proof), shown) for one in proof.assumed)
     # a claim about all flights is more than the bounds hold for
     everywhere = Found(replace(REQUIREMENT, probability=1.0), proof=proof)
     part = verdict(everywhere)
     assert (part.verdict, part.is_proof) == ("shown in part", True)
-    assert sentence(everywhere, part).startswith("Shown in part: in 99 % of cases or more (proved")
+    assert sentence(everywhere, part).startswith("Shown in part: in 99.9 % of cases or more (proved")
 
 
 @pytest.mark.parametrize(
