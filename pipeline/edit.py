@@ -19,6 +19,7 @@ from fis_tools.model.thrust import REASONS
 from fis_tools.words.text import number, sentence
 from pipeline.array_types import Floats, Integers
 from pipeline.evaluation.assurance.campaign import Outcome, joined, judged
+from pipeline.evaluation.assurance.quantities import Points
 from pipeline.evaluation.assurance.requirements import CASES, Requirement, needs
 from pipeline.evaluation.assurance.verdicts import Found, judge, verdict
 from pipeline.evaluation.monte_carlo import episode_columns, fly_tracked
@@ -105,8 +106,8 @@ class Cases:
         """Fly and judge some cases in one thread."""
         scenarios = [self.scenarios[case] for case in cases]
         outcomes, tracks = fly_tracked(self.mission, controller, scenarios, workers=1)
-        num_points, period = len(inspection_points(self.mission)), self.mission.control_period_s
-        found = judged(tracks, num_points, self._formulas, period)
+        points = Points(len(inspection_points(self.mission)), outcomes.inspectable_count)
+        found = judged(tracks, points, self._formulas, self.mission.control_period_s)
         return Flown(episode_columns(self.mission, scenarios, outcomes) | {"case": cases}, found)
 
     def compare(self, before: Flown, after: Flown) -> list[Compared]:

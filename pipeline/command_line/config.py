@@ -28,7 +28,7 @@ from pipeline.settings.schema import completed, defaults, experiment_from, idle,
 
 CONFIG_NAME = "config"
 VERSION_BASE = "1.3"
-WORLD, COMPARE = "world", "compare"
+WORLD, COMPARE, ASSURANCE = "world", "compare", "assurance"
 #: folders of the configuration that are not groups of options: Hydra's own, and requirements, read by name
 NOT_CHOSEN = ("hydra", "requirements")
 
@@ -236,12 +236,12 @@ def _expand_worlds(config: dict[str, Any], overrides: Sequence[str], config_dir:
 
 
 def _differences(here: Mapping[str, Any], there: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the keys, within their groups, whose values are others there."""
+    """Return the keys, within their groups, whose values are others there, and on which flights depend."""
     found: dict[str, Any] = {}
     for name, value in there.items():
         if name not in here or (value != here[name] and not isinstance(value, dict)):
             found[name] = value
-        elif value != here[name] and name != COMPARE:
+        elif value != here[name] and name not in (COMPARE, ASSURANCE):
             found[name] = _differences(here[name], value)
     return found
 

@@ -185,7 +185,7 @@ def _tube_drawn(
         return None
     mission, num_cases = experiment.mission, min(MOST_DRAWN, experiment.assurance.num_cases)
     flights = Flights(mission, controller_of_run(experiment, folder), experiment.assurance.workers)
-    tracks = flights.tracks(_scenarios(experiment, num_cases))
+    tracks, _ = flights.tracks(_scenarios(experiment, num_cases))
     boxes = tables.read_parquet(folder, artifacts.TUBE)
     return draw_tube(boxes, tracks, mission, experiment.report.dots_per_inch)
 
@@ -222,8 +222,8 @@ def _record_worst(
     log = fly_logged(mission, controller, scenario)
     recorder.record(path, scenario, log, f"{requirement.id}-worst")
     assert requirement.formula is not None  # noqa: S101 - flown ones have one
-    track, num_points = track_of(reader.read(path, (DEPUTY_CONTROL, DEPUTY_STATE, MISSION)))
-    again = judged(track, num_points, {requirement.id: requirement.formula}, mission.control_period_s)
+    track, points = track_of(reader.read(path, (DEPUTY_CONTROL, DEPUTY_STATE, MISSION)))
+    again = judged(track, points, {requirement.id: requirement.formula}, mission.control_period_s)
     recorded = float(again[requirement.id].margins[0])
     if not abs(recorded - margin) <= 1e-5 * max(1.0, abs(margin)):
         raise artifacts.ArtifactError(

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from pipeline.array_types import Floats
 from pipeline.evaluation.assurance.formula import Formula, holds, quantities_of, robustness
-from pipeline.evaluation.assurance.quantities import of_tracks
+from pipeline.evaluation.assurance.quantities import Points, of_tracks
 from pipeline.evaluation.assurance.requirements import Requirement, RequirementError, require_heard
 from pipeline.evaluation.monte_carlo import fly_tracked
 from pipeline.flight.control.controller import Controller
@@ -67,23 +67,24 @@ class Flights:
         formulas = {one.id: one.formula for one in requirements if one.formula is not None}
         parts: list[dict[str, Outcome]] = []
         for first in range(0, len(scenarios), PART):
-            tracks = self.tracks(list(scenarios[first : first + PART]))
-            parts.append(judged(tracks, self._num_points, formulas, mission.control_period_s))
+            tracks, points = self.tracks(list(scenarios[first : first + PART]))
+            parts.append(judged(tracks, points, formulas, mission.control_period_s))
         return {name: joined([part[name] for part in parts]) for name in formulas}
 
-    def tracks(self, scenarios: list[Scenario]) -> NDArray[np.float32]:
-        """Return the tracks of some flights, (n, K+1, 15), see `pipeline.evaluation.assurance.quantities`."""
+    def tracks(self, scenarios: list[Scenario]) -> tuple[NDArray[np.float32], Points]:
+        """Return the tracks of flights, (n, K+1, 15), and their points, see `quantities`."""
         # a few fly side by side in one thread: shared out, they would leave vectors half empty
         workers = 1 if len(scenarios) < FEW else self._workers
-        return fly_tracked(self._mission, self._controller, scenarios, workers)[1]
+        outcomes, tracks = fly_tracked(self._mission, self._controller, scenarios, workers)
+        return tracks, Points(self._num_points, outcomes.inspectable_count)
 
 
 def judged(
-    tracks: NDArray[np.floating], num_points: int, formulas: Mapping[str, Formula], period_s: float
+    tracks: NDArray[np.floating], points: Points, formulas: Mapping[str, Formula], period_s: float
 ) -> dict[str, Outcome]:
     """Return the outcomes of formulas, by name, on flights whose tracks are given, (n, K+1, 15)."""
     names = dict.fromkeys(name for formula in formulas.values() for name in quantities_of(formula))
-    quantities = of_tracks(tracks, num_points, names)
+    quantities = of_tracks(tracks, points, names)
     outcomes = {
         name: Outcome(robustness(formula, quantities, period_s), holds(formula, quantities, period_s))
         for name, formula in formulas.items()

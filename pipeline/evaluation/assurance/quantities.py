@@ -7,20 +7,30 @@ belongs to the sample from which it is fired, for the control period that follow
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.array_types import Floats
+from pipeline.array_types import Floats, Integers
 from pipeline.flight.state import arrays
+from pipeline.flight.state.log import inspectable_rate
 from pipeline.physics.quaternion import dcm_b_from_h
 from telemetry.file.reader import Recording
 from telemetry.file.topics import DEPUTY_CONTROL, DEPUTY_STATE, MISSION
 
 _BORESIGHT = slice(arrays.TRACK_BORESIGHT, arrays.TRACK_BORESIGHT + 3)
-#: from tracks, (n, K+1, 15), and the number of inspection points to (n, K+1)
-OfTracks = Callable[[Floats, int], Floats]
+
+
+class Points(NamedTuple):
+    """The number of inspection points, and of those that can be inspected in each flight, (n,)."""
+
+    number: int
+    inspectable: Integers
+
+
+#: from tracks, (n, K+1, 15), and their points to (n, K+1)
+OfTracks = Callable[[Floats, Points], Floats]
 
 
 @dataclass(frozen=True)
@@ -44,15 +54,15 @@ class Quantity:
 
 
 def _column(place: int) -> OfTracks:
-    return lambda tracks, num_points: tracks[..., place]
+    return lambda tracks, points: tracks[..., place]
 
 
 def _length(first: int) -> OfTracks:
-    return lambda tracks, num_points: np.linalg.norm(tracks[..., first : first + 3], axis=-1)
+    return lambda tracks, points: np.linalg.norm(tracks[..., first : first + 3], axis=-1)
 
 
-def _inspected(tracks: Floats, num_points: int) -> Floats:
-    return num_points - tracks[..., arrays.TRACK_LEFT]
+def _inspected(tracks: Floats, points: Points) -> Floats:
+    return points.number - tracks[..., arrays.TRACK_LEFT]
 
 
 def _degrees_between(one: Floats, other: Floats) -> Floats:
@@ -82,7 +92,15 @@ QUANTITIES: Mapping[str, Quantity] = {
         "%",
         f"{MISSION}.inspection_rate_percent",
         "share of the points inspected so far",
-        lambda tracks, num: 100.0 * _inspected(tracks, num) / num,
+        lambda tracks, points: 100.0 * _inspected(tracks, points) / points.number,
+    ),
+    "inspectable_rate": Quantity(
+        "%",
+        f"{MISSION}.inspected_count",
+        "share, inspected so far, of the points that are lit at some sample of the flight",
+        lambda tracks, points: inspectable_rate(
+            _inspected(tracks, points), points.inspectable[:, np.newaxis]
+        ),
     ),
     "force": Quantity(
         "N", f"{DEPUTY_CONTROL}.force_hill_n", "as fired, in any direction", _length(arrays.TRACK_FORCE)
@@ -92,13 +110,13 @@ QUANTITIES: Mapping[str, Quantity] = {
         "deg/s",
         f"{DEPUTY_STATE}.angular_velocity_rad_s",
         "of the deputy relative to Hill, about any axis",
-        lambda tracks, num: np.degrees(tracks[..., arrays.TRACK_TURN_RATE]),
+        lambda tracks, points: np.degrees(tracks[..., arrays.TRACK_TURN_RATE]),
     ),
     "pointing_error": Quantity(
         "deg",
         f"{DEPUTY_STATE}.quaternion",
         "from the camera's boresight to the chief's centre",
-        lambda tracks, num: _degrees_between(tracks[..., _BORESIGHT], -tracks[..., :3]),
+        lambda tracks, points: _degrees_between(tracks[..., _BORESIGHT], -tracks[..., :3]),
     ),
 }
 
@@ -108,21 +126,23 @@ EXTREMES: Mapping[str, tuple[str, str]] = {
     "speed": ("the slowest at {}", "the fastest at {}"),
     "delta_v": ("the cheapest at {}", "the most expensive at {}"),
     "inspection_rate": ("the least at {}", "the most at {}"),
+    "inspectable_rate": ("the least at {}", "the most at {}"),
 }
 
 UNITS: Mapping[str, str] = {name: quantity.unit for name, quantity in QUANTITIES.items()}
 
 
-def of_tracks(tracks: NDArray[Any], num_points: int, names: Iterable[str]) -> dict[str, Floats]:
+def of_tracks(tracks: NDArray[Any], points: Points, names: Iterable[str]) -> dict[str, Floats]:
     """Return quantities of flights, each (n, K+1), from their tracks, (n, K+1, 15)."""
     exact = np.asarray(tracks, dtype=np.float64)
-    return {name: QUANTITIES[name].of_tracks(exact, num_points) for name in names}
+    return {name: QUANTITIES[name].of_tracks(exact, points) for name in names}
 
 
-def track_of(recording: Recording) -> tuple[Floats, int]:
-    """Return the track of a recorded flight, (1, K+1, 15), and the number of its inspection points."""
+def track_of(recording: Recording) -> tuple[Floats, Points]:
+    """Return the track of a recorded flight, (1, K+1, 15), and its points."""
     state, mission, control = recording[DEPUTY_STATE], recording[MISSION], recording[DEPUTY_CONTROL]
     num_points = int(np.asarray(mission["inspected_mask"]).shape[1])
+    inspectable = np.asarray(mission["inspectable_count"][-1:], dtype=np.int64)
     left = num_points - np.asarray(mission["inspected_count"], dtype=np.float64)
     fired = np.vstack([control["force_hill_n"], np.zeros(3)])
     boresight = np.array(recording.episode.boresight, dtype=np.float64)
@@ -130,4 +150,4 @@ def track_of(recording: Recording) -> tuple[Floats, int]:
     turn_rates = np.linalg.norm(state["angular_velocity_rad_s"], axis=1)
     spent = mission["delta_v_m_s"]
     columns = [state["position_m"], state["velocity_m_s"], spent, left, fired, boresights, turn_rates]
-    return np.column_stack(columns)[np.newaxis].astype(np.float64), num_points
+    return np.column_stack(columns)[np.newaxis].astype(np.float64), Points(num_points, inspectable)
