@@ -22,7 +22,8 @@ class Layer:
         self.period = mission.control_period_s
         out = mission.deputy.min_distance_m + self.law.keep_out_margin_m
         far = mission.deputy.max_distance_m - self.law.keep_in_margin_m
-        self.out, self.far, self.planned, self.step_back = margins or (out, far, self.limit, 0.0)
+        own = (out, far, self.limit, self.law.braking_force_n, 0.0)
+        self.out, self.far, self.planned, self.braking, self.step_back = margins or own
         n, mass = mission.orbit.mean_motion_rad_s, mission.deputy.mass_kg
         self.phi, self.gamma = transition(n, self.period, mass)
         self.stop = -np.linalg.solve(self.gamma[3:], self.phi[3:])
@@ -44,7 +45,7 @@ class Layer:
         farther = np.linalg.norm(ahead[:3]) - law.speed_distance_m
         fastest = law.speed_limit_m_s + law.speed_slope_per_s * farther
         speed = self.period * (np.linalg.norm(ahead[3:]) - fastest)
-        braking = self.metres_per_newton * (np.abs(self.stop @ ahead) - law.braking_force_n)
+        braking = self.metres_per_newton * (np.abs(self.stop @ ahead) - self.braking)
         return np.concatenate((np.column_stack(spheres).ravel(), [speed], braking))
 
     def cut(self, ahead, which, num_places):
@@ -52,7 +53,7 @@ class Layer:
         beyond = which - 2 * num_places
         if beyond > 0:
             row = -np.sign(self.stop[beyond - 1] @ ahead) * self.stop[beyond - 1]
-            level = SLACK / self.metres_per_newton - self.law.braking_force_n
+            level = SLACK / self.metres_per_newton - self.braking
         elif beyond == 0:
             outward, forward = (part / np.linalg.norm(part) for part in (ahead[:3], ahead[3:]))
             row = np.concatenate((self.law.speed_slope_per_s * outward, -forward))

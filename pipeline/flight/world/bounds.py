@@ -45,7 +45,8 @@ class Bounds:
     errors: Errors = Errors()
     keep_out_m: float = 0.0  # least distances to the limits, at samples, of what the layer plans
     keep_in_m: float = 0.0
-    planned_force_n: float = inf  # greatest force along each axis that is passed on
+    planned_force_n: float = inf  # greatest force along each axis that is passed on, and greatest of a stop
+    braking_force_n: float = inf
     step_back_n: float = 0.0  # force beyond the stop that leads back from where even the stop is not safe
     does_close: bool = True  # whether thrusters make good for the errors, so that flights stay in the limits
 
@@ -84,7 +85,7 @@ def spheres_of(mission: Mission, bounds: Bounds) -> tuple[float, float]:
             f"safety.probability={mission.safety.probability:g} takes margins of {bounds.keep_out_m:.3g} and "
             f"{bounds.keep_in_m:.3g} m, which leave no room between deputy.min_distance_m "
             f"({deputy.min_distance_m:g} m) and deputy.max_distance_m ({deputy.max_distance_m:g} m); lower "
-            "it, safety.planned_force_n or safety.braking_force_n, or move the limits apart"
+            "it, safety.planned_force_n or safety.planned_braking_n, or move the limits apart"
         )
     return keep_out, keep_in
 
@@ -107,7 +108,7 @@ def guard_of(mission: Mission) -> Guard:
         keep_in=keep_in,
         speed_at_chief=safety.speed_limit_m_s - safety.speed_slope_per_s * safety.speed_distance_m,
         speed_slope=safety.speed_slope_per_s,
-        braking_force=safety.braking_force_n,
+        braking_force=min(bounds.braking_force_n, safety.braking_force_n),
         planned_force=min(bounds.planned_force_n, mission.deputy.max_force_n),
         step_back=bounds.step_back_n,
         stop=stop,
@@ -258,6 +259,7 @@ class _Recursion:
         self.stop = stop_of(motion)
         self.place = stopped(motion, self.stop).transition[0, :3]
         phi, gamma = motion.transition[0], motion.control[0]
+        self.braking = min(mission.safety.braking_force_n, mission.safety.planned_braking_n)
         #: by which a newton moves the place of the next stop, m, and changes its force
         self.pushed = self.place @ gamma
         self.shifted = norm(self.pushed)
@@ -294,7 +296,7 @@ class _Recursion:
         keep_in, near = strayed + halfway + bent, mission.deputy.min_distance_m + bent
         keep_out = keep_in + dip(near, length + 2.0 * bent)
         keep_out += dip(near, self.shifted * off)
-        return Bounds(errors, keep_out, keep_in, safety.planned_force_n, back, does_close)
+        return Bounds(errors, keep_out, keep_in, safety.planned_force_n, self.braking, back, does_close)
 
     def _step_back(self, weight: float, left: float, standing: float) -> float:
         """Return the least force beyond the stop with which a step back does not lead towards the limit."""
@@ -314,8 +316,7 @@ class _Recursion:
         what true thrusters add to the place of that stop. The force is within the planned box, or on the way
         from the stop to such a force.
         """
-        safety = self.mission.safety
-        planned, braking = SQRT_3 * safety.planned_force_n, SQRT_3 * safety.braking_force_n
+        planned, braking = SQRT_3 * self.mission.safety.planned_force_n, SQRT_3 * self.braking
         stop, axis, missed = stepped, 0.0, 0.0
         for _ in range(100):  # grows to a fixed point
             known, longest, axis, missed = stop + self.force_off, 0.0, 0.0, 0.0
@@ -324,7 +325,7 @@ class _Recursion:
                 off = self.errors.share * ((1.0 - way) * known + way * planned) + self.errors.force_n
                 more, led = self.force_off + self.turned * off, standing + way * reach
                 length = min(braking, led) + more
-                longest, axis = max(longest, length), max(axis, min(safety.braking_force_n, led) + more)
+                longest, axis = max(longest, length), max(axis, min(self.braking, led) + more)
                 missed = max(missed, self.shifted * off + weight * length)
             stop = max(longest, stepped)
         return axis, stop, missed

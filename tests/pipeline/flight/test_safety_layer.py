@@ -247,6 +247,7 @@ def test_where_all_is_exact_nothing_is_kept_to_spare() -> None:
     assert bounds_of(exact) == Bounds()
     assert spheres_of(exact, Bounds()) == (exact.keep_out_m, exact.keep_in_m)
     assert bounds_of(composed("safety=filter", "world=leo")) == Bounds()
+    assert repr(guard_of(exact)) == repr(guard_of(composed("safety=filter")))
 
 
 @pytest.mark.parametrize("world", ["navigation=fixes", "actuators=real", "dynamics=low_orbit", "world=leo"])
@@ -316,7 +317,7 @@ def test_no_adversary_takes_a_deputy_out_where_nothing_is_exact(force_n: float) 
     assert not outcomes.is_violated.any()
     assert np.mean(outcomes.safety_periods > 0) > 0.9
     # the margins of an exact world do not do, but for the hardest push, against which speed is always slow
-    exact = replace(mission, safety=replace(mission.safety, probability=None, braking_force_n=0.8))
+    exact = replace(mission, safety=replace(mission.safety, probability=None))
     if force_n != -1.0:
         assert fly_all(exact, pushing(force_n), starts, 1).is_violated.any()
 

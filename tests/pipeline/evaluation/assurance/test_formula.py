@@ -179,9 +179,7 @@ def test_mistakes_name_the_requirement_and_the_cure(text, words):
 
 
 def test_requirements_that_are_not_there_are_told_with_those_that_ship(tmp_path):
-    with pytest.raises(
-        FileNotFoundError, match="ship \\(docking, docking_planar, inspection, inspection_low_orbit\\)"
-    ):
+    with pytest.raises(FileNotFoundError, match=r"ship \(docking, .*, inspection_low_orbit\)"):
         requirements_path(str(tmp_path / "none.yaml"))
 
 
