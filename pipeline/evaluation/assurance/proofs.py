@@ -144,10 +144,10 @@ def premises(mission: Mission, bounds: Bounds) -> tuple[tuple[str, ...], tuple[s
         "the thrusters cannot make good for such errors": not bounds.does_close,
     }
     estimate = (
-        f"the filter's estimates stay within {errors.place_m:.3g} m and {errors.speed_m_s:.2g} m/s, which "
-        "follows from its covariance and not from the constant errors of thrusters"
+        f"the filter's estimates stay within {errors.place_m:.3g} m and {errors.speed_m_s:.2g} m/s, bounds "
+        "that count constant errors of thrusters as noise"
     )
-    motion = "Clohessy and Wiltshire's equations are off by no more than an estimate of the neglected terms"
+    motion = "accelerations that Clohessy and Wiltshire neglect stay below their estimate"
     assumed = {estimate: is_fixed, motion: mission.dynamics.model != "cw"}
     return tuple(one for one in failing if failing[one]), tuple(one for one in assumed if assumed[one])
 

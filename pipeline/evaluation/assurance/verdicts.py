@@ -270,7 +270,7 @@ def _of_the_layer(requirement: Requirement, proof: SafetyProof) -> Outcome:
         why = f"the safety layer keeps {spheres}, from all {proof.num_starts:,} starts"
         if proof.probability < 1.0:
             why += f", while errors are within their bounds, as in {percent(proof.probability)} of flights"
-        why += "".join(f", provided that {one}" for one in proof.assumed)
+        why += f", provided that {' and '.join(proof.assumed)}" if proof.assumed else ""
         is_whole = proof.probability >= requirement.probability
         found: Verdict = "shown" if is_whole else "shown in part"
         word = "proved" if is_whole else f"proved for {percent(proof.probability)}"
@@ -296,7 +296,7 @@ def share(requirement: Requirement, judged: Outcome) -> str:
     """Say for what share of the cases, and how sure, a requirement is claimed or proved."""
     if judged.is_proof:
         if judged.probability < 1.0:
-            given = "".join(f", if {one}" for one in judged.assumed)
+            given = f", if {' and '.join(judged.assumed)}" if judged.assumed else ""
             return f"{percent(judged.probability)} of cases or more (proved{given})"
         return "all cases (proved)" if requirement.formula else "all inputs (proved)"
     if requirement.formula is None:
