@@ -1,8 +1,9 @@
 """Controllers that mean harm, against the safety layer: ``python -m benchmarks adversaries``.
 
-From random starts at rest between the layer's spheres, in every world of ``+experiment=robustness``, and in
-the last with dispersed settings too, six adversaries push at 1 N and at 0.01 N: towards the chief, away from
-it, along each axis, and at random. It counts flights that leave the limits at any second.
+From random starts at rest between the layer's spheres, a fifth of them next to one, in every world of
+``+experiment=robustness``, and in the last with dispersed settings too, six adversaries push at 1 N and at
+0.01 N: towards the chief, away from it, along each axis, and at random. It counts flights that leave the
+limits at any second.
 """
 
 import argparse
@@ -73,7 +74,9 @@ def starts_in(mission: Mission, count: int) -> list[Scenario]:
     """Return starts at rest between the layer's spheres, the Sun anywhere."""
     random = np.random.default_rng(SEED)
     places = random.normal(size=(count, 3))
-    distances = random.uniform(*spheres_of(mission, bounds_of(mission)), count)
+    near, far = spheres_of(mission, bounds_of(mission))
+    distances = random.uniform(near, far, count)
+    distances[::10], distances[5::10] = near + 0.01, far - 0.01
     places *= (distances / np.linalg.norm(places, axis=1))[:, np.newaxis]
     suns = random.uniform(0.0, 2.0 * np.pi, count)
     return [

@@ -16,7 +16,7 @@ from pipeline.evaluation.assurance.requirements import Question, Requirement, Re
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.period.act.safety import STANDING, most_exceeded
 from pipeline.flight.state.log import Scenario
-from pipeline.flight.world.bounds import Bounds, bounds_of, is_exact, spheres_of
+from pipeline.flight.world.bounds import ROUNDING_M, Bounds, bounds_of, is_exact, spheres_of
 from pipeline.flight.world.pack import pack_world
 from pipeline.settings.experiment import Mission
 
@@ -145,10 +145,12 @@ def premises(mission: Mission, bounds: Bounds) -> tuple[tuple[str, ...], tuple[s
     }
     estimate = (
         f"the filter's estimates stay within {errors.place_m:.3g} m and {errors.speed_m_s:.2g} m/s, bounds "
-        "that count constant errors of thrusters as noise"
+        "that count constant errors of thrusters and neglected accelerations as noise"
     )
+    sight = "an error of the sensed attitude shifts a bearing as if it stood still in Hill axes"
     motion = "accelerations that Clohessy and Wiltshire neglect stay below their estimate"
-    assumed = {estimate: is_fixed, motion: mission.dynamics.model != "cw"}
+    is_tilted = navigation.measures == "range_bearing" and navigation.attitude_bias_deg > 0.0
+    assumed = {estimate: is_fixed, sight: is_fixed and is_tilted, motion: mission.dynamics.model != "cw"}
     return tuple(one for one in failing if failing[one]), tuple(one for one in assumed if assumed[one])
 
 
@@ -162,9 +164,9 @@ def safety_proof(mission: Mission, scenarios: Sequence[Scenario]) -> SafetyProof
     if is_on and not is_exact(mission):
         failing, assumed = premises(mission, bounds)
         probability = mission.safety.probability or 0.0
-        # the limits themselves, but for rounding: all margins are for errors
-        out, far = spheres_of(mission, bounds)
-        spheres = out - bounds.keep_out_m, far + bounds.keep_in_m
+        # the limits themselves, and half of what is kept for rounding: all margins are for errors
+        (out, far), spare = spheres_of(mission, bounds), 0.5 * ROUNDING_M
+        spheres = out - bounds.keep_out_m - spare, far + bounds.keep_in_m + spare
     num_safe = 0
     if is_on:
         world = pack_world(mission)

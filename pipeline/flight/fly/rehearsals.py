@@ -17,8 +17,10 @@ from pipeline.flight.cases.starts import cases_of
 from pipeline.flight.control.controller import Controller, law_of, rehearsed_pushes
 from pipeline.flight.fly.population import fly_population, lanes_of_group
 from pipeline.flight.fly.tours import following, rehearsal_samples, tour_images
+from pipeline.flight.state.arrays import Guard
 from pipeline.flight.state.log import Outcomes, Scenario
 from pipeline.flight.state.signals import constant
+from pipeline.flight.world.bounds import guard_of
 from pipeline.flight.world.pack import pack_world
 from pipeline.settings.experiment import Mission
 from pipeline.threads import in_threads
@@ -50,7 +52,7 @@ def rehearsed_openings(
         return None, np.empty((len(scenarios), 0))
     forces = pushes * mission.deputy.mass_kg / mission.control_period_s
     known, starts = as_believed(mission, scenarios)
-    world, cases = pack_world(known), cases_of(known, starts)
+    world, cases = pack_world(known)._replace(guard=guard_of(mission)), cases_of(known, starts)
     ends = fly_population(
         world,
         law_of(controller, known),
@@ -92,7 +94,7 @@ def rehearse_tours(
             believed, left = _at_sample(mission, controller, scenarios, followed[:, :place], workers, lanes)
             aimed = replace(mission.attitude, mode="ideal")
             known, drawn = replace(known, attitude=aimed), replace(drawn, attitude=aimed)
-        ahead = _Ahead(controller, sample, place, left, workers, lanes)
+        ahead = _Ahead(controller, guard_of(mission), sample, place, left, workers, lanes)
         costs[:, place] = ahead.costs(known, drawn, believed)
         followed[:, place] = costs[:, place].argmin(axis=1)
     return Rehearsals(costs, followed)
@@ -148,6 +150,7 @@ class _Ahead:
     """Flies tours ahead from a sample on."""
 
     controller: Controller
+    guard: Guard  # deputies know their safety layer
     sample: int
     place: int  # of this rehearsal among those of a flight
     left: Bytes | None  # points still to be inspected; None at the start
@@ -187,7 +190,8 @@ class _Ahead:
 
     def _flying(self, mission: Mission) -> Callable[[int, list[Scenario], Integers], Floats]:
         """Return what flies a tour from starts at some places, and returns the costs, shape (m,)."""
-        world, law = pack_world(mission)._replace(first=self.sample), law_of(self.controller, mission)
+        world = pack_world(mission)._replace(first=self.sample, guard=self.guard)
+        law = law_of(self.controller, mission)
         images = tour_images(self.controller)
 
         def costs_of(tour: int, starts: list[Scenario], places: Integers) -> Floats:

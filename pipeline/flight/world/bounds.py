@@ -34,8 +34,33 @@ class Errors:
     speed_m_s: float = 0.0
     share: float = 0.0  # of a force, by which what is fired differs from it: a linear map that a flight keeps
     force_n: float = 0.0  # by which it differs besides, and the motion as if by such a force
-    constant_m: float = 0.0  # of the estimated place, what is not the filter's noise
-    deviations: float = 0.0  # standard deviations of the filter that bound its noise
+    constant_m: float = 0.0  # of all fixes of a flight
+    risk: float = 0.0  # that the noise of one part of the estimate leaves its bound
+
+
+@dataclass(frozen=True)
+class Known:
+    """How far estimates may be off at each sample of a flight, under the greatest planned force."""
+
+    noise: Floats  # covariances of what is random, (K+1, 6, 6)
+    response: Floats  # to a constant error of the fixes, (K+1, 6, 3)
+
+    def bound(self, rows: Floats, constant_m: float, risk: float) -> float:
+        """Return what the length of rows times the error stays below in a flight, but for a risk.
+
+        The risk is the sum over all samples; an error along any direction is taken for the greatest one.
+        """
+        from scipy.optimize import brentq  # noqa: PLC0415 - slow to import, used only here
+        from scipy.special import chdtrc, chdtri  # noqa: PLC0415 - as above
+
+        constant = constant_m * float(np.linalg.norm(rows @ self.response, 2, axis=(1, 2)).max())
+        spreads = np.sqrt(np.linalg.eigvalsh(rows @ self.noise @ rows.T)[:, -1])
+        if not spreads.any():
+            return constant
+        least, most = (
+            spreads.max() * sqrt(chdtri(3, one)) for one in (2.0 * risk, 0.5 * risk / len(spreads))
+        )
+        return constant + float(brentq(lambda far: chdtrc(3, (far / spreads) ** 2).sum() - risk, least, most))
 
 
 @dataclass(frozen=True)
@@ -65,7 +90,7 @@ def bounds_of(mission: Mission) -> Bounds:
     """Return the bounds under which a mission's safety layer plans."""
     if mission.safety.probability is None or is_exact(mission):
         return Bounds()
-    known = covariances(mission)
+    known = known_in(mission)
     return _Recursion(mission, errors_of(mission, known), known).bounds()
 
 
@@ -118,33 +143,36 @@ def guard_of(mission: Mission) -> Guard:
     )
 
 
-def errors_of(mission: Mission, known: Floats) -> Errors:
+def errors_of(mission: Mission, known: Known) -> Errors:
     """Return bounds on a flight's errors from the settings of navigation, thrusters and motion.
 
-    The estimates' noise has covariances `known`, shape (K+1, 6, 6).
-    Of the probability that one of them fails, half is for the noise of all samples together, four tenths are
-    for the thrusters, and a tenth is for constant errors of sensors.
+    Of the probability that one of them fails, the noise of all samples together has five parts, thrusters
+    have four, and constant errors of sensors have one, as far as there are such errors.
     """
     from scipy.special import chdtri  # noqa: PLC0415 - slow to import, used only here
 
-    risk = 1.0 - (mission.safety.probability or 0.0)
-    per_sample = 0.5 * risk / (3.0 * (mission.num_controls + 1))  # of the stop, its place and the attitude
-    constant, noise = sqrt(chdtri(3, 0.05 * risk)), sqrt(chdtri(3, per_sample))
-    period, mass, actuators = mission.control_period_s, mission.deputy.mass_kg, mission.actuators
+    navigation, actuators = mission.navigation, mission.actuators
+    is_fixed, is_real = navigation.mode == "fixes", actuators.kind == "real"
+    is_biased = is_fixed and (navigation.bias_m > 0.0 or navigation.attitude_bias_deg > 0.0)
+    parts = 5.0 * is_fixed + 4.0 * is_real + 1.0 * is_biased
+    part = (1.0 - (mission.safety.probability or 0.0)) / max(1.0, parts)
+    period, mass = mission.control_period_s, mission.deputy.mass_kg
     share, force = 0.0, mass * unknown_acceleration(mission)
-    if actuators.kind == "real":
-        share = largest_share(actuators.scale_error, radians(actuators.misalignment_deg), 1.0 - 0.4 * risk)
+    if is_real:
+        share = largest_share(actuators.scale_error, radians(actuators.misalignment_deg), 1.0 - 4.0 * part)
         force += SQRT_3 * (actuators.least_impulse_n_s + 0.5 * actuators.impulse_step_n_s) / period
-    navigation = mission.navigation
-    if navigation.mode == "perfect":
+    if not is_fixed:
         return Errors(share=share, force_n=force)
+    # the stop's force and place, both now and after a period, and the attitude
+    one = 5.0 * part / (4 + (navigation.attitude_noise_deg > 0.0))
+    constant, noise = sqrt(chdtri(3, 0.5 * part)), sqrt(chdtri(3, one / (mission.num_controls + 1)))
     tilt = radians(constant * navigation.attitude_bias_deg)
     off = constant * navigation.bias_m
     off += tilt * mission.deputy.max_distance_m if navigation.measures == "range_bearing" else 0.0
-    place, speed = (noise * spread(known, row) for row in np.split(np.eye(6), 2))
+    place, speed = (known.bound(rows, off, one) for rows in np.split(np.eye(6), 2))
     turn = tilt + radians(noise * navigation.attitude_noise_deg)  # it changes as the body turns
     force += (1.0 + share) * turn * SQRT_3 * mission.deputy.max_force_n
-    return Errors(off + place, speed, share, force, off, noise)
+    return Errors(place, speed, share, force, off, one)
 
 
 @cache
@@ -188,17 +216,16 @@ def process_noise(mission: Mission) -> float:
     return SHARE_OF_UNKNOWN * unknown_acceleration(mission) if given is None else given
 
 
-def covariances(mission: Mission) -> Floats:
-    """Return covariances of the estimates' noise, shape (K+1, 6, 6), under the greatest planned force.
+def known_in(mission: Mission) -> Known:
+    """Return how far estimates may be off; not at all where navigation is perfect.
 
-    Fixes are from the farthest place; smaller forces and nearer places give smaller covariances. Zeros where
-    navigation is perfect.
+    Fixes are from the farthest place; smaller forces and nearer places give smaller covariances.
     """
     from scipy.linalg import block_diag  # noqa: PLC0415 - slow to import, used only here
 
     navigation, safety, period = mission.navigation, mission.safety, mission.control_period_s
     if navigation.mode == "perfect":
-        return np.zeros((1, 6, 6))
+        return Known(np.zeros((1, 6, 6)), np.zeros((1, 6, 3)))
     motion = motion_over(mission.orbit, mission.deputy, (period,))
     phi, gamma = motion.transition[0], motion.control[0]
     tilts = np.radians((navigation.attitude_bias_deg, navigation.attitude_noise_deg))
@@ -218,26 +245,29 @@ def covariances(mission: Mission) -> Floats:
     # position, velocity and a constant error of the fixes, which the filter considers: as it has them, and by
     # noise alone
     phi, more = block_diag(phi, np.eye(3)), block_diag(process, np.zeros((3, 3)))
-    seen, found = np.hstack([np.eye(3, 6), np.eye(3)]), []
+    seen = np.hstack([np.eye(3, 6), np.eye(3)])
     noisy = np.diag(np.r_[np.square(start), np.zeros(3)])
     believed = noisy + np.diag(np.r_[np.zeros(6), np.full(3, constant)])
+    response = np.eye(9)[:, 6:]
+    noises, responses = [noisy], [response]
+    for _ in range(delay):  # until the first fix comes into use
+        noises.append(phi @ noises[-1] @ phi.T + more)
+        responses.append(phi @ responses[-1])
     for k in range(mission.num_controls + 1):
         if k % stride == 0:
             gain = believed @ seen.T @ np.linalg.inv(seen @ believed @ seen.T + noise * np.eye(3))
             gain[6:] = 0.0
             kept = np.eye(9) - gain @ seen
             believed, noisy = (kept @ one @ kept.T + noise * gain @ gain.T for one in (believed, noisy))
-        now = noisy
+            response = kept @ response
+        now, later = noisy, response
         for _ in range(delay):
-            now = phi @ now @ phi.T + more
-        found.append(now[:6, :6])
+            now, later = phi @ now @ phi.T + more, phi @ later
+        noises.append(now)
+        responses.append(later)
         believed, noisy = (phi @ one @ phi.T + more for one in (believed, noisy))
-    return np.asarray(found)
-
-
-def spread(known: Floats, row: Floats) -> float:
-    """Return the greatest standard deviation, along any direction, of rows times states that are known so."""
-    return sqrt(float(np.linalg.eigvalsh(row @ known @ row.T).max()))
+        response = phi @ response
+    return Known(np.asarray(noises)[:, :6, :6], np.asarray(responses)[:, :6])
 
 
 def norm(matrix: Floats) -> float:
@@ -253,7 +283,7 @@ def dip(radius: float, length: float) -> float:
 class _Recursion:
     """What becomes, from sample to sample, of a stop's place and force under bounded errors."""
 
-    def __init__(self, mission: Mission, errors: Errors, known: Floats) -> None:
+    def __init__(self, mission: Mission, errors: Errors, known: Known) -> None:
         motion = motion_over(mission.orbit, mission.deputy, (mission.control_period_s,))
         self.mission, self.errors, self.motion, self.known = mission, errors, motion, known
         self.stop = stop_of(motion)
@@ -268,9 +298,8 @@ class _Recursion:
         self.force_off = max(self._off(self.stop), self._off(self.stop @ phi))
         self.place_off, self.later_off = self._off(self.place), self._off(self.place @ phi)
 
-    def _off(self, row: Floats) -> float:
-        noise = self.errors.deviations * spread(self.known, row)
-        return norm(row[:, :3]) * self.errors.constant_m + noise
+    def _off(self, rows: Floats) -> float:
+        return self.known.bound(rows, self.errors.constant_m, self.errors.risk)
 
     def bounds(self) -> Bounds:
         """Return the bounds; the numbers of the proof in its order."""
@@ -336,5 +365,6 @@ class _Recursion:
         n, far = mission.orbit.mean_motion_rad_s, mission.deputy.max_distance_m
         speed = norm(self.motion.control[0, 3:]) * stop + norm(phi[3:, :3]) * far
         speed *= norm(np.linalg.inv(phi[3:, 3:]))
-        bent = 0.125 * period**2 * (fired / mission.deputy.mass_kg + n * (3.0 * n * far + 2.0 * speed))
+        fastest = speed + 0.5 * period * fired / mission.deputy.mass_kg
+        bent = 0.125 * period**2 * (fired / mission.deputy.mass_kg + n * (3.0 * n * far + 2.0 * fastest))
         return bent, period * speed

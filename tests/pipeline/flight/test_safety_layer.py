@@ -259,6 +259,16 @@ def test_margins_grow_with_the_errors_and_with_the_probability(world: str) -> No
     assert surer.keep_out_m >= found.keep_out_m > found.keep_in_m > 0.0
 
 
+@pytest.mark.parametrize("late", ["delay_s=0", "delay_s=30"])
+def test_the_estimate_is_bounded_from_the_first_sample_on_and_with_its_constant_error(late: str) -> None:
+    """With late or useless fixes the first error stays; a bias moves the estimate by as much in the end."""
+    blind = bounds_of(composed("navigation=fixes", f"navigation.{late}", "navigation.initial_position_m=10"))
+    first = 10.0 * chi.isf(0.001 / 4.0, 3)
+    assert blind.errors.place_m > (first if late != "delay_s=0" else 0.4 * first)
+    biased = bounds_of(composed("navigation=fixes", f"navigation.{late}", "navigation.bias_m=1"))
+    assert biased.errors.place_m > biased.errors.constant_m > chi.isf(0.001 / 12.0, 3) - 0.01
+
+
 def test_errors_beyond_the_thrusters_do_not_close_and_limits_without_room_are_refused() -> None:
     assert not bounds_of(composed("actuators=real", "actuators.scale_error=0.3")).does_close
     wide = composed("world=leo")

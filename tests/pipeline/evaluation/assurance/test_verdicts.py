@@ -122,7 +122,7 @@ def test_the_layer_proves_what_follows_from_its_spheres():
 
 @pytest.mark.parametrize(
     ("override", "num_assumed"),
-    [("world=leo", 2), ("dynamics=low_orbit", 1), ("actuators=real", 0), ("navigation=range_bearing", 1)],
+    [("world=leo", 2), ("dynamics=low_orbit", 1), ("actuators=real", 0), ("navigation=range_bearing", 2)],
 )
 def test_with_bounds_the_layer_proves_its_limits_where_nothing_is_exact(override: str, num_assumed: int):
     proof = safety_proof(experiment("safety=robust", override).mission, scenarios(2))
