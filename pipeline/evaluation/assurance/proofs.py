@@ -143,12 +143,9 @@ def premises(mission: Mission, bounds: Bounds) -> tuple[tuple[str, ...], tuple[s
         "fixes have outliers (navigation.outlier_share)": is_fixed and navigation.outlier_share > 0.0,
         "the thrusters cannot make good for such errors": not bounds.does_close,
     }
-    estimate = (
-        f"the filter's estimates stay within {errors.place_m:.3g} m and {errors.speed_m_s:.2g} m/s, bounds "
-        "that count constant errors of thrusters and neglected accelerations as noise"
-    )
-    sight = "an error of the sensed attitude shifts a bearing as if it stood still in Hill axes"
-    motion = "accelerations that Clohessy and Wiltshire neglect stay below their estimate"
+    estimate = f"the filter's errors stay within {errors.place_m:.3g} m and {errors.speed_m_s:.2g} m/s"
+    sight = "errors of bearings stand still in Hill axes"
+    motion = "neglected accelerations stay below their estimate"
     is_tilted = navigation.measures == "range_bearing" and navigation.attitude_bias_deg > 0.0
     assumed = {estimate: is_fixed, sight: is_fixed and is_tilted, motion: mission.dynamics.model != "cw"}
     return tuple(one for one in failing if failing[one]), tuple(one for one in assumed if assumed[one])
