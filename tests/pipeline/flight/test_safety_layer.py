@@ -333,6 +333,16 @@ def test_no_adversary_takes_a_deputy_out_where_nothing_is_exact(force_n: float) 
 
 
 @pytest.mark.slow
+def test_nor_where_the_first_estimate_is_bad_and_fixes_are_late() -> None:
+    bad = "navigation.initial_position_m=5", "navigation.delay_s=60"
+    mission = composed("navigation=fixes", *bad, "attitude=ideal", "duration_s=600")
+    near, _ = spheres_of(mission, bounds_of(mission))
+    places = (near + 0.01) * isotropic(np.random.default_rng(14), 100)
+    starts = [Scenario(place, np.zeros(3), 0.0, 0.0, (14, 1, case)) for case, place in enumerate(places)]
+    assert not fly_all(mission, pushing(-1.0), starts, 1).is_violated.any()
+
+
+@pytest.mark.slow
 def test_nor_does_noise() -> None:
     mission = composed("navigation=fixes", "actuators=real", "attitude=ideal")
     noise = open_loop("noise", np.random.default_rng(5).normal(0.0, 1.0, (mission.num_controls, 3)))
