@@ -245,7 +245,11 @@ def read_outcome(path: Path | str) -> Outcome:
     """
     recording = _read(path, topics=("/mission", CONTROL_TOPICS))
     end, control = recording.outcome, _topic(recording, "/control")
-    goal, rate = recording.episode.inspection_threshold_percent, end.get("inspection_rate_percent")
+    goal, is_success = recording.episode.inspection_threshold_percent, None
+    if goal is not None and "inspected_count" in end:
+        # of the points that can be inspected, which earlier versions did not record
+        inspectable = end["inspectable_count"] or end["num_points"]
+        is_success = bool(100.0 * end["inspected_count"] >= goal * inspectable - 1e-7)
     nearest, farthest = recording.episode.min_distance_m, recording.episode.max_distance_m
     is_outside = None
     if end and nearest is not None and farthest is not None:
@@ -260,7 +264,7 @@ def read_outcome(path: Path | str) -> Outcome:
     return Outcome(
         end_s=recording.episode.end_s,
         came_to=end,
-        is_success=None if goal is None or rate is None else rate >= goal,
+        is_success=is_success,
         is_outside=is_outside,
         num_safety=acted,
         constants=dict(recording.metadata.get(CONSTANTS_METADATA, {})),

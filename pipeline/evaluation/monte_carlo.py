@@ -119,8 +119,11 @@ def summarise(episodes: Columns, confidence_percent: float) -> dict[str, Any]:
 def rank(episodes: Columns) -> NDArray[np.int64]:
     """Return the rows of an evaluation from the worst to the best.
 
-    A flight outside the limits is worse than one inside; then fewer points are worse; then more delta-v.
-    Equal ones stay in order.
+    A flight outside the limits is worse than one inside; then a smaller share of the points that can be
+    inspected is worse; then more delta-v. Equal ones stay in order.
     """
-    keys = (-episodes["delta_v_m_s"], episodes["inspected_count"], ~episodes["violated"].astype(np.bool_))
+    rate = episodes.get(
+        "inspectable_rate_percent", episodes["inspected_count"]
+    )  # missing in earlier versions
+    keys = (-episodes["delta_v_m_s"], rate, ~episodes["violated"].astype(np.bool_))
     return np.lexsort(keys)

@@ -366,31 +366,35 @@ def effects(runs: Sequence[Flown], confidence_percent: float) -> list[Effect]:
             by_level.setdefault(levels[factor], {})[rest] = episodes
         baseline, *others = by_level
         for level in others:
-            pairs = [
-                (by_level[baseline][rest], episodes)
-                for rest, episodes in by_level[level].items()
-                if rest in by_level[baseline]
-            ]
-            for metric in METRICS if pairs else ():
-                gained, unit = _gained(pairs, metric)
+            of_seeds: dict[str, list[tuple[Columns, Columns]]] = {}
+            for rest, episodes in by_level[level].items():
+                if rest in by_level[baseline]:
+                    pair = by_level[baseline][rest], episodes
+                    of_seeds.setdefault(dict(rest).get("seed", ""), []).append(pair)
+            for metric in METRICS if of_seeds else ():
+                gained, unit = _gained(list(of_seeds.values()), metric)
                 gain = difference(gained, confidence_percent)
                 found.append(Effect(factor, level, baseline, metric, gain, unit))
     return found
 
 
-def _gained(pairs: Sequence[tuple[Columns, Columns]], metric: Metric) -> tuple[Floats, str]:
-    """Return the differences per pair of runs; for a single pair with common cases, those per case."""
-    gained = []
-    for first, second in pairs:
-        rows, others = common_cases(first, second)
-        one, other = metric.of(first), metric.of(second)
-        if len(rows):
-            gained.append(other[others] - one[rows])
-        else:
-            gained.append(np.array([other.mean() - one.mean()]))
-    if len(gained) == 1 and len(gained[0]) > 1:
-        return gained[0], "cases"
-    return np.array([values.mean() for values in gained]), "runs"
+def _gained(of_seeds: Sequence[Sequence[tuple[Columns, Columns]]], metric: Metric) -> tuple[Floats, str]:
+    """Return the differences of each seed; of a single one with common cases, those of each case.
+
+    Pairs of runs of one seed fly the same cases, so they count once: by their mean.
+    """
+    found = [[_between(*pair, metric) for pair in pairs] for pairs in of_seeds]
+    sizes = {len(values) for values in found[0]}
+    if len(found) == 1 and len(sizes) == 1 and sizes != {1}:
+        return np.mean(found[0], axis=0), "cases"
+    return np.array([np.mean([values.mean() for values in pairs]) for pairs in found]), "runs"
+
+
+def _between(first: Columns, second: Columns, metric: Metric) -> Floats:
+    """Return the differences per common case, or that of the means if there is none."""
+    rows, others = common_cases(first, second)
+    one, other = metric.of(first), metric.of(second)
+    return other[others] - one[rows] if len(rows) else np.array([other.mean() - one.mean()])
 
 
 def on_front(spent: Floats, inspected: Floats) -> NDArray[np.bool_]:

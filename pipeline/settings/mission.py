@@ -501,6 +501,11 @@ class Mission:
         near = "deputy.min_distance_m plus safety.keep_out_margin_m"
         far = "deputy.max_distance_m less safety.keep_in_margin_m"
         checks.ascending(near, self.keep_out_m, far, self.keep_in_m)
+        if self.problem.kind == "reach" and self.problem.goal_radius_m < self.keep_out_m:
+            raise SettingError(
+                f"the safety layer keeps the deputy {self.keep_out_m:g} m from the chief, but its goal lies "
+                f"within {self.problem.goal_radius_m:g} m (problem.goal_radius_m); choose safety=none"
+            )
         checks.within("safety.braking_force_n", safety.braking_force_n, 0.0, deputy.max_force_n, "N")
         standing = 3.0 * self.orbit.mean_motion_rad_s**2 * self.keep_in_m * deputy.mass_kg
         braking = {"braking_force_n": safety.braking_force_n}

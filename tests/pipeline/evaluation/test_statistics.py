@@ -1,5 +1,7 @@
 """Statistics against numbers worked out by hand, and intervals against scipy's."""
 
+import itertools
+
 import numpy as np
 import pytest
 from scipy import stats
@@ -134,7 +136,21 @@ def test_effects_are_those_put_in() -> None:
     # seeds share no case: means are compared, of the two laws that flew both
     between = [evaluation(2)["delta_v_m_s"].mean() - evaluation(1)["delta_v_m_s"].mean()]
     assert told["seed", "2"].difference.mean == pytest.approx(between[0])
-    assert told["seed", "2"].difference.count == 2
+    assert told["seed", "2"].difference.count == 1
+
+
+def test_runs_of_the_same_cases_count_once() -> None:
+    noise = np.random.default_rng(2).normal(0.1, 0.2, 40)
+    runs = []
+    for layer, level in itertools.product("xy", "ab"):
+        flown = evaluation(1)
+        flown["delta_v_m_s"] = flown["delta_v_m_s"] + noise * (level == "b")
+        runs.append(({"layer": layer, "law": level}, flown))
+    found = [one for one in statistics.effects(runs, 95.0) if one.metric is statistics.METRICS[0]]
+    law = {one.factor: one for one in found}["law"]
+    interval = stats.ttest_1samp(noise, 0.0).confidence_interval(0.95)
+    assert (law.unit, law.difference.count) == ("cases", 40)
+    assert (law.difference.low, law.difference.high) == pytest.approx((interval.low, interval.high))
 
 
 def test_the_front_is_what_no_other_surpasses() -> None:

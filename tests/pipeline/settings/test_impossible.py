@@ -106,6 +106,12 @@ def test_impossible_values(key, value, message):
     assert "\n" not in words
 
 
+def test_a_layer_that_keeps_the_deputy_off_its_goal_is_refused():
+    with pytest.raises(SettingError, match="choose safety=none"):
+        config_with({}, "problem=docking", "safety=filter")
+    assert refusal_of(config_with({}, "problem=docking")) is None
+
+
 def refusal_of(config):
     """Return in what words settings are refused; None where they are taken."""
     try:
