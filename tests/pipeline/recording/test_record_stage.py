@@ -48,6 +48,9 @@ def test_rank_by_violation_then_points_then_delta_v():
     rows = [(False, 97, 1.0), (True, 99, 0.1), (False, 97, 2.0), (False, 60, 0.2), (True, 20, 5.0)]
     assert rank(table(rows)).tolist() == [4, 1, 3, 2, 0]
     assert rank(table([(False, 97, 1.0)] * 3)).tolist() == [0, 1, 2]
+    # 92 of 94 points that are ever lit are more than 94 of 99
+    lit = {"inspectable_rate_percent": np.array([9200 / 94, 9400 / 99])}
+    assert rank(table([(False, 92, 1.0), (False, 94, 1.0)]) | lit).tolist() == [1, 0]
 
 
 def test_worst_median_and_best_of_a_table(tmp_path, finished):
@@ -55,7 +58,8 @@ def test_worst_median_and_best_of_a_table(tmp_path, finished):
     episodes = tables.read_parquet(finished, artifacts.EPISODES)
     rows = [(False, 90, 1.0), (False, 99, 0.5), (False, 97, 1.0), (True, 99, 0.1), (False, 97, 0.9)]
     rows.append((False, 99, 0.4))
-    tables.write_parquet(tmp_path / artifacts.EPISODES, episodes | table(rows))
+    rates = {"inspectable_rate_percent": np.array([100.0 * inspected / 99 for _, inspected, _ in rows])}
+    tables.write_parquet(tmp_path / artifacts.EPISODES, episodes | table(rows) | rates)
     flights = record.flights_of(run.experiment, tmp_path)
     # worst first: 3, 0, 2, 4, 1, 5
     assert [flight.name for flight in flights] == ["worst-case-3", "median-case-4", "best-case-5"]
