@@ -262,11 +262,11 @@ class Safety:
     #: rarer errors of thrusters are not drawn: pipeline.flight.world.bounds
     probability: Annotated[checks.Number, Field(gt=0, le=0.9999)] | None = None
     """Of a flight, that the bounds hold on its errors, for which margins are kept; null: none are."""
-    #: of the values tried, the two with which champion_leo burns least in world=leo
+    #: this and the next: a compromise between fuel and success of champion_leo in world=leo, as tried
     planned_force_n: Annotated[checks.Positive, Only("safety.probability")] = 0.085
     """Greatest force along each Hill axis that is passed on where anything is inexact."""
     planned_braking_n: Annotated[checks.Positive, Only("safety.probability")] = 0.22
-    """The lower limit on braking_force_n where anything is inexact."""
+    """Greatest force of such a stop where anything is inexact, if less than braking_force_n."""
     passive_horizon_s: checks.NotNegative = 600.0
     """How long free drift stays outside the keep-out sphere; 0: off."""
     keep_in_horizon_s: checks.NotNegative = 0.0
