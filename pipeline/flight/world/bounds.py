@@ -6,7 +6,7 @@ has the proof. Vectors are bounded by their lengths, matrices by their spectral 
 """
 
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from math import ceil, inf, radians, sqrt
 
 import numpy as np
@@ -86,6 +86,7 @@ def is_exact(mission: Mission) -> bool:
     )
 
 
+@lru_cache(maxsize=20_000)  # controllers that are compared fly the same cases
 def bounds_of(mission: Mission) -> Bounds:
     """Return the bounds under which a mission's safety layer plans."""
     if mission.safety.probability is None or is_exact(mission):
