@@ -150,19 +150,23 @@ def repeat(folder: Path, overrides: Sequence["Override"], config_dir: Path | Non
                 "stages=[report], or choose another folder"
             )
         asked_for = [str(stage) for stage in stages]
-        from pipeline.command_line.config import compose_experiment  # noqa: PLC0415 - Hydra, which few runs need
+        own = {group for stage in asked_for for group in OWN_GROUPS.get(stage, ())}
+        given = [
+            o for o in overrides if o.key_or_group != "stages" and not o.key_or_group.startswith("hydra.")
+        ]
+        if all("." in one.key_or_group or one.key_or_group in schema.schema() for one in given):
+            new = with_values(config, {one.key_or_group: one.value() for one in given})
+        else:
+            from pipeline.command_line.config import compose_experiment  # noqa: PLC0415 - Hydra, which few runs need
 
-        if any(not o.key_or_group.startswith("hydra.") and o.key_or_group != "stages" for o in overrides):
-            new = compose_experiment([o.input_line or "" for o in overrides], config_dir)
-            own = {group for stage in asked_for for group in OWN_GROUPS.get(stage, ())}
-            then, now = schema.only_results(schema.present(config)), schema.only_results(new.config)
-            if changed := schema.differences(then, now, {*own, "stages"}):
-                raise ConfigError(
-                    f"{folder} was made with another {', '.join(changed)}; drop what changes that, or start "
-                    "a new run"
-                )
-            config = {**new.config, "stages": config["stages"]}
-            experiment = schema.experiment_from(config)
+            new = compose_experiment([o.input_line or "" for o in overrides], config_dir).config
+        then, now = (schema.only_results(schema.present(one)) for one in (config, new))
+        if changed := schema.differences(then, now, {*own, "stages"}):
+            raise ConfigError(
+                f"{folder} was made with another {', '.join(changed)}; drop what changes that, or start a new run"
+            )
+        config = {**new, "stages": config["stages"]}
+        experiment = schema.experiment_from(config)
         check_before(replace(experiment, stages=tuple(asked_for)))
         return _run(config, experiment, folder, asked_for)
 

@@ -128,8 +128,18 @@ def test_a_repeated_stage_may_have_its_own_settings_but_no_others(finished, monk
     assert main(own) == 0
     assert called[0][1].report.dots_per_inch == 300
     assert configuration.read(finished)["stages"] == STAGES
+    short = ["stages=[report]", place]
+    assert main([*short, "report.title=By itself"]) == 0
+    again = called[1][1]
+    assert (again.report.title, again.report.dots_per_inch, again.seed) == (
+        "By itself",
+        300,
+        called[0][1].seed,
+    )
     for words, told in (
         ([*own, "seed=2"], "was made with another seed"),
+        ([*short, "seed=2"], "was made with another seed (then 1, now 2); drop"),
+        ([*short, "report.titel=X"], "did you mean report.title?"),
         ([*EVALUATE, place], "holds a run already"),
         (["stages=[reprt]", place], "did you mean report?"),
     ):
