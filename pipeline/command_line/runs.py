@@ -163,7 +163,8 @@ def repeat(folder: Path, overrides: Sequence["Override"], config_dir: Path | Non
         then, now = (schema.only_results(schema.present(one)) for one in (config, new))
         if changed := schema.differences(then, now, {*own, "stages"}):
             raise ConfigError(
-                f"{folder} was made with another {', '.join(changed)}; drop what changes that, or start a new run"
+                f"{folder} was made with another {', '.join(changed)}; drop what changes that, or start "
+                "a new run"
             )
         config = {**new, "stages": config["stages"]}
         experiment = schema.experiment_from(config)

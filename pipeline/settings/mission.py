@@ -257,8 +257,8 @@ class Safety:
     """Growth of the greatest speed with the distance."""
     speed_distance_m: checks.NotNegative = 15.0
     """Distance at which the greatest speed is speed_limit_m_s."""
-    braking_force_n: checks.Positive = 0.8
-    """Greatest force along each Hill axis to stop within a control period."""
+    braking_force_n: checks.Positive | None = None
+    """Greatest force along each Hill axis to stop within a control period; null: 0.8 of deputy.max_force_n."""
     #: rarer errors of thrusters are not drawn: pipeline.flight.world.bounds
     probability: Annotated[checks.Number, Field(gt=0, le=0.9999)] | None = None
     """Of a flight, that the bounds hold on its errors, for which margins are kept; null: none are."""
@@ -506,9 +506,9 @@ class Mission:
                 f"the safety layer keeps the deputy {self.keep_out_m:g} m from the chief, but its goal lies "
                 f"within {self.problem.goal_radius_m:g} m (problem.goal_radius_m); choose safety=none"
             )
-        checks.within("safety.braking_force_n", safety.braking_force_n, 0.0, deputy.max_force_n, "N")
+        checks.within("safety.braking_force_n", self.braking_force_n, 0.0, deputy.max_force_n, "N")
         standing = 3.0 * self.orbit.mean_motion_rad_s**2 * self.keep_in_m * deputy.mass_kg
-        braking = {"braking_force_n": safety.braking_force_n}
+        braking = {"braking_force_n": self.braking_force_n}
         if safety.probability is not None:
             braking["planned_braking_n"] = safety.planned_braking_n
         for name, force in braking.items():
@@ -550,6 +550,12 @@ class Mission:
     def keep_in_m(self) -> float:
         """Radius of the keep-in sphere of the safety layer."""
         return self.deputy.max_distance_m - self.safety.keep_in_margin_m
+
+    @property
+    def braking_force_n(self) -> float:
+        """Greatest force along each Hill axis with which the safety layer plans to stop."""
+        given = self.safety.braking_force_n
+        return 0.8 * self.deputy.max_force_n if given is None else given
 
     @property
     def num_controls(self) -> int:

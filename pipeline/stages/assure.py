@@ -139,7 +139,7 @@ def _gather(experiment: Experiment, folder: Path, requirements: Requirements) ->
 
 
 def _scenarios(experiment: Experiment, num_cases: int) -> list[Scenario]:
-    """Return the first cases that are drawn from this seed; claims are about random starts, not given ones."""
+    """Return the first cases that are drawn from this seed; claims are about random starts."""
     cases = replace(experiment.monte_carlo, num_cases=num_cases, table=None)
     return evaluation_scenarios(replace(experiment, monte_carlo=cases))
 

@@ -22,7 +22,8 @@ class Layer:
         self.period = mission.control_period_s
         out = mission.deputy.min_distance_m + self.law.keep_out_margin_m
         far = mission.deputy.max_distance_m - self.law.keep_in_margin_m
-        own = (out, far, self.limit, self.law.braking_force_n, 0.0)
+        given = self.law.braking_force_n
+        own = (out, far, self.limit, 0.8 * self.limit if given is None else given, 0.0)
         self.out, self.far, self.planned, self.braking, self.step_back = margins or own
         n, mass = mission.orbit.mean_motion_rad_s, mission.deputy.mass_kg
         self.phi, self.gamma = transition(n, self.period, mass)

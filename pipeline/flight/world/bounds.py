@@ -134,7 +134,7 @@ def guard_of(mission: Mission) -> Guard:
         keep_in=keep_in,
         speed_at_chief=safety.speed_limit_m_s - safety.speed_slope_per_s * safety.speed_distance_m,
         speed_slope=safety.speed_slope_per_s,
-        braking_force=min(bounds.braking_force_n, safety.braking_force_n),
+        braking_force=min(bounds.braking_force_n, mission.braking_force_n),
         planned_force=min(bounds.planned_force_n, mission.deputy.max_force_n),
         step_back=bounds.step_back_n,
         stop=stop,
@@ -290,7 +290,7 @@ class _Recursion:
         self.stop = stop_of(motion)
         self.place = stopped(motion, self.stop).transition[0, :3]
         phi, gamma = motion.transition[0], motion.control[0]
-        self.braking = min(mission.safety.braking_force_n, mission.safety.planned_braking_n)
+        self.braking = min(mission.braking_force_n, mission.safety.planned_braking_n)
         #: by which a newton moves the place of the next stop, m, and changes its force
         self.pushed = self.place @ gamma
         self.shifted = norm(self.pushed)

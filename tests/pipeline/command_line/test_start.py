@@ -83,7 +83,7 @@ def test_help_lists_experiments_controllers_and_signals(arguments, code, capsys,
 
 
 def test_help_on_a_group_a_key_and_what_is_no_key(ran):
-    assert "  safety.braking_force_n=0.8 N\n      Greatest force along each" in ran("--help", "safety").out
+    assert "  safety.braking_force_n=null N\n      Greatest force along each" in ran("--help", "safety").out
     told = ran("--help", "sun.mode", "seed").out
     assert "(fixed, random, mixed)" in told
     assert "  seed=1\n" in told

@@ -74,7 +74,7 @@ def written(mission: Mission, controller: Controller, scenario: Scenario) -> Fli
     if mission.safety.probability is not None:
         bounds = bounds_of(mission)
         planned = min(bounds.planned_force_n, mission.deputy.max_force_n)
-        braking = min(bounds.braking_force_n, mission.safety.braking_force_n)
+        braking = min(bounds.braking_force_n, mission.braking_force_n)
         errors["margins"] = (*spheres_of(mission, bounds), planned, braking, bounds.step_back_n)
     if "dynamics.drag_m_s2" in mission.varying:
         drag = mission.dynamics.drag_m_s2

@@ -138,7 +138,7 @@ def test_a_repeated_stage_may_have_its_own_settings_but_no_others(finished, monk
     )
     for words, told in (
         ([*own, "seed=2"], "was made with another seed"),
-        ([*short, "seed=2"], "was made with another seed (then 1, now 2); drop"),
+        ([*short, "seed=2"], "another seed (then 1, now 2); drop what changes that"),
         ([*short, "report.titel=X"], "did you mean report.title?"),
         ([*EVALUATE, place], "holds a run already"),
         (["stages=[reprt]", place], "did you mean report?"),
