@@ -138,7 +138,7 @@ BINS, LABELLED, MOST = 40, 5, 6
 OPENED, NOW = "as opened", "now"
 BEFORE, AFTER, SEEN, MISSED, INK = "#9aa4ae", "#1f5fa8", "#3f7d3a", "#a02018", "#1b1f24"
 AXIS_COLOURS = ("#be5014", AFTER, SEEN)
-REASON_OF = tuple(REASONS)
+REASON_WORDS = tuple(REASONS.values())
 
 
 class ManyFlights:
@@ -306,7 +306,7 @@ class OneFlight:
         for place, system in enumerate(controller.systems):
             output = system.outputs[0].name
             asked = number(float(f"{log.force_asked_n[k, AXES[output]]:.3g}"))
-            words = f"{output}: asked for {asked} N; {REASONS[REASON_OF[log.reason[k, AXES[output]]]]}"
+            words = f"{output}: asked for {asked} N; {REASON_WORDS[log.reason[k, AXES[output]]]}"
             if log.is_decided[k]:
                 found = explain(system, log.fis_input[k, place, : len(system.inputs)])
                 for one in found.outputs[0].moves[:1]:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from pipeline.array_types import Floats
 from pipeline.flight.state.log import Scenario
 from pipeline.settings.experiment import Experiment, MonteCarlo, Sun
-from pipeline.settings.start_table import numbers
+from pipeline.settings.start_table import POSITION, VELOCITY, numbers
 from pipeline.settings.training import Starts
 
 #: first part of the spawn key: evaluation; training round r as ``TRAINING + r``; the candidates for its hard
@@ -147,8 +147,8 @@ def starts_in(columns: Mapping[str, NDArray[Any]]) -> list[Scenario]:
     angles = np.asarray(columns["sun_angle_rad"], dtype=np.float64)
     at_rest = np.zeros(len(angles))
     elevations = np.asarray(columns.get("sun_elevation_rad", at_rest), dtype=np.float64)
-    positions = np.stack([columns[f"position_{axis}_m"] for axis in "xyz"], axis=1)
-    velocities = np.stack([columns.get(f"velocity_{axis}_m_s", at_rest) for axis in "xyz"], axis=1)
+    positions = np.stack([columns[name] for name in POSITION], axis=1)
+    velocities = np.stack([columns.get(name, at_rest) for name in VELOCITY], axis=1)
     places = positions.astype(np.float64), velocities.astype(np.float64)
     columns_of_starts = *places, angles.tolist(), elevations.tolist()
     return [
@@ -158,12 +158,6 @@ def starts_in(columns: Mapping[str, NDArray[Any]]) -> list[Scenario]:
 
 
 def columns_of(scenarios: Sequence[Scenario]) -> dict[str, Floats]:
-    """Return the places of starts as columns that `starts_in` reads, and the velocities if any moves."""
-    positions, velocities = (
-        np.array([getattr(one, name) for one in scenarios]).reshape(-1, 3)
-        for name in ("position_m", "velocity_m_s")
-    )
-    columns = {f"position_{axis}_m": positions[:, n] for n, axis in enumerate("xyz")}
-    if velocities.any():
-        columns |= {f"velocity_{axis}_m_s": velocities[:, n] for n, axis in enumerate("xyz")}
-    return columns
+    """Return the places and velocities of starts as columns that `starts_in` reads."""
+    starts = np.array([[*one.position_m, *one.velocity_m_s] for one in scenarios]).reshape(-1, 6)
+    return dict(zip((*POSITION, *VELOCITY), starts.T, strict=True))

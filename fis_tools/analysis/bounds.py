@@ -134,6 +134,7 @@ def subdivide(
         meets = region.may_meet(low, high)
         low, high = low[meets], high[meets]
     left = [*whole, *((-negated, low, high) for negated, _, low, high, _ in waiting)]
+    closed = max([closed, *(entry[0] for entry in left if entry[0] <= best + tolerance)])
     left = [entry for entry in left if entry[0] > best + tolerance]
     shape = (len(left), len(region.low))
     opened = [np.array([entry[end] for entry in left]).reshape(shape) for end in (1, 2)]

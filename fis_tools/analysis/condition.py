@@ -213,7 +213,10 @@ def _linear_form(words: list[str], names: Sequence[str], text: str) -> dict[str,
         require_known([name], names, f"in {text!r} there is no variable", ValueError)
         coefficients[name] = coefficients.get(name, 0.0) + sign
         if not words or words[0] not in {"+", "-"}:
-            return coefficients
+            break
+    if not any(coefficients.values()):
+        raise ValueError(f"{text!r} has a sum of 0 whatever the variables are; {GRAMMAR}")
+    return coefficients
 
 
 def _sign(words: list[str]) -> float:

@@ -158,6 +158,10 @@ def rule_consistency(system: model.FuzzySystem) -> RuleConsistency:
         grid = spread_inputs(system)
     strengths, answers = firing(system, grid), evaluate(system, grid)
     has_value = ~np.isnan(answers).any(axis=1)  # a formula may have none
+    if not has_value.any():
+        count = len(system.rules)
+        nowhere, nothing = (np.full((count, len(ends)), np.nan) for ends in (system.inputs, system.outputs))
+        return RuleConsistency(nowhere, nothing, nothing, np.zeros(count))
     grid, strengths, answers = grid[has_value], strengths[has_value], answers[has_value]
     highest = strengths.max(axis=0)
     is_highest = strengths >= highest - 1e-9

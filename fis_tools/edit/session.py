@@ -1,5 +1,6 @@
 """What one page edits: a controller, its history, and what changed since it was opened."""
 
+import shutil
 from collections.abc import Callable
 from itertools import chain, count
 from pathlib import Path
@@ -93,9 +94,21 @@ class Session:
                 f"{listed(there)} is there already; choose another name, or tick that it is replaced"
             )
         for path, file in files.items():
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_bytes(file.content)
+            _write_whole(path, file.content)
         return [f"wrote {path}" for path in files] + [loss for file in files.values() for loss in file.losses]
+
+
+def _write_whole(path: Path, content: bytes) -> None:
+    """Write a file of which at every moment either the old or the new content is there, never a part."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    beside = path.with_name(f".{path.name}.unfinished")
+    try:
+        beside.write_bytes(content)
+        if path.exists():
+            shutil.copymode(path, beside)
+        beside.replace(path)
+    finally:
+        beside.unlink(missing_ok=True)
 
 
 def changes_in_words(found: Difference) -> str:

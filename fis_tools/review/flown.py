@@ -14,7 +14,7 @@ import numpy as np
 from fis_tools.analysis import arrays, flights, tables
 from fis_tools.array_types import Floats
 from fis_tools.document import Table
-from fis_tools.errors import ControllerFileError
+from fis_tools.errors import ControllerFileError, told_as
 from fis_tools.model import FuzzyController, FuzzySystem
 
 
@@ -132,11 +132,13 @@ class Evaluation:
 def evaluations(paths: Sequence[Path | str]) -> list[Evaluation]:
     """Return the evaluations of the runs that are named, or whose recordings are."""
     folders = [path if path.is_dir() else path.parent.parent for path in map(Path, paths)]
-    return [
-        Evaluation(json.loads((folder / SUMMARY).read_text(encoding="utf-8")), _worst(folder / EPISODES))
-        for folder in dict.fromkeys(folders)
-        if (folder / SUMMARY).is_file()
-    ]
+    found = []
+    for folder in dict.fromkeys(folders):
+        if (folder / SUMMARY).is_file():
+            with told_as(ControllerFileError, ValueError, where=f"{folder / SUMMARY}: "):
+                summary = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
+            found.append(Evaluation(summary, _worst(folder / EPISODES)))
+    return found
 
 
 def _worst(path: Path) -> str:
@@ -188,10 +190,9 @@ def flown_table(
     heads = ("flights", "delta-v (m/s)", achieved, "success", "distance (m)", failed, "safety acted")
     rows = [_evaluation_row(one.summary) for one in evaluations]
     rows += [_flight_row(name, one) for name, one in zip(names, flown, strict=True)]
-    caption = (
-        "Means ± standard deviations; 95 % confidence intervals of shares in brackets. Recorded flights are "
-        "chosen to be looked at."
-    )
+    levels = dict.fromkeys(f"{one.summary.get('confidence_percent', 95.0):g} %" for one in evaluations)
+    intervals = f"; {' and '.join(levels)} confidence intervals of shares in brackets" if levels else ""
+    caption = f"Means ± standard deviations{intervals}. Recorded flights are chosen to be looked at."
     return [Table(heads, rows, caption=caption)] if rows else []
 
 
@@ -233,7 +234,7 @@ def _flight_row(name: str, one: flights.Outcome) -> list[str]:
         name,
         number("delta_v_m_s", 3),
         number("inspection_rate_percent", 2),
-        word(one.is_success and not one.is_outside),
+        word(None if None in (one.is_success, one.is_outside) else one.is_success and not one.is_outside),
         f"{nearest} to {farthest}" if one.came_to else UNKNOWN,
         word(one.is_outside),
         UNKNOWN if one.num_safety is None else f"in {one.num_safety} periods",

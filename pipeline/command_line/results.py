@@ -20,7 +20,6 @@ from pipeline.report.contents import read_summary
 from pipeline.run import artifacts, configuration, manifests, tables, writing
 from pipeline.run.maker import present_maker, require_reproducible, unlike
 from pipeline.settings.schema import differences, present
-from telemetry import RecordingError
 
 OK, DIFFERENT = 0, 1
 #: files that `summary` writes into a sweep's folder
@@ -71,7 +70,7 @@ def _checked(what: str, check: Callable[[], bool]) -> bool:
     try:
         return check()
     except Exception as error:  # noqa: BLE001 - reporting damage is what this command is for
-        reason = str(error) if isinstance(error, ValueError | OSError | RecordingError) else ""
+        reason = str(error) if isinstance(error, ValueError | OSError) else ""
         sys.stdout.write(f"{what}: CANNOT BE CHECKED: {reason or type(error).__name__}\n")
         return False
 

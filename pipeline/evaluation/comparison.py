@@ -132,13 +132,16 @@ def as_cells(row: ComparisonRow) -> list[Any]:
 
 
 def joined(parts: Sequence[tuple[ComparisonRow, Mapping[str, Column]]]) -> dict[str, Column]:
-    """Concatenate the flights of several rows, each with its row's names."""
-    names = list(parts[0][1])
+    """Concatenate the flights of several rows, with its names; NaN where it has no such column."""
+    names = dict.fromkeys(name for _, episodes in parts for name in episodes)
     columns: dict[str, Column] = {
         key: np.concatenate([np.full(row.num_cases, getattr(row, key)) for row, _ in parts])
         for key in ("controller", "world", "sun", "safety")
     }
-    return columns | {name: np.concatenate([episodes[name] for _, episodes in parts]) for name in names}
+    for name in names:
+        found = [episodes.get(name, np.full(row.num_cases, np.nan)) for row, episodes in parts]
+        columns[name] = np.concatenate(found)
+    return columns
 
 
 #: of the table in words; all columns but the first are of numbers

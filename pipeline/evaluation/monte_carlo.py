@@ -11,7 +11,7 @@ from pipeline.flight.cases.dispersions import drawn
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.goals.flights import fly_all
 from pipeline.flight.goals.reach import Reached
-from pipeline.flight.state.arrays import NUM_TRACKED
+from pipeline.flight.state.arrays import NUM_PLACED, NUM_TRACKED
 from pipeline.flight.state.log import Outcomes, Scenario, inspectable_rate
 from pipeline.flight.world.pack import inspection_points
 from pipeline.scenarios import columns_of
@@ -52,7 +52,7 @@ def fly_cases(
     tracks : (n, K+1, 3) float32
         Positions, m, Hill axes.
     """
-    outcomes, tracks = fly_tracked(mission, controller, scenarios, workers, num_tracked=3)
+    outcomes, tracks = fly_tracked(mission, controller, scenarios, workers, num_tracked=NUM_PLACED)
     return episode_columns(mission, scenarios, outcomes), tracks
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.array_types import Floats
-from pipeline.settings.start_table import POSITION
+from pipeline.settings.start_table import POSITION, VELOCITY
 
 
 @dataclass(frozen=True)
@@ -179,7 +179,7 @@ def succeeds(episodes: Columns) -> NDArray[np.bool_]:
 
 
 #: columns that identify a case's start: cases that share them are the same case
-START = (*POSITION, "sun_angle_rad", "sun_elevation_rad")
+START = (*POSITION, *VELOCITY, "sun_angle_rad", "sun_elevation_rad")
 
 
 @dataclass(frozen=True)
@@ -362,6 +362,8 @@ def effects(runs: Sequence[Flown], confidence_percent: float) -> list[Effect]:
     for factor in dict.fromkeys(name for levels, _ in runs for name in levels):
         by_level: dict[str, dict[tuple[tuple[str, str], ...], Columns]] = {}
         for levels, episodes in runs:
+            if factor not in levels:  # a sweep that was extended has others
+                continue
             rest = tuple((name, value) for name, value in levels.items() if name != factor)
             by_level.setdefault(levels[factor], {})[rest] = episodes
         baseline, *others = by_level

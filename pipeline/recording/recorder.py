@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from fis_tools.analysis import shapley
 from fis_tools.analysis.contribution import holding_back
+from fis_tools.analysis.flights import CONTROLLER_ATTACHMENT
 from fis_tools.compiled.decorator import sparingly
 from fis_tools.engines.compiler import CompiledSystem, compile
 from fis_tools.formats import serialize
@@ -45,7 +46,6 @@ from telemetry.file.metadata import EpisodeDescription, FisDescription, Rehearsa
 States = NDArray[np.uint8]
 
 CONFIG_ATTACHMENT = "config.yaml"
-CONTROLLER_ATTACHMENT = "controller.json"
 
 #: what the places in `REASONS`, of which a `FlightLog` tells, are called in a recording
 REASON_OF = np.array([topics.Reason[word.upper()] for word in REASONS])

@@ -11,6 +11,7 @@ from typing import Any, Final
 import numpy as np
 
 import telemetry
+from fis_tools.analysis.flights import CONTROLLER_ATTACHMENT
 from fis_tools.formats import serialize
 from pipeline.controllers import source
 from pipeline.controllers.played import from_mapping
@@ -18,7 +19,7 @@ from pipeline.controllers.policies import policy_of
 from pipeline.flight.control.controller import Controller, from_fuzzy, open_loop
 from pipeline.flight.goals.flights import fly_logged
 from pipeline.flight.state.log import Scenario
-from pipeline.recording.recorder import CONFIG_ATTACHMENT, CONTROLLER_ATTACHMENT, FlightRecorder
+from pipeline.recording.recorder import CONFIG_ATTACHMENT, FlightRecorder
 from pipeline.run import configuration
 from pipeline.settings.experiment import Experiment
 from pipeline.settings.schema import experiment_from

@@ -33,7 +33,7 @@ def held(folder: Path) -> Iterator[None]:
     Parameters
     ----------
     folder : Path
-        Made if missing; what was made is removed again if nothing was put there.
+        Made if missing.
 
     Raises
     ------

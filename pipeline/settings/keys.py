@@ -118,7 +118,7 @@ def with_values(config: Mapping[str, Any], values: Mapping[str, Any]) -> dict[st
 
 
 def without(config: Mapping[str, Any], keys: Iterable[str]) -> dict[str, Any]:
-    """Return a configuration without some dotted keys."""
+    """Return a configuration without some dotted keys; those of no group stay."""
     left = copy.deepcopy(dict(config))
     for key in keys:
         group, _, name = key.rpartition(".")

@@ -258,7 +258,7 @@ class Safety:
     speed_distance_m: checks.NotNegative = 15.0
     """Distance at which the greatest speed is speed_limit_m_s."""
     braking_force_n: checks.Positive | None = None
-    """Greatest force along each Hill axis to stop within a control period; null: 0.8 of deputy.max_force_n."""
+    """Greatest force along each Hill axis to stop within a control period; null: 0.8 of the thrusters'."""
     #: rarer errors of thrusters are not drawn: pipeline.flight.world.bounds
     probability: Annotated[checks.Number, Field(gt=0, le=0.9999)] | None = None
     """Of a flight, that the bounds hold on its errors, for which margins are kept; null: none are."""

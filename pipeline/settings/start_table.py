@@ -40,7 +40,7 @@ def split(text: str, key: str) -> tuple[str, str]:
         If it is not a table; the message names the key.
     """
     header, rows = _cells(text, key)
-    labels = [row[header.index("set")] if "set" in header else "" for row in rows]
+    labels = [row[header.index("set")].strip() if "set" in header else "" for row in rows]
     kept = [place for place, name in enumerate(header) if name not in LABELS]
 
     def table(begin: str) -> str:

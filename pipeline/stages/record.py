@@ -20,7 +20,6 @@ from pipeline.recording.recorder import FlightRecorder
 from pipeline.run import artifacts, configuration
 from pipeline.scenarios import evaluation_scenarios, start_shown, training_scenarios
 from pipeline.settings.experiment import Experiment, Mission
-from telemetry import RecordingError
 
 #: only the first of many random training scenarios are recorded
 MOST_TRAINING_FLIGHTS: Final = 8
@@ -117,10 +116,7 @@ def _record(experiment: Experiment, folder: Path, flights: list[FlightToRecord])
         log = fly_logged(experiment.mission, controller, flight.scenario)
         _check_repeated(flight, achieved(experiment.mission, log))
         path = folder / artifacts.RECORDINGS / f"{flight.name}.mcap"
-        try:
-            recorder.record(path, flight.scenario, log, flight.scenario_id)
-        except RecordingError as error:
-            raise artifacts.ArtifactError(str(error)) from error
+        recorder.record(path, flight.scenario, log, flight.scenario_id)
         sys.stderr.write(f"  {path.relative_to(folder).as_posix()}: {_in_words(experiment.mission, log)}\n")
     # the last: the best of an evaluation
     sys.stderr.write(f"  to watch one: python -m telemetry replay {shlex.quote(str(path))}\n")

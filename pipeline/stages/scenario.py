@@ -7,7 +7,7 @@ from pipeline.flight.state.log import Scenario
 from pipeline.run import artifacts, tables
 from pipeline.scenarios import evaluation_scenarios, training_scenarios
 from pipeline.settings.experiment import Experiment
-from pipeline.settings.start_table import COLUMNS
+from pipeline.settings.start_table import COLUMNS, EVALUATION, TRAINING
 
 
 def run(experiment: Experiment, folder: Path) -> None:
@@ -16,9 +16,9 @@ def run(experiment: Experiment, folder: Path) -> None:
     sets: dict[str, list[Scenario]] = {}
     if "train" in experiment.stages or experiment.telemetry.record_training:
         for index in range(rounds):
-            sets[f"training-{index}"] = training_scenarios(experiment, index)
+            sets[f"{TRAINING}{index}"] = training_scenarios(experiment, index)
     if "evaluate" in experiment.stages:
-        sets["evaluation"] = evaluation_scenarios(experiment)
+        sets[EVALUATION] = evaluation_scenarios(experiment)
     rows: list[list[Any]] = []
     for name, scenarios in sets.items():
         for case, at in enumerate(scenarios):

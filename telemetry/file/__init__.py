@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 
-class RecordingError(Exception):
+class RecordingError(ValueError):
     """A recording cannot be written, read or shown; the message says what is wrong and how to fix it."""
 
 

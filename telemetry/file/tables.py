@@ -75,7 +75,7 @@ def _without_formulas(table: "pa.Table") -> "pa.Table":
 
     for index, field in enumerate(table.schema):
         if pa.types.is_string(field.type):
-            column = pa.compute.replace_substring_regex(table.column(index), r"\A([=+\-@\t\r])", r"'\1")
+            column = pa.compute.replace_substring_regex(table.column(index), r"\A(\s*[=+\-@]|[\t\r])", r"'\1")
             table = table.set_column(index, field, column)
     return table
 
@@ -99,7 +99,7 @@ def flat_table(recording: Recording, name: str) -> "pa.Table":
     """
     topic = recording[name]
     columns = _flat_columns(recording, topic)
-    units = {column: topics.unit_of(column) for column in columns}
+    units = {column: topic.units.get(column) or topics.unit_of(column) for column in columns}
     if name.startswith(topics.FIS_PREFIX):
         names = _component_names(recording, topic, "inputs") or ()
         words = recording.fis_description(name.removeprefix(topics.FIS_PREFIX))

@@ -353,10 +353,10 @@ class EpisodeWriter:
             elif name in topics.LENGTHS:
                 columns[name] = rows(values, len(time_ns), topics.LENGTHS[name] * instants, name)
             elif field.is_repeated or field.type == FieldDescriptor.TYPE_BYTES:
-                found = np.asarray(values, dtype=np.float64)
-                columns[name] = found.reshape(len(time_ns), found.size // max(len(time_ns), 1))
+                columns[name] = rows(values, len(time_ns), np.size(values) // max(len(time_ns), 1), name)
             else:
-                columns[name] = np.broadcast_to(np.asarray(values, dtype=np.float64), len(time_ns))
+                every = np.full(len(time_ns), values) if np.ndim(values) == 0 else values
+                columns[name] = rows(every, len(time_ns), 1, name)[:, 0]
         self._write(topic, time_ns, columns)
 
     def log(self, time_s: float, level: str, text: str) -> None:

@@ -3,6 +3,7 @@
 import subprocess
 import tempfile
 import time
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -49,11 +50,14 @@ def subjects(paths: Sequence[Path], instants_s: Sequence[float]) -> list[Subject
     found: list[Subject] = []
     flights = [path for path in paths if not path.is_dir()]
     if flights:
-        pictures = {f"replay-{instant:g}": instant for instant in instants_s}
+        pictures = {f"replay-{instant:.12g}": instant for instant in instants_s}
         found.append((replay.scene(flights), pictures))
     folders = [path for path in paths if path.is_dir()]
+    taken: Counter[str] = Counter()
     for folder in folders:
         name = "campaign" if len(folders) == 1 else f"campaign-{folder.resolve().name}"
+        taken[name] += 1
+        name += f"-{taken[name]}" if taken[name] > 1 else ""
         found.append((campaign.scene(folder), {name: 0.0}))
     return found
 

@@ -208,8 +208,6 @@ Write = Callable[[float], str]
 
 #: The similarity from which a removed and an added term count as one that was renamed.
 RENAMED_FROM = 0.7
-#: Inputs spread over the ranges.
-NUM_SPREAD = 4096
 #: New names of terms, by variable and old name.
 Names = dict[tuple[str, str], str]
 
@@ -380,7 +378,7 @@ def compare_outputs(
     names = [variable.name for variable in after.inputs]
     if sorted(names) != sorted(variable.name for variable in before.inputs):
         return ()
-    spread = spread_inputs(over_both_ranges(before, after), NUM_SPREAD)
+    spread = spread_inputs(over_both_ranges(before, after))
     changes = []
     for where, inputs in (("the ranges", spread), ("the flights", samples)):
         if inputs is not None and len(inputs):

@@ -15,8 +15,6 @@ from fis_tools.engines.compiler import compile
 from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.words.text import amount
 
-#: Samples of the whole ranges of the inputs.
-NUM_SPREAD = 4096
 #: Samples on which candidates are ranked; the step that is taken is measured on all.
 NUM_RANKING = 4096
 #: Changes below this share of a range are rounding errors.
@@ -142,7 +140,7 @@ class Bench:
 def bench_for(system: FuzzySystem, flown: Floats | None, budget: Budget) -> Bench:
     """Evaluate a system along its flights, if there are any, and over the whole ranges of its inputs."""
     samples = {FLOWN: flown} if flown is not None and len(flown) else {}
-    samples[SPREAD] = spread_inputs(system, NUM_SPREAD)
+    samples[SPREAD] = spread_inputs(system)
     compiled = compile(system)
     outputs = {name: compiled(rows) for name, rows in samples.items()}
     return Bench(budget, samples, outputs, np.array([variable.span for variable in system.outputs]))

@@ -132,7 +132,7 @@ def express(system: FuzzySystem, dialect: Dialect) -> Expressed:
                 "export as fll or json"
             )
     said = (
-        _expressed_weighed(system, variable, names, dialect)
+        _expressed_weighed(variable, names, dialect)
         if system.weighs(variable)
         else _expressed_variable(variable, names, dialect, is_output=True)
         for variable in system.outputs
@@ -280,7 +280,7 @@ def _expressed_variable(variable: Variable, names: Names, dialect: Dialect, *, i
     return with_universe(said, universe)
 
 
-def _expressed_weighed(system: FuzzySystem, output: Variable, names: Names, dialect: Dialect) -> Variable:
+def _expressed_weighed(output: Variable, names: Names, dialect: Dialect) -> Variable:
     """Say an output that is weighed: its universe is of no account, its terms have words of their own."""
     terms = []
     for term in output.terms:

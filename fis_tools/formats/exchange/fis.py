@@ -298,7 +298,7 @@ def _term_numbers(words: str, variables: Sequence[Variable], fractions: Fraction
             raise ControllerFileError(
                 f"{where}: {variable.name} has {len(variable.terms)} terms, and none numbered {abs(value):g}"
             )
-        if value:
+        if number or fraction:
             name = antecedents.ANY if fraction == _ANY else variable.terms[number - 1].name
             found.append((value < 0, fractions.get(fraction, ()), model.Is(variable.name, name)))
     return found
@@ -410,7 +410,7 @@ def whole_number(section: Block, key: str, least: int = 1) -> int:
 
 
 #: pi as MathWorks' own files have it, -pi/4
-_PI = re.compile(r"([-+]?)pi(?:/(\d+))?")
+_PI = re.compile(r"([-+]?)pi(?:/([1-9]\d*))?")
 
 
 def words_in(value: str, where: str) -> list[str]:

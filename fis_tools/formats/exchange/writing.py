@@ -173,9 +173,9 @@ def _is_word_for_word(rule: Rule, group: Sequence[Rule]) -> bool:
     return len(set(forms)) == 1
 
 
-def _listed(items: Sequence[str], most: int = 4) -> str:
-    more = f" and {len(items) - most} more" if len(items) > most else ""
-    return ", ".join(items[:most]) + more
+def _listed(items: Sequence[str]) -> str:
+    more = f" and {len(items) - 4} more" if len(items) > 4 else ""
+    return ", ".join(items[:4]) + more
 
 
 #: What the comment begins with; the number is the version of this way of carrying.

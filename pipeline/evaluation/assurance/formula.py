@@ -22,7 +22,7 @@ the end of a flight, as in rtamt: beyond it ``always`` requires nothing, and ``e
 import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from math import ceil, floor, inf, isinf
+from math import ceil, floor, inf, isfinite, isinf
 from typing import Final, NoReturn
 
 import numpy as np
@@ -289,6 +289,8 @@ class _Reader:
         if self.kind != "number":
             self.refuse("expected a number")
         value = float(self.word)
+        if not isfinite(value):
+            self.refuse("this number is too large")
         self._advance()
         place, unit = self._place, ""
         if self.word == "%" or (self.kind == "name" and self.word not in KEYWORDS):

@@ -17,7 +17,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from pipeline.array_types import Booleans, Floats
 from pipeline.evaluation.comparison import FLOWN, ComparisonRow, is_worse
 from pipeline.evaluation.monte_carlo import SUCCESS
-from pipeline.evaluation.statistics import Columns
+from pipeline.evaluation.statistics import Columns, succeeds
 from pipeline.report.figures import style
 
 #: colour, marker and its face; markers tell controllers apart without colours, and are open the second time
@@ -258,8 +258,8 @@ def _ended(columns: Columns) -> dict[str, tuple[Booleans, str, str]]:
 
 def ends(columns: Columns) -> tuple[Booleans, Booleans, Booleans]:
     """Return which flights ended in the ways of `ENDS`, in their order, each of shape (n,)."""
-    success, violated = (np.asarray(columns[name], dtype=np.bool_) for name in ("success", "violated"))
-    return success & ~violated, ~success & ~violated, violated
+    succeeded, violated = succeeds(columns), np.asarray(columns["violated"], dtype=np.bool_)
+    return succeeded, ~succeeded & ~violated, violated
 
 
 def _draw_points_by_case(ax: Axes, columns: Columns, needed: int) -> None:

@@ -232,6 +232,18 @@ def test_a_range_of_which_no_input_was_found_says_so():
     assert found.sentence.endswith("; no input that meets all conditions was found.")
 
 
+@pytest.mark.parametrize("max_boxes", [1, 2, 3, 7])
+def test_a_search_that_ends_early_still_bounds_all(max_boxes):
+    for system in (FORCE_X, FORCE_Z):
+        for output in output_ranges(system, max_boxes=max_boxes):
+            values = _on_grid(system, "")
+            assert output.outer.low <= values.min() <= values.max() <= output.outer.high
+        # of one point, where boxes promise no more than was found
+        point = ", ".join(f"{one.name} = {0.5 * (one.minimum + one.maximum)!r}" for one in system.inputs)
+        (alone,) = output_ranges(system, point, max_boxes=max_boxes)
+        assert alone.outer.low <= alone.inner.low <= alone.inner.high <= alone.outer.high
+
+
 def test_conditions_on_several_inputs_keep_them_inside_their_universes():
     # at (600, 0.25) the condition holds too, with other outputs than where a distance of 200 meets it
     region = read_region(FORCE_X, "distance - 1000 velocity_body_x >= 350")
@@ -270,6 +282,7 @@ def test_conditions_are_read_as_they_are_written():
         (["--where", "distance > 100, distance < 50"], "no 'distance' meets all conditions"),
         (["--where", "distance + 1000 velocity_body_x > 999"], "no inputs of the universes meet"),
         (["--where", "__import__('os')"], "there is no variable"),
+        (["--ask", "force_x - force_x >= 0"], "'force_x - force_x >= 0' has a sum of 0 whatever"),
         (["--ask", "force > 0"], "did you mean 'force_x'?"),
         (["--expect", "no"], "add --ask"),
         (["--boxes", "0"], "Give a whole number above 0"),

@@ -110,6 +110,26 @@ def test_a_copy_is_written_in_every_form_and_replaces_nothing_unasked(session, t
         assert sorted(system.name for system in read) == sorted(one.name for one in session.original.systems)
 
 
+def test_a_disk_that_is_full_leaves_the_controller_that_was_there(session, tmp_path, monkeypatch) -> None:
+    place = tmp_path / "own.json"
+    session.save(place, replaces=False)
+    before = place.read_bytes()
+    place.chmod(0o600)
+
+    def break_off(path, _):
+        path.touch()
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as full:
+        full.setattr(type(place), "write_bytes", break_off)
+        with pytest.raises(OSError, match="No space"):
+            session.save(place, replaces=True)
+    assert place.read_bytes() == before
+    assert list(tmp_path.iterdir()) == [place]
+    session.save(place, replaces=True)
+    assert place.stat().st_mode & 0o777 == 0o600
+
+
 @pytest.mark.parametrize(
     ("names", "file", "told"),
     [(("x", "z"), "copy.exe", "ends in none of"), (("../x", ".._X"), "copy.fis", "two systems would both")],

@@ -501,6 +501,7 @@ def test_how_it_flew_requirements_and_constants_are_told(opened, tmp_path):
     inside = {"count": 56, "fraction": 0.933, "low": 0.841, "high": 0.974}
     shares = {"success": share, "success_and_within_limits": inside}
     summary = {"num_cases": 60, "delta_v_m_s": mean, "inspection_rate_percent": mean, **shares}
+    summary["confidence_percent"] = 90.0
     (run / "evaluate" / "summary.json").write_text(json.dumps(summary))
     required = {"id": "R1", "text": "Stay outside.", "verified_by": ["test"], "why": "4 of 9 left"}
     evidence = {
@@ -515,6 +516,7 @@ def test_how_it_flew_requirements_and_constants_are_told(opened, tmp_path):
     logged, requirements = (shown.locator(part).inner_text() for part in ("#logged", "#requirements"))
     assert "56 of 60: 93.3 % (84.1 to 97.4)" in logged
     assert "57 of 60" not in logged
+    assert "90 % confidence intervals of shares in brackets" in logged
     assert "3 of 60: 5.0 % (1.7 to 13.7) inspect too little" in logged
     for words in ("R1", "failed", "For flights with Sun random, safety filter."):
         assert words in requirements
@@ -524,6 +526,9 @@ def test_how_it_flew_requirements_and_constants_are_told(opened, tmp_path):
     path.write_text(json.dumps(evidence | {"controller": {"name": "other", "sha256": "0"}}))
     with pytest.raises(ControllerFileError, match="about the controller 'other'"):
         written(CHAMPION, evidence=path)
+    (run / "evaluate" / "summary.json").write_text("{")
+    with pytest.raises(ControllerFileError, match=r"summary\.json: "):
+        written(CHAMPION, [run])
 
 
 @pytest.mark.parametrize(("width", "scheme"), [(1280, "light"), (390, "dark")])

@@ -99,8 +99,10 @@ def test_common_cases_are_found_in_any_order() -> None:
     rows, others = statistics.common_cases(first, second)
     assert sorted(rows) == sorted(order)
     assert (first["sun_angle_rad"][rows] == second["sun_angle_rad"][others]).all()
-    with pytest.raises(ValueError, match="share no case"):
-        statistics.compare(first, evaluation(2), 95.0)
+    moving = first | {"velocity_y_m_s": first["velocity_y_m_s"] + 0.1}
+    for other in (evaluation(2), moving):
+        with pytest.raises(ValueError, match="share no case"):
+            statistics.compare(first, other, 95.0)
 
 
 def test_two_runs_by_tests_of_scipy() -> None:
@@ -137,6 +139,10 @@ def test_effects_are_those_put_in() -> None:
     between = [evaluation(2)["delta_v_m_s"].mean() - evaluation(1)["delta_v_m_s"].mean()]
     assert told["seed", "2"].difference.mean == pytest.approx(between[0])
     assert told["seed", "2"].difference.count == 1
+    extended = [*runs, ({"sun": "fixed"}, evaluation(1)), ({"sun": "random"}, evaluation(1, shift=0.5))]
+    more = [one for one in statistics.effects(extended, 95.0) if one.metric is statistics.METRICS[0]]
+    assert [one.difference for one in more if one.factor == "law"] == [several.difference, single.difference]
+    assert [one.difference.mean for one in more if one.factor == "sun"] == [pytest.approx(0.5)]
 
 
 def test_runs_of_the_same_cases_count_once() -> None:

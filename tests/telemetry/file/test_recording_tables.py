@@ -64,9 +64,10 @@ def test_csv_has_no_cell_that_a_spreadsheet_runs(short_flight, tmp_path):
     with EpisodeWriter(tmp_path / "flight.mcap", metadata=metadata, attachments={}) as writer:
         writer.log(0.0, "info", "=HYPERLINK(1)")
         writer.log(1.0, "info", "near the limit")
+        writer.log(2.0, "info", " \t@SUM(1)")
     export(telemetry.read(tmp_path / "flight.mcap"), tmp_path / "tables", "csv")
     table = pyarrow.csv.read_csv(tmp_path / "tables" / "log.csv")
-    assert table["message"].to_pylist() == ["'=HYPERLINK(1)", "near the limit"]
+    assert table["message"].to_pylist() == ["'=HYPERLINK(1)", "near the limit", "' \t@SUM(1)"]
 
 
 def units(table: pa.Table) -> dict[str, str]:

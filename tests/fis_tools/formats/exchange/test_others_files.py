@@ -55,6 +55,11 @@ def test_slips_of_fis_files_are_put_right_and_told():
     y, z = compile(system)(np.array([[0.5]]))[0]
     assert z == pytest.approx(0.5 * 2 + 0.5 * 6)
     assert y == pytest.approx(0.8, abs=1e-9)
+    text = (HERE / "slips.fis").read_text()
+    with pytest.raises(ControllerFileError, match="/0' is not a finite number"):
+        serialize.loads(text.replace("pi/4]", "pi/0]"), "fis")
+    (system,) = serialize.loads(text.replace("1, 1 1 (1) : 1", "1, 1e-10 1 (1) : 1"), "fis").systems
+    assert [one.variable for one in system.rules[0].consequents] == ["z"]
 
 
 def test_hedges_in_a_fis_file_of_fuzzylites_are_fuzzylites():
