@@ -218,8 +218,7 @@ def check_before(experiment: Experiment) -> None:
     if "assure" in experiment.stages:
         from pipeline.evaluation.assurance.requirements import read_named, require_heard  # noqa: PLC0415
 
-        found, mission = read_named(experiment.assurance.requirements), experiment.mission
-        require_heard(found, mission.duration_s, mission.control_period_s)
+        require_heard(read_named(experiment.assurance.requirements), experiment.mission)
     if "optimum" in experiment.stages:
         from pipeline.optimum.problem import check_light  # noqa: PLC0415 - compiled code, like the controller's
         from pipeline.optimum.solved import check_points  # noqa: PLC0415 - the same

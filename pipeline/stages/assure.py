@@ -17,6 +17,7 @@ from pipeline.controllers.source import controller_of_run
 from pipeline.evaluation.assurance import evidence
 from pipeline.evaluation.assurance.campaign import Flights, Outcome, Search, case_space, judged, search, speed
 from pipeline.evaluation.assurance.evidence import Domain, domain_of, left_on
+from pipeline.evaluation.assurance.formula import comparisons
 from pipeline.evaluation.assurance.proofs import TubeProof, certificates, safety_proof
 from pipeline.evaluation.assurance.quantities import track_of
 from pipeline.evaluation.assurance.requirements import (
@@ -225,7 +226,9 @@ def _record_worst(
     track, points = track_of(reader.read(path, (DEPUTY_CONTROL, DEPUTY_STATE, MISSION)))
     again = judged(track, points, {requirement.id: requirement.formula}, mission.control_period_s)
     recorded = float(again[requirement.id].margins[0])
-    if not abs(recorded - margin) <= 1e-5 * max(1.0, abs(margin)):
+    # tracks have single precision: the larger the numbers compared, the larger the error of the margin
+    largest = max(abs(one.constant) for one in comparisons(requirement.formula)) + abs(margin)
+    if not abs(recorded - margin) <= max(1e-5, 1e-6 * largest):
         raise artifacts.ArtifactError(
             f"{path} has a margin of {recorded:g}, but {source} was found with {margin:g}; the flight is "
             "not the one that was found: report this"

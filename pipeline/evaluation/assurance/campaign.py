@@ -63,7 +63,7 @@ class Flights:
             If flights of this mission do not determine a formula.
         """
         mission = self._mission
-        require_heard(requirements, mission.duration_s, mission.control_period_s)
+        require_heard(requirements, mission)
         formulas = {one.id: one.formula for one in requirements if one.formula is not None}
         parts: list[dict[str, Outcome]] = []
         for first in range(0, len(scenarios), PART):

@@ -4,9 +4,17 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
-from pipeline.evaluation.assurance.formula import Formula, FormulaError, idle_window, parse, unit_of
+from pipeline.evaluation.assurance.formula import (
+    Formula,
+    FormulaError,
+    idle_window,
+    parse,
+    quantities_of,
+    unit_of,
+)
 from pipeline.evaluation.assurance.quantities import UNITS
 from pipeline.run import configuration
+from pipeline.settings.experiment import Mission
 from pipeline.settings.keys import choices_of, did_you_mean
 from pipeline.settings.places import requirements_path
 
@@ -209,14 +217,22 @@ def _text(entry: Mapping[str, Any], key: str, where: str, cure: str = "give it a
     return value.strip()
 
 
-def require_heard(requirements: Sequence[Requirement], duration_s: float, period_s: float) -> None:
-    """Refuse formulas of which some part says nothing about flights of a duration, wherever it stands.
+def require_heard(requirements: Sequence[Requirement], mission: Mission) -> None:
+    """Refuse formulas of which some part says nothing about a mission's flights, wherever it stands.
 
     Raises
     ------
     RequirementError
     """
+    duration_s, period_s = mission.duration_s, mission.control_period_s
     for one in requirements:
+        named = quantities_of(one.formula) if one.formula else ()
+        counted = [name for name in ("inspection_rate", "inspectable_rate") if name in named]
+        if counted and mission.chief.weights != "equal":
+            raise RequirementError(
+                f"{one.id}: {counted[0]} counts points, but with chief.weights={mission.chief.weights} "
+                "what counts is their weight; leave it out, and see the success of +experiment=evaluate"
+            )
         idle = one.formula and idle_window(one.formula, duration_s, period_s)
         if idle:
             raise RequirementError(

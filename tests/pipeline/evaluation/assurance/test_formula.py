@@ -11,10 +11,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from pipeline.command_line.config import compose_experiment
+from pipeline.command_line.guide import options
 from pipeline.evaluation.assurance import formula as stl
 from pipeline.evaluation.assurance import requirements
 from pipeline.evaluation.assurance.requirements import METHODS, Question, RequirementError, read
-from pipeline.settings.places import requirements_path
+from pipeline.settings.experiment import Mission
+from pipeline.settings.places import conf_folder, requirements_path
 
 UNITS = {"distance": "m", "speed": "m/s", "inspection_rate": "%", "points": ""}
 NEAR = stl.Comparison((("distance", -1.0),), 60.0, True, "m")
@@ -179,7 +182,7 @@ def test_mistakes_name_the_requirement_and_the_cure(text, words):
 
 
 def test_requirements_that_are_not_there_are_told_with_those_that_ship(tmp_path):
-    with pytest.raises(FileNotFoundError, match=r"ship \(docking, .*, inspection_low_orbit\)"):
+    with pytest.raises(FileNotFoundError, match=r"ship \(docking, .*, inspection_rso\)"):
         requirements_path(str(tmp_path / "none.yaml"))
 
 
@@ -197,8 +200,33 @@ def test_requirements_that_are_not_there_are_told_with_those_that_ship(tmp_path)
 def test_a_part_that_no_sample_reaches_is_refused_wherever_it_stands(formula):
     found = read(changed(0, formula=formula), "mine").requirements
     with pytest.raises(RequirementError, match=r"R1: its part from .* says nothing about a flight of 3600 s"):
-        requirements.require_heard(found, 3600.0, 10.0)
-    requirements.require_heard(read(SHIPPED, "").requirements, 3600.0, 10.0)
+        requirements.require_heard(found, Mission())
+    requirements.require_heard(read(SHIPPED, "").requirements, Mission())
+
+
+@pytest.mark.parametrize("world", options([conf_folder()])["world"])
+def test_each_world_is_asked_for_its_own_limits(world):
+    experiment = compose_experiment(["+experiment=assure", f"world={world}"]).experiment
+    mission, found = experiment.mission, requirements.read_named(experiment.assurance.requirements)
+    requirements.require_heard(found, mission)
+    near, far = (
+        stl.parse(one, UNITS)
+        for one in (
+            f"always distance >= {mission.deputy.min_distance_m} m",
+            f"always distance <= {mission.deputy.max_distance_m} m",
+        )
+    )
+    assert [one.formula for one in found[:2]] == [near, far]
+    rates = {one for each in found[2:] if each.formula for one in stl.comparisons(each.formula)}
+    asked = [-one.constant for one in rates if one.factors[0][0] in ("inspection_rate", "inspectable_rate")]
+    is_weighed = mission.chief.weights == "priority"
+    assert asked == ([] if is_weighed else [mission.inspection_threshold_percent])
+    most = f"{mission.deputy.max_force_n:g}"
+    forces = {f"force_{axis} {sign}{most}" for axis in "xyz" for sign in ("> ", "< -")}
+    assert {question.ask for question in found[-1].questions} == forces
+    if is_weighed:
+        with pytest.raises(RequirementError, match="R3: inspection_rate counts points, but"):
+            requirements.require_heard(read(SHIPPED, "").requirements, mission)
 
 
 def test_a_comparison_whose_quantities_cancel_is_refused():
