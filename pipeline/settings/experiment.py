@@ -255,7 +255,7 @@ class Experiment:
     logger: Logger = field(default_factory=Logger)
     reproducible: checks.Flag = False
     """Whether libraries compute alike on all x86-64 processors."""
-    case: Annotated[checks.Natural, Only("telemetry.record_start=true")] | None = None
+    case: Annotated[checks.Natural | None, Only("telemetry.record_start=true")] = None
     """Case of the evaluation that telemetry.record_start flies; null: the given start."""
     resume: bool = False
 

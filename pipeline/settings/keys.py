@@ -118,12 +118,12 @@ def with_values(config: Mapping[str, Any], values: Mapping[str, Any]) -> dict[st
 
 
 def without(config: Mapping[str, Any], keys: Iterable[str]) -> dict[str, Any]:
-    """Return a configuration without some dotted keys; those of no group stay."""
+    """Return a configuration without some dotted keys; whole groups stay."""
     left = copy.deepcopy(dict(config))
     for key in keys:
         group, _, name = key.rpartition(".")
         node = value_at(left, group)
-        if isinstance(node, dict) and group:
+        if isinstance(node, dict) and (group or not isinstance(node.get(name), dict)):
             node.pop(name, None)
     return left
 
