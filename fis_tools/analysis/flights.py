@@ -235,6 +235,17 @@ def read_flight(
     return tuple(flown if all_periods else flown.at(flown.is_counted) for flown in flown_systems)
 
 
+def flying(path: Path | str) -> FuzzyController | None:
+    """Return the controller that a logged flight carries along; None for a table.
+
+    Raises
+    ------
+    ControllerFileError
+        If the file cannot be read, or carries none.
+    """
+    return None if tables.is_table(path) else _controller_of(_read(path, topics=()))
+
+
 def read_outcome(path: Path | str) -> Outcome:
     """Read how a flight went.
 

@@ -389,6 +389,10 @@ class FuzzyController:
             raise Mistake(f"controller {self.name!r} has several systems, {names}; {cure}")
         return self.systems[0]
 
+    def acts_like(self, other: "FuzzyController") -> bool:
+        """Return whether both have the same systems and attributes, whatever they are called and are for."""
+        return (self.systems, self.attributes) == (other.systems, other.attributes)
+
     def with_provenance(self, facts: Mapping[str, str]) -> "FuzzyController":
         """Return it with more facts in its provenance; they replace those of the same keys."""
         return replace(self, provenance=tuple(sorted({**dict(self.provenance), **facts}.items())))

@@ -124,10 +124,9 @@ def not_covered(
         )
     if evidence and evidence.get("conditions"):
         gaps.append("Other conditions than those of the verdicts.")
-    if not evaluations:
-        gaps.append(
-            f"How often it fails: no evaluation was given. Selected {noun}s are pictures, not statistics."
-        )
+    if not any(one.is_own for one in evaluations):
+        given = "the evaluation is of another controller" if evaluations else "no evaluation was given"
+        gaps.append(f"How often it fails: {given}. Selected {noun}s are pictures, not statistics.")
     if not all(one.are_flown for one in samples.values()):
         gaps.append("Inputs that come together in use: rules are counted over all inputs alike.")
     gaps.append("What happens between decisions, and whether a real system behaves as the simulated one.")

@@ -28,7 +28,7 @@ class Flight:
     flown : mapping of str to flights.FlownSystem
         What each system did on it, by the system's name.
     is_own : bool
-        Whether the reviewed controller flew it: every system as it is now.
+        Whether the reviewed controller flew it: with systems and attributes as they are now.
     """
 
     name: str
@@ -70,7 +70,8 @@ def read_flights(
         read = flights.read_flight(path, all_periods, controller)
         flights.require_same_inputs(path, (one.system for one in read), controller)
         flown = {one.system.name: one for one in read if one.system.name in own}
-        found.append(Flight(name, flown, all(one.system == own[key] for key, one in flown.items())))
+        flew = flights.flying(path)
+        found.append(Flight(name, flown, flew is None or controller.acts_like(flew)))
     return found
 
 
@@ -123,21 +124,29 @@ def recordings(paths: Sequence[Path | str]) -> list[Path]:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """All flights of a run's evaluation: their summary, and which failed worst."""
+    """All flights of a run's evaluation: their summary, which failed worst, and whose they are.
+
+    They are the reviewed controller's own if the summary names its SHA-256.
+    """
 
     summary: Mapping[str, Any]
     worst: str
+    is_own: bool
 
 
-def evaluations(paths: Sequence[Path | str]) -> list[Evaluation]:
-    """Return the evaluations of the runs that are named, or whose recordings are."""
+def evaluations(paths: Sequence[Path | str], sha256: str) -> list[Evaluation]:
+    """Return the evaluations of the runs that are named, or whose recordings are.
+
+    `sha256` is the fingerprint of the reviewed controller.
+    """
     folders = [path if path.is_dir() else path.parent.parent for path in map(Path, paths)]
     found = []
     for folder in dict.fromkeys(folders):
         if (folder / SUMMARY).is_file():
             with told_as(ControllerFileError, ValueError, where=f"{folder / SUMMARY}: "):
                 summary = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
-            found.append(Evaluation(summary, _worst(folder / EPISODES)))
+            is_own = summary.get("controller_sha256") == sha256
+            found.append(Evaluation(summary, _worst(folder / EPISODES), is_own))
     return found
 
 
@@ -174,7 +183,8 @@ def failures(evaluation: Evaluation) -> str:
     if found := summary.get("violated"):
         parts.append(f"{_share(found, count)} {leaving}")
     worst = f" The worst: {evaluation.worst}." if evaluation.worst else ""
-    return f"Over all {count:,} flights of the evaluation: {'; '.join(parts)}.{worst}"
+    whose = "" if evaluation.is_own else " of another controller, which tells nothing of this one"
+    return f"Over all {count:,} flights of the evaluation{whose}: {'; '.join(parts)}.{worst}"
 
 
 def flown_table(
@@ -188,7 +198,7 @@ def flown_table(
     has_goal = any(END in one.summary for one in evaluations) or any(one.end_s is not None for one in flown)
     achieved, failed = ("goal reached (%)", "failed on the way") if has_goal else ("inspected (%)", "outside")
     heads = ("flights", "delta-v (m/s)", achieved, "success", "distance (m)", failed, "safety acted")
-    rows = [_evaluation_row(one.summary) for one in evaluations]
+    rows = [_evaluation_row(one) for one in evaluations]
     rows += [_flight_row(name, one) for name, one in zip(names, flown, strict=True)]
     levels = dict.fromkeys(f"{one.summary.get('confidence_percent', 95.0):g} %" for one in evaluations)
     intervals = f"; {' and '.join(levels)} confidence intervals of shares in brackets" if levels else ""
@@ -202,11 +212,11 @@ SUCCESS = "success_and_within_limits"
 END = "end_s"
 
 
-def _evaluation_row(summary: Mapping[str, Any]) -> list[str]:
-    count = summary["num_cases"]
+def _evaluation_row(evaluation: Evaluation) -> list[str]:
+    summary, count = evaluation.summary, evaluation.summary["num_cases"]
     spent, rate = (summary[name] for name in ("delta_v_m_s", "inspection_rate_percent"))
     return [
-        f"all {count} of the evaluation",
+        f"all {count} of the evaluation{'' if evaluation.is_own else ' of another controller'}",
         f"{spent['mean']:.3f} ± {spent['standard_deviation']:.3f}",
         f"{rate['mean']:.2f} ± {rate['standard_deviation']:.2f}",
         _share(summary.get(SUCCESS), count),

@@ -83,7 +83,7 @@ def write(
     samples = {system.name: flown.samples_of(system, logged, noun) for system in systems}
     sensed = {name: some.inputs for name, some in samples.items() if some.are_flown}
     audited = audit(controller, sensed if logged else None)
-    evaluated = flown.evaluations(flight_paths)
+    evaluated = flown.evaluations(flight_paths, fingerprint)
     names = [flight.name for flight in compress(logged, is_flight)]
     evidenced, requirements = (None, []) if evidence is None else content.read_evidence(evidence, fingerprint)
     title = "How it flew" if noun == "flight" else "How it answered"

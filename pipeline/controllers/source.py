@@ -3,6 +3,7 @@
 Reading one executes no code from it.
 """
 
+import hashlib
 from collections.abc import Mapping
 from dataclasses import replace
 from importlib import import_module
@@ -117,6 +118,13 @@ def controller_of_run(experiment: Experiment, folder: Path) -> Controller:
     if controller.fuzzy is not None and "path" in experiment.controller:
         writing.write_atomically(kept, serialize.dump_json(controller.fuzzy) + "\n")
     return controller
+
+
+def sha256_of(controller: Controller) -> str | None:
+    """Return the hash of a fuzzy controller's text or of a policy's file; None for others."""
+    if controller.pilot is not None:
+        return hashlib.sha256(controller.pilot.source).hexdigest()
+    return serialize.fingerprint(controller.fuzzy) if controller.fuzzy else None
 
 
 def controller_of_kind(kind: str, settings: Planned, mission: Mission) -> Controller:

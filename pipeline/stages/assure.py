@@ -1,6 +1,5 @@
 """Gather evidence for requirements: flights, searches, proofs and a page of the results: assure/."""
 
-import hashlib
 import json
 import sys
 import time
@@ -13,7 +12,7 @@ import numpy as np
 
 from fis_tools.analysis.domain import as_mapping
 from fis_tools.formats.serialize import fingerprint
-from pipeline.controllers.source import controller_of_run
+from pipeline.controllers.source import controller_of_run, sha256_of
 from pipeline.evaluation.assurance import evidence
 from pipeline.evaluation.assurance.campaign import Flights, Outcome, Search, case_space, judged, search, speed
 from pipeline.evaluation.assurance.evidence import Domain, domain_of, left_on
@@ -256,13 +255,6 @@ def _write(folder: Path, name: str, table: Mapping[str, Any]) -> None:
         (folder / name).unlink(missing_ok=True)
 
 
-def _fingerprint(controller: Controller) -> str | None:
-    """Return the hash of a fuzzy controller's text or of a policy's file; None for others."""
-    if controller.pilot is not None:
-        return hashlib.sha256(controller.pilot.source).hexdigest()
-    return fingerprint(controller.fuzzy) if controller.fuzzy else None
-
-
 def _bounds_of_starts(cases: MonteCarlo) -> tuple[float, float, float]:
     """Return the least and the greatest distance of starts, m, and their greatest speed, m/s."""
     if cases.box is None:
@@ -284,7 +276,7 @@ def _provenance(
         "schema": evidence.SCHEMA,
         "schema_version": evidence.SCHEMA_VERSION,
         "name": requirements.name,
-        "controller": {"name": controller.name, "sha256": _fingerprint(controller)},
+        "controller": {"name": controller.name, "sha256": sha256_of(controller)},
         "conditions": {
             "num_cases": experiment.assurance.num_cases,
             "seed": experiment.seed,

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.controllers.source import controller_of_run
+from pipeline.controllers.source import controller_of_run, sha256_of
 from pipeline.evaluation.monte_carlo import SUCCESS, episode_columns, fly_cases, summarise
 from pipeline.evaluation.statistics import Column, percentiles, sensitivity
 from pipeline.flight.control.controller import Controller
@@ -36,6 +36,7 @@ def run(experiment: Experiment, folder: Path) -> None:
     confidence = experiment.monte_carlo.confidence_percent
     summary = {
         "controller": controller.name,
+        "controller_sha256": sha256_of(controller),
         "sun": experiment.sun_in_words,
         "num_cases": num_cases,
         "seed": experiment.seed,

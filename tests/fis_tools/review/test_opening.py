@@ -91,12 +91,12 @@ def test_failures_are_counted_over_all_flights_of_the_run_of_a_recording(tmp_pat
         "inspection_rate_percent": [99.0, 71.0, 97.0, 99.0],
     }
     pq.write_table(pa.table(columns), tmp_path / "evaluate" / "episodes.parquet")
-    found = flown.evaluations([tmp_path / "episodes" / "best.mcap", tmp_path])
+    found = flown.evaluations([tmp_path / "episodes" / "best.mcap", tmp_path], "")
     assert len(found) == 1
     told = flown.failures(found[0])
     assert "1 of 4: 25.0 %" in told
     assert told.endswith("The worst: case 1 (71.0 %), case 2 (97.0 %, outside).")
-    assert flown.evaluations([tmp_path / "elsewhere" / "episodes" / "best.mcap"]) == []
+    assert flown.evaluations([tmp_path / "elsewhere" / "episodes" / "best.mcap"], "") == []
 
 
 @pytest.mark.parametrize("controller", ['"x"', "[" * 100_000], ids=["a word", "too deep"])

@@ -501,7 +501,7 @@ def test_how_it_flew_requirements_and_constants_are_told(opened, tmp_path):
     inside = {"count": 56, "fraction": 0.933, "low": 0.841, "high": 0.974}
     shares = {"success": share, "success_and_within_limits": inside}
     summary = {"num_cases": 60, "delta_v_m_s": mean, "inspection_rate_percent": mean, **shares}
-    summary["confidence_percent"] = 90.0
+    summary |= {"confidence_percent": 90.0, "controller_sha256": serialize.fingerprint(CHAMPION)}
     (run / "evaluate" / "summary.json").write_text(json.dumps(summary))
     required = {"id": "R1", "text": "Stay outside.", "verified_by": ["test"], "why": "4 of 9 left"}
     evidence = {
@@ -526,6 +526,17 @@ def test_how_it_flew_requirements_and_constants_are_told(opened, tmp_path):
     path.write_text(json.dumps(evidence | {"controller": {"name": "other", "sha256": "0"}}))
     with pytest.raises(ControllerFileError, match="about the controller 'other'"):
         written(CHAMPION, evidence=path)
+    lazy = replace(
+        CHAMPION, attributes=tuple({**dict(CHAMPION.attributes), "coast_below_points": "90"}.items())
+    )
+    told = opened(written(lazy, [run])).locator("main").inner_text()
+    for words in (
+        "flown by another controller",
+        "Over all 60 flights of the evaluation of another controller, which tells nothing of this one",
+        "all 60 of the evaluation of another controller",
+        "How often it fails: the evaluation is of another controller.",
+    ):
+        assert words in told
     (run / "evaluate" / "summary.json").write_text("{")
     with pytest.raises(ControllerFileError, match=r"summary\.json: "):
         written(CHAMPION, [run])
