@@ -110,7 +110,7 @@ def _gather(experiment: Experiment, folder: Path, requirements: Requirements) ->
     )
     _write(folder, artifacts.ASSURED_CASES, evidence.case_columns(mission, scenarios, outcomes))
     domain = _domain(experiment, controller, folder)
-    proof = safety_proof(mission, scenarios)
+    proof = safety_proof(mission, scenarios, _bounds_of_starts(experiment.monte_carlo))
     recorder = FlightRecorder(experiment, controller, configuration.read(folder))
     entries, all_found = [], []
     for one in requirements.requirements:

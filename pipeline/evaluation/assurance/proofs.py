@@ -15,8 +15,9 @@ from pipeline.evaluation.assurance.formula import Always, And, Comparison, Formu
 from pipeline.evaluation.assurance.requirements import Question, Requirement, RequirementError
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.period.act.safety import STANDING, most_exceeded
+from pipeline.flight.state.arrays import Guard
 from pipeline.flight.state.log import Scenario
-from pipeline.flight.world.bounds import ROUNDING_M, Bounds, bounds_of, is_exact, spheres_of
+from pipeline.flight.world.bounds import ROUNDING_M, Bounds, bounds_of, is_exact, norm, spheres_of
 from pipeline.flight.world.pack import pack_world
 from pipeline.settings.experiment import Mission
 
@@ -101,7 +102,11 @@ class SafetyProof:
     keep_out_m, keep_in_m : float
         The spheres between which it keeps the deputy: samples where all is exact, else any time.
     num_starts, num_safe : int
-        Starts, and how many of them are safe states, the base case of the induction.
+        Starts that were drawn, and how many of them are safe states, the base case of the induction.
+    starts : str
+        From where all can be drawn, in words.
+    are_all_safe : bool
+        Whether all of these are surely safe states.
     """
 
     is_on: bool
@@ -109,13 +114,16 @@ class SafetyProof:
     keep_in_m: float
     num_starts: int
     num_safe: int
+    starts: str = ""
+    are_all_safe: bool = True
     failing: tuple[str, ...] = ()
     assumed: tuple[str, ...] = ()
     probability: float = 1.0
 
     def proves(self, formula: Formula) -> bool:
-        """Return whether the layer's proof implies a formula, for these flights at their samples."""
-        is_proved = self.is_on and not self.failing and self.num_safe == self.num_starts
+        """Return whether the layer's proof implies a formula, for all flights at their samples."""
+        are_safe = self.are_all_safe and self.num_safe == self.num_starts
+        is_proved = self.is_on and not self.failing and are_safe
         return is_proved and _follows(formula, (self.keep_out_m, self.keep_in_m))
 
 
@@ -151,8 +159,32 @@ def premises(mission: Mission, bounds: Bounds) -> tuple[tuple[str, ...], tuple[s
     return tuple(one for one in failing if failing[one]), tuple(one for one in assumed if assumed[one])
 
 
-def safety_proof(mission: Mission, scenarios: Sequence[Scenario]) -> SafetyProof:
-    """Check the premises of the safety layer's proof for the starts of some flights."""
+def are_safe(guard: Guard, near_m: float, far_m: float, speed_m_s: float) -> bool:
+    """Return whether all states are surely safe that are as near, as far, and as fast at most.
+
+    By norms of what the stop needs and of where it leads; a state may be safe where this says no.
+    """
+    place = guard.places.transition[1, :3]  # the stop's
+    strayed = norm(place[:, :3] - np.eye(3)) * far_m + norm(place[:, 3:]) * speed_m_s
+    force = norm(guard.stop[:, :3]) * far_m + norm(guard.stop[:, 3:]) * speed_m_s
+    is_between = guard.keep_out <= near_m - strayed and far_m + strayed <= guard.keep_in
+    is_slow = speed_m_s <= guard.speed_at_chief + guard.speed_slope * near_m
+    return is_between and is_slow and force <= guard.braking_force
+
+
+def safety_proof(
+    mission: Mission, scenarios: Sequence[Scenario], shell: tuple[float, float, float]
+) -> SafetyProof:
+    """Check the premises of the safety layer's proof.
+
+    Parameters
+    ----------
+    mission : Mission
+    scenarios : sequence of Scenario
+        The starts of some flights.
+    shell : (float, float, float)
+        What all starts are drawn from: the least and the greatest distance, m, and the greatest speed, m/s.
+    """
     is_on = mission.safety.kind == "filter"
     bounds, probability = bounds_of(mission), 1.0
     failing: tuple[str, ...] = ()
@@ -164,12 +196,16 @@ def safety_proof(mission: Mission, scenarios: Sequence[Scenario]) -> SafetyProof
         # the limits themselves, and half of what is kept for rounding: all margins are for errors
         (out, far), spare = spheres_of(mission, bounds), 0.5 * ROUNDING_M
         spheres = out - bounds.keep_out_m - spare, far + bounds.keep_in_m + spare
-    num_safe = 0
+    num_safe, is_whole = 0, False
     if is_on:
         world = pack_world(mission)
+        is_whole = are_safe(world.guard, *shell)
         flying = ((Three(*one.position_m), Three(*one.velocity_m_s)) for one in scenarios)
         num_safe = sum(most_exceeded(world, one, STANDING)[2] <= 0.0 for one in flying)
-    return SafetyProof(is_on, *spheres, len(scenarios), num_safe, failing, assumed, probability)
+    near, far, speed = shell
+    starts = f"at {near:g} to {far:g} m and " + (f"up to {speed:g} m/s" if speed else "at rest")
+    counts = len(scenarios), num_safe
+    return SafetyProof(is_on, *spheres, *counts, starts, is_whole, failing, assumed, probability)
 
 
 @dataclass(frozen=True)

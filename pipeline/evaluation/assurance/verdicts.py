@@ -264,10 +264,12 @@ def _of_the_layer(requirement: Requirement, proof: SafetyProof) -> Outcome:
     elif proof.num_safe < proof.num_starts:
         starts = f"{proof.num_starts - proof.num_safe:,} of {proof.num_starts:,} starts"
         why = f"{starts} are not safe states, from which the proof begins"
+    elif not proof.are_all_safe:
+        why = f"starts {proof.starts} need not be safe states, from which the proof begins"
     elif requirement.formula is None or not proof.proves(requirement.formula):
         why = f"the safety layer keeps {spheres}, from which this does not follow"
     else:
-        why = f"the safety layer keeps {spheres}, from all {proof.num_starts:,} starts"
+        why = f"the safety layer keeps {spheres}, from all starts {proof.starts}"
         if proof.probability < 1.0:
             why += f", while errors are within their bounds, as in {percent(proof.probability)} of flights"
         why += f", provided that {' and '.join(proof.assumed)}" if proof.assumed else ""

@@ -6,14 +6,17 @@ import numpy as np
 import pytest
 from scipy.stats import binom, binomtest
 
+from fis_tools.compiled.three import Three
 from pipeline.evaluation.assurance import proofs, verdicts
 from pipeline.evaluation.assurance.campaign import Outcome, Search
 from pipeline.evaluation.assurance.formula import parse
-from pipeline.evaluation.assurance.proofs import Certificate, safety_proof
+from pipeline.evaluation.assurance.proofs import Certificate, are_safe, safety_proof
 from pipeline.evaluation.assurance.quantities import UNITS
 from pipeline.evaluation.assurance.requirements import Question, Requirement, RequirementError
 from pipeline.evaluation.assurance.verdicts import Found, sentence, verdict
+from pipeline.flight.period.act.safety import most_exceeded
 from pipeline.flight.state.log import Scenario
+from pipeline.flight.world.pack import pack_world
 from tests.fis_tools import step_by_step
 from tests.pipeline.evaluation.assurance.cases import champion, experiment, scenarios
 
@@ -100,13 +103,15 @@ def test_what_an_example_answers_with_yes_is_no_proof_and_only_the_systems_asked
 
 
 KEPT = "always (distance >= 15 m)"
+#: of the starts that a mission has if nothing else is asked for: distances, m, and speed, m/s
+SHELL = 50.0, 100.0, 0.0
 ROBUST = "safety=robust", "actuators=real"
 HEAVIER = "+dispersions.deputy.mass_kg={kind:uniform,low:11.0,high:13.0}"
 
 
 @pytest.mark.slow
 def test_the_layer_proves_what_follows_from_its_spheres():
-    proof = safety_proof(experiment("safety=filter").mission, scenarios(20))
+    proof = safety_proof(experiment("safety=filter").mission, scenarios(20), SHELL)
     assert (proof.num_safe, proof.keep_out_m, proof.keep_in_m) == (20, 16.0, 198.0)
     claims = {
         KEPT: True,
@@ -118,6 +123,30 @@ def test_the_layer_proves_what_follows_from_its_spheres():
     }
     assert {text: proof.proves(parse(text, UNITS)) for text in claims} == claims
     assert not replace(proof, is_on=False).proves(parse(KEPT, UNITS))
+    # faster than the layer allows at 50 m, which few drawn starts are
+    fast = safety_proof(experiment("safety=filter").mission, scenarios(20), (50.0, 100.0, 0.5))
+    assert (fast.num_safe, fast.are_all_safe) == (20, False)
+    assert not fast.proves(parse(KEPT, UNITS))
+    told = verdicts.outcomes(Found(REQUIREMENT, proof=fast))["safety_layer"].why
+    assert told.startswith("starts at 50 to 100 m and up to 0.5 m/s need not be safe states")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("overrides", [(), ("world=rso",), ("world=afrl",), ("safety=robust", "world=leo")])
+def test_a_shell_is_safe_only_if_all_states_in_it_are(overrides):
+    world, generator = pack_world(experiment("safety=filter", *overrides).mission), np.random.default_rng(1)
+    found = []
+    for near, width, speed in generator.uniform((10.0, 1.0, 0.0), (250.0, 150.0, 0.8), (200, 3)):
+        found.append(are_safe(world.guard, near, near + width, speed))
+        if found[-1]:
+            drawn = generator.normal(size=(2, 40, 3))
+            ways, moving = drawn / np.linalg.norm(drawn, axis=2, keepdims=True)
+            ways[:20] *= near
+            ways[20:] *= near + width
+            states = zip(ways, speed * moving, strict=True)
+            assert all(most_exceeded(world, (Three(*r), Three(*v)), 2)[2] <= 0.0 for r, v in states)
+    assert any(found)
+    assert not all(found)
 
 
 @pytest.mark.parametrize(
@@ -125,7 +154,7 @@ def test_the_layer_proves_what_follows_from_its_spheres():
     [("world=leo", 2), ("dynamics=low_orbit", 1), ("actuators=real", 0), ("navigation=range_bearing", 2)],
 )
 def test_with_bounds_the_layer_proves_its_limits_where_nothing_is_exact(override: str, num_assumed: int):
-    proof = safety_proof(experiment("safety=robust", override).mission, scenarios(2))
+    proof = safety_proof(experiment("safety=robust", override).mission, scenarios(2), SHELL)
     assert (proof.failing, len(proof.assumed), proof.probability) == ((), num_assumed, 0.999)
     assert proof.proves(parse("always (distance >= 15 m) and always (distance <= 200 m)", UNITS))
     assert not proof.proves(parse("always (distance >= 16.1 m)", UNITS))
@@ -155,7 +184,7 @@ def test_with_bounds_the_layer_proves_its_limits_where_nothing_is_exact(override
     ],
 )
 def test_each_premise_that_fails_is_named_and_nothing_is_proved(overrides, premise: str):
-    proof = safety_proof(experiment(*overrides).mission, scenarios(2))
+    proof = safety_proof(experiment(*overrides).mission, scenarios(2), SHELL)
     assert premise in proof.failing[0]
     if "safety=robust" in overrides:
         assert len(proof.failing) == 1
@@ -165,10 +194,10 @@ def test_each_premise_that_fails_is_named_and_nothing_is_proved(overrides, premi
 def test_starts_that_are_not_safe_states_are_told():
     states = (60.0, 0.0), (15.5, 0.0), (60.0, 0.9)  # also one in the margin, one too fast to be stopped
     starts = [Scenario(np.array([x, 0.0, 0.0]), np.array([0.0, speed, 0.0]), 0.0) for x, speed in states]
-    proof = safety_proof(experiment("safety=filter").mission, starts)
+    proof = safety_proof(experiment("safety=filter").mission, starts, SHELL)
     assert (proof.num_starts, proof.num_safe) == (3, 1)
     assert not proof.proves(parse(KEPT, UNITS))
-    assert safety_proof(experiment().mission, starts).num_safe == 0
+    assert safety_proof(experiment().mission, starts, SHELL).num_safe == 0
 
 
 REQUIREMENT = Requirement(
