@@ -7,6 +7,8 @@ import base64
 import json
 import math
 from collections.abc import Mapping
+from copy import copy
+from dataclasses import replace
 from itertools import compress
 from pathlib import Path
 from typing import Any
@@ -26,7 +28,7 @@ from fis_tools.words.text import sentences
 from pipeline.array_types import Floats
 from pipeline.controllers.played import to_mapping
 from pipeline.flight.cases.actuators import thrusters_of
-from pipeline.flight.cases.dispersions import mission_of_case
+from pipeline.flight.cases.dispersions import drawn, mission_of_case
 from pipeline.flight.control.controller import Controller, decision_stride, rehearsed_pushes
 from pipeline.flight.fly.tours import following, rehearsal_samples, tour_names
 from pipeline.flight.goals.reach import ended
@@ -37,7 +39,7 @@ from pipeline.flight.world.surface import surface_of
 from pipeline.recording.events import events
 from pipeline.recording.points import lit_and_seen, note_lit_and_seen, parts_of_points, sensed_of_points
 from pipeline.run import configuration, maker
-from pipeline.settings.experiment import Experiment
+from pipeline.settings.experiment import Experiment, Mission
 from pipeline.settings.schema import only_results
 from telemetry import EpisodeWriter
 from telemetry.file import topics
@@ -69,7 +71,7 @@ class FlightRecorder:
     """
 
     def __init__(self, experiment: Experiment, controller: Controller, config: Mapping[str, Any]) -> None:
-        self.mission = mission = experiment.mission
+        mission = experiment.mission
         self.controller = controller
         self._seed = experiment.seed
         self._near_limit_m = experiment.telemetry.near_limit_m
@@ -88,22 +90,24 @@ class FlightRecorder:
         meanings = {name: CONSTANTS[name].description for name, _ in attributes if name in CONSTANTS}
         if meanings:
             self._systems[topics.CONSTANTS_METADATA] = meanings
-        self._world = pack_world(mission)
+        self._enter(mission)
         if pulled := sensed_of_points(self._world, controller):
             self._systems[topics.PULLS_METADATA] = {name: SIGNALS[name].unit for name in pulled}
         # what hides what on a mesh takes plain Python minutes
         is_mesh = self._world.occlusion.edge > 0
         self._note_lit_and_seen = note_lit_and_seen if is_mesh else sparingly(note_lit_and_seen)
-        surface = surface_of(mission)
-        self._points = surface.points
-        if len(surface.corners):
-            self._attachments[topics.CHIEF_ATTACHMENT] = stl_of(surface.corners)
-        self._attitude_offsets: Floats = mission.attitude_period_s * np.arange(
-            mission.num_attitude_steps, dtype=np.float64
-        )
+        if len(corners := surface_of(mission).corners):
+            self._attachments[topics.CHIEF_ATTACHMENT] = stl_of(corners)
         # whether flights depend on what their cases have drawn besides the start
         has_errors = mission.navigation.mode == "fixes" or mission.actuators.kind == "real"
         self._is_noisy = has_errors or bool(mission.dispersions)
+
+    def _enter(self, mission: Mission) -> None:
+        """Prepare what flights of a mission share."""
+        self.mission, self._world, self._points = mission, pack_world(mission), surface_of(mission).points
+        self._attitude_offsets: Floats = mission.attitude_period_s * np.arange(
+            mission.num_attitude_steps, dtype=np.float64
+        )
         self._delay = thrusters_of(mission).delay if mission.actuators.kind == "real" else 0
 
     def record(self, path: Path, scenario: Scenario, log: FlightLog, scenario_id: str) -> None:
@@ -125,10 +129,19 @@ class FlightRecorder:
         telemetry.RecordingError
             If the disk refuses.
         """
+        settings = tuple(value for _, value in drawn(self.mission, scenario))
+        if settings:  # of its own
+            of_case = copy(self)
+            of_case._enter(mission_of_case(self.mission, scenario))
+            of_case._record(path, replace(scenario, settings=settings), log, scenario_id)
+        else:
+            self._record(path, scenario, log, scenario_id)
+
+    def _record(self, path: Path, scenario: Scenario, log: FlightLog, scenario_id: str) -> None:
         metadata = {topics.EPISODE_METADATA: self._episode(scenario, scenario_id, log), **self._systems}
         metadata |= self._rehearsals(log)
         with EpisodeWriter(path, metadata=metadata, attachments=self._attachments) as writer:
-            self._write(writer, scenario, log)
+            self._write(writer, log)
 
     def _episode(self, scenario: Scenario, scenario_id: str, log: FlightLog) -> dict[str, str]:
         mission = self.mission
@@ -173,7 +186,7 @@ class FlightRecorder:
             for what, (names, costs, begin, end) in found.items()
         }
 
-    def _write(self, writer: EpisodeWriter, scenario: Scenario, log: FlightLog) -> None:
+    def _write(self, writer: EpisodeWriter, log: FlightLog) -> None:
         """Write topic by topic, and what happened, in words, as events of their time."""
         times: Floats = self.mission.control_period_s * np.arange(len(log.position_m), dtype=np.float64)
         position, quaternion = log.position_m, log.quaternion_b_from_h
@@ -199,7 +212,7 @@ class FlightRecorder:
                 fix_age_s=self.mission.navigation.delay_s,
                 quaternion=log.sensed_quaternion_b_from_h,
             )
-        self._write_pulls(writer, times, scenario, log)
+        self._write_pulls(writer, times, log)
         angles = _named(log, "num_candidates", "lambda_u_rad", "eta_u_rad")
         writer.record(topics.GUIDANCE, times, target_direction=directions(log.target_m), **angles)
         inspected_count = log.is_inspected.sum(axis=1)
@@ -220,17 +233,15 @@ class FlightRecorder:
         for event in events(self.mission, log, self._near_limit_m, self.controller):
             writer.log(times[event.sample], event.level, event.text)
 
-    def _write_pulls(self, writer: EpisodeWriter, times: Floats, scenario: Scenario, log: FlightLog) -> None:
+    def _write_pulls(self, writer: EpisodeWriter, times: Floats, log: FlightLog) -> None:
         """Write which points the inputs made of points come from, and which ones coasting would miss."""
         if topics.PULLS_METADATA not in self._systems:
             return
-        mission = mission_of_case(self.mission, scenario)
-        world = self._world if mission is self.mission else pack_world(mission)
-        samples = np.arange(0, len(log.is_decided), decision_stride(self.controller, mission))
+        samples = np.arange(0, len(log.is_decided), decision_stride(self.controller, self.mission))
         flown = self.controller
         if len(log.tour_costs_m_s):
-            flown = following(flown, mission, log.tour_costs_m_s.argmin(axis=1).tolist())
-        parts = parts_of_points(world, flown, log, samples)
+            flown = following(flown, self.mission, log.tour_costs_m_s.argmin(axis=1).tolist())
+        parts = parts_of_points(self._world, flown, log, samples)
         columns = np.hstack([*parts.values(), log.is_missed[samples]])
         # while the deputy coasts little changes
         is_new = np.append(True, np.any(columns[1:] != columns[:-1], axis=1))[: len(samples)]

@@ -10,6 +10,7 @@ import telemetry
 from pipeline.command_line.config import Job, compose_experiment
 from pipeline.evaluation.monte_carlo import rank
 from pipeline.flight.cases.dispersions import mission_of_case
+from pipeline.recording.reflight import fly_again
 from pipeline.run import artifacts, tables, writing
 from pipeline.run.artifacts import ArtifactError
 from pipeline.scenarios import evaluation_scenarios, training_scenarios
@@ -170,3 +171,17 @@ def test_a_case_of_the_evaluation_is_flown_alone():
     np.testing.assert_array_equal(flight.scenario.position_m, seventh.position_m)
     assert flight.scenario.noise == seventh.noise
     assert mission_of_case(alone.mission, flight.scenario) == mission_of_case(evaluated.mission, seventh)
+
+
+def test_a_dispersed_flight_tells_its_own_settings(tmp_path):
+    words = (
+        *("controller=lqr", "case=7", "duration_s=600.0"),
+        "+dispersions.sensor.half_angle_deg={kind:uniform,low:13,high:17}",
+        "+dispersions.deputy.max_distance_m={kind:uniform,low:150,high:250}",
+    )
+    carried_out(cases.composed(*words), tmp_path)
+    recording = telemetry.read(tmp_path / "episodes" / "case-7.mcap")
+    far, angle = recording.episode.settings  # in the order of their keys
+    assert recording.episode.max_distance_m == far != 200.0
+    assert recording.episode.half_angle_rad == math.radians(angle) != math.radians(15.0)
+    assert fly_again(recording.path).is_equal
