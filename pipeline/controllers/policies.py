@@ -58,7 +58,8 @@ def policy_of(name: str, source: bytes, label: str) -> Controller:
         As `read_policy`.
     """
     try:
-        network = _network(_graph(source))
+        with np.errstate(over="ignore", invalid="ignore"):  # what comes of it is refused
+            network = _network(_graph(source))
     except _UnreadableError as error:
         raise ControllerError(f"{label} cannot fly: {error}") from error
     return Controller(name, (), "hill", pilot=Policy(network, source))
@@ -99,6 +100,8 @@ class _Chain:
         num_before = width if self.weights is None else len(self.weights)
         self._count(numbers=(num_before + 1) * width)
         weights = np.eye(width) if self.weights is None else self.weights
+        if not (np.isfinite(weights).all() and np.isfinite(self.added).all()):
+            raise _UnreadableError("its constants multiply to infinity; export a policy that learned numbers")
         self.layers.append((weights, self.added, kind, low, high))
         self.weights, self.added = None, np.zeros(width)
 

@@ -17,6 +17,7 @@ from scipy.integrate import solve_ivp
 from fis_tools.compiled.decorator import compiled, plainly
 from fis_tools.compiled.three import Three, three_of, times
 from pipeline.array_types import Floats
+from pipeline.flight.fly.stepping import check_given
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.chief import chief_attitudes
 from pipeline.flight.world.pack import optics_of
@@ -189,6 +190,7 @@ class SixDofInspectionEnv(gymnasium.Env[NDArray[np.float32], NDArray[Any]]):
         """
         mission, deputy, reward = self._mission, self._mission.deputy, self._reward
         shares = np.clip(np.asarray(action, dtype=np.float64), -1.0, 1.0)
+        check_given(shares)
         force, torque = shares[:3] * deputy.max_force_n, shares[3:] * deputy.max_torque_n_m
         push, hill_rate = force / deputy.mass_kg, mission.orbit.mean_motion_rad_s
         settings = push, torque, self._inertia, np.linalg.inv(self._inertia), self._max_rate, hill_rate

@@ -1,5 +1,6 @@
 """Flights stepped one control period at a time by external forces, each in lane 0 of vectors of its own."""
 
+import math
 from typing import Any, Final
 
 import numpy as np
@@ -124,6 +125,12 @@ OBSERVED: Final = (
 NUM_SEEN: Final = LEFT + 1
 
 
+def check_given(numbers: Floats) -> None:
+    """Raise ValueError unless what a learner or a policy gives is finite."""
+    if not math.isfinite(numbers.sum()):
+        raise ValueError("an action or a policy's force is infinite or not a number; give finite ones")
+
+
 class Flights:
     """Some flights in one mission, each at its own sample.
 
@@ -206,6 +213,13 @@ class Flights:
         self.samples[flight] = NOT_STARTED
 
     def step(self, forces: Floats) -> None:
-        """Fly every flight by a control period under a force, shape (n, 3), N, Hill axes, or start it."""
+        """Fly every flight by a control period under a force, shape (n, 3), N, Hill axes, or start it.
+
+        Raises
+        ------
+        ValueError
+            If a force is not finite.
+        """
         self._forces[:] = forces
+        check_given(self._forces)
         self._step(*self._arguments)

@@ -29,7 +29,7 @@ SCALES = np.array([100.0] * 3 + [0.5] * 3 + [10.0] * 3 + [1.0] * 6 + [99.0] * 2 
 CONSTANTS = {
     "w1": W1, "w1t": W1.T, "b1": B1, "w2": W2, "b2": B2, "scales": SCALES, "low": np.array(-1.0),
     "high": np.array(1.0), "force": np.array(0.03), "half": np.array([0.5]), "wide": np.ones((18, 3)),
-    "zero": np.array(0.0), "column": np.ones((3, 1)), "infinite": np.array(np.inf),
+    "zero": np.array(0.0), "column": np.ones((3, 1)), "infinite": np.array(np.inf), "large": np.array(1e38),
 }  # fmt: skip
 Step = tuple[str, Sequence[str], dict[str, Any]]
 LAYERS: Sequence[Step] = (
@@ -93,6 +93,7 @@ def test_a_network_answers_what_the_reference_of_the_format_does(steps) -> None:
         ([("Add", ["", ""], {}), *LAYERS], "its operator Add does not take the numbers of the one before"),
         ([*LAYERS[:-2], ("Clip", ["low", "", "high"], {})], "its operator Clip does not take numbers"),
         ([*LAYERS, ("Mul", ["", "infinite"], {})], "its constant infinite is not finite; export a"),
+        ([*LAYERS, *[("Mul", ["", "large"], {})] * 9], "its constants multiply to infinity; export a policy"),
         ([*LAYERS, ("Div", ["", "zero"], {})], "its operator Div does not take numbers"),
         ([("MatMul", ["", "wide"], {})], r"weights of shape \(18, 3\) follow 19 numbers"),
         ([("Add", ["", "b1"], {}), *LAYERS], r"constants of shape \(8,\) follow 19 numbers"),

@@ -73,6 +73,18 @@ def test_six_degrees_of_freedom_are_an_environment_too() -> None:
         gym.SixDofInspectionEnv(["world=afrl_six_dof", "safety=filter"])
 
 
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:.*infinity")
+def test_an_action_that_is_no_number_is_refused() -> None:
+    many = gymnasium.make_vec("pipeline.gym:Inspection-v0", num_envs=3, overrides=WORLDS["paper"])
+    for env in (InspectionEnv(WORLDS["paper"]), many, gym.SixDofInspectionEnv(["world=afrl_six_dof"])):
+        env.reset(seed=1)
+        action = np.zeros(env.action_space.shape, dtype=np.float32)
+        action[..., 1] = np.nan
+        with pytest.raises(ValueError, match="infinite or not a number"):
+            env.step(action)
+
+
 @pytest.fixture(scope="module")
 def flown() -> InspectionEnv:
     """An episode of the paper's world under the safety layer, to its end."""
