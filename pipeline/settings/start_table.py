@@ -7,6 +7,7 @@ the same starts even if the file changes.
 import csv
 import io
 import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
@@ -41,6 +42,8 @@ def split(text: str, key: str) -> tuple[str, str]:
     """
     header, rows = _cells(text, key)
     labels = [row[header.index("set")].strip() if "set" in header else "" for row in rows]
+    if "case" in header:
+        _check_cases(labels, [row[header.index("case")].strip() for row in rows], key)
     kept = [place for place, name in enumerate(header) if name not in LABELS]
 
     def table(begin: str) -> str:
@@ -52,6 +55,18 @@ def split(text: str, key: str) -> tuple[str, str]:
     for one in made:
         numbers(one, key)
     return made
+
+
+def _check_cases(labels: Sequence[str], cases: Sequence[str], key: str) -> None:
+    """Raise SettingError unless the cases of each set are numbered as they are flown."""
+    counts: Counter[str] = Counter()
+    for place, (label, case) in enumerate(zip(labels, cases, strict=True), 1):
+        if case != str(counts[label]):
+            raise SettingError(
+                f"{key}: row {place} is case {case!r}, but would be flown as case {counts[label]}, with the "
+                "errors and settings that this one draws; drop the column, or give all cases from 0"
+            )
+        counts[label] += 1
 
 
 def numbers(text: str, key: str) -> Mapping[str, "NDArray[np.float64]"]:

@@ -98,6 +98,7 @@ def test_a_table_without_sets_serves_training_and_evaluation(tmp_path: Path) -> 
         (HEADER, "has no row below its header"),
         ("position_x_m,position_y_m,position_z_m\n60,0,0", "lacks sun_angle_rad; its columns are set, case"),
         (f"{HEADER},velocity_x_ms\n60,0,0,0,0", "has a column 'velocity_x_ms'; did you mean velocity_x_m_s"),
+        (f"case,{HEADER}\n0,60,0,0,0\n20,70,0,0,0", "row 2 is case '20', but would be flown as case 1"),
         (f"{HEADER}\n60,0,zero,0", "row 1 has position_z_m 'zero'; write a finite number"),
         (f"{HEADER}\n60,0,0,0\n60,0,0", "row 2 has 3 cells, the header 4"),
         (f"{HEADER}\n60,0,0,0\n0,9,0,0", "row 2 starts 9 m from the chief, outside the limits"),
