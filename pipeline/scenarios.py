@@ -158,6 +158,7 @@ def starts_in(columns: Mapping[str, NDArray[Any]]) -> list[Scenario]:
 
 
 def columns_of(scenarios: Sequence[Scenario]) -> dict[str, Floats]:
-    """Return the places and velocities of starts as columns that `starts_in` reads."""
+    """Return the places of starts as columns that `starts_in` reads, and the velocities if any moves."""
     starts = np.array([[*one.position_m, *one.velocity_m_s] for one in scenarios]).reshape(-1, 6)
-    return dict(zip((*POSITION, *VELOCITY), starts.T, strict=True))
+    names = (*POSITION, *VELOCITY) if starts[:, 3:].any() else POSITION
+    return dict(zip(names, starts.T, strict=False))

@@ -35,12 +35,21 @@ class Fraction:
 
 
 def statistic(values: Floats, confidence_percent: float) -> Statistic:
-    """Return the statistics of a sample of at least one value; the interval of the mean is normal."""
+    """Return the statistics of a sample of at least one value; the interval of the mean is Student's t."""
     values = np.asarray(values, dtype=np.float64)
     spread = float(values.std(ddof=1)) if len(values) > 1 else 0.0
     mean = float(values.mean())
-    reach = _z(confidence_percent) * spread / math.sqrt(len(values))
+    reach = _reach(values, confidence_percent) if len(values) > 1 else 0.0
     return Statistic(mean, spread, float(values.min()), float(values.max()), mean - reach, mean + reach)
+
+
+def _reach(values: Floats, confidence_percent: float) -> float:
+    """Return half of Student's t interval of the mean of at least two values."""
+    from scipy.special import stdtrit  # noqa: PLC0415 - slower to import than a thousand flights
+
+    number = len(values)
+    quantile = float(stdtrit(number - 1, 0.5 + confidence_percent / 200.0))
+    return quantile * float(values.std(ddof=1)) / math.sqrt(number)
 
 
 def fraction(is_so: NDArray[np.bool_], confidence_percent: float) -> Fraction:
@@ -192,6 +201,11 @@ class Metric:
     is_less_better: bool
     places: int
 
+    @property
+    def most(self) -> float:
+        """The largest difference that there can be."""
+        return 100.0 if self.unit == "%" else math.inf
+
     def of(self, episodes: Columns) -> Floats:
         """Return its value per case; a share is 0 or 100 %."""
         column = succeeds(episodes) if self.name == "success" else episodes[self.name]
@@ -232,16 +246,13 @@ class Difference:
         return f"{self.mean:+.{places}f} ({self.low:+.{places}f} to {self.high:+.{places}f})"
 
 
-def difference(values: Floats, confidence_percent: float) -> Difference:
-    """Return the mean and interval of paired differences, at least one."""
-    from scipy.special import stdtrit  # noqa: PLC0415 - slower to import than a thousand flights
-
+def difference(values: Floats, confidence_percent: float, most: float = math.inf) -> Difference:
+    """Return the mean and interval of paired differences, at least one; none can be larger than `most`."""
     mean, number = float(values.mean()), len(values)
     if number < 2:
         return Difference(mean, math.nan, math.nan, number)
-    quantile = float(stdtrit(number - 1, 0.5 + confidence_percent / 200.0))
-    reach = quantile * float(values.std(ddof=1)) / math.sqrt(number)
-    return Difference(mean, mean - reach, mean + reach, number)
+    reach = _reach(values, confidence_percent)
+    return Difference(mean, max(mean - reach, -most), min(mean + reach, most), number)
 
 
 def common_cases(first: Columns, second: Columns) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -306,7 +317,9 @@ def compare(first: Columns, second: Columns, confidence_percent: float) -> list[
         better, worse = (below, above) if metric.is_less_better else (above, below)
         test = _mcnemar(above, below) if first[metric.name].dtype == np.bool_ else _wilcoxon(gained)
         means = float(one.mean()), float(other.mean())
-        found.append(Compared(metric, means, difference(gained, confidence_percent), better, worse, test))
+        found.append(
+            Compared(metric, means, difference(gained, confidence_percent, metric.most), better, worse, test)
+        )
     return found
 
 
@@ -375,7 +388,7 @@ def effects(runs: Sequence[Flown], confidence_percent: float) -> list[Effect]:
                     of_seeds.setdefault(dict(rest).get("seed", ""), []).append(pair)
             for metric in METRICS if of_seeds else ():
                 gained, unit = _gained(list(of_seeds.values()), metric)
-                gain = difference(gained, confidence_percent)
+                gain = difference(gained, confidence_percent, metric.most)
                 found.append(Effect(factor, level, baseline, metric, gain, unit))
     return found
 

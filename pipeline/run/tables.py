@@ -30,13 +30,20 @@ def write_parquet(path: Path, columns: Mapping[str, Any]) -> None:
 
 
 def join_parquet(path: Path, parts: Sequence[Path]) -> None:
-    """Write one table from several: the bytes of one that was never in parts, with few rows in memory."""
+    """Write one table from several: the bytes of one that was never in parts, with few rows in memory.
+
+    A column that a part leaves out, such as the velocities of starts at rest, is 0 there.
+    """
+    widest = max((pq.read_schema(part) for part in parts), key=len)
     # without what reading adds to it
-    schema = pa.schema([(field.name, field.type) for field in pq.read_schema(parts[0])])
+    schema = pa.schema([(field.name, field.type) for field in widest])
     left = schema.empty_table()
     with _writer(path, schema) as writer:
         for part in parts:
-            left = pa.concat_tables([left, pq.read_table(part, schema=schema)]).combine_chunks()
+            read = pq.read_table(part)
+            zeros = np.zeros(len(read))
+            columns = {name: read[name] if name in read.column_names else zeros for name in schema.names}
+            left = pa.concat_tables([left, pa.table(columns, schema=schema)]).combine_chunks()
             whole = len(left) - len(left) % GROUP_ROWS
             if whole:
                 writer.write_table(left.slice(0, whole).combine_chunks(), GROUP_ROWS)

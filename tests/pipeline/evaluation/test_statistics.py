@@ -22,12 +22,13 @@ def test_the_interval_of_a_fraction_is_wilsons(count: int, number: int, confiden
 
 
 def test_a_statistic_has_the_spread_of_a_sample() -> None:
-    """Of 1, 2, 3, 6: mean 3, sum of squares 14, divided by 3; the interval is 1.96 spreads of the mean."""
+    """Of 1, 2, 3, 6: mean 3, sum of squares 14, divided by 3; the interval is Student's."""
     found = statistics.statistic(np.array([1.0, 2.0, 3.0, 6.0]), 95.0)
     spread = np.sqrt(14.0 / 3.0)
     assert (found.mean, found.minimum, found.maximum) == (3.0, 1.0, 6.0)
     assert found.standard_deviation == pytest.approx(spread, rel=1e-14)
-    assert found.high - 3.0 == pytest.approx(1.959963984540054 * spread / 2.0, rel=1e-12)
+    # the quantile of three degrees of freedom, as tables have it
+    assert found.high - 3.0 == pytest.approx(3.182446305284263 * spread / 2.0, rel=1e-12)
     assert found.low + found.high == pytest.approx(6.0, rel=1e-14)
     alone = statistics.statistic(np.array([4.0]), 95.0)
     assert (alone.mean, alone.standard_deviation, alone.low, alone.high) == (4.0, 0.0, 4.0, 4.0)
@@ -90,6 +91,12 @@ def test_an_interval_is_students() -> None:
     assert (told.low, told.high) == pytest.approx((interval.low, interval.high))
     assert told.count == 17
     assert not statistics.difference(values[:1], 90.0).is_told
+    shares = np.array([-100.0] * 39 + [0.0])
+    assert (
+        statistics.difference(shares, 95.0, most=100.0).low
+        == -100.0
+        < statistics.difference(shares, 95.0).high
+    )
 
 
 def test_common_cases_are_found_in_any_order() -> None:

@@ -372,7 +372,7 @@ def test_a_terminal_shows_a_bar(monkeypatch, capsys):
 def test_a_campaign_in_parts_is_the_same_and_goes_on(of_file, tmp_path, monkeypatch):
     words = [*EVALUATE, "monte_carlo.num_cases=20", "stages=[evaluate]"]
     if of_file:  # in the first part all are at rest
-        rows = [f"{60 + k},0,9,0,{-0.1 * (k > 5)},0,0" for k in range(20)]
+        rows = [f"{60 + k},0,9,0,{-0.1 if k > 5 else 0},0,0" for k in range(20)]
         header = ",".join((*start_table.POSITION, *start_table.VELOCITY, "sun_angle_rad"))
         (tmp_path / "starts.csv").write_text("\n".join([header, *rows, ""]))
         words = [*EVALUATE, "stages=[evaluate]", f"starts={tmp_path / 'starts.csv'}"]

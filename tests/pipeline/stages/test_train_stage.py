@@ -24,6 +24,7 @@ from pipeline.training import judging
 from pipeline.training.fitness import costs
 from pipeline.training.genome import genome_of
 from pipeline.training.progress import TrainingProgress
+from telemetry import RecordingError
 from telemetry.file import partial_file
 from tests.pipeline.stages.cases import prepared
 
@@ -237,7 +238,7 @@ def test_a_disk_that_fills_up_while_flights_are_recorded_leaves_the_champion(tra
 
     monkeypatch.setattr(partial_file, "open_stream", open_once)
     telemetry = replace(run.experiment.telemetry, record_ranked=False)
-    with pytest.raises(artifacts.ArtifactError, match=r"No space left on device.*make room"):
+    with pytest.raises(RecordingError, match=r"No space left on device.*make room"):
         record.run(replace(run.experiment, telemetry=telemetry), folder)
     assert (folder / artifacts.CHAMPION).read_bytes() == before
     assert [path.name for path in (folder / artifacts.RECORDINGS).iterdir()] == ["training-0.mcap"]
