@@ -55,8 +55,9 @@ def test_the_summary_tells_what_flew_and_how_well(evaluated, capsys):
     evaluate.run(run.experiment, folder)
     summary = artifacts.read_json(folder, artifacts.SUMMARY)
     names = """controller controller_sha256 sun num_cases seed confidence_percent delta_v_m_s
-        inspection_rate_percent mean_distance_m safety_periods safety_delta_v_m_s inspectable_count inspectable_rate_percent
-        success violated success_and_within_limits safety_acted percentiles optimum"""
+        inspection_rate_percent mean_distance_m safety_periods safety_delta_v_m_s inspectable_count
+        inspectable_rate_percent success violated success_and_within_limits safety_acted percentiles
+        optimum"""
     assert list(summary) == names.split()
     assert (summary["controller"], summary["sun"], summary["seed"]) == ("paper", "random", 1)
     assert (summary["num_cases"], summary["confidence_percent"]) == (5, 90.0)
