@@ -28,7 +28,7 @@ from pipeline.flight.state.log import FlightLog, Scenario
 from pipeline.flight.world.pack import pack_world
 from pipeline.physics.illumination import sun_angle, sun_direction_h
 from pipeline.physics.motion import free_path, repeated
-from pipeline.physics.quaternion import dcm_b_from_h
+from pipeline.physics.quaternion import seen_from_hill
 from pipeline.physics.sight import NORMAL, Occlusion, cell_of
 from pipeline.settings.experiment import Mission, SettingError
 
@@ -217,8 +217,7 @@ def flown(problem: Problem, forces: Floats) -> FlightLog:
 
 def seen_as(problem: Problem, log: FlightLog) -> Problem:
     """Return the problem with the camera pointing as it did in a flight."""
-    boresight = np.array(problem.mission.sensor.boresight, dtype=np.float64)
-    axes = np.array([dcm_b_from_h(quaternion).T @ boresight for quaternion in log.quaternion_b_from_h])
+    axes = seen_from_hill(log.quaternion_b_from_h, np.array(problem.mission.sensor.boresight))
     inward = -log.position_m / np.linalg.norm(log.position_m, axis=1)[:, np.newaxis]
     error = np.arctan2(np.linalg.norm(np.cross(axes, inward), axis=1), np.sum(axes * inward, axis=1))
     left = np.radians(problem.mission.sensor.half_angle_deg) - (1.0 + ERROR_SHARE) * error

@@ -23,7 +23,7 @@ from pipeline.flight.state.arrays import Beyond, Workspace, World
 from pipeline.flight.state.log import FlightLog
 from pipeline.flight.state.signals import TOUR_PARTS, TOUR_WAVES, constant
 from pipeline.physics.motion import state_transition
-from pipeline.physics.quaternion import dcm_b_from_h
+from pipeline.physics.quaternion import seen_from_hill
 
 #: signals made of points: the vector that each belongs to, and the place of its component
 MADE_OF_POINTS = {
@@ -202,7 +202,7 @@ def lit_and_seen(
     angles, num_points = (log.sun_angle_rad, log.sun_elevation_rad), world.num_points
     left = np.zeros((len(log.position_m), world.points.shape[2]), dtype=np.uint8)
     left[:, :num_points] = ~log.is_inspected
-    boresights = np.array([dcm_b_from_h(turned).T @ world.boresight for turned in log.quaternion_b_from_h])
+    boresights = seen_from_hill(log.quaternion_b_from_h, world.boresight)
     lit, seen = np.zeros_like(left), np.zeros_like(left)
     beyond = optics_in_use(world, log.sun_elevation_rad)
     suns = np.stack([turn(angle) for angle in angles for turn in (np.cos, np.sin)], axis=1)

@@ -441,12 +441,11 @@ def _least_ahead(values: Floats, first: int, last: int | None) -> Floats:
         return np.full_like(values, np.inf)
     if last is None or last - first >= num_samples - 1:
         return np.minimum.accumulate(ahead[:, ::-1], axis=1)[:, ::-1]
-    # minima over 1, 2, 4 ... samples; the window is covered by two of the longest that fit
-    width, covered = last - first + 1, 1
-    while 2 * covered <= width:
-        ahead = np.minimum(ahead, _ahead(ahead, covered, np.inf))
-        covered *= 2
-    return np.minimum(ahead, _ahead(ahead, width - covered, np.inf))
+    from scipy.ndimage import minimum_filter1d  # noqa: PLC0415 - slow to import, and few windows end
+
+    width = last - first + 1
+    least: Floats = minimum_filter1d(ahead, width, axis=1, mode="constant", cval=np.inf, origin=-(width // 2))
+    return least
 
 
 def _until(left: Floats, right: Floats, first: int, last: int | None) -> Floats:

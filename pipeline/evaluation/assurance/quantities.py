@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from pipeline.array_types import Floats, Integers
 from pipeline.flight.state import arrays
 from pipeline.flight.state.log import inspectable_rate
-from pipeline.physics.quaternion import dcm_b_from_h
+from pipeline.physics.quaternion import seen_from_hill
 from telemetry.file.reader import Recording
 from telemetry.file.topics import DEPUTY_CONTROL, DEPUTY_STATE, MISSION
 
@@ -146,7 +146,7 @@ def track_of(recording: Recording) -> tuple[Floats, Points]:
     left = num_points - np.asarray(mission["inspected_count"], dtype=np.float64)
     fired = np.vstack([control["force_hill_n"], np.zeros(3)])
     boresight = np.array(recording.episode.boresight, dtype=np.float64)
-    boresights = [dcm_b_from_h(turned).T @ boresight for turned in state["quaternion"].astype(np.float64)]
+    boresights = seen_from_hill(state["quaternion"].astype(np.float64), boresight)
     turn_rates = np.linalg.norm(state["angular_velocity_rad_s"], axis=1)
     spent = mission["delta_v_m_s"]
     columns = [state["position_m"], state["velocity_m_s"], spent, left, fired, boresights, turn_rates]
