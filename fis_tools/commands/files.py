@@ -133,15 +133,17 @@ def import_(
     attributes, conflicts = _merged(controller.attributes for controller in controllers)
     if conflicts:
         raise Mistake(f"the files differ in the attribute {conflicts[0]!r}; import them one by one")
-    provenance, left_out = _merged(controller.provenance for controller in controllers)
+    provenance, contradicted = _merged(controller.provenance for controller in controllers)
+    told, unlike = _merged((("purpose", one.purpose),) for one in controllers if one.purpose)
+    left_out = [*unlike, *(f"provenance {key}" for key in contradicted)]
     names = list(dict.fromkeys(controller.name for controller in controllers))
     name = name or (names[0] if len(names) == 1 else Path(files[0]).stem)
-    controller = FuzzyController(name, systems, attributes, provenance)
+    controller = FuzzyController(name, systems, attributes, provenance, **dict(told))
     write(output, form(controller))
     for sentence in (sentence for reading in readings for sentence in reading.assumptions):
         print(f"assumed: {sentence}", file=sys.stderr)
-    for key in left_out:
-        print(f"left out: the provenance {key}, which differs between the files", file=sys.stderr)
+    for what in left_out:
+        print(f"left out: the {what}, which differs between the files", file=sys.stderr)
 
 
 def _reading(path: str, trust: bool) -> serialize.Reading:

@@ -269,7 +269,7 @@ def test_domain_tells_when_flights_left_it(tmp_path, run, refused, flight):
 
 @pytest.mark.parametrize("form", ["fis", "fll"])
 def test_systems_go_into_a_file_each_and_come_back_as_one_controller(tmp_path, saved, run, form):
-    source = saved(PAPER_LIKE)
+    source = saved(replace(PAPER_LIKE, purpose="It inspects."))
     folder = tmp_path / "new" / "exchange"
     printed, notes = run("export", source, "--format", form, "-o", folder)
     files = [folder / f"force_x.{form}", folder / f"force_z.{form}"]
@@ -313,5 +313,8 @@ def test_facts_of_several_files_are_put_together(tmp_path, saved, run, refused):
     assert "left out: the provenance made_by" in notes
     both = load(tmp_path / "both.json")
     assert (both.name, both.attributes, both.provenance) == (one.name, one.attributes, ())
+    for path, controller in zip(paths, (one, other), strict=True):
+        saved(replace(controller, purpose=f"It is {path.stem}."), path.name)
+    assert "left out: the purpose, which differs" in run("import", *paths, "-o", tmp_path / "both.json").err
     saved(replace(other, attributes=(("axis", "y"),)), "other.yaml")
     assert "differ in the attribute 'axis'" in refused("import", *paths)
