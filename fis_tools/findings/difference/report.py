@@ -9,6 +9,7 @@ from fis_tools.document import Block, Cell, Change, Document, Figure, Heading, P
 from fis_tools.document.html import fragment, page
 from fis_tools.findings.difference import comparison
 from fis_tools.findings.difference.comparison import Fact, Pair, Source, SystemDifference, VariableChange
+from fis_tools.formats.serialize import fingerprint
 from fis_tools.model import Formula, FuzzyController, FuzzySystem, Linear, Rule, Sampled, Term, with_terms
 from fis_tools.model.validate import validate
 from fis_tools.source import as_controller
@@ -32,7 +33,7 @@ class Difference(Result):
     before, after : Source
         What was compared.
     facts : tuple of Fact
-        Attributes that changed, and the name.
+        Attributes and provenance that changed, the name, the purpose, and the order of the systems.
     systems : tuple of SystemDifference
         In their present order, removed systems last; unchanged systems are included.
     """
@@ -44,20 +45,23 @@ class Difference(Result):
 
     @property
     def is_empty(self) -> bool:
-        """Whether the controllers are the same apart from their provenance."""
+        """Whether the controllers are the same, apart from the order in which rules are written."""
         return not self.facts and all(system.is_empty for system in self.systems)
 
     def document(self, *, pictures: bool = False) -> Document:
         """Say what changed; on demand with pictures of terms and surfaces, for pages."""
         sides = {"before": self.before.plain(), "after": self.after.plain()}
-        rows = [[word, one["file"] or one["name"], f"SHA-256 {one['sha256']}"] for word, one in sides.items()]
+        rows = [
+            [word, one["file"] or one["name"], f"SHA-256 of its content {one['sha256']}"]
+            for word, one in sides.items()
+        ]
         title = f"{sides['before']['name']} {TO} {sides['after']['name']}"
         return Document([Heading(title, 1), Table([], rows), *self.blocks(pictures)])
 
     def blocks(self, pictures: bool = False) -> list[Block]:
         """Say what changed, but not of what."""
         blocks: list[Block] = [*_fact_table(self.facts)]
-        if self.is_empty:
+        if self.is_empty and fingerprint(self.before.controller) == fingerprint(self.after.controller):
             blocks.append(Paragraph("Nothing changed."))
         for system in self.systems:
             blocks += [Heading(system.name), *_system(system, pictures)]
@@ -103,7 +107,8 @@ def _system(system: SystemDifference, pictures: bool) -> Iterator[Block]:
         yield Paragraph(f"{system.state.capitalize()}; {had}{text.summary(system.present)}.")
         return
     if system.is_empty:
-        yield Paragraph("Nothing changed.")
+        is_same = system.before.rules == system.after.rules
+        yield Paragraph("Nothing changed." if is_same else "Only the order of rules or their parts changed.")
         return
     yield Paragraph(f"{headline(system)}.")
     yield from _fact_table(system.facts)
@@ -357,12 +362,20 @@ def difference(
 
 
 def _facts(before: FuzzyController, after: FuzzyController) -> Iterator[Fact]:
-    if before.name != after.name:
-        yield Fact("name", before.name, after.name)
-    old, new = (dict(one.attributes) for one in (before, after))
-    for key in sorted({*old, *new}):
-        if old.get(key) != new.get(key):
-            yield Fact(key, old.get(key, "none"), new.get(key, "none"))
+    for old, new in zip(_said(before), _said(after), strict=True):
+        for what in sorted({*old, *new}):
+            if old.get(what) != new.get(what):
+                yield Fact(what, old.get(what, "none"), new.get(what, "none"))
+    names = [[system.name for system in side.systems] for side in (before, after)]
+    if names[0] != names[1] and set(names[0]) == set(names[1]):
+        yield Fact("order of systems", *map(", ".join, names))
+
+
+def _said(controller: FuzzyController) -> tuple[dict[str, str], ...]:
+    """Return what a controller says of itself besides its systems."""
+    said = {"name": controller.name, "purpose": controller.purpose or "none"}
+    origin = {f"provenance {key}": value for key, value in controller.provenance}
+    return said, dict(controller.attributes), origin
 
 
 def _compare(

@@ -45,10 +45,19 @@ def test_a_controller_differs_in_nothing_from_itself():
         assert "Nothing changed." in found.html()
 
 
-def test_where_a_controller_comes_from_is_no_difference():
-    assert difference(PAPER_LIKE, replace(PAPER_LIKE, provenance=())).is_empty
-    found = difference(PAPER_LIKE, replace(PAPER_LIKE, attributes=(("force_axes", "hill"),)))
-    assert [(fact.what, fact.before, fact.after) for fact in found.facts] == [("force_axes", "body", "hill")]
+@pytest.mark.parametrize(
+    ("change", "fact"),
+    [
+        ({"attributes": (("force_axes", "hill"),)}, ("force_axes", "body", "hill")),
+        ({"provenance": PAPER_LIKE.provenance[:1]}, ("provenance paper", "AAS 25-727", "none")),
+        ({"purpose": "It inspects."}, ("purpose", "none", "It inspects.")),
+        ({"name": "other"}, ("name", "paper-like", "other")),
+        ({"systems": PAPER_LIKE.systems[::-1]}, ("order of systems", "force_x, force_z", "force_z, force_x")),
+    ],
+)
+def test_what_a_controller_says_besides_its_systems_is_compared(change, fact):
+    found = difference(PAPER_LIKE, replace(PAPER_LIKE, **change))
+    assert [(one.what, one.before, one.after) for one in found.facts] == [fact]
     assert not found.is_empty
 
 
@@ -123,6 +132,9 @@ def test_the_order_of_inputs_and_of_statements_changes_no_output():
     assert not found.rules
     assert not found.variables
     assert found.outputs[0].largest < 1e-12
+    told = difference(FORCE_X, replace(FORCE_X, rules=tuple(rules))).text()
+    assert "Only the order of rules" in told
+    assert "Nothing changed." not in told
 
 
 def test_a_renamed_term_takes_its_rules_along():
