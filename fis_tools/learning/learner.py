@@ -242,7 +242,7 @@ class Reached(NamedTuple):
     error : float
         The root mean squared error, in the unit of the target; of classes the share of wrong ones.
     error_of_constant : float
-        The same of one answer to everything: the mean, or the most frequent class.
+        The same of one answer to everything: the mean of the other rows, or the most frequent class of all.
     """
 
     error: float
@@ -289,6 +289,8 @@ def cross_validated(table: Table, recipe: Recipe) -> Reached | None:
     if len(table.values) < 2 * FOLDS:
         return None
     wrong, wrong_of_constant = 0.0, 0.0
+    found, counts = np.unique(table.values, return_counts=True)
+    most_frequent = found[counts.argmax()]
     for left_out in range(FOLDS):
         kept, asked = fold != left_out, fold == left_out
         part = Table(table.labels, table.rows[kept], table.target, table.values[kept])
@@ -296,9 +298,8 @@ def cross_validated(table: Table, recipe: Recipe) -> Reached | None:
         answers = compile(learned.system)(np.ascontiguousarray(table.rows[asked][:, list(learned.columns)]))
         truth = table.values[asked]
         if table.has_classes:
-            classes, counts = np.unique(part.values, return_counts=True)
-            wrong += float((classes[answers.argmax(axis=1)] != truth).sum())
-            wrong_of_constant += float((classes[counts.argmax()] != truth).sum())
+            wrong += float((np.unique(part.values)[answers.argmax(axis=1)] != truth).sum())
+            wrong_of_constant += float((most_frequent != truth).sum())
         else:
             wrong += float(np.square(answers[:, 0] - truth).sum())
             wrong_of_constant += float(np.square(part.values.mean() - truth).sum())

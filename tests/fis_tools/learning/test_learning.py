@@ -79,6 +79,14 @@ def test_cross_validation_is_expected_rightly():
     assert reached.error_of_constant == pytest.approx(content.target.std(), rel=0.01)
 
 
+def test_the_most_frequent_class_is_that_of_all_rows():
+    """The rows 0, 5 and 10 are answered by what the others teach, most of which are of the other class."""
+    table = as_table({"x": list(range(11)), "y": list("abbbaabbaaa")}, "y")
+    reached = cross_validated(table, Recipe(tune=False))
+    assert reached is not None
+    assert reached.error_of_constant == pytest.approx(5 / 11)
+
+
 @pytest.mark.parametrize("terms", [2, 3, 7])
 def test_what_is_tuned_stays_readable(terms):
     """Wherever an error pulls the peaks, terms stay in order, apart, distinguishable, and cover by a half."""
