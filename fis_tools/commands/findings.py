@@ -276,7 +276,7 @@ def simplify(
     Steps leave out inputs, drop rules, merge terms that look alike, and round numbers. Each is measured
     against the original; what changes least goes first, until nothing more fits the budget. It holds along
     the flights that are given, and at 4,096 points spread over the whole ranges of the inputs; between them a
-    change can be a little larger. With --flights-only far more can go, but what was not flown changes at
+    change can be larger. With --flights-only far more can go, but what was not flown changes at
     will, and other starts are flown worse. What comes out is an ordinary controller: fly it before you trust
     it.
 

@@ -231,4 +231,5 @@ def _simplified(
     search.go_greedily(1)
     search.round_one_by_one()
     found, num_flown = search.draft.system, 0 if flown is None else len(flown)
-    return SimplifiedSystem(system, found, num_flown, tuple(search.steps), search.bench.measure(found))
+    nums = (num_flown, len(bench.samples[report.SPREAD]))
+    return SimplifiedSystem(system, found, *nums, tuple(search.steps), search.bench.measure(found))

@@ -31,7 +31,7 @@ class Budget:
     ----------
     max_change, mean_change : float
         The largest and the mean size of the change over the samples, from 0 to 1. Between samples of the
-        whole ranges a change can be a little larger than the largest.
+        whole ranges a change can be larger than the largest.
     flights_only : bool
         Whether the budget holds along the flights alone, if there are any, and not over the whole ranges of
         the inputs too. Outputs for inputs that were not flown may then change without limit.
@@ -183,8 +183,8 @@ class SimplifiedSystem:
     Parameters
     ----------
     original, simplified : FuzzySystem
-    num_flown : int
-        Inferences on flights that were looked at.
+    num_flown, num_spread : int
+        Inferences on flights, and points over the ranges of the inputs, that were looked at.
     steps : tuple of Step
     changes : dict of str to Change
         How far the simplified system deviates from the original.
@@ -193,6 +193,7 @@ class SimplifiedSystem:
     original: FuzzySystem
     simplified: FuzzySystem
     num_flown: int
+    num_spread: int
     steps: tuple[Step, ...]
     changes: Mapping[str, Change]
 
@@ -259,16 +260,16 @@ def num_terms(system: FuzzySystem) -> int:
 
 def budget_words(budget: Budget, *, flown: bool) -> str:
     """Return a budget in words."""
-    where = "along the logs" if flown else "over the ranges of the inputs"
+    where = "along the logs" if flown else "at points over the ranges of the inputs"
     if flown and not budget.flights_only:
-        where += " and over the ranges of the inputs"
+        where += " and at points over the ranges of the inputs"
     return (
         f"a change of {100.0 * budget.max_change:g} % of an output's range at most and "
         f"{100.0 * budget.mean_change:g} % on average, {where}"
     )
 
 
-_PLACES = {FLOWN: "along the logs", SPREAD: "over the ranges"}
+_PLACES = {FLOWN: "along the logs", SPREAD: "at {:,} points over the ranges"}
 
 
 def _blocks(system: SimplifiedSystem) -> Iterator[Block]:
@@ -281,7 +282,7 @@ def _blocks(system: SimplifiedSystem) -> Iterator[Block]:
         departs = []
         for where, change in system.changes.items():
             most, mean = (amount(output, part[place] * output.span) for part in (change.largest, change.mean))
-            departs.append(f"{most} at most and {mean} on average {_PLACES[where]}")
+            departs.append(f"{most} at most and {mean} on average {_PLACES[where].format(system.num_spread)}")
         yield Paragraph(f"{name}: {output.name} departs by {'; by '.join(departs)}")
     heads = [f"{word} {_PLACES[where].split()[-1]}" for where in sets for word in ("max,", "mean,")]
     original = [str(len(system.original.rules)), str(num_terms(system.original))]

@@ -10,7 +10,6 @@ from fis_tools.analysis.arrays import spread_inputs
 from fis_tools.engines.packing import pack
 from fis_tools.findings.simplification import Budget, SimplifiedSystem, simplify
 from fis_tools.findings.simplification.draft import Merger, merged, rounded, units, without_input
-from fis_tools.findings.simplification.report import NUM_SPREAD
 from fis_tools.formats.serialize import dump_yaml, load, loads
 from fis_tools.model import And, Consequent, FuzzyController, FuzzySystem, Is, Or, Rule, Term, Variable
 from fis_tools.model.shapes import Gaussian, Trapezoidal, Triangular
@@ -95,7 +94,7 @@ def test_scikit_fuzzy_finds_the_change_as_told_and_within_the_budget(name, budge
 
 @pytest.mark.slow
 def test_the_budget_holds_over_the_ranges_unless_it_is_for_flights_only():
-    box = spread_inputs(FORCE_X, NUM_SPREAD)[::64]
+    box = spread_inputs(FORCE_X)[::64]
     budget = Budget(0.15, 0.02)
     for samples in ({}, {FORCE_X.name: flown(FORCE_X)}):
         found = simplify(FORCE_X, samples, budget).systems[0]
@@ -212,7 +211,7 @@ def test_a_champion_stays_one_that_flies_and_is_the_same_each_time():
     assert facts["simplified_from"] == "paper_champion"
     for words in (
         "5 % of an output's range at most and 1 % on",
-        "along the logs and over",
+        "along the logs and at points over",
         "(360 inferences)",
     ):
         assert words in facts["simplified_within"]
@@ -243,7 +242,7 @@ def test_the_steps_are_told():
     found = simplify(with_dead_rule(), budget=Budget(), progress=told.append)
     lines = found.text().splitlines()
     assert lines[0].startswith("force_x: 26 rules to ")
-    assert any("on average over the ranges" in line for line in lines)
+    assert any("on average at 4,096 points over the ranges" in line for line in lines)
     columns = "rules terms max, ranges mean, ranges step"
     heads = [" ".join(line.split()) for line in lines].index(columns)
     assert len(lines) == heads + 2 + len(found.systems[0].steps)
@@ -290,7 +289,7 @@ def test_the_command_keeps_to_flights_alone_on_demand(tmp_path, run):
     flight = log_flight(tmp_path / "flight.mcap", PAPER_LIKE)
     words = ("simplify", flight, "--system", "force_x")
     everywhere, alone = (run(*words, *more).out for more in ((), ("--flights-only",)))
-    assert "along the logs and over the ranges of the inputs" in everywhere
+    assert "along the logs and at points over the ranges of the inputs" in everywhere
     assert "on average, along the logs force_x: force_x departs" in " ".join(alone.split())
     rules = [int(text.split()[4].rstrip(",")) for text in (alone, everywhere)]
     assert rules[0] < rules[1] <= 25
