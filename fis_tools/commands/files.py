@@ -4,6 +4,7 @@ import sys
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
 from typing import Annotated
 
@@ -128,8 +129,14 @@ def import_(
     readings = [_reading(path, trust) for path in files]
     controllers = [reading.controller for reading in readings]
     systems = _systems(files, controllers)
+    assumed = [sentence for reading in readings for sentence in reading.assumptions]
     if points is not None:
+        from fis_tools.formats.exchange.writing import jumps_between_points  # noqa: PLC0415 - seldom needed
+
         systems = tuple(_resampled(system, points) for system in systems)
+        untrue = {sentence for reading in readings for sentence in reading.about_points}
+        assumed = [sentence for sentence in assumed if sentence not in untrue]
+        assumed += chain(*map(jumps_between_points, systems))
     attributes, conflicts = _merged(controller.attributes for controller in controllers)
     if conflicts:
         raise Mistake(f"the files differ in the attribute {conflicts[0]!r}; import them one by one")
@@ -140,7 +147,7 @@ def import_(
     name = name or (names[0] if len(names) == 1 else Path(files[0]).stem)
     controller = FuzzyController(name, systems, attributes, provenance, **dict(told))
     write(output, form(controller))
-    for sentence in (sentence for reading in readings for sentence in reading.assumptions):
+    for sentence in assumed:
         print(f"assumed: {sentence}", file=sys.stderr)
     for what in left_out:
         print(f"left out: the {what}, which differs between the files", file=sys.stderr)

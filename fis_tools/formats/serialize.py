@@ -50,10 +50,13 @@ class Reading:
         It has no problems.
     assumptions : tuple of str
         What the file did not state, one sentence each.
+    about_points : tuple of str
+        Those of them that are about the points of universes, and do not hold of other points.
     """
 
     controller: FuzzyController
     assumptions: tuple[str, ...]
+    about_points: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

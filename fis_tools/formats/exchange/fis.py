@@ -104,7 +104,7 @@ def read(text: str) -> Reading:
     is_fuzzylites = any("generated with fuzzylite" in words for _, words in comments)
     fractions = antecedents.FUZZYLITES_FRACTIONS if is_fuzzylites else antecedents.FRACTIONS
     reading = understand(_system(sections, fractions, notes), comments, DIALECT)
-    return Reading(reading.controller, (*reading.assumptions, *notes))
+    return replace(reading, assumptions=(*reading.assumptions, *notes))
 
 
 #: Kinds of systems; hybrid is fuzzylite's word for outputs of several kinds.

@@ -98,7 +98,7 @@ def read(text: str) -> Reading:
         )
     reading = understand(_system(blocks), comments, DIALECT)
     kept = (block.name for block in blocks if block.settings.get("lock-previous", (0, ""))[1] == "true")
-    return Reading(reading.controller, (*reading.assumptions, *map(foreign.kept_words, kept)))
+    return replace(reading, assumptions=(*reading.assumptions, *map(foreign.kept_words, kept)))
 
 
 def _take(blocks: list[Block], line: int, content: str) -> None:

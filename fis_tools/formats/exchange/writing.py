@@ -224,8 +224,10 @@ def understand(visible: FuzzySystem, comments: Iterable[tuple[int, str]], dialec
     refuse_problems(FuzzyController(visible.name, (complete,)))
     with told_as(ControllerFileError, NotExpressible):
         dialects.refuse_joined(complete)
+    about_points = (_universes_words(visible, dialect), *jumps_between_points(visible))
+    assumed = (*about_points, *_defaults_words(visible), *found)
     if carried is None:
-        return Reading(FuzzyController(visible.name, (complete,)), (*_assumptions(visible, dialect), *found))
+        return Reading(FuzzyController(visible.name, (complete,)), assumed, about_points)
     try:
         expressed = express(carried.systems[0], dialect)
     except NotExpressible as error:
@@ -235,10 +237,8 @@ def understand(visible: FuzzySystem, comments: Iterable[tuple[int, str]], dialec
     if expressed.system == complete:
         return Reading(carried, ())
     note = "the file was changed after it was written: what it shows counts, and its comment is left out"
-    return Reading(
-        FuzzyController(visible.name, (complete,), provenance=(EDITED,)),
-        (note, *_assumptions(visible, dialect), *found),
-    )
+    edited = FuzzyController(visible.name, (complete,), provenance=(EDITED,))
+    return Reading(edited, (note, *assumed), about_points)
 
 
 def _find(comments: Iterable[tuple[int, str]]) -> FuzzyController | None:
@@ -286,25 +286,25 @@ def _with_what_is_missing(visible: FuzzySystem) -> tuple[FuzzySystem, list[str]]
     return replace(visible, inputs=tuple(inputs), outputs=tuple(outputs)), notes
 
 
-def _assumptions(visible: FuzzySystem, dialect: Dialect) -> tuple[str, ...]:
+def _universes_words(visible: FuzzySystem, dialect: Dialect) -> str:
     points = f"{dialects.INPUT_POINTS} points for each input and "
     if dialect.resolution:
         points += f"{dialect.resolution + 1} for an output that states none, as fuzzylite takes"
     else:
         points += f"{dialects.OUTPUT_POINTS} for each output, as MATLAB takes"
-    found = [f"{visible.name}: universes of {points}, more where corners or a table of points need them"]
-    found += (f"{visible.name}: {sentence}" for sentence in _jumps_between_points(visible))
+    return f"{visible.name}: universes of {points}, more where corners or a table of points need them"
+
+
+def _defaults_words(visible: FuzzySystem) -> Iterator[str]:
     for output in visible.outputs:
         if output.default is None:
             middle = number(dialects.middle(output.minimum, output.maximum))
-            words = f"{output.name} is {middle} when no rule fires, the middle of its range"
-            found.append(f"{visible.name}: {words}")
-    return tuple(found)
+            yield f"{visible.name}: {output.name} is {middle} when no rule fires, the middle of its range"
 
 
-def _jumps_between_points(visible: FuzzySystem) -> Iterator[str]:
+def jumps_between_points(system: FuzzySystem) -> Iterator[str]:
     """Tell of jumps between two points of an output's universe, on which other programs sample, too."""
-    for output in visible.outputs:
+    for output in system.outputs:
         for term in output.terms:
             _, jumps = dialects.corners_of(output.minimum, output.maximum, [term.membership])
             between = [x for x in jumps if x not in output.universe]
@@ -314,6 +314,6 @@ def _jumps_between_points(visible: FuzzySystem) -> Iterator[str]:
             if not sample(output, term).any():
                 fact = "and is zero on all of them, so that its rules conclude nothing"
             yield (
-                f"{output.name} {term.name} jumps at {number(between[0])}, between two points of its "
-                f"universe, {fact}; give the output more points"
+                f"{system.name}: {output.name} {term.name} jumps at {number(between[0])}, between two points "
+                f"of its universe, {fact}; give the output more points"
             )

@@ -302,6 +302,9 @@ def test_what_was_assumed_is_printed(tmp_path, run):
     assert controller.name == "tips"
     (system,) = controller.systems
     assert {v.num_points for v in (*system.inputs, *system.outputs)} == {201}
+    assert "points" not in notes
+    spiky = Path(__file__).parents[1] / "formats" / "exchange" / "spiky.fis"  # y jumps at 15.5 and 25.25
+    assert ["jumps" in run("import", spiky, "--points", count).err for count in (201, 401)] == [True, False]
     assert run("import", TIPPER).out.startswith('{\n  "schema": "fuzzy-controller"')
 
 
