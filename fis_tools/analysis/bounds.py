@@ -8,14 +8,15 @@ The box that promises most is split next, at the middle of the input whose membe
 Nothing is random, and ties go to the older box, so that the same search always takes the same way.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
 from heapq import heappop, heappush
 from typing import Literal
 
 import numpy as np
 
-from fis_tools.analysis.condition import Region, linear_bounds, read_conditions, read_region
+from fis_tools.analysis.condition import Condition, Region, linear_bounds, read_conditions, read_region
 from fis_tools.array_types import Floats
 from fis_tools.document import Document, Paragraph, Result
 from fis_tools.engines import interpreter, interval
@@ -212,6 +213,10 @@ class Answer(Result):
     refuted_low, refuted_high : (m, num_inputs), optional
         The boxes of inputs that prove a no: over each the interval of the outputs rules it out, and together
         they cover the region.
+    conditions : tuple of Condition
+        Of the region and the question; the example is written with as many digits as they take.
+    notes : tuple of str
+        Which inputs are asked for beyond their ranges, and what they count as.
     """
 
     question: str
@@ -223,26 +228,28 @@ class Answer(Result):
     undecided_share: float = 0.0
     refuted_low: Floats | None = field(default=None, repr=False, compare=False)
     refuted_high: Floats | None = field(default=None, repr=False, compare=False)
+    conditions: tuple[Condition, ...] = field(default=(), repr=False, compare=False)
+    notes: tuple[str, ...] = field(default=(), repr=False, compare=False)
 
     @property
     def sentence(self) -> str:
         """The answer in words."""
-        while_region = f" while {self.region}" if self.region else ""
         boxes = f"{self.num_boxes} box{'es' if self.num_boxes > 1 else ''}"
         if self.example is not None:
-            values = ", ".join(f"{name} = {value:.9g}" for name, value in _rounded(self.example).items())
-            return f"{self.question}{while_region}: yes, for example at {values}."
-        if self.undecided is None:
-            return f"{self.question}{while_region}: no, proved with {boxes}."
-        low, high = (
-            _rounded({name: getattr(one, end) for name, one in self.undecided.items()})
-            for end in ("low", "high")
-        )
-        left = " and ".join(f"{name} from {number(low[name])} to {number(high[name])}" for name in low)
-        return (
-            f"{self.question}{while_region}: undecided after {boxes}; "
-            f"{100.0 * self.undecided_share:.3g} % of the region are left, the largest part with {left}."
-        )
+            outcome = f"yes, for example at {_place(self.example, self.conditions, 9)}"
+        elif self.undecided is None:
+            outcome = f"no, proved with {boxes}"
+        else:
+            left = " and ".join(
+                f"{name} from {number(_rounded(part.low))} to {number(_rounded(part.high))}"
+                for name, part in self.undecided.items()
+            )
+            outcome = (
+                f"undecided after {boxes}; {100.0 * self.undecided_share:.3g} % of the region are left, the "
+                f"largest part with {left}"
+            )
+        while_region = f" while {self.region}" if self.region else ""
+        return "; ".join((f"{self.question}{while_region}: {outcome}", *self.notes)) + "."
 
     def document(self) -> Document:
         """Say it in a sentence."""
@@ -265,6 +272,8 @@ class Range(Result):
         The inputs of these two, by name; empty where there is none.
     num_boxes : int
         How many boxes were bounded.
+    where : Region
+        Where the inputs lie.
     """
 
     output: Variable
@@ -273,19 +282,19 @@ class Range(Result):
     least_at: dict[str, float]
     greatest_at: dict[str, float]
     num_boxes: int
+    where: Region = field(repr=False, compare=False)
 
     @property
     def sentence(self) -> str:
         """The range in words."""
         ends = [
-            f"{quantity(self.output, value)} is attained at "
-            + ", ".join(f"{name} = {number(at)}" for name, at in _rounded(inputs).items())
+            f"{quantity(self.output, value)} is attained at {_place(inputs, self.where.conditions, 6)}"
             for value, inputs in ((self.inner.low, self.least_at), (self.inner.high, self.greatest_at))
             if inputs
         ] or ["no input that meets all conditions was found"]
         outer = f"{number(self.outer.low)} to {quantity(self.output, self.outer.high)}"
         proved = f"{self.output.name} goes from {outer} at most, proved with {self.num_boxes} boxes"
-        return "; ".join((proved, *ends)) + "."
+        return "; ".join((proved, *ends, *self.where.notes)) + "."
 
     def document(self) -> Document:
         """Say it in a sentence."""
@@ -338,21 +347,20 @@ def ask(
     packed = interval.pack(system)
     found = subdivide(packed, where, promise, floor=0.0, goal=0.0, max_boxes=max_boxes, progress=progress)
     words = ", ".join(one.text for one in asked)
+    answer = partial(Answer, words, where.text, num_boxes=found.num_boxes)
+    answer = partial(answer, conditions=(*where.conditions, *asked), notes=where.notes)
     if found.best >= 0.0:
         inputs = np.clip(found.best_inputs, where.asked_low, where.asked_high)
         outputs = interpreter.evaluate(packed, inputs[np.newaxis])[0]
-        example = _named(system.inputs, inputs) | _named(system.outputs, outputs)
-        return Answer(words, where.text, "yes", found.num_boxes, example)
+        return answer("yes", example=_named(system.inputs, inputs) | _named(system.outputs, outputs))
     if not len(found.open_promises):
-        no = Answer(words, where.text, "no", found.num_boxes)
-        return replace(no, refuted_low=found.refuted_low, refuted_high=found.refuted_high)
+        return answer("no", refuted_low=found.refuted_low, refuted_high=found.refuted_high)
     sides = np.where(where.high > where.low, found.open_high - found.open_low, 1.0)
     volumes = (sides / np.where(where.high > where.low, where.high - where.low, 1.0)).prod(axis=1)
     largest = int(np.argmax(volumes))
     ends = zip(system.inputs, found.open_low[largest], found.open_high[largest], strict=True)
     box = {variable.name: Interval(float(low), float(high)) for variable, low, high in ends}
-    share = float(volumes.sum())
-    return Answer(words, where.text, "undecided", found.num_boxes, undecided=box, undecided_share=share)
+    return answer("undecided", undecided=box, undecided_share=float(volumes.sum()))
 
 
 def output_ranges(
@@ -416,16 +424,28 @@ def _range(
     greatest, greatest_at = attained[-1] if attained else (-np.inf, {})
     outer = Interval(-_most(low), _most(high))
     inner = Interval(least, greatest)
-    return Range(output, outer, inner, least_at, greatest_at, low.num_boxes + high.num_boxes)
+    return Range(output, outer, inner, least_at, greatest_at, low.num_boxes + high.num_boxes, where)
 
 
 def _most(found: Subdivision) -> float:
     return float(max(found.closed, found.open_promises.max(initial=-np.inf)))
 
 
-def _rounded(values: dict[str, float]) -> dict[str, float]:
+def _place(values: Mapping[str, float], conditions: Sequence[Condition], digits: int) -> str:
+    """Write values of variables, each with some digits, or with all where fewer would not meet conditions."""
+    told, words = dict(values), []
+    for name, value in values.items():
+        shown = f"{_rounded(value):.{digits}g}"
+        told[name] = float(shown)
+        if not all(condition.holds(told) for condition in conditions):
+            shown, told[name] = repr(value), value
+        words.append(f"{name} = {shown}")
+    return ", ".join(words)
+
+
+def _rounded(value: float) -> float:
     """Take the least numbers above and below zero, which strict conditions lead to, for zero."""
-    return {name: value if abs(value) > 1e-300 else 0.0 for name, value in values.items()}
+    return value if abs(value) > 1e-300 else 0.0
 
 
 def _named(variables: Sequence[Variable], values: Floats) -> dict[str, float]:

@@ -1,7 +1,7 @@
 """Conditions on variables as a person writes them, and the region of inputs that they define."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +9,7 @@ import numpy as np
 from fis_tools.array_types import Booleans, Floats
 from fis_tools.errors import require_known
 from fis_tools.model import FuzzySystem
+from fis_tools.words.text import number, quantity
 
 GRAMMAR = "write conditions as NAME > NUMBER, 2 NAME - OTHER <= NUMBER or NAME in [NUMBER, NUMBER]"
 NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
@@ -41,6 +42,11 @@ class Condition:
         """Whether it is about one variable, as it is."""
         return list(self.coefficients.values()) == [1.0]
 
+    def holds(self, values: Mapping[str, float]) -> bool:
+        """Return whether values, by the names of the variables, meet it."""
+        total = sum(coefficient * values[name] for name, coefficient in self.coefficients.items())
+        return self.least <= total <= self.greatest
+
 
 @dataclass(frozen=True)
 class Region:
@@ -48,8 +54,8 @@ class Region:
 
     Parameters
     ----------
-    text : str
-        As it was written.
+    conditions : tuple of Condition
+        As they were asked for.
     low, high : (num_inputs,)
         The box, inside the universes.
     asked_low, asked_high : (num_inputs,)
@@ -58,9 +64,11 @@ class Region:
     coefficients : (m, num_inputs)
         Of the other conditions, ``least <= coefficients @ inputs <= greatest``.
     least, greatest : (m,)
+    notes : tuple of str
+        Which inputs are asked for beyond their universes, and what they count as.
     """
 
-    text: str
+    conditions: tuple[Condition, ...]
     low: Floats
     high: Floats
     asked_low: Floats
@@ -68,6 +76,12 @@ class Region:
     coefficients: Floats
     least: Floats
     greatest: Floats
+    notes: tuple[str, ...]
+
+    @property
+    def text(self) -> str:
+        """The conditions as they were written."""
+        return ", ".join(condition.text for condition in self.conditions)
 
     def may_meet(self, low: Floats, high: Floats) -> Booleans:
         """Return which boxes, given by their corners (n, num_inputs), may hold an input of the region."""
@@ -128,11 +142,16 @@ def read_region(system: FuzzySystem, text: str) -> Region:
                     f"{names[place]!r} is asked to lie beyond its range of {minimum:g} to {maximum:g} in "
                     f"{text!r}, where conditions on several inputs do not reach; leave out one of them"
                 )
-    words = ", ".join(condition.text for condition in conditions)
+    notes = tuple(
+        f"{variable.name} beyond its range of {number(variable.minimum)} to "
+        f"{quantity(variable, variable.maximum)} counts as the end of it"
+        for variable, *asked in zip(system.inputs, asked_low, asked_high, strict=True)
+        if any(np.isfinite(end) and not variable.minimum <= end <= variable.maximum for end in asked)
+    )
     low, high = (np.clip(ends, *np.transpose(universes)) for ends in (asked_low, asked_high))
     coefficients = np.array(rows).reshape(len(joint), len(names))
     limits = np.array([(one.least, one.greatest) for one in joint]).reshape(-1, 2).T
-    region = Region(words, low, high, asked_low, asked_high, coefficients, limits[0], limits[1])
+    region = Region(conditions, low, high, asked_low, asked_high, coefficients, limits[0], limits[1], notes)
     if not region.may_meet(region.low[np.newaxis], region.high[np.newaxis])[0]:
         raise ValueError(f"no inputs of the universes meet all conditions of {text!r}; relax one of them")
     return region

@@ -1,5 +1,6 @@
 """Bounds against very many evaluations and closed forms; questions against grids; mistakes."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -222,6 +223,19 @@ def test_a_range_beyond_a_universe_is_attained_where_it_was_asked_for():
     assert min(found.least_at["distance"], found.greatest_at["distance"]) > 300.0
     at_end = output_ranges(FORCE_X, "distance = 200")[0]
     assert (found.inner, found.outer) == (at_end.inner, at_end.outer)
+    beyond = "; distance beyond its range of 0 to 200 m counts as the end of it."
+    assert found.sentence.endswith(beyond)
+    assert ask(FORCE_X, "force_x > 1", "distance in [150, 300]").sentence.endswith(beyond)
+    assert "beyond" not in at_end.sentence + ask(FORCE_X, "force_x > 1", "distance > 150").sentence
+
+
+def test_an_example_is_written_with_the_digits_that_its_conditions_take():
+    where = "distance < 50, velocity_body_x > 0"
+    for sentence in (ask(FORCE_X, "force_x < 1", where).sentence, output_ranges(FORCE_X, where)[0].sentence):
+        shown = re.findall(r"(?:distance|velocity_body_x) = ([^,;]+?)[,;.]* ", f"{sentence} ")
+        assert all(float(value) > 0.0 for value in shown[1::2])
+        assert all(float(value) < 50.0 for value in shown[::2])
+        assert max(map(len, shown)) <= len(repr(np.nextafter(50.0, 0.0).item()))
 
 
 def test_a_range_of_which_no_input_was_found_says_so():
