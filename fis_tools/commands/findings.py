@@ -50,7 +50,7 @@ def audit(
         python -m fis_tools audit episodes/best.mcap --json > audit.json
         python -m fis_tools audit controller.yaml --thresholds coverage=0.5,look_alike=0.6
 
-    Thresholds, most of them shares from 0 to 1:
+    Thresholds, shares from 0 to 1 but for the last two:
 
     - fired (0.05): a rule counts as fired, and a value as covered at all, from this strength on
     - coverage (0.2): each value should belong to a term, and each input to a rule, this much
@@ -96,9 +96,11 @@ def _thresholds(words: str) -> Thresholds:
     values = arguments.assignments(words)
     defaults = {field.name: field.default for field in fields(Thresholds)}
     require_known(values, defaults, "there is no threshold", Mistake)
-    for name in values:
-        if values[name] < 0.0:
-            raise Mistake(f"the threshold {name!r} is below 0; give one that is not")
+    for name, value in values.items():
+        is_share = isinstance(defaults[name], float)  # the others are counts
+        if value < 0.0 or (is_share and value > 1.0):
+            right = "a share from 0 to 1" if is_share else "a number that is not below 0"
+            raise Mistake(f"the threshold {name!r} is {value:g}; give {right}")
     return replace(Thresholds(), **values)  # type: ignore[arg-type]
 
 
