@@ -86,16 +86,19 @@ def _wanted(
     path: Path, held: Sequence[str], names: Sequence[str], labels: Mapping[str, str]
 ) -> dict[str, str]:
     """Return the columns to read of those that a table holds, by the names that are asked for."""
-    alike = {name_and_unit(column): column for column in held}
-    wanted = {
-        name: name if name in held else alike.get(name_and_unit(labels.get(name, name)), name)
-        for name in names
-    }
-    for name, column in wanted.items():
-        if held.count(column) != 1:
-            found = f"it has two {name!r}" if column in held else f"it has no {name!r}; {nearest(name, held)}"
-            asked = ", ".join(wanted)
-            raise ControllerFileError(f"{path}: columns go by the names of inputs ({asked}), and {found}")
+    splits = {column: name_and_unit(column) for column in held}
+    wanted = {}
+    for name in names:
+        split = name_and_unit(labels.get(name, name))
+        found = [column for column in held if column == name or splits[column] == split]
+        if len(found) != 1:
+            fault = f"it has no {name!r}; {nearest(name, held)}"
+            if found:
+                fault = f"it has {' and '.join(map(repr, found))} for {name!r}; leave out one"
+            raise ControllerFileError(
+                f"{path}: columns go by the names of inputs ({', '.join(names)}), and {fault}"
+            )
+        wanted[name] = found[0]
     return wanted | ({TIME: TIME} if TIME in held else {})
 
 

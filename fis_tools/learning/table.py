@@ -2,7 +2,7 @@
 
 import csv
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -63,9 +63,9 @@ def as_table(content: Any, target: str, inputs: list[str] | None = None) -> Tabl
     content : Any
         Columns of numbers by their names; that of the target may hold words.
     target : str
-        Which column is to be learned.
+        Which column is to be learned; of ``y (N)`` ``y`` will do where no other column is called so.
     inputs : list of str, optional
-        Which columns rules may ask for; by default all others.
+        Which columns rules may ask for, likewise; by default all others.
 
     Raises
     ------
@@ -77,8 +77,9 @@ def as_table(content: Any, target: str, inputs: list[str] | None = None) -> Tabl
         raise UnreadableTable(
             "an array does not say what its columns are; pass a mapping of names to columns"
         )
-    require_known((target, *(inputs or ())), names, "the table has no column", UnreadableTable)
-    labels = tuple(inputs or (name for name in names if name != target))
+    target, *asked = (_called(name, names) for name in (target, *(inputs or ())))
+    require_known((target, *asked), names, "the table has no column", UnreadableTable)
+    labels = tuple(asked or (name for name in names if name != target))
     if not labels:
         raise UnreadableTable(f"the table has no column besides {target!r}; add what rules may ask for")
     columns = {name: np.asarray(content[name]) for name in (*labels, target)}
@@ -108,6 +109,14 @@ def as_table(content: Any, target: str, inputs: list[str] | None = None) -> Tabl
         if not all(isinstance(value, str) and as_number(value) is None for value in values.tolist()):
             raise
     return Table(labels, rows, target, values, tuple(notes))
+
+
+def _called(name: str, names: Collection[str]) -> str:
+    """Return the column of a name: itself, or the only one that is called so and has a unit."""
+    if name in names:
+        return name
+    with_unit = [column for column in names if name_and_unit(name) == (name_and_unit(column)[0], "")]
+    return with_unit[0] if len(with_unit) == 1 else name
 
 
 def _idle(column: NDArray[Any]) -> str:

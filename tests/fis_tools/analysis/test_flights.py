@@ -215,3 +215,6 @@ def test_a_table_that_was_learned_from_goes_by_its_own_headings(tmp_path):
     assert values.tolist() == [[2.0, 1.5], [3.0, 4.0]]
     with pytest.raises(ControllerFileError, match="it has no 'petal_length'"):
         tables.read(table, ["petal_length"], {"petal_length": "petal_length (m)"})
+    table.write_text("width,width (mm)\n1,2\n", encoding="utf-8")
+    with pytest.raises(ControllerFileError, match=r"'width' and 'width \(mm\)' for 'width'; leave out one"):
+        tables.read(table, ["width"], labels)

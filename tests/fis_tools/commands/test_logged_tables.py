@@ -78,7 +78,7 @@ def test_every_command_that_takes_flights_takes_tables(tmp_path, run):
     ("change", "words"),
     [
         (("food", "fod"), "by the names of inputs (service, food), and it has no 'food'; did you mean"),
-        (("guest", "food"), "and it has two 'food'"),
+        (("guest", "food"), "and it has 'food' and 'food' for 'food'; leave out one"),
         (("8.0,", "eight,"), "row 3: eight, a, b, 10.0, 4.0 does not hold a number"),
         (("8.0,", "nan,"), "food is nan in its sample 2, and missing or infinite in 1 of 3"),
         (("10.0,", "30.0,"), "time_s runs backwards"),

@@ -188,6 +188,22 @@ def test_gaps_words_and_constants_are_left_out_and_told():
         as_table(whole | others, "y", ["a", "word"])
 
 
+def test_a_column_with_a_unit_goes_by_its_name_where_no_other_does():
+    content = {
+        "air speed (m/s)": [1, 2, 3],
+        "b (m)": [1, 2, 4],
+        "b (s)": [1, 3, 2],
+        "b": [3, 2, 1],
+        "y (N)": [2, 4, 6],
+    }
+    table = as_table(content, "y", ["air speed", "b"])
+    assert (table.labels, table.target) == (("air speed (m/s)", "b"), "y (N)")
+    del content["b"]
+    for inputs in (["b"], ["air speed (km/h)"]):
+        with pytest.raises(UnreadableTable, match="the table has no column"):
+            as_table(content, "y", inputs)
+
+
 #: what only runs with pandas, or with a setting of scipy
 ELSEWHERE = {
     "check_array_api_input",
