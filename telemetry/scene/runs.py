@@ -149,18 +149,25 @@ def read_evaluation(path: Path) -> Evaluation:
             f"flight: python -m telemetry replay {path}"
         )
     table = path if path.suffix == ".parquet" else file_of(path, "evaluation_trajectories")
+    root = table.parent.parent
+    outcomes = table.with_name(file_of(root, "evaluation_episodes").name)
     if not table.exists():
-        raise RecordingError(
-            f"{table} does not exist; give the folder of a run that has been evaluated, as "
+        why = (
+            "; give the folder of a run that has been evaluated, as "
             "`python -m pipeline +experiment=evaluate` makes one"
         )
+        if outcomes.exists():
+            why = (
+                ": campaigns of more cases than engine.part_cases keep no trajectories; evaluate again with "
+                "fewer (monte_carlo.num_cases), or with a greater engine.part_cases"
+            )
+        raise RecordingError(f"{table} does not exist{why}")
     cases, tracks = _tracks(table)
-    root = table.parent.parent
     return Evaluation(
         name=root.resolve().name,
         case=cases,
         position_m=tracks,
-        episodes=_episodes(table.with_name(file_of(root, "evaluation_episodes").name), cases),
+        episodes=_episodes(outcomes, cases),
         surroundings=_surroundings(root),
     )
 

@@ -123,6 +123,11 @@ def test_what_is_no_evaluation_is_refused(run: Path, tmp_path: Path, short_file:
     table.write_bytes(table.read_bytes()[:-20])
     with pytest.raises(RecordingError, match=r"trajectories.parquet cannot be read.* repeat the stage"):
         campaign.scene(run)
+    table.unlink()
+    with pytest.raises(
+        RecordingError, match=r"does not exist: campaigns of more cases than engine.part_cases"
+    ):
+        campaign.scene(run)
 
 
 def test_episodes_of_other_cases_are_refused(run: Path) -> None:
