@@ -129,6 +129,8 @@ class Explanation(Result):
     def _class_words(self) -> Iterator[Block]:
         """Say which class has the greatest share, and what would flip that."""
         said = max(self.outputs, key=lambda output: output.value).variable.name
+        if all(output.is_default for output in self.outputs):
+            said += ", by its default alone, as no rule fires"
         if not self.class_flips:
             yield Paragraph(f"Class: {said}. No change of one input alone flips it.")
             return
@@ -137,6 +139,7 @@ class Explanation(Result):
             [
                 f"{flip.other.name}: {flip.input.name} {'above' if flip.first > flip.given else 'below'} "
                 f"{amount(flip.input, flip.first)}, a change of {percent(flip.share)} of its range"
+                f"{'; there no rule fires' if flip.takes_default else ''}"
                 for flip in self.class_flips
             ]
         )
@@ -157,6 +160,7 @@ class Explanation(Result):
         names = [variable.name for variable in self.system.inputs]
         class_flips = [
             {"input": flip.input.name, "first": flip.first, "class": flip.other.name}
+            | {"takes_default": flip.takes_default}
             for flip in self.class_flips
         ]
         return {

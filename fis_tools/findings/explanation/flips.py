@@ -126,12 +126,15 @@ class ClassFlip:
         The input where the way begins, and where the class changes.
     other : Variable
         The output that is the greatest there.
+    takes_default : bool
+        Whether no rule fires there, so that all outputs are their defaults.
     """
 
     input: Variable
     given: float
     first: float
     other: Variable
+    takes_default: bool
 
     @property
     def share(self) -> float:
@@ -156,7 +159,9 @@ def class_flips(compiled: CompiledSystem, given: Floats) -> tuple[ClassFlip, ...
     for index, _, _, ends in _searched(compiled, given, side_of):
         if ends is not None:
             other = system.outputs[int(compiled(ends[1][np.newaxis])[0].argmax())]
-            found.append(ClassFlip(system.inputs[index], float(given[index]), float(ends[1][index]), other))
+            is_silent = all(output.is_default for output in infer(system, ends[1]).outputs)
+            numbers = (float(given[index]), float(ends[1][index]))
+            found.append(ClassFlip(system.inputs[index], *numbers, other, is_silent))
     return tuple(sorted(found, key=lambda flip: flip.share))
 
 
