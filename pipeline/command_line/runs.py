@@ -68,6 +68,14 @@ def _check_vacant(job: "Job") -> None:
             f"{shown} holds another run; choose another hydra.run.dir (for sweeps hydra.sweep.dir), or go on "
             f"with it by resume={shown}"
         )
+    _require_kept(job.experiment, job.folder)
+
+
+def _require_kept(experiment: Experiment, folder: Path) -> None:
+    """Raise ControllerError if a command names a controller whose file has changed since the run began."""
+    from pipeline.controllers.source import require_kept  # noqa: PLC0415 - compiled code
+
+    require_kept(experiment, folder)
 
 
 def _shown(folder: Path) -> Path:
@@ -154,12 +162,13 @@ def repeat(folder: Path, overrides: Sequence["Override"], config_dir: Path | Non
         given = [
             o for o in overrides if o.key_or_group != "stages" and not o.key_or_group.startswith("hydra.")
         ]
-        if all("." in one.key_or_group or one.key_or_group in schema.schema() for one in given):
-            new = with_values(config, {one.key_or_group: one.value() for one in given})
-        else:
+        keys = [one.key_or_group for one in given]
+        if is_composed := any("." not in key and key not in schema.schema() for key in keys):
             from pipeline.command_line.config import compose_experiment  # noqa: PLC0415 - Hydra, which few runs need
 
             new = compose_experiment([o.input_line or "" for o in overrides], config_dir).config
+        else:
+            new = with_values(config, {one.key_or_group: one.value() for one in given})
         then, now = (schema.only_results(schema.present(one)) for one in (config, new))
         if changed := schema.differences(then, now, {*own, "stages"}):
             raise ConfigError(
@@ -169,6 +178,8 @@ def repeat(folder: Path, overrides: Sequence["Override"], config_dir: Path | Non
         config = {**new, "stages": config["stages"]}
         experiment = schema.experiment_from(config)
         check_before(replace(experiment, stages=tuple(asked_for)))
+        if is_composed:
+            _require_kept(experiment, folder)
         return _run(config, experiment, folder, asked_for)
 
 

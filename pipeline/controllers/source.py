@@ -127,6 +127,21 @@ def sha256_of(controller: Controller) -> str | None:
     return serialize.fingerprint(controller.fuzzy) if controller.fuzzy else None
 
 
+def require_kept(experiment: Experiment, folder: Path) -> None:
+    """Raise ControllerError if the controller's file has changed since a run's folder kept a copy.
+
+    Raises
+    ------
+    ControllerError, fis_tools.formats.serialize.ControllerFileError
+    """
+    kept = folder / artifacts.CONTROLLER
+    if kept.exists() and load(experiment.controller, experiment.mission).fuzzy != serialize.load(kept):
+        raise ControllerError(
+            f"{experiment.controller.get('path')} has changed since {kept}, which this run flies, was copied "
+            "from it; restore it, or start a new run"
+        )
+
+
 def controller_of_kind(kind: str, settings: Planned, mission: Mission) -> Controller:
     """Return the controller of a planning kind, made by the module that has its name.
 

@@ -9,6 +9,7 @@ import pytest
 import yaml
 
 from pipeline.command_line.cli import main
+from pipeline.controllers.source import controller_of_run
 from pipeline.evaluation.monte_carlo import summarise
 from pipeline.run import artifacts, configuration, manifests, progress, sweep, tables, writing
 from pipeline.run.progress import Progress
@@ -145,6 +146,21 @@ def test_a_repeated_stage_may_have_its_own_settings_but_no_others(finished, monk
         (["stages=[reprt]", place], "did you mean report?"),
     ):
         assert told in ran(*words, code=2).err
+
+
+def test_a_repeated_command_flies_no_controller_that_its_file_no_longer_holds(monkeypatch, ran):
+    text = (PROJECT / "conf/controller/champion_27.yaml").read_text()
+    Path("c.yaml").write_text(text)
+    words = ["+experiment=evaluate", "controller=c.yaml", "hydra.run.dir=run"]
+    called = use_stages(monkeypatch, evaluate=controller_of_run)
+    assert main(words) == main([*words, "stages=[evaluate]"]) == 0
+    Path("c.yaml").write_text(text.replace("name: champion_27", "name: edited", 1))
+    called.clear()
+    told = ran(*words, "stages=[evaluate]", code=2).err
+    assert "c.yaml has changed since" in told
+    assert called == []
+    # what names no file goes on with the copy
+    assert main(["stages=[evaluate]", "hydra.run.dir=run"]) == 0
 
 
 def test_a_folder_that_holds_no_run_is_refused(finished, monkeypatch, ran):
