@@ -107,9 +107,8 @@ def read_arguments(arguments: Sequence[str]) -> Asked:
     for word in words:
         if word.startswith("-"):
             _refuse(word)
-    folder = options.config_dir
-    if folder is not None and not folder.is_dir():
-        raise ConfigError(f"--config-dir {folder} is no folder; give one with experiments of your own")
+    if options.config_dir is not None:
+        _check_folder(options.config_dir)
     resumed = [word.removeprefix(RESUME) for word in words if word.startswith(RESUME)]
     compared = (
         [] if options.multirun else [word for word in words if word.startswith(COMPARE) and "," in word]
@@ -125,6 +124,17 @@ def read_arguments(arguments: Sequence[str]) -> Asked:
         compare=(Path(one).expanduser(), Path(other).expanduser()) if compared else None,
         overrides=overrides,
     )
+
+
+def _check_folder(folder: Path) -> None:
+    """Raise ConfigError for a folder of configurations that is none, and files hidden by those that ship."""
+    if not folder.is_dir():
+        raise ConfigError(f"--config-dir {folder} is no folder; give one with experiments of your own")
+    for path in sorted(folder.rglob("*.yaml")):
+        shipped = conf_folder() / path.relative_to(folder)
+        # Hydra reads the first that it finds; a copy may stay
+        if shipped.is_file() and shipped.read_bytes() != path.read_bytes():
+            raise ConfigError(f"{path} has the name of one that ships, which is read in its place; rename it")
 
 
 def _refuse(word: str) -> NoReturn:

@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.command_line.cli import COMMANDS
+from pipeline.settings.places import conf_folder
 from tests.pipeline.command_line.cases import EVALUATE, FLY, use_stages
 
 LQR = ["+experiment=fly", "controller=lqr"]
@@ -102,6 +103,16 @@ def test_mistakes(arguments, message, tmp_path, monkeypatch, ran):
     assert told.count("\n") == 1
     assert called == []
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_file_with_the_name_of_one_that_ships_is_refused(tmp_path, ran):
+    path = tmp_path / "world" / "leo.yaml"
+    path.parent.mkdir()
+    words = [*FLY, "--config-dir", str(tmp_path), "--cfg", "job"]
+    path.write_bytes((conf_folder() / "world" / "leo.yaml").read_bytes())
+    assert ran(*words).err == ""
+    path.write_text("# @package _global_\nduration_s: 600.0\n")
+    assert f"{path} has the name of one that ships" in ran(*words, code=2).err
 
 
 NO_CONTROLLER = '{"schema": "fuzzy-controller", "schema_version": 99, "name": "x", "systems": []}'
