@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.array_types import Floats
-from pipeline.flight.state.log import Scenario
+from pipeline.flight.state.log import Scenario, points_needed
 from pipeline.flight.world.pack import inspection_points
 from pipeline.optimum.plan import CasePlan, num_agreeing
 from pipeline.run import artifacts, tables
@@ -76,8 +76,8 @@ class Solved:
 def terms_of(mission: Mission) -> dict[str, Any]:
     """Return the dependencies of a minimum-fuel plan besides its start: keys of the configuration to values.
 
-    Settings that only a controller senses or uses are left out: guidance, coasting at the end, the share of
-    the points that counts as a success.
+    Settings that only a controller senses or uses are left out: guidance, coasting at the end. The share of
+    the points that counts as a success matters by the number of points that it asks for.
     """
     terms = _of_groups(mission)
     for key in ("deputy.initial_position_m", "deputy.initial_velocity_m_s"):
@@ -161,6 +161,11 @@ def solved_for(experiment: Experiment) -> Solved:
     elevations = np.degrees(solved.cases.get("sun_elevation_rad", np.zeros(len(angles))))
     if np.any(elevations < low - 1e-9) or np.any(elevations > high + 1e-9):
         raise IncomparableError("the Sun has other elevations here than in the plans' cases")
+    inspectable = solved.cases.get("inspectable_count", len(inspection_points(experiment.mission)))
+    points, threshold = experiment.optimum.points, experiment.mission.inspection_threshold_percent
+    if np.any(solved.cases["points_asked"] != (points or points_needed(inspectable, threshold))):
+        asked = f"optimum.points is {points}" if points else f"inspection_threshold_percent is {threshold:g}"
+        raise IncomparableError(f"{asked} here, and the plans inspect another number of points")
     return solved
 
 

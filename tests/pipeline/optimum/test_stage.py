@@ -220,6 +220,8 @@ def test_a_case_outside_the_limits_is_no_success():
         (["sun=mixed"], "sun.mode is mixed; plans ship for sun=fixed and sun=random"),
         (["sun.angle_deg=10"], "sun.angle_deg is 10 here, and another in the plans' cases"),
         (["optimum.reference=null"], "optimum.reference is null"),
+        (["inspection_threshold_percent=99"], "inspection_threshold_percent is 99 here, and the plans"),
+        (["optimum.points=98"], "optimum.points is 98 here, and the plans inspect another number"),
         (["world=leo", LEO], "dynamics.model"),
     ],
 )
@@ -229,7 +231,7 @@ def test_another_mission_is_not_compared(overrides, reason):
 
 
 def test_what_no_plan_depends_on_does_not_matter():
-    others = ("guidance.kind=clusters", "coast_when_complete=false", "inspection_threshold_percent=90")
+    others = ("guidance.kind=clusters", "coast_when_complete=false", "inspection_threshold_percent=95.9")
     experiment = evaluation(*others, "deputy.initial_position_m=[60,0,0]", "seed=5")
     assert len(solved_for(experiment).cases["case"]) == 50
 
@@ -245,7 +247,7 @@ def test_the_reason_is_kept_and_an_older_table_goes(tmp_path):
 
 def test_plans_of_ones_own_measure_another_mission(tmp_path):
     own = carried_out(composed("duration_s=900", *QUICK, "optimum.workers=1"), tmp_path)
-    solved = solved_for(evaluation("duration_s=900", f"optimum.reference={tmp_path}"))
+    solved = solved_for(evaluation("duration_s=900", "optimum.points=30", f"optimum.reference={tmp_path}"))
     assert solved.cases["case"].tolist() == [0, 1]
     assert solved.plan(1, own.experiment.mission).shape == (90, 3)
     with pytest.raises(IncomparableError, match=r"duration_s is 3600\.0 here, and 900\.0"):
@@ -256,8 +258,9 @@ def test_plans_of_ones_own_measure_another_mission(tmp_path):
 
 def test_plans_under_alternating_elevations_measure_their_own_mission(tmp_path):
     mission = ("duration_s=900", "sun=mixed", "sun.elevation_range_deg=[10,40]")
-    solve(tmp_path, *mission, *QUICK, "optimum.points=45", "optimum.workers=1")
-    solved = solved_for(evaluation(*mission, f"optimum.reference={tmp_path}"))
+    points = "optimum.points=45"
+    solve(tmp_path, *mission, *QUICK, points, "optimum.workers=1")
+    solved = solved_for(evaluation(*mission, points, f"optimum.reference={tmp_path}"))
     fixed, drawn = solved.cases["sun_elevation_rad"]
     assert fixed == 0.0
     assert 10.0 < np.degrees(drawn) < 40.0
