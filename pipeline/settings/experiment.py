@@ -268,14 +268,14 @@ class Experiment:
         self._check_stages()
         check_controller(self.controller)
         limits = self.mission.deputy.min_distance_m, self.mission.deputy.max_distance_m
-        self._check_start(limits)
+        self._check_start()
         for table in (self.starts.table, self.monte_carlo.table):
             if table is not None:
                 start_table.check_within(table, f"the starts of {self.starts.path}", limits)
         for group, shell in (("starts", self.starts), ("monte_carlo", self.monte_carlo)):
             for key in ("min_distance_m", "max_distance_m"):
                 value = getattr(shell, key)
-                start_table.check_distance(f"{group}.{key} is {value}", value, limits)
+                self._check_distance(f"{group}.{key} is {value}", value)
         if self.report.training_case >= self.starts.num_cases:
             raise SettingError(
                 f"report.training_case is {self.report.training_case}, but there are {self.starts.num_cases} "
@@ -287,12 +287,24 @@ class Experiment:
         """The Sun of the evaluation: its mode, or that the starts define it."""
         return self.sun.mode if self.monte_carlo.table is None else "of the starts"
 
-    def _check_start(self, limits_m: tuple[float, float]) -> None:
+    def _check_distance(self, what: str, distance_m: float) -> None:
+        """Raise SettingError if a start is outside the limits of the flight, or inside the chief."""
+        deputy, chief = self.mission.deputy, self.mission.chief
+        start_table.check_distance(what, distance_m, (deputy.min_distance_m, deputy.max_distance_m))
+        radius_m = chief.inspection_radius_m
+        is_sphere = self.mission.problem.kind == "inspection" and chief.shape == "sphere"
+        if is_sphere and not distance_m > radius_m:
+            raise SettingError(
+                f"{what}, and chief.inspection_radius_m is {radius_m:g}; the first must be greater, for a "
+                "flight starts outside the chief (m)"
+            )
+
+    def _check_start(self) -> None:
         count = self.monte_carlo.num_cases
         if self.case is None and "record" in self.stages and self.telemetry.record_start:
             distance = math.hypot(*self.mission.deputy.initial_position_m)
             what = f"deputy.initial_position_m is {distance:.6g} m from the chief"
-            start_table.check_distance(what, distance, limits_m)
+            self._check_distance(what, distance)
         elif self.case is not None and self.monte_carlo.table is not None and self.case >= count:
             raise SettingError(
                 f"case is {self.case}, but there are {count} starts; choose one from 0 to {count - 1}"
