@@ -214,12 +214,14 @@ def _experiment_of(folder: Path, config: dict[str, Any]) -> Experiment:
 def check_before(experiment: Experiment) -> None:
     """Raise the errors that a stage would raise, before any folder is made."""
     # NumPy, needed once the settings are right
+    from pipeline.flight.cases.dispersions import missions_at_ends  # noqa: PLC0415
     from pipeline.flight.world.chief import check_perigee, num_chief_steps  # noqa: PLC0415
 
     if experiment.reproducible:
         maker.require_reproducible()
-    num_chief_steps(experiment.mission)
-    check_perigee(experiment.mission)
+    for mission in (experiment.mission, *missions_at_ends(experiment.mission)):
+        num_chief_steps(mission)
+        check_perigee(mission)
     guidance = experiment.mission.guidance
     if "train" in experiment.stages and (guidance.kind, guidance.engine) == ("clusters", "sklearn"):
         raise ConfigError(

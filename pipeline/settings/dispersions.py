@@ -62,6 +62,12 @@ class Distribution:
     high: float = math.inf
     correlation_s: float | None = None
 
+    @property
+    def ends(self) -> tuple[float, float]:
+        """The least and the greatest value; the median for one without a bound."""
+        low, high = (end if math.isfinite(end) else self.value(0.5) for end in (self.low, self.high))
+        return low, high
+
     def value(self, share: float) -> float:
         """Return the quantile at a probability from 0 to less than 1."""
         if self.kind == "uniform":

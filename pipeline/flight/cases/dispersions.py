@@ -65,6 +65,18 @@ def groups_of(mission: Mission, scenarios: Sequence[Scenario]) -> list[tuple[Mis
     return [(_with(mission, values), shared) for values, shared in places.items()]
 
 
+def missions_at_ends(mission: Mission) -> list[Mission]:
+    """Return the missions with each dispersed setting at its low and at its high, or its median without one.
+
+    Raises
+    ------
+    SettingError
+        If one of these values is not allowed.
+    """
+    dispersed = distributions(mission.dispersions)
+    return [_with(mission, tuple((one.key, one.ends[which]) for one in dispersed)) for which in (0, 1)]
+
+
 def _with(mission: Mission, values: Drawn) -> Mission:
     if not values:
         return mission
@@ -78,5 +90,5 @@ def _with(mission: Mission, values: Drawn) -> Mission:
         return replace(mission, **own)
     except SettingError as error:
         raise SettingError(
-            f"a case draws what cannot be: {error}; truncate its distribution by low and high"
+            f"a case draws what cannot be: {error}; give its distribution a low and a high that can be"
         ) from error

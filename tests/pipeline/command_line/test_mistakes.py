@@ -65,6 +65,8 @@ MISTAKES = [
     ([*FLY, "optimizer.islands=4"], "there is no key optimizer.islands any more: there is one population"),
     # values
     ([*FLY, "deputy.mass_kg=-1"], "deputy.mass_kg is -1.0; it must be greater than 0 (kg)"),
+    ([*FLY, "+dispersions.deputy.mass_kg={kind:uniform,low:-1,high:11}"], "draws what cannot be: deputy."),
+    ([*FLY, "+dispersions.sensor.half_angle_deg={kind:normal,mean:9,std:99,high:181}"], "is 181.0; it must"),
     ([*FLY, "seed=1,-2", "-m"], "seed is -2; it must be a whole number of at least 0"),
     (["+experiment=train", "guidance=clusters", "guidance.engine=sklearn"], "guidance.engine is sklearn"),
     ([*OPTIMUM, "optimum.points=100"], "optimum.points is 100, but the chief has 99 points"),
