@@ -244,7 +244,14 @@ def check_before(experiment: Experiment) -> None:
         with suppress(IncomparableError):
             solved_for(experiment)
     from pipeline.controllers.source import load, named  # noqa: PLC0415 - compiled code, needed once the rest is right
+    from pipeline.flight.control.controller import about_points  # noqa: PLC0415 - the same
 
-    load(experiment.controller, experiment.mission)
-    for name in experiment.compare.controllers if "compare" in experiment.stages else ():
-        named(name, experiment.mission)
+    controllers = [load(experiment.controller, experiment.mission)]
+    names = experiment.compare.controllers if "compare" in experiment.stages else ()
+    controllers += [named(name, experiment.mission) for name in names]
+    for controller in controllers if experiment.mission.problem.kind == "reach" else ():
+        if sensed := about_points(controller):
+            sys.stderr.write(
+                f"note: {controller.name} senses {', '.join(sensed)}, which are about points to inspect, and "
+                "there are none where problem.kind is reach\n"
+            )

@@ -22,7 +22,18 @@ from fis_tools.model import FuzzyController, FuzzySystem
 from pipeline.array_types import Floats
 from pipeline.flight.state.arrays import AIMED, Law, Plans, Turns
 from pipeline.flight.state.log import Scenario
-from pipeline.flight.state.signals import AXES, CONSTANTS, FORCE_AXES, NOTHING, SIGNALS, constant, slot
+from pipeline.flight.state.signals import (
+    AXES,
+    CONSTANTS,
+    FORCE_AXES,
+    NOTHING,
+    SETTING,
+    SIGNALS,
+    TOUR,
+    URGENCY,
+    constant,
+    slot,
+)
 from pipeline.settings.experiment import Mission
 from pipeline.threads import in_threads
 
@@ -342,6 +353,12 @@ def check_tour(controller: Controller, mission: Mission) -> None:
 def sensed_by(controller: Controller) -> list[str]:
     """Return the signals that a controller's systems sense, one per input."""
     return [variable.name for system in controller.systems for variable in system.inputs]
+
+
+def about_points(controller: Controller) -> list[str]:
+    """Return the signals that a controller senses of points yet to be inspected."""
+    about = URGENCY | SETTING | TOUR
+    return [signal for signal in sensed_by(controller) if SIGNALS[signal].needs & about]
 
 
 #: flies plans up to a sample; returns what the deputies know there, shape (m, 6), m and m/s, Hill axes

@@ -117,6 +117,14 @@ def test_a_file_with_the_name_of_one_that_ships_is_refused(tmp_path, ran):
     assert f"{path} has the name of one that ships" in ran(*words, code=2).err
 
 
+def test_a_controller_that_looks_for_points_is_told_where_there_are_none(tmp_path, monkeypatch, ran):
+    use_stages(monkeypatch)
+    for name, is_told in (("champion_27", True), ("steady", False)):
+        place = f"hydra.run.dir={tmp_path / name}"
+        told = ran("+experiment=evaluate", "problem=docking", f"controller={name}", place).err
+        assert (f"note: {name} senses aim_radial, aim_along_track" in told) == is_told
+
+
 NO_CONTROLLER = '{"schema": "fuzzy-controller", "schema_version": 99, "name": "x", "systems": []}'
 
 
