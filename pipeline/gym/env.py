@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from pipeline.flight.fly.stepping import POSITION, SPENT, VELOCITY
 from pipeline.flight.goals.reach import limit_at
 from pipeline.flight.state.log import FlightLog
-from pipeline.gym.episodes import Episodes, Reward, Task, task_of
+from pipeline.gym.episodes import Episodes, Reward, Task, obeyed, task_of
 
 Observation = NDArray[np.float32]
 #: what is observed at the start of an episode, and what is known beside it
@@ -55,7 +55,7 @@ class InspectionEnv(gymnasium.Env[Observation, NDArray[Any]]):
         levels_n: float | None = None,
         render_mode: str | None = None,
     ) -> None:
-        self.task: Task = task_of(overrides, reward, levels_n)
+        self.task: Task = task_of(obeyed(overrides), reward, levels_n)
         self.observation_space = self.task.observation_space()
         self.action_space = self.task.action_space()
         self._episodes = Episodes(self.task, 1)
@@ -130,7 +130,7 @@ class InspectionVectorEnv(VectorEnv[Observation, NDArray[Any], NDArray[Any]]):
         levels_n: float | None = None,
     ) -> None:
         self.num_envs = num_envs
-        self.task: Task = task_of(overrides, reward, levels_n)
+        self.task: Task = task_of(obeyed(overrides), reward, levels_n)
         self.single_observation_space = self.task.observation_space()
         self.single_action_space = self.task.action_space()
         self.observation_space = batch_space(self.single_observation_space, num_envs)

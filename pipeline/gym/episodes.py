@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from pipeline.array_types import Booleans, Floats
 from pipeline.command_line.config import compose_experiment
+from pipeline.command_line.overrides import parse
 from pipeline.flight.control.controller import open_loop
 from pipeline.flight.fly import stepping
 from pipeline.flight.fly.simulation import fly_logged
@@ -23,10 +24,15 @@ from pipeline.flight.world.pack import inspection_points
 from pipeline.physics.motion import Deputy, Orbit, free_path, motion_over
 from pipeline.recording.recorder import FlightRecorder
 from pipeline.scenarios import PRIORITY, direction_of, draw
+from pipeline.settings.checks import names_of
 from pipeline.settings.experiment import Experiment, Mission
 
 #: what is composed where nothing else is asked for: nothing of it is flown but the world
 BASE: Final = ("+experiment=evaluate", "controller=coast")
+#: keys of the starts that are drawn, in the group monte_carlo
+DRAWN: Final = ("min_distance_m", "max_distance_m", "max_speed_m_s", "directions", "box")
+#: groups and keys of the configuration that episodes depend on
+OBEYED: Final = {"world", "sun", *names_of(Mission), *(f"monte_carlo.{name}" for name in DRAWN)}
 #: first part of the spawn key of starts, beside those of `pipeline.scenarios`
 EPISODES = 1 << 22
 #: seeds of starts are drawn below this
@@ -152,6 +158,24 @@ class Task:
         if self.levels_n is None:
             return np.asarray(np.clip(values, -1.0, 1.0) * self.mission.deputy.max_force_n)
         return np.asarray((values - 1.0) * self.levels_n)
+
+
+def obeyed(overrides: Sequence[str]) -> Sequence[str]:
+    """Return the overrides of an environment, on each of which its episodes depend.
+
+    Raises
+    ------
+    ValueError
+        If one is of something else, such as the controller.
+    """
+    for override in parse(overrides):
+        key = override.key_or_group
+        if OBEYED.isdisjoint((key, key.partition(".")[0])):
+            raise ValueError(
+                f"{override.input_line} changes no episode; leave it out: only the world, the Sun and the "
+                "shell of starts count, and reset takes a seed"
+            )
+    return overrides
 
 
 def task_of(

@@ -23,7 +23,7 @@ from pipeline.flight.world.chief import chief_attitudes
 from pipeline.flight.world.pack import optics_of
 from pipeline.flight.world.surface import surface_of
 from pipeline.gym.env import Started
-from pipeline.gym.episodes import AFRL_WEIGHTED, Reward, nearest_in_orbit, priority_weights, task_of
+from pipeline.gym.episodes import AFRL_WEIGHTED, Reward, nearest_in_orbit, obeyed, priority_weights, task_of
 from pipeline.physics.attitude import euler
 from pipeline.physics.illumination import sun_angle, sun_direction_h
 from pipeline.physics.quaternion import dcm_b_from_h, derivative, normalised
@@ -135,7 +135,8 @@ class SixDofInspectionEnv(gymnasium.Env[NDArray[np.float32], NDArray[Any]]):
         reward: SixDofReward = AFRL_SIX_DOF,
         max_rate_rad_s: float = 0.034907,
     ) -> None:
-        self.task, self._reward, self._max_rate = task_of(overrides, reward), reward, max_rate_rad_s
+        self.task = task_of(obeyed(overrides), reward)
+        self._reward, self._max_rate = reward, max_rate_rad_s
         self._mission = mission = self.task.mission
         plain = task_of(["world=afrl_six_dof"]).mission
         changed = [part for part in LEFT_OUT if getattr(mission, part) != getattr(plain, part)]

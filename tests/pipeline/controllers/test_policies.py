@@ -135,7 +135,7 @@ def test_a_path_stands_for_a_policy() -> None:
 
 
 #: as in the tests of the gym, which compile the same flights
-OVERRIDES = ["safety=filter", "duration_s=900", "sun=random", "monte_carlo.num_cases=7"]
+OVERRIDES = ["safety=filter", "duration_s=900", "sun=random"]
 
 
 @pytest.fixture(scope="module")
@@ -143,7 +143,7 @@ def flown(tmp_path_factory) -> tuple[Any, Controller, list[Any], FlightLog]:
     """A policy's flight from the second start."""
     path = tmp_path_factory.mktemp("policy") / "learned.onnx"
     path.write_bytes(model(LAYERS).SerializeToString())
-    task = task_of(OVERRIDES)
+    task = task_of([*OVERRIDES, "monte_carlo.num_cases=7"])
     controller = named(str(path), task.mission)
     starts = evaluation_scenarios(task.experiment)
     return task, controller, starts, fly_logged(task.mission, controller, starts[1])

@@ -195,6 +195,9 @@ def test_what_cannot_be_learnt_in_is_refused(flown) -> None:
         task_of(levels_n=9.0)
     with pytest.raises(ValueError, match="leave dispersions out"):
         InspectionEnv(["+dispersions.deputy.mass_kg={kind:uniform,low:10,high:14}"])
+    for words in ("controller=lqr", "monte_carlo.num_cases=5", "seed=7"):
+        with pytest.raises(ValueError, match=f"{words} changes no episode; leave it out"):
+            InspectionEnv([words])
 
 
 @pytest.mark.slow
