@@ -247,6 +247,10 @@ def check_before(experiment: Experiment) -> None:
     from pipeline.flight.control.controller import about_points  # noqa: PLC0415 - the same
 
     controllers = [load(experiment.controller, experiment.mission)]
+    if "train" in experiment.stages:
+        from pipeline.training.genome import genome_of  # noqa: PLC0415 - the same
+
+        genome_of(controllers[0], experiment.optimizer.encoding)
     names = experiment.compare.controllers if "compare" in experiment.stages else ()
     controllers += [named(name, experiment.mission) for name in names]
     for controller in controllers if experiment.mission.problem.kind == "reach" else ():

@@ -100,8 +100,8 @@ def genome_of(template: Controller, settings: Encoding) -> Genome:
 
     Raises
     ------
-    ControllerError
-        If the controller has no fuzzy system.
+    ControllerError, ValueError
+        If the controller has no fuzzy system, or one that cannot be tuned like this.
     """
     fuzzy = _fuzzy(template)
     systems, reduction = _systems_of(fuzzy, settings)
@@ -139,7 +139,12 @@ def _systems_of(
         standard_deviation=(least, greatest),
         output_reach=(shortest, longest),
     )
-    systems = SystemEncoding(fuzzy.systems, bounds)
+    try:
+        systems = SystemEncoding(fuzzy.systems, bounds)
+    except ValueError as error:
+        raise ControllerError(
+            f"{error}, or +experiment=train_readable_late, which stretches terms of any shape"
+        ) from error
     if settings.rules == "planes":
         return systems, Planes(systems)
     if settings.rules == "fixed":

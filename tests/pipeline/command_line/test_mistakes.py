@@ -68,6 +68,7 @@ MISTAKES = [
     ([*FLY, "+dispersions.deputy.mass_kg={kind:uniform,low:-1,high:11}"], "draws what cannot be: deputy."),
     ([*FLY, "+dispersions.sensor.half_angle_deg={kind:normal,mean:9,std:99,high:181}"], "is 181.0; it must"),
     ([*FLY, "seed=1,-2", "-m"], "seed is -2; it must be a whole number of at least 0"),
+    (["+experiment=train", "controller=champion_27"], "use Gaussian, or +experiment=train_readable_late"),
     (["+experiment=train", "guidance=clusters", "guidance.engine=sklearn"], "guidance.engine is sklearn"),
     ([*OPTIMUM, "optimum.points=100"], "optimum.points is 100, but the chief has 99 points"),
     ([*OPTIMUM, "optimum.burns=6"], "optimum.burns is 6; it must be from 2 to 5"),
