@@ -285,7 +285,7 @@ class Only:
     @property
     def is_of_stages(self) -> bool:
         """Whether it is about what a run does, which may change, and not about what flies."""
-        return STAGES in self.keys
+        return self.is_told or STAGES in self.keys
 
     def holds(self, config: Mapping[str, Any]) -> bool:
         """Return whether it holds in a configuration of plain data with all its keys."""

@@ -55,6 +55,11 @@ class Dynamics:
     """Acceleration by which sunlight pushes the deputy more than the chief."""
 
 
+#: of the start that is given, which counts for a single flight; kept with each run, for its stages to come
+IS_FLOWN = Only("telemetry.record_start=true", "optimum.cases=start", is_told=True)
+NO_CASE = Only("case=null", "optimum.cases=start", is_told=True)
+
+
 @settings("deputy")
 class Deputy:
     """The inspecting spacecraft, its start (Hill axes) and its limits."""
@@ -63,9 +68,9 @@ class Deputy:
     """Mass."""
     inertia_kg_m2: checks.Inertia = UNIT_INERTIA
     """Inertia matrix, body axes."""
-    initial_position_m: checks.Vector = START_M
+    initial_position_m: Annotated[checks.Vector, IS_FLOWN, NO_CASE] = START_M
     """Where a single flight starts, relative to the chief, Hill axes."""
-    initial_velocity_m_s: checks.Vector = (0.0, 0.0, 0.0)
+    initial_velocity_m_s: Annotated[checks.Vector, IS_FLOWN, NO_CASE] = (0.0, 0.0, 0.0)
     """Its velocity there, relative to the chief, Hill axes."""
     max_force_n: Annotated[checks.Positive, Field(le=1000)] = 1.0
     """Greatest force along each Hill axis."""

@@ -16,7 +16,7 @@ from pipeline.command_line.config import compose_experiment
 from pipeline.settings.experiment import Safety, SettingError, Sun
 from pipeline.settings.keys import value_at
 from pipeline.settings.schema import commented, completed, descriptions, experiment_from, schema, tables
-from tests.pipeline.command_line.cases import FLY, leaves, plain_config
+from tests.pipeline.command_line.cases import EVALUATE, FLY, leaves, plain_config
 from tests.pipeline.flight.cases import mission
 from tests.pipeline.flight.guarded import EARLY, guarded
 
@@ -269,6 +269,25 @@ def test_keys_of_other_stages_are_told_or_refused_where_they_mislead(tmp_path, m
     assert told.err == "note: no stage of this run reads optimizer.generations, assurance.num_cases\n"
     assert "mass_kg: 12.0" in told.out
     assert list(tmp_path.iterdir()) == []
+
+
+START = "deputy.initial_position_m=[60,0,0]"
+
+
+@pytest.mark.parametrize(
+    ("words", "is_told"),
+    [
+        ([*FLY, START], False),
+        ([*FLY, START, "case=5"], True),
+        ([*EVALUATE, START], True),
+        ([*EVALUATE, "world=rso"], False),
+        (["+experiment=optimum", "optimum.cases=start", START], False),
+    ],
+)
+def test_a_given_start_that_is_not_flown_is_told(words, is_told, ran):
+    told = ran(*words, "--cfg", "job")
+    assert told.err == is_told * "note: no stage of this run reads deputy.initial_position_m\n"
+    assert "initial_position_m: [" in told.out
 
 
 def test_a_configuration_of_the_first_version_is_read_with_its_idle_numbers():
