@@ -3,12 +3,13 @@
 From random starts at rest between the layer's spheres, a fifth of them next to one, in every world of
 ``+experiment=robustness``, and in the last with dispersed settings too, six adversaries push at 1 N and at
 0.01 N: towards the chief, away from it, along each axis, and at random. It counts flights that leave the
-limits at any second.
+limits at any second. With ``--at-bound`` thrusters are off by as much as the layer's proof allows.
 """
 
 import argparse
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from unittest.mock import patch
 
 import numpy as np
 
@@ -16,7 +17,9 @@ from fis_tools.model import FuzzyController, FuzzySystem, Gaussian, Term, Variab
 from pipeline.command_line.config import compose_experiment
 from pipeline.evaluation.monte_carlo import fly_tracked
 from pipeline.flight.cases.dispersions import drawn
+from pipeline.flight.cases.starts import Cases, cases_of
 from pipeline.flight.control.controller import Controller, from_fuzzy, open_loop
+from pipeline.flight.fly import simulation
 from pipeline.flight.state.arrays import TRACK_FORCE
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.bounds import bounds_of, spheres_of
@@ -85,6 +88,18 @@ def starts_in(mission: Mission, count: int) -> list[Scenario]:
     ]
 
 
+def cases_at_bound(mission: Mission, starts: list[Scenario]) -> Cases:
+    """Return cases whose thrusters are off by the whole bound: too strong, too weak, or in any direction."""
+    cases, share = cases_of(mission, starts), bounds_of(mission).errors.share
+    random = np.random.default_rng([start.noise[2] for start in starts])
+    off, _ = np.linalg.qr(random.normal(size=(len(starts), 3, 3)))
+    off[::4], off[1::4] = np.eye(3), -np.eye(3)
+    matrices = np.eye(3) + share * off[:, np.newaxis] + np.zeros_like(cases.firing.errors.matrices)
+    return replace(
+        cases, firing=cases.firing._replace(errors=cases.firing.errors._replace(matrices=matrices))
+    )
+
+
 def extremes(mission: Mission, controller: Controller, starts: list[Scenario]) -> np.ndarray:
     """Return the least and the greatest distance of each flight, at all seconds, m: shape (n, 2).
 
@@ -105,6 +120,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks adversaries", description=__doc__)
     parser.add_argument("--starts", type=int, default=10_000, help="of each adversary in each world")
     parser.add_argument("--safety", default="robust", help="an option of conf/safety")
+    parser.add_argument("--at-bound", action="store_true", help="thrusters off by the whole bound")
     parser.add_argument("--only", default="", help="worlds with this text in their name")
     options = parser.parse_args(arguments)
     print("| world | push (N) | flights | outside at any second | nearest, farthest (m) |")
@@ -112,15 +128,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for name, mission in missions(options.safety):
         if options.only not in name:
             continue
+        if options.at_bound and (mission.actuators.kind == "ideal" or mission.dispersions):
+            continue
         starts, limits = starts_in(mission, options.starts), mission.deputy
         for force in FORCES_N:
-            flown = np.concatenate(
-                [
-                    extremes(mission, controller, starts[first : first + PART])
-                    for _, controller in adversaries(mission.num_controls, force)
-                    for first in range(0, len(starts), PART)
-                ]
-            )
+            with patch.object(simulation, "cases_of", cases_at_bound if options.at_bound else cases_of):
+                flown = np.concatenate(
+                    [
+                        extremes(mission, controller, starts[first : first + PART])
+                        for _, controller in adversaries(mission.num_controls, force)
+                        for first in range(0, len(starts), PART)
+                    ]
+                )
             outside = (flown[:, 0] < limits.min_distance_m) | (flown[:, 1] > limits.max_distance_m)
             print(
                 f"| {name} | {force:g} | {len(flown):,} | {outside.sum():,} | "
