@@ -1,6 +1,6 @@
 """The page itself: words, systems and flights put into one file that needs no other."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import compress
 from pathlib import Path
 
@@ -101,8 +101,10 @@ def write(
         Items(content.not_covered(evidenced, evaluated, samples, noun)),
     ]
     lead = content.lead(controller)
+    checks = {key: words.format(noun=noun, did=_DID[noun]) for key, words in CHECKS.items()}
     if any(system.weighed for system in systems):
-        return _without_scripts(controller, opening_blocks, lead, samples, audited)
+        last = _sign_off(controller, part, checks.values())
+        return _without_scripts(controller, opening_blocks, lead, samples, audited, last)
     data = {
         "brightness": content.BRIGHTNESS,
         "sha256": fingerprint,
@@ -123,7 +125,7 @@ def write(
         sections=[one for one in opening_blocks if isinstance(one, Heading) and one.id],
         part=part,
         fingerprint=fingerprint,
-        checks={key: words.format(noun=noun, did=_DID[noun]) for key, words in CHECKS.items()},
+        checks=checks,
         noun=noun,
         flights=logged,
         findings=content.finding_rows(audited, controller),
@@ -170,6 +172,7 @@ def _without_scripts(
     lead: str,
     samples: Mapping[str, flown.Samples],
     audited: Audit,
+    last: Sequence[Block],
 ) -> str:
     """Write the page: ``opening`` is what every review page begins with, ``lead`` its first sentences."""
     findings = [f"{one.severity.word}, {one.system}: {one.sentence} {one.cure}" for one in audited.findings]
@@ -185,7 +188,22 @@ def _without_scripts(
     ]
     for system in controller.systems:
         blocks += [Heading(system.name, id=f"system-{system.name}"), *_blocks(system, samples[system.name])]
-    return html.page(Document(blocks))
+    return html.page(Document([*blocks, *last]))
+
+
+def _sign_off(controller: FuzzyController, part: str | None, checks: Iterable[str]) -> list[Block]:
+    """Return what is ticked and signed on paper, where the page runs nothing."""
+    alone, asked = (f"the system {part} alone of ", f" --system {part}") if part else ("", "")
+    return [
+        Heading("Sign-off", id="sign-off"),
+        Paragraph(
+            f"A signature here is for {alone}the controller {controller.name} with the SHA-256 "
+            f"{serialize.fingerprint(controller)}, which is that of what python -m fis_tools export "
+            f"CONTROLLER{asked} --format json prints."
+        ),
+        Table([], [["☐", words] for words in checks]),
+        Table([], [[one, "\u00a0" * 60] for one in ("decision", "name", "date", "signature", "remarks")]),
+    ]
 
 
 def _facts(controller: FuzzyController) -> Block:

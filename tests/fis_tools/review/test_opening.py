@@ -125,6 +125,8 @@ def test_a_learned_system_has_a_page_with_its_data_errors_and_formulas(iris) -> 
     for words in (*told.values(), "virginica is 0.98", "Terms, and what rules conclude"):
         assert words in text
     assert text.count('src="data:image/png;base64,') == 3
+    assert text.count("☐") == len(page.CHECKS)
+    assert f"SHA-256 {serialize.fingerprint(iris)}, which is that of what" in text
 
 
 def test_what_flips_the_class_of_a_classifier_is_found_by_walking(iris) -> None:
