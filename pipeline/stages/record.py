@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.controllers.source import controller_of_run
@@ -141,4 +142,6 @@ def _in_words(mission: Mission, log: FlightLog) -> str:
     done, delta_v = achieved(mission, log)
     if mission.problem.kind == "reach":
         return f"{'the goal is reached' if done else 'the goal is not reached'}, {delta_v:.3f} m/s"
-    return f"{points_in_words(log)}, {delta_v:.3f} m/s"
+    distance, limits = np.linalg.norm(log.position_m[1:], axis=1), mission.deputy
+    is_outside = np.any((distance < limits.min_distance_m) | (distance > limits.max_distance_m))
+    return f"{points_in_words(log)}, {delta_v:.3f} m/s{', outside the limits' if is_outside else ''}"

@@ -185,3 +185,10 @@ def test_a_dispersed_flight_tells_its_own_settings(tmp_path):
     assert recording.episode.max_distance_m == far != 200.0
     assert recording.episode.half_angle_rad == math.radians(angle) != math.radians(15.0)
     assert fly_again(recording.path).is_equal
+
+
+@pytest.mark.parametrize(("speed", "told"), [(0.0, " m/s\n"), (-1.0, " m/s, outside the limits\n")])
+def test_a_flight_that_leaves_the_limits_says_so(tmp_path, capsys, speed, told):
+    start = "deputy.initial_position_m=[50,0,0]", f"deputy.initial_velocity_m_s=[{speed},0,0]"
+    carried_out(cases.composed("controller=coast", "duration_s=60.0", *start), tmp_path)
+    assert told in capsys.readouterr().err
