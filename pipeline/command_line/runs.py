@@ -169,6 +169,9 @@ def repeat(folder: Path, overrides: Sequence["Override"], config_dir: Path | Non
             new = compose_experiment([o.input_line or "" for o in overrides], config_dir).config
         else:
             new = with_values(config, {one.key_or_group: one.value() for one in given})
+            for key, mark in schema.idle(new).items():
+                if key in keys:
+                    raise ConfigError(mark.refusal(key, new))
         then, now = (schema.only_results(schema.present(one)) for one in (config, new))
         if changed := schema.differences(then, now, {*own, "stages"}):
             raise ConfigError(

@@ -142,6 +142,7 @@ def test_a_repeated_stage_may_have_its_own_settings_but_no_others(finished, monk
         ([*own, "seed=2"], "was made with another seed"),
         ([*short, "seed=2"], "another seed (then 1, now 2); drop what changes that"),
         ([*short, "report.titel=X"], "did you mean report.title?"),
+        (["stages=[record]", place, "case=2"], "case counts only with telemetry.record_start=true"),
         ([*EVALUATE, place], "holds a run already"),
         (["stages=[reprt]", place], "did you mean report?"),
     ):
