@@ -35,6 +35,8 @@ Judge = Callable[[Mapping[str, Any]], Iterator[float]]
 #: separates the proposals from the random numbers of flights with the same seed
 SPAWN_KEY = 0x5EA
 NAME = "search"
+#: of a trial that failed: why
+REFUSED = "refused"
 
 
 @dataclass(frozen=True)
@@ -51,12 +53,15 @@ class Tried:
         Mean cost of each block of flights.
     state : str
         ``complete``, ``pruned`` in the race, or ``fail`` if settings do not fit together.
+    why : str
+        Why it failed; empty if it did not.
     """
 
     number: int
     values: Mapping[str, Any]
     blocks: tuple[float, ...]
     state: str
+    why: str = ""
 
     @property
     def cost(self) -> float:
@@ -154,7 +159,7 @@ def _race(study: optuna.Study, trial: Trial, judge: Judge) -> None:
                 study.tell(trial, state=TrialState.PRUNED)
                 return
     except SettingError as error:
-        trial.set_user_attr("refused", str(error))
+        trial.set_user_attr(REFUSED, str(error))
         study.tell(trial, state=TrialState.FAIL)
         return
     study.tell(trial, float(np.mean(costs)))
@@ -162,7 +167,8 @@ def _race(study: optuna.Study, trial: Trial, judge: Judge) -> None:
 
 def _told(trial: FrozenTrial) -> Tried:
     blocks = tuple(cost for _, cost in sorted(trial.intermediate_values.items()))
-    return Tried(trial.number, trial.params, blocks, trial.state.name.lower())
+    refused = str(trial.user_attrs.get(REFUSED, ""))
+    return Tried(trial.number, trial.params, blocks, trial.state.name.lower(), refused)
 
 
 def _distribution(one: Dimension) -> BaseDistribution:

@@ -41,11 +41,13 @@ def run(experiment: Experiment, folder: Path) -> None:
             if trial.state == "complete" and (best is None or trial.cost < best.cost):
                 best = trial
                 _keep(experiment, folder, made)
-            rows.append((trial.number, trial.state, trial.cost, len(trial.blocks), *trial.values.values()))
-            header = ["trial", "state", "cost_m_s", "blocks", *trial.values]
+            told = trial.number, trial.state, trial.cost, len(trial.blocks)
+            rows.append((*told, *trial.values.values(), trial.why))
+            header = ["trial", "state", "cost_m_s", "blocks", *trial.values, "why"]
             tables.write_csv(folder / artifacts.SEARCH_TRIALS, header, rows)
             so_far = "none complete" if best is None else f"best {best.cost:.4f} m/s, trial {best.number}"
-            progress.show(trial.number + 1, f"{trial.state} {trial.cost:.4f} m/s; {so_far}")
+            ended = f"fail: {trial.why}" if trial.why else f"{trial.state} {trial.cost:.4f} m/s"
+            progress.show(trial.number + 1, f"{ended}; {so_far}")
     if best is None:
         raise SettingError(
             "no trial of the search could be flown to its end; choose an hparams_search.space that fits"

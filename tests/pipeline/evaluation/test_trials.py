@@ -80,6 +80,7 @@ def test_settings_that_do_not_fit_fail_their_trial_alone(tmp_path):
 
     tried = list(trials(tmp_path / "journal.log", search(trials=12), 2, refuse))
     assert {trial.state for trial in tried if trial.values["sun.mode"] == "fixed"} == {"fail"}
+    assert {bool(trial.why) for trial in tried if trial.state == "fail"} == {True}
     assert "complete" in {trial.state for trial in tried if trial.values["sun.mode"] == "random"}
 
 
