@@ -127,11 +127,17 @@ class RuleChange(Pair[Rule]):
     ----------
     before, after : Rule or None
         None if it did not exist, or no longer exists.
-    number : int
-        Its number, from 1: the present one, or the former one of a removed rule.
+    numbers : (int or None, int or None)
+        Its numbers before and after, from 1.
     """
 
-    number: int
+    numbers: tuple[int | None, int | None]
+
+    @property
+    def number(self) -> int:
+        """The present number, or the former one of a removed rule."""
+        before, after = self.numbers
+        return after or before or 0
 
 
 @dataclass(frozen=True)
@@ -349,12 +355,13 @@ def compare_rules(before: FuzzySystem, after: FuzzySystem, names: Names) -> tupl
         if kept is not None:
             same.remove(kept)
         else:
-            changes.append(RuleChange(None, rule, index))
+            changes.append(RuleChange(None, rule, (None, index)))
     for position, change in enumerate(changes):
         if same := gone[model.canonical(change.present.antecedent)]:
-            changes[position] = replace(change, before=same.pop(0)[2])
+            _, index, rule = same.pop(0)
+            changes[position] = replace(change, before=rule, numbers=(index, change.number))
     left = sorted((index, rule) for entries in gone.values() for _, index, rule in entries)
-    return (*changes, *(RuleChange(rule, None, index) for index, rule in left))
+    return (*changes, *(RuleChange(rule, None, (index, None)) for index, rule in left))
 
 
 def _meaning(rule: Rule) -> tuple[object, ...]:

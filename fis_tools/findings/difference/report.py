@@ -274,10 +274,10 @@ def _rules(system: SystemDifference) -> Iterator[Block]:
     tables = changed_tables(system)
     if tables is None:
         rows = [
-            [str(change.number), *(_rule_words(rule) for rule in (change.before, change.after))]
+            [_rule_words(*pair) for pair in zip(change.numbers, (change.before, change.after), strict=True)]
             for change in system.rules
         ]
-        yield Table(["rule", "before", "after"], rows)
+        yield Table(["before", "after"], rows)
         return
     for title, table in tables:
         if title:
@@ -285,8 +285,8 @@ def _rules(system: SystemDifference) -> Iterator[Block]:
         yield table
 
 
-def _rule_words(rule: Rule | None) -> str:
-    return "none" if rule is None else text.labelled(rule)
+def _rule_words(number: int | None, rule: Rule | None) -> str:
+    return "none" if rule is None else f"{number}. {text.labelled(rule)}"
 
 
 def _plain_system(system: SystemDifference) -> dict[str, object]:

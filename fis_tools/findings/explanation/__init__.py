@@ -31,6 +31,9 @@ JUMP = 1e-3
 #: A change of less than this share of an input's range is any change at all.
 ANY_CHANGE = 1e-7
 
+#: what is said in place of a class where the defaults alone, which may be equal, decide
+BY_DEFAULT = "the default, as no rule fires"
+
 
 @dataclass(frozen=True)
 class Move:
@@ -130,16 +133,16 @@ class Explanation(Result):
         """Say which class has the greatest share, and what would flip that."""
         said = max(self.outputs, key=lambda output: output.value).variable.name
         if all(output.is_default for output in self.outputs):
-            said += ", by its default alone, as no rule fires"
+            said = BY_DEFAULT
         if not self.class_flips:
             yield Paragraph(f"Class: {said}. No change of one input alone flips it.")
             return
         yield Paragraph(f"Class: {said}. What would flip it, one input changed alone:")
         yield Items(
             [
-                f"{flip.other.name}: {flip.input.name} {'above' if flip.first > flip.given else 'below'} "
-                f"{amount(flip.input, flip.first)}, a change of {percent(flip.share)} of its range"
-                f"{'; there no rule fires' if flip.takes_default else ''}"
+                f"{BY_DEFAULT if flip.takes_default else flip.other.name}: {flip.input.name} "
+                f"{'above' if flip.first > flip.given else 'below'} {amount(flip.input, flip.first)}, "
+                f"a change of {percent(flip.share)} of its range"
                 for flip in self.class_flips
             ]
         )

@@ -183,7 +183,7 @@ def test_rules_are_added_removed_and_weighted():
     states = [(c.before is not None, c.after is not None, c.number) for c in _only(found).rules]
     assert states == [(True, True, 1), (False, True, 2), (True, False, 1)]
     assert "heat is low (weight 0.5)" in found.text()
-    assert re.search(rf"\n +1 +\[{first.label}\] .*  none\n", found.text())
+    assert re.search(rf"\n +1\. +\[{first.label}\] .*  none\n", found.text())
     unlabelled = replace(ROOM, rules=(replace(first, label=""), second))
     assert len(_only(difference(ROOM, unlabelled)).rules) == 1
 
