@@ -24,7 +24,7 @@ from pipeline.evaluation.assurance.requirements import CASES, Requirement, needs
 from pipeline.evaluation.assurance.verdicts import Found, judge, verdict
 from pipeline.evaluation.monte_carlo import episode_columns, fly_tracked
 from pipeline.evaluation.statistics import Column, Compared, compare, succeeds
-from pipeline.flight.control.controller import Controller, decision_stride, from_fuzzy
+from pipeline.flight.control.controller import Controller, from_fuzzy, law_of
 from pipeline.flight.goals.flights import fly_logged
 from pipeline.flight.state.log import FlightLog
 from pipeline.flight.state.signals import AXES
@@ -89,7 +89,7 @@ class Cases:
         pipeline.flight.control.controller.ControllerError
             If the controller cannot fly.
         """
-        controller = self._ready(fuzzy)
+        controller = self.ready(fuzzy)
         flown: list[Flown] = []
         ends = [*range(FIRST, len(self.scenarios), NEXT), len(self.scenarios)]
         for start, end in pairwise([0, *ends]):
@@ -97,9 +97,16 @@ class Cases:
             flown += in_threads(partial(self._share, controller), filter(len, shares), workers=self._threads)
             yield _joined(flown)
 
-    def _ready(self, fuzzy: FuzzyController) -> Controller:
+    def ready(self, fuzzy: FuzzyController) -> Controller:
+        """Return a controller as it flies.
+
+        Raises
+        ------
+        pipeline.flight.control.controller.ControllerError
+            If it cannot fly.
+        """
         controller = from_fuzzy(fuzzy)
-        decision_stride(controller, self.mission)
+        law_of(controller, self.mission)
         return controller
 
     def _share(self, controller: Controller, cases: Integers) -> Flown:
@@ -116,7 +123,7 @@ class Cases:
 
     def log(self, fuzzy: FuzzyController, case: int) -> FlightLog:
         """Fly a case and log it."""
-        return fly_logged(self.mission, self._ready(fuzzy), self.scenarios[case])
+        return fly_logged(self.mission, self.ready(fuzzy), self.scenarios[case])
 
 
 def _joined(parts: Sequence[Flown]) -> Flown:
@@ -141,7 +148,7 @@ AXIS_COLOURS = ("#be5014", AFTER, SEEN)
 REASON_WORDS = tuple(REASONS.values())
 
 
-class ManyFlights:
+class ManyFlights(Panel):
     """What all cases came to, beside those of the controller that was opened.
 
     Parameters
@@ -165,6 +172,10 @@ class ManyFlights:
         self._below = document()
         pressed = "(event) => event.target.dataset.case && emit(Number(event.target.dataset.case))"
         self._below.on("click", lambda event: self._choose(event.args), js_handler=pressed)
+
+    def check(self, controller: FuzzyController) -> None:
+        """Raise ControllerError for a controller that cannot fly."""
+        self._cases.ready(controller)
 
     def answers(self, controller: FuzzyController) -> Iterator[Show]:
         """Fly some, then all."""
@@ -238,7 +249,7 @@ def _histogram(before: Flown, after: Flown) -> Options:
     return chart(x, axis("flights", 40), bars)
 
 
-class OneFlight:
+class OneFlight(Panel):
     """A case, flown by the controller as opened and as it stands.
 
     Parameters

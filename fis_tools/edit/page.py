@@ -49,7 +49,7 @@ class Editor:
         panels: Sequence[Panel] = (),
         meanings: Mapping[str, str] = MappingProxyType({}),
     ) -> None:
-        self.session, self._meanings = Session(path, controller), meanings
+        self.session, self._meanings = Session(path, controller, [one.check for one in panels]), meanings
         self._fields: dict[str, ui.input] = {}
         ui.colors(primary="#1f5fa8")
         ui.add_css(read("style.css") + read("style.css", "fis_tools.edit"))

@@ -1,7 +1,7 @@
 """What one page edits: a controller, its history, and what changed since it was opened."""
 
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import chain, count
 from pathlib import Path
 
@@ -28,10 +28,14 @@ class Session:
         What it was read from.
     original : FuzzyController
         Without problems.
+    checks : sequence of callable
+        Each raises ValueError for a controller that is refused, though it has no problems.
     """
 
-    def __init__(self, path: Path, original: FuzzyController) -> None:
-        self.path, self.original = path, original
+    def __init__(
+        self, path: Path, original: FuzzyController, checks: Sequence[Callable[[FuzzyController], None]] = ()
+    ) -> None:
+        self.path, self.original, self._checks = path, original, checks
         self._history, self._place = [original], 0
         self._gesture: object = None
 
@@ -54,14 +58,16 @@ class Session:
 
         Raises
         ------
-        InvalidSystem
-            If the result has problems; nothing changes then.
+        ValueError
+            If the result has problems or is refused; nothing changes then.
         """
         changed = change(self.controller)
         if problems := controller_problems(changed):
             raise InvalidSystem(problems[0])
         if changed == self.controller:
             return
+        for check in self._checks:
+            check(changed)
         keep = self._place + (0 if gesture is not None and gesture == self._gesture else 1)
         self._history[keep:] = [changed]
         self._place, self._gesture = keep, gesture

@@ -206,10 +206,11 @@ from functools import partial
 from pathlib import Path
 from nicegui import ui
 from fis_tools.edit.page import Editor
+from fis_tools.edit.panels import Panel
 from fis_tools.edit.server import serve
 from fis_tools.source import read_controller
 
-class Slow:
+class Slow(Panel):
     title = "Slow"
 
     def build(self, again):
