@@ -117,9 +117,7 @@ class Editor:
             self._view.forget()
             self._show()
             return
-        self._status.set_text("")
-        self._show()
-        self._answers.ask(self.session.controller)
+        self._answer()
 
     def _set(self, name: str, value: str) -> None:
         def change(controller: FuzzyController) -> FuzzyController:
@@ -130,6 +128,11 @@ class Editor:
 
     def _step(self, by: int) -> None:
         self.session.step(by)
+        self._answer()
+
+    def _answer(self) -> None:
+        """Show what holds now, and ask all panels about it."""
+        self._status.set_text("")
         self._show()
         self._answers.ask(self.session.controller)
 

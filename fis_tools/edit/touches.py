@@ -1,6 +1,6 @@
 """Touches: what a hand does to a system, as functions from one system to the next.
 
-They check nothing: a result with problems is refused by `fis_tools.edit.session.Session`.
+A result with problems is refused by `fis_tools.edit.session.Session`.
 """
 
 from collections.abc import Sequence
@@ -15,6 +15,7 @@ from fis_tools.formats.exchange.fll_rules import read_rules
 from fis_tools.model import FuzzyController, FuzzySystem, Is, Rule, Term, Variable, sample
 from fis_tools.model.operators import HEDGES
 from fis_tools.model.shapes import SHAPES
+from fis_tools.words.text import listed
 
 #: half the width of a Gaussian at half its height, in standard deviations
 HALF_WIDTH = 1.1774
@@ -159,6 +160,11 @@ def term_touched(
         ``number`` (``key`` is ``value``), or ``drag``: the same, held between the other numbers.
     term : str
         The name of the term, unless one is added.
+
+    Raises
+    ------
+    ValueError
+        If a term is to be removed that rules use.
     """
     if what == "add":
         return with_variable(system, replace(variable, terms=(*variable.terms, new_term(variable))))
@@ -166,6 +172,11 @@ def term_touched(
     shape = held.membership
     match what:
         case "remove":
+            one = variable.name, term
+            used = [str(n) for n, rule in enumerate(system.rules, 1) if one in model.used_terms([rule])]
+            if used:
+                words = f"rules {listed(used)} use" if len(used) > 1 else f"rule {used[0]} uses"
+                raise ValueError(f"{words} the term {term!r}; choose other terms there, then remove it")
             return with_variable(system, replace(variable, terms=_with(variable.terms, term)))
         case "rename":
             names = {(variable.name, term): details["name"].strip()}

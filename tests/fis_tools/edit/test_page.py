@@ -179,6 +179,13 @@ def test_what_is_no_number_is_refused(page) -> None:
     entered(constant, "far")
     expect(status(page)).to_have_text("'far' is no number; type one such as 0.25")
     expect(constant).to_have_value("4.1")
+    page.get_by_label("rule 2:").click()
+    expect(status(page)).to_have_text("")
+    for button in ("Undo", "Redo"):
+        entered(constant, "far")
+        expect(status(page)).to_contain_text("no number")
+        page.get_by_role("button", name=button).click()
+        expect(status(page)).to_have_text("")
 
 
 def test_everybody_can_use_it(open_page, address, axe) -> None:

@@ -70,10 +70,20 @@ def test_the_steps_of_a_gesture_are_undone_together(session) -> None:
 def test_what_makes_a_problem_is_refused(session) -> None:
     system = session.controller.systems[0]
     term = system.inputs[0].terms[0].name
-    without = touches.term_touched(system, system.inputs[0], "remove", term)
-    with pytest.raises(InvalidSystem, match=term):
-        session.touch(lambda one: touches.with_system(one, without))
+    unnamed = touches.term_touched(system, system.inputs[0], "rename", term, name=" ")
+    with pytest.raises(InvalidSystem, match="a term is called ''"):
+        session.touch(lambda one: touches.with_system(one, unnamed))
     assert session.controller == session.original
+
+
+def test_a_term_is_removed_only_where_no_rule_uses_it() -> None:
+    system, variable = FORCE_X, FORCE_X.inputs[0]
+    wider = touches.term_touched(system, variable, "add")
+    assert touches.term_touched(wider, wider.inputs[0], "remove", "term_1") == system
+    for count, told in ((1, "rule 1 uses"), (2, "rules 1 and 2 use"), (5, "rules 1, 2, 3 and 2 more use")):
+        first = replace(system, rules=system.rules[:count])
+        with pytest.raises(ValueError, match=f"{told} the term 'very near'"):
+            touches.term_touched(first, variable, "remove", "very near")
 
 
 @pytest.mark.parametrize("side", ["if", "then"])
