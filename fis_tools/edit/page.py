@@ -18,13 +18,14 @@ from fis_tools.model import FuzzyController
 from fis_tools.review.content import constants
 
 PLAIN = "flat no-caps"
-#: Ctrl+Z and Ctrl+Y, which fields of text keep for themselves
-KEYS = """<script>
+#: Ctrl+Z and Ctrl+Y, which fields of text keep for themselves; leaving asks while changes are not saved
+SCRIPT = """<script>
 document.addEventListener("keydown", (event) => {
   const by = { z: event.shiftKey ? 1 : -1, y: 1 }[event.key.toLowerCase()];
   const isText = event.target.matches("input:not([type=range]), textarea, select");
   if (by && (event.ctrlKey || event.metaKey) && !isText) emitEvent("step", by);
 });
+addEventListener("beforeunload", (event) => window.isUnsaved && event.preventDefault());
 </script>"""
 
 
@@ -78,7 +79,7 @@ class Editor:
                     for word, by in (("Undo", -1), ("Redo", 1))
                 )
                 ui.button("Save a copy", on_click=self._ask_to_save).props("unelevated no-caps")
-        ui.add_body_html(KEYS)
+        ui.add_body_html(SCRIPT)
         ui.on("step", lambda event: self._step(event.args))
 
     def _choose(self, place: int) -> None:
@@ -142,6 +143,7 @@ class Editor:
             self._fields[one.name].set_value(one.exact)
         self._undo.set_enabled(self.session.can_step(-1))
         self._redo.set_enabled(self.session.can_step(1))
+        self._status.client.run_javascript(f"window.isUnsaved = {str(self.session.is_unsaved).lower()}")
 
     def _ask_to_save(self) -> None:
         with ui.dialog() as dialog, ui.card().classes("save"):
@@ -157,6 +159,7 @@ class Editor:
                 except (ValueError, OSError) as refused:
                     refusal.set_text(str(refused))
                     return
+                self._show()
                 self._status.set_text("; ".join(done))
                 dialog.close()
 

@@ -38,11 +38,17 @@ class Session:
         self.path, self.original, self._checks = path, original, checks
         self._history, self._place = [original], 0
         self._gesture: object = None
+        self._saved = original
 
     @property
     def controller(self) -> FuzzyController:
         """The controller as it stands."""
         return self._history[self._place]
+
+    @property
+    def is_unsaved(self) -> bool:
+        """Whether the controller differs from the one that was opened or saved last."""
+        return self.controller != self._saved
 
     def can_step(self, by: int) -> bool:
         """Whether there is a step to take back (-1), or one that was taken back (1)."""
@@ -101,6 +107,7 @@ class Session:
             )
         for path, file in files.items():
             _write_whole(path, file.content)
+        self._saved = self.controller
         return [f"wrote {path}" for path in files] + [loss for file in files.values() for loss in file.losses]
 
 

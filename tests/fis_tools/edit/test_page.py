@@ -188,6 +188,28 @@ def test_what_is_no_number_is_refused(page) -> None:
         expect(status(page)).to_have_text("")
 
 
+def test_leaving_asks_while_changes_are_not_saved(page, tmp_path) -> None:
+    asked = []
+
+    def answer(dialog) -> None:
+        asked.append(dialog.type)
+        dialog.accept()
+
+    def turn() -> None:
+        page.get_by_label("rule 2:").click()
+        expect(page.get_by_text("1 of 9 rules changed")).to_be_visible()
+
+    page.on("dialog", answer)
+    turn()
+    page.reload()
+    assert asked == ["beforeunload"]
+    turn()
+    save(page, str(tmp_path / "copy.json"))
+    expect(page.get_by_role("dialog")).to_have_count(0)
+    page.reload()
+    assert asked == ["beforeunload"]
+
+
 def test_everybody_can_use_it(open_page, address, axe) -> None:
     page = open_page(address, 400)
     expect(page.get_by_text("nothing found")).to_be_visible()
