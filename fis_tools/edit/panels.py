@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import lru_cache, partial
@@ -18,6 +19,8 @@ from fis_tools.model import FuzzyController
 Show = Callable[[], object]
 #: sends what stands in a field
 ENTERED = "(event) => emit(event.target.value)"
+#: an underscore in HTML that is shown, not one of an attribute
+UNDERSCORE = re.compile("_(?=[^<>]*<)")
 
 
 def heading(level: int, words: str) -> None:
@@ -153,11 +156,11 @@ def findings(controller: FuzzyController) -> str:
 
 
 def changes(before: FuzzyController, after: FuzzyController) -> str:
-    """Return what differs; systems that are the same are left out."""
+    """Return what differs; systems that are the same are left out, and lines may break after underscores."""
     if before == after:
         return "<p>Nothing changed.</p>"
     pairs = list(zip(before.systems, after.systems, strict=True))
     changed = [pair for pair in pairs if pair[0] != pair[1]] or pairs[:1]
     olds, news = (tuple(side) for side in zip(*changed, strict=True))
     found = difference(replace(before, systems=olds), replace(after, systems=news))
-    return str(html.body(Document(found.blocks())))
+    return UNDERSCORE.sub("_<wbr>", html.body(Document(found.blocks())))

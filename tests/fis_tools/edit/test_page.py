@@ -213,6 +213,13 @@ def test_leaving_asks_while_changes_are_not_saved(page, tmp_path) -> None:
 def test_everybody_can_use_it(open_page, address, axe) -> None:
     page = open_page(address, 400)
     expect(page.get_by_text("nothing found")).to_be_visible()
+    page.get_by_label("rule 2:").click()
+    changes = page.get_by_role("region", name="Changes")
+    expect(changes.get_by_text("1 of 9 rules changed")).to_be_visible()
+    assert '"aim_radial \\ predicted_centre_along_track"' in changes.inner_html()
+    assert "predicted_<wbr>centre_<wbr>along_<wbr>track</th>" in changes.inner_html()
+    wraps = "cells => cells.map(cell => getComputedStyle(cell).overflowWrap)"
+    assert set(changes.locator("th, td").evaluate_all(wraps)) == {"normal"}
     assert page.evaluate("document.documentElement.scrollWidth") <= 400
     assert serious_violations(page, axe) == []
 
