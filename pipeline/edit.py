@@ -226,7 +226,8 @@ def _numbers(compared: Sequence[Compared]) -> Table:
         places, found = one.metric.places, one.difference
         is_better = (found.mean < 0.0) == one.metric.is_less_better
         kind = "better" if is_better else "worse"
-        mark = Mark(found.in_words(places), kind if found.is_told else "")
+        unit = "percentage points" if one.metric.unit == "%" else one.metric.unit
+        mark = Mark(f"{found.in_words(places)} {unit}", kind if found.is_told else "")
         means = [f"{mean:.{places}f} {one.metric.unit}" for mean in one.means]
         rows.append([one.metric.label, *means, mark if one.better + one.worse else "none"])
     heads = [f"{compared[0].difference.count:,} flights", OPENED, NOW, "difference (interval)"]

@@ -110,6 +110,8 @@ def test_a_saved_copy_flies_to_the_numbers_shown(open_page, address, folder, cas
     page.get_by_label("rule 2:").click()
     expect(page.get_by_text("Changed most:")).to_be_visible()
     shown = column(page, 2)
+    units = ["m/s", *["percentage points"] * 3]
+    assert [words.split(") ")[1] for words in column(page, 3)] == units
     page.get_by_role("button", name="Save a copy").click()
     page.get_by_role("button", name="Save", exact=True).click()
     expect(page.get_by_text("wrote champion_27-edited.yaml")).to_be_visible()
