@@ -218,7 +218,8 @@ def test_a_constant_makes_it_better(all_cases, before, tutorial) -> None:
     saved = compared["delta_v_m_s"].difference
     low, high = sorted((-saved.low, -saved.high))
     assert f"Delta-v falls by {-saved.mean:.3f} m/s ({low:.3f} to {high:.3f})" in tutorial
-    assert f"the inspection rate by {-compared['inspection_rate_percent'].difference.mean:.2f} %" in tutorial
+    lost = -compared["inspection_rate_percent"].difference.mean
+    assert f"the inspection rate by {lost:.2f} percentage points" in tutorial
     assert succeeded(now) == succeeded(before)
 
 
