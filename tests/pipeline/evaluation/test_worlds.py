@@ -41,7 +41,7 @@ def test_tables_have_a_line_a_world_and_say_who_breaks() -> None:
     ]
     assert comparison.verdicts(ROWS) == [
         "a, Sun random, layer none: breaks in dark, all; all: +100 % delta-v",
-        "b, Sun random, layer none: holds in all; all: -25 % delta-v",
+        "b, Sun random, layer none: no break shown by 100 cases; all: -25 % delta-v",
     ]
     assert all(" ".join(line) in " ".join(comparison.worlds_in_words(ROWS).split()) for line in lines)
 
