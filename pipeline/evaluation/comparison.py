@@ -275,9 +275,9 @@ def verdicts(rows: Sequence[ComparisonRow]) -> list[str]:
         ]
         if not others:
             continue
-        broken = [row.world for row in others if is_worse(row, first)]
+        broken = [f'"{row.world}"' for row in others if is_worse(row, first)]
         spent, least = (row.summary["delta_v_m_s"]["mean"] for row in (others[-1], first))
-        cost = f"; {others[-1].world}: {100 * (spent / least - 1):+.0f} % delta-v" if least > 0.0 else ""
+        cost = f'; "{others[-1].world}": {100 * (spent / least - 1):+.0f} % delta-v' if least > 0.0 else ""
         none = f"no break shown by {first.num_cases:,} cases"
         where = f"breaks in {', '.join(broken)}" if broken else none
         lines.append(f"{controller}, Sun {sun}, layer {layer}: {where}{cost}")

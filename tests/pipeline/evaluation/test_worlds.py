@@ -25,23 +25,23 @@ def row(controller: str, world: str, successes: int, outside: int, spent: float)
 ROWS = [
     row("a", "paper", 98, 0, 0.5), row("b", "paper", 80, 2, 0.4),
     row("a", "dark", 60, 0, 0.6), row("b", "dark", 78, 3, 0.4),
-    row("a", "all", 97, 20, 1.0), row("b", "all", 75, 4, 0.3),
+    row("a", "all, late", 97, 20, 1.0), row("b", "all, late", 75, 4, 0.3),
 ]  # fmt: skip
 
 
 def test_tables_have_a_line_a_world_and_say_who_breaks() -> None:
-    assert comparison.worlds_of(ROWS) == ["paper", "dark", "all"]
+    assert comparison.worlds_of(ROWS) == ["paper", "dark", "all, late"]
     ((sun, layer, lines),) = comparison.matrices(ROWS)
     assert (sun, layer) == ("random", "none")
     assert lines == [
         ["world", "a", "b"],
         ["paper", "98 / 0.50 / 0", "80 / 0.40 / 2"],
         ["dark", "60 / 0.60 / 0", "78 / 0.40 / 3"],
-        ["all", "97 / 1.00 / 20", "75 / 0.30 / 4"],
+        ["all, late", "97 / 1.00 / 20", "75 / 0.30 / 4"],
     ]
     assert comparison.verdicts(ROWS) == [
-        "a, Sun random, layer none: breaks in dark, all; all: +100 % delta-v",
-        "b, Sun random, layer none: no break shown by 100 cases; all: -25 % delta-v",
+        'a, Sun random, layer none: breaks in "dark", "all, late"; "all, late": +100 % delta-v',
+        'b, Sun random, layer none: no break shown by 100 cases; "all, late": -25 % delta-v',
     ]
     assert all(" ".join(line) in " ".join(comparison.worlds_in_words(ROWS).split()) for line in lines)
 
