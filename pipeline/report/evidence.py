@@ -16,9 +16,15 @@ from pipeline.evaluation.assurance.verdicts import ORDER
 from pipeline.report.figures.style import Illustration, caption_of
 from pipeline.report.page import sun_at_start
 from pipeline.run import artifacts
+from pipeline.settings.keys import unit_of
+from pipeline.settings.schema import as_yaml
 
 #: ways of verification, as circles are lettered and columns are headed
 METHODS = {name: name.replace("_", " ") for name in ALL_METHODS}
+#: groups of masses, limits and gains, and what is not known of these
+DESIGN = {"deputy", "chief", "orbit", "sensor", "attitude"}
+OF_PAPER = "they are those of a published problem; no measurement of a spacecraft stands behind them"
+OWN = "they are of the configuration of this run, see provenance; no measurement is known to support them"
 #: of a histogram, in its own units: a number nearer to the zero than this would stand on it
 ROOM = 40.0
 
@@ -287,6 +293,10 @@ def _provenance(evidence: Mapping[str, Any]) -> Iterator[Block]:
             ["compiled for", evidence["processor"]["compiled_for"]],
         ],
     )
+    if settings := evidence["conditions"]["settings"]:
+        yield Paragraph("Settings of the mission and the Sun that differ from the defaults:")
+        rows = [[key, f"{as_yaml(value)} {unit_of(key)}".strip()] for key, value in settings.items()]
+        yield Table([], rows)
     yield Paragraph("The same evidence again, from the folder of the run:")
     yield Code("python -m pipeline stages=[assure] hydra.run.dir=RUN_FOLDER")
     yield Fold("Versions", [Table([], [list(pair) for pair in evidence["versions"].items()])])
@@ -325,7 +335,9 @@ def factors(evidence: Mapping[str, Any]) -> list[list[str]]:
     """
     conditions, requirements = evidence["conditions"], evidence["requirements"]
     domain = evidence["domain"] or {}
+    is_own = any(key.partition(".")[0] in DESIGN for key in conditions["settings"])
     facts = {
+        "origin": OWN if is_own else OF_PAPER,
         "recorded": sum("worst" in one for one in requirements),
         "product": evidence["versions"].get("product"),
         "revision": evidence["git_revision"] or "none (not in a repository)",
@@ -341,4 +353,5 @@ def factors(evidence: Mapping[str, Any]) -> list[list[str]]:
     for row in rows:
         missing = [words for fact, words in row.get("without", {}).items() if not facts[fact]]
         row["shows"] = missing[0] if missing else row["shows"].format(**facts)
+        row["not_shown"] = row["not_shown"].format(**facts)
     return [[row[name] for name in ("factor", "scale", "shows", "not_shown")] for row in rows]

@@ -41,9 +41,12 @@ from pipeline.report.figures.flights import draw_tube
 from pipeline.report.figures.style import Illustration
 from pipeline.run import artifacts, configuration, maker, tables, writing
 from pipeline.scenarios import evaluation_scenarios
+from pipeline.settings.checks import names_of
 from pipeline.settings.dispersions import distributions
-from pipeline.settings.experiment import Experiment, MonteCarlo
+from pipeline.settings.experiment import Experiment, Mission, MonteCarlo
+from pipeline.settings.keys import value_at
 from pipeline.settings.places import requirements_path
+from pipeline.settings.schema import present, schema
 from telemetry.file import reader
 from telemetry.file.topics import DEPUTY_CONTROL, DEPUTY_STATE, MISSION
 
@@ -265,13 +268,21 @@ def _bounds_of_starts(cases: MonteCarlo) -> tuple[float, float, float]:
     return float(near), float(far), float(speed)
 
 
+def settings_of(config: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the settings of the mission and the Sun that differ from the defaults, by their keys."""
+    config, groups = present(config), {*names_of(Mission), "sun"}
+    keys = [key for key in schema().values() if key.name.partition(".")[0] in groups]
+    found = [(key, value_at(config, key.name, key.default)) for key in keys]
+    return {key.name: value for key, value in found if value != key.default}
+
+
 def _provenance(
     experiment: Experiment, folder: Path, controller: Controller, requirements: Requirements
 ) -> dict[str, Any]:
     """Return the subject and the sources of the evidence."""
     mission, (near, far, speed) = experiment.mission, _bounds_of_starts(experiment.monte_carlo)
     files = [name for name in artifacts.list_artifacts(folder) if name.startswith(artifacts.ASSURANCE)]
-    own = (artifacts.EVIDENCE, artifacts.EVIDENCE_PAGE)
+    own, config = (artifacts.EVIDENCE, artifacts.EVIDENCE_PAGE), configuration.read(folder)
     return {
         "schema": evidence.SCHEMA,
         "schema_version": evidence.SCHEMA_VERSION,
@@ -289,8 +300,9 @@ def _provenance(
             "dynamics": mission.dynamics.model,
             "dispersed": sorted([one.key for one in distributions(mission.dispersions)] + [*mission.varying]),
             "duration_s": mission.duration_s,
+            "settings": settings_of(config),
         },
-        "config_hash": configuration.config_hash(configuration.read(folder)),
+        "config_hash": configuration.config_hash(config),
         **maker.present_maker(),
         "sha256": {name: artifacts.file_hash(folder / name) for name in files if name not in own},
     }

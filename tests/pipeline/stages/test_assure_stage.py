@@ -10,8 +10,9 @@ import pytest
 from fis_tools.analysis.domain import from_mapping
 from pipeline.command_line.cli import main
 from pipeline.evaluation.assurance.verdicts import judge
-from pipeline.report.evidence import write
+from pipeline.report.evidence import OF_PAPER, OWN, write
 from pipeline.run import artifacts, manifests
+from pipeline.stages.assure import settings_of
 from tests.browser import serious_violations
 from tests.policies import check_policy, check_references, source_hash
 
@@ -123,6 +124,17 @@ def test_the_page_is_what_the_data_says_and_needs_nothing_else(assured, evidence
     text = write({**evidence, "requirements": [requirement], "name": hostile})
     assert "<script" not in text
     assert text.count("&lt;script&gt;") >= 4
+
+
+def test_the_page_tells_of_a_world_of_ones_own(evidence):
+    assert evidence["conditions"]["settings"] == {"sun.mode": "random", "safety.kind": "filter"}
+    assert OF_PAPER in write(evidence)
+    mine = settings_of({"deputy": {"mass_kg": 20.0, "max_force_n": 1}, "sun": {"mode": "fixed"}})
+    assert mine == {"deputy.mass_kg": 20.0}
+    text = write({**evidence, "conditions": {**evidence["conditions"], "settings": mine}})
+    assert OWN in text
+    assert OF_PAPER not in text
+    assert re.search(r"deputy\.mass_kg</t[hd]>\s*<td[^>]*>20.0 kg<", text)
 
 
 def test_the_argument_stands_as_the_worst_of_its_goals_and_names_their_shares(evidence):
