@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
+from fis_tools.render.theme import readable_on
 from pipeline.array_types import Booleans, Floats
 from pipeline.evaluation.comparison import FLOWN, ComparisonRow, is_worse
 from pipeline.evaluation.monte_carlo import SUCCESS
@@ -99,10 +100,8 @@ def _draw_marks(
     ax.set_axisbelow(True)
 
 
-#: from no success to all
-SHADES = LinearSegmentedColormap.from_list("success", [style.PAPER, style.BLUE])
-#: from this share of success on words are written in the paper's colour
-DARK = 0.6
+#: from no success to all: the same on a dark page, which has its own `style.PAPER` and `style.BLUE`
+SHADES = LinearSegmentedColormap.from_list("success", ["#ffffff", "#0070b0"])
 
 
 def by_world(rows: Sequence[ComparisonRow]) -> Figure:
@@ -129,8 +128,7 @@ def _draw_squares(ax: Axes, rows: Sequence[ComparisonRow], names: list[str], wor
         place = (x - 0.47, y - 0.45)
         ax.add_patch(Rectangle(place, 0.94, 0.9, facecolor=SHADES(success), edgecolor=edge, linewidth=width))
         words = f"{100 * success:.0f} %, {row.summary['delta_v_m_s']['mean']:.2f}"
-        colour = style.PAPER if success >= DARK else style.INK
-        ax.text(x, y, words, color=colour, fontsize=8.0, **style.CENTRED)
+        ax.text(x, y, words, color=readable_on(SHADES(success)[:3]), fontsize=8.0, **style.CENTRED)
     ax.set_xlim(-0.5, len(names) - 0.5)
     ax.set_ylim(len(worlds) - 0.5, -0.5)
     ax.set_xticks(range(len(names)), names, fontsize=7.5)

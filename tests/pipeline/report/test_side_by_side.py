@@ -8,12 +8,14 @@ import pytest
 from matplotlib.colors import is_color_like, to_hex
 
 from fis_tools.document.html import template
+from fis_tools.render.theme import contrast
 from pipeline.command_line.config import compose_experiment
+from pipeline.evaluation.comparison import ComparisonRow
 from pipeline.evaluation.monte_carlo import fly_cases
 from pipeline.flight.control.controller import coast
 from pipeline.optimum.solved import beside_optimum, solved_for
 from pipeline.report import comparisons
-from pipeline.report.figures.comparison import ENDS, MARKS, Mark, compared
+from pipeline.report.figures.comparison import ENDS, MARKS, Mark, by_world, compared
 from pipeline.report.figures.comparison import beside_optimum as drawn_beside
 from pipeline.report.figures.style import PAPER, style
 from pipeline.run import artifacts, tables
@@ -99,6 +101,18 @@ def test_controllers_are_told_apart_without_colours():
     for mark in marks:
         (delta_v,), (missed,) = named[mark.name].get_data()
         assert (delta_v, missed) == (mark.delta_v[0], 100.0 - mark.rate[0])
+
+
+def test_words_stand_out_from_the_squares_of_worlds():
+    row = {"source": "flown", "sun": "random", "safety": "none", "num_cases": 4, "rules": None}
+    rows = []
+    for count in range(21):
+        part = {"fraction": count / 20, "low": 0.0, "high": 1.0}
+        summary = {"success_and_within_limits": part, "violated": part, "delta_v_m_s": {"mean": 1.0}}
+        rows.append(ComparisonRow(controller=str(count), world="w", summary=summary, **row))
+    (ax,) = by_world(rows).axes
+    for text, square in zip(ax.texts, ax.patches, strict=True):
+        assert contrast(text.get_color(), square.get_facecolor()[:3]) >= 4.5
 
 
 @pytest.mark.parametrize("content", ["[]", '{"rows": [{"controller": "x"}]}', '{"rows": 3}', '{"a": 1}', "{"])
