@@ -227,6 +227,23 @@ def in_words(rows: Sequence[ComparisonRow]) -> str:
     return text.write(Document(blocks))
 
 
+def columns_in_words(experiment: Experiment) -> list[str]:
+    """Say in a sentence or two what the columns of the table mean."""
+    cases, deputy = experiment.monte_carlo, experiment.mission.deputy
+    flown = (
+        f"{cases.num_cases:,} cases of seed {experiment.seed}; mean ± standard deviation; "
+        f"shares with {cases.confidence_percent:g} % Wilson intervals; "
+    )
+    if experiment.mission.problem.kind == "reach":
+        return [f"{flown}successful: the goal is reached; outside: a crash there, or too fast for too long."]
+    return [
+        f"{flown}successful: at least {experiment.mission.inspection_threshold_percent:g} % of the points, "
+        f"inside the limits; outside: {deputy.min_distance_m:g} to {deputy.max_distance_m:g} m left.",
+        f"*published ({PAPER_NAME}), its Sun and its distance limits not stated; the optimum "
+        "knows the whole flight beforehand, and is of other cases.",
+    ]
+
+
 #: contents of a cell of the table
 LEGEND = "successful inside the limits (%) / delta-v (m/s) / outside (%)"
 

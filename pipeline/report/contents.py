@@ -123,6 +123,11 @@ class Contents:
         both = (("Training", self.training, PAPER_TRAINING), ("Evaluation", self.evaluation, PAPER_TEST))
         return [(word, flights, reported) for word, flights, reported in both if flights is not None]
 
+    @property
+    def is_comparison(self) -> bool:
+        """Whether controllers were flown side by side, and nothing else was."""
+        return bool(self.comparison) and not self.sets and not self.shown
+
 
 def gather(experiment: Experiment, folder: Path) -> Contents:
     """Read what there is in a run's folder, and fly again what has to be seen in detail.

@@ -149,11 +149,10 @@ def _towards_goal(contents: Contents, illustrations: Mapping[str, Illustration])
         yield Paragraph(lead(who, summary, experiment.mission))
         yield from _results(summary)
     yield from (illustration.block for illustration in illustrations.values())
-    for sun, lines in comparisons.tables_of(contents.comparison):
+    for _, lines in comparisons.tables_of(contents.comparison):
         heads, *rows = ([line[place] for place in OF_TABLE] for line in (comparison.HEADINGS, *lines))
-        yield Table(
-            heads, rows, caption=f"Controllers from the same starts, Sun {sun}.", numbers=(1, 2, 3, 4)
-        )
+        words = " ".join(comparison.columns_in_words(experiment))
+        yield Table(heads, rows, caption=f"Controllers from the same starts: {words}", numbers=(1, 2, 3, 4))
     if contents.recordings:
         yield Heading("Recorded flights", id="recordings")
         yield Paragraph("Watch one, from the folder of the run:")

@@ -204,20 +204,6 @@ def _fly_cases(
 
 def _told(experiment: Experiment, rows: list[comparison.ComparisonRow]) -> str:
     """Write the table and the meaning of its columns."""
-    threshold = experiment.mission.inspection_threshold_percent
-    confidence = experiment.monte_carlo.confidence_percent
-    deputy = experiment.mission.deputy
     table = comparison.worlds_in_words(rows) if experiment.compare.worlds else comparison.in_words(rows)
-    flown = (
-        f"\n{table}\n\n"
-        f"  {experiment.monte_carlo.num_cases} cases of seed {experiment.seed}; mean ± standard deviation; "
-        f"shares with {confidence:g} % Wilson intervals; "
-    )
-    if experiment.mission.problem.kind == "reach":
-        return f"{flown}successful: the goal is reached; outside: a crash there, or too fast for too long.\n"
-    return (
-        f"{flown}successful: at least {threshold:g} % of the points, "
-        f"inside the limits; outside: {deputy.min_distance_m:g} to {deputy.max_distance_m:g} m left.\n"
-        f"  *published ({comparison.PAPER_NAME}), its Sun and its distance limits not stated; the optimum "
-        "knows the whole flight beforehand, and is of other cases.\n"
-    )
+    meaning = "".join(f"  {line}\n" for line in comparison.columns_in_words(experiment))
+    return f"\n{table}\n\n{meaning}"

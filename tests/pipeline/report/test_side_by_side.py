@@ -10,6 +10,7 @@ from matplotlib.colors import is_color_like, to_hex
 from fis_tools.document.html import template
 from fis_tools.render.theme import contrast
 from pipeline.command_line.config import compose_experiment
+from pipeline.evaluation import comparison
 from pipeline.evaluation.comparison import ComparisonRow
 from pipeline.evaluation.monte_carlo import fly_cases
 from pipeline.flight.control.controller import coast
@@ -72,6 +73,20 @@ def test_the_section_tells_the_rows(folder):
     assert 'href="#comparison"' in page
     assert "2 controllers, flown side by side from 30 random starts each." in page
     assert (folder / artifacts.FIGURES / "comparison.png").exists()
+    # of one controller's flights there are none to tell of
+    assert "controller <strong>" not in page
+    assert "This run has no" not in page
+    assert re.findall(r'<section id="(\w+)"', page) == ["summary", "comparison", "provenance"]
+
+
+def test_a_comparison_of_approaches_says_what_its_columns_mean(tmp_path):
+    words = ("+experiment=compare_docking", "compare.controllers=[coast]")
+    experiment = run_of(tmp_path, ("compare", "report"), *words)
+    page = (tmp_path / artifacts.REPORT).read_text(encoding="utf-8")
+    (told,) = comparison.columns_in_words(experiment)
+    assert f"same starts: {told}" in page
+    assert told.startswith("30 cases of seed")
+    assert "Sun random" not in page
 
 
 def test_marks_are_means_and_spreads(folder):
