@@ -198,7 +198,12 @@ def runs_table(swept: Swept) -> list[Block]:
     confidence = f"{swept.confidence_percent:g} % intervals"
     heads = [*factors, "state", *map(_headed, METRICS)]
     table = Table(heads, rows, numbers=range(len(factors) + 1, len(heads)))
-    return [Paragraph(f"{len(swept.runs)} runs, {confidence}:"), table]
+    return [*_seeds(swept), Paragraph(f"{len(swept.runs)} runs, {confidence}:"), table]
+
+
+def _seeds(swept: Swept) -> list[Block]:
+    """Warn of the order of runs, where these are of several seeds."""
+    return [Paragraph(caption_of("seeds"))] if REPLICATE in swept.factors else []
 
 
 def _valued(value: Value | None, metric: Metric) -> str:
@@ -262,7 +267,7 @@ def _document(swept: Swept) -> Document:
         Heading("Best, ready to fly"),
     ]
     if swept.offered:
-        blocks.append(Paragraph(caption_of("best")))
+        blocks += [Paragraph(caption_of("best")), *_seeds(swept)]
         for run in swept.offered:
             blocks += [Heading(run.folder, 3), Code(run.fly)]
     else:
