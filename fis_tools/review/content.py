@@ -126,10 +126,13 @@ def not_covered(
         gaps.append("Other conditions than those of the verdicts.")
     if not any(one.is_own for one in evaluations):
         given = "the evaluation is of another controller" if evaluations else "no evaluation was given"
-        gaps.append(f"How often it fails: {given}. Selected {noun}s are pictures, not statistics.")
+        is_logged = any(one.are_flown for one in samples.values())
+        selected = f" Selected {noun}s are pictures, not statistics." if is_logged else ""
+        gaps.append(f"How often it fails: {given}.{selected}")
     if not all(one.are_flown for one in samples.values()):
         gaps.append("Inputs that come together in use: rules are counted over all inputs alike.")
-    gaps.append("What happens between decisions, and whether a real system behaves as the simulated one.")
+    if noun == "flight" or evidence:
+        gaps.append("What happens between decisions, and whether a real system behaves as the simulated one.")
     return gaps
 
 

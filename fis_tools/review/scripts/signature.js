@@ -71,11 +71,11 @@ function openWords() {
   const isUnreasoned = ({ state, reason }) => state.value === "waived" && !reason.value.trim();
   for (const one of cells) one.reason.setAttribute("aria-invalid", String(isUnreasoned(one)));
   const { checks, texts } = formFields();
-  const counted = (count, words) => (count ? [`${count} ${words}`] : []);
+  const counted = (count, noun, words) => (count ? [`${count} ${noun}${count === 1 ? "" : "s"} ${words}`] : []);
   const missing = [
-    ...counted(cells.filter(({ severity, state }) => severity !== "note" && !state.value).length, "findings open"),
-    ...counted(cells.filter(isUnreasoned).length, "waived without a reason"),
-    ...counted(checks.filter(({ checked }) => !checked).length, "checks not ticked"),
+    ...counted(cells.filter(({ severity, state }) => severity !== "note" && !state.value).length, "finding", "open"),
+    ...counted(cells.filter(isUnreasoned).length, "finding", "waived without a reason"),
+    ...counted(checks.filter(({ checked }) => !checked).length, "check", "not ticked"),
     ...texts.filter(({ name, value }) => name !== "remarks" && !value.trim()).map(({ name }) => `no ${name}`),
   ];
   return missing.length ? `Still missing: ${missing.join(", ")}.` : "Complete.";
@@ -92,7 +92,7 @@ function mirrorForPaper() {
   for (const field of texts) field.parentElement.dataset.printed = field.value.trim();
   const notes = decisionCells().filter(({ severity, state }) => severity === "note" && !state.value).length;
   const table = document.getElementById("findings-table");
-  if (table) table.parentElement.dataset.printed = notes ? `${notes} notes without a decision are not printed.` : "";
+  if (table) table.parentElement.dataset.printed = notes ? `Notes without a decision, not printed: ${notes}.` : "";
 }
 
 function followSignature(controller) {

@@ -217,6 +217,8 @@ def test_a_page_has_no_word_of_space(opened, tmp_path: Path, has_log: bool) -> N
     script = next(words for tag, words in markup.texts if tag == "script" and '"use strict"' in words)
     everything = " ".join([*told, *labels, drawn.replace(script, "")])
     assert ("along the log" in everything) == has_log
+    assert ("Selected logs are" in everything) == has_log
+    assert "What happens between decisions" not in everything  # nothing was simulated
     assert re.findall(OF_SPACE, everything, re.IGNORECASE) == []
     if has_log:
         assert "row 1" in shown.locator(".live.flight").first.inner_text()

@@ -356,7 +356,7 @@ def test_the_summary_prints_on_two_pages_with_what_is_decided(opened, champion_t
     assert re.search(r"^Pages:\s+2$", told_by("pdfinfo", str(path)), re.MULTILINE)
     printed = " ".join(told_by("pdftotext", "-raw", str(path), "-").split())
     assert "waived: the thrusters are larger than this" in printed
-    assert "notes without a decision are not printed" in printed
+    assert "Notes without a decision, not printed: " in printed
     assert "Ada Lovelace" in printed
     assert "☑ Every constant has the value" in printed
     assert "☐ The terms mean" in printed
@@ -378,7 +378,7 @@ def test_a_review_is_saved_and_loaded_again_for_the_same_controller_alone(opened
     expect(status).to_contain_text("5 checks not ticked, no decision, no name, no date.")
     row = shown.locator("tr.finding").first
     row.get_by_role("combobox").select_option("waived")
-    expect(status).to_contain_text("1 waived without a reason")
+    expect(status).to_contain_text("1 finding waived without a reason")
     row.get_by_role("textbox").fill('"quoted" <b>reason</b>')
     expect(status).not_to_contain_text("without a reason")
     for box in shown.locator("#signature input[type=checkbox]").all():
