@@ -247,13 +247,15 @@ def check_before(experiment: Experiment) -> None:
         with suppress(IncomparableError):
             solved_for(experiment)
     from pipeline.controllers.source import load, named  # noqa: PLC0415 - compiled code, needed once the rest is right
-    from pipeline.flight.control.controller import about_points  # noqa: PLC0415 - the same
+    from pipeline.flight.control.controller import about_points, law_of  # noqa: PLC0415 - the same
 
     controllers = [load(experiment.controller, experiment.mission)]
     if "train" in experiment.stages:
         from pipeline.training.genome import genome_of  # noqa: PLC0415 - the same
 
         genome_of(controllers[0], experiment.optimizer.encoding)
+    elif "search" not in experiment.stages:
+        law_of(controllers[0], experiment.mission)
     names = experiment.compare.controllers if "compare" in experiment.stages else ()
     controllers += [named(name, experiment.mission) for name in names]
     for controller in controllers if experiment.mission.problem.kind == "reach" else ():
