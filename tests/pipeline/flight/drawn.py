@@ -22,8 +22,9 @@ from pipeline.settings.experiment import Mission
 from pipeline.settings.keys import unit_of
 from tests.pipeline.flight.cases import controller, leaning_system
 
-#: beyond these a flight takes long, by any means: radians of the orbit, points, attitudes, periods ahead
-MOST_RADIANS, MOST_POINTS, MOST_TICKS, MOST_PERIODS = 20.0, 150, 8, 300
+#: beyond these a flight takes long, by any means: radians of the orbit, points, attitudes, periods ahead, and
+#: radians that torques may turn the deputy by in a period of attitude
+MOST_RADIANS, MOST_POINTS, MOST_TICKS, MOST_PERIODS, MOST_TURN = 20.0, 150, 8, 300, 1e4
 #: digits of a number near its own value, in powers of ten
 NEAR = 0.5
 
@@ -173,10 +174,14 @@ def is_bearable(mission: Mission) -> bool:
     ahead = max(mission.safety.passive_horizon_s, mission.safety.keep_in_horizon_s)
     rate = mission.chief.initial_angular_velocity_rad_s
     turns = np.linalg.norm(rate) * mission.duration_s if rate else 0.0
+    deputy = mission.deputy
+    torque = deputy.max_torque_n_m + 2.0 * mission.actuators.thrust_arm_m * deputy.max_force_n
+    faster = torque / np.linalg.eigvalsh(deputy.inertia_kg_m2)[0] * mission.duration_s
     return bool(
         mission.orbit.mean_motion_rad_s * (mission.duration_s + ahead) <= MOST_RADIANS
         and ahead <= MOST_PERIODS * mission.control_period_s
         and turns <= MOST_RADIANS
+        and faster * mission.attitude_period_s <= MOST_TURN
     )
 
 
