@@ -11,6 +11,7 @@ import yaml
 from pipeline.command_line.cli import main
 from pipeline.controllers.source import controller_of_run
 from pipeline.evaluation.monte_carlo import summarise
+from pipeline.flight.control.controller import coast
 from pipeline.run import artifacts, configuration, manifests, progress, sweep, tables, writing
 from pipeline.run.progress import Progress
 from pipeline.settings import start_table
@@ -64,7 +65,7 @@ def test_a_run_calls_its_stages_in_order_in_a_folder_of_its_own(monkeypatch, cap
 @pytest.mark.parametrize("word", ["folder/own.json", "folder/a b.yaml", "'x=y,z.json'", "folder/it's.yml"])
 def test_a_controller_may_be_a_path(word, monkeypatch):
     called = use_stages(monkeypatch)
-    monkeypatch.setattr("pipeline.controllers.source.load", lambda _source, _mission: None)
+    monkeypatch.setattr("pipeline.controllers.source.load", lambda _source, _mission: coast())
     assert main(["+experiment=fly", f"controller={word}"]) == 0
     assert called[0][1].controller == {"path": word.strip("'")}
 
@@ -143,6 +144,7 @@ def test_a_repeated_stage_may_have_its_own_settings_but_no_others(finished, monk
         ([*short, "seed=2"], "another seed (then 1, now 2); drop what changes that"),
         ([*short, "report.titel=X"], "did you mean report.title?"),
         (["stages=[record]", place, "case=2"], "case counts only with telemetry.record_start=true"),
+        ([*EVALUATE, "controller=tour", "++controller.attributes.tour_time_s=90000"], "give less than half"),
         ([*EVALUATE, place], "holds a run already"),
         (["stages=[reprt]", place], "did you mean report?"),
     ):
