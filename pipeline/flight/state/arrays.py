@@ -11,7 +11,7 @@ import numpy as np
 
 from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.vectors import Rows, aligned, make_rows
-from pipeline.array_types import Floats, Integers
+from pipeline.array_types import ELEMENTS, Floats, Integers
 from pipeline.flight.state.errors import ESTIMATED, THRUSTING
 from pipeline.flight.state.signals import SIGNALS
 from pipeline.physics.illumination import Reflection
@@ -280,8 +280,7 @@ def allocated(kind: Any, sizes: Mapping[str, int], before: tuple[int, ...] = (),
         record = shape.pop() if isinstance(shape[-1], dict) else None
         numbers = (*before, *(sizes.get(size, size) for size in shape))
         if record is None:
-            (element,) = get_args(get_args(array)[1])
-            fields[name] = aligned(numbers, element)
+            fields[name] = aligned(numbers, ELEMENTS[array])
         else:
             fields[name] = make_rows(record, sizes["L"], numbers)
     return kind(**fields)
