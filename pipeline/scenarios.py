@@ -30,11 +30,11 @@ OCTANTS = np.array(list(product((1.0, -1.0), repeat=3))) / np.sqrt(3.0)
 
 
 def draw(seed: int, stage: int, case: int, starts: Starts | MonteCarlo, sun: Sun) -> Scenario:
-    """Draw the start of a case: its direction, distance uniform in the shell; likewise its velocity.
+    """Draw the start of a case, with its Sun.
 
-    The shell is from the least to the greatest distance, the speed uniform up to a greatest one, 0 for rest.
-    A Sun that alternates is fixed in even cases and random in odd ones. See `direction_of` for the settings'
-    `directions`. From a box, of the least and the greatest place and velocity, both are drawn evenly.
+    Its distance is uniform between the least and the greatest, its speed between 0 and the greatest, each in
+    a direction of its own (`direction_of`). From a box, position and velocity are drawn uniformly between its
+    rows. A Sun that alternates is fixed in even cases and random in odd ones.
     """
     generator = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(stage, case)))
     direction = direction_of(generator, starts.directions)
@@ -62,7 +62,7 @@ def draw(seed: int, stage: int, case: int, starts: Starts | MonteCarlo, sun: Sun
 
 
 def direction_of(generator: np.random.Generator, directions: str = "angles") -> Floats:
-    """Draw a vector of any length: even on the sphere, or by even angles, azimuth and elevation."""
+    """Draw a direction, of any length: uniform on the sphere, or with uniform azimuth and elevation."""
     if directions == "even":
         return generator.standard_normal(3)
     azimuth, elevation = generator.uniform([0.0, -0.5 * np.pi], [2.0 * np.pi, 0.5 * np.pi])
@@ -78,7 +78,7 @@ def _drawn(
 
 
 def training_scenarios(experiment: Experiment, round_index: int = 0) -> list[Scenario]:
-    """Return the starts of a round of training; without `starts.redraw` those of the first round."""
+    """Return the starts of a round of training: its own with `starts.redraw`, else those of the first."""
     starts = experiment.starts
     if starts.table is not None:
         return _given(starts.table, experiment.seed, TRAINING)
@@ -93,18 +93,18 @@ def training_scenarios(experiment: Experiment, round_index: int = 0) -> list[Sce
 
 
 def hard_candidates(experiment: Experiment, round_index: int) -> list[Scenario]:
-    """Return the starts among which the hard ones of a round of training are sought."""
+    """Return the starts from which a round of training adds the champion's worst to its own."""
     starts = experiment.starts
     return _drawn(experiment, starts, HARD + round_index, range(starts.hard_from))
 
 
 def validation_scenarios(experiment: Experiment, num_cases: int) -> list[Scenario]:
-    """Return the starts on which the champion is chosen: drawn as for training, not flown in it."""
+    """Return the starts on which the champion is chosen: drawn like those of training, but others."""
     return _drawn(experiment, experiment.starts, VALIDATION, range(num_cases))
 
 
 def given_start(experiment: Experiment) -> Scenario:
-    """Return the start that the configuration gives; its Sun is that of a first case with even directions."""
+    """Return the configured start of the deputy, with the Sun of case 0 for uniform directions."""
     deputy = experiment.mission.deputy
     even = replace(experiment.monte_carlo, directions="even")
     drawn = draw(experiment.seed, EVALUATION, 0, even, experiment.sun)
@@ -113,7 +113,7 @@ def given_start(experiment: Experiment) -> Scenario:
 
 
 def start_shown(experiment: Experiment) -> tuple[str, Scenario]:
-    """Return the start that is flown alone and its name: the given one, or a case of the evaluation."""
+    """Return the name and the start of the flight that is flown alone: configured, or a case."""
     case = experiment.case
     if case is None:
         return "start", given_start(experiment)
@@ -123,7 +123,7 @@ def start_shown(experiment: Experiment) -> tuple[str, Scenario]:
 def evaluation_scenarios(
     experiment: Experiment, cases: slice | Sequence[int] = slice(None)
 ) -> list[Scenario]:
-    """Return the starts of an evaluation, or of some of its cases."""
+    """Return the starts of the evaluation's cases, or of some of them."""
     monte_carlo = experiment.monte_carlo
     if monte_carlo.table is not None:
         given = _given(monte_carlo.table, experiment.seed, EVALUATION)
@@ -133,7 +133,7 @@ def evaluation_scenarios(
 
 
 def _given(table: str, seed: int, stage: int) -> list[Scenario]:
-    """Return the starts of a table, with the errors of a seed and a stage."""
+    """Return the starts in a table, whose random errors are those of a seed and a stage."""
     starts = enumerate(starts_in(numbers(table, "the table of starts")))
     return [replace(start, noise=(seed, stage, case)) for case, start in starts]
 
@@ -149,8 +149,8 @@ def starts_in(columns: Mapping[str, NDArray[Any]]) -> list[Scenario]:
     elevations = np.asarray(columns.get("sun_elevation_rad", at_rest), dtype=np.float64)
     positions = np.stack([columns[name] for name in POSITION], axis=1)
     velocities = np.stack([columns.get(name, at_rest) for name in VELOCITY], axis=1)
-    places = positions.astype(np.float64), velocities.astype(np.float64)
-    columns_of_starts = *places, angles.tolist(), elevations.tolist()
+    states = positions.astype(np.float64), velocities.astype(np.float64)
+    columns_of_starts = *states, angles.tolist(), elevations.tolist()
     return [
         Scenario(position, velocity, angle, elevation, (0, EVALUATION, row))
         for row, (position, velocity, angle, elevation) in enumerate(zip(*columns_of_starts, strict=True))
@@ -158,7 +158,9 @@ def starts_in(columns: Mapping[str, NDArray[Any]]) -> list[Scenario]:
 
 
 def columns_of(scenarios: Sequence[Scenario]) -> dict[str, Floats]:
-    """Return the places of starts as columns that `starts_in` reads, and the velocities if any moves."""
-    starts = np.array([[*one.position_m, *one.velocity_m_s] for one in scenarios]).reshape(-1, 6)
+    """Return positions as the columns that `starts_in` reads, and velocities unless all are at rest."""
+    starts = np.array([[*scenario.position_m, *scenario.velocity_m_s] for scenario in scenarios]).reshape(
+        -1, 6
+    )
     names = (*POSITION, *VELOCITY) if starts[:, 3:].any() else POSITION
     return dict(zip(names, starts.T, strict=False))

@@ -28,7 +28,7 @@ import numpy as np
 
 from fis_tools.compiled.decorator import compiled
 from pipeline.array_types import Floats, Integers
-from pipeline.optimum.problem import Problem
+from pipeline.optimum.problem import PlanningProblem
 
 Edge = tuple[int, int]
 
@@ -48,12 +48,12 @@ class Sighting(NamedTuple):
     costs: Floats  # (K+1,) of seeing it alone, m/s
 
 
-def delta_v_bound(problem: Problem, needed: int, ceiling: float = inf) -> float:
+def delta_v_bound(problem: PlanningProblem, needed: int, ceiling: float = inf) -> float:
     """Return a lower bound of the delta-v for seeing a number of points.
 
     Parameters
     ----------
-    problem : Problem
+    problem : PlanningProblem
     needed : int
         Points to be seen.
     ceiling : float
@@ -95,25 +95,27 @@ def can_cover(edges: list[Edge], spare: int) -> bool:
     return any(can_cover([edge for edge in edges if end not in edge], spare - 1) for end in set(edges[0]))
 
 
-def _pair_costs(problem: Problem, costs: Floats, points: Integers, ceiling: float) -> dict[Edge, float]:
+def _pair_costs(
+    problem: PlanningProblem, costs: Floats, points: Integers, ceiling: float
+) -> dict[Edge, float]:
     """Return the cost of each pair, m/s, and of each point with itself; capped at the ceiling."""
     takes: dict[Edge, float] = {}
     missing = _missing(problem) * problem.delta_v_per_force
     sightings: dict[int, Sighting] = {}
     for j in points.tolist():
-        own = Sighting(slopes_of(problem.gain, problem.normals[:, :, j]), missing[:, j], costs[:, j])
+        sighting = Sighting(slopes_of(problem.gain, problem.normals[:, :, j]), missing[:, j], costs[:, j])
         takes[j, j] = min(float(costs[:, j].min()), ceiling)
-        takes |= {(i, j): price_pair(own, other, WEIGHTS, ceiling) for i, other in sightings.items()}
-        sightings[j] = own
+        takes |= {(i, j): price_pair(sighting, other, WEIGHTS, ceiling) for i, other in sightings.items()}
+        sightings[j] = sighting
     return takes
 
 
-def _missing(problem: Problem) -> Floats:
+def _missing(problem: PlanningProblem) -> Floats:
     """Return how far each point is below its horizon without force, shape (K+1, P), m."""
     return problem.heights - np.einsum("ka,kaj->kj", problem.free, problem.normals)
 
 
-def sample_costs(problem: Problem) -> Floats:
+def sample_costs(problem: PlanningProblem) -> Floats:
     """Return the cost of seeing each point at each sample, shape (K+1, P), m/s; infinite in the dark."""
     missing = _missing(problem) * problem.delta_v_per_force
     costs = np.where(missing <= 0.0, 0.0, inf)
@@ -131,7 +133,7 @@ def slopes_of(gain: Floats, normals: Floats) -> Floats:
     Parameters
     ----------
     gain : (K+1, 3, 3)
-        Of the `Problem`.
+        Of the `PlanningProblem`.
     normals : (K+1, 3)
         To the point.
     """
@@ -146,40 +148,40 @@ def slopes_of(gain: Floats, normals: Floats) -> Floats:
 
 
 @compiled(nogil=True, error_model="numpy")
-def price_pair(one: Sighting, other: Sighting, weights: Floats, ceiling: float) -> float:
+def price_pair(first: Sighting, second: Sighting, weights: Floats, ceiling: float) -> float:
     """Return the cost of seeing two points, or the ceiling if that is less, m/s.
 
     Parameters
     ----------
-    one, other : Sighting
+    first, second : Sighting
     weights : (n,)
         Directions to try, rad.
     ceiling : float
     """
-    least, place = ceiling, 0
+    least, direction = ceiling, 0
     cosines, sines = np.cos(weights), np.sin(weights)
-    for k in range(len(one.costs)):
-        if one.costs[k] >= least:
+    for k in range(len(first.costs)):
+        if first.costs[k] >= least:
             continue
-        for m in range(len(other.costs)):
-            cost = max(one.costs[k], other.costs[m])
+        for m in range(len(second.costs)):
+            cost = max(first.costs[k], second.costs[m])
             # in any order: the direction decisive for most of the last samples is likely to be so again
             for _ in range(len(weights)):
                 if cost >= least:
                     break
-                u, w = cosines[place], sines[place]
-                asked = u * one.missing[k] + w * other.missing[m]
+                u, w = cosines[direction], sines[direction]
+                shortfall = u * first.missing[k] + w * second.missing[m]
                 steepest = 0.0
-                for i in range(max(k, m) if asked > 0.0 else 0):
+                for i in range(max(k, m) if shortfall > 0.0 else 0):
                     for axis in range(3):
-                        slope = u * one.slopes[k, i, axis] + w * other.slopes[m, i, axis]
+                        slope = u * first.slopes[k, i, axis] + w * second.slopes[m, i, axis]
                         steepest = max(steepest, abs(slope))
                     # larger slopes can only reduce the cost
-                    if steepest > 0.0 and asked / steepest <= cost:
+                    if steepest > 0.0 and shortfall / steepest <= cost:
                         break
                 if steepest > 0.0:
-                    cost = max(cost, asked / steepest)
+                    cost = max(cost, shortfall / steepest)
                 if cost < least:
-                    place = (place + 1) % len(weights)
+                    direction = (direction + 1) % len(weights)
             least = min(least, cost)
     return least

@@ -10,8 +10,8 @@ import numpy as np
 from pipeline.array_types import Floats
 from pipeline.flight.state.log import FlightLog, Scenario, points_needed
 from pipeline.optimum.bound import delta_v_bound
-from pipeline.optimum.polish import Step, step
-from pipeline.optimum.problem import Problem, flown, problem_of, seen_as
+from pipeline.optimum.polish import PolishedPlan, step
+from pipeline.optimum.problem import PlanningProblem, flown, problem_of, seen_as
 from pipeline.optimum.search import LATEST, search
 from pipeline.settings.experiment import Mission, Optimum
 
@@ -112,8 +112,8 @@ def solve(mission: Mission, scenario: Scenario, settings: Optimum, seed: np.rand
     problem = problem_of(mission, scenario)
     inspectable = int(problem.is_lit.any(axis=0).sum())
     needed = settings.points or points_needed(inspectable, mission.inspection_threshold_percent)
-    own, *seeds = seed.spawn(1 + settings.restarts)
-    drafts: list[Step] = []
+    kick_seed, *seeds = seed.spawn(1 + settings.restarts)
+    drafts: list[PolishedPlan] = []
     for restart, child in enumerate(seeds):
         num_burns = 2 + restart % (settings.burns - 1)
         forces = search(problem, needed, num_burns, np.random.default_rng(child))
@@ -121,7 +121,9 @@ def solve(mission: Mission, scenario: Scenario, settings: Optimum, seed: np.rand
         if restart + 1 >= LEAST_RESTARTS and num_agreeing(_costs(drafts)) >= AGREEING:
             break
     restarts = np.sort(_costs(drafts))
-    drafts.append(kick(problem, min(drafts, key=total), needed, settings.kicks, np.random.default_rng(own)))
+    drafts.append(
+        kick(problem, min(drafts, key=total), needed, settings.kicks, np.random.default_rng(kick_seed))
+    )
     drafts.sort(key=total)
     best = min(
         (finish(problem, draft.forces, needed) for draft in _distinct(drafts)[:NUM_FINALISTS]),
@@ -132,7 +134,7 @@ def solve(mission: Mission, scenario: Scenario, settings: Optimum, seed: np.rand
     return CasePlan(best, restarts, bound, needed, inspectable)
 
 
-def _costs(drafts: list[Step]) -> Floats:
+def _costs(drafts: list[PolishedPlan]) -> Floats:
     """Return the delta-v of drafts, infinite if constraints are violated."""
     return np.array([draft.delta_v if draft.is_feasible else np.inf for draft in drafts])
 
@@ -142,7 +144,9 @@ def num_agreeing(costs: Floats) -> int:
     return int(np.sum(costs <= costs.min() + SAME_M_S)) if np.isfinite(costs.min()) else 0
 
 
-def kick(problem: Problem, best: Step, needed: int, num_kicks: int, generator: np.random.Generator) -> Step:
+def kick(
+    problem: PlanningProblem, best: PolishedPlan, needed: int, num_kicks: int, generator: np.random.Generator
+) -> PolishedPlan:
     """Perturb a plan by random burns and polish it again; keep improvements (iterated local search).
 
     It ends after `num_kicks` kicks in a row without improvement.
@@ -160,7 +164,7 @@ def kick(problem: Problem, best: Step, needed: int, num_kicks: int, generator: n
     return best
 
 
-def _distinct(drafts: list[Step]) -> list[Step]:
+def _distinct(drafts: list[PolishedPlan]) -> list[PolishedPlan]:
     """Drop drafts that cost the same as the one before."""
     kept = drafts[:1]
     for draft in drafts[1:]:
@@ -169,7 +173,7 @@ def _distinct(drafts: list[Step]) -> list[Step]:
     return kept
 
 
-def descend(problem: Problem, forces: Floats, needed: int) -> Step:
+def descend(problem: PlanningProblem, forces: Floats, needed: int) -> PolishedPlan:
     """Polish on a coarse grid of periods until the fuel no longer falls."""
     prices = np.zeros(problem.num_points)
     last = step(problem, forces, needed, prices, COARSE_STRIDE)
@@ -182,13 +186,13 @@ def descend(problem: Problem, forces: Floats, needed: int) -> Step:
     return last
 
 
-def total(done: Step) -> float:
+def total(done: PolishedPlan) -> float:
     """Return the cost by which drafts are compared: delta-v, and 1 m/s for each metre of slack."""
     return done.delta_v + done.slack
 
 
-def finish(problem: Problem, forces: Floats, needed: int) -> FlownPlan:
-    """Polish on all periods and fly each step's plan, with the camera pointing as in its flight."""
+def finish(problem: PlanningProblem, forces: Floats, needed: int) -> FlownPlan:
+    """Polish on all periods, with the camera as in each step's flight; return the best flight."""
     log = flown(problem, forces)
     best = judge(problem, forces, log)
     prices, last = np.zeros(problem.num_points), np.inf
@@ -204,8 +208,8 @@ def finish(problem: Problem, forces: Floats, needed: int) -> FlownPlan:
     return best
 
 
-def judge(problem: Problem, forces: Floats, log: FlightLog) -> FlownPlan:
-    """Return the results of a flight."""
+def judge(problem: PlanningProblem, forces: Floats, log: FlightLog) -> FlownPlan:
+    """Return the results of a plan's flight."""
     deputy = problem.mission.deputy
     distances = np.linalg.norm(log.position_m, axis=1)
     outside = np.maximum(deputy.min_distance_m - distances[1:], distances[1:] - deputy.max_distance_m)

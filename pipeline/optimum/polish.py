@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.array_types import Floats, Integers
-from pipeline.optimum.problem import Problem, margins_along, path_of, sight_demands
+from pipeline.optimum.problem import PlanningProblem, margins_along, path_of, sight_demands
 
 Constraint = tuple[Floats, int, float]
 #: holds a solver for each thread
@@ -47,7 +47,7 @@ LEAST_FORCE = 1e-9
 
 
 @dataclass(frozen=True)
-class Step:
+class PolishedPlan:
     """The solution of one linear program.
 
     Parameters
@@ -73,12 +73,12 @@ class Step:
         return self.slack < 1e-6
 
 
-def step(problem: Problem, last: Floats, needed: int, prices: Floats, stride: int) -> Step:
+def step(problem: PlanningProblem, last: Floats, needed: int, prices: Floats, stride: int) -> PolishedPlan:
     """Solve the linear program about a plan.
 
     Parameters
     ----------
-    problem : Problem
+    problem : PlanningProblem
     last : (K, 3)
         The last plan's forces, N.
     needed : int
@@ -93,11 +93,11 @@ def step(problem: Problem, last: Floats, needed: int, prices: Floats, stride: in
     best = margins.argmax(axis=0)
     chosen = choose(margins.max(axis=0), needed, prices)
     periods = np.arange(0, problem.num_controls, stride)
-    asked = [(int(best[j]), sight_demands(problem, path, int(best[j]), int(j))) for j in chosen]
+    required = [(int(best[j]), sight_demands(problem, path, int(best[j]), int(j))) for j in chosen]
     # tangents to curved limits need a margin, as planes are a little off
     margin = SIGHT_MARGIN if problem.is_flat else CURVED_MARGIN
-    demands = [(direction, k, least + margin) for k, ((direction, least), *_) in asked]
-    bars = [(direction, k, least + margin) for k, (_, *others) in asked for direction, least in others]
+    demands = [(direction, k, least + margin) for k, ((direction, least), *_) in required]
+    bars = [(direction, k, least + margin) for k, (_, *others) in required for direction, least in others]
     bars += _bars(problem, path, {int(best[j]) for j in chosen})
     for _ in range(CUT_ROUNDS):
         done = _solve(problem, [*demands, *bars], periods)
@@ -110,8 +110,8 @@ def step(problem: Problem, last: Floats, needed: int, prices: Floats, stride: in
     return replace(done, prices=new_prices)
 
 
-def _solve(problem: Problem, rows: Sequence[Constraint], periods: Integers) -> Step:
-    """Solve one linear program; its prices are those of the rows."""
+def _solve(problem: PlanningProblem, rows: Sequence[Constraint], periods: Integers) -> PolishedPlan:
+    """Solve one linear program; the prices are those of its constraints, in order."""
     matrix, least = _rows(problem, rows, periods)
     forces = np.zeros((problem.num_controls, 3))
     max_force = problem.mission.deputy.max_force_n
@@ -119,7 +119,7 @@ def _solve(problem: Problem, rows: Sequence[Constraint], periods: Integers) -> S
     solved = least_forces(-matrix, -least, problem.delta_v_per_force, max_force, presolves=False)
     forces[periods] = solved.forces.reshape(-1, 3)
     spent = float(np.abs(forces).sum() * problem.delta_v_per_force)
-    return Step(forces, spent, solved.slack, solved.prices)
+    return PolishedPlan(forces, spent, solved.slack, solved.prices)
 
 
 def choose(best: Floats, needed: int, prices: Floats) -> Integers:
@@ -132,7 +132,7 @@ def choose(best: Floats, needed: int, prices: Floats) -> Integers:
     return np.asarray(order[:needed], dtype=np.int64)
 
 
-def _bars(problem: Problem, path: Floats, samples: set[int]) -> Iterable[Constraint]:
+def _bars(problem: PlanningProblem, path: Floats, samples: set[int]) -> Iterable[Constraint]:
     """Yield the tangent planes of the spheres that the deputy must stay outside or inside of."""
     deputy = problem.mission.deputy
     distances = np.linalg.norm(path, axis=1)
@@ -145,7 +145,7 @@ def _bars(problem: Problem, path: Floats, samples: set[int]) -> Iterable[Constra
     yield from _far_planes(problem, path, FAR_REACH)
 
 
-def _far_planes(problem: Problem, path: Floats, reach: float) -> Iterable[Constraint]:
+def _far_planes(problem: PlanningProblem, path: Floats, reach: float) -> Iterable[Constraint]:
     """Yield tangent planes of the outer limit at the samples of a path within `reach` of it, m."""
     farthest = problem.mission.deputy.max_distance_m
     distances = np.linalg.norm(path, axis=1)
@@ -153,7 +153,9 @@ def _far_planes(problem: Problem, path: Floats, reach: float) -> Iterable[Constr
         yield -path[k] / distances[k], int(k), FAR_MARGIN - farthest
 
 
-def _rows(problem: Problem, demands: Sequence[Constraint], periods: Integers) -> tuple[Floats, Floats]:
+def _rows(
+    problem: PlanningProblem, demands: Sequence[Constraint], periods: Integers
+) -> tuple[Floats, Floats]:
     """Turn constraints ``direction . position_k >= least`` into rows over the forces of some periods."""
     directions, samples = np.array([direction for direction, *_ in demands]), [k for _, k, _ in demands]
     gain = problem.gain.transpose(1, 0, 2).reshape(3, -1)
@@ -231,7 +233,7 @@ def _solved_by_highs(
     """Return the solution between zero and `upper`, and the prices of the rows; None if there is none."""
     import highspy  # noqa: PLC0415 - slow to import, and reports do not need it
 
-    starts, places, values = _columns(rows)
+    starts, indices, values = _columns(rows)
     if not hasattr(OF_THREAD, "solver"):  # a solver is a reference cycle: a new one each time would pile up
         OF_THREAD.solver = highspy.Highs()
     solver = OF_THREAD.solver
@@ -243,7 +245,7 @@ def _solved_by_highs(
         len(cost), len(most), len(values),
         int(highspy.MatrixFormat.kColwise), int(highspy.ObjSense.kMinimize), 0.0,
         cost, np.zeros(len(cost)), upper, np.full(len(most), -np.inf), most,
-        starts, places, values, np.zeros(len(cost), dtype=np.int32),
+        starts, indices, values, np.zeros(len(cost), dtype=np.int32),
     )  # fmt: skip
     solver.run()
     if solver.getModelStatus() != highspy.HighsModelStatus.kOptimal:
@@ -254,10 +256,10 @@ def _solved_by_highs(
 
 def _columns(rows: Floats) -> tuple[NDArray[np.int32], NDArray[np.int32], Floats]:
     """Return the matrix ``[rows, -rows, -1]`` by columns: column starts, row indices and values."""
-    by_force, own = np.ascontiguousarray(rows.T), np.arange(len(rows), dtype=np.int32)
+    by_force, row_indices = np.ascontiguousarray(rows.T), np.arange(len(rows), dtype=np.int32)
     is_set = by_force != 0.0
-    places, values = np.broadcast_to(own, by_force.shape)[is_set], by_force[is_set]
+    indices, values = np.broadcast_to(row_indices, by_force.shape)[is_set], by_force[is_set]
     counts = np.count_nonzero(is_set, axis=1)
-    starts = np.cumsum(np.concatenate([[0], counts, counts, np.ones_like(own)]))
+    starts = np.cumsum(np.concatenate([[0], counts, counts, np.ones_like(row_indices)]))
     all_values = np.concatenate([values, -values, np.full(len(rows), -1.0)])
-    return starts.astype(np.int32), np.concatenate([places, places, own]), all_values
+    return starts.astype(np.int32), np.concatenate([indices, indices, row_indices]), all_values

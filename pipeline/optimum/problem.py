@@ -38,30 +38,30 @@ ERROR_SHARE = 0.2
 
 def lit_at_samples(world: World, starts: StartRows) -> NDArray[np.bool_]:
     """Return which points are lit at each sample of one case's flight, shape (K+1, P)."""
-    found = np.empty((world.num_controls + 1, world.points.shape[2]), dtype=np.uint8)
+    is_lit = np.empty((world.num_controls + 1, world.points.shape[2]), dtype=np.uint8)
     note_lit_at_samples(
-        world, optics_in_use(world, starts.sun_elevation), make_workspace(world), starts, found
+        world, optics_in_use(world, starts.sun_elevation), make_workspace(world), starts, is_lit
     )
-    return np.ascontiguousarray(found[:, : world.num_points] > 0)
+    return np.ascontiguousarray(is_lit[:, : world.num_points] > 0)
 
 
 @compiled(nogil=True, error_model="numpy")
 def note_lit_at_samples(
-    world: World, optics: Beyond | None, work: Workspace, cases: Any, found: Bytes
+    world: World, optics: Beyond | None, work: Workspace, cases: Any, is_lit: Bytes
 ) -> None:
-    """Write which points are lit at each sample of the first case's flight, shape (K+1, P padded), 0 or 1."""
-    for k in range(len(found)):
+    """Set `is_lit`, (K+1, P padded), to 1 where a point is lit at a sample of the first case's flight."""
+    for k in range(len(is_lit)):
         want_all(world, work)
         note_lit(world, optics, work, beam_of_case(world, optics, cases[0], k))
         for j in range(len(work.lit)):
-            found[k, j] = work.lit[j] > 0.0
+            is_lit[k, j] = work.lit[j] > 0.0
 
 
 @compiled(nogil=True, error_model="numpy")
 def note_free_along(
     occlusion: Occlusion, axes: Floats, path: Floats, points: Floats, is_granted: NDArray[np.bool_]
 ) -> None:
-    """Make `is_granted`, (K+1, P), false for points that the body hides from the places of a path.
+    """Clear `is_granted`, (K+1, P), for points that the body hides from the positions of a path.
 
     The path has the shape (K+1, 3), points (K+1, 3, P), m, and axes (K+1 or 1, 3, 3), from the path's to the
     body's.
@@ -76,7 +76,7 @@ def note_free_along(
 
 
 @dataclass(frozen=True)
-class Problem:
+class PlanningProblem:
     """A case: K control periods, P points.
 
     Parameters
@@ -157,8 +157,8 @@ def check_light(mission: Mission) -> None:
         )
 
 
-def problem_of(mission: Mission, scenario: Scenario) -> Problem:
-    """Set up a case; the camera is assumed to point as it does in a flight without force.
+def problem_of(mission: Mission, scenario: Scenario) -> PlanningProblem:
+    """Build the planning problem of a case; the camera points as it does in a flight without force.
 
     Raises
     ------
@@ -180,7 +180,7 @@ def problem_of(mission: Mission, scenario: Scenario) -> Problem:
     normals = np.broadcast_to(world.surface[:, NORMAL : NORMAL + 3, :num_points], shape)
     if not is_sphere:
         radius = float(np.linalg.norm(points[0], axis=0).max())
-    problem = Problem(
+    problem = PlanningProblem(
         mission=mission,
         scenario=scenario,
         free=free,
@@ -202,7 +202,7 @@ def problem_of(mission: Mission, scenario: Scenario) -> Problem:
     return seen_as(problem, flown(problem, np.zeros((0, 3))))
 
 
-def path_of(problem: Problem, forces: Floats) -> Floats:
+def path_of(problem: PlanningProblem, forces: Floats) -> Floats:
     """Return the positions under forces of shape (K, 3), N, as an array of shape (K+1, 3), m."""
     path = problem.free.copy()
     for i in np.flatnonzero(np.any(forces != 0.0, axis=1)):
@@ -210,12 +210,12 @@ def path_of(problem: Problem, forces: Floats) -> Floats:
     return path
 
 
-def flown(problem: Problem, forces: Floats) -> FlightLog:
+def flown(problem: PlanningProblem, forces: Floats) -> FlightLog:
     """Fly forces by the simulator, with the mission's attitude."""
     return fly_logged(problem.mission, open_loop("plan", forces), problem.scenario)
 
 
-def seen_as(problem: Problem, log: FlightLog) -> Problem:
+def seen_as(problem: PlanningProblem, log: FlightLog) -> PlanningProblem:
     """Return the problem with the camera pointing as it did in a flight."""
     axes = seen_from_hill(log.quaternion_b_from_h, np.array(problem.mission.sensor.boresight))
     inward = -log.position_m / np.linalg.norm(log.position_m, axis=1)[:, np.newaxis]
@@ -229,8 +229,8 @@ def seen_as(problem: Problem, log: FlightLog) -> Problem:
     return replace(problem, sight=sight)
 
 
-def margins_along(problem: Problem, path: Floats) -> Floats:
-    """Return by how much each point is seen at each sample, m: negative if it is not, -inf in the dark.
+def margins_along(problem: PlanningProblem, path: Floats) -> Floats:
+    """Return the margin by which each point is seen at each sample, m: negative if unseen, -inf in the dark.
 
     It is the least of the height over the point's tangent plane, or over the cone of the incidence limit,
     of the margin to the range limit, and of the distance beyond `sight`.
@@ -253,8 +253,8 @@ def margins_along(problem: Problem, path: Floats) -> Floats:
     return np.where(is_granted, least, -np.inf)
 
 
-def sight_demands(problem: Problem, path: Floats, k: int, point: int) -> list[tuple[Floats, float]]:
-    """Return linear constraints on a position r for seeing a point from nearby: directions d, ``d . r >= b``.
+def sight_demands(problem: PlanningProblem, path: Floats, k: int, point: int) -> list[tuple[Floats, float]]:
+    """Return the constraints ``d . r >= b`` on a position r for seeing a point, as pairs (d, b).
 
     First the height, or the tangent of the incidence cone; then that of the range sphere, if there is
     one. Each is tangent from outside.

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.vectors import least, load, most, store
 from pipeline.array_types import Floats
-from pipeline.optimum.problem import Problem
+from pipeline.optimum.problem import PlanningProblem
 
 #: price of a metre by which a point falls short, and of a metre outside the limits, m/s
 PRICE_OF_HEIGHT, PRICE_OF_DISTANCE = 0.01, 0.05
@@ -21,7 +21,7 @@ PRICE_OF_HEIGHT, PRICE_OF_DISTANCE = 0.01, 0.05
 REACH_M_S = 0.15
 #: share of the flight after which no burn begins; later burns come too late to show anything
 LATEST = 0.75
-PERSONS_PER_GENE, GENERATIONS = 8, 100
+POPULATION_PER_GENE, GENERATIONS = 8, 100
 #: shortfall of a point that is never lit while the camera works, m
 NEVER = -1e3
 #: plans that are evaluated side by side
@@ -30,7 +30,7 @@ PLANS = 16
 
 @compiled(error_model="numpy")
 def lead_along(genes: Floats, num_burns: int, free: Floats, effects: Floats, path: Floats) -> float:
-    """Write the successive positions of a plan; return the sum of its forces, N.
+    """Write the positions of a plan at all samples into `path`; return the sum of its forces, N.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ def price_burns(
     delta_v_per_force: float,
     costs: Floats,
 ) -> None:
-    """Write the cost of each plan, in m/s.
+    """Compute the cost of each plan, m/s.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ def price_burns(
     num_burns, needed : int
         Number of burns, and of points to see.
     free, gain, normals, is_lit, sight, heights, points, cos_incidence, max_range, delta_v_per_force
-        Of the `Problem`.
+        Of the `PlanningProblem`.
     limits : (float, float)
         Distance limits, m.
     costs : (n,)
@@ -100,18 +100,18 @@ def price_burns(
     num_samples, num_points, num_plans = len(free), normals.shape[2], genes.shape[1]
     starts, effects = free.ravel(), np.ascontiguousarray(gain.transpose(2, 0, 1)).reshape(3, -1)
     path, spent, outside = np.empty(3 * num_samples), np.empty(PLANS), np.empty(PLANS)
-    places, best = np.empty((num_samples, 3, PLANS)), np.empty((num_points, PLANS))
+    positions, best = np.empty((num_samples, 3, PLANS)), np.empty((num_points, PLANS))
     is_flat = cos_incidence == 0.0 and max_range == np.inf
     for first in range(0, num_plans, PLANS):
         for lane in range(PLANS):
             # spare lanes repeat the last plan
             plan = min(first + lane, num_plans - 1)
             spent[lane] = lead_along(genes[:, plan], num_burns, starts, effects, path)
-            places[:, :, lane] = path.reshape(-1, 3)
+            positions[:, :, lane] = path.reshape(-1, 3)
         best[:], outside[:] = NEVER, 0.0
         for k in range(num_samples):
-            x, y = load(places, (k, 0, 0), PLANS), load(places, (k, 1, 0), PLANS)
-            z = load(places, (k, 2, 0), PLANS)
+            x, y = load(positions, (k, 0, 0), PLANS), load(positions, (k, 1, 0), PLANS)
+            z = load(positions, (k, 2, 0), PLANS)
             distance = np.sqrt(x * x + y * y + z * z)
             if k > 0:
                 beyond = most(limits[0] - distance, distance - limits[1])
@@ -131,7 +131,7 @@ def price_burns(
 
 
 def priced(
-    problem: Problem, genes: Floats, num_burns: int, needed: int, limits_m: tuple[float, float]
+    problem: PlanningProblem, genes: Floats, num_burns: int, needed: int, limits_m: tuple[float, float]
 ) -> Floats:
     """Return the costs of n plans, m/s, by `price_burns`, for genes of shape (4 num_burns - 1, n)."""
     columns, costs = np.ascontiguousarray(genes), np.empty(genes.shape[1])
@@ -143,12 +143,12 @@ def priced(
     return costs
 
 
-def search(problem: Problem, needed: int, num_burns: int, generator: np.random.Generator) -> Floats:
+def search(problem: PlanningProblem, needed: int, num_burns: int, generator: np.random.Generator) -> Floats:
     """Search for a few burns that see the points at low cost.
 
     Parameters
     ----------
-    problem : Problem
+    problem : PlanningProblem
     needed : int
         Points to be seen.
     num_burns : int
@@ -174,11 +174,11 @@ def search(problem: Problem, needed: int, num_burns: int, generator: np.random.G
         limits = deputy.min_distance_m, deputy.max_distance_m
         return priced(problem, genes.reshape(len(lowest), -1), num_burns, needed, limits)
 
-    found = differential_evolution(
+    result = differential_evolution(
         costs_of,
         Bounds(lowest, highest),
         maxiter=GENERATIONS,
-        popsize=PERSONS_PER_GENE,
+        popsize=POPULATION_PER_GENE,
         tol=0.0,
         rng=generator,
         polish=False,
@@ -187,6 +187,6 @@ def search(problem: Problem, needed: int, num_burns: int, generator: np.random.G
     )
     forces = np.zeros((problem.num_controls, 3))
     for burn in range(num_burns):
-        begin = 0 if burn == 0 else int(found.x[num_forces + burn - 1])
-        forces[begin] += found.x[3 * burn : 3 * burn + 3]
+        begin = 0 if burn == 0 else int(result.x[num_forces + burn - 1])
+        forces[begin] += result.x[3 * burn : 3 * burn + 3]
     return np.clip(forces, -deputy.max_force_n, deputy.max_force_n)

@@ -67,14 +67,14 @@ class Solved:
 
     def plan(self, row: int, mission: Mission) -> Floats:
         """Return the forces of a row's case, one per control period, N, Hill axes."""
-        own = self.fired[self.fired[:, 0] == self.cases["case"][row]]
+        fired = self.fired[self.fired[:, 0] == self.cases["case"][row]]
         forces = np.zeros((mission.num_controls, 3))
-        forces[np.rint(own[:, 1] / mission.control_period_s).astype(np.int64)] = own[:, 2:]
+        forces[np.rint(fired[:, 1] / mission.control_period_s).astype(np.int64)] = fired[:, 2:]
         return forces
 
 
 def terms_of(mission: Mission) -> dict[str, Any]:
-    """Return the dependencies of a minimum-fuel plan besides its start: keys of the configuration to values.
+    """Return the settings that a minimum-fuel plan depends on, besides its start, by dotted key.
 
     Settings that only a controller senses or uses are left out: guidance, coasting at the end. The share of
     the points that counts as a success matters by the number of points that it asks for.
@@ -92,7 +92,7 @@ def terms_of(mission: Mission) -> dict[str, Any]:
 
 
 def _plain(terms: Mapping[str, Any]) -> dict[str, Any]:
-    """Return terms in the form of a file."""
+    """Return terms as JSON stores them, so that they compare equal to those of a file."""
     return json.loads(json.dumps(terms))
 
 
@@ -164,8 +164,10 @@ def solved_for(experiment: Experiment) -> Solved:
     inspectable = solved.cases.get("inspectable_count", len(inspection_points(experiment.mission)))
     points, threshold = experiment.optimum.points, experiment.mission.inspection_threshold_percent
     if np.any(solved.cases["points_asked"] != (points or points_needed(inspectable, threshold))):
-        asked = f"optimum.points is {points}" if points else f"inspection_threshold_percent is {threshold:g}"
-        raise IncomparableError(f"{asked} here, and the plans inspect another number of points")
+        setting = (
+            f"optimum.points is {points}" if points else f"inspection_threshold_percent is {threshold:g}"
+        )
+        raise IncomparableError(f"{setting} here, and the plans inspect another number of points")
     return solved
 
 
@@ -268,7 +270,7 @@ def beside_optimum(
 
 
 def summarise_times(columns: Mapping[str, Column]) -> dict[str, Any]:
-    """Return a summary of `beside_optimum`: times the optimum, and cases that succeed inside the limits."""
+    """Summarise `beside_optimum`: fuel relative to the best plans, and the number of successful cases."""
     times = columns["times_optimum"]
     as_seen = columns.get("times_optimum_as_seen", times)  # missing in tables of earlier versions
     worst = int(np.argmax(times))

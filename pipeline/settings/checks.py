@@ -52,7 +52,7 @@ def _whole(value: Any) -> Any:
 
 
 def _long(length: int, words: str) -> AfterValidator:
-    """Return the check that there are so many numbers, and what they are called."""
+    """Return a validator of the length of a list of numbers; `words` says in its message what they are."""
 
     def check(values: tuple[float, ...]) -> tuple[float, ...]:
         if len(values) != length:
@@ -267,7 +267,7 @@ STAGES = "stages"
 
 
 class Only:
-    """Where a key exists: one of some conditions must hold.
+    """The conditions, one of which must hold for a key to exist.
 
     Parameters
     ----------
@@ -275,7 +275,7 @@ class Only:
         ``key=value`` (for stages: one of them is the value), ``key>number``, or ``key``, whose value is then
         not null.
     is_told : bool
-        Whether one that is set where it counts for nothing is taken with a note, and not refused.
+        Whether a key that is set where it has no effect is accepted with a note instead of being refused.
     """
 
     def __init__(self, *conditions: str, is_told: bool = False) -> None:
@@ -284,24 +284,27 @@ class Only:
 
     @property
     def is_of_stages(self) -> bool:
-        """Whether it is about what a run does, which may change, and not about what flies."""
+        """Whether the conditions are about the stages of a run, which may change, not about the flight."""
         return self.is_told or STAGES in self.keys
 
     def holds(self, config: Mapping[str, Any]) -> bool:
-        """Return whether it holds in a configuration of plain data with all its keys."""
+        """Return whether one of the conditions holds in a complete configuration of plain data."""
         return any(_holds(condition, config) for condition in self.conditions)
 
     def refusal(self, key: str, config: Mapping[str, Any]) -> str:
-        """Return why a key does not exist in a configuration, and the cure."""
+        """Return a message that a key does not exist in a configuration: why, and the cure."""
         if self.is_of_stages:
             read_by = ", ".join(condition.partition("=")[2] for condition in self.conditions)
             present = _shown(config, STAGES)
             return f"{key} counts in the stages {read_by}, and this run has {present}; leave it out"
-        found = " and ".join(f"{other} is {_shown(config, other)}" for other in dict.fromkeys(self.keys))
-        return f"{key} counts only with {self}, and {found}; set that, or leave {key} out"
+        values = " and ".join(f"{other} is {_shown(config, other)}" for other in dict.fromkeys(self.keys))
+        return f"{key} counts only with {self}, and {values}; set that, or leave {key} out"
 
     def __str__(self) -> str:
-        return " or ".join(one if "=" in one or ">" in one else f"{one} given" for one in self.conditions)
+        return " or ".join(
+            condition if "=" in condition or ">" in condition else f"{condition} given"
+            for condition in self.conditions
+        )
 
 
 def _holds(condition: str, config: Mapping[str, Any]) -> bool:
@@ -354,7 +357,7 @@ def sentence(kind: Any, group: str, error: ValidationError) -> str:
     error : ValidationError
     """
     order = {"unexpected_keyword_argument": 0, "missing": 1}
-    fault = min(error.errors(include_url=False), key=lambda one: order.get(one["type"], 2))
+    fault = min(error.errors(include_url=False), key=lambda details: order.get(details["type"], 2))
     cause = fault.get("ctx", {}).get("error")
     if isinstance(cause, SettingError):
         return str(cause)
@@ -369,7 +372,7 @@ def sentence(kind: Any, group: str, error: ValidationError) -> str:
 
 
 def _hint_at(kind: Any, location: tuple[int | str, ...]) -> Any:
-    """Return the annotation of a value in a group, or of the mapping that it is in."""
+    """Return the annotation of the field at a location, or of the mapping that contains it."""
     for name in location:
         inside, *_ = opened(kind)
         if is_dataclass(inside):
@@ -380,7 +383,7 @@ def _hint_at(kind: Any, location: tuple[int | str, ...]) -> Any:
 
 
 def _refused(key: str, fault: Mapping[str, Any], hint: Any) -> str:
-    """Return a value and what it must be, in words."""
+    """Return the rest of a message about an invalid value: the value, and what it must be."""
     value, (kind, limits, marks) = fault["input"], opened(hint)
     match fault["type"]:
         case "dataclass_type":
@@ -399,20 +402,20 @@ def _refused(key: str, fault: Mapping[str, Any], hint: Any) -> str:
     elif "lt" in limits:  # which is no part of the range
         words = f"less than {limits['lt']:g}" if value >= limits["lt"] else f"at least {limits['ge']:g}"
     elif kind is int and "ge" in limits and value < limits["ge"]:
-        cures = [one.words for one in marks if isinstance(one, Cure)]
+        cures = [mark.words for mark in marks if isinstance(mark, Cure)]
         words = f"a whole number of at least {limits['ge']}{''.join(cures)}"
     return f"{shown}; it must be {words}"
 
 
 def opened(hint: Any) -> tuple[Any, dict[str, float], list[Any]]:
-    """Return the type within an annotation, None left out, its limits by their names, and its marks."""
+    """Return the type inside an annotation (without None), its limits by name, and its other metadata."""
     marks: list[Any] = []
     while hasattr(hint, "__metadata__") or type(None) in get_args(hint):
         for mark in getattr(hint, "__metadata__", ()):
             marks += [mark, *getattr(mark, "metadata", ())]
-        hint = next(one for one in get_args(hint) if one is not type(None))
+        hint = next(kind for kind in get_args(hint) if kind is not type(None))
     names = ("gt", "ge", "lt", "le")
-    limits = {name: getattr(one, name) for one in marks for name in names if hasattr(one, name)}
+    limits = {name: getattr(mark, name) for mark in marks for name in names if hasattr(mark, name)}
     return hint, limits, marks
 
 

@@ -80,32 +80,38 @@ class Distribution:
 
 
 def distributions(config: Mapping[str, Any]) -> tuple[Distribution, ...]:
-    """Return the distributions in the group ``dispersions`` of one value per case; sorted by key.
+    """Return the distributions in the group ``dispersions`` from which each case draws one value, by key.
 
     Raises
     ------
     SettingError
         If one is not written as in `KINDS`, or a value is not allowed.
     """
-    found = (one for one in _read(config) if one.correlation_s is None)
-    return tuple(sorted(found, key=lambda one: one.key))
+    constant = (distribution for distribution in _read(config) if distribution.correlation_s is None)
+    return tuple(sorted(constant, key=lambda distribution: distribution.key))
 
 
 def processes(config: Mapping[str, Any]) -> dict[str, Distribution]:
-    """Return from the same group, by key, the distributions that vary within a flight; see `IN_TIME`.
+    """Return the distributions in the same group that vary within a flight, by key; see `IN_TIME`.
 
     Raises
     ------
     SettingError
         As `distributions`.
     """
-    return {one.key: one for one in _read(config) if one.correlation_s is not None}
+    return {
+        distribution.key: distribution
+        for distribution in _read(config)
+        if distribution.correlation_s is not None
+    }
 
 
 def in_time_alone(config: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the part of the same group that varies within a flight."""
+    """Return the group without the distributions of which each case draws one value."""
     kept = {name: value if "kind" in value else in_time_alone(value) for name, value in config.items()}
-    return {name: one for name, one in kept.items() if one and ("correlation_s" in one or "kind" not in one)}
+    return {
+        name: node for name, node in kept.items() if node and ("correlation_s" in node or "kind" not in node)
+    }
 
 
 def _read(config: Mapping[str, Any]) -> Iterator[Distribution]:
@@ -137,35 +143,38 @@ def _distribution(key: str, node: Mapping[str, Any]) -> Distribution:
         number = node[name]
         if isinstance(number, bool) or not isinstance(number, int | float) or not math.isfinite(number):
             raise SettingError(f"{where}.{name} is {number!r}; it must be a finite number")
-    found = Distribution(key, kind, **{name: float(node[name]) for name in names})
-    if not found.low < found.high:
+    distribution = Distribution(key, kind, **{name: float(node[name]) for name in names})
+    if not distribution.low < distribution.high:
         raise SettingError(
-            f"{where}.low is {found.low:g} and {where}.high {found.high:g}; the first must be less"
+            f"{where}.low is {distribution.low:g} and {where}.high {distribution.high:g}; "
+            "the first must be less"
         )
-    if kind == "normal" and not found.std > 0.0:
-        raise SettingError(f"{where}.std is {found.std:g}; it must be greater than 0")
-    apart = max(found.low - found.mean, found.mean - found.high)
-    if kind == "normal" and not apart < 8 * found.std:
+    if kind == "normal" and not distribution.std > 0.0:
+        raise SettingError(f"{where}.std is {distribution.std:g}; it must be greater than 0")
+    apart = max(distribution.low - distribution.mean, distribution.mean - distribution.high)
+    if kind == "normal" and not apart < 8 * distribution.std:
         raise SettingError(
             f"{where}.low and {where}.high lie more than eight standard deviations beside the mean; move them"
         )
-    _check_in_time(found, where)
-    return found
+    _check_in_time(distribution, where)
+    return distribution
 
 
-def _check_in_time(found: Distribution, where: str) -> None:
+def _check_in_time(distribution: Distribution, where: str) -> None:
     """Raise SettingError for settings that cannot vary within a flight, and for negative spreads."""
-    if found.correlation_s is None:
+    if distribution.correlation_s is None:
         return
-    if found.key not in IN_TIME:
+    if distribution.key not in IN_TIME:
         raise SettingError(
-            f"{where}.correlation_s is given, but {found.key} does not vary within a flight, as "
+            f"{where}.correlation_s is given, but {distribution.key} does not vary within a flight, as "
             f"{', '.join(sorted(IN_TIME))} may; leave it out, and each case draws one value"
         )
-    if not found.correlation_s > 0.0:
-        raise SettingError(f"{where}.correlation_s is {found.correlation_s:g}; it must be greater than 0 (s)")
-    if IN_TIME[found.key] == "spread" and not found.low >= 0.0:
+    if not distribution.correlation_s > 0.0:
         raise SettingError(
-            f"{where}.low is {found.low:g}; {found.key} is a standard deviation, so that low must be at "
-            "least 0"
+            f"{where}.correlation_s is {distribution.correlation_s:g}; it must be greater than 0 (s)"
+        )
+    if IN_TIME[distribution.key] == "spread" and not distribution.low >= 0.0:
+        raise SettingError(
+            f"{where}.low is {distribution.low:g}; {distribution.key} is a standard deviation, so that low "
+            "must be at least 0"
         )

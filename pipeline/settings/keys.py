@@ -81,7 +81,7 @@ def unknown(key: str) -> str:
 
 
 def value_at(config: Mapping[str, Any], key: str, otherwise: Any = None) -> Any:
-    """Return the value of a dotted key, or another where there is none; of "" the configuration itself."""
+    """Return the value of a dotted key, `otherwise` if there is none; for "" the configuration itself."""
     node: Any = config
     for name in filter(None, key.split(".")):
         node = node.get(name, otherwise) if isinstance(node, Mapping) else otherwise
@@ -104,7 +104,7 @@ def in_todays_words(config: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def with_values(config: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a configuration with some dotted keys set; groups are made where they are missing."""
+    """Return a copy of a configuration with some dotted keys set; missing groups are created."""
     changed = copy.deepcopy(dict(config))
     for key, value in values.items():
         *groups, name = key.split(".")
@@ -118,7 +118,7 @@ def with_values(config: Mapping[str, Any], values: Mapping[str, Any]) -> dict[st
 
 
 def without(config: Mapping[str, Any], keys: Iterable[str]) -> dict[str, Any]:
-    """Return a configuration without some dotted keys; whole groups stay."""
+    """Return a copy of a configuration without some dotted keys; groups are kept, even if empty."""
     left = copy.deepcopy(dict(config))
     for key in keys:
         group, _, name = key.rpartition(".")
@@ -129,7 +129,7 @@ def without(config: Mapping[str, Any], keys: Iterable[str]) -> dict[str, Any]:
 
 
 def leaves(node: Mapping[str, Any], ends: Collection[str], above: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield the dotted keys below a group, and their values; a mapping that has one of some names is one."""
+    """Yield the dotted keys below a group with their values; a mapping with any key of `ends` is a value."""
     for name, value in node.items():
         if isinstance(value, Mapping) and value and not any(end in value for end in ends):
             yield from leaves(value, ends, f"{above}{name}.")
@@ -163,26 +163,26 @@ def nearest(word: str, known: Iterable[str]) -> str | None:
     group, dot, last = word.lower().rpartition(".")
     names = {key: key.lower().rpartition(".") for key in candidates}
     siblings = {name[2]: key for key, name in names.items() if dot and name[0] == group}
-    if found := get_close_matches(last, siblings, n=1):
-        return siblings[found[0]]
+    if matches := get_close_matches(last, siblings, n=1):
+        return siblings[matches[0]]
     for name, key in siblings.items():
         if len(last) >= COMMON and name[:COMMON] == last[:COMMON]:
             return key
     lower = {key.lower(): key for key in candidates}
-    if found := get_close_matches(word.lower(), lower, n=1):
-        return lower[found[0]]
+    if matches := get_close_matches(word.lower(), lower, n=1):
+        return lower[matches[0]]
     lasts = {name[2]: key for key, name in names.items()}
-    found = get_close_matches(last, lasts, n=1)
-    return lasts[found[0]] if found else None
+    matches = get_close_matches(last, lasts, n=1)
+    return lasts[matches[0]] if matches else None
 
 
 def choices_of(word: str, known: Sequence[str], plural: str = "choices") -> str:
-    """Return ``; did you mean …? The choices are …``; the choices may be called something else."""
+    """Return ``; did you mean …? The choices are …``; `plural` is the word for the choices."""
     guess = did_you_mean(word, known)
     return (f"{guess} The" if guess else "; the") + f" {plural} are {', '.join(known)}"
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
     """Return ``; did you mean …?``, or nothing if no known word is similar."""
-    found = nearest(word, known)
-    return f"; did you mean {found}?" if found else ""
+    match = nearest(word, known)
+    return f"; did you mean {match}?" if match else ""

@@ -29,12 +29,12 @@ def read_mesh(path: str | None) -> Floats:
         raise SettingError(
             "chief.shape is mesh, which needs the package trimesh; run: pip install trimesh"
         ) from error
-    place = str(conf_folder() / "chief" / "satellite.obj") if path is None else path
+    mesh_path = str(conf_folder() / "chief" / "satellite.obj") if path is None else path
     try:
-        kind = "." + place.rpartition(".")[2].lower()
+        kind = "." + mesh_path.rpartition(".")[2].lower()
         if kind not in _count:  # archives, which may hold anything, among them
             raise ValueError("it is neither .stl nor .obj")
-        content = content_of(place, MOST_BYTES)
+        content = content_of(mesh_path, MOST_BYTES)
         _count[kind](content)
         loaded = trimesh.load_mesh(
             io.BytesIO(content), file_type=kind[1:], process=False, skip_materials=True
@@ -43,17 +43,19 @@ def read_mesh(path: str | None) -> Floats:
     except Exception as error:  # whatever trimesh's readers raise
         reason = " ".join(str(error).split()) or type(error).__name__
         raise SettingError(
-            f"chief.path is {place}, which cannot be read ({reason}); give an STL or OBJ file"
+            f"chief.path is {mesh_path}, which cannot be read ({reason}); give an STL or OBJ file"
         ) from error
     if not 0 < len(corners) <= MOST_TRIANGLES or not np.isfinite(corners).all():
         raise SettingError(
-            f"chief.path is {place}, with {len(corners)} triangles; it must have from 1 to "
+            f"chief.path is {mesh_path}, with {len(corners)} triangles; it must have from 1 to "
             f"{MOST_TRIANGLES:,}, of finite numbers: simplify the mesh"
         )
     twice_areas = np.linalg.norm(outward_of(corners), axis=1)
     kept: Floats = corners[twice_areas > 1e-12 * float(twice_areas.max(initial=0.0))]
     if len(kept) == 0:
-        raise SettingError(f"chief.path is {place}, whose triangles have no area; give the mesh of a body")
+        raise SettingError(
+            f"chief.path is {mesh_path}, whose triangles have no area; give the mesh of a body"
+        )
     return kept
 
 

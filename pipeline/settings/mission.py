@@ -21,7 +21,7 @@ START_M = (43.30127018922194, 43.30127018922194, 43.30127018922194)
 
 
 @settings("orbit")
-class Orbit:
+class OrbitSettings:
     """The chief's orbit: the paper's low Earth orbit."""
 
     #: the densest planets allow 0.0015 rad/s
@@ -61,7 +61,7 @@ NO_CASE = Only("case=null", "optimum.cases=start", is_told=True)
 
 
 @settings("deputy")
-class Deputy:
+class DeputySettings:
     """The inspecting spacecraft, its start (Hill axes) and its limits."""
 
     mass_kg: checks.Positive = 12.0
@@ -103,7 +103,7 @@ class Deputy:
 
 
 @settings("chief")
-class Chief:
+class ChiefSettings:
     """The inspected spacecraft and the points on it."""
 
     inertia_kg_m2: Annotated[checks.Inertia, Only("chief.initial_angular_velocity_rad_s")] = UNIT_INERTIA
@@ -368,9 +368,9 @@ class Mission:
     """One flight: everything the simulation depends on except the start and the controller."""
 
     problem: Problem = field(default_factory=Problem)
-    orbit: Orbit = field(default_factory=Orbit)
-    deputy: Deputy = field(default_factory=Deputy)
-    chief: Chief = field(default_factory=Chief)
+    orbit: OrbitSettings = field(default_factory=OrbitSettings)
+    deputy: DeputySettings = field(default_factory=DeputySettings)
+    chief: ChiefSettings = field(default_factory=ChiefSettings)
     sensor: Sensor = field(default_factory=Sensor)
     attitude: Attitude = field(default_factory=Attitude)
     guidance: Guidance = field(default_factory=Guidance)
@@ -412,14 +412,14 @@ class Mission:
 
     def _check_dispersions(self) -> None:
         """Raise SettingError for distributions of anything other than a number of a single flight."""
-        for one in distributions(self.dispersions):
+        for distribution in distributions(self.dispersions):
             node: Any = self
-            for name in one.key.split("."):
+            for name in distribution.key.split("."):
                 node = getattr(node, name, None) if name != "dispersions" else None
-            if not isinstance(node, float) or one.key in SHARED:
+            if not isinstance(node, float) or distribution.key in SHARED:
                 raise SettingError(
-                    f"dispersions.{one.key} is no number that a flight can have its own of; it must be a key "
-                    "of the mission with a decimal number, and no clock or delay, as in "
+                    f"dispersions.{distribution.key} is no number that a flight can have its own of; it must "
+                    "be a key of the mission with a decimal number, and no clock or delay, as in "
                     "+dispersions.deputy.mass_kg={kind:normal,mean:12.0,std:0.1}"
                 )
 

@@ -24,7 +24,7 @@ def requirements_path(name: str) -> Path:
         return shipped
     path = Path(name).expanduser()
     if not path.is_file():
-        known = ", ".join(sorted(one.stem for one in folder.glob("*.yaml")))
+        known = ", ".join(sorted(file.stem for file in folder.glob("*.yaml")))
         raise FileNotFoundError(
             f"there are no requirements {name}; name those that ship ({known}) or give the path of a file"
         )
@@ -39,7 +39,7 @@ def content_of(path: str, most_bytes: int) -> bytes:
     ValueError
         If it is larger, or no file but a folder, a pipe or a device.
     """
-    place = Path(path)
-    if place.exists() and (not place.is_file() or place.stat().st_size > most_bytes):
+    file = Path(path)
+    if file.exists() and (not file.is_file() or file.stat().st_size > most_bytes):
         raise ValueError(f"it is no file of at most {most_bytes >> 20} MiB")
-    return place.read_bytes()
+    return file.read_bytes()

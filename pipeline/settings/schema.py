@@ -63,16 +63,16 @@ def schema() -> dict[str, Key]:
     """Return every key by its dotted name, except those of controllers, in the order of their definition."""
     tops = [entry for entry in GROUPS if not entry[0]]
     groups = [entry for entry in GROUPS if entry[0] not in ("", keys.FREE)]
-    found = (keys_of(group, kind, only) for group, kind, only in [*reversed(tops), *groups])
-    return {key.name: key for key in chain.from_iterable(found)}
+    sections = (keys_of(group, kind, only) for group, kind, only in [*reversed(tops), *groups])
+    return {key.name: key for key in chain.from_iterable(sections)}
 
 
 def keys_of(group: str, kind: Any, only: tuple[Only, ...] = ()) -> Iterator[Key]:
     """Yield the keys of a class of settings, without those that are groups."""
-    hints, own = get_type_hints(kind, include_extras=True), names_of(kind)
+    hints, names = get_type_hints(kind, include_extras=True), names_of(kind)
     for field in fields(kind):
         hint, name = hints[field.name], keys.dotted(group, (field.name,))
-        if field.name in own and field.name != keys.FREE and not is_dataclass(hint):
+        if field.name in names and field.name != keys.FREE and not is_dataclass(hint):
             default = field.default if field.default_factory is MISSING else field.default_factory()
             marks = [mark for mark in only if name not in mark.keys]
             marks += [mark for mark in getattr(hint, "__metadata__", ()) if isinstance(mark, Only)]
@@ -81,11 +81,11 @@ def keys_of(group: str, kind: Any, only: tuple[Only, ...] = ()) -> Iterator[Key]
 
 def _plain(value: Any) -> Any:
     """Return a value with lists for tuples, as YAML has them."""
-    return [_plain(one) for one in value] if isinstance(value, tuple) else value
+    return [_plain(item) for item in value] if isinstance(value, tuple) else value
 
 
 def defaults() -> dict[str, Any]:
-    """Return the configuration of all defaults, with the keys that only some of them make exist."""
+    """Return the default of every key, also of keys that do not exist in the default configuration."""
     given = {key.name: key.default for key in schema().values() if key.default is not MISSING}
     return keys.with_values({}, given)
 
@@ -105,19 +105,19 @@ def with_tried(config: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str
 
 
 def completed(config: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a configuration with the defaults that it leaves out, without the keys that do not exist."""
+    """Return a configuration with missing defaults filled in, without keys that do not exist in it."""
     absent = (key for key in schema().values() if keys.value_at(config, key.name, ABSENT) is ABSENT)
     whole = keys.with_values(config, {key.name: key.default for key in absent if key.default is not MISSING})
     return keys.without(whole, [key.name for key in schema().values() if not key.exists(whole)])
 
 
 def present(config: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a configuration, perhaps of an earlier version, as the present one would be `completed`."""
+    """Return a configuration, perhaps of an earlier version, under present names and `completed`."""
     return completed(keys.without(keys.in_todays_words(config), keys.GONE))
 
 
 def idle(config: Mapping[str, Any], *, stages: bool = False) -> dict[str, Only]:
-    """Return the keys of a configuration that do not exist, set or dispersed, each with what does not hold.
+    """Return the keys that are set or dispersed but do not exist, each with the condition that fails.
 
     Parameters
     ----------
@@ -126,16 +126,16 @@ def idle(config: Mapping[str, Any], *, stages: bool = False) -> dict[str, Only]:
     stages : bool
         Whether also those that no stage of the run reads.
     """
-    found: dict[str, Only] = {}
+    unmet: dict[str, Only] = {}
     set_here = {name: name for name in schema() if keys.value_at(config, name, ABSENT) is not ABSENT}
     given = config.get(keys.DISPERSIONS)
     spread = given if isinstance(given, Mapping) else {}
     dispersed = {f"{keys.DISPERSIONS}.{name}": name for name, _ in keys.leaves(spread, ("kind",))}
-    for place, name in (set_here | dispersed).items():
+    for key, name in (set_here | dispersed).items():
         for mark in schema()[name].only if name in schema() else ():
             if (stages or not mark.is_of_stages) and not mark.holds(config):
-                found.setdefault(place, mark)
-    return found
+                unmet.setdefault(key, mark)
+    return unmet
 
 
 def experiment_from(config: Mapping[str, Any]) -> Experiment:
@@ -148,19 +148,21 @@ def experiment_from(config: Mapping[str, Any]) -> Experiment:
         versions are read if today's are missing, and those that do not exist are passed over.
     """
     config = present(config)
-    own, of_mission = names_of(Experiment), names_of(Mission)
+    of_experiment, of_mission = names_of(Experiment), names_of(Mission)
     for name in config:
-        if name not in own and name not in of_mission:
+        if name not in of_experiment and name not in of_mission:
             raise SettingError(keys.unknown(name))
     mission = Mission(**{name: config[name] for name in of_mission if name in config})
-    return Experiment(mission=mission, **{name: config[name] for name in own if name in config})
+    return Experiment(mission=mission, **{name: config[name] for name in of_experiment if name in config})
 
 
 @cache
 def free_keys() -> tuple[str, ...]:
     """Return the dotted keys of the configuration that no result depends on."""
     marks = {key.name: getattr(key.hint, "__metadata__", ()) for key in schema().values()}
-    return tuple(name for name, own in marks.items() if any(isinstance(mark, Freely) for mark in own))
+    return tuple(
+        name for name, marks_of_key in marks.items() if any(isinstance(mark, Freely) for mark in marks_of_key)
+    )
 
 
 def only_results(config: Mapping[str, Any]) -> dict[str, Any]:
@@ -170,7 +172,7 @@ def only_results(config: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def in_world(experiment: Experiment, name: str) -> Experiment:
-    """Return an experiment in one of the worlds of ``compare.worlds``; "" is its own.
+    """Return an experiment moved to one of the worlds of ``compare.worlds``; "" changes nothing.
 
     Raises
     ------
@@ -180,8 +182,8 @@ def in_world(experiment: Experiment, name: str) -> Experiment:
     changes = experiment.compare.worlds.get(name, {})
     there: dict[str, Any] = asdict(experiment.mission) | {"sun": asdict(experiment.sun)}
     for group, values in changes.items():
-        own = there.get(group)
-        there[group] = own | values if isinstance(own, dict) and isinstance(values, dict) else values
+        current = there.get(group)
+        there[group] = current | values if isinstance(current, dict) and isinstance(values, dict) else values
     parts = dict(there)
     try:
         made = replace(experiment, sun=parts.pop("sun"), mission=Mission(**parts))
@@ -201,7 +203,7 @@ def differences(
     but: Collection[str],
     words: tuple[str, str] = ("then", "now"),
 ) -> list[str]:
-    """Return the keys in which two configurations differ, each with both values shortened.
+    """Return the keys in which two configurations differ, with both values, shortened.
 
     Parameters
     ----------
@@ -218,14 +220,14 @@ def differences(
         Such as ``seed (then 1, now 2)``; a controller counts as one value.
     """
 
-    def walk(one: Any, other: Any, key: str) -> Iterator[str]:
-        if one == other:
+    def walk(first: Any, second: Any, key: str) -> Iterator[str]:
+        if first == second:
             return
-        if isinstance(one, Mapping) and isinstance(other, Mapping) and key != keys.FREE:
-            for name in sorted({*one, *other}):
-                yield from walk(one.get(name), other.get(name), f"{key}.{name}" if key else name)
+        if isinstance(first, Mapping) and isinstance(second, Mapping) and key != keys.FREE:
+            for name in sorted({*first, *second}):
+                yield from walk(first.get(name), second.get(name), f"{key}.{name}" if key else name)
         else:
-            yield f"{key} ({words[0]} {_short(one)}, {words[1]} {_short(other)})"
+            yield f"{key} ({words[0]} {_short(first)}, {words[1]} {_short(second)})"
 
     first, second = (
         {key: value for key, value in config.items() if key not in but} for config in (then, now)
@@ -240,12 +242,12 @@ def _short(value: Any) -> str:
 
 def tables() -> dict[str, list[Key]]:
     """Return the keys of each group, in the order of the page; "" for those at the top."""
-    found: dict[str, list[Key]] = {"": []}
+    sections: dict[str, list[Key]] = {"": []}
     for key in schema().values():
-        found.setdefault(key.name.rpartition(".")[0], []).append(key)
+        sections.setdefault(key.name.rpartition(".")[0], []).append(key)
     for name, kind in PLANNED.items():
-        found[f"{keys.FREE} ({name})"] = list(keys_of(keys.FREE, kind))
-    return found
+        sections[f"{keys.FREE} ({name})"] = list(keys_of(keys.FREE, kind))
+    return sections
 
 
 def rows_of(group: str, shown: list[Key]) -> Iterator[tuple[str, str, str, str]]:
@@ -253,14 +255,14 @@ def rows_of(group: str, shown: list[Key]) -> Iterator[tuple[str, str, str, str]]
     for key in shown:
         name = key.name.rpartition(".")[2]
         default = "" if key.default is MISSING else f"`{as_yaml(key.default)}` {keys.unit_of(name)}".strip()
-        own = [mark for mark in key.only if not mark.is_of_stages and mark not in of_group(group)]
+        conditions = [mark for mark in key.only if not mark.is_of_stages and mark not in of_group(group)]
         meaning = descriptions().get(f"{group}.{name}".lstrip("."), "")
-        only = f" Only with {in_code(own)}." if own else ""
+        only = f" Only with {in_code(conditions)}." if conditions else ""
         yield f"`{name}`{marks_of(key)}", default, range_of(key), meaning + only
 
 
 def of_group(group: str) -> tuple[Only, ...]:
-    """Return where the keys of a group exist."""
+    """Return the conditions that hold for all keys of a group."""
     return next((only for name, _, only in GROUPS if group and name == group), ())
 
 
@@ -270,7 +272,7 @@ def in_code(marks: list[Only]) -> str:
 
 
 def marks_of(key: Key) -> str:
-    """Return whether a key may be dispersed, and vary in time."""
+    """Return the mark **d** for a key that may be dispersed, **t** for one that may also vary in time."""
     top = key.name.partition(".")[0]
     if top not in names_of(Mission) or not isinstance(key.default, float) or key.name in SHARED:
         return ""
@@ -305,9 +307,9 @@ def help_on(group: str) -> str:
     """Return the keys of a group, or one key, with defaults and meanings; nothing if there is none."""
     lines = []
     for name, table in tables().items():
-        found = [key for key in table if f"{key.name}.".startswith(f"{group}.")]
-        lines += [f"{name}: {descriptions()[name]}"] if found and name else []
-        for key, (_, default, values, meaning) in zip(found, rows_of(name, found), strict=True):
+        shown = [key for key in table if f"{key.name}.".startswith(f"{group}.")]
+        lines += [f"{name}: {descriptions()[name]}"] if shown and name else []
+        for key, (_, default, values, meaning) in zip(shown, rows_of(name, shown), strict=True):
             lines += [f"  {key.name}={default}", f"      {meaning}{f' ({values})' if values else ''}"]
     return "\n".join(lines).replace("`", "")
 
@@ -339,7 +341,7 @@ def descriptions() -> dict[str, str]:
     texts: dict[str, str] = {}
     for group, kind, _ in GROUPS:
         # controllers that plan have a group each
-        named = next((f"{keys.FREE} ({name})" for name, one in PLANNED.items() if one is kind), group)
+        named = next((f"{keys.FREE} ({name})" for name, planned in PLANNED.items() if planned is kind), group)
         prefix = f"{named}." if group else ""
         texts[prefix.rstrip(".")] = (inspect.getdoc(kind) or "").partition("\n")[0]
         for owner in inspect.getmro(kind)[:-1]:
@@ -353,10 +355,10 @@ def descriptions() -> dict[str, str]:
 def _meanings(path: str) -> dict[str, dict[str, str]]:
     """Return the texts below the fields of each class in a source file."""
     classes = ast.parse(Path(path).read_text(encoding="utf-8")).body
-    found: dict[str, dict[str, str]] = {}
+    meanings: dict[str, dict[str, str]] = {}
     for node in (node for node in classes if isinstance(node, ast.ClassDef)):
         for pair in pairwise(node.body):
             match pair:
                 case ast.AnnAssign(target=ast.Name(id=name)), ast.Expr(value=ast.Constant(value=str(text))):
-                    found.setdefault(node.name, {})[name] = " ".join(text.split())
-    return found
+                    meanings.setdefault(node.name, {})[name] = " ".join(text.split())
+    return meanings

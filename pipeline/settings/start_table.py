@@ -30,7 +30,7 @@ TRAINING, EVALUATION = "training-", "evaluation"
 
 
 def split(text: str, key: str) -> tuple[str, str]:
-    """Split a table into the starts of training and those of the evaluation, each a table.
+    """Split a table of starts into one for training and one for the evaluation.
 
     These are the rows whose ``set`` begins with ``training-`` and ``evaluation``; if there are none for one
     of the two, it gets all rows.
@@ -44,26 +44,26 @@ def split(text: str, key: str) -> tuple[str, str]:
     labels = [row[header.index("set")].strip() if "set" in header else "" for row in rows]
     if "case" in header:
         _check_cases(labels, [row[header.index("case")].strip() for row in rows], key)
-    kept = [place for place, name in enumerate(header) if name not in LABELS]
+    kept = [column for column, name in enumerate(header) if name not in LABELS]
 
     def table(begin: str) -> str:
         chosen = [row for row, label in zip(rows, labels, strict=True) if label.startswith(begin)] or rows
-        lines = [",".join(row[place].strip() for place in kept) for row in [header, *chosen]]
+        lines = [",".join(row[column].strip() for column in kept) for row in [header, *chosen]]
         return "\n".join(lines) + "\n"
 
     made = table(TRAINING), table(EVALUATION)
-    for one in made:
-        numbers(one, key)
+    for table_text in made:
+        numbers(table_text, key)
     return made
 
 
 def _check_cases(labels: Sequence[str], cases: Sequence[str], key: str) -> None:
     """Raise SettingError unless the cases of each set are numbered as they are flown."""
     counts: Counter[str] = Counter()
-    for place, (label, case) in enumerate(zip(labels, cases, strict=True), 1):
+    for number, (label, case) in enumerate(zip(labels, cases, strict=True), 1):
         if case != str(counts[label]):
             raise SettingError(
-                f"{key}: row {place} is case {case!r}, but would be flown as case {counts[label]}, with the "
+                f"{key}: row {number} is case {case!r}, but would be flown as case {counts[label]}, with the "
                 "errors and settings that this one draws; drop the column, or give all cases from 0"
             )
         counts[label] += 1
@@ -81,15 +81,15 @@ def numbers(text: str, key: str) -> Mapping[str, "NDArray[np.float64]"]:
 
     header, rows = _cells(text, key)
     values = np.empty((len(rows), len(header)))
-    for place, row in enumerate(rows):
+    for index, row in enumerate(rows):
         for column, cell in enumerate(row):
             try:
-                values[place, column] = float(cell)
+                values[index, column] = float(cell)
             except ValueError:
-                values[place, column] = math.nan
-            if not math.isfinite(values[place, column]):
+                values[index, column] = math.nan
+            if not math.isfinite(values[index, column]):
                 raise SettingError(
-                    f"{key}: row {place + 1} has {header[column]} {cell.strip()!r}; write a finite number"
+                    f"{key}: row {index + 1} has {header[column]} {cell.strip()!r}; write a finite number"
                 )
     return {name: values[:, column] for column, name in enumerate(header)}
 
@@ -100,7 +100,7 @@ def num_rows(text: str) -> int:
 
 
 def check_count(group: str, num_cases: int, table: str | None) -> None:
-    """Raise SettingError unless a table, if there is one, has so many starts."""
+    """Raise SettingError if a table of starts is given whose length is not `num_cases`."""
     num_given = num_cases if table is None else num_rows(table)
     if num_cases != num_given:
         raise SettingError(
@@ -117,13 +117,13 @@ def check_within(text: str, key: str, limits_m: tuple[float, float]) -> None:
     SettingError
     """
     columns = numbers(text, key)
-    for row, place in enumerate(zip(*(columns[name].tolist() for name in POSITION), strict=True), 1):
-        distance = math.hypot(*place)
+    for row, position in enumerate(zip(*(columns[name].tolist() for name in POSITION), strict=True), 1):
+        distance = math.hypot(*position)
         check_distance(f"{key}: row {row} starts {distance:.6g} m from the chief", distance, limits_m)
 
 
 def check_distance(what: str, distance_m: float, limits_m: tuple[float, float]) -> None:
-    """Raise SettingError if a start, what of which is told first, is outside the distance limits."""
+    """Raise SettingError if a distance is outside the limits; the message begins with `what`."""
     low, high = limits_m
     # a billionth outside is rounding: a start on a limit, which is inside, may be written by its axes
     if not low * (1 - 1e-9) <= distance_m <= high * (1 + 1e-9):
@@ -140,10 +140,10 @@ def _cells(text: str, key: str) -> tuple[list[str], list[list[str]]]:
     except (ValueError, csv.Error) as error:
         raise SettingError(f"{key} is no table of starts ({error}); give CSV with a header") from error
     names = [name.strip() for name in header]
-    for place, row in enumerate(rows):
+    for index, row in enumerate(rows):
         if len(row) != len(names):
             raise SettingError(
-                f"{key}: row {place + 1} has {len(row)} cells, the header {len(names)}; give as many"
+                f"{key}: row {index + 1} has {len(row)} cells, the header {len(names)}; give as many"
             )
     if not rows:
         raise SettingError(f"{key} has no row below its header; give at least one start")

@@ -126,8 +126,8 @@ class Encoding:
                 "optimizer.encoding.stretch is given and optimizer.encoding.rules is free; ranges stretch "
                 "with rules=planes or rules=fixed: choose one of them, or set stretch=null"
             )
-        for place, value in enumerate(self.standard_deviation_fraction):
-            checks.within(f"optimizer.encoding.standard_deviation_fraction[{place}]", value, 0.0, 1.0)
+        for index, value in enumerate(self.standard_deviation_fraction):
+            checks.within(f"optimizer.encoding.standard_deviation_fraction[{index}]", value, 0.0, 1.0)
         if self.urgency_time_s is not None:
             checks.within("optimizer.encoding.urgency_time_s[0]", self.urgency_time_s[0], 1.0, math.inf, "s")
 
@@ -259,7 +259,7 @@ class Dimension:
 
 
 def dimensions(space: Mapping[str, Any]) -> tuple[Dimension, ...]:
-    """Read a space: keys, each with ``{low:, high:}``, and ``log: true``, or with ``{choices: []}``.
+    """Parse the space of a search: keys with ``{low:, high:}``, ``log: true`` too, or with ``{choices: []}``.
 
     Raises
     ------

@@ -63,7 +63,7 @@ def run(experiment: Experiment, folder: Path) -> None:
 
 
 def _done_in_words(summary: Mapping[str, Any]) -> str:
-    """Say what the flights came to, besides what they cost."""
+    """Return what the flights achieved, for the line on the terminal."""
     if "end_s" not in summary:
         rate = summary["inspection_rate_percent"]
         return f"rate {rate['mean']:.2f} +- {rate['standard_deviation']:.2f} %"
@@ -74,7 +74,7 @@ def _done_in_words(summary: Mapping[str, Any]) -> str:
 
 
 def _flown(experiment: Experiment, controller: Controller, folder: Path) -> Mapping[str, Column]:
-    """Fly all cases and write them; a campaign in parts, and without trajectories."""
+    """Fly all cases and write their table; trajectories too, unless they are flown in parts."""
     if _is_in_parts(experiment):
         (folder / artifacts.TRAJECTORIES).unlink(missing_ok=True)
         paths = _fly_parts(experiment, controller, folder, "cases")
@@ -96,14 +96,14 @@ def _is_in_parts(experiment: Experiment) -> bool:
 
 
 def _fly_parts(experiment: Experiment, controller: Controller, folder: Path, kind: str) -> list[Path]:
-    """Fly a campaign, each part into a file; a resumed one flies the missing parts."""
+    """Fly a campaign, each part into a file; a resumed one flies only the missing parts. Return the files."""
     cases, length = experiment.monte_carlo, experiment.engine.part_cases
-    place = folder / artifacts.EPISODE_PARTS / kind
+    parts_folder = folder / artifacts.EPISODE_PARTS / kind
     if not experiment.resume:
-        shutil.rmtree(place, ignore_errors=True)
+        shutil.rmtree(parts_folder, ignore_errors=True)
     bounds = [(first, min(first + length, cases.num_cases)) for first in range(0, cases.num_cases, length)]
     # a resumed run may be cut into other parts
-    paths = [place / f"{first:09d}-{last:09d}.parquet" for first, last in bounds]
+    paths = [parts_folder / f"{first:09d}-{last:09d}.parquet" for first, last in bounds]
     left = [part for part, path in enumerate(paths) if not path.exists()]
     with Progress("part:", len(paths), len(paths) - len(left)) as progress:
         for done, part in enumerate(left, len(paths) - len(left) + 1):
@@ -133,11 +133,11 @@ def _beside_optimum(experiment: Experiment, controller: Controller, folder: Path
 def _dispersed(
     experiment: Experiment, controller: Controller, episodes: Mapping[str, Any], folder: Path
 ) -> dict[str, Any]:
-    """Return the cost of each dispersion, and the results without; nothing if there are no dispersions."""
+    """Return the sensitivity to each dispersion, and the results without any; {} if there are none."""
     mission, confidence = experiment.mission, experiment.monte_carlo.confidence_percent
     if not mission.dispersions:
         return {}
-    keys = [one.key for one in distributions(mission.dispersions)]
+    keys = [distribution.key for distribution in distributions(mission.dispersions)]
     undispersed = replace(experiment, mission=replace(mission, dispersions={}))
     nominal: Mapping[str, Column]
     if _is_in_parts(experiment):

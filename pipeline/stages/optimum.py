@@ -42,7 +42,7 @@ def run(experiment: Experiment, folder: Path) -> None:
                 case = futures[future]
                 rows[case] = _keep(experiment, folder, case, scenarios[case], future.result())
                 write_cases(folder, rows)
-                progress.show(len(rows), _told(rows[case]))
+                progress.show(len(rows), _row_in_words(rows[case]))
         except BaseException:
             pool.shutdown(cancel_futures=True)
             raise
@@ -55,15 +55,15 @@ def plan_path(folder: Path, case: int) -> Path:
 
 
 def kept_rows(folder: Path, scenarios: list[Scenario]) -> dict[int, CaseRow]:
-    """Return the rows of cases solved before that have a plan and this run's start."""
+    """Return the rows of cases that were solved before from this run's starts, and whose plan exists."""
     if not (folder / artifacts.OPTIMUM_CASES).exists():
         return {}
     columns = tables.read_parquet(folder, artifacts.OPTIMUM_CASES)
-    own, solved = starts_of(scenarios), starts_of(starts_in(columns))
+    starts, solved = starts_of(scenarios), starts_of(starts_in(columns))
     rows = {}
-    for place, case in enumerate(columns["case"].tolist()):
-        if case < len(own) and plan_path(folder, case).exists() and solved[place] == own[case]:
-            rows[case] = {name: column[place].item() for name, column in columns.items()}
+    for row, case in enumerate(columns["case"].tolist()):
+        if case < len(starts) and plan_path(folder, case).exists() and solved[row] == starts[case]:
+            rows[case] = {name: column[row].item() for name, column in columns.items()}
     return rows
 
 
@@ -90,8 +90,8 @@ def write_cases(folder: Path, rows: Mapping[int, CaseRow]) -> None:
     tables.write_parquet(folder / artifacts.OPTIMUM_CASES, columns)
 
 
-def _told(row: CaseRow) -> str:
-    """Return how solving a case ended."""
+def _row_in_words(row: CaseRow) -> str:
+    """Return how solving a case ended, for the line on the terminal."""
     if not row["is_feasible"]:
         return (
             f"case {row['case']} has no plan: {row['inspected_count']} of {row['points_asked']} points, "

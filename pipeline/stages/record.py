@@ -25,7 +25,7 @@ from pipeline.settings.experiment import Experiment, Mission
 #: only the first of many random training scenarios are recorded
 MOST_TRAINING_FLIGHTS: Final = 8
 #: the files that this stage writes
-OWN_FILES: Final = re.compile(r"(training-\d+|((worst|median|best)-)?case-\d+|start)\.mcap(\.partial)?")
+RECORDED_FILES: Final = re.compile(r"(training-\d+|((worst|median|best)-)?case-\d+|start)\.mcap(\.partial)?")
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ def run(experiment: Experiment, folder: Path) -> None:
         sys.stderr.write("  nothing to record: telemetry.record_training, _ranked and _start are all false\n")
     written = {f"{flight.name}.mcap" for flight in flights}
     for path in recordings.iterdir():
-        if OWN_FILES.fullmatch(path.name) and path.name not in written:
+        if RECORDED_FILES.fullmatch(path.name) and path.name not in written:
             path.unlink()
 
 

@@ -23,7 +23,7 @@ WRITE_EVERY_S = 1.0
 
 
 def run(experiment: Experiment, folder: Path) -> None:
-    """Train from the configured controller's structure; its numbers are in the first population."""
+    """Train the configured controller: its structure is kept, its numbers are in the first population."""
     template = source.load(experiment.controller, experiment.mission)
     genome = genome_of(template, experiment.optimizer.encoding)
     with logged(experiment.logger, folder) as log:
@@ -34,7 +34,7 @@ def run(experiment: Experiment, folder: Path) -> None:
 
 
 def _evolved(experiment: Experiment, folder: Path, genome: Genome, log: Log) -> Evolution:
-    """Evolve, and report each generation wherever it is shown."""
+    """Evolve; write, log and show each generation."""
     due = time.monotonic()
     with TrainingProgress(experiment.optimizer) as progress:
 

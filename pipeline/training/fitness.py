@@ -50,7 +50,7 @@ def fitness_parts(outcomes: Outcomes, penalty: Penalty, mission: Mission) -> dic
 
 
 def costs(outcomes: Outcomes, penalty: Penalty, mission: Mission) -> Floats:
-    """Return delta-v plus zeta of each flight, m/s, of the shape of the outcomes; see `fitness_parts`."""
+    """Return delta-v plus zeta of each flight, m/s, in the shape of the outcomes; see the module."""
     points = outcomes.inspected_count
     outside_m = outcomes.outside_m
     if penalty.near_margin_m > 0.0 or penalty.far_margin_m > 0.0:

@@ -60,7 +60,7 @@ def fitness_from(
 def costs_of(
     experiment: Experiment, genome: Genome, champion: Floats, scenarios: list[Scenario], round_index: int
 ) -> Floats:
-    """Return the cost of each flight of a champion with the prices of a round, shape (scenarios,)."""
+    """Return the cost of each flight of a genome at the prices of a round, m/s, shape (scenarios,)."""
     penalty = experiment.optimizer.penalty.of_round(round_index)
     outcomes = _flights_from(experiment, genome, scenarios)(champion[np.newaxis])
     return costs(outcomes, penalty, experiment.mission).reshape(-1)
@@ -78,8 +78,10 @@ def _flights_from(
     if tour_images(genome.template):
 
         def fly_ahead(genomes: Floats) -> Outcomes:
-            controllers = [from_fuzzy(genome.decode(one)) for one in genomes]
-            return combined([fly_all(mission, one, scenarios, workers) for one in controllers], np.stack)
+            controllers = [from_fuzzy(genome.decode(genes)) for genes in genomes]
+            return combined(
+                [fly_all(mission, controller, scenarios, workers) for controller in controllers], np.stack
+            )
 
         return fly_ahead
     world, law, cases = pack_world(mission), law_of(genome.template, mission), cases_of(mission, scenarios)
@@ -88,7 +90,7 @@ def _flights_from(
 
 
 def evolved(experiment: Experiment, genome: Genome, **kept: Any) -> Evolution:
-    """Train from the genome's template; `kept` goes to `pipeline.training.evolution.evolve_rounds`."""
+    """Train from the genome's template; keywords go to `evolve_rounds`."""
     judge = partial(fitness_of_round, experiment, genome)
     first = genome.encode()[np.newaxis]
     return evolve_rounds(
@@ -132,10 +134,10 @@ def choose(experiment: Experiment, genome: Genome, history: Sequence[Generation]
     last_of_round = list({generation.round: generation for generation in history}.values())
     rounds = []
     for index, generation in enumerate(last_of_round):
-        own = training_scenarios(experiment, generation.round)
+        training_starts = training_scenarios(experiment, generation.round)
         training, validation = (
             float(costs_of(experiment, genome, generation.champion, starts, history[-1].round).mean())
-            for starts in (own, scenarios)
+            for starts in (training_starts, scenarios)
         )
         rounds.append((index, training, validation))
     best, _, validation = min(rounds, key=lambda row: row[2])

@@ -9,7 +9,7 @@ from pipeline.physics.attitude import longest_tumbling_step, tumble
 from pipeline.physics.illumination import EARTH_RADIUS_M, orbit_radius
 from pipeline.physics.orbit import NO_COURSE, Course, Elements, course_of
 from pipeline.settings.experiment import Mission, SettingError
-from pipeline.settings.mission import Light, Orbit
+from pipeline.settings.mission import Light, OrbitSettings
 
 
 def chief_course(mission: Mission) -> Course:
@@ -29,12 +29,12 @@ def chief_course(mission: Mission) -> Course:
     return course_of(*chief, mission.light.shadow != "none", mission.control_period_s, mission.num_controls)
 
 
-def semi_major_axis(orbit: Orbit) -> float:
+def semi_major_axis(orbit: OrbitSettings) -> float:
     """Return the semi-major axis of an orbit, the radius of a circular one, m."""
     return orbit_radius(orbit.mean_motion_rad_s) if orbit.radius_m is None else orbit.radius_m
 
 
-def shadowing_radius(orbit: Orbit, light: Light) -> float:
+def shadowing_radius(orbit: OrbitSettings, light: Light) -> float:
     """Return the radius of the orbit on which the chief passes through the Earth's shadow, m.
 
     Raises

@@ -10,7 +10,7 @@ from pipeline.array_types import Floats
 from pipeline.physics.sight import Occlusion, occlusion_of
 from pipeline.settings.experiment import Mission, SettingError
 from pipeline.settings.mesh import outward_of, read_mesh
-from pipeline.settings.mission import Chief
+from pipeline.settings.mission import ChiefSettings
 
 #: candidate places on the faces per point
 CHOICES = 50
@@ -110,7 +110,7 @@ def surface_of(mission: Mission) -> Surface:
 
 
 @lru_cache(maxsize=4)
-def _surface(chief: Chief) -> Surface:
+def _surface(chief: ChiefSettings) -> Surface:
     if chief.shape == "mesh":
         corners = read_mesh(chief.path)
         points, normals = spread_points(corners, chief.num_points)

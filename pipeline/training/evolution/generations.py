@@ -28,7 +28,7 @@ from deap.tools import crossover, mutation, selection
 
 from pipeline.array_types import Floats
 from pipeline.settings.experiment import Optimizer
-from pipeline.training.evolution.state import Generation, State
+from pipeline.training.evolution.state import EvolutionState, Generation
 
 GENE_SWAP_PROBABILITY = 0.5
 
@@ -96,22 +96,22 @@ def local_mutation(genome: Sequence[float], step_size: float) -> Individual:
 
 
 @contextmanager
-def lent_random(state: State) -> Iterator[None]:
+def lent_random(state: EvolutionState) -> Iterator[None]:
     """Let DEAP draw from our state instead of Python's global generator."""
-    own = random.Random()  # noqa: S311
-    own.setstate(state.python_state)
+    generator = random.Random()  # noqa: S311
+    generator.setstate(state.python_state)
     before = [module.random for module in DRAWING]
     for module in DRAWING:
-        module.random = own
+        module.random = generator
     try:
         yield
     finally:
-        state.python_state = own.getstate()
+        state.python_state = generator.getstate()
         for module, theirs in zip(DRAWING, before, strict=True):
             module.random = theirs
 
 
-def breed(state: State, settings: Optimizer) -> Floats:
+def breed(state: EvolutionState, settings: Optimizer) -> Floats:
     """Return a generation's children, first by crossover, then mutants; shape (children, num_genes).
 
     With the local mutation, crossover children mutate as well: parents near one another differ little.
@@ -138,7 +138,7 @@ def breed(state: State, settings: Optimizer) -> Floats:
     return np.array([*children, *mutants]).reshape(-1, state.genomes.shape[1])
 
 
-def scatter(seeds: Floats, settings: Optimizer, state: State) -> Floats:
+def scatter(seeds: Floats, settings: Optimizer, state: EvolutionState) -> Floats:
     """Return a first population of the seeds and their local mutants, shape (population_size, num_genes)."""
     with lent_random(state):
         mutants = [
@@ -222,8 +222,13 @@ SPAWN_KEY = 0xE70
 
 
 def begin(
-    evaluate: Evaluate, seeds: Floats, settings: Optimizer, seed: int, round_index: int, before: State | None
-) -> State:
+    evaluate: Evaluate,
+    seeds: Floats,
+    settings: Optimizer,
+    seed: int,
+    round_index: int,
+    before: EvolutionState | None,
+) -> EvolutionState:
     """Make and evaluate the first population of a round.
 
     Parameters
@@ -235,24 +240,24 @@ def begin(
     seed : int
         Of the evolution; each round has random generators of its own.
     round_index : int
-    before : State, optional
+    before : EvolutionState, optional
         The final state of the round before.
 
     Returns
     -------
-    State
+    EvolutionState
         With the evaluated population.
     """
     generator = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(SPAWN_KEY, round_index)))
     python_state = random.Random(int(generator.integers(2**63))).getstate()  # noqa: S311
     nobody, step = np.empty((0, seeds.shape[1])), settings.step_of_round(round_index)
-    state = State(round_index, step, nobody, python_state, generator)
+    state = EvolutionState(round_index, step, nobody, python_state, generator)
     if before:
         state.evaluations, state.history = before.evaluations, before.history
     is_carried = before is not None and settings.next_round == "carried"
     if settings.algorithm == "cma_es":
-        own = _carried(_strategy(seeds[-1], settings.initial_step, settings))
-        state.strategy = before.strategy if before and is_carried else own
+        initial = _carried(_strategy(seeds[-1], settings.initial_step, settings))
+        state.strategy = before.strategy if before and is_carried else initial
         _sample_generation(state, evaluate, settings)
         return state
     if before and is_carried:
@@ -266,7 +271,7 @@ def begin(
     return state
 
 
-def advance(state: State, evaluate: Evaluate, settings: Optimizer) -> None:
+def advance(state: EvolutionState, evaluate: Evaluate, settings: Optimizer) -> None:
     """Replace a population by the next generation."""
     state.generation += 1
     if settings.algorithm == "cma_es":
@@ -285,7 +290,7 @@ def advance(state: State, evaluate: Evaluate, settings: Optimizer) -> None:
     state.evaluations += len(children)
 
 
-def record(state: State) -> None:
+def record(state: EvolutionState) -> None:
     """Add the present generation to the history."""
     # the centre of a distribution is better than its luckiest sample
     best = 0 if state.strategy else int(np.argmin(state.fitness))
@@ -304,7 +309,7 @@ def record(state: State) -> None:
     )
 
 
-def _sample_generation(state: State, evaluate: Evaluate, settings: Optimizer) -> None:
+def _sample_generation(state: EvolutionState, evaluate: Evaluate, settings: Optimizer) -> None:
     """Draw a population from the strategy, evaluate it, and update the strategy."""
     state.step_size = float(state.strategy["sigma"])
     drawn = sample_strategy(state, settings)
@@ -312,21 +317,23 @@ def _sample_generation(state: State, evaluate: Evaluate, settings: Optimizer) ->
     teach_strategy(state, settings, drawn, state.fitness)
 
 
-def _evaluate_all(state: State, evaluate: Evaluate, genomes: Floats) -> None:
-    """Put a population into the place of the one before, evaluated."""
+def _evaluate_all(state: EvolutionState, evaluate: Evaluate, genomes: Floats) -> None:
+    """Evaluate a population and store it in the state."""
     state.genomes = genomes
     state.evaluations += len(genomes)
     state.fitness, state.parts = _evaluated(evaluate, genomes)
 
 
-def _evaluated_once(evaluate: Evaluate, genomes: Floats, state: State) -> tuple[Floats, dict[str, Floats]]:
-    """Evaluate the new individuals of a generation: neither in the population nor repeated.
+def _evaluated_once(
+    evaluate: Evaluate, genomes: Floats, state: EvolutionState
+) -> tuple[Floats, dict[str, Floats]]:
+    """Evaluate a generation's children, each distinct one that is not in the population once.
 
-    A parent drawn for both sides of a crossover has a child equal to it.
+    Children repeat where a parent is drawn for both sides of a crossover.
     """
     known = np.concatenate((state.genomes, genomes))
-    _, first, place = np.unique(known, axis=0, return_index=True, return_inverse=True)
-    source = first[place.reshape(-1)][len(state.genomes) :]
+    _, first, inverse = np.unique(known, axis=0, return_index=True, return_inverse=True)
+    source = first[inverse.reshape(-1)][len(state.genomes) :]
     is_new = source == np.arange(len(state.genomes), len(known))
     none = np.empty(0), dict.fromkeys(state.parts, np.empty(0))
     fitness, parts = _evaluated(evaluate, genomes[is_new]) if is_new.any() else none
@@ -339,7 +346,7 @@ def _evaluated_once(evaluate: Evaluate, genomes: Floats, state: State) -> tuple[
 
 
 def _evaluated(evaluate: Evaluate, genomes: Floats) -> tuple[Floats, dict[str, Floats]]:
-    """Call the fitness function; return the fitness, which it must find for each genome, and the parts."""
+    """Call the fitness function; return the fitness of each genome, checked to be finite, and its parts."""
     parts = dict(evaluate(genomes.copy()))
     fitness = parts.pop("fitness")
     if not np.all(np.isfinite(fitness)):
@@ -355,7 +362,7 @@ def _strategy(centre: Floats, step: float, settings: Optimizer) -> Any:
     return cma.Strategy(centroid=centre.copy(), sigma=step, lambda_=settings.population_size - 1)
 
 
-def sample_strategy(state: State, settings: Optimizer) -> Floats:
+def sample_strategy(state: EvolutionState, settings: Optimizer) -> Floats:
     """Draw a population, unbounded, with the centre itself first; shape (population_size, num_genes)."""
     strategy = _restored(state.strategy, settings)
     with _lent_global_random(state.generator):
@@ -363,8 +370,8 @@ def sample_strategy(state: State, settings: Optimizer) -> Floats:
     return np.vstack([strategy.centroid, *drawn])
 
 
-def teach_strategy(state: State, settings: Optimizer, drawn: Floats, fitness: Floats) -> None:
-    """Update the strategy of a state from the fitness of its samples, except that of the centre."""
+def teach_strategy(state: EvolutionState, settings: Optimizer, drawn: Floats, fitness: Floats) -> None:
+    """Update the strategy from the fitness of its samples, without the centre, which it did not draw."""
     strategy = _restored(state.strategy, settings)
     outside = np.sum(np.abs(drawn - np.clip(drawn, 0.0, 1.0)), axis=1)
     judged = fitness + outside * (np.ptp(fitness) + 1e-12)

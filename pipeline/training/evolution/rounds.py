@@ -16,7 +16,7 @@ from pipeline.array_types import Floats
 from pipeline.settings.experiment import Optimizer
 from pipeline.training.evolution import generations
 from pipeline.training.evolution.generations import EvaluateForRound
-from pipeline.training.evolution.state import Generation, State, load, save
+from pipeline.training.evolution.state import EvolutionState, Generation, load, save
 
 #: called with the history so far, after each generation
 OnGeneration = Callable[[Sequence[Generation]], None]
@@ -38,8 +38,8 @@ class Evolution:
     interrupted: bool
 
 
-def _is_finished(state: State, settings: Optimizer) -> bool:
-    """Return whether a round has had its generations, or none of the last `stall_generations` was better."""
+def _is_finished(state: EvolutionState, settings: Optimizer) -> bool:
+    """Return whether a round is over: all generations done, or no gain in the last `stall_generations`."""
     if state.generation >= settings.generations:
         return True
     patience = settings.stall_generations
@@ -53,7 +53,7 @@ FREE = ("generations", "stall_generations", "rounds", "encoding", "penalty", "wo
 
 
 def _fingerprint(settings: Optimizer, seed: int, num_genes: int) -> dict[str, Any]:
-    """Return everything that must be the same for a resumed run to equal an uninterrupted one."""
+    """Return the settings that a resumed run must share to equal an uninterrupted one."""
     names = [field.name for field in fields(settings) if field.name not in FREE]
     return {"seed": seed, "genes": num_genes} | {f"optimizer.{n}": getattr(settings, n) for n in names}
 
@@ -113,7 +113,7 @@ def evolve_rounds(
     """
     seeds = np.empty((0, num_genes)) if initial is None else initial
     fingerprint = _fingerprint(settings, seed, num_genes)
-    state: State | None = None
+    state: EvolutionState | None = None
     if resume and checkpoint is not None and checkpoint.exists():
         state = load(checkpoint, fingerprint)
         if on_generation is not None:
@@ -121,7 +121,7 @@ def evolve_rounds(
             on_generation(tuple(state.history))
     history = state.history if state else []
 
-    def finish_generation(state: State) -> None:
+    def finish_generation(state: EvolutionState) -> None:
         generations.record(state)
         if checkpoint is not None:
             save(checkpoint, state, fingerprint)

@@ -53,13 +53,13 @@ class Generation:
     champion: Floats
 
     def row(self) -> dict[str, Any]:
-        """Return everything except the genome and the parts, by name."""
+        """Return the columns of the logbook: all fields except the genome and the parts."""
         names = ("round", "generation", "evaluations", "best", "mean", "std", "step_size")
         return {name: getattr(self, name) for name in names}
 
 
 @dataclass
-class State:
+class EvolutionState:
     """Everything the next generation depends on.
 
     Parameters
@@ -76,7 +76,7 @@ class State:
     generator : numpy Generator
         PCG64.
     strategy : dict of str to array
-        State of CMA-ES; empty for the other algorithms.
+        EvolutionState of CMA-ES; empty for the other algorithms.
     history : list of Generation
         All generations so far.
     """
@@ -108,13 +108,13 @@ class CheckpointError(ValueError):
     """Raised for a checkpoint that cannot be resumed."""
 
 
-def save(path: Path, state: State, fingerprint: Mapping[str, Any]) -> None:
+def save(path: Path, state: EvolutionState, fingerprint: Mapping[str, Any]) -> None:
     """Write a state: arrays and one JSON text in an .npz.
 
     Parameters
     ----------
     path : Path
-    state : State
+    state : EvolutionState
     fingerprint : mapping
         Values that must not change when the evolution is resumed.
     """
@@ -141,7 +141,7 @@ def save(path: Path, state: State, fingerprint: Mapping[str, Any]) -> None:
     write_atomically(path, stream.getvalue())
 
 
-def load(path: Path, fingerprint: Mapping[str, Any]) -> State:
+def load(path: Path, fingerprint: Mapping[str, Any]) -> EvolutionState:
     """Read a state that `save` wrote.
 
     Raises
@@ -200,15 +200,15 @@ def _read(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
     return note, arrays
 
 
-def _state_from(note: Mapping[str, Any], arrays: Mapping[str, Any]) -> State:
-    """Return the state, after testing its random generators."""
+def _state_from(note: Mapping[str, Any], arrays: Mapping[str, Any]) -> EvolutionState:
+    """Build the state; wrong states of the random generators raise."""
     generator = np.random.default_rng()
     generator.bit_generator.state = note["numpy_state"]
     version, internal, gauss = note["python_state"]
     python_state = (version, tuple(internal), gauss)
     random.Random().setstate(python_state)  # noqa: S311 - a test, nothing is drawn
     rows = zip(note["history"], arrays["champions"], strict=True)
-    return State(
+    return EvolutionState(
         **{name: note[name] for name in _NUMBERS},
         genomes=arrays["genomes"],
         fitness=arrays["fitness"],

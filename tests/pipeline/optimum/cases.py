@@ -6,7 +6,7 @@ import numpy as np
 
 from pipeline.array_types import Floats
 from pipeline.command_line.config import Job, compose_experiment
-from pipeline.optimum.problem import Problem, problem_of
+from pipeline.optimum.problem import PlanningProblem, problem_of
 from pipeline.scenarios import evaluation_scenarios
 
 
@@ -16,7 +16,7 @@ def composed(*overrides: str) -> Job:
 
 
 @cache
-def problem(case: int, *overrides: str) -> Problem:
+def problem(case: int, *overrides: str) -> PlanningProblem:
     experiment = composed(*overrides).experiment
     return problem_of(experiment.mission, evaluation_scenarios(experiment)[case])
 

@@ -120,8 +120,8 @@ def test_the_search_pays_for_what_is_spent_short_and_outside(world):
     costs = priced(case, many, 2, 95, (60.0, 120.0))
     expected = spent + PRICE_OF_HEIGHT * short + PRICE_OF_DISTANCE * outside
     assert costs[0] == pytest.approx(expected, rel=1e-9)
-    for place in (1, PLANS - 1, PLANS, PLANS + 1):
-        assert costs[place] == priced(case, many[:, [place]], 2, 95, (60.0, 120.0))[0] != costs[0]
+    for column in (1, PLANS - 1, PLANS, PLANS + 1):
+        assert costs[column] == priced(case, many[:, [column]], 2, 95, (60.0, 120.0))[0] != costs[0]
 
 
 def test_rows_are_the_slopes_of_what_is_demanded():
@@ -134,14 +134,14 @@ def test_rows_are_the_slopes_of_what_is_demanded():
     rows, _ = polish._rows(case, [(normal, sample, 10.0), (outward, sample, 15.0)], periods)
 
     quantities = (lambda path: normal @ path[sample], lambda path: np.linalg.norm(path[sample]))
-    for place in (0, 5, 20, 28, 29, 40):
+    for index in (0, 5, 20, 28, 29, 40):
         for axis in range(3):
             change = np.zeros_like(forces)
-            change[periods[place], axis] = step
+            change[periods[index], axis] = step
             ends = [path_of(case, forces + sign * change) for sign in (1.0, -1.0)]
             for row, quantity in zip(rows, quantities, strict=True):
                 slope = (quantity(ends[0]) - quantity(ends[1])) / (2 * step)
-                assert row[3 * place + axis] == pytest.approx(slope, rel=1e-5, abs=1e-6)
+                assert row[3 * index + axis] == pytest.approx(slope, rel=1e-5, abs=1e-6)
 
 
 SHORT = "duration_s=400.0"
@@ -179,18 +179,18 @@ def test_a_pair_takes_no_more_than_the_linear_program_says_and_nearly_as_much():
     case = problem(1, "duration_s=160.0")
     costs = sample_costs(case)
     finite = np.where(np.isinf(costs.min(axis=0)), -1.0, costs.min(axis=0))
-    one = int(finite.argmax())
+    first = int(finite.argmax())
     # the other as far round as there is one that is lit and unseen
-    other = int(np.where(finite > 0.0, case.normals[0, :, one] @ case.normals[0], 2.0).argmin())
+    second = int(np.where(finite > 0.0, case.normals[0, :, first] @ case.normals[0], 2.0).argmin())
     missing = (case.radius - np.einsum("ka,kaj->kj", case.free, case.normals)) * case.delta_v_per_force
     sightings = (
         bound.Sighting(slopes_of(case.gain, case.normals[:, :, j]), missing[:, j], costs[:, j])
-        for j in (one, other)
+        for j in (first, second)
     )
     pair = price_pair(*sightings, np.linspace(0.0, np.pi / 2, 41), np.inf)
-    when = [np.flatnonzero(case.is_lit[1:, j]) + 1 for j in (one, other)]
-    true = min(least_by_linear_program(case, [(one, k), (other, m)]) for k, m in product(*when))
-    assert max(finite[one], finite[other]) <= pair <= true * (1 + 1e-9)
+    when = [np.flatnonzero(case.is_lit[1:, j]) + 1 for j in (first, second)]
+    true = min(least_by_linear_program(case, [(first, k), (second, m)]) for k, m in product(*when))
+    assert max(finite[first], finite[second]) <= pair <= true * (1 + 1e-9)
     assert pair >= 0.98 * true
 
 
@@ -227,7 +227,7 @@ def test_solutions_are_those_of_scipy(num_rows, num_forces, presolves):
     rows = generator.normal(0.0, 50.0, (num_rows, num_forces))
     rows[generator.random(rows.shape) < 0.3] = 0.0
     most = generator.normal(-10.0, 20.0, num_rows)
-    found = polish.least_forces(rows, most, FUEL, MAX_FORCE, presolves=presolves)
+    actual = polish.least_forces(rows, most, FUEL, MAX_FORCE, presolves=presolves)
     parts = [(0.0, MAX_FORCE)] * (2 * num_forces)
     expected = linprog(
         np.r_[np.full(2 * num_forces, FUEL), np.full(num_rows, polish.PRICE_OF_SLACK)],
@@ -236,9 +236,9 @@ def test_solutions_are_those_of_scipy(num_rows, num_forces, presolves):
         bounds=[*parts, *[(0.0, None)] * num_rows],
     )
     forces = expected.x[:num_forces] - expected.x[num_forces : 2 * num_forces]
-    np.testing.assert_allclose(found.forces, forces, atol=2 * polish.LEAST_FORCE)
-    assert found.slack == pytest.approx(expected.x[2 * num_forces :].sum(), abs=1e-9)
-    np.testing.assert_allclose(found.prices, -expected.ineqlin.marginals, atol=1e-12)
+    np.testing.assert_allclose(actual.forces, forces, atol=2 * polish.LEAST_FORCE)
+    assert actual.slack == pytest.approx(expected.x[2 * num_forces :].sum(), abs=1e-9)
+    np.testing.assert_allclose(actual.prices, -expected.ineqlin.marginals, atol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -247,8 +247,8 @@ def test_solutions_are_those_of_scipy(num_rows, num_forces, presolves):
     ids=["infinite slope", "no bound", "no force within its limits"],
 )
 def test_a_program_without_a_solution_has_no_forces_and_infinite_slack(slope, most, max_force):
-    found = polish.least_forces(np.array([[slope]]), np.array([most]), FUEL, max_force, presolves=False)
-    assert (*found.forces, found.slack, *found.prices) == (0.0, np.inf, 0.0)
+    actual = polish.least_forces(np.array([[slope]]), np.array([most]), FUEL, max_force, presolves=False)
+    assert (*actual.forces, actual.slack, *actual.prices) == (0.0, np.inf, 0.0)
 
 
 NEEDED = 70
@@ -258,15 +258,15 @@ def polished(case, forces, needed):
     """The eight first steps from a plan."""
     prices = np.zeros(case.num_points)
     for _ in range(8):
-        found = polish.step(case, forces, needed, prices, 6)
-        forces, prices = found.forces, found.prices
-        yield found
+        polished_step = polish.step(case, forces, needed, prices, 6)
+        forces, prices = polished_step.forces, polished_step.prices
+        yield polished_step
 
 
 def test_from_a_feasible_plan_fuel_never_rises_and_every_step_meets_what_is_asked():
     case = problem(1, "attitude=ideal")
     steps = polished(case, random_forces(case.num_controls, 0.05), NEEDED)
-    feasible = [found for found in steps if found.is_feasible]
+    feasible = [each for each in steps if each.is_feasible]
     spent = np.array([each.delta_v for each in feasible])
     assert len(spent) >= 4
     assert np.all(np.diff(spent) <= 1e-7)

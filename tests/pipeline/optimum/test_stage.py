@@ -84,7 +84,7 @@ def test_cases_that_are_there_are_kept_and_others_are_made_again_by_any_workers(
     assert (tmp_path / artifacts.OPTIMUM_CASES).read_bytes() == table
     # those of other starts are not, be they at other places or moving
     starts = evaluation_scenarios(composed(*SMALL).experiment)
-    assert kept_rows(tmp_path, [replace(one, velocity_m_s=np.full(3, 0.01)) for one in starts]) == {}
+    assert kept_rows(tmp_path, [replace(start, velocity_m_s=np.full(3, 0.01)) for start in starts]) == {}
     solve(tmp_path, *QUICK, "sun=fixed")
     assert "are there already" not in capsys.readouterr().err
 
@@ -117,8 +117,8 @@ for harder in reference.HARDER_FOLDERS.values():
     FOLDERS += zip(harder, (98, 99), strict=True)
 
 
-@pytest.mark.parametrize(("folder", "asked"), FOLDERS, ids=lambda value: getattr(value, "name", value))
-def test_every_plan_flies_as_its_table_says(folder, asked):
+@pytest.mark.parametrize(("folder", "num_points"), FOLDERS, ids=lambda value: getattr(value, "name", value))
+def test_every_plan_flies_as_its_table_says(folder, num_points):
     mission = composed().experiment.mission
     solved = read_solved(folder)
     assert mission.attitude.mode == "flown"
@@ -126,7 +126,7 @@ def test_every_plan_flies_as_its_table_says(folder, asked):
         plan = open_loop("plan", solved.plan(row, mission))
         outcome = fly_all(mission, plan, [solved.scenarios[row]], workers=1)
         assert outcome.delta_v_m_s[0] == pytest.approx(solved.cases["delta_v_m_s"][row], rel=1e-9)
-        assert outcome.inspected_count[0] == solved.cases["inspected_count"][row] >= asked
+        assert outcome.inspected_count[0] == solved.cases["inspected_count"][row] >= num_points
         assert not outcome.is_violated[0]
     assert len(solved.cases["case"]) == len(cases_of(folder)["case"]) == 50
 
@@ -153,12 +153,12 @@ LEO = f"optimum.reference={SHIPPED_FOLDERS['fixed'].with_name('leo')}"
 def test_the_shipped_cases_are_the_first_of_the_default_seed(world):
     experiment = evaluation(*world, "monte_carlo.num_cases=50")
     solved = solved_for(experiment)
-    for found, expected in zip(solved.scenarios, evaluation_scenarios(experiment), strict=True):
+    for solved_start, expected in zip(solved.scenarios, evaluation_scenarios(experiment), strict=True):
         # to rounding: NumPy's functions differ in the last digit between processors
-        np.testing.assert_allclose(found.position_m, expected.position_m, rtol=1e-14)
-        np.testing.assert_array_equal(found.velocity_m_s, 0.0)
+        np.testing.assert_allclose(solved_start.position_m, expected.position_m, rtol=1e-14)
+        np.testing.assert_array_equal(solved_start.velocity_m_s, 0.0)
         for name in ("sun_angle_rad", "sun_elevation_rad"):
-            np.testing.assert_allclose(getattr(found, name), getattr(expected, name), rtol=1e-14)
+            np.testing.assert_allclose(getattr(solved_start, name), getattr(expected, name), rtol=1e-14)
     assert np.all(solved.cases["inspected_count"] >= solved.cases["points_asked"])
     assert np.all(solved.cases["delta_v_m_s"] >= solved.cases["delta_v_bound_m_s"])
 
@@ -188,12 +188,17 @@ def test_an_evaluation_flies_the_solved_cases_whatever_its_own_are(tmp_path):
     np.testing.assert_allclose(times * cases["delta_v_m_s"], columns["delta_v_m_s"], rtol=1e-15)
     assert len(tables.read_parquet(tmp_path, artifacts.EPISODES)["case"]) == 2
 
-    told = artifacts.read_json(tmp_path, artifacts.SUMMARY)["optimum"]
-    assert (told["reference"], told["points_asked"], told["num_cases"]) == ("shipped", 95, 50)
-    assert told["times_optimum"]["mean"] == pytest.approx(times.mean(), rel=1e-12)
-    assert told["times_optimum"]["max_case"] == int(np.argmax(times))
-    assert 4.0 < told["times_optimum"]["min"] < told["times_optimum"]["median"] < told["times_optimum"]["max"]
-    assert told["num_successful"] == int(np.sum(columns["inspected_count"] >= 95)) < 50
+    summary = artifacts.read_json(tmp_path, artifacts.SUMMARY)["optimum"]
+    assert (summary["reference"], summary["points_asked"], summary["num_cases"]) == ("shipped", 95, 50)
+    assert summary["times_optimum"]["mean"] == pytest.approx(times.mean(), rel=1e-12)
+    assert summary["times_optimum"]["max_case"] == int(np.argmax(times))
+    assert (
+        4.0
+        < summary["times_optimum"]["min"]
+        < summary["times_optimum"]["median"]
+        < summary["times_optimum"]["max"]
+    )
+    assert summary["num_successful"] == int(np.sum(columns["inspected_count"] >= 95)) < 50
 
 
 def test_a_case_outside_the_limits_is_no_success():
@@ -205,9 +210,9 @@ def test_a_case_outside_the_limits_is_no_success():
         "delta_v_m_s": np.array([0.2, 0.6, 0.4]),
         "optimum_delta_v_m_s": np.full(3, 0.1),
     }
-    told = reference.summarise_times(columns)
-    assert told["num_successful"] == 1
-    assert told["times_optimum"] == {"mean": 4.0, "median": 4.0, "min": 2.0, "max": 6.0, "max_case": 9}
+    summary = reference.summarise_times(columns)
+    assert summary["num_successful"] == 1
+    assert summary["times_optimum"] == {"mean": 4.0, "median": 4.0, "min": 2.0, "max": 6.0, "max_case": 9}
 
 
 @pytest.mark.parametrize(
@@ -240,16 +245,16 @@ def test_the_reason_is_kept_and_an_older_table_goes(tmp_path):
     stale = tmp_path / artifacts.BESIDE_OPTIMUM
     writing.write_atomically(stale, b"older")
     carried_out(compose_experiment([*EVALUATE, "duration_s=300"]), tmp_path)
-    told = artifacts.read_json(tmp_path, artifacts.SUMMARY)["optimum"]
-    assert told == {"not_compared": "duration_s is 300.0 here, and 3600.0 where the plans were made"}
+    summary = artifacts.read_json(tmp_path, artifacts.SUMMARY)["optimum"]
+    assert summary == {"not_compared": "duration_s is 300.0 here, and 3600.0 where the plans were made"}
     assert not stale.exists()
 
 
 def test_plans_of_ones_own_measure_another_mission(tmp_path):
-    own = carried_out(composed("duration_s=900", *QUICK, "optimum.workers=1"), tmp_path)
+    run = carried_out(composed("duration_s=900", *QUICK, "optimum.workers=1"), tmp_path)
     solved = solved_for(evaluation("duration_s=900", "optimum.points=30", f"optimum.reference={tmp_path}"))
     assert solved.cases["case"].tolist() == [0, 1]
-    assert solved.plan(1, own.experiment.mission).shape == (90, 3)
+    assert solved.plan(1, run.experiment.mission).shape == (90, 3)
     with pytest.raises(IncomparableError, match=r"duration_s is 3600\.0 here, and 900\.0"):
         solved_for(evaluation(f"optimum.reference={tmp_path}"))
     with pytest.raises(IncomparableError, match=r"sun\.mode is random here, and fixed in the plans' cases"):

@@ -151,13 +151,13 @@ def test_unusual_values_that_can_be():
 
 @pytest.mark.parametrize("position", [[10.0, 0.0, 0.0], [0.0, -200.1, 0.0]])
 def test_a_recorded_start_lies_within_the_limits_of_the_flight(position):
-    place, recorded = "deputy.initial_position_m", {"telemetry.record_start": True}
+    key, recorded = "deputy.initial_position_m", {"telemetry.record_start": True}
     distance = f"{math.dist(position, [0.0, 0.0, 0.0]):g}"
-    words = refusal_of(config_with({place: position} | recorded))
+    words = refusal_of(config_with({key: position} | recorded))
     assert f"deputy.initial_position_m is {distance} m from the chief, outside" in words
     assert "from deputy.min_distance_m=15 to deputy.max_distance_m=200 (m): move" in words
-    assert refusal_of(config_with({place: position})) is None
-    assert refusal_of(config_with({place: [0.0, 15.0, 0.0]} | recorded)) is None
+    assert refusal_of(config_with({key: position})) is None
+    assert refusal_of(config_with({key: [0.0, 15.0, 0.0]} | recorded)) is None
 
 
 def test_missing_and_unknown_keys_of_a_composed_configuration():
@@ -262,12 +262,12 @@ def test_what_counts_for_nothing_is_left_out_and_told_if_a_file_says_it(tmp_path
 
 def test_keys_of_other_stages_are_told_or_refused_where_they_mislead(tmp_path, monkeypatch, ran):
     monkeypatch.chdir(tmp_path)
-    told = ran("+experiment=assure", "controller=coast", "monte_carlo.num_cases=500", code=2)
-    assert "monte_carlo.num_cases counts in the stages scenario, search, train," in told.err
+    output = ran("+experiment=assure", "controller=coast", "monte_carlo.num_cases=500", code=2)
+    assert "monte_carlo.num_cases counts in the stages scenario, search, train," in output.err
     words = ["optimizer.generations=5", "assurance.num_cases=5", "seed=3"]
-    told = ran(*FLY, *words, "--cfg", "job")
-    assert told.err == "note: no stage of this run reads optimizer.generations, assurance.num_cases\n"
-    assert "mass_kg: 12.0" in told.out
+    output = ran(*FLY, *words, "--cfg", "job")
+    assert output.err == "note: no stage of this run reads optimizer.generations, assurance.num_cases\n"
+    assert "mass_kg: 12.0" in output.out
     assert list(tmp_path.iterdir()) == []
 
 
@@ -285,20 +285,20 @@ START = "deputy.initial_position_m=[60,0,0]"
     ],
 )
 def test_a_given_start_that_is_not_flown_is_told(words, is_told, ran):
-    told = ran(*words, "--cfg", "job")
-    assert told.err == is_told * "note: no stage of this run reads deputy.initial_position_m\n"
-    assert "initial_position_m: [" in told.out
+    output = ran(*words, "--cfg", "job")
+    assert output.err == is_told * "note: no stage of this run reads deputy.initial_position_m\n"
+    assert "initial_position_m: [" in output.out
 
 
 def test_a_configuration_of_the_first_version_is_read_with_its_idle_numbers():
     config = plain_config()
-    told = experiment_from(config)
+    expected = experiment_from(config)
     config["dynamics"] |= {"eccentricity": 0.3, "j2": 0.001}
     config["safety"]["braking_force_n"] = 99.0
     config["tracking"] = {"kind": "mlflow", "place": "sqlite:///x.db"}
     config["search"] = config.pop("hparams_search")
     del config["logger"]
-    assert experiment_from(config) == told
+    assert experiment_from(config) == expected
 
 
 def test_a_configuration_holds_each_key_that_counts_and_no_other():

@@ -64,10 +64,10 @@ def test_the_summary_tells_what_flew_and_how_well(evaluated, capsys):
     episodes = tables.read_parquet(folder, artifacts.EPISODES)
     assert {name: summary[name] for name in list(summary)[6:-2]} == summarise(episodes, 90.0)
     delta_v = episodes["delta_v_m_s"]
-    told = capsys.readouterr().err
-    assert f"delta-v {delta_v.mean():.3f} +- {delta_v.std(ddof=1):.3f} m/s" in told
-    assert "5 cases in" in told
-    assert "Sun random" in told
+    output = capsys.readouterr().err
+    assert f"delta-v {delta_v.mean():.3f} +- {delta_v.std(ddof=1):.3f} m/s" in output
+    assert "5 cases in" in output
+    assert "Sun random" in output
 
 
 def test_a_champion_in_the_folder_flies_instead_of_the_configured_controller(tmp_path):

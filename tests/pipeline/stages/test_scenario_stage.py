@@ -27,9 +27,9 @@ def rows(folder: Path) -> list[dict[str, str]]:
         return list(reader)
 
 
-def assert_written(found: list[dict[str, str]], name: str, expected: list[Scenario]) -> None:
+def assert_written(rows_written: list[dict[str, str]], name: str, expected: list[Scenario]) -> None:
     """The rows of one set, every number to the last bit."""
-    written = [row for row in found if row["set"] == name]
+    written = [row for row in rows_written if row["set"] == name]
     assert [int(row["case"]) for row in written] == list(range(len(expected)))
     numbers = np.array([[float(row[column]) for column in NUMBERS] for row in written])
     starts = [[*s.position_m, *s.velocity_m_s, s.sun_angle_rad, s.sun_elevation_rad] for s in expected]
@@ -39,20 +39,20 @@ def assert_written(found: list[dict[str, str]], name: str, expected: list[Scenar
 def test_a_training_writes_its_octants_and_its_evaluation(tmp_path: Path) -> None:
     run = prepared(tmp_path, "sun=random").experiment
     scenario.run(run, tmp_path)
-    found = rows(tmp_path)
-    assert [row["set"] for row in found] == ["training-0"] * 8 + ["evaluation"] * 5
-    assert_written(found, "training-0", training_scenarios(run))
-    assert_written(found, "evaluation", evaluation_scenarios(run))
+    written = rows(tmp_path)
+    assert [row["set"] for row in written] == ["training-0"] * 8 + ["evaluation"] * 5
+    assert_written(written, "training-0", training_scenarios(run))
+    assert_written(written, "evaluation", evaluation_scenarios(run))
 
 
 def test_rounds_that_draw_anew_are_all_written(tmp_path: Path) -> None:
     words = ("starts.num_cases=3", "optimizer.rounds=2")
     run = prepared(tmp_path, *words, experiment="train_champion").experiment
     scenario.run(run, tmp_path)
-    found = rows(tmp_path)
-    assert [row["set"] for row in found] == ["training-0"] * 3 + ["training-1"] * 3 + ["evaluation"] * 5
+    written = rows(tmp_path)
+    assert [row["set"] for row in written] == ["training-0"] * 3 + ["training-1"] * 3 + ["evaluation"] * 5
     for index in (0, 1):
-        assert_written(found, f"training-{index}", training_scenarios(run, index))
+        assert_written(written, f"training-{index}", training_scenarios(run, index))
     # without training only the evaluation is written
     scenario.run(prepared(tmp_path, experiment="evaluate").experiment, tmp_path)
     assert {row["set"] for row in rows(tmp_path)} == {"evaluation"}
@@ -73,10 +73,10 @@ def test_what_a_run_wrote_is_flown_again_to_the_last_bit(tmp_path: Path) -> None
     for starts_of, given in ((training_scenarios, again.starts), (evaluation_scenarios, again.monte_carlo)):
         first, second = starts_of(run), starts_of(again)
         assert len(first) == len(second) == given.num_cases
-        for one, other in zip(first, second, strict=True):
-            np.testing.assert_array_equal(one.position_m, other.position_m)
-            np.testing.assert_array_equal(one.velocity_m_s, other.velocity_m_s)
-            assert one.sun_angle_rad == other.sun_angle_rad
+        for before, after in zip(first, second, strict=True):
+            np.testing.assert_array_equal(before.position_m, after.position_m)
+            np.testing.assert_array_equal(before.velocity_m_s, after.velocity_m_s)
+            assert before.sun_angle_rad == after.sun_angle_rad
 
 
 @pytest.mark.slow

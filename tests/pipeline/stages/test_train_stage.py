@@ -74,10 +74,10 @@ def test_each_champions_fitness_is_found_again_from_its_genome(trained):
     run, folder = trained
     encoding = encoding_of(run.experiment)
     evaluate = judging.fitness_of_round(run.experiment, encoding, 0)
-    found = evaluate(genomes(folder))
+    fitness = evaluate(genomes(folder))
     for index, row in enumerate(logbook(folder)):
-        assert row["best"] == found["fitness"][index]
-        assert [row[name] for name in PARTS] == [found[name][index] for name in PARTS]
+        assert row["best"] == fitness["fitness"][index]
+        assert [row[name] for name in PARTS] == [fitness[name][index] for name in PARTS]
     # the first population holds the configured controller
     assert logbook(folder)[0]["best"] <= evaluate(encoding.encode()[np.newaxis])["fitness"][0]
 
@@ -131,7 +131,7 @@ def test_an_interrupt_leaves_the_champion_so_far(trained, tmp_path, monkeypatch)
     assert float(provenance["training_fitness"]) == logbook(tmp_path)[-1]["best"]
     np.testing.assert_array_equal(genomes(tmp_path), genomes(trained[1])[:3])
     train.run(replace(run, resume=True), tmp_path)
-    champions = [artifacts.read_json(place, artifacts.CHAMPION) for place in (tmp_path, trained[1])]
+    champions = [artifacts.read_json(run_folder, artifacts.CHAMPION) for run_folder in (tmp_path, trained[1])]
     assert champions[0]["systems"] == champions[1]["systems"]
     for name in (artifacts.LOGBOOK, artifacts.HISTORY):
         assert (tmp_path / name).read_bytes() == (trained[1] / name).read_bytes()
@@ -192,8 +192,8 @@ def test_the_champion_is_the_rounds_best_on_starts_of_its_own(tmp_path):
     flown = {tuple(s.position_m) for each in drawn for s in each}
     assert not flown & {tuple(s.position_m) for s in starts}
     outcomes = fly_all(run.mission, from_fuzzy(champion), starts)
-    found = costs(outcomes, run.optimizer.penalty.of_round(2), run.mission).mean()
-    assert found == pytest.approx(best["validation"], rel=1e-9)
+    mean_cost = costs(outcomes, run.optimizer.penalty.of_round(2), run.mission).mean()
+    assert mean_cost == pytest.approx(best["validation"], rel=1e-9)
 
 
 STOPPED = "No space left on device; make room"

@@ -37,9 +37,9 @@ def test_what_flies_of_a_genome_is_the_controller_that_it_decodes_to(rules, cons
     genomes = np.random.default_rng(2).random((5, genome.num_genes))
     population = genome.pack(genomes)
     for row, genes in enumerate(genomes):
-        one = from_fuzzy(genome.decode(genes)).numbers
-        np.testing.assert_array_equal(population.values[row], one.values[0])
-        np.testing.assert_array_equal(population.rules[row], one.rules[0])
+        decoded = from_fuzzy(genome.decode(genes)).numbers
+        np.testing.assert_array_equal(population.values[row], decoded.values[0])
+        np.testing.assert_array_equal(population.rules[row], decoded.rules[0])
 
 
 def test_constants_run_from_their_least_to_their_greatest_and_others_stay():
@@ -60,8 +60,8 @@ def test_a_controller_is_found_again_in_its_genome():
     assert [system.rules for system in again.systems] == [system.rules for system in controller.systems]
     for name, _ in controller.attributes:
         if name in CONSTANTS:
-            found, expected = (float(dict(one.attributes)[name]) for one in (again, controller))
-            assert found == pytest.approx(expected)
+            actual, expected = (float(dict(each.attributes)[name]) for each in (again, controller))
+            assert actual == pytest.approx(expected)
 
 
 def test_rules_that_are_fixed_stay_and_constants_may_be_new_to_a_controller():

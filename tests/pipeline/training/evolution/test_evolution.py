@@ -14,10 +14,10 @@ from pipeline.training.evolution.state import CheckpointError
 from tests.pipeline.training.evolution.cases import NUM_GENES, Sphere, column, evolve, optimizer, rows_of
 
 
-def assert_same(one: Evolution, other: Evolution) -> None:
+def assert_same(first: Evolution, second: Evolution) -> None:
     """Bit for bit."""
-    assert rows_of(one) == rows_of(other)
-    champions = ([generation.champion for generation in each.history] for each in (one, other))
+    assert rows_of(first) == rows_of(second)
+    champions = ([generation.champion for generation in each.history] for each in (first, second))
     np.testing.assert_array_equal(*champions)
 
 
@@ -75,12 +75,12 @@ def test_a_seed_alone_decides_and_the_global_generators_are_left_as_they_were():
 
     before = state()
     small = optimizer(generations=8)
-    one = evolve(Sphere(), small, seed=5)
+    undisturbed = evolve(Sphere(), small, seed=5)
     assert state() == before
-    assert_same(evolve(restless, small, seed=5), one)
+    assert_same(evolve(restless, small, seed=5), undisturbed)
     assert state() != before
-    assert_same(evolve(Sphere(), small, seed=5), one)
-    assert evolve(Sphere(), small, seed=6).history[-1].best != one.history[-1].best
+    assert_same(evolve(Sphere(), small, seed=5), undisturbed)
+    assert evolve(Sphere(), small, seed=6).history[-1].best != undisturbed.history[-1].best
 
 
 def test_rounds_start_afresh_from_the_last_champion():
@@ -160,7 +160,7 @@ def test_a_fitness_that_is_no_number_is_refused():
 
 
 def test_threads_that_draw_from_the_global_generator_change_nothing():
-    one, is_over = evolve(Sphere(), optimizer(generations=10), seed=5), threading.Event()
+    undisturbed, is_over = evolve(Sphere(), optimizer(generations=10), seed=5), threading.Event()
 
     def draw():
         while not is_over.is_set():
@@ -170,7 +170,7 @@ def test_threads_that_draw_from_the_global_generator_change_nothing():
     sys.setswitchinterval(1e-6)
     thread.start()
     try:
-        assert_same(one, evolve(Sphere(), optimizer(generations=10), seed=5))
+        assert_same(undisturbed, evolve(Sphere(), optimizer(generations=10), seed=5))
     finally:
         sys.setswitchinterval(interval)
         is_over.set()

@@ -201,11 +201,11 @@ def test_interrupted_anywhere_and_resumed_it_equals_the_whole(kind: str, tmp_pat
     spheres = [Sphere(0.2), Sphere(0.4), Sphere(0.6)]
 
     def run(limit=None, **how):
-        asked = itertools.count()
+        num_calls = itertools.count()
 
         def fitness(index, _):
             def evaluate(genomes):
-                if next(asked) == limit:
+                if next(num_calls) == limit:
                     raise KeyboardInterrupt
                 return spheres[index](genomes)
 
