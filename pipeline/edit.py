@@ -1,6 +1,5 @@
 """The mission beside the editor: a thousand flights for every touch of a controller, and their panels."""
 
-import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache, partial
@@ -16,6 +15,7 @@ from fis_tools.edit.shown import Options, axis, chart, dots, draw, line
 from fis_tools.findings.explanation import explain
 from fis_tools.model import FuzzyController
 from fis_tools.model.thrust import REASONS
+from fis_tools.processors import num_processors
 from fis_tools.words.text import number, sentence
 from pipeline.array_types import Floats, Integers
 from pipeline.evaluation.assurance.campaign import Outcome, joined, judged
@@ -76,7 +76,7 @@ class Cases:
 
     def __init__(self, experiment: Experiment, requirements: Sequence[Requirement]) -> None:
         self.mission, self._settings = experiment.mission, experiment.monte_carlo
-        self._threads = experiment.monte_carlo.workers or os.cpu_count() or 1
+        self._threads = experiment.monte_carlo.workers or num_processors()
         self.requirements = needs(requirements, CASES)
         self._formulas = {one.id: one.formula for one in self.requirements if one.formula is not None}
         self.scenarios = evaluation_scenarios(experiment)

@@ -1,19 +1,20 @@
 """Work shared among threads."""
 
-import os
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, TypeVar
+
+from fis_tools.processors import num_processors
 
 Result = TypeVar("Result")
 
 
 def in_threads(function: Callable[..., Result], *items: Iterable[Any], workers: int | None) -> list[Result]:
-    """Return a function's results for some items, as `map` does, on threads: one per processor unless given.
+    """Return a function's results for some items, as `map` does, on threads, one per processor unless given.
 
     If one fails, those that have not begun are left out.
     """
-    workers = workers or os.cpu_count() or 1
+    workers = workers or num_processors()
     if workers == 1:
         return list(map(function, *items))
     pool = ThreadPoolExecutor(workers)

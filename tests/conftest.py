@@ -29,7 +29,7 @@ if "PYTEST_XDIST_WORKER" in os.environ:
     share = max(1, (os.cpu_count() or 1) // int(os.environ["PYTEST_XDIST_WORKER_COUNT"]))
     os.environ.update(dict.fromkeys(THREADS, str(share)))
     # what takes one thread a processor unless it is told otherwise, as flights and inference do
-    os.cpu_count = lambda: share
+    os.sched_getaffinity = lambda _: set(range(share))
 
 
 # flights of nearly every kind are flown more than once here: none is worth flying as plain Python first

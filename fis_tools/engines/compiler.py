@@ -6,7 +6,6 @@ its default; scikit-fuzzy then gives no output, a stale one, or, for the defuzzi
 point of the universe. Memberships below `fis_tools.model.variables.SMALLEST_MEMBERSHIP` are zero.
 """
 
-import os
 from collections import deque
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
@@ -26,6 +25,7 @@ from fis_tools.engines.packing import NotCompilable, Packed
 from fis_tools.engines.program import Conclusion, Program, Weighing, assemble
 from fis_tools.model import FuzzySystem
 from fis_tools.model.validate import validate
+from fis_tools.processors import num_processors
 
 #: Inputs that are identified by column names; see `fis_tools.engines.inference.columns_of`.
 Table = Any
@@ -271,7 +271,7 @@ def compile(
     """
     if isinstance(system, CompiledSystem):
         return system
-    threads = threads or os.cpu_count() or 1
+    threads = threads or num_processors()
     for recent in tuple(_RECENT):
         if recent.system is system and recent.threads == threads and defaults is None:
             return recent

@@ -12,12 +12,11 @@ from pipeline.settings.places import conf_folder
 
 #: the group that experiments are chosen from
 EXPERIMENT = "experiment"
-#: options that Hydra programs usually have, and a command of earlier versions, and why this one lacks them
+#: options that Hydra programs usually have, and why this one lacks them
 REFUSED = {
     "--config-path": "would replace our configuration; add to it with --config-dir",
     "--config-name": "would replace our configuration; add to it with --config-dir",
     "--experimental-rerun": "would load a pickle; go on with resume=RUN_FOLDER instead",
-    "cluster": "is gone; start each run of a sweep as a job of its own, see docs/how-to/run-on-a-cluster.md",
 }
 #: options, with their argparse settings
 OPTIONS: Mapping[tuple[str, ...], Mapping[str, Any]] = {
@@ -90,8 +89,6 @@ def read_arguments(arguments: Sequence[str]) -> Asked:
         If an option or its value is unknown, or the first word is neither an option nor an override.
     """
     first = arguments[0] if arguments else ""
-    if first in REFUSED:
-        _refuse(first)
     if first and first[0] not in "+-~" and "=" not in first:
         raise ConfigError(
             f"there is no subcommand {first} (there are edit, summary, verify and warm); an experiment is "

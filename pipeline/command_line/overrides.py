@@ -9,7 +9,7 @@ from hydra.core.override_parser.types import Glob, Override, OverrideType
 from hydra.errors import HydraException
 
 from pipeline.command_line.arguments import EXPERIMENT, ConfigError
-from pipeline.settings.keys import GONE, KNOWN, choices_of, did_you_mean, is_key, nearest, renamed, unknown
+from pipeline.settings.keys import KNOWN, choices_of, did_you_mean, is_key, nearest, renamed, unknown
 
 #: groups of options, to the names of these
 Groups = Mapping[str, Sequence[str]]
@@ -121,7 +121,7 @@ def check_overrides(overrides: Sequence[Override], groups: Groups) -> None:
                 raise ConfigError(f"there is no key {key}{did_you_mean(key, HYDRA_KEYS)}")
         elif key in groups and not isinstance(override.value(), dict):
             _check_choice(override, groups[key], plain)
-        elif renamed(key) is not None or (key in GONE and not isinstance(override.value(), dict)):
+        elif renamed(key) is not None:
             raise ConfigError(unknown(key))
         elif not is_key(key):
             found = nearest(key, {*KNOWN, *groups})
@@ -147,8 +147,6 @@ def _check_choice(override: Override, known: Sequence[str], plain: str) -> None:
                     f"{group}={choice} is a table of forces, no fuzzy controller; write controller=open_loop "
                     f"controller.path={choice}"
                 )
-            if why := GONE.get(f"{group}={choice}"):
-                raise ConfigError(f"there is no {group}={choice} any more: {why}")
             raise ConfigError(f"there is no {group}={choice}{choices_of(choice, known)}")
 
 

@@ -36,22 +36,12 @@ RENAMED: Mapping[str, str] = {
     "search": "hparams_search",
     "tracking": "logger",
 }
-_FRONT = (
-    "fuel and points have prices; train with several, -m optimizer.penalty.missed_point_m_s=0.05,0.1,0.2, "
-    "whose sweep.html has the front"
+#: keys of earlier versions that have no present one; runs that hold them are read without
+GONE = (
+    "logger.place",
+    *("engine.kind", "engine.processes", "engine.scheduler"),
+    *("optimizer.consistency", "optimizer.islands", "optimizer.migrate_every", "optimizer.migrants"),
 )
-_ISLANDS = "there is one population; train from several seeds, -m seed=1,2,3, and leave it out"
-#: keys of earlier versions that have no present one, and an option of a group, and why
-GONE: Mapping[str, str] = {
-    "logger.place": "a training is logged in its own folder, train/tensorboard; leave it out",
-    **dict.fromkeys(
-        ("engine", "engine.kind", "engine.processes", "engine.scheduler"),
-        "one process flies everything, on monte_carlo.workers or optimizer.workers threads; leave it out",
-    ),
-    "optimizer=islands": _ISLANDS,
-    **dict.fromkeys(("optimizer=front", "experiment=train_front", "optimizer.consistency"), _FRONT),
-    **dict.fromkeys(("optimizer.islands", "optimizer.migrate_every", "optimizer.migrants"), _ISLANDS),
-}
 #: the group whose keys are those of the configuration
 SPACE = "hparams_search.space"
 #: every dotted key and group of the configuration, as `pipeline.settings.checks.settings` finds them
@@ -75,8 +65,6 @@ def unknown(key: str) -> str:
     """Return a message that there is no such key, with the key that may be meant."""
     if (new := renamed(key)) is not None:
         return f"there is no key {key} any more; write {new}"
-    if key in GONE:
-        return f"there is no key {key} any more: {GONE[key]}"
     return f"there is no key {key}{did_you_mean(key, KNOWN)}"
 
 

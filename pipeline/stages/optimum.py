@@ -3,12 +3,12 @@
 import sys
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor, as_completed
-from os import cpu_count
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from fis_tools.processors import num_processors
 from pipeline.controllers.played import COLUMNS, read_played
 from pipeline.flight.cases.starts import starts_of
 from pipeline.flight.state.log import Scenario
@@ -34,7 +34,7 @@ def run(experiment: Experiment, folder: Path) -> None:
             f"{folder / artifacts.OPTIMUM_CASES}\n"
         )
     left = [case for case in range(len(scenarios)) if case not in rows]
-    workers = experiment.optimum.workers or cpu_count() or 1
+    workers = experiment.optimum.workers or num_processors()
     with ThreadPoolExecutor(workers) as pool, Progress("solved", len(scenarios), len(rows)) as progress:
         futures = {pool.submit(_solve, experiment, case, scenarios[case]): case for case in left}
         try:

@@ -1,6 +1,5 @@
 """Many flights at once: every controller of a population from every start, on all processors."""
 
-import os
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -8,6 +7,7 @@ from numpy.typing import NDArray
 
 from fis_tools.engines.kernel import FEW_LANES, LANES
 from fis_tools.engines.packing import Packed
+from fis_tools.processors import num_processors
 from pipeline.array_types import Bytes, Floats
 from pipeline.flight.cases.starts import Cases
 from pipeline.flight.fly.many import NO_TRACKS, NOTHING_KNOWN, Flights, Results, fly_many
@@ -101,7 +101,7 @@ def fly_population(
     num_controllers = len(flights.values)
     num_pairs = num_controllers * len(cases)
     outcomes = np.empty((num_pairs, NUM_OUTCOMES))
-    workers = workers or os.cpu_count() or 1
+    workers = workers or num_processors()
     # flights of one vector stay together
     shares = _shares(num_pairs, lanes if num_controllers == 1 else max(1, len(cases)), workers)
     workers, untaken = min(workers, len(shares)), iter(shares)

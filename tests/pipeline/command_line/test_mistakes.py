@@ -58,11 +58,6 @@ MISTAKES = [
     ([*FLY, "--config-dir=nowhere"], "--config-dir nowhere is no folder"),
     ([*FLY, "--experimental-rerun=x.pickle"], "would load a pickle"),
     (["check", "x"], "there is no subcommand check (there are edit, summary, verify and warm)"),
-    (["cluster", "slurm", "+experiment=train"], "cluster is gone; start each run of a sweep as a job of its"),
-    ([*FLY, "engine=dask"], "there is no key engine any more: one process flies everything, on"),
-    ([*FLY, "optimizer=islands"], "there is no optimizer=islands any more: there is one population"),
-    (["+experiment=train_front"], "there is no experiment=train_front any more: fuel and points have prices"),
-    ([*FLY, "optimizer.islands=4"], "there is no key optimizer.islands any more: there is one population"),
     # values
     ([*FLY, "deputy.mass_kg=-1"], "deputy.mass_kg is -1.0; it must be greater than 0 (kg)"),
     ([*FLY, "+dispersions.deputy.mass_kg={kind:uniform,low:-1,high:11}"], "draws what cannot be: deputy."),
