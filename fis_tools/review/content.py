@@ -140,7 +140,7 @@ def verdicts(evidence: Mapping[str, Any], rows: Sequence[Sequence[str]]) -> list
     """Show the requirements with their verdicts, and the conditions under which these hold."""
     flown = evidence.get("conditions") or {}
     named = ("Sun", "safety", "navigation", "thrusters", "dynamics")
-    words = ", ".join(f"{name} {flown[name.lower()]}" for name in named if name.lower() in flown)
+    words = ", ".join(f"{name} {flown[name.lower()]}" for name in named if flown.get(name.lower()))
     caption = f"For flights with {words}." if words else ""
     title = Heading("Verdicts", id="requirements")
     return [title, Table(["requirement", "verdict"], rows, caption=caption)]

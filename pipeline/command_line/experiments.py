@@ -143,7 +143,8 @@ def _run_all(folder: Path, known: list[SweptRun], begun: Sequence[tuple[SweptRun
             f"[{number}/{len(begun)}] {run.folder}: {word}; {per_run * (len(begun) - number):.0f} s left\n"
         )
     _tell(folder, known)
-    return max(codes)
+    # a run that failed says more than one that proved nothing
+    return max((code for code in codes if code != runs.UNPROVED), default=runs.OK) or max(codes)
 
 
 def _attempt(begin: Callable[[], int]) -> tuple[int, str]:

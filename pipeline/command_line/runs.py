@@ -21,7 +21,8 @@ if TYPE_CHECKING:
 
     from pipeline.command_line.config import Job
 
-OK, FAULT, MISTAKE = 0, 1, 2
+#: exit codes; the last one is of a run that was asked for a proof and found none
+OK, FAULT, MISTAKE, UNPROVED = 0, 1, 2, 3
 
 #: groups that may be changed when a stage is repeated on an earlier run's files: those no other stage reads
 OWN_GROUPS = {"record": ("telemetry", "case"), "assure": ("assurance",), "report": ("report",)}
@@ -90,16 +91,18 @@ def _run(
     stages: Sequence[str] | None = None,
     command: Sequence[str] | None = None,
 ) -> int:
-    """Run stages in a folder and print where the files are."""
+    """Run stages in a folder, and print where the files are and which proofs are missing."""
     shown = _shown(folder)
     sys.stderr.write(f"run folder: {shown}\n")
     try:
-        run_stages(experiment, config, shown, stages, command)
+        missing = run_stages(experiment, config, shown, stages, command)
     except (ValueError, OSError, MemoryError) as error:
         error.add_note(f"(what the program was doing: {shown / artifacts.LOG})")
         raise
     sys.stdout.write(f"{shown}\n")
-    return OK
+    sys.stdout.flush()
+    sys.stderr.writelines(f"{sentence}\n" for sentence in missing)
+    return UNPROVED if missing else OK
 
 
 def resume(folder: Path, overrides: Sequence["Override"], command: Sequence[str] | None = None) -> int:
@@ -234,7 +237,8 @@ def check_before(experiment: Experiment) -> None:
     if "assure" in experiment.stages:
         from pipeline.evaluation.assurance.requirements import read_named, require_heard  # noqa: PLC0415
 
-        require_heard(read_named(experiment.assurance.requirements), experiment.mission)
+        requirements = read_named(experiment.assurance.requirements)
+        require_heard(requirements, experiment.mission)
     if "optimum" in experiment.stages:
         from pipeline.optimum.problem import check_light  # noqa: PLC0415 - compiled code, like the controller's
         from pipeline.optimum.solved import check_points  # noqa: PLC0415 - the same
@@ -250,6 +254,10 @@ def check_before(experiment: Experiment) -> None:
     from pipeline.flight.control.controller import about_points, law_of  # noqa: PLC0415 - the same
 
     controllers = [load(experiment.controller, experiment.mission)]
+    if "assure" in experiment.stages:
+        from pipeline.evaluation.assurance.proofs import require_answerable  # noqa: PLC0415 - the same
+
+        require_answerable(requirements, controllers[0])
     if "train" in experiment.stages:
         from pipeline.training.genome import genome_of  # noqa: PLC0415 - the same
 

@@ -25,6 +25,12 @@ METHODS = {name: name.replace("_", " ") for name in ALL_METHODS}
 DESIGN = {"deputy", "chief", "orbit", "sensor", "attitude"}
 OF_PAPER = "they are those of a published problem; no measurement of a spacecraft stands behind them"
 OWN = "they are of the configuration of this run, see provenance; no measurement is known to support them"
+#: what a proof covers, whatever flights have met; braces stand for its starts
+PROVED_SETS = {
+    "tube": "proved from {}",
+    "safety_layer": "proved from every start {}, whatever the controller asks for",
+    "bounds": "proved for every input that the questions are about",
+}
 #: of a histogram, in its own units: a number nearer to the zero than this would stand on it
 ROOM = 40.0
 
@@ -45,9 +51,10 @@ def document(evidence: Mapping[str, Any], tube: Illustration | None = None) -> D
     """Return evidence as a document; see `write`."""
     requirements, conditions = evidence["requirements"], evidence["conditions"]
     errors = ", ".join(word for word in uncertain(conditions) if word != "Sun")
+    sun = f"Sun {conditions['sun']}, " if conditions["sun"] else ""
     run = (
         f'Requirements "{evidence["name"]}"; {conditions["num_cases"]:,} cases, seed {conditions["seed"]}, '
-        f"Sun {conditions['sun']}, safety {conditions['safety']}{errors and f', with {errors}'}."
+        f"{sun}safety {conditions['safety']}{errors and f', with {errors}'}."
     )
     drawn = element("figcaption", caption_of("argument"))
     blocks: list[Block] = [
@@ -61,8 +68,8 @@ def document(evidence: Mapping[str, Any], tube: Illustration | None = None) -> D
         Heading("Requirements", id="requirements"),
     ]
     for one in requirements:
-        blocks += _requirement(one, tube)
-    blocks += [Heading("Operational domain", id="domain"), *_domain(evidence["domain"])]
+        blocks += _requirement(one, tube, has_sun=bool(conditions["sun"]))
+    blocks += [Heading("Operational domain", id="domain"), *_domain(evidence)]
     heads = ["factor", "scale", "this run shows", "it does not show"]
     credibility = Table(heads, factors(evidence), caption=caption_of("credibility"))
     blocks += [Heading("Credibility", id="credibility"), credibility]
@@ -72,8 +79,38 @@ def document(evidence: Mapping[str, Any], tube: Illustration | None = None) -> D
 def _drawings() -> Any:
     """Return the macros that draw."""
     words = {"wrapped": partial(wrap, max_lines=3, placeholder=" …"), "narrow": partial(wrap, width=12)}
-    known = {"css": css, "css_of": css_of, "methods": METHODS, "order": ORDER, **words}
+    known = {"css": css, "css_of": css_of, "methods": METHODS, "order": ORDER, "contexts": contexts, **words}
     return template("pipeline.report", "templates", "drawings.html").make_module(known)
+
+
+def contexts(evidence: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Return what the argument is about: each context in words, and where on the page more is said of it.
+
+    Flights argue from inputs that flights have met; a proof argues from its own set, which is larger.
+    """
+    conditions, requirements = evidence["conditions"], evidence["requirements"]
+    sun = f"; Sun {conditions['sun']}" if conditions["sun"] else ""
+    flights = f"starts {conditions['starts']}{sun}; safety {conditions['safety']}; "
+    links = [("provenance", f"{flights}{conditions['duration_s']:g} s")]
+    if not all(proved_by(requirement) for requirement in requirements):
+        domain = "the operational domain: inputs that flights have met"
+        none = "the controller has no fuzzy inputs, hence no operational domain"
+        links.append(("domain", domain if evidence["domain"] else none))
+    for method, words in PROVED_SETS.items():
+        proved = [requirement for requirement in requirements if proved_by(requirement) == method]
+        if proved:
+            names = ", ".join(requirement["id"] for requirement in proved)
+            where = proved[0][method]["starts"] if method != "bounds" else ""
+            links.append((f"{proved[0]['id']}-{method}", f"{names}: {words.format(where)}"))
+    return links
+
+
+def proved_by(requirement: Mapping[str, Any]) -> str:
+    """Return the method whose proof shows a requirement, empty if flights do."""
+    if not requirement["verdict"].startswith("shown"):
+        return ""
+    methods = requirement["methods"]
+    return next((name for name in PROVED_SETS if methods.get(name, {}).get("is_proof")), "")
 
 
 def draw_margins(histogram: Mapping[str, Any], unit: str, name: str) -> Markup:
@@ -175,7 +212,9 @@ def _brief(requirement: Mapping[str, Any], method: str) -> str:
     return f"{sum(part['num_boxes'] for part in requirement['bounds']):,} boxes"
 
 
-def _requirement(requirement: Mapping[str, Any], tube: Illustration | None) -> Iterator[Block]:
+def _requirement(
+    requirement: Mapping[str, Any], tube: Illustration | None, *, has_sun: bool
+) -> Iterator[Block]:
     unit, methods = requirement["unit"], requirement["methods"]
     yield Heading(f"{requirement['id']} {requirement['title']}", 3, requirement["id"])
     yield Paragraph(requirement["sentence"])
@@ -193,6 +232,8 @@ def _requirement(requirement: Mapping[str, Any], tube: Illustration | None) -> I
         boxes = f"The boxes: {artifacts.PROOF_BOXES}. Over each, interval arithmetic rules the answer out."
         parts = [f"{part['system']}: {part['sentence']} Boxes: {part['num_boxes']:,}." for part in bounds]
         details["bounds"] += [Items(parts), Paragraph(boxes)]
+    if "tube" in details and requirement["methods"]["tube"]["is_proof"]:
+        details["tube"].append(Paragraph(caption_of("model", tube=requirement["tube"])))
     if "tube" in details and tube:
         details["tube"].append(tube.block)
     if "safety_layer" in details:
@@ -202,9 +243,10 @@ def _requirement(requirement: Mapping[str, Any], tube: Illustration | None) -> I
             f"{METHODS[name].capitalize()}: {methods[name]['word']}", blocks, f"{requirement['id']}-{name}"
         )
     if worst := requirement.get("worst"):
-        left = [_departure(one) for one in worst["left_domain"]]
+        is_proved = bool(proved_by(requirement))
+        left = [] if is_proved else [_departure(one) for one in worst["left_domain"]]
         replay = Code(f"python -m telemetry replay {worst['recording']}")
-        facts = Table([], _worst_facts(worst, unit))
+        facts = Table([], _worst_facts(worst, unit, has_domain=not is_proved, has_sun=has_sun))
         yield Fold("The worst case that is known", [facts, replay, *([Items(left)] if left else [])])
 
 
@@ -212,7 +254,11 @@ def _full(words: str) -> str:
     return f"{words[0].upper()}{words[1:]}."
 
 
-def _domain(domain: Mapping[str, Any] | None) -> Iterator[Block]:
+def _domain(evidence: Mapping[str, Any]) -> Iterator[Block]:
+    domain = evidence["domain"]
+    proved = [each["id"] for each in evidence["requirements"] if proved_by(each)]
+    if proved:
+        yield Paragraph(caption_of("beyond", requirements=", ".join(proved)))
     if domain is None:
         yield Paragraph("The controller has no fuzzy systems: there are no inputs to make a domain of.")
         return
@@ -258,21 +304,23 @@ def _search_facts(search: Mapping[str, Any], unit: str) -> list[list[str]]:
     ]
 
 
-def _worst_facts(worst: Mapping[str, Any], unit: str) -> list[list[str]]:
+def _worst_facts(worst: Mapping[str, Any], unit: str, *, has_domain: bool, has_sun: bool) -> list[list[str]]:
     start, velocity = (
         ", ".join(f"{value:.3f}" for value in worst.get(name, ())).replace("-", "−")
         for name in ("position_m", "velocity_m_s")
     )
     left = len(worst["left_domain"])
+    times = "never" if not left else "once" if left == 1 else f"{left} times"
+    sun = sun_at_start(worst["sun_angle_rad"], worst["sun_elevation_rad"], 2)
     return [
         ["found by", worst["found_by"]],
         ["margin", _quantity(worst["margin"], unit)],
         ["margin of the recording, read back", _quantity(worst["recorded_margin"], unit)],
         ["start, Hill axes", f"({start}) m"],
         *([["velocity there", f"({velocity}) m/s"]] if any(worst.get("velocity_m_s", ())) else []),
-        ["Sun at the start", sun_at_start(worst["sun_angle_rad"], worst["sun_elevation_rad"], 2)],
+        *([["Sun at the start", sun]] if has_sun else []),
         *([key, f"{value:.6g}"] for key, value in worst["settings"].items()),
-        ["left the operational domain", "never" if not left else "once" if left == 1 else f"{left} times"],
+        *([["left the operational domain", times]] if has_domain else []),
     ]
 
 
@@ -316,7 +364,7 @@ def _percent(share: float) -> str:
 
 def uncertain(conditions: Mapping[str, Any]) -> list[str]:
     """Name what the flights do not know exactly, besides their starts."""
-    found = [] if conditions["sun"] == "fixed" else ["Sun"]
+    found = [] if conditions["sun"] in ("fixed", None) else ["Sun"]
     found += [] if conditions["navigation"] == "perfect" else ["errors of navigation"]
     found += [] if conditions["thrusters"] == "ideal" else ["errors of the thrusters"]
     found += [] if conditions["dynamics"] == "cw" else ["forces beyond the controller's model"]

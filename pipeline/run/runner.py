@@ -26,8 +26,8 @@ def run_stages(
     folder: Path,
     stages: Sequence[str] | None = None,
     command: Sequence[str] | None = None,
-) -> None:
-    """Run stages in a run's folder.
+) -> list[str]:
+    """Run stages in a run's folder; return, in words, the proofs that were asked for and not found.
 
     Parameters
     ----------
@@ -56,13 +56,14 @@ def run_stages(
     _begin(manifest, stages[0], is_resumed=experiment.resume)
     configuration.write(folder, config)
     manifests.write(folder, manifest)
+    missing: list[str] = []
     with _logged_to(folder / artifacts.LOG):
         for index, name in enumerate(stages, start=1):
             sys.stderr.write(f"[{index}/{len(stages)}] {name}\n")
             started = time.perf_counter()
             try:
                 with interrupts.heeded():
-                    import_module(f"pipeline.stages.{name}").run(experiment, folder)
+                    unproved = import_module(f"pipeline.stages.{name}").run(experiment, folder)
             except KeyboardInterrupt as error:
                 manifests.write(folder, manifest)
                 _LOG.info("stage %s interrupted", name)
@@ -72,12 +73,14 @@ def run_stages(
                 raise
             _check_there(folder)
             _LOG.info("stage %s took %.2f s", name, time.perf_counter() - started)
+            missing += [unproved] if unproved else []
             # later stages were made from files that are no longer there
             before = [one for one in manifest["finished_stages"] if STAGES.index(one) < STAGES.index(name)]
             manifest["finished_stages"] = [*before, name]
             if index < len(stages):
                 _begin(manifest, stages[index], is_resumed=False)
             manifests.write(folder, manifest)
+    return missing
 
 
 def _check_there(folder: Path) -> None:

@@ -15,13 +15,15 @@ from fis_tools.formats.serialize import fingerprint
 from pipeline.controllers.source import controller_of_run, sha256_of
 from pipeline.evaluation.assurance import evidence
 from pipeline.evaluation.assurance.campaign import Flights, Outcome, Search, case_space, judged, search, speed
+from pipeline.evaluation.assurance.conditions import box_in_words, conditions_of, start_bounds
 from pipeline.evaluation.assurance.evidence import Domain, domain_of, left_on
 from pipeline.evaluation.assurance.formula import comparisons
-from pipeline.evaluation.assurance.proofs import TubeProof, certificates, safety_proof
+from pipeline.evaluation.assurance.proofs import TubeProof, certificates, require_answerable, safety_proof
 from pipeline.evaluation.assurance.quantities import track_of
 from pipeline.evaluation.assurance.requirements import (
     BOUNDS,
     CASES,
+    METHODS,
     SAFETY_LAYER,
     SEARCH,
     TUBE,
@@ -41,15 +43,13 @@ from pipeline.report.figures.flights import draw_tube
 from pipeline.report.figures.style import Illustration
 from pipeline.run import artifacts, configuration, maker, tables, writing
 from pipeline.scenarios import evaluation_scenarios
-from pipeline.settings.checks import names_of
-from pipeline.settings.dispersions import distributions
-from pipeline.settings.experiment import Experiment, Mission, MonteCarlo
-from pipeline.settings.keys import value_at
+from pipeline.settings.experiment import Experiment
 from pipeline.settings.places import requirements_path
-from pipeline.settings.schema import present, schema
 from telemetry.file import reader
 from telemetry.file.topics import DEPUTY_CONTROL, DEPUTY_STATE, MISSION
 
+#: what methods are called in words
+METHOD_WORDS = {name: name.replace("_", " ") for name in METHODS}
 #: of the bound on how many flights leave the operational domain
 CONFIDENCE = 0.9
 #: flights in the picture of a tube
@@ -59,8 +59,10 @@ MOST_DRAWN = 100
 Worst = tuple[float, Scenario, str]
 
 
-def run(experiment: Experiment, folder: Path) -> None:
+def run(experiment: Experiment, folder: Path) -> str:
     """Gather the evidence, write it as data and as a page; an earlier run's evidence is removed.
+
+    Return which proofs were asked for in vain, empty if none.
 
     Raises
     ------
@@ -82,6 +84,12 @@ def run(experiment: Experiment, folder: Path) -> None:
     for one in gathered["requirements"]:
         sys.stderr.write(f"  {one['id']} {one['title']}. {one['sentence']}\n")
     sys.stderr.write(f"  {folder / artifacts.EVIDENCE_PAGE}\n")
+    unproved = [
+        f"{one['id']} ({', '.join(METHOD_WORDS[name] for name in one['unproved'])})"
+        for one in gathered["requirements"]
+        if one["unproved"]
+    ]
+    return f"no proof was found, though one was asked for, of {', '.join(unproved)}" if unproved else ""
 
 
 def _tell_needs(requirements: Sequence[Requirement], num_cases: int) -> None:
@@ -103,6 +111,7 @@ def _gather(experiment: Experiment, folder: Path, requirements: Requirements) ->
     """Fly, search and prove; return the evidence as plain data."""
     settings, mission = experiment.assurance, experiment.mission
     controller = controller_of_run(experiment, folder)
+    require_answerable(requirements.requirements, controller)
     scenarios = _scenarios(experiment, settings.num_cases)
     flights = Flights(mission, controller, settings.workers)
     flights.tracks(scenarios[:1])  # compiles if necessary
@@ -113,7 +122,7 @@ def _gather(experiment: Experiment, folder: Path, requirements: Requirements) ->
     )
     _write(folder, artifacts.ASSURED_CASES, evidence.case_columns(mission, scenarios, outcomes))
     domain = _domain(experiment, controller, folder)
-    proof = safety_proof(mission, scenarios, _bounds_of_starts(experiment.monte_carlo))
+    proof = safety_proof(mission, scenarios, start_bounds(experiment.monte_carlo))
     recorder = FlightRecorder(experiment, controller, configuration.read(folder))
     entries, all_found = [], []
     for one in requirements.requirements:
@@ -168,23 +177,56 @@ def _tube(experiment: Experiment, controller: Controller, folder: Path) -> TubeP
         return TubeProof("no proof of these rules is in this run; add the stage prove before assure")
     written = artifacts.read_json(folder, artifacts.THEOREM)
     try:
-        theorem = json.loads(json.dumps(asdict(theorem_of(experiment))))
+        theorem = theorem_of(experiment)
     except NotProvable as error:
         return TubeProof(str(error))
-    wanted = theorem | {"controller_sha256": fingerprint(controller.fuzzy)}
-    if any(written[name] != value for name, value in wanted.items()):
+    wanted = {**json.loads(json.dumps(asdict(theorem))), "controller_sha256": fingerprint(controller.fuzzy)}
+    if not isinstance(written, dict) or any(written.get(name) != value for name, value in wanted.items()):
         return TubeProof(f"{artifacts.THEOREM} is of other flights; repeat the stage prove")
-    if written["fault"]:
+    if written.get("fault"):
         return TubeProof(f"not proved: {written['fault']}")
-    end_s = written["num_periods"] * theorem["period_s"]
-    return TubeProof("", end_s, tuple(theorem["limit"]), tuple(theorem["goal"]))
+    fault, is_checked = _check(folder, written)
+    if fault:
+        return TubeProof(fault)
+    return TubeProof(
+        fault="",
+        is_checked=is_checked,
+        starts=f"every start with {box_in_words(theorem.start_low, theorem.start_high)}",
+        model=(
+            f"motion by Clohessy and Wiltshire's equations, n = {theorem.mean_motion_rad_s:g} rad/s, "
+            f"{theorem.mass_kg:g} kg, at most {theorem.max_force_n:g} N on each axis, decided every "
+            f"{theorem.period_s:g} s, without any error"
+        ),
+        end_s=written["num_periods"] * theorem.period_s,
+        limit=theorem.limit,
+        goal=theorem.goal,
+    )
+
+
+def _check(folder: Path, written: Mapping[str, Any]) -> tuple[str, bool]:
+    """Return why a run's certificate proves nothing, if so, and whether the checker has checked it."""
+    count = written.get("num_periods")
+    if not isinstance(count, int) or count < 1:
+        return f"{artifacts.THEOREM} has no number of control periods; repeat the stage prove", False
+    try:
+        from pipeline.proof.check import check  # noqa: PLC0415 - an extra
+    except ModuleNotFoundError:
+        return "", False
+    sys.stderr.write("  checking the proof\n")
+    try:
+        check((folder / artifacts.THEOREM).parent)
+    except (ArithmeticError, AttributeError, LookupError, OSError, TypeError, ValueError) as error:
+        return f"the checker refuses the proof in this run ({error}); repeat the stage prove", False
+    if artifacts.read_json(folder, artifacts.THEOREM) != written:
+        return f"{artifacts.THEOREM} was changed while it was checked; repeat the stage prove", False
+    return "", True
 
 
 def _tube_drawn(
     experiment: Experiment, folder: Path, entries: Sequence[Mapping[str, Any]]
 ) -> Illustration | None:
     """Draw the tube of the proof that a requirement rests on, over the first cases."""
-    if not any("tube" in one and not one["tube"]["fault"] for one in entries):
+    if not any("tube" in one and one["tube"]["is_checked"] for one in entries):
         return None
     mission, num_cases = experiment.mission, min(MOST_DRAWN, experiment.assurance.num_cases)
     flights = Flights(mission, controller_of_run(experiment, folder), experiment.assurance.workers)
@@ -258,50 +300,19 @@ def _write(folder: Path, name: str, table: Mapping[str, Any]) -> None:
         (folder / name).unlink(missing_ok=True)
 
 
-def _bounds_of_starts(cases: MonteCarlo) -> tuple[float, float, float]:
-    """Return the least and the greatest distance of starts, m, and their greatest speed, m/s."""
-    if cases.box is None:
-        return cases.min_distance_m, cases.max_distance_m, cases.max_speed_m_s
-    low, high = np.array(cases.box)
-    nearest, farthest = np.clip(0.0, low, high), np.maximum(np.abs(low), np.abs(high))
-    near, far, speed = (np.linalg.norm(part) for part in (nearest[:3], farthest[:3], farthest[3:]))
-    return float(near), float(far), float(speed)
-
-
-def settings_of(config: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the settings of the mission and the Sun that differ from the defaults, by their keys."""
-    config, groups = present(config), {*names_of(Mission), "sun"}
-    keys = [key for key in schema().values() if key.name.partition(".")[0] in groups]
-    found = [(key, value_at(config, key.name, key.default)) for key in keys]
-    return {key.name: value for key, value in found if value != key.default}
-
-
 def _provenance(
     experiment: Experiment, folder: Path, controller: Controller, requirements: Requirements
 ) -> dict[str, Any]:
     """Return the subject and the sources of the evidence."""
-    mission, (near, far, speed) = experiment.mission, _bounds_of_starts(experiment.monte_carlo)
-    files = [name for name in artifacts.list_artifacts(folder) if name.startswith(artifacts.ASSURANCE)]
+    gathered = f"{artifacts.ASSURANCE}/", f"{Path(artifacts.THEOREM).parent}/"
+    files = [name for name in artifacts.list_artifacts(folder) if name.startswith(gathered)]
     own, config = (artifacts.EVIDENCE, artifacts.EVIDENCE_PAGE), configuration.read(folder)
     return {
         "schema": evidence.SCHEMA,
         "schema_version": evidence.SCHEMA_VERSION,
         "name": requirements.name,
         "controller": {"name": controller.name, "sha256": sha256_of(controller)},
-        "conditions": {
-            "num_cases": experiment.assurance.num_cases,
-            "seed": experiment.seed,
-            "start_distance_m": [near, far],
-            "start_speed_m_s": speed,
-            "sun": experiment.sun.mode,
-            "safety": "robust" if mission.safety.probability else mission.safety.kind,
-            "navigation": mission.navigation.mode,
-            "thrusters": mission.actuators.kind,
-            "dynamics": mission.dynamics.model,
-            "dispersed": sorted([one.key for one in distributions(mission.dispersions)] + [*mission.varying]),
-            "duration_s": mission.duration_s,
-            "settings": settings_of(config),
-        },
+        "conditions": conditions_of(experiment, config),
         "config_hash": configuration.config_hash(config),
         **maker.present_maker(),
         "sha256": {name: artifacts.file_hash(folder / name) for name in files if name not in own},

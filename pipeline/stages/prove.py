@@ -15,16 +15,24 @@ from pipeline.run.progress import Progress
 from pipeline.settings.experiment import Experiment
 
 
-def run(experiment: Experiment, folder: Path) -> None:
-    """Write the tube of all starts, the theorem and the controller: a certificate that others can check."""
+def run(experiment: Experiment, folder: Path) -> str:
+    """Write the tube of all starts, the theorem and the controller: a certificate that others can check.
+
+    Return why nothing is proved, empty if it is.
+    """
     try:
-        sys.stderr.write(f"{_proved(experiment, folder)}\n")
+        proved, unproved = _proved(experiment, folder)
     except (NotProvable, NotBounded) as error:
-        sys.stderr.write(f"not proved: {error}\n")
+        # no certificate of an earlier run is of this one
+        for name in (artifacts.THEOREM, artifacts.PROVED_CONTROLLER, artifacts.TUBE):
+            (folder / name).unlink(missing_ok=True)
+        return f"not proved: {error}"
+    sys.stderr.write(proved)
+    return unproved
 
 
-def _proved(experiment: Experiment, folder: Path) -> str:
-    """Follow all starts, write the certificate, and return the verdict."""
+def _proved(experiment: Experiment, folder: Path) -> tuple[str, str]:
+    """Follow all starts, and write the certificate; return what is proved, and why it is not."""
     theorem, mission = theorem_of(experiment), experiment.mission
     controller = controller_of_run(experiment, folder).fuzzy
     if controller is None:
@@ -45,5 +53,6 @@ def _proved(experiment: Experiment, folder: Path) -> str:
     tables.write_parquet(folder / artifacts.TUBE, dict(zip(COLUMNS, found.rows.T, strict=True)))
     kept = f"every start keeps the limit at all times of {found.num_periods * theorem.period_s:g} s"
     if found.fault:
-        return f"not proved: {kept}, but then {found.fault}"
-    return f"proved: {kept}, and is then within {found.distance_m:.3f} m at up to {found.speed_m_s:.3f} m/s"
+        return "", f"not proved: {kept}, but then {found.fault}"
+    ends = f"within {found.distance_m:.3f} m at up to {found.speed_m_s:.3f} m/s"
+    return f"proved: {kept}, and is then {ends}\n", ""

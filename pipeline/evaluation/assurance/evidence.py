@@ -122,9 +122,10 @@ def of_requirement(
         "sentence": verdicts.sentence(found, judged),
         "why": judged.why,
         "methods": {
-            name: {"verdict": one.verdict, "word": one.word, "why": one.why}
+            name: {"verdict": one.verdict, "word": one.word, "why": one.why, "is_proof": one.is_proof}
             for name, one in verdicts.outcomes(found).items()
         },
+        "unproved": list(verdicts.unproved(found)),
     }
     if found.judgement is not None:
         share, confidence = requirement.probability, requirement.confidence

@@ -7,10 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from fis_tools.analysis.bounds import ask
+from fis_tools.analysis.condition import read_conditions, read_region
 from fis_tools.compiled.three import Three
 from fis_tools.engines.interval import NotBounded
 from fis_tools.model import FuzzySystem
 from pipeline.array_types import Floats
+from pipeline.evaluation.assurance.conditions import shell_in_words
 from pipeline.evaluation.assurance.formula import Always, And, Comparison, Formula, Until, Window
 from pipeline.evaluation.assurance.requirements import Question, Requirement, RequirementError
 from pipeline.flight.control.controller import Controller
@@ -20,6 +22,7 @@ from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.bounds import ROUNDING_M, Bounds, bounds_of, is_exact, norm, spheres_of
 from pipeline.flight.world.pack import pack_world
 from pipeline.settings.experiment import Mission
+from pipeline.settings.keys import choices_of
 
 
 @dataclass(frozen=True)
@@ -50,6 +53,38 @@ class Certificate:
     high: Floats
 
 
+_NAME = re.compile(r"[A-Za-z_]\w*")
+
+
+def require_answerable(requirements: Sequence[Requirement], controller: Controller) -> None:
+    """Refuse questions that no system of a controller answers; a controller without systems is asked nothing.
+
+    Raises
+    ------
+    RequirementError
+        If no system has such an output, or a condition cannot be read.
+    """
+    if not controller.systems:
+        return
+    outputs = list(dict.fromkeys(v.name for system in controller.systems for v in system.outputs))
+    for requirement in requirements:
+        for question in requirement.questions:
+            asked = f"{requirement.id}, its bounds {question.ask!r}"
+            systems = [system for system in controller.systems if _is_about(question, system)]
+            if not systems:
+                word = next(iter(_NAME.findall(question.ask)), question.ask)
+                raise RequirementError(
+                    f"{asked}: no system of {controller.name} has this output"
+                    f"{choices_of(word, outputs, plural='outputs')}"
+                )
+            for system in systems:
+                try:
+                    read_conditions(question.ask, [variable.name for variable in system.outputs])
+                    read_region(system, question.where)
+                except ValueError as error:
+                    raise RequirementError(f"{asked}: {error}") from error
+
+
 def certificates(requirement: Requirement, controller: Controller) -> tuple[Certificate, ...]:
     """Answer a requirement's questions about the systems of a controller.
 
@@ -67,7 +102,7 @@ def certificates(requirement: Requirement, controller: Controller) -> tuple[Cert
 
 
 def _is_about(question: Question, system: FuzzySystem) -> bool:
-    words = set(re.findall(r"[A-Za-z_]\w*", question.ask))
+    words = set(_NAME.findall(question.ask))
     return any(variable.name in words for variable in system.outputs)
 
 
@@ -203,8 +238,7 @@ def safety_proof(
         flying = ((Three(*one.position_m), Three(*one.velocity_m_s)) for one in scenarios)
         num_safe = sum(most_exceeded(world, one, STANDING)[2] <= 0.0 for one in flying)
     near, far, speed = shell
-    starts = f"at {near:g} to {far:g} m and " + (f"up to {speed:g} m/s" if speed else "at rest")
-    counts = len(scenarios), num_safe
+    counts, starts = (len(scenarios), num_safe), shell_in_words(near, far, speed)
     return SafetyProof(is_on, *spheres, *counts, starts, is_whole, failing, assumed, probability)
 
 
@@ -216,6 +250,10 @@ class TubeProof:
     ----------
     fault : str
         Why it proves nothing of these flights; empty if it does.
+    is_checked : bool
+        Whether the checker, which shares no code with the prover, has accepted the certificate in this run.
+    starts, model : str
+        In words, the starts and the closed loop that the proof is about.
     end_s : float
         When all flights are at the goal.
     limit : (float, float, float)
@@ -225,6 +263,9 @@ class TubeProof:
     """
 
     fault: str
+    is_checked: bool = False
+    starts: str = ""
+    model: str = ""
     end_s: float = 0.0
     limit: tuple[float, float, float] = (0.0, 0.0, 0.0)
     goal: tuple[float, float] = (0.0, 0.0)

@@ -122,6 +122,13 @@ def _shows(num_cases: int, num_failed: int, probability: float, confidence: floa
     return bool(num_failed < num_cases and bdtr(num_failed, num_cases, 1.0 - probability) <= 1.0 - confidence)
 
 
+#: of a proof whose certificate nobody checked, and how to check it
+UNCHECKED = "stated by the run, not checked"
+CHECKER = "to check it, install python-flint (the extra proof) and repeat the stage assure"
+#: methods that prove; a run is told of those that were asked for in vain
+PROOFS = (BOUNDS, SAFETY_LAYER, TUBE)
+
+
 class Outcome(NamedTuple):
     """The result of one method of verification.
 
@@ -283,10 +290,12 @@ def _of_the_layer(requirement: Requirement, proof: SafetyProof) -> Outcome:
 def _of_a_tube(requirement: Requirement, tube: TubeProof) -> Outcome:
     if tube.fault:
         return Outcome("not shown", "does not apply", tube.fault)
-    kept = f"a tube holds all starts, keeps the limit, and is at the goal after {tube.end_s:g} s"
+    kept = f"a tube holds {tube.starts}, keeps the limit, and is at the goal after {tube.end_s:g} s"
     if requirement.formula is None or not tube.proves(requirement.formula):
         return Outcome("not shown", "does not apply", f"{kept}, from which this does not follow")
-    return Outcome("shown", "proved", kept, is_proof=True)
+    if not tube.is_checked:
+        return Outcome("not shown", UNCHECKED, f"the proof is {UNCHECKED}: {kept}; {CHECKER}")
+    return Outcome("shown", "proved", f"{kept}; the checker agrees", is_proof=True)
 
 
 def percent(share: float) -> str:
@@ -325,8 +334,24 @@ def sentence(found: Found, judged: Outcome) -> str:
         ": in all inputs", ": for all inputs"
     )
     is_flown = found.judgement or found.searches
-    told = f"{claim}. {_flown(found) if is_flown else f'Failing means {requirement.consequence}'}."
-    return told if judged.verdict.startswith("shown") else f"{told} {judged.why[0].upper()}{judged.why[1:]}."
+    words = [f"{claim}. {_flown(found) if is_flown else f'Failing means {requirement.consequence}'}."]
+    if not judged.verdict.startswith("shown"):
+        words.append(f"{judged.why[0].upper()}{judged.why[1:]}.")
+    methods = outcomes(found)
+    words += [_missing(methods[name]) for name in unproved(found) if methods[name].why != judged.why]
+    return " ".join(words)
+
+
+def unproved(found: Found) -> tuple[str, ...]:
+    """Return the methods of proof that a requirement asks for and that prove nothing of it."""
+    return tuple(name for name, one in outcomes(found).items() if name in PROOFS and not one.is_proof)
+
+
+def _missing(outcome: Outcome) -> str:
+    """Say why a proof that was asked for is none."""
+    if outcome.word == UNCHECKED:
+        return f"{outcome.why[0].upper()}{outcome.why[1:]}."
+    return f"The proof asked for does not apply: {outcome.why}."
 
 
 def _flown(found: Found) -> str:

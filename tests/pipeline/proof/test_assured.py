@@ -1,8 +1,11 @@
 """A requirement is shown by the proof of the run that it is judged in, and by no other."""
 
 import json
+import re
+import sys
 from pathlib import Path
 
+import pyarrow.parquet as pq
 import pytest
 
 from pipeline.command_line.cli import main
@@ -26,8 +29,13 @@ requirements:
 """
 
 
+pytest.importorskip("flint", reason="the checker needs python-flint")
+
+
 @pytest.mark.slow
-def test_a_requirement_is_shown_by_the_proof_of_its_run_alone(tmp_path: Path) -> None:
+def test_a_requirement_is_shown_by_the_checked_proof_of_its_run_alone(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     path, folder = tmp_path / "near.yaml", tmp_path / "run"
     path.write_text(REQUIREMENT)
     few = ("assurance.num_cases=4", "assurance.domain_cases=1")
@@ -37,18 +45,61 @@ def test_a_requirement_is_shown_by_the_proof_of_its_run_alone(tmp_path: Path) ->
         (told,) = json.loads((folder / "assure" / "evidence.json").read_text())["requirements"]
         return told["verdict"], told["methods"]["tube"]["why"]
 
+    def repeated(code: int) -> str:
+        """Repeat the stage, which ends with a code, and return its last line on the terminal."""
+        assert main([*words, "stages=[assure]"]) == code
+        return capsys.readouterr().err.splitlines()[-1]
+
+    missing = "no proof was found, though one was asked for, of R1 (tube)"
     assert main([*words, "stages=[prove,assure]"]) == 0
     assert verdict()[0] == "shown"
     assert "is at the goal after" in verdict()[1]
     page = folder / "assure" / "evidence.html"
-    assert ">tube<" in page.read_text()
-    assert 'id="tube-figure_1"' in page.read_text()
-    theorem = folder / "prove" / "theorem.json"
-    told = json.loads(theorem.read_text())
-    theorem.write_text(json.dumps(told | {"mass_kg": 11.0}))
+    text = page.read_text()
+    assert ">tube<" in text
+    assert 'id="tube-figure_1"' in text
+    # the page argues from the proved set, not from what flights met
+    assert "R1: proved from every start with x from 3 to 3.5 m" in " ".join(
+        re.sub("<[^>]*>", " ", text).split()
+    )
+    for words_of_flights in ("inputs that flights have met", "left the operational domain", "Sun random"):
+        assert words_of_flights not in text
+    # a proof that nobody checks is none
+    with monkeypatch.context() as patch:
+        patch.setitem(sys.modules, "pipeline.proof.check", None)
+        assert repeated(3) == missing
+        assert verdict()[0] == "not shown"
+        assert verdict()[1].startswith("the proof is stated by the run, not checked: ")
+        assert "tube-figure_1" not in page.read_text()
+    theorem, tube = folder / "prove" / "theorem.json", folder / "prove" / "tube.parquet"
+    written, boxes = json.loads(theorem.read_text()), pq.read_table(tube)
+    for changes in ({"mass_kg": 11.0}, {"limit": [0.3, 0.002054, 0.0]}, {"controller_sha256": "0" * 64}):
+        theorem.write_text(json.dumps(written | changes))
+        assert repeated(3) == missing
+        assert verdict() == ("not shown", "prove/theorem.json is of other flights; repeat the stage prove")
+        assert "tube-figure_1" not in page.read_text()
+    for changes in ({"num_periods": 2}, {"num_periods": "many"}, {"fault": None, "num_periods": -1}):
+        theorem.write_text(json.dumps(written | changes))
+        assert repeated(3) == missing
+        assert verdict()[0] == "not shown"
+    theorem.write_text(json.dumps(written))
+    pq.write_table(boxes.slice(0, len(boxes) - 1), tube)
+    assert repeated(3) == missing
+    assert "the checker refuses the proof" in verdict()[1]
+    pq.write_table(boxes, tube)
     assert main([*words, "stages=[assure]"]) == 0
-    assert verdict() == ("not shown", "prove/theorem.json is of other flights; repeat the stage prove")
-    assert "tube-figure_1" not in page.read_text()
+    assert verdict()[0] == "shown"
     theorem.unlink()
-    assert main([*words, "stages=[assure]"]) == 0
+    assert repeated(3) == missing
     assert "add the stage prove" in verdict()[1]
+
+
+@pytest.mark.slow
+def test_a_run_that_proves_nothing_says_so_last_and_has_a_code_of_its_own(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "run"
+    assert main([*NEAR, "problem.limit_base_m_s=0.01", f"hydra.run.dir={folder}"]) == 3
+    assert capsys.readouterr().err.splitlines()[-1].startswith("not proved: every start keeps the limit")
+    assert main([*NEAR, "controller=champion_27", f"hydra.run.dir={tmp_path / 'other'}"]) == 3
+    assert capsys.readouterr().err.splitlines()[-1].startswith("not proved: controller 'champion_27' cannot")

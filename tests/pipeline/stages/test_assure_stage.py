@@ -9,10 +9,11 @@ import pytest
 
 from fis_tools.analysis.domain import from_mapping
 from pipeline.command_line.cli import main
+from pipeline.evaluation.assurance.conditions import changed_settings
 from pipeline.evaluation.assurance.verdicts import judge
 from pipeline.report.evidence import OF_PAPER, OWN, write
 from pipeline.run import artifacts, manifests
-from pipeline.stages.assure import settings_of
+from pipeline.settings.places import requirements_path
 from tests.browser import serious_violations
 from tests.policies import check_policy, check_references, source_hash
 
@@ -129,7 +130,7 @@ def test_the_page_is_what_the_data_says_and_needs_nothing_else(assured, evidence
 def test_the_page_tells_of_a_world_of_ones_own(evidence):
     assert evidence["conditions"]["settings"] == {"sun.mode": "random", "safety.kind": "filter"}
     assert OF_PAPER in write(evidence)
-    mine = settings_of({"deputy": {"mass_kg": 20.0, "max_force_n": 1}, "sun": {"mode": "fixed"}})
+    mine = changed_settings({"deputy": {"mass_kg": 20.0, "max_force_n": 1}, "sun": {"mode": "fixed"}})
     assert mine == {"deputy.mass_kg": 20.0}
     text = write({**evidence, "conditions": {**evidence["conditions"], "settings": mine}})
     assert OWN in text
@@ -160,12 +161,18 @@ def test_mistakes_in_requirements_are_told_before_a_folder_is_made(tmp_path, ran
     mine.write_text("schema: requirements\nschema_version: 2\nrequirements: [{id: A1}]\n", encoding="utf-8")
     words = ["+experiment=assure", *SMALL, f"hydra.run.dir={tmp_path / 'run'}"]
     assert "A1: verified_by must be a list" in ran(*words, f"assurance.requirements={mine}", code=2).err
+    shipped = requirements_path("inspection").read_text(encoding="utf-8")
+    mine.write_text(shipped.replace("ask: force_y > 1", "ask: force_Y > 1"), encoding="utf-8")
+    told = ran(*words, f"assurance.requirements={mine}", code=2).err
+    assert "R6, its bounds 'force_Y > 1': no system of champion_any_sun has this output; did you mean" in told
     assert not (tmp_path / "run").exists()
 
 
-def test_a_controller_without_systems_has_no_domain(tmp_path):
+def test_a_controller_without_systems_has_no_domain_and_what_is_asked_of_them_is_told_last(tmp_path, capsys):
     words = ["+experiment=assure", *FEW, "controller=coast"]
-    assert main([*words, f"hydra.run.dir={tmp_path / 'run'}"]) == 0
+    assert main([*words, f"hydra.run.dir={tmp_path / 'run'}"]) == 3
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[-1] == "no proof was found, though one was asked for, of R6 (bounds)"
     told = artifacts.read_json(tmp_path / "run", artifacts.EVIDENCE)
     assert told["domain"] is None
     assert not (tmp_path / "run" / artifacts.DOMAIN).exists()

@@ -7,18 +7,21 @@ import pytest
 from scipy.stats import binom, binomtest
 
 from fis_tools.compiled.three import Three
+from fis_tools.formats import serialize
 from pipeline.evaluation.assurance import proofs, verdicts
 from pipeline.evaluation.assurance.campaign import Outcome, Search
 from pipeline.evaluation.assurance.formula import parse
 from pipeline.evaluation.assurance.proofs import Certificate, are_safe, safety_proof
 from pipeline.evaluation.assurance.quantities import UNITS
-from pipeline.evaluation.assurance.requirements import Question, Requirement, RequirementError
+from pipeline.evaluation.assurance.requirements import Question, Requirement, RequirementError, read_named
 from pipeline.evaluation.assurance.verdicts import Found, sentence, verdict
+from pipeline.flight.control.controller import from_fuzzy
 from pipeline.flight.period.act.safety import most_exceeded
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.pack import pack_world
 from tests.fis_tools import step_by_step
 from tests.pipeline.evaluation.assurance.cases import champion, experiment, scenarios
+from tests.places import PROJECT
 
 
 @pytest.mark.parametrize(
@@ -73,9 +76,13 @@ def test_margins_by_order_statistics():
     assert verdicts.judge(margins[:50], margins[:50] >= 3, 0.99, 0.9).margin is None
 
 
-def certified(*question: str) -> tuple[Certificate, ...]:
+def asking(*questions: tuple[str, ...]) -> Requirement:
     words = ["R8", "thrust", *["words"] * 5]
-    return proofs.certificates(Requirement(*words, ("bounds",), questions=(Question(*question),)), champion())
+    return Requirement(*words, ("bounds",), questions=tuple(Question(*question) for question in questions))
+
+
+def certified(*question: str) -> tuple[Certificate, ...]:
+    return proofs.certificates(asking(question), champion())
 
 
 def test_boxes_cover_the_region_and_rule_the_answer_out_everywhere():
@@ -97,9 +104,35 @@ def test_boxes_cover_the_region_and_rule_the_answer_out_everywhere():
 def test_what_an_example_answers_with_yes_is_no_proof_and_only_the_systems_asked_about_are_bounded():
     (found,) = certified("force_x > 0")
     assert (found.verdict, len(found.low)) == ("yes", 0)
-    assert certified("force_w > 1") == ()
     with pytest.raises(RequirementError, match="R8, its bounds 'force_x is big'"):
         certified("force_x is big")
+
+
+@pytest.mark.parametrize(
+    ("questions", "fault"),
+    [
+        ([("force_x > 1",), ("force_Y > 0.01",)], r"'force_Y > 0.01': no system .* did you mean force_y\?"),
+        ([("1 > 2",)], "no system of .* has this output; the outputs are force_x, force_y, force_z"),
+        ([("force_x > 1, force_Y > 0.01",)], "its bounds 'force_x > 1, force_Y > 0.01'"),
+        ([("force_x > 1, force_y > 1",)], "its bounds"),  # of two systems: no one answers
+        ([("force_x > 1", "predicted_centre > 3")], "its bounds 'force_x > 1'"),
+        ([("force_x is big",)], "its bounds 'force_x is big'"),
+    ],
+)
+def test_a_question_that_no_system_answers_is_refused(questions, fault):
+    with pytest.raises(RequirementError, match=fault):
+        proofs.require_answerable([asking(*questions)], champion())
+
+
+def test_questions_of_all_shipped_requirements_are_answered_by_all_shipped_rules():
+    shipped = [
+        path for path in (PROJECT / "conf/controller").glob("*.yaml") if "systems:" in path.read_text()
+    ]
+    controllers = [from_fuzzy(serialize.load(path)) for path in shipped]
+    assert controllers
+    for path in (PROJECT / "conf/requirements").glob("*.yaml"):
+        for controller in controllers:
+            proofs.require_answerable(read_named(path.stem), controller)
 
 
 KEPT = "always (distance >= 15 m)"
@@ -318,5 +351,29 @@ GOAL = "(distance <= 0.5 m and speed <= 0.2 m/s)"
     ],
 )
 def test_a_tube_proves_its_limit_until_its_goal_and_nothing_else(text, follows):
-    tube = proofs.TubeProof("", 900.0, (0.2, 0.002, 0.0), (0.5, 0.2))
+    tube = proofs.TubeProof("", True, end_s=900.0, limit=(0.2, 0.002, 0.0), goal=(0.5, 0.2))
     assert tube.proves(parse(text, UNITS)) is follows
+
+
+def test_a_proof_that_is_not_checked_shows_nothing():
+    tube = proofs.TubeProof(
+        "", True, "every start of a box", end_s=900.0, limit=(0.2, 0.002, 0.0), goal=(0.5, 0.2)
+    )
+    docking = replace(REQUIREMENT, formula=parse(f"{LIMIT} until {GOAL}", UNITS), probability=1.0)
+    assert verdict(Found(docking, tube=tube)).verdict == "shown"
+    unchecked = Found(docking, tube=replace(tube, is_checked=False))
+    assert verdict(unchecked).verdict == "not shown"
+    assert "stated by the run, not checked" in sentence(unchecked, verdict(unchecked))
+    assert verdicts.unproved(unchecked) == ("tube",)
+    # what flights show stands, and the sentence says that nobody checked the proof
+    flown = Found(replace(docking, probability=0.99), cases(0), tube=unchecked.tube)
+    assert verdict(flown).verdict == "shown"
+    assert "The proof is stated by the run, not checked" in sentence(flown, verdict(flown))
+
+
+def test_what_was_asked_for_in_vain_is_told_beside_what_is_shown():
+    shown = found(judgement=cases(3), proof=OFF)
+    assert verdict(shown).verdict == "shown"
+    assert "The proof asked for does not apply: the safety layer was off" in sentence(shown, verdict(shown))
+    assert verdicts.unproved(shown) == ("safety_layer",)
+    assert verdicts.unproved(found(judgement=cases(3), proof=LAYER)) == ()
