@@ -95,12 +95,12 @@ def plot(thing: object, folder: Path | str = "figures", form: str = "png") -> li
     from fis_tools import render  # noqa: PLC0415
 
     Path(folder).mkdir(parents=True, exist_ok=True)
-    found = []
+    values = []
     for system in _controller(thing).systems:
         for name, figure in render.system_figures(system):
-            found.append(Path(folder) / f"{system.name}-{name}.{form}".replace("/", "_"))
-            render.save(figure, found[-1])
-    return found
+            values.append(Path(folder) / f"{system.name}-{name}.{form}".replace("/", "_"))
+            render.save(figure, values[-1])
+    return values
 
 
 def export_c(thing: object, path: Path | str) -> Path:

@@ -41,7 +41,7 @@ MISTAKE = 2
 INTERRUPTED = 130
 
 
-def command_line(asked: str | None) -> App:
+def command_line(command: str | None) -> App:
     """Return the command line; of the commands, only the one that is asked for is imported."""
     app = App(
         name="python -m fis_tools",
@@ -51,11 +51,11 @@ def command_line(asked: str | None) -> App:
         suppress_keyboard_interrupt=False,
         default_parameter=Parameter(negative=(), show_default=_shown),
     )
-    for place, (name, (module, summary)) in enumerate(COMMANDS.items()):
+    for index, (name, (module, summary)) in enumerate(COMMANDS.items()):
         # a keyword of Python cannot name a function
         function = "import_" if name == "import" else name
-        description = None if name == asked else summary
-        app.command(f"fis_tools.commands.{module}:{function}", name=name, help=description, sort_key=place)
+        description = None if name == command else summary
+        app.command(f"fis_tools.commands.{module}:{function}", name=name, help=description, sort_key=index)
     return app
 
 
@@ -74,9 +74,9 @@ def main(words: Sequence[str] | None = None) -> int:
         # what goes into a file must read back, in whichever locale it was written
         sys.stdout.reconfigure(encoding=None if sys.stdout.isatty() else "utf-8", errors="replace")
     words = sys.argv[1:] if words is None else words
-    asked = next((word for word in words if not word.startswith("-")), None)
+    chosen = next((word for word in words if not word.startswith("-")), None)
     try:
-        status = command_line(asked)(
+        status = command_line(chosen)(
             words or ["--help"], exit_on_error=False, print_error=False, result_action="return_value"
         )
         if sys.stdout is not None:
@@ -85,12 +85,14 @@ def main(words: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except CycloptsError as mistake:
-        command = f"python -m fis_tools {asked} --help" if asked in COMMANDS else "python -m fis_tools --help"
-        why = f"{asked} is now part of {GONE[asked]}." if asked in GONE else mistake
+        command = (
+            f"python -m fis_tools {chosen} --help" if chosen in COMMANDS else "python -m fis_tools --help"
+        )
+        why = f"{chosen} is now part of {GONE[chosen]}." if chosen in GONE else mistake
         said = f"{why} `{command}` tells more."
     except OSError as mistake:
-        place = mistake.filename or "the output"
-        said = f"{place} cannot be written ({mistake.strerror}); choose another place"
+        output = mistake.filename or "the output"
+        said = f"{output} cannot be written ({mistake.strerror}); choose another place"
     except (Mistake, MissingExtra) as mistake:
         said = str(mistake)
     except KeyboardInterrupt:

@@ -32,11 +32,11 @@ def as_number(data: Any) -> float | None:
 
 def distinct(names: Iterable[str]) -> list[str]:
     """Return names of which no two are equal: later ones get a number."""
-    found: list[str] = []
+    words: list[str] = []
     for name in names:
         candidate, count = name, 1
-        while candidate in found:
+        while candidate in words:
             count += 1
             candidate = f"{name}_{count}"
-        found.append(candidate)
-    return found
+        words.append(candidate)
+    return words

@@ -75,11 +75,11 @@ def named(name: str) -> Path:
         for path in sorted(folder.glob("*"))
         if path.suffix in serialize.ENDINGS and path.is_file()
     ]
-    found = [path for path in files if path.stem == name]
-    if len(found) == 1:
-        return found[0]
-    if found:
-        raise ControllerFileError(f"{name} may be {' or '.join(map(str, found))}; give one of these paths")
+    matches = [path for path in files if path.stem == name]
+    if len(matches) == 1:
+        return matches[0]
+    if matches:
+        raise ControllerFileError(f"{name} may be {' or '.join(map(str, matches))}; give one of these paths")
     known = sorted({path.stem for path in files})
     cure = f"; {nearest(name, known)}" if known else ""
     raise ControllerFileError(
@@ -104,11 +104,13 @@ def _of_program(path: Path | str, trust: bool) -> FuzzyController:
             f"{path} is a Python program, and reading it runs its code with all your rights; add --trust if "
             "you trust whoever wrote it, or export the system to a file"
         )
-    found = read_object(path)
-    if isinstance(found, str | Path):  # a path is read when it is given, not when a program names it
-        raise ControllerFileError(f"{path} is the text {str(found)!r}; name a system or a controller")
+    program_object = read_object(path)
+    if isinstance(program_object, str | Path):  # a path is read when it is given, not when a program names it
+        raise ControllerFileError(
+            f"{path} is the text {str(program_object)!r}; name a system or a controller"
+        )
     with told_as(ControllerFileError, ValueError, TypeError, where=f"{path}: "):
-        return as_controller(found, str(path).rpartition(":")[2])
+        return as_controller(program_object, str(path).rpartition(":")[2])
 
 
 def _champion_of(folder: Path) -> str:

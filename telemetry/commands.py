@@ -380,8 +380,8 @@ def command_line() -> App:
         suppress_keyboard_interrupt=False,
         default_parameter=Parameter(negative=(), show_default=_shown),
     )
-    for place, command in enumerate(COMMANDS):
-        app.command(command, sort_key=place)
+    for index, command in enumerate(COMMANDS):
+        app.command(command, sort_key=index)
     return app
 
 

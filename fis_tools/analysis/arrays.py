@@ -158,8 +158,8 @@ def spread(low: Floats, high: Floats, num_samples: int) -> Floats:
     -------
     (num_samples, num_inputs)
     """
-    places = np.stack([_radical_inverse(num_samples, base) for base in _primes(len(low))], axis=1)
-    return low + (high - low) * places
+    fractions = np.stack([_radical_inverse(num_samples, base) for base in _primes(len(low))], axis=1)
+    return low + (high - low) * fractions
 
 
 def _radical_inverse(count: int, base: int) -> Floats:
@@ -243,8 +243,8 @@ def output_named(system: FuzzySystem, name: str | None = None) -> Variable:
 
 def _axes(system: FuzzySystem, x: str | None, y: str | None, held: dict[str, float]) -> tuple[str, str]:
     names = [variable.name for variable in system.inputs]
-    asked = (*held, *(axis for axis in (x, y) if axis is not None))
-    require_known(asked, names, f"system {system.name!r} has no input", ValueError)
+    inputs_named = (*held, *(axis for axis in (x, y) if axis is not None))
+    require_known(inputs_named, names, f"system {system.name!r} has no input", ValueError)
     if x is not None and x == y:
         raise ValueError(f"both axes are {x!r}; choose two different inputs")
     for name in held:
@@ -290,14 +290,14 @@ def distinguishability(variable: Variable) -> Distinguishability:
 
 def crossings(universe: Floats, functions: Floats) -> Floats:
     """Return where two sampled functions cross between two points of a universe."""
-    found = [np.empty(0)]
+    crossings_x = [np.empty(0)]
     for index, function in enumerate(functions):
         difference = functions[index + 1 :] - function
         left, right = difference[:, :-1], difference[:, 1:]
         pair, segment = np.nonzero(left * right < 0)
         fraction = left[pair, segment] / (left[pair, segment] - right[pair, segment])
-        found.append(universe[segment] + fraction * (universe[segment + 1] - universe[segment]))
-    return np.concatenate(found)
+        crossings_x.append(universe[segment] + fraction * (universe[segment + 1] - universe[segment]))
+    return np.concatenate(crossings_x)
 
 
 def rule_usage(strengths: Floats, threshold: float = FIRED) -> RuleUsage:

@@ -161,20 +161,20 @@ def _try(
 
 def _place_to_split(low: Floats, high: Floats, variation: Floats) -> int | None:
     """Return the input to split: where most varies, if anything does and there are numbers between."""
-    place = int(np.argmax(variation))
-    middle = 0.5 * low[place] + 0.5 * high[place]
-    return place if variation[place] > SMALLEST_VARIATION and low[place] < middle < high[place] else None
+    index = int(np.argmax(variation))
+    middle = 0.5 * low[index] + 0.5 * high[index]
+    return index if variation[index] > SMALLEST_VARIATION and low[index] < middle < high[index] else None
 
 
 def _halves(boxes: list[tuple[Floats, Floats, Floats]], num_inputs: int) -> tuple[Floats, Floats]:
     """Split boxes into halves."""
     low = np.array([box[0] for box in boxes]).reshape(-1, num_inputs)
     high = np.array([box[1] for box in boxes]).reshape(-1, num_inputs)
-    places = np.array([np.argmax(box[2]) for box in boxes], dtype=np.int64)
+    indices = np.array([np.argmax(box[2]) for box in boxes], dtype=np.int64)
     rows = np.arange(len(boxes))
-    middle = 0.5 * low[rows, places] + 0.5 * high[rows, places]
+    middle = 0.5 * low[rows, indices] + 0.5 * high[rows, indices]
     left_high, right_low = high.copy(), low.copy()
-    left_high[rows, places] = right_low[rows, places] = middle
+    left_high[rows, indices] = right_low[rows, indices] = middle
     return np.concatenate([low, right_low]), np.concatenate([left_high, high])
 
 
@@ -236,7 +236,7 @@ class Answer(Result):
         """The answer in words."""
         boxes = f"{self.num_boxes} box{'es' if self.num_boxes > 1 else ''}"
         if self.example is not None:
-            outcome = f"yes, for example at {_place(self.example, self.conditions, 9)}"
+            outcome = f"yes, for example at {_point_words(self.example, self.conditions, 9)}"
         elif self.undecided is None:
             outcome = f"no, proved with {boxes}"
         else:
@@ -288,7 +288,7 @@ class Range(Result):
     def sentence(self) -> str:
         """The range in words."""
         ends = [
-            f"{quantity(self.output, value)} is attained at {_place(inputs, self.where.conditions, 6)}"
+            f"{quantity(self.output, value)} is attained at {_point_words(inputs, self.where.conditions, 6)}"
             for value, inputs in ((self.inner.low, self.least_at), (self.inner.high, self.greatest_at))
             if inputs
         ] or ["no input that meets all conditions was found"]
@@ -333,9 +333,14 @@ def ask(
         If the system's outputs cannot be bounded.
     """
     names = [variable.name for variable in system.outputs]
-    asked = read_conditions(question, names)
-    coefficients = np.array([[one.coefficients.get(name, 0.0) for name in names] for one in asked])
-    lowest, highest = np.array([one.least for one in asked]), np.array([one.greatest for one in asked])
+    conditions = read_conditions(question, names)
+    coefficients = np.array(
+        [[condition.coefficients.get(name, 0.0) for name in names] for condition in conditions]
+    )
+    lowest, highest = (
+        np.array([condition.least for condition in conditions]),
+        np.array([condition.greatest for condition in conditions]),
+    )
     widths = np.abs(coefficients) @ [variable.span for variable in system.outputs]
 
     def promise(least: Floats, greatest: Floats) -> Floats:
@@ -345,20 +350,20 @@ def ask(
 
     where = read_region(system, region)
     packed = interval.pack(system)
-    found = subdivide(packed, where, promise, floor=0.0, goal=0.0, max_boxes=max_boxes, progress=progress)
-    words = ", ".join(one.text for one in asked)
-    answer = partial(Answer, words, where.text, num_boxes=found.num_boxes)
-    answer = partial(answer, conditions=(*where.conditions, *asked), notes=where.notes)
-    if found.best >= 0.0:
-        inputs = np.clip(found.best_inputs, where.asked_low, where.asked_high)
+    search = subdivide(packed, where, promise, floor=0.0, goal=0.0, max_boxes=max_boxes, progress=progress)
+    words = ", ".join(condition.text for condition in conditions)
+    answer = partial(Answer, words, where.text, num_boxes=search.num_boxes)
+    answer = partial(answer, conditions=(*where.conditions, *conditions), notes=where.notes)
+    if search.best >= 0.0:
+        inputs = np.clip(search.best_inputs, where.asked_low, where.asked_high)
         outputs = interpreter.evaluate(packed, inputs[np.newaxis])[0]
         return answer("yes", example=_named(system.inputs, inputs) | _named(system.outputs, outputs))
-    if not len(found.open_promises):
-        return answer("no", refuted_low=found.refuted_low, refuted_high=found.refuted_high)
-    sides = np.where(where.high > where.low, found.open_high - found.open_low, 1.0)
+    if not len(search.open_promises):
+        return answer("no", refuted_low=search.refuted_low, refuted_high=search.refuted_high)
+    sides = np.where(where.high > where.low, search.open_high - search.open_low, 1.0)
     volumes = (sides / np.where(where.high > where.low, where.high - where.low, 1.0)).prod(axis=1)
     largest = int(np.argmax(volumes))
-    ends = zip(system.inputs, found.open_low[largest], found.open_high[largest], strict=True)
+    ends = zip(system.inputs, search.open_low[largest], search.open_high[largest], strict=True)
     box = {variable.name: Interval(float(low), float(high)) for variable, low, high in ends}
     return answer("undecided", undecided=box, undecided_share=float(volumes.sum()))
 
@@ -396,17 +401,17 @@ def output_ranges(
     where = read_region(system, region)
     packed = interval.pack(system)
     ranges = []
-    for place, output in enumerate(system.outputs):
+    for index, output in enumerate(system.outputs):
         gap, ends = tolerance * output.span, []
         for sign in (-1.0, 1.0):
 
-            def promise(least: Floats, greatest: Floats, place: int = place, sign: float = sign) -> Floats:
-                return greatest[:, place] if sign > 0.0 else -least[:, place]
+            def promise(least: Floats, greatest: Floats, index: int = index, sign: float = sign) -> Floats:
+                return greatest[:, index] if sign > 0.0 else -least[:, index]
 
-            found = subdivide(packed, where, promise, tolerance=gap, max_boxes=max_boxes, progress=progress)
-            if not len(found.open_promises) and found.best == -np.inf:
+            search = subdivide(packed, where, promise, tolerance=gap, max_boxes=max_boxes, progress=progress)
+            if not len(search.open_promises) and search.best == -np.inf:
                 raise ValueError(f"no inputs meet all conditions of {region!r}; relax one of them")
-            ends.append(found)
+            ends.append(search)
         ranges.append(_range(system, output, where, *ends))
     return tuple(ranges)
 
@@ -416,9 +421,9 @@ def _range(
 ) -> Range:
     """Put together what the searches for the least and for the greatest value of an output found."""
     attained = [
-        (value, _named(system.inputs, np.clip(found.best_inputs, where.asked_low, where.asked_high)))
-        for value, found in ((-low.best, low), (high.best, high))
-        if found.best > -np.inf
+        (value, _named(system.inputs, np.clip(search.best_inputs, where.asked_low, where.asked_high)))
+        for value, search in ((-low.best, low), (high.best, high))
+        if search.best > -np.inf
     ]
     least, least_at = attained[0] if attained else (np.inf, {})
     greatest, greatest_at = attained[-1] if attained else (-np.inf, {})
@@ -427,18 +432,18 @@ def _range(
     return Range(output, outer, inner, least_at, greatest_at, low.num_boxes + high.num_boxes, where)
 
 
-def _most(found: Subdivision) -> float:
-    return float(max(found.closed, found.open_promises.max(initial=-np.inf)))
+def _most(search: Subdivision) -> float:
+    return float(max(search.closed, search.open_promises.max(initial=-np.inf)))
 
 
-def _place(values: Mapping[str, float], conditions: Sequence[Condition], digits: int) -> str:
+def _point_words(values: Mapping[str, float], conditions: Sequence[Condition], digits: int) -> str:
     """Write values of variables, each with some digits, or with all where fewer would not meet conditions."""
-    told, words = dict(values), []
+    values_left, words = dict(values), []
     for name, value in values.items():
         shown = f"{_rounded(value):.{digits}g}"
-        told[name] = float(shown)
-        if not all(condition.holds(told) for condition in conditions):
-            shown, told[name] = repr(value), value
+        values_left[name] = float(shown)
+        if not all(condition.holds(values_left) for condition in conditions):
+            shown, values_left[name] = repr(value), value
         words.append(f"{name} = {shown}")
     return ", ".join(words)
 

@@ -124,33 +124,33 @@ def read_region(system: FuzzySystem, text: str) -> Region:
     asked_low, asked_high = np.full(len(names), -np.inf), np.full(len(names), np.inf)
     for condition in conditions:
         if condition.is_plain:
-            place = names.index(next(iter(condition.coefficients)))
-            asked_low[place] = max(asked_low[place], condition.least)
-            asked_high[place] = min(asked_high[place], condition.greatest)
+            index = names.index(next(iter(condition.coefficients)))
+            asked_low[index] = max(asked_low[index], condition.least)
+            asked_high[index] = min(asked_high[index], condition.greatest)
     for name, least, greatest in zip(names, asked_low, asked_high, strict=True):
         if not least <= greatest:
             raise ValueError(f"no {name!r} meets all conditions of {text!r}; relax one of them")
     joint = [condition for condition in conditions if not condition.is_plain]
     rows = [[condition.coefficients.get(name, 0.0) for name in names] for condition in joint]
     universes = [(variable.minimum, variable.maximum) for variable in system.inputs]
-    for place, (minimum, maximum) in enumerate(universes):
-        if any(row[place] for row in rows):
-            asked_low[place] = max(asked_low[place], minimum)
-            asked_high[place] = min(asked_high[place], maximum)
-            if asked_low[place] > asked_high[place]:
+    for index, (minimum, maximum) in enumerate(universes):
+        if any(row[index] for row in rows):
+            asked_low[index] = max(asked_low[index], minimum)
+            asked_high[index] = min(asked_high[index], maximum)
+            if asked_low[index] > asked_high[index]:
                 raise ValueError(
-                    f"{names[place]!r} is asked to lie beyond its range of {minimum:g} to {maximum:g} in "
+                    f"{names[index]!r} is asked to lie beyond its range of {minimum:g} to {maximum:g} in "
                     f"{text!r}, where conditions on several inputs do not reach; leave out one of them"
                 )
     notes = tuple(
         f"{variable.name} beyond its range of {number(variable.minimum)} to "
         f"{quantity(variable, variable.maximum)} counts as the end of it"
-        for variable, *asked in zip(system.inputs, asked_low, asked_high, strict=True)
-        if any(np.isfinite(end) and not variable.minimum <= end <= variable.maximum for end in asked)
+        for variable, *limits_given in zip(system.inputs, asked_low, asked_high, strict=True)
+        if any(np.isfinite(end) and not variable.minimum <= end <= variable.maximum for end in limits_given)
     )
     low, high = (np.clip(ends, *np.transpose(universes)) for ends in (asked_low, asked_high))
     coefficients = np.array(rows).reshape(len(joint), len(names))
-    limits = np.array([(one.least, one.greatest) for one in joint]).reshape(-1, 2).T
+    limits = np.array([(condition.least, condition.greatest) for condition in joint]).reshape(-1, 2).T
     region = Region(conditions, low, high, asked_low, asked_high, coefficients, limits[0], limits[1], notes)
     if not region.may_meet(region.low[np.newaxis], region.high[np.newaxis])[0]:
         raise ValueError(f"no inputs of the universes meet all conditions of {text!r}; relax one of them")

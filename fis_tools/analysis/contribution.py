@@ -81,14 +81,14 @@ def holding_back(system: FuzzySystem, output: int = 0) -> tuple[int, ...]:
         and not (isinstance(term.membership, Linear) and any(term.membership.coefficients))
     }
     concluded: dict[int, set[str]] = defaultdict(set)
-    for place, consequent in system.conclusions_on(variable):
+    for index, consequent in system.conclusions_on(variable):
         if consequent.weight > 0.0:
-            concluded[place].add(consequent.term)
+            concluded[index].add(consequent.term)
     middle = np.array([(v.minimum + v.maximum) / 2.0 for v in system.inputs])
     # a few rules once: numba would take longer to compile this than Python to infer
-    alone = [infer_outputs(system, one, middle)[output].value for one in np.eye(len(system.rules))]
+    alone = [infer_outputs(system, unit, middle)[output].value for unit in np.eye(len(system.rules))]
     away = np.abs(np.array(alone) - (variable.default or 0.0)) / variable.span
-    return tuple(place + 1 for place, terms in concluded.items() if terms <= fixed and away[place] < NOTHING)
+    return tuple(index + 1 for index, terms in concluded.items() if terms <= fixed and away[index] < NOTHING)
 
 
 def importance(compiled: CompiledSystem, inputs: Floats) -> Floats:
@@ -147,10 +147,10 @@ def weighed_shares(program: Program, weighing: Weighing, firing: Floats, inputs:
     parts = np.where(strengths > 0.0, strengths, 0.0) / np.where(total > 0.0, total, 1.0)
     scale = total if weighing.defuzzifier == WEIGHTED_SUM else 1.0
     moved = parts * (scale * np.where(strengths > 0.0, numbers, 0.0) - default)
-    found = np.zeros(firing.shape)
+    values = np.zeros(firing.shape)
     for column, rule in enumerate(weighing.rules):
-        found[:, rule] += moved[:, column]
-    return found
+        values[:, rule] += moved[:, column]
+    return values
 
 
 def _numbers(
@@ -160,20 +160,20 @@ def _numbers(
     low, high = program.ends.T
     clipped = np.clip(inputs, low, high)
     num_inputs = clipped.shape[1]
-    found = np.empty(strengths.shape)
+    numbers = np.empty(strengths.shape)
     outputs = interpreter.conclude(program, firing, inputs).T if weighing.formulas else np.empty((0, 0))
     formulas = formula_values(weighing, inputs, program.ends, outputs)
     for column, kind in enumerate(weighing.kinds):
         row = weighing.parameters[column]
         if kind == NUMBER:
-            found[:, column] = clipped @ row[:num_inputs] + row[num_inputs]
+            numbers[:, column] = clipped @ row[:num_inputs] + row[num_inputs]
             continue
         if kind == FORMULA:
-            found[:, column] = formulas[:, int(row[0])]
+            numbers[:, column] = formulas[:, int(row[0])]
             continue
         shape = INVERTED[kind](*row[:2])
         degrees = np.clip(strengths[:, column], np.finfo(np.float64).tiny, 1.0)
-        places = shape.inverse(degrees)
-        ends = np.where(places > 0.0, weighing.high, weighing.low)
-        found[:, column] = np.where(np.isinf(places), ends, places)
-    return found
+        points = shape.inverse(degrees)
+        ends = np.where(points > 0.0, weighing.high, weighing.low)
+        numbers[:, column] = np.where(np.isinf(points), ends, points)
+    return numbers

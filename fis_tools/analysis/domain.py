@@ -89,16 +89,16 @@ def departures(box: Box, time_s: Floats, inputs: Floats) -> tuple[Departure, ...
     inputs : (n, num_inputs)
     """
     beyond = box.beyond(inputs)
-    found = []
-    for place, name in enumerate(box.inputs):
-        is_outside = np.concatenate([[False], beyond[:, place] > 0.0, [False]])
+    stretches = []
+    for index, name in enumerate(box.inputs):
+        is_outside = np.concatenate([[False], beyond[:, index] > 0.0, [False]])
         edges = np.flatnonzero(np.diff(is_outside.astype(np.int8)))
         for first, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
-            farthest = first + int(np.argmax(beyond[first:end, place]))
-            numbers = (float(time_s[first]), float(time_s[end - 1]), float(inputs[farthest, place]))
-            met = (box.low[place], box.high[place])
-            found.append(Departure(box.system, name, box.units[place], *numbers, *met))
-    return tuple(sorted(found, key=lambda one: (one.first_s, one.system, one.name)))
+            farthest = first + int(np.argmax(beyond[first:end, index]))
+            numbers = (float(time_s[first]), float(time_s[end - 1]), float(inputs[farthest, index]))
+            met = (box.low[index], box.high[index])
+            stretches.append(Departure(box.system, name, box.units[index], *numbers, *met))
+    return tuple(sorted(stretches, key=lambda exit_: (exit_.first_s, exit_.system, exit_.name)))
 
 
 def as_mapping(boxes: Iterable[Box]) -> dict[str, Any]:
@@ -106,7 +106,7 @@ def as_mapping(boxes: Iterable[Box]) -> dict[str, Any]:
     systems = []
     for box in boxes:
         columns = zip(box.inputs, box.units, box.low, box.high, strict=True)
-        inputs = [dict(zip(_COLUMNS, one, strict=True)) for one in columns]
+        inputs = [dict(zip(_COLUMNS, row, strict=True)) for row in columns]
         systems.append({"system": box.system, "num_samples": box.num_samples, "inputs": inputs})
     return {"schema": SCHEMA, "schema_version": SCHEMA_VERSION, "systems": systems}
 
@@ -122,7 +122,7 @@ def from_mapping(mapping: Any, source: str) -> tuple[Box, ...]:
     try:
         if (mapping["schema"], mapping["schema_version"]) != (SCHEMA, SCHEMA_VERSION):
             raise KeyError("schema")
-        return tuple(_box(one) for one in mapping["systems"])
+        return tuple(_box(entry) for entry in mapping["systems"])
     except (KeyError, TypeError, ValueError) as error:
         raise ControllerFileError(
             f"{source} holds no operational domain; give the domain.json that the stage assure writes"
@@ -131,6 +131,6 @@ def from_mapping(mapping: Any, source: str) -> tuple[Box, ...]:
 
 def _box(mapping: Mapping[str, Any]) -> Box:
     names, units, low, high = (
-        tuple(kind(one[key]) for one in mapping["inputs"]) for key, kind in _COLUMNS.items()
+        tuple(kind(row[key]) for row in mapping["inputs"]) for key, kind in _COLUMNS.items()
     )
     return Box(str(mapping["system"]), names, units, low, high, int(mapping["num_samples"]))

@@ -108,7 +108,7 @@ class Period:
     row: int | None
 
 
-class Outcome(NamedTuple):
+class FlightOutcome(NamedTuple):
     """How a recorded flight went; None where the recording does not say.
 
     Attributes
@@ -246,7 +246,7 @@ def flying(path: Path | str) -> FuzzyController | None:
     return None if tables.is_table(path) else _controller_of(_read(path, topics=()))
 
 
-def read_outcome(path: Path | str) -> Outcome:
+def read_outcome(path: Path | str) -> FlightOutcome:
     """Read how a flight went.
 
     Raises
@@ -272,7 +272,7 @@ def read_outcome(path: Path | str) -> Outcome:
         reasons = [control[name].reshape(len(control), -1) for name in ("reason", "command_reason")]
         is_safety = np.hstack(reasons) == "safety"
         acted = int(is_safety.any(axis=1).sum()) if is_safety.size else None
-    return Outcome(
+    return FlightOutcome(
         end_s=recording.episode.end_s,
         came_to=end,
         is_success=is_success,
@@ -316,8 +316,8 @@ def read_periods(
         raise ControllerFileError(
             f"{time_s:g} s is on no {unit} of {path}, which {span}; choose a time among these"
         )
-    place = int(np.searchsorted(starts, time_s, side="right")) - 1
-    return tuple(_period(flown, float(starts[place]), recording) for flown in flown_systems)
+    index = int(np.searchsorted(starts, time_s, side="right")) - 1
+    return tuple(_period(flown, float(starts[index]), recording) for flown in flown_systems)
 
 
 def read_rehearsals(path: Path | str, time_s: float) -> dict[str, list[tuple[float, str]]]:
@@ -336,9 +336,9 @@ def read_rehearsals(path: Path | str, time_s: float) -> dict[str, list[tuple[flo
     with _understood():
         rehearsals = recording.rehearsals
     return {
-        what: sorted(zip(one.costs_m_s, one.names, strict=True))
-        for what, one in rehearsals.items()
-        if one.from_s <= time_s < one.until_s
+        what: sorted(zip(rehearsal.costs_m_s, rehearsal.names, strict=True))
+        for what, rehearsal in rehearsals.items()
+        if rehearsal.from_s <= time_s < rehearsal.until_s
     }
 
 
@@ -350,8 +350,8 @@ def read_points(path: Path | str, time_s: float) -> Points | None:
     ControllerFileError
         If the flight cannot be read.
     """
-    found = _points_of(_read(path, topics=(PULLS_TOPICS, CONTROL_TOPICS))) if is_flight(path) else None
-    return None if found is None else found.at(time_s)
+    points = _points_of(_read(path, topics=(PULLS_TOPICS, CONTROL_TOPICS))) if is_flight(path) else None
+    return None if points is None else points.at(time_s)
 
 
 def _topic(recording: "Recording", ending: str) -> "TopicColumns | None":
@@ -419,11 +419,12 @@ def inputs_along(
 
 def require_same_inputs(path: Path | str, flown: Iterable[FuzzySystem], controller: FuzzyController) -> None:
     """Raise ControllerFileError for a flight of no system of a controller, or of one with other inputs."""
-    own = {system.name: system for system in controller.systems}
-    pairs = [(one, own[one.name]) for one in flown if one.name in own]
+    by_name = {system.name: system for system in controller.systems}
+    pairs = [(system, by_name[system.name]) for system in flown if system.name in by_name]
     if not pairs:
         raise ControllerFileError(
-            f"{path} was flown without any of the systems {', '.join(own)}; give flights of this controller"
+            f"{path} was flown without any of the systems {', '.join(by_name)}; "
+            "give flights of this controller"
         )
     for pair in pairs:
         logged, wanted = (", ".join(variable.name for variable in system.inputs) for system in pair)

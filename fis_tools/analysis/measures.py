@@ -167,10 +167,10 @@ def rule_consistency(system: model.FuzzySystem) -> RuleConsistency:
     is_highest = strengths >= highest - 1e-9
     alone = _alone(system, strengths, grid, is_highest.argmax(axis=0))
     best, values = [], []
-    for number, own in enumerate(alone):
-        places = np.flatnonzero(is_highest[:, number])
-        meant = _meanings(system, number, answers[places], own)
-        best.append(places[np.argmax(meant)])
+    for number, rule_answers in enumerate(alone):
+        indices = np.flatnonzero(is_highest[:, number])
+        meant = _meanings(system, number, answers[indices], rule_answers)
+        best.append(indices[np.argmax(meant)])
         values.append(meant.max() if highest[number] > 0 else 0.0)
     return RuleConsistency(grid[best], answers[best], alone, np.array(values))
 
@@ -188,7 +188,7 @@ def _grid(axes: list[Floats]) -> Floats | None:
     return np.array(list(product(*axes)), dtype=np.float64)
 
 
-def _alone(system: model.FuzzySystem, strengths: Floats, grid: Floats, places: Integers) -> Floats:
+def _alone(system: model.FuzzySystem, strengths: Floats, grid: Floats, indices: Integers) -> Floats:
     """Return what each rule alone would answer at its place in a grid; NaN for what it says nothing on."""
     alone = np.full((len(system.rules), len(system.outputs)), np.nan)
     alike = defaultdict(list)
@@ -196,25 +196,30 @@ def _alone(system: model.FuzzySystem, strengths: Floats, grid: Floats, places: I
         alike[rule.consequents].append(number)
     for consequents, rules in alike.items():
         program = assemble(replace(system, rules=(system.rules[rules[0]],)))
-        at, says = places[rules], np.isin([v.name for v in system.outputs], [c.variable for c in consequents])
+        at, says = (
+            indices[rules],
+            np.isin([v.name for v in system.outputs], [c.variable for c in consequents]),
+        )
         answers = conclude(program, strengths[at, rules][:, np.newaxis], grid[at])
         alone[rules] = np.where(says, answers, np.nan)
     return alone
 
 
-def _meanings(system: model.FuzzySystem, number: int, answers: Floats, own: Floats) -> Floats:
+def _meanings(system: model.FuzzySystem, number: int, answers: Floats, rule_answers: Floats) -> Floats:
     """Return how much answers (n, num_outputs) are like what a rule concludes, shape (n,)."""
     meant = np.ones(len(answers))
     names = [variable.name for variable in system.outputs]
     for consequent in system.rules[number].consequents:
-        place = names.index(consequent.variable)
-        variable = system.outputs[place]
+        index = names.index(consequent.variable)
+        variable = system.outputs[index]
         if system.weighs(variable):
-            off = np.abs(answers[:, place] - own[place]) / variable.span
+            off = np.abs(answers[:, index] - rule_answers[index]) / variable.span
             meant = np.minimum(meant, np.clip(1.0 - off, 0.0, 1.0))
             continue
         function = variable.memberships[variable.term_index(consequent.term)]
-        like, most = (np.interp(y, variable.universe, function) for y in (answers[:, place], own[place]))
+        like, most = (
+            np.interp(y, variable.universe, function) for y in (answers[:, index], rule_answers[index])
+        )
         meant = np.minimum(meant, like / most if most > 0 else like)
     return meant
 
@@ -230,8 +235,8 @@ def completeness(system: model.FuzzySystem) -> Completeness:
     is 0.
     """
     if _has_every_combination(system):
-        place = np.array([coverage(variable).at for variable in system.inputs])
-        return Completeness(float(firing(system, place[np.newaxis]).max()), place, True)
+        point = np.array([coverage(variable).at for variable in system.inputs])
+        return Completeness(float(firing(system, point[np.newaxis]).max()), point, True)
     grid = _grid([_turning_points(variable) for variable in system.inputs])
     operators = {(system.and_operator_of(rule), system.or_operator_of(rule)) for rule in system.rules}
     is_exact = grid is not None and operators == {("min", "max")}
@@ -244,10 +249,10 @@ def completeness(system: model.FuzzySystem) -> Completeness:
 
 
 def _has_every_combination(system: model.FuzzySystem) -> bool:
-    found = model.conjunctions(system)
-    if found is None or np.any(found[0] < 0):
+    table = model.conjunctions(system)
+    if table is None or np.any(table[0] < 0):
         return False
-    return len(np.unique(found[0], axis=0)) == prod(len(variable.terms) for variable in system.inputs)
+    return len(np.unique(table[0], axis=0)) == prod(len(variable.terms) for variable in system.inputs)
 
 
 def _turning_points(variable: model.Variable) -> Floats:
@@ -256,9 +261,9 @@ def _turning_points(variable: model.Variable) -> Floats:
     terms = variable.memberships
     functions = np.concatenate([terms, 1.0 - terms])
     turns = np.sign(np.diff(terms))
-    found = [x[[0, -1]], x[1:-1][np.any(turns[:, 1:] != turns[:, :-1], axis=0)], crossings(x, functions)]
+    candidates = [x[[0, -1]], x[1:-1][np.any(turns[:, 1:] != turns[:, :-1], axis=0)], crossings(x, functions)]
     for index, function in enumerate(functions):
         equal = np.pad(functions[index + 1 :] == function, ((0, 0), (1, 1)), constant_values=True)
         parting = equal[:, 1:-1] & ~(equal[:, :-2] & equal[:, 2:])
-        found.append(x[np.any(parting, axis=0)])
-    return np.unique(np.concatenate(found))
+        candidates.append(x[np.any(parting, axis=0)])
+    return np.unique(np.concatenate(candidates))

@@ -90,15 +90,15 @@ def _wanted(
     wanted = {}
     for name in names:
         split = name_and_unit(labels.get(name, name))
-        found = [column for column in held if column == name or splits[column] == split]
-        if len(found) != 1:
+        columns = [column for column in held if column == name or splits[column] == split]
+        if len(columns) != 1:
             fault = f"it has no {name!r}; {nearest(name, held)}"
-            if found:
-                fault = f"it has {' and '.join(map(repr, found))} for {name!r}; leave out one"
+            if columns:
+                fault = f"it has {' and '.join(map(repr, columns))} for {name!r}; leave out one"
             raise ControllerFileError(
                 f"{path}: columns go by the names of inputs ({', '.join(names)}), and {fault}"
             )
-        wanted[name] = found[0]
+        wanted[name] = columns[0]
     return wanted | ({TIME: TIME} if TIME in held else {})
 
 
@@ -106,12 +106,12 @@ def _from_csv(path: Path, names: Sequence[str], labels: Mapping[str, str]) -> tu
     with path.open(encoding="utf-8-sig", newline="") as file:
         held = [name.strip() for name in next(csv.reader(file), [])]
         wanted = _wanted(path, held, names, labels)
-        places = [held.index(column) for column in wanted.values()]
+        positions = [held.index(column) for column in wanted.values()]
         rows = [(number, row) for number, row in enumerate(csv.reader(file), start=2) if row]
     columns = np.empty((len(rows), len(wanted)))
-    for place, (number, row) in enumerate(rows):
+    for row_index, (number, row) in enumerate(rows):
         try:
-            columns[place] = [float(row[column]) for column in places]
+            columns[row_index] = [float(row[column]) for column in positions]
         except (ValueError, IndexError):
             raise ControllerFileError(
                 f"{path}, row {number}: {', '.join(row)} does not hold a number for each of "
@@ -127,9 +127,9 @@ def _from_parquet(path: Path, names: Sequence[str], labels: Mapping[str, str]) -
         wanted.update(_wanted(path, held, names, labels))
         return list(wanted.values())
 
-    found = read_parquet(path, choose)
+    table = read_parquet(path, choose)
     try:
-        columns = [np.asarray(found[column], dtype=np.float64) for column in wanted.values()]
+        columns = [np.asarray(table[column], dtype=np.float64) for column in wanted.values()]
     except (TypeError, ValueError) as error:
         raise ControllerFileError(f"{path}: {error}; give a Parquet file whose inputs are numbers") from error
     return list(wanted), np.column_stack(columns)

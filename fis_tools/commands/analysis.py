@@ -11,12 +11,12 @@ from fis_tools.analysis import flights as logged
 from fis_tools.analysis import tables
 from fis_tools.analysis.bounds import NUM_BOXES, ask, output_ranges
 from fis_tools.analysis.domain import Box, Departure, departures, from_mapping
-from fis_tools.commands.arguments import Asked, analysing, expected
+from fis_tools.commands.arguments import ControllerArguments, analysing, expected
 from fis_tools.errors import ControllerFileError, Mistake, told_as
 
 
 def bounds(
-    asked: Asked,
+    args: ControllerArguments,
     *,
     where: str = "",
     question: Annotated[str | None, Parameter(name="--ask")] = None,
@@ -51,7 +51,7 @@ def bounds(
     """
     if expect is not None and question is None:
         raise Mistake("--expect is about the answer to a question; add --ask")
-    controller = asked.read()
+    controller = args.read()
     systems = (
         (controller.only_system("add --system"),) if where or question is not None else controller.systems
     )
@@ -63,8 +63,8 @@ def bounds(
 
         for system in systems:
             if question is None:
-                found = output_ranges(system, where, max_boxes=boxes, progress=progress)
-                sentences += [one.sentence for one in found]
+                ranges = output_ranges(system, where, max_boxes=boxes, progress=progress)
+                sentences += [output_range.sentence for output_range in ranges]
             else:
                 answer = ask(system, question, where, max_boxes=boxes, progress=progress)
                 sentences, verdict = [answer.sentence], answer.verdict
@@ -94,11 +94,11 @@ def domain(domain: str, flights: tuple[str, ...], /) -> int:
     boxes = {box.system: box for box in _read(Path(domain))}
     num_left = 0
     for path in flights:
-        found = _departures(path, boxes)
-        num_left += bool(found)
-        print(f"{path}: {'stayed inside' if not found else ''}".rstrip())
-        for one in sorted(found, key=lambda one: one.first_s):
-            print(f"  {_sentence(one)}")
+        exits = _departures(path, boxes)
+        num_left += bool(exits)
+        print(f"{path}: {'stayed inside' if not exits else ''}".rstrip())
+        for departure in sorted(exits, key=lambda departure: departure.first_s):
+            print(f"  {_sentence(departure)}")
     return int(num_left > 0)
 
 
@@ -112,27 +112,26 @@ def _read(path: Path) -> tuple[Box, ...]:
 
 def _departures(path: str, boxes: dict[str, Box]) -> list[Departure]:
     """Return when a flight left the boxes of its systems."""
-    found: list[Departure] = []
+    exits: list[Departure] = []
     if tables.is_table(path):
         for each in boxes.values():
             sensed, time_s = tables.read(path, each.inputs)
-            found += departures(each, np.arange(1.0, len(sensed) + 1.0) if time_s is None else time_s, sensed)
-        return found
+            exits += departures(each, np.arange(1.0, len(sensed) + 1.0) if time_s is None else time_s, sensed)
+        return exits
     for flown in logged.read_flight(path):
-        box, inputs = boxes.get(flown.system.name), tuple(one.name for one in flown.system.inputs)
+        box, inputs = boxes.get(flown.system.name), tuple(variable.name for variable in flown.system.inputs)
         if box is None or box.inputs != inputs:
             raise ControllerFileError(
                 f"{path} was flown with a system {flown.system.name} of {', '.join(inputs)}, which the "
                 "domain does not have; give flights of the controller that it was made with"
             )
-        found += departures(box, flown.time_s, flown.inputs)
-    return found
+        exits += departures(box, flown.time_s, flown.inputs)
+    return exits
 
 
-def _sentence(one: Departure) -> str:
-    unit = f" {one.unit}" if one.unit else ""
-    when = f"at {one.first_s:g} s" if one.first_s == one.last_s else f"{one.first_s:g} to {one.last_s:g} s"
+def _sentence(d: Departure) -> str:
+    unit = f" {d.unit}" if d.unit else ""
+    when = f"at {d.first_s:g} s" if d.first_s == d.last_s else f"{d.first_s:g} to {d.last_s:g} s"
     return (
-        f"{when}: {one.system} senses {one.name} = {one.value:.6g}{unit}, outside {one.low:.6g} to "
-        f"{one.high:.6g}{unit}"
+        f"{when}: {d.system} senses {d.name} = {d.value:.6g}{unit}, outside {d.low:.6g} to {d.high:.6g}{unit}"
     )

@@ -50,7 +50,7 @@ def whole_number(least: int, most: int) -> Parameter:
 
 @Parameter(name="*")
 @dataclass(frozen=True)
-class Asked:
+class ControllerArguments:
     """What a command is about.
 
     Parameters
@@ -78,7 +78,9 @@ class Asked:
 @contextmanager
 def analysing(*controllers: FuzzyController) -> Iterator[Callable[[str], None]]:
     """Say first that many rules or points take long, and in a terminal that a block goes on, and how far."""
-    for system in {system.name: system for one in controllers for system in one.systems}.values():
+    for system in {
+        system.name: system for controller in controllers for system in controller.systems
+    }.values():
         num_points = max(variable.num_points for variable in system.outputs)
         if len(system.rules) > MANY_RULES or num_points > MANY_POINTS:
             sys.stderr.write(
@@ -91,7 +93,7 @@ def analysing(*controllers: FuzzyController) -> Iterator[Callable[[str], None]]:
 
 @Parameter(name="*")
 @dataclass(frozen=True)
-class AskedAlong(Asked):
+class FlightArguments(ControllerArguments):
     """What a command is about, and where it was flown.
 
     Parameters
@@ -180,7 +182,7 @@ def write(output: str | None, content: str) -> None:
 
 @Parameter(name="*")
 @dataclass(frozen=True)
-class AskedInstant(AskedAlong):
+class InstantArguments(FlightArguments):
     """What a command is about, and at which inputs.
 
     Parameters
@@ -223,21 +225,21 @@ class Instant:
     points: flights.Points | None = None
 
 
-def instants(asked: AskedInstant, controller: FuzzyController) -> Iterator[Instant]:
+def instants(args: InstantArguments, controller: FuzzyController) -> Iterator[Instant]:
     """Yield each system of a controller that is meant with its inputs, given by hand or logged."""
-    if asked.time is None:
-        yield from (Instant(system, inputs) for system, inputs in _given(asked.inputs or "", controller))
+    if args.time is None:
+        yield from (Instant(system, inputs) for system, inputs in _given(args.inputs or "", controller))
         return
-    paths = asked.paths
+    paths = args.paths
     if len(paths) != 1:
         raise Mistake("--time is for one file of logged data; give a flight (.mcap), or add --flights FILE")
-    periods = flights.read_periods(paths[0], asked.time, controller)
+    periods = flights.read_periods(paths[0], args.time, controller)
     names = [period.flown.system.name for period in periods]
-    if asked.system is not None:
-        require_known([asked.system], names, "the flight has no system", Mistake)
+    if args.system is not None:
+        require_known([args.system], names, "the flight has no system", Mistake)
     for period in periods:
-        if asked.system in (None, period.flown.system.name):
-            yield _instant(period, asked.all_periods)
+        if args.system in (None, period.flown.system.name):
+            yield _instant(period, args.all_periods)
 
 
 def _instant(period: flights.Period, all_periods: bool) -> Instant:
@@ -263,9 +265,9 @@ def _in_words(period: flights.Period) -> str:
     if period.reason in COUNTED and became not in COUNTED:
         words += "what was fired was not its doing; "
     if row is not None:
-        asked = f"{number(float(flown.output[row]))} {flown.system.outputs[0].unit}".rstrip()
-        was_due = f"{asked} was due, asked for at {flown.time_s[row]:g} s; "
-        words += was_due if flown.delay_s else f"it asked for {asked}; "
+        force = f"{number(float(flown.output[row]))} {flown.system.outputs[0].unit}".rstrip()
+        was_due = f"{force} was due, asked for at {flown.time_s[row]:g} s; "
+        words += was_due if flown.delay_s else f"it asked for {force}; "
     elif period.reason in COUNTED:
         return words + "it asked for nothing"
     words += REASONS.get(became, "nothing was fired")

@@ -11,21 +11,21 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from fis_tools.commands import arguments
-from fis_tools.commands.arguments import Asked, Output, write
+from fis_tools.commands.arguments import ControllerArguments, Output, write
 from fis_tools.errors import Mistake, told_as
 from fis_tools.formats import serialize
 from fis_tools.formats.c import source
 from fis_tools.formats.files import ONE_SYSTEM, WHOLE, File, in_files_of_one, of_one_system
 from fis_tools.formats.mapping import MOST_POINTS
 from fis_tools.learning.learner import Recipe, cross_validated, learn_table
-from fis_tools.learning.table import Table, as_table, read
+from fis_tools.learning.table import TrainingTable, as_table, read
 from fis_tools.model import FuzzyController, FuzzySystem, Sampled, Variable, with_variables
 from fis_tools.source import is_program, read_controller
 from fis_tools.words.text import sentences, with_unit
 
 
 def export(
-    asked: Asked,
+    args: ControllerArguments,
     *,
     format: Annotated[str, Parameter(choices=(*WHOLE, *ONE_SYSTEM))],
     output: Output = None,
@@ -59,7 +59,7 @@ def export(
     """
     if bare and format != "c":
         raise Mistake("--bare is for --format c; leave it out")
-    controller = asked.read()
+    controller = args.read()
     if format in ONE_SYSTEM:
         _write_each(controller, format, output)
         return
@@ -69,10 +69,10 @@ def export(
 
 def _write_each(controller: FuzzyController, form: str, output: str | None) -> None:
     """Write each system into a file of its own, and tell what the files do not say."""
-    place = None if output is None else Path(output)
-    if form == "fmu" and place is None:
+    path = None if output is None else Path(output)
+    if form == "fmu" and path is None:
         raise Mistake("an FMU is an archive and cannot be printed; add -o FILE.fmu or -o FOLDER")
-    if place is None or place.suffix.lower() == ONE_SYSTEM[form]:  # a file of such a form holds one system
+    if path is None or path.suffix.lower() == ONE_SYSTEM[form]:  # a file of such a form holds one system
         controller.only_system("add --system, or -o FOLDER for a file each")
     with told_as(Mistake, ValueError):
         systems = in_files_of_one(controller, ONE_SYSTEM[form])
@@ -81,13 +81,13 @@ def _write_each(controller: FuzzyController, form: str, output: str | None) -> N
         with told_as(Mistake, ValueError, where=f"{alone.systems[0].name}: "):
             files[name] = of_one_system(alone, form)
     for name, file in files.items():
-        if place is None:
+        if path is None:
             print(file.content.decode(), end="")
-        elif place.is_dir() or not place.suffix or len(files) > 1:
-            arguments.place_for(place / name).write_bytes(file.content)
-            print(place / name)
+        elif path.is_dir() or not path.suffix or len(files) > 1:
+            arguments.place_for(path / name).write_bytes(file.content)
+            print(path / name)
         else:
-            arguments.place_for(place).write_bytes(file.content)
+            arguments.place_for(path).write_bytes(file.content)
         for loss in file.losses:
             print(f"{name}: {loss}", file=sys.stderr)
 
@@ -141,11 +141,13 @@ def import_(
     if conflicts:
         raise Mistake(f"the files differ in the attribute {conflicts[0]!r}; import them one by one")
     provenance, contradicted = _merged(controller.provenance for controller in controllers)
-    told, unlike = _merged((("purpose", one.purpose),) for one in controllers if one.purpose)
+    purposes, unlike = _merged(
+        (("purpose", controller.purpose),) for controller in controllers if controller.purpose
+    )
     left_out = [*unlike, *(f"provenance {key}" for key in contradicted)]
     names = list(dict.fromkeys(controller.name for controller in controllers))
     name = name or (names[0] if len(names) == 1 else Path(files[0]).stem)
-    controller = FuzzyController(name, systems, attributes, provenance, **dict(told))
+    controller = FuzzyController(name, systems, attributes, provenance, **dict(purposes))
     write(output, form(controller))
     for sentence in assumed:
         print(f"assumed: {sentence}", file=sys.stderr)
@@ -161,16 +163,16 @@ def _reading(path: str, trust: bool) -> serialize.Reading:
 
 def _systems(paths: Sequence[str], controllers: Sequence[FuzzyController]) -> tuple[FuzzySystem, ...]:
     """Put the systems of all files together; their names must differ."""
-    found: dict[str, tuple[str, FuzzySystem]] = {}
+    systems: dict[str, tuple[str, FuzzySystem]] = {}
     for path, controller in zip(paths, controllers, strict=True):
         for system in controller.systems:
-            if system.name in found:
+            if system.name in systems:
                 raise Mistake(
-                    f"{found[system.name][0]} and {path} both have a system {system.name!r}; rename one in "
+                    f"{systems[system.name][0]} and {path} both have a system {system.name!r}; rename one in "
                     "its file, or import them one by one"
                 )
-            found[system.name] = (path, system)
-    return tuple(system for _, system in found.values())
+            systems[system.name] = (path, system)
+    return tuple(system for _, system in systems.values())
 
 
 def _resampled(system: FuzzySystem, num_points: int) -> FuzzySystem:
@@ -261,11 +263,11 @@ def learn(
             "held_out": held_out,
         }
         write(output, form(FuzzyController(system.name, (system,), provenance=tuple(facts.items()))))
-    asked = ", ".join(with_unit(variable) for variable in system.inputs)
-    print("\n".join([*sentences(system), "", f"{len(system.rules)} rules of {asked}", held_out]))
+    input_words = ", ".join(with_unit(variable) for variable in system.inputs)
+    print("\n".join([*sentences(system), "", f"{len(system.rules)} rules of {input_words}", held_out]))
 
 
-def _reached(table: Table, recipe: Recipe) -> str:
+def _reached(table: TrainingTable, recipe: Recipe) -> str:
     """Say what the recipe reaches on rows that it did not learn from."""
     reached = cross_validated(table, recipe)
     if reached is None:

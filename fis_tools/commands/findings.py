@@ -13,7 +13,7 @@ from cyclopts import Parameter, Token
 
 from fis_tools.analysis import flights
 from fis_tools.commands import arguments
-from fis_tools.commands.arguments import AskedAlong, AskedInstant, Output, analysing
+from fis_tools.commands.arguments import FlightArguments, InstantArguments, Output, analysing
 from fis_tools.document import as_json, text
 from fis_tools.engines.inference import infer
 from fis_tools.errors import Mistake, require_known, told_as
@@ -32,7 +32,7 @@ NARROWEST, WIDEST = 60, 120
 
 
 def audit(
-    asked: AskedAlong,
+    args: FlightArguments,
     *,
     json: bool = False,
     fail_on: Literal["note", "warning", "serious"] | None = None,
@@ -80,16 +80,16 @@ def audit(
     thresholds
         from where on something is a finding: NAME=NUMBER,NAME=NUMBER
     """
-    controller = asked.read()
+    controller = args.read()
     limits = _thresholds(thresholds)
     with analysing(controller):
-        found = faults.audit(controller, asked.flown(controller), limits)
+        audited = faults.audit(controller, args.flown(controller), limits)
     if json:
-        print(as_json(report.SCHEMA, report.SCHEMA_VERSION, found.plain()), end="")
+        print(as_json(report.SCHEMA, report.SCHEMA_VERSION, audited.plain()), end="")
     else:
         width = min(WIDEST, max(NARROWEST, shutil.get_terminal_size((text.WIDTH, 24)).columns))
-        print(text.write(found.document(), width), end="")
-    return 0 if fail_on is None else int(bool(found.at_least(Severity[fail_on.upper()])))
+        print(text.write(audited.document(), width), end="")
+    return 0 if fail_on is None else int(bool(audited.at_least(Severity[fail_on.upper()])))
 
 
 def _thresholds(words: str) -> Thresholds:
@@ -108,7 +108,7 @@ EXPLANATION = ("fuzzy-explanation", 2)
 
 
 def explain(
-    asked: AskedInstant,
+    args: InstantArguments,
     *,
     crossing: Annotated[float | None, arguments.expected("a finite number", math.isfinite)] = None,
     steps: bool = False,
@@ -143,67 +143,75 @@ def explain(
     json
         print it for programs (schema fuzzy-explanation, version 2)
     """
-    if asked.inputs is not None and asked.flights:
+    if args.inputs is not None and args.flights:
         raise Mistake("--flights are for the share of each rule over them; drop --inputs, or the flights")
     if steps and (json or crossing is not None):
         raise Mistake("--steps go without --json and --crossing; drop one of them")
-    controller = asked.read()
-    if asked.is_instant or not asked.paths:
-        print(_of_instants(asked, controller, crossing or 0.0, steps, all, json), end="")
+    controller = args.read()
+    if args.is_instant or not args.paths:
+        print(_of_instants(args, controller, crossing or 0.0, steps, all, json), end="")
         return
     if steps or crossing is not None:
         raise Mistake("--steps and --crossing are about one inference; add --time SECONDS or --inputs")
-    print(_over_flights(asked, controller, all, json), end="")
+    print(_over_flights(args, controller, all, json), end="")
 
 
 def _of_instants(
-    asked: AskedInstant, controller: FuzzyController, crossing: float, steps: bool, all: bool, json: bool
+    args: InstantArguments, controller: FuzzyController, crossing: float, steps: bool, all: bool, json: bool
 ) -> str:
-    found = list(arguments.instants(asked, controller))
-    silent = [f"{one.note}\n" for one in found if one.note]
+    chosen = list(arguments.instants(args, controller))
+    silent = [f"{instant.note}\n" for instant in chosen if instant.note]
     if steps:
-        steps_of = [wording.explain(infer(one.system, one.inputs)) for one in found if one.inputs is not None]
+        steps_of = [
+            wording.explain(infer(instant.system, instant.inputs))
+            for instant in chosen
+            if instant.inputs is not None
+        ]
         return "\n".join([*steps_of, *silent])
     with told_as(Mistake, ValueError), analysing(controller):
         explained = [
-            explanation.explain(one.system, one.inputs, crossing, one.points)
-            for one in found
-            if one.inputs is not None
+            explanation.explain(instant.system, instant.inputs, crossing, instant.points)
+            for instant in chosen
+            if instant.inputs is not None
         ]
-    path, time_s = (asked.paths[0], asked.time) if asked.time is not None else ("", 0.0)
+    path, time_s = (args.paths[0], args.time) if args.time is not None else ("", 0.0)
     now, rehearsed = flights.read_points(path, time_s), flights.read_rehearsals(path, time_s)
     if json:
-        plain = [one.plain() for one in explained]
-        idle = [{"system": one.system.name, "words": one.note} for one in found if one.inputs is None]
+        plain = [result.plain() for result in explained]
+        idle = [
+            {"system": instant.system.name, "words": instant.note}
+            for instant in chosen
+            if instant.inputs is None
+        ]
         more: dict[str, Any] = {"rehearsed": rehearsed} if rehearsed else {}
         if now is not None and now.is_missed is not None:
             more["missed"] = np.flatnonzero(now.is_missed).tolist()
         return as_json(*EXPLANATION, {"explanations": plain, "not_fired": idle, **more})
     ahead = [text.write(explanation.rehearsed(what, ways, all)) for what, ways in rehearsed.items()]
     missed = [f"{words}\n"] if now is not None and (words := explanation.missed_words(now)) else []
-    return "\n".join([*(one.text(everything=all) for one in explained), *silent, *missed, *ahead])
+    return "\n".join([*(result.text(everything=all) for result in explained), *silent, *missed, *ahead])
 
 
-def _over_flights(asked: AskedInstant, controller: FuzzyController, all: bool, json: bool) -> str:
-    flown = asked.flown(controller) or {}
+def _over_flights(args: InstantArguments, controller: FuzzyController, all: bool, json: bool) -> str:
+    flown = args.flown(controller) or {}
     with analysing(controller):
-        found = {
+        shares = {
             system.name: explanation.shares(system, flown[system.name])
             if len(flown.get(system.name, ()))
             else None
             for system in controller.systems
         }
     if json:
-        plain = [one.plain() for one in found.values() if one is not None]
+        plain = [each.plain() for each in shares.values() if each is not None]
         return as_json(*EXPLANATION, {"shares": plain})
     return "\n".join(
-        f"{name}: it never fired anything on these flights\n" if one is None else one.text(everything=all)
-        for name, one in found.items()
+        f"{name}: it never fired anything on these flights\n" if each is None else each.text(everything=all)
+        for name, each in shares.items()
     )
 
 
 def diff(
-    asked: AskedAlong, after: str, *, json: bool = False, exit_code: bool = False, output: Output = None
+    args: FlightArguments, after: str, *, json: bool = False, exit_code: bool = False, output: Output = None
 ) -> int:
     """Tell what changed from one controller to another.
 
@@ -234,17 +242,17 @@ def diff(
     is_page = not json and Path(output or "").suffix.lower() in {".html", ".htm"}
     if is_page:  # what pictures need is missed before anything is computed
         import_module("fis_tools.render")
-    paths = (asked.controller, after)
-    old, new = (arguments.chosen(read_controller(path, asked.trust), asked.system) for path in paths)
-    samples = arguments.flown_inputs(asked.flights, new, asked.all_periods)
+    paths = (args.controller, after)
+    old, new = (arguments.chosen(read_controller(path, args.trust), args.system) for path in paths)
+    samples = arguments.flown_inputs(args.flights, new, args.all_periods)
     with analysing(old, new):
-        found = difference(old, new, samples, paths)
+        differences = difference(old, new, samples, paths)
     if json:
-        content = as_json("fuzzy-difference", 1, found.plain())
+        content = as_json("fuzzy-difference", 1, differences.plain())
     else:
-        content = found.html() if is_page else found.text()
+        content = differences.html() if is_page else differences.text()
     arguments.write(output, content)
-    return int(exit_code and not found.is_empty)
+    return int(exit_code and not differences.is_empty)
 
 
 DEFAULTS = Budget()
@@ -264,7 +272,7 @@ Share = Annotated[float, Parameter(converter=_share)]
 
 
 def simplify(
-    asked: AskedAlong,
+    args: FlightArguments,
     *,
     max_change: Share = DEFAULTS.max_change,
     mean_change: Share = DEFAULTS.mean_change,
@@ -304,14 +312,14 @@ def simplify(
         print the steps for programs (schema fuzzy-simplification, version 1)
     """
     form = arguments.form_of(output)
-    controller = asked.read()
-    samples = asked.flown(controller)
+    controller = args.read()
+    samples = args.flown(controller)
     if samples is None and flights_only:
         raise Mistake("--flights-only needs flights; add --flights, or leave it out")
     with told_as(Mistake, ValueError):
         budget = Budget(max_change, mean_change, flights_only, look_alike)
     with analysing(controller) as tell:
-        found = simplification.simplify(controller, samples, budget, tell)
+        simplified = simplification.simplify(controller, samples, budget, tell)
     if form is not None:
-        arguments.write(output, form(found.controller))
-    print(as_json("fuzzy-simplification", 1, found.plain()) if json else found.text(), end="")
+        arguments.write(output, form(simplified.controller))
+    print(as_json("fuzzy-simplification", 1, simplified.plain()) if json else simplified.text(), end="")

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 KINDS = ("memberships", "rules", "surfaces", "inference", "firing")
 
 
-def show(asked: arguments.Asked) -> None:
+def show(args: arguments.ControllerArguments) -> None:
     """Print variables, terms and rule tables.
 
     For example:
@@ -37,12 +37,12 @@ def show(asked: arguments.Asked) -> None:
         python -m fis_tools show tipper.fis
         python -m fis_tools show outputs/train/TIME --system force_x
     """
-    controller = asked.read()
+    controller = args.read()
     print(text.write(outline(controller)), end="")
 
 
 def plot(
-    asked: arguments.AskedInstant,
+    args: arguments.InstantArguments,
     *,
     output: Annotated[str, Parameter(name=("--output", "-o"))] = ".",
     format: Literal["png", "svg", "pdf"] = "png",
@@ -76,11 +76,11 @@ def plot(
     """
     from fis_tools.render import THEMES, save  # noqa: PLC0415 - the other commands start without matplotlib
 
-    colours, kinds = THEMES[theme], _kinds(asked, only)
-    controller = asked.read()
-    inferences = _fired(asked, controller) if "inference" in kinds else []
+    colours, kinds = THEMES[theme], _kinds(args, only)
+    controller = args.read()
+    inferences = _fired(args, controller) if "inference" in kinds else []
     taken: Counter[str] = Counter()
-    for system, name, figure in _pictures(asked, controller, kinds, inferences, colours):
+    for system, name, figure in _pictures(args, controller, kinds, inferences, colours):
         picture = f"{file_name(system.name)}-{file_name(name)}"
         taken[picture.casefold()] += 1  # other names may come to the same file's
         if taken[picture.casefold()] > 1:
@@ -90,29 +90,29 @@ def plot(
         print(path)
 
 
-def _fired(asked: arguments.AskedInstant, controller: FuzzyController) -> list[tuple[FuzzySystem, Floats]]:
+def _fired(args: arguments.InstantArguments, controller: FuzzyController) -> list[tuple[FuzzySystem, Floats]]:
     """Return the inferences that there are to draw."""
-    found = list(arguments.instants(asked, controller))
-    drawn = [(one.system, one.inputs) for one in found if one.inputs is not None]
+    chosen = list(arguments.instants(args, controller))
+    drawn = [(instant.system, instant.inputs) for instant in chosen if instant.inputs is not None]
     if not drawn:
-        raise Mistake("; ".join(one.note for one in found))
+        raise Mistake("; ".join(instant.note for instant in chosen))
     return drawn
 
 
-def _kinds(asked: arguments.AskedInstant, only: Sequence[str]) -> Sequence[str]:
+def _kinds(args: arguments.InstantArguments, only: Sequence[str]) -> Sequence[str]:
     """Return what to draw: what is asked for, or all there is."""
     if not only:
-        more = {"inference": asked.is_instant, "firing": bool(asked.paths)}
+        more = {"inference": args.is_instant, "firing": bool(args.paths)}
         return [*KINDS[:3], *(kind for kind, is_asked in more.items() if is_asked)]
-    if asked.is_instant and "inference" not in only:
+    if args.is_instant and "inference" not in only:
         raise Mistake("--inputs and --time are for an inference; add --only inference, or leave them out")
-    if "firing" in only and not asked.paths:
+    if "firing" in only and not args.paths:
         raise Mistake("--only firing is for logged data; give a flight (.mcap), or add --flights FILE")
     return only
 
 
 def _pictures(
-    asked: arguments.AskedInstant,
+    args: arguments.InstantArguments,
     controller: FuzzyController,
     kinds: Sequence[str],
     inferences: list[tuple[FuzzySystem, Floats]],
@@ -120,7 +120,7 @@ def _pictures(
 ) -> "Iterator[tuple[FuzzySystem, str, Figure]]":
     from fis_tools import render  # noqa: PLC0415 - as above
 
-    sensed = asked.flown(controller) or {}
+    sensed = args.flown(controller) or {}
     for system in controller.systems:
         if "memberships" in kinds:
             yield system, "memberships", render.memberships_figure(system, theme=theme)
@@ -132,9 +132,9 @@ def _pictures(
             yield from ((system, *named) for named in drawn)
     for system, inputs in inferences:
         yield system, "inference", render.inference_figure(infer(system, inputs), theme=theme)
-    for path in asked.paths if "firing" in kinds else ():
-        for along in flights.read_flight(path, asked.all_periods, controller):
-            if asked.system in (None, along.system.name) and len(along.time_s):
+    for path in args.paths if "firing" in kinds else ():
+        for along in flights.read_flight(path, args.all_periods, controller):
+            if args.system in (None, along.system.name) and len(along.time_s):
                 fired = along.firing_strengths
                 figure = render.firing_figure(
                     along.system, along.time_s, fired, is_timed=along.is_timed, theme=theme
@@ -147,7 +147,7 @@ PICTURES = (".png", ".svg", ".pdf")
 
 
 def surface(
-    asked: arguments.AskedAlong,
+    args: arguments.FlightArguments,
     *,
     x: str | None = None,
     y: str | None = None,
@@ -189,14 +189,14 @@ def surface(
     output
         .png, .svg, .pdf, or CSV [default: CSV, printed]
     """
-    controller = read_controller(asked.controller, asked.trust)
-    system = arguments.chosen(controller, asked.system).only_system("add --system")
+    controller = read_controller(args.controller, args.trust)
+    system = arguments.chosen(controller, args.system).only_system("add --system")
     ending = Path(output or "").suffix.lower()
     if ending not in (*PICTURES, ".csv") and output is not None:
         raise Mistake(f"{output} ends in none of {', '.join(PICTURES)}, .csv; name the file so")
     if ending in PICTURES:  # what pictures need is missed before anything is computed
         import_module("fis_tools.render")
-    elif in_space or asked.flights:
+    elif in_space or args.flights:
         raise Mistake("--3d and --flights are for pictures; add -o FILE.png, .svg or .pdf")
     held = arguments.assignments(fixed)
     with told_as(Mistake, ValueError):
@@ -206,7 +206,7 @@ def surface(
         return
     from fis_tools import render  # noqa: PLC0415 - as in `plot`
 
-    flown = arguments.flown_inputs(asked.flights, controller, asked.all_periods) or {}
+    flown = arguments.flown_inputs(args.flights, controller, args.all_periods) or {}
     marked = render.over_axes(system, result, flown.get(system.name))
     words = render.held_words(system, result.fixed)
     colours = render.THEMES[theme]
@@ -224,7 +224,7 @@ def _surface_csv(result: arrays.Surface) -> str:
 
 
 def review(
-    asked: arguments.AskedAlong,
+    args: arguments.FlightArguments,
     *,
     evidence: str | None = None,
     output: Annotated[str, Parameter(name=("--output", "-o"))] = "review.html",
@@ -254,17 +254,17 @@ def review(
     """
     from fis_tools.review import page  # noqa: PLC0415 - the other commands start without templates
 
-    controller = asked.read()
+    controller = args.read()
     print(f"reviewing {controller.name}", file=sys.stderr)
     with arguments.analysing(controller):
-        text = page.write(controller, asked.paths, asked.system, evidence, all_periods=asked.all_periods)
+        text = page.write(controller, args.paths, args.system, evidence, all_periods=args.all_periods)
     path = arguments.place_for(Path(output))
     path.write_text(text, encoding="utf-8")
     print(f"{path}: {len(text.encode()) / 1e6:.2f} MB; open it in a browser", file=sys.stderr)
 
 
 def edit(
-    asked: arguments.Asked,
+    args: arguments.ControllerArguments,
     *,
     port: Annotated[int, arguments.whole_number(0, 65535)] = 0,
     no_browser: bool = False,
@@ -287,8 +287,8 @@ def edit(
     no_browser
         print the address and open no browser
     """
-    controller = asked.read()
+    controller = args.read()
     from fis_tools.edit.server import serve  # noqa: PLC0415, I001 - says first what is not installed
     from fis_tools.edit.page import Editor  # noqa: PLC0415 - the other commands do without a server
 
-    serve(lambda: Editor(Path(asked.controller), controller), controller.name, port, not no_browser)
+    serve(lambda: Editor(Path(args.controller), controller), controller.name, port, not no_browser)

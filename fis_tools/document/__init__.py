@@ -143,7 +143,7 @@ class Document:
     @property
     def title(self) -> str:
         """The words of the first block that has some."""
-        return next((one.words for one in self.blocks if isinstance(one, Heading | Paragraph)), "")
+        return next((block.words for block in self.blocks if isinstance(block, Heading | Paragraph)), "")
 
 
 def plain(value: Any) -> Any:
@@ -153,9 +153,9 @@ def plain(value: Any) -> Any:
     if isinstance(value, Enum):
         return value.name.lower()
     if isinstance(value, Mapping):
-        return {key: plain(one) for key, one in value.items()}
+        return {key: plain(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple):
-        return [plain(one) for one in value]
+        return [plain(entry) for entry in value]
     return value.tolist() if hasattr(value, "tolist") else value
 
 

@@ -85,8 +85,8 @@ def aligned(rows: Sequence[Sequence[str]], numbers: Collection[int] = (), betwee
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     return [
         between.join(
-            cell.rjust(width) if place in numbers else cell.ljust(width)
-            for place, (cell, width) in enumerate(zip(row, widths, strict=True))
+            cell.rjust(width) if column in numbers else cell.ljust(width)
+            for column, (cell, width) in enumerate(zip(row, widths, strict=True))
         )
         for row in rows
     ]
@@ -117,7 +117,7 @@ def _markdown_lines(block: Block) -> Iterator[str]:
             if caption:
                 yield from (_markdown(caption), "")
             width = len(heads or rows[0])
-            rule = ["--:" if place in numbers else "---" for place in range(width)]
+            rule = ["--:" if column in numbers else "---" for column in range(width)]
             cells = [[_markdown_cell(cell) for cell in row] for row in (heads or [""] * width, *rows)]
             yield from (f"| {line} |" for line in aligned([cells[0], rule, *cells[1:]], numbers, " | "))
 
@@ -184,7 +184,7 @@ def _latex_table(table: Table) -> list[str]:
     """Set rows between rules; those of a long table break across pages below a repeated head."""
     rows = [[_cell(cell, same="") for cell in row] for row in table.rows]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    columns = ["r" if place in table.numbers else "l" for place in range(len(widths))]
+    columns = ["r" if column in table.numbers else "l" for column in range(len(widths))]
     if widths[-1] > SENTENCE and not table.across:
         columns[-1] = rf"p{{{max(0.4, 0.95 - 0.1 * len(widths)):.2f}\linewidth}}"
     top = [r"\toprule", *_latex_heads(table), *([r"\midrule"] if table.heads else [])]

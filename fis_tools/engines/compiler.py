@@ -28,7 +28,7 @@ from fis_tools.model.validate import validate
 from fis_tools.processors import num_processors
 
 #: Inputs that are identified by column names; see `fis_tools.engines.inference.columns_of`.
-Table = Any
+TableLike = Any
 OnNoFire = Literal["default", "nan", "hold", "raise"]
 
 #: From this many samples on an additional thread pays.
@@ -97,7 +97,7 @@ class CompiledSystem:
     @overload
     def __call__(self, inputs: Floats, *, on_no_fire: OnNoFire = "default") -> Floats: ...
     @overload
-    def __call__(self, inputs: Table, *, on_no_fire: OnNoFire = "default") -> dict[str, Floats]: ...
+    def __call__(self, inputs: TableLike, *, on_no_fire: OnNoFire = "default") -> dict[str, Floats]: ...
     def __call__(self, inputs: Any, *, on_no_fire: OnNoFire = "default") -> Floats | dict[str, Floats]:
         """Infer many samples.
 
@@ -126,7 +126,7 @@ class CompiledSystem:
         if on_no_fire != "default":
             return self.infer(inputs, on_no_fire=on_no_fire).outputs
         rows, shape = self._read(inputs)
-        return self._told(self._infer(rows), shape)
+        return self._by_name(self._infer(rows), shape)
 
     def infer(self, inputs: Any, *, on_no_fire: OnNoFire = "default") -> Answers:
         """Infer many samples, and report where no rule fired; same parameters and errors as a call."""
@@ -143,7 +143,7 @@ class CompiledSystem:
             last = np.maximum.accumulate(np.where(unfired, -1, np.arange(len(rows))[:, np.newaxis]), axis=0)
             outputs = np.where(last < 0, outputs, np.take_along_axis(outputs, last, axis=0))
         count = {v.name: int(n) for v, n in zip(self.system.outputs, unfired.sum(axis=0), strict=True)}
-        return Answers(self._told(outputs, shape), self._told(unfired, shape), count)
+        return Answers(self._by_name(outputs, shape), self._by_name(unfired, shape), count)
 
     def _read(self, inputs: Any) -> tuple[Floats, tuple[int, ...] | None]:
         """Return inputs as rows, and the shape of their columns where they have names."""
@@ -153,7 +153,7 @@ class CompiledSystem:
         columns = pick(self.system, inputs, names)
         return self._rows(np.stack([column.ravel() for column in columns], axis=1)), columns[0].shape
 
-    def _told(self, rows: NDArray[Any], shape: tuple[int, ...] | None) -> Any:
+    def _by_name(self, rows: NDArray[Any], shape: tuple[int, ...] | None) -> Any:
         """Return outputs as they are, or by their names in columns of a shape."""
         if shape is None:
             return rows
@@ -306,11 +306,11 @@ def _marked(conclusion: Conclusion | Weighing) -> Conclusion | Weighing:
 
 def _where_unfired(system: FuzzySystem, rows: Floats, unfired: Booleans) -> str:
     """Return where no rule fires, in words: how often, and at which sample first."""
-    sample, place = np.argwhere(unfired)[0]
+    sample, column = np.argwhere(unfired)[0]
     values = ", ".join(f"{v.name} {x:.6g}" for v, x in zip(system.inputs, rows[sample], strict=True))
     return (
-        f"no rule for {system.outputs[place].name!r} fires at {int(unfired[:, place].sum())} of {len(rows)} "
-        f"samples, first at number {sample} ({values}); add rules, or take another on_no_fire"
+        f"no rule for {system.outputs[column].name!r} fires at {int(unfired[:, column].sum())} of "
+        f"{len(rows)} samples, first at number {sample} ({values}); add rules, or take another on_no_fire"
     )
 
 

@@ -88,11 +88,11 @@ def _cross(universe: Floats, memberships: Floats, runs: Integers, cuts: Floats, 
             right = right if is_left else middle
         low, rise = memberships[term, left], memberships[term, right] - memberships[term, left]
         crossing = universe[left] + (cut - low) * (universe[right] - universe[left]) / rise
-        place = count
-        while place > 0 and crossings[place - 1] > crossing:
-            crossings[place] = crossings[place - 1]
-            place -= 1
-        crossings[place] = crossing
+        slot = count
+        while slot > 0 and crossings[slot - 1] > crossing:
+            crossings[slot] = crossings[slot - 1]
+            slot -= 1
+        crossings[slot] = crossing
         count += 1
     return count
 
@@ -183,15 +183,15 @@ def _bisector(x: Floats, y: Floats, count: int, areas: Floats) -> float:
 def _of_maximum(defuzzifier: int, x: Floats, y: Floats, count: int) -> float:
     """Return the mean, the smallest or the largest of the highest points."""
     highest = y[:count].max()
-    total, found, least, greatest = 0.0, 0, 0.0, 0.0
+    total, num_maxima, least, greatest = 0.0, 0, 0.0, 0.0
     for point in range(count):
         if y[point] == highest:
-            least = x[point] if found == 0 else least
+            least = x[point] if num_maxima == 0 else least
             greatest = x[point]
             total += x[point]
-            found += 1
+            num_maxima += 1
     if defuzzifier == codes.MEAN_OF_MAXIMUM:
-        return total / found
+        return total / num_maxima
     return least if defuzzifier == codes.SMALLEST_OF_MAXIMUM else greatest
 
 
@@ -213,15 +213,15 @@ def weigh(
 
 def formula_values(weighing: Weighing, values: Floats, universes: Floats, earlier: Floats) -> Floats:
     """Return the values of an output's formulas, (n, num_formulas); see `weigh`."""
-    found = np.empty((len(values), len(weighing.formulas)))
+    values_of = np.empty((len(values), len(weighing.formulas)))
     if weighing.formulas:
         clipped = np.clip(values, universes[:, 0], universes[:, 1]).T
         known = dict(
             zip(weighing.names, (*clipped, *earlier[: len(weighing.names) - len(clipped)]), strict=True)
         )
-        for place, formula in enumerate(weighing.formulas):
-            found[:, place] = formula.value(known)
-    return found
+        for column, formula in enumerate(weighing.formulas):
+            values_of[:, column] = formula.value(known)
+    return values_of
 
 
 @compiled(error_model="numpy", nogil=True)
@@ -234,8 +234,8 @@ def weigh_rows(
     num_inputs = values.shape[1]
     clipped = np.empty(num_inputs)
     for sample in range(len(firing)):
-        for place in range(num_inputs):
-            clipped[place] = min(max(values[sample, place], universes[place, 0]), universes[place, 1])
+        for column in range(num_inputs):
+            clipped[column] = min(max(values[sample, column], universes[column, 0]), universes[column, 1])
         total, moment = 0.0, 0.0
         for index in range(len(rules)):
             strength = firing[sample, rules[index]] * weights[index]
@@ -245,8 +245,8 @@ def weigh_rows(
                 number = parameters[index, num_inputs]
             elif kinds[index] == codes.NUMBER:
                 number = parameters[index, num_inputs]
-                for place in range(num_inputs):
-                    number += parameters[index, place] * clipped[place]
+                for column in range(num_inputs):
+                    number += parameters[index, column] * clipped[column]
             elif kinds[index] == codes.FORMULA:
                 number = formulas[sample, int(parameters[index, 0])]
             else:
@@ -264,21 +264,21 @@ def weigh_rows(
 @compiled(error_model="numpy")
 def invert(kind: int, first: float, second: float, degree: float) -> float:
     """Return where one of `fis_tools.engines.program.INVERTED` has a degree, like its own `inverse`."""
-    place: float
+    x: float
     if kind == codes.RAMP:
-        place = first + (second - first) * degree
+        x = first + (second - first) * degree
     elif kind == codes.SIGMOID:
         # a logarithm of zero would warn when numba is disabled
         away = -np.log(1.0 / degree - 1.0) if degree < 1.0 else np.inf
-        place = first + away / second
+        x = first + away / second
     elif kind == codes.CONCAVE:
-        place = 2.0 * second - first + (first - second) / degree
+        x = 2.0 * second - first + (first - second) / degree
     elif kind == codes.ARC:
-        place = second + (first - second) * np.sqrt(1.0 - degree * degree)
+        x = second + (first - second) * np.sqrt(1.0 - degree * degree)
     else:
         foot, top = (first, second) if kind == codes.S_SHAPE else (second, first)
         if degree <= 0.5:
-            place = foot + (top - foot) * np.sqrt(degree / 2.0)
+            x = foot + (top - foot) * np.sqrt(degree / 2.0)
         else:
-            place = top - (top - foot) * np.sqrt((1.0 - degree) / 2.0)
-    return place
+            x = top - (top - foot) * np.sqrt((1.0 - degree) / 2.0)
+    return x

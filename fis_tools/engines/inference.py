@@ -23,7 +23,7 @@ SMALLEST_AREA = float(np.finfo(np.float64).eps)
 
 
 @dataclass(frozen=True)
-class Weighing:
+class WeightedConclusions:
     """The rules' conclusions on a weighted output, in their order.
 
     Parameters
@@ -62,7 +62,7 @@ class OutputInference:
         The defuzzified output, or the default.
     is_default : bool
         Whether nothing fired, so that `value` is the default.
-    weighing : Weighing or None
+    weighing : WeightedConclusions or None
         The weighted conclusions, for a weighted output.
     """
 
@@ -72,7 +72,7 @@ class OutputInference:
     aggregated: Floats
     value: float
     is_default: bool
-    weighing: Weighing | None = None
+    weighing: WeightedConclusions | None = None
 
 
 @dataclass(frozen=True)
@@ -186,11 +186,11 @@ def infer_outputs(system: FuzzySystem, firing: Floats, clipped: Floats) -> list[
         Inputs, inside the universes.
     """
     values = {variable.name: x for variable, x in zip(system.inputs, clipped, strict=True)}
-    found = []
+    outputs = []
     for variable in system.outputs:
-        found.append(_infer_output(system, variable, firing, values))
-        values[variable.name] = np.float64(found[-1].value)
-    return found
+        outputs.append(_infer_output(system, variable, firing, values))
+        values[variable.name] = np.float64(outputs[-1].value)
+    return outputs
 
 
 def _infer_output(system: FuzzySystem, variable: Variable, firing: Floats, values: Values) -> OutputInference:
@@ -211,21 +211,21 @@ def _infer_output(system: FuzzySystem, variable: Variable, firing: Floats, value
 
 def _weigh(system: FuzzySystem, variable: Variable, firing: Floats, values: Values) -> OutputInference:
     """Weight each rule's conclusion by its strength, one after the other."""
-    found, total, moment = [], 0.0, 0.0
+    conclusions, total, moment = [], 0.0, 0.0
     cuts = np.full(len(variable.terms), np.nan)
-    for place, consequent in system.conclusions_on(variable):
+    for index, consequent in system.conclusions_on(variable):
         term = variable.term_index(consequent.term)
-        strength, number = float(firing[place] * consequent.weight), np.nan
+        strength, number = float(firing[index] * consequent.weight), np.nan
         if strength > 0.0:
             number = _concluded(system, variable, term, strength, values)
             total, moment = total + strength, moment + strength * number
-        found.append((place, strength, number))
+        conclusions.append((index, strength, number))
         cuts[term] = strength if np.isnan(cuts[term]) else cuts[term] + strength
-    rules, strengths, numbers = zip(*found, strict=True) if found else ((), (), ())
+    rules, strengths, numbers = zip(*conclusions, strict=True) if conclusions else ((), (), ())
     value = variable.default if variable.default is not None else 0.0
     if total > 0.0:
         value = moment if system.defuzzifier_of(variable) == "weighted_sum" else moment / total
-    weighing = Weighing(np.array(rules, dtype=np.int64), np.array(strengths), np.array(numbers))
+    weighing = WeightedConclusions(np.array(rules, dtype=np.int64), np.array(strengths), np.array(numbers))
     return OutputInference(variable, cuts, np.empty(0), np.empty(0), value, total == 0.0, weighing)
 
 
@@ -252,9 +252,9 @@ def _concluded(system: FuzzySystem, variable: Variable, term: int, strength: flo
 def _cut_terms(system: FuzzySystem, variable: Variable, firing: Floats) -> Floats:
     accumulate = ACCUMULATIONS[variable.accumulation]
     cuts = np.full(len(variable.terms), np.nan)
-    for place, consequent in system.conclusions_on(variable):
+    for number, consequent in system.conclusions_on(variable):
         index = variable.term_index(consequent.term)
-        activation = firing[place] * consequent.weight
+        activation = firing[number] * consequent.weight
         is_first = np.isnan(cuts[index])
         cuts[index] = activation if is_first else accumulate(activation, cuts[index])
     return cuts
@@ -276,9 +276,9 @@ def _conclude_by_rule(system: FuzzySystem, variable: Variable, firing: Floats) -
     """Aggregate each rule's implied set, one after the other, at the points of the universe."""
     imply, aggregate = AND_OPERATORS[system.implication], AGGREGATIONS[variable.aggregation]
     aggregated = np.zeros(len(variable.universe))
-    for place, consequent in system.conclusions_on(variable):
+    for index, consequent in system.conclusions_on(variable):
         shape = variable.memberships[variable.term_index(consequent.term)]
-        activation = np.full(len(shape), firing[place] * consequent.weight)
+        activation = np.full(len(shape), firing[index] * consequent.weight)
         aggregated = aggregate(aggregated, imply(activation, shape))
     return aggregated
 
@@ -357,13 +357,13 @@ def columns_of(inputs: Any) -> tuple[str, ...] | None:
     Mappings, structured arrays, and objects with keys or columns like the tables and rows of pandas,
     polars and Arrow are recognised. A table's row without names for its numbers is a plain array.
     """
-    found = getattr(getattr(inputs, "dtype", None), "names", None)
+    labels = getattr(getattr(inputs, "dtype", None), "names", None)
     for attribute in ("column_names", "keys", "columns"):
-        if found is None:
-            found = getattr(inputs, attribute, None)
-    if found is None:
+        if labels is None:
+            labels = getattr(inputs, attribute, None)
+    if labels is None:
         return None
-    names = tuple(found() if callable(found) else found)
+    names = tuple(labels() if callable(labels) else labels)
     if getattr(inputs, "ndim", 2) == 1 and not any(isinstance(name, str) for name in names):
         return None
     return names

@@ -92,8 +92,8 @@ def prepare(program: Program) -> Callable[..., list[float]]:
             raise ValueError(f"{len(values)} inputs are given; pass {len(limits)} numbers, in their order")
         if not isfinite(sum(values)):
             values = tuple(map(_finite, values, limits))
-        for place, value in enumerate(values):
-            flat[place] = value
+        for index, value in enumerate(values):
+            flat[index] = value
         run()
         return outputs.tolist()
 
@@ -133,10 +133,10 @@ def _concluding(program: Program, firing: Floats, inputs: Floats, columns: Float
 
     They read firing strengths (n, num_rules) of inputs (n, num_inputs), and the outputs before their own.
     """
-    for place, conclusion in enumerate(program.conclusions):
-        out = columns[place]
+    for index, conclusion in enumerate(program.conclusions):
+        out = columns[index]
         if isinstance(conclusion, Weighing) and conclusion.formulas:
-            yield partial(weigh, conclusion, firing, inputs, program.ends, columns[:place], out)
+            yield partial(weigh, conclusion, firing, inputs, program.ends, columns[:index], out)
         elif isinstance(conclusion, Weighing):
             none = np.empty((len(inputs), 0))
             yield partial(weigh_rows, conclusion, none, firing, inputs, program.ends, out)
@@ -147,14 +147,14 @@ def _concluding(program: Program, firing: Floats, inputs: Floats, columns: Float
 
 
 @compiled(error_model="numpy", forceinline=True)
-def fuzzify(antecedents: Antecedents, place: int, inputs: Floats, slots: Floats, slot: int) -> None:
+def fuzzify(antecedents: Antecedents, index: int, inputs: Floats, slots: Floats, slot: int) -> None:
     """Write the memberships of `LANES` values of one input in its terms, linear between points.
 
     The values are clipped to the universe where they are; memberships begin at a slot.
     """
     layout, universes, memberships = antecedents.inputs, antecedents.universes, antecedents.memberships
-    terms, points, start, row = layout[place, 0], layout[place, 1], layout[place, 2], layout[place, 3]
-    at = place * LANES
+    terms, points, start, row = layout[index, 0], layout[index, 1], layout[index, 2], layout[index, 3]
+    at = index * LANES
     low, high = universes[start], universes[start + points - 1]
     x = least(most(load(inputs, at, LANES), low), high)
     store(inputs, at, x)
@@ -182,11 +182,11 @@ def fire_lanes(antecedents: Antecedents, values: Floats, first: int, inputs: Flo
     """Write the clipped inputs and all degrees of up to `LANES` samples; return how many they are."""
     layout, steps = antecedents.inputs, antecedents.steps
     num_lanes, slot = min(LANES, len(values) - first), 0
-    for place in range(len(layout)):
+    for antecedent in range(len(layout)):
         for lane in range(num_lanes):
-            inputs[place * LANES + lane] = values[first + lane, place]
-        fuzzify(antecedents, place, inputs, slots, slot * LANES)
-        slot += layout[place, 0]
+            inputs[antecedent * LANES + lane] = values[first + lane, antecedent]
+        fuzzify(antecedents, antecedent, inputs, slots, slot * LANES)
+        slot += layout[antecedent, 0]
     for index in range(len(steps)):
         operator, a, b = steps[index, 0], steps[index, 1] * LANES, steps[index, 2] * LANES
         result = (slot + index) * LANES
@@ -230,8 +230,8 @@ def average_rows(antecedents: Antecedents, weighing: Weighing, values: Floats, o
             strength = load(slots, held.rule_slots[rules[index]] * LANES, LANES) * weights[index]
             number = splat(parameters[index, num_inputs], LANES)
             if not weighed.is_constant:
-                for place in range(num_inputs):
-                    number += load(inputs, place * LANES, LANES) * parameters[index, place]
+                for column in range(num_inputs):
+                    number += load(inputs, column * LANES, LANES) * parameters[index, column]
             total += strength
             moment += strength * number
         fires = total != 0.0

@@ -119,10 +119,10 @@ def _fire(antecedents: Antecedents, low: Floats, high: Floats, out: Floats, vari
     slots = np.empty((num_terms + len(antecedents.steps), 2))
     for box in range(len(low)):
         slot = 0
-        for place in range(len(antecedents.inputs)):
-            end = slot + antecedents.inputs[place, 0]
-            variation[box, place] = _memberships(
-                antecedents, place, low[box, place], high[box, place], slots[slot:end]
+        for index in range(len(antecedents.inputs)):
+            end = slot + antecedents.inputs[index, 0]
+            variation[box, index] = _memberships(
+                antecedents, index, low[box, index], high[box, index], slots[slot:end]
             )
             slot = end
         for step in range(len(antecedents.steps)):
@@ -135,13 +135,13 @@ def _fire(antecedents: Antecedents, low: Floats, high: Floats, out: Floats, vari
 
 
 @compiled(error_model="numpy", nogil=True)
-def _memberships(antecedents: Antecedents, place: int, low: float, high: float, out: Floats) -> float:
+def _memberships(antecedents: Antecedents, index: int, low: float, high: float, out: Floats) -> float:
     """Bound the memberships in the terms of one input over an interval; return their variation.
 
     Between two points of the universe a membership lies between those at the points. The interval is widened
     by an engine's possible error in placing an input on the universe.
     """
-    num_terms, num_points, start, row = antecedents.inputs[place]
+    num_terms, num_points, start, row = antecedents.inputs[index]
     x = antecedents.universes[start : start + num_points]
     slack = 4 * EPSILON * max(abs(x[0]), abs(x[-1]))
     low = min(max(low - slack, x[0]), x[-1])
@@ -241,15 +241,15 @@ def _number(
     """Bound the number that one rule concludes."""
     row, kind = weighing.parameters[index], weighing.kinds[index]
     if kind != codes.NUMBER:
-        one = invert(kind, row[0], row[1], max(degrees[0], 0.0))
+        x = invert(kind, row[0], row[1], max(degrees[0], 0.0))
         other = invert(kind, row[0], row[1], min(degrees[1], 1.0))
         slack = 8 * EPSILON * max(abs(row[0]), abs(row[1]))
-        return min(one, other) - slack, max(one, other) + slack
+        return min(x, other) - slack, max(x, other) + slack
     num_inputs = len(low)
     least = greatest = row[num_inputs]
     size = abs(least)
-    for place in range(num_inputs):
-        left, right = row[place] * low[place], row[place] * high[place]
+    for column in range(num_inputs):
+        left, right = row[column] * low[column], row[column] * high[column]
         least, greatest = least + min(left, right), greatest + max(left, right)
         size += max(abs(left), abs(right))
     slack = 4 * EPSILON * (num_inputs + 1) * size
@@ -275,11 +275,13 @@ def _cut(conclusion: Conclusion, strengths: Floats, out: Floats) -> None:
         first = conclusion.bounds[term]
         all_together = (0.0, 0.0)
         for index in range(first, conclusion.bounds[term + 1]):
-            one = (strengths[conclusion.rules[index], 0], strengths[conclusion.rules[index], 1])
+            strength = (strengths[conclusion.rules[index], 0], strengths[conclusion.rules[index], 1])
             weight = conclusion.weights[index]
             if weight != 1.0:
-                one = _widened(weight * one[0], weight * one[1])
-            all_together = one if index == first else _combine(conclusion.accumulation, one, all_together)
+                strength = _widened(weight * strength[0], weight * strength[1])
+            all_together = (
+                strength if index == first else _combine(conclusion.accumulation, strength, all_together)
+            )
         out[term, 0], out[term, 1] = all_together
 
 
@@ -490,15 +492,15 @@ def _least_centroid(
     """
     count = len(x) - 1
     area = moment = 0.0
-    for place in range(count - 1, -1, -1):
-        sums[place, 0], sums[place, 1] = area, moment
-        row = segments[place if sign > 0.0 else count - 1 - place]
+    for position in range(count - 1, -1, -1):
+        sums[position, 0], sums[position, 1] = area, moment
+        row = segments[position if sign > 0.0 else count - 1 - position]
         area += row[AREA_LOW]
         moment += sign * row[MOMENT_LOW]
     best: float = sign * ((x[0] if sign > 0.0 else x[count]) - centre)
     area = moment = 0.0
-    for place in range(count):
-        index = place if sign > 0.0 else count - 1 - place
+    for position in range(count):
+        index = position if sign > 0.0 else count - 1 - position
         row, width = segments[index], x[index + 1] - x[index]
         start = sign * ((x[index] if sign > 0.0 else x[index + 1]) - centre)
         if sign > 0.0:
@@ -506,7 +508,7 @@ def _least_centroid(
         else:
             low_right, low_left, high_right, high_left = row[LEFT_LOW:]
         lines = (width, low_left, low_right, high_left, high_right)
-        all_area, all_moment = area + sums[place, 0], moment + sums[place, 1]
+        all_area, all_moment = area + sums[position, 0], moment + sums[position, 1]
         error = relative_error * (all_area + row[AREA_HIGH])
         distance = _zero_crossing(all_area, all_moment - start * all_area - error, lines)
         if distance < 0.0:

@@ -71,12 +71,12 @@ def fuzzify(values: Floats, system: Any, scratch: Any) -> None:
     """Write the memberships in the terms of all inputs, linear between the points of their universes."""
     width = width_of(scratch)
     slot = 0
-    for place in range(system.num_inputs):
-        terms, at = system.input_terms[place], system.input_values[place]
+    for index in range(system.num_inputs):
+        terms, at = system.input_terms[index], system.input_values[index]
         minimum = values[at + packing.MINIMUM]
-        x = most(least(load(scratch.inputs, place, width), values[at + packing.MAXIMUM]), minimum)
+        x = most(least(load(scratch.inputs, index, width), values[at + packing.MAXIMUM]), minimum)
         left = np.floor((x - minimum) * values[at + packing.STEPS_A_UNIT])
-        left = least(left, system.input_points[place] - 2)
+        left = least(left, system.input_points[index] - 2)
         fraction = (x - (minimum + left * values[at + packing.STEP])) * values[at + packing.STEPS_A_UNIT]
         gather_terms(values, at + packing.HEADER, left, terms, scratch)
         for term in range(terms):
@@ -96,9 +96,9 @@ def cut_terms(rules: Integers, system: Any, scratch: Any) -> None:
         cut = splat(0.0, width)
         for rule in range(rules[bounds + term], rules[bounds + term + 1]):
             strength = load(scratch.memberships, rules[slots + inputs * rule], width)
-            for place in range(1, inputs):
+            for index in range(1, inputs):
                 strength = least(
-                    load(scratch.memberships, rules[slots + inputs * rule + place], width), strength
+                    load(scratch.memberships, rules[slots + inputs * rule + index], width), strength
                 )
             cut = higher(strength, cut)
         store(scratch.cuts, term, cut)
@@ -189,7 +189,7 @@ def heights_in(terms: int, fraction: Vector, scratch: Any) -> tuple[Vector, Vect
 
 @compiled(error_model="numpy", forceinline=True)
 def neighbours(
-    segment: Vector, fraction: Vector, left: Vector, right: Vector, found: int, scratch: Any
+    segment: Vector, fraction: Vector, left: Vector, right: Vector, count: int, scratch: Any
 ) -> tuple[Vector, Vector, Vector, Vector]:
     """Return the nearest points in a segment: its ends, of these heights, or points inserted closer by.
 
@@ -197,7 +197,7 @@ def neighbours(
     """
     width = width_of(scratch)
     start, end = splat(0.0, width), splat(1.0, width)
-    for other in range(found):
+    for other in range(count):
         is_here = (load(scratch.segments, other, width) == segment) & (segment >= 0.0)
         if some(is_here):
             x, y = load(scratch.fractions, other, width), load(scratch.heights, other, width)
@@ -213,7 +213,7 @@ def find_crossings(values: Floats, rules: Integers, system: Any, scratch: Any) -
     """Write the segment in which each flank is cut, -1 for none; return how many flanks are cut at all."""
     width = width_of(scratch)
     terms, points = system.output_terms, system.output_points
-    found = 0
+    count = 0
     for term in range(terms):
         cut = load(scratch.cuts, term, width)
         row = system.output_values + packing.HEADER + term * points
@@ -225,10 +225,10 @@ def find_crossings(values: Floats, rules: Integers, system: Any, scratch: Any) -
                 segment = side * (points - 2) + direction * (below - 1.0)
                 crosses = (below > 0.0) & (cut <= values[row + peak])
                 if some(crosses):
-                    store(scratch.segments, found, select(crosses, segment, -1.0))
-                    scratch.cut_terms[found] = term
-                    found += 1
-    return found
+                    store(scratch.segments, count, select(crosses, segment, -1.0))
+                    scratch.cut_terms[count] = term
+                    count += 1
+    return count
 
 
 @compiled(error_model="numpy", forceinline=True)
@@ -239,22 +239,22 @@ def crossing_triangles(values: Floats, rules: Integers, system: Any, scratch: An
     by_point = system.output_values + packing.HEADER + terms * points
     middle = 0.5 * (points - 1)
     area, moment = splat(0.0, width), splat(0.0, width)
-    found = find_crossings(values, rules, system, scratch)
-    for flank in range(found):
+    count = find_crossings(values, rules, system, scratch)
+    for flank in range(count):
         term = scratch.cut_terms[flank]
         segment = load(scratch.segments, flank, width)
         crosses = segment >= 0.0
         segment = most(segment, 0.0)
         gather_terms(values, by_point, segment, terms, scratch)
-        own = load(scratch.ends, term, width)
-        rise = select(crosses, load(scratch.ends, terms + term, width) - own, 1.0)
-        fraction = select(crosses, (load(scratch.cuts, term, width) - own) / rise, 0.0)
+        own_values = load(scratch.ends, term, width)
+        rise = select(crosses, load(scratch.ends, terms + term, width) - own_values, 1.0)
+        fraction = select(crosses, (load(scratch.cuts, term, width) - own_values) / rise, 0.0)
         left, height, right = heights_in(terms, fraction, scratch)
         store(scratch.fractions, flank, fraction)
         store(scratch.lefts, flank, left)
         store(scratch.heights, flank, height)
         store(scratch.rights, flank, right)
-    for flank in range(found):
+    for flank in range(count):
         segment = load(scratch.segments, flank, width)
         fraction = load(scratch.fractions, flank, width)
         height = load(scratch.heights, flank, width)
@@ -308,8 +308,8 @@ def infer_rows(
     for first in range(0, len(inputs), width_of(room)):
         num_lanes = min(width_of(room), len(inputs) - first)
         for lane in range(num_lanes):
-            for place in range(inputs.shape[1]):
-                room.inputs[place, lane] = inputs[first + lane, place]
+            for column in range(inputs.shape[1]):
+                room.inputs[column, lane] = inputs[first + lane, column]
         infer(values, rules, layout, index, scratch)
         for lane in range(num_lanes):
             out[first + lane] = room.output[lane]

@@ -98,9 +98,9 @@ def layout_of(systems: tuple[FuzzySystem, ...]) -> tuple[Layout, int, int]:
     for row, system in zip(layout, systems, strict=True):
         _require_compilable(system)
         row.num_inputs = len(system.inputs)
-        for place, variable in enumerate(system.inputs):
+        for index, variable in enumerate(system.inputs):
             terms, points = len(variable.terms), variable.num_points
-            row.input_terms[place], row.input_points[place], row.input_values[place] = terms, points, value
+            row.input_terms[index], row.input_points[index], row.input_values[index] = terms, points, value
             value += HEADER + terms * points
         output = system.outputs[0]
         terms, points = len(output.terms), output.num_points
@@ -157,8 +157,8 @@ def pack(*systems: FuzzySystem) -> Packed:
     values = np.zeros((1, num_values))
     rules = np.zeros((1, num_entries), dtype=np.int64)
     for row, system in zip(layout, systems, strict=True):
-        for place, variable in enumerate(system.inputs):
-            fill_input(values, row, place, *_ends(variable), variable.memberships[np.newaxis])
+        for index, variable in enumerate(system.inputs):
+            fill_input(values, row, index, *_ends(variable), variable.memberships[np.newaxis])
         output = system.outputs[0]
         for term, sampled in zip(output.terms, output.memberships, strict=True):
             if not is_unimodal(sampled):
@@ -178,9 +178,9 @@ def _ends(variable: Variable) -> tuple[Floats, Floats]:
     return np.array([variable.minimum]), np.array([variable.maximum])
 
 
-def fill_input(values: Floats, row: Any, place: int, low: Floats, high: Floats, terms: Floats) -> None:
+def fill_input(values: Floats, row: Any, index: int, low: Floats, high: Floats, terms: Floats) -> None:
     """Write one input of n controllers: ends of shape (n,), memberships of shape (n, terms, points)."""
-    num_points, at = int(row.input_points[place]), int(row.input_values[place])
+    num_points, at = int(row.input_points[index]), int(row.input_values[index])
     step = (high - low) / (num_points - 1)
     values[:, at : at + HEADER] = np.stack([low, high, step, 1.0 / step], axis=-1)
     _write(values, at + HEADER, terms.transpose(0, 2, 1))

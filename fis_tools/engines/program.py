@@ -359,15 +359,15 @@ def _weighing(system: model.FuzzySystem, output: model.Variable) -> Weighing:
     kinds = np.full(len(concluded), NUMBER)
     formulas = [shape for _, _, shape in concluded if isinstance(shape, model.Formula)]
     row: tuple[float, ...]
-    for place, (_, _, shape) in enumerate(concluded):
+    for index, (_, _, shape) in enumerate(concluded):
         if isinstance(shape, model.Formula):
-            kinds[place], row = FORMULA, (float(formulas.index(shape)),)
+            kinds[index], row = FORMULA, (float(formulas.index(shape)),)
         elif isinstance(shape, model.Number):
             row = shape.row(len(system.inputs))
         else:
-            kinds[place] = next(code for code, kind in enumerate(INVERTED) if type(shape) is kind)
+            kinds[index] = next(code for code, kind in enumerate(INVERTED) if type(shape) is kind)
             row = tuple(getattr(shape, name) for name in shape.entry.kinds)
-        parameters[place, : len(row)] = row
+        parameters[index, : len(row)] = row
     return Weighing(
         rules=np.array([index for index, _, _ in concluded], dtype=np.int64),
         weights=np.array([weight for _, weight, _ in concluded], dtype=np.float64),

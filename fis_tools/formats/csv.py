@@ -49,8 +49,8 @@ def write(controller: FuzzyController) -> str:
     for system in controller.systems:
         for number, rule in enumerate(system.rules, start=1):
             terms = conjunction(rule.antecedent) or {}
-            asked = [*(terms.get(name, "") for name in inputs), antecedent_words(rule.antecedent)]
+            cells = [*(terms.get(name, "") for name in inputs), antecedent_words(rule.antecedent)]
             for c in rule.consequents:
                 concluded = [c.variable, c.term, repr(float(c.weight))]
-                rows.append([system.name, str(number), rule.label, *asked, *concluded])
+                rows.append([system.name, str(number), rule.label, *cells, *concluded])
     return rows_as_text(rows)

@@ -62,7 +62,7 @@ def in_files_of_one(controller: FuzzyController, ending: str) -> dict[str, Fuzzy
     return files
 
 
-def written(controller: FuzzyController, place: Path) -> dict[Path, File]:
+def written(controller: FuzzyController, path: Path) -> dict[Path, File]:
     """Return the files that hold a controller, by their paths; forms that hold one system have one for each.
 
     Raises
@@ -70,16 +70,19 @@ def written(controller: FuzzyController, place: Path) -> dict[Path, File]:
     ValueError
         If no form's names end like this, the form cannot hold the controller, or two names are alike.
     """
-    ending = place.suffix.lower()
+    ending = path.suffix.lower()
     if ending not in ENDINGS:
-        raise ValueError(f"{place.name} ends in none of {', '.join(ENDINGS)}; name the file so")
+        raise ValueError(f"{path.name} ends in none of {', '.join(ENDINGS)}; name the file so")
     if ending in _WRITERS:
-        return {place: File(_WRITERS[ending](controller).encode())}
+        return {path: File(_WRITERS[ending](controller).encode())}
     (form,) = (name for name, written in ONE_SYSTEM.items() if written == ending)
     if len(controller.systems) == 1:
-        return {place: of_one_system(controller, form)}
+        return {path: of_one_system(controller, form)}
     alone = in_files_of_one(controller, ending)
-    return {place.with_name(f"{place.stem}-{name}"): of_one_system(one, form) for name, one in alone.items()}
+    return {
+        path.with_name(f"{path.stem}-{name}"): of_one_system(controller, form)
+        for name, controller in alone.items()
+    }
 
 
 def of_one_system(controller: FuzzyController, form: str) -> File:

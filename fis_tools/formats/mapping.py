@@ -44,14 +44,14 @@ def to_mapping(controller: model.FuzzyController) -> dict[str, Any]:
     InvalidSystem
         If something is wrong with the controller: what is written can be read again.
     """
-    found = controller_problems(controller)
-    if found:
-        raise InvalidSystem("\n".join(found))
+    problems = controller_problems(controller)
+    if problems:
+        raise InvalidSystem("\n".join(problems))
     return {
         "schema": SCHEMA,
         "schema_version": SCHEMA_VERSION,
         "name": controller.name,
-        **_told(controller, "purpose"),
+        **_unusual(controller, "purpose"),
         "attributes": dict(controller.attributes),
         "provenance": dict(controller.provenance),
         "systems": [_system_mapping(system) for system in controller.systems],
@@ -61,14 +61,14 @@ def to_mapping(controller: model.FuzzyController) -> dict[str, Any]:
 def _system_mapping(system: model.FuzzySystem) -> dict[str, Any]:
     return {
         **{key: getattr(system, key) for key in ("name", "and_operator", "or_operator", "defuzzifier")},
-        **_told(system, "implication"),
+        **_unusual(system, "implication"),
         "inputs": [_variable_mapping(variable) for variable in system.inputs],
         "outputs": [_variable_mapping(variable) for variable in system.outputs],
         "rules": _rules_list(system),
     }
 
 
-def _told(thing: Any, *keys: str) -> dict[str, Any]:
+def _unusual(thing: Any, *keys: str) -> dict[str, Any]:
     """Return the parts of something that are not what they usually are."""
     usual = {field.name: field.default for field in fields(thing)}
     return {key: _plain(getattr(thing, key)) for key in keys if getattr(thing, key) != usual[key]}
@@ -86,9 +86,9 @@ def _variable_mapping(variable: model.Variable) -> dict[str, Any]:
     return {
         "name": variable.name,
         "unit": variable.unit,
-        **_told(variable, "description"),
+        **_unusual(variable, "description"),
         **(extent if variable.points is None else {"universe": _plain(variable.points)}),
-        **_told(variable, "default", "defuzzifier", "accumulation", "aggregation"),
+        **_unusual(variable, "default", "defuzzifier", "accumulation", "aggregation"),
         "terms": [{"name": term.name, **_membership_mapping(term.membership)} for term in variable.terms],
     }
 
@@ -108,7 +108,7 @@ def _rules_list(system: model.FuzzySystem) -> list[Any]:
 
 def _rule_mapping(rule: model.Rule) -> dict[str, Any]:
     return {
-        **_told(rule, "label", "and_operator", "or_operator"),
+        **_unusual(rule, "label", "and_operator", "or_operator"),
         "if": _expression_mapping(rule.antecedent),
         "then": [
             {"variable": c.variable, "term": c.term, "weight": float(c.weight)} for c in rule.consequents
@@ -172,10 +172,10 @@ def refuse_problems(controller: model.FuzzyController) -> None:
     ControllerFileError
         With a sentence each.
     """
-    found = controller_problems(controller)
-    if found:
-        more = [f"… and {len(found) - MOST_PROBLEMS} more"] if len(found) > MOST_PROBLEMS else []
-        raise ControllerFileError("\n".join(found[:MOST_PROBLEMS] + more))
+    problems = controller_problems(controller)
+    if problems:
+        more = [f"… and {len(problems) - MOST_PROBLEMS} more"] if len(problems) > MOST_PROBLEMS else []
+        raise ControllerFileError("\n".join(problems[:MOST_PROBLEMS] + more))
 
 
 def _check_keys(value: Any, where: str, required: Sequence[str], optional: Sequence[str] = ()) -> None:
@@ -261,9 +261,9 @@ _METHODS: Readers = dict.fromkeys(("defuzzifier", "accumulation", "aggregation")
 def _system(value: Any, where: str) -> model.FuzzySystem:
     variables: Readers = {"inputs": _each(_variable), "outputs": _each(_output)}
     required: Readers = {"name": _text, **variables, "rules": lambda rules, _: rules}
-    found = _read(value, where, required, {**_OPERATORS, "defuzzifier": _text, "implication": _text})
-    rules = _rules(found.pop("rules"), f"{where}.rules", found["inputs"], found["outputs"])
-    return model.FuzzySystem(rules=rules, **found)
+    content = _read(value, where, required, {**_OPERATORS, "defuzzifier": _text, "implication": _text})
+    rules = _rules(content.pop("rules"), f"{where}.rules", content["inputs"], content["outputs"])
+    return model.FuzzySystem(rules=rules, **content)
 
 
 def _output(value: Any, where: str) -> model.Variable:
@@ -278,8 +278,8 @@ def _variable(value: Any, where: str, default: Readers = NO_KEYS, more: Readers 
     is_listed = isinstance(value, Mapping) and "universe" in value
     required: Readers = {"name": _text, "universe" if is_listed else "range": _numbers, "terms": _each(_term)}
     optional: Readers = {"unit": _text, "points": _count, "description": _text}
-    found = {"unit": "", **_read(value, where, {**required, **default}, {**optional, **more})}
-    num_points, points = found.pop("points", None), found.pop("universe", None)
+    content = {"unit": "", **_read(value, where, {**required, **default}, {**optional, **more})}
+    num_points, points = content.pop("points", None), content.pop("universe", None)
     if points is not None:
         if not points or num_points not in (None, len(points)):
             raise ControllerFileError(
@@ -287,12 +287,12 @@ def _variable(value: Any, where: str, default: Readers = NO_KEYS, more: Readers 
             )
         low, high = points[0], points[-1]
     else:
-        ends = found.pop("range")
+        ends = content.pop("range")
         if len(ends) != 2:
             raise ControllerFileError(f"{where}.range has {len(ends)} numbers; expected [lowest, highest]")
         low, high = ends
     num_points = len(points) if points else 101 if num_points is None else num_points
-    return model.Variable(minimum=low, maximum=high, num_points=num_points, points=points, **found)
+    return model.Variable(minimum=low, maximum=high, num_points=num_points, points=points, **content)
 
 
 def _term(value: Any, where: str) -> model.Term:
@@ -338,10 +338,10 @@ def _rules(
 
 
 def _rule(value: Any, where: str) -> model.Rule:
-    found = _read(
+    content = _read(
         value, where, {"if": _expression, "then": _each(_consequent)}, {"label": _text, **_OPERATORS}
     )
-    return model.Rule(found.pop("if"), found.pop("then"), **found)
+    return model.Rule(content.pop("if"), content.pop("then"), **content)
 
 
 def _consequent(value: Any, where: str) -> model.Consequent:
@@ -365,7 +365,9 @@ def _expression(value: Any, where: str, depth: int = 0) -> model.Expression:
         inside = _expression(operand, f"{where}.{word}", depth + 1)
         return model.Not(inside) if word == "not" else model.Hedged(word, inside)
     if word in {"and", "or"}:
-        operands = _items(operand, f"{where}.{word}", lambda item, place: _expression(item, place, depth + 1))
+        operands = _items(
+            operand, f"{where}.{word}", lambda item, location: _expression(item, location, depth + 1)
+        )
         return model.And(tuple(operands)) if word == "and" else model.Or(tuple(operands))
     raise ControllerFileError(
         f"{where}: unknown word {word!r}; {nearest(str(word), ('is', 'not', 'and', 'or', *HEDGES))}"

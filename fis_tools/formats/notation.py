@@ -260,8 +260,10 @@ def _problem(error: yaml.MarkedYAMLError) -> str:
     problem = error.problem or error.context or "a mistake"
     if mark is None:
         return f"it is not YAML: {problem}; correct it"
-    place = f"line {mark.line + 1}, column {mark.column + 1}"
-    return f"it is not YAML: {problem} in {place}; correct it there, or get a whole copy if the file is cut"
+    location = f"line {mark.line + 1}, column {mark.column + 1}"
+    return (
+        f"it is not YAML: {problem} in {location}; correct it there, or get a whole copy if the file is cut"
+    )
 
 
 def write_yaml(mapping: Mapping[str, Any]) -> str:

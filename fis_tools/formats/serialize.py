@@ -285,5 +285,5 @@ def edited(controller: FuzzyController) -> str | None:
 
 def _without_descriptions(value: Any) -> Any:
     if isinstance(value, dict):
-        return {key: _without_descriptions(one) for key, one in value.items() if key != "description"}
-    return [_without_descriptions(one) for one in value] if isinstance(value, list) else value
+        return {key: _without_descriptions(entry) for key, entry in value.items() if key != "description"}
+    return [_without_descriptions(entry) for entry in value] if isinstance(value, list) else value

@@ -61,7 +61,7 @@ class Bounds:
 
 
 @dataclass(frozen=True)
-class Places:
+class GeneSlices:
     """Positions of one system's genes: for each variable, inputs first, the reach and the rules."""
 
     means: tuple[slice, ...]
@@ -131,9 +131,9 @@ class SystemEncoding(Genes):
             names += [f"{system.name}.rule_{index}" for index in range(len(system.rules))]
         return names
 
-    def places(self) -> "list[Places]":
+    def gene_slices(self) -> "list[GeneSlices]":
         """Return for each system the positions of its genes."""
-        places, at = [], 0
+        slices, at = [], 0
         for system in self.systems:
             means, widths = [], []
             for variable in system.variables:
@@ -142,18 +142,18 @@ class SystemEncoding(Genes):
                 widths.append(slice(at + terms - 2, at + 2 * terms - 2))
                 at += 2 * terms - 2
             rules = slice(at + 1, at + 1 + len(system.rules))
-            places.append(Places(tuple(means), tuple(widths), at, rules))
+            slices.append(GeneSlices(tuple(means), tuple(widths), at, rules))
             at = rules.stop
-        return places
+        return slices
 
     def decode(self, genome: Floats) -> tuple[FuzzySystem, ...]:
         """Return the systems of one genome of shape (num_genes,)."""
         genomes = self._checked(np.asarray(genome, dtype=np.float64)[np.newaxis])
         systems = []
-        for system, places in zip(self.systems, self.places(), strict=True):
-            found = zip(system.variables, self._taken(genomes, system, places), strict=True)
-            *inputs, output = (self._decoded(variable, *numbers) for variable, numbers in found)
-            words = [output.terms[index].name for index in _terms(genomes[:, places.rules], output)[0]]
+        for system, slices in zip(self.systems, self.gene_slices(), strict=True):
+            numbers_of = zip(system.variables, self._taken(genomes, system, slices), strict=True)
+            *inputs, output = (self._decoded(variable, *numbers) for variable, numbers in numbers_of)
+            words = [output.terms[index].name for index in _terms(genomes[:, slices.rules], output)[0]]
             rules = table_rules(inputs, output, words)
             systems.append(replace(system, inputs=tuple(inputs), outputs=(output,), rules=rules))
         return tuple(systems)
@@ -164,16 +164,16 @@ class SystemEncoding(Genes):
         layout, num_values, num_entries = packing.layout_of(self.systems)
         values = np.zeros((len(genomes), num_values))
         rules = np.zeros((len(genomes), num_entries), dtype=np.int64)
-        for row, system, places in zip(layout, self.systems, self.places(), strict=True):
-            *inputs, (low, high, means, widths) = self._taken(genomes, system, places)
-            for place, (variable, numbers) in enumerate(zip(system.inputs, inputs, strict=True)):
+        for row, system, slices in zip(layout, self.systems, self.gene_slices(), strict=True):
+            *inputs, (low, high, means, widths) = self._taken(genomes, system, slices)
+            for index, (variable, numbers) in enumerate(zip(system.inputs, inputs, strict=True)):
                 sampled = _memberships(*numbers[:2], variable.num_points, *numbers[2:])
-                packing.fill_input(values, row, place, *numbers[:2], sampled)
+                packing.fill_input(values, row, index, *numbers[:2], sampled)
             output = system.outputs[0]
             sampled = _memberships(low, high, output.num_points, means, widths)
             default = np.full(len(genomes), 0.0 if output.default is None else output.default)
             packing.fill_output(values, rules, row, low, high, default, sampled)
-            chosen = _terms(genomes[:, places.rules], output)
+            chosen = _terms(genomes[:, slices.rules], output)
             packing.fill_rules(rules, row, table_cells(system.inputs), chosen)
         return Packed(layout, values, rules)
 
@@ -209,14 +209,14 @@ class SystemEncoding(Genes):
             )
         return genomes
 
-    def _taken(self, genomes: Floats, system: FuzzySystem, places: Places) -> Iterator[Numbers]:
+    def _taken(self, genomes: Floats, system: FuzzySystem, slices: GeneSlices) -> Iterator[Numbers]:
         """Yield the numbers of each variable of a system, inputs first."""
-        for variable, inner, widths in zip(system.variables, places.means, places.widths, strict=True):
+        for variable, inner, widths in zip(system.variables, slices.means, slices.widths, strict=True):
             low = np.full(len(genomes), variable.minimum)
             high = np.full(len(genomes), variable.maximum)
             if variable is system.outputs[0]:
                 shortest, longest = self.bounds.output_reach
-                high = shortest * (longest / shortest) ** genomes[:, places.reach]
+                high = shortest * (longest / shortest) ** genomes[:, slices.reach]
                 low = -high
             means, half = self._windows(low, high, len(variable.terms))
             means[:, 1:-1] += (2.0 * genomes[:, inner] - 1.0) * half[:, np.newaxis]
@@ -302,25 +302,25 @@ class Planes(Genes):
         """Return the genomes, shape (n, encoding.num_genes), of short ones of shape (n, k)."""
         genomes = np.full((len(genes), self.encoding.num_genes), 0.5)
         at = 0
-        for system, places in zip(self.encoding.systems, self.encoding.places(), strict=True):
+        for system, slices in zip(self.encoding.systems, self.encoding.gene_slices(), strict=True):
             count = len(system.inputs)
             gains = GREATEST_GAIN * (2.0 * genes[:, at : at + count] - 1.0)
-            for place, widths in enumerate(places.widths):
-                genomes[:, widths] = genes[:, [at + count + place]]
-            genomes[:, places.reach] = genes[:, at + 2 * count + 1]
+            for index, widths in enumerate(slices.widths):
+                genomes[:, widths] = genes[:, [at + count + index]]
+            genomes[:, slices.reach] = genes[:, at + 2 * count + 1]
             num_terms = len(system.outputs[0].terms)
-            genomes[:, places.rules] = (plane_terms(system, gains) + 0.5) / num_terms
+            genomes[:, slices.rules] = (plane_terms(system, gains) + 0.5) / num_terms
             at += 2 * count + 2
         return genomes
 
     def reduce(self, genome: Floats) -> Floats:
         """Return the short vector of planes fitted to the tables of a genome, shape (encoding.num_genes,)."""
         genes: list[float] = []
-        for system, places in zip(self.encoding.systems, self.encoding.places(), strict=True):
-            terms = _terms(genome[places.rules], system.outputs[0])
+        for system, slices in zip(self.encoding.systems, self.encoding.gene_slices(), strict=True):
+            terms = _terms(genome[slices.rules], system.outputs[0])
             genes += list(0.5 + 0.5 * plane_gains(system, terms) / GREATEST_GAIN)
-            genes += [float(genome[widths].mean()) for widths in places.widths]
-            genes.append(float(genome[places.reach]))
+            genes += [float(genome[widths].mean()) for widths in slices.widths]
+            genes.append(float(genome[slices.reach]))
         return np.clip(np.array(genes, dtype=np.float64), 0.0, 1.0)
 
 
@@ -357,8 +357,8 @@ class KeptRules(Genes):
 
     def _is_tuned(self) -> Booleans:
         is_tuned = np.ones(self.encoding.num_genes, dtype=np.bool_)
-        for places in self.encoding.places():
-            is_tuned[places.rules] = False
+        for slices in self.encoding.gene_slices():
+            is_tuned[slices.rules] = False
         return is_tuned
 
 
@@ -467,19 +467,21 @@ class Stretches(Genes):
     def pack(self, genomes: Floats) -> Packed:
         """Pack a population, shape (n, num_genes), as `engines.packing.pack` packs each decoded genome."""
         packed = [pack(*self.decode(genome)) for genome in genomes]
-        values = np.concatenate([one.values for one in packed])
-        return replace(packed[0], values=values, rules=np.concatenate([one.rules for one in packed]))
+        values = np.concatenate([packed_system.values for packed_system in packed])
+        return replace(
+            packed[0], values=values, rules=np.concatenate([packed_system.rules for packed_system in packed])
+        )
 
     def encode(self, systems: tuple[FuzzySystem, ...]) -> Floats:
         """Return the genome, shape (num_genes,), of systems of this structure; clipped to the bounds."""
         low, high = self.factors
         genes: list[float] = []
-        for own, system in zip(self.systems, systems, strict=True):
+        for reference, system in zip(self.systems, systems, strict=True):
             table = _full_table(system, "it has no genome")
             if self.has_planes:
                 gains = plane_gains(system, table)
                 genes += list(0.5 + 0.5 * gains / READABLE_GAIN)
-            for before, now in zip(own.variables, system.variables, strict=True):
+            for before, now in zip(reference.variables, system.variables, strict=True):
                 genes.append(float(np.log(now.maximum / before.maximum / low) / np.log(high / low)))
         return np.clip(np.array(genes, dtype=np.float64), 0.0, 1.0)
 

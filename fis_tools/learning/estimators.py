@@ -29,7 +29,7 @@ class _FuzzyEstimator(BaseEstimator):
     system_: FuzzySystem
 
     def _samples(self, rows: Floats, counts: Floats) -> Samples:
-        labels = getattr(self, "feature_names_in_", [f"x{place}" for place in range(rows.shape[1])])
+        labels = getattr(self, "feature_names_in_", [f"x{column}" for column in range(rows.shape[1])])
         return samples_of(rows, list(map(str, labels)), counts)
 
     def _keep(self, learned: Learned) -> Self:
@@ -141,9 +141,9 @@ class FuzzyClassifier(ClassifierMixin, _FuzzyEstimator):
         rows, labels = validate_data(self, X, y, dtype=np.float64, ensure_min_samples=2)
         check_classification_targets(labels)
         rows, labels, counts = _counting(rows, labels, sample_weight)
-        self.classes_, place = np.unique(labels, return_inverse=True)
+        self.classes_, class_indices = np.unique(labels, return_inverse=True)
         names = [label if isinstance(label, str) else f"class_{label}" for label in self.classes_.tolist()]
-        owners = np.eye(len(names))[place]
+        owners = np.eye(len(names))[class_indices]
         recipe = Recipe(**self.get_params())
         samples = self._samples(rows, counts)
         return self._keep(learn_classes("y", samples, distinct(names), owners, recipe))

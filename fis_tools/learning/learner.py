@@ -17,7 +17,7 @@ from fis_tools.array_types import Floats, Integers
 from fis_tools.engines.compiler import compile
 from fis_tools.errors import Mistake
 from fis_tools.learning import rules
-from fis_tools.learning.table import Column, Samples, Table, as_table, columns_within, samples_of
+from fis_tools.learning.table import Column, Samples, TrainingTable, as_table, columns_within, samples_of
 from fis_tools.model import FuzzySystem, Variable
 from fis_tools.model.validate import MOST_INPUTS
 from fis_tools.plain_text import distinct
@@ -94,7 +94,7 @@ def _chosen_columns(samples: Samples, targets: Floats, recipe: Recipe, kind: rul
     chosen: list[int] = []
     lowest = np.inf
     while waiting and len(chosen) < recipe.max_inputs:
-        tries = [samples.of([*chosen, place]) for place in waiting]
+        tries = [samples.of([*chosen, column]) for column in waiting]
         scores = [
             rules.fit(_even(tried.columns, recipe.terms), tried.rows, targets, tried.counts, kind).score
             for tried in tries
@@ -180,28 +180,29 @@ def _learn_numbers(
     kind: rules.Kind,
 ) -> Learned:
     """Learn a system whose rules conclude numbers."""
-    places = _spread(len(samples.rows))
-    chosen = _chosen_columns(samples.at(places), targets[places], recipe, kind)
+    chosen_rows = _spread(len(samples.rows))
+    chosen = _chosen_columns(samples.at(chosen_rows), targets[chosen_rows], recipe, kind)
     fed = samples.of(chosen)
-    some = fed.at(places)
+    some = fed.at(chosen_rows)
     partitions = _even(fed.columns, recipe.terms)
     if recipe.tune:
         partitions = rules.tuned(
-            partitions, lambda tried: rules.fit(tried, some.rows, targets[places], some.counts, kind).score
+            partitions,
+            lambda tried: rules.fit(tried, some.rows, targets[chosen_rows], some.counts, kind).score,
         )
-    found = rules.fit(partitions, fed.rows, targets, fed.counts, kind)
+    fitted = rules.fit(partitions, fed.rows, targets, fed.counts, kind)
     names = distinct([*(column.name for column in fed.columns), *(output.name for output in outputs)])
     inputs = [p.as_input(n, c.unit) for p, n, c in zip(partitions, names, fed.columns, strict=False)]
     outputs = [replace(output, name=n) for output, n in zip(outputs, names[len(inputs) :], strict=True)]
-    return Learned(rules.takagi_sugeno(name, inputs, outputs, found), chosen)
+    return Learned(rules.takagi_sugeno(name, inputs, outputs, fitted), chosen)
 
 
 def _learn_sets(samples: Samples, target: Column, values: Floats, mean: float, recipe: Recipe) -> Learned:
     """Learn a Mamdani system."""
-    places = _spread(len(samples.rows))
-    chosen = _chosen_columns(samples.at(places), values[places, np.newaxis], recipe, "constants")
+    chosen_rows = _spread(len(samples.rows))
+    chosen = _chosen_columns(samples.at(chosen_rows), values[chosen_rows, np.newaxis], recipe, "constants")
     fed = samples.of(chosen)
-    some = fed.at(places)
+    some = fed.at(chosen_rows)
     names = distinct([*(column.name for column in fed.columns), target.name])
 
     def system(partitions: rules.Partitions, among: Samples, values: Floats) -> FuzzySystem:
@@ -212,8 +213,8 @@ def _learn_sets(samples: Samples, target: Column, values: Floats, mean: float, r
         return rules.wang_mendel(target.name, inputs, (output, last), among.rows, values, among.counts)
 
     def error(partitions: rules.Partitions) -> float:
-        answers = compile(system(partitions, some, values[places]))(some.rows)[:, 0]
-        return float((some.counts * np.square(answers - values[places])).sum())
+        answers = compile(system(partitions, some, values[chosen_rows]))(some.rows)[:, 0]
+        return float((some.counts * np.square(answers - values[chosen_rows])).sum())
 
     partitions = (*_even(fed.columns, recipe.terms), rules.even(target.low, target.high, recipe.output_terms))
     if recipe.tune:
@@ -271,7 +272,7 @@ def learn(content: Any, target: str, *, inputs: list[str] | None = None, **recip
     return learn_table(as_table(content, target, inputs), Recipe(**recipe)).system
 
 
-def learn_table(table: Table, recipe: Recipe) -> Learned:
+def learn_table(table: TrainingTable, recipe: Recipe) -> Learned:
     """Learn a system, and tell which columns feed it."""
     samples = samples_of(table.rows, table.labels)
     name, unit = name_and_unit(table.target)
@@ -283,20 +284,22 @@ def learn_table(table: Table, recipe: Recipe) -> Learned:
     return learn_number(samples, target, table.values, recipe)
 
 
-def cross_validated(table: Table, recipe: Recipe) -> Reached | None:
+def cross_validated(table: TrainingTable, recipe: Recipe) -> Reached | None:
     """Measure what a recipe reaches, every fifth row by what the others teach; None of too few rows."""
     fold = np.arange(len(table.values)) % FOLDS
     if len(table.values) < 2 * FOLDS:
         return None
     wrong, wrong_of_constant = 0.0, 0.0
-    found, counts = np.unique(table.values, return_counts=True)
-    most_frequent = found[counts.argmax()]
+    classes, counts = np.unique(table.values, return_counts=True)
+    most_frequent = classes[counts.argmax()]
     for left_out in range(FOLDS):
-        kept, asked = fold != left_out, fold == left_out
-        part = Table(table.labels, table.rows[kept], table.target, table.values[kept])
+        kept, held_out = fold != left_out, fold == left_out
+        part = TrainingTable(table.labels, table.rows[kept], table.target, table.values[kept])
         learned = learn_table(part, recipe)
-        answers = compile(learned.system)(np.ascontiguousarray(table.rows[asked][:, list(learned.columns)]))
-        truth = table.values[asked]
+        answers = compile(learned.system)(
+            np.ascontiguousarray(table.rows[held_out][:, list(learned.columns)])
+        )
+        truth = table.values[held_out]
         if table.has_classes:
             wrong += float((np.unique(part.values)[answers.argmax(axis=1)] != truth).sum())
             wrong_of_constant += float((most_frequent != truth).sum())

@@ -62,37 +62,37 @@ class Partition:
     ----------
     low, high : float
         The range; the first and the last peak lie at its ends.
-    places : tuple of int
+    positions : tuple of int
         The peaks in hundredths of the range, ascending.
     """
 
     low: float
     high: float
-    places: tuple[int, ...]
+    positions: tuple[int, ...]
 
     @property
     def peaks(self) -> Floats:
         """The peaks in the unit of the variable, shape (num_terms,)."""
         points = np.linspace(self.low, self.high, STEPS + 1)
-        return points[list(self.places)]
+        return points[list(self.positions)]
 
     @property
     def num_moved(self) -> int:
         """How many peaks are not where they are in an even partition."""
-        evenly = even(self.low, self.high, len(self.places)).places
-        return sum(mine != other for mine, other in zip(self.places, evenly, strict=True))
+        evenly = even(self.low, self.high, len(self.positions)).positions
+        return sum(mine != other for mine, other in zip(self.positions, evenly, strict=True))
 
     def memberships(self, values: Floats) -> Floats:
         """Return how far values, (n,), belong to each term, (n, num_terms); outside as at the ends."""
         peaks = self.peaks
-        return np.stack([np.interp(values, peaks, own) for own in np.eye(len(peaks))], axis=1)
+        return np.stack([np.interp(values, peaks, unit) for unit in np.eye(len(peaks))], axis=1)
 
     def moved(self, index: int, steps: int) -> "Partition | None":
         """Return it with an inner peak moved; None where that would come too close to another."""
-        place = self.places[index] + steps
-        if place - self.places[index - 1] < CLOSEST or self.places[index + 1] - place < CLOSEST:
+        position = self.positions[index] + steps
+        if position - self.positions[index - 1] < CLOSEST or self.positions[index + 1] - position < CLOSEST:
             return None
-        return replace(self, places=(*self.places[:index], place, *self.places[index + 1 :]))
+        return replace(self, positions=(*self.positions[:index], position, *self.positions[index + 1 :]))
 
     def as_input(self, name: str, unit: str) -> Variable:
         """Return the variable over the range."""
@@ -102,19 +102,19 @@ class Partition:
 
     def as_output(self, name: str, unit: str, default: float) -> Variable:
         """Return the variable for centroids: outer terms are whole, so that their centres are the ends."""
-        before, after = self.places[1], STEPS - self.places[-2]
+        before, after = self.positions[1], STEPS - self.positions[-2]
         num_points = before + STEPS + after + 1
         step = (self.high - self.low) / STEPS
         low, high = self.low - before * step, self.high + after * step
         points = np.linspace(low, high, num_points)
-        around = points[[0, *(before + place for place in self.places), -1]].tolist()
+        around = points[[0, *(before + position for position in self.positions), -1]].tolist()
         return Variable(name, unit, low, high, _terms(around), num_points, default=default)
 
 
 def even(low: float, high: float, num_terms: int) -> Partition:
     """Return the partition whose peaks are evenly spaced, as nearly as its points allow."""
-    places = np.round(np.linspace(0, STEPS, num_terms)).astype(int)
-    return Partition(low, high, tuple(places.tolist()))
+    positions = np.round(np.linspace(0, STEPS, num_terms)).astype(int)
+    return Partition(low, high, tuple(positions.tolist()))
 
 
 def range_of(values: Floats) -> tuple[float, float]:
@@ -168,9 +168,9 @@ def tuned(partitions: Sequence[Partition], error: Callable[[Partitions], float])
                     if moved is None:
                         continue
                     tried = (*best[:where], moved, *best[where + 1 :])
-                    found = error(tried)
-                    if found < lowest:
-                        best, lowest, is_better = tried, found, True
+                    trial_error = error(tried)
+                    if trial_error < lowest:
+                        best, lowest, is_better = tried, trial_error, True
                         break
     return best
 
@@ -179,7 +179,7 @@ def _inner_peaks(partitions: Partitions) -> list[tuple[int, int]]:
     return [
         (where, index)
         for where, partition in enumerate(partitions)
-        for index in range(1, len(partition.places) - 1)
+        for index in range(1, len(partition.positions) - 1)
     ]
 
 
@@ -298,8 +298,8 @@ def fit(partitions: Sequence[Partition], rows: Floats, targets: Floats, counts: 
     weights /= weights.sum(axis=1, keepdims=True)
     spent = CHARGE * sum(partition.num_moved for partition in partitions)
     if kind == "shares":
-        found, score = _shares(weights, targets, counts, spent)
-        return Fit(cells, _with_factors(found, len(partitions)), score)
+        solution, score = _shares(weights, targets, counts, spent)
+        return Fit(cells, _with_factors(solution, len(partitions)), score)
     middles = np.array([0.5 * (p.low + p.high) for p in partitions])
     halves = np.array([0.5 * (p.high - p.low) for p in partitions])
     scaled = np.clip((rows - middles) / halves, -1.0, 1.0)
@@ -309,11 +309,11 @@ def fit(partitions: Sequence[Partition], rows: Floats, targets: Floats, counts: 
     common = np.linalg.lstsq(terms, targets, rcond=None)[0]
     design = (weights[:, :, np.newaxis] * terms[:, np.newaxis, :]).reshape(len(rows), -1)
     departures, score = _ridge(design, targets - terms @ common, float(counts.sum()), spent + terms.shape[1])
-    found = np.swapaxes(common + departures.reshape(len(cells), *common.shape), 1, 2)
+    solution = np.swapaxes(common + departures.reshape(len(cells), *common.shape), 1, 2)
     if kind == "constants":
-        return Fit(cells, _with_factors(found[:, :, 0], len(partitions)), score)
-    factors = found[:, :, :-1] / halves
-    constants = found[:, :, -1:] - (factors * middles).sum(axis=2, keepdims=True)
+        return Fit(cells, _with_factors(solution[:, :, 0], len(partitions)), score)
+    factors = solution[:, :, :-1] / halves
+    constants = solution[:, :, -1:] - (factors * middles).sum(axis=2, keepdims=True)
     return Fit(cells, np.concatenate([factors, constants], axis=2), score)
 
 
@@ -384,7 +384,7 @@ def takagi_sugeno(
     fit : Fit
         For these inputs, and these outputs as targets.
     """
-    numbers = [_numbers(output, inputs, fit.coefficients[:, place]) for place, output in enumerate(outputs)]
+    numbers = [_numbers(output, inputs, fit.coefficients[:, column]) for column, output in enumerate(outputs)]
     rules = tuple(
         Rule(
             antecedent(inputs, cell),
@@ -417,15 +417,15 @@ def _numbers(output: Variable, inputs: Sequence[Variable], coefficients: Floats)
     """
     step = DIGIT * output.span
     steps = [step / variable.span for variable in inputs]
-    found = []
+    formulas = []
     for rule, (*factors, constant) in enumerate(coefficients.tolist(), start=1):
         if any(factors):
             exact = tuple(rounded(factor, each) for factor, each in zip(factors, steps, strict=True))
-            found.append(Term(f"line_{rule}", model.Linear(exact, rounded(constant, step))))
+            formulas.append(Term(f"line_{rule}", model.Linear(exact, rounded(constant, step))))
         else:
             value = rounded(min(max(constant, output.minimum), output.maximum), step)
-            found.append(Term(f"{value:.12g}", model.Constant(value)))
-    return found
+            formulas.append(Term(f"{value:.12g}", model.Constant(value)))
+    return formulas
 
 
 def _with_terms(output: Variable, terms: Sequence[Term]) -> Variable:

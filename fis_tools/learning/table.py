@@ -24,7 +24,7 @@ class UnreadableTable(Mistake):
 
 
 @dataclass(frozen=True)
-class Table:
+class TrainingTable:
     """What is learned from.
 
     Parameters
@@ -52,7 +52,7 @@ class Table:
         return self.values.dtype.kind != "f"
 
 
-def as_table(content: Any, target: str, inputs: list[str] | None = None) -> Table:
+def as_table(content: Any, target: str, inputs: list[str] | None = None) -> TrainingTable:
     """Take the columns of a mapping, data frame or structured array.
 
     Rows with an empty cell are left out. So are columns of words and columns of one value, unless they are
@@ -77,9 +77,9 @@ def as_table(content: Any, target: str, inputs: list[str] | None = None) -> Tabl
         raise UnreadableTable(
             "an array does not say what its columns are; pass a mapping of names to columns"
         )
-    target, *asked = (_called(name, names) for name in (target, *(inputs or ())))
-    require_known((target, *asked), names, "the table has no column", UnreadableTable)
-    labels = tuple(asked or (name for name in names if name != target))
+    target, *input_names = (_called(name, names) for name in (target, *(inputs or ())))
+    require_known((target, *input_names), names, "the table has no column", UnreadableTable)
+    labels = tuple(input_names or (name for name in names if name != target))
     if not labels:
         raise UnreadableTable(f"the table has no column besides {target!r}; add what rules may ask for")
     columns = {name: np.asarray(content[name]) for name in (*labels, target)}
@@ -108,7 +108,7 @@ def as_table(content: Any, target: str, inputs: list[str] | None = None) -> Tabl
     except UnreadableTable:
         if not all(isinstance(value, str) and as_number(value) is None for value in values.tolist()):
             raise
-    return Table(labels, rows, target, values, tuple(notes))
+    return TrainingTable(labels, rows, target, values, tuple(notes))
 
 
 def _called(name: str, names: Collection[str]) -> str:
@@ -177,7 +177,7 @@ def read_csv(path: Path | str) -> dict[str, list[str]]:
                 f"{path}, line {number} has {len(cells)} cells, but line 1 names {len(names)} columns; make "
                 "them equal"
             )
-    return {name: [cells[place].strip() for _, cells in lines] for place, name in enumerate(names)}
+    return {name: [cells[column].strip() for _, cells in lines] for column, name in enumerate(names)}
 
 
 def _numbers(name: str, values: NDArray[Any]) -> Floats:
@@ -232,9 +232,9 @@ class Samples:
     rows: Floats
     counts: Floats
 
-    def of(self, places: Sequence[int]) -> "Samples":
+    def of(self, columns: Sequence[int]) -> "Samples":
         """Return them with some of the columns."""
-        return Samples([self.columns[place] for place in places], self.rows[:, list(places)], self.counts)
+        return Samples([self.columns[column] for column in columns], self.rows[:, list(columns)], self.counts)
 
     def at(self, rows: Integers) -> "Samples":
         """Return some of them."""
@@ -243,12 +243,12 @@ class Samples:
 
 def samples_of(rows: Floats, labels: Sequence[str], counts: Floats | None = None) -> Samples:
     """Return the samples of a table, (n, num_columns), over the ranges of its rows; each counts once."""
-    found = []
+    encoded = []
     for label, values in zip(labels, rows.T, strict=True):
         name, unit = name_and_unit(label)
-        found.append(Column(name, unit, *range_of(values)))
-    names = distinct(column.name for column in found)
-    columns = [replace(column, name=name) for column, name in zip(found, names, strict=True)]
+        encoded.append(Column(name, unit, *range_of(values)))
+    names = distinct(column.name for column in encoded)
+    columns = [replace(column, name=name) for column, name in zip(encoded, names, strict=True)]
     return Samples(columns, rows, np.ones(len(rows)) if counts is None else counts)
 
 

@@ -184,16 +184,18 @@ def parse(text: str) -> Part:
     NotAFormula
         If the text is not a formula.
     """
-    tokens, place = [], 0
-    while text[place:].strip():
-        found = _TOKEN.match(text, place)
-        if found is None:
-            raise NotAFormula(f"the formula {text[:40]!r} has {text[place:].strip()[0]!r}, which is not read")
-        tokens.append((str(found.lastgroup), found[found.lastgroup or 0]))
+    tokens, position = [], 0
+    while text[position:].strip():
+        match = _TOKEN.match(text, position)
+        if match is None:
+            raise NotAFormula(
+                f"the formula {text[:40]!r} has {text[position:].strip()[0]!r}, which is not read"
+            )
+        tokens.append((str(match.lastgroup), match[match.lastgroup or 0]))
         if len(tokens) > MOST_WORDS:
             raise NotAFormula(f"the formula has more than {MOST_WORDS} numbers, names and signs")
-        place = found.end()
-    parser = _Parser(text, tokens)
+        position = match.end()
+    parser = _FormulaParser(text, tokens)
     whole = parser.expression(0)
     parser.expect("")
     return whole
@@ -211,27 +213,29 @@ def linear(part: Part, inputs: Sequence[str]) -> Form | None:
         return (np.eye(len(inputs))[inputs.index(part.word)], 0.0) if part.word in inputs else None
     if part.word not in {"+", "-", "*", "/"}:
         return None
-    found = [linear(each, inputs) for each in part.parts]
-    return None if found[0] is None or found[1] is None else _combined(part.word, found[0], found[1])
+    operands = [linear(each, inputs) for each in part.parts]
+    return (
+        None if operands[0] is None or operands[1] is None else _combined(part.word, operands[0], operands[1])
+    )
 
 
 def _combined(word: str, left: Form, right: Form) -> Form | None:
-    (one, constant), (other, factor) = left, right
+    (coefficients, constant), (other, factor) = left, right
     match word:
         case "+":
-            return one + other, constant + factor
+            return coefficients + other, constant + factor
         case "-":
-            return one - other, constant - factor
+            return coefficients - other, constant - factor
         case "*" if not other.any():
-            return one * factor, constant * factor
-        case "*" if not one.any():
+            return coefficients * factor, constant * factor
+        case "*" if not coefficients.any():
             return other * constant, factor * constant
         case "/" if not other.any() and factor:
-            return one / factor, constant / factor
+            return coefficients / factor, constant / factor
     return None
 
 
-class _Parser:
+class _FormulaParser:
     """Parser of a formula, from left to right."""
 
     def __init__(self, text: str, tokens: Sequence[tuple[str, str]]) -> None:
@@ -259,14 +263,14 @@ class _Parser:
         """Parse what operators join that bind as tightly as `least` or tighter."""
         if depth > DEEPEST:
             raise NotAFormula(f"the formula {self.text[:40]!r} is nested more than {DEEPEST} deep")
-        found = self.operand(depth)
+        left = self.operand(depth)
         while _BINDING.get(self.next, 0) >= least:
             word = self.take()
             if _BINDING[word] == _POWER:  # from right to left
-                found = Part("^", (found, self.expression(depth + 1, _POWER)))
+                left = Part("^", (left, self.expression(depth + 1, _POWER)))
             else:
-                found = Part(word, (found, self.expression(depth, _BINDING[word] + 1)))
-        return found
+                left = Part(word, (left, self.expression(depth, _BINDING[word] + 1)))
+        return left
 
     def operand(self, depth: int) -> Part:
         kind, word = self.tokens[self.place]
@@ -285,9 +289,9 @@ class _Parser:
         return inside
 
     def call(self, word: str, depth: int) -> Part:
-        found: list[Part] = []
-        for place in range(FUNCTIONS[word][0]):
-            self.expect("," if place else "(")
-            found.append(self.expression(depth + 1))
+        arguments: list[Part] = []
+        for index in range(FUNCTIONS[word][0]):
+            self.expect("," if index else "(")
+            arguments.append(self.expression(depth + 1))
         self.expect(")")
-        return Part(word, tuple(found))
+        return Part(word, tuple(arguments))

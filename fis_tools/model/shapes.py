@@ -120,12 +120,12 @@ def shape(
 
 def words_of(file_format: Format) -> dict[str, tuple[type[MembershipFunction], tuple[str, ...]]]:
     """Return a format's names of shapes, each with its shape and the order of the shape's numbers."""
-    found: dict[str, tuple[type[MembershipFunction], tuple[str, ...]]] = {}
+    by_word: dict[str, tuple[type[MembershipFunction], tuple[str, ...]]] = {}
     for kind in SHAPES.values():
         if file_format in kind.entry.words:
             word, *order = kind.entry.words[file_format]
-            found[word] = kind, tuple(order or kind.entry.kinds)
-    return found
+            by_word[word] = kind, tuple(order or kind.entry.kinds)
+    return by_word
 
 
 #: Sampled memberships below this are set to zero: differences of denormal numbers lose all their digits.

@@ -170,19 +170,19 @@ def unchained(rules: Sequence[Named], outputs: Mapping[str, Variable]) -> list[R
         If no antecedent can replace what a rule uses.
     """
     concluded: dict[Is, list[tuple[Named, Consequent]]] = {}
-    found: list[Rule] = []
+    replaced: list[Rule] = []
     for each in rules:
-        asked = {statement.variable for statement in statements_of(each.rule.antecedent)}
-        rule = each.rule if asked.isdisjoint(outputs) else _inlined(each, concluded, outputs)
+        conditioned = {statement.variable for statement in statements_of(each.rule.antecedent)}
+        rule = each.rule if conditioned.isdisjoint(outputs) else _inlined(each, concluded, outputs)
         if sum(1 for _ in statements_of(rule.antecedent)) > MOST_STATEMENTS:
             raise NotResolvable(
                 f"{each.name} comes to more than {MOST_STATEMENTS} statements; shorten its chain"
             )
-        found.append(rule)
+        replaced.append(rule)
         for consequent in rule.consequents:
             key = Is(consequent.variable, consequent.term)
             concluded.setdefault(key, []).append((Named(each.name, rule), consequent))
-    return found
+    return replaced
 
 
 def _inlined(
@@ -206,41 +206,43 @@ def _inlined(
     return replace(
         each.rule,
         antecedent=antecedent,
-        and_operator=_one(each, "and", and_operators),
-        or_operator=_one(each, "or", or_operators),
+        and_operator=_agreed_operator(each, "and", and_operators),
+        or_operator=_agreed_operator(each, "or", or_operators),
     )
 
 
 def _require_plain(
-    each: Named, asked: Is, sources: Sequence[tuple[Named, Consequent]], output: Variable
+    each: Named, statement: Is, sources: Sequence[tuple[Named, Consequent]], output: Variable
 ) -> None:
     if not sources:
         raise NotResolvable(
-            f"{each.name} asks for {asked.variable!r} {asked.term!r}, which no rule before it concludes; put "
-            "the rule that does so before it"
+            f"{each.name} asks for {statement.variable!r} {statement.term!r}, which no rule before it "
+            "concludes; put the rule that does so before it"
         )
     for source, consequent in sources:
         if consequent.weight != 1.0:
             raise NotResolvable(
-                f"{each.name} asks for {asked.variable!r} {asked.term!r}, which {source.name} concludes with "
-                f"weight {consequent.weight:g}, and no antecedent says that; conclude it with weight 1"
+                f"{each.name} asks for {statement.variable!r} {statement.term!r}, which "
+                f"{source.name} concludes with weight {consequent.weight:g}, and no antecedent says "
+                "that; conclude it with weight 1"
             )
     if len(sources) > 1 and not output.counts_strongest:
         joins = output.accumulation if output.accumulation != "max" else output.aggregation
         raise NotResolvable(
-            f"{each.name} asks for {asked.variable!r} {asked.term!r}, where {joins} joins {len(sources)} "
-            "rules, and only the maximum can be said in an antecedent; join them by the maximum"
+            f"{each.name} asks for {statement.variable!r} {statement.term!r}, where {joins} joins "
+            f"{len(sources)} rules, and only the maximum can be said in an antecedent; join them by "
+            "the maximum"
         )
 
 
-def _one(each: Named, word: str, operators: Sequence[_Name | None]) -> _Name | None:
-    found = sorted({operator for operator in operators if operator is not None})
-    if len(found) > 1:
+def _agreed_operator(each: Named, word: str, operators: Sequence[_Name | None]) -> _Name | None:
+    operators_given = sorted({operator for operator in operators if operator is not None})
+    if len(operators_given) > 1:
         raise NotResolvable(
-            f"{each.name} and the rules before it in its chain combine by {' and '.join(found)}, and one "
-            f"antecedent has one {word!r}; give them the same"
+            f"{each.name} and the rules before it in its chain combine by "
+            f"{' and '.join(operators_given)}, and one antecedent has one {word!r}; give them the same"
         )
-    return found[0] if found else None
+    return operators_given[0] if operators_given else None
 
 
 @dataclass(frozen=True)
@@ -312,8 +314,8 @@ class FuzzySystem:
 
     def conclusions_on(self, output: Variable) -> Iterator[tuple[int, Consequent]]:
         """Yield what rules conclude on an output, in their order, each with the index of its rule."""
-        for place, rule in enumerate(self.rules):
-            yield from ((place, each) for each in rule.consequents if each.variable == output.name)
+        for index, rule in enumerate(self.rules):
+            yield from ((index, each) for each in rule.consequents if each.variable == output.name)
 
     def and_operator_of(self, rule: Rule) -> AndOperator:
         """Return how `and` combines in one of its rules."""
@@ -333,17 +335,17 @@ def said_once(system: FuzzySystem) -> FuzzySystem:
 
     The system takes an operator from the first rule that uses it, and the defuzzifier of its first output.
     """
-    own = []
+    kept = []
     for rule in system.rules:
         kinds = {type(part) for part in parts_of(rule.antecedent)}
         conjunction = system.and_operator_of(rule) if And in kinds else None
-        own.append((conjunction, system.or_operator_of(rule) if Or in kinds else None))
-    and_operator = next((each for each, _ in own if each is not None), system.and_operator)
-    or_operator = next((each for _, each in own if each is not None), system.or_operator)
+        kept.append((conjunction, system.or_operator_of(rule) if Or in kinds else None))
+    and_operator = next((each for each, _ in kept if each is not None), system.and_operator)
+    or_operator = next((each for _, each in kept if each is not None), system.or_operator)
     ways = [system.defuzzifier_of(output) for output in system.outputs]
     defuzzifier = ways[0] if ways else system.defuzzifier
     rules, outputs = [], []
-    for rule, (conjunction, disjunction) in zip(system.rules, own, strict=True):
+    for rule, (conjunction, disjunction) in zip(system.rules, kept, strict=True):
         own_and = None if conjunction == and_operator else conjunction
         own_or = None if disjunction == or_operator else disjunction
         rules.append(replace(rule, and_operator=own_and, or_operator=own_or))
@@ -447,10 +449,10 @@ def rule_table(system: FuzzySystem) -> Integers | None:
     """
     if prod(len(variable.terms) for variable in system.inputs) != len(system.rules):
         return None
-    found = conjunctions(system)
+    cells_of = conjunctions(system)
     cells = table_antecedents(system.inputs)
     is_full = all(rule.antecedent == cell for rule, cell in zip(system.rules, cells, strict=True))
-    return None if found is None or not is_full else found[1]
+    return None if cells_of is None or not is_full else cells_of[1]
 
 
 def with_terms(rule: Rule, names: Mapping[tuple[str, str], str]) -> Rule:
@@ -463,14 +465,18 @@ def with_terms(rule: Rule, names: Mapping[tuple[str, str], str]) -> Rule:
 def renamed(rule: Rule, called: Callable[[str, str], tuple[str, str]]) -> Rule:
     """Return a rule with other names for variables and terms; ``called`` returns both, given both."""
     consequents = (Consequent(*called(c.variable, c.term), c.weight) for c in rule.consequents)
-    antecedent = with_statements(rule.antecedent, lambda one: Is(*called(one.variable, one.term)))
+    antecedent = with_statements(
+        rule.antecedent, lambda statement: Is(*called(statement.variable, statement.term))
+    )
     return replace(rule, antecedent=antecedent, consequents=tuple(consequents))
 
 
 def used_terms(rules: Iterable[Rule]) -> set[tuple[str, str]]:
     """Return what rules ask for and conclude, by variable and term."""
-    used = {(one.variable, one.term) for rule in rules for one in statements_of(rule.antecedent)}
-    return used | {(one.variable, one.term) for rule in rules for one in rule.consequents}
+    used = {
+        (statement.variable, statement.term) for rule in rules for statement in statements_of(rule.antecedent)
+    }
+    return used | {(statement.variable, statement.term) for rule in rules for statement in rule.consequents}
 
 
 def with_variables(system: FuzzySystem, change: Callable[[Variable], Variable]) -> FuzzySystem:
@@ -488,8 +494,8 @@ def table_cells(inputs: Sequence[Variable]) -> Integers:
 def conjunction(antecedent: Expression) -> dict[str, str] | None:
     """Return the term that an antecedent asks for of each input; None where it is no plain conjunction."""
     statements = antecedent.operands if isinstance(antecedent, And) else (antecedent,)
-    asked = {statement.variable: statement.term for statement in statements if isinstance(statement, Is)}
-    return asked if len(asked) == len(statements) else None
+    terms = {statement.variable: statement.term for statement in statements if isinstance(statement, Is)}
+    return terms if len(terms) == len(statements) else None
 
 
 def conjunctions(system: FuzzySystem) -> tuple[Integers, Integers] | None:
@@ -508,15 +514,15 @@ def conjunctions(system: FuzzySystem) -> tuple[Integers, Integers] | None:
     """
     if len(system.outputs) != 1:
         return None
-    places = {variable.name: place for place, variable in enumerate(system.inputs)}
+    columns = {variable.name: column for column, variable in enumerate(system.inputs)}
     cells = np.full((len(system.rules), len(system.inputs)), -1, dtype=np.int64)
     consequents = np.empty(len(system.rules), dtype=np.int64)
     for index, rule in enumerate(system.rules):
-        asked = conjunction(rule.antecedent)
-        if asked is None:
+        terms = conjunction(rule.antecedent)
+        if terms is None:
             return None
-        for name, term in asked.items():
-            cells[index, places[name]] = system.inputs[places[name]].term_index(term)
+        for name, term in terms.items():
+            cells[index, columns[name]] = system.inputs[columns[name]].term_index(term)
         if len(rule.consequents) != 1 or rule.consequents[0].weight != 1.0 or rule.has_own_operators:
             return None
         consequent = rule.consequents[0]

@@ -57,28 +57,30 @@ def validate(system: FuzzySystem) -> None:
     """
     if _VALID.get(id(system)) is system:
         return
-    found = problems(system)
-    if found:
-        raise InvalidSystem("\n".join(found))
+    sentences = problems(system)
+    if sentences:
+        raise InvalidSystem("\n".join(sentences))
     _VALID[id(system)] = system
 
 
 def controller_problems(controller: FuzzyController) -> list[str]:
     """Return the problems of a controller and its systems, one sentence each; empty if there are none."""
-    found = list(_name_problems("a controller", controller.name))
+    sentences = list(_name_problems("a controller", controller.name))
     if not controller.systems:
-        found.append(f"controller {controller.name!r} has no systems; give it at least one")
-    found += _duplicates(f"controller {controller.name!r}", "systems", (s.name for s in controller.systems))
+        sentences.append(f"controller {controller.name!r} has no systems; give it at least one")
+    sentences += _duplicates(
+        f"controller {controller.name!r}", "systems", (s.name for s in controller.systems)
+    )
     for kind, facts in (("attributes", controller.attributes), ("provenance", controller.provenance)):
-        found += _duplicates(f"controller {controller.name!r}", kind, (key for key, _ in facts))
+        sentences += _duplicates(f"controller {controller.name!r}", kind, (key for key, _ in facts))
     if len(controller.systems) > MOST_SYSTEMS:
         return [
             f"controller {controller.name!r} has {len(controller.systems)} systems; at most {MOST_SYSTEMS} "
             "are read, so split it"
         ]
     for system in controller.systems:
-        found += problems(system)
-    return found
+        sentences += problems(system)
+    return sentences
 
 
 def problems(system: FuzzySystem) -> list[str]:
@@ -235,11 +237,11 @@ def parameter_problems(shape: MembershipFunction) -> Iterator[str]:
             yield f"{words} {value} is not positive; give a number above 0"
         elif kind == "deviation" and not 0 < 2 * value * value < math.inf:
             yield f"the square of {words} {value} under- or overflows; change it"
-    places = {name: parameters[name] for name in entry.ascending}
-    if list(places.values()) != sorted(places.values()):
-        yield f"{_listed(places)} do not ascend; put them in order"
+    ordered = {name: parameters[name] for name in entry.ascending}
+    if list(ordered.values()) != sorted(ordered.values()):
+        yield f"{_listed(ordered)} do not ascend; put them in order"
     elif any(parameters[left] == parameters[right] for left, right in entry.flanks):
-        yield f"{_listed(places)} leave a flank no width; make it wider, or use a trapezoidal shape"
+        yield f"{_listed(ordered)} leave a flank no width; make it wider, or use a trapezoidal shape"
 
 
 def _is_finite(value: object) -> bool:
@@ -371,8 +373,8 @@ def _rule_base_problems(system: FuzzySystem) -> Iterator[str]:
         if not rule.consequents:
             yield f"{where} concludes nothing; give it at least one consequent"
         for consequent in rule.consequents:
-            found = _reference_problems(outputs, "output", consequent.variable, consequent.term)
-            yield from _at(f"{where}: ", found)
+            sentences = _reference_problems(outputs, "output", consequent.variable, consequent.term)
+            yield from _at(f"{where}: ", sentences)
             if not (_is_finite(consequent.weight) and 0.0 <= consequent.weight <= 1.0):
                 yield f"{where}: weight {consequent.weight} lies outside [0, 1]; choose one inside"
 

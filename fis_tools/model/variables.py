@@ -182,5 +182,5 @@ def is_unimodal(values: Floats) -> bool:
 def peak(variable: Variable, term: Term) -> float:
     """Return the middle of where a term's sampled membership is highest; rounding errors become 0."""
     values = sample(variable, term)
-    place = float(np.mean(variable.universe[values >= values.max() - 1e-9]))
-    return 0.0 if abs(place) < 1e-9 * variable.span else place
+    centre = float(np.mean(variable.universe[values >= values.max() - 1e-9]))
+    return 0.0 if abs(centre) < 1e-9 * variable.span else centre

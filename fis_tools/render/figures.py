@@ -179,9 +179,9 @@ def _slice(system: FuzzySystem, terms: Mapping[str, Term], output: Variable) -> 
 def _belonging(system: FuzzySystem, terms: Mapping[str, Term], samples: Floats) -> Floats:
     """Keep the samples whose outer inputs belong to these terms more than to others."""
     keep = np.ones(len(samples), dtype=bool)
-    for place, variable in enumerate(system.inputs):
+    for index, variable in enumerate(system.inputs):
         if variable.name in terms:
-            x = np.clip(samples[:, place], variable.minimum, variable.maximum)
+            x = np.clip(samples[:, index], variable.minimum, variable.maximum)
             belongs = [np.interp(x, variable.universe, sample(variable, term)) for term in variable.terms]
             keep &= np.argmax(belongs, axis=0) == variable.term_index(terms[variable.name].name)
     return samples[keep]

@@ -36,8 +36,8 @@ def memberships(variable: Variable, ax: Axes, value: float | None = None, *, the
     theme : Theme
         Colours.
     """
-    for place, function in enumerate(variable.memberships):
-        ax.plot(variable.universe, function, linewidth=1.8, clip_on=False, **theme.line(place))
+    for index, function in enumerate(variable.memberships):
+        ax.plot(variable.universe, function, linewidth=1.8, clip_on=False, **theme.line(index))
     room = _name(variable, ax, theme)
     _frame(variable, ax, 1.0 / (1.0 - room))
     if value is not None:
@@ -69,8 +69,8 @@ def _name(variable: Variable, ax: Axes, theme: Theme) -> float:
             break
     over: dict[str, Any] = {"xycoords": ("axes fraction", "data"), "textcoords": "offset points"}
     over |= {"ha": "center", "va": "bottom"}
-    for place, (text, centre, level) in enumerate(zip(texts, centres, levels, strict=True)):
-        up, colour = 2 + lettering.LINE_SPACING * SMALL * level, theme.line(place)["color"]
+    for index, (text, centre, level) in enumerate(zip(texts, centres, levels, strict=True)):
+        up, colour = 2 + lettering.LINE_SPACING * SMALL * level, theme.line(index)["color"]
         ax.annotate(text, (centre / across, 1.0), xytext=(0, up), color=colour, fontsize=SMALL, **over)
     return min(0.7, (lettering.height("\n" * max(levels), SMALL) + 0.05) / down)
 
@@ -79,13 +79,13 @@ def _lines(texts: list[str], peaks: list[float], across: float) -> tuple[list[fl
     """Give each name its centre, inside the axes, and the lowest line on which it runs into no other."""
     centres, levels = [0.0] * len(texts), [0] * len(texts)
     ends: list[float] = []
-    for place in np.argsort(peaks, kind="stable"):
-        length = lettering.width(texts[place], SMALL)
-        centre = float(np.clip(peaks[place], 0.5 * length, max(0.5 * length, across - 0.5 * length)))
+    for index in np.argsort(peaks, kind="stable"):
+        length = lettering.width(texts[index], SMALL)
+        centre = float(np.clip(peaks[index], 0.5 * length, max(0.5 * length, across - 0.5 * length)))
         start = centre - 0.5 * length
         level = next((level for level, end in enumerate(ends) if end + _APART <= start), len(ends))
         ends[level : level + 1] = [start + length]
-        centres[place], levels[place] = centre, level
+        centres[index], levels[index] = centre, level
     return centres, levels
 
 
@@ -93,11 +93,11 @@ def _mark(variable: Variable, functions: Floats, value: float, ax: Axes, theme: 
     clipped = float(np.clip(value, variable.minimum, variable.maximum))
     ax.plot([clipped, clipped], [0.0, 1.0], color=theme.ink, linewidth=1.2, zorder=3)
     belongs = []
-    for place, (term, function) in enumerate(zip(variable.terms, functions, strict=True)):
+    for index, (term, function) in enumerate(zip(variable.terms, functions, strict=True)):
         membership = float(np.interp(clipped, variable.universe, function))
         if membership >= SHOWN_FROM:
             belongs.append((membership, f"{term.name}\u00a0{membership:.2f}"))
-            colour = theme.line(place)["color"]
+            colour = theme.line(index)["color"]
             ax.plot(clipped, membership, "o", color=colour, mec=theme.paper, ms=6, zorder=4, clip_on=False)
     terms = ", ".join(words for _, words in sorted(belongs, key=lambda pair: -pair[0])) or "none of its terms"
     note = f" (taken as {number(clipped)})" if clipped != value else ""
@@ -114,12 +114,12 @@ def statement_panel(
     inference: Inference, rule: Rule, variable: Variable, ax: Axes, theme: Theme = LIGHT
 ) -> Axes:
     """Draw what a rule of an inference's system asks of an input, and how far its value fulfils that."""
-    place = [v.name for v in inference.system.inputs].index(variable.name)
-    value = float(inference.clipped[place])
+    column = [v.name for v in inference.system.inputs].index(variable.name)
+    value = float(inference.clipped[column])
     words = []
-    for term, is_denied in _asked(rule.antecedent, variable.name):
+    for term, is_denied in _named_terms(rule.antecedent, variable.name):
         index = variable.term_index(term)
-        degree = float(inference.memberships[place][index])
+        degree = float(inference.memberships[column][index])
         curve = sample(variable, variable.terms[index])
         degree, curve = (1.0 - degree, 1.0 - curve) if is_denied else (degree, curve)
         line = theme.line(index)
@@ -174,19 +174,19 @@ def output_panel(output: OutputInference, system: FuzzySystem, ax: Axes, theme: 
     return ax
 
 
-def _asked(expression: Expression, name: str, *, is_denied: bool = False) -> Iterator[tuple[str, bool]]:
+def _named_terms(expression: Expression, name: str, *, is_denied: bool = False) -> Iterator[tuple[str, bool]]:
     """Yield the terms that an antecedent names of an input, and whether under an odd number of nots."""
     match expression:
         case Is(variable, term):
             if variable == name:
                 yield term, is_denied
         case Not(operand):
-            yield from _asked(operand, name, is_denied=not is_denied)
+            yield from _named_terms(operand, name, is_denied=not is_denied)
         case Hedged(_, operand):
-            yield from _asked(operand, name, is_denied=is_denied)
+            yield from _named_terms(operand, name, is_denied=is_denied)
         case And(operands) | Or(operands):
             for operand in operands:
-                yield from _asked(operand, name, is_denied=is_denied)
+                yield from _named_terms(operand, name, is_denied=is_denied)
 
 
 def _finished(ax: Axes, variable: Variable, words: str, theme: Theme, *, is_empty: bool) -> Axes:
@@ -228,12 +228,12 @@ def inference_figure(inference: Inference, *, most_rules: int = 6, theme: Theme 
     columns = len(system.inputs) + len(system.outputs)
     width = _LEFT + columns * _WIDTH + (columns - 1) * _GAP + _RIGHT
     rules = {
-        place: lettering.broken(
-            f"rule {place + 1} fires at {strengths[place]:.2f}: {sentence(system.rules[place])}",
+        index: lettering.broken(
+            f"rule {index + 1} fires at {strengths[index]:.2f}: {sentence(system.rules[index])}",
             width - _LEFT - _RIGHT,
             MEDIUM,
         )
-        for place in order[:most_rules]
+        for index in order[:most_rules]
     }
     heights = [_HEAD + _TITLE, _CURVES, _AXIS]
     for words in rules.values():
@@ -246,8 +246,8 @@ def inference_figure(inference: Inference, *, most_rules: int = 6, theme: Theme 
     )
 
     def write(row: int, words: str, size: float, colour: str, across: float = 0.0) -> None:
-        place = grid[row, 0].get_position(figure)
-        x, y = place.x0 + across / width, place.y1 - _OVER / sum(heights)
+        box = grid[row, 0].get_position(figure)
+        x, y = box.x0 + across / width, box.y1 - _OVER / sum(heights)
         figure.text(x, y, words, size=size, color=colour, va="top", parse_math=False)
 
     steps = f"and: {system.and_operator}, or: {system.or_operator}, defuzzifier: {system.defuzzifier}"

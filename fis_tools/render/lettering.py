@@ -30,7 +30,7 @@ _TO_PATH = TextToPath()
 
 
 @dataclass(frozen=True)
-class Fit:
+class FittedText:
     """Words as they fit, one text per given word, all with letters of one size."""
 
     texts: tuple[str, ...]
@@ -64,8 +64,8 @@ def broken(words: str, room: float, size: float) -> str:
     lines = [""]
     for word in filter(None, words.split(" ")):
         pieces = [word] if width(word, size) <= room else _PIECE.findall(word)
-        for place, piece in enumerate(pieces):
-            glue = " " if place == 0 and lines[-1] else ""
+        for index, piece in enumerate(pieces):
+            glue = " " if index == 0 and lines[-1] else ""
             if lines[-1] and width(lines[-1] + glue + piece, size) > room:
                 lines.append(piece)
             else:
@@ -89,7 +89,7 @@ def _cut(line: str, room: float, size: float) -> str:
 
 def fit(
     words: Sequence[str], room: tuple[float, float], sizes: tuple[float, float], *, may_stand: bool = True
-) -> Fit:
+) -> FittedText:
     """Set words into boxes of equal width and height, shortened as a last resort.
 
     Parameters
@@ -108,12 +108,14 @@ def fit(
         for size in np.arange(sizes[1], sizes[0] - 0.01, -0.5):
             texts = tuple(broken(word, box[0], size) for word in words)
             if all(width(text, size) <= box[0] and height(text, size) <= box[1] for text in texts):
-                return Fit(texts, float(size), rotation)
+                return FittedText(texts, float(size), rotation)
     is_upright = may_stand and down > across
     box = (down, across) if is_upright else (across, down)
     size = sizes[0]
     most = max(1, int(box[1] / height("", size)))
-    return Fit(tuple(_crammed(word, box[0], size, most) for word in words), size, 90.0 if is_upright else 0.0)
+    return FittedText(
+        tuple(_crammed(word, box[0], size, most) for word in words), size, 90.0 if is_upright else 0.0
+    )
 
 
 def _crammed(words: str, room: float, size: float, most_lines: int) -> str:
@@ -153,8 +155,8 @@ def make_room(ax: Axes, left: float = 0.0, below: float = 0.0) -> tuple[float, f
     if figure.get_layout_engine() is not None:
         return left, below
     across, down = (float(length) for length in figure.get_size_inches())
-    place = ax.get_position()
-    x = max(place.x0, min((left + _BESIDE) / across, 0.5)) if left else place.x0
-    y = max(place.y0, min((below + _BESIDE) / down, 0.5)) if below else place.y0
-    ax.set_position((x, y, place.x1 - x, place.y1 - y))
+    box = ax.get_position()
+    x = max(box.x0, min((left + _BESIDE) / across, 0.5)) if left else box.x0
+    y = max(box.y0, min((below + _BESIDE) / down, 0.5)) if below else box.y0
+    ax.set_position((x, y, box.x1 - x, box.y1 - y))
     return min(left, x * across - _BESIDE), min(below, y * down - _BESIDE)

@@ -41,11 +41,13 @@ def rule_cells(system: FuzzySystem, output: Variable) -> tuple[Integers, Floats]
     if prod(shape) > MOST_CELLS:
         return None
     terms, weights = np.full(shape, -1, dtype=np.int64), np.ones(shape)
-    for place, consequent in system.conclusions_on(output):
-        asked = conjunction(system.rules[place].antecedent)
-        if asked is None:
+    for index, consequent in system.conclusions_on(output):
+        conditions = conjunction(system.rules[index].antecedent)
+        if conditions is None:
             return None
-        cell = tuple(v.term_index(asked[v.name]) if v.name in asked else slice(None) for v in system.inputs)
+        cell = tuple(
+            v.term_index(conditions[v.name]) if v.name in conditions else slice(None) for v in system.inputs
+        )
         term = output.term_index(consequent.term)
         taken = terms[cell] != -1
         if np.any(taken & ((terms[cell] != term) | (weights[cell] != consequent.weight))):
@@ -171,16 +173,16 @@ def rule_names(system: FuzzySystem) -> list[str]:
     with the names of their inputs.
     """
     names = []
-    for place, rule in enumerate(system.rules, start=1):
-        asked = conjunction(rule.antecedent)
+    for number, rule in enumerate(system.rules, start=1):
+        conditions = conjunction(rule.antecedent)
         words = antecedent_words(rule.antecedent)
-        if asked is not None:
-            words = " · ".join(asked.get(variable.name, "any") for variable in system.inputs)
+        if conditions is not None:
+            words = " · ".join(conditions.get(variable.name, "any") for variable in system.inputs)
         outputs = ["" if len(system.outputs) == 1 else f"{c.variable} " for c in rule.consequents]
         concluded = [
             out + weighted(c.term, c.weight) for out, c in zip(outputs, rule.consequents, strict=True)
         ]
-        names.append(f"{place}: {words} → {', '.join(concluded)}")
+        names.append(f"{number}: {words} → {', '.join(concluded)}")
     return names
 
 
@@ -228,7 +230,7 @@ def firing_map(
     scale: dict[str, Any] = {"cmap": theme.strength_map, "vmin": 0.0, "vmax": 1.0}
     image = ax.pcolormesh(x, y, strengths[:, shown].T, rasterized=True, **scale)
     colour_bar([ax], image, "firing strength", theme)
-    size = _name_rows(ax, system, [f"{names[place]} ({100 * shares[place]:.0f}\u00a0%)" for place in shown])
+    size = _name_rows(ax, system, [f"{names[index]} ({100 * shares[index]:.0f}\u00a0%)" for index in shown])
     left = len(system.rules) - len(shown)
     if left:
         rest = 100 * max(0.0, 1.0 - float(shares[shown].sum()))

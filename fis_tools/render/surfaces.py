@@ -246,9 +246,9 @@ def _contours(result: Surface, ax: Axes, limits: tuple[float, float], ink: str |
         _label(ax, zero, MEDIUM, [vertices[np.argmin(np.abs(off_middle).max(axis=1))]])
 
 
-def _label(ax: Axes, lines: QuadContourSet, size: float, places: Any = False) -> None:
+def _label(ax: Axes, lines: QuadContourSet, size: float, positions: Any = False) -> None:
     """Write levels on contours, each with a rim, but for those that the edge of the axes would cut."""
-    for label in ax.clabel(lines, fmt=number, fontsize=size, inline=False, manual=places):
+    for label in ax.clabel(lines, fmt=number, fontsize=size, inline=False, manual=positions):
         rim = readable_on(to_rgb(label.get_color()))
         label.set_path_effects([withStroke(linewidth=2.0, foreground=rim)])
         x, y = ax.transAxes.inverted().transform(ax.transData.transform(label.get_position()))

@@ -59,9 +59,9 @@ class Theme:
     less: str
     more: str
 
-    def line(self, place: int) -> dict[str, Any]:
+    def line(self, index: int) -> dict[str, Any]:
         """Return colour and style of the curve at a place in an order."""
-        colour, style = self.lines[place % len(self.lines)], LINE_STYLES[place % len(LINE_STYLES)]
+        colour, style = self.lines[index % len(self.lines)], LINE_STYLES[index % len(LINE_STYLES)]
         return {"color": colour, "linestyle": style}
 
     @property
@@ -115,10 +115,10 @@ def dress(ax: Axes, theme: Theme, x_size: float = SMALL, y_size: float = SMALL) 
     for axis in (ax.xaxis, ax.yaxis):
         axis.label.set(color=theme.ink, size=MEDIUM)
         axis.get_offset_text().set_color(theme.ink)
-    for place in ("left", "center", "right"):
-        words = ax.get_title(loc=place)
+    for side in ("left", "center", "right"):
+        words = ax.get_title(loc=side)
         if words:
-            ax.set_title(words, loc=place, color=theme.ink, size=MEDIUM)
+            ax.set_title(words, loc=side, color=theme.ink, size=MEDIUM)
     for text in ax.findobj(Text):
         text.set_parse_math(False)
 
@@ -131,8 +131,8 @@ def head(figure: Any, words: str, theme: Theme) -> None:
 
 def term_colours(count: int) -> Floats:
     """Return one colour per term, from dark for the lowest to bright for the highest, (count, 3)."""
-    places = np.linspace(0.08, 0.98, count) if count > 1 else np.array([0.7])
-    return np.asarray(mpl.colormaps[BRIGHTNESS_MAP](places))[:, :3]
+    positions = np.linspace(0.08, 0.98, count) if count > 1 else np.array([0.7])
+    return np.asarray(mpl.colormaps[BRIGHTNESS_MAP](positions))[:, :3]
 
 
 def luminance(colour: Colour) -> float:
@@ -142,9 +142,9 @@ def luminance(colour: Colour) -> float:
     return float(linear @ (0.2126, 0.7152, 0.0722))
 
 
-def contrast(one: Colour, other: Colour) -> float:
+def contrast(first: Colour, other: Colour) -> float:
     """Return the contrast ratio of two colours, from 1 to 21, as WCAG 2 defines it."""
-    low, high = sorted((luminance(one), luminance(other)))
+    low, high = sorted((luminance(first), luminance(other)))
     return (high + 0.05) / (low + 0.05)
 
 

@@ -89,9 +89,9 @@ def _flown(system: FuzzySystem, flown: FlownSystem | None, most: int) -> dict[st
 
 def _variable(variable: Variable, *more: str) -> dict[str, Any]:
     """Return a variable as plain data, with more of its properties, by their names."""
-    found = {key: getattr(variable, key) for key in ("name", "unit", "minimum", "maximum", *more)}
+    fields = {key: getattr(variable, key) for key in ("name", "unit", "minimum", "maximum", *more)}
     terms = [{"name": term.name, "values": _doubles(sample(variable, term))} for term in variable.terms]
-    return found | {"universe": _doubles(variable.universe), "terms": terms}
+    return fields | {"universe": _doubles(variable.universe), "terms": terms}
 
 
 def _rule(rule: Rule, system: FuzzySystem) -> dict[str, Any]:
@@ -111,8 +111,8 @@ def _rule(rule: Rule, system: FuzzySystem) -> dict[str, Any]:
 def _expression(expression: Expression, system: FuzzySystem) -> list[Any]:
     match expression:
         case Is(name, term):
-            place = [variable.name for variable in system.inputs].index(name)
-            return ["is", place, system.inputs[place].term_index(term)]
+            index = [variable.name for variable in system.inputs].index(name)
+            return ["is", index, system.inputs[index].term_index(term)]
         case Not(operand):
             return ["not", _expression(operand, system)]
         case Hedged(hedge, operand):

@@ -17,7 +17,7 @@ from fis_tools.errors import ControllerFileError
 from fis_tools.findings.audit import Audit, Finding
 from fis_tools.model import FuzzyController, FuzzySystem, Variable, peak
 from fis_tools.plain_text import as_number
-from fis_tools.review.flown import Evaluation, Flight, Samples
+from fis_tools.review.flown import Evaluation, Flight, SensedInputs
 from fis_tools.words import text as wording
 from fis_tools.words.text import amount, number
 
@@ -55,12 +55,12 @@ def _placed(system: FuzzySystem, rows: Sequence[Sequence[str]]) -> Table:
     """Return a rule table with the place of each term, and what the system answers there."""
     (corner, *_), *lines = rows
     output, last = system.outputs[0], system.inputs[-1]
-    places = [[peak(variable, term) for term in variable.terms] for variable in system.inputs]
-    grid = np.stack(np.meshgrid(*places, indexing="ij"), axis=-1).reshape(-1, len(places))
+    peaks = [[peak(variable, term) for term in variable.terms] for variable in system.inputs]
+    grid = np.stack(np.meshgrid(*peaks, indexing="ij"), axis=-1).reshape(-1, len(peaks))
     answers = arrays.evaluate(system, grid)[:, 0].reshape(-1, len(last.terms))
-    heads = [corner, *(_head(last, place) for place in range(len(last.terms)))]
+    heads = [corner, *(_head(last, index) for index in range(len(last.terms)))]
     down = (
-        [_head(system.inputs[0], place) for place in range(len(lines))] if len(places) > 1 else [output.name]
+        [_head(system.inputs[0], index) for index in range(len(lines))] if len(peaks) > 1 else [output.name]
     )
     cells = [
         [head, *(f"{term}: {shown(output, value)}" for term, value in zip(line[1:], row, strict=True))]
@@ -70,18 +70,18 @@ def _placed(system: FuzzySystem, rows: Sequence[Sequence[str]]) -> Table:
     return Table(heads, cells, caption=caption)
 
 
-def _head(variable: Variable, place: int) -> str:
-    term = variable.terms[place]
+def _head(variable: Variable, index: int) -> str:
+    term = variable.terms[index]
     return f"{term.name}, {shown(variable, peak(variable, term))}"
 
 
-def inputs(controller: FuzzyController, samples: Mapping[str, Samples]) -> Table:
+def inputs(controller: FuzzyController, samples: Mapping[str, SensedInputs]) -> Table:
     """Say what each input means, in which range it is told apart, and what was met."""
     rows = []
     for system in controller.systems:
         some = samples[system.name]
-        for place, variable in enumerate(system.inputs):
-            met = _met(variable, some.inputs[:, place]) if some.are_flown else "unknown: nothing was logged"
+        for index, variable in enumerate(system.inputs):
+            met = _met(variable, some.inputs[:, index]) if some.are_flown else "unknown: nothing was logged"
             rows.append([variable.name, variable.description or "not described", extent(variable), met])
     return Table(["input", "meaning", "range", "met"], rows)
 
@@ -99,18 +99,19 @@ def along(flown: Sequence[Flight], noun: str) -> str:
     if not flown:
         return f"No {noun} was given: rules are counted over all inputs alike. {fires}"
     names = ", ".join(
-        f"{one.name} ({one.num_inferences} inferences{'' if one.is_own else '; flown by another controller'})"
-        for one in flown
+        f"{flight.name} ({flight.num_inferences} inferences"
+        f"{'' if flight.is_own else '; flown by another controller'})"
+        for flight in flown
     )
     which = f"the {noun} {names}" if len(flown) == 1 else f"{len(flown)} {noun}s: {names}"
     other = " Where another controller flew, this one is asked what it would answer at what was sensed."
-    return f"Reviewed along {which}.{'' if all(one.is_own for one in flown) else other} {fires}"
+    return f"Reviewed along {which}.{'' if all(flight.is_own for flight in flown) else other} {fires}"
 
 
 def not_covered(
     evidence: Mapping[str, Any] | None,
     evaluations: Sequence[Evaluation],
-    samples: Mapping[str, Samples],
+    samples: Mapping[str, SensedInputs],
     noun: str,
 ) -> list[str]:
     """Say what nothing on the page speaks about."""
@@ -124,12 +125,12 @@ def not_covered(
         )
     if evidence and evidence.get("conditions"):
         gaps.append("Other conditions than those of the verdicts.")
-    if not any(one.is_own for one in evaluations):
+    if not any(evaluation.is_own for evaluation in evaluations):
         given = "the evaluation is of another controller" if evaluations else "no evaluation was given"
-        is_logged = any(one.are_flown for one in samples.values())
+        is_logged = any(sample_set.are_flown for sample_set in samples.values())
         selected = f" Selected {noun}s are pictures, not statistics." if is_logged else ""
         gaps.append(f"How often it fails: {given}.{selected}")
-    if not all(one.are_flown for one in samples.values()):
+    if not all(sample_set.are_flown for sample_set in samples.values()):
         gaps.append("Inputs that come together in use: rules are counted over all inputs alike.")
     if noun == "flight" or evidence:
         gaps.append("What happens between decisions, and whether a real system behaves as the simulated one.")
@@ -162,12 +163,15 @@ def read_evidence(path: Path | str, fingerprint: str) -> tuple[dict[str, Any], l
         if content["schema"] != SCHEMA:
             raise ValueError(content["schema"])
         name, sha256 = (content["controller"].get(key) for key in ("name", "sha256"))
-        found = [
+        requirements = [
             [
-                " ".join(str(one[key]) for key in ("id", "title") if key in one),
-                str(one.get("sentence") or f"{one['verdict']}: {one['text']} {one['why']}"),
+                " ".join(str(requirement[key]) for key in ("id", "title") if key in requirement),
+                str(
+                    requirement.get("sentence")
+                    or f"{requirement['verdict']}: {requirement['text']} {requirement['why']}"
+                ),
             ]
-            for one in content["requirements"]
+            for requirement in content["requirements"]
         ]
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise ControllerFileError(
@@ -179,7 +183,7 @@ def read_evidence(path: Path | str, fingerprint: str) -> tuple[dict[str, Any], l
             f"{path} is about the controller {name!r} with the SHA-256 {sha256}, "
             f"but this one has {fingerprint}; give the evidence of this controller"
         )
-    return content, found
+    return content, requirements
 
 
 #: ends of names that tell a unit
@@ -189,7 +193,7 @@ UNITS = {
 }  # fmt: skip
 
 
-class Constant(NamedTuple):
+class ConstantRow(NamedTuple):
     """A row of the table; texts are empty where nothing is known.
 
     Attributes
@@ -205,7 +209,7 @@ class Constant(NamedTuple):
     meaning: str
 
 
-def constants(controller: FuzzyController, meanings: Mapping[str, str]) -> list[Constant]:
+def constants(controller: FuzzyController, meanings: Mapping[str, str]) -> list[ConstantRow]:
     """Return a row for each attribute that is a number.
 
     Parameters
@@ -214,15 +218,15 @@ def constants(controller: FuzzyController, meanings: Mapping[str, str]) -> list[
     meanings : mapping of str to str
         What the attributes mean, with or without a unit after a comma, by their names.
     """
-    found = []
+    rows = []
     for name, text in controller.attributes:
         value = as_number(text)
         if value is None:
             continue
         unit = next((unit for end, unit in UNITS.items() if name.endswith(end)), "")
         meaning = meanings.get(name, "").removesuffix(f", {unit}")
-        found.append(Constant(name, f"{value:.4g}", text, unit, meaning))
-    return found
+        rows.append(ConstantRow(name, f"{value:.4g}", text, unit, meaning))
+    return rows
 
 
 #: cividis (J. R. Nuñez, C. R. Anderton, R. S. Renslow, PLoS ONE 13, 2018) from its lowest to its highest,
@@ -237,18 +241,18 @@ BRIGHTNESS = (
 FIRST_BRIGHT = 15
 
 
-def level(place: int, count: int) -> int:
+def level(index: int, count: int) -> int:
     """Return which of the levels of `BRIGHTNESS` the thing at a place among some ordered things has."""
     last = len(BRIGHTNESS) - 1
-    return round((0.08 + 0.9 * (place / (count - 1) if count > 1 else 0.7)) * last)
+    return round((0.08 + 0.9 * (index / (count - 1) if count > 1 else 0.7)) * last)
 
 
 def level_styles() -> str:
     """Return the rules of a style sheet that give each level its ground and a readable ink."""
     inks = ["#ffffff"] * FIRST_BRIGHT + ["#000000"] * (len(BRIGHTNESS) - FIRST_BRIGHT)
     rules = [
-        f".level-{place} {{ background: {colour}; color: {ink}; }}"
-        for place, (colour, ink) in enumerate(zip(BRIGHTNESS, inks, strict=True))
+        f".level-{index} {{ background: {colour}; color: {ink}; }}"
+        for index, (colour, ink) in enumerate(zip(BRIGHTNESS, inks, strict=True))
     ]
     return "\n".join(rules) + "\n"
 
@@ -263,7 +267,9 @@ def facts(pairs: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:
     return [(key.replace("_", " "), value) for key, value in pairs]
 
 
-def system_words(place: int, system: FuzzySystem, samples: Samples, measures: Measures) -> dict[str, Any]:
+def system_words(
+    system_number: int, system: FuzzySystem, samples: SensedInputs, measures: Measures
+) -> dict[str, Any]:
     """Return what the template tells of one system.
 
     Parameters
@@ -271,7 +277,7 @@ def system_words(place: int, system: FuzzySystem, samples: Samples, measures: Me
     place : int
         Among the controller's systems, from 1.
     system : FuzzySystem
-    samples : Samples
+    samples : SensedInputs
         What its rules are counted over.
     measures : Measures
         What was measured of it.
@@ -280,8 +286,8 @@ def system_words(place: int, system: FuzzySystem, samples: Samples, measures: Me
     importance = shapley.importance(compiled, samples.inputs).max(axis=1)
     ranges, unbounded = proved_ranges(system)
     return {
-        "id": f"s{place}",
-        "place": place,
+        "id": f"s{system_number}",
+        "place": system_number,
         "model": system,
         "samples": samples.words,
         "measures": measures,
@@ -312,26 +318,26 @@ def finding_rows(audit: Audit, controller: FuzzyController) -> list[dict[str, An
     A row holds the finding, a key that tells it from the others, the place of its system, links as (words,
     id on the page), and in ``point`` the inputs at which it can be seen, as JSON; empty where there are none.
     """
-    places = {system.name: place for place, system in enumerate(controller.systems, start=1)}
+    numbers = {system.name: system_number for system_number, system in enumerate(controller.systems, start=1)}
     rows = []
     for finding in audit.findings:
         # one about the whole controller stands with the first system
-        place = places.get(finding.system, 1)
-        system = controller.systems[place - 1]
+        system_number = numbers.get(finding.system, 1)
+        system = controller.systems[system_number - 1]
         about = (finding.system, finding.variable, *finding.terms, *map(str, finding.rules))
         key = "/".join((finding.id, *about))
         point = _point(finding, system)
-        links = _links(finding, system, f"s{place}") if finding.system in places else []
-        rows.append({"key": key, "finding": finding, "place": place, "links": links, "point": point})
+        links = _links(finding, system, f"s{system_number}") if finding.system in numbers else []
+        rows.append({"key": key, "finding": finding, "place": system_number, "links": links, "point": point})
     return rows
 
 
 def _links(finding: Finding, system: FuzzySystem, system_id: str) -> list[tuple[str, str]]:
     links = []
     for kind, variables in (("i", system.inputs), ("o", system.outputs)):
-        for place, variable in enumerate(variables, start=1):
+        for index, variable in enumerate(variables, start=1):
             if variable.name == finding.variable:
-                links.append((variable.name, f"{system_id}-{kind}{place}"))
+                links.append((variable.name, f"{system_id}-{kind}{index}"))
     links += [(f"rule {number}", f"{system_id}-r{number}") for number in finding.rules[:MOST_LINKS]]
     return links or [(system.name, system_id)]
 
@@ -388,8 +394,17 @@ def shown(variable: Variable, value: float) -> str:
 #: What the template calls.
 CALLED: dict[str, Callable[..., Any]] = {
     **{
-        one.__name__: one
-        for one in (wording.with_unit, wording.shape_words, wording.sentence, wording.summary, json.dumps)
+        function.__name__: function
+        for function in (
+            wording.with_unit,
+            wording.shape_words,
+            wording.sentence,
+            wording.summary,
+            json.dumps,
+        )
     },
-    **{one.__name__: one for one in (level, universe_words, extent, interval_words, point_words, shown)},
+    **{
+        function.__name__: function
+        for function in (level, universe_words, extent, interval_words, point_words, shown)
+    },
 }

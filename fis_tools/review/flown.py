@@ -38,11 +38,11 @@ class Flight:
     @property
     def num_inferences(self) -> int:
         """The most inferences that one of its systems made."""
-        return max(len(one.time_s) for one in self.flown.values())
+        return max(len(inferences.time_s) for inferences in self.flown.values())
 
 
 @dataclass(frozen=True)
-class Samples:
+class SensedInputs:
     """Inputs of a system, (n, num_inputs), and in words where they come from."""
 
     inputs: Floats
@@ -64,34 +64,38 @@ def read_flights(
     fis_tools.errors.ControllerFileError
         If one cannot be read, or its systems have other inputs than the controller's.
     """
-    own = {system.name: system for system in controller.systems}
-    found = []
+    systems = {system.name: system for system in controller.systems}
+    flights_read = []
     for name, path in zip(_names(paths), paths, strict=True):
         read = flights.read_flight(path, all_periods, controller)
-        flights.require_same_inputs(path, (one.system for one in read), controller)
-        flown = {one.system.name: one for one in read if one.system.name in own}
+        flights.require_same_inputs(path, (inferences.system for inferences in read), controller)
+        flown = {
+            inferences.system.name: inferences for inferences in read if inferences.system.name in systems
+        }
         flew = flights.flying(path)
-        found.append(Flight(name, flown, flew is None or controller.acts_like(flew)))
-    return found
+        flights_read.append(Flight(name, flown, flew is None or controller.acts_like(flew)))
+    return flights_read
 
 
 def _names(paths: Sequence[Path]) -> list[str]:
     """Return the shortest ends of paths, without suffix, that tell them apart."""
     parts = [path.with_suffix("").parts for path in paths]
-    lengths = range(1, max((len(one) for one in parts), default=0) + 1)
-    candidates = (["/".join(one[-length:]) for one in parts] for length in lengths)
+    lengths = range(1, max((len(pieces) for pieces in parts), default=0) + 1)
+    candidates = (["/".join(pieces[-length:]) for pieces in parts] for length in lengths)
     return next((names for names in candidates if len(set(names)) == len(set(parts))), [])
 
 
-def samples_of(system: FuzzySystem, flown: Sequence[Flight], noun: str) -> Samples:
+def samples_of(system: FuzzySystem, flown: Sequence[Flight], noun: str) -> SensedInputs:
     """Return what a system sensed on the flights; where it sensed nothing, samples of all its inputs."""
     rows = [flight.flown[system.name].inputs for flight in flown if system.name in flight.flown]
     sensed = np.concatenate([np.empty((0, len(system.inputs))), *rows])
     if len(sensed):
         words = f"along the {noun}" if len(flown) == 1 else f"along the {len(flown)} {noun}s"
-        return Samples(sensed, words, are_flown=True)
+        return SensedInputs(sensed, words, are_flown=True)
     spread = arrays.spread_inputs(system)
-    return Samples(spread, f"over {len(spread):,} points spread evenly over all its inputs", are_flown=False)
+    return SensedInputs(
+        spread, f"over {len(spread):,} points spread evenly over all its inputs", are_flown=False
+    )
 
 
 SUMMARY = Path("evaluate") / "summary.json"
@@ -110,7 +114,7 @@ def recordings(paths: Sequence[Path | str]) -> list[Path]:
     ControllerFileError
         If a folder holds no recording.
     """
-    found: list[Path] = []
+    recorded: list[Path] = []
     for path in map(Path, paths):
         inside = sorted((path / RECORDINGS).glob("*.mcap")) if path.is_dir() else [path]
         if not inside:
@@ -118,8 +122,8 @@ def recordings(paths: Sequence[Path | str]) -> list[Path]:
                 f"{path} is a folder without {RECORDINGS}/*.mcap; give the folder of a run that has recorded "
                 "flights, a flight, or a table (.csv, .parquet)"
             )
-        found += inside
-    return list({path.resolve(): path for path in found}.values())
+        recorded += inside
+    return list({path.resolve(): path for path in recorded}.values())
 
 
 @dataclass(frozen=True)
@@ -140,14 +144,14 @@ def evaluations(paths: Sequence[Path | str], sha256: str) -> list[Evaluation]:
     `sha256` is the fingerprint of the reviewed controller.
     """
     folders = [path if path.is_dir() else path.parent.parent for path in map(Path, paths)]
-    found = []
+    results = []
     for folder in dict.fromkeys(folders):
         if (folder / SUMMARY).is_file():
             with told_as(ControllerFileError, ValueError, where=f"{folder / SUMMARY}: "):
                 summary = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
             is_own = summary.get("controller_sha256") == sha256
-            found.append(Evaluation(summary, _worst(folder / EPISODES), is_own))
-    return found
+            results.append(Evaluation(summary, _worst(folder / EPISODES), is_own))
+    return results
 
 
 def _worst(path: Path) -> str:
@@ -176,31 +180,35 @@ def failures(evaluation: Evaluation) -> str:
     if END in summary:
         missing, leaving = ("do not reach the goal", "fail on the way")
     parts = []
-    if found := summary.get("success"):
-        failed, low, high = count - found["count"], 1 - found["high"], 1 - found["low"]
+    if rate := summary.get("success"):
+        failed, low, high = count - rate["count"], 1 - rate["high"], 1 - rate["low"]
         missed = {"count": failed, "fraction": failed / count, "low": low, "high": high}
         parts.append(f"{_share(missed, count)} {missing}")
-    if found := summary.get("violated"):
-        parts.append(f"{_share(found, count)} {leaving}")
+    if rate := summary.get("violated"):
+        parts.append(f"{_share(rate, count)} {leaving}")
     worst = f" The worst: {evaluation.worst}." if evaluation.worst else ""
     whose = "" if evaluation.is_own else " of another controller, which tells nothing of this one"
     return f"Over all {count:,} flights of the evaluation{whose}: {'; '.join(parts)}.{worst}"
 
 
 def flown_table(
-    evaluations: Sequence[Evaluation], names: Sequence[str], flown: Sequence[flights.Outcome]
+    evaluations: Sequence[Evaluation], names: Sequence[str], flown: Sequence[flights.FlightOutcome]
 ) -> list[Table]:
     """Show how flights went, in the words of those that inspect or that reach a goal.
 
     Those of an evaluation stand together, then each that was recorded. Recorded flights are chosen, and stand
     for no others: nothing is counted over them.
     """
-    has_goal = any(END in one.summary for one in evaluations) or any(one.end_s is not None for one in flown)
+    has_goal = any(END in outcome.summary for outcome in evaluations) or any(
+        outcome.end_s is not None for outcome in flown
+    )
     achieved, failed = ("goal reached (%)", "failed on the way") if has_goal else ("inspected (%)", "outside")
     heads = ("flights", "delta-v (m/s)", achieved, "success", "distance (m)", failed, "safety acted")
-    rows = [_evaluation_row(one) for one in evaluations]
-    rows += [_flight_row(name, one) for name, one in zip(names, flown, strict=True)]
-    levels = dict.fromkeys(f"{one.summary.get('confidence_percent', 95.0):g} %" for one in evaluations)
+    rows = [_evaluation_row(evaluation) for evaluation in evaluations]
+    rows += [_flight_row(name, outcome) for name, outcome in zip(names, flown, strict=True)]
+    levels = dict.fromkeys(
+        f"{evaluation.summary.get('confidence_percent', 95.0):g} %" for evaluation in evaluations
+    )
     intervals = f"; {' and '.join(levels)} confidence intervals of shares in brackets" if levels else ""
     caption = f"Means ± standard deviations{intervals}. Recorded flights are chosen to be looked at."
     return [Table(heads, rows, caption=caption)] if rows else []
@@ -225,16 +233,18 @@ def _evaluation_row(evaluation: Evaluation) -> list[str]:
     ]
 
 
-def _share(found: Mapping[str, float] | None, count: int) -> str:
-    if found is None:
+def _share(statistic: Mapping[str, float] | None, count: int) -> str:
+    if statistic is None:
         return UNKNOWN
-    low, high = 100 * found["low"], 100 * found["high"]
-    return f"{found['count']:.0f} of {count}: {100 * found['fraction']:.1f} % ({low:.1f} to {high:.1f})"
+    low, high = 100 * statistic["low"], 100 * statistic["high"]
+    return (
+        f"{statistic['count']:.0f} of {count}: {100 * statistic['fraction']:.1f} % ({low:.1f} to {high:.1f})"
+    )
 
 
-def _flight_row(name: str, one: flights.Outcome) -> list[str]:
+def _flight_row(name: str, outcome: flights.FlightOutcome) -> list[str]:
     def number(key: str, digits: int) -> str:
-        return f"{one.came_to[key]:.{digits}f}" if key in one.came_to else UNKNOWN
+        return f"{outcome.came_to[key]:.{digits}f}" if key in outcome.came_to else UNKNOWN
 
     def word(value: bool | None) -> str:
         return UNKNOWN if value is None else "yes" if value else "no"
@@ -244,8 +254,12 @@ def _flight_row(name: str, one: flights.Outcome) -> list[str]:
         name,
         number("delta_v_m_s", 3),
         number("inspection_rate_percent", 2),
-        word(None if None in (one.is_success, one.is_outside) else one.is_success and not one.is_outside),
-        f"{nearest} to {farthest}" if one.came_to else UNKNOWN,
-        word(one.is_outside),
-        UNKNOWN if one.num_safety is None else f"in {one.num_safety} periods",
+        word(
+            None
+            if None in (outcome.is_success, outcome.is_outside)
+            else outcome.is_success and not outcome.is_outside
+        ),
+        f"{nearest} to {farthest}" if outcome.came_to else UNKNOWN,
+        word(outcome.is_outside),
+        UNKNOWN if outcome.num_safety is None else f"in {outcome.num_safety} periods",
     ]

@@ -78,7 +78,7 @@ def write(
     is_flight = [flights.is_flight(path) for path in paths]
     noun = "flight" if any(is_flight) else "log"
     went = [flights.read_outcome(path) for path in compress(paths, is_flight)]
-    meanings = {name: meaning for one in went for name, meaning in one.constants.items()}
+    meanings = {name: meaning for evaluation in went for name, meaning in evaluation.constants.items()}
     fingerprint = serialize.fingerprint(controller)
     samples = {system.name: flown.samples_of(system, logged, noun) for system in systems}
     sensed = {name: some.inputs for name, some in samples.items() if some.are_flown}
@@ -94,7 +94,7 @@ def write(
         Heading("Inputs", 3),
         content.inputs(controller, samples),
         Heading(title, id="logged"),
-        *(Paragraph(flown.failures(one)) for one in evaluated),
+        *(Paragraph(flown.failures(evaluation)) for evaluation in evaluated),
         *flown.flown_table(evaluated, names, went),
         Paragraph(content.along(logged, noun)),
         Heading("What is not covered", id="uncovered"),
@@ -122,7 +122,7 @@ def write(
         others=content.facts(content.texts(controller)),
         lead=lead,
         opening=html.body(Document(opening_blocks)),
-        sections=[one for one in opening_blocks if isinstance(one, Heading) and one.id],
+        sections=[block for block in opening_blocks if isinstance(block, Heading) and block.id],
         part=part,
         fingerprint=fingerprint,
         checks=checks,
@@ -133,9 +133,9 @@ def write(
         measure_words=report.MEASURE_WORDS,
         **content.CALLED,
         systems=[
-            content.system_words(place, system, samples[system.name], measured.measures)
+            content.system_words(number, system, samples[system.name], measured.measures)
             | {"findings": audited.counted(system.name) or "none"}
-            for place, (system, measured) in enumerate(zip(systems, audited.systems, strict=True), start=1)
+            for number, (system, measured) in enumerate(zip(systems, audited.systems, strict=True), start=1)
         ],
     )
 
@@ -170,12 +170,15 @@ def _without_scripts(
     controller: FuzzyController,
     opening: Sequence[Block],
     lead: str,
-    samples: Mapping[str, flown.Samples],
+    samples: Mapping[str, flown.SensedInputs],
     audited: Audit,
     last: Sequence[Block],
 ) -> str:
     """Write the page: ``opening`` is what every review page begins with, ``lead`` its first sentences."""
-    findings = [f"{one.severity.word}, {one.system}: {one.sentence} {one.cure}" for one in audited.findings]
+    findings = [
+        f"{finding.severity.word}, {finding.system}: {finding.sentence} {finding.cure}"
+        for finding in audited.findings
+    ]
     blocks: list[Block] = [
         Heading(f"Review: {controller.name}", 1),
         Paragraph(lead),
@@ -193,16 +196,16 @@ def _without_scripts(
 
 def _sign_off(controller: FuzzyController, part: str | None, checks: Iterable[str]) -> list[Block]:
     """Return what is ticked and signed on paper, where the page runs nothing."""
-    alone, asked = (f"the system {part} alone of ", f" --system {part}") if part else ("", "")
+    alone, option = (f"the system {part} alone of ", f" --system {part}") if part else ("", "")
     return [
         Heading("Sign-off", id="sign-off"),
         Paragraph(
             f"A signature here is for {alone}the controller {controller.name} with the SHA-256 "
             f"{serialize.fingerprint(controller)}, which is that of what python -m fis_tools export "
-            f"CONTROLLER{asked} --format json prints."
+            f"CONTROLLER{option} --format json prints."
         ),
         Table([], [["☐", words] for words in checks]),
-        Table([], [[one, "\u00a0" * 60] for one in ("decision", "name", "date", "signature", "remarks")]),
+        Table([], [[label, "\u00a0" * 60] for label in ("decision", "name", "date", "signature", "remarks")]),
     ]
 
 
@@ -211,7 +214,7 @@ def _facts(controller: FuzzyController) -> Block:
     return Table([], rows) if rows else Paragraph("Its file does not say: no data, no errors, no author.")
 
 
-def _blocks(system: FuzzySystem, samples: flown.Samples) -> Iterator[Block]:
+def _blocks(system: FuzzySystem, samples: flown.SensedInputs) -> Iterator[Block]:
     yield Paragraph(f"{summary(system)}.")
     terms = [
         [variable.name, term.name, shape_words(term)]
@@ -224,8 +227,8 @@ def _blocks(system: FuzzySystem, samples: flown.Samples) -> Iterator[Block]:
     shares = shapley.importance(compile(system), samples.inputs).max(axis=1)
     lines = sentences(system)
     rows = [
-        [str(place + 1), lines[place], _share(shares[place]), f"{100 * usage.fired[place]:.1f} %"]
-        for place in np.argsort(-shares, kind="stable")
+        [str(index + 1), lines[index], _share(shares[index]), f"{100 * usage.fired[index]:.1f} %"]
+        for index in np.argsort(-shares, kind="stable")
     ]
     caption = f"{samples.words[0].upper()}{samples.words[1:]}. {_SHARES}"
     yield Fold(

@@ -93,9 +93,9 @@ def read_control_system(
     outputs = tuple(_output(output, defaults) for output in source.consequents)
     inputs = tuple(map(_variable, source.antecedents))
     read = said_once(model.FuzzySystem(name, inputs, outputs, _rules(rules, outputs)))
-    found = problems(read)
-    if found:
-        raise UnreadableControlSystem("\n".join(found))
+    sentences = problems(read)
+    if sentences:
+        raise UnreadableControlSystem("\n".join(sentences))
     return read
 
 
@@ -247,8 +247,8 @@ def _named(function: Any, names: Mapping[Any, _Name], operators: Iterable[_Name]
 def _with_labels(sources: Sequence[control.Rule], rules: Sequence[model.Rule]) -> tuple[model.Rule, ...]:
     """Give rules the labels a person chose: neither scikit-fuzzy's own numbers nor the rule's place."""
     labels: list[str] = []
-    for place, source in enumerate(sources, start=1):
+    for number, source in enumerate(sources, start=1):
         label = source.label if isinstance(source.label, str) else ""
-        label = "" if label.lstrip("#") == str(place) else label
-        labels.append(f"{label} #{place}" if label and label in labels else label)
+        label = "" if label.lstrip("#") == str(number) else label
+        labels.append(f"{label} #{number}" if label and label in labels else label)
     return tuple(replace(rule, label=label) for rule, label in zip(rules, labels, strict=True))

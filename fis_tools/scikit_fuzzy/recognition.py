@@ -49,7 +49,7 @@ def recognise(universe: Floats, values: Floats) -> model.MembershipFunction:
     MembershipFunction
         `Sampled` where nothing else gives the values, to the last bit.
     """
-    samples = Samples(universe, values)
+    samples = SampledTerm(universe, values)
     with np.errstate(all="ignore"):  # an estimate that is not a number is dropped
         for kind, parameters in _estimates(samples):
             shape = _settled(samples, kind, parameters)
@@ -58,7 +58,7 @@ def recognise(universe: Floats, values: Floats) -> model.MembershipFunction:
     return model.Sampled(tuple(values.tolist()))
 
 
-class Samples:
+class SampledTerm:
     """Memberships on a universe, with the flanks to either side of the top."""
 
     def __init__(self, universe: Floats, values: Floats) -> None:
@@ -67,9 +67,9 @@ class Samples:
         self.width = float(universe[-1] - universe[0])
         highest = np.flatnonzero(self.values == self.values.max())
         is_between = (self.values > 0.0) & (self.values < 1.0)
-        places = np.arange(len(universe))
-        self.rising = is_between & (places < highest[0])
-        self.falling = is_between & (places > highest[-1])
+        indices = np.arange(len(universe))
+        self.rising = is_between & (indices < highest[0])
+        self.falling = is_between & (indices > highest[-1])
         # A highest point below one belongs to one of the flanks; to which, is known at the ends only.
         if highest[0] == len(universe) - 1 and self.rising.sum() < FEW:
             self.rising = is_between
@@ -87,7 +87,7 @@ class Samples:
         return np.abs(given - self.values)
 
 
-def _settled(samples: Samples, kind: Kind, parameters: Numbers) -> model.MembershipFunction | None:
+def _settled(samples: SampledTerm, kind: Kind, parameters: Numbers) -> model.MembershipFunction | None:
     """Return the shape of the simplest numbers near an estimate that gives the samples, if there is one.
 
     Where rounding does not find it neighbouring parameters move, two at a time and by units in their last
@@ -98,10 +98,10 @@ def _settled(samples: Samples, kind: Kind, parameters: Numbers) -> model.Members
     def missed(numbers: Numbers) -> int:
         return int(np.count_nonzero(samples.misses(_made(kind, numbers))))
 
-    def moves(place: int) -> set[float]:
-        unit = float(np.spacing(max(abs(best[place]), samples.width * SMALL)))
-        nudged = {best[place] + nudge * unit for nudge in range(-NUDGES, NUDGES + 1)}
-        return nudged.union(candidate[place] for candidate in candidates[-NUDGES:])
+    def moves(index: int) -> set[float]:
+        unit = float(np.spacing(max(abs(best[index]), samples.width * SMALL)))
+        nudged = {best[index] + nudge * unit for nudge in range(-NUDGES, NUDGES + 1)}
+        return nudged.union(candidate[index] for candidate in candidates[-NUDGES:])
 
     if not samples.misses(_made(kind, parameters)).max() <= NEAR:
         return None
@@ -111,9 +111,9 @@ def _settled(samples: Samples, kind: Kind, parameters: Numbers) -> model.Members
     fewest, before = missed(best), len(samples.values) + 1
     while 0 < fewest < before:
         before = fewest
-        for place in range(len(best) - 1):
-            for pair in product(moves(place), moves(place + 1)):
-                tried = (*best[:place], *pair, *best[place + 2 :])
+        for index in range(len(best) - 1):
+            for pair in product(moves(index), moves(index + 1)):
+                tried = (*best[:index], *pair, *best[index + 2 :])
                 if (count := missed(tried)) < fewest:
                     best, fewest = tried, count
     return None if fewest else _made(kind, best)
@@ -132,7 +132,7 @@ def _rounded(kind: Kind, parameters: Numbers, digits: int, width: float) -> Numb
     return tuple(rounded)
 
 
-def _estimates(samples: Samples) -> Iterator[Estimate]:
+def _estimates(samples: SampledTerm) -> Iterator[Estimate]:
     if not model.is_unimodal(samples.values):
         return
     yield from _straight(samples)
@@ -152,7 +152,7 @@ def _line(x: Floats, y: Floats, weights: Floats) -> tuple[float, float]:
 # Triangles and trapezoids: memberships that are straight lines themselves.
 
 
-def _straight(samples: Samples) -> Iterator[Estimate]:
+def _straight(samples: SampledTerm) -> Iterator[Estimate]:
     x, y = samples.universe, samples.values
     if samples.top is None:
         for left, peak in _flanks(x, y, samples.rising):
@@ -212,20 +212,20 @@ def _parabolic(y: Floats) -> tuple[Floats, Floats]:
 
 
 def _flank_lines(
-    samples: Samples, straight: Callable[[Floats], tuple[Floats, Floats]]
+    samples: SampledTerm, straight: Callable[[Floats], tuple[Floats, Floats]]
 ) -> Iterator[tuple[float, float] | None]:
     """Yield the line of either flank; None where it has too few points."""
     for flank in (samples.rising, samples.falling):
         yield _line(samples.universe[flank], *straight(samples.values[flank])) if flank.sum() > 1 else None
 
 
-def _smooth(samples: Samples) -> Iterator[Estimate]:
+def _smooth(samples: SampledTerm) -> Iterator[Estimate]:
     low, high = samples.universe[[0, -1]].tolist()
     left, right = _flank_lines(samples, _normal)
     halves = [half for half in (left, right) if half is not None]
     if halves:
-        places, deviations = zip(*halves, strict=True)
-        yield model.Gaussian, (float(np.mean(places)), float(np.abs(deviations).mean()))
+        middles, deviations = zip(*halves, strict=True)
+        yield model.Gaussian, (float(np.mean(middles)), float(np.abs(deviations).mean()))
     odds = list(_flank_lines(samples, _logistic))
     for line, other in zip(odds, (samples.falling, samples.rising), strict=True):
         if line is not None and not other.any():
@@ -248,10 +248,10 @@ def _smooth(samples: Samples) -> Iterator[Estimate]:
     yield from _bells(samples, odds)
 
 
-def _bells(samples: Samples, odds: list[tuple[float, float] | None]) -> Iterator[Estimate]:
+def _bells(samples: SampledTerm, odds: list[tuple[float, float] | None]) -> Iterator[Estimate]:
     """Yield bells about where the centre may be, the likelier first; beyond the universe for half a bell."""
     halves = [half for half in odds if half is not None]
-    centres = [sum(place for place, _ in halves) / 2.0] if len(halves) == 2 else []
+    centres = [sum(middle for middle, _ in halves) / 2.0] if len(halves) == 2 else []
     centres.append(float(samples.universe[samples.values.argmax()]))
     if not samples.rising.any():
         centres.append(float(samples.universe[0]) - samples.width / 4.0)
@@ -262,7 +262,7 @@ def _bells(samples: Samples, odds: list[tuple[float, float] | None]) -> Iterator
         yield model.GeneralizedBell, (width, 0.5 * width / abs(halves[0][1]), centre)
 
 
-def _fitted(samples: Samples, kind: Kind, start: Numbers) -> Numbers:
+def _fitted(samples: SampledTerm, kind: Kind, start: Numbers) -> Numbers:
     """Improve an estimate by least squares."""
 
     def residuals(parameters: Floats) -> Floats:

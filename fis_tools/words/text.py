@@ -87,8 +87,8 @@ def sentence(rule: Rule) -> str:
     Its own operators stand before the conclusion: ``If ... (and: product) then ...``.
     """
     named = (("and", rule.and_operator), ("or", rule.or_operator))
-    own = ", ".join(f"{word}: {operator}" for word, operator in named if operator)
-    note = f" ({own})" if own else ""
+    operator_words = ", ".join(f"{word}: {operator}" for word, operator in named if operator)
+    note = f" ({operator_words})" if operator_words else ""
     return f"If {antecedent_words(rule.antecedent)}{note} then {consequent_words(rule.consequents)}"
 
 
@@ -152,13 +152,17 @@ def summary(system: FuzzySystem) -> str:
     """Summarise in one line what a system consists of."""
     inputs = ", ".join(with_unit(variable) for variable in system.inputs)
     outputs = ", ".join(with_unit(variable) for variable in system.outputs)
-    own = [f", {v.name} by {v.defuzzifier}" for v in system.outputs if v.defuzzifier]
-    own += [f", {v.name} aggregated by {v.aggregation}" for v in system.outputs if v.aggregation != "max"]
-    own += [f", implication: {system.implication}"] if system.implication != "min" else []
-    own += [f", {v.name} accumulated by {v.accumulation}" for v in system.outputs if v.accumulation != "max"]
+    exceptions = [f", {v.name} by {v.defuzzifier}" for v in system.outputs if v.defuzzifier]
+    exceptions += [
+        f", {v.name} aggregated by {v.aggregation}" for v in system.outputs if v.aggregation != "max"
+    ]
+    exceptions += [f", implication: {system.implication}"] if system.implication != "min" else []
+    exceptions += [
+        f", {v.name} accumulated by {v.accumulation}" for v in system.outputs if v.accumulation != "max"
+    ]
     return (
         f"{len(system.rules)} rules from {inputs} to {outputs}; and: {system.and_operator}, "
-        f"or: {system.or_operator}, defuzzifier: {system.defuzzifier}{''.join(own)}"
+        f"or: {system.or_operator}, defuzzifier: {system.defuzzifier}{''.join(exceptions)}"
     )
 
 
@@ -274,7 +278,7 @@ def percent(fraction: float) -> str:
     return "under 0.01 %" if fraction < 0.5 else "over 99.99 %"
 
 
-def place(system: FuzzySystem, point: Floats) -> str:
+def point_words(system: FuzzySystem, point: Floats) -> str:
     """Format an input of a system: ``distance = 80 m, velocity = 0.1 m/s``."""
     values = zip(system.inputs, point, strict=True)
     return ", ".join(f"{variable.name} = {amount(variable, value)}" for variable, value in values)

@@ -173,8 +173,8 @@ def compare(first: Recording, second: Recording, tolerance: float = 0.0) -> Comp
             times = np.empty(0) if topic is None else np.delete(topic.time_s, common)
             if times.size:
                 first_s = float(times[0])
-                place = _sample(samples, first_s)
-                lone.append(LoneMessages(name, is_in_first, len(times), place, first_s))
+                row = _sample(samples, first_s)
+                lone.append(LoneMessages(name, is_in_first, len(times), row, first_s))
         if pair[0] is not None and pair[1] is not None and rows.size:
             fields += _compared_fields(pair[0], pair[1], (rows, other_rows), samples, tolerance)
     apart = tuple(_told_apart(first, second))
@@ -217,30 +217,30 @@ def _compared_fields(
 ) -> Iterator[FieldComparison]:
     times = first.time_s[rows[0]]
     for field in (name for name in first.columns if name in second.columns):
-        one, other = first[field][rows[0]], second[field][rows[1]]
-        apart = _apart(one, other)
+        first_value, other = first[field][rows[0]], second[field][rows[1]]
+        apart = _apart(first_value, other)
         greatest = apart.reshape(len(apart), -1).max(axis=1, initial=0.0)
         # the tolerance does not apply to counts and states
-        beyond = np.flatnonzero(greatest > (tolerance if one.dtype.kind == "f" else 0.0))
+        beyond = np.flatnonzero(greatest > (tolerance if first_value.dtype.kind == "f" else 0.0))
         unit = first.units.get(field, "")
         parting = None
         if beyond.size:
             row = int(beyond[0])
             sample, time_s = _sample(samples, times[row]), float(times[row])
-            component, value, other_value = _values(one, other, apart, row)
+            component, value, other_value = _values(first_value, other, apart, row)
             parting = Parting(first.topic, field, unit, sample, time_s, component, value, other_value)
         most = float(greatest.max())
         when_s = float(times[greatest.argmax()])
         yield FieldComparison(first.topic, field, unit, most, when_s, parting)
 
 
-def _apart(one: NDArray[np.generic], other: NDArray[np.generic]) -> Floats:
+def _apart(first: NDArray[np.generic], other: NDArray[np.generic]) -> Floats:
     """Return absolute differences; infinite where numbers cannot be subtracted."""
-    if one.shape != other.shape:
-        return np.full(len(one), np.inf)
-    if one.dtype.kind == "U":
-        return np.where(one == other, 0.0, np.inf)
-    numbers, others = one.astype(np.float64), other.astype(np.float64)
+    if first.shape != other.shape:
+        return np.full(len(first), np.inf)
+    if first.dtype.kind == "U":
+        return np.where(first == other, 0.0, np.inf)
+    numbers, others = first.astype(np.float64), other.astype(np.float64)
     is_same = (numbers == others) | (np.isnan(numbers) & np.isnan(others))
     with np.errstate(invalid="ignore"):
         apart = np.abs(numbers - others)
@@ -248,14 +248,14 @@ def _apart(one: NDArray[np.generic], other: NDArray[np.generic]) -> Floats:
 
 
 def _values(
-    one: NDArray[np.generic], other: NDArray[np.generic], apart: Floats, row: int
+    first: NDArray[np.generic], other: NDArray[np.generic], apart: Floats, row: int
 ) -> tuple[tuple[int, ...], Value, Value]:
     """Return the index of the largest difference in a row, and both values."""
-    if one.shape != other.shape:
-        return (), _length(one), _length(other)
+    if first.shape != other.shape:
+        return (), _length(first), _length(other)
     component = tuple(int(i) for i in np.unravel_index(int(apart[row].argmax()), apart.shape[1:]))
-    place = (row, *component)
-    return component, one[place].item(), other[place].item()
+    position = (row, *component)
+    return component, first[position].item(), other[position].item()
 
 
 def _length(values: NDArray[np.generic]) -> str:

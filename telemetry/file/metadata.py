@@ -50,10 +50,10 @@ def unsealed(name: str, entries: Mapping[str, str]) -> dict[str, str]:
     ValueError
         If the checksum does not match the entries.
     """
-    found = {key: value for key, value in entries.items() if key != CHECKSUM_KEY}
-    if CHECKSUM_KEY in entries and entries[CHECKSUM_KEY] != _checksum(name, found):
+    content = {key: value for key, value in entries.items() if key != CHECKSUM_KEY}
+    if CHECKSUM_KEY in entries and entries[CHECKSUM_KEY] != _checksum(name, content):
         raise ValueError(f"metadata {name} does not match its checksum")
-    return {key: plain(value) for key, value in found.items()}
+    return {key: plain(value) for key, value in content.items()}
 
 
 def _checksum(name: str, entries: Mapping[str, str]) -> str:
@@ -226,7 +226,7 @@ def _numbers(key: str, text: str, value: Any) -> Any:
     """Return a finite number, or as many as a key has."""
     given = value if isinstance(value, list) else [value]
     kinds, most = ((int,), MOST_WHOLE) if key in WHOLE else ((int, float), MOST)
-    are_numbers = all(type(one) in kinds and abs(one) <= most for one in given)
+    are_numbers = all(type(number) in kinds and abs(number) <= most for number in given)
     has_all = len(given) == (NUMBERS_OF.get(key) or len(given))
     if not are_numbers or not has_all or isinstance(value, list) != (key in NUMBERS_OF):
         kind = "whole numbers" if key in WHOLE else "numbers"

@@ -126,8 +126,8 @@ class Recording:
     @property
     def rehearsals(self) -> dict[str, Rehearsal]:
         """What was flown ahead before the flight, by what was chosen."""
-        found = topics.under(topics.REHEARSAL_METADATA_PREFIX, self.metadata)
-        return {what: Rehearsal.from_metadata(entries) for what, entries in found.items()}
+        entries = topics.under(topics.REHEARSAL_METADATA_PREFIX, self.metadata)
+        return {what: Rehearsal.from_metadata(entries) for what, entries in entries.items()}
 
     def fis_description(self, name: str) -> FisDescription:
         """Return the meaning of the numbers of the fuzzy system `name`.
@@ -218,12 +218,12 @@ class Recording:
         if control["reason"].shape[1] == 0:
             return np.where(is_fired, topics.Reason.UNKNOWN.name.lower(), topics.Reason.SILENT.name.lower())
         axis = topics.FORCE_COMPONENTS.index(component)
-        found: NDArray[np.str_] = control["reason"][rows, axis].astype(np.str_)
+        reasons: NDArray[np.str_] = control["reason"][rows, axis].astype(np.str_)
         if control["command_reason"].shape[1]:
-            return found
+            return reasons
         # reasons were of the command alone
-        is_lost = np.isin(found, topics.FIRED) & ~is_fired
-        return np.where(is_lost, topics.Reason.BELOW_LEAST_IMPULSE.name.lower(), found)
+        is_lost = np.isin(reasons, topics.FIRED) & ~is_fired
+        return np.where(is_lost, topics.Reason.BELOW_LEAST_IMPULSE.name.lower(), reasons)
 
     def reasons(self, component: str, time_s: NDArray[np.float64], axes: str = "hill") -> NDArray[np.str_]:
         """Return what became of a component of the force that was asked for at some times.
@@ -312,11 +312,11 @@ def read(
         metadata = {record.name: unsealed(record.name, record.metadata) for record in reader.iter_metadata()}
         attachments = {record.name: record.data for record in reader.iter_attachments()}
         messages = _messages(reader, chosen.keys(), start_s, end_s, path.stat().st_size)
-        found = {
+        streams = {
             topic: _topic_columns(topic, schema, messages[topic], metadata)
             for topic, schema in chosen.items()
         }
-        return Recording(path, found, metadata, attachments)
+        return Recording(path, streams, metadata, attachments)
 
 
 def _check_span(start_s: float | None, end_s: float | None) -> None:
@@ -442,14 +442,14 @@ def _messages(
     """Return the times (ns) and contents of the messages of each topic, in order of time."""
     messages: dict[str, list[tuple[int, bytes]]] = defaultdict(list)
     most = claims.most_messages(size)
-    found = reader.iter_messages(
+    decoded = reader.iter_messages(
         topics=list(chosen),
         starting_at=None if start_s is None or start_s == -inf else round(start_s * topics.NANOSECONDS),
         ending_before=None if end_s is None or end_s == inf else round(end_s * topics.NANOSECONDS) + 1,
         # a queue that orders the messages of all topics takes as long as all the rest
         log_time_order=False,
     )
-    for count, (_schema, channel, message) in enumerate(found, start=1):
+    for count, (_schema, channel, message) in enumerate(decoded, start=1):
         if count > most:
             raise McapError(f"it holds more than {most} messages, which is all that is read of {size} bytes")
         messages[channel.topic].append((message.log_time, message.data))

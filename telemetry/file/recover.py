@@ -104,15 +104,15 @@ def recover(path: Path | str, output: Path | str | None = None) -> Recovery:
     path = Path(path)
     name = path.name.removesuffix(PARTIAL_SUFFIX).removesuffix(".mcap")
     output = path.with_name(f"{name}.recovered.mcap") if output is None else Path(output)
-    found = _scan(_content(path))
-    if not found.is_finished or found.num_damaged_records:
-        if not found.metadata and not found.num_messages:
+    recovery = _scan(_content(path))
+    if not recovery.is_finished or recovery.num_damaged_records:
+        if not recovery.metadata and not recovery.num_messages:
             raise RecordingError(
                 f"nothing in {path} is intact: it ends before its first flushed step; fly the episode again"
             )
-        _write(path, output, found)
-        found.output = output
-    return found
+        _write(path, output, recovery)
+        recovery.output = output
+    return recovery
 
 
 def _content(path: Path) -> bytes:
@@ -127,31 +127,31 @@ def _content(path: Path) -> bytes:
 
 
 def _scan(content: bytes) -> Recovery:
-    found = Recovery(num_bytes_lost=max(0, len(content) - len(MCAP0_MAGIC)))
+    recovery = Recovery(num_bytes_lost=max(0, len(content) - len(MCAP0_MAGIC)))
     room = claims.most_unpacked(len(content))
     for record_bytes in _whole_records(content):
-        found.num_bytes_lost -= len(record_bytes)
+        recovery.num_bytes_lost -= len(record_bytes)
         try:
             if record_bytes[0] == Opcode.CHUNK:
                 room -= claims.check_chunk(record_bytes[claims.FRAME.size :])
-                if room < 0 or found.num_messages > claims.most_messages(len(content)):
+                if room < 0 or recovery.num_messages > claims.most_messages(len(content)):
                     raise ValueError("more than a recording of this size holds")
             record = _parse(record_bytes)
             records = _chunk_records(record) if isinstance(record, Chunk) else [record]
         except DAMAGE:
-            found.num_damaged_records += 1
+            recovery.num_damaged_records += 1
             continue
         if isinstance(record, Chunk):
-            found.chunks.append([])
+            recovery.chunks.append([])
         for part in records:
-            found.add(part)
-        found.is_finished = isinstance(record, Footer)
-    if content[len(content) - found.num_bytes_lost :] == MCAP0_MAGIC:
-        found.num_bytes_lost = 0
+            recovery.add(part)
+        recovery.is_finished = isinstance(record, Footer)
+    if content[len(content) - recovery.num_bytes_lost :] == MCAP0_MAGIC:
+        recovery.num_bytes_lost = 0
     else:
-        found.is_finished = False
-    found.drop_unexplained()
-    return found
+        recovery.is_finished = False
+    recovery.drop_unexplained()
+    return recovery
 
 
 def _whole_records(content: bytes) -> Iterator[bytes]:
@@ -187,32 +187,38 @@ def _chunk_records(chunk: Chunk) -> list[McapRecord]:
     return breakup_chunk(chunk, validate_crc=True)
 
 
-def _write(source: Path, output: Path, found: Recovery) -> None:
+def _write(source: Path, output: Path, recovery: Recovery) -> None:
     if output.exists():
         raise RecordingError(f"{output} exists; remove it or choose another name with -o")
     cure = "make room, or choose another file with -o"
     with explained(f"{output} cannot be written", cure), whole_file(output) as stream:
-        _copy(Writer(stream, compression=CompressionType.ZSTD), source, found)
+        _copy(Writer(stream, compression=CompressionType.ZSTD), source, recovery)
 
 
-def _copy(writer: Writer, source: Path, found: Recovery) -> None:
+def _copy(writer: Writer, source: Path, recovery: Recovery) -> None:
     writer.start(library="fuzzy-spacecraft-inspection telemetry recover")
-    for metadata in found.metadata:
+    for metadata in recovery.metadata:
         writer.add_metadata(metadata.name, sealed(metadata.name, metadata.metadata))
-    remark = {"source": source.name, "num_messages": str(found.num_messages)}
-    if (end_s := found.end_s) is not None:
+    remark = {"source": source.name, "num_messages": str(recovery.num_messages)}
+    if (end_s := recovery.end_s) is not None:
         remark["end_s"] = str(end_s)
     writer.add_metadata(topics.RECOVERY_METADATA, sealed(topics.RECOVERY_METADATA, remark))
-    for one in found.attachments:
-        writer.add_attachment(one.create_time, one.log_time, one.name, one.media_type, one.data)
+    for attachment in recovery.attachments:
+        writer.add_attachment(
+            attachment.create_time,
+            attachment.log_time,
+            attachment.name,
+            attachment.media_type,
+            attachment.data,
+        )
     schemas: dict[int, int] = {}
     channels: dict[int, int] = {}
-    for kind in found.schemas.values():
+    for kind in recovery.schemas.values():
         schemas[kind.id] = writer.register_schema(kind.name, kind.encoding, kind.data)
-    for way in found.channels.values():
+    for way in recovery.channels.values():
         schema = schemas[way.schema_id]
         channels[way.id] = writer.register_channel(way.topic, way.message_encoding, schema, way.metadata)
-    for chunk in found.chunks:
+    for chunk in recovery.chunks:
         for m in chunk:
             writer.add_message(channels[m.channel_id], m.log_time, m.data, m.publish_time, m.sequence)
         writer.flush()  # type: ignore[no-untyped-call]

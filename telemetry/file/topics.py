@@ -115,7 +115,7 @@ _UNIT_OF_SUFFIX: Final = (
 
 def under(prefix: str, metadata: Mapping[str, Record]) -> dict[str, Record]:
     """Return the metadata records whose names begin with a prefix, by the rest of their names."""
-    return {name.removeprefix(prefix): one for name, one in metadata.items() if name.startswith(prefix)}
+    return {name.removeprefix(prefix): entry for name, entry in metadata.items() if name.startswith(prefix)}
 
 
 def fis_topic(name: str) -> str:

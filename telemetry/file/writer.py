@@ -99,12 +99,12 @@ def rows(values: ArrayLike, count: int, length: int, field: str) -> Floats:
     RecordingError
         If it does not hold as many values.
     """
-    found = np.asarray(values, dtype=np.float64)
-    if found.size != count * length:
+    array = np.asarray(values, dtype=np.float64)
+    if array.size != count * length:
         raise RecordingError(
-            f"{field} has {found.size} values, but {count * length} are expected; pass all of them"
+            f"{field} has {array.size} values, but {count * length} are expected; pass all of them"
         )
-    return found.reshape(count, length)
+    return array.reshape(count, length)
 
 
 def transform(parent: str, child: str, translation_m: Floats, quaternion: Floats) -> Columns:
@@ -274,8 +274,8 @@ class EpisodeWriter:
         chief = rows(quaternion_c_from_h, len(time_ns), 4, "quaternion_c_from_h")
         origin = np.zeros_like(position)
         bodies = {topics.DEPUTY_FRAME: (position, deputy), topics.CHIEF_FRAME: (origin, chief)}
-        for child, (place, turned) in bodies.items():
-            columns = transform(topics.HILL_FRAME, child, place, turned)
+        for child, (location, turned) in bodies.items():
+            columns = transform(topics.HILL_FRAME, child, location, turned)
             self._write(topics.TRANSFORMS, time_ns, columns)
         pose = {
             "position": dict(zip("xyz", position.T, strict=True)),

@@ -82,11 +82,11 @@ def replay(
     camera = _space(SEEN, "As the deputy sees it", eye, contents=[f"{SCENE}/chief/**"])
     beside = rrb.Vertical(camera, summary, row_shares=[43, 57])
     force, torque = (_plot(plot, _ROOM_FOR_LEGEND * end_s) for plot in effort)
-    asked = [_plot(plot, _ROOM_FOR_LEGEND * end_s) for plot in fis[:1]]
+    force_plots = [_plot(plot, _ROOM_FOR_LEGEND * end_s) for plot in fis[:1]]
     tabs = [_plot(plot, _ROOM_FOR_NAMES * end_s) for plot in fis[1:]]
     rows = [
         rrb.Horizontal(*(_plot(plot, _ROOM_FOR_END * end_s) for plot in mission), column_shares=[38, 34, 28]),
-        rrb.Horizontal(force, *asked),
+        rrb.Horizontal(force, *force_plots),
         rrb.Tabs(*tabs, torque, active_tab=0),
     ]
     start = rrb.TimeRangeBoundary.infinite()
@@ -125,8 +125,8 @@ def _blueprint(root: rrb.Container) -> rrb.Blueprint:
         state="collapsed", timeline=TIME, playback_speed=PLAYBACK_SPEED, play_state="playing", loop_mode="all"
     )
     selection = rrb.SelectionPanel(state="hidden")
-    own = rrb.BlueprintPanel(state="hidden")
-    return rrb.Blueprint(root, time, selection, own, auto_layout=False, auto_views=False)
+    panel = rrb.BlueprintPanel(state="hidden")
+    return rrb.Blueprint(root, time, selection, panel, auto_layout=False, auto_views=False)
 
 
 def _events() -> rrb.View:

@@ -10,13 +10,13 @@ import rerun as rr
 
 from telemetry.array_types import Booleans, Bytes
 from telemetry.scene import blueprint, curves
-from telemetry.scene.runs import Evaluation, Outcome, read_evaluation
+from telemetry.scene.runs import CaseOutcome, EvaluatedCases, read_evaluation
 from telemetry.scene.viewer import Scene
 
-OUTCOME_COLOURS: Final[dict[Outcome, curves.Colour]] = {
-    Outcome.SUCCESS: (0, 190, 130),
-    Outcome.SHORT: (255, 170, 60),
-    Outcome.OUTSIDE: (240, 60, 60),
+OUTCOME_COLOURS: Final[dict[CaseOutcome, curves.Colour]] = {
+    CaseOutcome.SUCCESS: (0, 190, 130),
+    CaseOutcome.SHORT: (255, 170, 60),
+    CaseOutcome.OUTSIDE: (240, 60, 60),
 }
 UNKNOWN_COLOUR: Final[curves.Colour] = (120, 140, 175)
 NAMED_COLOUR: Final[curves.Colour] = curves.PLAIN_COLOUR
@@ -78,11 +78,11 @@ def scene(path: Path) -> Scene:
     )
 
 
-def extremes(evaluation: Evaluation) -> list[Extreme]:
+def extremes(evaluation: EvaluatedCases) -> list[Extreme]:
     """Return the cases with the largest delta-v, the fewest points, and the smallest and largest distance."""
     distance = evaluation.distance_m
     num_samples = distance.shape[1]
-    found = [
+    cases = [
         ("nearest", int(distance.argmin()), f"{distance.min():.1f} m"),
         ("farthest", int(distance.argmax()), f"{distance.max():.1f} m"),
     ]
@@ -93,15 +93,15 @@ def extremes(evaluation: Evaluation) -> list[Extreme]:
             picked.append(("least inspected", int(count.argmin()), f"{count.min()} points"))
         for what, row, how_much in picked:
             # labelled where the flight ends
-            found.append((what, (row + 1) * num_samples - 1, how_much))
+            cases.append((what, (row + 1) * num_samples - 1, how_much))
     extremes = []
-    for what, place, how_much in found:
-        row, sample = divmod(place, num_samples)
+    for what, case, how_much in cases:
+        row, sample = divmod(case, num_samples)
         extremes.append(Extreme(what, row, sample, f"{what}: case {evaluation.case[row]}, {how_much}"))
     return extremes
 
 
-def in_words(evaluation: Evaluation) -> str:
+def in_words(evaluation: EvaluatedCases) -> str:
     """Summarise the outcomes of an evaluation as Markdown."""
     num_cases = len(evaluation.case)
     rows = [("cases", str(num_cases))]
@@ -125,20 +125,20 @@ def in_words(evaluation: Evaluation) -> str:
     return f"{curves.table(rows)}\n\n{legend}"
 
 
-def _outcomes_in_words(evaluation: Evaluation) -> dict[Outcome, str]:
+def _outcomes_in_words(evaluation: EvaluatedCases) -> dict[CaseOutcome, str]:
     around = evaluation.surroundings
     goal = "the goal" if around.threshold_percent is None else f"{around.threshold_percent:g} % inspected"
     limits = "the limits"
     if around.min_distance_m is not None and around.max_distance_m is not None:
         limits = f"{around.min_distance_m:g} to {around.max_distance_m:g} m"
     return {
-        Outcome.SUCCESS: f"green: success, {goal}",
-        Outcome.SHORT: f"orange: short of {goal.removesuffix(' inspected')}",
-        Outcome.OUTSIDE: f"red: outside {limits}",
+        CaseOutcome.SUCCESS: f"green: success, {goal}",
+        CaseOutcome.SHORT: f"orange: short of {goal.removesuffix(' inspected')}",
+        CaseOutcome.OUTSIDE: f"red: outside {limits}",
     }
 
 
-def distance_plot(evaluation: Evaluation) -> curves.Plot:
+def distance_plot(evaluation: EvaluatedCases) -> curves.Plot:
     """Plot the smallest, median and largest distance of all cases over time, with the limits."""
     distance, time_s = evaluation.distance_m, evaluation.time_s
     spread = np.column_stack((distance.max(axis=0), np.median(distance, axis=0), distance.min(axis=0)))
@@ -153,20 +153,20 @@ def distance_plot(evaluation: Evaluation) -> curves.Plot:
     return curves.Plot("distance", "Distance of all cases (m)", tuple(lines), (0.0, most))
 
 
-def _colours(evaluation: Evaluation) -> Bytes:
+def _colours(evaluation: EvaluatedCases) -> Bytes:
     outcome = evaluation.outcome
     if outcome is None:
         return np.tile(np.array(UNKNOWN_COLOUR, dtype=np.uint8), (len(evaluation.case), 1))
-    return np.array([OUTCOME_COLOURS[kind] for kind in Outcome], dtype=np.uint8)[outcome]
+    return np.array([OUTCOME_COLOURS[kind] for kind in CaseOutcome], dtype=np.uint8)[outcome]
 
 
-def _send_paths(stream: blueprint.Stream, evaluation: Evaluation) -> None:
+def _send_paths(stream: blueprint.Stream, evaluation: EvaluatedCases) -> None:
     outcome = evaluation.outcome
     kinds: Sequence[tuple[str, curves.Colour, Booleans]]
     if outcome is None:
         kinds = [("all", UNKNOWN_COLOUR, np.ones(len(evaluation.case), dtype=np.bool_))]
     else:
-        kinds = [(kind.name.lower(), OUTCOME_COLOURS[kind], outcome == kind) for kind in Outcome]
+        kinds = [(kind.name.lower(), OUTCOME_COLOURS[kind], outcome == kind) for kind in CaseOutcome]
     for name, colour, chosen in kinds:
         if not chosen.any():
             continue
@@ -178,7 +178,7 @@ def _send_paths(stream: blueprint.Stream, evaluation: Evaluation) -> None:
         stream.log(f"{blueprint.SCENE}/paths/{name}", lines, static=True)
 
 
-def _send_deputies(stream: blueprint.Stream, evaluation: Evaluation) -> None:
+def _send_deputies(stream: blueprint.Stream, evaluation: EvaluatedCases) -> None:
     entity = f"{blueprint.SCENE}/deputies"
     num_cases, num_samples = evaluation.position_m.shape[:2]
     style = rr.Points3D.from_fields(colors=_colours(evaluation), radii=rr.Radius.ui_points(2.8))
@@ -188,16 +188,16 @@ def _send_deputies(stream: blueprint.Stream, evaluation: Evaluation) -> None:
     blueprint.send(stream, entity, evaluation.time_s, columns.partition([num_cases] * num_samples))
 
 
-def _send_extreme(stream: blueprint.Stream, evaluation: Evaluation, extreme: Extreme) -> None:
+def _send_extreme(stream: blueprint.Stream, evaluation: EvaluatedCases, extreme: Extreme) -> None:
     entity = f"{blueprint.SCENE}/named/{extreme.what.replace(' ', '_').replace('-', '_')}"
     track = evaluation.position_m[extreme.row]
     lines = rr.LineStrips3D([track], colors=[NAMED_COLOUR], radii=rr.Radius.ui_points(1.4))
     stream.log(entity, lines, static=True)
-    place = rr.Points3D(
+    point = rr.Points3D(
         [track[extreme.sample]],
         labels=[extreme.label],
         colors=[NAMED_COLOUR],
         radii=rr.Radius.ui_points(4.0),
         show_labels=True,
     )
-    stream.log(f"{entity}/label", place, static=True)
+    stream.log(f"{entity}/label", point, static=True)

@@ -192,7 +192,9 @@ def fis_plots(recording: Recording) -> list[Plot]:
         for index, (signal, unit) in enumerate(zip(words.input_names, words.input_units, strict=True)):
             same = inputs.setdefault(unit, [])
             colour = (SIGNAL_COLOURS[len(same) % len(SIGNAL_COLOURS)],)
-            label = (signal,) if sum(signal in one for one in senses) == 1 else (f"{signal} ({name})",)
+            label = (
+                (signal,) if sum(signal in signals for signals in senses) == 1 else (f"{signal} ({name})",)
+            )
             same.append(
                 Curves(f"{system}_input_{index}", topic.time_s, sensed[:, index, None], label, colour)
             )
@@ -209,13 +211,13 @@ def fis_plots(recording: Recording) -> list[Plot]:
 def _of_each(
     recordings: Sequence[Recording], colours: Sequence[Colour], field: str, *, in_steps: bool = False
 ) -> tuple[Curves, ...]:
-    found = []
+    groups = []
     named = zip(recordings, flight_names(recordings), colours, strict=True)
     for index, (recording, name, colour) in enumerate(named):
         mission = recording[topics.MISSION]
         values = _floats(mission[field])[:, None]
-        found.append(Curves(f"flight_{index}", mission.time_s, values, (name,), (colour,), in_steps))
-    return tuple(found)
+        groups.append(Curves(f"flight_{index}", mission.time_s, values, (name,), (colour,), in_steps))
+    return tuple(groups)
 
 
 def level(name: str, end_s: float, value: float, colour: Colour) -> Curves:

@@ -95,8 +95,8 @@ def inference_in_words(recording: Recording, sample_time_s: Floats) -> list[str]
         description = recording.fis_description(name)
         fired, fired_s = recording.fired(name)
         columns = [topic[field][fired] for field in ("inputs", "firing_strengths", "output_n", "shares_n")]
-        places = np.searchsorted(sample_time_s, fired_s)
-        for index, row in zip(places, zip(*columns, strict=True), strict=True):
+        indices = np.searchsorted(sample_time_s, fired_s)
+        for index, row in zip(indices, zip(*columns, strict=True), strict=True):
             samples[index] += _one_inference(description, *row)
     at_rest = _rest_in_words(recording, sample_time_s)
     return [drawable("\n".join(lines)) or rest for lines, rest in zip(samples, at_rest, strict=True)]
@@ -283,23 +283,23 @@ def now_in_words(recording: Recording, sample_time_s: Floats) -> list[str]:
         Times of the samples of the flight.
     """
     control, mission = recording[topics.DEPUTY_CONTROL], recording[topics.MISSION]
-    places = np.maximum(np.searchsorted(mission.time_s, sample_time_s, side="right") - 1, 0)
+    indices = np.maximum(np.searchsorted(mission.time_s, sample_time_s, side="right") - 1, 0)
     # recordings of earlier versions do not say how many can be inspected
     all_points = int(mission["inspectable_count"][-1]) or mission["inspected_mask"].shape[1]
-    left = all_points - mission["inspected_count"].astype(np.int64)[places]
+    left = all_points - mission["inspected_count"].astype(np.int64)[indices]
     names = [name for name in recording.fis_names if len(recording[topics.fis_topic(name)])]
-    asked = {float(time) for name in names for time in recording[topics.fis_topic(name)].time_s}
+    fired_times = {float(time) for name in names for time in recording[topics.fis_topic(name)].time_s}
     rows = {float(time): row for row, time in enumerate(control.time_s)}
-    found = []
+    lines = []
     for time, count in zip(sample_time_s.tolist(), left.tolist(), strict=True):
         row = rows.get(time)
         if row is None:
-            found.append(
+            lines.append(
                 f"The flight is over: {_points(count)}" if time >= control.time_s[-1:].max(initial=0) else ""
             )
         else:
-            found.append(_line(recording, row, count, time in asked or not names))
-    return found
+            lines.append(_line(recording, row, count, time in fired_times or not names))
+    return lines
 
 
 def _line(recording: Recording, row: int, left: int, was_asked: bool) -> str:
@@ -324,17 +324,17 @@ def _leader(recording: Recording, row: int) -> str:
     Rules that conclude no force hold back, and push no way, whatever their shares.
     """
     time = recording[topics.DEPUTY_CONTROL].time_s[row]
-    found = []
+    leaders = []
     for name in recording.fis_names:
         topic, (fired, fired_s) = recording[topics.fis_topic(name)], recording.fired(name)
         holding = np.array(recording.fis_description(name).holding, dtype=np.intp) - 1
-        for place in fired[fired_s == time].tolist():
-            output, shares = float(topic["output_n"][place]), topic["shares_n"][place]
+        for index in fired[fired_s == time].tolist():
+            output, shares = float(topic["output_n"][index]), topic["shares_n"][index]
             pushes = np.sign(output) * shares
             pushes[holding] = 0.0
             if np.any(pushes > 0.0):
-                found.append((abs(output), int(pushes.argmax()) + 1, name))
-    return ", mostly by rule {} of {}".format(*max(found)[1:]) if found else ""
+                leaders.append((abs(output), int(pushes.argmax()) + 1, name))
+    return ", mostly by rule {} of {}".format(*max(leaders)[1:]) if leaders else ""
 
 
 def _points(count: int) -> str:

@@ -218,9 +218,9 @@ def _send_inferences(stream: Stream, recording: Recording) -> None:
         return
     strengths = rr.DepthImage(image, colormap="inferno", depth_range=(0.0, 255.0), meter=255.0)
     stream.log(f"{blueprint.RULE_MAP}/strengths", strengths, static=True)
-    places = [(-drawing.MAP_NAME_WIDTH / 2, middle) for _, middle in middles]
+    positions = [(-drawing.MAP_NAME_WIDTH / 2, middle) for _, middle in middles]
     labels = [name for name, _ in middles]
-    names = rr.Points2D(places, labels=labels, colors=[curves.PLAIN_COLOUR], radii=0.5, show_labels=True)
+    names = rr.Points2D(positions, labels=labels, colors=[curves.PLAIN_COLOUR], radii=0.5, show_labels=True)
     stream.log(f"{blueprint.RULE_MAP}/names", names, static=True)
     now = f"{blueprint.RULE_MAP}/now"
     line = rr.LineStrips2D.from_fields(colors=[curves.PLAIN_COLOUR], radii=rr.Radius.ui_points(1.0))

@@ -33,7 +33,7 @@ _POSITION: Final = ("position_x_m", "position_y_m", "position_z_m")
 _JUDGED: Final = ("delta_v_m_s", "inspected_count", "inspection_rate_percent", "success", "violated")
 
 
-class Outcome(IntEnum):
+class CaseOutcome(IntEnum):
     """How a case ended; if several apply, the highest counts."""
 
     SUCCESS = 0
@@ -65,7 +65,7 @@ class Surroundings:
 
 
 @dataclass(frozen=True)
-class Evaluation:
+class EvaluatedCases:
     """The trajectories of many cases, and their outcomes.
 
     Parameters
@@ -90,11 +90,11 @@ class Evaluation:
 
     @property
     def outcome(self) -> Integers | None:
-        """The `Outcome` of each case; None if unknown."""
+        """The `CaseOutcome` of each case; None if unknown."""
         if not self.episodes:
             return None
-        ended = np.where(self.episodes["success"], Outcome.SUCCESS, Outcome.SHORT)
-        return np.where(self.episodes["violated"], Outcome.OUTSIDE, ended).astype(np.int64)
+        ended = np.where(self.episodes["success"], CaseOutcome.SUCCESS, CaseOutcome.SHORT)
+        return np.where(self.episodes["violated"], CaseOutcome.OUTSIDE, ended).astype(np.int64)
 
     @property
     def distance_m(self) -> Floats:
@@ -130,7 +130,7 @@ def _manifest(folder: Path) -> dict[str, Any]:
     return manifest if isinstance(manifest, dict) else {}
 
 
-def read_evaluation(path: Path) -> Evaluation:
+def read_evaluation(path: Path) -> EvaluatedCases:
     """Read the trajectories of an evaluation, and the outcomes of its cases if they are stored with them.
 
     Parameters
@@ -163,7 +163,7 @@ def read_evaluation(path: Path) -> Evaluation:
             )
         raise RecordingError(f"{table} does not exist{why}")
     cases, tracks = _tracks(table)
-    return Evaluation(
+    return EvaluatedCases(
         name=root.resolve().name,
         case=cases,
         position_m=tracks,

@@ -47,19 +47,19 @@ def subjects(paths: Sequence[Path], instants_s: Sequence[float]) -> list[Subject
     RecordingError
         If a file cannot be read, or a folder holds no evaluation.
     """
-    found: list[Subject] = []
+    shown: list[Subject] = []
     flights = [path for path in paths if not path.is_dir()]
     if flights:
         pictures = {f"replay-{instant:.12g}": instant for instant in instants_s}
-        found.append((replay.scene(flights), pictures))
+        shown.append((replay.scene(flights), pictures))
     folders = [path for path in paths if path.is_dir()]
     taken: Counter[str] = Counter()
     for folder in folders:
         name = "campaign" if len(folders) == 1 else f"campaign-{folder.resolve().name}"
         taken[name] += 1
         name += f"-{taken[name]}" if taken[name] > 1 else ""
-        found.append((campaign.scene(folder), {name: 0.0}))
-    return found
+        shown.append((campaign.scene(folder), {name: 0.0}))
+    return shown
 
 
 def take(subjects: Sequence[Subject], folder: Path) -> Iterator[Path]:
@@ -88,8 +88,8 @@ def take(subjects: Sequence[Subject], folder: Path) -> Iterator[Path]:
             load(client, file)
             for name, instant in pictures.items():
                 image = _draw(client, instant, Path(scratch) / "shot.png")
-                if found := complaints(client):
-                    raise RecordingError(f"the viewer cannot show all of {scene.name}: {'; '.join(found)}")
+                if problems := complaints(client):
+                    raise RecordingError(f"the viewer cannot show all of {scene.name}: {'; '.join(problems)}")
                 yield _write(image, folder / f"{name}.png")
             client.close("all")
 
@@ -154,12 +154,12 @@ def load(client: ViewerClient, file: Path) -> None:
 
 def complaints(client: ViewerClient) -> list[str]:
     """Return the faults of the views, and the errors in the viewer's log."""
-    found = [
+    problems = [
         f"{view.name}: {report.summary} {report.details or ''}".strip()
         for view in client.get_state().views
         for report in view.reports
     ]
-    return found + [entry.message for entry in client.get_logs() if entry.level.lower() == "error"]
+    return problems + [entry.message for entry in client.get_logs() if entry.level.lower() == "error"]
 
 
 def _draw(client: ViewerClient, instant_s: float, file: Path) -> Image.Image:

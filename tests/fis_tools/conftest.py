@@ -23,9 +23,9 @@ def refused(run: Callable[..., Told]) -> Callable[..., str]:
     """Run a command of `fis_tools` that is refused; return what it says."""
 
     def refused(*words: object) -> str:
-        told = run(*words, code=2)
-        assert told.out == ""
-        return told.err
+        captured = run(*words, code=2)
+        assert captured.out == ""
+        return captured.err
 
     return refused
 

@@ -33,7 +33,10 @@ def build_control_system(system: FuzzySystem) -> control.ControlSystem:
     rules = [
         control.Rule(
             antecedent=_build_expression(rule.antecedent, variables),
-            consequent=[variables[one.variable][one.term] % float(one.weight) for one in rule.consequents],
+            consequent=[
+                variables[consequent.variable][consequent.term] % float(consequent.weight)
+                for consequent in rule.consequents
+            ],
             label=rule.label or str(number),
             and_func=AND_OPERATORS[system.and_operator_of(rule)],
             or_func=OR_OPERATORS[system.or_operator_of(rule)],

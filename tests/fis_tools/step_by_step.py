@@ -29,7 +29,7 @@ def ends(system: FuzzySystem) -> tuple[np.ndarray, np.ndarray]:
     return low, high
 
 
-def assert_near(found: Any, expected: Any, system: FuzzySystem, share: float = 1e-12) -> None:
+def assert_near(actual: Any, expected: Any, system: FuzzySystem, share: float = 1e-12) -> None:
     """Outputs, the last axis, differ by a share of their ranges at most."""
     spans = np.array([variable.maximum - variable.minimum for variable in system.outputs])
-    np.testing.assert_allclose(np.asarray(found) / spans, np.asarray(expected) / spans, rtol=0, atol=share)
+    np.testing.assert_allclose(np.asarray(actual) / spans, np.asarray(expected) / spans, rtol=0, atol=share)

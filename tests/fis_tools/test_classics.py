@@ -13,8 +13,8 @@ SYSTEMS = {path.stem: path for path in paths()}
 
 
 def system(name: str) -> FuzzySystem:
-    (found,) = read_controller(SYSTEMS[name]).systems
-    return found
+    (only,) = read_controller(SYSTEMS[name]).systems
+    return only
 
 
 def test_there_are_ten_and_each_names_its_source() -> None:
@@ -43,11 +43,11 @@ def test_the_risk_of_the_project_fires_as_in_the_book() -> None:
     ],
 )
 def test_the_other_side_answers_the_opposite(name: str, middle: tuple[float, float]) -> None:
-    one = system(name)
-    reach = np.array([[v.maximum - v.minimum for v in one.inputs]]) / 2
+    original = system(name)
+    reach = np.array([[v.maximum - v.minimum for v in original.inputs]]) / 2
     away = reach * np.array([[0.1, 0.3], [-0.4, 0.2], [0.7, -0.9]])
-    there, back = (compile(one).infer(np.array(middle) + sign * away).outputs for sign in (1.0, -1.0))
-    ranges = [output.maximum - output.minimum for output in one.outputs]
+    there, back = (compile(original).infer(np.array(middle) + sign * away).outputs for sign in (1.0, -1.0))
+    ranges = [output.maximum - output.minimum for output in original.outputs]
     assert np.abs(there + back).max() <= 1e-12 * max(ranges)
 
 

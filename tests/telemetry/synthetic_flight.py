@@ -195,14 +195,14 @@ def write_control(writer: EpisodeWriter, flight: SyntheticFlight, k: int | slice
         angular_velocity_rad_s=flight.attitude_rate_rad_s[k],
         torque_n_m=flight.torque_n_m[k],
     )
-    asked = flight.force_body_n[k]
+    force_asked = flight.force_body_n[k]
     writer.record(
         topics.DEPUTY_CONTROL,
         time_s,
-        force_body_n=asked,
+        force_body_n=force_asked,
         force_hill_n=flight.force_hill_n[k],
-        force_asked_n=asked,
-        reason=np.full(asked.shape, topics.Reason.FIRED),
+        force_asked_n=force_asked,
+        reason=np.full(force_asked.shape, topics.Reason.FIRED),
     )
     for index, name in enumerate(FIS_NAMES):
         writer.record(

@@ -28,13 +28,17 @@ def test_info_tells_what_it_was_and_how_it_went(flight_file, ran):
     ):
         assert re.search(expected, text), expected
     # the same to programs
-    told = json.loads(ran("info", "--json", flight_file).out)
-    assert (told["bytes"], told["end_s"], told["is_rescued"]) == (flight_file.stat().st_size, 3600.0, False)
-    assert told["episode"]["scenario_id"] == "circle-0"
-    assert (told["outcome"]["inspected_count"], told["outcome"]["num_points"]) == (97, 99)
-    assert told["fuzzy_systems"]["force_y"]["inputs"] == {"lambda_u": "rad", "velocity_body_y": "m/s"}
-    assert told["topics"]["/tf"] == {"schema": "foxglove.FrameTransform", "messages": 723}
-    assert told["attachments"] == {"config.yaml": 8, "controller.json": 19}
+    printed = json.loads(ran("info", "--json", flight_file).out)
+    assert (printed["bytes"], printed["end_s"], printed["is_rescued"]) == (
+        flight_file.stat().st_size,
+        3600.0,
+        False,
+    )
+    assert printed["episode"]["scenario_id"] == "circle-0"
+    assert (printed["outcome"]["inspected_count"], printed["outcome"]["num_points"]) == (97, 99)
+    assert printed["fuzzy_systems"]["force_y"]["inputs"] == {"lambda_u": "rad", "velocity_body_y": "m/s"}
+    assert printed["topics"]["/tf"] == {"schema": "foxglove.FrameTransform", "messages": 723}
+    assert printed["attachments"] == {"config.yaml": 8, "controller.json": 19}
 
 
 def test_a_cut_file_is_sent_to_recover_which_rescues_it(short_file, tmp_path, ran):
@@ -61,23 +65,23 @@ def test_recover_warns_where_no_step_is_left_and_info_tells_the_rest(short_file,
 
 
 @pytest.fixture
-def own(short_file, tmp_path):
+def flight_copy(short_file, tmp_path):
     """A flight in a folder of its own."""
     return Path(shutil.copy(short_file, tmp_path / "flight.mcap"))
 
 
-def test_export_makes_a_folder_beside_the_file(own, ran):
-    printed = ran("export", own, "--format", "csv").out.split()
-    assert str(own.parent / "flight-csv" / "mission.csv") in printed
+def test_export_makes_a_folder_beside_the_file(flight_copy, ran):
+    printed = ran("export", flight_copy, "--format", "csv").out.split()
+    assert str(flight_copy.parent / "flight-csv" / "mission.csv") in printed
     assert all(Path(name).is_file() for name in printed)
 
 
-def test_replay_saves_a_file_but_not_over_its_flight(own, short_file, tmp_path, ran):
+def test_replay_saves_a_file_but_not_over_its_flight(flight_copy, short_file, tmp_path, ran):
     output = tmp_path / "short.rrd"
-    assert f"rerun {output}" in ran("replay", own, "--save", output).out
+    assert f"rerun {output}" in ran("replay", flight_copy, "--save", output).out
     assert output.read_bytes()[:3] == b"RRF"
-    assert "choose a name such as" in ran("replay", own, "--save", own, code=2).err
-    assert own.read_bytes() == short_file.read_bytes()
+    assert "choose a name such as" in ran("replay", flight_copy, "--save", flight_copy, code=2).err
+    assert flight_copy.read_bytes() == short_file.read_bytes()
 
 
 @pytest.mark.parametrize("command", ["info", "replay", "recover", "export"])
@@ -103,8 +107,8 @@ def test_output_that_nobody_reads_to_its_end_is_no_error(flight_file):
 
 def test_a_command_is_needed_and_of_one_that_is_gone_its_successors_are_told(ran):
     ran(code=2)
-    told = ran("training", "outputs/train/RUN", "--follow", code=2).err
-    assert "telemetry: training is gone: a run's report.html draws the" in told
+    message = ran("training", "outputs/train/RUN", "--follow", code=2).err
+    assert "telemetry: training is gone: a run's report.html draws the" in message
 
 
 @pytest.mark.parametrize(
@@ -132,8 +136,8 @@ def test_an_interrupted_command_ends_in_a_sentence(short_file, monkeypatch, ran)
     assert ran("info", short_file, code=130).err == "telemetry: interrupted\n"
 
 
-def test_a_whole_file_that_never_got_its_name_is_to_be_renamed(own, ran):
-    path = own.rename(own.with_name("flight.mcap.partial"))
+def test_a_whole_file_that_never_got_its_name_is_to_be_renamed(flight_copy, ran):
+    path = flight_copy.rename(flight_copy.with_name("flight.mcap.partial"))
     assert "rename it to flight.mcap" in ran("recover", path).out
 
 

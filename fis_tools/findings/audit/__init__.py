@@ -52,12 +52,12 @@ def audit(
     for system in systems:
         validate(system)
         measures = measure(system)
-        found = [check.find(system, measures, thresholds) for check in (terms, rules, answers)]
+        results = [check.find(system, measures, thresholds) for check in (terms, rules, answers)]
         rows = None if samples is None else samples.get(system.name, np.empty((0, len(system.inputs))))
         if rows is not None:
-            found.append(answers.find_along(system, rows, thresholds))
+            results.append(answers.find_along(system, rows, thresholds))
         audited.append(AuditedSystem(system.name, measures, None if rows is None else len(rows)))
-        findings += (replace(finding, system=system.name) for finding in chain(*found))
+        findings += (replace(finding, system=system.name) for finding in chain(*results))
     findings.sort(key=lambda finding: -finding.severity)
     return Audit(name, tuple(audited), tuple(findings))
 

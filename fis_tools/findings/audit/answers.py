@@ -9,7 +9,7 @@ from fis_tools.array_types import Floats
 from fis_tools.engines.compiler import compile as compiled
 from fis_tools.findings.audit.report import Finding, Findings, Severity, Thresholds
 from fis_tools.model import FuzzySystem
-from fis_tools.words.text import NEGLIGIBLE, amount, listed, percent, place, rule_words
+from fis_tools.words.text import NEGLIGIBLE, amount, listed, percent, point_words, rule_words
 
 #: About how many points of the input ranges are evaluated.
 NUM_POINTS = 20_000
@@ -30,28 +30,32 @@ def find(system: FuzzySystem, measures: Measures, thresholds: Thresholds) -> Fin
 
 
 def _complete(system: FuzzySystem, measures: Measures, thresholds: Thresholds) -> Findings:
-    found = measures.completeness
+    completeness = measures.completeness
     gap = min(measures.coverage[variable.name].least for variable in system.inputs)
-    is_reported = 0.0 < gap < thresholds.coverage and found.least >= gap
-    if found.least >= thresholds.coverage or is_reported:
+    is_reported = 0.0 < gap < thresholds.coverage and completeness.least >= gap
+    if completeness.least >= thresholds.coverage or is_reported:
         return
-    if found.least == 0.0:
+    if completeness.least == 0.0:
         given = [f"{v.name} = {amount(v, v.default)}" for v in system.outputs if v.default is not None]
         answer = f"the output is the default, {', '.join(given)}" if given else "there is no output"
-        sentence = f"No rule fires at {place(system, found.at)}: {answer}."
+        sentence = f"No rule fires at {point_words(system, completeness.at)}: {answer}."
     else:
         sentence = (
-            f"At {place(system, found.at)} no rule fires with a strength above {found.least:.2g}: "
-            "the output rests on weak evidence."
+            f"At {point_words(system, completeness.at)} no rule fires with a strength above "
+            f"{completeness.least:.2g}: the output rests on weak evidence."
         )
-    if not found.is_exact:
+    if not completeness.is_exact:
         sentence += " (The lowest of the points sampled; it may be lower elsewhere.)"
     yield Finding(
         "completeness",
-        Severity.SERIOUS if found.least < thresholds.fired else Severity.WARNING,
+        Severity.SERIOUS if completeness.least < thresholds.fired else Severity.WARNING,
         sentence,
         "Add rules for this region, or widen the terms around it.",
-        evidence={"least": found.least, "at": found.at.tolist(), "exact": found.is_exact},
+        evidence={
+            "least": completeness.least,
+            "at": completeness.at.tolist(),
+            "exact": completeness.is_exact,
+        },
     )
 
 

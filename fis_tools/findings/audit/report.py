@@ -180,8 +180,8 @@ class Audit(Result):
 
     def counted(self, system: str = "") -> str:
         """Say how many findings of each severity there are, maybe of one system alone."""
-        found = [one.severity for one in self.findings if system in ("", one.system)]
-        return ", ".join(each.counted(found.count(each)) for each in _WORST_FIRST if each in found)
+        severities = [finding.severity for finding in self.findings if system in ("", finding.system)]
+        return ", ".join(each.counted(severities.count(each)) for each in _WORST_FIRST if each in severities)
 
     @property
     def _name(self) -> str:
@@ -191,12 +191,12 @@ class Audit(Result):
         """Give a summary, the findings by severity, then the measures."""
         blocks: list[Block] = [Paragraph(self.summary())]
         for severity in _WORST_FIRST:
-            found = [
+            findings = [
                 f"{finding.system} · {finding.id}: {finding.sentence}\n→ {finding.cure}"
                 for finding in self.findings
                 if finding.severity == severity
             ]
-            blocks += [Heading(severity.word.upper()), Items(found)] if found else []
+            blocks += [Heading(severity.word.upper()), Items(findings)] if findings else []
         table = _measure_table(self.systems)
         return Document([*blocks, Heading("MEASURES"), table, Items(MEASURE_WORDS)])
 
@@ -210,8 +210,12 @@ class Audit(Result):
             "controller": self.controller,
             "summary": {s.word: sum(f.severity == s for f in self.findings) for s in _WORST_FIRST},
             "systems": [
-                {"name": one.name, "samples": one.num_samples, "measures": _plain_measures(one.measures)}
-                for one in self.systems
+                {
+                    "name": system.name,
+                    "samples": system.num_samples,
+                    "measures": _plain_measures(system.measures),
+                }
+                for system in self.systems
             ],
             "findings": plain(self.findings),
         }
@@ -229,8 +233,8 @@ MEASURE_WORDS = (
 
 
 def _completeness(measures: Measures) -> str:
-    found = measures.completeness
-    return f"{found.least:.2f}" if found.is_exact else f"{found.least:.2f} (of samples)"
+    completeness = measures.completeness
+    return f"{completeness.least:.2f}" if completeness.is_exact else f"{completeness.least:.2f} (of samples)"
 
 
 #: What the table of measures says of a system, row by row.

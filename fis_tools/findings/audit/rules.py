@@ -20,7 +20,7 @@ _Table = tuple[Integers, Floats]
 
 
 @dataclass(frozen=True)
-class Step:
+class CellStep:
     """From one cell of a rule table to the next along one input.
 
     Parameters
@@ -74,12 +74,15 @@ def _repeated(system: FuzzySystem) -> Findings:
         alike[canonical(rule.antecedent)].append(number)
     for numbers in alike.values():
         for first, second in combinations(numbers, 2):
-            one, other = _concludes(system.rules[first - 1]), _concludes(system.rules[second - 1])
-            shared = [name for name in one if name in other]
+            first_conclusions, other = (
+                _concludes(system.rules[first - 1]),
+                _concludes(system.rules[second - 1]),
+            )
+            shared = [name for name in first_conclusions if name in other]
             if not shared:
                 continue
             adds_up = not all(system.variable(name).counts_strongest for name in shared)
-            differ = any(one[name] != other[name] for name in shared)
+            differ = any(first_conclusions[name] != other[name] for name in shared)
             words = text.antecedent_words(system.rules[first - 1].antecedent)
             conclusions = [
                 text.consequent_words(system.rules[number - 1].consequents) for number in (first, second)
@@ -100,14 +103,14 @@ def _repeated(system: FuzzySystem) -> Findings:
 
 def _overlapping(system: FuzzySystem) -> Findings:
     """Yield rules that hold wherever a narrower rule does, and conclude something else."""
-    found = conjunctions(system)
-    if found is None or np.all(found[0] >= 0):
+    table = conjunctions(system)
+    if table is None or np.all(table[0] >= 0):
         return
-    cells, consequents = found
+    cells, consequents = table
     for wide in np.flatnonzero(np.any(cells < 0, axis=1)):
-        asked = cells[wide] >= 0
-        narrower = np.all(cells[:, asked] == cells[wide, asked], axis=1) & np.any(
-            cells[:, ~asked] >= 0, axis=1
+        is_constrained = cells[wide] >= 0
+        narrower = np.all(cells[:, is_constrained] == cells[wide, is_constrained], axis=1) & np.any(
+            cells[:, ~is_constrained] >= 0, axis=1
         )
         against = np.flatnonzero(narrower & (consequents != consequents[wide]))
         if len(against):
@@ -135,10 +138,10 @@ def _table(system: FuzzySystem) -> _Table | None:
     levels : float array
         The centre of its consequent as a fraction of the output's range.
     """
-    found = conjunctions(system)
-    if found is None:
+    table = conjunctions(system)
+    if table is None:
         return None
-    cells, consequents = found
+    cells, consequents = table
     if system.weighed and not all(isinstance(t.membership, Constant) for t in system.outputs[0].terms):
         return None
     output = system.outputs[0]
@@ -156,24 +159,24 @@ def _table(system: FuzzySystem) -> _Table | None:
     return numbers, centres[consequents[numbers - 1]]
 
 
-def _steps(table: _Table, axis: int) -> list[Step]:
+def _steps(table: _Table, axis: int) -> list[CellStep]:
     numbers, levels = (np.moveaxis(part, axis, -1) for part in table)
     pairs = zip(numbers[..., :-1].ravel(), numbers[..., 1:].ravel(), np.diff(levels).ravel(), strict=True)
-    return [Step((int(a), int(b)), float(change)) for a, b, change in pairs if a and b and a != b]
+    return [CellStep((int(a), int(b)), float(change)) for a, b, change in pairs if a and b and a != b]
 
 
-def _counted(steps: list[Step]) -> str:
+def _counted(steps: list[CellStep]) -> str:
     return f"{len(steps)} step{'' if len(steps) == 1 else 's'}"
 
 
-def _step_words(system: FuzzySystem, step: Step) -> str:
+def _step_words(system: FuzzySystem, step: CellStep) -> str:
     """Say a step: ``from PL (rule 3) to NS (rule 8)``."""
     output = system.outputs[0].name
     words = [f"{_concludes(system.rules[rule - 1])[output]} (rule {rule})" for rule in step.rules]
     return f"from {words[0]} to {words[1]}"
 
 
-def _jumps(system: FuzzySystem, axis: int, steps: list[Step], thresholds: Thresholds) -> Findings:
+def _jumps(system: FuzzySystem, axis: int, steps: list[CellStep], thresholds: Thresholds) -> Findings:
     variable = system.inputs[axis]
     far = sorted((s for s in steps if abs(s.change) > thresholds.jump), key=lambda s: -abs(s.change))
     if not far:
@@ -194,7 +197,7 @@ def _jumps(system: FuzzySystem, axis: int, steps: list[Step], thresholds: Thresh
     )
 
 
-def _turns(system: FuzzySystem, axis: int, steps: list[Step], thresholds: Thresholds) -> Findings:
+def _turns(system: FuzzySystem, axis: int, steps: list[CellStep], thresholds: Thresholds) -> Findings:
     variable, output = system.inputs[axis], system.outputs[0]
     rising = [step for step in steps if step.change > 0]
     falling = [step for step in steps if step.change < 0]
@@ -266,9 +269,11 @@ def _symmetry(system: FuzzySystem, table: _Table, thresholds: Thresholds) -> Fin
 
 
 def _consistency(system: FuzzySystem, measures: Measures, thresholds: Thresholds) -> Findings:
-    found = measures.rule_consistency
+    consistency = measures.rule_consistency
     weak = [
-        int(i) for i in np.argsort(found.values, kind="stable") if found.values[i] < thresholds.consistency
+        int(i)
+        for i in np.argsort(consistency.values, kind="stable")
+        if consistency.values[i] < thresholds.consistency
     ]
     if not weak:
         return
@@ -276,23 +281,27 @@ def _consistency(system: FuzzySystem, measures: Measures, thresholds: Thresholds
     rule = system.rules[worst]
     answers = [
         f"{variable.name} = {text.amount(variable, answer)} "
-        f"(the rule alone would give {text.amount(variable, own)})"
-        for variable, answer, own in zip(
-            system.outputs, found.outputs[worst], found.alone[worst], strict=True
+        f"(the rule alone would give {text.amount(variable, rule_answer)})"
+        for variable, answer, rule_answer in zip(
+            system.outputs, consistency.outputs[worst], consistency.alone[worst], strict=True
         )
-        if not np.isnan(own)
+        if not np.isnan(rule_answer)
     ]
     yield Finding(
         "rule-consistency",
         Severity.WARNING if len(weak) > thresholds.against * len(system.rules) else Severity.NOTE,
         f"{len(weak)} of {len(system.rules)} rules {'is' if len(weak) == 1 else 'are'} outvoted even where "
         f"{'it fires' if len(weak) == 1 else 'they fire'} most strongly. The worst is "
-        f"rule {worst + 1} (consistency {found.values[worst]:.2f}): it concludes "
-        f"{text.consequent_words(rule.consequents)}, but at {text.place(system, found.points[worst])} "
+        f"rule {worst + 1} (consistency {consistency.values[worst]:.2f}): it concludes "
+        f"{text.consequent_words(rule.consequents)}, but at "
+        f"{text.point_words(system, consistency.points[worst])} "
         f"the system gives {' and '.join(answers)}.",
         "Do not read these rules one by one; narrow the terms that overlap them, or make them agree.",
         rules=tuple(index + 1 for index in weak),
-        evidence={"consistency": found.index, "values": [float(found.values[index]) for index in weak]},
+        evidence={
+            "consistency": consistency.index,
+            "values": [float(consistency.values[index]) for index in weak],
+        },
     )
 
 

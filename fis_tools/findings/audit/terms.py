@@ -38,7 +38,7 @@ _WEAKER = {"rather", "fairly", "quite", "somewhat"}
 
 
 @dataclass(frozen=True)
-class Reading:
+class NameRank:
     """The rank of a term by its name, among terms whose names are read the same way.
 
     Parameters
@@ -53,7 +53,7 @@ class Reading:
     sign: int | None = None
 
 
-def read_names(names: list[str]) -> list[Reading | None]:
+def read_names(names: list[str]) -> list[NameRank | None]:
     """Read the names of a variable's terms; None for a name that says nothing, or nothing to the others.
 
     Names such as ``negative_large``, ``NL``, ``zero``, ``PositiveSmall`` are read first. Without two of them
@@ -76,9 +76,9 @@ def _words(name: str) -> list[str]:
     return [word.lower() for word in re.split(r"[\W_\d]+", parted) if word]
 
 
-def _signed(words: list[str]) -> Reading | None:
+def _signed(words: list[str]) -> NameRank | None:
     if len(words) == 1 and words[0] in _ZEROS:
-        return Reading(0.0, 0)
+        return NameRank(0.0, 0)
     if len(words) == 1 and (match := re.fullmatch(r"([np])(v?)([smlb])", words[0])):
         words = [letter for letter in match.groups() if letter]
     signs = [_SIGNS[word] for word in words if word in _SIGNS]
@@ -87,16 +87,16 @@ def _signed(words: list[str]) -> Reading | None:
     if len(signs) != 1 or len(magnitudes) > 1 or known != len(words):
         return None
     magnitude = (magnitudes or [2.0])[0] + 0.5 * sum(word in _STRONGER for word in words)
-    return Reading(signs[0] * magnitude, signs[0])
+    return NameRank(signs[0] * magnitude, signs[0])
 
 
-def _on_scale(words: list[str], scale: list[str]) -> Reading | None:
+def _on_scale(words: list[str], scale: list[str]) -> NameRank | None:
     """Place a name on a scale from -1 to 1; ``very`` goes beyond its word, ``rather`` stays short."""
     outwards = 1.0 + 0.5 * sum(word in _STRONGER for word in words) - 0.25 * sum(w in _WEAKER for w in words)
     rest = [word for word in words if word not in _STRONGER | _WEAKER]
     if len(rest) != 1 or rest[0] not in scale:
         return None
-    return Reading(outwards * (2.0 * scale.index(rest[0]) / (len(scale) - 1) - 1.0))
+    return NameRank(outwards * (2.0 * scale.index(rest[0]) / (len(scale) - 1) - 1.0))
 
 
 def find(system: FuzzySystem, measures: Measures, thresholds: Thresholds) -> Findings:
@@ -106,8 +106,8 @@ def find(system: FuzzySystem, measures: Measures, thresholds: Thresholds) -> Fin
     for variable in system.variables:
         if variable in system.weighed:
             continue
-        found = _of_sets(system, variable, measures, thresholds)
-        yield from (replace(finding, variable=variable.name) for finding in found)
+        findings = _of_sets(system, variable, measures, thresholds)
+        yield from (replace(finding, variable=variable.name) for finding in findings)
 
 
 def _of_sets(system: FuzzySystem, variable: Variable, measures: Measures, thresholds: Thresholds) -> Findings:
@@ -246,21 +246,21 @@ def _alike(variable: Variable, thresholds: Thresholds) -> Findings:
 
 def _ordered(variable: Variable) -> Findings:
     centres = [centre(variable, term) for term in variable.terms]
-    for place in range(len(centres) - 1):
-        if centres[place] > centres[place + 1]:
-            before, after = variable.terms[place].name, variable.terms[place + 1].name
+    for index in range(len(centres) - 1):
+        if centres[index] > centres[index + 1]:
+            before, after = variable.terms[index].name, variable.terms[index + 1].name
             yield Finding(
                 "term-order",
                 Severity.WARNING,
                 f"{before} of {variable.name} is listed before {after}, but lies higher "
-                f"({amount(variable, centres[place])} against {amount(variable, centres[place + 1])}).",
+                f"({amount(variable, centres[index])} against {amount(variable, centres[index + 1])}).",
                 "List terms from the lowest to the highest: tables and neighbours are read in this order.",
                 terms=(before, after),
                 evidence={"centres": centres},
             )
 
 
-def _named(variable: Variable, readings: list[Reading | None]) -> Findings:
+def _named(variable: Variable, readings: list[NameRank | None]) -> Findings:
     read = [
         (r, t, centre(variable, t)) for r, t in zip(readings, variable.terms, strict=True) if r is not None
     ]
@@ -285,7 +285,7 @@ def _named(variable: Variable, readings: list[Reading | None]) -> Findings:
         )
 
 
-def _signs(variable: Variable, readings: list[Reading | None]) -> Findings:
+def _signs(variable: Variable, readings: list[NameRank | None]) -> Findings:
     for reading, term in zip(readings, variable.terms, strict=True):
         here = centre(variable, term)
         if reading is not None and reading.sign and reading.sign * here < 0:
@@ -299,24 +299,24 @@ def _signs(variable: Variable, readings: list[Reading | None]) -> Findings:
             )
 
 
-def _zero(variable: Variable, readings: list[Reading | None], thresholds: Thresholds) -> Findings:
+def _zero(variable: Variable, readings: list[NameRank | None], thresholds: Thresholds) -> Findings:
     if not variable.minimum <= 0.0 <= variable.maximum:
         return
     at_zero = [float(np.interp(0.0, variable.universe, function)) for function in variable.memberships]
-    for place, (reading, term) in enumerate(zip(readings, variable.terms, strict=True)):
-        if reading is None or reading.sign != 0 or at_zero[place] >= thresholds.zero:
+    for index, (reading, term) in enumerate(zip(readings, variable.terms, strict=True)):
+        if reading is None or reading.sign != 0 or at_zero[index] >= thresholds.zero:
             continue
         here, best = centre(variable, term), int(np.argmax(at_zero))
-        instead = f", but {at_zero[best]:.2f} in {variable.terms[best].name}" if best != place else ""
+        instead = f", but {at_zero[best]:.2f} in {variable.terms[best].name}" if best != index else ""
         yield Finding(
             "zero-off-zero",
-            Severity.SERIOUS if best != place and at_zero[place] < 0.5 else Severity.WARNING,
+            Severity.SERIOUS if best != index and at_zero[index] < 0.5 else Severity.WARNING,
             f"{term.name} of {variable.name} peaks at {amount(variable, here)}, "
             f"{percent(abs(here) / variable.span)} of the range away from 0: 0 has a membership "
-            f"of only {at_zero[place]:.2f} in it{instead}.",
+            f"of only {at_zero[index]:.2f} in it{instead}.",
             f"Move {term.name} to 0, or rename it after where it lies.",
             terms=(term.name,),
-            evidence={"centre": here, "membership_of_zero": at_zero[place]},
+            evidence={"centre": here, "membership_of_zero": at_zero[index]},
         )
 
 

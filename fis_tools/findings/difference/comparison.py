@@ -280,11 +280,11 @@ def _compare_terms(before: Variable, after: Variable) -> Iterator[TermChange]:
     """Yield the terms that changed: the present ones, then the removed ones."""
     gone = {term.name: term for term in before.terms}
     pairs = [(gone.pop(term.name, None), term) for term in after.terms]
-    for place, (old, new) in enumerate(pairs):
+    for index, (old, new) in enumerate(pairs):
         if old is None and gone:
             likest = max(gone.values(), key=lambda term: _similarity(before, term, after, new))
             if _similarity(before, likest, after, new) >= RENAMED_FROM:
-                pairs[place] = (gone.pop(likest.name), new)
+                pairs[index] = (gone.pop(likest.name), new)
     for old, new in pairs:
         if old is None:
             yield TermChange(None, new)
@@ -321,12 +321,12 @@ def _similarity(before: Variable, old: Term, after: Variable, new: Term) -> floa
         return float(old.membership == new.membership)
     points = np.union1d(before.universe, after.universe)
     points = np.union1d(points, np.linspace(points[0], points[-1], 2001))
-    one, other = (
+    first, other = (
         np.interp(points, variable.universe, sample(variable, term), left=0.0, right=0.0)
         for variable, term in ((before, old), (after, new))
     )
-    joint = float(np.trapezoid(np.maximum(one, other), points))
-    return float(np.trapezoid(np.minimum(one, other), points)) / joint if joint > 0.0 else 1.0
+    joint = float(np.trapezoid(np.maximum(first, other), points))
+    return float(np.trapezoid(np.minimum(first, other), points)) / joint if joint > 0.0 else 1.0
 
 
 def new_names(variables: Sequence[VariableChange]) -> Names:

@@ -75,7 +75,7 @@ def changed_surfaces(
     inputs = {name: np.full(across.size, value) for name, value in grid.fixed.items()}
     inputs |= {x: across.ravel(), y: along.ravel()}
     old, new = (
-        np.asarray(compiled(one)(inputs)[output]).reshape(grid.values.shape) for one in (before, after)
+        np.asarray(compiled(system)(inputs)[output]).reshape(grid.values.shape) for system in (before, after)
     )
     old, new = (np.where(np.isfinite(values), values, np.nan) for values in (old, new))
     change = replace(grid.output, name=f"change of {output}")
@@ -85,12 +85,12 @@ def changed_surfaces(
 
 def _figure(surfaces: tuple[Surface, Surface, Surface], theme: Theme) -> Figure:
     """Draw both with one scale, and the change with one whose middle is zero."""
-    shown = np.concatenate([one.values.ravel() for one in surfaces[:2]])
+    shown = np.concatenate([grid.values.ravel() for grid in surfaces[:2]])
     limits = (float(np.nanmin(shown)), float(np.nanmax(shown)))
     figure = Figure(figsize=(12.6, 3.7), layout="constrained")
     *axes, last = figure.subplots(1, 3)
-    for one, words, ax in zip(surfaces[:2], ("before", "after"), axes, strict=True):
-        render.draw_surface(one, ax, None if limits[0] == limits[1] else limits, title=words, theme=theme)
+    for grid, words, ax in zip(surfaces[:2], ("before", "after"), axes, strict=True):
+        render.draw_surface(grid, ax, None if limits[0] == limits[1] else limits, title=words, theme=theme)
     render.draw_surface(surfaces[2], last, title="after less before", is_change=True, theme=theme)
     return figure
 

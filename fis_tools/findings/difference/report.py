@@ -52,8 +52,8 @@ class Difference(Result):
         """Say what changed; on demand with pictures of terms and surfaces, for pages."""
         sides = {"before": self.before.plain(), "after": self.after.plain()}
         rows = [
-            [word, one["file"] or one["name"], f"SHA-256 of its content {one['sha256']}"]
-            for word, one in sides.items()
+            [word, side["file"] or side["name"], f"SHA-256 of its content {side['sha256']}"]
+            for word, side in sides.items()
         ]
         title = f"{sides['before']['name']} {TO} {sides['after']['name']}"
         return Document([Heading(title, 1), Table([], rows), *self.blocks(pictures)])
@@ -301,7 +301,7 @@ def _plain_system(system: SystemDifference) -> dict[str, object]:
                 "state": change.state,
                 "facts": plain(change.facts),
                 "terms": [
-                    _plain_pair(term, lambda one: str(one.name))
+                    _plain_pair(term, lambda term: str(term.name))
                     | {name: getattr(term, name) for name in ("moved", "share", "similarity")}
                     for term in change.terms
                 ],
@@ -349,16 +349,16 @@ def difference(
     InvalidSystem
         If a system has problems.
     """
-    sides = [as_controller(one) for one in (before, after)]
+    sides = [as_controller(side) for side in (before, after)]
     old, new = ({system.name: system for system in side.systems} for side in sides)
     if isinstance(before, FuzzySystem) and isinstance(after, FuzzySystem):
         old = {after.name: before}
     for system in (*old.values(), *new.values()):
         validate(system)
-    one, other = (Source(*side) for side in zip(sides, files, strict=True))
+    first, other = (Source(*side) for side in zip(sides, files, strict=True))
     compared = [_compare(old.pop(name, None), system, samples) for name, system in new.items()]
     gone = [SystemDifference(system, None) for system in old.values()]
-    return Difference(one, other, tuple(_facts(*sides)), (*compared, *gone))
+    return Difference(first, other, tuple(_facts(*sides)), (*compared, *gone))
 
 
 def _facts(before: FuzzyController, after: FuzzyController) -> Iterator[Fact]:

@@ -11,7 +11,13 @@ from fis_tools.array_types import Floats
 from fis_tools.findings.simplification import draft as drafts
 from fis_tools.findings.simplification import report
 from fis_tools.findings.simplification.draft import Draft, Proposal
-from fis_tools.findings.simplification.report import Bench, Budget, Simplification, SimplifiedSystem, Step
+from fis_tools.findings.simplification.report import (
+    Bench,
+    Budget,
+    Simplification,
+    SimplificationStep,
+    SimplifiedSystem,
+)
 from fis_tools.formats.serialize import SIMPLIFIED, checked
 from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.model.systems import require_mamdani
@@ -45,7 +51,7 @@ class Search:
         self.bench = bench
         self.ranking = bench.thinned()
         self.draft = draft
-        self.steps: list[Step] = []
+        self.steps: list[SimplificationStep] = []
         self.digits = FIRST_DIGITS
         self._progress = progress
         self._refused: set[tuple[str, ...]] = set()
@@ -63,8 +69,8 @@ class Search:
     def _shorter(self) -> Iterator[tuple[float, Bench, Draft, str]]:
         """Yield each system without one input: its cost, its bench, itself, and the step in words."""
         system = self.draft.exact
-        for place, variable in enumerate(system.inputs):
-            bench = self.bench.without_input(place)
+        for index, variable in enumerate(system.inputs):
+            bench = self.bench.without_input(index)
             for term in variable.terms:
                 self._report_progress()
                 shorter = drafts.without_input(system, variable.name, term.name)
@@ -86,14 +92,14 @@ class Search:
             pass
 
     def _next(self, least_digits: int) -> list[Proposal]:
-        found = drafts.proposals(self.draft, self.ranking)
+        proposals = drafts.proposals(self.draft, self.ranking)
         if self.digits >= least_digits:
             coarser = drafts.rounded_draft(self.draft, self.digits)
             words = f"round all numbers to {self.digits} digit{'s' if self.digits > 1 else ''}"
             rounding = Proposal(("round", str(self.digits)), "round", words, coarser)
-            found.append((self.ranking.cost(self.ranking.measure(coarser.system)), rounding))
-            found.sort(key=lambda entry: entry[0])
-        return [proposal for _, proposal in found if proposal.key not in self._refused]
+            proposals.append((self.ranking.cost(self.ranking.measure(coarser.system)), rounding))
+            proposals.sort(key=lambda entry: entry[0])
+        return [proposal for _, proposal in proposals if proposal.key not in self._refused]
 
     def round_one_by_one(self) -> None:
         """Round the numbers that can still be rounded, a term at a time, the finest first."""
@@ -139,7 +145,9 @@ class Search:
         if kind == "drop" and (gone := drafts.unused_words(before.exact, after.exact)):
             words += f"; {gone} {'goes' if ' and ' not in gone else 'go'} with it"
         changes = self.bench.measure(after.system)
-        step = Step(kind, words, rules, len(after.numbers), report.num_terms(after.system), changes)
+        step = SimplificationStep(
+            kind, words, rules, len(after.numbers), report.num_terms(after.system), changes
+        )
         changed = self._changes_more(step)
         last = self.steps[-1] if self.steps else None
         if last is not None and kind == last.kind == "drop" and not (changed or self._last_changed):
@@ -152,7 +160,7 @@ class Search:
         self._last_changed = changed
         self.steps.append(step)
 
-    def _changes_more(self, step: Step) -> bool:
+    def _changes_more(self, step: SimplificationStep) -> bool:
         """Return whether a step changes what the budget holds on, beyond what was changed before."""
         for name in self.bench.governing:
             now = (*step.changes[name].largest, *step.changes[name].mean)
@@ -204,17 +212,17 @@ def simplify(
     require_mamdani(controller.systems, "simplification")
     budget, samples = budget or Budget(), samples or {}
     check_samples(controller.systems, samples)
-    found = []
+    results = []
     for system in controller.systems:
         validate(system)
-        found.append(_simplified(system, samples.get(system.name), budget, progress))
-    systems = tuple(one.simplified for one in found)
-    simpler = replace(controller, systems=systems).with_provenance(_facts(controller, budget, found))
-    return Simplification(controller, checked(simpler), budget, tuple(found))
+        results.append(_simplified(system, samples.get(system.name), budget, progress))
+    systems = tuple(result.simplified for result in results)
+    simpler = replace(controller, systems=systems).with_provenance(_facts(controller, budget, results))
+    return Simplification(controller, checked(simpler), budget, tuple(results))
 
 
-def _facts(controller: FuzzyController, budget: Budget, found: list[SimplifiedSystem]) -> dict[str, str]:
-    num_flown = sum(system.num_flown for system in found)
+def _facts(controller: FuzzyController, budget: Budget, results: list[SimplifiedSystem]) -> dict[str, str]:
+    num_flown = sum(system.num_flown for system in results)
     along = f" ({num_flown} inferences)" if num_flown else ""
     within = report.budget_words(budget, flown=num_flown > 0) + along
     return {SIMPLIFIED: controller.name, "simplified_within": within}
@@ -230,6 +238,6 @@ def _simplified(
     search.go_greedily(CAREFUL_DIGITS)
     search.go_greedily(1)
     search.round_one_by_one()
-    found, num_flown = search.draft.system, 0 if flown is None else len(flown)
+    simpler, num_flown = search.draft.system, 0 if flown is None else len(flown)
     nums = (num_flown, len(bench.samples[report.SPREAD]))
-    return SimplifiedSystem(system, found, *nums, tuple(search.steps), search.bench.measure(found))
+    return SimplifiedSystem(system, simpler, *nums, tuple(search.steps), search.bench.measure(simpler))

@@ -89,7 +89,7 @@ def merged(system: FuzzySystem, merger: Merger, importance: Floats) -> tuple[Fuz
     """
     names = {(merger.variable, merger.dropped): merger.kept}
     rules = tuple(_said_once(system, model.with_terms(rule, names)) for rule in system.rules)
-    places = _without_rivals(system.rules, rules, importance)
+    kept = _without_rivals(system.rules, rules, importance)
 
     def shorter(variable: Variable) -> Variable:
         if variable.name != merger.variable:
@@ -99,7 +99,7 @@ def merged(system: FuzzySystem, merger: Merger, importance: Floats) -> tuple[Fuz
         return replace(variable, terms=tuple(terms))
 
     simpler = model.with_variables(system, shorter)
-    return replace(simpler, rules=tuple(rules[place] for place in places)), places
+    return replace(simpler, rules=tuple(rules[index] for index in kept)), kept
 
 
 def _said_once(system: FuzzySystem, rule: Rule) -> Rule:
@@ -119,14 +119,14 @@ def _said_once(system: FuzzySystem, rule: Rule) -> Rule:
 def _without_rivals(before: Sequence[Rule], after: Sequence[Rule], importance: Floats) -> list[int]:
     """Return the places of rules; of those whose antecedents became equal, only the most important."""
     asking: dict[object, list[int]] = {}
-    for place, rule in enumerate(after):
+    for index, rule in enumerate(after):
         concluded = tuple(consequent.variable for consequent in rule.consequents)
         key = (rule.antecedent, rule.and_operator, rule.or_operator, concluded)
-        asking.setdefault(key, []).append(place)
+        asking.setdefault(key, []).append(index)
     kept: list[int] = []
-    for places in asking.values():
-        is_new = any(before[place].antecedent != after[place].antecedent for place in places)
-        kept += [max(places, key=lambda place: importance[place])] if is_new else places
+    for rivals in asking.values():
+        is_new = any(before[index].antecedent != after[index].antecedent for index in rivals)
+        kept += [max(rivals, key=lambda index: importance[index])] if is_new else rivals
     return sorted(kept)
 
 
@@ -149,26 +149,26 @@ def without_input(system: FuzzySystem, name: str, term: str) -> tuple[FuzzySyste
         no other statement, or if an output would be left without a rule.
     """
     kept: list[Rule] = []
-    places: list[int] = []
-    for place, rule in enumerate(system.rules):
-        asked = rule.antecedent.operands if isinstance(rule.antecedent, model.And) else (rule.antecedent,)
-        others = tuple(s for s in asked if not (isinstance(s, model.Is) and s.variable == name))
+    remaining: list[int] = []
+    for index, rule in enumerate(system.rules):
+        operands = rule.antecedent.operands if isinstance(rule.antecedent, model.And) else (rule.antecedent,)
+        others = tuple(s for s in operands if not (isinstance(s, model.Is) and s.variable == name))
         if not others or not all(isinstance(s, model.Is) for s in others):
             return None
-        if all(s == model.Is(name, term) for s in asked if s not in others):
+        if all(s == model.Is(name, term) for s in operands if s not in others):
             kept.append(replace(rule, antecedent=others[0] if len(others) == 1 else model.And(others)))
-            places.append(place)
+            remaining.append(index)
     if {c.variable for rule in kept for c in rule.consequents} != {v.name for v in system.outputs}:
         return None
     inputs = tuple(variable for variable in system.inputs if variable.name != name)
-    return replace(system, inputs=inputs, rules=tuple(kept)), places
+    return replace(system, inputs=inputs, rules=tuple(kept)), remaining
 
 
-def without_rule(system: FuzzySystem, place: int) -> FuzzySystem | None:
+def without_rule(system: FuzzySystem, index: int) -> FuzzySystem | None:
     """Drop a rule; None where it is the last one, or the last that concludes on an output."""
-    rules = system.rules[:place] + system.rules[place + 1 :]
+    rules = system.rules[:index] + system.rules[index + 1 :]
     concluded = {consequent.variable for rule in rules for consequent in rule.consequents}
-    if any(c.variable not in concluded for c in system.rules[place].consequents):
+    if any(c.variable not in concluded for c in system.rules[index].consequents):
         return None
     return replace(system, rules=rules)
 
@@ -192,13 +192,13 @@ MOST_DIGITS = 6
 
 def units(system: FuzzySystem) -> list[Unit]:
     """List what can be rounded: for each variable the ends of its range, and each of its terms."""
-    found: list[Unit] = []
+    units_of: list[Unit] = []
     for variable in system.variables:
         shaped = [term for term in variable.terms if not isinstance(term.membership, model.Sampled)]
         if len(shaped) == len(variable.terms) and variable.points is None:
-            found.append((variable.name, ""))
-        found += [(variable.name, term.name) for term in shaped]
-    return found
+            units_of.append((variable.name, ""))
+        units_of += [(variable.name, term.name) for term in shaped]
+    return units_of
 
 
 def rounded(system: FuzzySystem, digits: Mapping[Unit, int]) -> FuzzySystem:
@@ -232,9 +232,9 @@ def _rounded_variable(variable: Variable, digits: Mapping[Unit, int]) -> Variabl
         for term, count in zip(variable.terms, kept, strict=True)
     ]
     while (crossed := _first_crossed(variable, bare, terms)) is not None:
-        for place in (crossed, crossed + 1):
-            kept[place] = min(kept[place] + 1, MOST_DIGITS + 1)
-            terms[place] = _rounded_term(bare, variable, variable.terms[place], kept[place], ends)
+        for index in (crossed, crossed + 1):
+            kept[index] = min(kept[index] + 1, MOST_DIGITS + 1)
+            terms[index] = _rounded_term(bare, variable, variable.terms[index], kept[index], ends)
         if kept[crossed] == kept[crossed + 1] == MOST_DIGITS + 1:
             break
     return replace(bare, terms=tuple(terms))
@@ -282,9 +282,9 @@ def _first_crossed(variable: Variable, bare: Variable, terms: list[Term]) -> int
     """Find the first term that was below the next one and no longer is."""
     before = [centre(variable, term) for term in variable.terms]
     after = [centre(bare, term) for term in terms]
-    for place, ((a, b), (c, d)) in enumerate(zip(pairwise(before), pairwise(after), strict=True)):
+    for index, ((a, b), (c, d)) in enumerate(zip(pairwise(before), pairwise(after), strict=True)):
         if a < b and not c < d:
-            return place
+            return index
     return None
 
 
@@ -351,19 +351,19 @@ def unused_words(before: FuzzySystem, after: FuzzySystem) -> str:
 def proposals(draft: Draft, bench: Bench) -> list[tuple[float, Proposal]]:
     """Propose steps, the cheapest first, each with the share of the budget then used."""
     importance = np.zeros(len(draft.numbers))
-    found: list[tuple[float, Proposal]] = []
-    for cost, moved, place in _ranked_drops(draft, bench):
-        importance[place] = moved
-        shorter = without_rule(draft.exact, place)
+    ranked: list[tuple[float, Proposal]] = []
+    for cost, moved, index in _ranked_drops(draft, bench):
+        importance[index] = moved
+        shorter = without_rule(draft.exact, index)
         if shorter is not None:
-            number = draft.numbers[place]
-            numbers = draft.numbers[:place] + draft.numbers[place + 1 :]
-            words = f"drop rule {number}: {sentence(draft.exact.rules[place])}"
+            number = draft.numbers[index]
+            numbers = draft.numbers[:index] + draft.numbers[index + 1 :]
+            words = f"drop rule {number}: {sentence(draft.exact.rules[index])}"
             after = cleaned(replace(draft, exact=shorter, numbers=numbers))
-            found.append((cost, Proposal(("drop", str(number)), "drop", words, after)))
+            ranked.append((cost, Proposal(("drop", str(number)), "drop", words, after)))
     for proposal in _merge_proposals(draft, bench, importance):
-        found.append((bench.cost(bench.measure(proposal.draft.system)), proposal))
-    return sorted(found, key=lambda entry: entry[0])
+        ranked.append((bench.cost(bench.measure(proposal.draft.system)), proposal))
+    return sorted(ranked, key=lambda entry: entry[0])
 
 
 def _ranked_drops(draft: Draft, bench: Bench) -> Iterator[tuple[float, float, int]]:
@@ -371,16 +371,16 @@ def _ranked_drops(draft: Draft, bench: Bench) -> Iterator[tuple[float, float, in
     compiled = compile(draft.system)
     moved = {name: contributions(compiled, rows) for name, rows in bench.samples.items()}
     outputs = {name: compiled(rows) for name, rows in bench.samples.items()}
-    for place in range(len(draft.numbers)):
-        changes = {name: bench.change(name, outputs[name] - moved[name][:, place]) for name in moved}
-        importance = max(float((np.abs(part[:, place]) / bench.spans).mean()) for part in moved.values())
-        yield bench.cost(changes), importance, place
+    for index in range(len(draft.numbers)):
+        changes = {name: bench.change(name, outputs[name] - moved[name][:, index]) for name in moved}
+        importance = max(float((np.abs(part[:, index]) / bench.spans).mean()) for part in moved.values())
+        yield bench.cost(changes), importance, index
 
 
 def _merge_proposals(draft: Draft, bench: Bench, importance: Floats) -> Iterator[Proposal]:
     for merger in mergers(draft.exact, bench.budget.look_alike):
-        exact, places = merged(draft.exact, merger, importance)
-        gone = [str(number) for place, number in enumerate(draft.numbers) if place not in places]
+        exact, kept = merged(draft.exact, merger, importance)
+        gone = [str(number) for index, number in enumerate(draft.numbers) if index not in kept]
         words = (
             f"merge {merger.dropped} of {merger.variable} into {merger.kept}"
             f"{', halfway between the two' * merger.is_mean}; they shared {percent(merger.similarity)} of "
@@ -388,7 +388,7 @@ def _merge_proposals(draft: Draft, bench: Bench, importance: Floats) -> Iterator
         )
         if gone:
             words += f"; rule{'s' if len(gone) > 1 else ''} {listed(gone, len(gone))} went with it"
-        after = cleaned(Draft(exact, tuple(draft.numbers[place] for place in places), draft.digits))
+        after = cleaned(Draft(exact, tuple(draft.numbers[index] for index in kept), draft.digits))
         shape = repr(merger.membership)
         yield Proposal(("merge", merger.variable, merger.kept, merger.dropped, shape), "merge", words, after)
 

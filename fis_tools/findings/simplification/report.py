@@ -60,7 +60,7 @@ class Budget:
 
 
 @dataclass(frozen=True)
-class Change:
+class OutputDeviation:
     """How far outputs deviate from the original's over some samples.
 
     Parameters
@@ -110,23 +110,25 @@ class Bench:
             return (SPREAD,)
         return (FLOWN,) if self.budget.flights_only else (FLOWN, SPREAD)
 
-    def measure(self, system: FuzzySystem) -> dict[str, Change]:
+    def measure(self, system: FuzzySystem) -> dict[str, OutputDeviation]:
         """Measure how far a system deviates from the original."""
         compiled = compile(system)
         return {name: self.change(name, compiled(rows)) for name, rows in self.samples.items()}
 
-    def change(self, name: str, outputs: Floats) -> Change:
+    def change(self, name: str, outputs: Floats) -> OutputDeviation:
         """Measure how far outputs, (n, num_outputs), deviate from the original's on some samples."""
         departures = np.abs(outputs - self.outputs[name]) / self.spans
-        return Change(tuple(departures.max(axis=0).tolist()), tuple(departures.mean(axis=0).tolist()))
+        return OutputDeviation(
+            tuple(departures.max(axis=0).tolist()), tuple(departures.mean(axis=0).tolist())
+        )
 
-    def cost(self, changes: Mapping[str, Change]) -> float:
+    def cost(self, changes: Mapping[str, OutputDeviation]) -> float:
         """Return which share of the budget changes use up."""
         return max(changes[name].cost(self.budget) for name in self.governing)
 
-    def without_input(self, place: int) -> "Bench":
+    def without_input(self, index: int) -> "Bench":
         """Return the bench of a system that has one input less; what the original answered stays."""
-        fewer = {name: np.delete(rows, place, axis=1) for name, rows in self.samples.items()}
+        fewer = {name: np.delete(rows, index, axis=1) for name, rows in self.samples.items()}
         return replace(self, samples=fewer)
 
     def thinned(self) -> "Bench":
@@ -150,7 +152,7 @@ Kind = Literal["input", "drop", "merge", "terms", "round"]
 
 
 @dataclass(frozen=True)
-class Step:
+class SimplificationStep:
     """One simplification step.
 
     Parameters
@@ -164,7 +166,7 @@ class Step:
         The numbers, in the original, of the removed rules.
     num_rules, num_terms : int
         How many there are afterwards.
-    changes : dict of str to Change
+    changes : dict of str to OutputDeviation
         How far outputs then deviate from the original's, along ``flights`` and over the ``ranges``.
     """
 
@@ -173,7 +175,7 @@ class Step:
     rules: tuple[int, ...]
     num_rules: int
     num_terms: int
-    changes: Mapping[str, Change]
+    changes: Mapping[str, OutputDeviation]
 
 
 @dataclass(frozen=True)
@@ -185,8 +187,8 @@ class SimplifiedSystem:
     original, simplified : FuzzySystem
     num_flown, num_spread : int
         Inferences on flights, and points over the ranges of the inputs, that were looked at.
-    steps : tuple of Step
-    changes : dict of str to Change
+    steps : tuple of SimplificationStep
+    changes : dict of str to OutputDeviation
         How far the simplified system deviates from the original.
     """
 
@@ -194,8 +196,8 @@ class SimplifiedSystem:
     simplified: FuzzySystem
     num_flown: int
     num_spread: int
-    steps: tuple[Step, ...]
-    changes: Mapping[str, Change]
+    steps: tuple[SimplificationStep, ...]
+    changes: Mapping[str, OutputDeviation]
 
 
 @dataclass(frozen=True, repr=False)
@@ -233,9 +235,9 @@ class Simplification(Result):
         """Return the steps as plain JSON data.
 
         Keys are ``controller`` (its name), ``budget`` and ``systems``; of each its ``name``, how many
-        ``rules`` and ``terms`` it had and has, its ``changes``, and its ``steps`` as in `Step`. ``changes``
-        hold, along ``flights`` and over ``ranges``, the ``largest`` and the ``mean`` for each output, as
-        shares of its range.
+        ``rules`` and ``terms`` it had and has, its ``changes``, and its ``steps`` as in
+        `SimplificationStep`. ``changes`` hold, along ``flights`` and over ``ranges``, the ``largest`` and
+        the ``mean`` for each output, as shares of its range.
         """
         return {
             "controller": self.original.name,
@@ -278,10 +280,10 @@ def _blocks(system: SimplifiedSystem) -> Iterator[Block]:
     if not system.steps:
         yield Paragraph(f"{name}: nothing can be made simpler within the budget")
         return
-    for place, output in enumerate(system.original.outputs):
+    for index, output in enumerate(system.original.outputs):
         departs = []
         for where, change in system.changes.items():
-            most, mean = (amount(output, part[place] * output.span) for part in (change.largest, change.mean))
+            most, mean = (amount(output, part[index] * output.span) for part in (change.largest, change.mean))
             departs.append(f"{most} at most and {mean} on average {_PLACES[where].format(system.num_spread)}")
         yield Paragraph(f"{name}: {output.name} departs by {'; by '.join(departs)}")
     heads = [f"{word} {_PLACES[where].split()[-1]}" for where in sets for word in ("max,", "mean,")]
@@ -289,7 +291,7 @@ def _blocks(system: SimplifiedSystem) -> Iterator[Block]:
     rows = [[*original, *[""] * len(heads), "the original"]]
     for step in system.steps:
         most_and_mean = (
-            max(part) for one in sets for part in (step.changes[one].largest, step.changes[one].mean)
+            max(part) for name in sets for part in (step.changes[name].largest, step.changes[name].mean)
         )
         changes = [f"{100.0 * value:.2f} %" for value in most_and_mean]
         rows.append([str(step.num_rules), str(step.num_terms), *changes, step.sentence])

@@ -58,14 +58,14 @@ def called(text: str) -> list[str]:
         C source; what its comments say calls nothing.
     """
     functions = _functions()
-    found: set[str] = set()
+    reached: set[str] = set()
     waiting = [text]
     while waiting:
         names = set(_CALL.findall(_COMMENT.sub("", waiting.pop())))
-        new = (names & functions.keys()) - found
-        found |= new
+        new = (names & functions.keys()) - reached
+        reached |= new
         waiting += (functions[name] for name in new)
-    return [function for name, function in functions.items() if name in found]
+    return [function for name, function in functions.items() if name in reached]
 
 
 def conclude(implication: str, aggregation: str) -> tuple[str, str]:
@@ -110,7 +110,7 @@ def members(controller: FuzzyController, logic: ThrustLogic) -> Mapping[str, tup
         In the order of the members.
     """
     sensed: dict[str, Variable] = {v.name: v for system in controller.systems for v in system.inputs}
-    found: dict[str, tuple[str, str, str]] = {}
+    fields: dict[str, tuple[str, str, str]] = {}
     taken: set[str] = set()
     foreseen = _FORESEEN if logic.may_coast else {}
     for name in dict.fromkeys([*sensed, *foreseen]):
@@ -123,8 +123,8 @@ def members(controller: FuzzyController, logic: ThrustLogic) -> Mapping[str, tup
         unit, about = foreseen.get(name, ("", ""))
         if name in sensed:
             unit, about = sensed[name].unit, sensed[name].description or about
-        found[name] = (word, unit, about)
-    return found
+        fields[name] = (word, unit, about)
+    return fields
 
 
 def step_structures(controller: FuzzyController, logic: ThrustLogic) -> str:
@@ -150,7 +150,7 @@ def step_functions(controller: FuzzyController, logic: ThrustLogic, infer: Mappi
         The function that infers a system, by the system's name.
     """
     words = {name: member for name, (member, _, _) in members(controller, logic).items()}
-    asked = [
+    requested = [
         (
             thrust.COMPONENTS.index(system.outputs[0].name),
             infer[system.name],
@@ -159,7 +159,9 @@ def step_functions(controller: FuzzyController, logic: ThrustLogic, infer: Mappi
         for system in controller.systems
     ]
     foreseen = [words[name] for name in thrust.FORESEEN] if logic.may_coast else []
-    return rendered("c/step.c.jinja", logic=logic, systems=asked, foreseen=foreseen, silent_n=thrust.SILENT_N)
+    return rendered(
+        "c/step.c.jinja", logic=logic, systems=requested, foreseen=foreseen, silent_n=thrust.SILENT_N
+    )
 
 
 WIDTH = 110
@@ -214,20 +216,25 @@ def write(controller: FuzzyController, bare: bool = False) -> str:
     systems = [_System(name, system) for name, system in zip(identifiers, controller.systems, strict=True)]
     names = [f"{prefix}_{name}" for name in identifiers]
     static = "static " if has_step else ""
-    signatures = [static + _signature(name, one.system) for name, one in zip(names, systems, strict=True)]
-    own = [
+    signatures = [
+        static + _signature(name, system.system) for name, system in zip(names, systems, strict=True)
+    ]
+    needed = [
         *dict.fromkeys(
-            one.conclude(output)[1] for one in systems for output in one.outputs if output.kind == "implied"
+            system.conclude(output)[1]
+            for system in systems
+            for output in system.outputs
+            if output.kind == "implied"
         ),
-        *(one.text(signature) for one, signature in zip(systems, signatures, strict=True)),
+        *(system.text(signature) for system, signature in zip(systems, signatures, strict=True)),
     ]
     declared = [f"{signature};" for signature in signatures]
     if logic is not None and has_step:
-        infer = dict(zip((one.system.name for one in systems), names, strict=True))
-        own.append(step_functions(controller, logic, infer))
+        infer = dict(zip((system.system.name for system in systems), names, strict=True))
+        needed.append(step_functions(controller, logic, infer))
         declared.insert(0, step_structures(controller, logic).rstrip())
-    shared = called("".join(own))
-    return "\n".join([_header(controller, logic, has_step), _OPENING, *declared, "", *shared, *own])
+    shared = called("".join(needed))
+    return "\n".join([_header(controller, logic, has_step), _OPENING, *declared, "", *shared, *needed])
 
 
 def function_name(system: FuzzySystem) -> str:
@@ -302,7 +309,7 @@ class _Signal:
         implication, or concluded by no rule.
     terms : sequence of Term
         In the rows of its table; of an output those that some rule concludes.
-    places : Integers
+    bends : Integers
         The points of its universe that the table holds.
     """
 
@@ -310,16 +317,16 @@ class _Signal:
     word: str
     kind: Kind
     terms: Sequence[Term]
-    places: Integers
+    bends: Integers
 
     @property
     def universe(self) -> list[float]:
         """The points that its table holds."""
-        return self.variable.universe[self.places].tolist()
+        return self.variable.universe[self.bends].tolist()
 
     def values(self, term: Term) -> list[float]:
         """Return a row of its table."""
-        return sample(self.variable, term)[self.places].tolist()
+        return sample(self.variable, term)[self.bends].tolist()
 
     def row(self, term: str) -> int:
         """Return which row of its table a term is."""
@@ -349,8 +356,8 @@ class _System:
         kind: Kind = "cut" if self.system.cuts(variable) else "implied"
         if self.system.weighs(variable):
             kind = "weighed"
-        places = np.arange(variable.num_points)
-        return _Signal(variable, word, kind if terms else "silent", terms, places)
+        indices = np.arange(variable.num_points)
+        return _Signal(variable, word, kind if terms else "silent", terms, indices)
 
     def conclude(self, output: _Signal) -> tuple[str, str]:
         """Return the function by which rules add what they imply, where terms are not cut: name and text."""
@@ -358,8 +365,8 @@ class _System:
 
     def text(self, signature: str) -> str:
         """Write the tables, and the function: fuzzify the inputs, fire the rules, defuzzify the outputs."""
-        found = zip(self.outputs, assemble(self.system).conclusions, strict=True)
-        cut = [c for output, c in found if output.kind == "cut" and isinstance(c, Conclusion)]
+        outputs = zip(self.outputs, assemble(self.system).conclusions, strict=True)
+        cut = [c for output, c in outputs if output.kind == "cut" and isinstance(c, Conclusion)]
         text = rendered(
             "c/system.c.jinja",
             name=self.name,
@@ -381,20 +388,20 @@ class _System:
 
     def _about(self) -> Iterator[str]:
         yield f"{self.system.name}: {summary(self.system)}."
-        for place, variable in enumerate(self.system.inputs):
-            yield f"inputs[{place}] is {_extent(variable)}."
-        for place, output in enumerate(self.system.outputs):
-            what = "The result" if len(self.outputs) == 1 else f"outputs[{place}]"
+        for index, variable in enumerate(self.system.inputs):
+            yield f"inputs[{index}] is {_extent(variable)}."
+        for index, output in enumerate(self.system.outputs):
+            what = "The result" if len(self.outputs) == 1 else f"outputs[{index}]"
             default = "NaN" if output.default is None else number(output.default)
             yield f"{what} is {_extent(output)}; {default} when no rule fires."
 
     def _rules(self) -> Iterator[tuple[str, str, list[str]]]:
         """Yield what each rule says, its strength, and the statements by which it concludes."""
         cut: set[str] = set()
-        for place, rule in enumerate(self.system.rules, start=1):
+        for rule_number, rule in enumerate(self.system.rules, start=1):
             label = f" [{rule.label}]" if rule.label else ""
             concluded = [self._conclusion(consequent, cut) for consequent in rule.consequents]
-            about = _comment([f"Rule {place}{label}: {sentence(rule)}."], 4)
+            about = _comment([f"Rule {rule_number}{label}: {sentence(rule)}."], 4)
             yield about, self._degree(rule, rule.antecedent), concluded
 
     def _conclusion(self, consequent: model.Consequent, cut: set[str]) -> str:
@@ -447,11 +454,11 @@ class _System:
                     terms.append(f"{float(factor)!r} * inside(inputs[{index}], {ends})")
             return " + ".join(terms)
         first, second = (repr(float(getattr(shape, name))) for name in shape.entry.kinds)
-        place = f"where_{shape.entry.name}({strength} < 1.0 ? {strength} : 1.0, {first}, {second})"
+        location = f"where_{shape.entry.name}({strength} < 1.0 ? {strength} : 1.0, {first}, {second})"
         if isinstance(shape, model.Sigmoid):  # reaches one nowhere
             end = output.maximum if shape.slope > 0.0 else output.minimum
-            return f"{strength} < 1.0 ? {place} : {float(end)!r}"
-        return place
+            return f"{strength} < 1.0 ? {location} : {float(end)!r}"
+        return location
 
 
 def _extent(variable: Variable) -> str:

@@ -135,10 +135,10 @@ def any_term(variable: Variable) -> model.Term:
 
 def with_any(variables: Iterable[Variable], rules: Sequence[Rule]) -> tuple[Variable, ...]:
     """Give variables that rules call `any` a term of this name, which every value belongs to."""
-    asked = {owner for owner, name in model.used_terms(rules) if name == ANY}
+    with_any_term = {owner for owner, name in model.used_terms(rules) if name == ANY}
     return tuple(
         replace(v, terms=(*v.terms, any_term(v)))
-        if v.name in asked and all(term.name != ANY for term in v.terms)
+        if v.name in with_any_term and all(term.name != ANY for term in v.terms)
         else v
         for v in variables
     )
@@ -173,6 +173,6 @@ def on_statements(expression: Expression, and_operator: AndOperator, or_operator
         case model.Not(operand):
             return model.Not(on_statements(operand, and_operator, or_operator))
         case model.And(operands) | model.Or(operands):
-            found = (on_statements(operand, and_operator, or_operator) for operand in operands)
-            return type(expression)(tuple(found))
+            converted = (on_statements(operand, and_operator, or_operator) for operand in operands)
+            return type(expression)(tuple(converted))
     return expression

@@ -120,8 +120,8 @@ def express(system: FuzzySystem, dialect: Dialect) -> Expressed:
     system = _with_known_hedges(system, dialect)
     names = Names(system)
     groups = [
-        [renamed(one, names.of) for one in _expressed_rules(place, rule, system, dialect)]
-        for place, rule in enumerate(system.rules, start=1)
+        [renamed(rule_part, names.of) for rule_part in _expressed_rules(number, rule, system, dialect)]
+        for number, rule in enumerate(system.rules, start=1)
     ]
     own_ways = tuple(system.defuzzifier_of(output) for output in system.outputs)
     aggregations = sorted({output.aggregation for output in system.outputs})
@@ -162,8 +162,8 @@ def refuse_joined(system: FuzzySystem) -> None:
     """
     for output in system.weighed:
         seen: dict[str, int] = {}
-        for place, consequent in system.conclusions_on(output):
-            term, number = consequent.term, place + 1
+        for index, consequent in system.conclusions_on(output):
+            term, number = consequent.term, index + 1
             shape = output.terms[output.term_index(term)].membership
             if isinstance(shape, model.MonotoneFunction) and seen.setdefault(term, number) != number:
                 raise NotExpressible(
@@ -196,36 +196,36 @@ def _with_known_hedges(system: FuzzySystem, dialect: Dialect) -> FuzzySystem:
     """Put every hedge before a statement, and refuse those that a format has no word for."""
     known = set(HEDGES) if dialect.has_hedges else set()
 
-    def expressed(place: int, rule: Rule) -> Rule:
+    def expressed(number: int, rule: Rule) -> Rule:
         if not any(isinstance(part, model.Hedged) for part in model.parts_of(rule.antecedent)):
             return rule
-        outside, asked = before(rule.antecedent)
+        outside, statement = before(rule.antecedent)
         concludes = set(outside) <= known and all(c.weight == 1.0 for c in rule.consequents)
-        if not (dialect.has_hedges and concludes and not is_leaf(asked)):
-            outside, asked = [], rule.antecedent
+        if not (dialect.has_hedges and concludes and not is_leaf(statement)):
+            outside, statement = [], rule.antecedent
         try:
             operators = system.and_operator_of(rule), system.or_operator_of(rule)
-            moved = with_plain_not(antecedents.on_statements(asked, *operators), *operators)
+            moved = with_plain_not(antecedents.on_statements(statement, *operators), *operators)
             for part in model.parts_of(moved):
                 words, _ = before(part)
                 if {*words} - {"not", *known}:
                     raise NotExpressible(f"it has no word for {' '.join(words)!r}")
         except NotExpressible as reason:
-            raise _not_expressible(place, dialect, reason) from reason
+            raise _not_expressible(number, dialect, reason) from reason
         return replace(rule, antecedent=antecedents.hedged(cast(list[model.Hedge], outside), moved))
 
-    rules = tuple(expressed(place, rule) for place, rule in enumerate(system.rules, start=1))
+    rules = tuple(expressed(number, rule) for number, rule in enumerate(system.rules, start=1))
     return replace(system, rules=rules)
 
 
-def _not_expressible(place: int, dialect: Dialect, reason: NotExpressible) -> NotExpressible:
+def _not_expressible(number: int, dialect: Dialect, reason: NotExpressible) -> NotExpressible:
     return NotExpressible(
-        f"rule {place} cannot be said in {dialect.title}: {reason}; rewrite it, or export as "
+        f"rule {number} cannot be said in {dialect.title}: {reason}; rewrite it, or export as "
         f"{'json' if dialect.is_nested else 'fll or json'}"
     )
 
 
-def _expressed_rules(place: int, rule: Rule, system: FuzzySystem, dialect: Dialect) -> list[Rule]:
+def _expressed_rules(number: int, rule: Rule, system: FuzzySystem, dialect: Dialect) -> list[Rule]:
     """Say a rule as one or several, with the names of the original."""
     operators = system.and_operator_of(rule), system.or_operator_of(rule)
     try:
@@ -233,7 +233,7 @@ def _expressed_rules(place: int, rule: Rule, system: FuzzySystem, dialect: Diale
         if not dialect.is_nested:
             antecedents.require_flat(antecedent, repeats=dialect.repeats_variables)
     except NotExpressible as reason:
-        raise _not_expressible(place, dialect, reason) from reason
+        raise _not_expressible(number, dialect, reason) from reason
     if not dialect.repeats_variables:
         antecedent = antecedents.in_order(antecedent, [variable.name for variable in system.inputs])
     outputs = [output.name for output in system.outputs]
@@ -335,8 +335,8 @@ def input_universe(
     corners, jumps = corners_of(minimum, maximum, shapes)
     shares = (corners - minimum) / (maximum - minimum)
     counts = np.arange(fewest, fewest + INPUT_POINTS) - 1
-    places = np.multiply.outer(counts, shares)
-    fitting = counts[(np.abs(places - np.rint(places)) < ON_POINT).all(axis=1)]
+    offsets = np.multiply.outer(counts, shares)
+    fitting = counts[(np.abs(offsets - np.rint(offsets)) < ON_POINT).all(axis=1)]
     if fitting.size and not jumps.size:
         return np.linspace(minimum, maximum, int(fitting[0]) + 1)
     grid = np.linspace(minimum, maximum, int(fitting[0] if fitting.size else counts[0]) + 1)

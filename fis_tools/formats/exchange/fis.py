@@ -18,7 +18,7 @@ from fis_tools.errors import ControllerFileError
 from fis_tools.formats.exchange import antecedents, foreign, vocabulary
 from fis_tools.formats.exchange.dialect import Dialect, Expressed, settle
 from fis_tools.formats.exchange.fll_rules import hedged_rules
-from fis_tools.formats.exchange.foreign import Block, Extent
+from fis_tools.formats.exchange.foreign import Extent, FileBlock
 from fis_tools.formats.exchange.vocabulary import AGGREGATIONS, AND, DEFUZZIFIERS, OR, meanings
 from fis_tools.formats.exchange.writing import term_words, understand, written
 from fis_tools.formats.serialize import Reading, Written
@@ -75,15 +75,15 @@ def _facts(expressed: Expressed) -> dict[str, Any]:
 
 def _rule_numbers(system: FuzzySystem, rule: Rule) -> tuple[list[int], list[int], float, int]:
     """Return a rule's term numbers of inputs and of outputs, its weight, and how its statements join."""
-    asked: dict[str, int] = {}
+    conditions: dict[str, int] = {}
     for leaf in antecedents.operands_of(rule.antecedent):
         statement = antecedents.statement_of(leaf)
         index = system.variable(statement.variable).term_index(statement.term) + 1
-        asked[statement.variable] = -index if isinstance(leaf, model.Not) else index
+        conditions[statement.variable] = -index if isinstance(leaf, model.Not) else index
     concluded = {c.variable: system.variable(c.variable).term_index(c.term) + 1 for c in rule.consequents}
     left, right = (
-        [found.get(variable.name, 0) for variable in variables]
-        for found, variables in ((asked, system.inputs), (concluded, system.outputs))
+        [numbers.get(variable.name, 0) for variable in variables]
+        for numbers, variables in ((conditions, system.inputs), (concluded, system.outputs))
     )
     return left, right, rule.consequents[0].weight, 2 if isinstance(rule.antecedent, model.Or) else 1
 
@@ -115,7 +115,7 @@ Fractions = Mapping[float, tuple[Hedge, ...]]
 _ANY = 0.99
 
 
-def _system(sections: dict[str, Block], fractions: Fractions, notes: list[str]) -> FuzzySystem:
+def _system(sections: dict[str, FileBlock], fractions: Fractions, notes: list[str]) -> FuzzySystem:
     head = section_of(sections, "[System]")
     kind, stands = quoted_word(head, "Type")
     if kind not in _TYPES:
@@ -129,21 +129,21 @@ def _system(sections: dict[str, Block], fractions: Fractions, notes: list[str]) 
             "sugeno and tsukamoto by wtaver or wtsum: correct one of them"
         )
     counts = {key: whole_number(head, key) for key in ("NumInputs", "NumOutputs", "NumRules")}
-    expected = [f"[Input{place}]" for place in range(1, counts["NumInputs"] + 1)]
-    expected += [f"[Output{place}]" for place in range(1, counts["NumOutputs"] + 1)]
+    expected = [f"[Input{index}]" for index in range(1, counts["NumInputs"] + 1)]
+    expected += [f"[Output{index}]" for index in range(1, counts["NumOutputs"] + 1)]
     for title, section in sections.items():
         if title not in {*expected, "[System]", "[Rules]"}:
             raise ControllerFileError(
                 f"line {section.line}: {title[:40]} is not one of the sections that [System] counts; "
                 "correct NumInputs or NumOutputs, or drop it"
             )
-    found = {title: section_of(sections, title) for title in expected}
-    inputs = [_variable(found[title], None, notes) for title in expected if title.startswith("[Input")]
+    by_title = {title: section_of(sections, title) for title in expected}
+    inputs = [_variable(by_title[title], None, notes) for title in expected if title.startswith("[Input")]
     names = [variable.name for variable in inputs]
     outputs = []
     for title in expected[len(inputs) :]:
-        is_number = weighs or (kind == "hybrid" and _concludes_numbers(found[title]))
-        output = _variable(found[title], names if is_number else None, notes)
+        is_number = weighs or (kind == "hybrid" and _concludes_numbers(by_title[title]))
+        output = _variable(by_title[title], names if is_number else None, notes)
         if is_number and not weighs:
             output = replace(output, defuzzifier="weighted_average")
             notes.append(f"{output.name} concludes numbers: their weighted average is taken")
@@ -170,13 +170,13 @@ def _system(sections: dict[str, Block], fractions: Fractions, notes: list[str]) 
     return settle(read if weighs else replace(read, implication=implication))  # MATLAB asks for it always
 
 
-def _concludes_numbers(section: Block) -> bool:
+def _concludes_numbers(section: FileBlock) -> bool:
     """Return whether an output's terms are numbers, which have no other defuzzifier than a weighing one."""
     values = [value for key, (_, value) in section.settings.items() if key.startswith("MF")]
     return all(re.search(r":\s*['\"](constant|linear|function)['\"]", value) for value in values)
 
 
-def _variable(section: Block, weighed_by: Sequence[str] | None, notes: list[str]) -> Variable:
+def _variable(section: FileBlock, weighed_by: Sequence[str] | None, notes: list[str]) -> Variable:
     """Read a variable; of an output that is weighed, `weighed_by` are the names of the inputs."""
     is_output = section.kind.startswith("[Output")
     name, _ = quoted_word(section, "Name")
@@ -186,15 +186,15 @@ def _variable(section: Block, weighed_by: Sequence[str] | None, notes: list[str]
     if section.chosen({"0": False, "1": True}, "LockPrevious", "0"):
         notes.append(foreign.kept_words(name))
     num_terms = whole_number(section, "NumMFs", 1 if is_output else 0)
-    found = [key for key in section.settings if key.startswith("MF")]
-    keys = [f"MF{place}" for place in range(1, max(num_terms, len(found)) + 1)]
-    if sorted(found) != sorted(keys):
+    keys_given = [key for key in section.settings if key.startswith("MF")]
+    keys = [f"MF{index}" for index in range(1, max(num_terms, len(keys_given)) + 1)]
+    if sorted(keys_given) != sorted(keys):
         raise ControllerFileError(
-            f"{section.kind} says NumMFs={num_terms} but has {', '.join(found) or 'none'}; number them from "
-            "MF1 on, or get a whole copy of the file"
+            f"{section.kind} says NumMFs={num_terms} but has {', '.join(keys_given) or 'none'}; number them "
+            "from MF1 on, or get a whole copy of the file"
         )
-    if len(found) > num_terms:
-        notes.append(f"{section.kind} says NumMFs={num_terms} but has {len(found)} terms: all are taken")
+    if len(keys_given) > num_terms:
+        notes.append(f"{section.kind} says NumMFs={num_terms} but has {len(keys_given)} terms: all are taken")
     extent = section.extent("Range", words_in)
     states_default = is_output and section.entry("Default", "nan")[1].lower() != "nan"
     terms = [_term(*section.settings[key], extent, weighed_by) for key in keys]
@@ -211,8 +211,8 @@ def _numbered(variable: str, terms: list[foreign.Named], notes: list[str]) -> li
         if count > 1
     ]
     return [
-        (name if counts[name] == 1 else f"{name} {place}", membership)
-        for place, (name, membership) in enumerate(terms, start=1)
+        (name if counts[name] == 1 else f"{name} {number}", membership)
+        for number, (name, membership) in enumerate(terms, start=1)
     ]
 
 
@@ -245,10 +245,10 @@ def _rules(
             f"{where}: {content[:40]!r} is not a rule; expected term numbers, weight and connection as in "
             f"'{'1 ' * len(inputs)}, {'1 ' * len(outputs)}(1) : 1'"
         )
-    asked = _term_numbers(parts["asked"], inputs, fractions, where)
+    conditions = _term_numbers(parts["asked"], inputs, fractions, where)
     concluded = _term_numbers(parts["concluded"], outputs, fractions, where)
     weight = foreign.number(parts["weight"], where)
-    if not asked or not concluded:
+    if not conditions or not concluded:
         raise ControllerFileError(f"{where}: the rule asks or concludes nothing; give it a term on each side")
     for is_negated, hedges, statement in concluded:
         if is_negated or statement.term == antecedents.ANY:
@@ -261,7 +261,7 @@ def _rules(
                 f"{where}: the hedge on {statement.term!r}, which the rule concludes, is none of MATLAB's, "
                 "and Octave changes by it what fuzzylite does not; conclude a term made for it"
             )
-    leaves = [_expressed(*each) for each in asked]
+    leaves = [_expressed(*each) for each in conditions]
     kind = model.Or if parts["join"] == "2" else model.And
     antecedent = leaves[0] if len(leaves) == 1 else kind(tuple(leaves))
     return hedged_rules(
@@ -285,7 +285,7 @@ def _term_numbers(words: str, variables: Sequence[Variable], fractions: Fraction
         raise ControllerFileError(
             f"{where}: {len(values)} term numbers for {len(variables)} variables; give one each"
         )
-    found = []
+    pairs = []
     for value, variable in zip(values, variables, strict=True):
         fraction = round(abs(value) % 1.0, 9)
         if fraction and fraction not in {*fractions, _ANY}:
@@ -300,8 +300,8 @@ def _term_numbers(words: str, variables: Sequence[Variable], fractions: Fraction
             )
         if number or fraction:
             name = antecedents.ANY if fraction == _ANY else variable.terms[number - 1].name
-            found.append((value < 0, fractions.get(fraction, ()), model.Is(variable.name, name)))
-    return found
+            pairs.append((value < 0, fractions.get(fraction, ()), model.Is(variable.name, name)))
+    return pairs
 
 
 # The sections of a file, and the words and numbers in their lines.
@@ -318,7 +318,7 @@ _KEYS = {
 }
 
 
-def sections_of(text: str, notes: list[str]) -> tuple[dict[str, Block], list[tuple[int, str]]]:
+def sections_of(text: str, notes: list[str]) -> tuple[dict[str, FileBlock], list[tuple[int, str]]]:
     """Part a file into its sections, by their titles, and its comments, each with its line.
 
     Parameters
@@ -333,8 +333,8 @@ def sections_of(text: str, notes: list[str]) -> tuple[dict[str, Block], list[tup
         If a section appears twice, or something stands before the first.
     """
     comments: list[tuple[int, str]] = []
-    sections: dict[str, Block] = {}
-    current: Block | None = None
+    sections: dict[str, FileBlock] = {}
+    current: FileBlock | None = None
     for line, raw in enumerate(text.splitlines(), start=1):
         content = _without_remark(raw)
         if content.startswith(("%", "#", "//")):
@@ -342,7 +342,7 @@ def sections_of(text: str, notes: list[str]) -> tuple[dict[str, Block], list[tup
         elif content.startswith("["):
             if content in sections:
                 raise ControllerFileError(f"line {line}: a second {content[:40]}; keep one of them")
-            current = sections[content] = Block(content, "", line)
+            current = sections[content] = FileBlock(content, "", line)
         elif content and current is None:
             raise ControllerFileError(
                 f"line {line}: {content[:40]!r} stands before [System]; is this a .fis file?"
@@ -352,7 +352,7 @@ def sections_of(text: str, notes: list[str]) -> tuple[dict[str, Block], list[tup
     return sections, comments
 
 
-def _take(section: Block, line: int, content: str, notes: list[str]) -> None:
+def _take(section: FileBlock, line: int, content: str, notes: list[str]) -> None:
     """Add a line to a section: a setting where it has keys."""
     known = next((keys for start, keys in _KEYS.items() if section.kind.startswith(start)), None)
     if known is None:
@@ -384,18 +384,18 @@ def _without_remark(line: str) -> str:
     content = line.strip()
     if content.startswith(("%", "#", "//")):
         return content
-    marks = (found.start() for found in _QUOTED.finditer(content) if found["mark"])
+    marks = (match.start() for match in _QUOTED.finditer(content) if match["mark"])
     return content[: next(marks, None)].rstrip(" \t;")
 
 
-def section_of(sections: dict[str, Block], title: str) -> Block:
+def section_of(sections: dict[str, FileBlock], title: str) -> FileBlock:
     """Return a section that must be there."""
     if title not in sections:
         raise ControllerFileError(f"there is no section {title}; get a whole copy of the file")
     return sections[title]
 
 
-def quoted_word(section: Block, key: str) -> tuple[str, str]:
+def quoted_word(section: FileBlock, key: str) -> tuple[str, str]:
     """Return a quoted word, and where it stands."""
     where, value = section.entry(key)
     if len(value) < 2 or value[0] != value[-1] or value[0] not in "'\"":
@@ -403,7 +403,7 @@ def quoted_word(section: Block, key: str) -> tuple[str, str]:
     return value[1:-1], where
 
 
-def whole_number(section: Block, key: str, least: int = 1) -> int:
+def whole_number(section: FileBlock, key: str, least: int = 1) -> int:
     """Return a whole number from 1, or the least that can be, on."""
     where, value = section.entry(key)
     return 0 if least == 0 and value == "0" else foreign.count(value, where, 100_000)

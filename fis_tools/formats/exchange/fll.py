@@ -16,7 +16,7 @@ from fis_tools.formats.exchange import foreign, vocabulary
 from fis_tools.formats.exchange.antecedents import with_any
 from fis_tools.formats.exchange.dialect import Dialect, settle
 from fis_tools.formats.exchange.fll_rules import read_rules
-from fis_tools.formats.exchange.foreign import Block, Extent
+from fis_tools.formats.exchange.foreign import Extent, FileBlock
 from fis_tools.formats.exchange.vocabulary import AGGREGATIONS, AND, DEFUZZIFIERS, OR, meanings
 from fis_tools.formats.exchange.writing import MARK, term_words, understand, written
 from fis_tools.formats.mapping import MOST_POINTS
@@ -84,7 +84,7 @@ def read(text: str) -> Reading:
         If it is damaged or says what a fuzzy system of ours cannot; with the line.
     """
     comments: list[tuple[int, str]] = []
-    blocks: list[Block] = []
+    blocks: list[FileBlock] = []
     for line, raw in enumerate(text.splitlines(), start=1):
         content, sign, remark = raw.partition("#")
         if sign:
@@ -101,13 +101,13 @@ def read(text: str) -> Reading:
     return replace(reading, assumptions=(*reading.assumptions, *map(foreign.kept_words, kept)))
 
 
-def _take(blocks: list[Block], line: int, content: str) -> None:
+def _take(blocks: list[FileBlock], line: int, content: str) -> None:
     """Add a line to the block that it opens or belongs to."""
     key, colon, value = (part.strip() for part in content.partition(":"))
     if not colon:
         raise ControllerFileError(f"line {line}: {content[:40]!r} is not 'key: value'; correct it")
     if key in _KEYS:
-        blocks.append(Block(key, value, line))
+        blocks.append(FileBlock(key, value, line))
         return
     if not blocks:
         raise ControllerFileError(f"line {line}: {key[:40]!r} stands before 'Engine:'; is this an .fll file?")
@@ -122,7 +122,7 @@ def _take(blocks: list[Block], line: int, content: str) -> None:
         block.settings[key] = (line, value)
 
 
-def _system(blocks: Sequence[Block]) -> FuzzySystem:
+def _system(blocks: Sequence[FileBlock]) -> FuzzySystem:
     engines = [block for block in blocks if block.kind == "Engine"]
     if len(engines) != 1 or blocks[0] is not engines[0]:
         raise ControllerFileError(
@@ -141,16 +141,24 @@ def _system(blocks: Sequence[Block]) -> FuzzySystem:
         for block in rule_blocks
     ]
     and_operator, or_operator = next(iter(operators), (None, None))
-    groups: list[tuple[Block, list[Rule]]] = []
-    for block, own in zip(rule_blocks, operators, strict=True):
-        read = (read_rules(f"line {line}", words, own) for line, words in block.listed)
-        groups.append((block, [replace(r, and_operator=own[0], or_operator=own[1]) for r in chain(*read)]))
+    groups: list[tuple[FileBlock, list[Rule]]] = []
+    for block, operator_names in zip(rule_blocks, operators, strict=True):
+        read = (read_rules(f"line {line}", words, operator_names) for line, words in block.listed)
+        groups.append(
+            (
+                block,
+                [
+                    replace(r, and_operator=operator_names[0], or_operator=operator_names[1])
+                    for r in chain(*read)
+                ],
+            )
+        )
     rules = [rule for _, group in groups for rule in group]
     weighed = {output.name for output in outputs if output.defuzzifier in WEIGHING}
     for block in blocks:
         if block.kind == "OutputVariable" and block.name in weighed:
             _refuse_joined(block, rules)
-    named = [Named(f"rule {place}", rule) for place, rule in enumerate(rules, start=1)]
+    named = [Named(f"rule {number}", rule) for number, rule in enumerate(rules, start=1)]
     with told_as(ControllerFileError, NotResolvable):
         resolved = unchained(named, {output.name: output for output in outputs})
     name = engines[0].name or "unnamed"
@@ -159,7 +167,7 @@ def _system(blocks: Sequence[Block]) -> FuzzySystem:
     return settle(replace(system, implication=_implication(groups, weighed)))
 
 
-def _implication(groups: Sequence[tuple[Block, Sequence[Rule]]], weighed: set[str]) -> model.AndOperator:
+def _implication(groups: Sequence[tuple[FileBlock, Sequence[Rule]]], weighed: set[str]) -> model.AndOperator:
     """Return how the blocks imply whose rules conclude fuzzy sets."""
     implications: dict[model.AndOperator, int] = {}
     for block, group in groups:
@@ -175,7 +183,7 @@ def _implication(groups: Sequence[tuple[Block, Sequence[Rule]]], weighed: set[st
     return next(iter(implications), "min")
 
 
-def _refuse_joined(block: Block, rules: Sequence[Rule]) -> None:
+def _refuse_joined(block: FileBlock, rules: Sequence[Rule]) -> None:
     """Refuse to join the rules that conclude one term of an output that is weighed: each counts here."""
     line, word = block.settings.get("aggregation", block.settings.get("accumulation", (block.line, "none")))
     if word in {"none", "", AGGREGATIONS["unbounded_sum"].fll}:
@@ -189,13 +197,13 @@ def _refuse_joined(block: Block, rules: Sequence[Rule]) -> None:
         )
 
 
-def _variable(block: Block) -> Variable:
+def _variable(block: FileBlock) -> Variable:
     extent, (_, about) = block.extent("range"), block.entry("description", "")
     variable = foreign.variable(block.name, extent, _terms(block, extent), is_output=False)
     return replace(variable, description=about)
 
 
-def _output(block: Block, inputs: Sequence[str]) -> Variable:
+def _output(block: FileBlock, inputs: Sequence[str]) -> Variable:
     extent = block.extent("range")
     block.expect("lock-previous", "false", "true")
     where, words = block.entry("defuzzifier")
@@ -222,7 +230,7 @@ def _output(block: Block, inputs: Sequence[str]) -> Variable:
     )
 
 
-def _refuse_other_kind(block: Block, parameter: str, terms: Sequence[foreign.Named]) -> None:
+def _refuse_other_kind(block: FileBlock, parameter: str, terms: Sequence[foreign.Named]) -> None:
     """Refuse terms that an output is not weighed by."""
     for (line, words), (name, shape) in zip(block.listed, terms, strict=True):
         kind = "TakagiSugeno" if isinstance(shape, model.Number) else "Tsukamoto"
@@ -233,7 +241,7 @@ def _refuse_other_kind(block: Block, parameter: str, terms: Sequence[foreign.Nam
             )
 
 
-def _terms(block: Block, extent: Extent, inputs: Sequence[str] | None = None) -> list[foreign.Named]:
+def _terms(block: FileBlock, extent: Extent, inputs: Sequence[str] | None = None) -> list[foreign.Named]:
     """Read the terms of a variable; `inputs` are those of an output that is weighed."""
     terms: list[foreign.Named] = []
     for line, words in block.listed:

@@ -24,21 +24,21 @@ class _Words:
     words: list[str]
     where: str
     hedges: Mapping[str, Hedge]
-    place: int = 0
+    position: int = 0
 
     def peek(self) -> str:
         """Return the next word, or nothing at the end."""
-        return self.words[self.place] if self.place < len(self.words) else ""
+        return self.words[self.position] if self.position < len(self.words) else ""
 
     def take(self, expected: str = "") -> str:
         """Return the next word; where one is expected, it must be this one."""
         word = self.peek()
         if not word or (expected and word != expected):
-            found = repr(word[:40]) if word else "its end"
+            seen = repr(word[:40]) if word else "its end"
             raise ControllerFileError(
-                f"{self.where}: the rule has {found} where {expected or 'a name'!r} must be; correct it"
+                f"{self.where}: the rule has {seen} where {expected or 'a name'!r} must be; correct it"
             )
-        self.place += 1
+        self.position += 1
         return word
 
 

@@ -73,7 +73,7 @@ def choice(known: Mapping[str, _Choice], word: str, where: str, cure: str = "") 
 
 
 @dataclass(frozen=True)
-class Table:
+class Polyline:
     """A membership function given by its points, straight between them and level beyond.
 
     Parameters
@@ -93,10 +93,10 @@ class Table:
 
 
 #: What a term is called, and its function.
-Named = tuple[str, MembershipFunction | Table]
+Named = tuple[str, MembershipFunction | Polyline]
 
 
-def table(values: Sequence[float], where: str) -> Table:
+def table(values: Sequence[float], where: str) -> Polyline:
     """Read ``x y x y …``."""
     if not values or len(values) % 2:
         raise ControllerFileError(
@@ -109,7 +109,7 @@ def table(values: Sequence[float], where: str) -> Table:
         raise ControllerFileError(f"{where}: the points do not ascend; sort them and drop repeated ones")
     if not all(0.0 <= value <= 1.0 for value in y):
         raise ControllerFileError(f"{where}: a membership lies outside [0, 1]; scale them")
-    return Table(x, y)
+    return Polyline(x, y)
 
 
 #: Words of a format with the shapes they stand for and the order in which they state its numbers.
@@ -153,7 +153,7 @@ def _words(text: str, _where: str) -> list[str]:
 
 
 @dataclass
-class Block:
+class FileBlock:
     """A block of a file.
 
     Parameters
@@ -211,7 +211,7 @@ class Block:
             )
 
 
-def places(words: Iterable[str], where: str) -> list[float]:
+def shape_numbers(words: Iterable[str], where: str) -> list[float]:
     """Read the numbers of a shape, of which some may be infinite."""
     return [
         math.copysign(math.inf, -1.0 if word[0] == "-" else 1.0)
@@ -286,7 +286,7 @@ class TermWords:
 
     def read(
         self, word: str, values: Sequence[str], extent: Extent, inputs: Sequence[str] | None, where: str
-    ) -> MembershipFunction | Table:
+    ) -> MembershipFunction | Polyline:
         """Read a term; `inputs`, their names, are those of an output that is weighed, else None."""
         shapes = words_of(self.file_format)
         is_formula = word.lower() == "function"
@@ -298,12 +298,12 @@ class TermWords:
             )
         if is_formula and inputs is not None:
             return concluded_formula(" ".join(values), inputs, where)
-        found = places(values, where)
+        numbers = shape_numbers(values, where)
         if inputs is not None:
-            return concluded(word, found, len(inputs), extent, self.file_format, where)
+            return concluded(word, numbers, len(inputs), extent, self.file_format, where)
         if word == TABLES[self.file_format]:
-            return table(found, where)
-        return shape(word, found, extent, shapes, self.flanks, where)
+            return table(numbers, where)
+        return shape(word, numbers, extent, shapes, self.flanks, where)
 
 
 #: The words for a table of points.
@@ -372,20 +372,22 @@ def variable(
     Where all tables have the same points, from one end of the range to the other, these are the universe.
     """
     low, high = extent
-    tables = [membership for _, membership in terms if isinstance(membership, Table)]
-    shapes = [membership for _, membership in terms if not isinstance(membership, Table)]
+    tables = [membership for _, membership in terms if isinstance(membership, Polyline)]
+    shapes = [membership for _, membership in terms if not isinstance(membership, Polyline)]
     num_points = num_points or (OUTPUT_POINTS if is_output else INPUT_POINTS)
     if not (low < high and np.isfinite(high - low)):  # is refused later
-        named = (Term(term, shape) for term, shape in terms if not isinstance(shape, Table))
+        named = (Term(term, shape) for term, shape in terms if not isinstance(shape, Polyline))
         return Variable(name, "", low, high, tuple(named), num_points)
     universe = np.linspace(low, high, num_points) if is_output else input_universe(low, high, shapes)
     if tables:
         universe = _with_points(universe, tables)
-    named = (Term(term, shape.on(universe) if isinstance(shape, Table) else shape) for term, shape in terms)
+    named = (
+        Term(term, shape.on(universe) if isinstance(shape, Polyline) else shape) for term, shape in terms
+    )
     return with_universe(Variable(name, "", low, high, tuple(named)), universe)
 
 
-def _with_points(universe: Floats, tables: Sequence[Table]) -> Floats:
+def _with_points(universe: Floats, tables: Sequence[Polyline]) -> Floats:
     """Return the points of tables where all have the same over a universe, else these and the universe's."""
     first, low, high = tables[0].x, universe[0], universe[-1]
     if (first[0], first[-1]) == (low, high) and all(table.x == first for table in tables):
@@ -395,13 +397,13 @@ def _with_points(universe: Floats, tables: Sequence[Table]) -> Floats:
 
 def rule_words(rule: model.Rule) -> str:
     """Say a rule in fuzzylite's words; its consequents have one weight."""
-    words, asked = before(rule.antecedent)
-    if isinstance(asked, model.Is):
-        words, asked = [], rule.antecedent
+    words, statement = before(rule.antecedent)
+    if isinstance(statement, model.Is):
+        words, statement = [], rule.antecedent
     known = {str(hedge): word for hedge, word in HEDGES.items()}
     hedges = "".join(f"{known[word]} " for word in words)
     concluded = " and ".join(f"{c.variable} is {hedges}{c.term}" for c in rule.consequents)
     weight = rule.consequents[0].weight
-    return f"if {antecedent_words(asked, known)} then {concluded}" + (
+    return f"if {antecedent_words(statement, known)} then {concluded}" + (
         "" if weight == 1.0 else f" with {weight!r}"
     )

@@ -108,14 +108,14 @@ def losses(controller: FuzzyController, expressed: Expressed, dialect: Dialect) 
     dialect : Dialect
         The format.
     """
-    found = [
+    sentences = [
         f"{what}: {_listed(items)}" for what, items in _differences(controller, expressed, dialect) if items
     ]
-    if found and dialect.is_read:
-        found.append(
+    if sentences and dialect.is_read:
+        sentences.append(
             "a comment in the file carries all of this: fis_tools reads it back, other programs do not"
         )
-    return tuple(found)
+    return tuple(sentences)
 
 
 def _differences(
@@ -130,8 +130,8 @@ def _differences(
     yield "names become identifiers", [f"{old!r} is {new}" for old, new in dict.fromkeys(names) if old != new]
     yield from _variable_differences(pairs, dialect)
     changed = [
-        f"{place} as {len(group)}" if len(group) > 1 else f"{place} in another form"
-        for place, (rule, group) in enumerate(zip(system.rules, expressed.rules, strict=True), start=1)
+        f"{rule_number} as {len(group)}" if len(group) > 1 else f"{rule_number} in another form"
+        for rule_number, (rule, group) in enumerate(zip(system.rules, expressed.rules, strict=True), start=1)
         if not _is_word_for_word(rule, group)
     ]
     yield "rules are written otherwise, with the same meaning", changed
@@ -215,7 +215,7 @@ def understand(visible: FuzzySystem, comments: Iterable[tuple[int, str]], dialec
         If the comment is damaged, or the system has problems.
     """
     carried = _find(comments)
-    visible, found = _with_what_is_missing(visible)
+    visible, missing = _with_what_is_missing(visible)
     outputs = (
         replace(v, default=dialects.middle(v.minimum, v.maximum)) if v.default is None else v
         for v in visible.outputs
@@ -225,7 +225,7 @@ def understand(visible: FuzzySystem, comments: Iterable[tuple[int, str]], dialec
     with told_as(ControllerFileError, NotExpressible):
         dialects.refuse_joined(complete)
     about_points = (_universes_words(visible, dialect), *jumps_between_points(visible))
-    assumed = (*about_points, *_defaults_words(visible), *found)
+    assumed = (*about_points, *_defaults_words(visible), *missing)
     if carried is None:
         return Reading(FuzzyController(visible.name, (complete,)), assumed, about_points)
     try:
@@ -242,13 +242,13 @@ def understand(visible: FuzzySystem, comments: Iterable[tuple[int, str]], dialec
 
 
 def _find(comments: Iterable[tuple[int, str]]) -> FuzzyController | None:
-    found = [(line, text.strip()) for line, text in comments if text.strip().startswith(_ANY_MARK)]
-    if not found:
+    marked = [(line, text.strip()) for line, text in comments if text.strip().startswith(_ANY_MARK)]
+    if not marked:
         return None
-    line, text = found[0]
+    line, text = marked[0]
     cure = "get a whole copy, or delete this comment to read what the file shows"
-    if len(found) > 1:
-        raise ControllerFileError(f"line {found[1][0]}: a second comment '{_ANY_MARK}…'; keep one of them")
+    if len(marked) > 1:
+        raise ControllerFileError(f"line {marked[1][0]}: a second comment '{_ANY_MARK}…'; keep one of them")
     if not text.startswith(MARK):
         raise ControllerFileError(
             f"line {line}: the comment is not of version {MARK.strip(' :')!r}; read the file with the "
@@ -269,16 +269,16 @@ def _with_what_is_missing(visible: FuzzySystem) -> tuple[FuzzySystem, list[str]]
     Numbers linear in an input need no terms of it, and outputs that are weighed no range.
     """
     inputs, outputs, notes = list(visible.inputs), list(visible.outputs), []
-    for place, variable in enumerate(inputs if visible.weighed else ()):
+    for index, variable in enumerate(inputs if visible.weighed else ()):
         if not variable.terms:
-            inputs[place] = replace(variable, terms=(any_term(variable),))
+            inputs[index] = replace(variable, terms=(any_term(variable),))
             notes.append(
                 f"{visible.name}: {variable.name} has no terms, and gets {ANY!r}, which all belong to"
             )
-    for place, output in enumerate(outputs):
+    for index, output in enumerate(outputs):
         if visible.weighs(output) and output.minimum == output.maximum:
             low, high = reach(output, inputs)
-            outputs[place] = replace(output, minimum=low, maximum=high)
+            outputs[index] = replace(output, minimum=low, maximum=high)
             notes.append(
                 f"{visible.name}: the range of {output.name} is empty, and becomes what its terms reach, "
                 f"{number(low)} to {number(high)}"

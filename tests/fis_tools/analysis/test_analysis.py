@@ -47,12 +47,12 @@ def test_a_surface_is_what_scikit_fuzzy_computes_at_its_grid_points() -> None:
 
 
 def test_axes_can_be_swapped_and_inputs_held() -> None:
-    one = surface(FORCE_Z, x="distance", y="eta_u", fixed={"velocity_body_z": 0.1}, num_points=4)
+    grid = surface(FORCE_Z, x="distance", y="eta_u", fixed={"velocity_body_z": 0.1}, num_points=4)
     other = surface(FORCE_Z, x="eta_u", y="distance", fixed={"velocity_body_z": 0.1}, num_points=4)
-    np.testing.assert_array_equal(one.values, other.values.T)
-    expected = ReferenceEngine(FORCE_Z).compute(np.array([one.y[1], 0.1, one.x[3]]))[0]
-    assert one.values[1, 3] == pytest.approx(expected, abs=1e-13)
-    assert one.fixed == {"velocity_body_z": 0.1}
+    np.testing.assert_array_equal(grid.values, other.values.T)
+    expected = ReferenceEngine(FORCE_Z).compute(np.array([grid.y[1], 0.1, grid.x[3]]))[0]
+    assert grid.values[1, 3] == pytest.approx(expected, abs=1e-13)
+    assert grid.fixed == {"velocity_body_z": 0.1}
     assert surface(FORCE_Z, num_points=2).fixed == {"distance": 100.0}
 
 
@@ -84,37 +84,37 @@ def of_two(a: MembershipFunction, b: MembershipFunction, maximum: float, num_poi
 
 
 def test_coverage_of_two_gaussians_is_their_crossing() -> None:
-    found = coverage(of_two(Gaussian(0.0, 1.0), Gaussian(4.0, 1.0), 4.0, 4001))
-    assert found.at == pytest.approx(2.0, abs=1e-9)
-    assert found.least == pytest.approx(np.exp(-2.0), abs=1e-9)
+    result = coverage(of_two(Gaussian(0.0, 1.0), Gaussian(4.0, 1.0), 4.0, 4001))
+    assert result.at == pytest.approx(2.0, abs=1e-9)
+    assert result.least == pytest.approx(np.exp(-2.0), abs=1e-9)
 
 
 def test_coverage_between_the_points_of_the_universe() -> None:
     """Two lines cross half way between the only two points."""
-    found = coverage(of_two(Triangular(0.0, 0.0, 1.0), Triangular(0.0, 1.0, 1.0), 1.0, 2))
-    assert (found.least, found.at) == (0.5, 0.5)
+    result = coverage(of_two(Triangular(0.0, 0.0, 1.0), Triangular(0.0, 1.0, 1.0), 1.0, 2))
+    assert (result.least, result.at) == (0.5, 0.5)
 
 
 def test_likeness_of_triangles_has_a_closed_form() -> None:
     """Two triangles of half width 2, peaks 2 apart: they share a triangle of base 2 and height 1/2."""
     # the universe misses the crossing at 3
-    found = distinguishability(of_two(Triangular(0.0, 2.0, 4.0), Triangular(2.0, 4.0, 6.0), 6.0, 4))
-    np.testing.assert_allclose(found.similarity, [[1, 0.5 / 3.5], [0.5 / 3.5, 1]], rtol=0, atol=1e-15)
-    np.testing.assert_allclose(found.possibility, [[1, 0.5], [0.5, 1]], rtol=0, atol=1e-15)
+    result = distinguishability(of_two(Triangular(0.0, 2.0, 4.0), Triangular(2.0, 4.0, 6.0), 6.0, 4))
+    np.testing.assert_allclose(result.similarity, [[1, 0.5 / 3.5], [0.5 / 3.5, 1]], rtol=0, atol=1e-15)
+    np.testing.assert_allclose(result.possibility, [[1, 0.5], [0.5, 1]], rtol=0, atol=1e-15)
 
 
 def test_likeness_of_gaussians_has_a_closed_form() -> None:
     """Equal Gaussians d apart cross half way: the shared area is 2 Phi(-d / 2 sigma) of one of them."""
     sigma, apart = 0.5, 1.2
-    found = distinguishability(of_two(Gaussian(5.0, sigma), Gaussian(5.0 + apart, sigma), 12.0, 6001))
+    result = distinguishability(of_two(Gaussian(5.0, sigma), Gaussian(5.0 + apart, sigma), 12.0, 6001))
     shared = 1.0 - erf(apart / (2.0 * sigma) / np.sqrt(2.0))
-    assert found.similarity[0, 1] == pytest.approx(shared / (2.0 - shared), abs=1e-6)
-    assert found.possibility[0, 1] == pytest.approx(np.exp(-((apart / 2 / sigma) ** 2) / 2), abs=1e-6)
+    assert result.similarity[0, 1] == pytest.approx(shared / (2.0 - shared), abs=1e-6)
+    assert result.possibility[0, 1] == pytest.approx(np.exp(-((apart / 2 / sigma) ** 2) / 2), abs=1e-6)
 
 
 def test_a_term_that_is_never_above_zero_is_like_no_other() -> None:
-    found = distinguishability(of_two(Gaussian(0.5, 1e-6), Gaussian(0.0, 1.0), 1.0, 2))
-    np.testing.assert_array_equal(found.similarity, [[0, 0], [0, 1]])
+    result = distinguishability(of_two(Gaussian(0.5, 1e-6), Gaussian(0.0, 1.0), 1.0, 2))
+    np.testing.assert_array_equal(result.similarity, [[0, 0], [0, 1]])
 
 
 def test_rule_usage_counts() -> None:
@@ -129,13 +129,13 @@ def test_rule_usage_counts() -> None:
 
 @pytest.mark.parametrize("num_inputs", [1, 3, 12])
 def test_spread_inputs_are_scipys_halton_sequence(num_inputs: int) -> None:
-    one = replace(FORCE_Z.inputs[0], minimum=-2.0, maximum=6.0)
-    inputs = tuple(replace(one, name=f"input_{number}") for number in range(num_inputs))
+    variable = replace(FORCE_Z.inputs[0], minimum=-2.0, maximum=6.0)
+    inputs = tuple(replace(variable, name=f"input_{number}") for number in range(num_inputs))
     sequence = qmc.Halton(num_inputs, scramble=False)
     sequence.fast_forward(1)
     expected = qmc.scale(sequence.random(3000), [-2.0] * num_inputs, [6.0] * num_inputs)
-    found = spread_inputs(replace(FORCE_Z, inputs=inputs), 3000)
-    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-14)
+    samples = spread_inputs(replace(FORCE_Z, inputs=inputs), 3000)
+    np.testing.assert_allclose(samples, expected, rtol=0, atol=1e-14)
 
 
 MET = np.random.default_rng(1).uniform(-1.0, 1.0, (50, len(FORCE_X.inputs)))
@@ -157,23 +157,25 @@ def test_each_stretch_outside_is_a_departure_with_its_farthest_value():
     inputs[2:5, 0] = [1.5, 3.0, 2.0]
     inputs[7, 0] = -4.0
     inputs[0, 1] = 9.0
-    found = departures(BOX, 10.0 * np.arange(8), inputs)
+    left = departures(BOX, 10.0 * np.arange(8), inputs)
     names = [variable.name for variable in FORCE_X.inputs]
     expected = [(names[1], 0.0, 0.0, 9.0), (names[0], 20.0, 40.0, 3.0), (names[0], 70.0, 70.0, -4.0)]
-    assert [(one.name, one.first_s, one.last_s, one.value) for one in found] == expected
-    assert (found[1].low, found[1].high) == (BOX.low[0], BOX.high[0])
+    assert [
+        (departure.name, departure.first_s, departure.last_s, departure.value) for departure in left
+    ] == expected
+    assert (left[1].low, left[1].high) == (BOX.low[0], BOX.high[0])
     assert departures(BOX, np.empty(0), np.empty((0, len(names)))) == ()
 
 
 def test_a_domain_is_what_its_file_says():
-    told = json.loads(json.dumps(as_mapping([BOX])))
-    assert from_mapping(told, "domain.json") == (BOX,)
+    mapping = json.loads(json.dumps(as_mapping([BOX])))
+    assert from_mapping(mapping, "domain.json") == (BOX,)
 
 
-@pytest.mark.parametrize("told", [{}, [], {"schema": "operational-domain", "schema_version": 2}, None])
-def test_something_else_is_refused(told):
+@pytest.mark.parametrize("mapping", [{}, [], {"schema": "operational-domain", "schema_version": 2}, None])
+def test_something_else_is_refused(mapping):
     with pytest.raises(ControllerFileError, match=r"that\.json holds no operational domain"):
-        from_mapping(told, "that.json")
+        from_mapping(mapping, "that.json")
 
 
 ADDING_ROOM = replace(ROOM, outputs=tuple(replace(v, accumulation="bounded_sum") for v in ROOM.outputs))
@@ -182,18 +184,18 @@ ADDING_ROOM = replace(ROOM, outputs=tuple(replace(v, accumulation="bounded_sum")
 @pytest.mark.parametrize("system", [FORCE_X, ROOM, ADDING_ROOM])
 def test_a_contribution_is_what_silencing_the_rule_takes_away(system: FuzzySystem) -> None:
     inputs = spread_inputs(system, 20)
-    found = contributions(compile(system), inputs)
+    result = contributions(compile(system), inputs)
     outputs = step_by_step.evaluate(system, inputs)
-    assert found.shape == (20, len(system.rules), len(system.outputs))
+    assert result.shape == (20, len(system.rules), len(system.outputs))
     for index in range(len(system.rules)):
         expected = outputs - step_by_step.evaluate(silenced(system, {index}), inputs)
-        np.testing.assert_allclose(found[:, index], expected, rtol=0, atol=1e-14)
-    assert np.count_nonzero(found) > 20
+        np.testing.assert_allclose(result[:, index], expected, rtol=0, atol=1e-14)
+    assert np.count_nonzero(result) > 20
 
 
 def test_importance_by_hand() -> None:
-    found = importance(compile(ramp_system()), np.array([[0.0], [0.5], [1.0]]))
-    np.testing.assert_allclose(found, [[6.5 / 3 / 10], [5.5 / 3 / 10]], rtol=0, atol=1e-15)
+    result = importance(compile(ramp_system()), np.array([[0.0], [0.5], [1.0]]))
+    np.testing.assert_allclose(result, [[6.5 / 3 / 10], [5.5 / 3 / 10]], rtol=0, atol=1e-15)
 
 
 def test_many_samples_come_out_as_few_do() -> None:
@@ -230,8 +232,8 @@ def product_of(x: Variable, y: Variable, rules: tuple[Rule, ...], **how: object)
     return FuzzySystem("s", (x, y), (Z,), rules, **how)  # type: ignore[arg-type]
 
 
-def concluding(term: str, *asked: Expression) -> tuple[Rule, ...]:
-    return tuple(Rule(one, (Consequent("z", term),)) for one in asked)
+def concluding(term: str, *antecedents: Expression) -> tuple[Rule, ...]:
+    return tuple(Rule(antecedent, (Consequent("z", term),)) for antecedent in antecedents)
 
 
 def test_complexity_is_counted_by_hand() -> None:
@@ -254,18 +256,18 @@ def test_completeness_of_a_full_table_is_where_both_inputs_are_worst() -> None:
     """Even triangles hold by one half between two peaks, so min gives 1/2 and the product 1/4."""
     rules = table_rules((X, Y), Z, ["low"] * 9)
     for operator, least in (("min", 0.5), ("product", 0.25)):
-        found = completeness(product_of(X, Y, rules, and_operator=operator))
-        assert found.is_exact
-        assert found.least == pytest.approx(least, abs=1e-12)
-        assert found.at[0] % 0.5 == pytest.approx(0.25)
+        result = completeness(product_of(X, Y, rules, and_operator=operator))
+        assert result.is_exact
+        assert result.least == pytest.approx(least, abs=1e-12)
+        assert result.at[0] % 0.5 == pytest.approx(0.25)
 
 
 def test_completeness_finds_the_missing_rule() -> None:
     rules = table_rules((X, Y), Z, ["low"] * 9)
-    found = completeness(product_of(X, Y, rules[:4] + rules[5:]))
-    assert found.is_exact
-    assert found.least == pytest.approx(0.0, abs=1e-12)
-    np.testing.assert_allclose(found.at, [0.5, 4.0], atol=1e-12)
+    result = completeness(product_of(X, Y, rules[:4] + rules[5:]))
+    assert result.is_exact
+    assert result.least == pytest.approx(0.0, abs=1e-12)
+    np.testing.assert_allclose(result.at, [0.5, 4.0], atol=1e-12)
     by_product = completeness(product_of(X, Y, rules[:4] + rules[5:], and_operator="product"))
     assert by_product.least == pytest.approx(0.0, abs=1e-12)
 
@@ -290,37 +292,37 @@ def small_systems(draw: st.DrawFn) -> FuzzySystem:
 @settings(max_examples=60, deadline=None)
 @given(small_systems())
 def test_an_exact_completeness_is_below_a_dense_grid_and_is_met(system: FuzzySystem) -> None:
-    found = completeness(system)
-    assert found.is_exact
+    result = completeness(system)
+    assert result.is_exact
     dense = np.linspace(0.0, 4.0, 97)
     grid = np.stack([part.ravel() for part in np.meshgrid(dense, dense)], axis=1)
-    assert found.least <= compile(system).firing_strengths(grid).max(axis=1).min() + 1e-12
-    assert step_by_step.firing_strengths(system, found.at[np.newaxis]).max() == pytest.approx(
-        found.least, abs=1e-12
+    assert result.least <= compile(system).firing_strengths(grid).max(axis=1).min() + 1e-12
+    assert step_by_step.firing_strengths(system, result.at[np.newaxis]).max() == pytest.approx(
+        result.least, abs=1e-12
     )
 
 
 def test_rules_of_even_triangles_are_fully_meant() -> None:
     """At its cell only one rule fires, so the system answers what the rule alone would."""
     system = FuzzySystem("s", (X, Y), (Z,), table_rules((X, Y), Z, list(THREE) * 3))
-    found = rule_consistency(system)
-    np.testing.assert_allclose(found.values, 1.0, atol=1e-9)
-    np.testing.assert_allclose(found.points[5], [0.5, 8.0])
+    result = rule_consistency(system)
+    np.testing.assert_allclose(result.values, 1.0, atol=1e-9)
+    np.testing.assert_allclose(result.points[5], [0.5, 8.0])
     # half a triangle from 1/2 to 1, the centre of which lies a third of the way from its higher end
-    assert found.outputs[5, 0] == pytest.approx(1.0 - 0.5 / 3, abs=1e-12)
-    assert found.index == pytest.approx(1.0)
+    assert result.outputs[5, 0] == pytest.approx(1.0 - 0.5 / 3, abs=1e-12)
+    assert result.index == pytest.approx(1.0)
 
 
 def test_samples_are_said_to_be_samples() -> None:
     """The product of three rules of one input is weakest off the grid of their crossings."""
-    told = (And((Is("x", "low"), Not(Is("y", "low")))), Is("x", "high"), Is("x", "medium"))
-    rules = concluding("low", *told)
-    found = completeness(product_of(X, Y, rules, and_operator="product"))
-    assert found.least == pytest.approx(0.0, abs=1e-12)
-    rules = concluding("low", *told, Is("x", "low"))
-    found = completeness(product_of(X, Y, rules, and_operator="product"))
-    assert not found.is_exact
-    assert found.least == pytest.approx(0.5, abs=1e-12)
+    antecedents = (And((Is("x", "low"), Not(Is("y", "low")))), Is("x", "high"), Is("x", "medium"))
+    rules = concluding("low", *antecedents)
+    result = completeness(product_of(X, Y, rules, and_operator="product"))
+    assert result.least == pytest.approx(0.0, abs=1e-12)
+    rules = concluding("low", *antecedents, Is("x", "low"))
+    result = completeness(product_of(X, Y, rules, and_operator="product"))
+    assert not result.is_exact
+    assert result.least == pytest.approx(0.5, abs=1e-12)
 
 
 def test_a_rule_that_is_outvoted_means_little() -> None:
@@ -328,37 +330,39 @@ def test_a_rule_that_is_outvoted_means_little() -> None:
     x = Variable("x", "", 0.0, 1.0, even_terms(("low", "high"), 0.0, 1.0))
     rules = concluding("low", Is("x", "low")) + concluding("high", Not(Is("x", "high")))
     rules += concluding("medium", Is("x", "high"))
-    found = rule_consistency(FuzzySystem("s", (x,), (Z,), rules))
-    np.testing.assert_allclose(found.values, [0.0, 0.0, 1.0], atol=1e-9)
-    np.testing.assert_allclose(found.outputs[:, 0], 0.5, atol=1e-12)
-    np.testing.assert_allclose(found.alone[:, 0], [1 / 6, 5 / 6, 0.5], atol=1e-9)
+    result = rule_consistency(FuzzySystem("s", (x,), (Z,), rules))
+    np.testing.assert_allclose(result.values, [0.0, 0.0, 1.0], atol=1e-9)
+    np.testing.assert_allclose(result.outputs[:, 0], 0.5, atol=1e-12)
+    np.testing.assert_allclose(result.alone[:, 0], [1 / 6, 5 / 6, 0.5], atol=1e-9)
 
 
 def silenced(system: FuzzySystem, rules: set[int], output: str | None = None) -> FuzzySystem:
     """The same system, in which some rules conclude with no weight, on an output or on all."""
 
-    def quiet(place: int, rule: Rule) -> Rule:
-        if place not in rules:
+    def quiet(index: int, rule: Rule) -> Rule:
+        if index not in rules:
             return rule
-        told = (replace(c, weight=0.0) if output in (None, c.variable) else c for c in rule.consequents)
-        return replace(rule, consequents=tuple(told))
+        text = (replace(c, weight=0.0) if output in (None, c.variable) else c for c in rule.consequents)
+        return replace(rule, consequents=tuple(text))
 
     return replace(system, rules=tuple(quiet(*numbered) for numbered in enumerate(system.rules)))
 
 
-def enumerated(system: FuzzySystem, row: np.ndarray, place: int) -> np.ndarray:
+def enumerated(system: FuzzySystem, row: np.ndarray, index: int) -> np.ndarray:
     """Shapley's sum over all coalitions, each inferred step by step."""
-    output = system.outputs[place]
+    output = system.outputs[index]
     strengths = step_by_step.firing_strengths(system, row[np.newaxis])[0]
     concludes = [any(c.variable == output.name and c.weight for c in r.consequents) for r in system.rules]
-    strongest = max((s for s, told in zip(strengths, concludes, strict=True) if told), default=0.0)
+    strongest = max(
+        (s for s, concludes_it in zip(strengths, concludes, strict=True) if concludes_it), default=0.0
+    )
     least = min(FIRED, strongest)
     players = [i for i, s in enumerate(strengths) if concludes[i] and s >= least and s > 0.0]
     worth = {frozenset[int](): output.default}
     for size in range(1, len(players) + 1):
         for some in combinations(players, size):
             others = silenced(system, set(players) - set(some), output.name)
-            worth[frozenset(some)] = inference.infer(others, row).values[place]
+            worth[frozenset(some)] = inference.infer(others, row).values[index]
     values = np.zeros(len(system.rules))
     for player in players:
         for some, value in worth.items():
@@ -377,38 +381,38 @@ def test_shares_are_those_of_all_coalitions_enumerated() -> None:
         pairs = zip(system.outputs, accumulations, strict=True)
         system = replace(system, outputs=tuple(replace(v, accumulation=str(a)) for v, a in pairs))
         rows = inputs_for(system, generator, 3)
-        found = shapley.shares(compile(system), rows)
+        shares = shapley.shares(compile(system), rows)
         for sample, row in enumerate(rows):
-            of_outputs = [enumerated(system, row, place) for place in range(len(system.outputs))]
+            of_outputs = [enumerated(system, row, index) for index in range(len(system.outputs))]
             several += sum(np.count_nonzero(expected) > 2 for expected in of_outputs)
-            step_by_step.assert_near(found.values[sample], np.transpose(of_outputs), system, 1e-11)
-        assert not found.error.any()
+            step_by_step.assert_near(shares.values[sample], np.transpose(of_outputs), system, 1e-11)
+        assert not shares.error.any()
     assert several > 20
 
 
 def assert_adds_up(system: FuzzySystem, rows: np.ndarray) -> shapley.Shares:
     compiled = compile(system)
-    found = shapley.shares(compiled, rows)
+    shares = shapley.shares(compiled, rows)
     silent = np.array([output.default for output in system.outputs])
-    step_by_step.assert_near(found.values.sum(axis=1), compiled(rows) - silent, system, 1e-9)
-    return found
+    step_by_step.assert_near(shares.values.sum(axis=1), compiled(rows) - silent, system, 1e-9)
+    return shares
 
 
 @pytest.mark.parametrize("name", SHIPPED)
 def test_shares_add_up_for_every_controller_that_ships(name) -> None:
     for system in serialize.load(SHIPPED[name]).systems:
-        found = assert_adds_up(system, spread_inputs(system, 40))
-        assert not found.error.any()
-        assert np.count_nonzero(found.values) > 40
+        shares = assert_adds_up(system, spread_inputs(system, 40))
+        assert not shares.error.any()
+        assert np.count_nonzero(shares.values) > 40
 
 
 def test_samples_of_one_structure_get_the_shares_that_each_gets_alone(monkeypatch) -> None:
     systems = [system for path in SHIPPED.values() for system in serialize.load(path).systems]
     together = [assert_adds_up(system, spread_inputs(system, 12)).values for system in systems]
     monkeypatch.setattr(shapley, "_games_by_level", lambda match: iter(()))
-    for system, found in zip(systems, together, strict=True):
+    for system, shares in zip(systems, together, strict=True):
         alone = assert_adds_up(system, spread_inputs(system, 12)).values
-        step_by_step.assert_near(found, alone, system)
+        step_by_step.assert_near(shares, alone, system)
 
 
 def test_sampled_shares_add_up_and_are_as_near_as_they_say(monkeypatch) -> None:
@@ -425,8 +429,8 @@ def test_sampled_shares_add_up_and_are_as_near_as_they_say(monkeypatch) -> None:
 
 def test_a_rule_that_hardly_fires_has_no_share_unless_it_is_the_strongest() -> None:
     system = ramp_system()
-    found = shapley.shares(compile(system), np.array([[0.04]])).values[0, :, 0]
-    assert found[1] == 0.0
-    assert found[0] == pytest.approx(inference.infer(system, np.array([0.04])).values[0] - 0.5, abs=1e-14)
+    shares = shapley.shares(compile(system), np.array([[0.04]])).values[0, :, 0]
+    assert shares[1] == 0.0
+    assert shares[0] == pytest.approx(inference.infer(system, np.array([0.04])).values[0] - 0.5, abs=1e-14)
     lone = compile(replace(system, rules=system.rules[1:]))
     assert shapley.shares(lone, np.array([[0.04]])).values.item() == pytest.approx(2.5, abs=1e-14)

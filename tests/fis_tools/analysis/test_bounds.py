@@ -205,26 +205,33 @@ def test_a_question_may_stay_open_and_says_where():
     "where", ["", "distance > 120, velocity_body_x < 0", "distance - 300 velocity_body_x > 100"]
 )
 def test_a_range_is_proved_outside_and_attained_inside(where):
-    (found,) = output_ranges(FORCE_X, where)
+    (output_range,) = output_ranges(FORCE_X, where)
     outputs = _on_grid(FORCE_X, where)
-    assert found.outer.low <= outputs.min() <= outputs.max() <= found.outer.high
-    assert {type(end) for end in (found.outer.low, found.outer.high)} == {float}
-    assert found.outer.low <= found.inner.low <= found.inner.high <= found.outer.high
+    assert output_range.outer.low <= outputs.min() <= outputs.max() <= output_range.outer.high
+    assert {type(end) for end in (output_range.outer.low, output_range.outer.high)} == {float}
+    assert (
+        output_range.outer.low <= output_range.inner.low <= output_range.inner.high <= output_range.outer.high
+    )
     width = FORCE_X.outputs[0].maximum - FORCE_X.outputs[0].minimum
-    assert (found.outer.high - found.outer.low) - (found.inner.high - found.inner.low) <= 3e-4 * width
-    for value, at in ((found.inner.low, found.least_at), (found.inner.high, found.greatest_at)):
+    assert (output_range.outer.high - output_range.outer.low) - (
+        output_range.inner.high - output_range.inner.low
+    ) <= 3e-4 * width
+    for value, at in (
+        (output_range.inner.low, output_range.least_at),
+        (output_range.inner.high, output_range.greatest_at),
+    ):
         inputs = np.array([at[variable.name] for variable in FORCE_X.inputs])
         assert inference.infer(FORCE_X, inputs).values[0] == pytest.approx(value, abs=1e-14)
-    assert "is attained at distance = " in found.sentence
+    assert "is attained at distance = " in output_range.sentence
 
 
 def test_a_range_beyond_a_universe_is_attained_where_it_was_asked_for():
-    (found,) = output_ranges(FORCE_X, "distance > 300")
-    assert min(found.least_at["distance"], found.greatest_at["distance"]) > 300.0
+    (output_range,) = output_ranges(FORCE_X, "distance > 300")
+    assert min(output_range.least_at["distance"], output_range.greatest_at["distance"]) > 300.0
     at_end = output_ranges(FORCE_X, "distance = 200")[0]
-    assert (found.inner, found.outer) == (at_end.inner, at_end.outer)
+    assert (output_range.inner, output_range.outer) == (at_end.inner, at_end.outer)
     beyond = "; distance beyond its range of 0 to 200 m counts as the end of it."
-    assert found.sentence.endswith(beyond)
+    assert output_range.sentence.endswith(beyond)
     assert ask(FORCE_X, "force_x > 1", "distance in [150, 300]").sentence.endswith(beyond)
     assert "beyond" not in at_end.sentence + ask(FORCE_X, "force_x > 1", "distance > 150").sentence
 
@@ -239,11 +246,11 @@ def test_an_example_is_written_with_the_digits_that_its_conditions_take():
 
 
 def test_a_range_of_which_no_input_was_found_says_so():
-    (found,) = output_ranges(FORCE_X, "distance - 100 velocity_body_x = 50.123456789", max_boxes=500)
-    assert (found.least_at, found.greatest_at) == ({}, {})
-    assert found.outer.high > found.outer.low
-    assert found.inner.high < found.inner.low
-    assert found.sentence.endswith("; no input that meets all conditions was found.")
+    (output_range,) = output_ranges(FORCE_X, "distance - 100 velocity_body_x = 50.123456789", max_boxes=500)
+    assert (output_range.least_at, output_range.greatest_at) == ({}, {})
+    assert output_range.outer.high > output_range.outer.low
+    assert output_range.inner.high < output_range.inner.low
+    assert output_range.sentence.endswith("; no input that meets all conditions was found.")
 
 
 @pytest.mark.parametrize("max_boxes", [1, 2, 3, 7])
@@ -253,7 +260,9 @@ def test_a_search_that_ends_early_still_bounds_all(max_boxes):
             values = _on_grid(system, "")
             assert output.outer.low <= values.min() <= values.max() <= output.outer.high
         # of one point, where boxes promise no more than was found
-        point = ", ".join(f"{one.name} = {0.5 * (one.minimum + one.maximum)!r}" for one in system.inputs)
+        point = ", ".join(
+            f"{variable.name} = {0.5 * (variable.minimum + variable.maximum)!r}" for variable in system.inputs
+        )
         (alone,) = output_ranges(system, point, max_boxes=max_boxes)
         assert alone.outer.low <= alone.inner.low <= alone.inner.high <= alone.outer.high
 
@@ -275,7 +284,7 @@ def test_conditions_are_read_as_they_are_written():
     assert joint.coefficients == {"a": 2.0, "x1": -1.0, "c-d": 1.0}
     assert (joint.least, joint.greatest) == (-np.inf, 3.0)
     texts = ["a b > -1.5e1", "a in [-.5, 2]", "2 * a - x1 + c-d <= 3"]
-    assert [one.text for one in (above, between, joint)] == texts
+    assert [condition.text for condition in (above, between, joint)] == texts
     assert read_conditions("a<1", names)[0].greatest == np.nextafter(1.0, 0.0)
     assert read_conditions("a = 1", names)[0].least == 1.0
 

@@ -51,9 +51,9 @@ def writing(path: Path, controller: FuzzyController, **more: dict[str, str]) -> 
 def log_along(path: Path, controller: FuzzyController, samples: Iterable[Iterable[np.ndarray]]) -> Path:
     """Log inferences every 10 s, a sample the inputs of each system."""
     with writing(path, controller) as writer:
-        for place, sample in enumerate(samples):
+        for index, sample in enumerate(samples):
             for system, inputs in zip(controller.systems, sample, strict=True):
-                log_inference(writer, 10.0 * place, system, inputs)
+                log_inference(writer, 10.0 * index, system, inputs)
     return path
 
 
@@ -85,7 +85,7 @@ def test_a_flight_gives_back_its_controller_and_every_inference(tmp_path):
 def test_inputs_are_those_of_all_flights(tmp_path):
     paths = [log_flight(tmp_path / f"{seed}.mcap", PAPER_LIKE, seed=seed) for seed in (1, 2)]
     flown = [read_flight(path)[1] for path in paths]
-    sensed = np.concatenate([one.inputs for one in flown])
+    sensed = np.concatenate([inferences.inputs for inferences in flown])
     np.testing.assert_array_equal(inputs_along(paths)["force_z"], sensed)
 
 
@@ -140,8 +140,8 @@ def log_periods(path: Path, controller: FuzzyController, has_reasons: bool = Tru
         for sample, (is_inferred, x, z) in enumerate(PERIODS):
             time_s = 10.0 * sample
             force = np.array([x == Reason.FIRED, 0.0, z == Reason.FIRED], dtype=np.float64)
-            told = {"force_asked_n": force, "reason": [x, Reason.SILENT, z]} if has_reasons else {}
-            writer.record(DEPUTY_CONTROL, time_s, force_body_n=force, force_hill_n=force, **told)
+            fields = {"force_asked_n": force, "reason": [x, Reason.SILENT, z]} if has_reasons else {}
+            writer.record(DEPUTY_CONTROL, time_s, force_body_n=force, force_hill_n=force, **fields)
             for system in controller.systems if is_inferred else ():
                 log_inference(writer, time_s, system, generator.uniform(*ends(system)))
     return path
@@ -149,7 +149,7 @@ def log_periods(path: Path, controller: FuzzyController, has_reasons: bool = Tru
 
 def test_inferences_count_whose_force_was_fired(tmp_path):
     path = log_periods(tmp_path / "a.mcap", PAPER_LIKE)
-    times = {one.system.name: one.time_s.tolist() for one in read_flight(path)}
+    times = {inferences.system.name: inferences.time_s.tolist() for inferences in read_flight(path)}
     assert times == {"force_x": [0.0, 10.0, 50.0], "force_z": [10.0]}
     for flown in read_flight(path, all_periods=True):
         assert flown.time_s.tolist() == [0.0, 10.0, 30.0, 50.0]
@@ -180,9 +180,9 @@ def test_each_period_tells_what_became_of_each_system(tmp_path):
 def test_points_are_read_as_they_are_at_a_time_and_told_with_the_inputs(tmp_path, run):
     """Three points on the axes; a cloud holds until the next, and what nobody asks is not told."""
     axes, parts = 10.0 * np.diag([1.0, 1.0, -1.0]), np.array([[30.0, 0.0, 40.0], [1.0, 2.0, 3.0]])
-    one = replace(PAPER_LIKE, systems=(FORCE_X,))
+    controller = replace(PAPER_LIKE, systems=(FORCE_X,))
     path, times, nothing = tmp_path / "x.mcap", np.array([0.0, 10.0, 20.0]), np.zeros((3, 3))
-    with writing(path, one, pulls={"distance": "m"}) as writer:
+    with writing(path, controller, pulls={"distance": "m"}) as writer:
         fired = np.full((3, 3), Reason.FIRED)
         missed = [1.0, np.nan, 0.0]
         writer.record(DEPUTY_CONTROL, times, force_hill_n=nothing + 1.0, reason=fired, coasting_missed=missed)
@@ -194,7 +194,9 @@ def test_points_are_read_as_they_are_at_a_time_and_told_with_the_inputs(tmp_path
     np.testing.assert_allclose(first.latitude_deg, [0.0, 0.0, -90.0], atol=1e-9)
     np.testing.assert_allclose(first.longitude_deg[:2], [0.0, 90.0], atol=1e-9)
     np.testing.assert_array_equal(third.dark_in_s, [40.0, 100.0, -15.0])
-    np.testing.assert_array_equal([one.parts["distance"] for one in (first, second, third)], parts[[0, 1, 1]])
+    np.testing.assert_array_equal(
+        [points.parts["distance"] for points in (first, second, third)], parts[[0, 1, 1]]
+    )
     assert first.is_missed.tolist() == [False, True, False]
     assert second.is_missed is None
     assert read_points(tmp_path / "table.csv", 0.0) is None

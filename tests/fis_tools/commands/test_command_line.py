@@ -31,23 +31,23 @@ def flight(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def places(tmp_path_factory, flight):
+def paths(tmp_path_factory, flight):
     """What words of a mistaken command stand for."""
     folder = tmp_path_factory.mktemp("places")
-    places = {"FLIGHT": flight, "FOLDER": folder, "PAPER/x.csv": folder / "PAPER.json" / "x.csv"}
-    places["TIPPER"] = TIPPER
-    places["SILENT"] = log_flight(folder / "silent.mcap", PAPER_LIKE, num_samples=0)
+    paths = {"FLIGHT": flight, "FOLDER": folder, "PAPER/x.csv": folder / "PAPER.json" / "x.csv"}
+    paths["TIPPER"] = TIPPER
+    paths["SILENT"] = log_flight(folder / "silent.mcap", PAPER_LIKE, num_samples=0)
     first, second = PAPER_LIKE.systems
     others = {"OTHER": replace(first, name="other"), "SWAPPED": replace(second, name="force_x")}
     for name, system in others.items():
-        places[name] = log_flight(folder / f"{name}.mcap", FuzzyController("other", (system,)))
+        paths[name] = log_flight(folder / f"{name}.mcap", FuzzyController("other", (system,)))
     alike = tuple(replace(first, name=name) for name in ("a b", "A/B"))
     written = {"PAPER": PAPER_LIKE, "GENERAL": GENERAL}
     written |= {"LESS": FuzzyController("less", (second,)), "ALIKE": FuzzyController("alike", alike)}
     for name, controller in written.items():
-        places[name] = folder / f"{name}.json"
-        places[name].write_text(dump_json(controller), encoding="utf-8")
-    return places
+        paths[name] = folder / f"{name}.json"
+        paths[name].write_text(dump_json(controller), encoding="utf-8")
+    return paths
 
 
 def test_show_reads_a_file_a_run_and_a_flight(tmp_path, paper, run, flight):
@@ -90,8 +90,8 @@ def test_a_dark_picture_is_dark_and_says_the_inputs(tmp_path, paper, run):
 
 
 def test_pictures_whose_names_come_to_the_same_do_not_replace_one_another(tmp_path, saved, run):
-    one, other = (replace(FORCE_X, name=name) for name in ("a/b", "A b"))
-    path = saved(FuzzyController("alike", (one, other)))
+    first, other = (replace(FORCE_X, name=name) for name in ("a/b", "A b"))
+    path = saved(FuzzyController("alike", (first, other)))
     printed = run("plot", path, "--only", "rules", "-o", tmp_path / "out").out
     assert [Path(line).name for line in printed.splitlines()] == ["a_b-rules.png", "A_b-rules-2.png"]
     assert len(list((tmp_path / "out").iterdir())) == 2
@@ -126,11 +126,11 @@ def test_export_writes_every_form(tmp_path, paper, run):
 
 def test_explain_tells_each_system_whose_inputs_are_given(paper, run):
     words = ("explain", paper, "--inputs", "distance=80, velocity_body_x=5e-2")
-    told = run(*words).out
-    assert told == explain(FORCE_X, {"distance": 80.0, "velocity_body_x": 0.05}).text()
+    printed = run(*words).out
+    assert printed == explain(FORCE_X, {"distance": 80.0, "velocity_body_x": 0.05}).text()
     crossing = run(*words, "--crossing", "-0.02", "--all").out
     assert "What would take force_x " in crossing
-    assert len(crossing.splitlines()) > len(told.splitlines())
+    assert len(crossing.splitlines()) > len(printed.splitlines())
     (plain,) = json.loads(run(*words, "--json").out)["explanations"]
     assert plain["inputs"] == {"distance": 80.0, "velocity_body_x": 0.05}
 
@@ -141,7 +141,7 @@ def test_explain_tells_the_share_of_each_rule_over_flights(tmp_path, paper, run)
     assert run("explain", paper, "--flights", *flights, "--system", "force_x").out == expected.text()
     assert "force_x over 4 inferences: " in run("explain", flights[0], "--all").out
     plain = json.loads(run("explain", flights[0], "--json").out)
-    assert [one["samples"] for one in plain["shares"]] == [4, 4]
+    assert [entry["samples"] for entry in plain["shares"]] == [4, 4]
     silent = log_flight(tmp_path / "silent.mcap", PAPER_LIKE, num_samples=0)
     assert "never fired anything" in run("explain", silent).out
 
@@ -225,9 +225,9 @@ def test_explain_takes_the_inputs_of_a_logged_flight(tmp_path, run, flight):
         (["firing", "a.mcap"], "firing is now part of `explain CONTROLLER"),
     ],
 )
-def test_a_mistake_writes_one_sentence_alone(places, refused, words, sentence, tmp_path, monkeypatch):
+def test_a_mistake_writes_one_sentence_alone(paths, refused, words, sentence, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    assert sentence in refused(*(places.get(word, word) for word in words))
+    assert sentence in refused(*(paths.get(word, word) for word in words))
     assert list(tmp_path.iterdir()) == []
 
 
@@ -250,8 +250,8 @@ def test_it_runs_as_a_module_without_an_output_and_into_a_closed_pipe(paper):
         assert process.stderr.read() == b""
     assert process.returncode == 0
     closed = " ".join([f'"{word}"' for word in command]) + " >&-"
-    told = subprocess.run(closed, shell=True, capture_output=True, check=False)  # noqa: S602
-    assert (told.returncode, told.stderr) == (0, b"")
+    piped = subprocess.run(closed, shell=True, capture_output=True, check=False)  # noqa: S602
+    assert (piped.returncode, piped.stderr) == (0, b"")
 
 
 def test_domain_tells_when_flights_left_it(tmp_path, run, refused, flight):
@@ -263,8 +263,8 @@ def test_domain_tells_when_flights_left_it(tmp_path, run, refused, flight):
     first = boxes[0]
     smaller = replace(first, high=(0.5 * (first.low[0] + first.high[0]), *first.high[1:]))
     path.write_text(json.dumps(as_mapping([smaller, *boxes[1:]])), encoding="utf-8")
-    told = run("domain", path, flight, code=1).out
-    assert f"{first.system} senses {first.inputs[0]} = {first.high[0]:.6g}" in told
+    printed = run("domain", path, flight, code=1).out
+    assert f"{first.system} senses {first.inputs[0]} = {first.high[0]:.6g}" in printed
     path.write_text(json.dumps(as_mapping(boxes[1:])), encoding="utf-8")
     assert "which the domain does not have" in refused("domain", path, flight)
 
@@ -311,14 +311,14 @@ def test_what_was_assumed_is_printed(tmp_path, run):
 
 
 def test_facts_of_several_files_are_put_together(tmp_path, saved, run, refused):
-    one = alone(FLAT)
+    flat = alone(FLAT)
     other = replace(alone(replace(NESTED, name="other")), provenance=(("made_by", "machine"),))
-    paths = [saved(one, "one.yaml"), saved(other, "other.yaml")]
+    paths = [saved(flat, "one.yaml"), saved(other, "other.yaml")]
     notes = run("import", *paths, "-o", tmp_path / "both.json").err
     assert "left out: the provenance made_by" in notes
     both = load(tmp_path / "both.json")
-    assert (both.name, both.attributes, both.provenance) == (one.name, one.attributes, ())
-    for path, controller in zip(paths, (one, other), strict=True):
+    assert (both.name, both.attributes, both.provenance) == (flat.name, flat.attributes, ())
+    for path, controller in zip(paths, (flat, other), strict=True):
         saved(replace(controller, purpose=f"It is {path.stem}."), path.name)
     assert "left out: the purpose, which differs" in run("import", *paths, "-o", tmp_path / "both.json").err
     saved(replace(other, attributes=(("axis", "y"),)), "other.yaml")

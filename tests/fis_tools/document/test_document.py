@@ -102,15 +102,15 @@ class Found(Result):
 
 
 def test_a_result_shows_itself_everywhere() -> None:
-    found = Found(Grade.GOOD, np.array([1.5]))
-    assert repr(found) == found.text() == "found <it>\n"
-    assert found._repr_markdown_() == "found \\<it>\n"
+    result = Found(Grade.GOOD, np.array([1.5]))
+    assert repr(result) == result.text() == "found <it>\n"
+    assert result._repr_markdown_() == "found \\<it>\n"
 
 
 def test_data_are_plain_and_say_their_schema() -> None:
-    found = Found(Grade.GOOD, np.array([1.5]), (Found(Grade.GOOD, np.array([])),))
+    result = Found(Grade.GOOD, np.array([1.5]), (Found(Grade.GOOD, np.array([])),))
     content = {"grade": "good", "values": [1.5], "parts": [{"grade": "good", "values": [], "parts": []}]}
-    assert document.plain(found) == content
+    assert document.plain(result) == content
     assert json.loads(document.as_json("s", 2, content)) == {"schema": "s", "schema_version": 2, **content}
     with pytest.raises(ValueError, match="JSON"):
         document.as_json("s", 2, {"value": float("nan")})

@@ -33,8 +33,8 @@ def full_table_system(
         num_inputs = int(generator.integers(2, 4))
     most_terms = 7 if num_inputs == 2 else 4
     inputs = tuple(
-        _gaussian_variable(generator, f"x{place}", int(generator.integers(3, most_terms + 1)), is_smooth)
-        for place in range(num_inputs)
+        _gaussian_variable(generator, f"x{index}", int(generator.integers(3, most_terms + 1)), is_smooth)
+        for index in range(num_inputs)
     )
     output = replace(
         _gaussian_variable(generator, "y", int(generator.integers(3, 8)), is_smooth),
@@ -55,8 +55,8 @@ def sparse_system(generator: np.random.Generator) -> FuzzySystem:
     for index in range(2, len(rules)):
         antecedent = rules[index].antecedent
         if isinstance(antecedent, And) and generator.random() < 0.5:
-            asked = antecedent.operands[int(generator.integers(len(antecedent.operands)))]
-            rules[index] = replace(rules[index], antecedent=asked)
+            chosen = antecedent.operands[int(generator.integers(len(antecedent.operands)))]
+            rules[index] = replace(rules[index], antecedent=chosen)
     return replace(system, rules=tuple(rules))
 
 
@@ -112,16 +112,16 @@ def random_general_system(generator: np.random.Generator, named: Callable[[str],
     """
     is_plain = generator.random() < 0.5
     inputs = tuple(
-        _any_variable(generator, f"x{place}", named) for place in range(int(generator.integers(1, 4)))
+        _any_variable(generator, f"x{index}", named) for index in range(int(generator.integers(1, 4)))
     )
     outputs = tuple(
         replace(
-            _any_variable(generator, f"y{place}", named),
+            _any_variable(generator, f"y{index}", named),
             default=float(generator.normal()),
             defuzzifier=None if is_plain else _maybe(generator, DEFUZZIFIERS),
             accumulation="max" if is_plain else _maybe(generator, ACCUMULATIONS) or "max",
         )
-        for place in range(int(generator.integers(1, 4)))
+        for index in range(int(generator.integers(1, 4)))
     )
     rules = tuple(_any_rule(generator, inputs, outputs) for _ in range(int(generator.integers(1, 9))))
     if is_plain:

@@ -138,11 +138,11 @@ def test_degrees_are_those_of_the_standard(hedge: str, quarter: float, most: flo
     assert not np.isnan(change(np.array([-1e-16, 1.0 + 1e-15]))).any()
 
 
-def assert_as_defined(found: np.ndarray, system: FuzzySystem, rows: np.ndarray) -> None:
+def assert_as_defined(outputs: np.ndarray, system: FuzzySystem, rows: np.ndarray) -> None:
     """The step-by-step inference gives the same, of a system without faults."""
     assert problems(system) == []
     with np.errstate(all="ignore"):
-        step_by_step.assert_near(found, step_by_step.evaluate(system, rows), system)
+        step_by_step.assert_near(outputs, step_by_step.evaluate(system, rows), system)
 
 
 def test_all_engines_agree_about_hedges_anywhere() -> None:
@@ -262,9 +262,9 @@ def test_endless_terms_have_no_bounds() -> None:
 def test_shares_of_rules_add_up_to_the_output(name: str) -> None:
     system = SYSTEMS[name]
     rows, compiled = samples(system), compile(system)
-    found = shares(compiled, rows)
-    assert not found.error.any()
-    np.testing.assert_allclose(found.values.sum(axis=1) + 0.25, compiled(rows), atol=1e-12)
+    outputs = shares(compiled, rows)
+    assert not outputs.error.any()
+    np.testing.assert_allclose(outputs.values.sum(axis=1) + 0.25, compiled(rows), atol=1e-12)
 
 
 @pytest.mark.parametrize("name", ["constant", "linear", "mixed"])

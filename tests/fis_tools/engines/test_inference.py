@@ -102,7 +102,7 @@ def test_columns_go_by_their_names(table: Any) -> None:
     assert abs(expected[0, 0] - tip(by_place[:, ::-1])[0, 0]) > 1.0
     np.testing.assert_array_equal(tip(table)["tip"], expected[:, 0])
     np.testing.assert_array_equal(tip.firing_strengths(table), tip.firing_strengths(by_place))
-    by_name, by_column = (step_by_step.evaluate(system(), one) for one in (table, by_place))
+    by_name, by_column = (step_by_step.evaluate(system(), columns) for columns in (table, by_place))
     np.testing.assert_array_equal(by_name, by_column)
     named = infer(system(), {"food": 8.0, "service": 1.0})
     np.testing.assert_array_equal(named.values, infer(system(), np.array([1.0, 8.0])).values)

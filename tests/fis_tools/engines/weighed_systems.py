@@ -14,19 +14,19 @@ from tests.fis_tools.step_by_step import ends
 def inputs(count: int = 2, num_points: int = 501) -> tuple[Variable, ...]:
     """Inputs with three terms each, of which no value belongs to none."""
     thirds = terms(low=Gaussian(0.0, 1.5), mid=Gaussian(5.0, 1.5), high=Gaussian(10.0, 1.5))
-    return tuple(Variable(f"x{place}", "", 0.0, 10.0, thirds, num_points) for place in range(count))
+    return tuple(Variable(f"x{index}", "", 0.0, 10.0, thirds, num_points) for index in range(count))
 
 
 def output(name: str, *shapes: MembershipFunction) -> Variable:
     """An output that is weighed, from -2 to 2."""
-    numbered = terms(**{f"{name}_{place}": shape for place, shape in enumerate(shapes)})
+    numbered = terms(**{f"{name}_{index}": shape for index, shape in enumerate(shapes)})
     return Variable(name, "", -2.0, 2.0, numbered, default=0.25, aggregation="unbounded_sum")
 
 
 def system(way: str, *shapes: MembershipFunction, and_operator: str = "product") -> FuzzySystem:
     """A full table of nine rules that conclude the terms in turn."""
     variables, y = inputs(), output("y", *shapes)
-    words = [y.terms[place % len(shapes)].name for place in range(9)]
+    words = [y.terms[index % len(shapes)].name for index in range(9)]
     return table_system("weighed", variables, y, words, and_operator=and_operator, defuzzifier=way)
 
 

@@ -24,7 +24,7 @@ ERROR = Variable("error", "deg", -10.0, 10.0, even_terms(FORCE_TERMS, -10.0, 10.
 RATE = Variable("rate", "deg/s", -2.0, 2.0, even_terms(FORCE_TERMS, -2.0, 2.0))
 TORQUE = Variable("torque", "N m", -1.0, 1.0, even_terms(FORCE_TERMS, -1.0, 1.0), default=0.0)
 TABLE = [FORCE_TERMS[min(4, max(0, 6 - error - rate))] for error, rate in product(range(5), range(5))]
-ALTERNATING = [("NL", "PL")[sum(divmod(place, 5)) % 2] for place in range(25)]
+ALTERNATING = [("NL", "PL")[sum(divmod(index, 5)) % 2] for index in range(25)]
 NOTE, WARNING, SERIOUS = Severity.NOTE, Severity.WARNING, Severity.SERIOUS
 
 
@@ -46,12 +46,12 @@ def changed(name: str, **functions: MembershipFunction) -> FuzzySystem:
     return with_variables(PD, change)
 
 
-def with_cell(place: int, term: str) -> FuzzySystem:
-    return pd_of([*TABLE[:place], term, *TABLE[place + 1 :]])
+def with_cell(index: int, term: str) -> FuzzySystem:
+    return pd_of([*TABLE[:index], term, *TABLE[index + 1 :]])
 
 
-def concluding(term: str, asked: And | Is | Not, output: str = "torque", weight: float = 1.0) -> Rule:
-    return Rule(asked, (Consequent(output, term, weight),))
+def concluding(term: str, antecedent: And | Is | Not, output: str = "torque", weight: float = 1.0) -> Rule:
+    return Rule(antecedent, (Consequent(output, term, weight),))
 
 
 def and_also(*rules: Rule) -> FuzzySystem:
@@ -150,8 +150,8 @@ def test_what_is_no_defect_is_not_found():
     ],
 )
 def test_the_numbers_behind_a_finding(system, kind, evidence):
-    found = the_one(system, kind).evidence
-    assert {name: found[name] for name in evidence} == pytest.approx(evidence, abs=1e-12)
+    numbers = the_one(system, kind).evidence
+    assert {name: numbers[name] for name in evidence} == pytest.approx(evidence, abs=1e-12)
 
 
 def test_a_gap_between_terms():
@@ -317,11 +317,11 @@ def test_names_are_read(words, ranks):
 def test_an_audit_is_told_as_text_and_as_data():
     system = changed("error", NS=Triangular(-5.2, -5.0, -4.8))
     result = audit(system, {"pd": spread_samples()})
-    told = text.write(result.document(), 90)
-    assert told.startswith("pd: ")
-    assert told.index("SERIOUS") < told.index("NOTE") < told.index("MEASURES")
-    assert all(len(line) <= 90 for line in told.splitlines())
-    assert "error has a gap" in told
+    text_of = text.write(result.document(), 90)
+    assert text_of.startswith("pd: ")
+    assert text_of.index("SERIOUS") < text_of.index("NOTE") < text_of.index("MEASURES")
+    assert all(len(line) <= 90 for line in text_of.splitlines())
+    assert "error has a gap" in text_of
     held = json.loads(as_json(SCHEMA, SCHEMA_VERSION, result.plain()))
     assert (held["schema"], held["schema_version"]) == ("fuzzy-audit", 2)
     assert sum(held["summary"].values()) == len(held["findings"])
@@ -339,7 +339,7 @@ def test_every_kind_of_system_is_audited():
 
 def test_the_command_prints_and_sets_the_exit_status(tmp_path, paper, run):
     flight = log_flight(tmp_path / "a.mcap", PAPER_LIKE, num_samples=12)
-    for words, code, told in (
+    for words, code, words_expected in (
         ([paper], 0, "no logs"),
         ([flight], 0, "24 logged inferences"),
         ([paper, "--flights", flight, "--fail-on", "note"], 1, "input-clipped"),
@@ -347,5 +347,5 @@ def test_the_command_prints_and_sets_the_exit_status(tmp_path, paper, run):
         ([paper, "--fail-on", "serious", "--json"], 0, '"controller": "paper-like"'),
     ):
         printed = run("audit", *words, code=code).out
-        assert told in printed
+        assert words_expected in printed
     assert json.loads(printed)["controller"] == "paper-like"

@@ -31,18 +31,18 @@ _FIRST = replace(FORCE_X.rules[0], consequents=FORCE_X.rules[-1].consequents)
 ONE_CELL = replace(FORCE_X, rules=(_FIRST, *FORCE_X.rules[1:]))
 
 
-def _only(found: Difference) -> SystemDifference:
-    (system,) = found.systems
+def _only(changes: Difference) -> SystemDifference:
+    (system,) = changes.systems
     return system
 
 
 def test_a_controller_differs_in_nothing_from_itself():
     for controller in (PAPER_LIKE, GENERAL):
-        found = difference(controller, controller)
-        assert found.is_empty
-        assert all(change.largest == 0.0 for system in found.systems for change in system.outputs)
-        assert "Nothing changed." in found.text()
-        assert "Nothing changed." in found.html()
+        changes = difference(controller, controller)
+        assert changes.is_empty
+        assert all(change.largest == 0.0 for system in changes.systems for change in system.outputs)
+        assert "Nothing changed." in changes.text()
+        assert "Nothing changed." in changes.html()
 
 
 @pytest.mark.parametrize(
@@ -56,22 +56,22 @@ def test_a_controller_differs_in_nothing_from_itself():
     ],
 )
 def test_what_a_controller_says_besides_its_systems_is_compared(change, fact):
-    found = difference(PAPER_LIKE, replace(PAPER_LIKE, **change))
-    assert [(one.what, one.before, one.after) for one in found.facts] == [fact]
-    assert not found.is_empty
+    changes = difference(PAPER_LIKE, replace(PAPER_LIKE, **change))
+    assert [(fact.what, fact.before, fact.after) for fact in changes.facts] == [fact]
+    assert not changes.is_empty
 
 
 def test_a_moved_term_is_told_in_units_and_as_a_share():
-    told = difference(FORCE_X, _with_near(membership=Gaussian(58.0, 25.0)))
-    found = _only(told)
-    (variable,) = found.variables
+    result = difference(FORCE_X, _with_near(membership=Gaussian(58.0, 25.0)))
+    changes = _only(result)
+    (variable,) = changes.variables
     (term,) = variable.terms
     assert (variable.kind, variable.present.name, variable.facts) == ("input", "distance", ())
     assert term.moved == pytest.approx(8.0)
     assert term.share == pytest.approx(8.0 / 200.0)
-    assert not found.rules
-    assert found.outputs[0].largest > 0.0
-    assert re.search(r"near +mean 50 → 58 +moved by 8 m \(4 %\)", told.text())
+    assert not changes.rules
+    assert changes.outputs[0].largest > 0.0
+    assert re.search(r"near +mean 50 → 58 +moved by 8 m \(4 %\)", result.text())
 
 
 def test_the_likeness_of_two_shifted_triangles_is_known():
@@ -88,7 +88,7 @@ def test_the_likeness_of_two_shifted_triangles_is_known():
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "sentence"),
     [
         ({"unit": "km"}, ("unit", "m", "km")),
         ({"maximum": 250.0}, ("range", "0 to 200", "0 to 250")),
@@ -97,23 +97,23 @@ def test_the_likeness_of_two_shifted_triangles_is_known():
         ({"description": "How far."}, ("description", "From the chief.", "How far.")),
     ],
 )
-def test_what_a_variable_says_of_itself_is_compared(change, told):
+def test_what_a_variable_says_of_itself_is_compared(change, sentence):
     (variable,) = _only(difference(FORCE_X, with_input(FORCE_X, **change))).variables
-    assert [(fact.what, fact.before, fact.after) for fact in variable.facts] == [told]
+    assert [(fact.what, fact.before, fact.after) for fact in variable.facts] == [sentence]
 
 
 def test_digits_that_nobody_reads_are_told_only_alone():
-    def told(mean, standard_deviation):
+    def text_with(mean, standard_deviation):
         return difference(FORCE_X, _with_near(membership=Gaussian(mean, standard_deviation))).text()
 
-    assert re.search(rf"mean 50.0 → {50.0 + 1e-9!r} +stays", told(50.0 + 1e-9, 25.0))
-    assert "near  standard deviation" in told(50.0 + 1e-9, 26.0)
+    assert re.search(rf"mean 50.0 → {50.0 + 1e-9!r} +stays", text_with(50.0 + 1e-9, 25.0))
+    assert "near  standard deviation" in text_with(50.0 + 1e-9, 26.0)
 
 
 def test_only_a_table_has_points_for_what_did_not_change():
-    found = difference(FORCE_X, ONE_CELL)
-    assert re.search(r"\n +very near +PL → ZE +·", found.text())
-    narrow = text.write(found.document(), 20)
+    changes = difference(FORCE_X, ONE_CELL)
+    assert re.search(r"\n +very near +PL → ZE +·", changes.text())
+    narrow = text.write(changes.document(), 20)
     assert re.search(r"\n +very near +away fast +PL → ZE\n", narrow)
     assert "·" not in narrow
 
@@ -121,32 +121,32 @@ def test_only_a_table_has_points_for_what_did_not_change():
 def test_operators_defaults_and_the_order_of_inputs_are_compared():
     output = replace(FORCE_X.outputs[0], default=0.01)
     changed = replace(FORCE_X, and_operator="product", defuzzifier="bisector", outputs=(output,))
-    found = _only(difference(FORCE_X, replace(changed, inputs=FORCE_X.inputs[::-1])))
-    assert [fact.what for fact in found.facts] == ["and operator", "defuzzifier", "order of inputs"]
-    assert [fact.what for fact in found.variables[0].facts] == ["default"]
+    changes = _only(difference(FORCE_X, replace(changed, inputs=FORCE_X.inputs[::-1])))
+    assert [fact.what for fact in changes.facts] == ["and operator", "defuzzifier", "order of inputs"]
+    assert [fact.what for fact in changes.variables[0].facts] == ["default"]
 
 
 def test_the_order_of_inputs_and_of_statements_changes_no_output():
     rules = [replace(rule, antecedent=And(rule.antecedent.operands[::-1])) for rule in FORCE_X.rules[::-1]]
-    found = _only(difference(FORCE_X, replace(FORCE_X, inputs=FORCE_X.inputs[::-1], rules=tuple(rules))))
-    assert not found.rules
-    assert not found.variables
-    assert found.outputs[0].largest < 1e-12
-    told = difference(FORCE_X, replace(FORCE_X, rules=tuple(rules))).text()
-    assert "Only the order of rules" in told
-    assert "Nothing changed." not in told
+    changes = _only(difference(FORCE_X, replace(FORCE_X, inputs=FORCE_X.inputs[::-1], rules=tuple(rules))))
+    assert not changes.rules
+    assert not changes.variables
+    assert changes.outputs[0].largest < 1e-12
+    text_of = difference(FORCE_X, replace(FORCE_X, rules=tuple(rules))).text()
+    assert "Only the order of rules" in text_of
+    assert "Nothing changed." not in text_of
 
 
 def test_a_renamed_term_takes_its_rules_along():
     inputs = _with_near(name="close by").inputs
     table = [rule.consequents[0].term for rule in FORCE_X.rules]
     changed = replace(FORCE_X, inputs=inputs, rules=table_rules(inputs, FORCE_X.outputs[0], table))
-    told = difference(FORCE_X, changed)
-    (term,) = _only(told).variables[0].terms
+    result = difference(FORCE_X, changed)
+    (term,) = _only(result).variables[0].terms
     assert term.similarity == 1.0
-    assert not _only(told).rules
-    assert _only(told).outputs[0].largest == 0.0
-    assert "near → close by" in told.text()
+    assert not _only(result).rules
+    assert _only(result).outputs[0].largest == 0.0
+    assert "near → close by" in result.text()
 
 
 def test_terms_that_are_not_alike_are_added_and_removed():
@@ -164,14 +164,14 @@ def test_terms_that_are_not_alike_are_added_and_removed():
 def test_changed_cells_of_a_table_are_told():
     rules = list(FORCE_Z.rules)
     rules[7] = replace(rules[7], consequents=(Consequent("force_z", "NL"),))
-    found = difference(FORCE_Z, replace(FORCE_Z, rules=tuple(rules)))
-    (change,) = _only(found).rules
+    changes = difference(FORCE_Z, replace(FORCE_Z, rules=tuple(rules)))
+    (change,) = _only(changes).rules
     assert change.number == 8
     assert change.before == FORCE_Z.rules[7]
-    assert "1 of 45 rules changed" in found.text()
-    assert f"{FORCE_Z.rules[7].consequents[0].term} → NL" in found.text()
-    assert found.text().count("Where eta_u is") == 1
-    assert found.html().count('<td class="changed">') == 1
+    assert "1 of 45 rules changed" in changes.text()
+    assert f"{FORCE_Z.rules[7].consequents[0].term} → NL" in changes.text()
+    assert changes.text().count("Where eta_u is") == 1
+    assert changes.html().count('<td class="changed">') == 1
 
 
 def test_rules_are_added_removed_and_weighted():
@@ -179,11 +179,11 @@ def test_rules_are_added_removed_and_weighted():
     low, opened = second.consequents
     weighted = replace(second, consequents=(replace(low, weight=0.5), opened))
     extra = Rule(Is("wind", "calm"), (Consequent("vent", "open"),))
-    found = difference(ROOM, replace(ROOM, rules=(weighted, extra)))
-    states = [(c.before is not None, c.after is not None, c.number) for c in _only(found).rules]
+    changes = difference(ROOM, replace(ROOM, rules=(weighted, extra)))
+    states = [(c.before is not None, c.after is not None, c.number) for c in _only(changes).rules]
     assert states == [(True, True, 1), (False, True, 2), (True, False, 1)]
-    assert "heat is low (weight 0.5)" in found.text()
-    assert re.search(rf"\n +1\. +\[{first.label}\] .*  none\n", found.text())
+    assert "heat is low (weight 0.5)" in changes.text()
+    assert re.search(rf"\n +1\. +\[{first.label}\] .*  none\n", changes.text())
     unlabelled = replace(ROOM, rules=(replace(first, label=""), second))
     assert len(_only(difference(ROOM, unlabelled)).rules) == 1
 
@@ -215,10 +215,10 @@ def test_systems_and_variables_come_and_go():
     assert [s.after is None for s in difference(PAPER_LIKE, less).systems] == [False, True]
     assert "force_z\n  Removed; it had 45 rules" in difference(PAPER_LIKE, less).text()
     assert "force_z\n  Added; 45 rules" in difference(less, PAPER_LIKE).text()
-    found = _only(difference(FORCE_Z, FORCE_X))
-    come_or_gone = {(c.present.name, c.before is None) for c in found.variables}
+    changes = _only(difference(FORCE_Z, FORCE_X))
+    come_or_gone = {(c.present.name, c.before is None) for c in changes.variables}
     assert come_or_gone >= {("eta_u", False), ("force_x", True)}
-    assert found.outputs == ()
+    assert changes.outputs == ()
 
 
 @pytest.mark.slow
@@ -228,8 +228,8 @@ def test_the_page_is_whole_by_itself_and_trusts_no_name():
     after = replace(PAPER_LIKE, name="<b>&", systems=(changed, PAPER_LIKE.systems[1]))
     page = difference(PAPER_LIKE, after).html()
     check_policy(page)
-    found = Page(page)
-    loading = [value for name in ("src", "srcset", "href") for value in found.values(name)]
+    markup = Page(page)
+    loading = [value for name in ("src", "srcset", "href") for value in markup.values(name)]
     assert all(value.startswith("data:image/png;base64,") for value in loading)
     assert "<script>" not in page
     assert "&lt;script&gt;&amp;" in page

@@ -33,10 +33,10 @@ def flown(system: FuzzySystem, num_samples: int = 120) -> np.ndarray:
     return spiral
 
 
-def departures(found: SimplifiedSystem, samples: np.ndarray) -> np.ndarray:
+def departures(result: SimplifiedSystem, samples: np.ndarray) -> np.ndarray:
     """How far scikit-fuzzy's outputs part, as shares of the ranges, (n, num_outputs)."""
-    before, after = (by_scikit_fuzzy(system, samples) for system in (found.original, found.simplified))
-    spans = [variable.maximum - variable.minimum for variable in found.original.outputs]
+    before, after = (by_scikit_fuzzy(system, samples) for system in (result.original, result.simplified))
+    spans = [variable.maximum - variable.minimum for variable in result.original.outputs]
     parted: np.ndarray = np.abs(after - before) / spans
     return parted
 
@@ -47,8 +47,8 @@ def with_dead_rule() -> FuzzySystem:
     never = Term("never", Trapezoidal(300.0, 310.0, 320.0, 330.0))
     spare = Term("spare", Triangular(0.0, 100.0, 200.0))
     distance = replace(distance, terms=(*distance.terms, never, spare))
-    asked = And((Is("distance", "never"), Is("velocity_body_x", velocity.terms[0].name)))
-    rule = Rule(asked, (Consequent("force_x", "PL"),))
+    antecedent = And((Is("distance", "never"), Is("velocity_body_x", velocity.terms[0].name)))
+    rule = Rule(antecedent, (Consequent("force_x", "PL"),))
     return replace(FORCE_X, inputs=(distance, velocity), rules=(rule, *FORCE_X.rules))
 
 
@@ -80,15 +80,15 @@ CASES = {
 def test_scikit_fuzzy_finds_the_change_as_told_and_within_the_budget(name, budget):
     system = CASES[name]
     samples = flown(system, 60)
-    found = simplify(system, {system.name: samples}, budget).systems[0]
-    parted = departures(found, samples)
-    told = found.changes["flights"]
-    np.testing.assert_allclose(parted.max(axis=0), told.largest, rtol=0, atol=1e-12)
-    np.testing.assert_allclose(parted.mean(axis=0), told.mean, rtol=0, atol=1e-12)
+    result = simplify(system, {system.name: samples}, budget).systems[0]
+    parted = departures(result, samples)
+    reported = result.changes["flights"]
+    np.testing.assert_allclose(parted.max(axis=0), reported.largest, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(parted.mean(axis=0), reported.mean, rtol=0, atol=1e-12)
     assert parted.max() <= budget.max_change + 1e-12
     assert parted.mean(axis=0).max() <= budget.mean_change + 1e-12
-    assert controller_problems(FuzzyController("c", (found.simplified,))) == []
-    for step in found.steps:
+    assert controller_problems(FuzzyController("c", (result.simplified,))) == []
+    for step in result.steps:
         assert step.changes["flights"].cost(budget) <= 1.0
 
 
@@ -97,35 +97,37 @@ def test_the_budget_holds_over_the_ranges_unless_it_is_for_flights_only():
     box = spread_inputs(FORCE_X)[::64]
     budget = Budget(0.15, 0.02)
     for samples in ({}, {FORCE_X.name: flown(FORCE_X)}):
-        found = simplify(FORCE_X, samples, budget).systems[0]
-        assert len(found.simplified.rules) < len(FORCE_X.rules)
-        assert departures(found, box).max() <= 0.15 + 1e-12
-        assert found.changes["ranges"].largest[0] <= 0.15
+        result = simplify(FORCE_X, samples, budget).systems[0]
+        assert len(result.simplified.rules) < len(FORCE_X.rules)
+        assert departures(result, box).max() <= 0.15 + 1e-12
+        assert result.changes["ranges"].largest[0] <= 0.15
     few = {FORCE_X.name: flown(FORCE_X)[:20]}
     (alone,) = simplify(FORCE_X, few, replace(budget, flights_only=True)).systems
     assert alone.changes["ranges"].largest[0] > 0.15
-    assert len(alone.simplified.rules) < len(found.simplified.rules)
+    assert len(alone.simplified.rules) < len(result.simplified.rules)
 
 
 @pytest.mark.slow
 def test_dead_rules_and_unused_terms_go_for_nothing():
-    found = simplify(with_dead_rule(), budget=EXACTLY).systems[0]
-    assert found.steps[0].sentence == "drop spare of distance, which no rule uses"
-    dropped = [number for step in found.steps for number in step.rules]
+    result = simplify(with_dead_rule(), budget=EXACTLY).systems[0]
+    assert result.steps[0].sentence == "drop spare of distance, which no rule uses"
+    dropped = [number for step in result.steps for number in step.rules]
     assert 1 in dropped
-    names = [term.name for term in found.simplified.inputs[0].terms]
+    names = [term.name for term in result.simplified.inputs[0].terms]
     assert "spare" not in names
     assert "never" not in names
-    assert "never of distance goes with it" in " ".join(step.sentence for step in found.steps)
-    np.testing.assert_allclose(departures(found, spread_inputs(found.original, 100)), 0.0, rtol=0, atol=1e-12)
+    assert "never of distance goes with it" in " ".join(step.sentence for step in result.steps)
+    np.testing.assert_allclose(
+        departures(result, spread_inputs(result.original, 100)), 0.0, rtol=0, atol=1e-12
+    )
 
 
 @pytest.mark.slow
 def test_nothing_that_changes_anything_goes_for_nothing():
     """Each rule of the force system decides somewhere, and each digit counts."""
-    found = simplify(PAPER_LIKE, budget=EXACTLY)
-    assert [len(s.simplified.rules) for s in found.systems] == [25, 45]
-    for system in found.systems:
+    result = simplify(PAPER_LIKE, budget=EXACTLY)
+    assert [len(s.simplified.rules) for s in result.systems] == [25, 45]
+    for system in result.systems:
         assert system.changes["ranges"].largest[0] <= 1e-12
 
 
@@ -136,14 +138,14 @@ def merged_once():
 
 @pytest.mark.slow
 def test_look_alike_terms_become_one(merged_once):
-    found = merged_once
-    merges = [step for step in found.steps if step.kind == "merge"]
+    result = merged_once
+    merges = [step for step in result.steps if step.kind == "merge"]
     assert len(merges) == 1
     assert "medium" in merges[0].sentence
     assert "middle" in merges[0].sentence
-    assert sum(len(step.rules) for step in found.steps) == 5
-    assert len(found.simplified.rules) == 25
-    assert len(found.simplified.inputs[0].terms) == 5
+    assert sum(len(step.rules) for step in result.steps) == 5
+    assert len(result.simplified.rules) == 25
+    assert len(result.simplified.inputs[0].terms) == 5
     likeness = Budget(0.03, 0.005, look_alike=0.99)
     steps = simplify(with_look_alike(), budget=likeness).systems[0].steps
     assert all(step.kind != "merge" for step in steps)
@@ -154,8 +156,8 @@ def test_a_merger_keeps_the_rival_that_matters_more_and_says_nothing_twice():
     merger = Merger("distance", "very near", "near", shape, False, 0.8)
     importance = np.ones(25)
     importance[7] = 2.0
-    simpler, places = merged(FORCE_X, merger, importance)
-    assert sorted(places) == [0, 1, 3, 4, 7, *range(10, 25)]
+    simpler, kept = merged(FORCE_X, merger, importance)
+    assert sorted(kept) == [0, 1, 3, 4, 7, *range(10, 25)]
     very_near_and_still = And((Is("distance", "very near"), Is("velocity_body_x", "still")))
     (rule,) = (rule for rule in simpler.rules if rule.antecedent == very_near_and_still)
     assert rule.consequents == FORCE_X.rules[7].consequents
@@ -169,10 +171,10 @@ def test_a_merger_keeps_the_rival_that_matters_more_and_says_nothing_twice():
 
 def test_numbers_are_rounded_to_what_a_person_says():
     """Digits count from the range: of 200 m, two are tens; of 0.0694 N, one is hundredths."""
-    places = terms(near=Gaussian(40.017, 20.3), end=Gaussian(200.4, 4.9))
+    shapes = terms(near=Gaussian(40.017, 20.3), end=Gaussian(200.4, 4.9))
     forces = terms(zero=Gaussian(2e-7, 0.0018), high=Gaussian(0.0694, 0.021))
     output = replace(sample_controllers.force(), minimum=-0.0694, maximum=0.0694, terms=forces)
-    distance = Variable("distance", "m", 0.0, 200.4, places)
+    distance = Variable("distance", "m", 0.0, 200.4, shapes)
     rules = (Rule(Is("distance", "near"), (Consequent("force_x", "zero"),)),)
     system = FuzzySystem("s", (distance,), (output,), rules)
     two = rounded(system, dict.fromkeys(units(system), 2))
@@ -180,9 +182,9 @@ def test_numbers_are_rounded_to_what_a_person_says():
     assert [term.membership for term in two.inputs[0].terms] == [Gaussian(40.0, 20.0), Gaussian(200.0, 5.0)]
     assert (two.outputs[0].minimum, two.outputs[0].maximum) == (-0.069, 0.069)
     assert [t.membership for t in two.outputs[0].terms] == [Gaussian(0.0, 0.002), Gaussian(0.069, 0.021)]
-    one = rounded(system, dict.fromkeys(units(system), 1))
-    assert one.outputs[0].maximum == 0.07
-    assert [t.membership for t in one.outputs[0].terms] == [Gaussian(0.0, 0.002), Gaussian(0.07, 0.02)]
+    simpler = rounded(system, dict.fromkeys(units(system), 1))
+    assert simpler.outputs[0].maximum == 0.07
+    assert [t.membership for t in simpler.outputs[0].terms] == [Gaussian(0.0, 0.002), Gaussian(0.07, 0.02)]
 
 
 @pytest.mark.parametrize("digits", [1, 2, 3])
@@ -201,13 +203,13 @@ def test_rounded_terms_stay_whole_and_in_order(name, digits):
 def test_a_champion_stays_one_that_flies_and_is_the_same_each_time():
     champion = load(SHIPPED["paper_champion"])
     samples = {system.name: flown(system) for system in champion.systems}
-    found = simplify(champion, samples)
+    result = simplify(champion, samples)
     again = simplify(champion.systems[2], {"force_z": samples["force_z"]})
-    assert again.systems[0] == found.systems[2]
-    assert sum(len(s.rules) for s in found.controller.systems) < 60
-    pack(*found.controller.systems)
-    assert found.controller.attributes == champion.attributes
-    facts = dict(found.controller.provenance)
+    assert again.systems[0] == result.systems[2]
+    assert sum(len(s.rules) for s in result.controller.systems) < 60
+    pack(*result.controller.systems)
+    assert result.controller.attributes == champion.attributes
+    facts = dict(result.controller.provenance)
     assert facts["simplified_from"] == "paper_champion"
     for words in (
         "5 % of an output's range at most and 1 % on",
@@ -216,8 +218,8 @@ def test_a_champion_stays_one_that_flies_and_is_the_same_each_time():
     ):
         assert words in facts["simplified_within"]
     assert facts["trained_by"] == dict(champion.provenance)["trained_by"]
-    assert loads(dump_yaml(found.controller), "yaml") == found.controller
-    for system, simpler in zip(champion.systems, found.controller.systems, strict=True):
+    assert loads(dump_yaml(result.controller), "yaml") == result.controller
+    for system, simpler in zip(champion.systems, result.controller.systems, strict=True):
         assert [v.num_points for v in simpler.inputs] == [v.num_points for v in system.inputs]
 
 
@@ -232,24 +234,24 @@ def test_what_is_simple_stays_as_it_is(merged_once):
 
 def test_an_output_keeps_a_rule_however_large_the_budget():
     for system in (FORCE_X, ROOM):
-        found = simplify(system, budget=Budget(1.0, 1.0)).systems[0].simplified
-        concluded = {consequent.variable for rule in found.rules for consequent in rule.consequents}
+        result = simplify(system, budget=Budget(1.0, 1.0)).systems[0].simplified
+        concluded = {consequent.variable for rule in result.rules for consequent in rule.consequents}
         assert concluded == {variable.name for variable in system.outputs}
 
 
 def test_the_steps_are_told():
-    told: list[str] = []
-    found = simplify(with_dead_rule(), budget=Budget(), progress=told.append)
-    lines = found.text().splitlines()
+    reports: list[str] = []
+    result = simplify(with_dead_rule(), budget=Budget(), progress=reports.append)
+    lines = result.text().splitlines()
     assert lines[0].startswith("force_x: 26 rules to ")
     assert any("on average at 4,096 points over the ranges" in line for line in lines)
     columns = "rules terms max, ranges mean, ranges step"
     heads = [" ".join(line.split()) for line in lines].index(columns)
-    assert len(lines) == heads + 2 + len(found.systems[0].steps)
-    assert told[0] == f"force_x: 26 rules, {len(sample_controllers.FORCE_TERMS) * 3 + 2} terms"
-    plain = json.loads(json.dumps(found.plain(), allow_nan=False))
-    assert plain["systems"][0]["rules"] == [26, len(found.systems[0].simplified.rules)]
-    assert "| rules | terms |" in found._repr_markdown_()
+    assert len(lines) == heads + 2 + len(result.systems[0].steps)
+    assert reports[0] == f"force_x: 26 rules, {len(sample_controllers.FORCE_TERMS) * 3 + 2} terms"
+    plain = json.loads(json.dumps(result.plain(), allow_nan=False))
+    assert plain["systems"][0]["rules"] == [26, len(result.systems[0].simplified.rules)]
+    assert "| rules | terms |" in result._repr_markdown_()
 
 
 @pytest.mark.parametrize(
@@ -310,13 +312,13 @@ def with_idle_input() -> FuzzySystem:
 @pytest.mark.slow
 def test_an_input_along_which_rules_are_the_same_is_left_out():
     system, budget = with_idle_input(), Budget(0.2, 0.05)
-    (found,) = simplify(system, budget=budget).systems
-    step = found.steps[0]
+    (result,) = simplify(system, budget=budget).systems
+    step = result.steps[0]
     assert (step.kind, step.num_rules) == ("input", len(system.rules) // 3)
     assert step.sentence.startswith("leave out idle, as though it always were ")
-    assert [variable.name for variable in found.simplified.inputs] == [v.name for v in system.inputs[:2]]
+    assert [variable.name for variable in result.simplified.inputs] == [v.name for v in system.inputs[:2]]
     samples = spread_inputs(system, 80)
-    before, after = by_scikit_fuzzy(system, samples), by_scikit_fuzzy(found.simplified, samples[:, :2])
+    before, after = by_scikit_fuzzy(system, samples), by_scikit_fuzzy(result.simplified, samples[:, :2])
     assert np.abs(after - before).max() <= 1.1 * budget.max_change * 2.0 * system.outputs[0].maximum
     assert not any(step.kind == "input" for step in simplify(system, budget=EXACTLY).systems[0].steps)
 

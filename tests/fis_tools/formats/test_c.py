@@ -166,8 +166,8 @@ def test_it_reads_like_the_controller():
     text = source.write(PAPER_LIKE)
     words = " ".join(re.sub(r"\s*\n\s*\* ?", " ", text).split())
     for system in PAPER_LIKE.systems:
-        for place, rule in enumerate(system.rules, start=1):
-            assert f"Rule {place}: {sentence(rule)}." in words
+        for number, rule in enumerate(system.rules, start=1):
+            assert f"Rule {number}: {sentence(rule)}." in words
         assert f"double infer_{system.name}(const double inputs[{len(system.inputs)}]);" in text
     assert "force_axes: body" in words
     assert "paper: AAS 25-727" in words
@@ -204,7 +204,7 @@ def stepped(path: Path, system: FuzzySystem, rows: np.ndarray) -> np.ndarray:
     # each row stands from its second to the next: a step, and not a line, leads from one to another
     times = np.repeat(np.arange(len(rows) + 1.0), 2)[1:-1]
     held = [(time, *row) for time, row in zip(times, np.repeat(rows, 2, axis=0), strict=True)]
-    found = simulate_fmu(
+    simulated = simulate_fmu(
         str(path),
         stop_time=float(len(rows)),
         output_interval=1.0,
@@ -212,7 +212,7 @@ def stepped(path: Path, system: FuzzySystem, rows: np.ndarray) -> np.ndarray:
         output=[variable.name for variable in system.outputs],
         fmi_type="CoSimulation",
     )
-    return np.stack([found[variable.name] for variable in system.outputs], axis=1)[1:]
+    return np.stack([simulated[variable.name] for variable in system.outputs], axis=1)[1:]
 
 
 @pytest.mark.parametrize("name", ["tipper", "mixed"])

@@ -70,9 +70,9 @@ def test_ways_of_its_own_are_said_where_they_count() -> None:
         "and: product, or: probabilistic_sum, defuzzifier: bisector, heat by mom, "
         "vent accumulated by einstein_sum"
     )
-    told = text.explain(infer(system, np.array([12.0, 1.0])))
-    assert "the mean of the highest points of these terms" in told
-    assert "the bisector of the area of these terms" in told
+    lines = text.explain(infer(system, np.array([12.0, 1.0])))
+    assert "the mean of the highest points of these terms" in lines
+    assert "the bisector of the area of these terms" in lines
 
 
 @pytest.mark.parametrize(
@@ -121,28 +121,28 @@ def test_a_description_shows_terms_tables_and_defaults() -> None:
 
 
 def test_an_inference_is_explained_step_by_step() -> None:
-    told = text.explain(infer(FORCE_X, np.array([230.0, 0.1])))
-    assert "distance = 230 m, taken as 200 m, the end of its range" in told
-    assert "very far  1.00  ████████████████████" in told
-    assert "rule 24: If distance is very far and velocity_body_x is towards then force_x is PS" in told
-    assert told.index("rule 24:") < told.index("rule 23:")
+    lines = text.explain(infer(FORCE_X, np.array([230.0, 0.1])))
+    assert "distance = 230 m, taken as 200 m, the end of its range" in lines
+    assert "very far  1.00  ████████████████████" in lines
+    assert "rule 24: If distance is very far and velocity_body_x is towards then force_x is PS" in lines
+    assert lines.index("rule 24:") < lines.index("rule 23:")
     value = infer(FORCE_X, np.array([230.0, 0.1])).values[0]
-    assert f"force_x = {value:.6g} N, the centre of area" in told
+    assert f"force_x = {value:.6g} N, the centre of area" in lines
 
 
 def test_an_inference_in_which_nothing_fires_is_explained() -> None:
-    told = text.explain(infer(replace(ROOM, rules=ROOM.rules[1:]), np.array([0.0, 16.0])))
-    assert "no rule fires" in told
-    assert "      none" in told
-    assert "heat = 0.5 kW, its default" in told
+    lines = text.explain(infer(replace(ROOM, rules=ROOM.rules[1:]), np.array([0.0, 16.0])))
+    assert "no rule fires" in lines
+    assert "      none" in lines
+    assert "heat = 0.5 kW, its default" in lines
 
 
 def test_csv_has_a_row_for_each_rule_and_consequent() -> None:
     rows = list(csv.DictReader(io.StringIO(csv_format.write(PAPER_LIKE))))
     assert len(rows) == 25 + 45
     row = rows[3 * 5 + 4]
-    told = {"system": "force_x", "rule": "20", "distance": "far", "velocity_body_x": "towards fast"}
-    assert told.items() <= row.items()
+    expected = {"system": "force_x", "rule": "20", "distance": "far", "velocity_body_x": "towards fast"}
+    assert expected.items() <= row.items()
     assert (row["term"], row["eta_u"]) == ("NS", "")
     general = list(csv.DictReader(io.StringIO(csv_format.write(GENERAL))))
     concluded = [" ".join((row["output"], row["term"], row["weight"])) for row in general]
@@ -217,9 +217,9 @@ SLIP = ("negative_large, negative_small, zero, ", "negative_large, negative_smal
 
 
 def test_every_shipped_champion_is_the_one_its_provenance_tells_of() -> None:
-    told = list(map(serialize.load, [path for name, path in SHIPPED.items() if "champion" in name]))
-    assert len(told) > 7
-    for controller in told:
+    champions = list(map(serialize.load, [path for name, path in SHIPPED.items() if "champion" in name]))
+    assert len(champions) > 7
+    for controller in champions:
         assert dict(controller.provenance)["controller_hash"] == serialize.content_hash(controller)
         assert serialize.edited(controller) is None
 
@@ -240,7 +240,7 @@ def test_a_controller_edited_by_hand_says_so(change) -> None:
     controller = serialize.loads(text.replace(*change, 1), "yaml")
     assert serialize.edited(controller) == words
     assert serialize.edited(serialize.loads(serialize.dump_json(controller), "json")) == words
-    (finding,) = [found for found in audit(controller).findings if found.id == "edited"]
+    (finding,) = [edited for edited in audit(controller).findings if edited.id == "edited"]
     assert finding.sentence == f"champion_27 was edited {words}."
 
 
@@ -269,16 +269,18 @@ def test_what_was_simplified_is_told_apart_from_what_a_hand_did() -> None:
 
 
 def test_a_slip_in_a_symmetric_table_is_found() -> None:
-    def found(text: str) -> list[tuple[int, ...]]:
+    def asymmetric_cells(text: str) -> list[tuple[int, ...]]:
         report = audit(serialize.loads(text, "yaml"))
         return [finding.rules for finding in report.findings if finding.id == "broken-symmetry"]
 
     text = CHAMPION.read_text()
-    assert found(text) == []
-    assert found(text.replace(*SLIP, 1)) == [(3, 7)]
+    assert asymmetric_cells(text) == []
+    assert asymmetric_cells(text.replace(*SLIP, 1)) == [(3, 7)]
     # the middle of an odd table is its own mirror
     middle = "negative_small, zero,           positive_small,  # aim_r"
-    assert found(text.replace(middle, middle.replace("zero,          ", "positive_small,"), 1)) == [(5,)]
+    assert asymmetric_cells(
+        text.replace(middle, middle.replace("zero,          ", "positive_small,"), 1)
+    ) == [(5,)]
 
 
 def test_a_project_says_where_its_controllers_are(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

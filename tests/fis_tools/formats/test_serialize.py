@@ -39,12 +39,12 @@ def kept_texts(max_size: int) -> st.SearchStrategy[str]:
 @st.composite
 def controllers(draw: st.DrawFn) -> FuzzyController:
     """Random systems of all kinds, with words that are easily taken for something else."""
-    places = [f"{kind}{place}" for kind in "xyt" for place in range(5)]
+    kinds = [f"{kind}{index}" for kind in "xyt" for index in range(5)]
     words = draw(st.lists(NAMES | WORDS, min_size=15, max_size=15, unique=True))
     generator = np.random.default_rng(draw(st.integers(0, 2**32)))
-    system = random_general_system(generator, dict(zip(places, words, strict=True)).__getitem__)
-    told = {"unit": draw(kept_texts(3)), "description": draw(kept_texts(12))}
-    system = replace(system, inputs=tuple(replace(variable, **told) for variable in system.inputs))
+    system = random_general_system(generator, dict(zip(kinds, words, strict=True)).__getitem__)
+    fields = {"unit": draw(kept_texts(3)), "description": draw(kept_texts(12))}
+    system = replace(system, inputs=tuple(replace(variable, **fields) for variable in system.inputs))
     if draw(st.booleans()):
         output, inputs = system.outputs[0], system.inputs[:2]
         cells = math.prod(len(variable.terms) for variable in inputs)
@@ -313,8 +313,8 @@ def test_files_are_read_by_their_ending(tmp_path, name):
     controller = FuzzyController("c", (FORCE_X,))
     write = {
         ".json": dump_json,
-        ".fis": lambda one: fis.write(one).text,
-        ".fll": lambda one: fll.write(one).text,
+        ".fis": lambda controller: fis.write(controller).text,
+        ".fll": lambda controller: fll.write(controller).text,
     }
     path = tmp_path / name
     path.write_text(write.get(path.suffix.lower(), dump_yaml)(controller), encoding="utf-8")

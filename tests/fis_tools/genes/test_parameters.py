@@ -18,10 +18,12 @@ PAPER = serialize.load(SHIPPED["paper"]).systems
 BOUNDS = Bounds(mean_window=0.9, standard_deviation=(0.04, 0.3), output_reach=(0.01, 0.3))
 
 
-def variable(name: str, low: float, high: float, num_terms: int, num_points: int, **told: float) -> Variable:
+def variable(
+    name: str, low: float, high: float, num_terms: int, num_points: int, **fields: float
+) -> Variable:
     names = tuple(f"t{index}" for index in range(num_terms))
     terms = gaussian_terms(names, low, high, 0.2 * (num_terms - 1))
-    return Variable(name, "", low, high, terms, num_points=num_points, **told)
+    return Variable(name, "", low, high, terms, num_points=num_points, **fields)
 
 
 def table(name: str, inputs: tuple[Variable, ...], output: Variable) -> FuzzySystem:
@@ -177,13 +179,13 @@ def test_systems_without_such_genes_are_refused(system, message):
 def test_systems_and_genomes_of_another_structure_are_refused():
     encoding = SystemEncoding(PAPER, BOUNDS)
     gap = (replace(PAPER[0], rules=PAPER[0].rules[1:]), *PAPER[1:])
-    for use, wrong, told in (
+    for use, wrong, sentence in (
         (encoding.encode, PAPER[:2], "have 100 tunable numbers, this encoding has 150; encode systems"),
         (encoding.encode, gap, "'force_x' is not a full rule table; it has no genome"),
         (encoding.decode, np.zeros(149), r"genomes have shape \(149,\) each, this encoding has 150"),
         (encoding.pack, np.zeros((2, 151)), r"genomes have shape \(151,\) each, this encoding has 150"),
     ):
-        with pytest.raises(ValueError, match=told):
+        with pytest.raises(ValueError, match=sentence):
             use(wrong)
 
 

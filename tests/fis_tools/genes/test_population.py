@@ -56,8 +56,8 @@ FOUR = tuple(replace(MANY, name=name, terms=MANY.terms[:1]) for name in "abcd")
 )
 def test_what_the_kernel_does_not_cover_is_refused_with_the_way_out(system: FuzzySystem, fact: str) -> None:
     assert problems(system) == []
-    told = f"'gapped' cannot be compiled: {fact}.*; evaluate it with fis_tools"
-    with pytest.raises(NotCompilable, match=told):
+    sentence = f"'gapped' cannot be compiled: {fact}.*; evaluate it with fis_tools"
+    with pytest.raises(NotCompilable, match=sentence):
         pack(system)
 
 
@@ -86,14 +86,14 @@ def test_each_of_a_controllers_systems_is_evaluated_as_if_alone() -> None:
 def parted(name: str, reach: float, count: int) -> Variable:
     """A range in triangles that hold every value by a half at least."""
     step = 2.0 * reach / (count - 1)
-    peaks = [step * place - reach for place in range(count)]
+    peaks = [step * index - reach for index in range(count)]
     shapes = [Term(f"t{i}", Triangular(at - step, at, at + step)) for i, at in enumerate(peaks)]
     return Variable(name, "m", -reach, reach, tuple(shapes))
 
 
 _BOTH = (parted("a", 2.0, 3), parted("b", 50.0, 3))
 _OUTPUT = replace(parted("c", 0.3, 5), default=0.0)
-_WORDS = [f"t{place}" for place in (0, 1, 2, 1, 2, 3, 2, 3, 4)]
+_WORDS = [f"t{index}" for index in (0, 1, 2, 1, 2, 3, 2, 3, 4)]
 DRAWN = table_system("drawn", _BOTH, _OUTPUT, _WORDS)
 
 
@@ -103,7 +103,7 @@ def test_the_middle_of_the_box_is_the_controller_as_drawn() -> None:
     np.testing.assert_allclose(genome[2:], 0.5)
     (again,) = stretches.decode(genome)
     np.testing.assert_array_equal(rule_table(again), rule_table(DRAWN))
-    maxima = [[v.maximum for v in (*one.inputs, *one.outputs)] for one in (DRAWN, again)]
+    maxima = [[v.maximum for v in (*system.inputs, *system.outputs)] for system in (DRAWN, again)]
     assert maxima[1] == pytest.approx(maxima[0])
 
 
@@ -182,14 +182,14 @@ def test_tables_lean_by_their_gains(gains: tuple[float, float]) -> None:
 def test_widths_and_reach_have_a_gene_each_and_means_are_even() -> None:
     genes = np.random.default_rng(3).random((1, 18))
     for number, system in enumerate(WHOLE.decode(PLANES.expand(genes)[0])):
-        own = genes[0, 6 * number : 6 * number + 6]
-        for gene, variable in zip(own[2:5], (*system.inputs, *system.outputs), strict=True):
+        block = genes[0, 6 * number : 6 * number + 6]
+        for gene, variable in zip(block[2:5], (*system.inputs, *system.outputs), strict=True):
             low, high = variable.minimum, variable.maximum
             means = [term.membership.mean for term in variable.terms]
             widths = [term.membership.standard_deviation for term in variable.terms]
             np.testing.assert_allclose(means, np.linspace(low, high, 5), rtol=0, atol=1e-12 * (high - low))
             np.testing.assert_allclose(widths, (0.04 + 0.26 * gene) * (high - low), rtol=1e-12)
-        assert system.outputs[0].maximum == pytest.approx(0.01 * 30.0 ** own[5])
+        assert system.outputs[0].maximum == pytest.approx(0.01 * 30.0 ** block[5])
 
 
 def test_planes_are_found_again_in_their_tables() -> None:
@@ -197,9 +197,9 @@ def test_planes_are_found_again_in_their_tables() -> None:
     # the ends cut much of the others off
     for system, gains in enumerate(((0.5, -0.5), (-1.4, 1.6), (0.2, 1.7))):
         genes[6 * system : 6 * system + 2] = 0.5 + 0.5 * np.array(gains) / GREATEST_GAIN
-    found = PLANES.reduce(PLANES.expand(genes[np.newaxis])[0])
-    np.testing.assert_allclose(found, genes, rtol=0, atol=0.04)  # tables are rounded to whole terms
-    again = PLANES.expand(found[np.newaxis])[0]
+    planes = PLANES.reduce(PLANES.expand(genes[np.newaxis])[0])
+    np.testing.assert_allclose(planes, genes, rtol=0, atol=0.04)  # tables are rounded to whole terms
+    again = PLANES.expand(planes[np.newaxis])[0]
     assert np.mean(again != PLANES.expand(genes[np.newaxis])[0]) < 0.1
 
 

@@ -53,8 +53,8 @@ def test_numbers_that_rules_conclude_are_found_again():
     partitions = [Partition(0.0, 1.0, (0, 30, 100)), Partition(0.0, 1.0, (0, 60, 100))]
     truth = np.arange(9.0) ** 2
     weights = np.einsum("ni,nj->nij", *(p.memberships(c) for p, c in zip(partitions, x.T, strict=True)))
-    found = fit(partitions, x, (weights.reshape(400, 9) @ truth)[:, np.newaxis], np.ones(400), "constants")
-    np.testing.assert_allclose(found.coefficients[:, 0, 2], truth, atol=1e-5)
+    fitted = fit(partitions, x, (weights.reshape(400, 9) @ truth)[:, np.newaxis], np.ones(400), "constants")
+    np.testing.assert_allclose(fitted.coefficients[:, 0, 2], truth, atol=1e-5)
     lines = fit(partitions, x, (3.0 * x[:, :1] - x[:, 1:] + 2.0), np.ones(400), "linear")
     np.testing.assert_allclose(lines.coefficients[:, 0], np.tile([3.0, -1.0, 2.0], (9, 1)), atol=1e-9)
 
@@ -63,8 +63,8 @@ def test_classes_get_their_shares():
     """On the peaks a rule holds for its own rows alone, and concludes how many of them are of the class."""
     x = np.repeat([0.0, 1.0], [4, 6])[:, np.newaxis]
     owner = np.array([1, 1, 1, 0, 0, 0, 0, 0, 0, 1])
-    found = fit([even(0.0, 1.0, 2)], x, np.eye(2)[owner], np.ones(len(x)), "shares")
-    np.testing.assert_allclose(found.coefficients[:, :, 1], [[1 / 4, 3 / 4], [5 / 6, 1 / 6]])
+    fitted = fit([even(0.0, 1.0, 2)], x, np.eye(2)[owner], np.ones(len(x)), "shares")
+    np.testing.assert_allclose(fitted.coefficients[:, :, 1], [[1 / 4, 3 / 4], [5 / 6, 1 / 6]])
 
 
 def test_cross_validation_is_expected_rightly():
@@ -95,9 +95,9 @@ def test_what_is_tuned_stays_readable(terms):
         similarity = distinguishability(variable).similarity
         assert np.max(similarity - np.eye(terms)) <= 1.0 / 3.0 + 1e-9
     assert coverage(pulled.as_input("x", "m")).least >= 0.5 - 1e-12
-    assert np.diff(pulled.places).min() >= CLOSEST
+    assert np.diff(pulled.positions).min() >= CLOSEST
     if terms > 2:
-        assert pulled.places != even(-3.0, 5.0, terms).places
+        assert pulled.positions != even(-3.0, 5.0, terms).positions
 
 
 def test_an_output_of_sets_reaches_its_ends():
@@ -140,7 +140,7 @@ def test_names_never_clash():
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "sentence"),
     [
         ("a,y\n1,2\n3\n", "line 3 has 1 cells, but line 1 names 2 columns"),
         ("a,y\n1,2\nred,3\n", "column 'a' has red in row 2, which is no finite number"),
@@ -152,19 +152,19 @@ def test_names_never_clash():
         ("", "one has none"),
     ],
 )
-def test_a_table_that_is_none_is_told(text, told, tmp_path, refused):
+def test_a_table_that_is_none_is_told(text, sentence, tmp_path, refused):
     path = tmp_path / "table.csv"
     path.write_text(text, encoding="utf-8")
-    assert told in refused("learn", path, "--target", "y")
+    assert sentence in refused("learn", path, "--target", "y")
 
 
 def test_the_command_writes_a_controller(tmp_path, run, refused):
     path = tmp_path / "iris.json"
     table = read_csv(IRIS)
     words = ("learn", IRIS, "--target", "species")
-    told = run(*words, "-o", path).out
-    assert "5 rules of petal_length (cm), petal_width (cm)" in told
-    assert "always setosa: 33.3%" in told
+    printed = run(*words, "-o", path).out
+    assert "5 rules of petal_length (cm), petal_width (cm)" in printed
+    assert "always setosa: 33.3%" in printed
     assert serialize.load(path).systems == (learn(table, "species"),)
     assert "terms is 9; give a whole number from 2 to 7" in refused(*words, "--terms", "9")
     refused("learn", tmp_path / "none.csv", "--target", "y")
@@ -258,8 +258,8 @@ def test_all_that_takes_a_system_takes_what_they_learned(consequents, tmp_path):
     system = model.system_
     np.testing.assert_array_equal(fis_tools.compile(system)(X[:, :2])[:, 0], model.predict(X))
     assert isinstance(fis_tools.audit(system).findings, tuple | list)
-    told = fis_tools.explain(system, {"x0": 0.2, "x1": -0.4})
-    assert told.outputs[0].value == pytest.approx(model.predict([[0.2, -0.4, 9.0]])[0], abs=1e-9)
+    explained = fis_tools.explain(system, {"x0": 0.2, "x1": -0.4})
+    assert explained.outputs[0].value == pytest.approx(model.predict([[0.2, -0.4, 9.0]])[0], abs=1e-9)
     controller = FuzzyController("learned", (system,))
     assert serialize.loads(serialize.dump_json(controller), "json") == controller
     assert "double infer_" in fis_tools.export_c(system, tmp_path / "learned.c").read_text(encoding="utf-8")
@@ -303,8 +303,10 @@ def test_a_row_of_weight_two_counts_as_two_rows(estimator):
     assert weighted.system_.inputs == repeated.system_.inputs
     assert weighted.system_ != clone(estimator).fit(X, y).system_
     answer = "predict_proba" if isinstance(estimator, FuzzyClassifier) else "predict"
-    told, expected = (getattr(one, answer)(X) for one in (weighted, repeated))
-    np.testing.assert_allclose(told, expected, atol=0.01)  # sums in another order may round to another digit
+    answers, expected = (getattr(estimator, answer)(X) for estimator in (weighted, repeated))
+    np.testing.assert_allclose(
+        answers, expected, atol=0.01
+    )  # sums in another order may round to another digit
 
 
 def test_weights_that_count_nothing_are_refused():
@@ -324,21 +326,21 @@ RANGES = {"position (m)": (-1.0, 1.0), "velocity (m/s)": (-2.0, 2.0)}
 def test_a_plane_is_imitated_to_the_digits_that_are_kept():
     """A line is a sum of tents: every kind of number says it, up to rounding to a thousandth."""
     for consequents in ("constants", "linear"):
-        found = imitate(plane, RANGES, output="force", consequents=consequents)
-        assert [(v.name, v.unit) for v in found.system.inputs] == [("position", "m"), ("velocity", "m/s")]
-        assert found.system.outputs[0].name == "force"
-        assert found.largest < 0.01 * 6.0
+        learned = imitate(plane, RANGES, output="force", consequents=consequents)
+        assert [(v.name, v.unit) for v in learned.system.inputs] == [("position", "m"), ("velocity", "m/s")]
+        assert learned.system.outputs[0].name == "force"
+        assert learned.largest < 0.01 * 6.0
         at = np.array([[0.3, -1.1]])
-        assert compile(found.system)(at)[0, 0] == pytest.approx(-0.05, abs=found.largest)
+        assert compile(learned.system)(at)[0, 0] == pytest.approx(-0.05, abs=learned.largest)
 
 
 def test_the_error_told_is_that_on_other_samples():
-    found = imitate(lambda a: np.sin(3.0 * a), {"a": (-1.0, 1.0)}, terms=7, num_samples=500)
+    learned = imitate(lambda a: np.sin(3.0 * a), {"a": (-1.0, 1.0)}, terms=7, num_samples=500)
     a = np.linspace(-1.0, 1.0, 4001)
-    miss = compile(found.system)({"a": a})["output"] - np.sin(3.0 * a)
-    assert found.root_mean_square == pytest.approx(np.sqrt(np.mean(miss**2)), rel=0.1)
-    assert found.largest == pytest.approx(np.abs(miss).max(), rel=0.2)
-    assert found.largest < 0.15
+    miss = compile(learned.system)({"a": a})["output"] - np.sin(3.0 * a)
+    assert learned.root_mean_square == pytest.approx(np.sqrt(np.mean(miss**2)), rel=0.1)
+    assert learned.largest == pytest.approx(np.abs(miss).max(), rel=0.2)
+    assert learned.largest < 0.15
 
 
 def test_more_terms_imitate_a_fuzzy_system_better():
@@ -351,7 +353,7 @@ def test_more_terms_imitate_a_fuzzy_system_better():
 
 
 @pytest.mark.parametrize(
-    ("function", "ranges", "told"),
+    ("function", "ranges", "sentence"),
     [
         (np.sin, None, "a function does not say its inputs"),
         (np.sin, {"a": (1.0, 1.0)}, "give two finite numbers that ascend"),
@@ -361,8 +363,8 @@ def test_more_terms_imitate_a_fuzzy_system_better():
         (SHIPPED["paper_champion"], None, "there are several outputs"),
     ],
 )
-def test_what_cannot_be_imitated_is_told(function, ranges, told):
-    with pytest.raises(ValueError, match=told):
+def test_what_cannot_be_imitated_is_told(function, ranges, sentence):
+    with pytest.raises(ValueError, match=sentence):
         imitate(function, ranges)
 
 

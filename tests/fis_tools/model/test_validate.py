@@ -130,9 +130,9 @@ def test_right_controllers_have_no_problems(controller: FuzzyController) -> None
     ],
 )
 def test_each_problem_is_told_in_one_sentence(system: FuzzySystem, words: list[str]) -> None:
-    found = [problem for problem in problems(system) if all(word in problem for word in words)]
-    assert len(found) == 1, problems(system)
-    assert found[0].startswith("system 'force_x'")
+    matching = [problem for problem in problems(system) if all(word in problem for word in words)]
+    assert len(matching) == 1, problems(system)
+    assert matching[0].startswith("system 'force_x'")
     with pytest.raises(InvalidSystem):
         validate.validate(system)
 
@@ -176,11 +176,11 @@ def test_every_parameter_of_every_shape_has_its_limits(kind: type[MembershipFunc
         "deviation": (-1.0, 0.0, NAN, 1e-170, 1e170),
         "exponent": (-1.0, 0.0, INF),
     }
-    right = [1.0 + place for place in range(len(kind.entry.kinds))]
+    right = [1.0 + index for index in range(len(kind.entry.kinds))]
     assert not list(validate.parameter_problems(kind(*right)))
-    for place, what in enumerate(kind.entry.kinds.values()):
+    for position, what in enumerate(kind.entry.kinds.values()):
         for value in wrong[what]:
-            numbers = [value if index == place else number for index, number in enumerate(right)]
+            numbers = [value if index == position else number for index, number in enumerate(right)]
             assert len(list(validate.parameter_problems(kind(*numbers)))) == 1
     for left, following in pairwise(kind.entry.ascending):
         swapped = replace(kind(*right), **{left: 9.0, following: 0.5})

@@ -57,8 +57,8 @@ def seen_words(figure: Figure) -> list[tuple[Text, Bbox]]:
     """Lay a figure out as it is drawn; return its texts, and the box of each in points of the picture."""
     FigureCanvasAgg(figure)
     figure.draw_without_rendering()
-    own = [figure._suptitle] if figure._suptitle else []  # type: ignore[attr-defined]
-    texts = [*own, *figure.texts]
+    titles = [figure._suptitle] if figure._suptitle else []  # type: ignore[attr-defined]
+    texts = [*titles, *figure.texts]
     for ax in figure.axes:
         if ax.name == "3d":
             texts += [text for text in (ax.title, *ax.texts) if text.get_text()]
@@ -74,12 +74,12 @@ def seen_words(figure: Figure) -> list[tuple[Text, Bbox]]:
 def collisions(figure: Figure, boxes: list[tuple[Text, Bbox]] | None = None, slack: float = 1.0) -> list[str]:
     """Tell which texts of a figure run into one another or over its edge, by more than some points."""
     boxes = seen_words(figure) if boxes is None else boxes
-    found = [
-        f"{one.get_text()!r} and {other.get_text()!r}"
-        for (one, box), (other, beside) in combinations(boxes, 2)
+    overlaps = [
+        f"{word.get_text()!r} and {other.get_text()!r}"
+        for (word, box), (other, beside) in combinations(boxes, 2)
         if min(box.x1, beside.x1) - max(box.x0, beside.x0) > slack
         and min(box.y1, beside.y1) - max(box.y0, beside.y0) > slack
     ]
     page = figure.bbox.padded(slack)
     outside = [text for text, box in boxes if Bbox.union([page, box]).bounds != page.bounds]
-    return found + [f"{text.get_text()!r} and the edge" for text in outside]
+    return overlaps + [f"{text.get_text()!r} and the edge" for text in outside]

@@ -40,11 +40,11 @@ def test_membership_functions_are_drawn_named_and_told_apart_without_colour() ->
 
 def test_names_stand_over_their_peaks_and_do_not_run_into_one_another() -> None:
     names = ("rather far to the left", "a little to the left", "just about ahead", "to the right")
-    terms = tuple(Term(name, Gaussian(0.1 + 0.1 * place, 0.1)) for place, name in enumerate(names))
+    terms = tuple(Term(name, Gaussian(0.1 + 0.1 * index, 0.1)) for index, name in enumerate(names))
     figure = Figure(figsize=(5, 2), layout="constrained")
     ax = memberships(Variable("angle", "rad", 0.0, 1.0, terms), figure.subplots())
     assert collisions(figure) == []
-    peaks = [ax.transData.transform((0.1 + 0.1 * place, 1.0)) for place in range(4)]
+    peaks = [ax.transData.transform((0.1 + 0.1 * index, 1.0)) for index in range(4)]
     for text, (x, y) in zip(ax.texts, peaks, strict=True):
         box = text.get_window_extent()
         assert box.x0 <= x <= box.x1
@@ -182,10 +182,10 @@ def test_svg_is_well_formed_holds_its_words_as_text_and_is_identical_twice() -> 
 @pytest.mark.parametrize("form", ["png", "pdf"])
 def test_pictures_of_pixels_and_pages_are_identical_twice(form: str) -> None:
     figures = [dict(render.rules_figures(FORCE_X))["rules"] for _ in range(2)]
-    one, other = (render.encode(figure, form, 60) for figure in figures)
-    assert one == other
-    assert one.startswith({"png": b"\x89PNG", "pdf": b"%PDF"}[form])
-    assert b"matplotlib" not in one.lower()
+    first, other = (render.encode(figure, form, 60) for figure in figures)
+    assert first == other
+    assert first.startswith({"png": b"\x89PNG", "pdf": b"%PDF"}[form])
+    assert b"matplotlib" not in first.lower()
 
 
 def test_the_ending_of_a_name_is_the_format(tmp_path: Path) -> None:
@@ -220,7 +220,7 @@ def lab(colour: object, eyes: str = "whole") -> np.ndarray:
 @pytest.mark.parametrize("theme", [LIGHT, DARK])
 def test_lines_differ_for_all_eyes(theme: Theme, eyes: str) -> None:
     seen = [lab(colour, eyes) for colour in theme.lines]
-    distances = [np.linalg.norm(a - b) for place, a in enumerate(seen) for b in seen[:place]]
+    distances = [np.linalg.norm(a - b) for index, a in enumerate(seen) for b in seen[:index]]
     assert min(distances) >= 25
 
 
@@ -306,9 +306,9 @@ def test_a_figure_shows_the_rules_that_fire_the_strongest_first_and_counts_the_r
     figure = inference_figure(step, most_rules=3)
     words = [text.get_text().replace("\n", " ") for text, _ in seen_words(figure)]
     order = np.argsort(-step.firing_strengths, kind="stable")
-    told = [word for word in words if word.startswith("rule ")]
-    for word, place in zip(told, order[:3], strict=True):
-        assert word.startswith(f"rule {place + 1} fires at {step.firing_strengths[place]:.2f}: If distance")
+    titles = [word for word in words if word.startswith("rule ")]
+    for word, index in zip(titles, order[:3], strict=True):
+        assert word.startswith(f"rule {index + 1} fires at {step.firing_strengths[index]:.2f}: If distance")
     firing = int(np.count_nonzero(step.firing_strengths))
     assert f"{firing - 3} more rules fire, at {step.firing_strengths[order[3]]:.2g} or less" in words
     assert any(word.replace("\xa0", " ").startswith("distance = 80 m: ") for word in words)

@@ -66,9 +66,9 @@ def test_one_input_makes_one_row() -> None:
     assert ax.get_ylabel() == ""
 
 
-def with_rule(asked: Expression) -> FuzzySystem:
+def with_rule(antecedent: Expression) -> FuzzySystem:
     """The force system with one more rule."""
-    rule = Rule(asked, (Consequent("force_x", "NL"),))
+    rule = Rule(antecedent, (Consequent("force_x", "NL"),))
     return replace(FORCE_X, rules=(*FORCE_X.rules, rule))
 
 
@@ -96,9 +96,9 @@ def test_firing_along_a_flight_is_what_was_logged_the_most_used_rule_first(tmp_p
     drawn = np.asarray(ax.collections[0].get_array()).reshape(7, 12)
     np.testing.assert_array_equal(drawn, flown.firing_strengths[:, order].T)
     labels = [label.get_text().replace("\n", " ") for label in ax.get_yticklabels()]
-    for label, place in zip(labels, order, strict=True):
-        share = 100 * means[place] / means.sum()
-        assert label.startswith(f"{place + 1}: ")
+    for label, index in zip(labels, order, strict=True):
+        share = 100 * means[index] / means.sum()
+        assert label.startswith(f"{index + 1}: ")
         assert label.endswith(f"({share:.0f}\xa0%)") or "…" in label
     assert ax.yaxis_inverted()
     rest = 100 * (1 - means[order].sum() / means.sum())

@@ -21,14 +21,14 @@ HOSTILE = (
 
 def hostile_controller() -> FuzzyController:
     """A controller whose every name and text would do harm if it were taken for more than text."""
-    terms = tuple(Term(word, Gaussian(float(place), 0.7)) for place, word in enumerate(HOSTILE))
+    terms = tuple(Term(word, Gaussian(float(index), 0.7)) for index, word in enumerate(HOSTILE))
     source = Variable(HOSTILE[0], HOSTILE[1], 0.0, 4.0, terms, description=HOSTILE[2])
     other = Variable(HOSTILE[3], HOSTILE[4], 0.0, 4.0, terms, description=HOSTILE[0])
     output = Variable(HOSTILE[1], HOSTILE[0], 0.0, 4.0, terms, default=0.0, description=HOSTILE[1])
-    consequents = [HOSTILE[place % 5] for place in range(25)]
+    consequents = [HOSTILE[index % 5] for index in range(25)]
     rules = tuple(
-        replace(rule, label=f"{HOSTILE[place % 5]} {place}")
-        for place, rule in enumerate(table_rules((source, other), output, consequents))
+        replace(rule, label=f"{HOSTILE[index % 5]} {index}")
+        for index, rule in enumerate(table_rules((source, other), output, consequents))
     )
     system = FuzzySystem(HOSTILE[0], (source, other), (output,), rules)
     return FuzzyController(HOSTILE[0], (system,), ((HOSTILE[1], HOSTILE[2]),), ((HOSTILE[3], HOSTILE[0]),))
@@ -38,8 +38,8 @@ def path_of(system: FuzzySystem, num_samples: int) -> Floats:
     """Inputs that swing over the universes, a little beyond them too."""
     phases = np.linspace(0.0, 9.0, num_samples)[:, np.newaxis]
     low, high = ends(system)
-    places = np.arange(len(low))
-    swings: Floats = np.sin((1.0 + 0.7 * places) * phases + places)
+    indices = np.arange(len(low))
+    swings: Floats = np.sin((1.0 + 0.7 * indices) * phases + indices)
     return 0.5 * (high + low) + 0.55 * (high - low) * swings
 
 

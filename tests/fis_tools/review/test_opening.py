@@ -43,7 +43,7 @@ def test_every_shipped_controller_says_what_it_is_for_and_what_its_inputs_mean(n
     controller = serialize.load(SHIPPED[name])
     assert content.lead(controller).startswith(controller.purpose)
     assert len(controller.purpose) > 60
-    for variable in (one for system in controller.systems for one in system.inputs):
+    for variable in (variable for system in controller.systems for variable in system.inputs):
         assert len(variable.description) > 10
         assert not variable.description.startswith(("the same", "that "))
     assert serialize.reads(serialize.dump_yaml(controller), "yaml").controller == controller
@@ -66,14 +66,14 @@ def test_tables_have_the_places_of_terms_and_what_the_system_answers_there() -> 
     assert list(across.rows[0]) == ["negative, −0.033 m/s", "zero: 0 N", *[f"negative: −{-answer:.4g} N"] * 2]
     large = serialize.load(SHIPPED["champion_any_sun"])
     words = [block.words for block in content.rules(large) if isinstance(block, Paragraph)]
-    assert any("more than one table" in one for one in words)
+    assert any("more than one table" in text for text in words)
 
 
 def test_inputs_beyond_their_range_are_told() -> None:
     system = CHAMPION.systems[2]
     met = np.array([[0.1, 0.0], [0.0, 0.05], [0.01, -0.01], [0.0, 0.0]])
-    one = replace(CHAMPION, systems=(system,))
-    first, second = content.inputs(one, {system.name: Samples(met, "here", are_flown=True)}).rows
+    controller = replace(CHAMPION, systems=(system,))
+    first, second = content.inputs(controller, {system.name: Samples(met, "here", are_flown=True)}).rows
     assert first[3] == "0 m/s to 0.1 m/s; 25 % beyond its range, and taken as its end"
     assert second[3] == "−0.01 m/s to 0.05 m/s"
 
@@ -91,11 +91,11 @@ def test_failures_are_counted_over_all_flights_of_the_run_of_a_recording(tmp_pat
         "inspection_rate_percent": [99.0, 71.0, 97.0, 99.0],
     }
     pq.write_table(pa.table(columns), tmp_path / "evaluate" / "episodes.parquet")
-    found = flown.evaluations([tmp_path / "episodes" / "best.mcap", tmp_path], "")
-    assert len(found) == 1
-    told = flown.failures(found[0])
-    assert "1 of 4: 25.0 %" in told
-    assert told.endswith("The worst: case 1 (71.0 %), case 2 (97.0 %, outside).")
+    evaluations = flown.evaluations([tmp_path / "episodes" / "best.mcap", tmp_path], "")
+    assert len(evaluations) == 1
+    sentence = flown.failures(evaluations[0])
+    assert "1 of 4: 25.0 %" in sentence
+    assert sentence.endswith("The worst: case 1 (71.0 %), case 2 (97.0 %, outside).")
     assert flown.evaluations([tmp_path / "elsewhere" / "episodes" / "best.mcap"], "") == []
 
 
@@ -116,13 +116,13 @@ def iris(tmp_path_factory) -> FuzzyController:
 
 
 def test_a_learned_system_has_a_page_with_its_data_errors_and_formulas(iris) -> None:
-    told = dict(iris.provenance)
-    assert told["learned_from"] == "iris.csv, 150 rows"
-    assert "of 150 rows that they did not learn from; always setosa: 33.3%" in told["held_out"]
+    provenance = dict(iris.provenance)
+    assert provenance["learned_from"] == "iris.csv, 150 rows"
+    assert "of 150 rows that they did not learn from; always setosa: 33.3%" in provenance["held_out"]
     text = page.write(iris)
     check_policy(text)
     assert "<script" not in text
-    for words in (*told.values(), "virginica is 0.98", "Terms, and what rules conclude"):
+    for words in (*provenance.values(), "virginica is 0.98", "Terms, and what rules conclude"):
         assert words in text
     assert text.count('src="data:image/png;base64,') == 3
     assert text.count("☐") == len(page.CHECKS)
@@ -132,24 +132,24 @@ def test_a_learned_system_has_a_page_with_its_data_errors_and_formulas(iris) -> 
 def test_what_flips_the_class_of_a_classifier_is_found_by_walking(iris) -> None:
     (system,) = iris.systems
     start = {"petal_length": 4.8, "petal_width": 1.6}
-    found = explain(system, start)
+    explained = explain(system, start)
     walked = {}
     for column, variable in enumerate(system.inputs):
         values = np.linspace(variable.minimum, variable.maximum, 4001)
-        rows = np.tile([start[one.name] for one in system.inputs], (4001, 1))
+        rows = np.tile([start[variable.name] for variable in system.inputs], (4001, 1))
         rows[:, column] = values
         classes = arrays.evaluate(system, rows).argmax(axis=1)
         here = int(np.argmin(np.abs(values - start[variable.name])))
         for way in (1, -1):
-            places = range(here, len(values) if way > 0 else -1, way)
-            place = next((n for n in places if classes[n] != classes[here]), None)
-            if place is not None:
-                walked[variable.name, system.outputs[classes[place]].name] = values[place]
-    assert {(flip.input.name, flip.other.name) for flip in found.class_flips} == set(walked)
-    for flip in found.class_flips:
+            indices = range(here, len(values) if way > 0 else -1, way)
+            index = next((n for n in indices if classes[n] != classes[here]), None)
+            if index is not None:
+                walked[variable.name, system.outputs[classes[index]].name] = values[index]
+    assert {(flip.input.name, flip.other.name) for flip in explained.class_flips} == set(walked)
+    for flip in explained.class_flips:
         step = (flip.input.maximum - flip.input.minimum) / 4000
         assert flip.first == pytest.approx(walked[flip.input.name, flip.other.name], abs=1.01 * step)
-    words = found.text()
+    words = explained.text()
     assert "Class: versicolor. What would flip it" in words
     assert "negative" not in words
     assert words.count("  the default, as no rule fires: ") == 2  # where both columns are of other flowers
@@ -165,10 +165,10 @@ def test_the_colours_are_those_of_pictures():
 def test_brighter_is_greater():
     assert np.all(np.diff([luminance(colour) for colour in BRIGHTNESS]) > 0)
     for count in (1, 2, 5, 7):
-        levels = [level(place, count) for place in range(count)]
+        levels = [level(index, count) for index in range(count)]
         assert levels == sorted(set(levels))
         assert 0 <= levels[0] <= levels[-1] < len(BRIGHTNESS)
-    steps = np.diff([luminance(BRIGHTNESS[level(place, 5)]) for place in range(5)])
+    steps = np.diff([luminance(BRIGHTNESS[level(index, 5)]) for index in range(5)])
     assert np.all(steps > 0.02)
 
 
@@ -183,9 +183,9 @@ def test_words_stand_out_from_every_level():
 @pytest.mark.parametrize("theme", [0, 1], ids=["light", "dark"])
 def test_words_and_lines_stand_out_from_the_page(theme):
     style = (files("fis_tools.review") / "style.css").read_text(encoding="utf-8")
-    found = re.findall(r"--([\w-]+): light-dark\((#\w{6}), (#\w{6})\)", style)
-    colours = {name: pair[theme] for name, *pair in found}
-    words = ("ink", "muted", "accent", "serious", "warning", *(f"term-{place}" for place in range(7)))
+    matches = re.findall(r"--([\w-]+): light-dark\((#\w{6}), (#\w{6})\)", style)
+    colours = {name: pair[theme] for name, *pair in matches}
+    words = ("ink", "muted", "accent", "serious", "warning", *(f"term-{index}" for index in range(7)))
     for name in words:
         for ground in ("paper", "panel"):
             assert contrast(colours[name], colours[ground]) >= 4.5, (name, ground)
@@ -207,7 +207,7 @@ def test_a_page_has_no_word_of_space(opened, tmp_path: Path, has_log: bool) -> N
     np.savetxt(log, rows, delimiter=",", header="service,food", comments="")
     text = page.write(controller, [log] if has_log else [])
     markup = Page(text)
-    told = [words for tag, words in markup.texts if tag not in {"script", "style"}]
+    texts = [words for tag, words in markup.texts if tag not in {"script", "style"}]
     labels = [words for name in ("aria-label", "title", "placeholder") for words in markup.values(name)]
     shown = opened(text.replace('<details class="part">', '<details class="part" open>'))
     drawn = shown.evaluate(
@@ -215,7 +215,7 @@ def test_a_page_has_no_word_of_space(opened, tmp_path: Path, has_log: bool) -> N
         " ...[...document.querySelectorAll('[aria-label]')].map((one) => one.ariaLabel)].join(' ')"
     )
     script = next(words for tag, words in markup.texts if tag == "script" and '"use strict"' in words)
-    everything = " ".join([*told, *labels, drawn.replace(script, "")])
+    everything = " ".join([*texts, *labels, drawn.replace(script, "")])
     assert ("along the log" in everything) == has_log
     assert ("Selected logs are" in everything) == has_log
     assert "What happens between decisions" not in everything  # nothing was simulated
@@ -251,7 +251,7 @@ def test_results_show_themselves_in_words_where_there_is_no_notebook() -> None:
         simplify(controller, {FORCE_Z.name: np.array([inputs])}, Budget(flights_only=True)),
     ]
     for result in results:
-        told = repr(result)
-        assert not told.startswith(type(result).__name__ + "(")
-        assert "Gaussian(" not in told
-        assert len(told) < 5000
+        words = repr(result)
+        assert not words.startswith(type(result).__name__ + "(")
+        assert "Gaussian(" not in words
+        assert len(words) < 5000

@@ -81,18 +81,18 @@ def number(words: str) -> float:
 
 
 def number_after(words: str, name: str) -> float:
-    found = re.search(rf"{name} = ([−\d.e+-]+)", words)
-    assert found, words
-    return number(found[1])
+    match = re.search(rf"{name} = ([−\d.e+-]+)", words)
+    assert match, words
+    return number(match[1])
 
 
 def at_share(variable: Variable, share: float) -> float:
     return variable.minimum + share * (variable.maximum - variable.minimum)
 
 
-def state(shown, place: int = 0) -> np.ndarray:
+def state(shown, index: int = 0) -> np.ndarray:
     """The inputs of a system as the page holds them."""
-    return np.array(shown.evaluate(f"review.states[{place}].inputs"))
+    return np.array(shown.evaluate(f"review.states[{index}].inputs"))
 
 
 DRAWN = "() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
@@ -132,10 +132,10 @@ def test_a_slider_and_a_number_field_move_the_number_to_what_python_infers(shown
     assert float(field.input_value()) == pytest.approx(state(shown)[0], rel=1e-5)
     field.fill("42.5")
     expect(shown.locator("#s1-x1-slider")).to_have_value("42.5")
-    told = shown.locator("#s1 .belongs").first
-    expect(told).to_contain_text("distance = 42.5 m")
+    memberships = shown.locator("#s1 .belongs").first
+    expect(memberships).to_contain_text("distance = 42.5 m")
     field.fill("500")
-    expect(told).to_contain_text("distance = 500 m, taken as 200 m")
+    expect(memberships).to_contain_text("distance = 500 m, taken as 200 m")
     expected = infer(FORCE_X, np.array([500.0, state(shown)[1]])).values[0]
     assert number_after(result.inner_text(), "force_x") == pytest.approx(expected, rel=1e-4)
 
@@ -165,7 +165,11 @@ def test_rules_are_filtered_by_words(shown):
     shown.locator("#s1-filter").fill("very towards PS")
     rows = shown.locator("#s1-rules tbody tr:visible td:nth-child(2)").all_inner_texts()
     sentences = map(sentence, FORCE_X.rules)
-    expected = [one for one in sentences if all(word in one.lower() for word in ("very", "towards", "ps"))]
+    expected = [
+        sentence
+        for sentence in sentences
+        if all(word in sentence.lower() for word in ("very", "towards", "ps"))
+    ]
     assert sorted(rows) == sorted(expected)
     assert 0 < len(rows) < 25
     assert shown.locator("#s1-filter-status").inner_text() == f"{len(rows)} of 25 shown"
@@ -219,9 +223,9 @@ def test_the_surface_is_that_of_python_and_follows_its_axes_and_held_inputs(show
 def test_the_time_along_the_flight_sets_the_inputs_of_every_system(shown):
     slider = shown.locator("#s1 .live.flight input[type=range]")
     slider.fill("70")
-    for place, system in enumerate(PAPER_LIKE.systems):
-        np.testing.assert_array_equal(state(shown, place), path_of(system, NUM_SAMPLES)[70])
-        assert shown.locator(f"#s{place + 1} .live.flight output").inner_text() == "700 s"
+    for index, system in enumerate(PAPER_LIKE.systems):
+        np.testing.assert_array_equal(state(shown, index), path_of(system, NUM_SAMPLES)[70])
+        assert shown.locator(f"#s{index + 1} .live.flight output").inner_text() == "700 s"
     strip = shown.locator("#s2 canvas.strip")
     before = pixels(shown, "#s2 canvas.strip")
     box = strip.bounding_box()
@@ -232,15 +236,15 @@ def test_the_time_along_the_flight_sets_the_inputs_of_every_system(shown):
 
 
 def test_findings_are_those_of_the_audit_and_lead_to_what_they_are_about(shown, flight):
-    found = audit(PAPER_LIKE, inputs_along([flight])).findings
+    findings = audit(PAPER_LIKE, inputs_along([flight])).findings
     rows = shown.locator("#findings-table tbody tr")
-    told = rows.all_inner_texts()
-    assert len(told) == len(found) > 3
-    for finding, row in zip(found, told, strict=True):
+    text = rows.all_inner_texts()
+    assert len(text) == len(findings) > 3
+    for finding, row in zip(findings, text, strict=True):
         words = " ".join(row.split())
         assert words.startswith(f"{finding.severity.word} {finding.system} {finding.sentence} {finding.cure}")
-    about_rules = next(finding for finding in found if finding.rules)
-    row = rows.nth(found.index(about_rules))
+    about_rules = next(finding for finding in findings if finding.rules)
+    row = rows.nth(findings.index(about_rules))
     row.get_by_role("link", name=f"rule {about_rules.rules[0]}", exact=True).click()
     target = shown.evaluate("document.querySelector(':target td').textContent")
     system = next(system for system in PAPER_LIKE.systems if system.name == about_rules.system)
@@ -251,23 +255,23 @@ def test_a_finding_shows_where_it_is_seen(opened):
     controller = serialize.load(SHIPPED["paper_champion"])
     shown = opened(written(controller))
     button = shown.locator("button.show-point").first
-    place = int(button.get_attribute("data-system")) - 1
+    index = int(button.get_attribute("data-system")) - 1
     point = json.loads(button.get_attribute("data-point"))
     button.click()
-    names = [variable.name for variable in controller.systems[place].inputs]
-    assert dict(zip(names, state(shown, place), strict=True)).items() >= point.items()
+    names = [variable.name for variable in controller.systems[index].inputs]
+    assert dict(zip(names, state(shown, index), strict=True)).items() >= point.items()
 
 
 def test_proved_ranges_hold_all_outputs_and_the_extremes_are_attained(shown):
-    for place, system in enumerate(PAPER_LIKE.systems, start=1):
+    for index, system in enumerate(PAPER_LIKE.systems, start=1):
         outputs = arrays.evaluate(system, arrays.spread_inputs(system))
-        table = shown.locator(f"#s{place} table", has_text="proved by interval arithmetic")
+        table = shown.locator(f"#s{index} table", has_text="proved by interval arithmetic")
         name, _, proved, *_ = table.locator("tbody tr").locator("th, td").all_inner_texts()
         low, high = (number(word.split()[0]) for word in proved.split(" to "))
         assert name == system.outputs[0].name
         assert low - 1e-4 <= outputs.min() < outputs.max() <= high + 1e-4
         table.get_by_role("button").last.click()
-        assert infer(system, state(shown, place - 1)).values[0] == pytest.approx(high, abs=0.012 * 0.2)
+        assert infer(system, state(shown, index - 1)).values[0] == pytest.approx(high, abs=0.012 * 0.2)
 
 
 def test_flights_of_one_name_are_told_apart(tmp_path):
@@ -285,10 +289,12 @@ def test_tab_reaches_every_control_and_shows_where_it_is(fresh):
           .map((one, i) => (one.dataset.stop = i))"""
     )
     reached = set()
-    told = "[document.activeElement].map((one) => [one.dataset.stop, getComputedStyle(one).outlineStyle])[0]"
+    script = (
+        "[document.activeElement].map((one) => [one.dataset.stop, getComputedStyle(one).outlineStyle])[0]"
+    )
     for _ in range(len(wanted) + 20):  # what scrolls is reached as well
         fresh.keyboard.press("Tab")
-        stop, outline = fresh.evaluate(told)
+        stop, outline = fresh.evaluate(script)
         if stop is not None:
             reached.add(int(stop))
             assert outline != "none"
@@ -307,8 +313,8 @@ def test_the_theme_follows_the_system_and_the_switch(opened, text):
 
 
 def test_nothing_is_wider_than_a_narrow_screen(opened, text, hostile_text):
-    for one in (text, hostile_text):
-        assert opened(one, width=390).evaluate("document.documentElement.scrollWidth") <= 390
+    for content in (text, hostile_text):
+        assert opened(content, width=390).evaluate("document.documentElement.scrollWidth") <= 390
 
 
 def told_by(name: str, *arguments: str) -> str:
@@ -367,9 +373,9 @@ def test_the_summary_prints_on_two_pages_with_what_is_decided(opened, champion_t
 
 def signed(shown):
     """What the page saves, as a file and as data."""
-    with shown.expect_download() as found:
+    with shown.expect_download() as download:
         shown.get_by_role("button", name="Save as JSON").click()
-    return json.loads(Path(found.value.path()).read_text(encoding="utf-8"))
+    return json.loads(Path(download.value.path()).read_text(encoding="utf-8"))
 
 
 def test_a_review_is_saved_and_loaded_again_for_the_same_controller_alone(opened, text, tmp_path):
@@ -394,7 +400,7 @@ def test_a_review_is_saved_and_loaded_again_for_the_same_controller_alone(opened
     assert all(saved["checks"].values())
     assert len(saved["findings"]) == shown.locator("tr.finding").count()
     assert saved["findings"][0]["reason"] == '"quoted" <b>reason</b>'
-    assert len({one["finding"] for one in saved["findings"]}) == len(saved["findings"])
+    assert len({entry["finding"] for entry in saved["findings"]}) == len(saved["findings"])
 
     path = tmp_path / "saved.json"
     path.write_text(json.dumps(saved))
@@ -416,18 +422,18 @@ def test_pointing_tells_and_zooming_shows_a_part(fresh):
     canvas = fresh.locator("#s2 canvas.map")
     whole = pixels(fresh, "#s2 canvas.map")
     box = canvas.bounding_box()
-    place = {"x": 58 + (box["width"] - 150) / 4, "y": 14 + (box["height"] - 58) / 2}
-    canvas.hover(position=place)
+    point = {"x": 58 + (box["width"] - 150) / 4, "y": 14 + (box["height"] - 58) / 2}
+    canvas.hover(position=point)
     variable = FORCE_Z.inputs[0]
     quarter = at_share(variable, 0.25)
-    told = fresh.locator(".tip").inner_text()
-    assert number_after(told, variable.name) == pytest.approx(quarter, rel=0.02)
-    canvas.click(position=place)
+    text = fresh.locator(".tip").inner_text()
+    assert number_after(text, variable.name) == pytest.approx(quarter, rel=0.02)
+    canvas.click(position=point)
     fresh.evaluate(DRAWN)
     assert state(fresh, 1)[0] == pytest.approx(quarter, rel=0.02)
     shown_there = fresh.locator("#s2 .live.inference output").inner_text()
     expected = infer(FORCE_Z, state(fresh, 1)).values[0]
-    assert number_after(told, "force_z") == pytest.approx(expected, rel=0.01)
+    assert number_after(text, "force_z") == pytest.approx(expected, rel=0.01)
     assert number_after(shown_there, "force_z") == pytest.approx(expected, rel=1e-4)
     marked = pixels(fresh, "#s2 canvas.map")
     zoom = fresh.get_by_role("group", name="Zoom of the surface of force_z")
@@ -529,14 +535,14 @@ def test_how_it_flew_requirements_and_constants_are_told(opened, tmp_path):
     lazy = replace(
         CHAMPION, attributes=tuple({**dict(CHAMPION.attributes), "coast_below_points": "90"}.items())
     )
-    told = opened(written(lazy, [run])).locator("main").inner_text()
+    text = opened(written(lazy, [run])).locator("main").inner_text()
     for words in (
         "flown by another controller",
         "Over all 60 flights of the evaluation of another controller, which tells nothing of this one",
         "all 60 of the evaluation of another controller",
         "How often it fails: the evaluation is of another controller.",
     ):
-        assert words in told
+        assert words in text
     (run / "evaluate" / "summary.json").write_text("{")
     with pytest.raises(ControllerFileError, match=r"summary\.json: "):
         written(CHAMPION, [run])
@@ -606,23 +612,23 @@ def test_the_command_refuses_a_flight_of_another_controller(flight, tmp_path, sa
     path = tmp_path / "pages" / "review.html"
     run("review", flight, "-o", path)
     assert "swing" in path.read_text(encoding="utf-8")
-    told = refused("review", saved(GENERAL), "--flights", flight, "-o", path)
-    assert "was flown without any of the systems room" in told
+    message = refused("review", saved(GENERAL), "--flights", flight, "-o", path)
+    assert "was flown without any of the systems room" in message
     refused("review", "nowhere.yaml")
 
 
 def test_what_is_no_number_is_said_to_be_none_and_never_taken_for_another(fresh):
     field = fresh.locator("#s1-x1")
-    told = fresh.locator("#s1 .live.inference").get_by_role("alert").first
+    alert = fresh.locator("#s1 .live.inference").get_by_role("alert").first
     for words in ("12,5", "abc", "", "1.5.2", "0x10", "1e999", "--"):
         field.fill("30")
         field.fill(words)
-        expect(told).to_contain_text("no number")
+        expect(alert).to_contain_text("no number")
         expect(field).to_have_attribute("aria-invalid", "true")
         assert state(fresh)[0] == 30
         field.press("Tab")
         expect(field).to_have_value("30")
-        expect(told).to_be_hidden()
+        expect(alert).to_be_hidden()
 
 
 def test_what_is_typed_is_not_rewritten_while_it_is_typed(fresh):

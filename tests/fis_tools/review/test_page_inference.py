@@ -39,10 +39,10 @@ SHARES = """([place, rows]) => rows.map((row) => {
 def random_systems(seed: int, count: int) -> tuple[FuzzySystem, ...]:
     generator = np.random.default_rng(seed)
     makers = (drawn.random_general_system, drawn.random_general_system, drawn.full_table_system)
-    systems = (makers[place % len(makers)](generator) for place in range(count))
+    systems = (makers[index % len(makers)](generator) for index in range(count))
     return tuple(
-        replace(drawn.hedged(system, generator) if place % 2 else system, name=f"random {place}")
-        for place, system in enumerate(systems)
+        replace(drawn.hedged(system, generator) if index % 2 else system, name=f"random {index}")
+        for index, system in enumerate(systems)
     )
 
 
@@ -58,14 +58,14 @@ CONTROLLERS = {
 @pytest.fixture(scope="module", autouse=True)
 def _worded_once():
     """A page's words about a system are found once: they are the same on all pages of it."""
-    found = {}
+    worded = {}
 
-    def words(place, system, samples, measures, make=content.system_words):
-        key = place, id(system)
-        if key not in found:
+    def words(number, system, samples, measures, make=content.system_words):
+        key = number, id(system)
+        if key not in worded:
             # the system is kept, so that no other one gets its id
-            found[key] = system, make(place, system, samples, measures)
-        return found[key][1]
+            worded[key] = system, make(number, system, samples, measures)
+        return worded[key][1]
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(content, "system_words", words)
@@ -78,13 +78,13 @@ def test_outputs_and_firing_are_those_of_python(opened, name):
     browser_page = opened(page.write(controller))
     generator = np.random.default_rng(25)
     num_values = []
-    for place, system in enumerate(controller.systems):
+    for index, system in enumerate(controller.systems):
         rows = inputs_for(system, generator, NUM_SAMPLES)
-        told = browser_page.evaluate(INFER, [place, rows.tolist()])
-        values = np.array([[float(value) for value in sample["values"]] for sample in told])
+        answers = browser_page.evaluate(INFER, [index, rows.tolist()])
+        values = np.array([[float(value) for value in sample["values"]] for sample in answers])
         expected, strengths = step_by_step.inferred(system, rows)
         step_by_step.assert_near(values, expected, system, 1e-9)
-        firing = np.array([sample["firing"] for sample in told])
+        firing = np.array([sample["firing"] for sample in answers])
         np.testing.assert_allclose(firing, strengths, rtol=0, atol=1e-12)
         num_values.append(np.unique(expected[~np.isnan(expected)]).size)
     assert np.median(num_values) > NUM_SAMPLES / 4
@@ -96,14 +96,14 @@ def test_contributions_are_those_of_python(opened):
     (system,) = GENERAL.systems
     browser_page = opened(page.write(GENERAL))
     rows = inputs_for(system, np.random.default_rng(3), 60)
-    told = browser_page.evaluate(
+    answers = browser_page.evaluate(
         """(rows) => rows.map((row) => review.systems[0].outputs.map((_, output) =>
           [...review.contributions(review.systems[0], output, review.infer(review.systems[0], row))]))""",
         rows.tolist(),
     )
     expected = contribution.contributions(compiler.compile(system), rows)
     assert np.count_nonzero(expected) > 60
-    np.testing.assert_allclose(np.array(told).transpose(0, 2, 1), expected, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(np.array(answers).transpose(0, 2, 1), expected, rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -121,23 +121,23 @@ def test_shares_are_those_of_python(opened, monkeypatch, name, most):
     monkeypatch.setattr(shapley, "MOST_COALITIONS", most)
     generator = np.random.default_rng(3)
     count = 0
-    for place, system in enumerate(controller.systems):
+    for index, system in enumerate(controller.systems):
         rows = inputs_for(system, generator, 4)
-        told = browser_page.evaluate(SHARES, [place, rows.tolist()])
+        answers = browser_page.evaluate(SHARES, [index, rows.tolist()])
         expected = shapley.shares(compiler.compile(system), rows)
-        values = np.array([[output["values"] for output in sample] for sample in told]).transpose(0, 2, 1)
+        values = np.array([[output["values"] for output in sample] for sample in answers]).transpose(0, 2, 1)
         step_by_step.assert_near(values, expected.values, system, 1e-9)
-        errors = np.array([[output["error"] for output in sample] for sample in told])
+        errors = np.array([[output["error"] for output in sample] for sample in answers])
         step_by_step.assert_near(errors, expected.error, system, 1e-9)
         count += np.count_nonzero(expected.values)
     assert count > 5
 
 
 def test_the_limits_of_the_page_are_those_of_python():
-    told = page._script()
+    script = page._script()
     for name in ("MOST_COALITIONS", "NUM_ORDERS", "SEED"):
-        assert f"const {name} = {getattr(shapley, name)};" in told
-    assert f"const FIRED = {arrays.FIRED};" in told
+        assert f"const {name} = {getattr(shapley, name)};" in script
+    assert f"const FIRED = {arrays.FIRED};" in script
 
 
 def test_the_smallest_change_that_turns_the_sign_is_that_of_python(opened):
@@ -145,15 +145,15 @@ def test_the_smallest_change_that_turns_the_sign_is_that_of_python(opened):
     change = "([place, row]) => review.signChange(review.systems[place], row, 0)"
     generator = np.random.default_rng(4)
     num_found = 0
-    for place, system in enumerate(CHAMPION.systems):
+    for index, system in enumerate(CHAMPION.systems):
         for row in generator.uniform(*step_by_step.ends(system), (8, len(system.inputs))):
-            told = browser_page.evaluate(change, [place, row.tolist()])
+            answers = browser_page.evaluate(change, [index, row.tolist()])
             nearest = explanation.flips(system, row)[0]
-            assert (told is None) == (nearest.first is None)
-            if told is not None:
+            assert (answers is None) == (nearest.first is None)
+            if answers is not None:
                 num_found += 1
-                assert system.inputs[told["input"]] == nearest.input
+                assert system.inputs[answers["input"]] == nearest.input
                 width = nearest.input.maximum - nearest.input.minimum
-                assert told["at"] == pytest.approx(nearest.first, abs=1e-8 * width)
-                assert told["by"] == pytest.approx(nearest.change, abs=1e-8 * width)
+                assert answers["at"] == pytest.approx(nearest.first, abs=1e-8 * width)
+                assert answers["by"] == pytest.approx(nearest.change, abs=1e-8 * width)
     assert num_found > 12

@@ -55,7 +55,7 @@ def test_the_tipping_problem_is_read_as_it_was_written():
     source = control.ControlSystem(rules)
 
     def triangles(**corners):
-        return tuple(Term(name, shapes.Triangular(*places)) for name, places in corners.items())
+        return tuple(Term(name, shapes.Triangular(*corners_of)) for name, corners_of in corners.items())
 
     degrees = triangles(poor=(0.0, 0.0, 5.0), average=(0.0, 5.0, 10.0), good=(5.0, 10.0, 10.0))
     tips = triangles(low=(0.0, 0.0, 13.0), medium=(0.0, 13.0, 25.0), high=(13.0, 25.0, 25.0))
@@ -331,8 +331,8 @@ def test_what_scikit_fuzzy_samples_is_found_again(values, expected):
 def test_whatever_is_found_gives_the_samples_to_the_last_bit(seed, num_points, low, width):
     variable = Variable("x", "", low, low + width, (), num_points)
     values = sample(variable, Term("t", any_shape(np.random.default_rng(seed), variable)))
-    found = recognise(variable.universe, values)
-    np.testing.assert_array_equal(sample(variable, Term("t", found)), values)
+    shape = recognise(variable.universe, values)
+    np.testing.assert_array_equal(sample(variable, Term("t", shape)), values)
 
 
 def test_uneven_universes_are_no_hindrance():

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from fis_tools.analysis.flights import inputs_along, read_flight
-from fis_tools.commands.arguments import AskedInstant, instants
+from fis_tools.commands.arguments import InstantArguments, instants
 from fis_tools.model.thrust import COMPONENTS
 from pipeline.controllers.source import WITH_PATHS, named
 from pipeline.flight.state.log import Scenario
@@ -135,7 +135,7 @@ def assert_told(path, controller, found, delay):
         assert len(sensed[flown.system.name]) == len(expected)
     for kind in np.unique(control["reason"][counts]):
         for k in np.flatnonzero((control["reason"] == kind).any(axis=1) & counts)[[0, -1]].tolist():
-            for one in instants(AskedInstant(path, time=float(control.time_s[k])), controller.fuzzy):
+            for one in instants(InstantArguments(path, time=float(control.time_s[k])), controller.fuzzy):
                 axis = COMPONENTS.index(one.system.outputs[0].name)
                 is_due = k >= delay and effects[axis][k - delay]
                 assert (one.inputs is not None) == is_due

@@ -44,7 +44,7 @@ COLOURS = {3: (0, 190, 130, 255), 2: (204, 121, 167, 255), 1: (240, 228, 66, 255
 @pytest.fixture(scope="module")
 def messages(flight_file):
     """(log time, decoded message) by topic."""
-    found = defaultdict(list)
+    by_topic = defaultdict(list)
     with flight_file.open("rb") as stream:
         reader = make_reader(stream, validate_crcs=True, decoder_factories=[DecoderFactory()])
         for schema, channel, message, decoded in reader.iter_decoded_messages():
@@ -52,8 +52,8 @@ def messages(flight_file):
             assert schema.name == TOPICS[channel.topic][0]
             assert (schema.encoding, channel.message_encoding) == ("protobuf", "protobuf")
             assert message.publish_time == message.log_time
-            found[channel.topic].append((message.log_time, decoded))
-    return found
+            by_topic[channel.topic].append((message.log_time, decoded))
+    return by_topic
 
 
 def test_every_topic_has_its_messages_and_the_root_transform_comes_first(messages):
@@ -90,8 +90,8 @@ def test_metadata_and_attachments_come_before_the_first_message(flight, flight_f
 
 def test_the_same_flight_gives_the_same_bytes_also_sample_by_sample(flight, flight_file, tmp_path):
     assert synthetic_flight.record(flight, tmp_path / "again.mcap").read_bytes() == flight_file.read_bytes()
-    told = {"metadata": synthetic_flight.metadata(flight), "attachments": synthetic_flight.ATTACHMENTS}
-    with EpisodeWriter(tmp_path / "one_by_one.mcap", **told) as writer:
+    content = {"metadata": synthetic_flight.metadata(flight), "attachments": synthetic_flight.ATTACHMENTS}
+    with EpisodeWriter(tmp_path / "one_by_one.mcap", **content) as writer:
         synthetic_flight.write_samples(writer, flight, range(361))
     assert (tmp_path / "one_by_one.mcap").read_bytes() == flight_file.read_bytes()
 

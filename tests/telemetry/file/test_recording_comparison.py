@@ -30,8 +30,8 @@ def path(tmp_path_factory):
 def compared(path, tmp_path):
     """Compare the flight with another one, or with what the writer is told of it."""
 
-    def compared_with(other=FLIGHT, tolerance=0.0, **told):
-        recorded = synthetic_flight.record(other, tmp_path / "other.mcap", **told)
+    def compared_with(other=FLIGHT, tolerance=0.0, **fields):
+        recorded = synthetic_flight.record(other, tmp_path / "other.mcap", **fields)
         return compare(telemetry.read(path), telemetry.read(recorded), tolerance)
 
     return compared_with
@@ -57,7 +57,10 @@ def test_the_first_number_that_differs_is_named_with_its_sample_and_its_size(com
     assert force.greatest == expected.max()
     assert force.greatest_time_s == 70.0 + 10.0 * expected.argmax()
     partings = [field.parting for field in comparison.fields if field.parting is not None]
-    assert {(one.topic, one.field, one.sample, one.component) for one in partings} == {
+    assert {
+        (difference.topic, difference.field, difference.sample, difference.component)
+        for difference in partings
+    } == {
         ("/deputy/control", "force_hill_n", 7, (1,)),
         ("/deputy/attitude", "torque_n_m", 9, (3, 2)),
         ("/mission", "delta_v_m_s", 8, ()),
@@ -131,5 +134,5 @@ def test_the_command_answers_by_its_exit_code(path, tmp_path, ran):
     assert "are the same to within 100" in ran("compare", path, other, "--tolerance", "100").out
     ran("compare", path, tmp_path / "none.mcap", code=2)
     for tolerance in ("nan", "-1.0"):
-        told = ran("compare", path, path, f"--tolerance={tolerance}", code=2).err
-        assert f"the tolerance is {tolerance}, but zero or a pos" in told
+        message = ran("compare", path, path, f"--tolerance={tolerance}", code=2).err
+        assert f"the tolerance is {tolerance}, but zero or a pos" in message

@@ -75,27 +75,31 @@ def test_sealed_entries_come_back_and_changed_ones_do_not(name, entries):
 
 
 def test_a_rehearsal_is_read_as_it_was_written_and_has_a_cost_for_each_name():
-    told = Rehearsal(names=("up", "down"), costs_m_s=(0.25, 1e4), until_s=10.0)
-    assert Rehearsal.from_metadata(told.to_metadata()) == told
+    rehearsal = Rehearsal(names=("up", "down"), costs_m_s=(0.25, 1e4), until_s=10.0)
+    assert Rehearsal.from_metadata(rehearsal.to_metadata()) == rehearsal
     odd = ({"costs_m_s": "[0.25]"}, {"names": "[]", "costs_m_s": "[]"}, {"costs_m_s": "1"}, {"until_s": "x"})
     for wrong in odd:
         with pytest.raises(RecordingError, match=r"expected; write it with telemetry\.file\.metadata"):
-            Rehearsal.from_metadata({**told.to_metadata(), **wrong})
+            Rehearsal.from_metadata({**rehearsal.to_metadata(), **wrong})
 
 
 def test_messages_hold_a_row_of_each_column():
     """Arrays go row by row, NaN leaves an optional field out, and all else is the same in each message."""
     columns = {"reason": np.array([[1.0, 2.0, 7.0]] * 2), "coasting_missed": np.array([np.nan, 2.0])}
-    told = encode(Control, columns, 2)
+    encoded = encode(Control, columns, 2)
     expected = [Control(reason=[1, 2, 7]), Control(reason=[1, 2, 7], coasting_missed=2.0)]
-    assert list(map(Control.FromString, told)) == expected
+    assert list(map(Control.FromString, encoded)) == expected
     stamps, axes = {"seconds": np.array([5, 6])}, {"x": np.array([-0.0, np.inf])}
-    told = encode(FrameTransform, {"timestamp": stamps, "translation": axes, "child_frame_id": "deputy"}, 2)
-    for message, second, x in zip(map(FrameTransform.FromString, told), (5, 6), (-0.0, np.inf), strict=True):
+    encoded = encode(
+        FrameTransform, {"timestamp": stamps, "translation": axes, "child_frame_id": "deputy"}, 2
+    )
+    for message, second, x in zip(
+        map(FrameTransform.FromString, encoded), (5, 6), (-0.0, np.inf), strict=True
+    ):
         assert (message.timestamp.seconds, message.child_frame_id) == (second, "deputy")
         assert np.array([message.translation.x]).tobytes() == np.array([x]).tobytes()
-    told = encode(MissionStatus, {"inspected_mask": np.array([[True, False, True]])}, 1)
-    assert MissionStatus.FromString(*told).inspected_mask == b"\1\0\1"
+    encoded = encode(MissionStatus, {"inspected_mask": np.array([[True, False, True]])}, 1)
+    assert MissionStatus.FromString(*encoded).inspected_mask == b"\1\0\1"
 
 
 #: fields in the order of their numbers; several values are marked by brackets
@@ -139,11 +143,11 @@ def test_messages_and_fields_are_those_of_the_contract() -> None:
     kinds = inspection_pb2.DESCRIPTOR.message_types_by_name
     assert set(kinds) == set(CONTRACT)
     for message, contract in CONTRACT.items():
-        fields, told, kind = kinds[message].fields, list[str](), ""
+        fields, listed, kind = kinds[message].fields, list[str](), ""
         for field in fields:
             before, kind = kind, TYPES[field.type] + "[]" * field.is_repeated
-            told += [field.name] if kind == before else [kind, field.name]
-        assert told == contract.split()
+            listed += [field.name] if kind == before else [kind, field.name]
+        assert listed == contract.split()
         assert [field.number for field in fields] == list(range(1, len(fields) + 1))
 
 
@@ -174,14 +178,14 @@ def test_every_topic_has_a_place():
 @pytest.mark.parametrize("message", inspection_pb2.DESCRIPTOR.message_types_by_name)
 def test_every_field_of_our_messages_has_its_own_words_and_a_vector_its_axes(message):
     _, _, table = messages().partition(f" · `inspection.{message}`\n")
-    told = dict(re.findall(r"^\| `(\w+)` \| [\w ]+ \| (.*) \|$", table.partition("###")[0], re.MULTILINE))
+    words = dict(re.findall(r"^\| `(\w+)` \| [\w ]+ \| (.*) \|$", table.partition("###")[0], re.MULTILINE))
     fields = inspection_pb2.DESCRIPTOR.message_types_by_name[message].fields
-    assert list(told) == [field.name for field in fields]
-    assert all(told.values())
+    assert list(words) == [field.name for field in fields]
+    assert all(words.values())
     for name, length in topics.LENGTHS.items():
-        if name in told and length == 3 and "reason" not in name:
-            assert re.search(r"(Hill|body|own) axes", told[name]), name
-    assert "Hill to body" in told.get("quaternion", "Hill to body")
+        if name in words and length == 3 and "reason" not in name:
+            assert re.search(r"(Hill|body|own) axes", words[name]), name
+    assert "Hill to body" in words.get("quaternion", "Hill to body")
 
 
 def rows(topic: str) -> list[list[str]]:

@@ -59,10 +59,10 @@ def test_time_is_chosen_with_both_ends(flight, flight_file):
 
 def test_samples_that_were_written_in_any_order_are_read_in_that_of_time(short_file, tmp_path):
     with short_file.open("rb") as stream:
-        found = make_reader(stream).iter_messages()
-        instants = [list(each) for _, each in groupby(found, lambda one: one[2].log_time)]
+        messages = make_reader(stream).iter_messages()
+        instants = [list(each) for _, each in groupby(messages, lambda message: message[2].log_time)]
     order = np.random.default_rng(2).permutation(len(instants))
-    mixed = chain.from_iterable(instants[place] for place in order)
+    mixed = chain.from_iterable(instants[index] for index in order)
     path = plain_file(tmp_path / "shuffled.mcap", CompressionType.ZSTD, 20_000, mixed)
     shuffled, ordered = telemetry.read(path), telemetry.read(short_file)
     assert set(shuffled.topics) == {name for name, topic in ordered.topics.items() if len(topic)}

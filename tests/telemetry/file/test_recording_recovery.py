@@ -23,8 +23,11 @@ from tests.telemetry.odd_files import fill_disk, plain_file
 def messages_of(path: Path) -> list[tuple[str, int, int, bytes]]:
     """(topic, sequence, time, bytes) of each message in the order of the file, by the mcap library."""
     with path.open("rb") as stream:
-        found = make_reader(stream, validate_crcs=True).iter_messages(log_time_order=False)
-        return [(channel.topic, one.sequence, one.log_time, one.data) for _, channel, one in found]
+        messages = make_reader(stream, validate_crcs=True).iter_messages(log_time_order=False)
+        return [
+            (channel.topic, message.sequence, message.log_time, message.data)
+            for _, channel, message in messages
+        ]
 
 
 @pytest.fixture(scope="module")
@@ -53,8 +56,8 @@ def written(tmp_path):
 def uncompressed(short_file, tmp_path):
     """The same messages in one chunk that is not compressed."""
     with short_file.open("rb") as stream:
-        found = make_reader(stream).iter_messages(log_time_order=False)
-        return plain_file(tmp_path / "plain.mcap", CompressionType.NONE, 2**30, found)
+        messages = make_reader(stream).iter_messages(log_time_order=False)
+        return plain_file(tmp_path / "plain.mcap", CompressionType.NONE, 2**30, messages)
 
 
 @pytest.mark.slow
@@ -99,16 +102,16 @@ SYSTEMS = {"fis.force_x", "fis.force_y", "fis.force_z", "recovery"}
 
 
 @pytest.mark.parametrize(
-    ("true", "false", "told", "files", "words"),
+    ("true", "false", "expected", "files", "words"),
     [
         (b'"circle"}', b'"square"}', "an attachment", {"config.yaml"}, {"episode", *SYSTEMS}),
         # MCAP gives metadata no checksum, so a record carries one of its own
         (b"circle-0", b"circle-8", "metadata episode", {"config.yaml", "controller.json"}, SYSTEMS),
     ],
 )
-def test_a_damaged_description_does_not_come_back(true, false, told, files, words, short_file, written):
+def test_a_damaged_description_does_not_come_back(true, false, expected, files, words, short_file, written):
     path, output = written(short_file.read_bytes().replace(true, false))
-    with pytest.raises(RecordingError, match=f"{told} does not match its checksum"):
+    with pytest.raises(RecordingError, match=f"{expected} does not match its checksum"):
         telemetry.read(path)
     assert recover(path, output).num_damaged_records == 1
     rescued = telemetry.read(output)
@@ -168,8 +171,8 @@ def test_nothing_to_rescue_is_said(written, content):
 def repeated(path, size, count, chunk_size):
     """A small file of equal messages of so many bytes."""
     schema, channel = SimpleNamespace(name="x", data=b""), SimpleNamespace(topic="/x")
-    found = ((schema, channel, SimpleNamespace(log_time=time, data=bytes(size))) for time in range(count))
-    return plain_file(path, CompressionType.ZSTD, chunk_size, found)
+    messages = ((schema, channel, SimpleNamespace(log_time=time, data=bytes(size))) for time in range(count))
+    return plain_file(path, CompressionType.ZSTD, chunk_size, messages)
 
 
 def test_a_chunk_that_unpacks_to_more_than_is_read(tmp_path):
@@ -193,9 +196,9 @@ def test_another_compression_is_named(tmp_path):
 def test_many_messages_in_few_bytes(tmp_path, monkeypatch):
     monkeypatch.setattr(claims, "MOST_MESSAGES", 5)
     monkeypatch.setattr(claims, "MOST_MESSAGES_PER_BYTE", 0.0)
-    found = recover(repeated(tmp_path / "many.mcap", 0, 10_000, 4000), tmp_path / "out.mcap")
-    assert 0 < found.num_messages < 1000
-    assert found.num_damaged_records > 10
+    recovery = recover(repeated(tmp_path / "many.mcap", 0, 10_000, 4000), tmp_path / "out.mcap")
+    assert 0 < recovery.num_messages < 1000
+    assert recovery.num_damaged_records > 10
 
 
 NUM_CUTS = 100

@@ -79,8 +79,8 @@ def test_a_topic_is_a_table_of_its_columns(short_file):
     assert table.schema.field("position_m").type == pa.list_(pa.float64(), 3)
     assert table.schema.field("quaternion").type == pa.list_(pa.float64(), 4)
     assert table.schema.metadata == {b"topic": b"/deputy/state", b"schema": b"inspection.DeputyState"}
-    told = {"time_s": "s", "position_m": "m", "velocity_m_s": "m/s", "quaternion": ""}
-    assert units(table) == told | {"angular_velocity_rad_s": "rad/s"}
+    expected_units = {"time_s": "s", "position_m": "m", "velocity_m_s": "m/s", "quaternion": ""}
+    assert units(table) == expected_units | {"angular_velocity_rad_s": "rad/s"}
 
 
 @pytest.mark.slow
@@ -120,5 +120,5 @@ def test_a_unit_that_no_suffix_tells_is_kept(tmp_path):
     metadata["fis.force_x"]["input_units"] = '["furlong", ""]'
     with EpisodeWriter(tmp_path / "odd.mcap", metadata=metadata, attachments={}) as writer:
         writer.record("/fis/force_x", 0.0, inputs=[1.0, 2.0], firing_strengths=[0.5] * 25, output_n=0.1)
-    told = units(telemetry.flat_table(telemetry.read(tmp_path / "odd.mcap"), "/fis/force_x"))
-    assert (told["input_distance"], told["input_velocity_body_x"]) == ("furlong", "")
+    kept = units(telemetry.flat_table(telemetry.read(tmp_path / "odd.mcap"), "/fis/force_x"))
+    assert (kept["input_distance"], kept["input_velocity_body_x"]) == ("furlong", "")

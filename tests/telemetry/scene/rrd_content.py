@@ -45,7 +45,7 @@ def views(path: Path) -> Iterator[tuple[str, str]]:
     for chunk in reader.stream(store=reader.blueprints()[0]):
         batch = chunk.to_record_batch()
         if {_VIEW_CLASS, _VIEW_NAME} <= set(batch.schema.names):
-            (kind,), (name,) = (batch.column(one).to_pylist()[0] for one in (_VIEW_CLASS, _VIEW_NAME))
+            (kind,), (name,) = (batch.column(column).to_pylist()[0] for column in (_VIEW_CLASS, _VIEW_NAME))
             yield kind, name
 
 

@@ -15,7 +15,7 @@ from pipeline.stages import evaluate
 from telemetry import RecordingError
 from telemetry.scene import campaign, runs, viewer
 from telemetry.scene.campaign import OUTCOME_COLOURS
-from telemetry.scene.runs import Outcome
+from telemetry.scene.runs import CaseOutcome
 from tests.pipeline.report.runs import small_controller
 from tests.pipeline.stages.cases import prepared
 from tests.telemetry import synthetic_run
@@ -40,7 +40,8 @@ def test_cases_are_read_with_their_outcomes(run: Path) -> None:
     np.testing.assert_array_equal(evaluation.position_m, synthetic_run.positions())
     assert evaluation.outcome is not None
     # 99 and 95 of 99 points are at least 95 %; 96 were inspected outside the limits, which counts more
-    assert evaluation.outcome.tolist() == [Outcome.SUCCESS, Outcome.SUCCESS, Outcome.OUTSIDE, Outcome.SHORT]
+    kinds = CaseOutcome
+    assert evaluation.outcome.tolist() == [kinds.SUCCESS, kinds.SUCCESS, kinds.OUTSIDE, kinds.SHORT]
     assert evaluation.time_s.tolist() == [0.0, 20.0, 40.0, 60.0, 80.0, 100.0, 120.0]
     assert evaluation.distance_m[:, 3].tolist() == [50.0, 60.0, 10.0, 80.0]
 
@@ -70,7 +71,7 @@ def test_words_count_the_outcomes(run: Path) -> None:
 
 def test_all_paths_are_there_in_the_colour_of_their_outcome(content: Content) -> None:
     positions = synthetic_run.positions()
-    for kind, rows in ((Outcome.SUCCESS, [0, 1]), (Outcome.SHORT, [3]), (Outcome.OUTSIDE, [2])):
+    for kind, rows in ((CaseOutcome.SUCCESS, [0, 1]), (CaseOutcome.SHORT, [3]), (CaseOutcome.OUTSIDE, [2])):
         entity = f"/scene/paths/{kind.name.lower()}"
         np.testing.assert_array_equal(content.column(entity, "LineStrips3D:strips")[0], positions[rows])
         (colour,) = content.column(entity, "LineStrips3D:colors")[0]
@@ -166,10 +167,10 @@ def test_files_and_scene_are_what_the_manifest_says(made: tuple[Job, Path], tmp_
         (moved / manifests.ROLES[role]).rename(moved / name)
     mission = replace(composed.experiment.mission, control_period_s=20.0)
     manifests.write(moved, manifest_of(replace(composed.experiment, mission=mission), composed.config, {}))
-    told = artifacts.read_json(moved, artifacts.MANIFEST)
-    assert told["files"].items() >= manifests.ROLES.items()
-    told["files"] |= named
-    writing.write_json(moved / artifacts.MANIFEST, told)
+    manifest = artifacts.read_json(moved, artifacts.MANIFEST)
+    assert manifest["files"].items() >= manifests.ROLES.items()
+    manifest["files"] |= named
+    writing.write_json(moved / artifacts.MANIFEST, manifest)
     evaluation = runs.read_evaluation(moved)
     assert evaluation.surroundings.sample_period_s == 20.0
     assert evaluation.surroundings.chief_radius_m == composed.experiment.mission.chief.inspection_radius_m

@@ -21,8 +21,8 @@ RULES = ("if far then pull", "if near then push")
 
 def piloted(path, output_name, **inputs):
     """Write what one system of two rules flies."""
-    told = {"input_names": tuple(inputs), "input_units": tuple(inputs.values()), "rules": RULES}
-    words = FisDescription(**told, output_name=output_name, output_unit="N")
+    fields = {"input_names": tuple(inputs), "input_units": tuple(inputs.values()), "rules": RULES}
+    words = FisDescription(**fields, output_name=output_name, output_unit="N")
     return EpisodeWriter(path, metadata={"fis.pilot": words.to_metadata()}, attachments={})
 
 
@@ -53,8 +53,8 @@ def test_map_has_time_to_the_right_and_rules_downwards(recording):
 
 def test_words_name_what_was_told_and_the_strongest_rules_first(recording):
     first, second, third, _ = drawing.inference_in_words(recording, drawing.sample_times(recording))
-    told = "- **f_x = -0.5000 N** · distance 80.000 m · speed 0.250"
-    assert first.splitlines() == [told, "  - rule 1 (1.00): if far then pull"]
+    line = "- **f_x = -0.5000 N** · distance 80.000 m · speed 0.250"
+    assert first.splitlines() == [line, "  - rule 1 (1.00): if far then pull"]
     assert second.index("rule 2 (0.50)") < second.index("rule 1 (0.25)")
     assert drawing.NO_INFERENCE in third
     assert drawing.NO_INFERENCE not in second
@@ -79,16 +79,16 @@ def flown(tmp_path):
     """Of three points: a burn by two rules, a force that is not fired, coasting, all inspected, the end."""
     path = tmp_path / "tiny.mcap"
     with piloted(path, output_name="f_y", distance="m") as writer:
-        for place, count in enumerate((*INSPECTED, 3)):
-            time = 10.0 * place
+        for index, count in enumerate((*INSPECTED, 3)):
+            time = 10.0 * index
             mask = [index < count for index in range(3)]
             writer.record(topics.MISSION, time, inspected_count=count, inspected_mask=mask)
-            if place < len(INSPECTED):
-                force = [0.0, -0.04 * (place == 0), 0.03 * (place == 0)]
+            if index < len(INSPECTED):
+                force = [0.0, -0.04 * (index == 0), 0.03 * (index == 0)]
                 writer.record(topics.DEPUTY_CONTROL, time, force_hill_n=force)
-            if place < 2:
-                told = {"inputs": [80.0], "firing_strengths": [0.9, 0.25], "output_n": -0.04}
-                writer.record(PILOT, time, **told, shares_n=[0.01, -0.05] if place == 0 else [0.0, 0.0])
+            if index < 2:
+                fields = {"inputs": [80.0], "firing_strengths": [0.9, 0.25], "output_n": -0.04}
+                writer.record(PILOT, time, **fields, shares_n=[0.01, -0.05] if index == 0 else [0.0, 0.0])
     return telemetry.read(path)
 
 
@@ -103,7 +103,7 @@ def test_what_is_done_follows_from_what_is_recorded(flown):
 
 
 @pytest.mark.parametrize(
-    ("place", "reasons", "missed", "expected"),
+    ("index", "reasons", "missed", "expected"),
     [
         (1, ["dead_band"] * 3, np.nan, "No burn: what the rules ask for is below the dead band"),
         (1, ["waiting"] * 3, np.nan, "No burn until the next decision: 2 points left"),
@@ -113,16 +113,16 @@ def test_what_is_done_follows_from_what_is_recorded(flown):
         (0, ["fired", "clipped", "safety"], np.nan, "at the thruster's limit, changed by the safety layer: "),
     ],
 )
-def test_a_recorded_reason_is_taken(flown, place, reasons, missed, expected):
-    (line,) = drawing.now_in_words(told(flown, place, reasons, missed), np.array([10.0 * place]))
+def test_a_recorded_reason_is_taken(flown, index, reasons, missed, expected):
+    (line,) = drawing.now_in_words(with_reasons(flown, index, reasons, missed), np.array([10.0 * index]))
     assert expected in line
 
 
-def told(flown: Recording, place: int, reasons: list[str], missed: float) -> Recording:
+def with_reasons(flown: Recording, index: int, reasons: list[str], missed: float) -> Recording:
     """The same flown, with reasons for one control period."""
     control = flown[topics.DEPUTY_CONTROL]
     words = np.full((len(control), 3), "fired", dtype="U9")
-    words[place] = reasons
+    words[index] = reasons
     columns = {**control.columns, "reason": words, "coasting_missed": np.full(len(control), missed)}
     return replace(flown, topics={**flown.topics, topics.DEPUTY_CONTROL: replace(control, columns=columns)})
 

@@ -33,13 +33,13 @@ def test_rerun_finds_the_file_sound(content):
 
 def test_layout_holds_every_view_and_plays_the_flight_in_a_minute(content):
     (path,) = content.paths
-    found = list(views(path))
-    kinds = Counter(kind for kind, _ in found)
+    shown = list(views(path))
+    kinds = Counter(kind for kind, _ in shown)
     assert kinds == {"3D": 2, "2D": 1, "TimeSeries": 9, "TextDocument": 3, "TextLog": 1}
     expected = """Flight, Hill frame | As the deputy sees it | Distance (m; limits 15, 200)
         | Inspected (%; goal 95) | Force, Hill axes (N; limit ±1) | Torque, body axes (mN m; limit ±10)
         | Delta-v (m/s) | Events | Outputs that were fired (N) | Inputs (m) | Inputs (rad) | Inputs (m/s)"""
-    assert {title.strip() for title in expected.split("|")} <= {name for _, name in found}
+    assert {title.strip() for title in expected.split("|")} <= {name for _, name in shown}
     reader = RrdReader(str(path))
     panel: dict[str, Any] = {}
     for chunk in reader.stream(store=reader.blueprints()[0]):
@@ -105,8 +105,8 @@ def test_curves_and_shells_are_the_flights(flight, content):
         "rate/goal": [[95.0], [95.0]],
         "distance/limit_200": [[200.0], [200.0]],
     }.items():
-        found = content.numbers(f"/curves/{curve}", scalars)
-        np.testing.assert_allclose(found, expected, rtol=1e-7, atol=1e-6 if "torque" in curve else 0)
+        shown = content.numbers(f"/curves/{curve}", scalars)
+        np.testing.assert_allclose(shown, expected, rtol=1e-7, atol=1e-6 if "torque" in curve else 0)
     np.testing.assert_allclose(content.times("/curves/torque/applied", scalars), np.arange(3600.0))
     for name, radius in (("nearest", 15.0), ("farthest", 200.0)):
         assert content.column(f"/scene/limits/{name}", "Ellipsoids3D:half_sizes")[0][0] == [radius] * 3
@@ -146,10 +146,12 @@ def test_flights_are_laid_over_each_other(flight, flight_file, short_flight, sho
     assert len(content.column("/curves/delta_v/flight_1", "Scalars:scalars")) == 131
 
 
-@pytest.mark.parametrize(("told", "missing"), [(["episode"], "/rules/words"), ([], "/scene/limits/nearest")])
-def test_a_flight_is_shown_without_fuzzy_systems_or_any_words_on_it(told, missing, tmp_path):
+@pytest.mark.parametrize(
+    ("metadata_kinds", "missing"), [(["episode"], "/rules/words"), ([], "/scene/limits/nearest")]
+)
+def test_a_flight_is_shown_without_fuzzy_systems_or_any_words_on_it(metadata_kinds, missing, tmp_path):
     flight, path = synthetic_flight.fly(4), tmp_path / "coast.mcap"
-    metadata = {name: synthetic_flight.metadata(flight)[name] for name in told}
+    metadata = {name: synthetic_flight.metadata(flight)[name] for name in metadata_kinds}
     with EpisodeWriter(path, metadata=metadata, attachments={}) as writer:
         synthetic_flight.write_state(writer, flight, slice(None))
     entities = saved(replay.scene([path]), tmp_path).batches
@@ -187,8 +189,8 @@ def test_an_impossible_output_and_a_full_disk_are_said(short_file, tmp_path, mon
 def test_a_viewer_that_fails_is_said_and_only_a_browser_gets_a_page(
     short_file, monkeypatch, *, in_browser, code
 ):
-    asked = "import sys; sys.exit(8 if '--web-viewer' in sys.argv else 7)"
-    monkeypatch.setattr("telemetry.scene.viewer._RERUN", (sys.executable, "-c", asked))
+    script = "import sys; sys.exit(8 if '--web-viewer' in sys.argv else 7)"
+    monkeypatch.setattr("telemetry.scene.viewer._RERUN", (sys.executable, "-c", script))
     monkeypatch.setenv("DISPLAY", ":0")
     message = f"the viewer ended with exit code {code}; see its message above; write a file"
     with pytest.raises(RecordingError, match=message):

@@ -49,9 +49,9 @@ def complaints(client, tmp_path):
         viewer.save(scene, tmp_path / "x.rrd")
         screenshot.load(client, tmp_path / "x.rrd")
         client.save_screenshot(str(tmp_path / "x.png"))
-        found = screenshot.complaints(client)
+        problems = screenshot.complaints(client)
         client.close("all")
-        return found
+        return problems
 
     return drawn
 
@@ -129,8 +129,8 @@ def test_pictures_show_what_they_are_asked_for(flight_file, run, tmp_path, capsy
 
 @pytest.mark.slow
 def test_a_missing_driver_and_nothing_to_draw_are_said(run, tmp_path, monkeypatch, ran):
-    told = ran("screenshot", tmp_path, code=2).err
-    assert "does not exist; give the folder of a run that has been evaluated" in told
+    message = ran("screenshot", tmp_path, code=2).err
+    assert "does not exist; give the folder of a run that has been evaluated" in message
     for variable in ("VK_DRIVER_FILES", "VK_ICD_FILENAMES"):
         monkeypatch.setenv(variable, str(tmp_path / "none.json"))
     assert "needs a Vulkan driver" in ran("screenshot", run, "-o", tmp_path, code=2).err
@@ -161,9 +161,9 @@ def test_web_listens_to_this_machine_alone_and_ends_in_order(flight_file, tmp_pa
     command = [sys.executable, "-m", "telemetry", "replay", str(flight_file), "--web"]
     # a browser that opens nothing
     environment = {**os.environ, "BROWSER": "true", "TMPDIR": str(tmp_path)}
-    told = tmp_path.parent / f"{tmp_path.name}.log"
+    log_path = tmp_path.parent / f"{tmp_path.name}.log"
     with (
-        told.open("wb") as log,
+        log_path.open("wb") as log,
         subprocess.Popen(command, cwd=PROJECT, env=environment, stdout=log, stderr=log) as process,  # noqa: S603
     ):
         try:
@@ -174,7 +174,7 @@ def test_web_listens_to_this_machine_alone_and_ends_in_order(flight_file, tmp_pa
             code = process.wait(60)
     assert set(listening) == {"127.0.0.1"}
     assert code == 143
-    assert "telemetry: ended by SIGTERM" in told.read_text()
+    assert "telemetry: ended by SIGTERM" in log_path.read_text()
     assert psutil.wait_procs(children, 60)[1] == []
     assert list(tmp_path.glob("tmp*")) == []
 
@@ -185,8 +185,10 @@ def _await_listeners(pid: int, count: int) -> list[str]:
     end = time.monotonic() + 60.0
     while time.monotonic() < end:
         children = psutil.Process(pid).children(recursive=True)
-        found = [one for child in children for one in child.net_connections()]
-        addresses = [one.laddr.ip for one in found if one.status == psutil.CONN_LISTEN]
+        connections = [connection for child in children for connection in child.net_connections()]
+        addresses = [
+            connection.laddr.ip for connection in connections if connection.status == psutil.CONN_LISTEN
+        ]
         if len(addresses) >= count:
             return addresses
         time.sleep(0.1)

@@ -59,7 +59,7 @@ def test_slips_of_fis_files_are_put_right_and_told():
     with pytest.raises(ControllerFileError, match="/0' is not a finite number"):
         serialize.loads(text.replace("pi/4]", "pi/0]"), "fis")
     (system,) = serialize.loads(text.replace("1, 1 1 (1) : 1", "1, 1e-10 1 (1) : 1"), "fis").systems
-    assert [one.variable for one in system.rules[0].consequents] == ["z"]
+    assert [consequent.variable for consequent in system.rules[0].consequents] == ["z"]
 
 
 def test_hedges_in_a_fis_file_of_fuzzylites_are_fuzzylites():
@@ -69,8 +69,8 @@ def test_hedges_in_a_fis_file_of_fuzzylites_are_fuzzylites():
         ("#Code automatically generated with fuzzylite 6.0.\n", [2 * 0.3**2, 1 - 2 * 0.2**2]),
     ):
         compiled = compile(serialize.loads(head + text, "fis").systems[0])
-        found = compiled.firing_strengths(np.array([[0.3], [0.8]]))[:, 1]
-        np.testing.assert_allclose(found, strengths, atol=1e-6)
+        fired = compiled.firing_strengths(np.array([[0.3], [0.8]]))[:, 1]
+        np.testing.assert_allclose(fired, strengths, atol=1e-6)
 
 
 def test_chained_fll_hands_on_degrees_of_truth():

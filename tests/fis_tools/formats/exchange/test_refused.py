@@ -82,12 +82,12 @@ def line_of(kind: Kind, words: str) -> int:
 def test_what_cannot_be_read_is_refused_with_its_line(kind: Kind, old: str, new: str, words: str) -> None:
     text = TEXTS[kind]
     assert text.count(old) >= 1
-    told = refusal(text.replace(old, new, 1), kind)
-    assert words in told
+    sentence = refusal(text.replace(old, new, 1), kind)
+    assert words in sentence
     lines = {line_of(kind, old), line_of(kind, old) + 1}
     # a missing operator is told where it is needed
     if "has no conjunction" not in words:
-        assert any(f"line {line}" in told for line in lines)
+        assert any(f"line {line}" in sentence for line in lines)
 
 
 @pytest.mark.parametrize(
@@ -122,9 +122,9 @@ def test_what_contradicts_itself_is_refused(kind: Kind, old: str, new: str, word
     ],
 )
 def test_what_a_file_does_not_state_is_told(kind: Kind, assumed: list[str]) -> None:
-    told = serialize.reads(TEXTS[kind], kind).assumptions
-    assert len(told) == len(assumed)
-    for sentence, words in zip(told, assumed, strict=True):
+    assumptions = serialize.reads(TEXTS[kind], kind).assumptions
+    assert len(assumptions) == len(assumed)
+    for sentence, words in zip(assumptions, assumed, strict=True):
         assert words in sentence
 
 

@@ -69,14 +69,14 @@ OWN_WAYS = {
 
 
 @pytest.mark.parametrize(
-    ("form", "asked", "words"),
+    ("form", "hedged", "words"),
     [
         (fll, Not(Hedged("very", CALM)), "wind is not very calm"),
         (fll, Hedged("intensely", And((Is("temperature", "warm"), CALM))), "is extremely some"),
     ],
 )
-def test_hedges_are_said_in_the_words_of_a_format(form, asked, words):
-    system = with_rules(*FLAT.rules, Rule(asked, SOME_HEAT))
+def test_hedges_are_said_in_the_words_of_a_format(form, hedged, words):
+    system = with_rules(*FLAT.rules, Rule(hedged, SOME_HEAT))
     written = form.write(alone(system))
     assert words in written.text
     (shown,) = serialize.loads(without_comment(written.text), form.__name__.rpartition(".")[2]).systems
@@ -215,7 +215,7 @@ def test_a_comment_that_cannot_be_believed_is_refused(form, old, new, words):
 
 def test_the_comment_of_another_file_gives_nothing_that_is_seen():
     """A comment is believed only where the file shows the same."""
-    one, other = fis.write(alone(FLAT)).text, fis.write(alone(FORCE_X)).text
-    swapped = one.splitlines()[0] + other[other.index("\n") :]
+    first, other = fis.write(alone(FLAT)).text, fis.write(alone(FORCE_X)).text
+    swapped = first.splitlines()[0] + other[other.index("\n") :]
     (system,) = fis.read(swapped).controller.systems
     assert system == fis.read(without_comment(other)).controller.systems[0]
