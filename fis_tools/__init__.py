@@ -55,7 +55,7 @@ _PLACES = {
 
 
 def __getattr__(name: str) -> Any:
-    """Fetch a name of `__all__` from the module that defines it."""
+    """Import a name of `__all__` from the module that defines it."""
     if name == "review":  # a package that can be called
         return import_module(f"{__name__}.review")
     if name not in _PLACES:
@@ -112,7 +112,7 @@ def export_c(thing: object, path: Path | str) -> Path:
 
 
 def __dir__() -> list[str]:
-    """Show what is imported when it is asked for."""
+    """List the lazily imported names too."""
     return sorted({*globals(), *__all__})
 
 
@@ -124,7 +124,7 @@ _SHOWN = {
 
 
 def show_in(shell: Any) -> None:
-    """Tell an IPython shell how to show controllers, systems and variables; it imports when it shows one."""
+    """Register displays of controllers, systems and variables with IPython; imported at first use."""
     for kind, ways in _SHOWN.items():
         for noun, way in ways.items():
             module, _, name = noun.rpartition(".")

@@ -42,7 +42,7 @@ INTERRUPTED = 130
 
 
 def command_line(command: str | None) -> App:
-    """Return the command line; of the commands, only the one that is asked for is imported."""
+    """Return the command line; only the requested command is imported."""
     app = App(
         name="python -m fis_tools",
         help=HELP,
@@ -60,7 +60,7 @@ def command_line(command: str | None) -> App:
 
 
 def _shown(default: object) -> str | None:
-    """Return a default as help shows it; none where an option is left out."""
+    """Return a default as help shows it; None for one left out."""
     return None if default in (None, False, (), "") else str(default)
 
 

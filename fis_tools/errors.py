@@ -29,7 +29,7 @@ class MissingExtra(ImportError):  # noqa: N818
 
 
 class Mistake(ValueError):  # noqa: N818
-    """What a person can put right, told in a sentence; commands print that alone."""
+    """An error that the user can correct, in a sentence; commands print that alone."""
 
 
 class ControllerFileError(Mistake):
@@ -38,7 +38,7 @@ class ControllerFileError(Mistake):
 
 @contextmanager
 def told_as(kind: type[Exception], *causes: type[Exception], where: str = "") -> Iterator[None]:
-    """Tell errors of some kinds that a block raises as errors of another; ``where`` begins the sentences."""
+    """Re-raise errors of some kinds in a block as another kind; ``where`` begins the sentences."""
     try:
         yield
     except causes as error:
@@ -46,7 +46,7 @@ def told_as(kind: type[Exception], *causes: type[Exception], where: str = "") ->
 
 
 def require_known(names: Iterable[str], known: Collection[str], fault: str, kind: type[Exception]) -> None:
-    """Raise an error of a kind for a name that is not known; ``fault`` is its sentence up to the name."""
+    """Raise an error for an unknown name; ``fault`` is the sentence up to the name."""
     for name in names:
         if name not in known:
             raise kind(f"{fault} {name!r}; {nearest(str(name), known)}")

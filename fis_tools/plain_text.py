@@ -23,7 +23,7 @@ def plain(data: Any) -> Any:
 
 
 def as_number(data: Any) -> float | None:
-    """Return the number that a text is, or that data is anyway; None where it is none."""
+    """Return a text or data as a number; None where it is none."""
     try:
         return float(data)
     except (TypeError, ValueError):
@@ -31,7 +31,7 @@ def as_number(data: Any) -> float | None:
 
 
 def distinct(names: Iterable[str]) -> list[str]:
-    """Return names of which no two are equal: later ones get a number."""
+    """Return names made unique: later equal ones get a number."""
     words: list[str] = []
     for name in names:
         candidate, count = name, 1

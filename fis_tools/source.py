@@ -1,4 +1,4 @@
-"""Controllers from wherever a person has them: a file of any kind, a run's folder, a flight, a program.
+"""Controllers from any source: a file of any kind, a run's folder, a flight, a program.
 
 Objects of Python programs are written ``module.py:object``; reading one runs the program.
 """
@@ -59,7 +59,7 @@ def read_controller(path: Path | str, trust: bool = False) -> FuzzyController:
 
 
 def named(name: str) -> Path:
-    """Return the file of a controller that the project of the present folder calls by a name.
+    """Return the file of a controller that the current folder's project knows by this name.
 
     A project tells where its controllers are in its ``pyproject.toml``: ``[tool.fis_tools] controllers =
     ["FOLDER"]``.
@@ -89,7 +89,7 @@ def named(name: str) -> Path:
 
 
 def _folders() -> list[Path]:
-    """Return the folders with controllers of the project that the present folder belongs to."""
+    """Return the folders of controllers of the project that contains the current folder."""
     here = Path.cwd()
     for project in (here, *here.parents):
         with suppress(OSError, ValueError, KeyError, TypeError):
@@ -158,7 +158,7 @@ def is_program(path: Path | str) -> bool:
 
 
 def read_object(path: Path | str) -> object:
-    """Run a Python program and return an object of it; a function is called for what it returns.
+    """Run a Python program and return an object of it; a function is called, its result returned.
 
     The program runs as if it were imported, with its folder on the path.
 

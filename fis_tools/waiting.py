@@ -1,4 +1,4 @@
-"""What is waited for, and for how long: one line with a spinner, in a terminal, until it is done."""
+"""A spinner with words and seconds on one terminal line while something runs."""
 
 import sys
 from collections.abc import Callable, Iterator
@@ -9,7 +9,7 @@ from typing import Any
 
 @contextmanager
 def waiting(words: str) -> Iterator[Callable[[str], None]]:
-    """Show words and seconds on standard error until the block ends; yield what changes the words."""
+    """Show words and seconds on standard error until the block ends; yield a function that sets the words."""
     if sys.stderr is None or not sys.stderr.isatty():
         yield lambda words: None
         return
@@ -26,7 +26,7 @@ def waiting(words: str) -> Iterator[Callable[[str], None]]:
 
 @cache
 def _spinners() -> Any:
-    """Return the spinners of this process: a terminal has room for one display of rich's."""
+    """Return the process's spinner display: a terminal has room for one."""
     from rich.console import Console  # noqa: PLC0415 - takes long to import, and is seldom needed
     from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn  # noqa: PLC0415
 

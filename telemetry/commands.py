@@ -176,7 +176,7 @@ def compare(first: Path, second: Path, /, *, tolerance: float = 0.0) -> int:
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Shown:
-    """Where a scene is shown: in a window, unless one of these is given.
+    """Where to show a scene: in a window, unless one of these is given.
 
     Parameters
     ----------
@@ -371,7 +371,7 @@ def _ended_in_order() -> Iterator[None]:
 
 
 def command_line() -> App:
-    """Return the commands, whose functions say what they take and what it means."""
+    """Return the command line; functions are its commands, docstrings their help."""
     app = App(
         name="python -m telemetry",
         help=__doc__,
@@ -386,5 +386,5 @@ def command_line() -> App:
 
 
 def _shown(default: object) -> str | None:
-    """Return a default as help shows it; none where an option is left out."""
+    """Return a default as help shows it; None for one left out."""
     return None if default in (None, False, (), "") else str(default)

@@ -1,4 +1,4 @@
-"""Measures of a fuzzy system as arrays: response surfaces, rule firing, coverage, similarity of terms.
+"""Response surfaces, rule firing, coverage and similarity of terms, as arrays.
 
 Memberships are linear between the points of a universe, and the measures are exact for these polygons, also
 between the points.
@@ -53,7 +53,7 @@ class Surface:
 
 @dataclass(frozen=True)
 class Coverage:
-    """Where a variable is covered worst: the lowest value of the highest membership, and its place."""
+    """The value of a variable at which its highest membership is lowest, and that membership."""
 
     least: float
     at: float
@@ -96,7 +96,7 @@ class RuleUsage:
 
 
 def check_samples(systems: Sequence[FuzzySystem], samples: Mapping[str, Floats]) -> None:
-    """Raise a ValueError for samples of no system, or of another number of inputs."""
+    """Raise a ValueError for samples that do not fit a system's number of inputs."""
     by_name = {system.name: system for system in systems}
     require_known(samples, by_name, "samples are given for", ValueError)
     for name, rows in samples.items():
@@ -108,7 +108,7 @@ def check_samples(systems: Sequence[FuzzySystem], samples: Mapping[str, Floats])
 
 
 def evaluate(system: FuzzySystem, inputs: Floats) -> Floats:
-    """Infer many samples of a valid system.
+    """Return the outputs of a valid system for many samples.
 
     Parameters
     ----------
@@ -163,7 +163,7 @@ def spread(low: Floats, high: Floats, num_samples: int) -> Floats:
 
 
 def _radical_inverse(count: int, base: int) -> Floats:
-    """Return the numbers 1 to `count`, their digits in a base mirrored at the point: (count,), in [0, 1)."""
+    """Return 1 to `count` with their digits in a base mirrored at the point: (count,), in [0, 1)."""
     rest = np.arange(1, count + 1)
     inverse, worth = np.zeros(count), 1.0 / base
     while rest.any():
@@ -227,7 +227,7 @@ def surface(
 
 
 def output_named(system: FuzzySystem, name: str | None = None) -> Variable:
-    """Return the output of a name, without one the first.
+    """Return the index of a named output, or of the first output if no name is given.
 
     Raises
     ------
@@ -263,7 +263,7 @@ def _axes(system: FuzzySystem, x: str | None, y: str | None, held: dict[str, flo
 
 @lru_cache(maxsize=64)
 def coverage(variable: Variable) -> Coverage:
-    """Find the value of a variable whose highest membership in any term is lowest.
+    """Return the value of a variable at which its highest membership in any term is lowest.
 
     A variable is well covered where each value has a membership of, say, 0.5 in some term.
     """
@@ -275,7 +275,7 @@ def coverage(variable: Variable) -> Coverage:
 
 
 def distinguishability(variable: Variable) -> Distinguishability:
-    """Compare the terms of a variable with one another.
+    """Compute how similar the terms of a variable are to one another.
 
     A term whose sampled membership is zero everywhere is like no other, itself included.
     """

@@ -37,7 +37,7 @@ SMALLEST_VARIATION = 1e-9
 
 @dataclass(frozen=True)
 class Subdivision:
-    """What a search has found.
+    """The result of a branch-and-bound search.
 
     Parameters
     ----------
@@ -160,7 +160,7 @@ def _try(
 
 
 def _place_to_split(low: Floats, high: Floats, variation: Floats) -> int | None:
-    """Return the input to split: where most varies, if anything does and there are numbers between."""
+    """Return the input to split: the one along which the outputs vary most, if any of them can be split."""
     index = int(np.argmax(variation))
     middle = 0.5 * low[index] + 0.5 * high[index]
     return index if variation[index] > SMALLEST_VARIATION and low[index] < middle < high[index] else None
@@ -252,7 +252,7 @@ class Answer(Result):
         return "; ".join((f"{self.question}{while_region}: {outcome}", *self.notes)) + "."
 
     def document(self) -> Document:
-        """Say it in a sentence."""
+        """Return the sentence as a document."""
         return Document([Paragraph(self.sentence)])
 
 
@@ -297,7 +297,7 @@ class Range(Result):
         return "; ".join((proved, *ends, *self.where.notes)) + "."
 
     def document(self) -> Document:
-        """Say it in a sentence."""
+        """Return the sentence as a document."""
         return Document([Paragraph(self.sentence)])
 
 
@@ -344,7 +344,7 @@ def ask(
     widths = np.abs(coefficients) @ [variable.span for variable in system.outputs]
 
     def promise(least: Floats, greatest: Floats) -> Floats:
-        """Return how far inside of all conditions the outputs may lie; negative where they cannot."""
+        """Return an upper bound on how far inside all conditions the outputs lie; negative outside."""
         low, high = linear_bounds(coefficients, least, greatest)
         return np.asarray((np.minimum(high - lowest, highest - low) / widths).min(axis=1))
 
@@ -419,7 +419,7 @@ def output_ranges(
 def _range(
     system: FuzzySystem, output: Variable, where: Region, low: Subdivision, high: Subdivision
 ) -> Range:
-    """Put together what the searches for the least and for the greatest value of an output found."""
+    """Combine the searches for the minimum and the maximum of an output into its range."""
     attained = [
         (value, _named(system.inputs, np.clip(search.best_inputs, where.asked_low, where.asked_high)))
         for value, search in ((-low.best, low), (high.best, high))
@@ -437,7 +437,7 @@ def _most(search: Subdivision) -> float:
 
 
 def _point_words(values: Mapping[str, float], conditions: Sequence[Condition], digits: int) -> str:
-    """Write values of variables, each with some digits, or with all where fewer would not meet conditions."""
+    """Format values of variables with few digits, or with all where fewer would not meet the conditions."""
     values_left, words = dict(values), []
     for name, value in values.items():
         shown = f"{_rounded(value):.{digits}g}"
@@ -449,7 +449,7 @@ def _point_words(values: Mapping[str, float], conditions: Sequence[Condition], d
 
 
 def _rounded(value: float) -> float:
-    """Take the least numbers above and below zero, which strict conditions lead to, for zero."""
+    """Replace the smallest positive and negative doubles, which strict conditions produce, by zero."""
     return value if abs(value) > 1e-300 else 0.0
 
 

@@ -20,7 +20,7 @@ MOST_CHARACTERS = 10_000
 
 @dataclass(frozen=True)
 class Condition:
-    """``least <= sum of coefficient times variable <= greatest``; a strict one starts at the next number.
+    """``least <= sum(coefficient * variable) <= greatest``; a strict bound is stored as the next double.
 
     Parameters
     ----------
@@ -39,18 +39,18 @@ class Condition:
 
     @property
     def is_plain(self) -> bool:
-        """Whether it is about one variable, as it is."""
+        """Whether the condition bounds a single variable with coefficient one."""
         return list(self.coefficients.values()) == [1.0]
 
     def holds(self, values: Mapping[str, float]) -> bool:
-        """Return whether values, by the names of the variables, meet it."""
+        """Return whether values, given by the names of the variables, meet the condition."""
         total = sum(coefficient * values[name] for name, coefficient in self.coefficients.items())
         return self.least <= total <= self.greatest
 
 
 @dataclass(frozen=True)
 class Region:
-    """Where inputs may lie: a box, and conditions on several inputs together.
+    """A region of inputs: a box, and linear conditions on several inputs together.
 
     Parameters
     ----------
@@ -98,7 +98,7 @@ class Region:
 
 
 def linear_bounds(coefficients: Floats, low: Floats, high: Floats) -> tuple[Floats, Floats]:
-    """Bound linear forms, (m, k), over boxes that are given by their corners, (n, k): two of (n, m)."""
+    """Bound linear forms, (m, k), over boxes given by their corners, (n, k); return both bounds, (n, m)."""
     positive, negative = np.maximum(coefficients, 0.0).T, np.minimum(coefficients, 0.0).T
     return low @ positive + high @ negative, high @ positive + low @ negative
 
@@ -186,14 +186,14 @@ def read_conditions(text: str, names: Sequence[str]) -> tuple[Condition, ...]:
 
 
 def _words(text: str, names: Sequence[str]) -> list[str]:
-    """Cut a text into names, numbers and signs."""
+    """Split a text into names, numbers and signs."""
     known = "|".join(re.escape(name) + r"(?!\w)" for name in sorted(names, key=len, reverse=True))
     pattern = re.compile(rf"\s*({known}|{NUMBER}|<=|>=|≤|≥|[<>=+*,\[\]-]|\w+|\S)")
     return [match.group(1) for match in pattern.finditer(text)]
 
 
 def _condition(words: list[str], names: Sequence[str], text: str) -> Condition:
-    """Take one condition from the front of the words."""
+    """Parse one condition from the front of the words."""
     before = list(words)
     coefficients = _linear_form(words, names, text)
     relation = words.pop(0) if words else ""

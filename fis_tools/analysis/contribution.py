@@ -22,7 +22,7 @@ NOTHING = 1e-9
 
 
 def contributions(compiled: CompiledSystem, inputs: Floats) -> Floats:
-    """Compute how far each rule moved each output, leaving out one rule at a time.
+    """Compute each rule's contribution to each output, by leaving out one rule at a time.
 
     A rule contributes nothing where it does not fire, or where another one that concludes the same fires as
     strongly. Contributions need not add up to the output: what two rules do together is lost with either.
@@ -53,7 +53,7 @@ def contributions(compiled: CompiledSystem, inputs: Floats) -> Floats:
 
 
 def _can_matter(compiled: CompiledSystem, firing: Floats) -> Booleans:
-    """Return which firing rules cut some output term highest; where rules add up, all do."""
+    """Return which firing rules determine the cut of an output term; where rules add up, all do."""
     matters = np.zeros(firing.shape, dtype=np.bool_)
     for conclusion, output in zip(compiled.program.conclusions, compiled.system.outputs, strict=True):
         if isinstance(conclusion, Weighing) or not conclusion.cuts:
@@ -68,7 +68,7 @@ def _can_matter(compiled: CompiledSystem, firing: Floats) -> Booleans:
 
 
 def holding_back(system: FuzzySystem, output: int = 0) -> tuple[int, ...]:
-    """Return the numbers, from 1, of the rules that alone conclude what an output is without any rule.
+    """Return the numbers, from 1, of rules that only conclude what the output is when no rule fires.
 
     Whatever their share, such rules ask for nothing: they hold back what others ask for. `output` is the
     place of one of the system's outputs.
@@ -121,7 +121,7 @@ def importance(compiled: CompiledSystem, inputs: Floats) -> Floats:
 
 
 def weighed_shares(program: Program, weighing: Weighing, firing: Floats, inputs: Floats) -> Floats:
-    """Part an output less its default among the rules.
+    """Split the difference between an output and its default among the rules.
 
     Of a weighted average a rule's share is ``w (z - default) / W``, where w is its strength, z the number
     that it concludes and W the sum of all strengths; of a weighted sum it is ``w z - w / W default``. They
@@ -156,7 +156,7 @@ def weighed_shares(program: Program, weighing: Weighing, firing: Floats, inputs:
 def _numbers(
     program: Program, weighing: Weighing, firing: Floats, strengths: Floats, inputs: Floats
 ) -> Floats:
-    """Return what each rule concludes, (n, c)."""
+    """Return the number that each rule concludes, (n, c)."""
     low, high = program.ends.T
     clipped = np.clip(inputs, low, high)
     num_inputs = clipped.shape[1]

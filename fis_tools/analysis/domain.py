@@ -21,7 +21,7 @@ _COLUMNS: dict[str, type] = {"name": str, "unit": str, "low": float, "high": flo
 
 @dataclass(frozen=True)
 class Box:
-    """The inputs of one system that were met.
+    """The range of each input of one system that was met in an evaluation.
 
     Parameters
     ----------
@@ -73,14 +73,14 @@ class Departure:
 
 
 def box_of(system: FuzzySystem, inputs: Floats) -> Box:
-    """Return the box of what a system sensed, (n, num_inputs), n at least one."""
+    """Return the bounding box of the inputs that a system sensed, (n, num_inputs), n at least one."""
     names, units = zip(*((variable.name, variable.unit) for variable in system.inputs), strict=True)
     low, high = (tuple(ends.tolist()) for ends in (inputs.min(axis=0), inputs.max(axis=0)))
     return Box(system.name, names, units, low, high, len(inputs))
 
 
 def departures(box: Box, time_s: Floats, inputs: Floats) -> tuple[Departure, ...]:
-    """Tell when the inputs of a system left a box: one departure for each stretch of inferences outside.
+    """Return a departure for each run of consecutive inferences with an input outside the box.
 
     Parameters
     ----------
@@ -112,7 +112,7 @@ def as_mapping(boxes: Iterable[Box]) -> dict[str, Any]:
 
 
 def from_mapping(mapping: Any, source: str) -> tuple[Box, ...]:
-    """Read a domain from plain data.
+    """Read an operational domain from plain data.
 
     Raises
     ------

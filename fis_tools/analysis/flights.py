@@ -86,7 +86,7 @@ class FlownSystem:
 
 @dataclass(frozen=True)
 class Period:
-    """What became of one system over one control period of a flight.
+    """A system's inference over one control period of a flight, and what was fired of it.
 
     Parameters
     ----------
@@ -109,7 +109,7 @@ class Period:
 
 
 class FlightOutcome(NamedTuple):
-    """How a recorded flight went; None where the recording does not say.
+    """The outcome of a recorded flight; None where the recording does not hold it.
 
     Attributes
     ----------
@@ -136,7 +136,7 @@ class FlightOutcome(NamedTuple):
 
 @dataclass(frozen=True)
 class Points:
-    """Points that inputs of a controller are made of, at an instant of a flight.
+    """The inspection points that make up inputs of a controller, at an instant of a flight.
 
     Parameters
     ----------
@@ -160,7 +160,7 @@ class Points:
 
 @dataclass(frozen=True)
 class PointsAlong:
-    """What points add to the inputs along a flight.
+    """What each inspection point adds to the inputs along a flight.
 
     Parameters
     ----------
@@ -201,7 +201,7 @@ def is_flight(path: Path | str) -> bool:
 
 
 def read_controller(path: Path | str) -> FuzzyController:
-    """Read the controller that a logged flight carries along.
+    """Read the controller stored in a logged flight.
 
     Raises
     ------
@@ -236,7 +236,7 @@ def read_flight(
 
 
 def flying(path: Path | str) -> FuzzyController | None:
-    """Return the controller that a logged flight carries along; None for a table.
+    """Return the controller stored in a logged flight; None for a table.
 
     Raises
     ------
@@ -247,7 +247,7 @@ def flying(path: Path | str) -> FuzzyController | None:
 
 
 def read_outcome(path: Path | str) -> FlightOutcome:
-    """Read how a flight went.
+    """Read the outcome of a flight.
 
     Raises
     ------
@@ -285,7 +285,7 @@ def read_outcome(path: Path | str) -> FlightOutcome:
 def read_periods(
     path: Path | str, time_s: float, controller: FuzzyController | None = None
 ) -> tuple[Period, ...]:
-    """Read what became of each fuzzy system of a controller over the control period of a time.
+    """Read each fuzzy system's inference in the control period that contains a time.
 
     A period holds until the next; the last is taken to hold for as long as the one before it did.
 
@@ -321,7 +321,7 @@ def read_periods(
 
 
 def read_rehearsals(path: Path | str, time_s: float) -> dict[str, list[tuple[float, str]]]:
-    """Return what each way that was flown ahead would have cost, m/s, the cheapest first, by what was chosen.
+    """Return the cost of each rehearsed alternative, m/s, cheapest first, by what was chosen.
 
     Choices that were not yet made by that time, or were over, are left out.
 
@@ -343,7 +343,7 @@ def read_rehearsals(path: Path | str, time_s: float) -> dict[str, list[tuple[flo
 
 
 def read_points(path: Path | str, time_s: float) -> Points | None:
-    """Read what the points of a flight add to the inputs in a control period; None where it does not say.
+    """Read what each point adds to the inputs in a control period; None where it is not recorded.
 
     Raises
     ------
@@ -359,7 +359,7 @@ def _topic(recording: "Recording", ending: str) -> "TopicColumns | None":
 
 
 def _points_of(recording: "Recording") -> PointsAlong | None:
-    """Return what points add to the inputs along a flight, where it says so."""
+    """Return what each point adds to the inputs along a flight, where it is recorded."""
     cloud, control = _topic(recording, "/pulls"), _topic(recording, "/control")
     if cloud is None or control is None or not len(cloud) or not len(control):
         return None
@@ -382,7 +382,7 @@ def _period(flown: FlownSystem, start_s: float, recording: "Recording | None") -
 def inputs_along(
     paths: Iterable[Path | str], all_periods: bool = False, controller: FuzzyController | None = None
 ) -> dict[str, Floats]:
-    """Return what the systems of a controller sensed along one flight or several.
+    """Return the inputs that a controller's systems sensed along one flight or several.
 
     Parameters
     ----------
@@ -418,7 +418,7 @@ def inputs_along(
 
 
 def require_same_inputs(path: Path | str, flown: Iterable[FuzzySystem], controller: FuzzyController) -> None:
-    """Raise ControllerFileError for a flight of no system of a controller, or of one with other inputs."""
+    """Raise ControllerFileError for a flight without this controller's systems, or with other inputs."""
     by_name = {system.name: system for system in controller.systems}
     pairs = [(system, by_name[system.name]) for system in flown if system.name in by_name]
     if not pairs:
@@ -436,7 +436,7 @@ def require_same_inputs(path: Path | str, flown: Iterable[FuzzySystem], controll
 
 
 def _tabled(path: Path | str, system: FuzzySystem) -> FlownSystem:
-    """Ask a system what it would have done at the inputs of a table."""
+    """Infer a system at the inputs of a table."""
     labels = {variable.name: with_unit(variable) for variable in system.inputs}
     inputs, time_s = tables.read(path, list(labels), labels)
     times = np.arange(1.0, len(inputs) + 1.0) if time_s is None else time_s
@@ -460,7 +460,7 @@ def _read(path: Path | str, topics: tuple[str, ...]) -> "Recording":
 
 
 def _understood() -> AbstractContextManager[None]:
-    """Turn what a recording says wrongly into a `ControllerFileError`."""
+    """Turn the errors of a faulty recording into a `ControllerFileError`."""
     from telemetry.file import reader  # noqa: PLC0415 - as in `_read`
 
     return told_as(ControllerFileError, reader.RecordingError)

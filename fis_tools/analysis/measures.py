@@ -41,7 +41,7 @@ class Complexity:
 
 @dataclass(frozen=True)
 class Completeness:
-    """Where the rules of a system cover the inputs worst: the lowest maximum firing strength, and its place.
+    """The input at which the strongest rule is weakest, and its firing strength.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ class Completeness:
 
 @dataclass(frozen=True)
 class RuleConsistency:
-    """Whether the system does what each rule says, where the rule fires most strongly.
+    """How far the system's output agrees with each rule where the rule fires most strongly.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ class RuleConsistency:
 
     @property
     def index(self) -> float:
-        """The least of all rules."""
+        """The lowest value of all rules."""
         return float(self.values.min())
 
 
@@ -105,7 +105,7 @@ class Measures:
 
 
 def measure(system: model.FuzzySystem) -> Measures:
-    """Compute every index of a system without problems; outputs that are weighed have no terms to measure."""
+    """Compute every index of a valid system; weighted outputs have no terms to measure."""
     variables = [v for v in system.variables if v not in system.weighed]
     covered = {variable.name: coverage(variable) for variable in variables}
     return Measures(complexity(system), covered, completeness(system), rule_consistency(system))
@@ -176,7 +176,7 @@ def rule_consistency(system: model.FuzzySystem) -> RuleConsistency:
 
 
 def _landmarks(variable: model.Variable) -> Floats:
-    """Return where its terms hold most, and where all of them together hold least."""
+    """Return an input's landmarks: the centres of its terms, and the value that they cover least."""
     centres = [centre(variable, term) for term in variable.terms]
     return np.unique(np.clip([*centres, coverage(variable).at], variable.minimum, variable.maximum))
 
@@ -189,7 +189,7 @@ def _grid(axes: list[Floats]) -> Floats | None:
 
 
 def _alone(system: model.FuzzySystem, strengths: Floats, grid: Floats, indices: Integers) -> Floats:
-    """Return what each rule alone would answer at its place in a grid; NaN for what it says nothing on."""
+    """Return each rule's output alone, at its point of a grid; NaN for outputs it does not conclude."""
     alone = np.full((len(system.rules), len(system.outputs)), np.nan)
     alike = defaultdict(list)
     for number, rule in enumerate(system.rules):
@@ -206,7 +206,7 @@ def _alone(system: model.FuzzySystem, strengths: Floats, grid: Floats, indices: 
 
 
 def _meanings(system: model.FuzzySystem, number: int, answers: Floats, rule_answers: Floats) -> Floats:
-    """Return how much answers (n, num_outputs) are like what a rule concludes, shape (n,)."""
+    """Return how far answers, (n, num_outputs), agree with a rule's consequents, shape (n,)."""
     meant = np.ones(len(answers))
     names = [variable.name for variable in system.outputs]
     for consequent in system.rules[number].consequents:

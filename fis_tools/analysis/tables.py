@@ -85,7 +85,7 @@ def read(
 def _wanted(
     path: Path, held: Sequence[str], names: Sequence[str], labels: Mapping[str, str]
 ) -> dict[str, str]:
-    """Return the columns to read of those that a table holds, by the names that are asked for."""
+    """Return the columns of a table to read, by the names requested."""
     splits = {column: name_and_unit(column) for column in held}
     wanted = {}
     for name in names:
@@ -179,7 +179,7 @@ def read_parquet(path: Path, choose: Callable[[Sequence[str]], Sequence[str]]) -
 
 
 def _column(column: Any) -> NDArray[Any]:
-    """Return a column as an array; of words each once, however often it stands there."""
+    """Return a column as an array; text is stored once per distinct word."""
     if not hasattr(column.type, "value_type"):
         return column.to_numpy()
     parts = [np.empty(0, dtype=object)]

@@ -1,4 +1,4 @@
-"""What the commands share: how a controller, flights, inputs and a place to write are asked for."""
+"""Arguments that commands share: a controller, flights, inputs, and a file to write."""
 
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -34,7 +34,7 @@ Output = Annotated[str | None, Parameter(name=("--output", "-o"))]
 
 
 def expected(words: str, is_right: Callable[[Any], bool]) -> Parameter:
-    """Return what refuses the values of an option that are not as expected."""
+    """Return a validator that refuses an option's values unless they are as expected."""
 
     def check(_kind: object, value: Any) -> None:
         if value is not None and not is_right(value):
@@ -44,14 +44,14 @@ def expected(words: str, is_right: Callable[[Any], bool]) -> Parameter:
 
 
 def whole_number(least: int, most: int) -> Parameter:
-    """Return what refuses the values of an option that are not between two numbers, both included."""
+    """Return a validator that accepts the whole numbers from `least` to `most`."""
     return expected(f"a whole number from {least} to {most}", lambda count: least <= count <= most)
 
 
 @Parameter(name="*")
 @dataclass(frozen=True)
 class ControllerArguments:
-    """What a command is about.
+    """The controller that a command works on.
 
     Parameters
     ----------
@@ -71,13 +71,13 @@ class ControllerArguments:
     trust: bool = False
 
     def read(self) -> FuzzyController:
-        """Return the controller, or the one system of it that is asked for."""
+        """Return the controller, or the one system of it that is named."""
         return chosen(read_controller(self.controller, self.trust), self.system)
 
 
 @contextmanager
 def analysing(*controllers: FuzzyController) -> Iterator[Callable[[str], None]]:
-    """Say first that many rules or points take long, and in a terminal that a block goes on, and how far."""
+    """Warn of a long analysis, and show its progress in a terminal."""
     for system in {
         system.name: system for controller in controllers for system in controller.systems
     }.values():
@@ -94,7 +94,7 @@ def analysing(*controllers: FuzzyController) -> Iterator[Callable[[str], None]]:
 @Parameter(name="*")
 @dataclass(frozen=True)
 class FlightArguments(ControllerArguments):
-    """What a command is about, and where it was flown.
+    """The controller that a command works on, and flights of it.
 
     Parameters
     ----------
@@ -110,18 +110,18 @@ class FlightArguments(ControllerArguments):
 
     @property
     def paths(self) -> list[str]:
-        """The flights that are named: the controller's own, where it is one."""
+        """The flights named; the controller's own file, if that is a flight."""
         return list(self.flights) or [path for path in [self.controller] if flights.is_flight(path)]
 
     def flown(self, controller: FuzzyController) -> dict[str, Floats] | None:
-        """Return what the systems of a controller sensed along the flights; see `flown_inputs`."""
+        """Return the inputs that the controller's systems sensed along the flights; see `flown_inputs`."""
         return flown_inputs(self.paths, controller, self.all_periods)
 
 
 def flown_inputs(
     paths: Sequence[str], controller: FuzzyController, all_periods: bool
 ) -> dict[str, Floats] | None:
-    """Return what the systems of a controller sensed along flights; None without any.
+    """Return the inputs that a controller's systems sensed along flights; None without flights.
 
     The flights may be those of another controller, such as the one before a change, if its systems of the
     same names have the same inputs.
@@ -135,7 +135,7 @@ def flown_inputs(
 
 
 def chosen(controller: FuzzyController, name: str | None) -> FuzzyController:
-    """Keep only the system that is asked for, where one is."""
+    """Return the controller with only the system named, or all of it."""
     if name is None:
         return controller
     names = [system.name for system in controller.systems]
@@ -159,13 +159,13 @@ def assignments(words: str) -> dict[str, float]:
 
 
 def place_for(path: Path) -> Path:
-    """Make the folder that a file goes into; return the file's path."""
+    """Create the folder of a file; return the file's path."""
     path.parent.mkdir(parents=True, exist_ok=True)
     return path
 
 
 def form_of(output: str | None) -> Callable[[FuzzyController], str] | None:
-    """Return what writes a controller into a file of such a name; None without one."""
+    """Return the function that writes a controller to a file of this name; None without a name."""
     form = _WRITERS.get(Path(output).suffix.lower()) if output else None
     if output and form is None:
         raise Mistake(f"{output} ends in none of {', '.join(_WRITERS)}; name the file so")
@@ -173,7 +173,7 @@ def form_of(output: str | None) -> Callable[[FuzzyController], str] | None:
 
 
 def write(output: str | None, content: str) -> None:
-    """Write a text to a file, or print it where none is named."""
+    """Write a text to a file, or print it if no file is named."""
     if output is None:
         print(content, end="")
     else:
@@ -183,7 +183,7 @@ def write(output: str | None, content: str) -> None:
 @Parameter(name="*")
 @dataclass(frozen=True)
 class InstantArguments(FlightArguments):
-    """What a command is about, and at which inputs.
+    """The controller that a command works on, and the inputs or the instant to look at.
 
     Parameters
     ----------
@@ -206,7 +206,7 @@ class InstantArguments(FlightArguments):
 
 @dataclass(frozen=True)
 class Instant:
-    """A system at an instant.
+    """A system, its inputs at an instant, and what became of its output.
 
     Parameters
     ----------
@@ -226,7 +226,7 @@ class Instant:
 
 
 def instants(args: InstantArguments, controller: FuzzyController) -> Iterator[Instant]:
-    """Yield each system of a controller that is meant with its inputs, given by hand or logged."""
+    """Yield each selected system of a controller with its inputs, given by hand or logged."""
     if args.time is None:
         yield from (Instant(system, inputs) for system, inputs in _given(args.inputs or "", controller))
         return
@@ -256,7 +256,7 @@ def _instant(period: flights.Period, all_periods: bool) -> Instant:
 
 
 def _in_words(period: flights.Period) -> str:
-    """Say whether the force that a system asked for was fired, and when it was fired before and after."""
+    """Describe whether the force that a system commanded was fired, and when before and after."""
     flown, row = period.flown, period.row
     words = f"{flown.system.name}: at {period.time_s:g} s "
     if period.reason == UNKNOWN and row is None:

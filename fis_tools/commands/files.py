@@ -68,7 +68,7 @@ def export(
 
 
 def _write_each(controller: FuzzyController, form: str, output: str | None) -> None:
-    """Write each system into a file of its own, and tell what the files do not say."""
+    """Write each system to its own file, and report what the files cannot hold."""
     path = None if output is None else Path(output)
     if form == "fmu" and path is None:
         raise Mistake("an FMU is an archive and cannot be printed; add -o FILE.fmu or -o FOLDER")
@@ -162,7 +162,7 @@ def _reading(path: str, trust: bool) -> serialize.Reading:
 
 
 def _systems(paths: Sequence[str], controllers: Sequence[FuzzyController]) -> tuple[FuzzySystem, ...]:
-    """Put the systems of all files together; their names must differ."""
+    """Collect the systems of all files; their names must differ."""
     systems: dict[str, tuple[str, FuzzySystem]] = {}
     for path, controller in zip(paths, controllers, strict=True):
         for system in controller.systems:
@@ -184,7 +184,7 @@ def _resampled(system: FuzzySystem, num_points: int) -> FuzzySystem:
 
 
 def _merged(facts: Iterable[tuple[tuple[str, str], ...]]) -> tuple[tuple[tuple[str, str], ...], list[str]]:
-    """Put facts together; return those that nothing contradicts, sorted, and the keys of the others."""
+    """Merge facts; return those that nothing contradicts, sorted, and the keys of the others."""
     kept: dict[str, str] = {}
     contradicted: set[str] = set()
     for key, value in (fact for each in facts for fact in each):
@@ -268,7 +268,7 @@ def learn(
 
 
 def _reached(table: TrainingTable, recipe: Recipe) -> str:
-    """Say what the recipe reaches on rows that it did not learn from."""
+    """Describe the recipe's error on rows that it did not learn from."""
     reached = cross_validated(table, recipe)
     if reached is None:
         return "too few rows to tell what they reach on others"

@@ -91,7 +91,7 @@ def plot(
 
 
 def _fired(args: arguments.InstantArguments, controller: FuzzyController) -> list[tuple[FuzzySystem, Floats]]:
-    """Return the inferences that there are to draw."""
+    """Return the inferences to draw."""
     chosen = list(arguments.instants(args, controller))
     drawn = [(instant.system, instant.inputs) for instant in chosen if instant.inputs is not None]
     if not drawn:
@@ -100,7 +100,7 @@ def _fired(args: arguments.InstantArguments, controller: FuzzyController) -> lis
 
 
 def _kinds(args: arguments.InstantArguments, only: Sequence[str]) -> Sequence[str]:
-    """Return what to draw: what is asked for, or all there is."""
+    """Return the kinds of pictures to draw: those requested, or all."""
     if not only:
         more = {"inference": args.is_instant, "firing": bool(args.paths)}
         return [*KINDS[:3], *(kind for kind, is_asked in more.items() if is_asked)]

@@ -1,4 +1,4 @@
-"""A document: what a result has to say, in blocks, whatever it is written as.
+"""Documents: the content of a result in blocks, independent of the output format.
 
 `text` writes any document as plain text, Markdown or LaTeX, `html` as a page; `as_json` writes results.
 """
@@ -13,7 +13,7 @@ from typing import Any, TypeAlias
 
 @dataclass(frozen=True)
 class Change:
-    """Words that stood in a place before, and those that stand there now; both may be the same."""
+    """A text before and after a change; both may be equal."""
 
     before: str
     after: str
@@ -21,7 +21,7 @@ class Change:
 
 @dataclass(frozen=True)
 class Mark:
-    """Words in a cell that pages show in a way of their own.
+    """Text in a cell that pages style in a way of their own.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ class Items:
 
 @dataclass(frozen=True)
 class Table:
-    """A table whose first column says what its rows are about.
+    """A table whose first column names its rows.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ class Table:
 
 @dataclass(frozen=True)
 class Code:
-    """Words to be copied as they are, such as a command."""
+    """Text to be copied as it is, such as a command."""
 
     words: str
 
@@ -114,7 +114,7 @@ class Figure:
 
 @dataclass(frozen=True)
 class Fold:
-    """Blocks that a page shows when asked to, below a heading elsewhere."""
+    """Blocks that a page folds away; other formats show them below a heading."""
 
     words: str
     blocks: "Sequence[Block]"
@@ -132,7 +132,7 @@ class Document:
 
     @property
     def unfolded(self) -> Iterator[Block]:
-        """Its blocks without folds and figures, which only pages have."""
+        """The blocks without folds and figures, which only pages have."""
         for block in self.blocks:
             if isinstance(block, Fold):
                 yield Heading(block.words, 4)
@@ -142,12 +142,12 @@ class Document:
 
     @property
     def title(self) -> str:
-        """The words of the first block that has some."""
+        """The text of the first heading or paragraph."""
         return next((block.words for block in self.blocks if isinstance(block, Heading | Paragraph)), "")
 
 
 def plain(value: Any) -> Any:
-    """Return data that JSON holds: objects of data classes by the names of their fields, arrays as lists."""
+    """Return plain data for JSON: dataclasses as objects by their fields' names, arrays as lists."""
     if is_dataclass(value):
         return {field.name: plain(getattr(value, field.name)) for field in fields(value)}
     if isinstance(value, Enum):
@@ -166,14 +166,14 @@ def as_json(schema: str, version: int, content: Mapping[str, Any]) -> str:
 
 
 class Result(ABC):
-    """Something that was found out, and shows itself in a terminal and in notebooks."""
+    """A result that displays itself in a terminal and in notebooks."""
 
     @abstractmethod
     def document(self) -> Document:
-        """Return what there is to say."""
+        """Return the content as a document."""
 
     def text(self, **options: Any) -> str:
-        """Write it for a terminal; options are those of `document`."""
+        """Render it for a terminal; options are those of `document`."""
         from fis_tools.document import text  # noqa: PLC0415 - a result is shown in one form or another
 
         return text.write(self.document(**options))

@@ -13,7 +13,7 @@ from fis_tools.document import Document, Heading
 
 
 def policy(style: str = "") -> Markup:
-    """Return the policy of a page without scripts: nothing runs, and nothing is fetched.
+    """Return the content security policy of a page without scripts: nothing runs, nothing is fetched.
 
     With the source of its style element, no other style is applied.
     """
@@ -31,7 +31,7 @@ def template(package: str, folder: str, name: str) -> Template:
 
 
 def environment(package: str, folder: str, **options: Any) -> Environment:
-    """Return what finds templates in a folder of a package; options are those of jinja2."""
+    """Return a jinja2 environment for the templates in a folder of a package; options are jinja2's."""
     loader = PackageLoader(package, folder)
     return Environment(  # noqa: S701 - some forms know no markup
         loader=loader, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True, **options
@@ -44,12 +44,12 @@ def read(name: str, package: str = "fis_tools.document") -> str:
 
 
 def source_hash(source: str) -> str:
-    """Return what a content security policy allows a script or style element of this source by."""
+    """Return the hash by which a content security policy allows a script or style element of this source."""
     return "sha256-" + base64.b64encode(hashlib.sha256(source.encode()).digest()).decode("ascii")
 
 
 def png_address(png: bytes) -> str:
-    """Return an address that is a picture itself."""
+    """Return a data URL that holds a PNG picture."""
     return f"data:image/png;base64,{base64.b64encode(png).decode('ascii')}"
 
 
@@ -63,7 +63,7 @@ def element(tag: str, *inside: object, **attributes: Any) -> Markup:
 
 
 def void(tag: str, **attributes: Any) -> Markup:
-    """Return an element that has nothing inside, such as ``img``; attributes are as of `element`."""
+    """Return an element without content, such as ``img``; attributes are as of `element`."""
     words = "".join(
         f' {name.rstrip("_").replace("_", "-")}="{escape(value)}"'
         for name, value in attributes.items()

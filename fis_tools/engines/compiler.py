@@ -99,7 +99,7 @@ class CompiledSystem:
     @overload
     def __call__(self, inputs: TableLike, *, on_no_fire: OnNoFire = "default") -> dict[str, Floats]: ...
     def __call__(self, inputs: Any, *, on_no_fire: OnNoFire = "default") -> Floats | dict[str, Floats]:
-        """Infer many samples.
+        """Return the outputs for many samples.
 
         Parameters
         ----------
@@ -129,7 +129,7 @@ class CompiledSystem:
         return self._by_name(self._infer(rows), shape)
 
     def infer(self, inputs: Any, *, on_no_fire: OnNoFire = "default") -> Answers:
-        """Infer many samples, and report where no rule fired; same parameters and errors as a call."""
+        """Return the outputs, and where no rule fired; same parameters and errors as a call."""
         if on_no_fire not in get_args(OnNoFire):
             raise ValueError(f"on_no_fire is {on_no_fire!r}; use one of {', '.join(get_args(OnNoFire))}")
         rows, shape = self._read(inputs)
@@ -154,7 +154,7 @@ class CompiledSystem:
         return self._rows(np.stack([column.ravel() for column in columns], axis=1)), columns[0].shape
 
     def _by_name(self, rows: NDArray[Any], shape: tuple[int, ...] | None) -> Any:
-        """Return outputs as they are, or by their names in columns of a shape."""
+        """Return outputs as rows, or as columns of a shape by their names."""
         if shape is None:
             return rows
         columns = rows.T.reshape(-1, *shape)
@@ -217,7 +217,7 @@ class CompiledSystem:
         return self._shared(lambda part: kernel.evaluate(packed, part)[:, np.newaxis], rows)
 
     def _shared(self, work: Callable[[Floats], Floats], rows: Floats) -> Floats:
-        """Process independent rows, in threads if there are very many."""
+        """Apply a function to rows, in threads if there are very many."""
         threads = min(self.threads, len(rows) // SAMPLES_A_THREAD)
         if threads < 2:
             return work(rows)
@@ -305,7 +305,7 @@ def _marked(conclusion: Conclusion | Weighing) -> Conclusion | Weighing:
 
 
 def _where_unfired(system: FuzzySystem, rows: Floats, unfired: Booleans) -> str:
-    """Return where no rule fires, in words: how often, and at which sample first."""
+    """Describe where no rule fires: how often, and at which sample first."""
     sample, column = np.argwhere(unfired)[0]
     values = ", ".join(f"{v.name} {x:.6g}" for v, x in zip(system.inputs, rows[sample], strict=True))
     return (

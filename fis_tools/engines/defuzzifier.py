@@ -17,7 +17,7 @@ SMALLEST = float(np.nextafter(0.0, 1.0))
 
 @compiled(error_model="numpy", nogil=True)
 def conclude_by_term(conclusion: Conclusion, firing: Floats, out: Floats) -> None:
-    """Write one output whose terms are each cut once and aggregated by the maximum."""
+    """Compute one output whose terms are each cut once and aggregated by the maximum."""
     universe, memberships, rules, weights = conclusion[:4]
     bounds, runs, accumulation = conclusion.bounds, conclusion.runs, conclusion.accumulation
     num_terms, num_points = memberships.shape
@@ -43,7 +43,7 @@ def conclude_by_term(conclusion: Conclusion, firing: Floats, out: Floats) -> Non
 
 @compiled(error_model="numpy", nogil=True)
 def conclude_by_rule(conclusion: Conclusion, firing: Floats, out: Floats) -> None:
-    """Write one output from each rule's implied set, at the points of the universe."""
+    """Compute one output from each rule's implied set, at the points of the universe."""
     universe, memberships, rules, weights = conclusion[:4]
     terms, implication, aggregation = conclusion[9:]
     count = len(universe)
@@ -60,7 +60,7 @@ def conclude_by_rule(conclusion: Conclusion, firing: Floats, out: Floats) -> Non
 
 @compiled(error_model="numpy", forceinline=True)
 def _defuzzify(defuzzifier: int, x: Floats, y: Floats, count: int, areas: Floats, default: float) -> float:
-    """Return what an aggregated set, the first `count` points, becomes; the default if it is zero."""
+    """Defuzzify an aggregated set, given by the first `count` points; return the default if it is zero."""
     if not y[:count].any():
         return default
     if defuzzifier == codes.CENTROID:

@@ -101,7 +101,7 @@ def prepare(program: Program) -> Callable[..., list[float]]:
 
 
 def _finite(value: float, ends: tuple[float, float]) -> float:
-    """Return a number, or the end of its range if it is infinite."""
+    """Return a number, with an infinite one replaced by the end of its range."""
     if isnan(value):
         raise ValueError("an input is NaN; pass numbers, those out of range are clipped")
     return value if isfinite(value) else ends[value > 0.0]
@@ -123,7 +123,7 @@ def _prepared(program: Program, row: Floats, outputs: Floats) -> Callable[[], No
 
 
 def _direct(step: partial[None]) -> partial[None]:
-    """Return a call that skips what numba takes to find the types of its arguments, where it is compiled."""
+    """Return a compiled function without numba's lookup of argument types."""
     prepared = getattr(step.func, "prepared", None)
     return step if prepared is None else partial(prepared(*step.args), *step.args)
 

@@ -186,7 +186,7 @@ def _widened(low: float, high: float) -> tuple[float, float]:
 
 
 def _steepness(weighing: Weighing, num_inputs: int) -> Floats:
-    """Return the sensitivity of concluded numbers to each input, as shares of the output's range."""
+    """Return how steeply concluded numbers depend on each input, as shares of the output's range."""
     factors = np.abs(np.where(weighing.kinds[:, np.newaxis] == codes.NUMBER, weighing.parameters, 0.0))
     return factors[:, :num_inputs].max(axis=0, initial=0.0) / (weighing.high - weighing.low)
 
@@ -357,7 +357,7 @@ def _of_maximum(
 
 @compiled(error_model="numpy", nogil=True)
 def _way_down(x: Floats, mu: Floats, point: int, other: int, height: float) -> float:
-    """Return how far from a point towards its neighbour a membership function stays at least at a height."""
+    """Return how far towards its neighbour a membership function stays at a height or above."""
     if other < 0 or other == len(x) or mu[other] >= height:
         return 0.0
     return abs(x[other] - x[point]) * (mu[point] - height) / (mu[point] - mu[other])

@@ -179,7 +179,7 @@ def _ends(variable: Variable) -> tuple[Floats, Floats]:
 
 
 def fill_input(values: Floats, row: Any, index: int, low: Floats, high: Floats, terms: Floats) -> None:
-    """Write one input of n controllers: ends of shape (n,), memberships of shape (n, terms, points)."""
+    """Fill in one input of n controllers: ends of shape (n,), memberships of shape (n, terms, points)."""
     num_points, at = int(row.input_points[index]), int(row.input_values[index])
     step = (high - low) / (num_points - 1)
     values[:, at : at + HEADER] = np.stack([low, high, step, 1.0 / step], axis=-1)
@@ -189,7 +189,7 @@ def fill_input(values: Floats, row: Any, index: int, low: Floats, high: Floats, 
 def fill_output(
     values: Floats, rules: Integers, row: Any, low: Floats, high: Floats, default: Floats, terms: Floats
 ) -> None:
-    """Write the output of n controllers: ends and default of shape (n,), memberships (n, terms, points)."""
+    """Fill in the output of n controllers: ends and default of shape (n,), memberships (n, terms, points)."""
     num_terms, num_points = int(row.output_terms), int(row.output_points)
     rules[:, row.rules : row.rules + num_terms] = terms.argmax(axis=2)
     ranks, ends = ranks_of(terms)

@@ -32,7 +32,7 @@ OPERATORS: dict[str, int] = {
 
 @compiled(error_model="numpy", forceinline=True)
 def combine(operator: int, a: float, b: float) -> float:  # noqa: PLR0911, PLR0912 - one line per operator
-    """Return the result of an operator on two degrees of truth, as in `fis_tools.model.operators`."""
+    """Apply an operator of `fis_tools.model.operators` to two degrees of truth."""
     if operator == MIN:
         return a if a < b else b
     if operator == MAX:
@@ -71,7 +71,7 @@ def combine(operator: int, a: float, b: float) -> float:  # noqa: PLR0911, PLR09
 
 @compiled(error_model="numpy", forceinline=True)
 def change(operator: int, a: float) -> float:
-    """Return the result of a hedge on a degree of truth, or its complement."""
+    """Apply a hedge, or the complement, to a degree of truth."""
     if operator == VERY:
         return a * a
     if operator == SOMEWHAT:
@@ -384,7 +384,7 @@ def _weighing(system: model.FuzzySystem, output: model.Variable) -> Weighing:
 
 
 def _runs(sampled: Floats) -> list[tuple[int, int]]:
-    """Cut a sampled function where its direction changes; flat stretches belong to what is before them."""
+    """Split a sampled function into monotone runs; flat stretches belong to the run before them."""
     bounds, direction = [0], 0.0
     for point, step in enumerate(np.sign(np.diff(sampled))):
         if step * direction < 0.0:

@@ -4,7 +4,7 @@ from typing import Any
 
 
 def rendered(template: str, **facts: Any) -> str:
-    """Fill a template in.
+    """Render a template of this package.
 
     Parameters
     ----------

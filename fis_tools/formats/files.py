@@ -14,7 +14,7 @@ from fis_tools.words.text import outline, rule_list
 
 
 class Whole(NamedTuple):
-    """A form of file that holds a whole controller: what writes it, and how the names of its files end."""
+    """A file format that holds a whole controller: its writer, and how its files' names end."""
 
     write: Callable[[FuzzyController], str]
     endings: tuple[str, ...]
@@ -40,7 +40,7 @@ ENDINGS = (*_WRITERS, *ONE_SYSTEM.values())
 
 @dataclass(frozen=True)
 class File:
-    """The content of a file, and what its form has no place for, one sentence each."""
+    """The content of a file, and what its format cannot hold, one sentence each."""
 
     content: bytes
     losses: Sequence[str] = ()
@@ -52,7 +52,7 @@ def file_name(name: str) -> str:
 
 
 def in_files_of_one(controller: FuzzyController, ending: str) -> dict[str, FuzzyController]:
-    """Return each system of a controller, by its file's name; raise ValueError for two alike."""
+    """Return each system of a controller by the name of its file; raise ValueError for equal names."""
     files: dict[str, FuzzyController] = {}
     for system in controller.systems:
         name = file_name(system.name) + ending

@@ -69,7 +69,7 @@ def _system_mapping(system: model.FuzzySystem) -> dict[str, Any]:
 
 
 def _unusual(thing: Any, *keys: str) -> dict[str, Any]:
-    """Return the parts of something that are not what they usually are."""
+    """Return the fields of a dataclass that differ from their defaults."""
     usual = {field.name: field.default for field in fields(thing)}
     return {key: _plain(getattr(thing, key)) for key in keys if getattr(thing, key) != usual[key]}
 
@@ -165,7 +165,7 @@ def from_mapping(mapping: Mapping[str, Any]) -> model.FuzzyController:
 
 
 def refuse_problems(controller: model.FuzzyController) -> None:
-    """Refuse a controller that was read and has problems, of which the first are told.
+    """Refuse a controller with problems; the first of them are listed.
 
     Raises
     ------
@@ -235,7 +235,7 @@ NO_KEYS: Readers = MappingProxyType({})
 
 
 def _read(value: Any, where: str, required: Readers, optional: Readers = NO_KEYS) -> dict[str, Any]:
-    """Read a mapping by what reads its keys, of which some need not be there."""
+    """Read a mapping with a reader for each key; optional keys may be missing."""
     _check_keys(value, where, tuple(required), tuple(optional))
     readers = {**required, **optional}
     return {key: read(value[key], f"{where}.{key}") for key, read in readers.items() if key in value}
@@ -304,7 +304,7 @@ def _term(value: Any, where: str) -> model.Term:
 
 
 def _shape_of(value: Any, where: str) -> str:
-    """Name the shape of a term: what it says itself, or the one that most of its keys belong to."""
+    """Return the shape of a term: the one it names, or the one that most of its keys belong to."""
     if not isinstance(value, Mapping):
         raise ControllerFileError(
             f"{where} is {_kind_of(value)}; expected a mapping with name, mean, standard_deviation"

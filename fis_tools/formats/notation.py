@@ -33,7 +33,7 @@ LINE_WIDTH = 110
 
 @contextmanager
 def _refusing() -> Iterator[None]:
-    """Refuse what no reader of plain data takes, whichever the notation."""
+    """Turn errors that any notation may raise into refusals."""
     try:
         yield
     except ControllerFileError:
@@ -45,12 +45,12 @@ def _refusing() -> Iterator[None]:
 
 
 def is_scalar(value: object) -> bool:
-    """Return whether a value has no parts."""
+    """Return whether a value is neither a list nor a mapping."""
     return value is None or isinstance(value, str | int | float)
 
 
 def _inline(value: Any, scalar: Callable[[Any], str]) -> str:
-    """Write plain data in one line, as both notations have it; `scalar` writes what has no parts."""
+    """Render plain data on one line, in JSON or YAML; `scalar` renders scalars."""
     if isinstance(value, Mapping):
         items = (f"{scalar(key)}: {_inline(item, scalar)}" for key, item in value.items())
         return "{" + ", ".join(items) + "}"
@@ -60,7 +60,7 @@ def _inline(value: Any, scalar: Callable[[Any], str]) -> str:
 
 
 def rule_rows(system: Mapping[str, Any]) -> list[Sequence[str]]:
-    """Cut a system's rule table into rows, one term of the last input after the other in each.
+    """Split a system's rule table into rows, the last input's terms along each.
 
     Parameters
     ----------
@@ -334,7 +334,7 @@ def _lines(value: Any, indent: int) -> list[str]:
 
 
 def _fits(value: Any, used: int, scalar: Callable[[Any], str] = _yaml_scalar) -> bool:
-    """Return whether a value stands on one line, behind so many characters; lists of mappings never do."""
+    """Return whether a value fits on one line after `used` characters; lists of mappings never do."""
     if is_scalar(value) or not value:
         return True
     if not isinstance(value, Mapping) and any(isinstance(item, Mapping) for item in value):
@@ -343,7 +343,7 @@ def _fits(value: Any, used: int, scalar: Callable[[Any], str] = _yaml_scalar) ->
 
 
 def _table_lines(system: Mapping[str, Any], rows: Sequence[Sequence[str]], indent: int) -> list[str]:
-    """Write a rule table, with the terms that belong to each row and column as comments."""
+    """Render a rule table, with comments that name the terms of its rows and columns."""
     *outer, last = system["inputs"]
     heads: list[list[str]] = [[]]
     for variable in outer:

@@ -26,7 +26,7 @@ from fis_tools.plain_text import as_number
 
 @dataclass(frozen=True)
 class Written:
-    """A file, and what it cannot hold.
+    """The content of a file, and what it cannot hold.
 
     Parameters
     ----------
@@ -98,7 +98,7 @@ LONGEST_NUMBER = 32
 
 
 def from_mapping(content: Any) -> FuzzyController:
-    """Read a controller from plain data, and compare it with what its provenance tells of.
+    """Read a controller from plain data, and check it against the hash in its provenance.
 
     Raises
     ------
@@ -198,7 +198,7 @@ def read(path: Path | str) -> Reading:
 
 
 def _decoded(content: bytes, kind: Kind) -> tuple[str, tuple[str, ...]]:
-    """Return a file's text, and what was assumed of its letters: old programs of others write Latin-1."""
+    """Return a file's text, and a note on its encoding: old programs write Latin-1."""
     try:
         return content.decode("utf-8-sig"), ()
     except UnicodeDecodeError as error:
@@ -234,12 +234,12 @@ def reads(text: str, kind: Kind) -> Reading:
 
 
 def writer(name: str) -> Callable[[FuzzyController], Written]:
-    """Return what writes a kind of file of another program."""
+    """Return the function that writes a kind of another program's files."""
     return _module(name).write
 
 
 def _module(name: str) -> Any:
-    """Import a kind's module, which few files need."""
+    """Import the module of a kind, on demand."""
     return import_module(f"fis_tools.formats.exchange.{name}")
 
 
@@ -267,7 +267,7 @@ def described(controller: FuzzyController, facts: Mapping[str, str]) -> FuzzyCon
 
 
 def checked(controller: FuzzyController) -> FuzzyController:
-    """Return a controller that was read; where its provenance is of another, that says so."""
+    """Return a controller that was read, marked as edited if its provenance is of another."""
     provenance = dict(controller.provenance)
     expected = provenance.get(CONTENT_HASH)
     if expected is None or expected == content_hash(controller):
@@ -279,7 +279,7 @@ def checked(controller: FuzzyController) -> FuzzyController:
 
 
 def edited(controller: FuzzyController) -> str | None:
-    """Return what is told of a later change; None where nothing is."""
+    """Return the note on a later change; None where there is none."""
     return dict(controller.provenance).get(EDITED)
 
 

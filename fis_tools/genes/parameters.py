@@ -31,7 +31,7 @@ from fis_tools.model.systems import require_mamdani
 
 @dataclass(frozen=True, kw_only=True)
 class Bounds:
-    """Range of what the genes tune.
+    """The ranges that the genes span.
 
     Parameters
     ----------
@@ -75,11 +75,11 @@ Numbers = tuple[Floats, Floats, Floats, Floats]
 
 
 class Genes(ABC):
-    """What the genes of a vector tune."""
+    """A genome's structure: what each gene tunes."""
 
     @abstractmethod
     def gene_names(self) -> list[str]:
-        """Return for each gene what it tunes."""
+        """Return the name of what each gene tunes."""
 
     @property
     def num_genes(self) -> int:
@@ -120,7 +120,7 @@ class SystemEncoding(Genes):
                     raise ValueError(f"variable {variable.name!r} {fault}")
 
     def gene_names(self) -> list[str]:
-        """Return for each gene what it tunes."""
+        """Return the name of what each gene tunes."""
         names = []
         for system in self.systems:
             for variable in system.variables:
@@ -132,7 +132,7 @@ class SystemEncoding(Genes):
         return names
 
     def gene_slices(self) -> "list[GeneSlices]":
-        """Return for each system the positions of its genes."""
+        """Return the positions of each system's genes."""
         slices, at = [], 0
         for system in self.systems:
             means, widths = [], []
@@ -244,7 +244,7 @@ def _terms(genes: Floats, output: Variable) -> Integers:
 
 
 def _full_table(system: FuzzySystem, why: str) -> Integers:
-    """Return what the cells of a full rule table conclude; a ValueError says why there must be one."""
+    """Return the consequents of a full rule table; a ValueError says why one is needed."""
     table = rule_table(system)
     if table is None:
         raise ValueError(f"system {system.name!r} is not a full rule table; {why}")
@@ -252,7 +252,7 @@ def _full_table(system: FuzzySystem, why: str) -> Integers:
 
 
 def _fault(variable: Variable) -> str:
-    """Return why a variable cannot be tuned, or nothing."""
+    """Return why a variable cannot be tuned, or an empty string."""
     if len(variable.terms) < 2:
         return f"has {len(variable.terms)} term; give it two or more to tune it"
     if variable.points is not None:
@@ -289,7 +289,7 @@ class Planes(Genes):
     encoding: SystemEncoding
 
     def gene_names(self) -> list[str]:
-        """Return for each gene what it tunes."""
+        """Return the name of what each gene tunes."""
         names = []
         for system in self.encoding.systems:
             inputs, output = [v.name for v in system.inputs], system.outputs[0].name
@@ -340,7 +340,7 @@ class KeptRules(Genes):
     genome: Floats
 
     def gene_names(self) -> list[str]:
-        """Return for each gene what it tunes."""
+        """Return the name of what each gene tunes."""
         return [
             name for name, tuned in zip(self.encoding.gene_names(), self._is_tuned(), strict=True) if tuned
         ]
@@ -436,7 +436,7 @@ class Stretches(Genes):
                     )
 
     def gene_names(self) -> list[str]:
-        """Return for each gene what it tunes."""
+        """Return the name of what each gene tunes."""
         names = []
         for system in self.systems:
             if self.has_planes:

@@ -24,7 +24,7 @@ except ModuleNotFoundError as missing:
 
 
 class _FuzzyEstimator(BaseEstimator):
-    """What both estimators share: a learned system, and the columns that it is fed with."""
+    """Base of both estimators: a learned system, and the columns that feed it."""
 
     system_: FuzzySystem
 
@@ -47,7 +47,7 @@ class _FuzzyEstimator(BaseEstimator):
 def _counting(
     rows: Floats, values: NDArray[Any], sample_weight: ArrayLike | None
 ) -> tuple[Floats, NDArray[Any], Floats]:
-    """Return the rows that count, their values, and as how many rows each counts."""
+    """Return the rows of positive weight, their targets, and their weights."""
     if sample_weight is None:
         return rows, values, np.ones(len(rows))
     weights: Floats = check_array(

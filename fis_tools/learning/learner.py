@@ -52,7 +52,7 @@ class Recipe:
     tune: bool = True
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be learned."""
+        """Raise ValueError for a recipe that cannot be learned."""
         if self.consequents not in get_args(Consequents):
             known = ", ".join(get_args(Consequents))
             raise Mistake(f"consequents is {self.consequents!r}; use one of {known}")
@@ -114,7 +114,7 @@ MOST_RULES = 1_000
 
 
 class Learned(NamedTuple):
-    """A system, and what it is fed with.
+    """A learned system, and the columns that feed it.
 
     Attributes
     ----------
@@ -227,7 +227,7 @@ def _even(columns: Sequence[Column], terms: int) -> tuple[rules.Partition, ...]:
 
 
 def _spread(count: int) -> Integers:
-    """Return the places of some rows, evenly spread over a table."""
+    """Return the indices of some rows, evenly spread over a table."""
     return np.unique(np.linspace(0, count - 1, min(count, MOST_ROWS)).astype(np.int64))
 
 
@@ -236,7 +236,7 @@ FOLDS = 5
 
 
 class Reached(NamedTuple):
-    """What a recipe reaches on rows that were not learned from.
+    """The error of a recipe on rows that it did not learn from.
 
     Attributes
     ----------
@@ -285,7 +285,7 @@ def learn_table(table: TrainingTable, recipe: Recipe) -> Learned:
 
 
 def cross_validated(table: TrainingTable, recipe: Recipe) -> Reached | None:
-    """Measure what a recipe reaches, every fifth row by what the others teach; None of too few rows."""
+    """Cross-validate a recipe in five folds; None for too few rows."""
     fold = np.arange(len(table.values)) % FOLDS
     if len(table.values) < 2 * FOLDS:
         return None
@@ -399,7 +399,7 @@ def _one_output(what: object) -> FuzzySystem:
 
 
 def _answers(function: Callable[..., Any], samples: Floats) -> Floats:
-    """Ask a function for its answers, (n,).
+    """Return a function's values, (n,).
 
     Raises
     ------

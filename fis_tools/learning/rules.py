@@ -56,7 +56,7 @@ CLOSEST = 5
 
 @dataclass(frozen=True)
 class Partition:
-    """Where the terms of a variable have their peaks.
+    """A partition of a range into terms, given by the terms' peaks.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ class Partition:
 
     @property
     def num_moved(self) -> int:
-        """How many peaks are not where they are in an even partition."""
+        """The number of peaks that differ from an even partition."""
         evenly = even(self.low, self.high, len(self.positions)).positions
         return sum(mine != other for mine, other in zip(self.positions, evenly, strict=True))
 
@@ -88,7 +88,7 @@ class Partition:
         return np.stack([np.interp(values, peaks, unit) for unit in np.eye(len(peaks))], axis=1)
 
     def moved(self, index: int, steps: int) -> "Partition | None":
-        """Return it with an inner peak moved; None where that would come too close to another."""
+        """Return the partition with an inner peak moved; None where that comes too close to another."""
         position = self.positions[index] + steps
         if position - self.positions[index - 1] < CLOSEST or self.positions[index + 1] - position < CLOSEST:
             return None
@@ -147,7 +147,7 @@ Partitions = tuple[Partition, ...]
 
 
 def tuned(partitions: Sequence[Partition], error: Callable[[Partitions], float]) -> Partitions:
-    """Return partitions of which no single step of a peak has a lower error.
+    """Return partitions that no single step of one peak improves.
 
     Parameters
     ----------
@@ -184,7 +184,7 @@ def _inner_peaks(partitions: Partitions) -> list[tuple[int, int]]:
 
 
 def strongest(memberships: Sequence[Floats]) -> Integers:
-    """Return the term that each row belongs to most of each input, (n, num_inputs); of equals the lower.
+    """Return the term of each input that each row belongs to most, (n, num_inputs); ties go to the lower.
 
     Parameters
     ----------
@@ -195,7 +195,7 @@ def strongest(memberships: Sequence[Floats]) -> Integers:
 
 
 def firing(memberships: Sequence[Floats], cells: Integers) -> Floats:
-    """Return how far each row belongs to each combination, by the product: (n, rules)."""
+    """Return the firing strength of each combination of terms for each row, by the product: (n, rules)."""
     strengths = memberships[0][:, cells[:, 0]]
     for degrees, terms in zip(memberships[1:], cells.T[1:], strict=True):
         strengths = strengths * degrees[:, terms]
@@ -203,7 +203,7 @@ def firing(memberships: Sequence[Floats], cells: Integers) -> Floats:
 
 
 def antecedent(inputs: Sequence[Variable], cell: Integers) -> model.Expression:
-    """Return what a combination says, as a rule does."""
+    """Return a combination of terms as an antecedent."""
     statements = tuple(
         model.Is(v.name, v.terms[int(term)].name) for v, term in zip(inputs, cell, strict=True)
     )
@@ -218,7 +218,7 @@ def wang_mendel(
     targets: Floats,
     counts: Floats,
 ) -> FuzzySystem:
-    """Make the rules that the rows of a table ask for.
+    """Return the rules of Wang and Mendel's method for the rows of a table.
 
     Parameters
     ----------
@@ -261,7 +261,7 @@ CHARGE = 3.0
 
 @dataclass(frozen=True)
 class Fit:
-    """Rules of numbers that fit a table.
+    """Rules with numeric conclusions fitted to a table.
 
     Parameters
     ----------
@@ -328,7 +328,7 @@ def _shares(weights: Floats, targets: Floats, counts: Floats, spent: float) -> t
 
 
 def _ridge(design: Floats, targets: Floats, count: float, spent: float) -> tuple[Floats, float]:
-    """Return the coefficients that cross-validation prefers, and their score.
+    """Return the ridge coefficients that cross-validation prefers, and their score.
 
     Parameters
     ----------
@@ -353,7 +353,7 @@ def _ridge(design: Floats, targets: Floats, count: float, spent: float) -> tuple
 
 
 def _score(residuals: Floats, count: float, freedom: float) -> float:
-    """Return the error expected of other rows, for a fit of so many degrees of freedom."""
+    """Return the error expected on other rows, for a fit with so many degrees of freedom."""
     if count - freedom < 1.0:
         return np.inf
     return count * float(np.square(residuals).sum()) / (count - freedom) ** 2
@@ -372,7 +372,7 @@ DIGIT = 1e-3
 def takagi_sugeno(
     name: str, inputs: Sequence[Variable], outputs: Sequence[Variable], fit: Fit
 ) -> FuzzySystem:
-    """Make a system whose rules conclude what was fitted, rounded to a thousandth of an output's range.
+    """Build a system from fitted rules, its numbers rounded to a thousandth of an output's range.
 
     Parameters
     ----------
@@ -399,12 +399,12 @@ def takagi_sugeno(
 
 
 def rounded(value: float, step: float) -> float:
-    """Round to the power of ten that is not above a step."""
+    """Round to the largest power of ten that is not above a step."""
     return float(round(value, -math.floor(math.log10(step)))) + 0.0
 
 
 def bare_output(name: str, unit: str, ends: tuple[float, float], default: float) -> Variable:
-    """Return an output for numbers, as yet without terms."""
+    """Return a weighted output without terms."""
     low, high = ends
     step = DIGIT * (high - low)
     return Variable(name, unit, low, high, (), default=rounded(default, step), aggregation="unbounded_sum")
@@ -429,7 +429,7 @@ def _numbers(output: Variable, inputs: Sequence[Variable], coefficients: Floats)
 
 
 def _with_terms(output: Variable, terms: Sequence[Term]) -> Variable:
-    """Give an output each of its terms once, from the lowest number to the highest, lines as they come."""
+    """Return an output with each of its terms once, ascending, linear ones in their order."""
     distinct = {term.name: term for term in terms}
     ordered = sorted(distinct.values(), key=lambda term: getattr(term.membership, "value", 0.0))
     return replace(output, terms=tuple(ordered))

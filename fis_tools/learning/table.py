@@ -20,12 +20,12 @@ from fis_tools.plain_text import as_number, distinct
 
 
 class UnreadableTable(Mistake):
-    """A table that nothing can be learned from, fault in a sentence."""
+    """Raised for a table that nothing can be learned from."""
 
 
 @dataclass(frozen=True)
 class TrainingTable:
-    """What is learned from.
+    """A table to learn from: its columns, rows and target.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ class TrainingTable:
 
 
 def as_table(content: Any, target: str, inputs: list[str] | None = None) -> TrainingTable:
-    """Take the columns of a mapping, data frame or structured array.
+    """Convert a mapping, data frame or structured array to a table.
 
     Rows with an empty cell are left out. So are columns of words and columns of one value, unless they are
     asked for.
@@ -112,7 +112,7 @@ def as_table(content: Any, target: str, inputs: list[str] | None = None) -> Trai
 
 
 def _called(name: str, names: Collection[str]) -> str:
-    """Return the column of a name: itself, or the only one that is called so and has a unit."""
+    """Return the column of this name, or the only one of this name with a unit."""
     if name in names:
         return name
     with_unit = [column for column in names if name_and_unit(name) == (name_and_unit(column)[0], "")]
@@ -120,7 +120,7 @@ def _called(name: str, names: Collection[str]) -> str:
 
 
 def _idle(column: NDArray[Any]) -> str:
-    """Return why no rule can ask for a column; nothing if one can."""
+    """Return why a column cannot be an input; empty if it can."""
     values = column[~_gaps(column)].tolist() if column.ndim == 1 else []
     if values and all(as_number(value) is None for value in values):
         return "holds words, while rules ask for numbers,"
@@ -233,11 +233,11 @@ class Samples:
     counts: Floats
 
     def of(self, columns: Sequence[int]) -> "Samples":
-        """Return them with some of the columns."""
+        """Return the samples with some of the columns."""
         return Samples([self.columns[column] for column in columns], self.rows[:, list(columns)], self.counts)
 
     def at(self, rows: Integers) -> "Samples":
-        """Return some of them."""
+        """Return some of the samples."""
         return Samples(self.columns, self.rows[rows], self.counts[rows])
 
 

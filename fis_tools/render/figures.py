@@ -162,7 +162,7 @@ def system_figures(system: FuzzySystem, *, theme: Theme = LIGHT) -> Iterator[tup
 
 
 def _outer_terms(system: FuzzySystem) -> list[dict[str, Term]]:
-    """Return every combination of terms of the inputs before the last two."""
+    """Return every combination of terms of the inputs before the last two (the outer inputs)."""
     outer = system.inputs[:-2]
     return [
         {variable.name: term for variable, term in zip(outer, terms, strict=True)}
@@ -177,7 +177,7 @@ def _slice(system: FuzzySystem, terms: Mapping[str, Term], output: Variable) -> 
 
 
 def _belonging(system: FuzzySystem, terms: Mapping[str, Term], samples: Floats) -> Floats:
-    """Keep the samples whose outer inputs belong to these terms more than to others."""
+    """Return the samples whose outer inputs belong most to these terms."""
     keep = np.ones(len(samples), dtype=bool)
     for index, variable in enumerate(system.inputs):
         if variable.name in terms:

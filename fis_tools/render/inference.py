@@ -48,7 +48,7 @@ def memberships(variable: Variable, ax: Axes, value: float | None = None, *, the
 
 
 def _frame(variable: Variable, ax: Axes, top: float) -> None:
-    """Give axes the range of a variable and degrees of membership."""
+    """Set axes to the range of a variable and to degrees of membership."""
     ax.set(xlim=(variable.minimum, variable.maximum), ylim=(0.0, top), yticks=(0.0, 0.5, 1.0))
     ax.set(xlabel=with_unit(variable), ylabel="membership")
     lettering.few_ticks(ax)
@@ -76,7 +76,7 @@ def _name(variable: Variable, ax: Axes, theme: Theme) -> float:
 
 
 def _lines(texts: list[str], peaks: list[float], across: float) -> tuple[list[float], list[int]]:
-    """Give each name its centre, inside the axes, and the lowest line on which it runs into no other."""
+    """Return each name's centre, inside the axes, and the lowest line on which it overlaps no other."""
     centres, levels = [0.0] * len(texts), [0] * len(texts)
     ends: list[float] = []
     for index in np.argsort(peaks, kind="stable"):
@@ -113,7 +113,7 @@ _PALE, _FULL = 0.25, 0.55
 def statement_panel(
     inference: Inference, rule: Rule, variable: Variable, ax: Axes, theme: Theme = LIGHT
 ) -> Axes:
-    """Draw what a rule of an inference's system asks of an input, and how far its value fulfils that."""
+    """Draw a rule's statement on an input: its term, and the degree of the inferred value."""
     column = [v.name for v in inference.system.inputs].index(variable.name)
     value = float(inference.clipped[column])
     words = []
@@ -133,7 +133,7 @@ def statement_panel(
 
 
 def conclusion_panel(variable: Variable, rule: Rule, strength: float, ax: Axes, theme: Theme = LIGHT) -> Axes:
-    """Draw what a rule concludes on an output, its terms cut at the rule's strength times their weight."""
+    """Draw a rule's conclusion on an output: its terms cut at the rule's strength times their weight."""
     words = []
     for consequent in (each for each in rule.consequents if each.variable == variable.name):
         index = variable.term_index(consequent.term)
@@ -152,7 +152,7 @@ def _fill_up_to(
 
 
 def output_panel(output: OutputInference, system: FuzzySystem, ax: Axes, theme: Theme = LIGHT) -> Axes:
-    """Draw the aggregated output, the cut terms it is made of, and the number it becomes."""
+    """Draw the aggregated output with its cut terms, and the defuzzified value."""
     variable = output.variable
     imply = AND_OPERATORS[system.implication]
     for index, (curve, cut) in enumerate(zip(variable.memberships, output.cuts, strict=True)):
@@ -175,7 +175,7 @@ def output_panel(output: OutputInference, system: FuzzySystem, ax: Axes, theme: 
 
 
 def _named_terms(expression: Expression, name: str, *, is_denied: bool = False) -> Iterator[tuple[str, bool]]:
-    """Yield the terms that an antecedent names of an input, and whether under an odd number of nots."""
+    """Yield each term of an input in an antecedent, and whether under an odd number of nots."""
     match expression:
         case Is(variable, term):
             if variable == name:

@@ -1,4 +1,4 @@
-"""How much room words take, and words broken or shortened to the room there is; lengths in inches."""
+"""The size of words, and words wrapped or shortened to fit; lengths in inches."""
 
 import re
 from collections.abc import Sequence
@@ -31,7 +31,7 @@ _TO_PATH = TextToPath()
 
 @dataclass(frozen=True)
 class FittedText:
-    """Words as they fit, one text per given word, all with letters of one size."""
+    """Words fitted to boxes, all with letters of one size."""
 
     texts: tuple[str, ...]
     size: float
@@ -39,7 +39,7 @@ class FittedText:
 
 
 def width(words: str, size: float) -> float:
-    """Return how wide words are in letters of a size in points; of several lines, the longest."""
+    """Return the width of words in letters of a size in points; of several lines, the longest."""
     # the family is part of what the lengths are remembered by
     return max(_line_width(line, size, str(mpl.rcParams["font.family"])) for line in words.split("\n"))
 
@@ -51,7 +51,7 @@ def _line_width(line: str, size: float, family: str) -> float:
 
 
 def height(words: str, size: float) -> float:
-    """Return how high the lines of words are in letters of a size in points."""
+    """Return the height of lines of words in letters of a size in points."""
     return (words.count("\n") + 1) * LINE_SPACING * size / POINTS_AN_INCH
 
 
@@ -74,7 +74,7 @@ def broken(words: str, room: float, size: float) -> str:
 
 
 def shortened(words: str, room: float, size: float) -> str:
-    """Cut each line of words to the room, with an ellipsis where something is missing."""
+    """Shorten each line of words to a width, with an ellipsis where something is cut."""
     return "\n".join(_cut(line, room, size) for line in words.split("\n"))
 
 
@@ -90,7 +90,7 @@ def _cut(line: str, room: float, size: float) -> str:
 def fit(
     words: Sequence[str], room: tuple[float, float], sizes: tuple[float, float], *, may_stand: bool = True
 ) -> FittedText:
-    """Set words into boxes of equal width and height, shortened as a last resort.
+    """Fit words into boxes of equal size, shortened as a last resort.
 
     Parameters
     ----------
@@ -125,13 +125,13 @@ def _crammed(words: str, room: float, size: float, most_lines: int) -> str:
 
 
 def few_ticks(ax: Axes) -> None:
-    """Leave no more numbers under axes than there is room for."""
+    """Keep no more tick labels under axes than fit."""
     across, _ = inches(ax)
     ax.xaxis.set_major_locator(MaxNLocator(int(np.clip(across / _A_NUMBER, 3, 8)), steps=[1, 2, 2.5, 5, 10]))
 
 
 def inches(ax: Axes) -> tuple[float, float]:
-    """Return about how wide and high axes are; a layout that is still to come takes some more away."""
+    """Return the approximate size of axes; a layout still to come makes them smaller."""
     figure = figure_of(ax)
     spare = 1.0 if figure.get_layout_engine() is None else 0.92
     across, down = (spare * float(length) / figure.dpi for length in ax.bbox.size)
@@ -139,14 +139,14 @@ def inches(ax: Axes) -> tuple[float, float]:
 
 
 def figure_of(ax: Axes) -> Figure:
-    """Return the whole figure that axes stand in."""
+    """Return the top-level figure of axes."""
     figure = ax.get_figure(root=True)
     assert figure is not None  # noqa: S101 - axes are drawn in one
     return figure
 
 
 def make_room(ax: Axes, left: float = 0.0, below: float = 0.0) -> tuple[float, float]:
-    """Return the room for words left of and below axes, up to what is wanted.
+    """Return the room left of and below axes, at most what is wanted.
 
     Where no layout will make room, the axes give up as much of their own width and height as it takes, up to
     a half of the figure.

@@ -161,7 +161,7 @@ def _fill(ax: Axes, output: Variable, terms: Integers, weights: Floats, theme: T
 
 
 def legend(system: FuzzySystem) -> str:
-    """Say how the names of a system's plain rules are to be read: the inputs in order, then the outputs."""
+    """Return the key to rule names: the inputs in order, then the outputs."""
     return f"{' · '.join(v.name for v in system.inputs)} → {', '.join(v.name for v in system.outputs)}"
 
 

@@ -22,12 +22,12 @@ _SAME = 1e-9
 
 
 def held_words(system: FuzzySystem, fixed: Mapping[str, float]) -> str:
-    """Say what is held, with units: ``distance = 80 m, eta_u = 0 rad``."""
+    """Format the inputs held, with units: ``distance = 80 m, eta_u = 0 rad``."""
     return ", ".join(f"{name} = {quantity(system.variable(name), value)}" for name, value in fixed.items())
 
 
 def over_axes(system: FuzzySystem, result: Surface, samples: Floats | None) -> Floats | None:
-    """Return where samples, if any, lie over the two inputs of a surface, clipped to their universes, (n, 2).
+    """Project samples, if any, onto the two inputs of a surface, clipped to their universes, (n, 2).
 
     Raises
     ------
@@ -50,7 +50,7 @@ def over_axes(system: FuzzySystem, result: Surface, samples: Floats | None) -> F
 
 
 def value_limits(results: Sequence[Surface]) -> tuple[float, float]:
-    """Return the least and the greatest output of some surfaces; the universe's ends where all are one.
+    """Return the range of some surfaces; the universe's ends where all values are equal.
 
     A formula has no value at some places, which are left out.
     """
@@ -62,7 +62,7 @@ def value_limits(results: Sequence[Surface]) -> tuple[float, float]:
 
 
 def round_levels(result: Surface, limits: tuple[float, float]) -> Floats:
-    """Return round outputs between the least and the greatest, zero left out."""
+    """Return round levels between two outputs, zero left out."""
     low, high = limits
     levels = np.asarray(MaxNLocator(7).tick_values(low, high), dtype=np.float64)
     is_between = (levels > np.nanmin(result.values)) & (levels < np.nanmax(result.values))
@@ -80,7 +80,7 @@ def signed(result: Surface, limits: tuple[float, float]) -> Floats | None:
 
 
 def entitle(ax: Any, words: str) -> None:
-    """Write a title in as many lines as it takes."""
+    """Set a title, wrapped to the width of the axes."""
     if words:
         ax.set_title(lettering.broken(words, lettering.inches(ax)[0], MEDIUM))
 
@@ -221,7 +221,7 @@ def draw_surface(
 
 
 def colour_bar(axes: Sequence[Axes], image: Any, label: str, theme: Theme) -> None:
-    """Put the scale of an image's colours beside axes."""
+    """Draw an image's colour bar beside axes."""
     many = len(axes) > 1
     sizes: Any = {"fraction": 0.05 if many else 0.1, "pad": 0.02 if many else 0.04}
     scale = lettering.figure_of(axes[0]).colorbar(image, ax=axes, label=label, **sizes)
@@ -247,7 +247,7 @@ def _contours(result: Surface, ax: Axes, limits: tuple[float, float], ink: str |
 
 
 def _label(ax: Axes, lines: QuadContourSet, size: float, positions: Any = False) -> None:
-    """Write levels on contours, each with a rim, but for those that the edge of the axes would cut."""
+    """Label contours with their levels, except where the edge of the axes would cut a label."""
     for label in ax.clabel(lines, fmt=number, fontsize=size, inline=False, manual=positions):
         rim = readable_on(to_rgb(label.get_color()))
         label.set_path_effects([withStroke(linewidth=2.0, foreground=rim)])

@@ -1,4 +1,4 @@
-"""How pictures look: colours for light and for dark paper, passed as an argument and set on artists alone.
+"""Themes: colours for light and for dark paper, passed as an argument and set on artists alone.
 
 Line colours have a contrast of 4.5 or more to their paper, for letters bear them too. Any two of a theme are
 25 or more apart (CIE 1976 L*a*b*), also for eyes without red, green or blue cones as G. M. Machado,
@@ -60,7 +60,7 @@ class Theme:
     more: str
 
     def line(self, index: int) -> dict[str, Any]:
-        """Return colour and style of the curve at a place in an order."""
+        """Return colour and line style of the curve at an index."""
         colour, style = self.lines[index % len(self.lines)], LINE_STYLES[index % len(LINE_STYLES)]
         return {"color": colour, "linestyle": style}
 
@@ -124,7 +124,7 @@ def dress(ax: Axes, theme: Theme, x_size: float = SMALL, y_size: float = SMALL) 
 
 
 def head(figure: Any, words: str, theme: Theme) -> None:
-    """Write the title of a whole figure."""
+    """Set the title of a whole figure."""
     figure.set_facecolor(theme.paper)
     figure.suptitle(words, color=theme.ink, size=LARGE, parse_math=False)
 
@@ -149,5 +149,5 @@ def contrast(first: Colour, other: Colour) -> float:
 
 
 def readable_on(colour: Colour) -> str:
-    """Return which of black and white letters is read better on a colour."""
+    """Return black or white, whichever has more contrast to a colour."""
     return max(("black", "white"), key=lambda ink: contrast(ink, colour))

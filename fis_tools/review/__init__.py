@@ -15,7 +15,7 @@ from fis_tools.words.text import outline
 
 
 class _Review(ModuleType):
-    """A package that can be called, so that ``fis_tools.review(system, "page.html")`` is one line."""
+    """A callable module, so that ``fis_tools.review(system, "page.html")`` works."""
 
     def __call__(self, thing: object, path: Path | str = "review.html") -> Path:
         """Write the review page of a system, a controller, a file or a scikit-fuzzy control system."""

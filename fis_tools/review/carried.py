@@ -1,4 +1,4 @@
-"""What a page computes with: systems and flights as plain data that JSON holds without loss."""
+"""The data that a page computes with: systems and flights as JSON without loss."""
 
 import base64
 import json
@@ -20,7 +20,7 @@ MOST_SAMPLES = 4000
 
 
 def system_data(system: FuzzySystem) -> dict[str, Any]:
-    """Return a system as plain data: membership functions sampled, names in rules as places."""
+    """Return a system as plain data: membership functions sampled, names in rules as indices."""
     return {
         "name": system.name,
         "inputs": [_variable(variable) for variable in system.inputs],
@@ -52,19 +52,19 @@ def flight_data(flight: Flight, systems: Sequence[FuzzySystem], num_flights: int
 
 
 def quadrature_data(systems: Sequence[FuzzySystem]) -> list[str]:
-    """Return chances and weights with which the shares of so many rules are integrated exactly."""
+    """Return nodes and weights of the quadrature that integrates the shares of so many rules exactly."""
     nodes, weights = shapley.quadrature(max(len(system.rules) for system in systems))
     return [_doubles(nodes), _doubles(weights)]
 
 
 def as_json(data: Any) -> str:
-    """Write plain data as JSON that can stand inside a script element: no ``<``, ``>`` or ``&`` in it."""
+    """Return JSON that can stand inside a script element: no ``<``, ``>`` or ``&`` in it."""
     text = json.dumps(data, ensure_ascii=True, allow_nan=False, separators=(",", ":"))
     return text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e")
 
 
 def kept_rows(num_rows: int, most: int) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
-    """Return which rows of many are kept: the first, the last, and evenly spaced ones between them."""
+    """Return the indices of rows to keep: the first, the last, and evenly spaced ones between them."""
     return np.unique(np.linspace(0, num_rows - 1, min(num_rows, most)).round().astype(np.int64))
 
 
@@ -122,5 +122,5 @@ def _expression(expression: Expression, system: FuzzySystem) -> list[Any]:
 
 
 def _doubles(values: Floats) -> str:
-    """Return numbers to the last bit: base64 of little-endian doubles."""
+    """Return numbers without loss: base64 of little-endian doubles."""
     return base64.b64encode(np.ascontiguousarray(values, dtype="<f8").tobytes()).decode("ascii")

@@ -1,4 +1,4 @@
-"""What a review page says, in words and tables: what it begins with, then constants, systems, findings."""
+"""The content of a review page, in words and tables: opening, constants, systems, findings."""
 
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -26,7 +26,7 @@ FEW_RULES = 12
 
 
 def lead(controller: FuzzyController) -> str:
-    """Say in a few sentences what a controller is for, how it acts and what it consists of."""
+    """Describe a controller's purpose, how it acts and what it consists of."""
     purpose = controller.purpose or "What it is for, nobody has written: its file has no purpose."
     number = sum(len(system.rules) for system in controller.systems)
     outputs = [
@@ -52,7 +52,7 @@ def rules(controller: FuzzyController) -> Iterator[Block]:
 
 
 def _placed(system: FuzzySystem, rows: Sequence[Sequence[str]]) -> Table:
-    """Return a rule table with the place of each term, and what the system answers there."""
+    """Return a rule table with the location of each term, and the system's output there."""
     (corner, *_), *lines = rows
     output, last = system.outputs[0], system.inputs[-1]
     peaks = [[peak(variable, term) for term in variable.terms] for variable in system.inputs]
@@ -76,7 +76,7 @@ def _head(variable: Variable, index: int) -> str:
 
 
 def inputs(controller: FuzzyController, samples: Mapping[str, SensedInputs]) -> Table:
-    """Say what each input means, in which range it is told apart, and what was met."""
+    """Tabulate what each input means, its range, and the values met."""
     rows = []
     for system in controller.systems:
         some = samples[system.name]
@@ -94,7 +94,7 @@ def _met(variable: Variable, values: Floats) -> str:
 
 
 def along(flown: Sequence[Flight], noun: str) -> str:
-    """Say along what a controller was reviewed."""
+    """Describe the flights that a controller was reviewed along."""
     fires = "A rule fires where its strength is 0.05 or more."
     if not flown:
         return f"No {noun} was given: rules are counted over all inputs alike. {fires}"
@@ -114,7 +114,7 @@ def not_covered(
     samples: Mapping[str, SensedInputs],
     noun: str,
 ) -> list[str]:
-    """Say what nothing on the page speaks about."""
+    """List what the page does not cover."""
     gaps = []
     if evidence is None:
         gaps.append("Requirements: no evidence was given, so that none is judged here.")
@@ -194,7 +194,7 @@ UNITS = {
 
 
 class ConstantRow(NamedTuple):
-    """A row of the table; texts are empty where nothing is known.
+    """A row of the table of constants; texts are empty where nothing is known.
 
     Attributes
     ----------
@@ -242,7 +242,7 @@ FIRST_BRIGHT = 15
 
 
 def level(index: int, count: int) -> int:
-    """Return which of the levels of `BRIGHTNESS` the thing at a place among some ordered things has."""
+    """Return the level in `BRIGHTNESS` of an index among ordered things."""
     last = len(BRIGHTNESS) - 1
     return round((0.08 + 0.9 * (index / (count - 1) if count > 1 else 0.7)) * last)
 
@@ -270,7 +270,7 @@ def facts(pairs: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:
 def system_words(
     system_number: int, system: FuzzySystem, samples: SensedInputs, measures: Measures
 ) -> dict[str, Any]:
-    """Return what the template tells of one system.
+    """Return the template's words on one system.
 
     Parameters
     ----------
@@ -302,7 +302,7 @@ def system_words(
 
 
 def universe_words(variable: Variable) -> str:
-    """Say what a variable's universe is, and what it is when no rule fires."""
+    """Describe a variable's universe, and its value when no rule fires."""
     extent = f"{number(variable.minimum)} to {number(variable.maximum)} {variable.unit}".rstrip()
     default = "" if variable.default is None else f"; {number(variable.default)} when no rule fires"
     return f"{extent}, {variable.num_points} points{default}".replace("-", "−")
@@ -313,7 +313,7 @@ MOST_LINKS = 6
 
 
 def finding_rows(audit: Audit, controller: FuzzyController) -> list[dict[str, Any]]:
-    """Return a row for each finding, the most serious first.
+    """Return a row for each finding, most serious first.
 
     A row holds the finding, a key that tells it from the others, the place of its system, links as (words,
     id on the page), and in ``point`` the inputs at which it can be seen, as JSON; empty where there are none.
@@ -343,7 +343,7 @@ def _links(finding: Finding, system: FuzzySystem, system_id: str) -> list[tuple[
 
 
 def _point(finding: Finding, system: FuzzySystem) -> str:
-    """Return inputs, or some of them, at which a finding can be seen."""
+    """Return the inputs, or some of them, at which a finding can be seen."""
     evidence: Mapping[str, Any] = finding.evidence
     inputs = {variable.name for variable in system.inputs}
     point: dict[str, float] = {}
@@ -372,17 +372,17 @@ def proved_ranges(system: FuzzySystem) -> tuple[tuple[bounds.Range, ...], str]:
 
 
 def extent(variable: Variable) -> str:
-    """Say between which numbers a variable lies, as it is declared."""
+    """Describe a variable's declared range."""
     return interval_words(variable, variable.minimum, variable.maximum)
 
 
 def interval_words(variable: Variable, low: float, high: float) -> str:
-    """Say between which numbers values of a variable lie."""
+    """Describe an interval of a variable's values."""
     return f"{shown(variable, low)} to {shown(variable, high)}"
 
 
 def point_words(system: FuzzySystem, point: Mapping[str, float]) -> str:
-    """Say which inputs make up a point."""
+    """Describe a point of the inputs."""
     return ", ".join(f"{name} = {shown(system.variable(name), value)}" for name, value in point.items())
 
 

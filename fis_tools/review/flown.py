@@ -1,4 +1,4 @@
-"""The flights and tables that a controller is reviewed along, and what its rules are counted over.
+"""The flights and tables that a controller is reviewed along.
 
 Both are called flights in the code; the page calls them logs where no flight is among them.
 """
@@ -20,7 +20,7 @@ from fis_tools.model import FuzzyController, FuzzySystem
 
 @dataclass(frozen=True)
 class Flight:
-    """A flight.
+    """A flight, or a table of inputs.
 
     Parameters
     ----------
@@ -37,13 +37,13 @@ class Flight:
 
     @property
     def num_inferences(self) -> int:
-        """The most inferences that one of its systems made."""
+        """The number of inferences of the system that made the most."""
         return max(len(inferences.time_s) for inferences in self.flown.values())
 
 
 @dataclass(frozen=True)
 class SensedInputs:
-    """Inputs of a system, (n, num_inputs), and in words where they come from."""
+    """Inputs of a system, (n, num_inputs), and their source in words."""
 
     inputs: Floats
     words: str
@@ -78,7 +78,7 @@ def read_flights(
 
 
 def _names(paths: Sequence[Path]) -> list[str]:
-    """Return the shortest ends of paths, without suffix, that tell them apart."""
+    """Return the shortest unique ends of paths, without suffix."""
     parts = [path.with_suffix("").parts for path in paths]
     lengths = range(1, max((len(pieces) for pieces in parts), default=0) + 1)
     candidates = (["/".join(pieces[-length:]) for pieces in parts] for length in lengths)
@@ -86,7 +86,7 @@ def _names(paths: Sequence[Path]) -> list[str]:
 
 
 def samples_of(system: FuzzySystem, flown: Sequence[Flight], noun: str) -> SensedInputs:
-    """Return what a system sensed on the flights; where it sensed nothing, samples of all its inputs."""
+    """Return a system's inputs on the flights, or samples of its ranges if it sensed nothing."""
     rows = [flight.flown[system.name].inputs for flight in flown if system.name in flight.flown]
     sensed = np.concatenate([np.empty((0, len(system.inputs))), *rows])
     if len(sensed):
@@ -107,7 +107,7 @@ UNKNOWN = "–"
 
 
 def recordings(paths: Sequence[Path | str]) -> list[Path]:
-    """Return the recordings that are named, and those of the folders of runs that are named, each once.
+    """Return the recordings named, and those of the runs' folders named, each once.
 
     Raises
     ------
@@ -128,7 +128,7 @@ def recordings(paths: Sequence[Path | str]) -> list[Path]:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """All flights of a run's evaluation: their summary, which failed worst, and whose they are.
+    """A run's evaluation: its summary, its worst failures, and whose flights they are.
 
     They are the reviewed controller's own if the summary names its SHA-256.
     """
@@ -139,7 +139,7 @@ class Evaluation:
 
 
 def evaluations(paths: Sequence[Path | str], sha256: str) -> list[Evaluation]:
-    """Return the evaluations of the runs that are named, or whose recordings are.
+    """Return the evaluations of the runs named, or of the runs whose recordings are named.
 
     `sha256` is the fingerprint of the reviewed controller.
     """
@@ -155,7 +155,7 @@ def evaluations(paths: Sequence[Path | str], sha256: str) -> list[Evaluation]:
 
 
 def _worst(path: Path) -> str:
-    """Name the flights of an evaluation that failed by the most."""
+    """Return the flights of an evaluation that failed by the most."""
     if not path.is_file():
         return ""
     wanted = ("case", "success", "violated", "inspection_rate_percent")
@@ -174,7 +174,7 @@ def _worst(path: Path) -> str:
 
 
 def failures(evaluation: Evaluation) -> str:
-    """Say how often flights fail, over all that were evaluated, and which worst."""
+    """Describe how often an evaluation's flights fail, and which failed worst."""
     summary, count = evaluation.summary, evaluation.summary["num_cases"]
     missing, leaving = ("inspect too little", "leave the limits")
     if END in summary:
@@ -194,7 +194,7 @@ def failures(evaluation: Evaluation) -> str:
 def flown_table(
     evaluations: Sequence[Evaluation], names: Sequence[str], flown: Sequence[flights.FlightOutcome]
 ) -> list[Table]:
-    """Show how flights went, in the words of those that inspect or that reach a goal.
+    """Tabulate the outcomes of flights, with the columns of inspecting or of reaching a goal.
 
     Those of an evaluation stand together, then each that was recorded. Recorded flights are chosen, and stand
     for no others: nothing is counted over them.

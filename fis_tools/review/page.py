@@ -1,4 +1,4 @@
-"""The page itself: words, systems and flights put into one file that needs no other."""
+"""The review page: words, systems and flights in one self-contained file."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import compress
@@ -141,7 +141,7 @@ def write(
 
 
 def _assemble(data: object, **words: object) -> str:
-    """Put words, data, style sheet and scripts into the template."""
+    """Render the template with words, data, style sheet and scripts."""
     style = read("style.css", __package__) + content.level_styles()
     script = _script()
     return template("fis_tools", "review", "page.html").render(
@@ -174,7 +174,7 @@ def _without_scripts(
     audited: Audit,
     last: Sequence[Block],
 ) -> str:
-    """Write the page: ``opening`` is what every review page begins with, ``lead`` its first sentences."""
+    """Render the static page; ``opening`` begins every review page, ``lead`` are its first sentences."""
     findings = [
         f"{finding.severity.word}, {finding.system}: {finding.sentence} {finding.cure}"
         for finding in audited.findings
@@ -195,7 +195,7 @@ def _without_scripts(
 
 
 def _sign_off(controller: FuzzyController, part: str | None, checks: Iterable[str]) -> list[Block]:
-    """Return what is ticked and signed on paper, where the page runs nothing."""
+    """Return the checklist and signature fields for paper."""
     alone, option = (f"the system {part} alone of ", f" --system {part}") if part else ("", "")
     return [
         Heading("Sign-off", id="sign-off"),

@@ -176,7 +176,7 @@ def _rules(sources: Sequence[control.Rule], outputs: Sequence[model.Variable]) -
 
 
 def _called(source: control.Rule) -> str:
-    """Name a rule by its label, or by its words: the label that scikit-fuzzy gives is an address."""
+    """Return a rule's name: its label, or its words where scikit-fuzzy's label is an address."""
     if isinstance(source.label, str):
         return f"rule {source.label!r}"
     words = f"if {source.antecedent} then {', '.join(map(str, source.consequent))}"
@@ -220,7 +220,7 @@ def _expression(source: Any, where: str, depth: int) -> model.Expression:
 
 
 def _mentioned(term: Any, kind: Any, where: str) -> tuple[str, str]:
-    """Return the variable and term that a rule mentions, which must be of the right kind and still there."""
+    """Return a statement's variable and term, refusing the wrong kind or one that is gone."""
     variable: Any = term.parent
     label = str(variable.label)
     if not isinstance(variable, kind):
@@ -236,7 +236,7 @@ def _mentioned(term: Any, kind: Any, where: str) -> tuple[str, str]:
 
 
 def _named(function: Any, names: Mapping[Any, _Name], operators: Iterable[_Name], what: str) -> _Name:
-    """Return the name of an operator that scikit-fuzzy was given as a function."""
+    """Return the name of an operator given as a function."""
     if isinstance(function, Hashable) and function in names:
         return names[function]
     name = getattr(function, "__name__", type(function).__name__)
@@ -245,7 +245,7 @@ def _named(function: Any, names: Mapping[Any, _Name], operators: Iterable[_Name]
 
 
 def _with_labels(sources: Sequence[control.Rule], rules: Sequence[model.Rule]) -> tuple[model.Rule, ...]:
-    """Give rules the labels a person chose: neither scikit-fuzzy's own numbers nor the rule's place."""
+    """Return rules with the labels that a person chose, not scikit-fuzzy's own numbers."""
     labels: list[str] = []
     for number, source in enumerate(sources, start=1):
         label = source.label if isinstance(source.label, str) else ""

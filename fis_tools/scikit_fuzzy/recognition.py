@@ -79,7 +79,7 @@ class SampledTerm:
         self.num_between = int(is_between.sum())
 
     def misses(self, shape: model.MembershipFunction) -> Floats:
-        """Return how far a shape is from each value; no number where it has none, infinite if it is wrong."""
+        """Return a shape's error at each value; NaN where it has no value, infinite if it is invalid."""
         if any(shape_problems(shape, len(self.values))):
             return np.full(len(self.values), np.inf)
         given = model.shape_values(self.universe, shape)
@@ -142,7 +142,7 @@ def _estimates(samples: SampledTerm) -> Iterator[Estimate]:
 
 
 def _line(x: Floats, y: Floats, weights: Floats) -> tuple[float, float]:
-    """Fit a line; return where it is zero, and how far on it is one; NaN for fewer than two points."""
+    """Fit a line; return its zero, and its distance from zero to one; NaN for fewer than two points."""
     shares = weights / weights.sum()
     x_mean, y_mean = (shares * x).sum(), (shares * y).sum()
     slope = (shares * (x - x_mean) * (y - y_mean)).sum() / (shares * (x - x_mean) ** 2).sum()
@@ -196,25 +196,25 @@ def _flanks(x: Floats, y: Floats, flank: Booleans, top: float | None = None) -> 
 
 
 def _normal(y: Floats) -> tuple[Floats, Floats]:
-    """Return how many standard deviations a Gaussian is from its mean there, and how far to trust it."""
+    """Return the distance from a Gaussian's mean in standard deviations, and its weight."""
     deviations = np.sqrt(-2.0 * np.log(np.fmax(y, 1e-200)))
     return deviations, np.fmax(1.0 / deviations, deviations) ** -2.0
 
 
 def _logistic(y: Floats) -> tuple[Floats, Floats]:
-    """Return the logarithm of the odds, which is a line of a sigmoid, and how far to trust it."""
+    """Return the logit, which is linear for a sigmoid, and its weight."""
     return np.log(y) - np.log1p(-y), (y * (1.0 - y)) ** 2
 
 
 def _parabolic(y: Floats) -> tuple[Floats, Floats]:
-    """Return how far along a flank of two parabolas is, and how far to trust it."""
+    """Return the position along a flank of two parabolas, and its weight."""
     return np.where(y <= 0.5, np.sqrt(y / 2.0), 1.0 - np.sqrt((1.0 - y) / 2.0)), np.fmin(y, 1.0 - y)
 
 
 def _flank_lines(
     samples: SampledTerm, straight: Callable[[Floats], tuple[Floats, Floats]]
 ) -> Iterator[tuple[float, float] | None]:
-    """Yield the line of either flank; None where it has too few points."""
+    """Yield the line fitted to each flank; None where it has too few points."""
     for flank in (samples.rising, samples.falling):
         yield _line(samples.universe[flank], *straight(samples.values[flank])) if flank.sum() > 1 else None
 
@@ -249,7 +249,7 @@ def _smooth(samples: SampledTerm) -> Iterator[Estimate]:
 
 
 def _bells(samples: SampledTerm, odds: list[tuple[float, float] | None]) -> Iterator[Estimate]:
-    """Yield bells about where the centre may be, the likelier first; beyond the universe for half a bell."""
+    """Yield estimates of bells, the likelier first; beyond the universe for half a bell."""
     halves = [half for half in odds if half is not None]
     centres = [sum(middle for middle, _ in halves) / 2.0] if len(halves) == 2 else []
     centres.append(float(samples.universe[samples.values.argmax()]))
@@ -263,7 +263,7 @@ def _bells(samples: SampledTerm, odds: list[tuple[float, float] | None]) -> Iter
 
 
 def _fitted(samples: SampledTerm, kind: Kind, start: Numbers) -> Numbers:
-    """Improve an estimate by least squares."""
+    """Refine an estimate by least squares."""
 
     def residuals(parameters: Floats) -> Floats:
         given = model.shape_values(samples.universe, _made(kind, tuple(parameters)))

@@ -51,7 +51,7 @@ def antecedent_words(expression: Expression, hedges: Mapping[str, str] = Mapping
 
 
 def before(expression: Expression) -> tuple[list[str], Expression]:
-    """Return the `not` and the hedges before what an antecedent says, and what that is."""
+    """Return the `not` and the hedges in front of a statement, and the statement."""
     match expression:
         case model.Not(operand):
             words, inside = before(operand)
@@ -103,7 +103,7 @@ def sentences(system: FuzzySystem) -> list[str]:
 
 
 def weighted(term: str, weight: float) -> str:
-    """Return the term that a rule concludes, with a weight other than one: ``PS × 0.5``."""
+    """Return a consequent's term, with a weight other than one: ``PS × 0.5``."""
     return term if weight == 1.0 else f"{term} × {number(weight)}"
 
 
@@ -149,7 +149,7 @@ def rule_tables(system: FuzzySystem) -> list[tuple[str, list[list[str]]]] | None
 
 
 def summary(system: FuzzySystem) -> str:
-    """Summarise in one line what a system consists of."""
+    """Summarise a system in one line."""
     inputs = ", ".join(with_unit(variable) for variable in system.inputs)
     outputs = ", ".join(with_unit(variable) for variable in system.outputs)
     exceptions = [f", {v.name} by {v.defuzzifier}" for v in system.outputs if v.defuzzifier]
@@ -270,7 +270,7 @@ def signed(variable: Variable, value: float) -> str:
 
 
 def percent(fraction: float) -> str:
-    """Format a fraction in percent, so that a small one differs from none and a large one from all."""
+    """Format a fraction in percent; values near 0 and 100 % keep apart from them."""
     for digits in (0, 1, 2):
         words = f"{100 * fraction:.{digits}f}"
         if (float(words) > 0 or fraction == 0) and (float(words) < 100 or fraction == 1):
@@ -279,7 +279,7 @@ def percent(fraction: float) -> str:
 
 
 def point_words(system: FuzzySystem, point: Floats) -> str:
-    """Format an input of a system: ``distance = 80 m, velocity = 0.1 m/s``."""
+    """Format a point of a system's inputs: ``distance = 80 m, velocity = 0.1 m/s``."""
     values = zip(system.inputs, point, strict=True)
     return ", ".join(f"{variable.name} = {amount(variable, value)}" for variable, value in values)
 

@@ -1,4 +1,4 @@
-"""What a recording claims to hold, checked before anything is allocated for it.
+"""Limits on what a recording claims to hold, checked before anything is allocated for it.
 
 A chunk of a hundred bytes may unpack to gigabytes; a recording of ours unpacks to some ten times its size.
 """
@@ -29,17 +29,17 @@ COMPRESSIONS: Final = ("", "zstd")
 
 
 def most_unpacked(size: int) -> int:
-    """Return the bytes that all chunks of a file may unpack to."""
+    """Return the limit on the bytes that all chunks of a file may unpack to."""
     return MOST_UNPACKED + MOST_UNPACKED_PER_BYTE * size
 
 
 def most_messages(size: int) -> int:
-    """Return the messages that a file may hold."""
+    """Return the limit on the messages of a file."""
     return MOST_MESSAGES + int(MOST_MESSAGES_PER_BYTE * size)
 
 
 def check_chunk(head: bytes) -> int:
-    """Check what a chunk claims, and return the bytes that it unpacks to.
+    """Check a chunk's claimed size, and return the bytes that it unpacks to.
 
     Parameters
     ----------

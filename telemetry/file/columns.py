@@ -99,7 +99,7 @@ def _rectangle(
 
 
 def _words(texts: Sequence[str]) -> NDArray[np.generic]:
-    """Return texts as a column, cleaned; each takes the room of the longest."""
+    """Return texts as a fixed-width column, cleaned."""
     longest = max(map(len, texts), default=0)
     if longest * len(texts) > MOST_LETTERS:
         raise RecordingError(

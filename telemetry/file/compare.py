@@ -195,7 +195,7 @@ def _told_apart(first: Recording, second: Recording) -> Iterator[str]:
 
 
 def _flow(topic: str) -> tuple[int, str]:
-    """Return a sort key for the order of data flow; other topics come last."""
+    """Return a topic's sort key: by data flow, other topics last."""
     kind = topics.FIS_PREFIX if topic.startswith(topics.FIS_PREFIX) else topic
     return (_DATA_FLOW.index(kind) if kind in _DATA_FLOW else len(_DATA_FLOW)), topic
 
@@ -267,7 +267,7 @@ def _sample(samples: Floats, time_s: float) -> int:
 
 
 def in_words(comparison: Comparison) -> list[str]:
-    """Put a comparison into words: the first difference, unmatched messages, each field that differs."""
+    """Describe a comparison: the first difference, unmatched messages, each field that differs."""
     pair = f"{comparison.first} and {comparison.second}"
     parting = comparison.parting
     if parting is None:

@@ -62,7 +62,7 @@ def _checksum(name: str, entries: Mapping[str, str]) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class Description:
-    """What a metadata record says: a key for each field."""
+    """Base of metadata records: a key for each field."""
 
     def to_metadata(self) -> dict[str, str]:
         """Encode the description as metadata, without the keys whose value is None."""
@@ -145,7 +145,7 @@ class EpisodeDescription(Description):
 
 @dataclass(frozen=True, kw_only=True)
 class FisDescription(Description):
-    """Meaning of the numbers on a fuzzy system's topic.
+    """The meaning of the numbers on a fuzzy system's topic.
 
     Parameters
     ----------
@@ -179,7 +179,7 @@ class FisDescription(Description):
 
 @dataclass(frozen=True, kw_only=True)
 class Rehearsal(Description):
-    """What was flown ahead to choose between ways to go on, the cheapest of which was taken.
+    """A rehearsal: alternatives flown ahead, with their costs, of which the cheapest was taken.
 
     Parameters
     ----------

@@ -125,7 +125,7 @@ class Recording:
 
     @property
     def rehearsals(self) -> dict[str, Rehearsal]:
-        """What was flown ahead before the flight, by what was chosen."""
+        """The rehearsals before the flight, by what was chosen."""
         entries = topics.under(topics.REHEARSAL_METADATA_PREFIX, self.metadata)
         return {what: Rehearsal.from_metadata(entries) for what, entries in entries.items()}
 
@@ -167,12 +167,12 @@ class Recording:
 
     @property
     def last_sample(self) -> int:
-        """The place on `/mission` of the last sample that counts."""
+        """The index on `/mission` of the last sample that counts."""
         return max(0, int(np.searchsorted(self[topics.MISSION].time_s, self.end_s, side="right")) - 1)
 
     @property
     def outcome(self) -> dict[str, float]:
-        """What the flight came to, with a unit in each name; empty where the recording does not say."""
+        """The outcome of the flight, with a unit in each name; empty where it is not recorded."""
         mission = self.topics.get(topics.MISSION)
         if mission is None or not len(mission):
             return {}
@@ -190,12 +190,12 @@ class Recording:
 
     @property
     def command_age_s(self) -> float:
-        """How long before a control period what it fires was commanded; 0 where that is not recorded."""
+        """The delay from a command to the control period that fires it; 0 where it is not recorded."""
         control = self.topics.get(topics.DEPUTY_CONTROL)
         return 0.0 if control is None else float(control["command_age_s"].max(initial=0.0))
 
     def fired_reasons(self, component: str, time_s: NDArray[np.float64]) -> NDArray[np.str_]:
-        """Return why something was, or was not, fired along an axis over control periods.
+        """Return the reasons why thrust was, or was not, fired along an axis over control periods.
 
         Parameters
         ----------
@@ -226,7 +226,7 @@ class Recording:
         return np.where(is_lost, topics.Reason.BELOW_LEAST_IMPULSE.name.lower(), reasons)
 
     def reasons(self, component: str, time_s: NDArray[np.float64], axes: str = "hill") -> NDArray[np.str_]:
-        """Return what became of a component of the force that was asked for at some times.
+        """Return the reasons recorded for a force component commanded at some times.
 
         The arguments and the words are those of `fired_reasons`: where it was commanded, the word is of the
         control period that fires it, ``delayed`` if the recording ends before that. Thrusters fire along Hill
@@ -249,7 +249,7 @@ class Recording:
         return np.where(np.isin(commanded, topics.FIRED), fired, commanded)
 
     def _tells_of(self, component: str, time_s: NDArray[np.float64]) -> bool:
-        """Whether there are control periods of a component of the force at all of some times."""
+        """Return whether every one of some times has a control period of a force component."""
         return component in topics.FORCE_COMPONENTS and bool(np.all(np.isin(time_s, self.control_time_s)))
 
     def _due(self, time_s: NDArray[np.float64]) -> NDArray[np.intp]:
@@ -257,7 +257,7 @@ class Recording:
         return np.searchsorted(self.control_time_s, time_s + self.command_age_s - SAME_TIME_S)
 
     def fired(self, name: str) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-        """Tell which inferences of a fuzzy system had their output fired, as far as the recording says.
+        """Return the inferences of a fuzzy system whose output was fired, as far as recorded.
 
         Returns
         -------
@@ -390,7 +390,7 @@ def _check_summary(stream: BinaryIO) -> None:
 
 
 def _check_claims(reader: SeekingReader, stream: BinaryIO) -> None:
-    """Check what the chunks unpack to before any is unpacked, and the attachments."""
+    """Check the unpacked size of chunks before any is unpacked, and the attachments."""
     size, summary = stream.seek(0, os.SEEK_END), reader.get_summary()
     claims.check_index(claims.chunk_claims(stream, size), summary.chunk_indexes if summary else ())
     for index in summary.attachment_indexes if summary else ():

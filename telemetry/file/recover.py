@@ -1,4 +1,4 @@
-"""Recovers what is provably intact in a truncated or damaged recording, and nothing else.
+"""Recovery of what is provably intact in a truncated or damaged recording.
 
 A record counts if all of its bytes are there. A chunk of messages counts as a whole, if its checksum matches;
 a chunk that was being written when the file was truncated has no matching one.
@@ -25,7 +25,7 @@ _KNOWN: Final = frozenset(map(int, Opcode))
 
 @dataclass
 class Recovery:
-    """What is intact in a recording, in file order, and where it was written.
+    """The intact part of a recording, in file order, and where it was written.
 
     Parameters
     ----------

@@ -56,7 +56,7 @@ def _system(recording: Recording, name: str) -> dict[str, Any]:
 
 
 def in_words(summary: Mapping[str, Any]) -> list[str]:
-    """Put what `summarize` returns into words, one line per entry."""
+    """Render the result of `summarize` in words, one line per entry."""
     has_messages = summary["start_s"] is not None
     span = f"{summary['start_s']:g} to {summary['end_s']:g} s" if has_messages else "no messages"
     lines = [f"{summary['path']}: {summary['bytes'] / 1024:.0f} KiB, {span}"]
@@ -100,7 +100,7 @@ def _outcome_in_words(outcome: Mapping[str, float]) -> dict[str, str]:
 
 
 def ending(is_reached: bool, end_s: float) -> str:
-    """Say how a flight towards a goal ended, and when (s)."""
+    """Describe how a flight towards a goal ended, and when (s)."""
     return f"the goal is {'' if is_reached else 'not '}reached, {end_s:g} s; the rest does not count"
 
 

@@ -69,7 +69,7 @@ def export(recording: Recording, folder: Path, file_format: Format) -> list[Path
 
 
 def _without_formulas(table: "pa.Table") -> "pa.Table":
-    """Put an apostrophe before texts that a spreadsheet would take for formulas, and run."""
+    """Escape texts that a spreadsheet would run as formulas."""
     import pyarrow as pa  # noqa: PLC0415 - as above
     import pyarrow.compute  # noqa: PLC0415
 

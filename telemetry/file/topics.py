@@ -72,7 +72,7 @@ FORCE_COMPONENTS: Final = ("force_x", "force_y", "force_z")
 
 
 class Reason(IntEnum):
-    """What became of a component of the force; read as these words in lower case."""
+    """The outcome of a force component in a control period; recorded as these words in lower case."""
 
     UNKNOWN = 0
     FIRED = 1
@@ -114,7 +114,7 @@ _UNIT_OF_SUFFIX: Final = (
 
 
 def under(prefix: str, metadata: Mapping[str, Record]) -> dict[str, Record]:
-    """Return the metadata records whose names begin with a prefix, by the rest of their names."""
+    """Return the metadata records under a prefix, by the rest of their names."""
     return {name.removeprefix(prefix): entry for name, entry in metadata.items() if name.startswith(prefix)}
 
 

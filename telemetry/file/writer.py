@@ -1,4 +1,4 @@
-"""Writes an episode to an MCAP file, which gets its final name only when it is complete.
+"""Writing an episode to an MCAP file, which gets its final name only when it is complete.
 
 First what the fields of messages hold, of one sample or of many, and these messages as protobuf writes them.
 """
@@ -75,7 +75,7 @@ def _fields(descriptor: Any, columns: Mapping[str, Any], count: int) -> Iterator
 
 
 def _values(field: FieldDescriptor, column: Any, count: int) -> Iterable[Any]:
-    """Return what a field holds in each message; None leaves it out."""
+    """Return a field's value in each message; None leaves it out."""
     if isinstance(column, Mapping):
         return _fields(field.message_type, column, count)
     if not isinstance(column, np.ndarray):
@@ -92,7 +92,7 @@ def nanoseconds(time_s: ArrayLike) -> Integers:
 
 
 def rows(values: ArrayLike, count: int, length: int, field: str) -> Floats:
-    """Return an array as that many rows of a length.
+    """Return an array as `count` rows of `length` values.
 
     Raises
     ------
@@ -108,7 +108,7 @@ def rows(values: ArrayLike, count: int, length: int, field: str) -> Floats:
 
 
 def transform(parent: str, child: str, translation_m: Floats, quaternion: Floats) -> Columns:
-    """Tell transforms of a child frame; quaternions (scalar last) turn child axes into parent axes."""
+    """Return messages of a child frame's transforms; quaternions (scalar last) map child to parent axes."""
     return {
         "parent_frame_id": parent,
         "child_frame_id": child,
@@ -118,7 +118,7 @@ def transform(parent: str, child: str, translation_m: Floats, quaternion: Floats
 
 
 def point_cloud(count: int, points_m: ArrayLike, states: ArrayLike) -> Columns:
-    """Tell clouds of points, (P, 3), chief axes, coloured by their states, a row of P for each of them.
+    """Return point clouds, (P, 3), chief axes, coloured by their states, a row of P for each.
 
     Raises
     ------
@@ -143,7 +143,7 @@ def point_cloud(count: int, points_m: ArrayLike, states: ArrayLike) -> Columns:
 
 
 def cloud_of(count: int, points_m: ArrayLike, columns: Mapping[str, NDArray[Any]]) -> Columns:
-    """Tell clouds of points, (P, 3), chief axes, with columns of a row of P for each cloud, or one for all.
+    """Return point clouds, (P, 3), chief axes, with columns of a row of P for each, or one for all.
 
     Columns of bytes or booleans are written as bytes, others as doubles.
     """
@@ -306,7 +306,7 @@ class EpisodeWriter:
         last_light_s: Floats,
         is_missed: Booleans,
     ) -> None:
-        """Record what each point adds to inputs of the controller; the metadata `pulls` gives their units.
+        """Record each point's contribution to inputs of the controller; the metadata `pulls` gives the units.
 
         Parameters
         ----------
@@ -326,7 +326,7 @@ class EpisodeWriter:
         self._write(topics.CHIEF_PULLS, time_ns, cloud_of(len(time_ns), points_m, columns))
 
     def record(self, topic: str, time_s: ArrayLike, **fields: ArrayLike) -> None:
-        """Record messages of one of this project's own kinds.
+        """Record messages of one of the project's own schemas.
 
         Parameters
         ----------
@@ -383,7 +383,7 @@ class EpisodeWriter:
         self._flush(int(time_ns[0]))
 
     def _begun(self) -> Writer:
-        """Return the file, with what is readable from the start."""
+        """Return the writer, with the header already readable."""
         # a chunk ends where this writer says so, between samples
         mcap = Writer(self._file.stream, chunk_size=sys.maxsize)
         mcap.start(library="fuzzy-spacecraft-inspection telemetry")
@@ -440,7 +440,7 @@ class EpisodeWriter:
         self._waiting_times.update(times)
 
     def _flush(self, until_ns: float = math.inf) -> None:
-        """Bring messages to the file, up to a time or all."""
+        """Write pending messages up to a time, or all."""
         with self._explained():
             try:
                 self._write_waiting(until_ns)
@@ -450,7 +450,7 @@ class EpisodeWriter:
                 raise
 
     def _write_waiting(self, until_ns: float = math.inf) -> None:
-        """Give messages to the file in order of time; those of one time in the order in which they came."""
+        """Write pending messages in order of time; equal times keep the order of arrival."""
         self._waiting.sort(key=_TIME)
         given = self._waiting[: bisect_right(self._waiting, until_ns, key=_TIME)]
         if not given:

@@ -137,12 +137,12 @@ def _events() -> rrb.View:
 
 
 def _around(farthest_m: float) -> Floats:
-    """Return where to look from so that a scene of this size is seen, Hill axes, m."""
+    """Return the viewpoint from which a scene of this size is seen, Hill axes, m."""
     return 1.8 * max(farthest_m, 40.0) * _EYE_DIRECTION
 
 
 def _space(origin: str, title: str, eye: Floats, **options: Any) -> rrb.View:
-    """Return a view of a scene in space from a place towards the chief."""
+    """Return a 3D view towards the chief from a point."""
     return rrb.Spatial3DView(
         origin=origin,
         name=title,

@@ -37,7 +37,7 @@ def drawable(text: str) -> str:
 
 
 def table(rows: Sequence[tuple[str, str]]) -> str:
-    """Write names and values as a table in Markdown, headed by the first of them."""
+    """Render names and values as a Markdown table, headed by the first of them."""
     head, *others = (f"| {name} | {value} |" for name, value in rows)
     return "\n".join([head, "|---|---|", *others])
 
@@ -242,7 +242,7 @@ def _with_limits(key: str, title: str, curves: Curves, limit: float | None) -> P
 
 
 def _reach(largest: float) -> float:
-    """Return how far an axis goes so that a few powers of ten, which alone the viewer labels, lie on it."""
+    """Return an axis's end such that several powers of ten, the viewer's only labels, lie on it."""
     power = 10.0 ** np.floor(np.log10(largest))
     return 1.08 * largest if largest <= _MOST_TICKS * power else 10.8 * power
 

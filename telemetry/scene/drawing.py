@@ -1,4 +1,4 @@
-"""What a replay draws and says, as arrays and text; independent of the viewer."""
+"""What a replay draws and describes, as arrays and text; independent of the viewer."""
 
 from collections.abc import Sequence
 from textwrap import wrap
@@ -40,7 +40,7 @@ def sample_times(recording: Recording) -> Floats:
 
 
 def activation_map(recording: Recording, sample_time_s: Floats) -> tuple[Bytes, list[tuple[str, float]]]:
-    """Draw which rule fired when, where the force that it asked for was fired.
+    """Draw when each rule fired, in the periods that fired its force.
 
     Parameters
     ----------
@@ -103,7 +103,7 @@ def inference_in_words(recording: Recording, sample_time_s: Floats) -> list[str]
 
 
 def _rest_in_words(recording: Recording, sample_time_s: Floats) -> list[str]:
-    """Say for each sample why nothing was fired, or why something was that no rule asked for."""
+    """Describe for each sample why nothing was fired, or why thrust was that no rule commanded."""
     control = recording[topics.DEPUTY_CONTROL]
     if not len(control) or not control["reason"].shape[1]:
         return [NO_INFERENCE] * len(sample_time_s)
@@ -193,7 +193,7 @@ def _facts(recording: Recording) -> list[tuple[str, str]]:
 
 
 def pulls(recording: Recording, sample_time_s: Floats) -> Floats | None:
-    """Return how much each point adds at each sample to the input that it adds most to.
+    """Return each point's contribution at each sample to the input that it adds most to.
 
     The shape is (N, P), from 0 to 1, what any point ever adds to that input; None where it is not recorded.
     """
@@ -271,7 +271,7 @@ ELSE = ("fired", "coasting", "complete")
 
 
 def now_in_words(recording: Recording, sample_time_s: Floats) -> list[str]:
-    """Say what the controller does at each sample and why, with what is left to inspect.
+    """Describe what the controller does at each sample and why, with the points left.
 
     A recording gives reasons, or they follow from what it holds: whether a force was applied, whether the
     rules were asked, and whether every point is inspected.
@@ -319,7 +319,7 @@ def _line(recording: Recording, row: int, left: int, was_asked: bool) -> str:
 
 
 def _leader(recording: Recording, row: int) -> str:
-    """Name the rule that pushes most the way of the largest output that is fired, where that is recorded.
+    """Return the rule that pushes most along the largest output fired, where it is recorded.
 
     Rules that conclude no force hold back, and push no way, whatever their shares.
     """
@@ -342,7 +342,7 @@ def _points(count: int) -> str:
 
 
 def _foreseen(recording: Recording, row: int, left: int) -> str:
-    """Say how many of the points left will be seen if nothing is fired any more, where that is recorded."""
+    """Describe how many of the points left will be seen without thrust, where that is recorded."""
     control = recording[topics.DEPUTY_CONTROL]
     missed = control["coasting_missed"][row]
     if not np.isfinite(missed):
@@ -351,7 +351,7 @@ def _foreseen(recording: Recording, row: int, left: int) -> str:
 
 
 def _force(force: Floats) -> str:
-    """Write a force as its size and where it pushes, the largest component first."""
+    """Describe a force by its size and directions, the largest component first."""
     order = np.argsort(-np.abs(force))
     words = [
         DIRECTIONS[axis][int(force[axis] > 0)]

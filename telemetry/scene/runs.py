@@ -1,4 +1,4 @@
-"""Reads the trajectories of an evaluation in a run's folder."""
+"""The trajectories of an evaluation in a run's folder."""
 
 import json
 from collections.abc import Mapping
@@ -34,7 +34,7 @@ _JUDGED: Final = ("delta_v_m_s", "inspected_count", "inspection_rate_percent", "
 
 
 class CaseOutcome(IntEnum):
-    """How a case ended; if several apply, the highest counts."""
+    """The outcome of a case; if several apply, the highest counts."""
 
     SUCCESS = 0
     SHORT = 1
@@ -43,7 +43,7 @@ class CaseOutcome(IntEnum):
 
 @dataclass(frozen=True)
 class Surroundings:
-    """What a run's configuration says about the scene; unknown values are None.
+    """A run's surroundings, from its configuration; unknown values are None.
 
     Parameters
     ----------
@@ -109,7 +109,7 @@ class EvaluatedCases:
 
 
 def file_of(folder: Path, role: str) -> Path:
-    """Return where a run has the file of a role, as its manifest says; see `FILES`."""
+    """Return the path of a run's file of a role, by its manifest; see `FILES`."""
     files = _manifest(folder).get("files")
     name = files.get(role) if isinstance(files, dict) else None
     path = folder / (name if isinstance(name, str) else FILES[role])
@@ -121,7 +121,7 @@ def file_of(folder: Path, role: str) -> Path:
 
 
 def _manifest(folder: Path) -> dict[str, Any]:
-    """Return what a run's manifest holds, nothing where there is none."""
+    """Return the content of a run's manifest, empty where there is none."""
     path = folder / MANIFEST
     if not path.exists():
         return {}

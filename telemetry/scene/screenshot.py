@@ -126,7 +126,7 @@ def headless() -> Iterator[ViewerClient]:
 
 
 def _last_words(log: IO[bytes]) -> str:
-    """Return why a viewer ended, from its log."""
+    """Return the last error in a viewer's log."""
     log.seek(0)
     lines = log.read().decode(errors="replace").splitlines()
     return next((line for line in lines if "panicked" in line), "it did not say why")
@@ -153,7 +153,7 @@ def load(client: ViewerClient, file: Path) -> None:
 
 
 def complaints(client: ViewerClient) -> list[str]:
-    """Return the faults of the views, and the errors in the viewer's log."""
+    """Return the errors of the views, and those in the viewer's log."""
     problems = [
         f"{view.name}: {report.summary} {report.details or ''}".strip()
         for view in client.get_state().views

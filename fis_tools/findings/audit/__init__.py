@@ -23,7 +23,7 @@ def audit(
     samples: Mapping[str, Floats] | None = None,
     thresholds: Thresholds | None = None,
 ) -> Audit:
-    """Look for everything that the reviewer of a controller should know.
+    """Check a controller for everything that its reviewer should know.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ def audit(
 
 
 def _edited(controller: FuzzyController) -> Findings:
-    """Yield that a controller is no longer the one that its provenance tells of."""
+    """Yield a finding if a controller differs from the one that its provenance describes."""
     if (how := edited(controller)) is not None:
         yield Finding(
             "edited",

@@ -1,4 +1,4 @@
-"""An audit: findings with their severity, the thresholds behind them, and what there is to say of it."""
+"""An audit: findings with their severity, the thresholds behind them, and its report."""
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -22,7 +22,7 @@ class Severity(IntEnum):
         return self.name.lower()
 
     def counted(self, count: int) -> str:
-        """Say how many findings are as serious as this: ``1 serious``, ``2 warnings``."""
+        """Count findings of this severity: ``1 serious``, ``2 warnings``."""
         return f"{count} {self.word}" + ("" if self is Severity.SERIOUS or count == 1 else "s")
 
 
@@ -151,7 +151,7 @@ class AuditedSystem:
 
 @dataclass(frozen=True, repr=False)
 class Audit(Result):
-    """What an audit found.
+    """The findings of an audit.
 
     Parameters
     ----------
@@ -179,7 +179,7 @@ class Audit(Result):
         return f"{self._name}: {totals or 'nothing found'} ({number}{along})"
 
     def counted(self, system: str = "") -> str:
-        """Say how many findings of each severity there are, maybe of one system alone."""
+        """Count the findings of each severity, of all systems or of one."""
         severities = [finding.severity for finding in self.findings if system in ("", finding.system)]
         return ", ".join(each.counted(severities.count(each)) for each in _WORST_FIRST if each in severities)
 

@@ -21,7 +21,7 @@ _Table = tuple[Integers, Floats]
 
 @dataclass(frozen=True)
 class CellStep:
-    """From one cell of a rule table to the next along one input.
+    """The change of the concluded term between neighbouring cells of a rule table.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ def _repeated(system: FuzzySystem) -> Findings:
 
 
 def _overlapping(system: FuzzySystem) -> Findings:
-    """Yield rules that hold wherever a narrower rule does, and conclude something else."""
+    """Yield pairs of rules where one holds wherever the other does, and they conclude different terms."""
     table = conjunctions(system)
     if table is None or np.all(table[0] >= 0):
         return
@@ -170,7 +170,7 @@ def _counted(steps: list[CellStep]) -> str:
 
 
 def _step_words(system: FuzzySystem, step: CellStep) -> str:
-    """Say a step: ``from PL (rule 3) to NS (rule 8)``."""
+    """Describe a step: ``from PL (rule 3) to NS (rule 8)``."""
     output = system.outputs[0].name
     words = [f"{_concludes(system.rules[rule - 1])[output]} (rule {rule})" for rule in step.rules]
     return f"from {words[0]} to {words[1]}"

@@ -54,7 +54,7 @@ class NameRank:
 
 
 def read_names(names: list[str]) -> list[NameRank | None]:
-    """Read the names of a variable's terms; None for a name that says nothing, or nothing to the others.
+    """Return the rank of each term by its name; None for a name without one, or with another kind of name.
 
     Names such as ``negative_large``, ``NL``, ``zero``, ``PositiveSmall`` are read first. Without two of them
     that differ, the scale that knows most of the names counts, ``very`` and its like moving a word outwards.

@@ -32,7 +32,7 @@ class Source(NamedTuple):
     file: str
 
     def plain(self) -> dict[str, str]:
-        """Return its name, its file, and its fingerprint, as of what is signed."""
+        """Return its name, its file and its fingerprint, as a signature refers to it."""
         sha256 = fingerprint(self.controller)
         return {"name": self.controller.name, "file": self.file, "sha256": sha256}
 
@@ -56,14 +56,14 @@ class Fact:
 
 @dataclass(frozen=True)
 class Pair(Generic[Thing]):
-    """A thing before and after; None where it did not exist, or no longer exists."""
+    """A thing before and after a change; None where it did not exist, or no longer exists."""
 
     before: Thing | None
     after: Thing | None
 
     @property
     def present(self) -> Thing:
-        """What stands now, or stood before it was removed."""
+        """The thing after the change, or before it if it was removed."""
         present = self.after or self.before
         assert present is not None  # noqa: S101 - one of them stands
         return present
@@ -304,7 +304,7 @@ def _is_same_function(before: Variable, old: Term, after: Variable, new: Term) -
 
 
 def _middle(variable: Variable, term: Term) -> float:
-    """Return the middle of the parameters that say where a term is: of its highest points."""
+    """Return a term's location: the middle of its highest points."""
     mean = getattr(term.membership, "mean", getattr(term.membership, "peak", None))
     if mean is not None:
         return float(mean)
@@ -316,7 +316,7 @@ def _middle(variable: Variable, term: Term) -> float:
 
 
 def _similarity(before: Variable, old: Term, after: Variable, new: Term) -> float:
-    """Return the area under the lower of two functions over that under the higher one."""
+    """Return the Jaccard similarity of two functions: area of their minimum over area of their maximum."""
     if not (before.has_sets and after.has_sets):
         return float(old.membership == new.membership)
     points = np.union1d(before.universe, after.universe)
@@ -365,7 +365,7 @@ def compare_rules(before: FuzzySystem, after: FuzzySystem, names: Names) -> tupl
 
 
 def _meaning(rule: Rule) -> tuple[object, ...]:
-    """Return what rules with one antecedent must share to be the same."""
+    """Return what two rules with the same antecedent must share to count as the same rule."""
     consequents = sorted((c.variable, c.term, c.weight) for c in rule.consequents)
     return consequents, rule.label, rule.and_operator, rule.or_operator
 

@@ -1,4 +1,4 @@
-"""A difference: what there is to say of it, and as plain data."""
+"""The report of a difference, in words and as plain data."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
@@ -49,7 +49,7 @@ class Difference(Result):
         return not self.facts and all(system.is_empty for system in self.systems)
 
     def document(self, *, pictures: bool = False) -> Document:
-        """Say what changed; on demand with pictures of terms and surfaces, for pages."""
+        """Return what changed; on request with pictures of terms and surfaces, for pages."""
         sides = {"before": self.before.plain(), "after": self.after.plain()}
         rows = [
             [word, side["file"] or side["name"], f"SHA-256 of its content {side['sha256']}"]
@@ -59,7 +59,7 @@ class Difference(Result):
         return Document([Heading(title, 1), Table([], rows), *self.blocks(pictures)])
 
     def blocks(self, pictures: bool = False) -> list[Block]:
-        """Say what changed, but not of what."""
+        """Return what changed, without the names of the controllers."""
         blocks: list[Block] = [*_fact_table(self.facts)]
         if self.is_empty and fingerprint(self.before.controller) == fingerprint(self.after.controller):
             blocks.append(Paragraph("Nothing changed."))
@@ -77,7 +77,7 @@ class Difference(Result):
         }
 
     def html(self) -> str:
-        """Write it as a page that needs no other file, with pictures."""
+        """Render it as a self-contained page, with pictures."""
         return page(self.document(pictures=True))
 
     def _repr_html_(self) -> str:
@@ -151,7 +151,7 @@ def _counts(changes: Sequence[Pair[Any]], noun: str, total: int | None) -> str:
 
 
 def _outputs(changes: Sequence[comparison.OutputChange]) -> Iterator[Table]:
-    """Tell how far the outputs moved: in their unit, and as a share of their range."""
+    """Yield a table of how far the outputs moved: in their unit, and as a share of their range."""
     rows = [
         [
             text.with_unit(change.output),
@@ -235,7 +235,7 @@ def shape_change(before: Term, after: Term) -> str:
 
 
 def changed_tables(system: SystemDifference) -> list[tuple[str, Table]] | None:
-    """Superimpose the rules of two full tables of the same terms.
+    """Lay the rules of two full tables of the same terms over one another.
 
     Returns
     -------
@@ -372,7 +372,7 @@ def _facts(before: FuzzyController, after: FuzzyController) -> Iterator[Fact]:
 
 
 def _said(controller: FuzzyController) -> tuple[dict[str, str], ...]:
-    """Return what a controller says of itself besides its systems."""
+    """Return a controller's facts besides its systems."""
     said = {"name": controller.name, "purpose": controller.purpose or "none"}
     origin = {f"provenance {key}": value for key, value in controller.provenance}
     return said, dict(controller.attributes), origin

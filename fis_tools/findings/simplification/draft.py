@@ -1,4 +1,4 @@
-"""A partly simplified system: rules dropped, terms merged, numbers rounded, and what can be done next."""
+"""A partly simplified system: rules dropped, terms merged, numbers rounded, and the next steps possible."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -103,7 +103,7 @@ def merged(system: FuzzySystem, merger: Merger, importance: Floats) -> tuple[Fuz
 
 
 def _said_once(system: FuzzySystem, rule: Rule) -> Rule:
-    """Return a rule that says nothing twice where that means the same."""
+    """Return a rule without repeated statements, where that means the same."""
     plain = {model.And: system.and_operator_of(rule) == "min", model.Or: system.or_operator_of(rule) == "max"}
 
     def once(part: model.Expression) -> model.Expression:
@@ -117,7 +117,7 @@ def _said_once(system: FuzzySystem, rule: Rule) -> Rule:
 
 
 def _without_rivals(before: Sequence[Rule], after: Sequence[Rule], importance: Floats) -> list[int]:
-    """Return the places of rules; of those whose antecedents became equal, only the most important."""
+    """Return the indices of rules; of those whose antecedents became equal, only the most important."""
     asking: dict[object, list[int]] = {}
     for index, rule in enumerate(after):
         concluded = tuple(consequent.variable for consequent in rule.consequents)
@@ -191,7 +191,7 @@ MOST_DIGITS = 6
 
 
 def units(system: FuzzySystem) -> list[Unit]:
-    """List what can be rounded: for each variable the ends of its range, and each of its terms."""
+    """List the units that can be rounded: for each variable the ends of its range, and each of its terms."""
     units_of: list[Unit] = []
     for variable in system.variables:
         shaped = [term for term in variable.terms if not isinstance(term.membership, model.Sampled)]
@@ -314,7 +314,7 @@ class Draft:
 
 @dataclass(frozen=True)
 class Proposal:
-    """A step that can be taken next.
+    """A possible next step.
 
     Parameters
     ----------
@@ -367,7 +367,7 @@ def proposals(draft: Draft, bench: Bench) -> list[tuple[float, Proposal]]:
 
 
 def _ranked_drops(draft: Draft, bench: Bench) -> Iterator[tuple[float, float, int]]:
-    """Yield for each rule the cost of dropping it, how much it moves on average, and its place."""
+    """Yield for each rule the cost of dropping it, how much it moves on average, and its index."""
     compiled = compile(draft.system)
     moved = {name: contributions(compiled, rows) for name, rows in bench.samples.items()}
     outputs = {name: compiled(rows) for name, rows in bench.samples.items()}

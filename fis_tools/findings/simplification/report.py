@@ -73,7 +73,7 @@ class OutputDeviation:
     mean: tuple[float, ...]
 
     def cost(self, budget: Budget) -> float:
-        """Return which share of a budget is used up; infinite where a budget of zero is."""
+        """Return the share of a budget that is used up; infinite where a budget of zero is exceeded."""
         return max(_used(max(self.largest), budget.max_change), _used(max(self.mean), budget.mean_change))
 
 
@@ -85,7 +85,7 @@ def _used(change: float, allowed: float) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Bench:
-    """The outputs of a system before it was simplified.
+    """The original system's outputs at the samples on which each step is measured.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ class Bench:
 
     @property
     def governing(self) -> tuple[str, ...]:
-        """Which samples the budget holds on."""
+        """The samples on which the budget holds."""
         if FLOWN not in self.samples:
             return (SPREAD,)
         return (FLOWN,) if self.budget.flights_only else (FLOWN, SPREAD)
@@ -123,7 +123,7 @@ class Bench:
         )
 
     def cost(self, changes: Mapping[str, OutputDeviation]) -> float:
-        """Return which share of the budget changes use up."""
+        """Return the share of the budget that deviations use up."""
         return max(changes[name].cost(self.budget) for name in self.governing)
 
     def without_input(self, index: int) -> "Bench":
@@ -275,7 +275,7 @@ _PLACES = {FLOWN: "along the logs", SPREAD: "at {:,} points over the ranges"}
 
 
 def _blocks(system: SimplifiedSystem) -> Iterator[Block]:
-    """Say in the units of the outputs how far a system departs, then list its steps."""
+    """Report the deviations in the units of the outputs, then list the steps."""
     name, sets = system.original.name, list(system.changes)
     if not system.steps:
         yield Paragraph(f"{name}: nothing can be made simpler within the budget")

@@ -69,7 +69,7 @@ def called(text: str) -> list[str]:
 
 
 def conclude(implication: str, aggregation: str) -> tuple[str, str]:
-    """Return the function by which a rule adds what it implies where terms are not cut: its name and text."""
+    """Return the name and text of the function that adds a rule's implied set to the aggregate."""
 
     def filled(text: str) -> str:
         return text.replace("IMPLICATION", implication).replace("AGGREGATION", aggregation)
@@ -96,7 +96,7 @@ _FORESEEN = {
 
 
 def members(controller: FuzzyController, logic: ThrustLogic) -> Mapping[str, tuple[str, str, str]]:
-    """Return what `step` is told as signals: member of the structure by signal, its unit, what it is.
+    """Return the members of `step`'s structure of signals: member by signal, its unit, its meaning.
 
     Parameters
     ----------
@@ -128,7 +128,7 @@ def members(controller: FuzzyController, logic: ThrustLogic) -> Mapping[str, tup
 
 
 def step_structures(controller: FuzzyController, logic: ThrustLogic) -> str:
-    """Write what `step` is told and what it gives back."""
+    """Render the structures that `step` takes and returns."""
     signals = (
         (word, wrap(f"/* {_plain(', '.join(filter(None, (unit, about))))} */", 100, subsequent_indent=" * "))
         for word, unit, about in members(controller, logic).values()
@@ -139,7 +139,7 @@ def step_structures(controller: FuzzyController, logic: ThrustLogic) -> str:
 
 
 def step_functions(controller: FuzzyController, logic: ThrustLogic, infer: Mapping[str, str]) -> str:
-    """Write `start` and `step`.
+    """Render the functions `start` and `step`.
 
     Parameters
     ----------
@@ -238,7 +238,7 @@ def write(controller: FuzzyController, bare: bool = False) -> str:
 
 
 def function_name(system: FuzzySystem) -> str:
-    """Return what the function is called that infers a system, written alone."""
+    """Return the name of the function that infers a system, written alone."""
     return f"infer_{_identifiers([system.name])[0]}"
 
 
@@ -278,7 +278,7 @@ def _identifiers(names: Iterable[str]) -> list[str]:
 
 
 def _bends(variable: Variable) -> Integers:
-    """Return the places of a universe's points where some term bends: between them all are straight.
+    """Return the indices of the points of a universe where some term bends.
 
     All places, if bends that are too slight to see next to rounding add up.
     """
@@ -297,7 +297,7 @@ Kind = Literal["input", "weighed", "cut", "implied", "silent"]
 
 @dataclass(frozen=True)
 class _Signal:
-    """An input or output on its way to C.
+    """An input or output as C needs it.
 
     Parameters
     ----------
@@ -334,7 +334,7 @@ class _Signal:
 
 
 class _System:
-    """One system of a controller on its way to C."""
+    """A system of a controller as C needs it."""
 
     def __init__(self, name: str, system: FuzzySystem) -> None:
         words = _identifiers(variable.name for variable in system.variables)
@@ -360,11 +360,11 @@ class _System:
         return _Signal(variable, word, kind if terms else "silent", terms, indices)
 
     def conclude(self, output: _Signal) -> tuple[str, str]:
-        """Return the function by which rules add what they imply, where terms are not cut: name and text."""
+        """Return the name and text of the function that adds rules' implied sets where terms are not cut."""
         return conclude(self.system.implication, output.variable.aggregation)
 
     def text(self, signature: str) -> str:
-        """Write the tables, and the function: fuzzify the inputs, fire the rules, defuzzify the outputs."""
+        """Render the tables, and the function: fuzzify the inputs, fire the rules, defuzzify the outputs."""
         outputs = zip(self.outputs, assemble(self.system).conclusions, strict=True)
         cut = [c for output, c in outputs if output.kind == "cut" and isinstance(c, Conclusion)]
         text = rendered(
@@ -396,7 +396,7 @@ class _System:
             yield f"{what} is {_extent(output)}; {default} when no rule fires."
 
     def _rules(self) -> Iterator[tuple[str, str, list[str]]]:
-        """Yield what each rule says, its strength, and the statements by which it concludes."""
+        """Yield each rule in words, its strength, and the statements by which it concludes."""
         cut: set[str] = set()
         for rule_number, rule in enumerate(self.system.rules, start=1):
             label = f" [{rule.label}]" if rule.label else ""
@@ -405,7 +405,7 @@ class _System:
             yield about, self._degree(rule, rule.antecedent), concluded
 
     def _conclusion(self, consequent: model.Consequent, cut: set[str]) -> str:
-        """Write how a rule concludes; `cut` are the heights that have been set before."""
+        """Render a rule's conclusion; `cut` are the heights that have been set before."""
         output, weight = self.signals[consequent.variable], float(consequent.weight)
         scaled = "strength" if weight == 1.0 else f"strength * {weight!r}"
         row, word = output.row(consequent.term), output.word

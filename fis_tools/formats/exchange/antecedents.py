@@ -19,7 +19,7 @@ _DUALS = set(zip(get_args(AndOperator), get_args(OrOperator), strict=True))
 
 
 class NotExpressible(ValueError):  # noqa: N818
-    """What a format cannot express without changing its meaning, told in a sentence."""
+    """Raised for what a format cannot express without changing its meaning."""
 
 
 def with_plain_not(expression: Expression, and_operator: AndOperator, or_operator: OrOperator) -> Expression:
@@ -52,7 +52,7 @@ def with_plain_not(expression: Expression, and_operator: AndOperator, or_operato
 
 
 def joined(kind: type[model.And | model.Or], operands: Sequence[Expression]) -> Iterator[Expression]:
-    """Yield operands; of one that joins by the same kind, what it joins."""
+    """Yield operands, with nested ones of the same kind flattened."""
     for operand in operands:
         if isinstance(operand, kind):
             yield from operand.operands
@@ -92,13 +92,13 @@ def in_order(expression: Expression, inputs: Sequence[str]) -> Expression:
 
 
 def statement_of(leaf: Expression) -> model.Is:
-    """Return the statement that an antecedent makes, denies or hedges, which must be one."""
+    """Return the only statement of an antecedent, which may be denied or hedged."""
     (statement,) = model.statements_of(leaf)
     return statement
 
 
 def is_leaf(expression: Expression) -> bool:
-    """Return whether an antecedent makes one statement, denied or hedged or as it is."""
+    """Return whether an antecedent is a single statement, denied or hedged or neither."""
     return isinstance(before(expression)[1], model.Is)
 
 
@@ -123,7 +123,7 @@ FUZZYLITES = {word: hedge for hedge, word in HEDGES.items()}
 
 
 def hedged(hedges: Sequence[Hedge], expression: Expression) -> Expression:
-    """Put hedges before a statement, the first of them outermost."""
+    """Apply hedges to a statement, the first of them outermost."""
     return reduce(lambda inside, hedge: model.Hedged(hedge, inside), reversed(hedges), expression)
 
 

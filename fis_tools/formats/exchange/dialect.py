@@ -35,7 +35,7 @@ ON_POINT = 1e-9
 
 @dataclass(frozen=True)
 class Dialect:
-    """What a format can say.
+    """What a format can express.
 
     Parameters
     ----------
@@ -83,7 +83,7 @@ class Dialect:
 
 @dataclass(frozen=True)
 class Expressed:
-    """A system as a format says it.
+    """A system as a format expresses it.
 
     Parameters
     ----------
@@ -103,7 +103,7 @@ def only_system(controller: model.FuzzyController, dialect: Dialect) -> FuzzySys
 
 
 def express(system: FuzzySystem, dialect: Dialect) -> Expressed:
-    """Turn a valid system into what a format says of it.
+    """Return a valid system as a format expresses it.
 
     Raises
     ------
@@ -153,7 +153,7 @@ def express(system: FuzzySystem, dialect: Dialect) -> Expressed:
 
 
 def refuse_joined(system: FuzzySystem) -> None:
-    """Refuse rules that conclude one of Tsukamoto's terms together, which fuzzylite sees as one rule.
+    """Refuse several rules that conclude the same Tsukamoto term, which fuzzylite merges into one.
 
     Raises
     ------
@@ -174,7 +174,7 @@ def refuse_joined(system: FuzzySystem) -> None:
 
 
 def settle(system: FuzzySystem) -> FuzzySystem:
-    """Say once what all rules and outputs have; where outputs are weighed inputs get more points.
+    """Move common operators to the system; where outputs are weighted, inputs get more points.
 
     A table has points of its own.
     """
@@ -226,7 +226,7 @@ def _not_expressible(number: int, dialect: Dialect, reason: NotExpressible) -> N
 
 
 def _expressed_rules(number: int, rule: Rule, system: FuzzySystem, dialect: Dialect) -> list[Rule]:
-    """Say a rule as one or several, with the names of the original."""
+    """Express a rule as one or several, with the names of the original."""
     operators = system.and_operator_of(rule), system.or_operator_of(rule)
     try:
         antecedent = with_plain_not(rule.antecedent, *operators)
@@ -246,7 +246,7 @@ def _expressed_rules(number: int, rule: Rule, system: FuzzySystem, dialect: Dial
 def _consequent_groups(
     consequents: Sequence[Consequent], outputs: Sequence[str], dialect: Dialect
 ) -> Iterator[tuple[Consequent, ...]]:
-    """Part consequents into groups of one weight, and of different outputs where they may not repeat."""
+    """Group consequents by weight, and by output where outputs may not repeat."""
     groups: dict[tuple[float, int], list[Consequent]] = {}
     for consequent in consequents:
         key = consequent.weight, 0
@@ -281,7 +281,7 @@ def _expressed_variable(variable: Variable, names: Names, dialect: Dialect, *, i
 
 
 def _expressed_weighed(output: Variable, names: Names, dialect: Dialect) -> Variable:
-    """Say an output that is weighed: its universe is of no account, its terms have words of their own."""
+    """Express a weighted output: its universe does not matter, its terms have words of their own."""
     terms = []
     for term in output.terms:
         shape = term.membership
@@ -359,5 +359,5 @@ def middle(minimum: float, maximum: float) -> float:
 
 
 def one_line(text: str) -> str:
-    """Return a text that stands in one line and opens no comment."""
+    """Return a text as one line that opens no comment."""
     return " ".join("".join(c if c.isprintable() and c != "#" else " " for c in text).split())

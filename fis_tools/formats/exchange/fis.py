@@ -171,13 +171,13 @@ def _system(sections: dict[str, FileBlock], fractions: Fractions, notes: list[st
 
 
 def _concludes_numbers(section: FileBlock) -> bool:
-    """Return whether an output's terms are numbers, which have no other defuzzifier than a weighing one."""
+    """Return whether an output's terms are numbers, which only weighted defuzzifiers take."""
     values = [value for key, (_, value) in section.settings.items() if key.startswith("MF")]
     return all(re.search(r":\s*['\"](constant|linear|function)['\"]", value) for value in values)
 
 
 def _variable(section: FileBlock, weighed_by: Sequence[str] | None, notes: list[str]) -> Variable:
-    """Read a variable; of an output that is weighed, `weighed_by` are the names of the inputs."""
+    """Read a variable; for a weighted output, `weighed_by` are the names of the inputs."""
     is_output = section.kind.startswith("[Output")
     name, _ = quoted_word(section, "Name")
     section.expect("Enabled", "1", "1.0")
@@ -203,7 +203,7 @@ def _variable(section: FileBlock, weighed_by: Sequence[str] | None, notes: list[
 
 
 def _numbered(variable: str, terms: list[foreign.Named], notes: list[str]) -> list[foreign.Named]:
-    """Add numbers to names that several terms have; rules go by places."""
+    """Return terms with numbers appended to shared names; rules refer to terms by position."""
     counts = Counter(name for name, _ in terms)
     notes += [
         f"{variable} has {count} terms called {name!r}: they are numbered"
@@ -319,7 +319,7 @@ _KEYS = {
 
 
 def sections_of(text: str, notes: list[str]) -> tuple[dict[str, FileBlock], list[tuple[int, str]]]:
-    """Part a file into its sections, by their titles, and its comments, each with its line.
+    """Split a file into sections by title, and comments, each with its line.
 
     Parameters
     ----------
@@ -389,14 +389,14 @@ def _without_remark(line: str) -> str:
 
 
 def section_of(sections: dict[str, FileBlock], title: str) -> FileBlock:
-    """Return a section that must be there."""
+    """Return a required section."""
     if title not in sections:
         raise ControllerFileError(f"there is no section {title}; get a whole copy of the file")
     return sections[title]
 
 
 def quoted_word(section: FileBlock, key: str) -> tuple[str, str]:
-    """Return a quoted word, and where it stands."""
+    """Return a quoted word, and its location."""
     where, value = section.entry(key)
     if len(value) < 2 or value[0] != value[-1] or value[0] not in "'\"":
         raise ControllerFileError(f"{where} is {value[:40]!r}; expected a word in quotes, '…'")
@@ -404,7 +404,7 @@ def quoted_word(section: FileBlock, key: str) -> tuple[str, str]:
 
 
 def whole_number(section: FileBlock, key: str, least: int = 1) -> int:
-    """Return a whole number from 1, or the least that can be, on."""
+    """Return a whole number of at least 1, or of `least`."""
     where, value = section.entry(key)
     return 0 if least == 0 and value == "0" else foreign.count(value, where, 100_000)
 

@@ -102,7 +102,7 @@ def read(text: str) -> Reading:
 
 
 def _take(blocks: list[FileBlock], line: int, content: str) -> None:
-    """Add a line to the block that it opens or belongs to."""
+    """Add a line to the current block, or begin a new one."""
     key, colon, value = (part.strip() for part in content.partition(":"))
     if not colon:
         raise ControllerFileError(f"line {line}: {content[:40]!r} is not 'key: value'; correct it")
@@ -168,7 +168,7 @@ def _system(blocks: Sequence[FileBlock]) -> FuzzySystem:
 
 
 def _implication(groups: Sequence[tuple[FileBlock, Sequence[Rule]]], weighed: set[str]) -> model.AndOperator:
-    """Return how the blocks imply whose rules conclude fuzzy sets."""
+    """Return the implication of the blocks whose rules conclude fuzzy sets."""
     implications: dict[model.AndOperator, int] = {}
     for block, group in groups:
         if any(consequent.variable not in weighed for rule in group for consequent in rule.consequents):
@@ -184,7 +184,7 @@ def _implication(groups: Sequence[tuple[FileBlock, Sequence[Rule]]], weighed: se
 
 
 def _refuse_joined(block: FileBlock, rules: Sequence[Rule]) -> None:
-    """Refuse to join the rules that conclude one term of an output that is weighed: each counts here."""
+    """Refuse aggregation of weighted terms: here each rule counts by itself."""
     line, word = block.settings.get("aggregation", block.settings.get("accumulation", (block.line, "none")))
     if word in {"none", "", AGGREGATIONS["unbounded_sum"].fll}:
         return
@@ -231,7 +231,7 @@ def _output(block: FileBlock, inputs: Sequence[str]) -> Variable:
 
 
 def _refuse_other_kind(block: FileBlock, parameter: str, terms: Sequence[foreign.Named]) -> None:
-    """Refuse terms that an output is not weighed by."""
+    """Refuse terms of a kind that the output's defuzzifier does not take."""
     for (line, words), (name, shape) in zip(block.listed, terms, strict=True):
         kind = "TakagiSugeno" if isinstance(shape, model.Number) else "Tsukamoto"
         if parameter not in {"", "Automatic", kind}:
@@ -242,7 +242,7 @@ def _refuse_other_kind(block: FileBlock, parameter: str, terms: Sequence[foreign
 
 
 def _terms(block: FileBlock, extent: Extent, inputs: Sequence[str] | None = None) -> list[foreign.Named]:
-    """Read the terms of a variable; `inputs` are those of an output that is weighed."""
+    """Read the terms of a variable; `inputs` are given for a weighted output."""
     terms: list[foreign.Named] = []
     for line, words in block.listed:
         if len(words.split()) < 2:
@@ -257,7 +257,7 @@ def _terms(block: FileBlock, extent: Extent, inputs: Sequence[str] | None = None
 
 
 def _without_height(word: str, values: list[str], where: str) -> list[str]:
-    """Drop the height of a term, which may stand behind its numbers and must be one."""
+    """Drop a term's optional height, which must be one."""
     kind, order = words_of("fll").get(word, (model.Ramp, ("start", "end")))
     if issubclass(kind, model.Number) or word == foreign.TABLES["fll"] or len(values) != len(order) + 1:
         return values

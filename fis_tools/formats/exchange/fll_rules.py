@@ -19,7 +19,7 @@ Concluded = tuple[tuple[Hedge, ...], str, str]
 
 @dataclass
 class _Words:
-    """The words of a rule that are still to be read."""
+    """The words of a rule, and the position of the next one to read."""
 
     words: list[str]
     where: str
@@ -31,7 +31,7 @@ class _Words:
         return self.words[self.position] if self.position < len(self.words) else ""
 
     def take(self, expected: str = "") -> str:
-        """Return the next word; where one is expected, it must be this one."""
+        """Return the next word; refuse another than the one expected."""
         word = self.peek()
         if not word or (expected and word != expected):
             seen = repr(word[:40]) if word else "its end"
@@ -86,7 +86,7 @@ def read_rules(
 def hedged_rules(
     antecedent: Expression, concluded: Sequence[Concluded], weight: float, where: str
 ) -> list[Rule]:
-    """Say hedges before concluded terms of all that the rule asks for, as fuzzylite computes them."""
+    """Apply hedges before concluded terms to the antecedent, as fuzzylite computes them."""
     carried: tuple[Hedge, ...] = ()
     groups: dict[tuple[Hedge, ...], list[Consequent]] = {}
     for hedges, variable, term in concluded:
@@ -108,7 +108,7 @@ def _disjunction(words: _Words, operators: Operators, depth: int) -> Expression:
 
 
 def _chain(words: _Words, word: str, operator: str | None, operand: Callable[[], Expression]) -> Expression:
-    """Read operands with a word between each two, which the block of the rule must have an operator for."""
+    """Read operands joined by a word, which the block of the rule must have an operator for."""
     kind = model.And if word == "and" else model.Or
     operands = [operand()]
     while words.peek() == word:

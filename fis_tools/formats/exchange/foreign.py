@@ -1,4 +1,4 @@
-"""What files of other programs have in common: numbers, choices, shapes and tables of points.
+"""What readers of other programs' files share: numbers, choices, shapes and tables of points.
 
 Everything that is wrong in a file is reported with the place where it stands.
 """
@@ -52,7 +52,7 @@ def count(word: str, where: str, most: int) -> int:
 
 
 def choice(known: Mapping[str, _Choice], word: str, where: str, cure: str = "") -> _Choice:
-    """Look a word up.
+    """Look up a word; refuse an unknown one with the nearest known.
 
     Parameters
     ----------
@@ -154,7 +154,7 @@ def _words(text: str, _where: str) -> list[str]:
 
 @dataclass
 class FileBlock:
-    """A block of a file.
+    """A block of a file: its kind, its name and its settings, each with its line.
 
     Parameters
     ----------
@@ -176,7 +176,7 @@ class FileBlock:
     listed: list[tuple[int, str]] = field(default_factory=list)
 
     def entry(self, key: str, usual: str | None = None) -> tuple[str, str]:
-        """Return where a setting stands, and what it says; if it is not there, what is usual."""
+        """Return a setting's location and text, or the default where it is missing."""
         if key not in self.settings and usual is None:
             called = f"{self.kind} {self.name}".strip()
             raise ControllerFileError(f"line {self.line}: {called} has no {key}; add it, or get a whole copy")
@@ -184,17 +184,17 @@ class FileBlock:
         return f"line {line}: the {key}", value.strip()
 
     def chosen(self, known: Mapping[str, _Choice], key: str, usual: str | None = None) -> _Choice:
-        """Return what a setting chooses."""
+        """Return the choice that a setting names."""
         where, word = self.entry(key, usual)
         return choice(known, word, where)
 
     def number(self, key: str, usual: str | None = None) -> float:
-        """Return a number that is set."""
+        """Return a setting's number."""
         where, word = self.entry(key, usual)
         return number(word, where)
 
     def extent(self, key: str, parted: Callable[[str, str], list[str]] = _words) -> Extent:
-        """Return a range that is set; `parted` takes what it says, and where, apart into two numbers."""
+        """Return a setting's range; `parted` splits the text into two numbers."""
         where, words = self.entry(key)
         ends = [number(word, where) for word in parted(words, where)]
         if len(ends) != 2:
@@ -202,7 +202,7 @@ class FileBlock:
         return ends[0], ends[1]
 
     def expect(self, key: str, *allowed: str) -> None:
-        """Refuse a setting that says something else than what can be read."""
+        """Refuse a setting other than the allowed ones."""
         where, word = self.entry(key, allowed[0])
         if word.lower() not in allowed:
             raise ControllerFileError(
@@ -224,7 +224,7 @@ def shape_numbers(words: Iterable[str], where: str) -> list[float]:
 def shape(
     word: str, values: Sequence[float], extent: Extent, shapes: ShapeWords, flanks: FlankWords, where: str
 ) -> MembershipFunction:
-    """Turn a word and its numbers into a membership function."""
+    """Return the membership function of a word and its numbers."""
     known = {**dict.fromkeys(shapes), **dict.fromkeys(flanks)}
     choice(known, word, f"{where}: the membership function", "or sample it as a table of points")
     order = shapes[word][1] if word in shapes else ("start", "end")
@@ -246,7 +246,7 @@ def shape(
 
 
 def _without_an_end(word: str, values: Sequence[float], extent: Extent) -> Trapezoidal | None:
-    """Return a shape that stays as high as it is beyond an infinite number, from one end of the range on."""
+    """Return a shape with an infinite parameter as one that is level up to that end of the range."""
     low, high = extent
     match word, [*values]:
         case ("Triangle" | "trimf", [left, top, right]):
@@ -313,7 +313,7 @@ TABLES: Mapping[Format, str] = {"fis": "discretemf", "fll": "Discrete"}
 def concluded(
     word: str, values: Sequence[float], num_inputs: int, extent: Extent, file_format: Format, where: str
 ) -> MembershipFunction:
-    """Turn a word and its numbers into a term of an output that is weighed: a number, or a monotone shape.
+    """Return the weighted output's term of a word and its numbers: a number, or a monotone shape.
 
     A linear number may lack its constant; older versions of MATLAB pad with zeros.
     """
@@ -345,7 +345,7 @@ RAMPS: Mapping[Format, str] = {"fll": "Ramp", "fis": "rampmf"}
 
 
 def kept_words(output: str) -> str:
-    """Tell of an output that keeps its last value where no rule fires."""
+    """Return the note on an output that keeps its last value where no rule fires."""
     return (
         f"{output} keeps its last value where no rule fires, here it takes its default: an evaluation here "
         'knows none before it; pass on_no_fire="hold" to carry values on from row to row'
@@ -367,7 +367,7 @@ def concluded_formula(text: str, inputs: Sequence[str], where: str) -> Membershi
 def variable(
     name: str, extent: Extent, terms: Sequence[Named], *, is_output: bool, num_points: int | None = None
 ) -> Variable:
-    """Build a variable of terms alone; its universe holds the points of every table.
+    """Build a variable; its universe holds the points of every table.
 
     Where all tables have the same points, from one end of the range to the other, these are the universe.
     """
@@ -388,7 +388,7 @@ def variable(
 
 
 def _with_points(universe: Floats, tables: Sequence[Polyline]) -> Floats:
-    """Return the points of tables where all have the same over a universe, else these and the universe's."""
+    """Return the tables' points if they all share them, else these and the universe's."""
     first, low, high = tables[0].x, universe[0], universe[-1]
     if (first[0], first[-1]) == (low, high) and all(table.x == first for table in tables):
         return np.array(first)
@@ -396,7 +396,7 @@ def _with_points(universe: Floats, tables: Sequence[Polyline]) -> Floats:
 
 
 def rule_words(rule: model.Rule) -> str:
-    """Say a rule in fuzzylite's words; its consequents have one weight."""
+    """Render a rule in fuzzylite's words; its consequents have one weight."""
     words, statement = before(rule.antecedent)
     if isinstance(statement, model.Is):
         words, statement = [], rule.antecedent

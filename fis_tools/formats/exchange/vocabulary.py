@@ -34,7 +34,7 @@ _OTHERWISE = {
 
 
 def _worded(methods: Iterable[_Name]) -> dict[_Name, Words]:
-    """Return methods with their words: mostly our names, which fuzzylite writes as EinsteinSum."""
+    """Return methods with their words in each format: mostly our names, in fuzzylite like EinsteinSum."""
     return {name: _OTHERWISE.get(name, Words(name, name.title().replace("_", ""))) for name in methods}
 
 
@@ -54,7 +54,7 @@ HEDGES: dict[Hedge, str] = {
 
 
 def meanings(methods: Mapping[_Name, Words], file_format: Literal["fis", "fll"]) -> dict[str, _Name]:
-    """Return the words of a format with the methods they stand for."""
+    """Return a format's words, each with the method it stands for."""
     return {getattr(words, file_format): name for name, words in methods.items()}
 
 
@@ -66,7 +66,7 @@ _RESERVED = {
 
 
 class Names:
-    """Identifiers for everything that has a name.
+    """The identifiers of a system's variables and terms.
 
     Parameters
     ----------
@@ -93,12 +93,12 @@ class Names:
         self.system = identifier(system.name)
 
     def of(self, variable: str, term: str) -> tuple[str, str]:
-        """Return what stands for a variable and one of its terms."""
+        """Return the identifiers of a variable and one of its terms."""
         return self.variables[variable], self.terms[variable, term]
 
 
 def identifier(name: str) -> str:
-    """Return a word of ASCII letters, digits and underscores that stands for a name in any format."""
+    """Return an identifier of ASCII letters, digits and underscores for a name."""
     ascii_name = unicodedata.normalize("NFKD", name).encode("ascii", "ignore").decode("ascii")
     word = re.sub(r"\W+", "_", ascii_name, flags=re.ASCII) or "_"
     return f"_{word}" if word[0].isdigit() or word.lower() in _RESERVED else word

@@ -97,7 +97,7 @@ def term_words(variable: Variable, term: Term, file_format: Format) -> tuple[str
 
 
 def losses(controller: FuzzyController, expressed: Expressed, dialect: Dialect) -> tuple[str, ...]:
-    """List what a file does not say of a controller with one system, one sentence each.
+    """List what a file cannot hold of a controller with one system, one sentence each.
 
     Parameters
     ----------
@@ -198,7 +198,7 @@ def comment(controller: FuzzyController) -> str:
 
 
 def understand(visible: FuzzySystem, comments: Iterable[tuple[int, str]], dialect: Dialect) -> Reading:
-    """Complete what a file shows with what its comment carries, or with assumptions.
+    """Complete the system of a file by its comment, or by assumptions.
 
     Parameters
     ----------
@@ -264,7 +264,7 @@ def _find(comments: Iterable[tuple[int, str]]) -> FuzzyController | None:
 
 
 def _with_what_is_missing(visible: FuzzySystem) -> tuple[FuzzySystem, list[str]]:
-    """Complete a system with outputs that are weighed as other programs do; tell of what was done.
+    """Complete a system with weighted outputs as other programs do; return notes on what was done.
 
     Numbers linear in an input need no terms of it, and outputs that are weighed no range.
     """
@@ -303,7 +303,7 @@ def _defaults_words(visible: FuzzySystem) -> Iterator[str]:
 
 
 def jumps_between_points(system: FuzzySystem) -> Iterator[str]:
-    """Tell of jumps between two points of an output's universe, on which other programs sample, too."""
+    """Return notes on jumps between two points of an output's universe, where other programs sample."""
     for output in system.outputs:
         for term in output.terms:
             _, jumps = dialects.corners_of(output.minimum, output.maximum, [term.membership])

@@ -29,7 +29,7 @@ from fis_tools.model import FuzzyController
 from fis_tools.render.theme import BRIGHTNESS_MAP, contrast, luminance, readable_on
 from fis_tools.review import content, flown, page
 from fis_tools.review.content import BRIGHTNESS, level, level_styles
-from fis_tools.review.flown import Samples
+from fis_tools.review.flown import SensedInputs
 from fis_tools.source import read_controller
 from tests.fis_tools.review.cases import path_of
 from tests.fis_tools.sample_controllers import EXAMPLES, FORCE_Z, GENERAL, ROOM, SHIPPED, TIPPER
@@ -73,7 +73,7 @@ def test_inputs_beyond_their_range_are_told() -> None:
     system = CHAMPION.systems[2]
     met = np.array([[0.1, 0.0], [0.0, 0.05], [0.01, -0.01], [0.0, 0.0]])
     controller = replace(CHAMPION, systems=(system,))
-    first, second = content.inputs(controller, {system.name: Samples(met, "here", are_flown=True)}).rows
+    first, second = content.inputs(controller, {system.name: SensedInputs(met, "here", are_flown=True)}).rows
     assert first[3] == "0 m/s to 0.1 m/s; 25 % beyond its range, and taken as its end"
     assert second[3] == "−0.01 m/s to 0.05 m/s"
 
