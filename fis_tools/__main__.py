@@ -1,16 +1,15 @@
 """The command line: show, draw, question and exchange fuzzy controllers."""
 
-import atexit
-import gc
 import io
-import os
 import sys
 from collections.abc import Sequence
+from typing import NoReturn
 
 from cyclopts import App, CycloptsError, Parameter
 
 from fis_tools.commands import COMMANDS
 from fis_tools.errors import MissingExtra, Mistake
+from fis_tools.streams import guarded, run_program
 
 HELP = """\
 Review a fuzzy controller: look at it, draw it, and ask why it does what it does.
@@ -69,21 +68,17 @@ def main(words: Sequence[str] | None = None) -> int:
 
     Returns 0, 1 where a check fails, 2 for a mistake told in a sentence, 130 after Ctrl-C.
     """
-    atexit.register(gc.freeze)  # taking apart in the end what is loaded takes a fifth of most commands
-    if isinstance(sys.stdout, io.TextIOWrapper):
-        # what goes into a file must read back, in whichever locale it was written
-        sys.stdout.reconfigure(encoding=None if sys.stdout.isatty() else "utf-8", errors="replace")
-    words = sys.argv[1:] if words is None else words
+    with guarded():
+        return _main(list(sys.argv[1:] if words is None else words))
+
+
+def _main(words: Sequence[str]) -> int:
     chosen = next((word for word in words if not word.startswith("-")), None)
     try:
         status = command_line(chosen)(
             words or ["--help"], exit_on_error=False, print_error=False, result_action="return_value"
         )
-        if sys.stdout is not None:
-            sys.stdout.flush()
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 0
+        sys.stdout.flush()
     except CycloptsError as mistake:
         command = (
             f"python -m fis_tools {chosen} --help" if chosen in COMMANDS else "python -m fis_tools --help"
@@ -104,5 +99,13 @@ def main(words: Sequence[str] | None = None) -> int:
     return MISTAKE
 
 
+def program() -> NoReturn:
+    """Run the command line of this process, and end it."""
+    if isinstance(sys.stdout, io.TextIOWrapper) and not sys.stdout.isatty():
+        # what goes into a file must read back, in whichever locale it was written
+        sys.stdout.reconfigure(encoding="utf-8")
+    run_program(main)
+
+
 if __name__ == "__main__":
-    sys.exit(main())
+    program()

@@ -1,24 +1,31 @@
 """``python -m pipeline``."""
 
-import atexit
-import gc
 import sys
+from collections.abc import Sequence
+from functools import partial
+from typing import NoReturn
 
+from fis_tools.streams import guarded, run_program
 from pipeline.run import interrupts
 
 
-def main() -> int:
-    """Load the program and run its command line; return the exit code."""
-    interrupts.remember()
-    atexit.register(gc.freeze)  # taking apart in the end what is loaded takes a fifth of a second
+def main(arguments: Sequence[str] | None = None, *, replaces_process: bool = False) -> int:
+    """Load the program and run a command line; see `pipeline.command_line.cli.main`."""
     try:
-        with interrupts.heeded():
+        with guarded(), interrupts.heeded():
             from pipeline.command_line import cli  # noqa: PLC0415 - takes a while, and may be interrupted
-        return cli.main()
+        return cli.main(arguments, replaces_process=replaces_process)
     except KeyboardInterrupt:
-        sys.stderr.write("\ninterrupted before anything was done; nothing to keep\n")
+        with guarded():
+            sys.stderr.write("\ninterrupted before anything was done; nothing to keep\n")
         return 130
 
 
+def program() -> NoReturn:
+    """Run the command line of this process, and end it."""
+    interrupts.remember()
+    run_program(partial(main, replaces_process=True))
+
+
 if __name__ == "__main__":
-    sys.exit(main())
+    program()

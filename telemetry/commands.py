@@ -17,8 +17,6 @@ Exit codes: 0 success; 1 compared flights differ; 2 usage error, explained in on
 ended by SIGTERM.
 """
 
-import atexit
-import gc
 import os
 import shlex
 import signal
@@ -34,6 +32,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import App, CycloptsError, Parameter
 
+from fis_tools.streams import guarded
 from telemetry.file import RecordingError, tables
 from telemetry.file.compare import compare as comparison_of
 from telemetry.file.compare import in_words as comparison_in_words
@@ -326,24 +325,28 @@ def main(arguments: Sequence[str] | None = None) -> int:
     SystemExit
         With 143 after SIGTERM.
     """
-    atexit.register(gc.freeze)  # taking apart in the end what is loaded takes a fifth of most commands
-    words = list(sys.argv[1:] if arguments is None else arguments)
+    with guarded():
+        return _main(list(sys.argv[1:] if arguments is None else arguments))
+
+
+def _main(words: Sequence[str]) -> int:
     try:
         with _ended_in_order():
             status = command_line()(
                 words or ["--help"], exit_on_error=False, print_error=False, result_action="return_value"
             )
         sys.stdout.flush()
-    except BrokenPipeError:
-        # the reader has closed the pipe, as `| head` does; nothing more can be printed
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 0
     except CycloptsError as error:
         fault = f"{words[0]} is gone: {GONE[words[0]]}" if words[0] in GONE else error
         print(f"telemetry: {fault} `python -m telemetry --help` tells more.", file=sys.stderr)
         return MISTAKE
     except RecordingError as error:
         print(f"telemetry: {error}", file=sys.stderr)
+        return MISTAKE
+    except OSError as error:
+        if error.filename is None:
+            raise
+        print(f"telemetry: {error.filename}: {error.strerror}", file=sys.stderr)
         return MISTAKE
     except KeyboardInterrupt:
         print("telemetry: interrupted", file=sys.stderr)

@@ -15,6 +15,7 @@ from inspect import cleandoc
 from pathlib import Path
 from typing import Final
 
+from fis_tools.streams import guarded
 from pipeline.command_line import runs
 from pipeline.command_line.arguments import ConfigError, read_arguments
 from pipeline.run import interrupts, maker
@@ -36,27 +37,36 @@ WARMED: Final[Sequence[Sequence[str]]] = (
 )
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
+def main(arguments: Sequence[str] | None = None, *, replaces_process: bool = False) -> int:
     """Run a command line.
+
+    A reproducible run needs libraries that were loaded for it, and so another process.
 
     Parameters
     ----------
     arguments : sequence of str, optional
         Without the program's name; by default those of the process.
+    replaces_process : bool
+        Whether a reproducible run takes this process's place; else it runs in a child process.
 
     Returns
     -------
     int
         The exit code.
     """
-    words = sys.orig_argv[1:] if arguments is None else ["-m", "pipeline", *arguments]
-    arguments = list(sys.argv[1:] if arguments is None else arguments)
+    with guarded():
+        return _main(list(sys.argv[1:] if arguments is None else arguments), replaces_process)
+
+
+def _main(arguments: Sequence[str], replaces_process: bool) -> int:
     try:
         with interrupts.heeded():
             do = _chosen(arguments)
         return do()
     except maker.NotInForce:
-        return maker.start_anew(words)
+        if replaces_process:
+            maker.start_anew(sys.orig_argv[1:])
+        return maker.run_anew(["-m", "pipeline", *arguments])
     except Interrupted as interrupt:
         sys.stderr.write(f"\n{interrupt}\n")
         return INTERRUPTED

@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from fis_tools.streams import print_result
 from pipeline.command_line.arguments import EXPERIMENT, ConfigError
 from pipeline.run import artifacts, configuration, maker, manifests
 from pipeline.run.lock import held
@@ -99,8 +100,7 @@ def _run(
     except (ValueError, OSError, MemoryError) as error:
         error.add_note(f"(what the program was doing: {shown / artifacts.LOG})")
         raise
-    sys.stdout.write(f"{shown}\n")
-    sys.stdout.flush()
+    print_result(f"{shown}\n")
     sys.stderr.writelines(f"{sentence}\n" for sentence in missing)
     return UNPROVED if missing else OK
 

@@ -11,10 +11,13 @@ that a process must be started with the right environment.
 import hashlib
 import os
 import platform
+import signal
 import subprocess
 import sys
+import threading
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from functools import cache
 from importlib import metadata
 from pathlib import Path
@@ -202,8 +205,58 @@ def require_reproducible() -> None:
         raise NotInForce(f"reproducible is true, and Python was not started for it; start it with {settings}")
 
 
+def run_anew(words: Sequence[str]) -> int:
+    """Run Python with the `environment` in a child process; return its exit code.
+
+    What it prints goes to this process's `sys.stdout` and `sys.stderr`. An interrupt is passed on to it.
+
+    Parameters
+    ----------
+    words : sequence of str
+        The command line after Python's own name.
+    """
+    path = os.pathsep.join(filter(None, (str(SOURCES), os.environ.get("PYTHONPATH"))))
+    child = subprocess.Popen(  # noqa: S603
+        [sys.executable, *words],
+        env={**os.environ, **environment(), "PYTHONPATH": path},
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        encoding="utf-8",
+        errors="replace",
+        process_group=0 if os.name == "posix" else None,  # so that an interrupt comes to it once
+    )
+    with child:
+        copies = [
+            threading.Thread(target=_copy, args=(pipe, stream), daemon=True)
+            for pipe, stream in ((child.stdout, sys.stdout), (child.stderr, sys.stderr))
+        ]
+        for copy in copies:
+            copy.start()
+        while True:
+            try:
+                code = child.wait()
+                for copy in copies:
+                    copy.join()
+                return code
+            except KeyboardInterrupt:
+                child.send_signal(signal.SIGINT)
+            except BaseException:
+                child.kill()
+                raise
+
+
+def _copy(pipe: Any, stream: Any) -> None:
+    """Copy text as it comes, to its end; one that cannot be written is dropped."""
+    for line in pipe:
+        with suppress(OSError, ValueError):
+            stream.write(line)
+            stream.flush()
+
+
 def start_anew(words: Sequence[str]) -> NoReturn:
-    """Replace this process by one with the `environment`.
+    """Replace this process, which is the program's, by one with the `environment`.
 
     Parameters
     ----------

@@ -10,6 +10,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from fis_tools.streams import guarded
 from pipeline.run import artifacts, configuration, interrupts, maker, manifests, writing
 from pipeline.settings.experiment import STAGES, Experiment, Mission
 
@@ -50,6 +51,17 @@ def run_stages(
     """
     if experiment.reproducible:
         maker.require_reproducible()
+    with guarded():
+        return _run_stages(experiment, config, folder, stages, command)
+
+
+def _run_stages(
+    experiment: Experiment,
+    config: Mapping[str, Any],
+    folder: Path,
+    stages: Sequence[str] | None,
+    command: Sequence[str] | None,
+) -> list[str]:
     stages = experiment.stages if stages is None else tuple(stages)
     folder.mkdir(parents=True, exist_ok=True)
     manifest = manifest_of(experiment, config, manifests.found(folder), command)

@@ -215,7 +215,45 @@ def test_settings_of_the_user_are_kept(monkeypatch):
     assert maker.is_in_force()
 
 
-def test_only_a_process_started_for_it_runs_it(tmp_path, monkeypatch):
+#: a script that runs words, is interrupted where its standard error names the first argument, and goes on
+SCRIPT = """
+import io, os, signal, sys
+from pipeline.command_line.cli import main
+
+class Listening(io.StringIO):
+    def write(self, text):
+        if sys.argv[1] in text:
+            os.kill(os.getpid(), signal.SIGINT)
+        return sys.__stderr__.write(text)
+
+sys.stderr = Listening()
+environment = dict(os.environ)
+print("code", main(sys.argv[2:]))
+handler = signal.getsignal(signal.SIGINT)
+print("goes on", environment == dict(os.environ), handler is signal.default_int_handler)
+"""
+
+
+@pytest.mark.slow
+def test_in_a_script_it_runs_in_a_child_process_and_the_script_goes_on(tmp_path):
+    folder = tmp_path / "run"
+    words = [*WORDS, "reproducible=true", f"hydra.run.dir={folder}"]
+    done = run_python("-c", SCRIPT, "never", *words, folder=tmp_path)
+    assert done.stdout == "run\ncode 0\ngoes on True True\n"
+    assert done.stderr.startswith("run folder: run\n[1/1] scenario\n")
+    assert manifests.read(folder)["makers"][0]["processor"]["reproducible"] is True
+
+
+@pytest.mark.slow
+def test_an_interrupt_comes_to_the_child_and_the_script_goes_on(tmp_path):
+    folder = tmp_path / "run"
+    words = [*EVALUATE, "reproducible=true", "monte_carlo.num_cases=1000000", f"hydra.run.dir={folder}"]
+    done = run_python("-c", SCRIPT, "[2/", *words, folder=tmp_path)
+    assert done.stdout == "code 130\ngoes on True True\n"
+    assert "interrupted" in done.stderr
+
+
+def test_only_a_process_started_for_it_runs_it(tmp_path, monkeypatch, capsys):
     started = []
 
     def execve(path, words, env):
@@ -223,13 +261,18 @@ def test_only_a_process_started_for_it_runs_it(tmp_path, monkeypatch):
         raise SystemExit(0)
 
     monkeypatch.setattr(os, "execve", execve)
+    monkeypatch.setattr(sys, "orig_argv", ["python", "-m", "pipeline", *WORDS])
     folder = tmp_path / "run"
     with pytest.raises(SystemExit):
-        main([*WORDS, f"hydra.run.dir={folder}"])
+        main([*WORDS, f"hydra.run.dir={folder}"], replaces_process=True)
     ((path, words, env),) = started
-    assert (path, words[:3], words[3:7]) == (sys.executable, [sys.executable, "-m", "pipeline"], WORDS)
+    assert (path, words) == (sys.executable, [sys.executable, "-m", "pipeline", *WORDS])
     assert maker.environment().items() <= env.items()
     run = compose_experiment(WORDS)
     with pytest.raises(maker.NotInForce, match="start it with OPENBLAS_CORETYPE='Nehalem' "):
         run_stages(run.experiment, run.config, folder)
     assert not folder.exists()
+    # of a child, what it prints comes to this process's streams, and its code is returned
+    capsys.readouterr()
+    code = maker.run_anew(["-c", "import sys; print(1); print(2, file=sys.stderr); sys.exit(3)"])
+    assert (code, *capsys.readouterr()) == (3, "1\n", "2\n")

@@ -1,0 +1,127 @@
+"""Standard streams that end no work: closed, full, or of an encoding that lacks a letter."""
+
+import atexit
+import gc
+import io
+import os
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, suppress
+from typing import Any, NoReturn
+
+#: the code of a program whose standard output could not be written to its end
+UNWRITTEN = 2
+
+
+class Output:
+    """Standard output: after the first error nothing more is written, and a reader that went away is none.
+
+    Letters that the encoding lacks are written as escapes. What is not defined here is the stream's own.
+    """
+
+    def __init__(self, stream: Any) -> None:
+        self._stream = stream
+        self._is_lost = False
+
+    def __getattr__(self, name: str) -> Any:
+        """Return an attribute of the stream."""
+        return getattr(self._stream, name)
+
+    def write(self, text: str) -> int:
+        """Write a text."""
+        self._try(lambda: self._write(text))
+        return len(text)
+
+    def writelines(self, lines: Iterable[str]) -> None:
+        """Write texts."""
+        for line in lines:
+            self.write(line)
+
+    def flush(self) -> None:
+        """Write what is held back."""
+        self._try(self._stream.flush)
+
+    def _write(self, text: str) -> None:
+        try:
+            self._stream.write(text)
+        except UnicodeEncodeError:
+            encoding = self._stream.encoding
+            self._stream.write(text.encode(encoding, "backslashreplace").decode(encoding))
+
+    def _try(self, act: Callable[[], None]) -> None:
+        if self._is_lost:
+            return
+        try:
+            act()
+        except BrokenPipeError:
+            self._is_lost = True
+        except OSError as error:
+            self._is_lost = True
+            error.filename = "standard output"
+            raise
+
+
+class Notices(Output):
+    """Standard error, for notices: what cannot be written there is dropped."""
+
+    def _try(self, act: Callable[[], None]) -> None:
+        with suppress(OSError, ValueError):  # of a full disk or a closed stream
+            act()
+
+    def isatty(self) -> bool:
+        """Return whether a terminal shows it."""
+        with suppress(OSError, ValueError):
+            return bool(self._stream.isatty())
+        return False
+
+
+@contextmanager
+def guarded() -> Iterator[None]:
+    """Replace the standard streams during the block by those that end no work."""
+    before = sys.stdout, sys.stderr
+    with open(os.devnull, "w", encoding="utf-8") as nowhere:
+        if not isinstance(sys.stdout, Output):
+            sys.stdout = Output(nowhere if sys.stdout is None else sys.stdout)
+        if not isinstance(sys.stderr, Notices):
+            sys.stderr = Notices(nowhere if sys.stderr is None else sys.stderr)
+        try:
+            yield
+        finally:
+            sys.stdout, sys.stderr = before
+
+
+def print_result(text: str) -> None:
+    """Print the result of work that is done; say so on standard error where it cannot be printed."""
+    try:
+        sys.stdout.write(text)
+        sys.stdout.flush()
+    except OSError as error:
+        sys.stderr.write(f"note: the work is done; standard output cannot be written ({error.strerror})\n")
+
+
+def run_program(main: Callable[[], int]) -> NoReturn:
+    """End this process, which is a program's, with the exit code of its command line.
+
+    Standard streams that are closed are opened on nothing, lest a file that the program opens take their
+    number.
+    """
+    for number in range(3):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # takes the lowest number that is free: this one
+    atexit.register(gc.freeze)  # taking apart in the end what is loaded takes a fifth of a second
+    with guarded():
+        code = main()
+        try:
+            sys.stdout.flush()
+        except OSError as error:
+            sys.stderr.write(f"error: standard output cannot be written ({error.strerror})\n")
+            code = code or UNWRITTEN
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            try:
+                stream.flush()
+            except OSError:  # told above; what is held back would fail again at the end
+                os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+    sys.exit(code)
