@@ -25,7 +25,7 @@ from pipeline.controllers.learned import Policy, answer
 from pipeline.controllers.source import named
 from pipeline.flight.control.controller import Controller, from_fuzzy
 from pipeline.flight.fly.simulation import fly_all
-from pipeline.flight.fly.stepping import NUM_SEEN, NUM_UNSEEN, POSITION, SUN, TARGET, VELOCITY, Flights
+from pipeline.flight.fly.stepping import NUM_SEEN, NUM_UNSEEN, POSITION, SUN, TARGET, VELOCITY, SteppedFlights
 from pipeline.flight.state.arrays import NUM_TRACKED, TRACK_FORCE
 from pipeline.flight.state.log import Scenario
 from pipeline.scenarios import evaluation_scenarios, validation_scenarios
@@ -62,7 +62,7 @@ def asked_along(
 ) -> tuple[Floats, Floats]:
     """Return the observations in flights under forces, (m, K, 3), and the policy's actions, as rows."""
     is_tilted = any(start.sun_elevation_rad != 0.0 for start in starts)
-    flights = Flights(mission, len(starts), is_tilted=is_tilted)
+    flights = SteppedFlights(mission, len(starts), is_tilted=is_tilted)
     for place, start in enumerate(starts):
         flights.start(place, start)
     work, found = np.zeros((2, policy.network.widths.max())), np.zeros((len(starts), 3))

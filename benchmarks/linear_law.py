@@ -22,7 +22,7 @@ from pipeline.array_types import Floats
 from pipeline.flight.control.controller import Controller, has_constants
 from pipeline.flight.fly import population, rehearsals, simulation, tours
 from pipeline.flight.fly.many import (
-    Flights,
+    FlightBatch,
     Results,
     open_with,
     start_lanes,
@@ -34,9 +34,9 @@ from pipeline.flight.fly.tours import tour_images
 from pipeline.flight.period.decide.thrust import is_decision
 from pipeline.flight.period.decide.urgency import note_deadlines
 from pipeline.flight.period.steps import act, decide, look
-from pipeline.flight.state.arrays import Beyond, Control, Guard, Moment, State, Workspace, constant_of
+from pipeline.flight.state.arrays import Beyond, Control, FlightState, Guard, Moment, Workspace, constant_of
 from pipeline.flight.state.errors import ModelErrors
-from pipeline.flight.state.lanes import clip, clip_three, four, one
+from pipeline.flight.state.lanes import clip, clip_three, load_quaternion, load_row
 from pipeline.flight.state.signals import BODY, CONSTANTS, FIRST_DEAD_BAND, SETTING, URGENCY
 from pipeline.physics.quaternion import to_hill
 from pipeline.training import judging
@@ -55,7 +55,7 @@ def command_linearly(now: Moment, control: Control) -> None:
     law, lanes, signals = control.law, now.state.lanes, now.work.signals
     width, behind = width_of(lanes), law.constants if law.constants >= 0 else len(control.values)
     first = behind - NUMBERS * len(law.axes)
-    fires = one(lanes.coasts) == 0.0
+    fires = load_row(lanes.coasts) == 0.0
     store_three(lanes.asked, 0, same(0.0, width))
     for system in range(len(law.axes)):
         own = control.values[first + NUMBERS * system : first + NUMBERS * (system + 1)]
@@ -67,7 +67,7 @@ def command_linearly(now: Moment, control: Control) -> None:
         store(lanes.asked, axis, select(fires & (abs(force) >= dead_band), force, 0.0))
     asked = load_three(lanes.asked, 0)
     if law.force_axes == BODY:
-        asked = to_hill(four(now.state.belief.attitude), asked)
+        asked = to_hill(load_quaternion(now.state.belief.attitude), asked)
     store_three(lanes.commanded, 0, clip_three(asked, now.world.max_force))
 
 
@@ -78,8 +78,8 @@ def fly_linearly(
     clusters: bool | None,
     pushes: bool | None,
     errors: ModelErrors | None,
-    flights: Flights,
-    state: State,
+    flights: FlightBatch,
+    state: FlightState,
     work: Workspace,
     results: Results,
     first: int,

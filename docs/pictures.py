@@ -22,7 +22,7 @@ from playwright.sync_api import Page, sync_playwright
 
 from docs import film
 from docs.screenshot import browser_found, screenshot
-from pipeline.report.figures.comparison import Mark, compared
+from pipeline.report.figures.comparison import ControllerMark, compared
 from pipeline.report.figures.style import save, style
 
 PROJECT = Path(__file__).resolve().parents[1]
@@ -74,7 +74,7 @@ def field(_: Path) -> None:
     for world, most in (("afrl", 3.0), ("afrl_weighted", 3.0), ("rso", 12.0)):
         table = page.partition(f"`world={world}`, 1,000 starts")[2].partition("`world=")[0]
         marks = [
-            Mark(re.sub(r"`|, \d+ starts$", "", name), (float(mean), 0.0), (float(share), 0.0))
+            ControllerMark(re.sub(r"`|, \d+ starts$", "", name), (float(mean), 0.0), (float(share), 0.0))
             for name, mean, share in row.findall(table)
             if 0.0 < float(mean) < most
         ]

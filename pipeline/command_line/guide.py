@@ -72,14 +72,16 @@ def help_text(folders: Sequence[Path]) -> str:
     str
         Plain text of many lines.
     """
-    from pipeline.flight.state.signals import CONSTANTS, SIGNALS, TOUR_PLACES  # noqa: PLC0415 - help alone
+    from pipeline.flight.state.signals import CONSTANTS, SIGNALS, TOUR_COEFFICIENTS  # noqa: PLC0415 - help alone
 
     groups = options(folders)
     signals = [
         (name, f"[{signal.unit}] {signal.description}{signal.formula and f': {signal.formula}'}")
         for name, signal in SIGNALS.items()
     ]
-    constants = [(name, kind.description) for name, kind in CONSTANTS.items() if name not in TOUR_PLACES]
+    constants = [
+        (name, kind.description) for name, kind in CONSTANTS.items() if name not in TOUR_COEFFICIENTS
+    ]
     shown = ("experiment", "controller")
     others = [(name, ", ".join(groups[name])) for name in groups if name not in shown and "/" not in name]
     return "\n".join(

@@ -15,7 +15,7 @@ from fis_tools.compiled.decorator import compiled
 from pipeline.array_types import Floats, Integers
 from pipeline.flight.control.controller import ControllerError, played
 from pipeline.flight.fly.plain import is_interpreted
-from pipeline.flight.fly.stepping import NUM_UNSEEN, Flights
+from pipeline.flight.fly.stepping import NUM_UNSEEN, SteppedFlights
 from pipeline.flight.state.arrays import Plans
 from pipeline.flight.state.log import Scenario
 from pipeline.settings.experiment import Mission
@@ -102,7 +102,7 @@ class Policy:
     def _decide(self, mission: Mission, scenarios: list[Scenario], forces: Floats) -> None:
         """Fly side by side, and fill in the forces decided on."""
         is_tilted = any(scenario.sun_elevation_rad != 0.0 for scenario in scenarios)
-        flights = Flights(mission, len(scenarios), is_tilted=is_tilted)
+        flights = SteppedFlights(mission, len(scenarios), is_tilted=is_tilted)
         for flight, scenario in enumerate(scenarios):
             flights.start(flight, scenario)
         work, asked = np.zeros((2, self.network.widths.max())), np.zeros((len(scenarios), 3))

@@ -10,7 +10,7 @@ from pipeline.evaluation.statistics import Column, Columns, fraction, statistic,
 from pipeline.flight.cases.dispersions import drawn
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.goals.flights import fly_all
-from pipeline.flight.goals.reach import Reached
+from pipeline.flight.goals.reach import ReachOutcomes
 from pipeline.flight.state.arrays import NUM_PLACED, NUM_TRACKED
 from pipeline.flight.state.log import Outcomes, Scenario, inspectable_rate
 from pipeline.flight.world.pack import inspection_points
@@ -59,7 +59,7 @@ def fly_cases(
 def episode_columns(mission: Mission, scenarios: list[Scenario], outcomes: Outcomes) -> dict[str, Column]:
     """Return the columns of `evaluate/episodes.parquet`, one entry per case."""
     counts, num_points = outcomes.inspected_count, len(inspection_points(mission))
-    if isinstance(outcomes, Reached):
+    if isinstance(outcomes, ReachOutcomes):
         counts, num_points = outcomes.is_success(100.0).astype(np.int64), 1
     own = [dict(drawn(mission, scenario)) for scenario in scenarios]
     return {
@@ -79,7 +79,7 @@ def episode_columns(mission: Mission, scenarios: list[Scenario], outcomes: Outco
         "sun_elevation_rad": np.array([scenario.sun_elevation_rad for scenario in scenarios]),
         "inspectable_count": outcomes.inspectable_count,
         "inspectable_rate_percent": inspectable_rate(counts, outcomes.inspectable_count),
-        **{name: vars(outcomes)[name] for name in OF_REACHED if isinstance(outcomes, Reached)},
+        **{name: vars(outcomes)[name] for name in OF_REACHED if isinstance(outcomes, ReachOutcomes)},
         **_propellant(mission, own, outcomes),
         **{one.key: np.array([of[one.key] for of in own]) for one in distributions(mission.dispersions)},
     }

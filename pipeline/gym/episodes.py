@@ -21,7 +21,7 @@ from pipeline.flight.fly import stepping
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.state.log import FlightLog, Scenario, points_needed
 from pipeline.flight.world.pack import inspection_points
-from pipeline.physics.motion import Deputy, Orbit, free_path, motion_over
+from pipeline.physics.motion import HasMass, HasMeanMotion, free_path, motion_over
 from pipeline.recording.recorder import FlightRecorder
 from pipeline.scenarios import PRIORITY, direction_of, draw
 from pipeline.settings.checks import names_of
@@ -81,7 +81,7 @@ def priority_weights(points: Floats, priority: Floats) -> Floats:
     return np.asarray(angles / angles.sum())
 
 
-def nearest_in_orbit(orbit: Orbit, deputy: Deputy, state: Floats) -> float:
+def nearest_in_orbit(orbit: HasMeanMotion, deputy: HasMass, state: Floats) -> float:
     """Return the least distance of free motion from a state, (6,), sampled each second of an orbit, m."""
     num_seconds = ceil(2.0 * pi / orbit.mean_motion_rad_s)
     path = free_path(motion_over(orbit, deputy, (1.0,)), state, num_seconds)
@@ -215,13 +215,13 @@ class Episodes:
 
     Attributes
     ----------
-    flights : pipeline.flight.fly.stepping.Flights
+    flights : pipeline.flight.fly.stepping.SteppedFlights
         With what is observed and what is known now.
     """
 
     def __init__(self, task: Task, num_episodes: int) -> None:
         self.task = task
-        self.flights = stepping.Flights(task.mission, num_episodes, is_tilted=task.is_tilted)
+        self.flights = stepping.SteppedFlights(task.mission, num_episodes, is_tilted=task.is_tilted)
         self._scenarios: list[Scenario | None] = [None] * num_episodes
         self._forces = np.zeros((num_episodes, task.mission.num_controls, 3))
         self._needed = np.zeros(num_episodes)

@@ -13,7 +13,7 @@ Mechanics of Space Systems, section 14.4)::
 of `pipeline.physics.orbit`.
 
 Compiled code takes a state as a position and a velocity, m and m/s, and reads the elements of Phi and Gamma
-that are not 0 or 1 from a `Step`. A law that stops a deputy is a gain, shape (3, 6): ``f = K s``,
+that are not 0 or 1 from a `Propagator`. A law that stops a deputy is a gain, shape (3, 6): ``f = K s``,
 ``K = -Gamma_v^-1 Phi_v``, N/m and N s/m.
 """
 
@@ -71,22 +71,22 @@ def input_matrix(mean_motion: float, duration: float, mass: float) -> Floats:
     one_minus_c = 2.0 * sin(0.5 * angle) * sin(0.5 * angle)
     late = _angle_minus_sine(angle)
     along_track = 4.0 * one_minus_c / (n * n) - 1.5 * duration * duration
-    place = np.array(
+    position = np.array(
         [
             [one_minus_c / (n * n), 2.0 * late / (n * n), 0.0],
             [-2.0 * late / (n * n), along_track, 0.0],
             [0.0, 0.0, one_minus_c / (n * n)],
         ]
     )
-    # a steady acceleration changes the velocity as a velocity changes the place
-    return np.vstack((place, state_transition(n, duration)[:3, 3:])) / mass
+    # a steady acceleration changes the velocity as a velocity changes the position
+    return np.vstack((position, state_transition(n, duration)[:3, 3:])) / mass
 
 
 #: parts into which `closest_approach` divides an orbit
 ORBIT_PARTS = 36
 
 
-class Orbit(Protocol):
+class HasMeanMotion(Protocol):
     """The properties of the chief's orbit that motion depends on."""
 
     @property
@@ -94,7 +94,7 @@ class Orbit(Protocol):
         """Mean motion, rad/s, above zero."""
 
 
-class Deputy(Protocol):
+class HasMass(Protocol):
     """The properties of the deputy that motion depends on."""
 
     @property
@@ -110,11 +110,14 @@ class Motion(NamedTuple):
 
 
 #: the effect of a held force (f, g, h): of f and g along i, of f and g along j, of h along k
-Held = tuple[float, float, float, float, float]
+HeldEffect = tuple[float, float, float, float, float]
 
 
-class Place(NamedTuple):
-    """The position after free motion: ``xx x + xu u + xv v``, ``yx x + y + yu u + yv v``, ``zz z + zw w``."""
+class PositionRows(NamedTuple):
+    """The rows of Phi that give the position after free motion, as far as they are not 0 or 1.
+
+    It is ``xx x + xu u + xv v``, ``yx x + y + yu u + yv v``, ``zz z + zw w``.
+    """
 
     xx: float
     xu: float
@@ -126,18 +129,18 @@ class Place(NamedTuple):
     zw: float
 
 
-class Step(NamedTuple):
+class Propagator(NamedTuple):
     """Motion over one duration: the elements of Phi and Gamma that are not 0 or 1."""
 
-    place: Place
+    position: PositionRows
     u: Three  # from x, u, v
     v: Three  # from x, u, v
     w: tuple[float, float]  # from z, w
-    pushed_place: Held
-    pushed_velocity: Held
+    pushed_position: HeldEffect
+    pushed_velocity: HeldEffect
 
 
-def motion_over(orbit: Orbit, deputy: Deputy, durations: Collection[float]) -> Motion:
+def motion_over(orbit: HasMeanMotion, deputy: HasMass, durations: Collection[float]) -> Motion:
     """Return the motion of a deputy over some durations, s."""
     return _motion_over(orbit.mean_motion_rad_s, deputy.mass_kg, tuple(durations))
 
@@ -188,25 +191,27 @@ def repeated(motion: Motion, num_periods: int) -> Motion:
 
 
 @compiled(inline="always")
-def place_in(phi: Floats) -> Place:
-    """Return the place after free motion by Phi."""
-    return Place(phi[0, 0], phi[0, 3], phi[0, 4], phi[1, 0], phi[1, 3], phi[1, 4], phi[2, 2], phi[2, 5])
+def position_rows(phi: Floats) -> PositionRows:
+    """Return the rows of Phi that give the position after free motion."""
+    return PositionRows(
+        phi[0, 0], phi[0, 3], phi[0, 4], phi[1, 0], phi[1, 3], phi[1, 4], phi[2, 2], phi[2, 5]
+    )
 
 
 @compiled(inline="always")
-def place_of(motion: Motion, which: int) -> Place:
-    """Return the place after free motion of one duration."""
-    return place_in(motion.transition[which])
+def position_rows_of(motion: Motion, which: int) -> PositionRows:
+    """Return the rows of Phi that give the position, over one of the durations of a motion."""
+    return position_rows(motion.transition[which])
 
 
 @compiled
-def place_over(mean_motion: float, duration: float) -> Place:
-    """Return the place after free motion of any duration, s."""
-    return place_in(state_transition(mean_motion, duration))
+def position_rows_over(mean_motion: float, duration: float) -> PositionRows:
+    """Return the rows of Phi that give the position, over any duration, s."""
+    return position_rows(state_transition(mean_motion, duration))
 
 
 @compiled(inline="always")
-def push_by(p: Place, shift: Three) -> Three:
+def push_by(p: PositionRows, shift: Three) -> Three:
     """Return the push now, m/s, that moves the position after free motion by a shift, m."""
     per = 1.0 / (p.xu * p.yv - p.xv * p.yu)
     return Three(
@@ -215,11 +220,11 @@ def push_by(p: Place, shift: Three) -> Three:
 
 
 @compiled(inline="always")
-def step_of(motion: Motion, which: int) -> Step:
+def propagator_of(motion: Motion, which: int) -> Propagator:
     """Return the step of one duration."""
     phi, gamma = motion.transition[which], motion.control[which]
-    return Step(
-        place_in(phi),
+    return Propagator(
+        position_rows(phi),
         Three(phi[3, 0], phi[3, 3], phi[3, 4]),
         Three(phi[4, 0], phi[4, 3], phi[4, 4]),
         (phi[5, 2], phi[5, 5]),
@@ -229,7 +234,7 @@ def step_of(motion: Motion, which: int) -> Step:
 
 
 @compiled(inline="always")
-def drifted_place(p: Place, r: Three, v: Three) -> Three:
+def drifted_position(p: PositionRows, r: Three, v: Three) -> Three:
     """Return the position after free motion, m, from position (m) and velocity (m/s)."""
     return Three(
         p.xx * r.x + p.xu * v.x + p.xv * v.y,
@@ -239,7 +244,7 @@ def drifted_place(p: Place, r: Three, v: Three) -> Three:
 
 
 @compiled(inline="always")
-def drifted_velocity(s: Step, r: Three, v: Three) -> Three:
+def drifted_velocity(s: Propagator, r: Three, v: Three) -> Three:
     """Return the velocity after free motion, m/s."""
     return Three(
         s.u.x * r.x + s.u.y * v.x + s.u.z * v.y,
@@ -249,28 +254,28 @@ def drifted_velocity(s: Step, r: Three, v: Three) -> Three:
 
 
 @compiled(inline="always")
-def pushed(a: Three, held: Held, f: Three) -> Three:
+def pushed(a: Three, held: HeldEffect, f: Three) -> Three:
     """Return a position or a velocity with what a held force adds to it."""
     xf, xg, yf, yg, zh = held
     return Three(a.x + xf * f.x + xg * f.y, a.y + yf * f.x + yg * f.y, a.z + zh * f.z)
 
 
 @compiled(inline="always")
-def place_after(s: Step, r: Three, v: Three, f: Three) -> Three:
+def position_after(s: Propagator, r: Three, v: Three, f: Three) -> Three:
     """Return the position after a step with a held force, N."""
-    return pushed(drifted_place(s.place, r, v), s.pushed_place, f)
+    return pushed(drifted_position(s.position, r, v), s.pushed_position, f)
 
 
 @compiled(inline="always")
-def velocity_after(s: Step, r: Three, v: Three, f: Three) -> Three:
+def velocity_after(s: Propagator, r: Three, v: Three, f: Three) -> Three:
     """Return the velocity after a step with a held force, N."""
     return pushed(drifted_velocity(s, r, v), s.pushed_velocity, f)
 
 
 @compiled(inline="always")
-def effect_along(s: Step, p: Three, q: Three) -> Three:
+def effect_along(s: Propagator, p: Three, q: Three) -> Three:
     """Return what each component of a held force adds to ``p . r + q . v`` in a step, per newton."""
-    xf, xg, yf, yg, zh = s.pushed_place
+    xf, xg, yf, yg, zh = s.pushed_position
     uf, ug, vf, vg, wh = s.pushed_velocity
     return Three(
         xf * p.x + yf * p.y + uf * q.x + vf * q.y,
@@ -280,7 +285,7 @@ def effect_along(s: Step, p: Three, q: Three) -> Three:
 
 
 @compiled(inline="always")
-def slopes(p: Place, along: Three) -> tuple[Three, Three]:
+def position_gradients(p: PositionRows, along: Three) -> tuple[Three, Three]:
     """Return the gradients of the position along a vector after free motion.
 
     The first is with respect to the position now, the second (s) with respect to the velocity.
@@ -302,7 +307,7 @@ def stopping_force(k: Floats, r: Three, v: Three) -> Three:
     )
 
 
-def orbit_parts(orbit: Orbit, deputy: Deputy) -> Motion:
+def orbit_parts(orbit: HasMeanMotion, deputy: HasMass) -> Motion:
     """Return the motion over 1, 2, … `ORBIT_PARTS` parts of an orbit, for `closest_approach`."""
     part = 2.0 * pi / orbit.mean_motion_rad_s / ORBIT_PARTS
     return motion_over(orbit, deputy, part * np.arange(1, ORBIT_PARTS + 1))

@@ -46,7 +46,7 @@ class Course(NamedTuple):
     pole: Floats  # (3,) the Earth's
     radiation: float  # excess of the deputy's acceleration by sunlight over the chief's
     has_shadow: bool  # whether the Earth hides the Sun
-    places: Floats  # (N, 3) of the chief
+    positions: Floats  # (N, 3) of the chief
     axes: Floats  # (N, 3, 3) to Hill axes
     turning: Floats  # (N, 3) of Hill axes, rad/s, Hill axes
     # (N, 3) acceleration relative to the chief of a deputy near it: by drag, less the chief's by oblateness
@@ -63,26 +63,28 @@ NO_COURSE = Course(
 
 
 @compiled(error_model="numpy", forceinline=True)
-def oblate_attraction(course: Course, place: Three) -> Three:
+def oblate_attraction(course: Course, position: Three) -> Three:
     """Return the contribution of the Earth's oblateness to its attraction, m/s^2."""
     pole = three_of(course.pole)
-    square, height = dot(place, place), dot(place, pole)
+    square, height = dot(position, position), dot(position, pole)
     scale = -course.oblateness / (square * square * sqrt(square))
-    outward, poleward = (1.0 - 5.0 * height * height / square) * place, 2.0 * height * pole
+    outward, poleward = (1.0 - 5.0 * height * height / square) * position, 2.0 * height * pole
     return scale * (outward + poleward)
 
 
 @compiled(error_model="numpy", forceinline=True)
-def attraction(course: Course, place: Three) -> Three:
-    """Return the Earth's attraction at a place, m/s^2."""
-    distance = length(place)
-    return (-course.gravity / (distance * (distance * distance))) * place + oblate_attraction(course, place)
+def attraction(course: Course, position: Three) -> Three:
+    """Return the Earth's attraction at a position relative to its centre, m/s^2."""
+    distance = length(position)
+    return (-course.gravity / (distance * (distance * distance))) * position + oblate_attraction(
+        course, position
+    )
 
 
 @compiled(error_model="numpy", forceinline=True)
-def ahead(place: Three, velocity: Three, pull: Three, time: float) -> Three:
+def ahead(position: Three, velocity: Three, pull: Three, time: float) -> Three:
     """Return the position after a time of constant acceleration."""
-    return place + time * velocity + 0.5 * time * time * pull
+    return position + time * velocity + 0.5 * time * time * pull
 
 
 @compiled(error_model="numpy", forceinline=True)
@@ -93,25 +95,25 @@ def velocity_at_end(velocity: Three, first: Three, middle: Three, last: Three, t
 
 @compiled(error_model="numpy")
 def revolve(course: Course, drag_per_square: float, velocity: Three) -> None:
-    """Fill the arrays of a course from the first place on, where the chief has a velocity."""
-    duration, places, axes, turning = 0.5 * course.step, course.places, course.axes, course.turning
-    place = three_of(places[0])
-    for at in range(len(places)):
-        pull, normal = attraction(course, place), cross(place, velocity)
+    """Integrate the chief's orbit from its first position, which the course holds, and its velocity there."""
+    duration, positions, axes, turning = 0.5 * course.step, course.positions, course.axes, course.turning
+    position = three_of(positions[0])
+    for at in range(len(positions)):
+        pull, normal = attraction(course, position), cross(position, velocity)
         momentum = length(normal)
-        upward, normal = place / length(place), normal / momentum
-        write_three(places[at], place)
+        upward, normal = position / length(position), normal / momentum
+        write_three(positions[at], position)
         write_three(axes[at, 0], upward)
         write_three(axes[at, 1], cross(normal, upward))
         write_three(axes[at, 2], normal)
-        turned = length(place) * dot(pull, normal) / momentum
-        write_three(turning[at], Three(turned, 0.0, momentum / dot(place, place)))
+        turned = length(position) * dot(pull, normal) / momentum
+        write_three(turning[at], Three(turned, 0.0, momentum / dot(position, position)))
         slowed = -drag_per_square * length(velocity) * velocity
-        write_three(course.common[at], slowed - oblate_attraction(course, place))
-        middle = attraction(course, ahead(place, velocity, pull, 0.5 * duration))
-        last = attraction(course, ahead(place, velocity, middle, duration))
+        write_three(course.common[at], slowed - oblate_attraction(course, position))
+        middle = attraction(course, ahead(position, velocity, pull, 0.5 * duration))
+        last = attraction(course, ahead(position, velocity, middle, duration))
         moved = (duration * duration / 6.0) * (pull + 2.0 * middle)
-        place = place + duration * velocity + moved
+        position = position + duration * velocity + moved
         velocity = velocity_at_end(velocity, pull, middle, last, duration)
 
 
@@ -129,12 +131,12 @@ def course_of(
     fastest = sqrt(gravity / (radius * (1.0 - e)) ** 3)
     num_steps = int(np.ceil(period * fastest / LONGEST_STEP_RAD))
     num_rows, step = 2 * num_steps * num_periods + 1, period / num_steps
-    places, axes, turning, common = (np.zeros((num_rows, *shape)) for shape in ((3,), (3, 3), (3,), (3,)))
-    places[0, 0] = parameter / (1.0 + e * cos(anomaly))
+    positions, axes, turning, common = (np.zeros((num_rows, *shape)) for shape in ((3,), (3, 3), (3,), (3,)))
+    positions[0, 0] = parameter / (1.0 + e * cos(anomaly))
     pole = np.array([sin(slope) * sin(latitude), sin(slope) * cos(latitude), cos(slope)])
     earth = gravity, 1.5 * elements.j2 * gravity * EARTH_RADIUS_M**2, pole
     sunlight = elements.radiation_m_s2, has_shadow
-    course = Course(True, num_steps, step, *earth, *sunlight, places, axes, turning, common)
+    course = Course(True, num_steps, step, *earth, *sunlight, positions, axes, turning, common)
     velocity = sqrt(gravity / parameter) * Three(e * sin(anomaly), 1.0 + e * cos(anomaly), 0.0)
     revolve(course, elements.drag_m_s2 * radius / gravity, velocity)
     return course

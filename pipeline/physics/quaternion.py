@@ -68,7 +68,7 @@ def dcm_b_from_h(quaternion_b_from_h: Floats) -> Floats:
 
 def seen_from_hill(quaternions_b_from_h: Floats, vector_b: Floats) -> Floats:
     """Return a body's vector, (3,), in Hill components at each of its attitudes, (K, 4): shape (K, 3)."""
-    return np.array([dcm_b_from_h(one).T @ vector_b for one in quaternions_b_from_h])
+    return np.array([dcm_b_from_h(quaternion).T @ vector_b for quaternion in quaternions_b_from_h])
 
 
 @compiled

@@ -24,18 +24,18 @@ def to_inertial(course: Course, row: int, hill: Three) -> Three:
 
 
 @compiled(error_model="numpy", forceinline=True)
-def entered(course: Course, row: int, place: Three, velocity: Three) -> tuple[Three, Three]:
+def entered(course: Course, row: int, position: Three, velocity: Three) -> tuple[Three, Three]:
     """Return a position and velocity in rotating Hill axes in axes of the course."""
-    (x, y, z), (u, v, w) = place, velocity
+    (x, y, z), (u, v, w) = position, velocity
     wx, wz = course.turning[row, 0], course.turning[row, 2]
     moving = Three(u - wz * y, v + wz * x - wx * z, w + wx * y)
-    return to_inertial(course, row, place), to_inertial(course, row, moving)
+    return to_inertial(course, row, position), to_inertial(course, row, moving)
 
 
 @compiled(error_model="numpy", forceinline=True)
-def left(course: Course, row: int, place: Three, velocity: Three) -> tuple[Three, Three]:
+def left(course: Course, row: int, position: Three, velocity: Three) -> tuple[Three, Three]:
     """Return a position and velocity in axes of the course in rotating Hill axes."""
-    x, y, z = times(course.axes[row], place)
+    x, y, z = times(course.axes[row], position)
     u, v, w = times(course.axes[row], velocity)
     wx, wz = course.turning[row, 0], course.turning[row, 2]
     return Three(x, y, z), Three(u + wz * y, v - wz * x + wx * z, w - wx * y)
@@ -47,26 +47,26 @@ def acceleration(course: Course, row: int, d: Three, force: Three, light: Three,
 
     See `stepped` for force, light and shine.
     """
-    chief, pole = three_of(course.places[row]), three_of(course.pole)
+    chief, pole = three_of(course.positions[row]), three_of(course.pole)
     square = dot(chief, chief)
     q = dot(d, d + 2.0 * chief) / square
     far = (1.0 + q) * square
     root: float = np.sqrt(far)
     f: float = q * (3.0 + 3.0 * q + q * q) / (1.0 + (1.0 + q) * np.sqrt(1.0 + q))
     pull = -course.gravity / (far * root)
-    place = chief + d
-    height = dot(pole, place)
+    deputy = chief + d
+    height = dot(pole, deputy)
     oblate = -course.oblateness / (far * far * root)
     outward, poleward = oblate * (1.0 - 5.0 * height * height / far), 2.0 * oblate * height
     push, common = to_inertial(course, row, force), three_of(course.common[row])
     # summed in this order, so that recorded flights stay as they are
-    pulled = pull * (d - f * chief) + outward * place + poleward * pole + common
+    pulled = pull * (d - f * chief) + outward * deputy + poleward * pole + common
     return pulled + push + shine * light
 
 
 @compiled(error_model="numpy", forceinline=True)
 def stepped(
-    course: Course, row: int, place: Three, velocity: Three, force: Three, light: Three, shine: Three
+    course: Course, row: int, position: Three, velocity: Three, force: Three, light: Three, shine: Three
 ) -> tuple[Three, Three]:
     """Return a deputy's position (m) and velocity (m/s) relative to the chief a step later, course axes.
 
@@ -75,8 +75,10 @@ def stepped(
     disc at the beginning, in the middle and at the end of the step.
     """
     time = course.step
-    first = acceleration(course, row, place, force, light, shine.x)
-    middle = acceleration(course, row + 1, ahead(place, velocity, first, 0.5 * time), force, light, shine.y)
-    last = acceleration(course, row + 2, ahead(place, velocity, middle, time), force, light, shine.z)
+    first = acceleration(course, row, position, force, light, shine.x)
+    middle = acceleration(
+        course, row + 1, ahead(position, velocity, first, 0.5 * time), force, light, shine.y
+    )
+    last = acceleration(course, row + 2, ahead(position, velocity, middle, time), force, light, shine.z)
     mean = (first + 2.0 * middle) / 3.0
-    return ahead(place, velocity, mean, time), velocity_at_end(velocity, first, middle, last, time)
+    return ahead(position, velocity, mean, time), velocity_at_end(velocity, first, middle, last, time)

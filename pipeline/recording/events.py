@@ -50,19 +50,19 @@ def events(
     list of Event
         The last one sums the flight up.
     """
-    found: list[Event] = []
+    happened: list[Event] = []
     inspects = mission.problem.kind == "inspection"
     if controller is not None:
-        found += _rehearsed(mission, log, controller)
-    found += _progress(mission, log) if inspects else ()
-    found += [*_limits(mission, log, near_limit_m), *_safety(mission, log)]
+        happened += _rehearsed(mission, log, controller)
+    happened += _progress(mission, log) if inspects else ()
+    happened += [*_limits(mission, log, near_limit_m), *_safety(mission, log)]
     logic = thrust_logic(controller.fuzzy) if controller and controller.fuzzy else None
-    found += _coasting(mission, log, logic) if logic is not None and inspects else ()
+    happened += _coasting(mission, log, logic) if logic is not None and inspects else ()
     if inspects:
-        found.append(_summary(mission, log))
+        happened.append(_summary(mission, log))
     else:
-        found += _approach(mission, log)
-    return sorted(found, key=lambda event: event.sample)
+        happened += _approach(mission, log)
+    return sorted(happened, key=lambda event: event.sample)
 
 
 def _approach(mission: Mission, log: FlightLog) -> Iterator[Event]:

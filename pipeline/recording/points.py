@@ -27,9 +27,9 @@ from pipeline.physics.quaternion import seen_from_hill
 
 #: signals made of points: the vector that each belongs to, and the place of its component
 MADE_OF_POINTS = {
-    f"{vector}_{axis}": (vector, place)
+    f"{vector}_{axis}": (vector, column)
     for vector in ("target", "urgent", "see_push", "aim", "tour_push")
-    for place, axis in enumerate(("radial", "along_track", "cross_track"))
+    for column, axis in enumerate(("radial", "along_track", "cross_track"))
 }
 
 
@@ -62,15 +62,15 @@ def parts_of_points(
         In the unit of the signal.
     """
     names = sensed_of_points(world, controller)
-    found = {name: np.zeros((len(samples), world.num_points)) for name in names}
+    parts = {name: np.zeros((len(samples), world.num_points)) for name in names}
     ends = [*controller.changes, world.num_controls + 1]
-    for (begin, one), end in zip(controller.stretches, ends, strict=True):
-        places = np.flatnonzero((begin <= samples) & (samples < end) & log.is_decided[samples])
-        decisions = _Decisions(world, one.constants, log, samples[places])
+    for (begin, stretch), end in zip(controller.stretches, ends, strict=True):
+        rows = np.flatnonzero((begin <= samples) & (samples < end) & log.is_decided[samples])
+        decisions = _Decisions(world, stretch.constants, log, samples[rows])
         for name in names:
             vector, axis = MADE_OF_POINTS[name]
-            found[name][places] = getattr(decisions, vector)[..., axis]
-    return found
+            parts[name][rows] = getattr(decisions, vector)[..., axis]
+    return parts
 
 
 @dataclass(frozen=True)
@@ -132,7 +132,7 @@ class _Decisions:
 
     @cached_property
     def tour_push(self) -> Floats:
-        found, alone = np.zeros_like(self.urgent), np.zeros((len(self.samples), 3))
+        parts, alone = np.zeros_like(self.urgent), np.zeros((len(self.samples), 3))
         first = constant("tour_radial_mean_m")
         waves = self.constants[first:][: len(TOUR_PARTS) * len(TOUR_WAVES)].reshape(len(TOUR_PARTS), -1)
         n, limits = self.world.mean_motion, (self["tour_time_s"], self["tour_wait_s"])
@@ -148,16 +148,16 @@ class _Decisions:
             x, y, z, lift = waves @ [1.0, *(f(i * then) for i in (1.0, 2.0) for f in (np.cos, np.sin))]
             push_by = np.linalg.inv(phi[:3, 3:])
             alone[row] = push_by @ ([x, y, z + np.sin(up) * lift] - phi[:3] @ self.states[row])
-            found[row] = self["tour_lean_m"] * self.urgent[row] @ push_by.T
-        return self.turned_aside(found, alone)
+            parts[row] = self["tour_lean_m"] * self.urgent[row] @ push_by.T
+        return self.turned_aside(parts, alone)
 
     def turned_aside(self, parts: Floats, alone: Floats | float = 0.0) -> Floats:
         """Return parts of pushes, turned outwards near the chief as the whole is; `alone` is of no point."""
-        place, skirt, least = self.states[:, :3], self["skirt_distance_m"], self.world.min_distance
+        position, skirt, least = self.states[:, :3], self["skirt_distance_m"], self.world.min_distance
         if not least < skirt:
             return parts
-        distance = np.linalg.norm(place, axis=1, keepdims=True)
-        outward = place / distance
+        distance = np.linalg.norm(position, axis=1, keepdims=True)
+        outward = position / distance
         leads_in = np.sum((parts.sum(axis=1) + alone) * outward, axis=1, keepdims=True) < 0.0
         nearness = np.clip((skirt - distance) / (skirt - least), 0.0, 1.0) * leads_in
         along = parts @ outward[..., np.newaxis]
@@ -170,7 +170,7 @@ def note_lit_and_seen(
     optics: Beyond | None,
     work: Workspace,
     suns: Floats,
-    places: Floats,
+    positions: Floats,
     boresights: Floats,
     left: Bytes,
     lit: Bytes,
@@ -181,9 +181,9 @@ def note_lit_and_seen(
     Suns, (K+1, 4), are cosine and sine of the Sun's angle and of its elevation; places (m) and boresights of
     the camera, (K+1, 3), are in Hill axes; `left`, `lit` and `seen`, (K+1, P padded), are 0 or 1.
     """
-    for k in range(len(places)):
+    for k in range(len(positions)):
         beam = beam_from(world, optics, k, (suns[k, 0], suns[k, 1]), (suns[k, 2], suns[k, 3]))
-        eye = eye_at(world, optics, beam, three_of(places[k]), three_of(boresights[k]))
+        eye = eye_at(world, optics, beam, three_of(positions[k]), three_of(boresights[k]))
         for j in range(len(work.ahead)):
             work.ahead[j] = left[k, j]
         note_lit(world, optics, work, beam)

@@ -49,10 +49,10 @@ States = NDArray[np.uint8]
 
 CONFIG_ATTACHMENT = "config.yaml"
 
-#: what the places in `REASONS`, of which a `FlightLog` tells, are called in a recording
+#: what a recording calls the reasons that a `FlightLog` holds as indices into `REASONS`
 REASON_OF = np.array([topics.Reason[word.upper()] for word in REASONS])
-#: the places of those with which what rules ask for takes effect
-IN_EFFECT = tuple(place for place, word in enumerate(REASONS) if word in COUNTED)
+#: the indices of the reasons with which what the rules ask for takes effect
+IN_EFFECT = tuple(index for index, word in enumerate(REASONS) if word in COUNTED)
 
 LIT, IN_VIEW_BUT_DARK, INSPECTED = np.array(
     [topics.PointState.LIT, topics.PointState.IN_VIEW_BUT_DARK, topics.PointState.INSPECTED], np.uint8
@@ -83,8 +83,10 @@ class FlightRecorder:
         }
         self._compiled = [compile(system) for system in controller.systems]
         self._systems: dict[str, dict[str, str]] = {
-            topics.FIS_METADATA_PREFIX + one.system.name: describe(one, controller.force_axes).to_metadata()
-            for one in self._compiled
+            topics.FIS_METADATA_PREFIX + compiled.system.name: describe(
+                compiled, controller.force_axes
+            ).to_metadata()
+            for compiled in self._compiled
         }
         attributes = controller.fuzzy.attributes if controller.fuzzy else ()
         meanings = {name: CONSTANTS[name].description for name, _ in attributes if name in CONSTANTS}
@@ -172,18 +174,18 @@ class FlightRecorder:
         pushes = (1e3 * rehearsed_pushes(self.controller)).tolist()
         ways = [f"{x:.0f} mm/s radially, {y:.0f} along the track, {z:.0f} across" for x, y, z in pushes]
         period, names = self.mission.control_period_s, tour_names(self.controller)
-        found = {"first push": (ways, log.push_costs_m_s, 0.0, period)} if ways else {}
+        rehearsals = {"first push": (ways, log.push_costs_m_s, 0.0, period)} if ways else {}
         begins = [period * sample for sample in rehearsal_samples(self.controller, self.mission)]
         ends = [*begins[1:], self.mission.duration_s]
         for costs, begin, end in zip(log.tour_costs_m_s, begins, ends, strict=False):
             what = "image of the tour" + (f" from {begin:g} s" if begin else "")
-            is_told = np.isfinite(costs)
-            found[what] = (list(compress(names, is_told)), costs[is_told], begin, end)
+            is_flown = np.isfinite(costs)
+            rehearsals[what] = (list(compress(names, is_flown)), costs[is_flown], begin, end)
         return {
             topics.REHEARSAL_METADATA_PREFIX + what: Rehearsal(
                 names=tuple(names), costs_m_s=tuple(costs.tolist()), until_s=end, from_s=begin
             ).to_metadata()
-            for what, (names, costs, begin, end) in found.items()
+            for what, (names, costs, begin, end) in rehearsals.items()
         }
 
     def _write(self, writer: EpisodeWriter, log: FlightLog) -> None:
@@ -273,20 +275,20 @@ class FlightRecorder:
             command_age_s=self._delay * self.mission.control_period_s,
         )
         decided = np.flatnonzero(log.is_decided)
-        for place, compiled in enumerate(self._compiled):
+        for index, compiled in enumerate(self._compiled):
             system = compiled.system
-            inputs = log.fis_input[decided, place, : len(system.inputs)]
+            inputs = log.fis_input[decided, index, : len(system.inputs)]
             strengths = compiled.firing_strengths(inputs)
             is_fired = self._is_fired(log, decided, COMPONENTS.index(system.outputs[0].name))
             shares = np.zeros_like(strengths)
-            found = shapley.shares(compiled, inputs[is_fired], firing=strengths[is_fired])
-            shares[is_fired] = found.values[:, :, 0]
+            contributions = shapley.shares(compiled, inputs[is_fired], firing=strengths[is_fired])
+            shares[is_fired] = contributions.values[:, :, 0]
             writer.record(
                 topics.fis_topic(system.name),
                 times[decided],
                 inputs=inputs,
                 firing_strengths=strengths,
-                output_n=log.fis_output_n[decided, place],
+                output_n=log.fis_output_n[decided, index],
                 shares_n=shares,
             )
 
@@ -295,8 +297,8 @@ class FlightRecorder:
         due = np.minimum(decided + self._delay, len(log.reason) - 1)
         is_commanded = np.isin(log.command_reason[decided, axis], IN_EFFECT)
         # along a body axis, a force is one along all of Hill's
-        own = slice(None) if self.controller.force_axes == "body" else [axis]
-        is_fired = np.isin(log.reason[due], IN_EFFECT)[:, own].any(axis=1)
+        axes = slice(None) if self.controller.force_axes == "body" else [axis]
+        is_fired = np.isin(log.reason[due], IN_EFFECT)[:, axes].any(axis=1)
         return is_commanded & is_fired & (decided + self._delay < len(log.reason))
 
     def _point_states(self, log: FlightLog) -> States:

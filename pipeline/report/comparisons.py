@@ -15,7 +15,7 @@ from pipeline.flight.control.controller import Controller, open_loop
 from pipeline.flight.goals.flights import fly_all, fly_logged
 from pipeline.flight.state.log import FlightLog
 from pipeline.optimum.solved import IncomparableError, solved_for, summarise_times
-from pipeline.report.figures.comparison import Mark
+from pipeline.report.figures.comparison import ControllerMark
 from pipeline.run import artifacts, tables
 from pipeline.scenarios import evaluation_scenarios
 from pipeline.settings.experiment import Experiment, Safety
@@ -48,15 +48,15 @@ def tables_of(rows: Sequence[comparison.ComparisonRow]) -> list[tuple[str, list[
     return [(sun, comparison.lines_of(rows, sun)) for sun in suns]
 
 
-def marks_of(rows: Sequence[comparison.ComparisonRow]) -> list[tuple[str, list[Mark]]]:
+def marks_of(rows: Sequence[comparison.ComparisonRow]) -> list[tuple[str, list[ControllerMark]]]:
     """Return the panels of the figure: each controller under the first layer that it flew with."""
     panels = []
     for sun in comparison.suns_of(rows):
-        marks: dict[str, Mark] = {}
+        marks: dict[str, ControllerMark] = {}
         for row in (row for row in rows if row.sun in (sun, "")):
             name = row.controller if row.source == comparison.FLOWN else f"{row.controller} ({row.source})"
             spent, rate = (_pair(row.summary[part]) for part in ("delta_v_m_s", "inspection_rate_percent"))
-            marks.setdefault(name, Mark(name, spent, rate))
+            marks.setdefault(name, ControllerMark(name, spent, rate))
         panels.append((f"Sun {sun}", list(marks.values())))
     return panels
 

@@ -13,7 +13,14 @@ from pipeline.flight.world.pack import inspection_points
 from pipeline.report.comparisons import marks_of
 from pipeline.report.contents import Contents, FlightSet, ShownFlight
 from pipeline.report.figures import style
-from pipeline.report.figures.comparison import ENDS, LINEAR, beside_optimum, by_world, compared, ends
+from pipeline.report.figures.comparison import (
+    ENDS,
+    LINEAR,
+    beside_optimum,
+    by_world,
+    compared,
+    flight_endings,
+)
 from pipeline.report.figures.flights import METRICS, Sample, approach, controls, distributions
 from pipeline.report.figures.training import convergence
 from pipeline.report.figures.trajectories import MOST_TOLD_APART, Tracks, trajectories
@@ -124,7 +131,7 @@ def _tracks_by_outcome(flights: FlightSet, mission: Mission) -> Tracks:
     """Colour flights by how they ended, those outside the limits last."""
     assert flights.episodes is not None  # noqa: S101 - flights with tracks have episodes
     assert flights.tracks_m is not None  # noqa: S101
-    ended, threshold = ends(flights.episodes), f"{mission.inspection_threshold_percent:g} %"
+    ended, threshold = flight_endings(flights.episodes), f"{mission.inspection_threshold_percent:g} %"
     labels = f"at least {threshold} inspected", f"less than {threshold}", "outside the distance limits"
     colours = np.empty(len(flights.tracks_m), dtype=object)
     legend = {}

@@ -9,7 +9,7 @@ from fis_tools.genes.parameters import Bounds, KeptRules, Planes, Stretches, Sys
 from fis_tools.model import FuzzyController
 from pipeline.array_types import Floats
 from pipeline.flight.control.controller import Controller, ControllerError, from_fuzzy, has_constants
-from pipeline.flight.state.signals import CONSTANTS, TOUR_PLACES
+from pipeline.flight.state.signals import CONSTANTS, TOUR_COEFFICIENTS
 from pipeline.settings.training import Encoding
 
 
@@ -108,7 +108,7 @@ def genome_of(template: Controller, settings: Encoding) -> Genome:
     constants = []
     for name in (name for name, kind in CONSTANTS.items() if kind.is_tuned):
         pair = _bounds_of(name, settings)
-        if pair is not None and (name not in TOUR_PLACES or name in dict(fuzzy.attributes)):
+        if pair is not None and (name not in TOUR_COEFFICIENTS or name in dict(fuzzy.attributes)):
             constants.append((name, float(pair[0]), float(pair[1])))
     if constants:
         attributes = {name: "0" for name, _, _ in constants} | dict(fuzzy.attributes)
@@ -118,7 +118,7 @@ def genome_of(template: Controller, settings: Encoding) -> Genome:
 
 def _bounds_of(name: str, settings: Encoding) -> tuple[float, ...] | None:
     """Return the bounds of a constant; some share a key."""
-    if name in TOUR_PLACES:
+    if name in TOUR_COEFFICIENTS:
         return settings.tour_m
     key = "dead_band_n" if name.startswith("dead_band") else name
     return getattr(settings, key)

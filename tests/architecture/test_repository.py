@@ -30,13 +30,13 @@ MACHINES = re.compile("|".join(map("".join, HALVES)))
 
 def texts() -> list[Path]:
     """The text files of the project, without what runs and tools leave behind."""
-    found = []
+    files = []
     for path in PROJECT.rglob("*"):
         parts = path.relative_to(PROJECT).parts
         is_left_behind = any(part in SKIPPED_FOLDERS or part.endswith("_cache") for part in parts)
         if path.is_file() and not is_left_behind and parts[0] != ".hypothesis":
-            found.append(path)
-    return [path for path in found if b"\0" not in path.read_bytes()[:4096]]
+            files.append(path)
+    return [path for path in files if b"\0" not in path.read_bytes()[:4096]]
 
 
 def test_no_file_names_a_machine_or_a_registry():

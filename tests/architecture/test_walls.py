@@ -41,7 +41,7 @@ def test_each_breach_is_told(tmp_path):
         with (tmp_path / module).open("a", encoding="utf-8") as stream:
             stream.write(f"\n{lines}\n")
     output = " ".join(run_python("-c", CHECK, folder=tmp_path, path=tmp_path, code=1).stdout.split())
-    assert [told for _, told in BREACHES.values() if told not in output] == []
+    assert [breach for _, breach in BREACHES.values() if breach not in output] == []
 
 
 LACKING = ("fcntl", "grp", "pty", "pwd", "resource", "termios", "tty")

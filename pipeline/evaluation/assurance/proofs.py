@@ -19,7 +19,7 @@ from pipeline.flight.control.controller import Controller
 from pipeline.flight.period.act.safety import STANDING, most_exceeded
 from pipeline.flight.state.arrays import Guard
 from pipeline.flight.state.log import Scenario
-from pipeline.flight.world.bounds import ROUNDING_M, Bounds, bounds_of, is_exact, norm, spheres_of
+from pipeline.flight.world.bounds import ROUNDING_M, SafetyBounds, bounds_of, is_exact, norm, spheres_of
 from pipeline.flight.world.pack import pack_world
 from pipeline.settings.experiment import Mission
 from pipeline.settings.keys import choices_of
@@ -173,7 +173,7 @@ def _follows(formula: Formula, distances_m: tuple[float, float]) -> bool:
     return False
 
 
-def premises(mission: Mission, bounds: Bounds) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def premises(mission: Mission, bounds: SafetyBounds) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Return in words which premises of the proof fail where something is inexact, and which are assumed."""
     actuators, navigation, errors = mission.actuators, mission.navigation, bounds.errors
     is_real, is_fixed = actuators.kind == "real", navigation.mode == "fixes"
@@ -186,7 +186,7 @@ def premises(mission: Mission, bounds: Bounds) -> tuple[tuple[str, ...], tuple[s
         "fixes have outliers (navigation.outlier_share)": is_fixed and navigation.outlier_share > 0.0,
         "the thrusters cannot make good for such errors": not bounds.does_close,
     }
-    estimate = f"the filter's errors stay within {errors.place_m:.3g} m and {errors.speed_m_s:.2g} m/s"
+    estimate = f"the filter's errors stay within {errors.position_m:.3g} m and {errors.speed_m_s:.2g} m/s"
     sight = "errors of bearings stand still in Hill axes"
     motion = "neglected accelerations stay below their estimate"
     is_tilted = navigation.measures == "range_bearing" and navigation.attitude_bias_deg > 0.0
@@ -199,7 +199,7 @@ def are_safe(guard: Guard, near_m: float, far_m: float, speed_m_s: float) -> boo
 
     By norms of what the stop needs and of where it leads; a state may be safe where this says no.
     """
-    place = guard.places.transition[1, :3]  # the stop's
+    place = guard.checks.transition[1, :3]  # the stop's
     strayed = norm(place[:, :3] - np.eye(3)) * far_m + norm(place[:, 3:]) * speed_m_s
     force = norm(guard.stop[:, :3]) * far_m + norm(guard.stop[:, 3:]) * speed_m_s
     is_between = guard.keep_out <= near_m - strayed and far_m + strayed <= guard.keep_in

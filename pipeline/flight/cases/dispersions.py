@@ -35,7 +35,7 @@ def drawn(mission: Mission, scenario: Scenario) -> Drawn:
                 f"a case was given {len(scenario.settings)} settings of its own, but dispersions name "
                 f"{len(dispersed)}; give one for each key, in their sorted order"
             )
-        return tuple(zip((one.key for one in dispersed), scenario.settings, strict=True))
+        return tuple(zip((distribution.key for distribution in dispersed), scenario.settings, strict=True))
     if not dispersed:
         return ()
     seed, stage, case = scenario.noise
@@ -43,7 +43,7 @@ def drawn(mission: Mission, scenario: Scenario) -> Drawn:
     # drawn first, as in the start: direction, distance, the Sun's angle and elevation
     generator.standard_normal(3)
     generator.uniform(size=3)
-    return tuple((one.key, one.value(generator.uniform())) for one in dispersed)
+    return tuple((distribution.key, distribution.value(generator.uniform())) for distribution in dispersed)
 
 
 def mission_of_case(mission: Mission, scenario: Scenario) -> Mission:
@@ -54,15 +54,15 @@ def mission_of_case(mission: Mission, scenario: Scenario) -> Mission:
     SettingError
         If a drawn value is not allowed.
     """
-    return _with(mission, drawn(mission, scenario))
+    return _changed(mission, drawn(mission, scenario))
 
 
 def groups_of(mission: Mission, scenarios: Sequence[Scenario]) -> list[tuple[Mission, list[int]]]:
     """Return the missions that some cases fly, each with the indices of the cases that share it."""
-    places: dict[Drawn, list[int]] = {}
-    for place, scenario in enumerate(scenarios):
-        places.setdefault(drawn(mission, scenario), []).append(place)
-    return [(_with(mission, values), shared) for values, shared in places.items()]
+    indices: dict[Drawn, list[int]] = {}
+    for index, scenario in enumerate(scenarios):
+        indices.setdefault(drawn(mission, scenario), []).append(index)
+    return [(_changed(mission, values), shared) for values, shared in indices.items()]
 
 
 def missions_at_ends(mission: Mission) -> list[Mission]:
@@ -74,20 +74,26 @@ def missions_at_ends(mission: Mission) -> list[Mission]:
         If one of these values is not allowed.
     """
     dispersed = distributions(mission.dispersions)
-    return [_with(mission, tuple((one.key, one.ends[which]) for one in dispersed)) for which in (0, 1)]
+    return [
+        _changed(mission, tuple((distribution.key, distribution.ends[which]) for distribution in dispersed))
+        for which in (0, 1)
+    ]
 
 
-def _with(mission: Mission, values: Drawn) -> Mission:
+def _changed(mission: Mission, values: Drawn) -> Mission:
+    """Return a mission with some settings of its own, and no dispersions but those in time."""
     if not values:
         return mission
-    own: dict[str, Any] = {"dispersions": in_time_alone(mission.dispersions)}
+    mission_changes: dict[str, Any] = {"dispersions": in_time_alone(mission.dispersions)}
     groups: dict[str, dict[str, float]] = {}
     for key, value in values:
         group, _, name = key.rpartition(".")
-        (groups.setdefault(group, {}) if group else own)[name] = value
+        (groups.setdefault(group, {}) if group else mission_changes)[name] = value
     try:
-        own |= {group: replace(getattr(mission, group), **changes) for group, changes in groups.items()}
-        return replace(mission, **own)
+        mission_changes |= {
+            group: replace(getattr(mission, group), **changes) for group, changes in groups.items()
+        }
+        return replace(mission, **mission_changes)
     except SettingError as error:
         raise SettingError(
             f"a case draws what cannot be: {error}; give its distribution a low and a high that can be"

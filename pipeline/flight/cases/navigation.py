@@ -17,7 +17,7 @@ import numpy as np
 from pipeline.array_types import Floats
 from pipeline.flight.cases.processes import in_time, varies
 from pipeline.flight.state import errors
-from pipeline.flight.state.errors import Errors, Filter, Fixes
+from pipeline.flight.state.errors import Filter, Fixes, NavigationErrors
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.bounds import process_noise
 from pipeline.physics.motion import motion_over
@@ -29,7 +29,7 @@ FIXES = 1
 #: added to the first part of the spawn key for each draw of a rehearsal; greater than the parts of all stages
 REHEARSAL = 1 << 22
 #: of a deputy that knows its state
-NO_ERRORS = Errors(np.zeros((0, 6)), np.zeros((0, 0, 3)), np.zeros((0, 0, 4)), np.zeros((0, 0, 3)))
+NO_ERRORS = NavigationErrors(np.zeros((0, 6)), np.zeros((0, 0, 3)), np.zeros((0, 0, 4)), np.zeros((0, 0, 3)))
 
 
 def fixes_of(mission: Mission, scenarios: list[Scenario]) -> Fixes:
@@ -83,7 +83,7 @@ def considered(mission: Mission) -> Floats:
     return found
 
 
-def errors_of(mission: Mission, scenarios: list[Scenario]) -> Errors:
+def errors_of(mission: Mission, scenarios: list[Scenario]) -> NavigationErrors:
     """Draw the errors of some flights, each from the noise seed of its start."""
     navigation, num_samples = mission.navigation, mission.num_controls + 1
     stride = round(navigation.fix_period_s / mission.control_period_s)
@@ -91,7 +91,7 @@ def errors_of(mission: Mission, scenarios: list[Scenario]) -> Errors:
     is_seen = navigation.measures == "range_bearing"
     has_tilt = navigation.attitude_bias_deg > 0.0 or navigation.attitude_noise_deg > 0.0
     has_tilt = has_tilt or varies(mission, "navigation.attitude_bias_deg", "navigation.attitude_noise_deg")
-    found = Errors(
+    found = NavigationErrors(
         np.empty((len(scenarios), 6)),
         np.empty((len(scenarios), num_fixes, 3)),
         np.empty((len(scenarios), num_fixes if is_seen else 0, 4)),

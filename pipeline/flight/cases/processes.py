@@ -46,14 +46,14 @@ def in_time(mission: Mission, key: str, scenario: Scenario, constant: Floats | f
         return np.asarray(constant, dtype=np.float64)[np.newaxis]
     from scipy.signal import lfilter  # noqa: PLC0415 - slow to import, used only here
 
-    places = list(IN_TIME)
-    scores = scenario.generator(FIRST + places.index(key)).standard_normal(
+    keys = list(IN_TIME)
+    scores = scenario.generator(FIRST + keys.index(key)).standard_normal(
         (mission.num_controls + 1, 3 if IN_TIME[key] == "error" else 1)
     )
     kept = exp(-mission.control_period_s / law.correlation_s)
     scores[1:] *= sqrt(1.0 - kept**2)
-    found = _values(law, lfilter([1.0], [1.0, -kept], scores, axis=0))
-    return np.radians(found) if key.endswith("_deg") else found
+    values = _values(law, lfilter([1.0], [1.0, -kept], scores, axis=0))
+    return np.radians(values) if key.endswith("_deg") else values
 
 
 def _values(law: Distribution, scores: Floats) -> Floats:

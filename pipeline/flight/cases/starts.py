@@ -11,7 +11,7 @@ from pipeline.flight.cases.actuators import firing_of
 from pipeline.flight.cases.navigation import fixes_of
 from pipeline.flight.cases.processes import drag_in_time
 from pipeline.flight.state.arrays import CASE
-from pipeline.flight.state.errors import Errors, Firing, Fixes, ModelErrors, ThrustErrors
+from pipeline.flight.state.errors import Firing, Fixes, ModelErrors, NavigationErrors, ThrustErrors
 from pipeline.flight.state.log import Scenario
 from pipeline.physics.orbit import Course
 from pipeline.settings.experiment import Mission
@@ -37,7 +37,7 @@ class Cases:
         each = partial(np.repeat, repeats=times, axis=0)
         return Cases(
             each(self.starts).view(np.recarray),
-            self.fixes._replace(errors=Errors(*map(each, self.fixes.errors))),
+            self.fixes._replace(errors=NavigationErrors(*map(each, self.fixes.errors))),
             self.firing._replace(errors=ThrustErrors(*map(each, self.firing.errors))),
             each(self.drag),
         )
@@ -51,7 +51,10 @@ class Cases:
 
 def starts_of(scenarios: list[Scenario]) -> StartRows:
     """Return starts as an array, shape (m,)."""
-    rows = [(one.position_m, one.velocity_m_s, one.sun_angle_rad, one.sun_elevation_rad) for one in scenarios]
+    rows = [
+        (scenario.position_m, scenario.velocity_m_s, scenario.sun_angle_rad, scenario.sun_elevation_rad)
+        for scenario in scenarios
+    ]
     return np.array(rows, CASE).view(np.recarray)
 
 

@@ -109,7 +109,10 @@ class Controller:
             packed = pack(*self.systems)
             more = self.constants[np.newaxis] if has_constants(self) else np.zeros((1, 0))
             values = np.hstack([packed.values, more])
-            return replace(packed, values=np.vstack([values, *(one.numbers.values for _, one in self.later)]))
+            return replace(
+                packed,
+                values=np.vstack([values, *(controller.numbers.values for _, controller in self.later)]),
+            )
         return Packed(layout_of(())[0], np.zeros((1, 0)), np.zeros((1, 0), dtype=np.int64))
 
     @cached_property
@@ -255,13 +258,13 @@ def has_constants(controller: Controller) -> bool:
 def _constants_of(controller: Controller) -> Floats:
     attributes = dict(controller.fuzzy.attributes) if controller.fuzzy else {}
     values = np.zeros(len(CONSTANTS))
-    for place, (name, kind) in enumerate(CONSTANTS.items()):
+    for index, (name, kind) in enumerate(CONSTANTS.items()):
         text = attributes.get(name, "0")
         try:
-            values[place] = float(text)
+            values[index] = float(text)
         except ValueError:
-            values[place] = np.nan
-        if not np.isfinite(values[place]) or (values[place] < 0 and not kind.is_signed):
+            values[index] = np.nan
+        if not np.isfinite(values[index]) or (values[index] < 0 and not kind.is_signed):
             least = "a number" if kind.is_signed else "a number from 0 on"
             raise ControllerError(f"controller {controller.name!r} has {name} {text!r}; give {least}")
     sensed = sensed_by(controller)

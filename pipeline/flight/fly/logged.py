@@ -75,8 +75,8 @@ def write_period(
             write_inference(law, now.work, log, k)
             write_points(now, law, log)
         if not is_complete and may_coast(control):
-            for place, signal in enumerate((MISSED, NEAREST, FARTHEST)):
-                log.foreseen[k, place] = signals[signal, 0]
+            for column, signal in enumerate((MISSED, NEAREST, FARTHEST)):
+                log.foreseen[k, column] = signals[signal, 0]
             for j in range(world.num_points):
                 point = j if optics is not None else world.order[j]
                 log.is_missed[k, point] = now.work.ahead[j] > 0.0 and state.unseen[0, point] > 0.0
@@ -85,11 +85,11 @@ def write_period(
     write_row(log.safety_force_hill_n[k], lanes.change, 0)
     if law.has_plan or is_opened:
         write_row(log.force_asked_n[k], lanes.asked, 0)
-    asked = lane_of(lanes.asked, 0, 0)
+    requested = lane_of(lanes.asked, 0, 0)
     if law.force_axes == HILL:
         a, b, c, d = log.sensed_quaternion_b_from_h[k]
-        asked = Three(0.0, 0.0, 0.0) + to_body((a, b, c, d), asked)  # added to zeros, none is -0.0
-    write_three(log.force_body_n[k], asked)
+        requested = Three(0.0, 0.0, 0.0) + to_body((a, b, c, d), requested)  # added to zeros, none is -0.0
+    write_three(log.force_body_n[k], requested)
     log.safety_limit[k] = int(lanes.limit[0])
     if errors is not None and burns(errors.firing):
         log.mass_kg[k + 1] = state.thrusters.mass[0] / world.acceleration_per_force
@@ -103,8 +103,8 @@ def write_inference(law: Law, work: Workspace, log: FlightLog, k: int) -> None:
     for system in range(len(law.axes)):
         log.force_asked_n[k, law.axes[system]] = work.outputs[system, 0]
         log.fis_output_n[k, system] = work.outputs[system, 0]
-        for place in range(law.num_inputs[system]):
-            log.fis_input[k, system, place] = work.signals[law.signals[system, place], 0]
+        for column in range(law.num_inputs[system]):
+            log.fis_input[k, system, column] = work.signals[law.signals[system, column], 0]
 
 
 @compiled(error_model="numpy")
@@ -139,25 +139,25 @@ def _of_commands(world: World, law: Law, log: FlightLog, num_counted: int, is_op
     wanted_h = np.array([dcm_b_from_h(q).T @ body for q, body in zip(sensed, log.force_body_n, strict=True)])
     wanted = log.force_body_n if law.force_axes == BODY else wanted_h
     # a dead band leaves all of a component or nothing, but for the rounding of the turn from body axes
-    found = np.where(np.abs(wanted) < 0.5 * np.abs(log.force_asked_n), logs.DEAD_BAND, logs.FIRED)
-    found[np.abs(log.force_asked_n) < SILENT_N] = logs.SILENT
+    reasons = np.where(np.abs(wanted) < 0.5 * np.abs(log.force_asked_n), logs.DEAD_BAND, logs.FIRED)
+    reasons[np.abs(log.force_asked_n) < SILENT_N] = logs.SILENT
     if not law.has_plan:
-        k = np.arange(len(found))
+        k = np.arange(len(reasons))
         is_decision = k % law.decision_stride == 0
-        found[is_decision & ~log.is_decided] = logs.COASTING
-        found[~is_decision] = logs.WAITING
+        reasons[is_decision & ~log.is_decided] = logs.COASTING
+        reasons[~is_decision] = logs.WAITING
         if world.coasts_when_complete:
-            found[log.is_inspected[:-1].sum(axis=1) == num_counted] = logs.COMPLETE
+            reasons[log.is_inspected[:-1].sum(axis=1) == num_counted] = logs.COMPLETE
     if is_opened:
-        found[0] = logs.REHEARSED
+        reasons[0] = logs.REHEARSED
     for is_changed, reason in (
         (np.abs(wanted_h) > world.max_force + LEAST_CHANGE_N, logs.CLIPPED),
         (np.abs(log.safety_force_hill_n) > LEAST_CHANGE_N, logs.SAFETY),
     ):
         # the turn from body axes mixes the components
-        own = is_changed.any(axis=1, keepdims=True) if law.force_axes == BODY else is_changed
-        found = np.where(own, reason, found)
-    return found
+        is_affected = is_changed.any(axis=1, keepdims=True) if law.force_axes == BODY else is_changed
+        reasons = np.where(is_affected, reason, reasons)
+    return reasons
 
 
 def _of_firing(errors: ModelErrors, log: FlightLog) -> Integers:
@@ -165,12 +165,16 @@ def _of_firing(errors: ModelErrors, log: FlightLog) -> Integers:
     is_commanded, is_fired = (np.abs(f) >= SILENT_N for f in (log.force_commanded_n, log.force_hill_n))
     reasons, count = log.command_reason, len(log.reason)
     # from body axes, three components may add up to nothing along one of Hill's
-    found = np.where(np.isin(reasons, (logs.FIRED, logs.CLIPPED)) & ~is_commanded, logs.SILENT, reasons)
+    fired_reasons = np.where(
+        np.isin(reasons, (logs.FIRED, logs.CLIPPED)) & ~is_commanded, logs.SILENT, reasons
+    )
     delay = min(errors.firing.thrusters.delay, count)
     is_due, due = np.zeros_like(is_commanded), np.full_like(reasons, logs.FIRED)
     is_due[delay:], due[delay:] = is_commanded[: count - delay], reasons[: count - delay]
     share_left = log.mass_kg[:-1, np.newaxis] / log.mass_kg[0] - errors.firing.thrusters.dry
-    found = np.where(is_commanded, logs.DELAYED, found)
-    found = np.where(is_due, np.where(share_left > EMPTY, logs.BELOW_LEAST_IMPULSE, logs.EMPTY_TANK), found)
+    fired_reasons = np.where(is_commanded, logs.DELAYED, fired_reasons)
+    fired_reasons = np.where(
+        is_due, np.where(share_left > EMPTY, logs.BELOW_LEAST_IMPULSE, logs.EMPTY_TANK), fired_reasons
+    )
     as_commanded = np.isin(due, (logs.CLIPPED, logs.SAFETY, logs.REHEARSED)) & is_due
-    return np.where(is_fired, np.where(as_commanded, due, logs.FIRED), found)
+    return np.where(is_fired, np.where(as_commanded, due, logs.FIRED), fired_reasons)

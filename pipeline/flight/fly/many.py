@@ -26,14 +26,14 @@ from pipeline.flight.period.decide.thrust import command_given
 from pipeline.flight.period.decide.urgency import note_deadlines
 from pipeline.flight.period.steps import act, decide, look
 from pipeline.flight.state import arrays
-from pipeline.flight.state.arrays import Beyond, Control, Guard, Law, Moment, State, Workspace, World
+from pipeline.flight.state.arrays import Beyond, Control, FlightState, Guard, Law, Moment, Workspace, World
 from pipeline.flight.state.errors import ModelErrors
 from pipeline.flight.state.lanes import attitude_of, flight_of, write_row
 from pipeline.flight.state.log import NO_LOG, FlightLog
 from pipeline.flight.state.signals import SETTING, URGENCY
 
 
-class Flights(NamedTuple):
+class FlightBatch(NamedTuple):
     """Flights of every controller of a population from every start, starts varying fastest."""
 
     world: World
@@ -63,7 +63,7 @@ class Results(NamedTuple):
 def start_lanes(now: Moment, cases: Any, counted: Bytes) -> None:
     """Put flights at their starts; lanes without one repeat the last, so that their numbers stay finite.
 
-    `cases` and `counted` are as in `Flights`.
+    `cases` and `counted` are as in `FlightBatch`.
     """
     world, state, lanes, truth = now.world, now.state, now.state.lanes, now.state.truth
     width = width_of(lanes)
@@ -147,7 +147,7 @@ def write_track(now: Moment, lane: int, row: NDArray[np.float32]) -> None:
 
 
 @compiled(error_model="numpy", inline="always")
-def write_fired(state: State, lane: int, row: NDArray[np.float32]) -> None:
+def write_fired(state: FlightState, lane: int, row: NDArray[np.float32]) -> None:
     """Write what a lane fires, if the row has room."""
     if len(row) == arrays.NUM_TRACKED:
         write_row(row[arrays.TRACK_FORCE : arrays.TRACK_FORCE + 3], state.lanes.force, lane)
@@ -156,10 +156,10 @@ def write_fired(state: State, lane: int, row: NDArray[np.float32]) -> None:
 @compiled(error_model="numpy")
 def open_with(now: Moment, openings: Floats) -> None:
     """Command forces given for each start instead of the inferred ones."""
-    asked = now.state.lanes.asked
+    requested = now.state.lanes.asked
     for lane in range(width_of(now.state.lanes)):
-        write_lane(asked, 0, lane, three_of(openings[flight_of(now, lane)]))
-    command_given(now, load_three(asked, 0))
+        write_lane(requested, 0, lane, three_of(openings[flight_of(now, lane)]))
+    command_given(now, load_three(requested, 0))
 
 
 @compiled(nogil=True, error_model="numpy")
@@ -169,8 +169,8 @@ def fly_many(
     clusters: bool | None,
     pushes: bool | None,
     errors: ModelErrors | None,
-    flights: Flights,
-    state: State,
+    flights: FlightBatch,
+    state: FlightState,
     work: Workspace,
     results: Results,
     first: int,

@@ -10,10 +10,10 @@ from fis_tools.engines.packing import Packed
 from fis_tools.processors import num_processors
 from pipeline.array_types import Bytes, Floats
 from pipeline.flight.cases.starts import Cases
-from pipeline.flight.fly.many import NO_TRACKS, NOTHING_KNOWN, Flights, Results, fly_many
+from pipeline.flight.fly.many import NO_TRACKS, NOTHING_KNOWN, FlightBatch, Results, fly_many
 from pipeline.flight.fly.workspace import Parts, make_state, make_workspace, parts_in_use, points_of_cases
 from pipeline.flight.period.look.optics import note_inspectable
-from pipeline.flight.state.arrays import NUM_OUTCOMES, Law, State, Workspace, World
+from pipeline.flight.state.arrays import NUM_OUTCOMES, FlightState, Law, Workspace, World
 from pipeline.flight.state.log import Outcomes
 from pipeline.threads import in_threads
 
@@ -44,7 +44,7 @@ def flights_of(
     changes: Sequence[int] = (),
     wanted: Bytes | None = None,
     note: Callable[..., None] = note_inspectable,
-) -> tuple[Parts, Flights, NDArray[np.uint8]]:
+) -> tuple[Parts, FlightBatch, NDArray[np.uint8]]:
     """Return what is to fly from some starts, and the points that its outcomes call inspectable.
 
     See `fly_population`; a function notes those that are lit in a flight.
@@ -55,7 +55,7 @@ def flights_of(
         values, rules = numbers.values[np.newaxis], numbers.rules[:1]
     opened = np.zeros((0, 3)) if openings is None else openings
     samples = np.array(changes, dtype=np.int64)
-    flights = Flights(world, law, values, rules, samples, cases.starts, counted, opened)
+    flights = FlightBatch(world, law, values, rules, samples, cases.starts, counted, opened)
     return parts_in_use(world, law, cases), flights, inspectable
 
 
@@ -108,7 +108,7 @@ def fly_population(
     tracks, known = NO_TRACKS if tracks is None else tracks, NOTHING_KNOWN if known is None else known
     results = Results(outcomes, tracks=tracks, known=known)
 
-    def fly_shares(state: State, work: Workspace) -> None:
+    def fly_shares(state: FlightState, work: Workspace) -> None:
         """Fly shares one after the other, each not taken by another thread."""
         for first, last in untaken:
             fly_many(*parts, flights, state, work, results, first, last)

@@ -89,14 +89,16 @@ def rehearse_tours(
     followed = np.zeros((len(scenarios), len(samples)), dtype=np.int64)
     known, believed = as_believed(mission, scenarios)
     drawn, left = replace(mission, dispersions={}), None
-    for place, sample in enumerate(samples):
+    for rehearsal, sample in enumerate(samples):
         if sample > 0:
-            believed, left = _at_sample(mission, controller, scenarios, followed[:, :place], workers, lanes)
+            believed, left = _at_sample(
+                mission, controller, scenarios, followed[:, :rehearsal], workers, lanes
+            )
             aimed = replace(mission.attitude, mode="ideal")
             known, drawn = replace(known, attitude=aimed), replace(drawn, attitude=aimed)
-        ahead = _Ahead(controller, guard_of(mission), sample, place, left, workers, lanes)
-        costs[:, place] = ahead.costs(known, drawn, believed)
-        followed[:, place] = costs[:, place].argmin(axis=1)
+        ahead = _Ahead(controller, guard_of(mission), sample, rehearsal, left, workers, lanes)
+        costs[:, rehearsal] = ahead.costs(known, drawn, believed)
+        followed[:, rehearsal] = costs[:, rehearsal].argmin(axis=1)
     return Rehearsals(costs, followed)
 
 
@@ -113,7 +115,7 @@ def _at_sample(
     Returns
     -------
     believed : list of Scenario
-        The starts, with the places and velocities that the deputies believe in by then.
+        The starts, with the positions and velocities that the deputies believe in by then.
     left : (m, P padded)
         1 for the points that are still to be inspected.
     """
@@ -122,12 +124,17 @@ def _at_sample(
     known = np.empty((len(scenarios), 6 + world.num_points))
     groups = by_tours(followed)
 
-    def fly(tours: Sequence[int], places: Integers) -> None:
-        one, own = following(controller, mission, tours), np.empty((len(places), known.shape[1]))
-        cases = cases_of(mission, [scenarios[place] for place in places])
-        width = lanes_of_group(len(groups), len(places), lanes)
-        fly_population(world, law, one.numbers, cases, 1, lanes=width, changes=one.changes, known=own)
-        known[places] = own
+    def fly(tours: Sequence[int], flights: Integers) -> None:
+        follower, known_there = (
+            following(controller, mission, tours),
+            np.empty((len(flights), known.shape[1])),
+        )
+        cases = cases_of(mission, [scenarios[flight] for flight in flights])
+        width = lanes_of_group(len(groups), len(flights), lanes)
+        fly_population(
+            world, law, follower.numbers, cases, 1, lanes=width, changes=follower.changes, known=known_there
+        )
+        known[flights] = known_there
 
     in_threads(fly, groups.keys(), groups.values(), workers=workers)
     left = np.zeros((len(scenarios), world.points.shape[2]), dtype=np.uint8)
@@ -140,9 +147,12 @@ def _at_sample(
 
 
 def by_tours(followed: Integers) -> dict[tuple[int, ...], Integers]:
-    """Return the places of the flights, by the tours that they follow, given in rows."""
-    found, which = np.unique(followed, axis=0, return_inverse=True)
-    return {tuple(row): np.flatnonzero(which.ravel() == place) for place, row in enumerate(found.tolist())}
+    """Return, for each sequence of tours that is followed, the indices of the flights that follow it.
+
+    `followed` has a row for each flight.
+    """
+    distinct, which = np.unique(followed, axis=0, return_inverse=True)
+    return {tuple(row): np.flatnonzero(which.ravel() == index) for index, row in enumerate(distinct.tolist())}
 
 
 @dataclass(frozen=True)
@@ -152,7 +162,7 @@ class _Ahead:
     controller: Controller
     guard: Guard  # deputies know their safety layer
     sample: int
-    place: int  # of this rehearsal among those of a flight
+    rehearsal: int  # of this rehearsal among those of a flight
     left: Bytes | None  # points still to be inspected; None at the start
     workers: int | None
     lanes: int
@@ -177,28 +187,28 @@ class _Ahead:
             count = min(NUM_DRAWN, num_draws - begun)
             best = costs.argmin(axis=1)
             for tour in np.unique(best).tolist():
-                places = np.flatnonzero(best == tour)
-                flown, each = num_flown[places, tour], np.repeat(places, count)
-                draws = self.place * num_draws + flown[:, np.newaxis] + np.arange(count)
-                starts = as_drawn(drawn, [believed[place] for place in each], draws.ravel().tolist())
+                flights = np.flatnonzero(best == tour)
+                flown, each = num_flown[flights, tour], np.repeat(flights, count)
+                draws = self.rehearsal * num_draws + flown[:, np.newaxis] + np.arange(count)
+                starts = as_drawn(drawn, [believed[flight] for flight in each], draws.ravel().tolist())
                 more = fly(tour, starts, each).reshape(-1, count).sum(axis=1)
-                costs[places, tour] = (costs[places, tour] * flown + more) / (flown + count)
-                num_flown[places, tour] += count
+                costs[flights, tour] = (costs[flights, tour] * flown + more) / (flown + count)
+                num_flown[flights, tour] += count
         # a flight without errors is too good to be compared with those
         costs[num_flown == 1] = np.inf
         return costs
 
     def _flying(self, mission: Mission) -> Callable[[int, list[Scenario], Integers], Floats]:
-        """Return what flies a tour from starts at some places, and returns the costs, shape (m,)."""
+        """Return a function that flies a tour from the starts of some flights and returns the costs, (m,)."""
         world = pack_world(mission)._replace(first=self.sample, guard=self.guard)
         law = law_of(self.controller, mission)
         images = tour_images(self.controller)
 
-        def costs_of(tour: int, starts: list[Scenario], places: Integers) -> Floats:
+        def costs_of(tour: int, starts: list[Scenario], flights: Integers) -> Floats:
             ends = fly_population(
                 *(world, law, images[tour].numbers, cases_of(mission, starts), self.workers),
                 lanes=self.lanes,
-                wanted=None if self.left is None else self.left[places],
+                wanted=None if self.left is None else self.left[flights],
             )
             return np.asarray(_rehearsed_costs(self.controller, ends)[0])
 

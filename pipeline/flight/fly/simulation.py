@@ -40,14 +40,16 @@ def fly_all(
     same image of a tour.
     """
     if distributions(mission.dispersions):
-        groups = [(own, controller, places) for own, places in groups_of(mission, scenarios)]
+        groups = [
+            (case_mission, controller, flights) for case_mission, flights in groups_of(mission, scenarios)
+        ]
         return _fly_groups(groups, scenarios, workers, tracks)
     check_flown_ahead(mission, controller)
     if tour_images(controller):
         followed = rehearse_tours(mission, controller, scenarios, workers, lanes).followed
         groups = [
-            (mission, following(controller, mission, tours), places.tolist())
-            for tours, places in by_tours(followed).items()
+            (mission, following(controller, mission, tours), flights.tolist())
+            for tours, flights in by_tours(followed).items()
         ]
         return _fly_groups(groups, scenarios, workers, tracks, lanes)
     world, cases = pack_world(mission), cases_of(mission, scenarios)
@@ -71,16 +73,18 @@ def _fly_groups(
     """Fly groups of cases, each with its own mission and controller, given with the indices of the cases."""
 
     def fly_group(group: tuple[Mission, Controller, list[int]]) -> tuple[list[int], Outcomes]:
-        own, controller, places = group
-        found = None if tracks is None else tracks[places]
-        own_lanes = lanes_of_group(len(groups), len(places), lanes)
-        outcomes = fly_all(own, controller, [scenarios[place] for place in places], 1, found, own_lanes)
-        if tracks is not None and found is not None:
-            tracks[places] = found
-        return places, outcomes
+        case_mission, controller, flights = group
+        group_tracks = None if tracks is None else tracks[flights]
+        group_lanes = lanes_of_group(len(groups), len(flights), lanes)
+        outcomes = fly_all(
+            case_mission, controller, [scenarios[flight] for flight in flights], 1, group_tracks, group_lanes
+        )
+        if tracks is not None and group_tracks is not None:
+            tracks[flights] = group_tracks
+        return flights, outcomes
 
     flown = in_threads(fly_group, groups, workers=workers)
-    order = np.argsort([place for places, _ in flown for place in places])
+    order = np.argsort([flight for flights, _ in flown for flight in flights])
     return combined([outcomes for _, outcomes in flown]).each(lambda values: values[order])
 
 

@@ -18,7 +18,7 @@ from pipeline.flight.fly.plain import is_interpreted
 from pipeline.flight.fly.workspace import make_states, make_workspace, optics_in_use, points_of_cases
 from pipeline.flight.period.decide.thrust import command_given
 from pipeline.flight.period.steps import act, look
-from pipeline.flight.state.arrays import CASE, Beyond, Guard, Moment, Plans, State, Workspace, World
+from pipeline.flight.state.arrays import CASE, Beyond, FlightState, Guard, Moment, Plans, Workspace, World
 from pipeline.flight.state.errors import ModelErrors
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.state.signals import HILL_AXES
@@ -36,9 +36,9 @@ NOT_STARTED = -1
 
 # This is inlined: a compiled function cannot return a tuple with a record in it.
 @compiled(error_model="numpy", inline="always")
-def state_of(states: State, flight: int) -> State:
+def state_of(states: FlightState, flight: int) -> FlightState:
     """Return the state of one flight, from arrays with a row each."""
-    return State(
+    return FlightState(
         states.truth[flight],
         states.belief[flight],
         states.lanes[flight],
@@ -87,7 +87,7 @@ def step_many(
     plans: Plans,
     cases: Any,
     counted: Bytes,
-    states: State,
+    states: FlightState,
     work: Workspace,
     samples: Integers,
     forces: Floats,
@@ -101,15 +101,15 @@ def step_many(
     """
     world, plans, cases, counted, states, work = borrowed((world, plans, cases, counted, states, work))
     for flight in range(len(samples)):
-        own, k = state_of(states, flight), samples[flight]
-        now = Moment(world, own, work, flight, 1, k)
+        state, k = state_of(states, flight), samples[flight]
+        now = Moment(world, state, work, flight, 1, k)
         if k == NOT_STARTED:
             start_lanes(now, cases, counted)
         else:
-            width, force = width_of(own.lanes), forces[flight]
+            width, force = width_of(state.lanes), forces[flight]
             command_given(now, Three(splat(force[0], width), splat(force[1], width), splat(force[2], width)))
             act(now, guard, errors, plans)
-        after = Moment(world, own, work, flight, 1, k + 1)
+        after = Moment(world, state, work, flight, 1, k + 1)
         look(after, optics, clusters, errors, plans)
         write_observed(after, observed[flight])
         samples[flight] = k + 1
@@ -131,7 +131,7 @@ def check_given(numbers: Floats) -> None:
         raise ValueError("an action or a policy's force is infinite or not a number; give finite ones")
 
 
-class Flights:
+class SteppedFlights:
     """Some flights in one mission, each at its own sample.
 
     `observed` is as `pipeline.flight.fly.stepping` writes it, `samples` the control periods flown so far, and
@@ -202,14 +202,14 @@ class Flights:
         if self._optics is None and scenario.sun_elevation_rad != 0.0:
             raise ValueError("the Sun of this start is out of the orbit plane; pass is_tilted=True")
         world, cases = self._world, cases_of(self._mission, [scenario])
-        found, counted = points_of_cases(world, cases.starts, work=self._lighting)
+        inspectable, counted = points_of_cases(world, cases.starts, work=self._lighting)
         self._starts[flight] = cases.starts[0]
         self._counted[flight] = counted[0] if self._optics is not None else 1
-        self.inspectable[flight] = found[0, : world.num_points].sum()
+        self.inspectable[flight] = inspectable[0, : world.num_points].sum()
         if self._errors is not None:
             every = (*self._errors.fixes.errors, *self._errors.firing.errors)
-            for drawn, own in zip((*cases.fixes.errors, *cases.firing.errors), every, strict=True):
-                own[flight : flight + 1] = drawn
+            for drawn, stored in zip((*cases.fixes.errors, *cases.firing.errors), every, strict=True):
+                stored[flight : flight + 1] = drawn
         self.samples[flight] = NOT_STARTED
 
     def step(self, forces: Floats) -> None:

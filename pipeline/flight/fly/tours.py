@@ -17,7 +17,7 @@ import numpy as np
 
 from fis_tools.model import FuzzyController
 from pipeline.flight.control.controller import Controller, from_fuzzy, rehearsal_stride
-from pipeline.flight.state.signals import TOUR_PLACES, constant
+from pipeline.flight.state.signals import TOUR_COEFFICIENTS, constant
 from pipeline.settings.experiment import Mission
 
 #: names of the images, in the order in which they are tried
@@ -59,13 +59,13 @@ NUM_TIMES = 3
 def rehearsed_tours(controller: Controller) -> list[Tour]:
     """Return the tours that a controller rehearses, first its own; none by default."""
     values = controller.constants
-    own, slowest = values[constant("tour_time_s")], values[constant("rehearsal_slowest_s")]
+    tour_time, slowest = values[constant("tour_time_s")], values[constant("rehearsal_slowest_s")]
     smallest, num_images = values[constant("rehearsal_smallest")], round(values[constant("rehearsal_tours")])
     shapes = range(round(values[constant("rehearsal_shapes")]) + 1)
-    times = np.geomspace(own, slowest, NUM_TIMES) if slowest > 0.0 else [own]
+    times = np.geomspace(tour_time, slowest, NUM_TIMES) if slowest > 0.0 else [tour_time]
     sizes = [1.0, smallest] if smallest > 0.0 else [1.0]
-    found = product(shapes, times, sizes, range(num_images))
-    return [Tour(image, float(size), float(time), shape) for shape, time, size, image in found]
+    combinations = product(shapes, times, sizes, range(num_images))
+    return [Tour(image, float(size), float(time), shape) for shape, time, size, image in combinations]
 
 
 def tour_names(controller: Controller) -> list[str]:
@@ -92,13 +92,13 @@ def tour_images(controller: Controller) -> tuple[Controller, ...]:
 
 
 def _following(fuzzy: FuzzyController, tour: Tour) -> Controller:
-    attributes, off = dict(fuzzy.attributes), np.zeros(len(TOUR_PLACES))
+    attributes, off = dict(fuzzy.attributes), np.zeros(len(TOUR_COEFFICIENTS))
     if tour.shape > 0:
-        drawn = np.random.default_rng(0).standard_normal((tour.shape, len(TOUR_PLACES)))
+        drawn = np.random.default_rng(0).standard_normal((tour.shape, len(TOUR_COEFFICIENTS)))
         off = float(attributes.get("rehearsal_spread_m", 0.0)) * drawn[-1]
-    for name, shift in zip(TOUR_PLACES, off.tolist(), strict=True):
-        place = float(attributes.get(name, 0.0)) + shift
-        attributes[name] = repr(sign(name, tour.image) * tour.size * place)
+    for name, shift in zip(TOUR_COEFFICIENTS, off.tolist(), strict=True):
+        coefficient = float(attributes.get(name, 0.0)) + shift
+        attributes[name] = repr(sign(name, tour.image) * tour.size * coefficient)
     attributes["tour_time_s"] = repr(tour.time_s)
     attributes.pop("rehearsal_tours", None)  # it rehearses none itself
     return from_fuzzy(replace(fuzzy, attributes=tuple(attributes.items())))

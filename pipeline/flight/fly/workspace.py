@@ -11,7 +11,7 @@ from pipeline.flight.cases.starts import Cases, StartRows
 from pipeline.flight.period.act.safety import MOST_CUTS
 from pipeline.flight.period.look.guidance import num_clusters
 from pipeline.flight.period.look.optics import note_inspectable
-from pipeline.flight.state.arrays import Beyond, Guard, Law, State, Workspace, World, allocated
+from pipeline.flight.state.arrays import Beyond, FlightState, Guard, Law, Workspace, World, allocated
 from pipeline.flight.state.errors import ModelErrors
 from pipeline.flight.state.signals import SETTING
 
@@ -19,21 +19,21 @@ from pipeline.flight.state.signals import SETTING
 Parts = tuple[Beyond | None, Guard | None, bool | None, bool | None, ModelErrors | None]
 
 
-def make_states(world: World, errors: ModelErrors | None, lanes: int, count: int) -> State:
+def make_states(world: World, errors: ModelErrors | None, lanes: int, count: int) -> FlightState:
     """Allocate states of `lanes` flights side by side; every array has a further first axis of `count`."""
     sizes = {"L": lanes, "P": world.points.shape[2], "C": num_clusters(world.num_points)}
     sizes |= {"F": 0, "K": 0, "3K+3": 3, "N": 0}
     if errors is not None:
         sizes |= {"K": world.num_controls, "3K+3": 3 * world.num_controls + 3}
         sizes |= {"F": errors.fixes.errors.of_fixes.shape[1], "N": len(errors.firing.thrusters.table)}
-    states: State = allocated(State, sizes, (count,))
+    states: FlightState = allocated(FlightState, sizes, (count,))
     states.has_fired[:] = 1.0
     return states._replace(belief=states.truth) if errors is None else states
 
 
-def make_state(world: World, errors: ModelErrors | None, lanes: int = LANES) -> State:
+def make_state(world: World, errors: ModelErrors | None, lanes: int = LANES) -> FlightState:
     """Allocate the state of one thread, for `lanes` flights side by side."""
-    return State(*(field[0] for field in make_states(world, errors, lanes, 1)))
+    return FlightState(*(field[0] for field in make_states(world, errors, lanes, 1)))
 
 
 def make_workspace(world: World, lanes: int = LANES) -> Workspace:
@@ -90,10 +90,10 @@ def points_of_cases(
     counted : (m or 1, P padded)
         One row if flights count the same.
     """
-    found = np.empty((len(starts), world.points.shape[2]), dtype=np.uint8)
+    inspectable = np.empty((len(starts), world.points.shape[2]), dtype=np.uint8)
     optics = optics_in_use(world, starts.sun_elevation)
-    note(world, optics, work or make_workspace(world), starts, found)
+    note(world, optics, work or make_workspace(world), starts, inspectable)
     if optics is None:
-        return found, np.ones((1, found.shape[1]), dtype=np.uint8)
+        return inspectable, np.ones((1, inspectable.shape[1]), dtype=np.uint8)
     is_paper = np.zeros(len(starts), dtype=np.bool_) if world.has_optics else starts.sun_elevation == 0.0
-    return found, np.where(is_paper[:, np.newaxis], np.uint8(1), found)
+    return inspectable, np.where(is_paper[:, np.newaxis], np.uint8(1), inspectable)

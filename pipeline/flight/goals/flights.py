@@ -56,9 +56,9 @@ def fly_genomes(
         return fly_population(world, law, numbers, cases, workers, lanes=lanes)
     rows = []
     for row in range(len(numbers.values)):
-        tracks, one = _room(len(cases), mission), slice(row, row + 1)
-        own = replace(numbers, values=numbers.values[one], rules=numbers.rules[one])
-        flown = fly_population(world, law, own, cases, workers, tracks, lanes=lanes)
+        tracks, genome = _room(len(cases), mission), slice(row, row + 1)
+        genome_numbers = replace(numbers, values=numbers.values[genome], rules=numbers.rules[genome])
+        flown = fly_population(world, law, genome_numbers, cases, workers, tracks, lanes=lanes)
         rows.append(judged(mission, flown.each(lambda values: values[0]), tracks))
     return combined(rows, np.stack)
 

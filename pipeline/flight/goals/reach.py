@@ -19,7 +19,7 @@ from pipeline.settings.mission import Problem
 
 
 @dataclass(frozen=True)
-class Reached(Outcomes):
+class ReachOutcomes(Outcomes):
     """Results of flights towards a goal, all up to where they end.
 
     The goal stands for one point: `inspected_count` is 1 if it is reached, and otherwise the share of the way
@@ -36,7 +36,7 @@ def limit_at(problem: Problem, distance: Floats) -> Floats:
     return problem.limit_base_m_s + problem.limit_slope_per_s * (distance - problem.limit_offset_m)
 
 
-def ends(problem: Problem, distance: Floats, speed: Floats) -> tuple[Floats, Booleans, Floats]:
+def flight_ends(problem: Problem, distance: Floats, speed: Floats) -> tuple[Floats, Booleans, Floats]:
     """Return of flights where they end, whether they are at the goal there, and the excesses so far.
 
     Distances from the chief (m), speeds relative to Hill (m/s) and the sums of excesses (m/s) have the shape
@@ -60,7 +60,7 @@ def ended(mission: Mission, log: FlightLog) -> tuple[int, str]:
         np.linalg.norm(vectors.astype(np.float32), axis=1)[np.newaxis].astype(np.float64)
         for vectors in (log.position_m, log.velocity_m_s)
     )
-    ends_at, is_there, used = ends(problem, distance, speed)
+    ends_at, is_there, used = flight_ends(problem, distance, speed)
     last = int(ends_at[0])
     if used[0, last] > problem.most_excess_m_s:
         return last, "too fast for too long"
@@ -69,7 +69,7 @@ def ended(mission: Mission, log: FlightLog) -> tuple[int, str]:
     return last, "" if speed[0, last] <= problem.goal_speed_m_s else "a crash"
 
 
-def judged(mission: Mission, outcomes: Outcomes, tracks: NDArray[np.floating]) -> Reached:
+def judged(mission: Mission, outcomes: Outcomes, tracks: NDArray[np.floating]) -> ReachOutcomes:
     """Judge flights by their tracks, (n, K+1, 15), see `pipeline.flight.fly.population.fly_population`.
 
     The outcomes, (n,), are as flown to the end of time.
@@ -77,7 +77,7 @@ def judged(mission: Mission, outcomes: Outcomes, tracks: NDArray[np.floating]) -
     problem, rows = mission.problem, np.arange(len(tracks))
     distance = np.linalg.norm(tracks[..., :3], axis=-1).astype(np.float64)
     speed = np.linalg.norm(tracks[..., 3:6], axis=-1).astype(np.float64)
-    last, is_there, used = ends(problem, distance, speed)
+    last, is_there, used = flight_ends(problem, distance, speed)
     is_flown = np.arange(distance.shape[1]) <= last[:, np.newaxis]
     nearest = np.where(is_flown, distance, np.inf).min(axis=1)
     end_speed = speed[rows, last]
@@ -94,7 +94,7 @@ def judged(mission: Mission, outcomes: Outcomes, tracks: NDArray[np.floating]) -
         "max_distance_m": np.where(is_flown, distance, 0.0).max(axis=1),
         "outside_m": outside,
     }
-    return Reached(
+    return ReachOutcomes(
         **of_outcomes,
         end_s=last * mission.control_period_s,
         end_speed_m_s=end_speed,

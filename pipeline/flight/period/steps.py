@@ -19,7 +19,7 @@ from pipeline.flight.period.act.aim import aim_at_once, aim_over
 from pipeline.flight.period.act.attitude import turn_deputies
 from pipeline.flight.period.act.move import move, move_about_earth
 from pipeline.flight.period.act.safety import assure
-from pipeline.flight.period.decide.motion import sense_angles, sense_approach, sense_orbit, sense_place
+from pipeline.flight.period.decide.motion import sense_angles, sense_approach, sense_orbit, sense_position
 from pipeline.flight.period.decide.preview import preview
 from pipeline.flight.period.decide.see_push import sense_push
 from pipeline.flight.period.decide.thrust import command, decide_to_coast, is_decision, may_coast
@@ -29,7 +29,7 @@ from pipeline.flight.period.look.navigation import know_all, navigate, point_bes
 from pipeline.flight.period.look.sight import see
 from pipeline.flight.state.arrays import Beyond, Control, Guard, Moment, Plans
 from pipeline.flight.state.errors import ModelErrors
-from pipeline.flight.state.lanes import one
+from pipeline.flight.state.lanes import load_row
 from pipeline.flight.state.signals import ANGLES, APPROACH, ORBIT, PREVIEW, SETTING, TOUR, URGENCY
 
 
@@ -54,7 +54,7 @@ def look(
 def decide(now: Moment, optics: Beyond | None, pushes: bool | None, control: Control) -> None:
     """Sense what the controller needs, and command a force."""
     law = control.law
-    sense_place(now)
+    sense_position(now)
     if law.needs & ANGLES:
         sense_angles(now)
     if is_decision(law, now.k):
@@ -92,7 +92,7 @@ def act(now: Moment, guard: Guard | None, errors: ModelErrors | None, plans: Pla
     if errors is not None and errors.firing.is_on:
         force = burn(world, errors.firing, state)
     spent = (abs(force.x) + abs(force.y) + abs(force.z)) * world.delta_v_per_force
-    store(lanes.spent, 0, one(lanes.spent) + spent)
+    store(lanes.spent, 0, load_row(lanes.spent) + spent)
     if errors is not None and errors.course.is_on:
         move_about_earth(now, errors.course, force)
     else:

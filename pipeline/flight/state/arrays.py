@@ -42,7 +42,7 @@ class Guard(NamedTuple):
     planned_force: float  # greatest along each axis that is passed on, N
     step_back: float  # force beyond the stop where even the stop is not safe, N; 0: none
     stop: Floats  # (3, 6) gain of the law that stops within a control period
-    places: Motion  # (2 + J) the state itself, stopped, and after 1 ... J periods of free drift
+    checks: Motion  # (2 + J) the state itself, stopped, and after 1 ... J periods of free drift
     num_kept_out: int  # rows of places that must stay outside the inner sphere
     num_kept_in: int  # and inside the outer one
 
@@ -216,7 +216,7 @@ CARRIED: Rows = {
 TURNED: Rows = {"attitude": (4,), "rate": (3,)}
 
 
-class State(NamedTuple):
+class FlightState(NamedTuple):
     """What flights carry from one control period to the next; every array says its shape.
 
     L is the number of lanes, P of points, padded, C of clusters, F of fixes, K of control periods, N of
@@ -245,7 +245,7 @@ class State(NamedTuple):
 class Workspace(NamedTuple):
     """Working arrays of one thread; their content need not outlast a control period, but for `deadlines`.
 
-    Shapes are as those of `State`; S is the number of instants of a control period.
+    Shapes are as those of `FlightState`; S is the number of instants of a control period.
     """
 
     aims: Annotated[Any, "S", TURNED]  # desired attitudes at the instants
@@ -290,7 +290,7 @@ class Moment(NamedTuple):
     """Flights side by side at a sample: what `look`, `decide` and `act` work on."""
 
     world: World
-    state: State
+    state: FlightState
     work: Workspace  # of this thread
     first: int  # the lanes are flights from this one on
     num_lanes: int  # of these, so many are flown; the others repeat the last

@@ -49,7 +49,7 @@ class Filter(NamedTuple):
     seen: float  # share of a place that is left in the mean of its fixes, as bearings turn these
 
 
-class Errors(NamedTuple):
+class NavigationErrors(NamedTuple):
     """Navigation errors in some flights."""
 
     at_start: Floats  # (m, 6) the first estimate minus the truth, m and m/s
@@ -65,7 +65,7 @@ class Fixes(NamedTuple):
 
     is_on: bool  # False where the deputy knows its state
     law: Filter
-    errors: Errors
+    errors: NavigationErrors
 
 
 class Thrusters(NamedTuple):

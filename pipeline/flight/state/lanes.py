@@ -24,34 +24,34 @@ def flight_of(now: Moment, lane: int) -> int:
 
 
 @compiled(forceinline=True)
-def one(row: Floats) -> Vector:
+def load_row(row: Floats) -> Vector:
     """Return a field of one row."""
     return load(row, 0, width_of(row))
 
 
 @compiled(forceinline=True)
-def two(rows: Floats) -> tuple[Vector, Vector]:
+def load_pair(rows: Floats) -> tuple[Vector, Vector]:
     """Return the first two rows of a field."""
     width = width_of(rows)
     return load(rows, 0, width), load(rows, 1, width)
 
 
 @compiled(forceinline=True)
-def four(rows: Floats) -> Quaternion:
+def load_quaternion(rows: Floats) -> Quaternion:
     """Return the first four rows of a field."""
     width = width_of(rows)
     return load(rows, 0, width), load(rows, 1, width), load(rows, 2, width), load(rows, 3, width)
 
 
 @compiled(forceinline=True)
-def write_two(rows: Floats, first: int, x: Vector, y: Vector) -> None:
+def store_pair(rows: Floats, first: int, x: Vector, y: Vector) -> None:
     """Write two rows, from `first` on."""
     store(rows, first, x)
     store(rows, first + 1, y)
 
 
 @compiled(forceinline=True)
-def write_four(rows: Floats, q: Quaternion) -> None:
+def store_quaternion(rows: Floats, q: Quaternion) -> None:
     """Write the first four rows."""
     store(rows, 0, q[0])
     store(rows, 1, q[1])

@@ -3,7 +3,7 @@
 An input of a fuzzy system is named after the signal that it senses, its output after the force component
 that it commands; the controller's attribute ``force_axes`` says whether components are along the deputy's
 body axes or Hill's. Flights (`pipeline.flight.period`) keep signals and constants in
-arrays; `slot` and `constant` give the places there.
+arrays; `slot` and `constant` give the indices there.
 """
 
 from dataclasses import dataclass
@@ -162,7 +162,7 @@ def slot(*names: str) -> int:
 
 
 @dataclass(frozen=True)
-class Constant:
+class ControllerConstant:
     """A number that a controller may set besides its systems, as an attribute."""
 
     description: str  # with its unit
@@ -173,62 +173,70 @@ class Constant:
 
 
 #: a constant that evolution leaves as it is
-Chosen = partial(Constant, is_tuned=False)
+Chosen = partial(ControllerConstant, is_tuned=False)
 
 #: components of the tour: along Hill axes, and the lift, added to the last times the sine of the elevation
 TOUR_PARTS = HILL_AXES | {"lift": "along k, by the sine of the Sun's elevation"}
 #: terms of each component: a mean and waves, by their number in a turn of the Sun
 TOUR_WAVES = ("mean", "cos_1", "sin_1", "cos_2", "sin_2")
 
-TOUR_PLACES = {
-    f"tour_{part}_{wave}_m": Constant(f"the tour {axis}: {wave} of the Sun's angle, m", is_signed=True)
+TOUR_COEFFICIENTS = {
+    f"tour_{part}_{wave}_m": ControllerConstant(
+        f"the tour {axis}: {wave} of the Sun's angle, m", is_signed=True
+    )
     for part, axis in TOUR_PARTS.items()
     for wave in TOUR_WAVES
 }
 
 CONSTANTS = {
-    "ring_size_m": Constant("height of the ring that ring_error_* refer to; it is twice as long, m"),
-    "ring_lead_rad": Constant(
+    "ring_size_m": ControllerConstant(
+        "height of the ring that ring_error_* refer to; it is twice as long, m"
+    ),
+    "ring_lead_rad": ControllerConstant(
         "how far the Sun is ahead of the deputy's place on the ring, rad", is_signed=True
     ),
-    "dead_band_force_x_n": Constant("a force_x smaller than this is not fired, N"),
-    "dead_band_force_y_n": Constant("the same for force_y"),
-    "dead_band_force_z_n": Constant("the same for force_z"),
-    "prediction_time_s": Constant("how far ahead predicted_centre_along_track looks, s"),
-    "coast_below_points": Constant("with fewer points than this missed by coasting to the end, coast"),
-    "coast_margin_m": Constant("unless that would come nearer than this to a distance limit, m"),
+    "dead_band_force_x_n": ControllerConstant("a force_x smaller than this is not fired, N"),
+    "dead_band_force_y_n": ControllerConstant("the same for force_y"),
+    "dead_band_force_z_n": ControllerConstant("the same for force_z"),
+    "prediction_time_s": ControllerConstant("how far ahead predicted_centre_along_track looks, s"),
+    "coast_below_points": ControllerConstant(
+        "with fewer points than this missed by coasting to the end, coast"
+    ),
+    "coast_margin_m": ControllerConstant("unless that would come nearer than this to a distance limit, m"),
     "decision_period_s": Chosen(
         "time from one decision to the next, a whole number of control periods; a force lasts one, s"
     ),
-    "urgency_time_s": Constant(
+    "urgency_time_s": ControllerConstant(
         "time before its last light within which a point becomes urgent, s",
         needed_for=URGENCY | SETTING,
         such_as="200",
     ),
-    "skirt_distance_m": Constant(
+    "skirt_distance_m": ControllerConstant(
         "nearer than this to the chief, urgent_*, see_push_* and tour_push_* turn aside, m"
     ),
-    "see_horizon_s": Constant("see_push_* shows points that go dark for good within this time, s"),
-    "see_damping_ks2": Constant(
+    "see_horizon_s": ControllerConstant("see_push_* shows points that go dark for good within this time, s"),
+    "see_damping_ks2": ControllerConstant(
         "what keeps see_push_* small, against squared times to the look, 1e6 s^2",
         needed_for=SETTING,
         such_as="0.1",
     ),
-    "aim_urgent_m_s": Constant("speed that urgent_* adds to see_push_* in aim_*, m/s"),
+    "aim_urgent_m_s": ControllerConstant("speed that urgent_* adds to see_push_* in aim_*, m/s"),
     "rehearsal_reach_m_s": Chosen(
         "largest radial part of the first pushes of which the one that ends cheapest is fired, m/s"
     ),
     "rehearsal_point_m_s": Chosen(
         "what a point missed costs among flights that are flown ahead; 0.15 unless given, m/s"
     ),
-    "tour_time_s": Constant(
+    "tour_time_s": ControllerConstant(
         "tour_push_* leads to where the tour is after this time, less than half an orbit, s",
         needed_for=TOUR,
         such_as="500",
     ),
-    "tour_wait_s": Constant("longest wait for light where it is dark then, less than half an orbit, s"),
-    "tour_lean_m": Constant("how far the tour leans towards what is urgent, m"),
-    **TOUR_PLACES,
+    "tour_wait_s": ControllerConstant(
+        "longest wait for light where it is dark then, less than half an orbit, s"
+    ),
+    "tour_lean_m": ControllerConstant("how far the tour leans towards what is urgent, m"),
+    **TOUR_COEFFICIENTS,
     "rehearsal_tours": Chosen(
         "2 or 4: of the tour's images, so many are flown ahead, and the one that ends cheapest is followed"
     ),

@@ -27,10 +27,10 @@ ROUNDING_M = 0.001
 
 
 @dataclass(frozen=True)
-class Errors:
+class ErrorBounds:
     """Bounds on a flight's errors; all hold with the probability that is asked for."""
 
-    place_m: float = 0.0  # of the estimate, like the next
+    position_m: float = 0.0  # of the estimate, like the next
     speed_m_s: float = 0.0
     share: float = 0.0  # of a force, by which what is fired differs from it: a linear map that a flight keeps
     force_n: float = 0.0  # by which it differs besides, and the motion as if by such a force
@@ -39,7 +39,7 @@ class Errors:
 
 
 @dataclass(frozen=True)
-class Known:
+class EstimateErrors:
     """How far estimates may be off at each sample of a flight, under the greatest planned force."""
 
     noise: Floats  # covariances of what is random, (K+1, 6, 6)
@@ -58,16 +58,17 @@ class Known:
         if not spreads.any():
             return constant
         least, most = (
-            spreads.max() * sqrt(chdtri(3, one)) for one in (2.0 * risk, 0.5 * risk / len(spreads))
+            spreads.max() * sqrt(chdtri(3, probability))
+            for probability in (2.0 * risk, 0.5 * risk / len(spreads))
         )
         return constant + float(brentq(lambda far: chdtrc(3, (far / spreads) ** 2).sum() - risk, least, most))
 
 
 @dataclass(frozen=True)
-class Bounds:
+class SafetyBounds:
     """What the safety layer keeps to spare where something is inexact; nothing where all is exact."""
 
-    errors: Errors = Errors()
+    errors: ErrorBounds = ErrorBounds()
     keep_out_m: float = 0.0  # least distances to the limits, at samples, of what the layer plans
     keep_in_m: float = 0.0
     planned_force_n: float = inf  # greatest force along each axis that is passed on, and greatest of a stop
@@ -87,15 +88,15 @@ def is_exact(mission: Mission) -> bool:
 
 
 @lru_cache(maxsize=20_000)  # controllers that are compared fly the same cases
-def bounds_of(mission: Mission) -> Bounds:
+def bounds_of(mission: Mission) -> SafetyBounds:
     """Return the bounds under which a mission's safety layer plans."""
     if mission.safety.probability is None or is_exact(mission):
-        return Bounds()
-    known = known_in(mission)
-    return _Recursion(mission, errors_of(mission, known), known).bounds()
+        return SafetyBounds()
+    known = estimate_errors(mission)
+    return _Recursion(mission, error_bounds(mission, known), known).bounds()
 
 
-def spheres_of(mission: Mission, bounds: Bounds) -> tuple[float, float]:
+def spheres_of(mission: Mission, bounds: SafetyBounds) -> tuple[float, float]:
     """Return the radii, m, between which the safety layer plans.
 
     Raises
@@ -138,13 +139,13 @@ def guard_of(mission: Mission) -> Guard:
         planned_force=min(bounds.planned_force_n, mission.deputy.max_force_n),
         step_back=bounds.step_back_n,
         stop=stop,
-        places=joined(now, stopped(motion, stop), motion_over(mission.orbit, mission.deputy, drifts)),
+        checks=joined(now, stopped(motion, stop), motion_over(mission.orbit, mission.deputy, drifts)),
         num_kept_out=STANDING + num_drifts[0],
         num_kept_in=STANDING + num_drifts[1],
     )
 
 
-def errors_of(mission: Mission, known: Known) -> Errors:
+def error_bounds(mission: Mission, known: EstimateErrors) -> ErrorBounds:
     """Return bounds on a flight's errors from the settings of navigation, thrusters and motion.
 
     Of the probability that one of them fails, the noise of all samples together has five parts, thrusters
@@ -163,17 +164,17 @@ def errors_of(mission: Mission, known: Known) -> Errors:
         share = largest_share(actuators.scale_error, radians(actuators.misalignment_deg), 1.0 - 4.0 * part)
         force += SQRT_3 * (actuators.least_impulse_n_s + 0.5 * actuators.impulse_step_n_s) / period
     if not is_fixed:
-        return Errors(share=share, force_n=force)
+        return ErrorBounds(share=share, force_n=force)
     # the stop's force and place, both now and after a period, and the attitude
-    one = 5.0 * part / (4 + (navigation.attitude_noise_deg > 0.0))
-    constant, noise = sqrt(chdtri(3, 0.5 * part)), sqrt(chdtri(3, one / (mission.num_controls + 1)))
+    part_risk = 5.0 * part / (4 + (navigation.attitude_noise_deg > 0.0))
+    constant, noise = sqrt(chdtri(3, 0.5 * part)), sqrt(chdtri(3, part_risk / (mission.num_controls + 1)))
     tilt = radians(constant * navigation.attitude_bias_deg)
     off = constant * navigation.bias_m
     off += tilt * mission.deputy.max_distance_m if navigation.measures == "range_bearing" else 0.0
-    place, speed = (known.bound(rows, off, one) for rows in np.split(np.eye(6), 2))
+    position, speed = (known.bound(rows, off, part_risk) for rows in np.split(np.eye(6), 2))
     turn = tilt + radians(noise * navigation.attitude_noise_deg)  # it changes as the body turns
     force += (1.0 + share) * turn * SQRT_3 * mission.deputy.max_force_n
-    return Errors(place, speed, share, force, off, one)
+    return ErrorBounds(position, speed, share, force, off, part_risk)
 
 
 @cache
@@ -217,7 +218,7 @@ def process_noise(mission: Mission) -> float:
     return SHARE_OF_UNKNOWN * unknown_acceleration(mission) if given is None else given
 
 
-def known_in(mission: Mission) -> Known:
+def estimate_errors(mission: Mission) -> EstimateErrors:
     """Return how far estimates may be off; not at all where navigation is perfect.
 
     Fixes are from the farthest place; smaller forces and nearer places give smaller covariances.
@@ -226,7 +227,7 @@ def known_in(mission: Mission) -> Known:
 
     navigation, safety, period = mission.navigation, mission.safety, mission.control_period_s
     if navigation.mode == "perfect":
-        return Known(np.zeros((1, 6, 6)), np.zeros((1, 6, 3)))
+        return EstimateErrors(np.zeros((1, 6, 6)), np.zeros((1, 6, 3)))
     motion = motion_over(mission.orbit, mission.deputy, (period,))
     phi, gamma = motion.transition[0], motion.control[0]
     tilts = np.radians((navigation.attitude_bias_deg, navigation.attitude_noise_deg))
@@ -259,16 +260,18 @@ def known_in(mission: Mission) -> Known:
             gain = believed @ seen.T @ np.linalg.inv(seen @ believed @ seen.T + noise * np.eye(3))
             gain[6:] = 0.0
             kept = np.eye(9) - gain @ seen
-            believed, noisy = (kept @ one @ kept.T + noise * gain @ gain.T for one in (believed, noisy))
+            believed, noisy = (
+                kept @ covariance @ kept.T + noise * gain @ gain.T for covariance in (believed, noisy)
+            )
             response = kept @ response
         now, later = noisy, response
         for _ in range(delay):
             now, later = phi @ now @ phi.T + more, phi @ later
         noises.append(now)
         responses.append(later)
-        believed, noisy = (phi @ one @ phi.T + more for one in (believed, noisy))
+        believed, noisy = (phi @ covariance @ phi.T + more for covariance in (believed, noisy))
         response = phi @ response
-    return Known(np.asarray(noises)[:, :6, :6], np.asarray(responses)[:, :6])
+    return EstimateErrors(np.asarray(noises)[:, :6, :6], np.asarray(responses)[:, :6])
 
 
 def norm(matrix: Floats) -> float:
@@ -284,25 +287,25 @@ def dip(radius: float, length: float) -> float:
 class _Recursion:
     """What becomes, from sample to sample, of a stop's place and force under bounded errors."""
 
-    def __init__(self, mission: Mission, errors: Errors, known: Known) -> None:
+    def __init__(self, mission: Mission, errors: ErrorBounds, known: EstimateErrors) -> None:
         motion = motion_over(mission.orbit, mission.deputy, (mission.control_period_s,))
         self.mission, self.errors, self.motion, self.known = mission, errors, motion, known
         self.stop = stop_of(motion)
-        self.place = stopped(motion, self.stop).transition[0, :3]
+        self.position = stopped(motion, self.stop).transition[0, :3]
         phi, gamma = motion.transition[0], motion.control[0]
         self.braking = min(mission.braking_force_n, mission.safety.planned_braking_n)
         #: by which a newton moves the place of the next stop, m, and changes its force
-        self.pushed = self.place @ gamma
+        self.pushed = self.position @ gamma
         self.shifted = norm(self.pushed)
         self.turned = norm(self.stop @ gamma)
         #: errors of the stop's force and place as estimated, and of its place after a period
         self.force_off = max(self._off(self.stop), self._off(self.stop @ phi))
-        self.place_off, self.later_off = self._off(self.place), self._off(self.place @ phi)
+        self.position_off, self.later_off = self._off(self.position), self._off(self.position @ phi)
 
     def _off(self, rows: Floats) -> float:
         return self.known.bound(rows, self.errors.constant_m, self.errors.risk)
 
-    def bounds(self) -> Bounds:
+    def bounds(self) -> SafetyBounds:
         """Return the bounds; the numbers of the proof in its order."""
         mission, errors, safety = self.mission, self.errors, self.mission.safety
         share, most = errors.share, mission.deputy.max_force_n
@@ -326,13 +329,13 @@ class _Recursion:
         keep_in, near = strayed + halfway + bent, mission.deputy.min_distance_m + bent
         keep_out = keep_in + dip(near, length + 2.0 * bent)
         keep_out += dip(near, self.shifted * off)
-        return Bounds(errors, keep_out, keep_in, safety.planned_force_n, self.braking, back, does_close)
+        return SafetyBounds(errors, keep_out, keep_in, safety.planned_force_n, self.braking, back, does_close)
 
     def _step_back(self, weight: float, left: float, standing: float) -> float:
         """Return the least force beyond the stop with which a step back does not lead towards the limit."""
         mission, errors, most = self.mission, self.errors, self.mission.deputy.max_force_n
         askew = errors.share * norm(self.stop @ self.motion.control[0] + np.eye(3)) / left
-        off = self.place_off + weight * SQRT_3 * most
+        off = self.position_off + weight * SQRT_3 * most
         towards = sqrt(max(0.0, 1.0 - (off / mission.deputy.min_distance_m) ** 2)) - 1.0
         towards -= 0.5 * self.shifted * most / mission.keep_in_m
         gained = self.shifted * (1.0 + towards - askew) - norm(self.pushed - self.shifted * np.eye(3))

@@ -9,7 +9,7 @@ from pipeline.flight.period.look.guidance import POINTS
 from pipeline.flight.state.arrays import World
 from pipeline.flight.world.bounds import guard_of
 from pipeline.flight.world.chief import chief_attitudes, chief_course, shadowing_radius
-from pipeline.flight.world.surface import Surface, surface_of
+from pipeline.flight.world.surface import ChiefSurface, surface_of
 from pipeline.physics.illumination import Reflection, least_sun_height, sun_direction_h, visible_share
 from pipeline.physics.motion import motion_over, orbit_parts
 from pipeline.physics.quaternion import dcm_b_from_h
@@ -44,15 +44,15 @@ def reflection_of(light: Light) -> Reflection:
 
 
 def sun_shares(mission: Mission, angles: Floats, elevations: Floats) -> Floats:
-    """Return the share of the Sun's disc visible from the chief at each of the Sun's places, shape (n,)."""
+    """Return the share of the Sun's disc visible from the chief, for n angles and elevations (rad), (n,)."""
     if mission.light.shadow == "none":
         return np.ones(len(angles))
     radius = shadowing_radius(mission.orbit, mission.light)
-    places = zip(angles.tolist(), elevations.tolist(), strict=True)
-    return np.array([visible_share(sun_direction_h(*place)[0], radius) for place in places])
+    directions = zip(angles.tolist(), elevations.tolist(), strict=True)
+    return np.array([visible_share(sun_direction_h(*direction)[0], radius) for direction in directions])
 
 
-#: from one place to the next of a preview of what coasting would show; the Sun turns by 8 deg
+#: between the positions at which a preview looks what coasting would show; the Sun turns by 8 deg meanwhile
 PREVIEW_PERIOD_S = 120.0
 #: the same for the push that shows setting points; the Sun turns by 4 deg
 LOOK_PERIOD_S = 60.0
@@ -83,7 +83,7 @@ def optics_of(mission: Mission) -> Optics:
     )
 
 
-def rows_of(surface: Surface, axes: Floats) -> Floats:
+def surface_rows(surface: ChiefSurface, axes: Floats) -> Floats:
     """Return the surface at the points at each sample, shape (K+1 or 1, NUM_SURFACE, P padded), Hill axes, m.
 
     Axes, (K+1 or 1, 3, 3), lead from Hill to chief.
@@ -102,15 +102,15 @@ def by_neighbourhood(points: Floats) -> NDArray[np.int64]:
 
     The points are split in half across their longest axis, in whole vectors, and each half again.
     """
-    parts, place = [np.arange(len(points))], 0
-    while place < len(parts):
-        part = parts[place]
+    parts, index = [np.arange(len(points))], 0
+    while index < len(parts):
+        part = parts[index]
         if len(part) <= POINTS:
-            place += 1
+            index += 1
             continue
         along = points[part, np.ptp(points[part], axis=0).argmax()]
         sorted_part, half = part[np.argsort(along, kind="stable")], padded(len(part) // 2, POINTS)
-        parts[place : place + 1] = [sorted_part[:half], sorted_part[half:]]
+        parts[index : index + 1] = [sorted_part[:half], sorted_part[half:]]
     return np.concatenate(parts)
 
 
@@ -159,7 +159,7 @@ def pack_world(mission: Mission) -> World:
         has_optics=not sees_as_in_the_paper(mission),
         optics=optics_of(mission),
         reflection=reflection_of(mission.light),
-        surface=rows_of(surface, axes),
+        surface=surface_rows(surface, axes),
         occlusion=surface.occlusion,
         chief_axes=axes,
         boresight=np.array(mission.sensor.boresight, dtype=np.float64),

@@ -35,15 +35,15 @@ def spread_points(corners: Floats, num_points: int) -> tuple[Floats, Floats]:
     u, v = np.modf(np.arange(1, count + 1) / ratio)[0], np.modf(np.arange(1, count + 1) / ratio**2)[0]
     u, v = np.where(u + v > 1.0, 1.0 - u, u), np.where(u + v > 1.0, 1.0 - v, v)
     triangles = corners[chosen]
-    places = triangles[:, 0] + u[:, np.newaxis] * (triangles[:, 1] - triangles[:, 0])
-    places += v[:, np.newaxis] * (triangles[:, 2] - triangles[:, 0])
+    positions = triangles[:, 0] + u[:, np.newaxis] * (triangles[:, 1] - triangles[:, 0])
+    positions += v[:, np.newaxis] * (triangles[:, 2] - triangles[:, 0])
     spacing = float(np.sqrt(areas.sum() / num_points))
-    apart = np.hstack([places, 0.5 * spacing * normals[chosen]])
+    apart = np.hstack([positions, 0.5 * spacing * normals[chosen]])
     taken, nearest = [0], np.sum((apart - apart[0]) ** 2, axis=1)
     while len(taken) < num_points:
         taken.append(int(nearest.argmax()))
         nearest = np.minimum(nearest, np.sum((apart - apart[taken[-1]]) ** 2, axis=1))
-    return places[taken], normals[chosen[taken]]
+    return positions[taken], normals[chosen[taken]]
 
 
 def regular_placement(num_points: int, radius_m: float) -> Floats:
@@ -60,8 +60,8 @@ def regular_placement(num_points: int, radius_m: float) -> Floats:
     for ring in range(num_rings):
         polar = pi * (ring + 0.5) / num_rings
         num_on_ring = max(1, floor(2.0 * pi * sin(polar) / azimuth_spacing + 0.5))
-        for place in range(num_on_ring):
-            azimuth = 2.0 * pi * place / num_on_ring
+        for step in range(num_on_ring):
+            azimuth = 2.0 * pi * step / num_on_ring
             points.append((sin(polar) * cos(azimuth), sin(polar) * sin(azimuth), cos(polar)))
     return radius_m * np.array(points)
 
@@ -71,9 +71,9 @@ def fibonacci_placement(num_points: int, radius_m: float) -> Floats:
 
     They go from +j to -j, with a point on either pole, as in AFRL's safe-autonomy-simulation.
     """
-    place = np.arange(num_points)
-    height = 1.0 - 2.0 * place / max(num_points - 1, 1)
-    azimuth = place * (pi * (3.0 - sqrt(5.0)))
+    index = np.arange(num_points)
+    height = 1.0 - 2.0 * index / max(num_points - 1, 1)
+    azimuth = index * (pi * (3.0 - sqrt(5.0)))
     across = np.sqrt(1.0 - height * height)
     return radius_m * np.column_stack((across * np.cos(azimuth), height, across * np.sin(azimuth)))
 
@@ -82,7 +82,7 @@ def fibonacci_placement(num_points: int, radius_m: float) -> Floats:
 LEAST_FREE = 0.01
 
 
-class Surface(NamedTuple):
+class ChiefSurface(NamedTuple):
     """Inspection points, in chief axes, m."""
 
     points: Floats  # (P, 3)
@@ -91,7 +91,7 @@ class Surface(NamedTuple):
     corners: Floats  # (T, 3, 3) triangles of a mesh; no rows for a sphere
 
 
-def surface_of(mission: Mission) -> Surface:
+def surface_of(mission: Mission) -> ChiefSurface:
     """Return the points of a mission's chief.
 
     Raises
@@ -110,15 +110,15 @@ def surface_of(mission: Mission) -> Surface:
 
 
 @lru_cache(maxsize=4)
-def _surface(chief: ChiefSettings) -> Surface:
+def _surface(chief: ChiefSettings) -> ChiefSurface:
     if chief.shape == "mesh":
         corners = read_mesh(chief.path)
         points, normals = spread_points(corners, chief.num_points)
         occlusion = occlusion_of(points, normals, corners)
         is_open = occlusion.is_free.mean(axis=0) >= LEAST_FREE
         free = Occlusion(np.ascontiguousarray(occlusion.is_free[:, is_open]), occlusion.edge)
-        return Surface(points[is_open], normals[is_open], free, corners)
-    place = regular_placement if chief.placement == "deserno" else fibonacci_placement
-    points = np.asarray(place(chief.num_points, chief.inspection_radius_m), dtype=np.float64)
+        return ChiefSurface(points[is_open], normals[is_open], free, corners)
+    placement = regular_placement if chief.placement == "deserno" else fibonacci_placement
+    points = np.asarray(placement(chief.num_points, chief.inspection_radius_m), dtype=np.float64)
     convex = Occlusion(np.zeros((0, 0), dtype=np.uint8), 0)
-    return Surface(points, points / chief.inspection_radius_m, convex, np.zeros((0, 3, 3)))
+    return ChiefSurface(points, points / chief.inspection_radius_m, convex, np.zeros((0, 3, 3)))

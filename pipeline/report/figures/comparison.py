@@ -36,7 +36,7 @@ RATE_TICKS = (99.5, 99.0, 98.0, 95.0, 90.0, 80.0, 50.0, 0.0)
 
 
 @dataclass(frozen=True)
-class Mark:
+class ControllerMark:
     """A controller: mean and standard deviation of delta-v (m/s) and of the inspection rate (%)."""
 
     name: str
@@ -44,7 +44,7 @@ class Mark:
     rate: tuple[float, float]
 
 
-def compared(panels: Sequence[tuple[str, Sequence[Mark]]], threshold: float) -> Figure:
+def compared(panels: Sequence[tuple[str, Sequence[ControllerMark]]], threshold: float) -> Figure:
     """Draw delta-v against inspection rate, a panel a Sun setting, with the spread of flights as thin lines.
 
     Parameters
@@ -56,7 +56,7 @@ def compared(panels: Sequence[tuple[str, Sequence[Mark]]], threshold: float) -> 
     figure = Figure(figsize=(9.6, 4.4), layout="constrained")
     axes = figure.subplots(1, len(panels), sharex=True, sharey=True, squeeze=False)[0]
     names = list(dict.fromkeys(mark.name for _, marks in panels for mark in marks))
-    styles = {name: MARKS[place % len(MARKS)] for place, name in enumerate(names)}
+    styles = {name: MARKS[index % len(MARKS)] for index, name in enumerate(names)}
     for ax, (title, marks) in zip(axes, panels, strict=True):
         _draw_marks(ax, marks, styles, threshold)
         ax.set(title=title, xlabel="Δv (m/s)")
@@ -71,7 +71,7 @@ def compared(panels: Sequence[tuple[str, Sequence[Mark]]], threshold: float) -> 
 
 
 def _draw_marks(
-    ax: Axes, marks: Sequence[Mark], styles: dict[str, tuple[str, str, str]], threshold: float
+    ax: Axes, marks: Sequence[ControllerMark], styles: dict[str, tuple[str, str, str]], threshold: float
 ) -> None:
     ax.axhline(100.0 - threshold, color=style.MUTED, linewidth=0.9, linestyle=style.DOTS)
     for mark in marks:
@@ -125,8 +125,8 @@ def _draw_squares(ax: Axes, rows: Sequence[ComparisonRow], names: list[str], wor
         is_broken = is_worse(row, first.setdefault(row.controller, row))
         edge, width = (style.VERMILION, 1.8) if is_broken else (style.PAPER, 1.0)
         success = float(row.summary[SUCCESS]["fraction"])
-        place = (x - 0.47, y - 0.45)
-        ax.add_patch(Rectangle(place, 0.94, 0.9, facecolor=SHADES(success), edgecolor=edge, linewidth=width))
+        corner = (x - 0.47, y - 0.45)
+        ax.add_patch(Rectangle(corner, 0.94, 0.9, facecolor=SHADES(success), edgecolor=edge, linewidth=width))
         words = f"{100 * success:.0f} %, {row.summary['delta_v_m_s']['mean']:.2f}"
         ax.text(x, y, words, color=readable_on(SHADES(success)[:3]), fontsize=8.0, **style.CENTRED)
     ax.set_xlim(-0.5, len(names) - 0.5)
@@ -175,9 +175,9 @@ def _name_front(ax: Axes, names: Sequence[str], means: Floats) -> None:
     corner, opposite = np.transpose([ax.get_xlim(), ax.get_ylim()])
     named: list[Floats] = []
     for name, mean in zip(names, means, strict=True):
-        place = (mean - corner) / (opposite - corner)
-        if all(np.max(np.abs(place - other)) >= NAMES_APART for other in named):
-            named.append(place)
+        position = (mean - corner) / (opposite - corner)
+        if all(np.max(np.abs(position - other)) >= NAMES_APART for other in named):
+            named.append(position)
             ax.annotate(name, mean, (5, 5), textcoords="offset points", fontsize=7.5, color=style.INK)
 
 
@@ -210,11 +210,11 @@ def beside_optimum(columns: Columns, needed: int) -> Figure:
     sorted_columns = {name: column[order] for name, column in columns.items()}
     _draw_spent_by_case(spent, sorted_columns)
     _draw_points_by_case(points, sorted_columns, needed)
-    places = np.arange(len(order))
+    columns_x = np.arange(len(order))
     points.set(xlim=(-0.8, len(order) - 0.2), xlabel="case, the ratio rising from left to right")
     if len(order) <= MOST_NUMBERED:
         numbers = [str(case) for case in sorted_columns["case"]]
-        points.set_xticks(places, numbers, fontsize=6.5, rotation=90 if len(order) > 25 else 0)
+        points.set_xticks(columns_x, numbers, fontsize=6.5, rotation=90 if len(order) > 25 else 0)
     else:
         points.set_xticks([])
     return figure
@@ -222,14 +222,19 @@ def beside_optimum(columns: Columns, needed: int) -> Figure:
 
 def _draw_spent_by_case(ax: Axes, columns: Columns) -> None:
     ours, least, times = (columns[name] for name in ("delta_v_m_s", "optimum_delta_v_m_s", "times_optimum"))
-    places = np.arange(len(ours))
+    positions = np.arange(len(ours))
     ax.vlines(
-        places, np.minimum(ours, least), np.maximum(ours, least), color=style.MUTED, linewidth=0.9, zorder=1.0
+        positions,
+        np.minimum(ours, least),
+        np.maximum(ours, least),
+        color=style.MUTED,
+        linewidth=0.9,
+        zorder=1.0,
     )
-    ax.plot(places, least, "o", label="plan of least fuel", **PLANNED)
+    ax.plot(positions, least, "o", label="plan of least fuel", **PLANNED)
     for label, (is_so, colour, marker) in _ended(columns).items():
         ax.plot(
-            places[is_so], ours[is_so], marker, markersize=5.0, color=colour, label=f"controller, {label}"
+            positions[is_so], ours[is_so], marker, markersize=5.0, color=colour, label=f"controller, {label}"
         )
     if ours.min() > 0.0:
         ax.set_yscale("log")
@@ -238,11 +243,11 @@ def _draw_spent_by_case(ax: Axes, columns: Columns) -> None:
         ax.yaxis.set_minor_formatter(NullFormatter())
         ax.margins(y=0.12)
     median = int(np.argsort(times, kind="stable")[len(times) // 2])
-    for place in {0, median, len(times) - 1}:
+    for position in {0, median, len(times) - 1}:
         # over the neighbours, which it reaches across
-        beside = slice(max(place - 1, 0), place + 2)
-        at = (place, max(ours[beside].max(), least[beside].max()))
-        ax.annotate(f"{times[place]:.3g}×", at, (0, 6), fontsize=8.5, fontweight="bold", **style.BESIDE)
+        beside = slice(max(position - 1, 0), position + 2)
+        at = (position, max(ours[beside].max(), least[beside].max()))
+        ax.annotate(f"{times[position]:.3g}×", at, (0, 6), fontsize=8.5, fontweight="bold", **style.BESIDE)
     ax.set(ylabel="Δv (m/s)")
     ax.grid(axis="y")
     ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=4, borderaxespad=0.2, handletextpad=0.3)
@@ -250,23 +255,23 @@ def _draw_spent_by_case(ax: Axes, columns: Columns) -> None:
 
 def _ended(columns: Columns) -> dict[str, tuple[Booleans, str, str]]:
     """Return which flights ended how, with colour and marker; only ends that occur."""
-    flags = zip(ENDS.items(), ends(columns), strict=True)
+    flags = zip(ENDS.items(), flight_endings(columns), strict=True)
     return {label: (is_so, *look) for (label, look), is_so in flags if is_so.any()}
 
 
-def ends(columns: Columns) -> tuple[Booleans, Booleans, Booleans]:
+def flight_endings(columns: Columns) -> tuple[Booleans, Booleans, Booleans]:
     """Return which flights ended in the ways of `ENDS`, in their order, each of shape (n,)."""
     succeeded, violated = succeeds(columns), np.asarray(columns["violated"], dtype=np.bool_)
     return succeeded, ~succeeded & ~violated, violated
 
 
 def _draw_points_by_case(ax: Axes, columns: Columns, needed: int) -> None:
-    places = np.arange(len(columns["case"]))
+    positions = np.arange(len(columns["case"]))
     ax.axhline(needed, color=style.MUTED, linestyle=style.DOTS, linewidth=1.0)
     plans = columns["optimum_inspected_count"]
-    ax.plot(places, plans, "o", **PLANNED)
+    ax.plot(positions, plans, "o", **PLANNED)
     for is_so, colour, marker in _ended(columns).values():
-        ax.plot(places[is_so], columns["inspected_count"][is_so], marker, markersize=4.0, color=colour)
+        ax.plot(positions[is_so], columns["inspected_count"][is_so], marker, markersize=4.0, color=colour)
     ax.set(ylabel="points")
     ax.margins(y=0.15)
     ax.grid(axis="y")

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from pipeline.array_types import Floats
-from pipeline.flight.goals.reach import ends, limit_at
+from pipeline.flight.goals.reach import flight_ends, limit_at
 from pipeline.flight.state.log import FlightLog
 from pipeline.report.figures import style
 from pipeline.settings.experiment import Mission
@@ -26,8 +26,8 @@ def controls(log: FlightLog, mission: Mission) -> Figure:
     The torque is drawn in two parts, for turning to the chief takes a hundred times what following it does.
     """
     figure = Figure(figsize=(9.6, 4.8))
-    places = style.grid(figure, 2, 2, (0.75, 0.13, 0.44, 0.24), (0.82, 0.66))
-    force, turning, following = map(figure.add_subplot, (places[:, 0], places[0, 1], places[1, 1]))
+    cells = style.grid(figure, 2, 2, (0.75, 0.13, 0.44, 0.24), (0.82, 0.66))
+    force, turning, following = map(figure.add_subplot, (cells[:, 0], cells[0, 1], cells[1, 1]))
     steps = np.arange(mission.num_controls + 1) * mission.control_period_s
     _three_lines(force, steps, log.force_hill_n, ("radial", "along-track", "cross-track"))
     _limit_lines(force, mission.deputy.max_force_n, "N")
@@ -113,8 +113,8 @@ def distributions(samples: Sequence[Sample], num_points: int) -> Figure:
     heights = [1.1 if len(sample.values["delta_v_m_s"]) <= style.MOST_POINTS else 2.0 for sample in samples]
     figure = Figure(figsize=(9.6, sum(heights) + 0.65 * len(samples) + 0.3))
     margins, between = (0.58, 0.1, 0.44, 0.4), (0.4, 0.65)
-    places = style.grid(figure, len(samples), len(METRICS), margins, between, height_ratios=heights)
-    rows = np.asarray(places.subplots(squeeze=False, sharex="col"))
+    cells = style.grid(figure, len(samples), len(METRICS), margins, between, height_ratios=heights)
+    rows = np.asarray(cells.subplots(squeeze=False, sharex="col"))
     for column, (metric, label) in enumerate(METRICS.items()):
         step = 100.0 / num_points if metric == "inspection_rate_percent" else None
         edges = _bin_edges([sample.values[metric] for sample in samples], step)
@@ -142,8 +142,8 @@ def _bin_edges(samples: Sequence[Floats], step: float | None) -> Floats:
     step : float, optional
         What values are multiples of; each multiple then has a bin of its own.
     """
-    ends = np.array([_ends(values) for values in samples])
-    low, high = float(ends[:, 0].min()), float(ends[:, 1].max())
+    flight_ends = np.array([_ends(values) for values in samples])
+    low, high = float(flight_ends[:, 0].min()), float(flight_ends[:, 1].max())
     if step is not None:
         return np.asarray((np.arange(np.floor(low / step + 1e-6) - 1, round(high / step) + 2) - 0.5) * step)
     width = max(high - low, 0.02 * max(abs(high), 1.0))
@@ -216,7 +216,7 @@ def draw_tube(
     dots_per_inch : int
     """
     problem, period_s = mission.problem, mission.control_period_s
-    least, most, fastest = bounds(tube)
+    least, most, fastest = tube_bounds(tube)
     time = period_s * np.arange(len(most))
     with style.style():
         figure = style.Figure(figsize=(8.0, 5.6), layout="constrained")
@@ -254,11 +254,11 @@ def _until_goal(problem: Problem, tracks: NDArray[np.float32]) -> list[tuple[Flo
     distance, speed = (
         np.linalg.norm(tracks[..., first : first + 3], axis=-1).astype(np.float64) for first in (0, 3)
     )
-    last, _, _ = ends(problem, distance, speed)
+    last, _, _ = flight_ends(problem, distance, speed)
     return [(distance[row, : end + 1], speed[row, : end + 1]) for row, end in enumerate(last)]
 
 
-def bounds(tube: Mapping[str, Floats]) -> tuple[Floats, Floats, Floats]:
+def tube_bounds(tube: Mapping[str, Floats]) -> tuple[Floats, Floats, Floats]:
     """Return the least and greatest distance, m, and the greatest speed, m/s, after each step."""
     step, axis = (tube[name].astype(np.int64) for name in ("step", "axis"))
     low, high, shear = tube["low_m"], tube["high_m"], tube["shear_per_s"]

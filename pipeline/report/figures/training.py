@@ -77,7 +77,7 @@ def _draw_failures(
     ax.legend(loc="upper right")
 
 
-def _power_of_ten(value: float, _place: int | None = None) -> str:
+def _power_of_ten(value: float, _index: int | None = None) -> str:
     """Write 1000 as 10³."""
     exponent = round(float(np.log10(value)))
     return "10" + str(exponent).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))

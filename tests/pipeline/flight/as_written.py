@@ -137,7 +137,7 @@ def followed(flight, k, result, log):
 
 def differences(flight, k, result, log):
     """The fields of the log in which a period differs by more than rounding, with both values."""
-    found = {}
+    by_name = {}
     for name, expected in fields(flight, *result).items():
         value = of_log(log, name, k)
         near = signed_as(value, expected)
@@ -145,8 +145,8 @@ def differences(flight, k, result, log):
             least = SILENT_N + allowed(flight, k, log, "force_asked_n")
             near = np.where(np.abs(log.force_asked_n[k]) < least, value, near)
         if not is_within(value, near, near, allowed(flight, k, log, name)):
-            found[name] = expected, value
-    return found
+            by_name[name] = expected, value
+    return by_name
 
 
 def of_log(log, name, k):
@@ -245,7 +245,7 @@ def on_a_knifes_edge(flight, k, state, log):
         if not is_within(value, low - spread, high + spread, allowed(flight, k, log, name)):
             differing.append(f"{name} is {value}, as written {left[0][name][0]}, or from {low} to {high}")
     assert not differing, f"period {k}: " + "; ".join(differing)
-    return runs[int(np.argmin([len(one) for one in left]))]
+    return runs[int(np.argmin([len(names) for names in left]))]
 
 
 def nudged(flight, k, state, log, generator):
@@ -276,7 +276,7 @@ def nudged(flight, k, state, log, generator):
 
 def fields(flight, seen, done, after):
     """What the readable flight found, by the names of the log; of the next sample with a dash."""
-    found = {
+    values = {
         "quaternion_b_from_h": seen.attitude.as_quat(),
         "sensed_quaternion_b_from_h": seen.sensed.as_quat(),
         "num_candidates": len(seen.candidates),
@@ -286,10 +286,10 @@ def fields(flight, seen, done, after):
         "is_inspected": seen.is_inspected,
     }
     if flight.mission.navigation.mode == "fixes":
-        found |= {"estimate": seen.known, "estimate_covariance": seen.covariance}
+        values |= {"estimate": seen.known, "estimate_covariance": seen.covariance}
     if done is None:
-        return found
-    found |= decided(flight, done.decision) | {
+        return values
+    values |= decided(flight, done.decision) | {
         "force_body_n": seen.sensed.inv().apply(done.decision.wanted),
         "force_hill_n": done.thrust.fired,
         "force_commanded_n": done.thrust.commanded,
@@ -305,8 +305,8 @@ def fields(flight, seen, done, after):
         "torque_b_n_m": [torque for _, _, torque in done.instants],
     }
     if flight.mission.attitude.mode == "flown":
-        found |= {"quaternion_b_from_h-": after.attitude.as_quat(), "angular_velocity_b_rad_s-": after.rate}
-    return found
+        values |= {"quaternion_b_from_h-": after.attitude.as_quat(), "angular_velocity_b_rad_s-": after.rate}
+    return values
 
 
 def decided(flight, decision):

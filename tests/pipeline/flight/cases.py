@@ -67,7 +67,7 @@ def sparse_system() -> FuzzySystem:
 
 def leaning_system(axis: str, reach: float, *senses: tuple[str, str, float]) -> FuzzySystem:
     """Leans against its first input and along the others, by terms that part a range in three."""
-    inputs = tuple(variable(*one, -width, width, 0.4 * width, num_terms=3) for *one, width in senses)
+    inputs = tuple(variable(*signal, -width, width, 0.4 * width, num_terms=3) for *signal, width in senses)
     output = variable(axis, "N", -reach, reach, 0.25 * reach, default=0.0)
     cells = np.indices([3] * len(inputs)).reshape(len(inputs), -1).T - 1
     return answering("leaning_" + axis, inputs, output, [2 - cell[0] + cell[1:].sum() for cell in cells])
@@ -187,8 +187,8 @@ def random_starts(count: int, seed: int) -> list[Scenario]:
     distances = generator.uniform(50.0, 100.0, count)
     velocities = generator.normal(0.0, 0.01, (count, 3))
     angles = generator.uniform(0.0, 2.0 * np.pi, count)
-    places = distances[:, np.newaxis] * directions
-    return [Scenario(*start) for start in zip(places, velocities, angles.tolist(), strict=True)]
+    positions = distances[:, np.newaxis] * directions
+    return [Scenario(*start) for start in zip(positions, velocities, angles.tolist(), strict=True)]
 
 
 STARTS = random_starts(3, 7)

@@ -54,14 +54,14 @@ def number(key: str, limits: dict[str, float], value: float | None) -> st.Search
 
 def limits_of(annotation: Any, metadata: Any = ()) -> dict[str, float]:
     """The bounds of a setting's type, of which its innermost part is a number."""
-    found: dict[str, float] = {}
-    for one in metadata:
-        found |= limits_of(None, getattr(one, "metadata", ()))
-        found |= {name: getattr(one, name) for name in ("gt", "ge", "le", "lt") if hasattr(one, name)}
+    limits: dict[str, float] = {}
+    for entry in metadata:
+        limits |= limits_of(None, getattr(entry, "metadata", ()))
+        limits |= {name: getattr(entry, name) for name in ("gt", "ge", "le", "lt") if hasattr(entry, name)}
     for part in get_args(annotation):
         if get_origin(annotation) is not Literal:
-            found |= limits_of(part, getattr(part, "__metadata__", ()))
-    return found
+            limits |= limits_of(part, getattr(part, "__metadata__", ()))
+    return limits
 
 
 @st.composite
@@ -76,14 +76,14 @@ def setting(draw: Any, kind: Any, name: str, value: Any) -> Any:
         "initial_quaternion": direction(4),
     }
     limits = limits_of(field.annotation, field.metadata)
-    found = simple.get(field.annotation, special.get(name))
+    strategy = simple.get(field.annotation, special.get(name))
     if get_origin(field.annotation) is Literal:
-        found = st.sampled_from(get_args(field.annotation))
-    if found is None and "tuple" in str(field.annotation):
-        found = st.tuples(*(number(name, limits, part) for part in value or (None,) * 3))
-    if found is None:
-        found = number(name, limits, value)
-    return draw(st.one_of(st.none(), found) if type(None) in get_args(field.annotation) else found)
+        strategy = st.sampled_from(get_args(field.annotation))
+    if strategy is None and "tuple" in str(field.annotation):
+        strategy = st.tuples(*(number(name, limits, part) for part in value or (None,) * 3))
+    if strategy is None:
+        strategy = number(name, limits, value)
+    return draw(st.one_of(st.none(), strategy) if type(None) in get_args(field.annotation) else strategy)
 
 
 def direction(count: int) -> st.SearchStrategy[tuple[float, ...]]:
@@ -112,33 +112,35 @@ def layout(draw: Any) -> Any:
         for sign in (1.0, -1.0):
             leaning = np.array(draw(direction(3))) * 0.3
             leaning[axis] += sign
-            place = tuple(draw(st.floats(-0.5, 0.5)) for _ in range(3))
+            position = tuple(draw(st.floats(-0.5, 0.5)) for _ in range(3))
             force = draw(number("max_force_n", {"gt": 0.0}, 0.05))
-            rows.append((*place, *(leaning / np.linalg.norm(leaning)).tolist(), force))
+            rows.append((*position, *(leaning / np.linalg.norm(leaning)).tolist(), force))
     return tuple(rows)
 
 
 @st.composite
 def mission(draw: Any, base: Mission, fixed: tuple[str, ...]) -> Mission:
     """A mission like another, but for settings of some groups, and of all but those that are fixed."""
-    groups = [one.name for one in fields(base) if hasattr(getattr(base, one.name), "__pydantic_fields__")]
-    names = [
-        (group, one.name)
-        for group in groups
-        for one in fields(getattr(base, group))
-        if not {group, one.name, f"{group}.{one.name}"} & set(fixed)
+    groups = [
+        field.name for field in fields(base) if hasattr(getattr(base, field.name), "__pydantic_fields__")
     ]
-    found = clocked(draw, base)
+    names = [
+        (group, field.name)
+        for group in groups
+        for field in fields(getattr(base, group))
+        if not {group, field.name, f"{group}.{field.name}"} & set(fixed)
+    ]
+    drawn_mission = clocked(draw, base)
     for group, name in draw(st.lists(st.sampled_from(names), max_size=10)):
-        old = getattr(found, group)
+        old = getattr(drawn_mission, group)
         value = draw(setting(type(old), name, getattr(old, name)))
         try:
-            changed = replace(found, **{group: replace(old, **{name: value})})
+            changed = replace(drawn_mission, **{group: replace(old, **{name: value})})
         except SettingError:
             continue
         if is_bearable(changed):
-            found = changed
-    return found
+            drawn_mission = changed
+    return drawn_mission
 
 
 def clocked(draw: Any, base: Mission) -> Mission:

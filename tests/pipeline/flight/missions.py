@@ -56,7 +56,7 @@ def restoring_systems():
     """Springs and dampers along Hill axes: they hold the deputy near the chief."""
     systems = []
     for axis, name in AXES.items():
-        place = f"position_{name}", "m", -80.0, 80.0, 18.0
+        position = f"position_{name}", "m", -80.0, 80.0, 18.0
         speed = f"velocity_{name}", "m/s", -0.3, 0.3, 0.08
-        systems.append(steering_system(axis, place, speed, -1, 0.02))
+        systems.append(steering_system(axis, position, speed, -1, 0.02))
     return tuple(systems)

@@ -259,10 +259,10 @@ def test_clusters_are_forgotten_at_a_sample_without_candidates() -> None:
     )
     start = Scenario(np.array([0.0, 2000.0, 0.0]), np.zeros(3), 0.5 * np.pi + 100.0 * MEAN_MOTION)
     thrown = open_loop("throw", np.array([[0.0, 0.0, 0.0], [0.0, -9.6, 0.0]]))
-    found = assert_as_written(what, thrown, start).num_candidates
-    assert found[0] > 40
-    assert found[1] == 0
-    assert found[2] > 20
+    num_candidates = assert_as_written(what, thrown, start).num_candidates
+    assert num_candidates[0] > 40
+    assert num_candidates[1] == 0
+    assert num_candidates[2] > 20
 
 
 #: of each thing that may be sensed, guarded or moved by, one
@@ -283,5 +283,5 @@ def test_plain_python_flies_as_compiled_code_does_to_the_last_bit(name: str) -> 
     fast = fly_logged(brief, controller, start)
     with plainly("pipeline"):
         plain = fly_logged(brief, controller, start)
-    for field, expected, found in zip(fast._fields, fast, plain, strict=True):
-        np.testing.assert_array_equal(found, expected, err_msg=field)
+    for field, expected, actual in zip(fast._fields, fast, plain, strict=True):
+        np.testing.assert_array_equal(actual, expected, err_msg=field)

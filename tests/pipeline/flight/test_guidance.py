@@ -31,7 +31,7 @@ class Carried:
     def chosen(self, candidates, position):
         """The centre of the cluster nearest to a place."""
         self.count = guidance.cluster_centres(self.of(candidates), np.asarray(position), self.count)
-        return self.centres[guidance.nearest_place(self.centres, self.count, np.asarray(position))].copy()
+        return self.centres[guidance.nearest_row(self.centres, self.count, np.asarray(position))].copy()
 
 
 @pytest.mark.slow
@@ -83,6 +83,6 @@ def test_up_to_ten_candidates_make_one_cluster_and_eleven_two_and_none_none():
 
 def test_the_nearest_place_is_the_first_of_equals():
     centres = np.array([[0.0, 5.0, 1.0], [0.0, 5.0, -1.0], [0.0, 5.0, 1.0], [0.0, 9.0, 0.0]])
-    assert guidance.nearest_place(centres, 3, np.array([0.0, 50.0, 0.0])) == 0
-    assert guidance.nearest_place(centres, 4, np.array([0.0, 50.0, 0.0])) == 3
-    assert guidance.nearest_place(centres, 4, np.array([0.0, 0.0, -50.0])) == 1
+    assert guidance.nearest_row(centres, 3, np.array([0.0, 50.0, 0.0])) == 0
+    assert guidance.nearest_row(centres, 4, np.array([0.0, 50.0, 0.0])) == 3
+    assert guidance.nearest_row(centres, 4, np.array([0.0, 0.0, -50.0])) == 1

@@ -88,8 +88,8 @@ def test_alone_in_company_in_any_order_on_any_number_of_threads_logged_or_not(na
 def test_a_population_flies_from_few_starts_as_one_controller_does():
     what, controller = mission(duration_s=600.0), STEERING
     starts = STARTS[LANES - 5 : LANES + 2]
-    one = controller.numbers
-    two = replace(one, values=one.values.repeat(2, axis=0), rules=one.rules.repeat(2, axis=0))
+    numbers = controller.numbers
+    two = replace(numbers, values=numbers.values.repeat(2, axis=0), rules=numbers.rules.repeat(2, axis=0))
     world, law, drawn = pack_world(what), law_of(controller, what), cases_of(what, starts)
     many = fly_population(world, law, two, drawn, lanes=lanes_for(len(starts)))
     assert lanes_for(len(starts)) < lanes_for(LANES) == LANES

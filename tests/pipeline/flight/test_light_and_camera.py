@@ -20,7 +20,7 @@ from pipeline.flight.fly.workspace import points_of_cases
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.chief import num_chief_steps
 from pipeline.flight.world.pack import pack_world
-from pipeline.flight.world.surface import Surface, surface_of
+from pipeline.flight.world.surface import ChiefSurface, surface_of
 from pipeline.physics.sight import EDGE_CELLS, cell_of, centre_of
 from pipeline.settings.experiment import Mission, SettingError
 from pipeline.settings.mission import Light
@@ -98,7 +98,7 @@ def satellite(**changes: object) -> Mission:
 
 
 @cache
-def surface() -> Surface:
+def surface() -> ChiefSurface:
     return surface_of(satellite())
 
 
@@ -119,19 +119,19 @@ def cells_of(directions: np.ndarray) -> np.ndarray:
 
 @pytest.mark.slow
 def test_points_lie_evenly_on_the_faces_and_look_out_of_the_body() -> None:
-    found = surface()
-    assert 80 <= len(found.points) <= 100
-    body = body_of(found.corners)
-    assert np.abs(trimesh.proximity.signed_distance(body, found.points)).max() < 1e-9
-    assert body.contains(found.points - 1e-3 * found.normals).all()
-    apart = np.linalg.norm(found.points[:, np.newaxis] - found.points, axis=2)
-    sameside = found.normals @ found.normals.T > 0.5
+    spread = surface()
+    assert 80 <= len(spread.points) <= 100
+    body = body_of(spread.corners)
+    assert np.abs(trimesh.proximity.signed_distance(body, spread.points)).max() < 1e-9
+    assert body.contains(spread.points - 1e-3 * spread.normals).all()
+    apart = np.linalg.norm(spread.points[:, np.newaxis] - spread.points, axis=2)
+    sameside = spread.normals @ spread.normals.T > 0.5
     np.fill_diagonal(apart, np.inf)
     nearest = np.where(sameside, apart, np.inf).min(axis=1)
     # a square lattice's spacing is the root of area by points
     assert nearest.min() > 0.5 * np.sqrt(body.area / 100)
     again = surface_of(satellite())
-    np.testing.assert_array_equal(again.points, found.points)
+    np.testing.assert_array_equal(again.points, spread.points)
 
 
 def test_a_direction_falls_into_the_cell_whose_centre_is_within_21_tenths_of_a_degree() -> None:
@@ -146,22 +146,22 @@ def test_a_direction_falls_into_the_cell_whose_centre_is_within_21_tenths_of_a_d
 @pytest.mark.slow
 def test_the_table_is_right_where_it_was_looked_and_nearly_everywhere_else() -> None:
     """At cells' centres as trimesh's rays; elsewhere wrong near an edge only, for 0.15 % of rays."""
-    found, generator = surface(), np.random.default_rng(4)
+    spread, generator = surface(), np.random.default_rng(4)
     cells = generator.integers(0, 6 * EDGE_CELLS**2, 400)
-    points = generator.integers(0, len(found.points), 400)
+    points = generator.integers(0, len(spread.points), 400)
     centres = np.array([centre_of(EDGE_CELLS, int(cell)) for cell in cells])
-    there = rays_are_free(centres, found.points[points], found.normals[points])
-    told = found.occlusion.is_free[cells, points] > 0
-    assert np.mean(told != there) <= 0.0025
+    there = rays_are_free(centres, spread.points[points], spread.normals[points])
+    by_table = spread.occlusion.is_free[cells, points] > 0
+    assert np.mean(by_table != there) <= 0.0025
     assert 0.2 < there.mean() < 0.6
     directions = isotropic(generator, 2000)
-    points = generator.integers(0, len(found.points), 2000)
+    points = generator.integers(0, len(spread.points), 2000)
     cells = cells_of(directions)
-    told = found.occlusion.is_free[cells, points] > 0
-    wrong = told != rays_are_free(directions, found.points[points], found.normals[points])
+    by_table = spread.occlusion.is_free[cells, points] > 0
+    wrong = by_table != rays_are_free(directions, spread.points[points], spread.normals[points])
     assert wrong.mean() < 0.005
     # what the table adds to the sight of a convex body
-    hidden = ~told & (np.sum(found.normals[points] * directions, axis=1) > 0.0)
+    hidden = ~by_table & (np.sum(spread.normals[points] * directions, axis=1) > 0.0)
     assert hidden.mean() > 5.0 * wrong.mean()
 
 

@@ -43,11 +43,11 @@ def flights(what: Mission, count: int) -> list[FlightLog]:
 
 def squared(logs: list[FlightLog], sample: int) -> np.ndarray:
     """Squares of the estimates' errors in their own standard deviations."""
-    found = []
+    sizes = []
     for log in logs:
         error = log.estimate[sample] - np.concatenate((log.position_m[sample], log.velocity_m_s[sample]))
-        found.append(error @ np.linalg.solve(log.estimate_covariance[sample], error))
-    return np.array(found)
+        sizes.append(error @ np.linalg.solve(log.estimate_covariance[sample], error))
+    return np.array(sizes)
 
 
 SIGHTING = {"measures": "range_bearing", "range_noise_m": 0.5, "bearing_noise_deg": 0.5}
@@ -139,7 +139,7 @@ def test_a_misaligned_thrust_is_turned_and_not_stretched(degrees):
     what = mission(actuators=EXACT | {"misalignment_deg": degrees})
     scenarios = [replace(STARTS[0], noise=(1, 0, case)) for case in range(20)]
     matrices = thrust_errors(what, scenarios).matrices[:, 0]
-    drawn = [np.radians(degrees) * one.generator(2).standard_normal((2, 3))[1] for one in scenarios]
+    drawn = [np.radians(degrees) * scenario.generator(2).standard_normal((2, 3))[1] for scenario in scenarios]
     for matrix, turn in zip(matrices, drawn, strict=True):
         np.testing.assert_allclose(matrix @ matrix.T, np.eye(3), rtol=0, atol=1e-14)
         assert np.trace(matrix) == pytest.approx(1.0 + 2.0 * np.cos(np.linalg.norm(turn)), abs=1e-14)
@@ -179,15 +179,15 @@ def test_what_is_turned_at_random_is_expected_shorter() -> None:
     gained = [np.diff((log.estimate[[0, 19], 4], log.velocity_m_s[[0, 19], 1])).ravel() for log in logs]
     # shorter by s^2, to within 3 s^4: of places 1/sqrt(1 + x^2), with x^2 of two turns of variance s^2
     square = np.radians(6.0) ** 2
-    for found, size in ((seen, np.linalg.norm(STARTS[0].position_m)), (np.diff(gained), np.mean(gained))):
-        error = np.std(found) / np.sqrt(len(logs))
-        assert abs(np.mean(found)) < 4.0 * error + 3.0 * square**2 * size
+    for ratios, size in ((seen, np.linalg.norm(STARTS[0].position_m)), (np.diff(gained), np.mean(gained))):
+        error = np.std(ratios) / np.sqrt(len(logs))
+        assert abs(np.mean(ratios)) < 4.0 * error + 3.0 * square**2 * size
         assert 4.0 * error + 3.0 * square**2 * size < 0.8 * square * size
 
 
-def varying(what: Mission, key: str, correlation_s: float = 60.0, **told: float) -> Mission:
-    kind = "normal" if "mean" in told else "uniform"
-    return replace(what, dispersions={key: {"kind": kind, "correlation_s": correlation_s, **told}})
+def varying(what: Mission, key: str, correlation_s: float = 60.0, **law: float) -> Mission:
+    kind = "normal" if "mean" in law else "uniform"
+    return replace(what, dispersions={key: {"kind": kind, "correlation_s": correlation_s, **law}})
 
 
 def drawn(what: Mission, key: str) -> NDArray[np.float64]:
@@ -196,9 +196,9 @@ def drawn(what: Mission, key: str) -> NDArray[np.float64]:
 
 def test_an_error_is_a_process_of_gauss_and_markov_along_each_axis():
     """Stationary from the first sample on, with a correlation of ``exp(-lag/tau)``, and none between axes."""
-    found = drawn(varying(NOISY, "actuators.scale_error", mean=0.02, std=0.1), "actuators.scale_error")
-    assert found.shape == (2000, 50, 3)
-    scores = (found - 0.02) / 0.1
+    values = drawn(varying(NOISY, "actuators.scale_error", mean=0.02, std=0.1), "actuators.scale_error")
+    assert values.shape == (2000, 50, 3)
+    scores = (values - 0.02) / 0.1
     for sample in (0, 1, 25, 49):
         assert kstest(scores[:, sample].ravel(), norm.cdf).pvalue > 1e-3
         for lag in (1, 6, 20):
@@ -210,18 +210,18 @@ def test_an_error_is_a_process_of_gauss_and_markov_along_each_axis():
 
 
 @pytest.mark.parametrize(
-    ("key", "told", "law"),
+    ("key", "settings", "law"),
     [
         ("dynamics.drag_m_s2", {"mean": 3e-7, "std": 2e-7, "low": 0.0}, truncnorm(-1.5, np.inf, 3e-7, 2e-7)),
         ("navigation.noise_m", {"low": 0.5, "high": 2.0}, uniform(0.5, 1.5)),
     ],
 )
-def test_at_each_instant_a_setting_has_its_distribution(key, told, law):
-    found = drawn(varying(NOISY, key, **told), key)
-    assert found.shape == (2000, 50, 1)
+def test_at_each_instant_a_setting_has_its_distribution(key, settings, law):
+    values = drawn(varying(NOISY, key, **settings), key)
+    assert values.shape == (2000, 50, 1)
     for sample in (0, 30):
-        assert kstest(found[:, sample, 0], law.cdf).pvalue > 1e-3
-    ranks = np.corrcoef(found[:, [10, 16], 0].argsort(axis=0).argsort(axis=0).T)[0, 1]
+        assert kstest(values[:, sample, 0], law.cdf).pvalue > 1e-3
+    ranks = np.corrcoef(values[:, [10, 16], 0].argsort(axis=0).argsort(axis=0).T)[0, 1]
     # of normal scores with a correlation r the ranks have 6/pi asin(r/2)
     assert ranks == pytest.approx(6 / np.pi * np.arcsin(0.5 * np.exp(-1.0)), abs=0.08)
 
@@ -275,7 +275,9 @@ def test_cases_share_a_world_where_only_what_varies_is_dispersed():
     (group,) = groups_of(what, CASES[:5])
     assert group == (what, [0, 1, 2, 3, 4])
     mass = {"deputy": {"mass_kg": {"kind": "uniform", "low": 11.0, "high": 13.0}}}
-    own = mission_of_case(replace(what, dispersions=what.dispersions | mass), CASES[0])
-    assert own == replace(what, deputy=replace(what.deputy, mass_kg=own.deputy.mass_kg))
-    assert own.deputy.mass_kg != what.deputy.mass_kg
-    np.testing.assert_array_equal(in_time(own, key, CASES[0], 0.0), in_time(what, key, CASES[0], 0.0))
+    case_mission = mission_of_case(replace(what, dispersions=what.dispersions | mass), CASES[0])
+    assert case_mission == replace(what, deputy=replace(what.deputy, mass_kg=case_mission.deputy.mass_kg))
+    assert case_mission.deputy.mass_kg != what.deputy.mass_kg
+    np.testing.assert_array_equal(
+        in_time(case_mission, key, CASES[0], 0.0), in_time(what, key, CASES[0], 0.0)
+    )

@@ -48,9 +48,9 @@ def test_what_is_played_is_flown_as_written(played, mode, tmp_path):
     names, rows = played
     controller = read_played(table(tmp_path / "played.csv", names, rows), what)
     log = assert_as_written(what, controller, STARTS[0])
-    told = {"force_body_x_n": log.force_body_n, "torque_x_n_m": log.torque_b_n_m[:, 0]}
+    logged = {"force_body_x_n": log.force_body_n, "torque_x_n_m": log.torque_b_n_m[:, 0]}
     if names in (TORQUES[0], FORCES[0]):
-        np.testing.assert_allclose(told[names[0]], rows, atol=1e-15)
+        np.testing.assert_allclose(logged[names[0]], rows, atol=1e-15)
     else:
         assert abs(log.quaternion_b_from_h[-1] @ rows[-1]) > 1.0 - 1e-4
     # an evaluation flies the same
@@ -100,7 +100,7 @@ def angles(y, x, out):
         store(out, i, arctangent(load(y, i, WIDTH), load(x, i, WIDTH)))
 
 
-def found(function, *inputs):
+def computed(function, *inputs):
     out = np.empty(len(inputs[0]))
     function(np.array(inputs[0]), np.array(inputs[-1]), out)
     return out
@@ -109,8 +109,8 @@ def found(function, *inputs):
 @pytest.mark.parametrize("reach", [1e-6, 1.0, 40.0, 699.0])
 def test_the_exponential_is_right_to_rounding(reach: float) -> None:
     x = np.random.default_rng(1).uniform(-reach, reach, 8000)
-    np.testing.assert_allclose(found(exponentials, x), np.exp(x), **CLOSE)
-    special = found(exponentials, [0.0, -0.0, -701.0, -1e300, -np.inf, 1.0, -1.0, np.log(2.0)])
+    np.testing.assert_allclose(computed(exponentials, x), np.exp(x), **CLOSE)
+    special = computed(exponentials, [0.0, -0.0, -701.0, -1e300, -np.inf, 1.0, -1.0, np.log(2.0)])
     np.testing.assert_array_equal(special[:5], [1.0, 1.0, 0.0, 0.0, 0.0])
     np.testing.assert_allclose(special[5:], [np.e, 1.0 / np.e, 2.0], **CLOSE)
 
@@ -118,11 +118,11 @@ def test_the_exponential_is_right_to_rounding(reach: float) -> None:
 @pytest.mark.parametrize("scale", [1e-150, 1.0, 1e150])
 def test_angles_are_right_to_rounding_from_minus_to_plus_pi_without_the_former(scale: float) -> None:
     y, x = scale * np.random.default_rng(2).normal(size=(2, 8000))
-    np.testing.assert_allclose(found(angles, y, x), np.arctan2(y, x), **CLOSE)
+    np.testing.assert_allclose(computed(angles, y, x), np.arctan2(y, x), **CLOSE)
     y = [0.0, 0.0, -0.0, 1.0, -1.0, 1.0, -1.0, 1e-300]
     x = [1.0, -1.0, -1.0, 0.0, 0.0, 1.0, -1.0, -1.0]
     eighths = np.array([0, 4, 4, 2, -2, 1, -3, 4])
-    np.testing.assert_allclose(found(angles, y, x), np.pi / 4.0 * eighths, **CLOSE)
+    np.testing.assert_allclose(computed(angles, y, x), np.pi / 4.0 * eighths, **CLOSE)
 
 
 def along_track(metres: float, velocity_m_s: float = 0.0) -> Scenario:

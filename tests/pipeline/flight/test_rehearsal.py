@@ -22,7 +22,7 @@ from pipeline.flight.fly.rehearsals import rehearsed_openings
 from pipeline.flight.fly.simulation import fly_all, fly_logged
 from pipeline.flight.fly.tours import IMAGES, following, rehearsal_samples, tour_images, tour_names
 from pipeline.flight.state.log import Outcomes, Scenario
-from pipeline.flight.state.signals import CONSTANTS, TOUR_PLACES, constant
+from pipeline.flight.state.signals import CONSTANTS, TOUR_COEFFICIENTS, constant
 from pipeline.flight.world.pack import pack_world
 from pipeline.settings.experiment import Mission
 from pipeline.training.genome import genome_of
@@ -93,8 +93,8 @@ def off_at_start(start: Scenario) -> Floats:
 
 def moved(by: Floats, noise: tuple[int, int, int]) -> Scenario:
     """The start elsewhere, with other noise."""
-    place, velocity = NOISY.position_m + by[:3], NOISY.velocity_m_s + by[3:]
-    return replace(NOISY, position_m=place, velocity_m_s=velocity, noise=noise)
+    position, velocity = NOISY.position_m + by[:3], NOISY.velocity_m_s + by[3:]
+    return replace(NOISY, position_m=position, velocity_m_s=velocity, noise=noise)
 
 
 def test_it_is_rehearsed_without_the_errors_to_come() -> None:
@@ -150,8 +150,8 @@ def test_training_flies_the_images_ahead_as_well() -> None:
     starts = random_starts(4, seed=1)
     genomes = np.array([genome.encode(), 0.9 * genome.encode() + 0.05])
     judged = fitness_from(experiment, genome, starts, 0)(genomes)["delta_v_m_s"]
-    controllers = [from_fuzzy(genome.decode(one)) for one in genomes]
-    flown = [fly_all(experiment.mission, one, starts).delta_v_m_s.mean() for one in controllers]
+    controllers = [from_fuzzy(genome.decode(individual)) for individual in genomes]
+    flown = [fly_all(experiment.mission, individual, starts).delta_v_m_s.mean() for individual in controllers]
     np.testing.assert_array_equal(judged, flown)
     assert judged[0] != judged[1]
 
@@ -161,13 +161,13 @@ def test_tours_are_flown_ahead_in_times_and_sizes() -> None:
     images, names = tour_images(controller), tour_names(controller)
     assert len(images) == len(set(names)) == 2 * 3 * 2
     assert constants_of(images[0]) == constants_of(controller) | {"rehearsal_tours": 0.0}
-    own, last = constants_of(images[0]), constants_of(images[-1])
+    first, last = constants_of(images[0]), constants_of(images[-1])
     assert names[-1] == "mirrored through the orbit plane, 50 % of its size, in 1200 s"
     assert last["tour_time_s"] == pytest.approx(1200.0)
-    np.testing.assert_allclose(tour_place(last, 0.7, 0.4), tour_place(own, 0.7, -0.4) * [0.5, 0.5, -0.5])
+    np.testing.assert_allclose(tour_place(last, 0.7, 0.4), tour_place(first, 0.7, -0.4) * [0.5, 0.5, -0.5])
     times = sorted({image.constants[constant("tour_time_s")] for image in images})
     ratios = np.divide(times[1:], times[:-1])
-    np.testing.assert_allclose(ratios, (1200.0 / own["tour_time_s"]) ** (1 / 2))
+    np.testing.assert_allclose(ratios, (1200.0 / first["tour_time_s"]) ** (1 / 2))
 
 
 def test_other_shapes_are_drawn_around_the_tour() -> None:
@@ -176,14 +176,14 @@ def test_other_shapes_are_drawn_around_the_tour() -> None:
     assert len(images) == len(set(names)) == 2 * 201
     assert constants_of(images[0]) == constants_of(controller) | {"rehearsal_tours": 0.0}
     assert names[2:4] == ["shape 1, as it is", "shape 1, mirrored through the orbit plane"]
-    places = list(map(constant, TOUR_PLACES))
+    columns = list(map(constant, TOUR_COEFFICIENTS))
     off = np.array([image.constants - images[0].constants for image in images[2::2]])
-    assert not np.delete(off, places, axis=1).any()
+    assert not np.delete(off, columns, axis=1).any()
     # 4,000 normal numbers: their spread is known to one part in ninety
-    assert off[:, places].std() == pytest.approx(8.0, rel=0.04)
-    assert abs(off[:, places].mean()) < 0.5
+    assert off[:, columns].std() == pytest.approx(8.0, rel=0.04)
+    assert abs(off[:, columns].mean()) < 0.5
     again = tour_images(touring(rehearsal_tours=2, rehearsal_shapes=1.0, rehearsal_spread_m=8.0))
-    assert again[2].constants[places].tolist() == images[2].constants[places].tolist()
+    assert again[2].constants[columns].tolist() == images[2].constants[columns].tolist()
 
 
 def test_a_tour_that_is_followed_from_later_on_is_flown_as_written() -> None:
@@ -212,15 +212,15 @@ def test_tours_are_flown_ahead_again_from_where_the_deputy_believes_to_be(delay_
     assert rehearsal_samples(controller, exact) == at
     assert log.tour_costs_m_s.shape == (3, 4)
     followed = log.tour_costs_m_s.argmin(axis=1).tolist()
-    for place, sample in enumerate(at):
+    for rehearsal, sample in enumerate(at):
         for tour in range(4):
-            end = fly_logged(exact, following(controller, exact, [*followed[:place], tour]), start)
+            end = fly_logged(exact, following(controller, exact, [*followed[:rehearsal], tour]), start)
             missed = 0.15 * np.count_nonzero(~end.is_inspected[-1])
             spent = end.delta_v_m_s[-1] - end.delta_v_m_s[sample]
             distance = np.linalg.norm(end.position_m[sample + 1 :], axis=1)
             is_outside = np.any((distance < least) | (distance > most))
             cost = spent + missed + 1e4 * is_outside
-            assert log.tour_costs_m_s[place, tour] == pytest.approx(cost, abs=1e-5)
+            assert log.tour_costs_m_s[rehearsal, tour] == pytest.approx(cost, abs=1e-5)
     relay = fly_logged(exact, following(controller, exact, followed), start)
     np.testing.assert_array_equal(log.position_m, relay.position_m)
     flown = fly_all(exact, controller, random_starts(6, seed=1))
@@ -245,8 +245,8 @@ def test_a_flight_that_begins_at_a_later_sample_is_that_of_a_shorter_mission() -
     first, seconds = 60, 600.0
     rest = replace(real, duration_s=real.duration_s - seconds)
     turned = real.orbit.mean_motion_rad_s * seconds
-    starts = [replace(one, noise=(1, 2, case)) for case, one in enumerate(random_starts(3, seed=2))]
-    late = [replace(one, sun_angle_rad=one.sun_angle_rad - turned) for one in starts]
+    starts = [replace(start, noise=(1, 2, case)) for case, start in enumerate(random_starts(3, seed=2))]
+    late = [replace(start, sun_angle_rad=start.sun_angle_rad - turned) for start in starts]
     drawn, shorter = cases_of(real, starts), cases_of(rest, late)
     errors = drawn.fixes.errors._replace(
         of_fixes=drawn.fixes.errors.of_fixes[:, first // 3 :],

@@ -20,7 +20,7 @@ from pipeline.flight.control.controller import coast, open_loop
 from pipeline.flight.fly.simulation import fly_all, fly_logged
 from pipeline.flight.period.act.safety import project
 from pipeline.flight.state.log import PASSIVE_SAFETY, Scenario
-from pipeline.flight.world.bounds import Bounds, bounds_of, guard_of, largest_share, spheres_of
+from pipeline.flight.world.bounds import SafetyBounds, bounds_of, guard_of, largest_share, spheres_of
 from pipeline.physics.motion import motion_over, stop_of, stopped
 from pipeline.settings.experiment import Mission, Safety, SettingError
 from tests.pipeline.flight.as_written import assert_as_written
@@ -177,12 +177,12 @@ def test_from_outside_the_safe_states_it_comes_back() -> None:
     assert distance[1:].min() > KEEP_OUT_M - 1e-4
 
 
-def nearest_by_slsqp(asked, first, accuracy, constraint):
+def nearest_by_slsqp(requested, first, accuracy, constraint):
     """The force nearest to one asked for, within the thrusters' limits and a constraint."""
     return minimize(
-        lambda force: np.sum((force - asked) ** 2),
+        lambda force: np.sum((force - requested) ** 2),
         first,
-        jac=lambda force: 2.0 * (force - asked),
+        jac=lambda force: 2.0 * (force - requested),
         bounds=[(-1.0, 1.0)] * 3,
         constraints=constraint,
         method="SLSQP",
@@ -198,18 +198,18 @@ def test_the_change_is_the_least() -> None:
     for start in starts_at_rest(400, 37):
         towards = start.position_m / np.linalg.norm(start.position_m)
         at = np.concatenate([(KEEP_IN_M - random.uniform(0.1, 3.0)) * towards, random.normal(0.0, 0.1, 3)])
-        asked = random.uniform(-1.0, 1.0, 3)
+        requested = random.uniform(-1.0, 1.0, 3)
 
         def room(force, at=at):
             return -layer.excesses(pushed(what, at, force, PERIOD), 2)
 
-        force, limit = layer.assured(at, asked)
+        force, limit = layer.assured(at, requested)
         if layer.excesses(at, 2).max() > 0.0 or limit != "keep_in":
             continue
-        solved = nearest_by_slsqp(asked, force, 1e-12, {"fun": room, "type": "ineq"})
+        solved = nearest_by_slsqp(requested, force, 1e-12, {"fun": room, "type": "ineq"})
         if solved.success:
             assert room(force).min() >= 0.0
-            assert np.linalg.norm(force - asked) <= np.linalg.norm(solved.x - asked) + 1e-3
+            assert np.linalg.norm(force - requested) <= np.linalg.norm(solved.x - requested) + 1e-3
             num_compared += 1
     assert num_compared > 50
 
@@ -220,11 +220,11 @@ def test_the_projection_is_that_of_a_solver(seed: int) -> None:
     inside = generator.uniform(-0.8, 0.8, 3)
     cuts = generator.normal(size=(generator.integers(1, 6), 4))
     cuts[:, 3] = cuts[:, :3] @ inside - generator.exponential(0.2, len(cuts))
-    asked = generator.uniform(-1.0, 1.0, 3)
-    found = project(Three(*asked), cuts, len(cuts), 1.0)
-    solved = nearest_by_slsqp(asked, inside, 1e-14, LinearConstraint(cuts[:, :3], cuts[:, 3]))
+    requested = generator.uniform(-1.0, 1.0, 3)
+    projected = project(Three(*requested), cuts, len(cuts), 1.0)
+    solved = nearest_by_slsqp(requested, inside, 1e-14, LinearConstraint(cuts[:, :3], cuts[:, 3]))
     assert solved.success
-    np.testing.assert_allclose(found, solved.x, atol=1e-5)
+    np.testing.assert_allclose(projected, solved.x, atol=1e-5)
 
 
 def composed(*overrides: str) -> Mission:
@@ -235,28 +235,29 @@ def composed(*overrides: str) -> Mission:
 def between_the_spheres(mission: Mission, count: int, seed: int) -> list[Scenario]:
     generator = np.random.default_rng(seed)
     keep_out, keep_in = spheres_of(mission, bounds_of(mission))
-    places = isotropic(generator, count) * generator.uniform(keep_out, keep_in, (count, 1))
+    positions = isotropic(generator, count) * generator.uniform(keep_out, keep_in, (count, 1))
+    angles = generator.uniform(0.0, 6.0, count)
     return [
-        Scenario(place, np.zeros(3), angle, 0.0, (seed, 1, case))
-        for case, (place, angle) in enumerate(zip(places, generator.uniform(0.0, 6.0, count), strict=True))
+        Scenario(position, np.zeros(3), angle, 0.0, (seed, 1, case))
+        for case, (position, angle) in enumerate(zip(positions, angles, strict=True))
     ]
 
 
 def test_where_all_is_exact_nothing_is_kept_to_spare() -> None:
     exact = composed()
-    assert bounds_of(exact) == Bounds()
-    assert spheres_of(exact, Bounds()) == (exact.keep_out_m, exact.keep_in_m)
-    assert bounds_of(composed("safety=filter", "world=leo")) == Bounds()
+    assert bounds_of(exact) == SafetyBounds()
+    assert spheres_of(exact, SafetyBounds()) == (exact.keep_out_m, exact.keep_in_m)
+    assert bounds_of(composed("safety=filter", "world=leo")) == SafetyBounds()
     assert repr(guard_of(exact)) == repr(guard_of(composed("safety=filter")))
 
 
 @pytest.mark.parametrize("world", ["navigation=fixes", "actuators=real", "dynamics=low_orbit", "world=leo"])
 def test_margins_grow_with_the_errors_and_with_the_probability(world: str) -> None:
     mission = composed(world)
-    found = bounds_of(mission)
-    assert found.does_close
+    bounds = bounds_of(mission)
+    assert bounds.does_close
     surer = bounds_of(replace(mission, safety=replace(mission.safety, probability=0.9999)))
-    assert surer.keep_out_m >= found.keep_out_m > found.keep_in_m > 0.0
+    assert surer.keep_out_m >= bounds.keep_out_m > bounds.keep_in_m > 0.0
 
 
 @pytest.mark.parametrize("late", ["delay_s=0", "delay_s=30"])
@@ -264,9 +265,9 @@ def test_the_estimate_is_bounded_from_the_first_sample_on_and_with_its_constant_
     """With late or useless fixes the first error stays; a bias moves the estimate by as much in the end."""
     blind = bounds_of(composed("navigation=fixes", f"navigation.{late}", "navigation.initial_position_m=10"))
     first = 10.0 * chi.isf(0.001 / 4.0, 3)
-    assert blind.errors.place_m > (first if late != "delay_s=0" else 0.4 * first)
+    assert blind.errors.position_m > (first if late != "delay_s=0" else 0.4 * first)
     biased = bounds_of(composed("navigation=fixes", f"navigation.{late}", "navigation.bias_m=1"))
-    assert biased.errors.place_m > biased.errors.constant_m > chi.isf(0.001 / 12.0, 3) - 0.01
+    assert biased.errors.position_m > biased.errors.constant_m > chi.isf(0.001 / 12.0, 3) - 0.01
 
 
 def test_errors_beyond_the_thrusters_do_not_close_and_limits_without_room_are_refused() -> None:
@@ -282,7 +283,7 @@ def test_errors_beyond_the_thrusters_do_not_close_and_limits_without_room_are_re
     [(0.05, 0.035, 0.99), (0.05, 0.0, 0.99), (0.05, 0.0, 0.99996), (0.0, 0.035, 0.99), (0.0, 0.035, 0.99996)],
 )
 def test_the_share_is_the_quantile_of_thrusters(scale: float, turn: float, share: float) -> None:
-    found = largest_share(scale, turn, share)
+    quantile = largest_share(scale, turn, share)
     if turn == 0.0:
         expected = scale * np.sqrt(2.0) * erfinv(share ** (1.0 / 3.0))
     elif scale == 0.0:
@@ -292,7 +293,7 @@ def test_the_share_is_the_quantile_of_thrusters(scale: float, turn: float, share
         matrices = Rotation.from_rotvec(turn * generator.normal(size=(100_000, 3))).as_matrix()
         matrices *= 1.0 + scale * generator.normal(size=(100_000, 3, 1))
         expected = np.quantile(np.linalg.norm(matrices - np.eye(3), ord=2, axis=(1, 2)), 0.99)
-    assert 0.995 * expected < found < (1.02 if share == 0.99 else 1.08) * expected
+    assert 0.995 * expected < quantile < (1.02 if share == 0.99 else 1.08) * expected
 
 
 @pytest.mark.parametrize("outward", [1.0, -1.0])
@@ -301,7 +302,7 @@ def test_steps_back_stay_within_the_bound_whatever_the_thrusters_and_the_estimat
     mission = composed("world=leo")
     bounds, motion = bounds_of(mission), motion_over(mission.orbit, mission.deputy, (10.0,))
     phi, gamma, stop = motion.transition[0], motion.control[0], stop_of(motion)
-    places = stopped(motion, stop).transition[0, :3]
+    stop_rows = stopped(motion, stop).transition[0, :3]
     limits = mission.deputy.min_distance_m, mission.deputy.max_distance_m
     radius = limits[0] + bounds.keep_out_m - 5.0 if outward > 0.0 else limits[1] - bounds.keep_in_m + 5.0
     generator = np.random.default_rng(1)
@@ -310,10 +311,10 @@ def test_steps_back_stay_within_the_bound_whatever_the_thrusters_and_the_estimat
         off = bounds.errors.share * turn @ np.diag(generator.choice([-1.0, 1.0], 3))
         state = np.concatenate((start, np.zeros(3)))
         for _ in range(100):
-            away = places @ state
+            away = stop_rows @ state
             away *= outward / np.linalg.norm(away)
-            asked = stop @ state + (bounds.step_back_n - 0.09) * away  # the estimate is off by this
-            state = phi @ state + gamma @ (asked + off @ asked - bounds.errors.force_n * away)
+            requested = stop @ state + (bounds.step_back_n - 0.09) * away  # the estimate is off by this
+            state = phi @ state + gamma @ (requested + off @ requested - bounds.errors.force_n * away)
             assert limits[0] < np.linalg.norm(state[:3]) < limits[1]
 
 
@@ -337,8 +338,10 @@ def test_nor_where_the_first_estimate_is_bad_and_fixes_are_late() -> None:
     bad = "navigation.initial_position_m=5", "navigation.delay_s=60"
     mission = composed("navigation=fixes", *bad, "attitude=ideal", "duration_s=600")
     near, _ = spheres_of(mission, bounds_of(mission))
-    places = (near + 0.01) * isotropic(np.random.default_rng(14), 100)
-    starts = [Scenario(place, np.zeros(3), 0.0, 0.0, (14, 1, case)) for case, place in enumerate(places)]
+    positions = (near + 0.01) * isotropic(np.random.default_rng(14), 100)
+    starts = [
+        Scenario(position, np.zeros(3), 0.0, 0.0, (14, 1, case)) for case, position in enumerate(positions)
+    ]
     assert not fly_all(mission, pushing(-1.0), starts, 1).is_violated.any()
 
 
@@ -357,7 +360,7 @@ def test_it_steps_back_as_written(force_n: float, distance_m: float) -> None:
     mission = replace(composed("world=leo"), duration_s=400.0)
     assert bounds_of(mission).step_back_n > 0.1
     (start,) = between_the_spheres(mission, 1, 5)
-    place = start.position_m * distance_m / np.linalg.norm(start.position_m)
-    log = assert_as_written(mission, pushing(force_n), replace(start, position_m=place))
+    position = start.position_m * distance_m / np.linalg.norm(start.position_m)
+    log = assert_as_written(mission, pushing(force_n), replace(start, position_m=position))
     assert np.abs(log.force_commanded_n).max() > 0.1
     assert log.safety_limit.any()

@@ -77,10 +77,10 @@ def test_in_free_motion_the_centre_keeps_its_height_and_drifts_along_the_track_a
 
 
 def test_a_deputy_on_the_ring_stays_on_it_and_away_from_it_the_error_turns_with_the_sun():
-    place = SUN_RAD - LEAD_RAD
+    angle = SUN_RAD - LEAD_RAD
     on_the_ring = Scenario(
-        SIZE_M * np.array([np.cos(place), 2.0 * np.sin(place), 0.0]),
-        SIZE_M * MEAN_MOTION * np.array([np.sin(place), -2.0 * np.cos(place), 0.0]),
+        SIZE_M * np.array([np.cos(angle), 2.0 * np.sin(angle), 0.0]),
+        SIZE_M * MEAN_MOTION * np.array([np.sin(angle), -2.0 * np.cos(angle), 0.0]),
         SUN_RAD,
     )
     for larger in (0.0, 1.0):

@@ -127,8 +127,8 @@ def test_a_sun_that_is_drawn_has_an_elevation_from_its_range() -> None:
     flat, drawn = ([draw(3, EVALUATION, case, CASES, sun) for case in range(400)] for sun in (RANDOM, tilted))
     np.testing.assert_array_equal(positions(flat), positions(drawn))
     np.testing.assert_array_equal(suns(flat), suns(drawn))
-    assert not any(one.sun_elevation_rad for one in flat)
-    assert_uniform(np.degrees([one.sun_elevation_rad for one in drawn]), -20.0, 80.0)
+    assert not any(scenario.sun_elevation_rad for scenario in flat)
+    assert_uniform(np.degrees([scenario.sun_elevation_rad for scenario in drawn]), -20.0, 80.0)
     mixed = replace(tilted, mode="mixed", elevation_deg=5.0)
     assert np.degrees(draw(3, EVALUATION, 2, CASES, mixed).sun_elevation_rad) == 5.0
     assert draw(3, EVALUATION, 3, CASES, mixed).sun_elevation_rad == drawn[3].sun_elevation_rad
@@ -174,16 +174,16 @@ def composed(*words: str) -> Experiment:
 def test_cases_draw_by_their_distributions() -> None:
     experiment = composed(VARIED_TORQUE, MASS, ANGLE, "monte_carlo.num_cases=400")
     scenarios = evaluation_scenarios(experiment)
-    told = [drawn(experiment.mission, scenario) for scenario in scenarios]
+    settings = [drawn(experiment.mission, scenario) for scenario in scenarios]
     keys = ["deputy.mass_kg", "deputy.max_torque_n_m", "sensor.half_angle_deg"]
-    assert all([key for key, _ in one] == keys for one in told)
-    values = np.array([[value for _, value in one] for one in told])
+    assert all([key for key, _ in values_by_key] == keys for values_by_key in settings)
+    values = np.array([[value for _, value in values_by_key] for values_by_key in settings])
     laws = norm(12.0, 0.5), truncnorm(-0.5, np.inf, 0.01, 0.002), uniform(13.0, 4.0)
     for column, law in zip(values.T, laws, strict=True):
         assert kstest(column, law.cdf).pvalue > 0.001
     assert np.abs(np.corrcoef(values.T) - np.eye(3)).max() < 0.2
     # a case is the same among however many others
-    assert drawn(experiment.mission, scenarios[7]) == told[7]
+    assert drawn(experiment.mission, scenarios[7]) == settings[7]
     np.testing.assert_array_equal(positions(evaluation_scenarios(composed())[:400]), positions(scenarios))
 
 
@@ -194,10 +194,10 @@ def test_a_case_flies_its_own_mission_alone_and_among_others() -> None:
     controller = named("lqr", mission)
     episodes, tracks = fly_cases(mission, controller, scenarios, 2)
     for case, scenario in enumerate(scenarios):
-        own = mission_of_case(mission, scenario)
-        assert not own.dispersions
-        assert own.deputy.mass_kg == episodes["deputy.mass_kg"][case] != mission.deputy.mass_kg
-        alone = fly_all(own, controller, [scenario], 1)
+        case_mission = mission_of_case(mission, scenario)
+        assert not case_mission.dispersions
+        assert case_mission.deputy.mass_kg == episodes["deputy.mass_kg"][case] != mission.deputy.mass_kg
+        alone = fly_all(case_mission, controller, [scenario], 1)
         assert alone.delta_v_m_s[0] == episodes["delta_v_m_s"][case]
         log = fly_logged(mission, controller, scenario)
         np.testing.assert_array_equal(tracks[case], log.position_m.astype(np.float32))
@@ -205,7 +205,7 @@ def test_a_case_flies_its_own_mission_alone_and_among_others() -> None:
 
 
 @pytest.mark.parametrize(
-    ("told", "message"),
+    ("dispersions", "message"),
     [
         ("deputy.mas_kg={kind:uniform,low:1,high:2}", "deputy.mas_kg is no number that a flight can have"),
         ("chief.num_points={kind:uniform,low:1,high:2}", "chief.num_points is no number that a flight can"),
@@ -224,15 +224,15 @@ def test_a_case_flies_its_own_mission_alone_and_among_others() -> None:
         ("navigation.noise_m={kind:normal,mean:1,std:1,correlation_s:60}", "low must be at least 0"),
     ],
 )
-def test_dispersions_that_cannot_be(told: str, message: str) -> None:
+def test_dispersions_that_cannot_be(dispersions: str, message: str) -> None:
     with pytest.raises(SettingError, match=message):
-        composed("dynamics=two_body", "navigation=fixes", f"+dispersions.{told}")
+        composed("dynamics=two_body", "navigation=fixes", f"+dispersions.{dispersions}")
 
 
 def test_a_draw_that_cannot_be_names_its_cure_and_training_flies_none() -> None:
     experiment = composed("+dispersions.deputy.mass_kg={kind:normal,mean:0.1,std:1.0}")
     scenarios = evaluation_scenarios(experiment)
-    impossible = next(one for one in scenarios if drawn(experiment.mission, one)[0][1] < 0.0)
+    impossible = next(scenario for scenario in scenarios if drawn(experiment.mission, scenario)[0][1] < 0.0)
     with pytest.raises(SettingError, match=r"a case draws what cannot be: deputy.mass_kg is -.*low and"):
         mission_of_case(experiment.mission, impossible)
     with pytest.raises(SettingError, match="stages has train, and dispersions are given"):

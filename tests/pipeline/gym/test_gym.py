@@ -41,7 +41,7 @@ def test_flights_driven_with_the_forces_of_a_log_are_that_flight(world: str) -> 
     experiment, mission = task.experiment, task.mission
     scenarios = evaluation_scenarios(experiment)
     logs = [fly_logged(mission, load(experiment.controller, mission), one) for one in scenarios]
-    flights = stepping.Flights(mission, 2, is_tilted=task.is_tilted)
+    flights = stepping.SteppedFlights(mission, 2, is_tilted=task.is_tilted)
     for flight, scenario in enumerate(scenarios):
         flights.start(flight, scenario)
     flights.step(np.zeros((2, 3)))
@@ -190,7 +190,7 @@ def test_what_cannot_be_learnt_in_is_refused(flown) -> None:
     task = flown.task
     tilted = replace(flown._episodes._scenarios[0], sun_elevation_rad=0.5)
     with pytest.raises(ValueError, match="out of the orbit plane; pass is_tilted=True"):
-        stepping.Flights(task.mission, 1, is_tilted=False).start(0, tilted)
+        stepping.SteppedFlights(task.mission, 1, is_tilted=False).start(0, tilted)
     with pytest.raises(ValueError, match=r"levels_n is 9\.0; it must be above 0 and at most"):
         task_of(levels_n=9.0)
     with pytest.raises(ValueError, match="leave dispersions out"):

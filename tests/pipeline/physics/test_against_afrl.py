@@ -31,9 +31,9 @@ def test_motion(case: Floats) -> None:
 def test_motion_and_attitude(case: Floats) -> None:
     """The force acts along the axes of the body halfway through each step."""
     start, force, torque, seconds, end, bound = np.split(case, [13, 16, 19, 20, 33])
-    place, quaternion, velocity, rate = np.split(start, [3, 7, 10])
+    position, quaternion, velocity, rate = np.split(start, [3, 7, 10])
     force = np.clip(force, -MAX_FORCE, MAX_FORCE)
-    state, step = np.concatenate((place, velocity)), motion_over(MEAN_MOTION, STEP_S, MASS)
+    state, step = np.concatenate((position, velocity)), motion_over(MEAN_MOTION, STEP_S, MASS)
     for _ in range(round(float(seconds[0]) / STEP_S)):
         is_fastest = np.abs(rate + 0.5 * STEP_S * np.linalg.solve(INERTIA, torque)).max() > FASTEST
         turning = quaternion, rate, INERTIA, np.zeros(3) if is_fastest else torque
@@ -41,5 +41,5 @@ def test_motion_and_attitude(case: Floats) -> None:
         state = propagate(step, state, force_h)
         quaternion, rate = turned(*turning, STEP_S)
     is_told = ~np.isnan(end)
-    found = np.concatenate((state[:3], quaternion, state[3:], rate))
-    np.testing.assert_allclose(found[is_told], end[is_told], rtol=0, atol=bound[0])
+    predicted = np.concatenate((state[:3], quaternion, state[3:], rate))
+    np.testing.assert_allclose(predicted[is_told], end[is_told], rtol=0, atol=bound[0])

@@ -26,14 +26,14 @@ def test_the_conditions_without_roots_are_those_of_the_paper():
     for half_angle in (0.1, 0.5, 1.2):
         sight, num_seen = sight_of(RADIUS, half_angle), 0
         for _ in range(40):
-            place = rng.normal(size=3) * rng.choice([8.0, 20.0, 60.0])
-            boresight = -place / np.linalg.norm(place) + 0.3 * rng.normal(size=3)
+            position = rng.normal(size=3) * rng.choice([8.0, 20.0, 60.0])
+            boresight = -position / np.linalg.norm(position) + 0.3 * rng.normal(size=3)
             boresight /= np.linalg.norm(boresight)
             sun = sun_direction_h(rng.uniform(0.0, 2.0 * np.pi))
-            away = points - place
+            away = points - position
             distance = np.linalg.norm(away, axis=1)
-            seen = is_facing(sight, points @ place) & is_in_cone(sight, away @ boresight, distance**2)
-            expected = points @ place >= RADIUS * np.linalg.norm(points, axis=1)
+            seen = is_facing(sight, points @ position) & is_in_cone(sight, away @ boresight, distance**2)
+            expected = points @ position >= RADIUS * np.linalg.norm(points, axis=1)
             expected &= away @ boresight >= np.cos(half_angle) * distance
             np.testing.assert_array_equal(seen, expected)
             lit = is_lit(sight, points[:, 0], points[:, 1], sun[0], sun[1])

@@ -80,10 +80,10 @@ def test_a_chief_tumbles_in_inertial_space_and_the_step_fits_how_fast(inertia, s
     step = 1.0 if accuracy else attitudes.longest_tumbling_step(inertia, rate, MEAN_MOTION, duration)
     steps = int(np.ceil(duration / step))
     accuracy = accuracy or 2.0 * attitudes.TUMBLING_TOLERANCE_RAD
-    quaternion, found = attitudes.tumble(IDENTITY, rate, inertia, inverse, MEAN_MOTION, duration, steps)
+    quaternion, rate_at_end = attitudes.tumble(IDENTITY, rate, inertia, inverse, MEAN_MOTION, duration, steps)
     attitude, wanted = turned_by_scipy(inertia, rate, np.zeros(3), duration)
     assert (Rotation.from_quat(quaternion).inv() * attitude).magnitude() < accuracy
-    np.testing.assert_allclose(found, wanted, atol=min(1e-2 * accuracy, 1e-3) * np.linalg.norm(rate))
+    np.testing.assert_allclose(rate_at_end, wanted, atol=min(1e-2 * accuracy, 1e-3) * np.linalg.norm(rate))
 
 
 def test_a_top_that_spins_fast_for_an_hour_points_where_the_closed_form_says():

@@ -36,9 +36,9 @@ OBLATE = {"j2": 1.08262668e-3, "drag_m_s2": 3e-7, "radiation_m_s2": 1e-7}
 
 
 def course(dynamics, num_periods: int, has_shadow: bool = False, radius: float = RADIUS) -> Course:
-    told = SimpleNamespace(**(ROUND | dynamics))
+    settings = SimpleNamespace(**(ROUND | dynamics))
     motion = float(np.sqrt(EARTH_GRAVITY_M3_S2 / radius**3))
-    return course_of(motion, radius, told, has_shadow, PERIOD, num_periods)
+    return course_of(motion, radius, settings, has_shadow, PERIOD, num_periods)
 
 
 def flown(along: Course, start: np.ndarray, forces: np.ndarray) -> np.ndarray:
@@ -50,13 +50,13 @@ def flown(along: Course, start: np.ndarray, forces: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("name", TOLD["cases"])
 def test_basilisk_flies_the_same_hour(name):
-    told = TOLD["cases"][name]
-    along = course(told["dynamics"], 360, told["has_shadow"])
-    start = [*told["position_m"], *told["velocity_m_s"]]
+    case = TOLD["cases"][name]
+    along = course(case["dynamics"], 360, case["has_shadow"])
+    start = [*case["position_m"], *case["velocity_m_s"]]
     path = flown(along, start, np.zeros((360, 3)))
-    samples = np.rint(np.array(told["times_s"]) / PERIOD).astype(int)
+    samples = np.rint(np.array(case["times_s"]) / PERIOD).astype(int)
     assert len(samples) == 13
-    np.testing.assert_allclose(path[samples, :3], told["path_m"], rtol=0.0, atol=1e-3)
+    np.testing.assert_allclose(path[samples, :3], case["path_m"], rtol=0.0, atol=1e-3)
 
 
 def plainly_flown(dynamics, radius: float, start: np.ndarray, forces: np.ndarray) -> np.ndarray:
@@ -145,8 +145,8 @@ def test_it_is_as_near_to_the_truth_as_it_says():
     # half of them drift little, so that they come round the chief
     states[:30, 4] = -2.0 * MEAN_MOTION * states[:30, 0] + generator.normal(0.0, 0.005, 30)
     centre = [0.0, 0.0, 0.0, 0.03, -0.02, 0.01]
-    for place, after_s in enumerate((500.0, 2500.0, 5000.0)):
-        states[place] = solve_ivp(hill, (after_s, 0.0), centre, "DOP853", rtol=1e-11, atol=1e-11).y[:, -1]
+    for index, after_s in enumerate((500.0, 2500.0, 5000.0)):
+        states[index] = solve_ivp(hill, (after_s, 0.0), centre, "DOP853", rtol=1e-11, atol=1e-11).y[:, -1]
     nearest = np.array([closest_approach(state) for state in states])
     errors = np.abs(nearest - [least_distance(state) for state in states])
     # the largest distance of a place on the ellipse from its moving centre, across the track included

@@ -20,8 +20,8 @@ def motion_over(mean_motion, seconds, mass):
 
 def propagate(linear, state, force_h):
     """Return a state, shape (6,), after the first duration of a motion under a held force, N, Hill axes."""
-    held = motion.step_of(linear, 0), Three(*state[:3]), Three(*state[3:]), Three(*force_h)
-    return np.array([*motion.place_after(*held), *motion.velocity_after(*held)])
+    held = motion.propagator_of(linear, 0), Three(*state[:3]), Three(*state[3:]), Three(*force_h)
+    return np.array([*motion.position_after(*held), *motion.velocity_after(*held)])
 
 
 def move_beside(course, period, state, force, sun):
@@ -30,17 +30,17 @@ def move_beside(course, period, state, force, sun):
     light = Three(*(-course.radiation * np.asarray(sun)))
 
     def shine(at):
-        height, distance = course.axes[at, 0] @ sun, np.linalg.norm(course.places[at])
+        height, distance = course.axes[at, 0] @ sun, np.linalg.norm(course.positions[at])
         return visible_share(height, distance) if course.has_shadow else 1.0
 
     with plainly("pipeline"):
-        place, velocity = entered(course, row, Three(*state[:3]), Three(*state[3:]))
+        position, velocity = entered(course, row, Three(*state[:3]), Three(*state[3:]))
         for _ in range(course.num_steps):
             shares = Three(shine(row), shine(row + 1), shine(row + 2))
-            place, velocity = stepped(course, row, place, velocity, Three(*force), light, shares)
+            position, velocity = stepped(course, row, position, velocity, Three(*force), light, shares)
             row += 2
-        place, velocity = left(course, row, place, velocity)
-    return np.array([*place, *velocity])
+        position, velocity = left(course, row, position, velocity)
+    return np.array([*position, *velocity])
 
 
 def hill_rate_b(quaternion, mean_motion):

@@ -36,35 +36,35 @@ def flight(distance_m: list[float], inspected_count: list[int]) -> FlightLog:
     )
 
 
-def told(distance_m: list[float], near_limit_m: float = 5.0) -> list[tuple[int, str]]:
+def sentences(distance_m: list[float], near_limit_m: float = 5.0) -> list[tuple[int, str]]:
     """Samples and levels of what happens besides the end."""
-    *found, end = events(MISSION, flight(distance_m, [0] * 11), near_limit_m)
+    *rest, end = events(MISSION, flight(distance_m, [0] * 11), near_limit_m)
     assert end.sample == 10
     assert end.text.startswith("end:")
-    return [(event.sample, event.level) for event in found]
+    return [(event.sample, event.level) for event in rest]
 
 
 def test_nothing_happens_far_from_the_limits_which_are_inside_themselves():
-    assert told([75.0] * 11) == []
-    assert told([15.0, 200.0] * 5 + [15.0], near_limit_m=0.0) == []
+    assert sentences([75.0] * 11) == []
+    assert sentences([15.0, 200.0] * 5 + [15.0], near_limit_m=0.0) == []
 
 
 def test_approach_leave_and_return():
     distances = [30.0, 21.0, 19.0, 16.0, 14.9, 12.0, 15.0, 18.0, 24.0, 40.0, 40.0]
-    assert told(distances) == [(2, "warning"), (4, "error"), (6, "info")]
+    assert sentences(distances) == [(2, "warning"), (4, "error"), (6, "info")]
     texts = [event.text for event in events(MISSION, flight(distances, [0] * 11), 5.0)]
     assert texts[0] == "19.0 m from the chief: 4.0 m from the least distance allowed (15 m)"
     assert texts[1] == "14.9 m from the chief: beyond the least distance allowed (15 m)"
     assert texts[2] == "15.0 m from the chief: inside the limits again"
     assert texts[3].endswith("12.0 to 40.0 m from the chief, outside the limits at 2 of 10 samples")
     # no warning is repeated at the edge of nearness
-    assert told([196.0, 194.0] * 5 + [196.0]) == [(0, "warning")]
-    assert told([75.0, 196.0, 75.0, 197.0, *[75.0] * 7]) == [(1, "warning"), (3, "warning")]
+    assert sentences([196.0, 194.0] * 5 + [196.0]) == [(0, "warning")]
+    assert sentences([75.0, 196.0, 75.0, 197.0, *[75.0] * 7]) == [(1, "warning"), (3, "warning")]
 
 
 def test_a_flight_that_starts_outside_says_so_and_violates_nothing():
     distances = [10.0, *[50.0] * 10]
-    assert told(distances) == [(0, "error"), (1, "info")]
+    assert sentences(distances) == [(0, "error"), (1, "info")]
     assert events(MISSION, flight(distances, [0] * 11), 5.0)[-1].text.endswith("always inside the limits")
 
 
@@ -118,52 +118,52 @@ def test_a_recording_that_does_not_say_what_was_flown_is_refused(recording, tmp_
 GUARDED = guarded(EARLY)
 
 
-def told_of_layer(limits: dict[int, int]) -> list[Event]:
+def layer_sentences(limits: dict[int, int]) -> list[Event]:
     """What is said of a flight in which the layer acts at some samples, by 12 mN along one axis."""
     log = fly_logged(GUARDED, STEERING, STARTS[0])
     limit, force = np.zeros(360, dtype=np.int64), np.zeros((360, 3))
     for sample, name in limits.items():
         limit[sample], force[sample, 1] = name, -0.012
-    found = events(GUARDED, log._replace(safety_limit=limit, safety_force_hill_n=force), 5.0)
-    return [event for event in found if "safety layer" in event.text]
+    happened = events(GUARDED, log._replace(safety_limit=limit, safety_force_hill_n=force), 5.0)
+    return [event for event in happened if "safety layer" in event.text]
 
 
 def test_it_begins_for_a_reason_and_ceases_with_an_account() -> None:
-    assert told_of_layer({}) == []
+    assert layer_sentences({}) == []
     # 12 mN over 10 s on 12 kg are 0.01 m/s
-    begin, cease, end = told_of_layer({20: PASSIVE_SAFETY, 21: PASSIVE_SAFETY, 25: KEEP_IN})
+    begin, cease, end = layer_sentences({20: PASSIVE_SAFETY, 21: PASSIVE_SAFETY, 25: KEEP_IN})
     assert begin == Event(20, "warning", "safety layer acts: passive safety")
     assert (cease.sample, cease.level) == (26, "info")
     assert "ceases to act: passive safety, keep-in; it changed the force in 3 of 6 periods, by" in cease.text
     assert cease.text.endswith(" 0.0300 m/s")
     assert end.text.endswith(", always inside the limits, safety layer acted in 3 periods (0.0300 m/s)")
     # short rests are no end and long ones are
-    samples = [event.sample for event in told_of_layer({100: SPEED, 106: SPEED, 113: SPEED, 359: SPEED})]
+    samples = [event.sample for event in layer_sentences({100: SPEED, 106: SPEED, 113: SPEED, 359: SPEED})]
     assert samples == [100, 107, 113, 114, 359, 360, 360]
 
 
-def safety_words(*told: object) -> str:
+def safety_words(*numbers: object) -> str:
     """Return what the report says of the safety layer."""
-    return template("pipeline.report", "templates", "words.html").module.safety(*told).strip()
+    return template("pipeline.report", "templates", "words.html").module.safety(*numbers).strip()
 
 
 def test_the_report_tells_how_often_how_long_and_what_it_cost() -> None:
-    told = {
+    summary = {
         "num_cases": 1000,
         "safety_acted": {"count": 20, "fraction": 0.02, "low": 0.013, "high": 0.031},
         "safety_periods": {"mean": 0.21},
         "safety_delta_v_m_s": {"mean": 0.0007, "maximum": 0.0912},
     }
-    words = safety_words("evaluation", told, None)
+    words = safety_words("evaluation", summary, None)
     assert "In the evaluation it acted in 20 of 1,000 flights (2.0 %, 1.3 to 3.1 %)" in words
     assert "%), in these for 10.5" in words
     assert "by 0.0350 m/s in the mean; over all flights its changes come to 0.0007 m/s a flight" in words
     assert words.endswith("at most 0.0912 m/s in one.")
     log = fly_logged(GUARDED, STEERING, STARTS[0])
     for count, how_many in ((0, "none"), (1, "one"), (14, "14")):
-        with_more = safety_words("evaluation", told, Without(count, 3, log, log))
+        with_more = safety_words("evaluation", summary, Without(count, 3, log, log))
         assert with_more == f"{words} Without it, {how_many} of these flights would have left the limits."
-    idle = told | {"safety_acted": {"count": 0, "fraction": 0.0, "low": 0.0, "high": 0.0038}}
+    idle = summary | {"safety_acted": {"count": 0, "fraction": 0.0, "low": 0.0, "high": 0.0038}}
     assert safety_words("training", idle, None).endswith("in 0 of 1,000 flights (0.0 %, 0.0 to 0.4 %).")
     assert safety_words("training", {"num_cases": 1000}, None) == ""
 

@@ -81,10 +81,10 @@ def test_parts_sum_to_what_was_sensed(world: str, name: str) -> None:
     assert len(samples)
     assert parts
     is_told = False
-    for place, system in enumerate(followed.systems):
+    for row, system in enumerate(followed.systems):
         for column, variable in enumerate(system.inputs):
             if variable.name in parts and not variable.name.startswith("tour_push"):
-                sensed, added = log.fis_input[samples, place, column], parts[variable.name].sum(axis=1)
+                sensed, added = log.fis_input[samples, row, column], parts[variable.name].sum(axis=1)
                 np.testing.assert_allclose(added, sensed, rtol=0, atol=1e-9, err_msg=variable.name)
                 is_told |= bool(added.any())
     assert is_told or all(name.startswith("tour_push") for name in parts)
@@ -95,15 +95,15 @@ def test_leaning_towards_points_is_what_they_add_to_the_push_onto_the_tour(world
     log, _, samples, parts = parts_in(world, "champion_leo")
     names = [f"tour_push_{axis}" for axis in ("radial", "along_track", "cross_track")]
     sensed = log.fis_input[samples, [[0], [1], [2]], 0].T
-    told = 0
+    num_checked = 0
     for row, k in enumerate(samples):
         flight, state, _ = readable(world, "champion_leo", k)
         alone = tour_push(flight, k, state, np.zeros(3))
         if np.linalg.norm(state[:3]) > flight.constants["skirt_distance_m"]:
             added = np.array([parts[name][row].sum() for name in names])
             np.testing.assert_allclose(alone + added, sensed[row], rtol=0, atol=1e-9)
-            told += 1
-    assert told > 5
+            num_checked += 1
+    assert num_checked > 5
 
 
 @pytest.mark.parametrize("world", ["the paper's", "low orbit"])
@@ -129,8 +129,8 @@ def test_each_part_is_what_the_push_loses_without_the_points_shortfall(world: st
         for point in np.flatnonzero(short):
             without, still_leads_in = pushed(np.where(np.arange(len(short)) == point, 0.0, short))
             if leads_in == still_leads_in:
-                found = [parts[name][3 * row, point] for name in names]
-                np.testing.assert_allclose(found, whole - without, rtol=0, atol=1e-9)
+                recorded_parts = [parts[name][3 * row, point] for name in names]
+                np.testing.assert_allclose(recorded_parts, whole - without, rtol=0, atol=1e-9)
                 num_told += 1
         assert not any(parts[name][3 * row][short == 0.0].any() for name in names)
     assert num_told > 5
@@ -139,12 +139,12 @@ def test_each_part_is_what_the_push_loses_without_the_points_shortfall(world: st
 def test_what_coasting_would_miss_is_not_seen_by_coasting() -> None:
     what = WORLDS["the paper's"]
     log, _ = flown(what, OF_POINTS["champion_27"])
-    asked = np.flatnonzero(np.isfinite(log.foreseen[:, 0]))
-    np.testing.assert_array_equal(log.is_missed[asked].sum(axis=1), log.foreseen[asked, 0])
-    for k in asked[:: max(1, len(asked) // 4)]:
+    decisions = np.flatnonzero(np.isfinite(log.foreseen[:, 0]))
+    np.testing.assert_array_equal(log.is_missed[decisions].sum(axis=1), log.foreseen[decisions, 0])
+    for k in decisions[:: max(1, len(decisions) // 4)]:
         angle = log.sun_angle_rad[k]
-        place = {"position_m": log.position_m[k], "velocity_m_s": log.velocity_m_s[k]}
-        start = replace(STARTS[0], **place, sun_angle_rad=angle)
+        state = {"position_m": log.position_m[k], "velocity_m_s": log.velocity_m_s[k]}
+        start = replace(STARTS[0], **state, sun_angle_rad=angle)
         left = replace(what, duration_s=what.duration_s - k * what.control_period_s)
         seen = fly_logged(left, coast(), start).is_inspected[-1] | log.is_inspected[k]
         # on the way the camera sees a few more than at the places that are previewed
@@ -154,13 +154,13 @@ def test_what_coasting_would_miss_is_not_seen_by_coasting() -> None:
 
 def test_a_recording_holds_what_rehearsals_cost(tmp_path: Path) -> None:
     flying = FUZZY["champion_27_rehearsed"]
-    log, found = recorded(tmp_path / "x.mcap", TEN_MINUTES, flying, STARTS[0])
-    (told,) = found.rehearsals.values()
-    assert told.costs_m_s == tuple(log.push_costs_m_s.tolist())
-    assert told.names[0] == "0 mm/s radially, 0 along the track, 0 across"
-    assert len(told.names) == 105
+    log, recording = recorded(tmp_path / "x.mcap", TEN_MINUTES, flying, STARTS[0])
+    (rehearsal,) = recording.rehearsals.values()
+    assert rehearsal.costs_m_s == tuple(log.push_costs_m_s.tolist())
+    assert rehearsal.names[0] == "0 mm/s radially, 0 along the track, 0 across"
+    assert len(rehearsal.names) == 105
     first = read_rehearsals(tmp_path / "x.mcap", 0.0)["first push"]
-    assert [cost for cost, _ in first] == sorted(told.costs_m_s)
+    assert [cost for cost, _ in first] == sorted(rehearsal.costs_m_s)
     assert read_rehearsals(tmp_path / "x.mcap", 10.0) == {}
     words = rehearsed("first push", first).blocks[1]
     assert len(words.rows) == 6
@@ -171,9 +171,9 @@ def test_a_recording_holds_what_later_rehearsals_cost(tmp_path: Path) -> None:
     flying = touring(rehearsal_tours=2, rehearsal_period_s=300.0)
     log, flight = recorded(tmp_path / "x.mcap", TEN_MINUTES, flying, STARTS[0])
     first, second = "image of the tour", "image of the tour from 300 s"
-    found = [read_rehearsals(tmp_path / "x.mcap", time_s) for time_s in (290.0, 300.0)]
-    for told, name, costs in zip(found, (first, second), log.tour_costs_m_s, strict=True):
-        assert told == {name: sorted(zip(costs.tolist(), tour_names(flying), strict=True))}
+    both = [read_rehearsals(tmp_path / "x.mcap", time_s) for time_s in (290.0, 300.0)]
+    for rehearsal, name, costs in zip(both, (first, second), log.tour_costs_m_s, strict=True):
+        assert rehearsal == {name: sorted(zip(costs.tolist(), tour_names(flying), strict=True))}
     events = flight["/log"]
     assert events.time_s[["rehearsed" in text for text in events["message"]]].tolist() == [0.0, 300.0]
 
@@ -189,8 +189,8 @@ def test_a_recording_holds_them_and_one_without_such_inputs_has_no_topic(tmp_pat
         for system in flying.systems if senses else ():
             cloud, sensed = flight["/chief/pulls"], flight[f"/fis/{system.name}"]
             rows = np.searchsorted(cloud.time_s, sensed.time_s + 1e-6) - 1
-            for place, variable in enumerate(system.inputs):
+            for column, variable in enumerate(system.inputs):
                 if variable.name in cloud.columns:
                     added = cloud[variable.name][rows].sum(axis=1)
-                    np.testing.assert_allclose(added, sensed["inputs"][:, place], rtol=0, atol=1e-9)
+                    np.testing.assert_allclose(added, sensed["inputs"][:, column], rtol=0, atol=1e-9)
                     assert cloud.units[variable.name] == variable.unit == "m/s"

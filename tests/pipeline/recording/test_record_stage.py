@@ -82,10 +82,10 @@ def test_a_single_case_is_worst_median_and_best_where_asked_for(tmp_path, capsys
 def test_recorded_flights_repeat_the_evaluation_exactly(finished):
     episodes = tables.read_parquet(finished, artifacts.EPISODES)
     tracks = tables.read_parquet(finished, artifacts.TRAJECTORIES)
-    found = {}
+    flights = {}
     for path in (finished / "episodes").glob("*-case-*.mcap"):
         name, _, case = path.stem.partition("-case-")
-        found[name] = int(case)
+        flights[name] = int(case)
         flight = telemetry.read(path)
         mission, state = flight["/mission"], flight["/deputy/state"]
         row = {column: values[int(case)] for column, values in episodes.items()}
@@ -99,8 +99,8 @@ def test_recorded_flights_repeat_the_evaluation_exactly(finished):
         for i, axis in enumerate("xyz"):
             np.testing.assert_array_equal(position[:, i], tracks[f"position_{axis}_m"][is_case])
         assert (flight.episode.scenario_id, flight.episode.seed) == (f"case-{case}", 4)
-    assert set(found) == {"worst", "median", "best"}
-    counts = [episodes["inspected_count"][found[name]] for name in ("worst", "median", "best")]
+    assert set(flights) == {"worst", "median", "best"}
+    counts = [episodes["inspected_count"][flights[name]] for name in ("worst", "median", "best")]
     assert counts == sorted(counts)
     assert counts[0] == episodes["inspected_count"].min()
     assert counts[2] == episodes["inspected_count"].max()
@@ -127,8 +127,8 @@ def test_the_flight_from_the_start_takes_the_place_of_earlier_recordings(tmp_pat
     foreign = ["my-worst-case-9.mcap", "notes.txt", "worst-case-9.rrd"]
     for name in stale + foreign:
         (tmp_path / "episodes" / name).write_bytes(b"x")
-    place = ("deputy.initial_position_m=[0.0,-60.0,1.0]", "deputy.initial_velocity_m_s=[0.01,0.0,-0.02]")
-    flight = cases.staged(tmp_path, "duration_s=20.0", "sun.angle_deg=90", *place)
+    start = ("deputy.initial_position_m=[0.0,-60.0,1.0]", "deputy.initial_velocity_m_s=[0.01,0.0,-0.02]")
+    flight = cases.staged(tmp_path, "duration_s=20.0", "sun.angle_deg=90", *start)
     assert recordings(tmp_path) == sorted([*foreign, "start.mcap"])
     assert flight["/deputy/state"]["position_m"][0].tolist() == [0.0, -60.0, 1.0]
     assert flight["/deputy/state"]["velocity_m_s"][0].tolist() == [0.01, 0.0, -0.02]
@@ -187,8 +187,8 @@ def test_a_dispersed_flight_tells_its_own_settings(tmp_path):
     assert fly_again(recording.path).is_equal
 
 
-@pytest.mark.parametrize(("speed", "told"), [(0.0, " m/s\n"), (-1.0, " m/s, outside the limits\n")])
-def test_a_flight_that_leaves_the_limits_says_so(tmp_path, capsys, speed, told):
+@pytest.mark.parametrize(("speed", "sentence"), [(0.0, " m/s\n"), (-1.0, " m/s, outside the limits\n")])
+def test_a_flight_that_leaves_the_limits_says_so(tmp_path, capsys, speed, sentence):
     start = "deputy.initial_position_m=[50,0,0]", f"deputy.initial_velocity_m_s=[{speed},0,0]"
     carried_out(cases.composed("controller=coast", "duration_s=60.0", *start), tmp_path)
-    assert told in capsys.readouterr().err
+    assert sentence in capsys.readouterr().err

@@ -85,8 +85,8 @@ def test_what_was_flown_in_full_precision(full: Recording, log: FlightLog):
             "inspected_mask": log.is_inspected,
         },
         **{
-            f"/fis/{name}": {field: flown[:, place] for field, flown in of_systems.items()}
-            for place, name in enumerate(SYSTEMS)
+            f"/fis/{name}": {field: flown[:, index] for field, flown in of_systems.items()}
+            for index, name in enumerate(SYSTEMS)
         },
     }.items():
         for field, flown in fields.items():
@@ -97,13 +97,13 @@ def test_what_was_flown_in_full_precision(full: Recording, log: FlightLog):
 
 def test_transforms(full: Recording, log: FlightLog):
     assert set(full["/deputy/pose"]["frame"]) == {"hill"}
-    found = full["/tf"]
-    frames = list(zip(found["parent_frame"], found["child_frame"], strict=True))
+    transforms = full["/tf"]
+    frames = list(zip(transforms["parent_frame"], transforms["child_frame"], strict=True))
     assert frames == [("tf#/", "hill"), *361 * [("hill", "deputy"), ("hill", "chief")]]
-    assert_array_equal(found["translation_m"][1::2], log.position_m)
-    assert_array_equal(found["quaternion"][1::2], log.quaternion_b_from_h)
-    assert not found["translation_m"][2::2].any()
-    assert_array_equal(found["quaternion"][2::2], log.quaternion_c_from_h)
+    assert_array_equal(transforms["translation_m"][1::2], log.position_m)
+    assert_array_equal(transforms["quaternion"][1::2], log.quaternion_b_from_h)
+    assert not transforms["translation_m"][2::2].any()
+    assert_array_equal(transforms["quaternion"][2::2], log.quaternion_c_from_h)
 
 
 def test_guidance_and_mission(full: Recording, log: FlightLog):
@@ -190,11 +190,11 @@ def test_inference_is_recorded_only_where_it_decides(coasting: Recording):
     log = cases.flown(*cases.COASTING)
     complete = int(np.flatnonzero(log.is_inspected.all(axis=1))[0])
     assert 0 < complete < 90
-    for place, name in enumerate(SYSTEMS):
+    for index, name in enumerate(SYSTEMS):
         topic = coasting[f"/fis/{name}"]
         assert_array_equal(topic.time_s, 10.0 * np.arange(complete))
-        assert_array_equal(topic["inputs"], log.fis_input[:complete, place, :2])
-        assert_array_equal(topic["output_n"], log.fis_output_n[:complete, place])
+        assert_array_equal(topic["inputs"], log.fis_input[:complete, index, :2])
+        assert_array_equal(topic["output_n"], log.fis_output_n[:complete, index])
     assert_array_equal(coasting["/deputy/control"].time_s, 10.0 * np.arange(90))
     assert not coasting["/deputy/control"]["force_hill_n"][complete:].any()
     assert not coasting["/guidance"]["num_candidates"][complete:].any()
@@ -222,40 +222,40 @@ def test_a_system_of_one_input_records_one(tmp_path):
     system = serialize.from_mapping(cases.composed().config["controller"]).systems[0]
     rules = tuple(replace(rule, antecedent=rule.antecedent.operands[1]) for rule in system.rules[:5])
     lean = replace(system, inputs=system.inputs[1:], rules=rules)
-    found = short(tmp_path / "lean.mcap", Controller("lean", (lean,), "hill"))
-    inferred = found["/fis/force_x"]
+    recording = short(tmp_path / "lean.mcap", Controller("lean", (lean,), "hill"))
+    inferred = recording["/fis/force_x"]
     assert (inferred["inputs"].shape, inferred["firing_strengths"].shape) == ((10, 1), (10, 5))
-    assert found.fis_description("force_x").input_names == ("velocity_body_x",)
+    assert recording.fis_description("force_x").input_names == ("velocity_body_x",)
     # in Hill axes the output is the force along i, whatever the attitude
-    assert_array_equal(found["/deputy/control"]["force_hill_n"][:, 0], inferred["output_n"])
-    rebuilt = serialize.loads(found.attachments["controller.json"].decode(), "json")
+    assert_array_equal(recording["/deputy/control"]["force_hill_n"][:, 0], inferred["output_n"])
+    rebuilt = serialize.loads(recording.attachments["controller.json"].decode(), "json")
     assert rebuilt.systems == (lean,)
     assert dict(rebuilt.attributes) == {"force_axes": "hill"}
 
 
 def test_open_loop(tmp_path):
     plan = np.array([[0.5, -0.25, 0.0], [0.0, 0.0, 3.0]])
-    found = short(tmp_path / "open.mcap", open_loop("table", plan))
-    assert [topic for topic in found.topics if topic.startswith("/fis")] == []
-    assert set(found.metadata) == {"episode"}
+    recording = short(tmp_path / "open.mcap", open_loop("table", plan))
+    assert [topic for topic in recording.topics if topic.startswith("/fis")] == []
+    assert set(recording.metadata) == {"episode"}
     applied = np.zeros((10, 3))
     applied[:2] = [[0.5, -0.25, 0.0], [0.0, 0.0, 1.0]]
-    assert_array_equal(found["/deputy/control"]["force_hill_n"], applied)
-    asked = np.vstack((plan, np.zeros((8, 3))))
-    attitude = Rotation.from_quat(found["/deputy/state"]["quaternion"][:10])
-    assert_allclose(found["/deputy/control"]["force_body_n"], attitude.inv().apply(asked), atol=1e-14)
-    assert found["/mission"]["delta_v_m_s"][-1] == pytest.approx(1.75 * 10.0 / 12.0, rel=1e-15)
-    told = json.loads(found.attachments["controller.json"])
-    assert (told["kind"], told["name"], told["force_axes"]) == ("open_loop", "table", "hill")
-    assert_array_equal(told["forces_n"], plan)
+    assert_array_equal(recording["/deputy/control"]["force_hill_n"], applied)
+    planned = np.vstack((plan, np.zeros((8, 3))))
+    attitude = Rotation.from_quat(recording["/deputy/state"]["quaternion"][:10])
+    assert_allclose(recording["/deputy/control"]["force_body_n"], attitude.inv().apply(planned), atol=1e-14)
+    assert recording["/mission"]["delta_v_m_s"][-1] == pytest.approx(1.75 * 10.0 / 12.0, rel=1e-15)
+    content = json.loads(recording.attachments["controller.json"])
+    assert (content["kind"], content["name"], content["force_axes"]) == ("open_loop", "table", "hill")
+    assert_array_equal(content["forces_n"], plan)
 
 
 def test_ideal_pointing_and_another_clock(tmp_path):
     words = ("duration_s=40.0", "attitude=ideal", "attitude_period_s=2.5", "control_period_s=5.0")
-    found = cases.staged(tmp_path, *words)
-    assert_array_equal(found["/deputy/state"].time_s, 5.0 * np.arange(9))
-    assert_array_equal(found["/deputy/attitude"]["time_offset_s"], np.tile([0.0, 2.5], (8, 1)))
-    assert not found["/deputy/attitude"]["torque_n_m"].any()
+    recording = cases.staged(tmp_path, *words)
+    assert_array_equal(recording["/deputy/state"].time_s, 5.0 * np.arange(9))
+    assert_array_equal(recording["/deputy/attitude"]["time_offset_s"], np.tile([0.0, 2.5], (8, 1)))
+    assert not recording["/deputy/attitude"]["torque_n_m"].any()
 
 
 def test_no_target_has_no_direction():
@@ -267,24 +267,24 @@ def test_what_was_asked_for_and_why_it_was_not_fired_is_recorded(tmp_path):
     """By the champion for any Sun, which has dead bands and coasts."""
     mission, start = cases.composed().experiment.mission, Scenario(np.full(3, 43.3), np.zeros(3), np.pi)
     controller = named("champion_any_sun", mission)
-    _, found = cases.recorded(tmp_path / "a.mcap", mission, controller, start)
-    control, logic = found["/deputy/control"], thrust_logic(controller.fuzzy)
-    asked, reason, fired = control["force_asked_n"], control["reason"], control["force_hill_n"]
+    _, recording = cases.recorded(tmp_path / "a.mcap", mission, controller, start)
+    control, logic = recording["/deputy/control"], thrust_logic(controller.fuzzy)
+    requested, reason, fired = control["force_asked_n"], control["reason"], control["force_hill_n"]
     assert {"fired", "dead_band", "coasting"} <= set(reason.ravel())
-    assert_array_equal(fired, np.where(reason == "fired", asked, 0.0))
-    is_small = np.abs(asked) < logic.dead_bands_n
-    assert_array_equal(is_small & (asked != 0.0), reason == "dead_band")
+    assert_array_equal(fired, np.where(reason == "fired", requested, 0.0))
+    is_small = np.abs(requested) < logic.dead_bands_n
+    assert_array_equal(is_small & (requested != 0.0), reason == "dead_band")
     is_coasting = (reason == "coasting").all(axis=1)
-    for place, name in enumerate(found.fis_names):
-        assert_array_equal(found[f"/fis/{name}"].time_s, control.time_s[~is_coasting])
-        assert_array_equal(found[f"/fis/{name}"]["output_n"], asked[~is_coasting, place])
+    for index, name in enumerate(recording.fis_names):
+        assert_array_equal(recording[f"/fis/{name}"].time_s, control.time_s[~is_coasting])
+        assert_array_equal(recording[f"/fis/{name}"]["output_n"], requested[~is_coasting, index])
     enough = control["coasting_missed"] < logic.coast_below_points
     enough &= control["coasting_nearest_m"] >= 15.0 + logic.coast_margin_m
     enough &= control["coasting_farthest_m"] <= 200.0 - logic.coast_margin_m
     assert_array_equal(enough, is_coasting)
     # every change is told, and nothing else
-    told = [text.split(":")[0] for text in found["/log"]["message"] if text.startswith("coasting ")]
+    levels = [text.split(":")[0] for text in recording["/log"]["message"] if text.startswith("coasting ")]
     changes = np.diff(is_coasting.astype(int), prepend=0)
     words = {1: "coasting begins", -1: "coasting ends"}
-    assert told == [words[change] for change in changes[changes != 0].tolist()]
-    assert told
+    assert levels == [words[change] for change in changes[changes != 0].tolist()]
+    assert levels

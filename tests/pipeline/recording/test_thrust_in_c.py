@@ -67,7 +67,7 @@ def mission_of(logic: ThrustLogic, what: Mission) -> ctypes.Structure:
 
 
 def stepped(
-    library: ctypes.CDLL, controller: FuzzyController, what: Mission, found: Recording
+    library: ctypes.CDLL, controller: FuzzyController, what: Mission, recording: Recording
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """What C fires, asks for and says, told what a recording holds and NaN for everything else."""
     logic = thrust_logic(controller)
@@ -76,39 +76,39 @@ def stepped(
     kind, world = signals_of(controller, logic), mission_of(logic, what)
     state, force = STATE(99), FORCE()
     library.start(ctypes.byref(state))
-    control, deputy, status = found["/deputy/control"], found["/deputy/state"], found["/mission"]
+    control, deputy, status = recording["/deputy/control"], recording["/deputy/state"], recording["/mission"]
     known = {word: np.full(len(control), np.nan) for word in words.values()}
     for name, member in FORESEEN.items() if logic.may_coast else ():
         known[words[name]] = control[member]
     for system in controller.systems:
-        inferred = found[f"/fis/{system.name}"]
+        inferred = recording[f"/fis/{system.name}"]
         rows = np.searchsorted(control.time_s, inferred.time_s)
         for variable, values in zip(system.inputs, inferred["inputs"].T, strict=True):
             known[words[variable.name]][rows] = values
-    told = []
+    fired_by_period = []
     for k in range(len(control)):
         signals = kind(**{word: values[k] for word, values in known.items()})
         if logic.force_axes == "body":
             signals.attitude[:] = deputy["quaternion"][k].tolist()
         signals.is_complete = int(status["inspected_mask"][k].all())
         library.step(*map(ctypes.byref, (state, signals, world, force)))
-        told.append((list(force.fired_n), list(force.asked_n), list(force.reason)))
-    fired, asked, reason = (np.array(column) for column in zip(*told, strict=True))
-    return fired, asked, REASON_WORDS[reason]
+        fired_by_period.append((list(force.fired_n), list(force.asked_n), list(force.reason)))
+    fired, requested, reason = (np.array(column) for column in zip(*fired_by_period, strict=True))
+    return fired, requested, REASON_WORDS[reason]
 
 
 @pytest.mark.slow
 def test_c_fires_what_recorded_flights_fired(tmp_path):
     reasons: set[str] = set()
-    for place, (controller, what) in enumerate(FLOWN):
+    for index, (controller, what) in enumerate(FLOWN):
         # one of a name is loaded but once
-        library = loaded(tmp_path / f"{place}.so", source.write(controller.fuzzy), "-ffp-contract=off")
+        library = loaded(tmp_path / f"{index}.so", source.write(controller.fuzzy), "-ffp-contract=off")
         for start in random_starts(FLIGHTS_EACH, 31):
-            _, found = cases.recorded(tmp_path / "flight.mcap", what, controller, start)
-            control = found["/deputy/control"]
-            fired, asked, reason = stepped(library, controller.fuzzy, what, found)
+            _, recording = cases.recorded(tmp_path / "flight.mcap", what, controller, start)
+            control = recording["/deputy/control"]
+            fired, requested, reason = stepped(library, controller.fuzzy, what, recording)
             np.testing.assert_allclose(fired, control["force_hill_n"], rtol=0, atol=1e-12)
-            np.testing.assert_allclose(asked, control["force_asked_n"], rtol=0, atol=1e-12)
+            np.testing.assert_allclose(requested, control["force_asked_n"], rtol=0, atol=1e-12)
             np.testing.assert_array_equal(reason, control["reason"])
             reasons |= set(np.unique(reason).tolist())
     assert reasons >= {"fired", "dead_band", "waiting", "coasting", "complete", "clipped"}

@@ -42,13 +42,13 @@ def test_nothing_is_said_to_fire_that_did_not(name, world, tmp_path, monkeypatch
     if world != "guarded":
         mission = cases.composed("duration_s=900.0", *(WORLDS | DOCKING)[world]).experiment.mission
     controller = PAUSING if name == "pausing" else named(name, mission)
-    _, found = cases.recorded(path, mission, controller, START)
+    _, recording = cases.recorded(path, mission, controller, START)
     # each period that is explained is looked up in the whole file
     monkeypatch.setattr(reader, "read", cache(reader.read))
-    control, delay = found["/deputy/control"], round(mission.actuators.delay_s / mission.control_period_s)
+    control, delay = recording["/deputy/control"], round(mission.actuators.delay_s / mission.control_period_s)
     force, commanded = control["force_hill_n"], control["force_commanded_n"]
     if mission.actuators.kind == "ideal" and controller.force_axes == "body":  # as reasons are told
-        to_body = Rotation.from_quat(found["/deputy/state"]["quaternion"][:-1]).inv()
+        to_body = Rotation.from_quat(recording["/deputy/state"]["quaternion"][:-1]).inv()
         force, commanded = to_body.apply(force), to_body.apply(commanded)
     has_force, is_commanded = np.abs(force) >= ROUNDING_N, np.abs(commanded) >= ROUNDING_N
     reason = control["reason"]
@@ -66,28 +66,30 @@ def test_nothing_is_said_to_fire_that_did_not(name, world, tmp_path, monkeypatch
         assert "safety" in reason
     spent = np.abs(control["force_hill_n"]).sum() * mission.control_period_s / mission.deputy.mass_kg
     if mission.actuators.kind == "ideal":
-        assert spent == pytest.approx(found["/mission"]["delta_v_m_s"][-1], abs=1e-9)
+        assert spent == pytest.approx(recording["/mission"]["delta_v_m_s"][-1], abs=1e-9)
     if mission.actuators.kind == "ideal" and mission.navigation.mode == "perfect":
         np.testing.assert_array_equal(control["force_hill_n"], control["force_commanded_n"])
     if controller.fuzzy is None:
-        assert found.fis_names == ()
+        assert recording.fis_names == ()
     else:
         nothing_inferred = np.isin(reason, ["waiting", "coasting", "complete"]).any(axis=1)
         for system in controller.systems:
-            assert not np.isin(found[f"/fis/{system.name}"].time_s, control.time_s[nothing_inferred]).any()
+            assert not np.isin(
+                recording[f"/fis/{system.name}"].time_s, control.time_s[nothing_inferred]
+            ).any()
         assert_commanded_as_asked(mission, controller, control)
-        assert_shared(controller, found, delay)
-        assert_told(path, controller, found, delay)
+        assert_shared(controller, recording, delay)
+        assert_told(path, controller, recording, delay)
 
 
 def assert_commanded_as_asked(mission, controller, control):
     """Commanded is what was asked for outside the dead bands, clipped; along Hill axes; or by the layer."""
     is_own = ~(control["command_reason"] == "safety").any(axis=1)
-    asked, commanded = control["force_asked_n"][is_own], control["force_commanded_n"][is_own]
+    requested, commanded = control["force_asked_n"][is_own], control["force_commanded_n"][is_own]
     is_rehearsed = control["command_reason"][is_own] == "rehearsed"
     bands = dict(controller.fuzzy.attributes)
     bands = np.array([float(bands.get(f"dead_band_{name}_n", 0.0)) for name in COMPONENTS])
-    passed = np.where((np.abs(asked) >= bands) | is_rehearsed, asked, 0.0)
+    passed = np.where((np.abs(requested) >= bands) | is_rehearsed, requested, 0.0)
     limit = mission.deputy.max_force_n
     if controller.force_axes == "hill":
         np.testing.assert_allclose(commanded, np.clip(passed, -limit, limit), rtol=0, atol=1e-12)
@@ -96,12 +98,12 @@ def assert_commanded_as_asked(mission, controller, control):
         np.testing.assert_allclose(*lengths, rtol=0, atol=1e-12)
 
 
-def assert_shared(controller, found, delay):
+def assert_shared(controller, recording, delay):
     """Shares of rules come to what was asked for where it takes effect, and are zero elsewhere."""
-    control = found["/deputy/control"]
+    control = recording["/deputy/control"]
     for system in controller.systems:
         if system.outputs[0].name in COMPONENTS:
-            axis, topic = COMPONENTS.index(system.outputs[0].name), found[f"/fis/{system.name}"]
+            axis, topic = COMPONENTS.index(system.outputs[0].name), recording[f"/fis/{system.name}"]
             rows = np.searchsorted(control.time_s, topic.time_s)
             has_effect = taking_effect(controller, control, axis, delay)[rows]
             expected = np.where(has_effect, control["force_asked_n"][rows, axis], 0.0)
@@ -113,39 +115,39 @@ def taking_effect(controller, control, axis, delay):
     """At which periods what is asked for along an axis is commanded and, after the delay, fired."""
     has_force = np.abs(control["force_hill_n"]) >= ROUNDING_N
     is_commanded = np.abs(control["force_commanded_n"]) >= ROUNDING_N
-    own = (slice(None), [axis]) if controller.force_axes == "hill" else (slice(None), slice(None))
-    fires = has_force[own].any(axis=1)
+    columns = (slice(None), [axis]) if controller.force_axes == "hill" else (slice(None), slice(None))
+    fires = has_force[columns].any(axis=1)
     later = np.zeros_like(fires)
     later[: len(fires) - delay] = fires[delay:]
     is_asked = np.abs(control["force_asked_n"][:, axis]) >= ROUNDING_N
     is_inferred = ~np.isin(control["command_reason"][:, axis], ("rehearsed", "safety"))
-    return is_asked & is_inferred & is_commanded[own].any(axis=1) & later
+    return is_asked & is_inferred & is_commanded[columns].any(axis=1) & later
 
 
-def assert_told(path, controller, found, delay):
+def assert_told(path, controller, recording, delay):
     """What is counted, explained and written over the replay is what took effect."""
-    control, sensed = found["/deputy/control"], inputs_along([path])
-    effects, counts = {}, control.time_s < found.end_s
+    control, sensed = recording["/deputy/control"], inputs_along([path])
+    effects, counts = {}, control.time_s < recording.end_s
     for flown in read_flight(path):
         axis = COMPONENTS.index(flown.system.outputs[0].name)
         effects[axis] = taking_effect(controller, control, axis, delay)
-        inferred = np.isin(control.time_s, found[f"/fis/{flown.system.name}"].time_s)
+        inferred = np.isin(control.time_s, recording[f"/fis/{flown.system.name}"].time_s)
         expected = control.time_s[effects[axis] & inferred & counts]
         np.testing.assert_array_equal(flown.time_s, expected)
         assert len(sensed[flown.system.name]) == len(expected)
     for kind in np.unique(control["reason"][counts]):
         for k in np.flatnonzero((control["reason"] == kind).any(axis=1) & counts)[[0, -1]].tolist():
-            for one in instants(InstantArguments(path, time=float(control.time_s[k])), controller.fuzzy):
-                axis = COMPONENTS.index(one.system.outputs[0].name)
+            for instant in instants(InstantArguments(path, time=float(control.time_s[k])), controller.fuzzy):
+                axis = COMPONENTS.index(instant.system.outputs[0].name)
                 is_due = k >= delay and effects[axis][k - delay]
-                assert (one.inputs is not None) == is_due
-    lines = drawing.now_in_words(found, drawing.sample_times(found))
+                assert (instant.inputs is not None) == is_due
+    lines = drawing.now_in_words(recording, drawing.sample_times(recording))
     fires = control["force_hill_n"].any(axis=1)
     assert [line.startswith("Firing ") for line in lines[: len(fires)]] == fires.tolist()
     for k, line in enumerate(lines[: len(fires)]):
         if "mostly by rule" in line:
             rule, _, name = line.split("mostly by rule ")[1].split(":")[0].split(",")[0].split(" ")
-            assert int(rule) not in found.fis_description(name).holding
-            topic = found[f"/fis/{name}"]
+            assert int(rule) not in recording.fis_description(name).holding
+            topic = recording[f"/fis/{name}"]
             row = int(np.flatnonzero(topic.time_s == control.time_s[k - delay])[0])
             assert topic["shares_n"][row, int(rule) - 1] * topic["output_n"][row] > 0.0

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_rgba
 
-from pipeline.report.figures.flights import METRICS, Sample, bounds, controls, distributions
+from pipeline.report.figures.flights import METRICS, Sample, controls, distributions, tube_bounds
 from pipeline.report.figures.style import BLUE, PALETTE, PURPLE, inline, save, style
 from pipeline.report.figures.training import convergence
 from pipeline.report.figures.trajectories import Tracks, trajectories
@@ -178,7 +178,7 @@ def test_bounds_hold_corners_and_are_met_by_them() -> None:
     step, axis = np.repeat(np.arange(6.0), 4), np.tile([0.0, 0.0, 1.0, 1.0], 6)
     shear = draw.uniform(-1.0, 1.0, 24)
     tube = {"step": step, "axis": axis, "low_m": low, "high_m": high, "shear_per_s": shear}
-    found = bounds(tube | {"least_m_s": least, "greatest_m_s": greatest})
+    found = tube_bounds(tube | {"least_m_s": least, "greatest_m_s": greatest})
     for k in range(6):
         boxes = [np.flatnonzero((step == k) & (axis == letter)) for letter in (0, 1)]
         distances, speeds = [], []

@@ -17,7 +17,7 @@ from pipeline.evaluation.monte_carlo import fly_cases
 from pipeline.flight.control.controller import coast
 from pipeline.optimum.solved import beside_optimum, solved_for
 from pipeline.report import comparisons, sweep
-from pipeline.report.figures.comparison import ENDS, MARKS, Mark, by_world, compared
+from pipeline.report.figures.comparison import ENDS, MARKS, ControllerMark, by_world, compared
 from pipeline.report.figures.comparison import beside_optimum as drawn_beside
 from pipeline.report.figures.style import PAPER, style
 from pipeline.run import artifacts, tables
@@ -110,7 +110,7 @@ def test_controllers_are_told_apart_without_colours():
     assert {colour == face for colour, _, face in MARKS[:half]} == {True}
     assert {face for _, _, face in MARKS[half:]} == {PAPER}
     assert all(is_color_like(colour) for colour, _, _ in MARKS)
-    marks = [Mark(f"c{i}", (0.05 * i, 0.05), (80.0 + i, 3.0)) for i in range(len(MARKS))]
+    marks = [ControllerMark(f"c{i}", (0.05 * i, 0.05), (80.0 + i, 3.0)) for i in range(len(MARKS))]
     figure = compared([("one", marks)], 95.0)
     assert [text.get_text() for text in figure.legends[0].get_texts()] == [mark.name for mark in marks]
     named = {line.get_label(): line for line in figure.axes[0].lines}

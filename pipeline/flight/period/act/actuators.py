@@ -15,9 +15,16 @@ from fis_tools.compiled.three import (
 )
 from fis_tools.compiled.vectors import Vector, least, load, most, select, splat, store, width_of
 from pipeline.array_types import Floats
-from pipeline.flight.state.arrays import Moment, State, World
+from pipeline.flight.state.arrays import FlightState, Moment, World
 from pipeline.flight.state.errors import Firing, ModelErrors, ThrustErrors, Thrusters
-from pipeline.flight.state.lanes import clip, clip_three, flight_of, four, one, write_four
+from pipeline.flight.state.lanes import (
+    clip,
+    clip_three,
+    flight_of,
+    load_quaternion,
+    load_row,
+    store_quaternion,
+)
 from pipeline.physics.quaternion import to_body, to_hill, turned
 
 #: propellant, as a share of the mass at the start, that counts as none: what rounding leaves
@@ -56,13 +63,18 @@ def note_fired(now: Moment, thrusters: Thrusters) -> None:
 @compiled(error_model="numpy")
 def turn_with_body(now: Moment) -> None:
     """Rotate thrust and aim by the error of the sensed attitude: thrusters turn with the true body."""
-    world, state, lanes, turn = now.world, now.state, now.state.lanes, four(now.state.estimate.turn)
-    meant = to_body(four(state.belief.attitude), load_three(lanes.force, 0))
-    force = to_hill(four(state.truth.attitude), meant)
+    world, state, lanes, turn = (
+        now.world,
+        now.state,
+        now.state.lanes,
+        load_quaternion(now.state.estimate.turn),
+    )
+    meant = to_body(load_quaternion(state.belief.attitude), load_three(lanes.force, 0))
+    force = to_hill(load_quaternion(state.truth.attitude), meant)
     store_three(lanes.force, 0, clip_three(force, world.max_force))
     for j in range(world.num_attitude_steps):
         attitude = now.work.aims[j].attitude
-        write_four(attitude, turned(four(attitude), turn, -1.0))
+        store_quaternion(attitude, turned(load_quaternion(attitude), turn, -1.0))
 
 
 @compiled(error_model="numpy")
@@ -88,12 +100,12 @@ def fire(now: Moment, firing: Firing) -> None:
     width, force = width_of(state.lanes), state.lanes.force
     note_errors(now, firing.errors)
     store_at(state.commands, k, 0, load_three(force, 0))
-    asked = same(0.0, width)
+    requested = same(0.0, width)
     if k - now.world.first >= thrusters.delay:
-        asked = load_at(state.commands, k - thrusters.delay, 0, 0, width)
-    has_left = one(state.thrusters.mass) - thrusters.dry > EMPTY
+        requested = load_at(state.commands, k - thrusters.delay, 0, 0, width)
+    has_left = load_row(state.thrusters.mass) - thrusters.dry > EMPTY
     for axis in range(3):
-        fired = turned_row(state.thrusters.errors, 3 * axis, asked)
+        fired = turned_row(state.thrusters.errors, 3 * axis, requested)
         if len(thrusters.table) == 0:
             fired = clip(in_impulses(fired, thrusters.step, thrusters.least), now.world.max_force)
         store(force, axis, select(has_left, fired, 0.0))
@@ -104,7 +116,7 @@ def fire(now: Moment, firing: Firing) -> None:
 
 
 @compiled(error_model="numpy", forceinline=True)
-def consumed(world: World, thrusters: Thrusters, state: State) -> tuple[Vector, Vector]:
+def consumed(world: World, thrusters: Thrusters, state: FlightState) -> tuple[Vector, Vector]:
     """Return the propellant that firing takes in a control period, as a share of the mass at the start.
 
     And by how much the sum of what thrusters fire exceeds the components of the force, N.
@@ -120,10 +132,10 @@ def consumed(world: World, thrusters: Thrusters, state: State) -> tuple[Vector, 
 
 
 @compiled(error_model="numpy")
-def stop_when_empty(world: World, thrusters: Thrusters, state: State) -> None:
+def stop_when_empty(world: World, thrusters: Thrusters, state: FlightState) -> None:
     """Shorten the last burn to what the tank holds: the force held over the period is that much weaker."""
     lanes, width = state.lanes, width_of(state.lanes)
-    used, left = consumed(world, thrusters, state)[0], one(state.thrusters.mass) - thrusters.dry
+    used, left = consumed(world, thrusters, state)[0], load_row(state.thrusters.mass) - thrusters.dry
     share = select(used > left, left / most(used, left), 1.0)
     store_three(lanes.force, 0, share * load_three(lanes.force, 0))
     store_three(lanes.twist, 0, share * load_three(lanes.twist, 0))
@@ -140,11 +152,11 @@ def turned_row(errors: Floats, first: int, a: Three) -> Vector:
 
 
 @compiled(error_model="numpy")
-def divide(thrusters: Thrusters, state: State) -> None:
+def divide(thrusters: Thrusters, state: FlightState) -> None:
     """Allocate forces to the thrusters of a layout, and let these fire."""
     width = width_of(state.lanes)
     lanes, layout, table = state.lanes, thrusters.layout, thrusters.table
-    q = four(state.truth.attitude)
+    q = load_quaternion(state.truth.attitude)
     x, y, z = to_body(q, load_three(lanes.force, 0))
     share = splat(1.0, width)
     for i in range(len(table)):
@@ -187,7 +199,7 @@ def burns(firing: Firing) -> bool:
 
 
 @compiled(error_model="numpy")
-def burn(world: World, firing: Firing, state: State) -> Three:
+def burn(world: World, firing: Firing, state: FlightState) -> Three:
     """Consume propellant; return the forces that would accelerate the mass at the start as much, N.
 
     Thrusters of a layout spend what they fire, which the force alone does not tell.
@@ -195,8 +207,8 @@ def burn(world: World, firing: Firing, state: State) -> Three:
     lanes, force = state.lanes, load_three(state.lanes.force, 0)
     if not burns(firing):
         return force
-    (used, more), before = consumed(world, firing.thrusters, state), one(state.thrusters.mass)
+    (used, more), before = consumed(world, firing.thrusters, state), load_row(state.thrusters.mass)
     per_mass: float = 1.0 / (before - 0.5 * used)
-    store(lanes.spent, 0, one(lanes.spent) + more * (per_mass * world.delta_v_per_force))
+    store(lanes.spent, 0, load_row(lanes.spent) + more * (per_mass * world.delta_v_per_force))
     store(state.thrusters.mass, 0, before - used)
     return per_mass * force

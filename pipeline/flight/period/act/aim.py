@@ -14,23 +14,23 @@ from fis_tools.compiled.three import Three, chosen, lane_of, load_three, same, s
 from fis_tools.compiled.vectors import most, select, some, splat, store, width_of
 from pipeline.array_types import Floats
 from pipeline.flight.state.arrays import Moment, Plans
-from pipeline.flight.state.lanes import four, one, write_attitude, write_four
+from pipeline.flight.state.lanes import load_quaternion, load_row, store_quaternion, write_attitude
 from pipeline.physics.attitude import POLE, blended_y, desired_dcm, desired_y
-from pipeline.physics.motion import place_after, step_of
+from pipeline.physics.motion import position_after, propagator_of
 from pipeline.physics.quaternion import axes_of, from_dcm
 
 
 @compiled(error_model="numpy", forceinline=True)
-def aim(now: Moment, place: Three, velocity: Three, force: Three, last: int) -> None:
+def aim(now: Moment, position: Three, velocity: Three, force: Three, last: int) -> None:
     """Write the desired attitudes of all lanes at the instants of a control period before `last`.
 
-    `place`, `velocity` and `force` are those at its start, m, m/s and N, Hill axes. Marks the lanes that come
-    too close to a pole for the position to define y*.
+    `position`, `velocity` and `force` are those at its start, m, m/s and N, Hill axes. Marks the lanes that
+    come too close to a pole for the position to define y*.
     """
     state = now.state
     is_near = splat(0.0, width_of(state.lanes)) > 0.0
     for j in range(last):
-        x, y, z = place_after(step_of(now.world.instants, j), place, velocity, force)
+        x, y, z = position_after(propagator_of(now.world.instants, j), position, velocity, force)
         flat_square = x * x + y * y
         square = flat_square + z * z
         is_near |= flat_square < POLE * POLE * square
@@ -40,12 +40,12 @@ def aim(now: Moment, place: Three, velocity: Three, force: Three, last: int) -> 
         side, up = flat + abs(x), distance + flat
         scale = 1.0 / np.sqrt(4.0 * (flat * distance) * (side * up))
         cos_a, sin_a = select(x >= 0.0, side, y) * scale, select(x >= 0.0, y, side) * scale
-        write_four(now.work.aims[j].attitude, (sin_a * z, -(cos_a * z), sin_a * up, cos_a * up))
+        store_quaternion(now.work.aims[j].attitude, (sin_a * z, -(cos_a * z), sin_a * up, cos_a * up))
     store(state.lanes.is_near_pole, 0, select(is_near, 1.0, 0.0))
 
 
 @compiled(error_model="numpy")
-def aim_plainly(now: Moment, place: Three, velocity: Three, force: Three, lane: int, last: int) -> None:
+def aim_plainly(now: Moment, position: Three, velocity: Three, force: Three, lane: int, last: int) -> None:
     """Write one lane's desired attitudes at the instants before `last` in turn, with the rules for poles.
 
     Slower than `aim`, for the cases that it does not cover; `y_before` is carried along.
@@ -53,7 +53,7 @@ def aim_plainly(now: Moment, place: Three, velocity: Three, force: Three, lane: 
     world, y_before = now.world, now.state.lanes.y_before
     y = lane_of(y_before, 0, lane)
     for j in range(last):
-        at = place_after(step_of(world.instants, j), place, velocity, force)
+        at = position_after(propagator_of(world.instants, j), position, velocity, force)
         if world.has_pole_blending and now.k + j > world.first:
             y = blended_y(at, y, world.attitude_period)
         else:
@@ -67,16 +67,16 @@ def aim_by_rules(now: Moment, moving: Any, force: Floats, last: int) -> None:
     """Aim lanes near a pole again by the rules for poles, and store y* of all at the last instant."""
     world, lanes, width = now.world, now.state.lanes, width_of(now.state.lanes)
     # where the position defines the attitude, y* is (k x r)/|k x r|
-    y = axes_of(four(now.work.aims[last - 1].attitude))[1]
+    y = axes_of(load_quaternion(now.work.aims[last - 1].attitude))[1]
     level = Three(y.x, y.y, splat(0.0, width))
-    follows = one(lanes.is_near_pole) > 0.0
+    follows = load_row(lanes.is_near_pole) > 0.0
     if not (some(follows) or world.has_pole_blending):
         store_three(lanes.y_before, 0, level)
         return
     for lane in range(now.num_lanes):
         if lanes.is_near_pole[lane] > 0.0 or world.has_pole_blending:
-            place, velocity = lane_of(moving.position, 0, lane), lane_of(moving.velocity, 0, lane)
-            aim_plainly(now, place, velocity, lane_of(force, 0, lane), lane, last)
+            position, velocity = lane_of(moving.position, 0, lane), lane_of(moving.velocity, 0, lane)
+            aim_plainly(now, position, velocity, lane_of(force, 0, lane), lane, last)
     if not world.has_pole_blending:
         store_three(lanes.y_before, 0, chosen(follows, load_three(lanes.y_before, 0), level))
 
@@ -87,8 +87,8 @@ def aim_over(now: Moment, plans: Plans, moving: Any, force: Floats, last: int) -
 
     They are at a record of `MOVING` at sample k, under a force, or played if there are some to play.
     """
-    place, velocity = load_three(moving.position, 0), load_three(moving.velocity, 0)
-    aim(now, place, velocity, load_three(force, 0), last)
+    position, velocity = load_three(moving.position, 0), load_three(moving.velocity, 0)
+    aim(now, position, velocity, load_three(force, 0), last)
     aim_by_rules(now, moving, force, last)
     attitudes = plans.turns.attitudes
     for j in range(last if len(attitudes) > 0 else 0):
@@ -108,4 +108,4 @@ def aim_at_once(now: Moment, plans: Plans) -> None:
     store_three(lanes.force, 0, same(0.0, width_of(lanes)))
     aim_over(now, plans, truth, lanes.force, 1)
     store_three(lanes.y_before, 0, before)
-    write_four(truth.attitude, four(now.work.aims[0].attitude))
+    store_quaternion(truth.attitude, load_quaternion(now.work.aims[0].attitude))

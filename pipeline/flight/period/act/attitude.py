@@ -27,7 +27,14 @@ from fis_tools.compiled.three import (
 )
 from fis_tools.compiled.vectors import Vector, select, some, store
 from pipeline.flight.state.arrays import Moment, Plans, World
-from pipeline.flight.state.lanes import attitude_of, clip_three, four, write_attitude, write_four, write_row
+from pipeline.flight.state.lanes import (
+    attitude_of,
+    clip_three,
+    load_quaternion,
+    store_quaternion,
+    write_attitude,
+    write_row,
+)
 from pipeline.flight.state.log import FlightLog
 from pipeline.physics.attitude import euler
 from pipeline.physics.quaternion import Quaternion, axes_of, to_body
@@ -144,17 +151,17 @@ def turn_balls(now: Moment) -> None:
     hill_sin, hill_cos = sin(0.5 * n * h), cos(0.5 * n * h)
     kp, kd, step = world.proportional_gain[0, 0], world.derivative_gain[0, 0], h * world.inverse_inertia[0, 0]
     half, twelfth = 0.5 * h * step, h * h * step / 12.0
-    q, rate = four(state.truth.attitude), load_three(state.truth.rate, 0)
+    q, rate = load_quaternion(state.truth.attitude), load_three(state.truth.rate, 0)
     for j in range(world.num_attitude_steps):
-        write_four(work.passed[j].attitude, q)
+        store_quaternion(work.passed[j].attitude, q)
         store_three(work.passed[j].rate, 0, rate)
-        e, u = error_of(q, four(work.aims[j].attitude)), relative_rate(q, rate, n)
+        e, u = error_of(q, load_quaternion(work.aims[j].attitude)), relative_rate(q, rate, n)
         torque = clip_three(-kp * e - kd * u, world.max_torque)
         # one small step, in which the rate is linear in time
         a = h * rate + half * torque + twelfth * cross(rate, torque)
         sine, cosine = half_angle_series(dot(a, a))
         q, rate = turn(q, a, sine, cosine, hill_sin, hill_cos), rate + step * torque
-    write_four(state.truth.attitude, q)
+    store_quaternion(state.truth.attitude, q)
     store_three(state.truth.rate, 0, rate)
 
 
@@ -229,13 +236,13 @@ def turn_deputies(now: Moment, plans: Plans) -> None:
     if slow > 0.0:
         turn_balls(now)
     else:
-        write_four(now.work.passed[0].attitude, four(truth.attitude))
+        store_quaternion(now.work.passed[0].attitude, load_quaternion(truth.attitude))
         store_three(now.work.passed[0].rate, 0, rate)
     if some(is_fast):
         for lane in range(now.num_lanes):
             if lanes.turns_fast[lane] > 0.0:
                 turn_any(now, plans, lane)
     # exponentials keep the norm except for rounding
-    q1, q2, q3, q4 = four(truth.attitude)
+    q1, q2, q3, q4 = load_quaternion(truth.attitude)
     scale = 1.5 - 0.5 * (q1 * q1 + q2 * q2 + q3 * q3 + q4 * q4)
-    write_four(truth.attitude, (q1 * scale, q2 * scale, q3 * scale, q4 * scale))
+    store_quaternion(truth.attitude, (q1 * scale, q2 * scale, q3 * scale, q4 * scale))

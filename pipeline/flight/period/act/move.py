@@ -3,33 +3,33 @@
 from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.three import Three, dot, length, load_three, same, store_three, three_of, write_lane
 from fis_tools.compiled.vectors import store, width_of
-from pipeline.flight.state.arrays import Moment, State, World
-from pipeline.flight.state.lanes import flight_of, two
+from pipeline.flight.state.arrays import FlightState, Moment, World
+from pipeline.flight.state.lanes import flight_of, load_pair
 from pipeline.physics.illumination import visible_share
-from pipeline.physics.motion import place_after, step_of, velocity_after
+from pipeline.physics.motion import position_after, propagator_of, velocity_after
 from pipeline.physics.orbit import Course
 from pipeline.physics.two_body import entered, left, stepped
 
 
 @compiled(error_model="numpy", forceinline=True)
-def move(world: World, state: State, force: Three) -> None:
+def move(world: World, state: FlightState, force: Three) -> None:
     """Move all lanes by a control period under forces, N, Hill axes."""
-    truth, step = state.truth, step_of(world.motion, 0)
-    place, velocity = load_three(truth.position, 0), load_three(truth.velocity, 0)
-    store_three(truth.position, 0, place_after(step, place, velocity, force))
-    store_three(truth.velocity, 0, velocity_after(step, place, velocity, force))
+    truth, step = state.truth, propagator_of(world.motion, 0)
+    position, velocity = load_three(truth.position, 0), load_three(truth.velocity, 0)
+    store_three(truth.position, 0, position_after(step, position, velocity, force))
+    store_three(truth.velocity, 0, velocity_after(step, position, velocity, force))
 
 
 @compiled(error_model="numpy", forceinline=True)
-def suns(state: State) -> Three:
+def suns(state: FlightState) -> Three:
     """Return the directions towards the Suns of all lanes, axes of the course."""
-    cosine, sine = two(state.lanes.sun_at_start)
-    flat, high = two(state.lanes.height_at_start)
+    cosine, sine = load_pair(state.lanes.sun_at_start)
+    flat, high = load_pair(state.lanes.height_at_start)
     return Three(flat * cosine, flat * sine, high)
 
 
 @compiled(error_model="numpy")
-def note_sunshine(course: Course, state: State, row: int) -> None:
+def note_sunshine(course: Course, state: FlightState, row: int) -> None:
     """Write the visible share of the Sun's disc in each lane at the three rows of a step."""
     width = width_of(state.lanes)
     shines = state.lanes.shine
@@ -39,7 +39,7 @@ def note_sunshine(course: Course, state: State, row: int) -> None:
     sun = suns(state)
     for part in range(3):
         store(shines, part, dot(three_of(course.axes[row + part, 0]), sun))
-        radius = length(three_of(course.places[row + part]))
+        radius = length(three_of(course.positions[row + part]))
         for lane in range(width):
             shines[part, lane] = visible_share(shines[part, lane], radius)
 
@@ -48,7 +48,7 @@ def note_sunshine(course: Course, state: State, row: int) -> None:
 def move_about_earth(now: Moment, course: Course, force: Three) -> None:
     """Move all lanes by a control period under forces, N, Hill axes."""
     state, lanes, truth, row = now.state, now.state.lanes, now.state.truth, 2 * course.num_steps * now.k
-    place, velocity = entered(course, row, load_three(truth.position, 0), load_three(truth.velocity, 0))
+    position, velocity = entered(course, row, load_three(truth.position, 0), load_three(truth.velocity, 0))
     pull = now.world.acceleration_per_force * force
     if len(course.varying) > 0:
         for lane in range(width_of(lanes)):
@@ -57,8 +57,8 @@ def move_about_earth(now: Moment, course: Course, force: Three) -> None:
     light = -course.radiation * suns(state)
     for _ in range(course.num_steps):
         note_sunshine(course, state, row)
-        place, velocity = stepped(course, row, place, velocity, pull, light, load_three(lanes.shine, 0))
+        position, velocity = stepped(course, row, position, velocity, pull, light, load_three(lanes.shine, 0))
         row += 2
-    place, velocity = left(course, row, place, velocity)
-    store_three(truth.position, 0, place)
+    position, velocity = left(course, row, position, velocity)
+    store_three(truth.position, 0, position)
     store_three(truth.velocity, 0, velocity)

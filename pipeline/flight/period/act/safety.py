@@ -28,18 +28,18 @@ from fis_tools.compiled.three import (
 )
 from fis_tools.compiled.vectors import least, most, select, some, splat, store, width_of
 from pipeline.array_types import Floats
-from pipeline.flight.state.arrays import Moment, State, World
+from pipeline.flight.state.arrays import FlightState, Moment, World
 from pipeline.flight.state.lanes import clip_three
 from pipeline.flight.state.log import KEEP_IN, KEEP_OUT, PASSIVE_SAFETY, SAFE, SPEED
 from pipeline.physics.motion import (
-    drifted_place,
+    drifted_position,
     drifted_velocity,
     effect_along,
-    place_after,
-    place_of,
+    position_after,
+    position_gradients,
+    position_rows_of,
+    propagator_of,
     pushed,
-    slopes,
-    step_of,
     stopping_force,
     velocity_after,
 )
@@ -47,7 +47,7 @@ from pipeline.physics.motion import (
 #: position (m) and velocity (m/s) of one deputy, Hill axes
 Flying = tuple[Three, Three]
 
-#: rows of `Guard.places` whose limits are never given up: at the next sample, and stopped from there
+#: rows of `Guard.checks` whose limits are never given up: at the next sample, and stopped from there
 STANDING = 2
 #: margin of corrections to a limit, m, and to one that acts early, so that the next sample needs none
 SLACK, EARLY_SLACK = 1e-4, 0.1
@@ -62,18 +62,21 @@ HALVINGS = 30
 
 
 @compiled(error_model="numpy")
-def look_ahead(world: World, state: State) -> bool:
+def look_ahead(world: World, state: FlightState) -> bool:
     """Mark the lanes whose forces may lead to an unsafe state; return whether there are any."""
-    guard, lanes, belief, step = world.guard, state.lanes, state.belief, step_of(world.motion, 0)
+    guard, lanes, belief, step = world.guard, state.lanes, state.belief, propagator_of(world.motion, 0)
     width = width_of(lanes)
-    place, velocity = load_three(belief.position, 0), load_three(belief.velocity, 0)
+    position, velocity = load_three(belief.position, 0), load_three(belief.velocity, 0)
     force = load_three(lanes.commanded, 0)
-    then, moving = place_after(step, place, velocity, force), velocity_after(step, place, velocity, force)
+    then, moving = (
+        position_after(step, position, velocity, force),
+        velocity_after(step, position, velocity, force),
+    )
     stop = stopping_force(guard.stop, then, moving)
     braking = most(most(abs(stop.x), abs(stop.z)), abs(stop.y))
     closest, reach = splat(np.inf, width), splat(0.0, width)
-    for row in range(len(guard.places.transition)):
-        passed = drifted_place(place_of(guard.places, row), then, moving)
+    for row in range(len(guard.checks.transition)):
+        passed = drifted_position(position_rows_of(guard.checks, row), then, moving)
         square = dot(passed, passed)
         if row < guard.num_kept_out:
             closest = least(square, closest)
@@ -90,48 +93,48 @@ def look_ahead(world: World, state: State) -> bool:
 @compiled(error_model="numpy")
 def next_state(world: World, free: Flying, force: Three) -> Flying:
     """Return the next state under a force, from the next state without it."""
-    step = step_of(world.motion, 0)
-    return pushed(free[0], step.pushed_place, force), pushed(free[1], step.pushed_velocity, force)
+    step = propagator_of(world.motion, 0)
+    return pushed(free[0], step.pushed_position, force), pushed(free[1], step.pushed_velocity, force)
 
 
 @compiled(error_model="numpy")
-def most_exceeded(world: World, ahead: Flying, num_places: int) -> tuple[int, int, float]:
-    """Return the most exceeded limit of a next state among the first places, where, and by how many metres.
+def most_exceeded(world: World, ahead: Flying, num_checks: int) -> tuple[int, int, float]:
+    """Return the limit that a next state exceeds most, of the first checks, which check, and by how much, m.
 
     Speeds count by the distance covered in a period, braking forces by the displacement in one.
     """
     guard = world.guard
-    limit, place, excess = SAFE, 0, 0.0
-    for row in range(num_places):
-        distance = length(drifted_place(place_of(guard.places, row), ahead[0], ahead[1]))
+    limit, which, excess = SAFE, 0, 0.0
+    for row in range(num_checks):
+        distance = length(drifted_position(position_rows_of(guard.checks, row), ahead[0], ahead[1]))
         if row < guard.num_kept_out and guard.keep_out - distance > excess:
-            limit, place, excess = PASSIVE_SAFETY, row, guard.keep_out - distance
+            limit, which, excess = PASSIVE_SAFETY, row, guard.keep_out - distance
             limit = KEEP_OUT if row < STANDING else limit
         if row < guard.num_kept_in and distance - guard.keep_in > excess:
-            limit, place, excess = KEEP_IN, row, distance - guard.keep_in
+            limit, which, excess = KEEP_IN, row, distance - guard.keep_in
     fastest = guard.speed_at_chief + guard.speed_slope * length(ahead[0])
     over = world.control_period * (length(ahead[1]) - fastest)
     if over > excess:
-        limit, place, excess = SPEED, 0, over
+        limit, which, excess = SPEED, 0, over
     braking = stopping_force(guard.stop, ahead[0], ahead[1])
     for axis in range(3):
         over = world.motion.control[0, 2, 2] * (abs(braking[axis]) - guard.braking_force)
         if over > excess:
-            limit, place, excess = SPEED, 1 + axis, over
-    return limit, place, excess
+            limit, which, excess = SPEED, 1 + axis, over
+    return limit, which, excess
 
 
 @compiled(error_model="numpy")
-def cut(world: World, free: Flying, ahead: Flying, limit: int, place: int, half_space: Floats) -> None:
+def cut(world: World, free: Flying, ahead: Flying, limit: int, which: int, half_space: Floats) -> None:
     """Write the half-space ``g . f >= b`` that is tangent to a limit in the direction of a next state.
 
     Outside a sphere, the half-space lies in the safe set; inside one, it contains the safe set.
     """
     guard, (at, moving) = world.guard, ahead
     # the limit, linear: p . r + q . v >= level
-    if limit == SPEED and place > 0:
-        row = guard.stop[place - 1]
-        sign = -1.0 if stopping_force(guard.stop, at, moving)[place - 1] > 0.0 else 1.0
+    if limit == SPEED and which > 0:
+        row = guard.stop[which - 1]
+        sign = -1.0 if stopping_force(guard.stop, at, moving)[which - 1] > 0.0 else 1.0
         p, q = sign * three_of(row), sign * three_of(row[3:])
         level = SLACK / world.motion.control[0, 2, 2] - guard.braking_force
     elif limit == SPEED:
@@ -139,20 +142,20 @@ def cut(world: World, free: Flying, ahead: Flying, limit: int, place: int, half_
         p, q = slope * at / distance, -1.0 * moving / speed
         level = SLACK / world.control_period - guard.speed_at_chief
     else:
-        there = place_of(guard.places, place)
-        outward = drifted_place(there, at, moving)
+        there = position_rows_of(guard.checks, which)
+        outward = drifted_position(there, at, moving)
         sign = -1.0 if limit == KEEP_IN else 1.0
-        p, q = slopes(there, (sign / max(length(outward), TOLERANCE)) * outward)
-        level = SLACK if place < STANDING else EARLY_SLACK
+        p, q = position_gradients(there, (sign / max(length(outward), TOLERANCE)) * outward)
+        level = SLACK if which < STANDING else EARLY_SLACK
         level += -guard.keep_in if limit == KEEP_IN else guard.keep_out
     (x, y, z), (u, v, w) = free
     level = level - p.x * x - p.y * y - p.z * z - q.x * u - q.y * v - q.z * w
-    write_three(half_space, effect_along(step_of(world.motion, 0), p, q))
+    write_three(half_space, effect_along(propagator_of(world.motion, 0), p, q))
     half_space[3] = level
 
 
 @compiled(error_model="numpy")
-def project(asked: Three, cuts: Floats, num_cuts: int, max_force: float) -> Three:
+def project(requested: Three, cuts: Floats, num_cuts: int, max_force: float) -> Three:
     """Project a force onto half-spaces ``g . f >= b``, rows of four numbers, and the box of the thruster.
 
     Dykstra's alternating projections, which for half-spaces are Hildreth's method for quadratic programmes
@@ -161,7 +164,7 @@ def project(asked: Three, cuts: Floats, num_cuts: int, max_force: float) -> Thre
     If the sets do not intersect, the result is in the box.
     """
     multipliers = np.zeros(num_cuts)
-    force, beyond = asked, Three(0.0, 0.0, 0.0)
+    force, beyond = requested, Three(0.0, 0.0, 0.0)
     for _ in range(MOST_SWEEPS):
         before = force
         for c in range(num_cuts):
@@ -179,20 +182,20 @@ def project(asked: Three, cuts: Floats, num_cuts: int, max_force: float) -> Thre
 
 
 @compiled(error_model="numpy")
-def search(world: World, free: Flying, asked: Three, num_places: int, cuts: Floats) -> Three:
-    """Return the force nearest to the commanded one that keeps the limits of the first places, if found.
+def nearest_safe_force(world: World, free: Flying, requested: Three, num_checks: int, cuts: Floats) -> Three:
+    """Return the force nearest to the requested one that keeps the limits of the first checks, if any does.
 
     The most exceeded limit is replaced by a half-space, the force projected, and so on (Kelley, "The
     cutting-plane method for solving convex programs", J. SIAM 8, 1960).
     """
-    force = clip_three(asked, world.guard.planned_force)
+    force = clip_three(requested, world.guard.planned_force)
     for num_cuts in range(MOST_CUTS):
         ahead = next_state(world, free, force)
-        limit, place, _ = most_exceeded(world, ahead, num_places)
+        limit, which, _ = most_exceeded(world, ahead, num_checks)
         if limit == SAFE:
             break
-        cut(world, free, ahead, limit, place, cuts[num_cuts])
-        force = project(asked, cuts, num_cuts + 1, world.guard.planned_force)
+        cut(world, free, ahead, limit, which, cuts[num_cuts])
+        force = project(requested, cuts, num_cuts + 1, world.guard.planned_force)
     return force
 
 
@@ -213,7 +216,7 @@ def retreat(world: World, known: Flying, free: Flying, force: Three) -> Three:
     stop = clip_three(stopping_force(guard.stop, known[0], known[1]), world.max_force)
     if not is_safe(world, free, stop, 2.0 * TOLERANCE):
         if guard.step_back > 0.0:
-            rest = drifted_place(place_of(guard.places, 1), known[0], known[1])
+            rest = drifted_position(position_rows_of(guard.checks, 1), known[0], known[1])
             push_back = guard.step_back / max(length(rest), TOLERANCE)
             if length(rest) > 0.5 * (guard.keep_out + guard.keep_in):
                 push_back = -push_back
@@ -230,22 +233,25 @@ def retreat(world: World, known: Flying, free: Flying, force: Three) -> Three:
 
 
 @compiled(error_model="numpy")
-def correct(world: World, known: Flying, asked: Three, cuts: Floats) -> tuple[Three, int]:
+def corrected_force(world: World, known: Flying, requested: Three, cuts: Floats) -> tuple[Three, int]:
     """Return the force that replaces an unsafe one, and the limit that caused the change.
 
     Tried in this order: all limits; only those that are never given up; as far from the stop as is safe.
     """
-    step, num_places = step_of(world.motion, 0), len(world.guard.places.transition)
-    free = drifted_place(step.place, known[0], known[1]), drifted_velocity(step, known[0], known[1])
-    ahead = next_state(world, free, asked)
+    step, num_checks = propagator_of(world.motion, 0), len(world.guard.checks.transition)
+    free = drifted_position(step.position, known[0], known[1]), drifted_velocity(step, known[0], known[1])
+    ahead = next_state(world, free, requested)
     limit = most_exceeded(world, ahead, STANDING)[0]
     if limit == SAFE:
-        limit = most_exceeded(world, ahead, num_places)[0]
-    if limit == SAFE and max(abs(asked.x), abs(asked.y), abs(asked.z)) > world.guard.planned_force:
+        limit = most_exceeded(world, ahead, num_checks)[0]
+    if (
+        limit == SAFE
+        and max(abs(requested.x), abs(requested.y), abs(requested.z)) > world.guard.planned_force
+    ):
         limit = SPEED
-    force = search(world, free, asked, num_places, cuts)
+    force = nearest_safe_force(world, free, requested, num_checks, cuts)
     if not is_safe(world, free, force, TOLERANCE):
-        force = search(world, free, asked, STANDING, cuts)
+        force = nearest_safe_force(world, free, requested, STANDING, cuts)
         if not is_safe(world, free, force, TOLERANCE):
             force = retreat(world, known, free, force)
     return force, limit
@@ -263,13 +269,13 @@ def assure(now: Moment) -> None:
         if lanes.is_unsafe[lane] == 0.0:
             continue
         known = lane_of(belief.position, 0, lane), lane_of(belief.velocity, 0, lane)
-        asked = lane_of(lanes.commanded, 0, lane)
-        force, limit = correct(world, known, asked, now.work.cuts)
+        requested = lane_of(lanes.commanded, 0, lane)
+        force, limit = corrected_force(world, known, requested, now.work.cuts)
         if limit == SAFE:
             continue  # by rounding
         lanes.num_acted[lane] += 1.0
         lanes.limit[lane] = limit
-        change = force - asked
+        change = force - requested
         for axis in range(3):
             lanes.corrected[lane] += abs(change[axis]) * world.delta_v_per_force
         write_lane(lanes.change, 0, lane, change)

@@ -13,9 +13,9 @@ from fis_tools.compiled.three import Three, dot, lane_of, length, load_three, st
 from fis_tools.compiled.vectors import Vector, least, most, select, store
 from pipeline.flight.period.look.guidance import MIN_PROJECTION_M
 from pipeline.flight.state.arrays import Control, Moment, constant_of
-from pipeline.flight.state.lanes import arctangent, four, two, write_two
+from pipeline.flight.state.lanes import arctangent, load_pair, load_quaternion, store_pair
 from pipeline.flight.state.signals import constant, slot
-from pipeline.physics.motion import ORBIT_PARTS, drifted_place, place_of
+from pipeline.physics.motion import ORBIT_PARTS, drifted_position, position_rows_of
 from pipeline.physics.quaternion import to_body
 
 DISTANCE, LAMBDA_U, ETA_U = slot("distance"), slot("lambda_u"), slot("eta_u")
@@ -43,22 +43,22 @@ def relative_angle(target_a: Vector, target_b: Vector, position_a: Vector, posit
 
 
 @compiled(error_model="numpy", forceinline=True)
-def sense_place(now: Moment) -> None:
+def sense_position(now: Moment) -> None:
     """Write position and velocity of every lane, along Hill and body axes."""
     belief, signals = now.state.belief, now.work.signals
-    place, velocity = load_three(belief.position, 0), load_three(belief.velocity, 0)
-    store(signals, DISTANCE, length(place))
-    store_three(signals, POSITION_HILL, place)
+    position, velocity = load_three(belief.position, 0), load_three(belief.velocity, 0)
+    store(signals, DISTANCE, length(position))
+    store_three(signals, POSITION_HILL, position)
     store_three(signals, VELOCITY_HILL, velocity)
-    store_three(signals, VELOCITY_BODY, to_body(four(belief.attitude), velocity))
+    store_three(signals, VELOCITY_BODY, to_body(load_quaternion(belief.attitude), velocity))
 
 
 @compiled(error_model="numpy", forceinline=True)
 def sense_angles(now: Moment) -> None:
     """Write the angles from every lane to its target."""
-    place, target = load_three(now.state.belief.position, 0), load_three(now.state.lanes.target, 0)
-    store(now.work.signals, LAMBDA_U, relative_angle(target.x, target.y, place.x, place.y))
-    store(now.work.signals, ETA_U, relative_angle(target.x, target.z, place.x, place.z))
+    position, target = load_three(now.state.belief.position, 0), load_three(now.state.lanes.target, 0)
+    store(now.work.signals, LAMBDA_U, relative_angle(target.x, target.y, position.x, position.y))
+    store(now.work.signals, ETA_U, relative_angle(target.x, target.z, position.x, position.z))
 
 
 @compiled(error_model="numpy")
@@ -68,22 +68,22 @@ def sense_orbit(now: Moment, control: Control) -> None:
     size, lead = constant_of(control, RING_SIZE), constant_of(control, RING_LEAD)
     drift = 1.5 * n * constant_of(control, PREDICTION_TIME)
     along, across = size * cos(lead), size * sin(lead)
-    sun_cos, sun_sin = two(state.lanes.sun)
+    sun_cos, sun_sin = load_pair(state.lanes.sun)
     rx, ry, _ = load_three(state.belief.position, 0)
     vx, vy, _ = load_three(state.belief.velocity, 0)
     ahead = 2.0 * vy / n
     centre_x, centre_y = 4.0 * rx + ahead, ry - 2.0 * vx / n
-    write_two(signals, CENTRE, centre_x, centre_y)
+    store_pair(signals, CENTRE, centre_x, centre_y)
     store(signals, PREDICTED_CENTRE, centre_y - drift * centre_x)
     reach = most(np.sqrt(rx * rx + ry * ry), MIN_PROJECTION_M)
     bearing_along, bearing_across = rx * sun_cos + ry * sun_sin, rx * sun_sin - ry * sun_cos
-    write_two(signals, SUN_BEARING, bearing_along / reach, bearing_across / reach)
+    store_pair(signals, SUN_BEARING, bearing_along / reach, bearing_across / reach)
     target = load_three(state.lanes.target, 0)
     far = most(length(target), MIN_PROJECTION_M)
     store_three(signals, TARGET_DIRECTION, target / far)
     store(signals, TARGET_SETTING, (sun_cos * target.y - sun_sin * target.x) / far)
-    place_cos, place_sin = sun_cos * along + sun_sin * across, sun_sin * along - sun_cos * across
-    write_two(signals, RING_ERROR, -3.0 * rx - ahead - place_cos, vx / n - place_sin)
+    ring_cos, ring_sin = sun_cos * along + sun_sin * across, sun_sin * along - sun_cos * across
+    store_pair(signals, RING_ERROR, -3.0 * rx - ahead - ring_cos, vx / n - ring_sin)
 
 
 @compiled(error_model="numpy")
@@ -97,10 +97,10 @@ def sense_approach(now: Moment) -> None:
     is accurate to ``(2 pi / ORBIT_PARTS)^2 / 8 = 0.0038`` of ``sqrt(4 b^2 + c^2)``.
     """
     belief = now.state.belief
-    place, velocity = load_three(belief.position, 0), load_three(belief.velocity, 0)
-    before, nearest = place, dot(place, place)
+    position, velocity = load_three(belief.position, 0), load_three(belief.velocity, 0)
+    before, nearest = position, dot(position, position)
     for part in range(ORBIT_PARTS):
-        after = drifted_place(place_of(now.world.orbit_parts, part), place, velocity)
+        after = drifted_position(position_rows_of(now.world.orbit_parts, part), position, velocity)
         chord = after - before
         square = dot(chord, chord)
         share = -dot(before, chord) / select(square > 0.0, square, 1.0)
@@ -121,10 +121,10 @@ def turned_aside(now: Moment, control: Control, lane: int, push: Three, scale: f
     reversed; in between, as much of it as the distance is on its way from one to the other. With a skirt up
     to the least distance nothing is turned.
     """
-    place, skirt = lane_of(now.state.belief.position, 0, lane), constant_of(control, SKIRT_DISTANCE)
-    wanted, min_distance, distance = push / scale, now.world.min_distance, length(place)
+    position, skirt = lane_of(now.state.belief.position, 0, lane), constant_of(control, SKIRT_DISTANCE)
+    wanted, min_distance, distance = push / scale, now.world.min_distance, length(position)
     if not min_distance < skirt or not distance < skirt:
         return wanted
-    inward = max(0.0, -dot(push, place) / (scale * distance))
+    inward = max(0.0, -dot(push, position) / (scale * distance))
     nearness = min(1.0, (skirt - distance) / (skirt - min_distance))
-    return wanted + (2.0 * nearness * inward / distance) * place
+    return wanted + (2.0 * nearness * inward / distance) * position

@@ -11,7 +11,7 @@ from fis_tools.compiled.three import dot, lane_of
 from pipeline.flight.period.look.optics import beam_at, strike_out_seen, turned_back
 from pipeline.flight.state.arrays import Beyond, Moment
 from pipeline.flight.state.signals import slot
-from pipeline.physics.motion import drifted_place, drifted_velocity, step_of
+from pipeline.physics.motion import drifted_position, drifted_velocity, propagator_of
 
 MISSED, NEAREST, FARTHEST = slot("missed"), slot("coasting_nearest"), slot("coasting_farthest")
 
@@ -24,7 +24,7 @@ def preview(now: Moment, optics: Beyond | None) -> None:
     # neighbours are seen shortly after one another: in the paper's world, in the order of patches
     points = world.patches if optics is None else world.points
     stride = world.preview_stride
-    # the places fall on the same instants at every preview, counted back from the end
+    # previewed instants are the same at every preview, counted back from the end
     first = (world.num_controls - k - 1) % stride + 1
     turn = world.mean_motion * world.control_period
     first_turn = cos(turn * first), sin(turn * first)
@@ -32,8 +32,8 @@ def preview(now: Moment, optics: Beyond | None) -> None:
     for lane in range(now.num_lanes):
         num_left = int(lanes.num_unseen[lane])
         sun = lanes.sun[0, lane], lanes.sun[1, lane]
-        place, velocity = lane_of(belief.position, 0, lane), lane_of(belief.velocity, 0, lane)
-        nearest = dot(place, place)
+        position, velocity = lane_of(belief.position, 0, lane), lane_of(belief.velocity, 0, lane)
+        nearest = dot(position, position)
         farthest = nearest
         for j in range(len(ahead) if num_left > 0 else 0):
             ahead[j] = state.unseen[lane, j if optics is not None else world.order[j]]
@@ -41,16 +41,16 @@ def preview(now: Moment, optics: Beyond | None) -> None:
         sample = k
         while sample < world.num_controls:
             sample += step
-            leap = step_of(world.strides, step)
-            moved = drifted_place(leap.place, place, velocity)
-            place, velocity = moved, drifted_velocity(leap, place, velocity)
+            leap = propagator_of(world.strides, step)
+            moved = drifted_position(leap.position, position, velocity)
+            position, velocity = moved, drifted_velocity(leap, position, velocity)
             sun = turned_back(sun, sun_turn)
             step, sun_turn = stride, stride_turn
-            square = dot(place, place)
+            square = dot(position, position)
             nearest, farthest = min(nearest, square), max(farthest, square)
             if num_left > 0:
                 beam = beam_at(now, optics, lane, sample, sun)
-                num_left -= strike_out_seen(world, optics, now.work, points, beam, place)
+                num_left -= strike_out_seen(world, optics, now.work, points, beam, position)
         signals[MISSED, lane] = num_left
         signals[NEAREST, lane] = sqrt(nearest)
         signals[FARTHEST, lane] = sqrt(farthest)

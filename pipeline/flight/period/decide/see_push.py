@@ -38,7 +38,7 @@ from pipeline.flight.period.look.optics import (
 from pipeline.flight.state.arrays import Beyond, Control, Moment, Workspace, World, constant_of
 from pipeline.flight.state.lanes import exponential
 from pipeline.flight.state.signals import constant, slot
-from pipeline.physics.motion import Place, drifted_place, place_of, slopes
+from pipeline.physics.motion import PositionRows, drifted_position, position_gradients, position_rows_of
 from pipeline.physics.sight import HEIGHT, NORMAL
 
 PUSH = slot("see_push_radial", "see_push_along_track", "see_push_cross_track")
@@ -81,15 +81,15 @@ def shortfall(world: World, optics: Beyond | None, j: int, points: Three, eye: E
         radius = sqrt(world.sight.horizon)
         way = (1.0 / radius) * points
         near = LEAST_SHORT_M if eye.square < SQUARED_NEAR_M2 else -np.inf
-        short = radius - dot(way, eye.place)
+        short = radius - dot(way, eye.position)
         return select(short > near, short, near), way
     cosine, reach = sqrt(world.optics.incidence_squared), sqrt(world.optics.range_squared)
     sample = eye.beam.sample
     normal = load_at(world.surface, sample, NORMAL, j, POINTS)
-    d = eye.place - points
+    d = eye.position - points
     distance = length(d)
     per = 1.0 / distance
-    above = dot(normal, eye.place) - load(world.surface, (sample, HEIGHT, j), POINTS)
+    above = dot(normal, eye.position) - load(world.surface, (sample, HEIGHT, j), POINTS)
     short, far = cosine * distance - above, distance - reach
     is_far, lean = far > short, cosine * per
     short = select(is_far, far, short)
@@ -112,12 +112,12 @@ def keep_cheapest(work: Workspace, j: int, lit: Mask, short: Vector, slope: Thre
 
 @compiled(error_model="numpy", forceinline=True)
 def look_from(
-    now: Moment, optics: Beyond | None, lane: int, k: int, then: Place, place: Three, sun: Pair
+    now: Moment, optics: Beyond | None, lane: int, k: int, then: PositionRows, position: Three, sun: Pair
 ) -> None:
     """Remove the points visible from a place of the path; for the others keep the cheapest look so far."""
     world, work, setting = now.world, now.work, now.work.setting
     beam = beam_at(now, optics, lane, k, sun)
-    eye = eye_on_chief(world, optics, beam, place)
+    eye = eye_on_chief(world, optics, beam, position)
     for j in range(0, len(setting) if beam.shines else 0, POINTS):
         before = load(setting, j, POINTS)
         if not some(before > 0.0):
@@ -132,7 +132,7 @@ def look_from(
         elif not eye.is_blind:
             seen = seen_points(world, optics, work, j, points, lit, eye)
             store(setting, j, select(seen, 0.0, before))
-        keep_cheapest(work, j, lit, short, slopes(then, way)[1])
+        keep_cheapest(work, j, lit, short, position_gradients(then, way)[1])
 
 
 @compiled(error_model="numpy")
@@ -177,11 +177,11 @@ def sense_push(now: Moment, optics: Beyond | None, control: Control) -> None:
         push = Three(0.0, 0.0, 0.0)
         if lanes.coasts[lane] == 0.0 and await_dark(now, lane, horizon) > 0:
             sun = lanes.sun[0, lane], lanes.sun[1, lane]
-            place, velocity = lane_of(belief.position, 0, lane), lane_of(belief.velocity, 0, lane)
+            position, velocity = lane_of(belief.position, 0, lane), lane_of(belief.velocity, 0, lane)
             for look in range(1, num_looks + 1):
                 sun = turned_back(sun, look_turn)
-                then = place_of(world.looks, look)
-                at = drifted_place(then, place, velocity)
+                then = position_rows_of(world.looks, look)
+                at = drifted_position(then, position, velocity)
                 look_from(now, optics, lane, k + look * world.look_stride, then, at, sun)
             push = fitted_push(now, lane, rate, damping)
             push = turned_aside(now, control, lane, push, 1.0)

@@ -8,7 +8,7 @@ from fis_tools.compiled.vectors import load, select, some, store, width_of
 from fis_tools.engines.kernel import infer
 from pipeline.flight.period.decide.preview import FARTHEST, MISSED, NEAREST
 from pipeline.flight.state.arrays import Control, Law, Moment, Plans, constant_of
-from pipeline.flight.state.lanes import clip_three, flight_of, four, one
+from pipeline.flight.state.lanes import clip_three, flight_of, load_quaternion, load_row
 from pipeline.flight.state.signals import BODY, FIRST_DEAD_BAND, constant
 from pipeline.physics.quaternion import to_hill
 
@@ -32,7 +32,7 @@ def decide_to_coast(now: Moment, control: Control) -> None:
     """Mark the lanes that fire nothing: all is seen, or coasting will show enough inside the limits."""
     world, lanes, signals = now.world, now.state.lanes, now.work.signals
     width = width_of(lanes)
-    coasts = one(lanes.num_unseen) < (1.0 if world.coasts_when_complete else 0.0)
+    coasts = load_row(lanes.num_unseen) < (1.0 if world.coasts_when_complete else 0.0)
     if may_coast(control):
         margin = constant_of(control, COAST_MARGIN)
         is_enough = load(signals, MISSED, width) < constant_of(control, COAST_BELOW)
@@ -53,8 +53,10 @@ def follow_plans(now: Moment, plans: Plans) -> None:
         for axis in range(3):
             answer = 0.0
             if len(plans.paths) > 0:
-                for place in range(6):
-                    answer -= plans.gain[axis, place] * (known[place] - plans.paths[flight, k, place])
+                for component in range(6):
+                    answer -= plans.gain[axis, component] * (
+                        known[component] - plans.paths[flight, k, component]
+                    )
             planned = plans.forces[flight if len(plans.forces) > 1 else 0, k, axis]
             state.lanes.asked[axis, lane] = planned + (answer if abs(answer) >= plans.least_answer else 0.0)
 
@@ -64,16 +66,16 @@ def infer_forces(now: Moment, control: Control) -> None:
     """Infer what each system asks for, and command what is beyond its dead band and does not coast."""
     law, work, lanes = control.law, now.work, now.state.lanes
     room, width = work.scratch[0], width_of(lanes)
-    fires = one(lanes.coasts) == 0.0
+    fires = load_row(lanes.coasts) == 0.0
     if not some(fires):
         return
     for system in range(len(law.axes)):
-        for place in range(3):
-            store(room.inputs, place, load(work.signals, law.signals[system, place], width))
+        for column in range(3):
+            store(room.inputs, column, load(work.signals, law.signals[system, column], width))
         infer(control.values, control.rules, law.layout, system, work.scratch)
         axis = law.axes[system]
         dead_band = constant_of(control, FIRST_DEAD_BAND + axis)
-        output = one(room.output)
+        output = load_row(room.output)
         store(work.outputs, system, output)
         fired = select(fires & (abs(output) >= dead_band), output, 0.0)
         store(lanes.asked, axis, load(lanes.asked, axis, width) + fired)
@@ -90,7 +92,7 @@ def command(now: Moment, control: Control) -> None:
         infer_forces(now, control)
     force = load_three(lanes.asked, 0)
     if law.force_axes == BODY:
-        force = to_hill(four(now.state.belief.attitude), force)
+        force = to_hill(load_quaternion(now.state.belief.attitude), force)
     store_three(lanes.commanded, 0, clip_three(force, now.world.max_force))
 
 

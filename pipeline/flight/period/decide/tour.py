@@ -10,7 +10,7 @@ from pipeline.flight.period.decide.urgency import URGENT
 from pipeline.flight.period.look.optics import Pair, turned_back
 from pipeline.flight.state.arrays import Control, Moment, constant_of
 from pipeline.flight.state.signals import constant, slot
-from pipeline.physics.motion import drifted_place, place_over, push_by
+from pipeline.physics.motion import drifted_position, position_rows_over, push_by
 
 TOUR_PUSH = slot("tour_push_radial", "tour_push_along_track", "tour_push_cross_track")
 TOUR_TIME, TOUR_WAIT, TOUR_LEAN = constant("tour_time_s"), constant("tour_wait_s"), constant("tour_lean_m")
@@ -72,7 +72,7 @@ def sense_tour(now: Moment, control: Control) -> None:
         c, s = turned_back(sun, (cos(n * time), sin(n * time)))
         wanted = tour_at(control, c, s, height)
         wanted += constant_of(control, TOUR_LEAN) * lane_of(signals, URGENT, lane)
-        place, velocity = lane_of(belief.position, 0, lane), lane_of(belief.velocity, 0, lane)
-        then = place_over(n, time)
-        push = push_by(then, wanted - drifted_place(then, place, velocity))
+        position, velocity = lane_of(belief.position, 0, lane), lane_of(belief.velocity, 0, lane)
+        then = position_rows_over(n, time)
+        push = push_by(then, wanted - drifted_position(then, position, velocity))
         write_lane(signals, TOUR_PUSH, lane, turned_aside(now, control, lane, push, 1.0))

@@ -86,16 +86,16 @@ def start_centres(clusters: Clusters, position_h: Floats, num_centres: int) -> i
         _assign(clusters, 0, ready, labels)
     for j in range(ready, wanted):
         if j == 0:
-            chosen = nearest_place(candidates.T, num_candidates, position_h)
+            chosen = nearest_row(candidates.T, num_candidates, position_h)
         else:
             chosen = 0
             for i in range(1, num_candidates):
                 if distances[i] > distances[chosen] + TIE_M2:
                     chosen = i
-        place = lane_of(candidates, 0, chosen)
-        towards = three_of(position_h) - place
+        candidate = lane_of(candidates, 0, chosen)
+        towards = three_of(position_h) - candidate
         share = CENTRE_SHIFT_M / max(sqrt(dot(towards, towards)), 1e-300)
-        write_three(centres[j], place + share * towards)
+        write_three(centres[j], candidate + share * towards)
         _assign(clusters, j, j + 1, labels)
     return wanted
 
@@ -207,12 +207,12 @@ def cluster_centres(clusters: Clusters, position_h: Floats, num_centres: int) ->
 
 
 @compiled
-def nearest_place(places: Floats, num_places: int, position_h: Floats) -> int:
+def nearest_row(positions: Floats, num_positions: int, position_h: Floats) -> int:
     """Return the row, of some first ones, shape (n, 3), nearest the deputy; among equals the lowest."""
     chosen = 0
     nearest = np.inf
-    for j in range(num_places):
-        apart = three_of(places[j]) - three_of(position_h)
+    for j in range(num_positions):
+        apart = three_of(positions[j]) - three_of(position_h)
         distance = dot(apart, apart)
         if distance < nearest - TIE_M2:
             nearest = distance

@@ -23,11 +23,19 @@ from fis_tools.compiled.three import (
 )
 from fis_tools.compiled.vectors import Vector, load, most, select, splat, store, width_of
 from pipeline.array_types import Floats
-from pipeline.flight.state.arrays import Moment, State
-from pipeline.flight.state.errors import OF_ATTITUDE, OF_FIXES, OF_ROTATION, OF_SQUARES, Errors, Filter, Fixes
-from pipeline.flight.state.lanes import flight_of, four, write_four, write_row
+from pipeline.flight.state.arrays import FlightState, Moment
+from pipeline.flight.state.errors import (
+    OF_ATTITUDE,
+    OF_FIXES,
+    OF_ROTATION,
+    OF_SQUARES,
+    Filter,
+    Fixes,
+    NavigationErrors,
+)
+from pipeline.flight.state.lanes import flight_of, load_quaternion, store_quaternion, write_row
 from pipeline.flight.state.log import FlightLog
-from pipeline.physics.motion import place_after, step_of, velocity_after
+from pipeline.physics.motion import position_after, propagator_of, velocity_after
 from pipeline.physics.quaternion import to_hill, turned
 
 #: factor by which a rejected fix widens the covariance: after a few in a row the filter, not the fix, is
@@ -54,14 +62,14 @@ def unit(axis: int) -> Three:
 
 
 @compiled(error_model="numpy", forceinline=True)
-def fired_part(state: State, period: int, force: Three) -> Three:
+def fired_part(state: FlightState, period: int, force: Three) -> Three:
     """Return what remains of a force in a control period: nothing along axes on which nothing was fired."""
     has_fired = load_at(state.has_fired, period, 0, 0, width_of(state.estimate))
     return Three(force.x * has_fired.x, force.y * has_fired.y, force.z * has_fired.z)
 
 
 @compiled(error_model="numpy")
-def force_of(law: Filter, state: State, which: int, force: Three, period: int) -> Three:
+def force_of(law: Filter, state: FlightState, which: int, force: Three, period: int) -> Three:
     """Return what a unit constant error adds to a force in a control period, to first order, N."""
     width, error = width_of(state.estimate), law.constants[which]
     if error >= OF_ATTITUDE:
@@ -75,16 +83,16 @@ def force_of(law: Filter, state: State, which: int, force: Three, period: int) -
 
 
 @compiled(error_model="numpy")
-def shift_of(law: Filter, state: State, which: int, fix: int, place: Three) -> Three:
+def shift_of(law: Filter, state: FlightState, which: int, fix: int, position: Three) -> Three:
     """Return how far a unit constant error shifts a fix, m."""
     width, error = width_of(state.estimate), law.constants[which]
     if error >= OF_SQUARES:
         axis = load_at(state.sensed, 3 * fix * law.stride + error - OF_SQUARES, 0, 0, width)
-        return length(place) * axis
+        return length(position) * axis
     if error >= OF_FIXES:
         return same(0.0, width) + unit(error - OF_FIXES)
     if error >= OF_ATTITUDE and law.is_sight:
-        return cross(load_at(state.sensed, 3 * fix * law.stride + error - OF_ATTITUDE, 0, 0, width), place)
+        return cross(load_at(state.sensed, 3 * fix * law.stride + error - OF_ATTITUDE, 0, 0, width), position)
     return same(0.0, width)
 
 
@@ -98,12 +106,12 @@ def propagate_covariance(now: Moment, law: Filter, covariance: Floats, period: i
     """
     state, phi, gamma = now.state, now.world.motion.transition[0], now.world.motion.control[0]
     width, half, pushes = width_of(state.estimate), state.estimate.half, state.estimate.pushes
-    asked = load_at(state.acting, period, 0, 0, width)
-    force = fired_part(state, period, asked)
+    requested = load_at(state.acting, period, 0, 0, width)
+    force = fired_part(state, period, requested)
     count = 6 + len(law.constants)
     square = dot(force, force)
-    place = load_three(state.estimate.filtered, 0)
-    farther = most(dot(place, place) / (now.world.max_distance * now.world.max_distance), 1.0)
+    position = load_three(state.estimate.filtered, 0)
+    farther = most(dot(position, position) / (now.world.max_distance * now.world.max_distance), 1.0)
     growth = farther * farther
     for row in range(6):
         for column in range(count):
@@ -114,7 +122,7 @@ def propagate_covariance(now: Moment, law: Filter, covariance: Floats, period: i
     for which in range(len(law.constants)):
         felt = same(0.0, width)
         if law.constants[which] < OF_FIXES:
-            felt = fired_part(state, period, force_of(law, state, which, asked, period))
+            felt = fired_part(state, period, force_of(law, state, which, requested, period))
         for row in range(6):
             push = dot(three_of(gamma[row]), felt)
             store(pushes, (row, which, 0), push)
@@ -135,15 +143,15 @@ def propagate_covariance(now: Moment, law: Filter, covariance: Floats, period: i
 @compiled(error_model="numpy")
 def advance(now: Moment, law: Filter, estimate: Floats, period: int) -> None:
     """Propagate an estimate, shape (6, L), through a control period under the commanded forces."""
-    step, state = step_of(now.world.motion, 0), now.state
+    step, state = propagator_of(now.world.motion, 0), now.state
     force = law.kept * fired_part(state, period, load_at(state.acting, period, 0, 0, width_of(estimate)))
-    place, velocity = load_three(estimate, 0), load_three(estimate, 3)
-    store_three(estimate, 0, place_after(step, place, velocity, force))
-    store_three(estimate, 3, velocity_after(step, place, velocity, force))
+    position, velocity = load_three(estimate, 0), load_three(estimate, 3)
+    store_three(estimate, 0, position_after(step, position, velocity, force))
+    store_three(estimate, 3, velocity_after(step, position, velocity, force))
 
 
 @compiled(error_model="numpy")
-def correct(law: Filter, state: State, fix: int) -> None:
+def correct(law: Filter, state: FlightState, fix: int) -> None:
     """Correct the filtered state by a fix, unless the fix is beyond the gate.
 
     With N the shifts of a fix by constant errors, ``L = P H' + C N'``, ``M = H C + N V``,
@@ -151,19 +159,19 @@ def correct(law: Filter, state: State, fix: int) -> None:
     """
     estimate, count = state.estimate, len(law.constants)
     filtered, p, work, width = estimate.filtered, estimate.covariance, estimate.half, width_of(estimate)
-    place = load_three(filtered, 0)
-    off = load_at(state.fixes, fix, 0, 0, width) - law.seen * place
+    position = load_three(filtered, 0)
+    off = load_at(state.fixes, fix, 0, 0, width) - law.seen * position
     for row in range(6):
         store_at(work, row, 0, load_at(p, row, 0, 0, width))
     # a fix has one variance across the line of sight and another along it
-    square = dot(place, place)
+    square = dot(position, position)
     across = law.fix + law.bearing * square
     more = (law.range - law.bearing * square) / square
-    first = across * unit(0) + more * place.x * place
-    second = across * unit(1) + more * place.y * place
-    third = across * unit(2) + more * place.z * place
+    first = across * unit(0) + more * position.x * position
+    second = across * unit(1) + more * position.y * position
+    third = across * unit(2) + more * position.z * position
     for which in range(count):
-        n = shift_of(law, state, which, fix, place)
+        n = shift_of(law, state, which, fix, position)
         for row in range(6):
             common = entry(p, row, 6 + which) * n
             store_at(work, row, 0, load_at(work, row, 0, 0, width) + common)
@@ -204,7 +212,7 @@ def correct(law: Filter, state: State, fix: int) -> None:
 
 
 @compiled(error_model="numpy")
-def note_turn(now: Moment, errors: Errors) -> None:
+def note_turn(now: Moment, errors: NavigationErrors) -> None:
     """Store the rotation from the true attitudes to the sensed ones from sample k on."""
     turn = now.state.estimate.turn
     for lane in range(width_of(now.state.estimate)):
@@ -215,27 +223,29 @@ def note_turn(now: Moment, errors: Errors) -> None:
 
 
 @compiled(error_model="numpy")
-def point_beside(now: Moment, errors: Errors) -> None:
+def point_beside(now: Moment, errors: NavigationErrors) -> None:
     """Set the attitudes of ideally pointing deputies, with the sensing error."""
     if errors.of_attitude.shape[1] > 0:
         note_turn(now, errors)
         attitude = now.state.truth.attitude
-        write_four(attitude, turned(four(attitude), four(now.state.estimate.turn), -1.0))
+        store_quaternion(
+            attitude, turned(load_quaternion(attitude), load_quaternion(now.state.estimate.turn), -1.0)
+        )
 
 
 @compiled(error_model="numpy")
-def sense_attitude(now: Moment, errors: Errors) -> None:
+def sense_attitude(now: Moment, errors: NavigationErrors) -> None:
     """Write the sensed attitude and boresight."""
     state, belief = now.state, now.state.belief
-    q = four(state.truth.attitude)
+    q = load_quaternion(state.truth.attitude)
     if errors.of_attitude.shape[1] == 0:
-        write_four(belief.attitude, q)
+        store_quaternion(belief.attitude, q)
         store_three(belief.boresight, 0, load_three(state.truth.boresight, 0))
         return
     note_turn(now, errors)
-    a, b, c, d = four(state.estimate.turn)
+    a, b, c, d = load_quaternion(state.estimate.turn)
     sensed = turned(q, (a, b, c, d), 1.0)
-    write_four(belief.attitude, sensed)
+    store_quaternion(belief.attitude, sensed)
     store_three(belief.boresight, 0, to_hill(sensed, three_of(now.world.boresight)))
     # angles are twice the ratio of the quaternion's components
     store_three(state.estimate.tilt, 0, to_hill(q, 2.0 * Three(a, b, c) / d))
@@ -248,8 +258,8 @@ def start_estimate(now: Moment, fixes: Fixes) -> None:
     filtered, width = state.estimate.filtered, width_of(state.estimate)
     for lane in range(width):
         error = fixes.errors.at_start[flight_of(now, lane)]
-        place, velocity = lane_of(state.truth.position, 0, lane), lane_of(state.truth.velocity, 0, lane)
-        write_lane(filtered, 0, lane, place + three_of(error))
+        position, velocity = lane_of(state.truth.position, 0, lane), lane_of(state.truth.velocity, 0, lane)
+        write_lane(filtered, 0, lane, position + three_of(error))
         write_lane(filtered, 3, lane, velocity + three_of(error[3:]))
     for row in range(6):
         for column in range(6 + len(fixes.law.constants)):
@@ -258,17 +268,17 @@ def start_estimate(now: Moment, fixes: Fixes) -> None:
 
 
 @compiled(error_model="numpy")
-def measure(now: Moment, errors: Errors, which: int) -> None:
+def measure(now: Moment, errors: NavigationErrors, which: int) -> None:
     """Take a fix of the true positions."""
     state = now.state
     for lane in range(width_of(state.estimate)):
-        case, place = flight_of(now, lane), lane_of(state.truth.position, 0, lane)
+        case, position = flight_of(now, lane), lane_of(state.truth.position, 0, lane)
         if errors.of_sight.shape[1] > 0:  # by a range and a bearing
             error = errors.of_sight[case, which]
             turned_by = three_of(error[1:]) + lane_of(state.estimate.tilt, 0, lane)
-            towards = place + cross(turned_by, place)
-            place = ((length(place) + error[0]) / length(towards)) * towards
-        write_lane(state.fixes[which], 0, lane, place + three_of(errors.of_fixes[case, which]))
+            towards = position + cross(turned_by, position)
+            position = ((length(position) + error[0]) / length(towards)) * towards
+        write_lane(state.fixes[which], 0, lane, position + three_of(errors.of_fixes[case, which]))
 
 
 @compiled(error_model="numpy", forceinline=True)
@@ -303,7 +313,7 @@ def navigate(now: Moment, fixes: Fixes) -> None:
     estimate, width = state.estimate, width_of(state.estimate)
     sense_attitude(now, fixes.errors)
     for axis in range(3):
-        store_at(state.sensed, 3 * k + axis, 0, to_hill(four(state.belief.attitude), unit(axis)))
+        store_at(state.sensed, 3 * k + axis, 0, to_hill(load_quaternion(state.belief.attitude), unit(axis)))
     if k == first:
         start_estimate(now, fixes)
     if k % law.stride == 0:
@@ -323,9 +333,9 @@ def navigate(now: Moment, fixes: Fixes) -> None:
 
 
 @compiled(error_model="numpy", forceinline=True)
-def know_all(state: State) -> None:
+def know_all(state: FlightState) -> None:
     """Write the true states as the deputies' estimates: navigation is exact."""
     store_three(state.belief.position, 0, load_three(state.truth.position, 0))
     store_three(state.belief.velocity, 0, load_three(state.truth.velocity, 0))
     store_three(state.belief.boresight, 0, load_three(state.truth.boresight, 0))
-    write_four(state.belief.attitude, four(state.truth.attitude))
+    store_quaternion(state.belief.attitude, load_quaternion(state.truth.attitude))

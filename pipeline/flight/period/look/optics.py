@@ -48,9 +48,9 @@ class Beam(NamedTuple):
 
 
 class Eye(NamedTuple):
-    """A camera at a place r that looks along b, m and Hill axes."""
+    """A camera at a position r, m, that looks along b, Hill axes."""
 
-    place: Three
+    position: Three
     boresight: Three
     beam: Beam
     square: float  # ``|r|^2``
@@ -115,21 +115,23 @@ def beam_now(now: Moment, optics: Beyond | None, lane: int) -> Beam:
 
 
 @compiled(error_model="numpy", forceinline=True)
-def eye_at(world: World, optics: Beyond | None, beam: Beam, place: Three, boresight: Three) -> Eye:
-    """Return the camera at a place, with a unit vector as boresight."""
+def eye_at(world: World, optics: Beyond | None, beam: Beam, position: Three, boresight: Three) -> Eye:
+    """Return the camera at a position, with a unit vector as boresight."""
     is_blind = optics is not None and dot(boresight, beam.sun) > world.optics.most_sunward
-    along = dot(place, boresight)
-    return Eye(place, boresight, beam, dot(place, place), along, 1.0, False, is_blind)
+    along = dot(position, boresight)
+    return Eye(position, boresight, beam, dot(position, position), along, 1.0, False, is_blind)
 
 
 @compiled(error_model="numpy", forceinline=True)
-def eye_on_chief(world: World, optics: Beyond | None, beam: Beam, place: Three) -> Eye:
-    """Return the camera at a place, aimed at the chief's centre."""
-    square = dot(place, place)
+def eye_on_chief(world: World, optics: Beyond | None, beam: Beam, position: Three) -> Eye:
+    """Return the camera at a position, aimed at the chief's centre."""
+    square = dot(position, position)
     if optics is not None:
-        return eye_at(world, optics, beam, place, (-1.0 / sqrt(square)) * place)
+        return eye_at(world, optics, beam, position, (-1.0 / sqrt(square)) * position)
     # any length of the boresight will do
-    return Eye(place, -1.0 * place, beam, square, -square, square, square >= fits_from(world.sight), False)
+    return Eye(
+        position, -1.0 * position, beam, square, -square, square, square >= fits_from(world.sight), False
+    )
 
 
 @compiled(error_model="numpy", forceinline=True)
@@ -155,13 +157,13 @@ def seen_points(
     world: World, optics: Beyond | None, work: Workspace, j: int, points: Three, lit: Mask, eye: Eye
 ) -> Mask:
     """Return which of the lit points from j on a camera sees."""
-    along, towards = dot(points, eye.place), dot(points, eye.boresight) - eye.along
+    along, towards = dot(points, eye.position), dot(points, eye.boresight) - eye.along
     if optics is None:
         # for points on the sphere of the horizon, |p - r|^2 = |p|^2 + |r|^2 - 2 p . r
         squared = (world.sight.horizon + eye.square - 2.0 * along) * eye.length
         seen = lit & is_facing(world.sight, along)
         return seen if eye.sees_all else seen & is_in_cone(world.sight, towards, squared)
-    above = dot(eye.place, load_at(world.surface, eye.beam.sample, NORMAL, j, POINTS))
+    above = dot(eye.position, load_at(world.surface, eye.beam.sample, NORMAL, j, POINTS))
     above -= load(world.surface, (eye.beam.sample, HEIGHT, j), POINTS)
     squared = load(world.surface, (eye.beam.sample, SQUARE, j), POINTS) + eye.square
     squared -= 2.0 * along
@@ -181,7 +183,7 @@ def leave_out_hidden_and_dim(world: World, work: Workspace, j: int, eye: Eye) ->
     for i in range(j, min(j + POINTS, world.num_points)):
         if work.seen[i] == 0.0:
             continue
-        to_camera = eye.place - lane_of(world.points[sample], 0, i)
+        to_camera = eye.position - lane_of(world.points[sample], 0, i)
         if world.occlusion.edge > 0:
             work.seen[i] = world.occlusion.is_free[cell_towards(world, sample, to_camera), i]
         if world.reflection.is_on:
@@ -192,14 +194,14 @@ def leave_out_hidden_and_dim(world: World, work: Workspace, j: int, eye: Eye) ->
 
 @compiled(error_model="numpy", forceinline=True)
 def strike_out_seen(
-    world: World, optics: Beyond | None, work: Workspace, points: Floats, beam: Beam, place: Three
+    world: World, optics: Beyond | None, work: Workspace, points: Floats, beam: Beam, position: Three
 ) -> int:
     """Remove the points that a camera aimed at the chief's centre sees from `work.ahead`; return how many.
 
     `points` are in the order of `work.ahead`. Vectors with none left are skipped.
     """
     num_seen = 0
-    eye = eye_on_chief(world, optics, beam, place)
+    eye = eye_on_chief(world, optics, beam, position)
     if beam.shines and not eye.is_blind:
         for j in range(0, len(work.ahead), POINTS):
             before = load(work.ahead, j, POINTS)
@@ -248,9 +250,11 @@ def note_lit(world: World, optics: Beyond | None, work: Workspace, beam: Beam) -
 
 
 @compiled(nogil=True, error_model="numpy")
-def note_inspectable(world: World, optics: Beyond | None, work: Workspace, cases: Any, found: Bytes) -> None:
+def note_inspectable(
+    world: World, optics: Beyond | None, work: Workspace, cases: Any, inspectable: Bytes
+) -> None:
     """Write which points are lit at some sample of each case's flight, shape (m, P padded) of 0 or 1."""
-    world, work, cases, found = borrowed((world, work, cases, found))
+    world, work, cases, inspectable = borrowed((world, work, cases, inspectable))
     for row in range(len(cases)):
         num_left = 1
         want_all(world, work)
@@ -260,4 +264,4 @@ def note_inspectable(world: World, optics: Beyond | None, work: Workspace, cases
                 if num_left == 0:
                     break
         for j in range(len(work.ahead)):
-            found[row, j] = 1 if j < world.num_points and work.ahead[j] == 0.0 else 0
+            inspectable[row, j] = 1 if j < world.num_points and work.ahead[j] == 0.0 else 0

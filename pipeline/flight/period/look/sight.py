@@ -16,10 +16,10 @@ from fis_tools.compiled.three import (
     write_lane,
 )
 from fis_tools.compiled.vectors import count, least, load, most, select, some, splat, store
-from pipeline.flight.period.look.guidance import POINTS, Clusters, cluster_centres, nearest_place
+from pipeline.flight.period.look.guidance import POINTS, Clusters, cluster_centres, nearest_row
 from pipeline.flight.period.look.optics import beam_now, eye_at, lit_points, seen_points, sun_after
-from pipeline.flight.state.arrays import Beyond, Moment, State, Workspace
-from pipeline.flight.state.lanes import four, one, two, write_row, write_two
+from pipeline.flight.state.arrays import Beyond, FlightState, Moment, Workspace
+from pipeline.flight.state.lanes import load_pair, load_quaternion, load_row, store_pair, write_row
 from pipeline.physics.quaternion import to_hill
 
 
@@ -28,8 +28,8 @@ def inspect(now: Moment, optics: Beyond | None, lane: int) -> None:
     """Inspect what is lit and in view of a lane's camera; the target is the mean of the other lit points."""
     world, state, work, lanes = now.world, now.state, now.work, now.state.lanes
     beam = beam_now(now, optics, lane)
-    place, boresight = lane_of(state.truth.position, 0, lane), lane_of(state.truth.boresight, 0, lane)
-    eye = eye_at(world, optics, beam, place, boresight)
+    position, boresight = lane_of(state.truth.position, 0, lane), lane_of(state.truth.boresight, 0, lane)
+    eye = eye_at(world, optics, beam, position, boresight)
     num_seen, num_left = 0, 0
     nothing = splat(0.0, POINTS)
     centre = same(0.0, POINTS)
@@ -58,7 +58,7 @@ def inspect(now: Moment, optics: Beyond | None, lane: int) -> None:
 
 
 @compiled(error_model="numpy", forceinline=True)
-def are_new(state: State, work: Workspace, lane: int) -> bool:
+def are_new(state: FlightState, work: Workspace, lane: int) -> bool:
     """Return whether the candidates differ from those clustered last, and store them as clustered."""
     num_different = 0
     for j in range(0, len(work.candidate), POINTS):
@@ -90,7 +90,7 @@ def choose_cluster(now: Moment, lane: int) -> None:
             filled += int(work.candidate[j])
         clusters = Clusters(work.candidates, num_candidates, centres, work.labels, work.distances, work.sums)
         state.num_centres[lane] = cluster_centres(clusters, position, state.num_centres[lane])
-    nearest = nearest_place(centres, state.num_centres[lane], position)
+    nearest = nearest_row(centres, state.num_centres[lane], position)
     write_lane(lanes.target, 0, lane, three_of(centres[nearest]))
 
 
@@ -98,17 +98,17 @@ def choose_cluster(now: Moment, lane: int) -> None:
 def see(now: Moment, optics: Beyond | None, clusters: bool | None) -> None:
     """Inspect, and choose the target, of every lane; add up distances."""
     world, lanes, truth, k = now.world, now.state.lanes, now.state.truth, now.k
-    sun, height = sun_after(world, two(lanes.sun_at_start), two(lanes.height_at_start), k)
-    write_two(lanes.sun, 0, sun[0], sun[1])
-    write_two(lanes.sun_height, 0, height[0], height[1])
+    sun, height = sun_after(world, load_pair(lanes.sun_at_start), load_pair(lanes.height_at_start), k)
+    store_pair(lanes.sun, 0, sun[0], sun[1])
+    store_pair(lanes.sun_height, 0, height[0], height[1])
     distance = length(load_three(truth.position, 0))
-    store(lanes.travelled, 0, one(lanes.travelled) + distance)
-    store(lanes.nearest, 0, least(distance, one(lanes.nearest)))
-    store(lanes.farthest, 0, most(distance, one(lanes.farthest)))
+    store(lanes.travelled, 0, load_row(lanes.travelled) + distance)
+    store(lanes.nearest, 0, least(distance, load_row(lanes.nearest)))
+    store(lanes.farthest, 0, most(distance, load_row(lanes.farthest)))
     if k > world.first:
         beyond = most(world.min_distance - distance, distance - world.max_distance)
-        store(lanes.beyond, 0, most(beyond, one(lanes.beyond)))
-    store_three(truth.boresight, 0, to_hill(four(truth.attitude), three_of(world.boresight)))
+        store(lanes.beyond, 0, most(beyond, load_row(lanes.beyond)))
+    store_three(truth.boresight, 0, to_hill(load_quaternion(truth.attitude), three_of(world.boresight)))
     for lane in range(now.num_lanes):
         inspect(now, optics, lane)
         if clusters is not None:

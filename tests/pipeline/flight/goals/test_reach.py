@@ -73,21 +73,21 @@ def test_judged_as_by_a_plain_loop(samples, data):
     for k, (x, y, speed) in enumerate(samples):
         tracks[0, k, [0, 1, 4]] = x, y, speed
         tracks[0, k, TRACK_SPENT] = 0.1 * k
-    found = reach.judged(mission, Outcomes(**dict.fromkeys(NAMES, np.zeros(1))), tracks)
+    judgement = reach.judged(mission, Outcomes(**dict.fromkeys(NAMES, np.zeros(1))), tracks)
     last, is_reached, speed, over = plainly(problem, tracks[0])
-    assert found.end_s[0] == last * mission.control_period_s
-    assert (found.is_success(100.0) & ~found.is_violated)[0] == is_reached
-    assert found.end_speed_m_s[0] == pytest.approx(speed)
-    assert found.excess_m_s[0] == pytest.approx(over, abs=1e-12)
-    assert found.delta_v_m_s[0] == pytest.approx(0.1 * last)
+    assert judgement.end_s[0] == last * mission.control_period_s
+    assert (judgement.is_success(100.0) & ~judgement.is_violated)[0] == is_reached
+    assert judgement.end_speed_m_s[0] == pytest.approx(speed)
+    assert judgement.excess_m_s[0] == pytest.approx(over, abs=1e-12)
+    assert judgement.delta_v_m_s[0] == pytest.approx(0.1 * last)
     nearest = min(np.linalg.norm(row[:3]) for row in tracks[0, : last + 1])
-    assert found.min_distance_m[0] == pytest.approx(nearest)
+    assert judgement.min_distance_m[0] == pytest.approx(nearest)
     if not is_reached:
-        assert 0.0 <= found.inspected_count[0] < 1.0
+        assert 0.0 <= judgement.inspected_count[0] < 1.0
         first = max(np.linalg.norm(tracks[0, 0, :3]), 2.0 * problem.goal_radius_m)
         way = log(max(nearest, problem.goal_radius_m) / problem.goal_radius_m)
         left = min(way / log(first / problem.goal_radius_m), 1.0)
-        assert found.inspected_count[0] == pytest.approx(1.0 - left, abs=1e-8)
+        assert judgement.inspected_count[0] == pytest.approx(1.0 - left, abs=1e-8)
 
 
 def test_what_is_flown_in_parts_logged_and_as_a_population_agrees(monkeypatch):
@@ -118,14 +118,16 @@ def docked(request):
 
 def test_events_tell_of_the_end_and_of_speeds_above_the_limit(docked):
     mission, _, _, log = docked
-    told = events(mission, log, 5.0)
-    assert "the goal is reached, 0.20 m from the chief" in told[-1].text
-    assert log.is_inspected[told[-1].sample :].all()
-    assert not log.is_inspected[: told[-1].sample].any()
+    happened = events(mission, log, 5.0)
+    assert "the goal is reached, 0.20 m from the chief" in happened[-1].text
+    assert log.is_inspected[happened[-1].sample :].all()
+    assert not log.is_inspected[: happened[-1].sample].any()
     speeds = np.linalg.norm(log.velocity_m_s, axis=1)
     limits = reach.limit_at(mission.problem, np.linalg.norm(log.position_m, axis=1))
     above = int(np.sum(speeds[1:] > limits[1:]))
-    assert any(f"above the limit on the speed for {above} s" in one.text for one in told) == (above > 0)
+    assert any(f"above the limit on the speed for {above} s" in event.text for event in happened) == (
+        above > 0
+    )
 
 
 def test_a_recording_counts_up_to_the_end_alone(docked, tmp_path):
@@ -135,14 +137,14 @@ def test_a_recording_counts_up_to_the_end_alone(docked, tmp_path):
     path = tmp_path / "docked.mcap"
     recorder = FlightRecorder(replace(docking(), mission=mission), controller, {})
     recorder.record(path, start, log, "docked")
-    went, told = flights.read_outcome(path), summarize(telemetry.read(path))["outcome"]
+    went, summary = flights.read_outcome(path), summarize(telemetry.read(path))["outcome"]
     assert 0.0 < judged.end_s[0] < 1500.0
-    assert went.end_s == told["end_s"] == judged.end_s[0]
+    assert went.end_s == summary["end_s"] == judged.end_s[0]
     assert went.is_success == judged.is_success(100.0)[0]
     assert went.came_to["delta_v_m_s"] == pytest.approx(judged.delta_v_m_s[0])
     assert went.came_to["delta_v_m_s"] < log.delta_v_m_s[-1]
-    assert told["min_distance_m"] == pytest.approx(judged.min_distance_m[0])
-    assert all(one.time_s[-1] < judged.end_s[0] for one in flights.read_flight(path, all_periods=True))
+    assert summary["min_distance_m"] == pytest.approx(judged.min_distance_m[0])
+    assert all(flight.time_s[-1] < judged.end_s[0] for flight in flights.read_flight(path, all_periods=True))
     with pytest.raises(ControllerFileError, match="is on no control period"):
         flights.read_periods(path, judged.end_s[0] + 1.0)
 

@@ -79,14 +79,17 @@ def chief_at_start(dynamics: dict[str, float]) -> tuple[Any, Any]:
     elements.i, elements.Omega = radians(dynamics["inclination_deg"]), 0.0
     elements.f = radians(dynamics["true_anomaly_deg"])
     elements.omega = radians(dynamics["latitude_argument_deg"]) - elements.f
-    place, velocity = orbitalMotion.elem2rv(GRAVITY, elements)
-    return np.array(place), np.array(velocity)
+    position, velocity = orbitalMotion.elem2rv(GRAVITY, elements)
+    return np.array(position), np.array(velocity)
 
 
-def message_of(name: str, place: Any) -> Any:
+def message_of(name: str, position: Any) -> Any:
     """Return the message of a body that stays at an inertial place."""
     state = messaging.SpicePlanetStateMsgPayload(
-        PlanetName=name, PositionVector=list(place), VelocityVector=[0.0] * 3, J20002Pfix=np.eye(3).tolist()
+        PlanetName=name,
+        PositionVector=list(position),
+        VelocityVector=[0.0] * 3,
+        J20002Pfix=np.eye(3).tolist(),
     )
     return messaging.SpicePlanetStateMsg().write(state)
 
@@ -133,18 +136,18 @@ def add_sunlight(simulation: Any, craft: Any, acceleration: float, sun: Any, has
 
 def flown(dynamics: dict[str, float], has_shadow: bool, start: Any, folder: Path) -> dict[str, Any]:
     """Fly one case."""
-    place, velocity = chief_at_start(dynamics)
-    axes = orbitalMotion.hillFrame(place, velocity)
+    position, velocity = chief_at_start(dynamics)
+    axes = orbitalMotion.hillFrame(position, velocity)
     angle, elevation = (radians(degrees) for degrees in SUN_DEG)
     flat = np.cos(elevation)
     sun = ASTRONOMICAL_UNIT_M * axes.T @ [flat * np.cos(angle), flat * np.sin(angle), np.sin(elevation)]
-    deputy_place, deputy_velocity = orbitalMotion.hill2rv(place, velocity, *map(np.array, start))
+    deputy_place, deputy_velocity = orbitalMotion.hill2rv(position, velocity, *map(np.array, start))
 
     simulation = SimulationBaseClass.SimBaseClass()
     process = simulation.CreateNewProcess("process")
     process.addTask(simulation.CreateNewTask("task", macros.sec2nano(STEP_S)))
     earth, simulation.kept, recorders = earth_of(dynamics["j2"], folder), [], []
-    for name, at, speed in (("chief", place, velocity), ("deputy", deputy_place, deputy_velocity)):
+    for name, at, speed in (("chief", position, velocity), ("deputy", deputy_place, deputy_velocity)):
         craft = spacecraft.Spacecraft()
         craft.ModelTag, craft.hub.mHub = name, MASS
         craft.hub.r_CN_NInit, craft.hub.v_CN_NInit = list(at), list(speed)
@@ -170,7 +173,7 @@ def flown(dynamics: dict[str, float], has_shadow: bool, start: Any, folder: Path
         "position_m": start[0],
         "velocity_m_s": start[1],
         "times_s": (chief.times() * macros.NANO2SEC).tolist(),
-        "path_m": [[round(value, 7) for value in place] for place in path],
+        "path_m": [[round(value, 7) for value in position] for position in path],
     }
 
 
@@ -178,13 +181,13 @@ def main() -> None:
     """Fly all cases."""
     with tempfile.TemporaryDirectory() as folder:
         cases = {name: flown(*case, Path(folder)) for name, case in CASES.items()}
-    told = {
+    tables = {
         "made_by": f"Basilisk {__version__}, {Path(__file__).name}",
         "mean_motion_rad_s": MEAN_MOTION,
         "sun_deg": SUN_DEG,
         "cases": cases,
     }
-    text = json.dumps(told, indent=1)
+    text = json.dumps(tables, indent=1)
     Path(__file__).with_name("trajectories.json").write_text(text + "\n", encoding="utf-8")
 
 
