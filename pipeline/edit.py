@@ -18,10 +18,10 @@ from fis_tools.model.thrust import REASONS
 from fis_tools.processors import num_processors
 from fis_tools.words.text import number, sentence
 from pipeline.array_types import Floats, Integers
-from pipeline.evaluation.assurance.campaign import Outcome, joined, judged
-from pipeline.evaluation.assurance.quantities import Points
-from pipeline.evaluation.assurance.requirements import CASES, Requirement, needs
-from pipeline.evaluation.assurance.verdicts import Found, judge, verdict
+from pipeline.evaluation.assurance.campaign import FormulaResult, concatenate, evaluate_formulas
+from pipeline.evaluation.assurance.quantities import PointCounts
+from pipeline.evaluation.assurance.requirements import CASES, Requirement, verified_by_method
+from pipeline.evaluation.assurance.verdicts import Evidence, judge, verdict
 from pipeline.evaluation.monte_carlo import episode_columns, fly_tracked
 from pipeline.evaluation.statistics import Column, Compared, compare, succeeds
 from pipeline.flight.control.controller import Controller, from_fuzzy, law_of
@@ -45,12 +45,12 @@ class Flown:
     ----------
     episodes : dict of (n,) arrays
         As an evaluation writes them.
-    outcomes : dict of str to Outcome
+    outcomes : dict of str to FormulaResult
         By the ids of requirements.
     """
 
     episodes: dict[str, Column]
-    outcomes: dict[str, Outcome]
+    outcomes: dict[str, FormulaResult]
 
     def verdicts(self, requirements: Sequence[Requirement]) -> list[tuple[Requirement, str, str]]:
         """Return each requirement with its verdict in a word, and why."""
@@ -58,9 +58,9 @@ class Flown:
         for one in requirements:
             outcome = self.outcomes[one.id]
             judgement = judge(outcome.margins, outcome.is_met, one.probability, one.confidence)
-            judged = verdict(Found(one, judgement))
+            result = verdict(Evidence(one, judgement))
             failed = f"{judgement.num_failed:,} of {judgement.num_cases:,} fail"
-            found.append((one, judged.word, f"{failed}; {judged.why}"))
+            found.append((one, result.word, f"{failed}; {result.why}"))
         return found
 
 
@@ -77,7 +77,7 @@ class Cases:
     def __init__(self, experiment: Experiment, requirements: Sequence[Requirement]) -> None:
         self.mission, self._settings = experiment.mission, experiment.monte_carlo
         self._threads = experiment.monte_carlo.workers or num_processors()
-        self.requirements = needs(requirements, CASES)
+        self.requirements = verified_by_method(requirements, CASES)
         self._formulas = {one.id: one.formula for one in self.requirements if one.formula is not None}
         self.scenarios = evaluation_scenarios(experiment)
 
@@ -113,8 +113,8 @@ class Cases:
         """Fly and judge some cases in one thread."""
         scenarios = [self.scenarios[case] for case in cases]
         outcomes, tracks = fly_tracked(self.mission, controller, scenarios, workers=1)
-        points = Points(len(inspection_points(self.mission)), outcomes.inspectable_count)
-        found = judged(tracks, points, self._formulas, self.mission.control_period_s)
+        points = PointCounts(len(inspection_points(self.mission)), outcomes.inspectable_count)
+        found = evaluate_formulas(tracks, points, self._formulas, self.mission.control_period_s)
         return Flown(episode_columns(self.mission, scenarios, outcomes) | {"case": cases}, found)
 
     def compare(self, before: Flown, after: Flown) -> list[Compared]:
@@ -128,7 +128,7 @@ class Cases:
 
 def _joined(parts: Sequence[Flown]) -> Flown:
     episodes = {name: np.concatenate([one.episodes[name] for one in parts]) for name in parts[0].episodes}
-    outcomes = {name: joined([one.outcomes[name] for one in parts]) for name in parts[0].outcomes}
+    outcomes = {name: concatenate([one.outcomes[name] for one in parts]) for name in parts[0].outcomes}
     return Flown(episodes, outcomes)
 
 
@@ -223,11 +223,11 @@ def _changed_most(before: Flown, after: Flown) -> Markup:
 def _numbers(compared: Sequence[Compared]) -> Table:
     rows: list[list[Cell]] = []
     for one in compared:
-        places, found = one.metric.places, one.difference
+        places, found = one.metric.decimals, one.difference
         is_better = (found.mean < 0.0) == one.metric.is_less_better
         kind = "better" if is_better else "worse"
         unit = "percentage points" if one.metric.unit == "%" else one.metric.unit
-        mark = Mark(f"{found.in_words(places)} {unit}", kind if found.is_told else "")
+        mark = Mark(f"{found.in_words(places)} {unit}", kind if found.excludes_zero else "")
         means = [f"{mean:.{places}f} {one.metric.unit}" for mean in one.means]
         rows.append([one.metric.label, *means, mark if one.better + one.worse else "none"])
     heads = [f"{compared[0].difference.count:,} flights", OPENED, NOW, "difference (interval)"]

@@ -34,14 +34,14 @@ from fis_tools.engines.program import Weighing
 from fis_tools.model import FuzzySystem
 from fis_tools.model.operators import ACCUMULATIONS, Operator
 
-#: Places of terms, and how high a rule cuts each, or with what weight.
+#: Indices of the terms that a rule cuts, each with the height of the cut or the rule's weight.
 Cuts = list[tuple[int, float]]
 
-#: To which state of its terms each player of a block leads, from each state that those before it can reach.
+#: For each player of a block, the state after it joins, from each state that earlier players reach.
 Leads = tuple[tuple[int, ...], ...]
 
 
-class Block(NamedTuple):
+class PlayerBlock(NamedTuple):
     """Players that cut terms which no others cut, strongest first, and the ways in which they can cut them.
 
     Attributes
@@ -55,8 +55,8 @@ class Block(NamedTuple):
     after: Leads
 
 
-def blocks(activations: Sequence[Cuts], accumulate: Operator | None, most: int) -> list[Block] | None:
-    """Return how players cut terms, given how high each cuts which; None if in more than `most` ways."""
+def blocks(activations: Sequence[Cuts], accumulate: Operator | None, most: int) -> list[PlayerBlock] | None:
+    """Divide players into blocks that share no term; None if all can be cut in more than `most` ways."""
     joined: list[tuple[set[int], list[int]]] = []
     for player, cuts in enumerate(activations):
         terms, players = {term for term, _ in cuts}, [player]
@@ -64,7 +64,7 @@ def blocks(activations: Sequence[Cuts], accumulate: Operator | None, most: int) 
             joined.remove(others)
             terms, players = terms | others[0], players + others[1]
         joined.append((terms, players))
-    found: list[Block] = []
+    separate: list[PlayerBlock] = []
     room = most
     for _, players in joined:
         # where the highest cut counts, such blocks differ in nothing but their number of players
@@ -72,16 +72,16 @@ def blocks(activations: Sequence[Cuts], accumulate: Operator | None, most: int) 
         after = _after(players, activations, accumulate, room)
         if after is None:
             return None
-        found.append(Block(players, after))
+        separate.append(PlayerBlock(players, after))
         room //= _num_states(after)
-    return found
+    return separate
 
 
 def _after(
     players: list[int], activations: Sequence[Cuts], accumulate: Operator | None, most: int
 ) -> Leads | None:
-    """Return where the players of a block lead; None if they can cut its terms in more ways than `most`."""
-    places: dict[Hashable, int] = {frozenset(): 0}
+    """Return the states to which a block's players lead; None if there are more than `most`."""
+    state_of: dict[Hashable, int] = {frozenset(): 0}
     states: list[tuple[dict[int, float], list[int]]] = [({}, [])]
     after: list[tuple[int, ...]] = []
     for player in players:
@@ -92,10 +92,10 @@ def _after(
                 before = np.array(joined.get(term, 0.0))
                 joined[term] = float(accumulate(np.array(height), before)) if accumulate else height
             key = frozenset(joined.items() if accumulate else joint)
-            if key not in places:
-                places[key] = len(states)
+            if key not in state_of:
+                state_of[key] = len(states)
                 states.append((joined, joint))
-            leads.append(places[key])
+            leads.append(state_of[key])
         if len(states) > most:
             return None
         after.append(tuple(leads))
@@ -104,7 +104,7 @@ def _after(
 
 @cache
 def by_level(levels: tuple[int, ...]) -> Leads:
-    """Return where players lead that cut one term, of which the highest cut counts.
+    """Return the states to which players lead that cut the same term, where the highest cut counts.
 
     Their levels count from 1, the highest; those at one level bring about the same.
     """
@@ -136,7 +136,7 @@ def _members(after: Leads) -> Booleans:
 
 @lru_cache(maxsize=256)
 def weighted_coalitions(structure: tuple[Leads, ...]) -> tuple[Booleans, Floats]:
-    """Return coalitions that cut the terms in all ways, and how much each counts in the players' shares.
+    """Return coalitions that cut the terms in all possible ways, and their weights in the players' shares.
 
     The share of a player is the integral over p of what it adds to a coalition that each other joins with
     probability p: a polynomial in p of a degree below the number of players.
@@ -174,23 +174,23 @@ def quadrature(num_players: int) -> tuple[Floats, Floats]:
 
 
 def _spread(after: Leads, chances: Floats, sure: int = -1, joins: float = 0.0) -> Floats:
-    """Return how probable each state is, (num_states, num_chances), if each player joins with a chance.
+    """Return the probability of each state, (num_states, num_chances), if every player joins with a chance.
 
-    The player at the place `sure` joins with the probability `joins` instead.
+    The player with the index `sure` joins with the probability `joins` instead.
     """
-    found = np.zeros((_num_states(after), len(chances)))
-    found[0] = 1.0
-    for place, leads in enumerate(after):
-        joined = (joins if place == sure else chances) * found[: len(leads)]
-        found[: len(leads)] -= joined
-        np.add.at(found, np.array(leads), joined)
-    return found
+    probabilities = np.zeros((_num_states(after), len(chances)))
+    probabilities[0] = 1.0
+    for player, leads in enumerate(after):
+        joined = (joins if player == sure else chances) * probabilities[: len(leads)]
+        probabilities[: len(leads)] -= joined
+        np.add.at(probabilities, np.array(leads), joined)
+    return probabilities
 
 
 def _gains(after: Leads, chances: Floats) -> Iterator[Floats]:
-    """Yield for each player by how much it makes each state more probable."""
-    for place in range(len(after)):
-        yield _spread(after, chances, place, 1.0) - _spread(after, chances, place, 0.0)
+    """Yield how much more probable each player makes each state by joining."""
+    for player in range(len(after)):
+        yield _spread(after, chances, player, 1.0) - _spread(after, chances, player, 0.0)
 
 
 #: From samples, (g,), rules, (g, k), and subsets of these rules, (s, k), to outputs, (g, s).
@@ -198,7 +198,7 @@ Concluding = Callable[[Integers, Integers, Booleans], Floats]
 
 
 def by_kernel(system: FuzzySystem, packed: Packed, firing: Floats, plays: Booleans) -> Concluding:
-    """Return what concludes from subsets of the rules of a packed system.
+    """Return a function that infers from subsets of the rules of a packed system.
 
     Parameters
     ----------
@@ -226,15 +226,15 @@ def by_kernel(system: FuzzySystem, packed: Packed, firing: Floats, plays: Boolea
     return concluding
 
 
-def _by_program(compiled: CompiledSystem, place: int, firing: Floats, plays: Booleans) -> Concluding:
-    """Return the same for one of the outputs of any system."""
+def _by_program(compiled: CompiledSystem, output: int, firing: Floats, plays: Booleans) -> Concluding:
+    """Return a function that infers one output of any system from subsets of its rules."""
 
     def concluding(samples: Integers, rules: Integers, members: Booleans) -> Floats:
         left = np.where(plays[samples], 0.0, firing[samples])
         rows = np.repeat(left[:, np.newaxis], len(members), axis=1)
         strengths = firing[samples[:, np.newaxis], rules]
         np.put_along_axis(rows, rules[:, np.newaxis], members * strengths[:, np.newaxis], axis=2)
-        return compiled.conclude(rows.reshape(-1, rows.shape[2]))[:, place].reshape(rows.shape[:2])
+        return compiled.conclude(rows.reshape(-1, rows.shape[2]))[:, output].reshape(rows.shape[:2])
 
     return concluding
 
@@ -259,9 +259,9 @@ def _conclude_subsets(packed: Any, players: Any, members: Booleans, scratch: Any
                         num_joined += 1
             for term in range(system.output_terms):
                 room.cuts[term, lane] = always[sample, term]
-            for place in range(num_joined):
-                term = terms[sample, joined[place]]
-                room.cuts[term, lane] = max(room.cuts[term, lane], strengths[sample, joined[place]])
+            for index in range(num_joined):
+                term = terms[sample, joined[index]]
+                room.cuts[term, lane] = max(room.cuts[term, lane], strengths[sample, joined[index]])
         conclude(values, rules, system, room)
         for lane in range(num_lanes):
             out.flat[first + lane] = room.output[lane]
@@ -283,8 +283,8 @@ MOST_SAMPLES = 1000
 MOST_NUMBERS = 2_000_000
 
 
-class Shares(NamedTuple):
-    """The shares of the rules in the outputs.
+class RuleShares(NamedTuple):
+    """The share of each rule in each output.
 
     Attributes
     ----------
@@ -299,20 +299,19 @@ class Shares(NamedTuple):
 
 
 class _Match(NamedTuple):
-    """Samples of one output: on what terms rules conclude with what weights, how they fire, and who plays.
+    """Samples of one output: the conclusions of each rule, how strongly it fires, and whether it plays.
 
     Attributes
     ----------
     compiled : CompiledSystem
-    place : int
-        Of the output.
+    output_index : int
     conclusions : list of Cuts
     firing, plays : (n, num_rules)
     concluding : Concluding
     """
 
     compiled: CompiledSystem
-    place: int
+    output_index: int
     conclusions: list[Cuts]
     firing: Floats
     plays: Booleans
@@ -338,7 +337,7 @@ class _Game(NamedTuple):
 
 def shares(
     compiled: CompiledSystem, inputs: Floats, num_orders: int = NUM_ORDERS, firing: Floats | None = None
-) -> Shares:
+) -> RuleShares:
     """Compute the share of each rule in each output.
 
     They are exact where rules can cut the output's terms in `MOST_COALITIONS` ways or fewer, as dozens of
@@ -360,39 +359,41 @@ def shares(
         firing = compiled.firing_strengths(inputs)
     values = np.zeros((*firing.shape, len(compiled.system.outputs)))
     error = np.zeros((len(firing), values.shape[2]))
-    for place, conclusion in enumerate(compiled.program.conclusions):
+    for index, conclusion in enumerate(compiled.program.conclusions):
         if isinstance(conclusion, Weighing):
-            values[:, :, place] = weighed_shares(compiled.program, conclusion, firing, np.asarray(inputs))
+            values[:, :, index] = weighed_shares(compiled.program, conclusion, firing, np.asarray(inputs))
             continue
-        match = _match(compiled, place, firing)
+        match = _match(compiled, index, firing)
         for game in _games(match):
             if game.structure is None:
                 worth = partial(_one_worth, match, game)
-                found, error[game.samples, place] = sampled(game.rules.shape[1], worth, num_orders)
+                values_of_players, error[game.samples, index] = sampled(
+                    game.rules.shape[1], worth, num_orders
+                )
             else:
-                found = _exact(match, game)
-            values[game.samples[:, np.newaxis], game.rules, place] = found
-    return Shares(values, error)
+                values_of_players = _exact(match, game)
+            values[game.samples[:, np.newaxis], game.rules, index] = values_of_players
+    return RuleShares(values, error)
 
 
-def _match(compiled: CompiledSystem, place: int, firing: Floats) -> _Match:
-    output = compiled.system.outputs[place]
+def _match(compiled: CompiledSystem, index: int, firing: Floats) -> _Match:
+    variable = compiled.system.outputs[index]
     conclusions: list[Cuts] = [[] for _ in compiled.system.rules]
-    for rule, c in compiled.system.conclusions_on(output):
+    for rule, c in compiled.system.conclusions_on(variable):
         if c.weight:
-            conclusions[rule].append((output.term_index(c.term), c.weight))
+            conclusions[rule].append((variable.term_index(c.term), c.weight))
     concludes = np.array([bool(weights) for weights in conclusions])
     strongest = firing.max(axis=1, keepdims=True, initial=0.0, where=concludes)
     plays = concludes & (firing >= np.minimum(FIRED, strongest)) & (firing > 0.0)
-    concluding = _by_program(compiled, place, firing, plays)
+    concluding = _by_program(compiled, index, firing, plays)
     if compiled.packed is not None:
         concluding = by_kernel(compiled.system, compiled.packed, firing, plays)
-    return _Match(compiled, place, conclusions, firing, plays, concluding)
+    return _Match(compiled, index, conclusions, firing, plays, concluding)
 
 
 def _games(match: _Match) -> Iterator[_Game]:
     """Yield the games of all samples at which a rule plays."""
-    output = match.compiled.system.outputs[match.place]
+    output = match.compiled.system.outputs[match.output_index]
     # a silent rule makes a product zero, and where rules add up each counts: there it matters who is silent,
     # and not only how the others cut
     by_player = output.accumulation == "product" or output.aggregation != "max"
@@ -407,13 +408,17 @@ def _games(match: _Match) -> Iterator[_Game]:
         cuts = [
             [(term, weight * strengths[rule]) for term, weight in match.conclusions[rule]] for rule in rules
         ]
-        found = blocks(cuts, accumulate, MOST_COALITIONS)
-        if found is None:
+        player_blocks = blocks(cuts, accumulate, MOST_COALITIONS)
+        if player_blocks is None:
             yield _Game(None, np.array([sample]), rules[np.newaxis])
             continue
-        found.sort(key=lambda block: block.after)  # so that those of other samples are often met again
-        order = [player for block in found for player in block.players]
-        yield _Game(tuple(block.after for block in found), np.array([sample]), rules[order][np.newaxis])
+        player_blocks.sort(
+            key=lambda block: block.after
+        )  # so that those of other samples are often met again
+        order = [player for block in player_blocks for player in block.players]
+        yield _Game(
+            tuple(block.after for block in player_blocks), np.array([sample]), rules[order][np.newaxis]
+        )
 
 
 def _games_by_level(match: _Match) -> Iterator[_Game]:
@@ -424,7 +429,7 @@ def _games_by_level(match: _Match) -> Iterator[_Game]:
     """
     terms, weights = np.array([cuts[0] if cuts else (0, 0.0) for cuts in match.conclusions]).T
     term_of = terms.astype(np.int64)
-    num_terms = len(match.compiled.system.outputs[match.place].terms)
+    num_terms = len(match.compiled.system.outputs[match.output_index].terms)
     sample, rule = np.nonzero(match.plays)
     counts = np.bincount(num_terms * sample + term_of[rule], minlength=num_terms * len(match.plays))
     counts = counts.reshape(-1, num_terms)
@@ -448,15 +453,15 @@ def _games_by_level(match: _Match) -> Iterator[_Game]:
         structure, num_players = _structure(key)
         if num_coalitions(structure) <= MOST_COALITIONS:
             samples = np.array(numbers)
-            places = ends[samples, np.newaxis] + np.arange(-num_players, 0)
-            yield _Game(structure, samples, rule[places])
+            columns = ends[samples, np.newaxis] + np.arange(-num_players, 0)
+            yield _Game(structure, samples, rule[columns])
 
 
 @lru_cache(maxsize=256)
 def _structure(pattern: bytes) -> tuple[tuple[Leads, ...], int]:
     """Return the structure of players that are given as twice their block, and one where a level begins."""
     block, begins = np.divmod(np.frombuffer(pattern, np.int64), 2)
-    levels = [np.cumsum(begins[block == place]).tolist() for place in np.unique(block)]
+    levels = [np.cumsum(begins[block == number]).tolist() for number in np.unique(block)]
     return tuple(by_level(tuple(each)) for each in levels), len(block)
 
 
@@ -465,11 +470,11 @@ def _exact(match: _Match, game: _Game) -> Floats:
     assert game.structure is not None  # noqa: S101 - any other is sampled
     members, weights = weighted_coalitions(game.structure)
     at_once = max(1, MOST_NUMBERS // (len(members) * match.firing.shape[1]))
-    found = [
+    worths = [
         _worth(match, game.samples[first : first + at_once], game.rules[first : first + at_once], members)
         for first in range(0, len(game.samples), at_once)
     ]
-    return np.concatenate(found) @ weights.T
+    return np.concatenate(worths) @ weights.T
 
 
 def _one_worth(match: _Match, game: _Game, members: Booleans) -> Floats:
@@ -478,8 +483,10 @@ def _one_worth(match: _Match, game: _Game, members: Booleans) -> Floats:
 
 def _worth(match: _Match, samples: Integers, rules: Integers, members: Booleans) -> Floats:
     """Return what coalitions, (c, num_players) of the rules, (g, num_players), are worth: (g, c)."""
-    found = match.concluding(samples, rules, members)
-    return np.where(members.any(axis=1), found, match.compiled.system.outputs[match.place].default or 0.0)
+    concluded = match.concluding(samples, rules, members)
+    return np.where(
+        members.any(axis=1), concluded, match.compiled.system.outputs[match.output_index].default or 0.0
+    )
 
 
 def importance(compiled: CompiledSystem, inputs: Floats) -> Floats:

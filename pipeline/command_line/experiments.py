@@ -211,13 +211,13 @@ def edit(arguments: Sequence[str]) -> int:
         raise ConfigError(str(error)) from error
     from fis_tools.edit.page import Editor  # noqa: PLC0415
     from pipeline.edit import panels  # noqa: PLC0415 - compiled code
-    from pipeline.evaluation.assurance.requirements import read_named  # noqa: PLC0415 - compiled code
+    from pipeline.evaluation.assurance.requirements import load_requirements  # noqa: PLC0415 - compiled code
     from pipeline.flight.state.signals import CONSTANTS  # noqa: PLC0415
 
     controller = load(experiment.controller, experiment.mission).fuzzy
     if controller is None:
         raise ConfigError("this controller has no rules to edit; choose one that has, such as champion_27")
-    requirements = read_named(experiment.assurance.requirements)
+    requirements = load_requirements(experiment.assurance.requirements)
     path = Path(str(experiment.controller.get("path", f"{controller.name}.yaml")))
     meanings = {name: kind.description for name, kind in CONSTANTS.items()}
 

@@ -235,10 +235,10 @@ def check_before(experiment: Experiment) -> None:
             "train with guidance.engine=compiled"
         )
     if "assure" in experiment.stages:
-        from pipeline.evaluation.assurance.requirements import read_named, require_heard  # noqa: PLC0415
+        from pipeline.evaluation.assurance.requirements import check_formulas, load_requirements  # noqa: PLC0415
 
-        requirements = read_named(experiment.assurance.requirements)
-        require_heard(requirements, experiment.mission)
+        requirements = load_requirements(experiment.assurance.requirements)
+        check_formulas(requirements, experiment.mission)
     if "optimum" in experiment.stages:
         from pipeline.optimum.problem import check_light  # noqa: PLC0415 - compiled code, like the controller's
         from pipeline.optimum.solved import check_points  # noqa: PLC0415 - the same
@@ -255,9 +255,9 @@ def check_before(experiment: Experiment) -> None:
 
     controllers = [load(experiment.controller, experiment.mission)]
     if "assure" in experiment.stages:
-        from pipeline.evaluation.assurance.proofs import require_answerable  # noqa: PLC0415 - the same
+        from pipeline.evaluation.assurance.proofs import check_questions  # noqa: PLC0415 - the same
 
-        require_answerable(requirements, controllers[0])
+        check_questions(requirements, controllers[0])
     if "train" in experiment.stages:
         from pipeline.training.genome import genome_of  # noqa: PLC0415 - the same
 

@@ -131,7 +131,7 @@ def as_cells(row: ComparisonRow) -> list[Any]:
     return ["" if cells.get(name) is None else cells[name] for name in HEADER]
 
 
-def joined(parts: Sequence[tuple[ComparisonRow, Mapping[str, Column]]]) -> dict[str, Column]:
+def concatenate(parts: Sequence[tuple[ComparisonRow, Mapping[str, Column]]]) -> dict[str, Column]:
     """Concatenate the flights of several rows, with its names; NaN where it has no such column."""
     names = dict.fromkeys(name for _, episodes in parts for name in episodes)
     columns: dict[str, Column] = {
@@ -139,8 +139,8 @@ def joined(parts: Sequence[tuple[ComparisonRow, Mapping[str, Column]]]) -> dict[
         for key in ("controller", "world", "sun", "safety")
     }
     for name in names:
-        found = [episodes.get(name, np.full(row.num_cases, np.nan)) for row, episodes in parts]
-        columns[name] = np.concatenate(found)
+        values = [episodes.get(name, np.full(row.num_cases, np.nan)) for row, episodes in parts]
+        columns[name] = np.concatenate(values)
     return columns
 
 
@@ -173,9 +173,9 @@ def cells_in_words(row: ComparisonRow, guarded: ComparisonRow | None) -> list[st
     ]
 
 
-def spread(measure: Mapping[str, float], places: int) -> str:
+def spread(measure: Mapping[str, float], decimals: int) -> str:
     """Return a mean with its standard deviation, of a part of a summary."""
-    return f"{measure['mean']:.{places}f} ± {measure['standard_deviation']:.{places}f}"
+    return f"{measure['mean']:.{decimals}f} ± {measure['standard_deviation']:.{decimals}f}"
 
 
 def rate(row: ComparisonRow) -> str:
@@ -215,19 +215,19 @@ def suns_of(rows: Sequence[ComparisonRow]) -> list[str]:
     return list(dict.fromkeys(row.sun for row in rows if row.sun))
 
 
-def in_words(rows: Sequence[ComparisonRow]) -> str:
+def format_comparison(rows: Sequence[ComparisonRow]) -> str:
     """Write the table as plain text, one section per Sun setting."""
     blocks: list[Block] = []
     for sun in suns_of(rows):
         lines = lines_of(rows, sun)
-        used = [place for place in range(len(HEADINGS)) if any(line[place] for line in lines)]
-        cells = [[line[place] for place in used] for line in lines]
-        heads = [HEADINGS[place] for place in used]
+        used = [column for column in range(len(HEADINGS)) if any(line[column] for line in lines)]
+        cells = [[line[column] for column in used] for line in lines]
+        heads = [HEADINGS[column] for column in used]
         blocks += [Heading(f"Sun {sun}"), Table(heads, cells, numbers=range(1, len(used)))]
     return text.write(Document(blocks))
 
 
-def columns_in_words(experiment: Experiment) -> list[str]:
+def describe_columns(experiment: Experiment) -> list[str]:
     """Say in a sentence or two what the columns of the table mean."""
     cases, deputy = experiment.monte_carlo, experiment.mission.deputy
     flown = (
@@ -264,14 +264,14 @@ def matrices(rows: Sequence[ComparisonRow]) -> list[tuple[str, str, list[list[st
     The first line holds names; then there is a line per world, with a column per controller, see `LEGEND`.
     """
     flown = [row for row in rows if row.source == FLOWN]
-    found = []
+    tables = []
     for sun, layer in dict.fromkeys((row.sun, row.safety) for row in flown):
         chosen = [row for row in flown if (row.sun, row.safety) == (sun, layer)]
         names = list(dict.fromkeys(row.controller for row in chosen))
         cells = {(row.world, row.controller): _cell(row) for row in chosen}
         lines = [[world, *(cells.get((world, name), "") for name in names)] for world in worlds_of(chosen)]
-        found.append((sun, layer, [["world", *names], *lines]))
-    return found
+        tables.append((sun, layer, [["world", *names], *lines]))
+    return tables
 
 
 def is_worse(row: ComparisonRow, first: ComparisonRow) -> bool:
@@ -301,7 +301,7 @@ def verdicts(rows: Sequence[ComparisonRow]) -> list[str]:
     return lines
 
 
-def worlds_in_words(rows: Sequence[ComparisonRow]) -> str:
+def format_worlds(rows: Sequence[ComparisonRow]) -> str:
     """Return the tables as plain text, and which controllers hold."""
     parts = []
     for sun, layer, lines in matrices(rows):

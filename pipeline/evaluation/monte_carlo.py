@@ -61,7 +61,7 @@ def episode_columns(mission: Mission, scenarios: list[Scenario], outcomes: Outco
     counts, num_points = outcomes.inspected_count, len(inspection_points(mission))
     if isinstance(outcomes, ReachOutcomes):
         counts, num_points = outcomes.is_success(100.0).astype(np.int64), 1
-    own = [dict(drawn(mission, scenario)) for scenario in scenarios]
+    settings = [dict(drawn(mission, scenario)) for scenario in scenarios]
     return {
         "case": np.arange(len(scenarios)),
         **columns_of(scenarios),
@@ -80,19 +80,22 @@ def episode_columns(mission: Mission, scenarios: list[Scenario], outcomes: Outco
         "inspectable_count": outcomes.inspectable_count,
         "inspectable_rate_percent": inspectable_rate(counts, outcomes.inspectable_count),
         **{name: vars(outcomes)[name] for name in OF_REACHED if isinstance(outcomes, ReachOutcomes)},
-        **_propellant(mission, own, outcomes),
-        **{one.key: np.array([of[one.key] for of in own]) for one in distributions(mission.dispersions)},
+        **_propellant(mission, settings, outcomes),
+        **{
+            distribution.key: np.array([of[distribution.key] for of in settings])
+            for distribution in distributions(mission.dispersions)
+        },
     }
 
 
-def _propellant(mission: Mission, own: list[dict[str, float]], outcomes: Outcomes) -> dict[str, Column]:
+def _propellant(mission: Mission, settings: list[dict[str, float]], outcomes: Outcomes) -> dict[str, Column]:
     """Return the propellant used in each case, by the rocket equation, as a column, if the mass falls."""
     actuators = mission.actuators
     if actuators.kind != "real" or actuators.specific_impulse_s is None:
         return {}
     impulse, mass = actuators.specific_impulse_s, mission.deputy.mass_kg
-    impulses = np.array([of.get("actuators.specific_impulse_s", impulse) for of in own])
-    masses = np.array([of.get("deputy.mass_kg", mass) for of in own])
+    impulses = np.array([of.get("actuators.specific_impulse_s", impulse) for of in settings])
+    masses = np.array([of.get("deputy.mass_kg", mass) for of in settings])
     used = -np.expm1(-outcomes.delta_v_m_s / (STANDARD_GRAVITY_M_S2 * impulses))
     return {"propellant_kg": masses * used}
 

@@ -39,12 +39,12 @@ def statistic(values: Floats, confidence_percent: float) -> Statistic:
     values = np.asarray(values, dtype=np.float64)
     spread = float(values.std(ddof=1)) if len(values) > 1 else 0.0
     mean = float(values.mean())
-    reach = _reach(values, confidence_percent) if len(values) > 1 else 0.0
+    reach = _half_width(values, confidence_percent) if len(values) > 1 else 0.0
     return Statistic(mean, spread, float(values.min()), float(values.max()), mean - reach, mean + reach)
 
 
-def _reach(values: Floats, confidence_percent: float) -> float:
-    """Return half of Student's t interval of the mean of at least two values."""
+def _half_width(values: Floats, confidence_percent: float) -> float:
+    """Return half the width of Student's t interval of the mean of at least two values."""
     from scipy.special import stdtrit  # noqa: PLC0415 - slower to import than a thousand flights
 
     number = len(values)
@@ -173,13 +173,13 @@ def sensitivity(episodes: Columns, keys: Sequence[str], confidence_percent: floa
     list of dict
         ``key``, and by `RANKED` the rank correlation with its interval; the strongest first.
     """
-    found = []
+    entries = []
     for key in keys:
         entry: dict[str, Any] = {"key": key}
         for name in RANKED:
             entry[name] = asdict(rank_correlation(episodes[key], episodes[name], confidence_percent))
-        found.append(entry)
-    return sorted(found, key=lambda one: -max(abs(one[name]["value"]) for name in RANKED))
+        entries.append(entry)
+    return sorted(entries, key=lambda entry: -max(abs(entry[name]["value"]) for name in RANKED))
 
 
 def succeeds(episodes: Columns) -> NDArray[np.bool_]:
@@ -199,7 +199,7 @@ class Metric:
     label: str
     unit: str
     is_less_better: bool
-    places: int
+    decimals: int
 
     @property
     def most(self) -> float:
@@ -221,7 +221,7 @@ METRICS = (
 
 
 @dataclass(frozen=True)
-class Difference:
+class PairedDifference:
     """A mean difference with its Student's t interval, and the number of pairs.
 
     Parameters
@@ -237,22 +237,22 @@ class Difference:
     count: int
 
     @property
-    def is_told(self) -> bool:
+    def excludes_zero(self) -> bool:
         """Whether the interval excludes zero."""
         return self.low > 0.0 or self.high < 0.0
 
-    def in_words(self, places: int) -> str:
+    def in_words(self, decimals: int) -> str:
         """Return the mean with its interval, each with its sign and so many decimals."""
-        return f"{self.mean:+.{places}f} ({self.low:+.{places}f} to {self.high:+.{places}f})"
+        return f"{self.mean:+.{decimals}f} ({self.low:+.{decimals}f} to {self.high:+.{decimals}f})"
 
 
-def difference(values: Floats, confidence_percent: float, most: float = math.inf) -> Difference:
+def difference(values: Floats, confidence_percent: float, most: float = math.inf) -> PairedDifference:
     """Return the mean and interval of paired differences, at least one; none can be larger than `most`."""
     mean, number = float(values.mean()), len(values)
     if number < 2:
-        return Difference(mean, math.nan, math.nan, number)
-    reach = _reach(values, confidence_percent)
-    return Difference(mean, max(mean - reach, -most), min(mean + reach, most), number)
+        return PairedDifference(mean, math.nan, math.nan, number)
+    reach = _half_width(values, confidence_percent)
+    return PairedDifference(mean, max(mean - reach, -most), min(mean + reach, most), number)
 
 
 def common_cases(first: Columns, second: Columns) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -264,8 +264,8 @@ def common_cases(first: Columns, second: Columns) -> tuple[NDArray[np.int64], ND
         starts = np.column_stack([episodes.get(name, nothing) for name in START])
         return [row.tobytes() for row in np.ascontiguousarray(starts, dtype=np.float64)]
 
-    places = {key: row for row, key in enumerate(keys(second))}
-    pairs = [(row, places.pop(key)) for row, key in enumerate(keys(first)) if key in places]
+    row_of = {key: row for row, key in enumerate(keys(second))}
+    pairs = [(row, row_of.pop(key)) for row, key in enumerate(keys(first)) if key in row_of]
     rows = np.array(pairs, dtype=np.int64).reshape(-1, 2)
     return rows[:, 0], rows[:, 1]
 
@@ -278,7 +278,7 @@ class Compared:
     ----------
     metric : Metric
     means : tuple of (float, float)
-    difference : Difference
+    difference : PairedDifference
         Second minus first.
     better, worse : int
         Number of cases in which the second is better and worse than the first.
@@ -289,7 +289,7 @@ class Compared:
 
     metric: Metric
     means: tuple[float, float]
-    difference: Difference
+    difference: PairedDifference
     better: int
     worse: int
     p_value: float
@@ -303,24 +303,24 @@ def compare(first: Columns, second: Columns, confidence_percent: float) -> list[
     ValueError
         If they have no common case.
     """
-    rows, others = common_cases(first, second)
+    rows, other_rows = common_cases(first, second)
     if not len(rows):
         raise ValueError(
             "the two runs share no case; evaluate both from the same starts: equal seed, starts, sun and "
             "monte_carlo.num_cases"
         )
-    found = []
+    results = []
     for metric in METRICS:
-        one, other = metric.of(first)[rows], metric.of(second)[others]
-        gained = other - one
+        before, after = metric.of(first)[rows], metric.of(second)[other_rows]
+        gained = after - before
         above, below = int(np.sum(gained > 0.0)), int(np.sum(gained < 0.0))
         better, worse = (below, above) if metric.is_less_better else (above, below)
         test = _mcnemar(above, below) if first[metric.name].dtype == np.bool_ else _wilcoxon(gained)
-        means = float(one.mean()), float(other.mean())
-        found.append(
+        means = float(before.mean()), float(after.mean())
+        results.append(
             Compared(metric, means, difference(gained, confidence_percent, metric.most), better, worse, test)
         )
-    return found
+    return results
 
 
 def _mcnemar(above: int, below: int) -> float:
@@ -344,7 +344,7 @@ class Effect:
     ----------
     factor, level, baseline : str
     metric : Metric
-    difference : Difference
+    difference : PairedDifference
     unit : str
         The kind of pairs: ``runs`` if several pairs of runs differ in nothing else, ``cases`` if only one
         does.
@@ -354,7 +354,7 @@ class Effect:
     level: str
     baseline: str
     metric: Metric
-    difference: Difference
+    difference: PairedDifference
     unit: str
 
 
@@ -371,7 +371,7 @@ def effects(runs: Sequence[Flown], confidence_percent: float) -> list[Effect]:
     ----------
     runs : sequence of (levels by factor, columns of the evaluation)
     """
-    found = []
+    results = []
     for factor in dict.fromkeys(name for levels, _ in runs for name in levels):
         by_level: dict[str, dict[tuple[tuple[str, str], ...], Columns]] = {}
         for levels, episodes in runs:
@@ -389,27 +389,27 @@ def effects(runs: Sequence[Flown], confidence_percent: float) -> list[Effect]:
             for metric in METRICS if of_seeds else ():
                 gained, unit = _gained(list(of_seeds.values()), metric)
                 gain = difference(gained, confidence_percent, metric.most)
-                found.append(Effect(factor, level, baseline, metric, gain, unit))
-    return found
+                results.append(Effect(factor, level, baseline, metric, gain, unit))
+    return results
 
 
 def _gained(of_seeds: Sequence[Sequence[tuple[Columns, Columns]]], metric: Metric) -> tuple[Floats, str]:
-    """Return the differences of each seed; of a single one with common cases, those of each case.
+    """Return the differences per seed; per case if there is one seed and its runs share cases.
 
-    Pairs of runs of one seed fly the same cases, so they count once: by their mean.
+    Pairs of runs of the same seed fly the same cases, so only their mean counts.
     """
-    found = [[_between(*pair, metric) for pair in pairs] for pairs in of_seeds]
-    sizes = {len(values) for values in found[0]}
-    if len(found) == 1 and len(sizes) == 1 and sizes != {1}:
-        return np.mean(found[0], axis=0), "cases"
-    return np.array([np.mean([values.mean() for values in pairs]) for pairs in found]), "runs"
+    differences = [[_between(*pair, metric) for pair in pairs] for pairs in of_seeds]
+    sizes = {len(values) for values in differences[0]}
+    if len(differences) == 1 and len(sizes) == 1 and sizes != {1}:
+        return np.mean(differences[0], axis=0), "cases"
+    return np.array([np.mean([values.mean() for values in pairs]) for pairs in differences]), "runs"
 
 
 def _between(first: Columns, second: Columns, metric: Metric) -> Floats:
     """Return the differences per common case, or that of the means if there is none."""
-    rows, others = common_cases(first, second)
-    one, other = metric.of(first), metric.of(second)
-    return other[others] - one[rows] if len(rows) else np.array([other.mean() - one.mean()])
+    rows, other_rows = common_cases(first, second)
+    before, after = metric.of(first), metric.of(second)
+    return after[other_rows] - before[rows] if len(rows) else np.array([after.mean() - before.mean()])
 
 
 def on_front(spent: Floats, inspected: Floats) -> NDArray[np.bool_]:

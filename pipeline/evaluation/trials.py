@@ -40,7 +40,7 @@ REFUSED = "refused"
 
 
 @dataclass(frozen=True)
-class Tried:
+class TrialResult:
     """A finished trial.
 
     Parameters
@@ -69,10 +69,11 @@ class Tried:
         return float(np.mean(self.blocks)) if self.blocks else float("nan")
 
 
-def trials(journal: Path, search: HparamsSearch, seed: int, judge: Judge) -> Iterator[Tried]:
-    """Try settings, those of a journal first, and yield each trial when it ends.
+def trials(journal: Path, search: HparamsSearch, seed: int, judge: Judge) -> Iterator[TrialResult]:
+    """Yield trials of settings as they end, those of a journal first.
 
-    A trial is in the journal once the next one is asked for: until then whoever takes it may still be killed.
+    A trial is written to the journal when the next one is requested, so a process that is killed while it
+    uses a trial repeats it.
 
     Parameters
     ----------
@@ -87,14 +88,14 @@ def trials(journal: Path, search: HparamsSearch, seed: int, judge: Judge) -> Ite
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
         study, kept = _resumed(journal, search)
-        space = {one.key: _distribution(one) for one in dimensions(search.space)}
+        space = {dimension.key: _distribution(dimension) for dimension in dimensions(search.space)}
         for number in range(search.trials):
             if number >= len(study.get_trials(deepcopy=False)):
                 # each trial draws from its own seed, so that a resumed search proposes the same
                 words = np.random.SeedSequence(seed, spawn_key=(SPAWN_KEY, number)).generate_state(1)
                 study.sampler = TPESampler(seed=int(words[0]), constant_liar=False)
                 _race(study, study.ask(space), judge)
-            yield _told(study.get_trials(deepcopy=False)[number])
+            yield _result_of(study.get_trials(deepcopy=False)[number])
             kept.write()
 
 
@@ -165,15 +166,15 @@ def _race(study: optuna.Study, trial: Trial, judge: Judge) -> None:
     study.tell(trial, float(np.mean(costs)))
 
 
-def _told(trial: FrozenTrial) -> Tried:
+def _result_of(trial: FrozenTrial) -> TrialResult:
     blocks = tuple(cost for _, cost in sorted(trial.intermediate_values.items()))
     refused = str(trial.user_attrs.get(REFUSED, ""))
-    return Tried(trial.number, trial.params, blocks, trial.state.name.lower(), refused)
+    return TrialResult(trial.number, trial.params, blocks, trial.state.name.lower(), refused)
 
 
-def _distribution(one: Dimension) -> BaseDistribution:
-    if one.choices:
-        return CategoricalDistribution(one.choices)
-    if isinstance(one.low, int) and isinstance(one.high, int):
-        return IntDistribution(one.low, one.high, log=one.is_log)
-    return FloatDistribution(one.low, one.high, log=one.is_log)
+def _distribution(dimension: Dimension) -> BaseDistribution:
+    if dimension.choices:
+        return CategoricalDistribution(dimension.choices)
+    if isinstance(dimension.low, int) and isinstance(dimension.high, int):
+        return IntDistribution(dimension.low, dimension.high, log=dimension.is_log)
+    return FloatDistribution(dimension.low, dimension.high, log=dimension.is_log)

@@ -35,8 +35,8 @@ PROVED_SETS = {
 ROOM = 40.0
 
 
-def write(evidence: Mapping[str, Any], tube: Illustration | None = None) -> str:
-    """Write the page of what `pipeline.evaluation.assurance.evidence` tells: it runs no script.
+def render_evidence(evidence: Mapping[str, Any], tube: Illustration | None = None) -> str:
+    """Render the page of the evidence that the stage assure gathers; it runs no script.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ def write(evidence: Mapping[str, Any], tube: Illustration | None = None) -> str:
 
 
 def document(evidence: Mapping[str, Any], tube: Illustration | None = None) -> Document:
-    """Return evidence as a document; see `write`."""
+    """Return evidence as a document; see `render_evidence`."""
     requirements, conditions = evidence["requirements"], evidence["conditions"]
     errors = ", ".join(word for word in uncertain(conditions) if word != "Sun")
     sun = f"Sun {conditions['sun']}, " if conditions["sun"] else ""
@@ -67,8 +67,8 @@ def document(evidence: Mapping[str, Any], tube: Illustration | None = None) -> D
         Figure(element("figure", _drawings().argument(evidence), drawn, tabindex=0)),
         Heading("Requirements", id="requirements"),
     ]
-    for one in requirements:
-        blocks += _requirement(one, tube, has_sun=bool(conditions["sun"]))
+    for requirement in requirements:
+        blocks += _requirement(requirement, tube, has_sun=bool(conditions["sun"]))
     blocks += [Heading("Operational domain", id="domain"), *_domain(evidence)]
     heads = ["factor", "scale", "this run shows", "it does not show"]
     credibility = Table(heads, factors(evidence), caption=caption_of("credibility"))
@@ -123,63 +123,66 @@ def draw_margins(histogram: Mapping[str, Any], unit: str, name: str) -> Markup:
     unit : str
         Of the margins.
     name : str
-        Of the requirement, for whom does not see the picture.
+        Of the requirement, for readers who do not see the picture.
     """
     edges, counts = histogram["edges"], histogram["counts"]
     first, last = edges[0], edges[-1]
 
-    def place(value: float) -> float:
+    def position(value: float) -> float:
         return float(10.0 + 620.0 * (value - first) / (last - first))
 
     bars = [
         (
             "refuted" if high <= 0.0 else "shown",
             f"{count:,} from {low:.4g} to {high:.4g} {unit}".strip(),
-            place(low),
+            position(low),
             # the square root, so that few failures among thousands are seen
             max(2.0, 100.0 * (count / max(counts)) ** 0.5),
-            max(1.0, place(high) - place(low) - 1.0),
+            max(1.0, position(high) - position(low) - 1.0),
         )
         for low, high, count in zip(edges[:-1], edges[1:], counts, strict=True)
         if count
     ]
     shown = {"start": first, "end": last}
     if first < 0.0 < last:
-        far = {anchor: end for anchor, end in shown.items() if abs(place(end) - place(0.0)) > ROOM}
+        far = {anchor: end for anchor, end in shown.items() if abs(position(end) - position(0.0)) > ROOM}
         shown = {**far, "middle": 0.0}
-    marks = [(anchor, place(value), number(value)) for anchor, value in shown.items()]
+    marks = [(anchor, position(value), number(value)) for anchor, value in shown.items()]
     label = f"Margins of the cases of {name}: from {first:.4g} to {last:.4g} {unit}"
     return Markup(_drawings().margins(bars, marks, unit, label))  # noqa: S704 - escaped by the template
 
 
-def css_of(found: Mapping[str, Any]) -> str:
-    """Return how an outcome is drawn; a failure that a search finds refutes no share of the cases."""
+def css_of(result: Mapping[str, Any]) -> str:
+    """Return the class of a method's result; a failure that a search finds refutes no share of the cases."""
     return {"failure found": "not-shown", "none found": "neutral", "does not apply": "neutral"}.get(
-        found["word"], css(found["verdict"])
+        result["word"], css(result["verdict"])
     )
 
 
 def css(verdict: str) -> str:
-    """Return the class of what is drawn in a verdict's colour."""
+    """Return the CSS class that gives a verdict its colour."""
     return verdict.replace(" ", "-")
 
 
 def number(value: float) -> str:
-    """Write a number with a true minus sign."""
+    """Format a number with a true minus sign."""
     return f"{value:.4g}".replace("-", "−")
 
 
 def lead(evidence: Mapping[str, Any]) -> str:
-    """Say what came out: the worst verdict about the gravest requirement, and what became of the others."""
+    """Return the result in words: the worst verdict on the gravest requirement, then all others."""
     ranked = sorted(
         evidence["requirements"],
-        key=lambda one: (-ORDER.index(one["verdict"]), SEVERITIES.index(one["severity"])),
+        key=lambda requirement: (
+            -ORDER.index(requirement["verdict"]),
+            SEVERITIES.index(requirement["severity"]),
+        ),
     )
     first, *others = ranked
     rest = [
         f"{', '.join(ids)}: {word}" + (", each as it is worded below" if word == "shown" else "")
         for word in reversed(ORDER)
-        if (ids := [one["id"] for one in others if one["verdict"] == word])
+        if (ids := [requirement["id"] for requirement in others if requirement["verdict"] == word])
     ]
     return f"{first['id']}, {first['severity']}. {first['sentence']}" + (
         f" The others: {'; '.join(rest)}." if rest else ""
@@ -188,16 +191,18 @@ def lead(evidence: Mapping[str, Any]) -> str:
 
 def _matrix(requirements: list[Mapping[str, Any]]) -> Table:
     rows: list[list[Mark | str]] = []
-    shown = [name for name in METHODS if any(name in one["methods"] for one in requirements)]
-    for one in requirements:
-        stake = f"failing means {one['consequence']} ({one['severity']})"
-        word = Mark(one["verdict"], css(one["verdict"]), note=f"{one['share']}; {stake}")
-        rows.append([Mark(f"{one['id']} {one['title']}", link=one["id"]), word])
+    shown = [name for name in METHODS if any(name in requirement["methods"] for requirement in requirements)]
+    for requirement in requirements:
+        stake = f"failing means {requirement['consequence']} ({requirement['severity']})"
+        word = Mark(
+            requirement["verdict"], css(requirement["verdict"]), note=f"{requirement['share']}; {stake}"
+        )
+        rows.append([Mark(f"{requirement['id']} {requirement['title']}", link=requirement["id"]), word])
         for method in shown:
-            found = one["methods"].get(method)
-            kind = css_of(found) if found else ""
-            link = f"{one['id']}-{method}"
-            mark = Mark(found["word"], kind, link, _brief(one, method)) if found else ""
+            result = requirement["methods"].get(method)
+            kind = css_of(result) if result else ""
+            link = f"{requirement['id']}-{method}"
+            mark = Mark(result["word"], kind, link, _brief(requirement, method)) if result else ""
             rows[-1].append(mark)
     return Table(
         ["requirement", "verdict", *(METHODS[name] for name in shown)], rows, caption=caption_of("matrix")
@@ -244,7 +249,7 @@ def _requirement(
         )
     if worst := requirement.get("worst"):
         is_proved = bool(proved_by(requirement))
-        left = [] if is_proved else [_departure(one) for one in worst["left_domain"]]
+        left = [] if is_proved else [_departure(departure) for departure in worst["left_domain"]]
         replay = Code(f"python -m telemetry replay {worst['recording']}")
         facts = Table([], _worst_facts(worst, unit, has_domain=not is_proved, has_sun=has_sun))
         yield Fold("The worst case that is known", [facts, replay, *([Items(left)] if left else [])])
@@ -266,9 +271,9 @@ def _domain(evidence: Mapping[str, Any]) -> Iterator[Block]:
     yield Paragraph(caption_of("domain", domain=domain, confidence=confidence, high=high))
     rows = []
     for system in domain["systems"]:
-        for one in system["inputs"]:
-            name = f"{one['name']} ({one['unit']})" if one["unit"] else one["name"]
-            rows.append([name, system["system"], number(one["low"]), number(one["high"])])
+        for variable in system["inputs"]:
+            name = f"{variable['name']} ({variable['unit']})" if variable["unit"] else variable["name"]
+            rows.append([name, system["system"], number(variable["low"]), number(variable["high"])])
     caption = f"What the systems sensed where inference decided, in {domain['num_made_from']:,} flights."
     yield Table(["input", "system", "least", "greatest"], rows, (2, 3), caption=caption)
     yield Paragraph("A monitor says when a recorded flight leaves it, in which input and by how much:")
@@ -293,10 +298,14 @@ def _case_facts(cases: Mapping[str, Any], unit: str) -> list[list[str]]:
 
 def _search_facts(search: Mapping[str, Any], unit: str) -> list[list[str]]:
     none = "none found"
-    found, at_random, ratio = search["flights_per_find"], search["random_flights_per_find"], search["ratio"]
+    per_find, at_random, ratio = (
+        search["flights_per_find"],
+        search["random_flights_per_find"],
+        search["ratio"],
+    )
     return [
         ["flights of all searches", f"{search['num_flights']:,}"],
-        ["flights for each failure found", none if found is None else f"{found:,.0f}"],
+        ["flights for each failure found", none if per_find is None else f"{per_find:,.0f}"],
         ["flights at random for each failure", none if at_random is None else f"{at_random:,.0f}"],
         ["faster than at random", "no ratio" if ratio is None else f"{ratio:.1f} times"],
         ["worst margin found", _quantity(search["worst_margin"], unit)],
@@ -353,22 +362,22 @@ def _provenance(evidence: Mapping[str, Any]) -> Iterator[Block]:
 
 
 def _quantity(value: float, unit: str) -> str:
-    """Write a margin with its unit and a true minus sign."""
+    """Format a margin with its unit and a true minus sign."""
     return f"{number(value)} {unit if unit != 'mixed' else '(of several units)'}".strip()
 
 
 def _percent(share: float) -> str:
-    """Write a share in per cent; near one its distance from one has digits too."""
+    """Format a share in per cent, near 100 % with more digits."""
     return f"{100.0 * share:.5g} %" if share > 0.9 else f"{100.0 * share:.3g} %"
 
 
 def uncertain(conditions: Mapping[str, Any]) -> list[str]:
-    """Name what the flights do not know exactly, besides their starts."""
-    found = [] if conditions["sun"] in ("fixed", None) else ["Sun"]
-    found += [] if conditions["navigation"] == "perfect" else ["errors of navigation"]
-    found += [] if conditions["thrusters"] == "ideal" else ["errors of the thrusters"]
-    found += [] if conditions["dynamics"] == "cw" else ["forces beyond the controller's model"]
-    return found + list(conditions["dispersed"])
+    """Return what varies or is uncertain in the flights, besides their starts."""
+    words = [] if conditions["sun"] in ("fixed", None) else ["Sun"]
+    words += [] if conditions["navigation"] == "perfect" else ["errors of navigation"]
+    words += [] if conditions["thrusters"] == "ideal" else ["errors of the thrusters"]
+    words += [] if conditions["dynamics"] == "cw" else ["forces beyond the controller's model"]
+    return words + list(conditions["dispersed"])
 
 
 def _listed(words: list[str]) -> str:
@@ -386,7 +395,7 @@ def factors(evidence: Mapping[str, Any]) -> list[list[str]]:
     is_own = any(key.partition(".")[0] in DESIGN for key in conditions["settings"])
     facts = {
         "origin": OWN if is_own else OF_PAPER,
-        "recorded": sum("worst" in one for one in requirements),
+        "recorded": sum("worst" in requirement for requirement in requirements),
         "product": evidence["versions"].get("product"),
         "revision": evidence["git_revision"] or "none (not in a repository)",
         "left": domain.get("num_left"),
@@ -394,8 +403,12 @@ def factors(evidence: Mapping[str, Any]) -> list[list[str]]:
         "seed": conditions["seed"],
         "num_cases": conditions["num_cases"],
         "uncertain": _listed(uncertain(conditions)),
-        "searched": sum(one["search"]["num_flights"] for one in requirements if "search" in one),
-        "boxes": sum(part["num_boxes"] for one in requirements for part in one.get("bounds", ())),
+        "searched": sum(
+            requirement["search"]["num_flights"] for requirement in requirements if "search" in requirement
+        ),
+        "boxes": sum(
+            part["num_boxes"] for requirement in requirements for part in requirement.get("bounds", ())
+        ),
     }
     rows = yaml.safe_load(read("templates/credibility.yaml", "pipeline.report"))
     for row in rows:

@@ -151,7 +151,7 @@ def _towards_goal(contents: Contents, illustrations: Mapping[str, Illustration])
     yield from (illustration.block for illustration in illustrations.values())
     for _, lines in comparisons.tables_of(contents.comparison):
         heads, *rows = ([line[place] for place in OF_TABLE] for line in (comparison.HEADINGS, *lines))
-        words = " ".join(comparison.columns_in_words(experiment))
+        words = " ".join(comparison.describe_columns(experiment))
         yield Table(heads, rows, caption=f"Controllers from the same starts: {words}", numbers=(1, 2, 3, 4))
     if contents.recordings:
         yield Heading("Recorded flights", id="recordings")

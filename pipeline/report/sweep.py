@@ -12,7 +12,15 @@ from numpy.typing import NDArray
 
 from fis_tools.document import Block, Code, Document, Figure, Heading, Items, Paragraph, Table, html
 from pipeline.evaluation.monte_carlo import SUCCESS
-from pipeline.evaluation.statistics import METRICS, Compared, Difference, Effect, Metric, effects, on_front
+from pipeline.evaluation.statistics import (
+    METRICS,
+    Compared,
+    Effect,
+    Metric,
+    PairedDifference,
+    effects,
+    on_front,
+)
 from pipeline.report.contents import read_summary
 from pipeline.report.figures.comparison import front_of_runs
 from pipeline.report.figures.style import caption_of, illustrate, style
@@ -209,7 +217,7 @@ def _seeds(swept: Swept) -> list[Block]:
 def _valued(value: Value | None, metric: Metric) -> str:
     if value is None:
         return ""
-    places = metric.places
+    places = metric.decimals
     return f"{value.value:.{places}f} ({value.low:.{places}f} to {value.high:.{places}f})"
 
 
@@ -230,11 +238,11 @@ def effects_table(swept: Swept) -> list[Block]:
     return [Paragraph(title), Table(heads, rows, numbers=range(2, len(heads)))]
 
 
-def differing(difference: Difference, metric: Metric) -> str:
+def differing(difference: PairedDifference, metric: Metric) -> str:
     """Write a difference with its interval; a star where it leaves zero out."""
     if difference.count < 2:
-        return f"{difference.mean:+.{metric.places}f} (one pair)"
-    return difference.in_words(metric.places) + ("*" if difference.is_told else "")
+        return f"{difference.mean:+.{metric.decimals}f} (one pair)"
+    return difference.in_words(metric.decimals) + ("*" if difference.excludes_zero else "")
 
 
 def compared_table(one: str, other: str, compared: Sequence[Compared], confidence: float) -> list[Block]:
@@ -242,7 +250,7 @@ def compared_table(one: str, other: str, compared: Sequence[Compared], confidenc
     count = compared[0].difference.count
     rows = []
     for row in compared:
-        means = [f"{mean:.{row.metric.places}f}" for mean in row.means]
+        means = [f"{mean:.{row.metric.decimals}f}" for mean in row.means]
         counts = f"{row.better:,} / {row.worse:,} / {count - row.better - row.worse:,}"
         gained = differing(row.difference, row.metric)
         rows.append((_headed(row.metric), *means, gained, counts, f"{row.p_value:.2g}"))

@@ -14,11 +14,19 @@ from fis_tools.analysis.domain import as_mapping
 from fis_tools.formats.serialize import fingerprint
 from pipeline.controllers.source import controller_of_run, sha256_of
 from pipeline.evaluation.assurance import evidence
-from pipeline.evaluation.assurance.campaign import Flights, Outcome, Search, case_space, judged, search, speed
+from pipeline.evaluation.assurance.campaign import (
+    Campaign,
+    FormulaResult,
+    WorstCaseSearch,
+    case_space,
+    evaluate_formulas,
+    search,
+    search_efficiency,
+)
 from pipeline.evaluation.assurance.conditions import box_in_words, conditions_of, start_bounds
 from pipeline.evaluation.assurance.evidence import Domain, domain_of, left_on
-from pipeline.evaluation.assurance.formula import comparisons
-from pipeline.evaluation.assurance.proofs import TubeProof, certificates, require_answerable, safety_proof
+from pipeline.evaluation.assurance.formula import predicates
+from pipeline.evaluation.assurance.proofs import TubeProof, certificates, check_questions, safety_proof
 from pipeline.evaluation.assurance.quantities import track_of
 from pipeline.evaluation.assurance.requirements import (
     BOUNDS,
@@ -29,16 +37,16 @@ from pipeline.evaluation.assurance.requirements import (
     TUBE,
     Requirement,
     Requirements,
-    read,
+    parse_requirements,
 )
-from pipeline.evaluation.assurance.verdicts import Found, cases_needed, failures_allowed, judge, percent
+from pipeline.evaluation.assurance.verdicts import Evidence, cases_needed, failures_allowed, judge, percent
 from pipeline.flight.cases.dispersions import drawn
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.goals.flights import fly_logged
 from pipeline.flight.state.log import Scenario
 from pipeline.proof.verdict import NotProvable, theorem_of
 from pipeline.recording.recorder import FlightRecorder
-from pipeline.report.evidence import write as page_of
+from pipeline.report.evidence import render_evidence
 from pipeline.report.figures.flights import draw_tube
 from pipeline.report.figures.style import Illustration
 from pipeline.run import artifacts, configuration, maker, tables, writing
@@ -72,38 +80,41 @@ def run(experiment: Experiment, folder: Path) -> str:
         If a recorded flight differs from the one that was found.
     """
     text = requirements_path(experiment.assurance.requirements).read_text(encoding="utf-8")
-    requirements = read(text, experiment.assurance.requirements)
+    requirements = parse_requirements(text, experiment.assurance.requirements)
     _tell_needs(requirements.requirements, experiment.assurance.num_cases)
     for path in (folder / artifacts.WORST_FLIGHTS).glob("*.mcap"):
         path.unlink()
     writing.write_atomically(folder / artifacts.REQUIREMENTS, text)
     gathered = _gather(experiment, folder, requirements)
     writing.write_json(folder / artifacts.EVIDENCE, gathered)
-    page = page_of(gathered, _tube_drawn(experiment, folder, gathered["requirements"]))
+    page = render_evidence(gathered, _tube_drawn(experiment, folder, gathered["requirements"]))
     writing.write_atomically(folder / artifacts.EVIDENCE_PAGE, page)
-    for one in gathered["requirements"]:
-        sys.stderr.write(f"  {one['id']} {one['title']}. {one['sentence']}\n")
+    for entry in gathered["requirements"]:
+        sys.stderr.write(f"  {entry['id']} {entry['title']}. {entry['sentence']}\n")
     sys.stderr.write(f"  {folder / artifacts.EVIDENCE_PAGE}\n")
     unproved = [
-        f"{one['id']} ({', '.join(METHOD_WORDS[name] for name in one['unproved'])})"
-        for one in gathered["requirements"]
-        if one["unproved"]
+        f"{entry['id']} ({', '.join(METHOD_WORDS[name] for name in entry['unproved'])})"
+        for entry in gathered["requirements"]
+        if entry["unproved"]
     ]
     return f"no proof was found, though one was asked for, of {', '.join(unproved)}" if unproved else ""
 
 
 def _tell_needs(requirements: Sequence[Requirement], num_cases: int) -> None:
     """Print before anything flies how many cases the claims need."""
-    for one in requirements:
-        if CASES in one.verified_by and one.probability == 1.0:
-            sys.stderr.write(f"  {one.id}: all cases must meet it, which only a proof shows\n")
-        elif CASES in one.verified_by:
-            needed = [cases_needed(one.probability, one.confidence, failed) for failed in (0, 1, 2)]
-            allowed = failures_allowed(num_cases, one.probability, one.confidence)
+    for requirement in requirements:
+        if CASES in requirement.verified_by and requirement.probability == 1.0:
+            sys.stderr.write(f"  {requirement.id}: all cases must meet it, which only a proof shows\n")
+        elif CASES in requirement.verified_by:
+            needed = [
+                cases_needed(requirement.probability, requirement.confidence, failed) for failed in (0, 1, 2)
+            ]
+            allowed = failures_allowed(num_cases, requirement.probability, requirement.confidence)
+            claim = f"{percent(requirement.probability)} with {percent(requirement.confidence)} confidence"
+            counts = ", ".join(f"{count:,}" for count in needed)
+            room = f"{num_cases:,} allow {allowed:,}" if allowed >= 0 else f"{num_cases:,} are too few"
             sys.stderr.write(
-                f"  {one.id}: {percent(one.probability)} with {percent(one.confidence)} confidence needs "
-                f"{', '.join(f'{count:,}' for count in needed)} cases with 0, 1, 2 failures; "
-                + (f"{num_cases:,} allow {allowed:,}\n" if allowed >= 0 else f"{num_cases:,} are too few\n")
+                f"  {requirement.id}: {claim} needs {counts} cases with 0, 1, 2 failures; {room}\n"
             )
 
 
@@ -111,12 +122,12 @@ def _gather(experiment: Experiment, folder: Path, requirements: Requirements) ->
     """Fly, search and prove; return the evidence as plain data."""
     settings, mission = experiment.assurance, experiment.mission
     controller = controller_of_run(experiment, folder)
-    require_answerable(requirements.requirements, controller)
+    check_questions(requirements.requirements, controller)
     scenarios = _scenarios(experiment, settings.num_cases)
-    flights = Flights(mission, controller, settings.workers)
-    flights.tracks(scenarios[:1])  # compiles if necessary
+    campaign = Campaign(mission, controller, settings.workers)
+    campaign.tracks(scenarios[:1])  # compiles if necessary
     started = time.perf_counter()
-    outcomes = flights.judge(scenarios, requirements.requirements)
+    outcomes = campaign.judge(scenarios, requirements.requirements)
     sys.stderr.write(
         f"  {len(scenarios):,} cases flown and judged in {time.perf_counter() - started:.1f} s\n"
     )
@@ -124,28 +135,30 @@ def _gather(experiment: Experiment, folder: Path, requirements: Requirements) ->
     domain = _domain(experiment, controller, folder)
     proof = safety_proof(mission, scenarios, start_bounds(experiment.monte_carlo))
     recorder = FlightRecorder(experiment, controller, configuration.read(folder))
-    entries, all_found = [], []
-    for one in requirements.requirements:
-        outcome = outcomes.get(one.id)
+    entries, all_evidence = [], []
+    for requirement in requirements.requirements:
+        outcome = outcomes.get(requirement.id)
         judgement = None
-        if outcome is not None and CASES in one.verified_by:
-            judgement = judge(outcome.margins, outcome.is_met, one.probability, one.confidence)
-        searches = _searches(experiment, flights, one, outcome)
-        bounds = certificates(one, controller) if BOUNDS in one.verified_by else ()
-        layer = proof if SAFETY_LAYER in one.verified_by else None
-        tube = _tube(experiment, controller, folder) if TUBE in one.verified_by else None
-        found = Found(one, judgement, searches, bounds, layer, tube)
+        if outcome is not None and CASES in requirement.verified_by:
+            judgement = judge(
+                outcome.margins, outcome.is_met, requirement.probability, requirement.confidence
+            )
+        searches = _searches(experiment, campaign, requirement, outcome)
+        bounds = certificates(requirement, controller) if BOUNDS in requirement.verified_by else ()
+        layer = proof if SAFETY_LAYER in requirement.verified_by else None
+        tube = _tube(experiment, controller, folder) if TUBE in requirement.verified_by else None
+        collected = Evidence(requirement, judgement, searches, bounds, layer, tube)
         recorded = None
         if outcome is not None:
-            worst = _worst_of(found, scenarios, outcome)
-            recorded = _record_worst(folder, recorder, domain, one, worst)
-        all_found.append(found)
-        entries.append(evidence.of_requirement(found, outcome, recorded))
-    _write(folder, artifacts.SEARCHED, evidence.search_columns(mission, all_found))
-    _write(folder, artifacts.PROOF_BOXES, evidence.box_columns(all_found))
+            worst = _worst_of(collected, scenarios, outcome)
+            recorded = _record_worst(folder, recorder, domain, requirement, worst)
+        all_evidence.append(collected)
+        entries.append(evidence.requirement_entry(collected, outcome, recorded))
+    _write(folder, artifacts.SEARCHED, evidence.search_columns(mission, all_evidence))
+    _write(folder, artifacts.PROOF_BOXES, evidence.box_columns(all_evidence))
     return {
         **_provenance(experiment, folder, controller, requirements),
-        "domain": None if domain is None else evidence.of_domain(domain),
+        "domain": None if domain is None else evidence.domain_entry(domain),
         "requirements": entries,
     }
 
@@ -157,18 +170,18 @@ def _scenarios(experiment: Experiment, num_cases: int) -> list[Scenario]:
 
 
 def _searches(
-    experiment: Experiment, flights: Flights, requirement: Requirement, random: Outcome | None
-) -> tuple[Search, ...]:
+    experiment: Experiment, campaign: Campaign, requirement: Requirement, random: FormulaResult | None
+) -> tuple[WorstCaseSearch, ...]:
     """Search for the worst case of a requirement, if it asks for that, and print how it went."""
     if SEARCH not in requirement.verified_by or random is None:
         return ()
     space = case_space(experiment)
-    found = tuple(
-        search(requirement, flights, space, experiment, number)
+    searches = tuple(
+        search(requirement, campaign, space, experiment, number)
         for number in range(experiment.assurance.searches)
     )
-    sys.stderr.write(f"  {requirement.id}: {speed(found, random).sentence}\n")
-    return found
+    sys.stderr.write(f"  {requirement.id}: {search_efficiency(searches, random).sentence}\n")
+    return searches
 
 
 def _tube(experiment: Experiment, controller: Controller, folder: Path) -> TubeProof:
@@ -226,11 +239,11 @@ def _tube_drawn(
     experiment: Experiment, folder: Path, entries: Sequence[Mapping[str, Any]]
 ) -> Illustration | None:
     """Draw the tube of the proof that a requirement rests on, over the first cases."""
-    if not any("tube" in one and one["tube"]["is_checked"] for one in entries):
+    if not any("tube" in entry and entry["tube"]["is_checked"] for entry in entries):
         return None
     mission, num_cases = experiment.mission, min(MOST_DRAWN, experiment.assurance.num_cases)
-    flights = Flights(mission, controller_of_run(experiment, folder), experiment.assurance.workers)
-    tracks, _ = flights.tracks(_scenarios(experiment, num_cases))
+    campaign = Campaign(mission, controller_of_run(experiment, folder), experiment.assurance.workers)
+    tracks, _ = campaign.tracks(_scenarios(experiment, num_cases))
     boxes = tables.read_parquet(folder, artifacts.TUBE)
     return draw_tube(boxes, tracks, mission, experiment.report.dots_per_inch)
 
@@ -246,14 +259,17 @@ def _domain(experiment: Experiment, controller: Controller, folder: Path) -> Dom
     return domain
 
 
-def _worst_of(found: Found, scenarios: Sequence[Scenario], outcome: Outcome) -> Worst:
+def _worst_of(evidence: Evidence, scenarios: Sequence[Scenario], outcome: FormulaResult) -> Worst:
     """Return the worst known case of a requirement, at random or by a search."""
     case = int(np.argmin(outcome.margins))
     known = [(float(outcome.margins[case]), scenarios[case], f"case {case}")]
-    for number, one in enumerate(found.searches):
-        least, source = float(one.outcome.margins[one.worst]), f"search {number}, flight {one.worst}"
-        known.append((least, one.scenarios[one.worst], source))
-    return min(known, key=lambda one: one[0])
+    for number, searched in enumerate(evidence.searches):
+        least, source = (
+            float(searched.outcome.margins[searched.worst]),
+            f"search {number}, flight {searched.worst}",
+        )
+        known.append((least, searched.scenarios[searched.worst], source))
+    return min(known, key=lambda worst: worst[0])
 
 
 def _record_worst(
@@ -268,10 +284,10 @@ def _record_worst(
     recorder.record(path, scenario, log, f"{requirement.id}-worst")
     assert requirement.formula is not None  # noqa: S101 - flown ones have one
     track, points = track_of(reader.read(path, (DEPUTY_CONTROL, DEPUTY_STATE, MISSION)))
-    again = judged(track, points, {requirement.id: requirement.formula}, mission.control_period_s)
+    again = evaluate_formulas(track, points, {requirement.id: requirement.formula}, mission.control_period_s)
     recorded = float(again[requirement.id].margins[0])
     # tracks have single precision: the larger the numbers compared, the larger the error of the margin
-    largest = max(abs(one.constant) for one in comparisons(requirement.formula)) + abs(margin)
+    largest = max(abs(predicate.constant) for predicate in predicates(requirement.formula)) + abs(margin)
     if not abs(recorded - margin) <= max(1e-5, 1e-6 * largest):
         raise artifacts.ArtifactError(
             f"{path} has a margin of {recorded:g}, but {source} was found with {margin:g}; the flight is "
@@ -288,7 +304,7 @@ def _record_worst(
         "margin": margin,
         "recorded_margin": recorded,
         "recording": name,
-        "left_domain": [asdict(one) for one in left],
+        "left_domain": [asdict(departure) for departure in left],
     }
 
 
@@ -306,7 +322,7 @@ def _provenance(
     """Return the subject and the sources of the evidence."""
     gathered = f"{artifacts.ASSURANCE}/", f"{Path(artifacts.THEOREM).parent}/"
     files = [name for name in artifacts.list_artifacts(folder) if name.startswith(gathered)]
-    own, config = (artifacts.EVIDENCE, artifacts.EVIDENCE_PAGE), configuration.read(folder)
+    excluded, config = (artifacts.EVIDENCE, artifacts.EVIDENCE_PAGE), configuration.read(folder)
     return {
         "schema": evidence.SCHEMA,
         "schema_version": evidence.SCHEMA_VERSION,
@@ -315,5 +331,5 @@ def _provenance(
         "conditions": conditions_of(experiment, config),
         "config_hash": configuration.config_hash(config),
         **maker.present_maker(),
-        "sha256": {name: artifacts.file_hash(folder / name) for name in files if name not in own},
+        "sha256": {name: artifacts.file_hash(folder / name) for name in files if name not in excluded},
     }

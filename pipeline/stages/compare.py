@@ -41,7 +41,7 @@ def run(experiment: Experiment, folder: Path) -> None:
             rows.append(comparison.planned_row(lot.experiment, lot.solved))
     cells = [comparison.as_cells(row) for row in rows]
     tables.write_csv(folder / artifacts.COMPARISON_TABLE, comparison.HEADER, cells)
-    tables.write_parquet(folder / artifacts.COMPARISON_EPISODES, comparison.joined(flown))
+    tables.write_parquet(folder / artifacts.COMPARISON_EPISODES, comparison.concatenate(flown))
     cases = experiment.monte_carlo
     counted = {"num_cases": cases.num_cases, "confidence_percent": cases.confidence_percent}
     summary = {"seed": experiment.seed, **counted, "rows": [asdict(row) for row in rows]}
@@ -204,6 +204,8 @@ def _fly_cases(
 
 def _told(experiment: Experiment, rows: list[comparison.ComparisonRow]) -> str:
     """Write the table and the meaning of its columns."""
-    table = comparison.worlds_in_words(rows) if experiment.compare.worlds else comparison.in_words(rows)
-    meaning = "".join(f"  {line}\n" for line in comparison.columns_in_words(experiment))
+    table = (
+        comparison.format_worlds(rows) if experiment.compare.worlds else comparison.format_comparison(rows)
+    )
+    meaning = "".join(f"  {line}\n" for line in comparison.describe_columns(experiment))
     return f"\n{table}\n\n{meaning}"

@@ -22,7 +22,7 @@ from pipeline.training.judging import choose, evolved, named_after
 
 
 def run(experiment: Experiment, folder: Path) -> None:
-    """Run the requested number of trials, each evaluated with the experiment's own prices."""
+    """Run the requested trials, each at the experiment's own prices, and write the results."""
     try:
         from pipeline.evaluation.trials import trials  # noqa: PLC0415 - an extra
     except ModuleNotFoundError as error:
@@ -41,8 +41,8 @@ def run(experiment: Experiment, folder: Path) -> None:
             if trial.state == "complete" and (best is None or trial.cost < best.cost):
                 best = trial
                 _keep(experiment, folder, made)
-            told = trial.number, trial.state, trial.cost, len(trial.blocks)
-            rows.append((*told, *trial.values.values(), trial.why))
+            cells = trial.number, trial.state, trial.cost, len(trial.blocks)
+            rows.append((*cells, *trial.values.values(), trial.why))
             header = ["trial", "state", "cost_m_s", "blocks", *trial.values, "why"]
             tables.write_csv(folder / artifacts.SEARCH_TRIALS, header, rows)
             so_far = "none complete" if best is None else f"best {best.cost:.4f} m/s, trial {best.number}"

@@ -112,8 +112,8 @@ class Explanation(Result):
     points: Points | None = None
 
     def document(self, *, everything: bool = False) -> Document:
-        """Say it, the most important first; `everything` adds the rules that hardly moved an output."""
-        blocks: list[Block] = [Heading(f"{self.system.name} at {self._place()}")]
+        """Render the explanation, what matters most first; `everything` adds rules with hardly any effect."""
+        blocks: list[Block] = [Heading(f"{self.system.name} at {self._inputs_in_words()}")]
         for output in self.outputs:
             rows, rest = self._moves(output, everything)
             blocks += [Paragraph(_value(output)), Items(self.conclusions(output))]
@@ -130,7 +130,7 @@ class Explanation(Result):
         return Document([block for block in blocks if block != Items([])])
 
     def _class_words(self) -> Iterator[Block]:
-        """Say which class has the greatest share, and what would flip that."""
+        """Yield which class wins, and what would flip it."""
         said = max(self.outputs, key=lambda output: output.value).variable.name
         if all(output.is_default for output in self.outputs):
             said = BY_DEFAULT
@@ -192,7 +192,7 @@ class Explanation(Result):
             **({"points": plain_parts(self.points, self.system)} if self.points is not None else {}),
         }
 
-    def _place(self) -> str:
+    def _inputs_in_words(self) -> str:
         words = []
         for variable, given in zip(self.system.inputs, self.inputs, strict=True):
             end = min(max(given, variable.minimum), variable.maximum)
@@ -201,7 +201,7 @@ class Explanation(Result):
         return ", ".join(words)
 
     def conclusions(self, output: ExplainedOutput) -> list[str]:
-        """Say what share each conclusion has, and which rules come to it, the greatest share first."""
+        """Return a sentence for each conclusion, its share and its rules, the greatest share first."""
         name = output.variable.name
         groups: dict[str, list[Move]] = {}
         for move in output.moves:
@@ -349,18 +349,20 @@ def explain(
             )
     shared, error = shapley.shares(compiled, given[np.newaxis])
     needed = contributions(compiled, given[np.newaxis])
-    found = flips(compiled, given, crossing)
+    found_flips = flips(compiled, given, crossing)
     outputs = []
-    for place, output in enumerate(inference.outputs):
+    for index, output in enumerate(inference.outputs):
         strengths = inference.firing_strengths
-        asked = {rule for rule, c in compiled.system.conclusions_on(output.variable) if c.weight > 0.0}
-        concluding = [number for number in sorted(asked) if strengths[number] > 0.0]
-        numbers = np.column_stack([strengths, shared[0, :, place], needed[0, :, place]])
+        concluding_rules = {
+            rule for rule, c in compiled.system.conclusions_on(output.variable) if c.weight > 0.0
+        }
+        concluding = [number for number in sorted(concluding_rules) if strengths[number] > 0.0]
+        numbers = np.column_stack([strengths, shared[0, :, index], needed[0, :, index]])
         moves = [Move(number + 1, *numbers[number].tolist()) for number in concluding]
         moves.sort(key=lambda move: (-abs(move.share), -move.strength))
-        of_output = tuple(flip for flip in found if flip.output == output.variable)
-        reasons = (tuple(moves), float(error[0, place]), frozenset(holding_back(compiled.system, place)))
-        found_out = (output.variable, output.value, output.is_default)
-        outputs.append(ExplainedOutput(*found_out, *reasons, float(crossing), of_output))
+        of_output = tuple(flip for flip in found_flips if flip.output == output.variable)
+        reasons = (tuple(moves), float(error[0, index]), frozenset(holding_back(compiled.system, index)))
+        value = (output.variable, output.value, output.is_default)
+        outputs.append(ExplainedOutput(*value, *reasons, float(crossing), of_output))
     turned = class_flips(compiled, given) if is_classifier(compiled.system) else ()
     return Explanation(compiled.system, tuple(given.tolist()), tuple(outputs), turned, points)

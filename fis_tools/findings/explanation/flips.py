@@ -33,7 +33,7 @@ class Flip:
     side : int
         The side of the value on which the output starts: 1, -1, or 0 for neither.
     last, first : float or None
-        The input before and after the nearest place where the output comes to the other side (from neither:
+        The input before and after the nearest value that takes the output to the other side (from neither:
         to either); they are `LOCATED` of the range apart at most. None where no value of the input does it.
     output_at_last, output_at_first : float or None
         The output at both.
@@ -71,7 +71,7 @@ class Flip:
 def flips(system: object, inputs: ArrayLike | Mapping[str, float], value: float = 0.0) -> tuple[Flip, ...]:
     """Find for each output the smallest changes of one input that take it across a value.
 
-    Each way is searched at `STEPS` places between neighbouring points of the universe, then halved; a visit
+    Each way is searched at `STEPS` values between neighbouring points of the universe, then halved; a visit
     to the other side that is shorter than such a step can be missed. Jumps count.
 
     Parameters
@@ -96,23 +96,23 @@ def flips(system: object, inputs: ArrayLike | Mapping[str, float], value: float 
     given = infer(compiled.system, inputs).inputs
     if not np.isfinite(value):
         raise ValueError(f"the value to cross is {value}; give a finite number")
-    found: list[Flip] = []
-    for place, output in enumerate(compiled.system.outputs):
+    all_flips: list[Flip] = []
+    for number, output in enumerate(compiled.system.outputs):
 
-        def side_of(outputs: Floats, place: int = place, output: Variable = output) -> Floats:
-            differences = outputs[:, place] - value
+        def side_of(outputs: Floats, number: int = number, output: Variable = output) -> Floats:
+            differences = outputs[:, number] - value
             return np.where(np.abs(differences) <= TOUCHING * output.span, 0.0, np.sign(differences))
 
         of_output = []
         for index, way, side, ends in _searched(compiled, given, side_of):
             flip = Flip(output, compiled.system.inputs[index], way, float(given[index]), int(side))
             if ends is not None:
-                before, after = (infer(compiled.system, one).outputs[place] for one in ends)
+                before, after = (infer(compiled.system, end).outputs[number] for end in ends)
                 numbers = (float(ends[0][index]), float(ends[1][index]), before.value, after.value)
                 flip = Flip(output, flip.input, way, flip.given, flip.side, *numbers, after.is_default)
             of_output.append(flip)
-        found += sorted(of_output, key=lambda flip: flip.share)
-    return tuple(found)
+        all_flips += sorted(of_output, key=lambda flip: flip.share)
+    return tuple(all_flips)
 
 
 @dataclass(frozen=True)
@@ -150,7 +150,7 @@ def is_classifier(system: FuzzySystem) -> bool:
 
 def class_flips(compiled: CompiledSystem, given: Floats) -> tuple[ClassFlip, ...]:
     """Find the smallest changes of one input that flip the class, searched as in `flips`; smallest first."""
-    system, found = compiled.system, []
+    system, all_flips = compiled.system, []
     said = int(compiled(given[np.newaxis])[0].argmax())
 
     def side_of(outputs: Floats) -> Floats:
@@ -161,8 +161,8 @@ def class_flips(compiled: CompiledSystem, given: Floats) -> tuple[ClassFlip, ...
             other = system.outputs[int(compiled(ends[1][np.newaxis])[0].argmax())]
             is_silent = all(output.is_default for output in infer(system, ends[1]).outputs)
             numbers = (float(given[index]), float(ends[1][index]))
-            found.append(ClassFlip(system.inputs[index], *numbers, other, is_silent))
-    return tuple(sorted(found, key=lambda flip: flip.share))
+            all_flips.append(ClassFlip(system.inputs[index], *numbers, other, is_silent))
+    return tuple(sorted(all_flips, key=lambda flip: flip.share))
 
 
 def _searched(

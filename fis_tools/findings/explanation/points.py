@@ -20,7 +20,7 @@ FEW_POINTS = 3
 def made_of(
     points: Points, system: FuzzySystem, inputs: Sequence[float], everything: bool = False
 ) -> Iterator[Block]:
-    """Tell which points each input comes from, those that add most first; `everything` for all of them."""
+    """Yield which points each input comes from, those that add most first; all of them if `everything`."""
     for variable, value in zip(system.inputs, inputs, strict=True):
         if variable.name not in points.parts:
             continue
@@ -29,7 +29,7 @@ def made_of(
         shown = order if everything else order[:MOST_POINTS]
         rest = float(parts[order[len(shown) :]].sum())
         others = float(value - parts.sum())
-        rows = [[signed(variable, float(parts[place])), *_where(points, place)] for place in shown]
+        rows = [[signed(variable, float(parts[index])), *_where(points, index)] for index in shown]
         if len(order) > len(shown):
             rows.append([signed(variable, rest), f"{len(order) - len(shown)} more", "", "", ""])
         if not order or abs(others) > NEGLIGIBLE * variable.span:
@@ -39,7 +39,7 @@ def made_of(
 
 
 def in_short(points: Points | None, system: FuzzySystem, inputs: Sequence[float]) -> str:
-    """Tell in a sentence which points add most to each input; empty where nobody knows."""
+    """Return which points add most to each input, in a sentence; empty if unknown."""
     sentences = []
     for variable, value in zip(system.inputs, inputs, strict=True):
         if points is None or variable.name not in points.parts:
@@ -47,10 +47,10 @@ def in_short(points: Points | None, system: FuzzySystem, inputs: Sequence[float]
         parts = points.parts[variable.name]
         order = _largest_first(parts)
         words = []
-        for place in order[:FEW_POINTS]:
-            number, *at, left = _where(points, place)
+        for index in order[:FEW_POINTS]:
+            number, *at, left = _where(points, index)
             words.append(
-                f"point {number} ({' '.join(at)}, dark in {left}) {signed(variable, float(parts[place]))}"
+                f"point {number} ({' '.join(at)}, dark in {left}) {signed(variable, float(parts[index]))}"
             )
         if len(order) > FEW_POINTS:
             words.append(f"{len(order) - FEW_POINTS} more")
@@ -62,30 +62,30 @@ def plain_parts(points: Points, system: FuzzySystem) -> dict[str, Any]:
     """Return what each point adds to the inputs as plain data, by the input's name, the largest first."""
     keys = ("latitude_deg", "longitude_deg", "dark_in_s")
     about = {key: getattr(points, key).tolist() for key in keys}
-    found: dict[str, Any] = {}
+    parts_of_inputs: dict[str, Any] = {}
     for name, parts in points.parts.items():
         if name in [variable.name for variable in system.inputs]:
-            found[name] = [
-                {"point": place, "part": float(parts[place])} | {key: about[key][place] for key in keys}
-                for place in _largest_first(parts)
+            parts_of_inputs[name] = [
+                {"point": index, "part": float(parts[index])} | {key: about[key][index] for key in keys}
+                for index in _largest_first(parts)
             ]
-    return found
+    return parts_of_inputs
 
 
 def missed_words(points: Points) -> str:
-    """Say which points would stay unseen if nothing were fired any more; nothing where nobody asked."""
+    """Return which points would stay unseen if nothing more were fired, in words; empty if unknown."""
     if points.is_missed is None:
         return ""
-    places = np.flatnonzero(points.is_missed).tolist()
-    if not places:
+    missed = np.flatnonzero(points.is_missed).tolist()
+    if not missed:
         return "firing nothing any more would leave no point unseen"
-    named = [f"{place} at {' '.join(_where(points, place)[1:3])}" for place in places]
-    noun = "point" if len(places) == 1 else "points"
-    return f"firing nothing any more would leave {len(places)} {noun} unseen: {listed(named, MOST_POINTS)}"
+    named = [f"{index} at {' '.join(_where(points, index)[1:3])}" for index in missed]
+    noun = "point" if len(missed) == 1 else "points"
+    return f"firing nothing any more would leave {len(missed)} {noun} unseen: {listed(named, MOST_POINTS)}"
 
 
 def rehearsed(what: str, ways: Sequence[tuple[float, str]], everything: bool = False) -> Document:
-    """Tell what each way that was flown ahead would have cost, the cheapest first."""
+    """Report what each alternative that was flown ahead would have cost, the cheapest first."""
     shown = ways if everything else ways[:MOST_POINTS]
     cheapest = ways[0][0]
     rows = [[f"{cost:.4f} m/s", f"+{cost - cheapest:.4f} m/s", name] for cost, name in shown]
@@ -98,15 +98,15 @@ def rehearsed(what: str, ways: Sequence[tuple[float, str]], everything: bool = F
 
 def _largest_first(parts: Floats) -> list[int]:
     order = np.argsort(-np.abs(parts), kind="stable").tolist()
-    return [place for place in order if parts[place] != 0.0]
+    return [index for index in order if parts[index] != 0.0]
 
 
-def _where(points: Points, place: int) -> list[str]:
+def _where(points: Points, index: int) -> list[str]:
     """Return a point's number, its latitude and longitude, and how long it will be lit."""
-    left = float(points.dark_in_s[place]) / 60.0
-    latitude, longitude = float(points.latitude_deg[place]), float(points.longitude_deg[place])
+    left = float(points.dark_in_s[index]) / 60.0
+    latitude, longitude = float(points.latitude_deg[index]), float(points.longitude_deg[index])
     return [
-        str(place),
+        str(index),
         f"{abs(latitude):.0f}° {'N' if latitude >= 0.0 else 'S'}",
         f"{abs(longitude):.0f}° {'E' if longitude >= 0.0 else 'W'}",
         f"{max(left, 0.0):.1f} min",

@@ -50,7 +50,7 @@ class RuleShare:
 
 
 @dataclass(frozen=True, repr=False)
-class Shares(Result):
+class FlightShares(Result):
     """The effects of the rules of a system over samples, the largest share first."""
 
     system: FuzzySystem
@@ -126,7 +126,7 @@ class Shares(Result):
         return rows
 
 
-def shares(system: object, samples: Floats) -> Shares:
+def shares(system: object, samples: Floats) -> FlightShares:
     """Compute the share of each rule in the effect of all rules.
 
     Parameters
@@ -151,7 +151,7 @@ def shares(system: object, samples: Floats) -> Shares:
     order = np.lexsort((-usage.fired, -parts))
     counted = np.column_stack([usage.fired, usage.leading, usage.max_strength])
     rules = []
-    for place in order.tolist():
-        far = (tuple(moved[place].tolist()), tuple(needed[place].tolist()))
-        rules.append(RuleShare(place + 1, float(parts[place]), *far, *counted[place].tolist()))
-    return Shares(compiled.system, len(samples), tuple(rules))
+    for index in order.tolist():
+        far = (tuple(moved[index].tolist()), tuple(needed[index].tolist()))
+        rules.append(RuleShare(index + 1, float(parts[index]), *far, *counted[index].tolist()))
+    return FlightShares(compiled.system, len(samples), tuple(rules))

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from pipeline.array_types import Floats
 from pipeline.evaluation.assurance.formula import Formula, holds, quantities_of, robustness
-from pipeline.evaluation.assurance.quantities import Points, of_tracks
-from pipeline.evaluation.assurance.requirements import Requirement, RequirementError, require_heard
+from pipeline.evaluation.assurance.quantities import PointCounts, of_tracks
+from pipeline.evaluation.assurance.requirements import Requirement, RequirementError, check_formulas
 from pipeline.evaluation.monte_carlo import fly_tracked
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.state.log import Scenario
@@ -32,14 +32,14 @@ PART = 1000
 FEW = 64
 
 
-class Outcome(NamedTuple):
-    """Results of some cases for a formula: the margin of each, (n,), and whether it holds, (n,)."""
+class FormulaResult(NamedTuple):
+    """The result of a formula in n cases: the margin of each, (n,), and whether the formula holds, (n,)."""
 
     margins: Floats
     is_met: NDArray[np.bool_]
 
 
-class Flights:
+class Campaign:
     """Flights of one controller in one mission, evaluated by formulas; each part of them is flown once.
 
     Parameters
@@ -54,8 +54,10 @@ class Flights:
         self._mission, self._controller, self._workers = mission, controller, workers
         self._num_points = len(inspection_points(mission))
 
-    def judge(self, scenarios: Sequence[Scenario], requirements: Sequence[Requirement]) -> dict[str, Outcome]:
-        """Fly all scenarios; return the outcome of each requirement with a formula, by its id.
+    def judge(
+        self, scenarios: Sequence[Scenario], requirements: Sequence[Requirement]
+    ) -> dict[str, FormulaResult]:
+        """Fly scenarios; return the result of each requirement that has a formula, by its id.
 
         Raises
         ------
@@ -63,30 +65,34 @@ class Flights:
             If flights of this mission do not determine a formula.
         """
         mission = self._mission
-        require_heard(requirements, mission)
-        formulas = {one.id: one.formula for one in requirements if one.formula is not None}
-        parts: list[dict[str, Outcome]] = []
+        check_formulas(requirements, mission)
+        formulas = {
+            requirement.id: requirement.formula
+            for requirement in requirements
+            if requirement.formula is not None
+        }
+        parts: list[dict[str, FormulaResult]] = []
         for first in range(0, len(scenarios), PART):
             tracks, points = self.tracks(list(scenarios[first : first + PART]))
-            parts.append(judged(tracks, points, formulas, mission.control_period_s))
-        return {name: joined([part[name] for part in parts]) for name in formulas}
+            parts.append(evaluate_formulas(tracks, points, formulas, mission.control_period_s))
+        return {name: concatenate([part[name] for part in parts]) for name in formulas}
 
-    def tracks(self, scenarios: list[Scenario]) -> tuple[NDArray[np.float32], Points]:
+    def tracks(self, scenarios: list[Scenario]) -> tuple[NDArray[np.float32], PointCounts]:
         """Return the tracks of flights, (n, K+1, 15), and their points, see `quantities`."""
         # a few fly side by side in one thread: shared out, they would leave vectors half empty
         workers = 1 if len(scenarios) < FEW else self._workers
         outcomes, tracks = fly_tracked(self._mission, self._controller, scenarios, workers)
-        return tracks, Points(self._num_points, outcomes.inspectable_count)
+        return tracks, PointCounts(self._num_points, outcomes.inspectable_count)
 
 
-def judged(
-    tracks: NDArray[np.floating], points: Points, formulas: Mapping[str, Formula], period_s: float
-) -> dict[str, Outcome]:
-    """Return the outcomes of formulas, by name, on flights whose tracks are given, (n, K+1, 15)."""
+def evaluate_formulas(
+    tracks: NDArray[np.floating], points: PointCounts, formulas: Mapping[str, Formula], period_s: float
+) -> dict[str, FormulaResult]:
+    """Return the results of formulas, by name, on flights with these tracks, (n, K+1, 15)."""
     names = dict.fromkeys(name for formula in formulas.values() for name in quantities_of(formula))
     quantities = of_tracks(tracks, points, names)
     outcomes = {
-        name: Outcome(robustness(formula, quantities, period_s), holds(formula, quantities, period_s))
+        name: FormulaResult(robustness(formula, quantities, period_s), holds(formula, quantities, period_s))
         for name, formula in formulas.items()
     }
     for name, outcome in outcomes.items():
@@ -98,9 +104,9 @@ def judged(
     return outcomes
 
 
-def joined(parts: Sequence[Outcome]) -> Outcome:
-    """Concatenate outcomes of one formula."""
-    return Outcome(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
+def concatenate(parts: Sequence[FormulaResult]) -> FormulaResult:
+    """Concatenate results of the same formula."""
+    return FormulaResult(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
 
 
 #: separates the random numbers of searches from those of flights with the same seed
@@ -119,11 +125,11 @@ class CaseSpace:
     Parameters
     ----------
     starts : MonteCarlo
-        From where starts are drawn: places and velocities of a box, or directions and distances of a shell,
-        and directions and speeds up to a greatest one.
+        What starts are drawn from: a box of positions and velocities, or a shell of distances, with speeds
+        up to a maximum.
     sun : Sun
     dispersed : tuple of Distribution
-        Of settings, sorted by their keys. The quantiles from `TAIL` to one minus that can be chosen.
+        Sorted by their keys; a gene chooses a quantile from `TAIL` to ``1 - TAIL``.
     turned : mapping of str to float
         Shifts of angles from their genes, as shares of a turn.
     """
@@ -139,7 +145,7 @@ class CaseSpace:
         angle = () if self.sun.mode == "fixed" else ("sun_angle",)
         ranges = self.sun.mode != "fixed" and self.sun.elevation_range_deg is not None
         elevation = ("sun_elevation",) if ranges else ()
-        return (*self._of_start, *angle, *elevation, *(one.key for one in self.dispersed))
+        return (*self._of_start, *angle, *elevation, *(distribution.key for distribution in self.dispersed))
 
     @property
     def _of_start(self) -> tuple[str, ...]:
@@ -150,7 +156,7 @@ class CaseSpace:
         return ("height", "azimuth", "distance", *moving)
 
     def centred_on(self, genes: Floats) -> tuple["CaseSpace", Floats]:
-        """Return the same space shifted so that the angles of some genes are central, and these genes there.
+        """Return this space shifted so that the angles of some genes are central, and the shifted genes.
 
         A search that begins there does not run into the ends of an angle's range.
         """
@@ -162,7 +168,10 @@ class CaseSpace:
         return replace(self, turned=turned), moved
 
     def scenario(self, genes: Floats) -> Scenario:
-        """Return the case of some genes, (num_genes,); uniform ones are isotropic and uniform in distance."""
+        """Return the case that genes, (num_genes,), encode.
+
+        Uniform genes give starts that are isotropic and uniform in distance.
+        """
         values = dict(zip(self.genes, genes.tolist(), strict=True))
         values |= {name: values[name] + self.turned.get(name, 0.0) for name in ANGLES if name in values}
         angle, elevation_deg = np.radians(self.sun.angle_deg), self.sun.elevation_deg
@@ -171,13 +180,16 @@ class CaseSpace:
         if self.sun.elevation_range_deg is not None and "sun_elevation" in values:
             low, high = self.sun.elevation_range_deg
             elevation_deg = low + values["sun_elevation"] * (high - low)
-        settings = tuple(one.value(TAIL + (1.0 - 2.0 * TAIL) * values[one.key]) for one in self.dispersed)
+        settings = tuple(
+            distribution.value(TAIL + (1.0 - 2.0 * TAIL) * values[distribution.key])
+            for distribution in self.dispersed
+        )
         return Scenario(
             *self._start(values), float(angle), float(np.radians(elevation_deg)), settings=settings or None
         )
 
     def _start(self, values: Mapping[str, float]) -> tuple[Floats, Floats]:
-        """Return position (m) and velocity (m/s)."""
+        """Return the position (m) and the velocity (m/s) of a start."""
         starts = self.starts
         if starts.box is not None:
             low, high = np.array(starts.box)
@@ -194,7 +206,7 @@ class CaseSpace:
 
 
 def _direction(height: float, azimuth: float) -> Floats:
-    """Return the unit vector of a height, a share of the way from -z to +z, and of a share of a turn."""
+    """Return the unit vector at a height, a fraction of the way from -z to +z, and a fraction of a turn."""
     z, turn = 2.0 * height - 1.0, 2.0 * np.pi * azimuth
     across = np.sqrt(max(0.0, 1.0 - z * z))
     return np.array([across * np.cos(turn), across * np.sin(turn), z])
@@ -207,19 +219,19 @@ def case_space(experiment: Experiment) -> CaseSpace:
 
 
 @dataclass(frozen=True)
-class Search:
+class WorstCaseSearch:
     """One search for the worst case of a requirement.
 
     Parameters
     ----------
     scenarios : tuple of Scenario
         All flown scenarios, in order.
-    outcome : Outcome
+    outcome : FormulaResult
         Their results.
     """
 
     scenarios: tuple[Scenario, ...]
-    outcome: Outcome
+    outcome: FormulaResult
 
     @property
     def worst(self) -> int:
@@ -234,15 +246,15 @@ class Search:
 
 
 def search(
-    requirement: Requirement, flights: Flights, space: CaseSpace, experiment: Experiment, number: int
-) -> Search:
+    requirement: Requirement, campaign: Campaign, space: CaseSpace, experiment: Experiment, number: int
+) -> WorstCaseSearch:
     """Search for the case with the least margin of a requirement.
 
     Parameters
     ----------
     requirement : Requirement
         With a formula.
-    flights : Flights
+    campaign : Campaign
     space : CaseSpace
     experiment : Experiment
         Its assurance says how many flights, and the initial spread; its optimizer is copied, with the
@@ -252,11 +264,11 @@ def search(
     """
     settings = experiment.assurance
     flown: list[Scenario] = []
-    outcomes: list[Outcome] = []
+    outcomes: list[FormulaResult] = []
 
     def margins_of(genomes: Floats, space: CaseSpace) -> Floats:
         scenarios = [space.scenario(genes) for genes in genomes]
-        outcome = flights.judge(scenarios, [requirement])[requirement.id]
+        outcome = campaign.judge(scenarios, [requirement])[requirement.id]
         flown.extend(scenarios)
         outcomes.append(outcome)
         return outcome.margins
@@ -279,17 +291,17 @@ def search(
     )
     evolution_seed = int(generator.integers(2**31))
     evolve_rounds(fitness, len(space.genes), strategy, evolution_seed, initial=worst[np.newaxis])
-    return Search(tuple(flown), joined(outcomes))
+    return WorstCaseSearch(tuple(flown), concatenate(outcomes))
 
 
 @dataclass(frozen=True)
-class Speed:
+class SearchEfficiency:
     """How fast searches find failures, compared with random flights.
 
     Parameters
     ----------
     num_found, num_searches : int
-        Number of searches that found a failure, and of all.
+        Number of searches that found a failure, and number of searches.
     flights_per_find : float, optional
         Flights of all searches, each counted to its first failure or its end, per failure found.
     random_flights_per_find : float, optional
@@ -320,11 +332,11 @@ class Speed:
         return text if self.ratio is None else f"{text}: {self.ratio:.1f} times as many"
 
 
-def speed(searches: Sequence[Search], random: Outcome) -> Speed:
+def search_efficiency(searches: Sequence[WorstCaseSearch], random: FormulaResult) -> SearchEfficiency:
     """Compare searches with random flights."""
-    needed = sum(one.first_failed or len(one.scenarios) for one in searches)
-    num_found = sum(one.first_failed is not None for one in searches)
+    needed = sum(search.first_failed or len(search.scenarios) for search in searches)
+    num_found = sum(search.first_failed is not None for search in searches)
     num_random = int(np.count_nonzero(~random.is_met))
     per_find = needed / num_found if num_found else None
     per_random_find = len(random.is_met) / num_random if num_random else None
-    return Speed(num_found, len(searches), per_find, per_random_find)
+    return SearchEfficiency(num_found, len(searches), per_find, per_random_find)

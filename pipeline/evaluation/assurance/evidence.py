@@ -12,7 +12,7 @@ from fis_tools.analysis.domain import Box, Departure, box_of, departures
 from fis_tools.analysis.domain import as_mapping as domain_mapping
 from pipeline.array_types import Floats
 from pipeline.evaluation.assurance import verdicts
-from pipeline.evaluation.assurance.campaign import Outcome, Search, speed
+from pipeline.evaluation.assurance.campaign import FormulaResult, WorstCaseSearch, search_efficiency
 from pipeline.evaluation.assurance.requirements import Requirement
 from pipeline.flight.cases.dispersions import drawn
 from pipeline.flight.control.controller import Controller
@@ -72,7 +72,7 @@ def domain_of(
         if len(rows):
             boxes.append(box_of(system, rows))
     num_left = sum(
-        any(bool((box.beyond(own[box.system]) > 0.0).any()) for box in boxes) for own in flown[half:]
+        any(bool((box.beyond(inputs[box.system]) > 0.0).any()) for box in boxes) for inputs in flown[half:]
     )
     num_tried = len(scenarios) - half
     _, high = verdicts.share_bounds(num_left, num_tried, confidence)
@@ -82,8 +82,8 @@ def domain_of(
 def sensed(log: FlightLog, controller: Controller) -> dict[str, Floats]:
     """Return the inputs of each system, by its name, where inference decided, (n, num_inputs)."""
     return {
-        system.name: log.fis_input[log.is_decided, place, : len(system.inputs)].copy()
-        for place, system in enumerate(controller.systems)
+        system.name: log.fis_input[log.is_decided, index, : len(system.inputs)].copy()
+        for index, system in enumerate(controller.systems)
     }
 
 
@@ -91,8 +91,8 @@ def left_on(domain: Domain, log: FlightLog, controller: Controller, period_s: fl
     """Return when a flight left a domain."""
     times = np.flatnonzero(log.is_decided).astype(np.float64) * period_s
     inputs = sensed(log, controller)
-    found = [one for box in domain.boxes for one in departures(box, times, inputs[box.system])]
-    return tuple(sorted(found, key=lambda one: one.first_s))
+    departed = [departure for box in domain.boxes for departure in departures(box, times, inputs[box.system])]
+    return tuple(sorted(departed, key=lambda departure: departure.first_s))
 
 
 SCHEMA, SCHEMA_VERSION = "evidence", 1
@@ -100,51 +100,61 @@ SCHEMA, SCHEMA_VERSION = "evidence", 1
 NUM_BINS = 60
 
 
-def of_requirement(
-    found: verdicts.Found, random: Outcome | None, worst: Mapping[str, Any] | None
+def requirement_entry(
+    evidence: verdicts.Evidence, random: FormulaResult | None, worst: Mapping[str, Any] | None
 ) -> dict[str, Any]:
-    """Return the evidence for one requirement.
+    """Return the evidence for a requirement as plain data.
 
     Parameters
     ----------
-    found : Found
-    random : Outcome, optional
+    evidence : Evidence
+    random : FormulaResult, optional
         Of the random cases.
     worst : mapping, optional
         The worst case found and recorded, see `pipeline.stages.assure`.
     """
-    requirement = found.requirement
-    judged = verdicts.verdict(found)
+    requirement = evidence.requirement
+    judged = verdicts.verdict(evidence)
     entry: dict[str, Any] = {
         **_claim(requirement),
         "verdict": judged.word,
-        "share": verdicts.share(requirement, judged),
-        "sentence": verdicts.sentence(found, judged),
+        "share": verdicts.claimed_share(requirement, judged),
+        "sentence": verdicts.sentence(evidence, judged),
         "why": judged.why,
         "methods": {
-            name: {"verdict": one.verdict, "word": one.word, "why": one.why, "is_proof": one.is_proof}
-            for name, one in verdicts.outcomes(found).items()
+            name: {
+                "verdict": result.verdict,
+                "word": result.word,
+                "why": result.why,
+                "is_proof": result.is_proof,
+            }
+            for name, result in verdicts.results_by_method(evidence).items()
         },
-        "unproved": list(verdicts.unproved(found)),
+        "unproved": list(verdicts.unproved(evidence)),
     }
-    if found.judgement is not None:
+    if evidence.judgement is not None:
         share, confidence = requirement.probability, requirement.confidence
         needed = None if share == 1.0 else verdicts.cases_needed(share, confidence)
-        entry["cases"] = {**asdict(found.judgement), "needed_without_failure": needed}
+        entry["cases"] = {**asdict(evidence.judgement), "needed_without_failure": needed}
         if random is not None:
             entry["cases"]["histogram"] = histogram(random.margins)
-    if found.searches and random is not None:
-        entry["search"] = of_searches(found.searches, random)
-    if found.certificates:
+    if evidence.searches and random is not None:
+        entry["search"] = searches_entry(evidence.searches, random)
+    if evidence.certificates:
         entry["bounds"] = [
-            {"system": one.system, **asdict(one.question), "verdict": one.verdict, "sentence": one.sentence}
-            | {"num_boxes": len(one.low)}
-            for one in found.certificates
+            {
+                "system": certificate.system,
+                **asdict(certificate.question),
+                "verdict": certificate.verdict,
+                "sentence": certificate.sentence,
+                "num_boxes": len(certificate.low),
+            }
+            for certificate in evidence.certificates
         ]
-    if found.proof is not None:
-        entry["safety_layer"] = asdict(found.proof)
-    if found.tube is not None:
-        entry["tube"] = asdict(found.tube)
+    if evidence.proof is not None:
+        entry["safety_layer"] = asdict(evidence.proof)
+    if evidence.tube is not None:
+        entry["tube"] = asdict(evidence.tube)
     if worst is not None:
         entry["worst"] = dict(worst)
     return entry
@@ -176,21 +186,21 @@ def histogram(margins: Floats) -> dict[str, Any]:
     return {"edges": edges.tolist(), "counts": counts.tolist()}
 
 
-def of_searches(searches: Sequence[Search], random: Outcome) -> dict[str, Any]:
+def searches_entry(searches: Sequence[WorstCaseSearch], random: FormulaResult) -> dict[str, Any]:
     """Return the results of searches, with those of random flights."""
-    compared = speed(searches, random)
+    compared = search_efficiency(searches, random)
     return {
         **asdict(compared),
         "ratio": compared.ratio,
         "sentence": compared.sentence,
-        "num_flights": sum(len(one.scenarios) for one in searches),
-        "worst_margin": min(float(one.outcome.margins.min()) for one in searches),
+        "num_flights": sum(len(search.scenarios) for search in searches),
+        "worst_margin": min(float(search.outcome.margins.min()) for search in searches),
         "random_worst_margin": float(random.margins.min()),
-        "first_failed": [one.first_failed for one in searches],
+        "first_failed": [search.first_failed for search in searches],
     }
 
 
-def of_domain(domain: Domain) -> dict[str, Any]:
+def domain_entry(domain: Domain) -> dict[str, Any]:
     """Return an operational domain and how often flights that did not define it leave it."""
     entry = asdict(domain)
     del entry["boxes"]
@@ -200,7 +210,9 @@ def of_domain(domain: Domain) -> dict[str, Any]:
 Columns = dict[str, NDArray[Any]]
 
 
-def case_columns(mission: Mission, scenarios: Sequence[Scenario], outcomes: Mapping[str, Outcome]) -> Columns:
+def case_columns(
+    mission: Mission, scenarios: Sequence[Scenario], outcomes: Mapping[str, FormulaResult]
+) -> Columns:
     """Return the columns of `assure/cases.parquet`: starts, each requirement's margin, whether it is met.
 
     Each dispersed setting has a column, named after its key.
@@ -213,42 +225,46 @@ def case_columns(mission: Mission, scenarios: Sequence[Scenario], outcomes: Mapp
     return {"case": np.arange(len(scenarios)), **_starts(mission, scenarios), **judged}
 
 
-def search_columns(mission: Mission, found: Sequence[verdicts.Found]) -> Columns:
+def search_columns(mission: Mission, gathered: Sequence[verdicts.Evidence]) -> Columns:
     """Return the columns of `assure/search.parquet`: every flight of every search; none without a search."""
-    flown: list[tuple[str, int, Search]] = [
-        (one.requirement.id, number, search) for one in found for number, search in enumerate(one.searches)
+    flown: list[tuple[str, int, WorstCaseSearch]] = [
+        (evidence.requirement.id, number, search)
+        for evidence in gathered
+        for number, search in enumerate(evidence.searches)
     ]
     if not flown:
         return {}
-    counts = [len(one.scenarios) for _, _, one in flown]
+    counts = [len(evidence.scenarios) for _, _, evidence in flown]
     return {
         "requirement": np.repeat([name for name, _, _ in flown], counts),
         "search": np.repeat([number for _, number, _ in flown], counts),
         "flight": np.concatenate([np.arange(count) for count in counts]),
-        **_starts(mission, [scenario for _, _, one in flown for scenario in one.scenarios]),
-        "margin": np.concatenate([one.outcome.margins for _, _, one in flown]),
-        "met": np.concatenate([one.outcome.is_met for _, _, one in flown]),
+        **_starts(mission, [scenario for _, _, evidence in flown for scenario in evidence.scenarios]),
+        "margin": np.concatenate([evidence.outcome.margins for _, _, evidence in flown]),
+        "met": np.concatenate([evidence.outcome.is_met for _, _, evidence in flown]),
     }
 
 
-def box_columns(found: Sequence[verdicts.Found]) -> Columns:
+def box_columns(gathered: Sequence[verdicts.Evidence]) -> Columns:
     """Return the columns of `assure/boxes.parquet`: a row for each input of each box of each certificate."""
     rows = [
-        (one.requirement.id, proof.system, proof.question.ask, box, name, low[place], high[place])
-        for one in found
-        for proof in one.certificates
+        (evidence.requirement.id, proof.system, proof.question.ask, box, name, low[column], high[column])
+        for evidence in gathered
+        for proof in evidence.certificates
         for box, (low, high) in enumerate(zip(proof.low, proof.high, strict=True))
-        for place, name in enumerate(proof.inputs)
+        for column, name in enumerate(proof.inputs)
     ]
     names = ("requirement", "system", "ask", "box", "input", "low", "high")
-    return {name: np.array([row[place] for row in rows]) for place, name in enumerate(names)} if rows else {}
+    return (
+        {name: np.array([row[column] for row in rows]) for column, name in enumerate(names)} if rows else {}
+    )
 
 
 def _starts(mission: Mission, scenarios: Sequence[Scenario]) -> Columns:
-    own = [dict(drawn(mission, one)) for one in scenarios] if mission.dispersions else []
+    settings = [dict(drawn(mission, scenario)) for scenario in scenarios] if mission.dispersions else []
     return {
         **columns_of(scenarios),
-        "sun_angle_rad": np.array([one.sun_angle_rad for one in scenarios]),
-        "sun_elevation_rad": np.array([one.sun_elevation_rad for one in scenarios]),
-        **{key: np.array([of[key] for of in own]) for key in (own[0] if own else ())},
+        "sun_angle_rad": np.array([scenario.sun_angle_rad for scenario in scenarios]),
+        "sun_elevation_rad": np.array([scenario.sun_elevation_rad for scenario in scenarios]),
+        **{key: np.array([of[key] for of in settings]) for key in (settings[0] if settings else ())},
     }

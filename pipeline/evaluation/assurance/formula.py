@@ -41,7 +41,7 @@ class Window:
 
 
 @dataclass(frozen=True)
-class Comparison:
+class Predicate:
     """``sum of factor times quantity + constant >= 0``, or ``> 0``; the left side is its margin."""
 
     factors: tuple[tuple[str, float], ...]
@@ -51,14 +51,14 @@ class Comparison:
 
 
 @dataclass(frozen=True)
-class Not:
+class Negation:
     """The opposite."""
 
     part: "Formula"
 
 
 @dataclass(frozen=True)
-class And:
+class Conjunction:
     """Both."""
 
     left: "Formula"
@@ -66,7 +66,7 @@ class And:
 
 
 @dataclass(frozen=True)
-class Or:
+class Disjunction:
     """One of two or both."""
 
     left: "Formula"
@@ -98,29 +98,29 @@ class Until:
     right: "Formula"
 
 
-Formula = Comparison | Not | And | Or | Always | Eventually | Until
+Formula = Predicate | Negation | Conjunction | Disjunction | Always | Eventually | Until
 
 
-def comparisons(formula: Formula) -> Iterator[Comparison]:
+def predicates(formula: Formula) -> Iterator[Predicate]:
     """Return the comparisons of a formula from left to right."""
     match formula:
-        case Comparison():
+        case Predicate():
             yield formula
-        case Not(part) | Always(_, part) | Eventually(_, part):
-            yield from comparisons(part)
-        case And(left, right) | Or(left, right) | Until(_, left, right):
-            yield from comparisons(left)
-            yield from comparisons(right)
+        case Negation(part) | Always(_, part) | Eventually(_, part):
+            yield from predicates(part)
+        case Conjunction(left, right) | Disjunction(left, right) | Until(_, left, right):
+            yield from predicates(left)
+            yield from predicates(right)
 
 
 def quantities_of(formula: Formula) -> tuple[str, ...]:
     """Return the quantities of a formula, each once."""
-    return tuple(dict.fromkeys(name for one in comparisons(formula) for name, _ in one.factors))
+    return tuple(dict.fromkeys(name for predicate in predicates(formula) for name, _ in predicate.factors))
 
 
 def unit_of(formula: Formula) -> str | None:
     """Return the unit of a formula's margin; None if it compares quantities of several units."""
-    units = {one.unit for one in comparisons(formula)}
+    units = {predicate.unit for predicate in predicates(formula)}
     return units.pop() if len(units) == 1 else None
 
 
@@ -135,7 +135,7 @@ RATE: Final = "per_s"
 
 
 class FormulaError(ValueError):
-    """A formula that cannot be parsed; the text shows the place."""
+    """A formula that cannot be parsed; the text shows where."""
 
 
 def parse(text: str, units: Mapping[str, str]) -> Formula:
@@ -152,7 +152,7 @@ def parse(text: str, units: Mapping[str, str]) -> Formula:
     FormulaError
         If the text is not a formula, a quantity is unknown or units do not agree.
     """
-    reader = _Reader(text, units)
+    reader = _Parser(text, units)
     try:
         formula = reader.implication()
     except RecursionError:
@@ -162,113 +162,117 @@ def parse(text: str, units: Mapping[str, str]) -> Formula:
     return formula
 
 
-class _Reader:
+class _Parser:
     """Parser of a formula, word by word from left to right."""
 
     def __init__(self, text: str, units: Mapping[str, str]) -> None:
         self._text, self._units = text, units
-        self._place = self._next = 0
+        self._position = self._next = 0
         self.kind = self.word = ""
         self._advance()
 
-    def refuse(self, words: str, place: int | None = None) -> NoReturn:
-        """Raise a FormulaError that points at a place, by default the present word."""
-        raise FormulaError(f"{self._text}\n{' ' * (self._place if place is None else place)}^ {words}")
+    def refuse(self, words: str, position: int | None = None) -> NoReturn:
+        """Raise a FormulaError that points at a position, by default that of the present word."""
+        raise FormulaError(
+            f"{self._text}\n{' ' * (self._position if position is None else position)}^ {words}"
+        )
 
     def implication(self) -> Formula:
-        left = self._joined()
-        return Or(Not(left), self.implication()) if self._takes("->") else left
+        left = self._binary()
+        return Disjunction(Negation(left), self.implication()) if self._accept("->") else left
 
-    def _joined(self, words: tuple[str, ...] = ("or", "and")) -> Formula:
-        """Read a disjunction, or what is within one: the operators from the loosest to the tightest."""
+    def _binary(self, words: tuple[str, ...] = ("or", "and")) -> Formula:
+        """Read operands joined by binary operators, the loosest first."""
         if not words:
             return self._until()
-        left = self._joined(words[1:])
-        while self._takes(words[0]):
-            right = self._joined(words[1:])
-            left = Or(left, right) if words[0] == "or" else And(left, right)
+        left = self._binary(words[1:])
+        while self._accept(words[0]):
+            right = self._binary(words[1:])
+            left = Disjunction(left, right) if words[0] == "or" else Conjunction(left, right)
         return left
 
     def _until(self) -> Formula:
         left = self._single()
-        return Until(self._window(), left, self._single()) if self._takes("until") else left
+        return Until(self._window(), left, self._single()) if self._accept("until") else left
 
     def _single(self) -> Formula:
-        if self._takes("not"):
-            return Not(self._single())
-        if self._takes("always"):
+        if self._accept("not"):
+            return Negation(self._single())
+        if self._accept("always"):
             return Always(self._window(), self._single())
-        if self._takes("eventually"):
+        if self._accept("eventually"):
             return Eventually(self._window(), self._single())
-        if self._takes("("):
+        if self._accept("("):
             inner = self.implication()
-            self._must(")")
+            self._expect(")")
             return inner
         return self._comparison()
 
     def _window(self) -> Window:
-        if not self._takes("["):
+        if not self._accept("["):
             return Window()
         first = self._seconds()
-        if not (self._takes(":") or self._takes(",")):
+        if not (self._accept(":") or self._accept(",")):
             self.refuse("expected : and the window's end in seconds")
-        place = self._place
+        position = self._position
         last = self._seconds()
-        self._must("]")
+        self._expect("]")
         if last < first:
-            self.refuse(f"the window ends at {last:g} s, before it begins at {first:g} s", place)
+            self.refuse(f"the window ends at {last:g} s, before it begins at {first:g} s", position)
         return Window(first, last)
 
     def _seconds(self) -> float:
-        value, unit, place = self._number()
+        value, unit, position = self._number()
         if unit not in ("", "s"):
-            self.refuse(f"windows are in s, not in {unit}", place)
+            self.refuse(f"windows are in s, not in {unit}", position)
         return value
 
-    def _comparison(self) -> Comparison:
-        place = self._place
+    def _comparison(self) -> Predicate:
+        position = self._position
         left, left_constant, left_unit = self._sum()
         relation = self.word
         if relation not in (">=", "<=", ">", "<"):
             self.refuse("expected >=, <=, > or <")
         self._advance()
-        right_place = self._place
+        right_place = self._position
         right, right_constant, right_unit = self._sum()
-        unit = self._agreed(left_unit, right_unit, right_place)
+        unit = self._common_unit(left_unit, right_unit, right_place)
         if not left and not right:
-            self.refuse("this compares numbers with one another; name a quantity", place)
+            self.refuse("this compares numbers with one another; name a quantity", position)
         sign = 1.0 if relation in (">=", ">") else -1.0
         factors = {
             name: sign * left.get(name, 0.0) - sign * right.get(name, 0.0) for name in {**left, **right}
         }
         if not any(factors.values()):
-            self.refuse("its quantities cancel, so that it compares numbers with one another", place)
+            self.refuse("its quantities cancel, so that it compares numbers with one another", position)
         constant = sign * (left_constant - right_constant)
-        return Comparison(tuple(factors.items()), constant, relation in (">", "<"), unit or "")
+        return Predicate(tuple(factors.items()), constant, relation in (">", "<"), unit or "")
 
     def _sum(self) -> tuple[dict[str, float], float, str | None]:
         """Read a sum: factors of quantities, constant, and the unit, None for numbers without units."""
         factors: dict[str, float] = {}
-        constant, unit, sign = 0.0, None, -1.0 if self._takes("-") else 1.0
+        constant, unit, sign = 0.0, None, -1.0 if self._accept("-") else 1.0
         while True:
-            place = self._place
+            position = self._position
             quantity_unit: str | None
             if self.kind == "number":
-                value, own, _ = self._number()
-                if self._takes("*"):
-                    if own not in ("", RATE):
-                        self.refuse(f"a factor of a quantity is a number without a unit, or in {RATE}", place)
-                    place = self._place
+                value, number_unit, _ = self._number()
+                if self._accept("*"):
+                    if number_unit not in ("", RATE):
+                        self.refuse(
+                            f"a factor of a quantity is a number without a unit, or in {RATE}", position
+                        )
+                    position = self._position
                     name, quantity_unit = self._quantity()
-                    quantity_unit += "/s" if own else ""
+                    quantity_unit += "/s" if number_unit else ""
                     factors[name] = factors.get(name, 0.0) + sign * value
                 else:
                     constant += sign * value
-                    quantity_unit = own or None
+                    quantity_unit = number_unit or None
             else:
                 name, quantity_unit = self._quantity()
                 factors[name] = factors.get(name, 0.0) + sign
-            unit = self._agreed(unit, quantity_unit, place)
+            unit = self._common_unit(unit, quantity_unit, position)
             if self.word not in ("+", "-"):
                 return factors, constant, unit
             sign = 1.0 if self.word == "+" else -1.0
@@ -292,51 +296,53 @@ class _Reader:
         if not isfinite(value):
             self.refuse("this number is too large")
         self._advance()
-        place, unit = self._place, ""
+        position, unit = self._position, ""
         if self.word == "%" or (self.kind == "name" and self.word not in KEYWORDS):
             unit = self.word
             known = {*self._units.values(), "s", RATE} - {""}
             if unit not in known:
                 self.refuse(f"{unit} is no unit here; there are {', '.join(sorted(known))}")
             self._advance()
-        return value, unit, place
+        return value, unit, position
 
-    def _agreed(self, one: str | None, other: str | None, place: int) -> str | None:
-        if one is not None and other is not None and one != other:
-            self.refuse(f"{other or 'a pure number'} does not go with {one or 'a pure number'}", place)
-        return other if one is None else one
+    def _common_unit(self, unit: str | None, other_unit: str | None, position: int) -> str | None:
+        if unit is not None and other_unit is not None and unit != other_unit:
+            self.refuse(
+                f"{other_unit or 'a pure number'} does not go with {unit or 'a pure number'}", position
+            )
+        return other_unit if unit is None else unit
 
-    def _takes(self, word: str) -> bool:
-        found = self.word == word
-        if found:
+    def _accept(self, word: str) -> bool:
+        is_next = self.word == word
+        if is_next:
             self._advance()
-        return found
+        return is_next
 
-    def _must(self, word: str) -> None:
-        if not self._takes(word):
+    def _expect(self, word: str) -> None:
+        if not self._accept(word):
             self.refuse(f"expected {word}")
 
     def _advance(self) -> None:
         rest = self._text[self._next :]
-        self._place = self._next + len(rest) - len(rest.lstrip())
+        self._position = self._next + len(rest) - len(rest.lstrip())
         if not rest.strip():
             self.kind, self.word = "end", _END
             return
-        found = _TOKEN.match(self._text, self._next)
-        if found is None:
-            self.refuse(f"{self._text[self._place]!r} means nothing in a formula")
-        self.kind, self.word = str(found.lastgroup), found[found.lastgroup or 0]
-        self._next = found.end()
+        token = _TOKEN.match(self._text, self._next)
+        if token is None:
+            self.refuse(f"{self._text[self._position]!r} means nothing in a formula")
+        self.kind, self.word = str(token.lastgroup), token[token.lastgroup or 0]
+        self._next = token.end()
 
 
-Quantities = Mapping[str, Floats]
-Atom = Callable[[Comparison, Quantities], Floats]
+Samples = Mapping[str, Floats]
+Atom = Callable[[Predicate, Samples], Floats]
 
 #: tolerance for a window's end on a sample, as a fraction of the sample period
 NEAR_A_SAMPLE = 1e-9
 
 
-def robustness(formula: Formula, quantities: Quantities, period_s: float) -> Floats:
+def robustness(formula: Formula, quantities: Samples, period_s: float) -> Floats:
     """Return the margin by which each flight satisfies a formula at its first sample.
 
     Parameters
@@ -352,16 +358,16 @@ def robustness(formula: Formula, quantities: Quantities, period_s: float) -> Flo
     (n,) array
         In the formula's unit; infinite if the flight does not determine it.
     """
-    return _over(formula, quantities, period_s, _margin)[:, 0]
+    return _evaluate(formula, quantities, period_s, _margin)[:, 0]
 
 
-def holds(formula: Formula, quantities: Quantities, period_s: float) -> NDArray[np.bool_]:
+def holds(formula: Formula, quantities: Samples, period_s: float) -> NDArray[np.bool_]:
     """Return whether each flight satisfies a formula, (n,); unlike a zero margin, this tells > from >=."""
-    return _over(formula, quantities, period_s, _truth)[:, 0] > 0.0
+    return _evaluate(formula, quantities, period_s, _truth)[:, 0] > 0.0
 
 
 def idle_window(formula: Formula, duration_s: float, period_s: float, now: int = 0) -> Window | None:
-    """Return the first window of a formula that holds no sample of a flight, so that its part says nothing.
+    """Return the first window of a formula that contains no sample of a flight, None without one.
 
     Parameters
     ----------
@@ -371,58 +377,58 @@ def idle_window(formula: Formula, duration_s: float, period_s: float, now: int =
     period_s : float
         Between two samples.
     now : int
-        The first sample at which the formula is asked for.
+        The first sample at which the formula is evaluated.
     """
     match formula:
-        case Not(part):
-            asked = [(part, now)]
-        case And(left, right) | Or(left, right):
-            asked = [(left, now), (right, now)]
+        case Negation(part):
+            parts = [(part, now)]
+        case Conjunction(left, right) | Disjunction(left, right):
+            parts = [(left, now), (right, now)]
         case Always(window, part) | Eventually(window, part) | Until(window, _, part):
             first, last = _in_samples(window, period_s)
             if (last is not None and last < first) or now + first > round(duration_s / period_s):
                 return window
-            asked = [(part, now + first), *([(formula.left, now)] if isinstance(formula, Until) else [])]
+            parts = [(part, now + first), *([(formula.left, now)] if isinstance(formula, Until) else [])]
         case _:
-            asked = []
-    found = (idle_window(part, duration_s, period_s, begins) for part, begins in asked)
-    return next((window for window in found if window is not None), None)
+            parts = []
+    idle = (idle_window(part, duration_s, period_s, begins) for part, begins in parts)
+    return next((window for window in idle if window is not None), None)
 
 
-def _margin(comparison: Comparison, quantities: Quantities) -> Floats:
+def _margin(comparison: Predicate, quantities: Samples) -> Floats:
     total = np.zeros(np.shape(quantities[comparison.factors[0][0]])) + comparison.constant
     for name, factor in comparison.factors:
         total += factor * np.asarray(quantities[name], dtype=np.float64)
     return total
 
 
-def _truth(comparison: Comparison, quantities: Quantities) -> Floats:
+def _truth(comparison: Predicate, quantities: Samples) -> Floats:
     """Return 1 where a comparison holds and -1 where it does not."""
     margin = _margin(comparison, quantities)
     return np.where(margin > 0.0 if comparison.is_strict else margin >= 0.0, 1.0, -1.0)
 
 
-def _over(  # noqa: PLR0911 - one for each kind of formula
-    formula: Formula, quantities: Quantities, period_s: float, atom: Atom
+def _evaluate(  # noqa: PLR0911 - one for each kind of formula
+    formula: Formula, quantities: Samples, period_s: float, atom: Atom
 ) -> Floats:
     """Return the value of a formula at all samples, (n, S)."""
 
     def value(part: Formula) -> Floats:
-        return _over(part, quantities, period_s, atom)
+        return _evaluate(part, quantities, period_s, atom)
 
     match formula:
-        case Comparison():
+        case Predicate():
             return atom(formula, quantities)
-        case Not(part):
+        case Negation(part):
             return -value(part)
-        case And(left, right):
+        case Conjunction(left, right):
             return np.minimum(value(left), value(right))
-        case Or(left, right):
+        case Disjunction(left, right):
             return np.maximum(value(left), value(right))
         case Always(window, part):
-            return _least_ahead(value(part), *_in_samples(window, period_s))
+            return _window_minimum(value(part), *_in_samples(window, period_s))
         case Eventually(window, part):
-            return -_least_ahead(-value(part), *_in_samples(window, period_s))
+            return -_window_minimum(-value(part), *_in_samples(window, period_s))
         case Until(window, left, right):
             return _until(value(left), value(right), *_in_samples(window, period_s))
 
@@ -433,10 +439,10 @@ def _in_samples(window: Window, period_s: float) -> tuple[int, int | None]:
     return first, None if isinf(window.last_s) else floor(window.last_s / period_s + NEAR_A_SAMPLE)
 
 
-def _least_ahead(values: Floats, first: int, last: int | None) -> Floats:
+def _window_minimum(values: Floats, first: int, last: int | None) -> Floats:
     """Return at each sample the minimum from `first` to `last` samples ahead; infinity without any."""
     num_samples = values.shape[1]
-    ahead = _ahead(values, first, np.inf)
+    ahead = _shift(values, first, np.inf)
     if last is not None and last < first:
         return np.full_like(values, np.inf)
     if last is None or last - first >= num_samples - 1:
@@ -450,17 +456,17 @@ def _least_ahead(values: Floats, first: int, last: int | None) -> Floats:
 
 def _until(left: Floats, right: Floats, first: int, last: int | None) -> Floats:
     """Return the value of `Until` at each sample."""
-    found = right.copy()
+    value = right.copy()
     for k in range(right.shape[1] - 2, -1, -1):
-        found[:, k] = np.maximum(right[:, k], np.minimum(left[:, k], found[:, k + 1]))
-    found = _ahead(found, first, -np.inf)
+        value[:, k] = np.maximum(right[:, k], np.minimum(left[:, k], value[:, k + 1]))
+    value = _shift(value, first, -np.inf)
     if first > 0:
-        found = np.minimum(found, _least_ahead(left, 0, first - 1))
+        value = np.minimum(value, _window_minimum(left, 0, first - 1))
     # a window ends by what must come within it (Donzé, Ferrère and Maler, CAV 2013)
-    return found if last is None else np.minimum(found, -_least_ahead(-right, first, last))
+    return value if last is None else np.minimum(value, -_window_minimum(-right, first, last))
 
 
-def _ahead(values: Floats, count: int, beyond: float) -> Floats:
+def _shift(values: Floats, count: int, beyond: float) -> Floats:
     """Return the values `count` samples later, with `beyond` after the last."""
     if count == 0:
         return values

@@ -13,7 +13,7 @@ from fis_tools.engines.interval import NotBounded
 from fis_tools.model import FuzzySystem
 from pipeline.array_types import Floats
 from pipeline.evaluation.assurance.conditions import shell_in_words
-from pipeline.evaluation.assurance.formula import Always, And, Comparison, Formula, Until, Window
+from pipeline.evaluation.assurance.formula import Always, Conjunction, Formula, Predicate, Until, Window
 from pipeline.evaluation.assurance.requirements import Question, Requirement, RequirementError
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.period.act.safety import STANDING, most_exceeded
@@ -56,8 +56,8 @@ class Certificate:
 _NAME = re.compile(r"[A-Za-z_]\w*")
 
 
-def require_answerable(requirements: Sequence[Requirement], controller: Controller) -> None:
-    """Refuse questions that no system of a controller answers; a controller without systems is asked nothing.
+def check_questions(requirements: Sequence[Requirement], controller: Controller) -> None:
+    """Refuse questions that no system of a controller can answer, unless it has no systems at all.
 
     Raises
     ------
@@ -69,12 +69,12 @@ def require_answerable(requirements: Sequence[Requirement], controller: Controll
     outputs = list(dict.fromkeys(v.name for system in controller.systems for v in system.outputs))
     for requirement in requirements:
         for question in requirement.questions:
-            asked = f"{requirement.id}, its bounds {question.ask!r}"
+            words = f"{requirement.id}, its bounds {question.ask!r}"
             systems = [system for system in controller.systems if _is_about(question, system)]
             if not systems:
                 word = next(iter(_NAME.findall(question.ask)), question.ask)
                 raise RequirementError(
-                    f"{asked}: no system of {controller.name} has this output"
+                    f"{words}: no system of {controller.name} has this output"
                     f"{choices_of(word, outputs, plural='outputs')}"
                 )
             for system in systems:
@@ -82,7 +82,7 @@ def require_answerable(requirements: Sequence[Requirement], controller: Controll
                     read_conditions(question.ask, [variable.name for variable in system.outputs])
                     read_region(system, question.where)
                 except ValueError as error:
-                    raise RequirementError(f"{asked}: {error}") from error
+                    raise RequirementError(f"{words}: {error}") from error
 
 
 def certificates(requirement: Requirement, controller: Controller) -> tuple[Certificate, ...]:
@@ -135,13 +135,14 @@ class SafetyProof:
     probability : float
         With which a flight's errors are within the bounds that the proof takes for them; 1 if all is exact.
     keep_out_m, keep_in_m : float
-        The spheres between which it keeps the deputy: samples where all is exact, else any time.
+        Radii of the spheres between which the layer keeps the deputy: at samples if everything is exact,
+        else at all times.
     num_starts, num_safe : int
         Starts that were drawn, and how many of them are safe states, the base case of the induction.
     starts : str
-        From where all can be drawn, in words.
+        The set from which starts are drawn, in words.
     are_all_safe : bool
-        Whether all of these are surely safe states.
+        Whether every start in that set is certainly a safe state.
     """
 
     is_on: bool
@@ -165,16 +166,16 @@ class SafetyProof:
 def _follows(formula: Formula, distances_m: tuple[float, float]) -> bool:
     """Return whether a formula holds wherever the distance is between two values; False if unclear."""
     match formula:
-        case And(left, right):
+        case Conjunction(left, right):
             return _follows(left, distances_m) and _follows(right, distances_m)
-        case Always(_, Comparison((("distance", factor),), constant)):
+        case Always(_, Predicate((("distance", factor),), constant)):
             # linear: positive at both ends means positive between them
             return all(factor * distance + constant > 0.0 for distance in distances_m)
     return False
 
 
 def premises(mission: Mission, bounds: SafetyBounds) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return in words which premises of the proof fail where something is inexact, and which are assumed."""
+    """Return, in words, the failing premises of the proof for inexact flights, and the assumed ones."""
     actuators, navigation, errors = mission.actuators, mission.navigation, bounds.errors
     is_real, is_fixed = actuators.kind == "real", navigation.mode == "fixes"
     failing = {
@@ -191,16 +192,18 @@ def premises(mission: Mission, bounds: SafetyBounds) -> tuple[tuple[str, ...], t
     motion = "neglected accelerations stay below their estimate"
     is_tilted = navigation.measures == "range_bearing" and navigation.attitude_bias_deg > 0.0
     assumed = {estimate: is_fixed, sight: is_fixed and is_tilted, motion: mission.dynamics.model != "cw"}
-    return tuple(one for one in failing if failing[one]), tuple(one for one in assumed if assumed[one])
+    return tuple(premise for premise in failing if failing[premise]), tuple(
+        premise for premise in assumed if assumed[premise]
+    )
 
 
 def are_safe(guard: Guard, near_m: float, far_m: float, speed_m_s: float) -> bool:
-    """Return whether all states are surely safe that are as near, as far, and as fast at most.
+    """Return whether every state between two distances, and up to a speed, is certainly safe.
 
-    By norms of what the stop needs and of where it leads; a state may be safe where this says no.
+    Norms bound the force that a stop needs and where it leads, so a set may be safe although this says no.
     """
-    place = guard.checks.transition[1, :3]  # the stop's
-    strayed = norm(place[:, :3] - np.eye(3)) * far_m + norm(place[:, 3:]) * speed_m_s
+    stop = guard.checks.transition[1, :3]  # the stop's
+    strayed = norm(stop[:, :3] - np.eye(3)) * far_m + norm(stop[:, 3:]) * speed_m_s
     force = norm(guard.stop[:, :3]) * far_m + norm(guard.stop[:, 3:]) * speed_m_s
     is_between = guard.keep_out <= near_m - strayed and far_m + strayed <= guard.keep_in
     is_slow = speed_m_s <= guard.speed_at_chief + guard.speed_slope * near_m
@@ -218,7 +221,7 @@ def safety_proof(
     scenarios : sequence of Scenario
         The starts of some flights.
     shell : (float, float, float)
-        What all starts are drawn from: the least and the greatest distance, m, and the greatest speed, m/s.
+        Bounds of all starts: the least and the greatest distance, m, and the greatest speed, m/s.
     """
     is_on = mission.safety.kind == "filter"
     bounds, probability = bounds_of(mission), 1.0
@@ -235,8 +238,8 @@ def safety_proof(
     if is_on:
         world = pack_world(mission)
         is_whole = are_safe(world.guard, *shell)
-        flying = ((Three(*one.position_m), Three(*one.velocity_m_s)) for one in scenarios)
-        num_safe = sum(most_exceeded(world, one, STANDING)[2] <= 0.0 for one in flying)
+        flying = ((Three(*scenario.position_m), Three(*scenario.velocity_m_s)) for scenario in scenarios)
+        num_safe = sum(most_exceeded(world, scenario, STANDING)[2] <= 0.0 for scenario in flying)
     near, far, speed = shell
     counts, starts = (len(scenarios), num_safe), shell_in_words(near, far, speed)
     return SafetyProof(is_on, *spheres, *counts, starts, is_whole, failing, assumed, probability)
@@ -274,7 +277,7 @@ class TubeProof:
         """Return whether ``limit until[0:T] goal`` follows from the tube; False if unclear."""
         base, slope, offset = self.limit
         match formula:
-            case Until(Window(0.0, last_s), Comparison(factors, constant), goal) if last_s >= self.end_s:
+            case Until(Window(0.0, last_s), Predicate(factors, constant), goal) if last_s >= self.end_s:
                 of = dict(factors)
                 keeps = of.pop("speed", 0.0) == -1.0 and of.pop("distance", 0.0) >= slope and not of
                 return keeps and constant >= base - slope * offset - 1e-12 and self._reaches(goal)
@@ -282,10 +285,10 @@ class TubeProof:
 
     def _reaches(self, formula: Formula) -> bool:
         match formula:
-            case And(left, right):
+            case Conjunction(left, right):
                 return self._reaches(left) and self._reaches(right)
-            case Comparison((("distance", -1.0),), constant):
+            case Predicate((("distance", -1.0),), constant):
                 return constant >= self.goal[0]
-            case Comparison((("speed", -1.0),), constant):
+            case Predicate((("speed", -1.0),), constant):
                 return constant >= self.goal[1]
         return False

@@ -22,7 +22,7 @@ from telemetry.file.topics import DEPUTY_CONTROL, DEPUTY_STATE, MISSION
 _BORESIGHT = slice(arrays.TRACK_BORESIGHT, arrays.TRACK_BORESIGHT + 3)
 
 
-class Points(NamedTuple):
+class PointCounts(NamedTuple):
     """The number of inspection points, and of those that can be inspected in each flight, (n,)."""
 
     number: int
@@ -30,7 +30,7 @@ class Points(NamedTuple):
 
 
 #: from tracks, (n, K+1, 15), and their points to (n, K+1)
-OfTracks = Callable[[Floats, Points], Floats]
+OfTracks = Callable[[Floats, PointCounts], Floats]
 
 
 @dataclass(frozen=True)
@@ -53,22 +53,22 @@ class Quantity:
     of_tracks: OfTracks
 
 
-def _column(place: int) -> OfTracks:
-    return lambda tracks, points: tracks[..., place]
+def _column(index: int) -> OfTracks:
+    return lambda tracks, points: tracks[..., index]
 
 
 def _length(first: int) -> OfTracks:
     return lambda tracks, points: np.linalg.norm(tracks[..., first : first + 3], axis=-1)
 
 
-def _inspected(tracks: Floats, points: Points) -> Floats:
+def _inspected(tracks: Floats, points: PointCounts) -> Floats:
     return points.number - tracks[..., arrays.TRACK_LEFT]
 
 
-def _degrees_between(one: Floats, other: Floats) -> Floats:
+def _degrees_between(first: Floats, second: Floats) -> Floats:
     """Return the angles between vectors, deg: by their tangents, which are accurate for small angles."""
-    sines = np.linalg.norm(np.cross(one, other), axis=-1)
-    return np.degrees(np.arctan2(sines, np.sum(one * other, axis=-1)))
+    sines = np.linalg.norm(np.cross(first, second), axis=-1)
+    return np.degrees(np.arctan2(sines, np.sum(first * second, axis=-1)))
 
 
 def _along(name: str, topic: str, unit: str, first: int) -> dict[str, Quantity]:
@@ -120,7 +120,7 @@ QUANTITIES: Mapping[str, Quantity] = {
     ),
 }
 
-#: how flights with the least and the greatest value are spoken of; braces stand for the value
+#: words for the flights with the least and with the greatest value, for which the braces stand
 EXTREMES: Mapping[str, tuple[str, str]] = {
     "distance": ("the nearest {} from its centre", "the farthest {} from its centre"),
     "speed": ("the slowest at {}", "the fastest at {}"),
@@ -132,13 +132,13 @@ EXTREMES: Mapping[str, tuple[str, str]] = {
 UNITS: Mapping[str, str] = {name: quantity.unit for name, quantity in QUANTITIES.items()}
 
 
-def of_tracks(tracks: NDArray[Any], points: Points, names: Iterable[str]) -> dict[str, Floats]:
+def of_tracks(tracks: NDArray[Any], points: PointCounts, names: Iterable[str]) -> dict[str, Floats]:
     """Return quantities of flights, each (n, K+1), from their tracks, (n, K+1, 15)."""
     exact = np.asarray(tracks, dtype=np.float64)
     return {name: QUANTITIES[name].of_tracks(exact, points) for name in names}
 
 
-def track_of(recording: Recording) -> tuple[Floats, Points]:
+def track_of(recording: Recording) -> tuple[Floats, PointCounts]:
     """Return the track of a recorded flight, (1, K+1, 15), and its points."""
     state, mission, control = recording[DEPUTY_STATE], recording[MISSION], recording[DEPUTY_CONTROL]
     num_points = int(np.asarray(mission["inspected_mask"]).shape[1])
@@ -150,4 +150,4 @@ def track_of(recording: Recording) -> tuple[Floats, Points]:
     turn_rates = np.linalg.norm(state["angular_velocity_rad_s"], axis=1)
     spent = mission["delta_v_m_s"]
     columns = [state["position_m"], state["velocity_m_s"], spent, left, fired, boresights, turn_rates]
-    return np.column_stack(columns)[np.newaxis].astype(np.float64), Points(num_points, inspectable)
+    return np.column_stack(columns)[np.newaxis].astype(np.float64), PointCounts(num_points, inspectable)

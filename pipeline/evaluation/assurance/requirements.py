@@ -94,8 +94,8 @@ class Requirement:
     @property
     def unit(self) -> str:
         """The unit of its margin: ``mixed`` for several units, empty if dimensionless."""
-        found = unit_of(self.formula) if self.formula else ""
-        return "mixed" if found is None else found
+        unit = unit_of(self.formula) if self.formula else ""
+        return "mixed" if unit is None else unit
 
 
 @dataclass(frozen=True)
@@ -106,19 +106,19 @@ class Requirements:
     requirements: tuple[Requirement, ...]
 
 
-def read_named(name: str) -> tuple[Requirement, ...]:
-    """Return the requirements that ship under a name, or those of a file.
+def load_requirements(name: str) -> tuple[Requirement, ...]:
+    """Load the requirements of a name that ships, or of a file.
 
     Raises
     ------
     RequirementError, OSError
         If there are none, or they cannot be read.
     """
-    return read(requirements_path(name).read_text(encoding="utf-8"), name).requirements
+    return parse_requirements(requirements_path(name).read_text(encoding="utf-8"), name).requirements
 
 
-def read(text: str, source: str) -> Requirements:
-    """Read a set of requirements from YAML.
+def parse_requirements(text: str, source: str) -> Requirements:
+    """Parse a set of requirements from YAML.
 
     Parameters
     ----------
@@ -141,13 +141,15 @@ def read(text: str, source: str) -> Requirements:
             f"schema_version: {SCHEMA[1]} (version 1 lacked consequence, severity, reason and source)"
         )
     entries = content.get("requirements")
-    if not isinstance(entries, list) or not entries or not all(isinstance(one, dict) for one in entries):
+    if not isinstance(entries, list) or not entries or not all(isinstance(entry, dict) for entry in entries):
         raise RequirementError(f"{source}: requirements must be a list of at least one, each with an id")
-    found = tuple(_requirement(one, f"{source}, requirement {n}") for n, one in enumerate(entries, 1))
-    names = [one.id for one in found]
+    requirements = tuple(
+        _requirement(entry, f"{source}, requirement {n}") for n, entry in enumerate(entries, 1)
+    )
+    names = [entry.id for entry in requirements]
     if twice := next((name for name in names if names.count(name) > 1), None):
         raise RequirementError(f"{source}: {twice} is the id of two requirements; give each its own")
-    return Requirements(str(content.get("name", source)), found)
+    return Requirements(str(content.get("name", source)), requirements)
 
 
 def _requirement(entry: Mapping[str, Any], where: str) -> Requirement:
@@ -176,20 +178,20 @@ def _requirement(entry: Mapping[str, Any], where: str) -> Requirement:
 
 
 def _flown(entry: Mapping[str, Any], where: str) -> dict[str, Any]:
-    """Return the part of a requirement about flights."""
+    """Return the fields of a requirement that are about flights."""
     text = _text(entry, "formula", where)
     try:
         formula = parse(text, UNITS)
     except FormulaError as error:
         raise RequirementError(f"{where}, its formula:\n{error}") from error
-    found: dict[str, Any] = {"formula_text": text, "formula": formula}
+    flown: dict[str, Any] = {"formula_text": text, "formula": formula}
     if CASES in entry["verified_by"]:
-        found["confidence"] = _share(entry, "confidence", where)
+        flown["confidence"] = _share(entry, "confidence", where)
         is_catastrophic = entry["severity"] == SEVERITIES[0]
         if "probability" in entry or not is_catastrophic:
-            found["probability"] = _share(entry, "probability", where)
-            found["accepted"] = _text(entry, "accepted", where, ACCEPTANCE) if is_catastrophic else ""
-    return found
+            flown["probability"] = _share(entry, "probability", where)
+            flown["accepted"] = _text(entry, "accepted", where, ACCEPTANCE) if is_catastrophic else ""
+    return flown
 
 
 def _share(entry: Mapping[str, Any], key: str, where: str) -> float:
@@ -200,14 +202,16 @@ def _share(entry: Mapping[str, Any], key: str, where: str) -> float:
 
 
 def _questions(entries: Any, where: str) -> tuple[Question, ...]:
-    asked = entries if isinstance(entries, list) else []
-    are_questions = (isinstance(one, dict) and {"ask"} <= set(one) <= {"ask", "where"} for one in asked)
-    if not asked or not all(are_questions):
+    questions = entries if isinstance(entries, list) else []
+    are_questions = (
+        isinstance(entry, dict) and {"ask"} <= set(entry) <= {"ask", "where"} for entry in questions
+    )
+    if not questions or not all(are_questions):
         raise RequirementError(
             f"{where}: bounds must be a list of questions to be answered with no, each "
             "{ask: conditions on outputs, where: conditions on inputs}"
         )
-    return tuple(Question(str(one["ask"]), str(one.get("where", ""))) for one in asked)
+    return tuple(Question(str(entry["ask"]), str(entry.get("where", ""))) for entry in questions)
 
 
 def _text(entry: Mapping[str, Any], key: str, where: str, cure: str = "give it a text") -> str:
@@ -217,30 +221,32 @@ def _text(entry: Mapping[str, Any], key: str, where: str, cure: str = "give it a
     return value.strip()
 
 
-def require_heard(requirements: Sequence[Requirement], mission: Mission) -> None:
-    """Refuse formulas of which some part says nothing about a mission's flights, wherever it stands.
+def check_formulas(requirements: Sequence[Requirement], mission: Mission) -> None:
+    """Refuse formulas of which any part says nothing about a mission's flights.
 
     Raises
     ------
     RequirementError
     """
     duration_s, period_s = mission.duration_s, mission.control_period_s
-    for one in requirements:
-        named = quantities_of(one.formula) if one.formula else ()
+    for requirement in requirements:
+        named = quantities_of(requirement.formula) if requirement.formula else ()
         counted = [name for name in ("inspection_rate", "inspectable_rate") if name in named]
         if counted and mission.chief.weights != "equal":
             raise RequirementError(
-                f"{one.id}: {counted[0]} counts points, but with chief.weights={mission.chief.weights} "
-                "what counts is their weight; leave it out, and see the success of +experiment=evaluate"
+                f"{requirement.id}: {counted[0]} counts points, but with chief.weights="
+                f"{mission.chief.weights} what counts is their weight; leave it out, and see the success of "
+                "+experiment=evaluate"
             )
-        idle = one.formula and idle_window(one.formula, duration_s, period_s)
+        idle = requirement.formula and idle_window(requirement.formula, duration_s, period_s)
         if idle:
             raise RequirementError(
-                f"{one.id}: its part from {idle.first_s:g} to {idle.last_s:g} s says nothing about a flight "
-                f"of {duration_s:g} s with a sample every {period_s:g} s; let each window hold a sample of it"
+                f"{requirement.id}: its part from {idle.first_s:g} to {idle.last_s:g} s says nothing about a "
+                f"flight of {duration_s:g} s with a sample every {period_s:g} s; let each window hold one of "
+                "its samples"
             )
 
 
-def needs(requirements: Sequence[Requirement], method: str) -> tuple[Requirement, ...]:
+def verified_by_method(requirements: Sequence[Requirement], method: str) -> tuple[Requirement, ...]:
     """Return the requirements that are verified by a method, possibly among others."""
-    return tuple(one for one in requirements if method in one.verified_by)
+    return tuple(requirement for requirement in requirements if method in requirement.verified_by)

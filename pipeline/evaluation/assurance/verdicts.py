@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.array_types import Floats
-from pipeline.evaluation.assurance.campaign import Search
-from pipeline.evaluation.assurance.formula import Always, Comparison, Eventually
+from pipeline.evaluation.assurance.campaign import WorstCaseSearch
+from pipeline.evaluation.assurance.formula import Always, Eventually, Predicate
 from pipeline.evaluation.assurance.proofs import Certificate, SafetyProof, TubeProof
 from pipeline.evaluation.assurance.quantities import EXTREMES, UNITS
 from pipeline.evaluation.assurance.requirements import BOUNDS, CASES, SAFETY_LAYER, SEARCH, TUBE, Requirement
@@ -129,8 +129,8 @@ CHECKER = "to check it, install python-flint (the extra proof) and repeat the st
 PROOFS = (BOUNDS, SAFETY_LAYER, TUBE)
 
 
-class Outcome(NamedTuple):
-    """The result of one method of verification.
+class MethodResult(NamedTuple):
+    """The result of a method of verification.
 
     Attributes
     ----------
@@ -157,15 +157,15 @@ class Outcome(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Found:
-    """All evidence found for a requirement.
+class Evidence:
+    """All evidence for a requirement.
 
     Parameters
     ----------
     requirement : Requirement
     judgement : Judgement, optional
         Of its cases.
-    searches : tuple of Search
+    searches : tuple of WorstCaseSearch
     certificates : tuple of Certificate
     proof : SafetyProof, optional
     tube : TubeProof, optional
@@ -173,29 +173,29 @@ class Found:
 
     requirement: Requirement
     judgement: Judgement | None = None
-    searches: tuple[Search, ...] = ()
+    searches: tuple[WorstCaseSearch, ...] = ()
     certificates: tuple[Certificate, ...] = ()
     proof: SafetyProof | None = None
     tube: TubeProof | None = None
 
 
-def outcomes(found: Found) -> dict[str, Outcome]:
+def results_by_method(evidence: Evidence) -> dict[str, MethodResult]:
     """Return the result of each method of verification, by its name."""
-    judged: dict[str, Outcome] = {}
-    if found.judgement is not None:
-        judged[CASES] = _of_cases(found.requirement, found.judgement)
-    if found.searches:
-        judged[SEARCH] = _of_searches(found.searches)
-    if BOUNDS in found.requirement.verified_by:
-        judged[BOUNDS] = _of_bounds(found.certificates)
-    if found.proof is not None:
-        judged[SAFETY_LAYER] = _of_the_layer(found.requirement, found.proof)
-    if found.tube is not None:
-        judged[TUBE] = _of_a_tube(found.requirement, found.tube)
+    judged: dict[str, MethodResult] = {}
+    if evidence.judgement is not None:
+        judged[CASES] = _of_cases(evidence.requirement, evidence.judgement)
+    if evidence.searches:
+        judged[SEARCH] = _of_searches(evidence.searches)
+    if BOUNDS in evidence.requirement.verified_by:
+        judged[BOUNDS] = _of_bounds(evidence.certificates)
+    if evidence.proof is not None:
+        judged[SAFETY_LAYER] = _of_the_layer(evidence.requirement, evidence.proof)
+    if evidence.tube is not None:
+        judged[TUBE] = _of_a_tube(evidence.requirement, evidence.tube)
     return judged
 
 
-def verdict(found: Found) -> Outcome:
+def verdict(evidence: Evidence) -> MethodResult:
     """Return the combined verdict.
 
     For a claim about a share of the cases the cases are decisive: single failures found by a search do
@@ -203,24 +203,24 @@ def verdict(found: Found) -> Outcome:
     requirement for any share, unless a flight contradicts it. A proof for fewer cases than the requirement
     asks for shows it in part, and a flight that fails leaves the verdict to the cases.
     """
-    judged = outcomes(found)
-    failed = any(one.first_failed is not None for one in found.searches)
-    has_failed = failed or (found.judgement is not None and found.judgement.num_failed > 0)
+    judged = results_by_method(evidence)
+    failed = any(search.first_failed is not None for search in evidence.searches)
+    has_failed = failed or (evidence.judgement is not None and evidence.judgement.num_failed > 0)
     for method, what in ((SAFETY_LAYER, "of the safety layer"), (TUBE, "by a tube of all starts")):
         proof = judged.get(method)
         if proof is not None and proof.is_proof:
             if not has_failed:
                 return proof._replace(word=proof.verdict)
             if proof.probability == 1.0:
-                return Outcome("refuted", "refuted", f"flights contradict the proof {what}")
-    if failed and found.requirement.probability == 1.0 and CASES in judged:
+                return MethodResult("refuted", "refuted", f"flights contradict the proof {what}")
+    if failed and evidence.requirement.probability == 1.0 and CASES in judged:
         return judged[SEARCH]._replace(word="refuted")
     decisive = [judged[name] for name in (CASES, BOUNDS) if name in judged] or list(judged.values())
-    worst = max(decisive, key=lambda one: ORDER.index(one.verdict))
+    worst = max(decisive, key=lambda result: ORDER.index(result.verdict))
     return worst._replace(word=worst.verdict)
 
 
-def _of_cases(requirement: Requirement, judgement: Judgement) -> Outcome:
+def _of_cases(requirement: Requirement, judgement: Judgement) -> MethodResult:
     sure = f"with {percent(requirement.confidence)} confidence"
     claim = f"{percent(requirement.probability)} {sure}"
     failed = f"{judgement.num_failed:,} of {judgement.num_cases:,} cases fail"
@@ -235,33 +235,35 @@ def _of_cases(requirement: Requirement, judgement: Judgement) -> Outcome:
         why = f"{claim} needs {needed:,} cases without a failure"
     else:
         why = f"only up to {judgement.num_allowed:,} failures show {claim}"
-    return Outcome(judgement.verdict, failed, why)
+    return MethodResult(judgement.verdict, failed, why)
 
 
-def _of_searches(searches: Sequence[Search]) -> Outcome:
-    flights = f"{sum(len(one.scenarios) for one in searches):,} flights"
-    if failed := sum(one.first_failed is not None for one in searches):
+def _of_searches(searches: Sequence[WorstCaseSearch]) -> MethodResult:
+    flights = f"{sum(len(search.scenarios) for search in searches):,} flights"
+    if failed := sum(search.first_failed is not None for search in searches):
         why = f"{failed} of {len(searches)} searches find a case that fails, in {flights}"
-        return Outcome("refuted", "failure found", why)
+        return MethodResult("refuted", "failure found", why)
     why = f"{len(searches)} searches find no case that fails, in {flights}"
-    return Outcome("not shown", "none found", why)
+    return MethodResult("not shown", "none found", why)
 
 
-def _of_bounds(certificates: Sequence[Certificate]) -> Outcome:
+def _of_bounds(certificates: Sequence[Certificate]) -> MethodResult:
     if not certificates:
-        return Outcome("not shown", "nothing to bound", "the controller has no system that is asked about")
-    for one in certificates:
-        if one.verdict == "yes":
-            return Outcome("refuted", "refuted", one.sentence.rstrip("."))
-    for one in certificates:
-        if one.verdict != "no":
-            return Outcome("not shown", one.verdict, one.sentence.rstrip("."))
-    boxes = sum(len(one.low) for one in certificates)
+        return MethodResult(
+            "not shown", "nothing to bound", "the controller has no system that is asked about"
+        )
+    for certificate in certificates:
+        if certificate.verdict == "yes":
+            return MethodResult("refuted", "refuted", certificate.sentence.rstrip("."))
+    for certificate in certificates:
+        if certificate.verdict != "no":
+            return MethodResult("not shown", certificate.verdict, certificate.sentence.rstrip("."))
+    boxes = sum(len(certificate.low) for certificate in certificates)
     why = f"no for all inputs: {boxes:,} boxes prove the answers to {len(certificates)} questions"
-    return Outcome("shown", "proved", why, is_proof=True)
+    return MethodResult("shown", "proved", why, is_proof=True)
 
 
-def _of_the_layer(requirement: Requirement, proof: SafetyProof) -> Outcome:
+def _of_the_layer(requirement: Requirement, proof: SafetyProof) -> MethodResult:
     times = "all samples" if proof.probability == 1.0 else "flights at all times"
     spheres = f"{times} from {proof.keep_out_m:g} to {proof.keep_in_m:g} m"
     if not proof.is_on:
@@ -281,34 +283,36 @@ def _of_the_layer(requirement: Requirement, proof: SafetyProof) -> Outcome:
             why += f", while errors are within their bounds, as in {percent(proof.probability)} of flights"
         why += f", provided that {' and '.join(proof.assumed)}" if proof.assumed else ""
         is_whole = proof.probability >= requirement.probability
-        found: Verdict = "shown" if is_whole else "shown in part"
+        verdict: Verdict = "shown" if is_whole else "shown in part"
         word = "proved" if is_whole else f"proved for {percent(proof.probability)}"
-        return Outcome(found, word, why, is_proof=True, probability=proof.probability, assumed=proof.assumed)
-    return Outcome("not shown", "does not apply", why)
+        return MethodResult(
+            verdict, word, why, is_proof=True, probability=proof.probability, assumed=proof.assumed
+        )
+    return MethodResult("not shown", "does not apply", why)
 
 
-def _of_a_tube(requirement: Requirement, tube: TubeProof) -> Outcome:
+def _of_a_tube(requirement: Requirement, tube: TubeProof) -> MethodResult:
     if tube.fault:
-        return Outcome("not shown", "does not apply", tube.fault)
+        return MethodResult("not shown", "does not apply", tube.fault)
     kept = f"a tube holds {tube.starts}, keeps the limit, and is at the goal after {tube.end_s:g} s"
     if requirement.formula is None or not tube.proves(requirement.formula):
-        return Outcome("not shown", "does not apply", f"{kept}, from which this does not follow")
+        return MethodResult("not shown", "does not apply", f"{kept}, from which this does not follow")
     if not tube.is_checked:
-        return Outcome("not shown", UNCHECKED, f"the proof is {UNCHECKED}: {kept}; {CHECKER}")
-    return Outcome("shown", "proved", f"{kept}; the checker agrees", is_proof=True)
+        return MethodResult("not shown", UNCHECKED, f"the proof is {UNCHECKED}: {kept}; {CHECKER}")
+    return MethodResult("shown", "proved", f"{kept}; the checker agrees", is_proof=True)
 
 
-def percent(share: float) -> str:
+def percent(claimed_share: float) -> str:
     """Return a share in per cent with its digits, at most five significant ones."""
-    return f"{100.0 * share:.5g} %"
+    return f"{100.0 * claimed_share:.5g} %"
 
 
-def share(requirement: Requirement, judged: Outcome) -> str:
-    """Say for what share of the cases, and how sure, a requirement is claimed or proved."""
-    if judged.is_proof:
-        if judged.probability < 1.0:
-            given = f", if {' and '.join(judged.assumed)}" if judged.assumed else ""
-            return f"{percent(judged.probability)} of cases or more (proved{given})"
+def claimed_share(requirement: Requirement, result: MethodResult) -> str:
+    """Return the share of the cases for which a requirement is claimed or proved, and the confidence."""
+    if result.is_proof:
+        if result.probability < 1.0:
+            given = f", if {' and '.join(result.assumed)}" if result.assumed else ""
+            return f"{percent(result.probability)} of cases or more (proved{given})"
         return "all cases (proved)" if requirement.formula else "all inputs (proved)"
     if requirement.formula is None:
         return "all inputs"
@@ -319,46 +323,48 @@ def share(requirement: Requirement, judged: Outcome) -> str:
     )
 
 
-def sentence(found: Found, judged: Outcome) -> str:
-    """Say what became of a requirement, in a few sentences.
+def sentence(evidence: Evidence, result: MethodResult) -> str:
+    """Return the verdict on a requirement in a few sentences.
 
     Parameters
     ----------
-    found : Found
-    judged : Outcome
+    evidence : Evidence
+    judged : MethodResult
         The verdict of all evidence together.
     """
-    requirement = found.requirement
+    requirement = evidence.requirement
     text = requirement.text[0].lower() + requirement.text[1:].rstrip(".")
-    claim = f"{judged.word.capitalize()}: in {share(requirement, judged)} {text}".replace(
+    claim = f"{result.word.capitalize()}: in {claimed_share(requirement, result)} {text}".replace(
         ": in all inputs", ": for all inputs"
     )
-    is_flown = found.judgement or found.searches
-    words = [f"{claim}. {_flown(found) if is_flown else f'Failing means {requirement.consequence}'}."]
-    if not judged.verdict.startswith("shown"):
-        words.append(f"{judged.why[0].upper()}{judged.why[1:]}.")
-    methods = outcomes(found)
-    words += [_missing(methods[name]) for name in unproved(found) if methods[name].why != judged.why]
+    is_flown = evidence.judgement or evidence.searches
+    words = [f"{claim}. {_flown(evidence) if is_flown else f'Failing means {requirement.consequence}'}."]
+    if not result.verdict.startswith("shown"):
+        words.append(f"{result.why[0].upper()}{result.why[1:]}.")
+    methods = results_by_method(evidence)
+    words += [_missing(methods[name]) for name in unproved(evidence) if methods[name].why != result.why]
     return " ".join(words)
 
 
-def unproved(found: Found) -> tuple[str, ...]:
+def unproved(evidence: Evidence) -> tuple[str, ...]:
     """Return the methods of proof that a requirement asks for and that prove nothing of it."""
-    return tuple(name for name, one in outcomes(found).items() if name in PROOFS and not one.is_proof)
+    return tuple(
+        name for name, result in results_by_method(evidence).items() if name in PROOFS and not result.is_proof
+    )
 
 
-def _missing(outcome: Outcome) -> str:
-    """Say why a proof that was asked for is none."""
+def _missing(outcome: MethodResult) -> str:
+    """Return in a sentence why a proof that was asked for is none."""
     if outcome.word == UNCHECKED:
         return f"{outcome.why[0].upper()}{outcome.why[1:]}."
     return f"The proof asked for does not apply: {outcome.why}."
 
 
-def _flown(found: Found) -> str:
-    """Say how many flights failed, how far the worst went, and what that means."""
-    judgement, searches = found.judgement, found.searches
-    margins = [float(one.outcome.margins.min()) for one in searches]
-    parts, num_found = [], sum(one.first_failed is not None for one in searches)
+def _flown(evidence: Evidence) -> str:
+    """Return how many flights failed, how far the worst went, and what a failure means."""
+    judgement, searches = evidence.judgement, evidence.searches
+    margins = [float(search.outcome.margins.min()) for search in searches]
+    parts, num_found = [], sum(search.first_failed is not None for search in searches)
     if judgement:
         margins.append(judgement.worst_margin)
         failed = f"{judgement.num_failed:,} of {judgement.num_cases:,} did not"
@@ -366,20 +372,20 @@ def _flown(found: Found) -> str:
     if num_found:
         parts.append(f"{num_found} of {len(searches)} searches found a flight that did not")
     elif searches:
-        parts.append(f"all {sum(len(one.scenarios) for one in searches):,} flights of searches did")
-    worst = worst_words(found.requirement, min(margins))
+        parts.append(f"all {sum(len(search.scenarios) for search in searches):,} flights of searches did")
+    worst = describe_worst(evidence.requirement, min(margins))
     has_failed = num_found or (judgement and judgement.num_failed)
-    consequence = found.requirement.consequence
+    consequence = evidence.requirement.consequence
     flown = f"{' and '.join(parts)}, {worst}"
     stake = f": {consequence}" if has_failed else f". Failing means {consequence}"
     return flown[0].upper() + flown[1:] + stake
 
 
-def worst_words(requirement: Requirement, margin: float) -> str:
-    """Say how far the flight with the least margin went."""
+def describe_worst(requirement: Requirement, margin: float) -> str:
+    """Return how far the flight with the least margin went, in words."""
     match requirement.formula:
-        case Always(_, Comparison(((name, factor),), constant)) | Eventually(
-            _, Comparison(((name, factor),), constant)
+        case Always(_, Predicate(((name, factor),), constant)) | Eventually(
+            _, Predicate(((name, factor),), constant)
         ):
             if name in EXTREMES:
                 value = f"{(margin - constant) / factor:.4g} {UNITS[name]}"

@@ -390,7 +390,7 @@ def test_shares_are_those_of_all_coalitions_enumerated() -> None:
     assert several > 20
 
 
-def assert_adds_up(system: FuzzySystem, rows: np.ndarray) -> shapley.Shares:
+def assert_adds_up(system: FuzzySystem, rows: np.ndarray) -> shapley.RuleShares:
     compiled = compile(system)
     shares = shapley.shares(compiled, rows)
     silent = np.array([output.default for output in system.outputs])

@@ -18,7 +18,7 @@ from pipeline.command_line.cli import main
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers.source import load
 from pipeline.edit import FIRST, Cases, most_changed
-from pipeline.evaluation.assurance.requirements import read
+from pipeline.evaluation.assurance.requirements import parse_requirements
 from pipeline.evaluation.monte_carlo import fly_cases
 from pipeline.evaluation.statistics import METRICS, succeeds
 from pipeline.settings.places import requirements_path
@@ -38,7 +38,7 @@ def cases_of(*words: str) -> Cases:
     """The flights of an evaluation of the champion under a random Sun."""
     named = ["+experiment=evaluate", "controller=champion_27", "sun=random", *words]
     text = requirements_path("inspection").read_text(encoding="utf-8")
-    return Cases(compose_experiment(named).experiment, read(text, "inspection").requirements)
+    return Cases(compose_experiment(named).experiment, parse_requirements(text, "inspection").requirements)
 
 
 def pressed(place: int, *rules: int, step: int = 1) -> FuzzyController:

@@ -14,22 +14,22 @@ from pipeline.evaluation import statistics
 def test_the_interval_of_a_fraction_is_wilsons(count: int, number: int, confidence_percent: float) -> None:
     is_so = np.arange(number) < count
     expected = stats.binomtest(count, number).proportion_ci(confidence_percent / 100.0, method="wilson")
-    found = statistics.fraction(is_so, confidence_percent)
-    assert (found.count, found.fraction) == (count, count / number)
-    assert found.low == pytest.approx(expected.low, rel=1e-12, abs=1e-15)
-    assert found.high == pytest.approx(expected.high, rel=1e-12)
-    assert 0.0 <= found.low <= found.fraction <= found.high <= 1.0
+    share = statistics.fraction(is_so, confidence_percent)
+    assert (share.count, share.fraction) == (count, count / number)
+    assert share.low == pytest.approx(expected.low, rel=1e-12, abs=1e-15)
+    assert share.high == pytest.approx(expected.high, rel=1e-12)
+    assert 0.0 <= share.low <= share.fraction <= share.high <= 1.0
 
 
 def test_a_statistic_has_the_spread_of_a_sample() -> None:
     """Of 1, 2, 3, 6: mean 3, sum of squares 14, divided by 3; the interval is Student's."""
-    found = statistics.statistic(np.array([1.0, 2.0, 3.0, 6.0]), 95.0)
+    computed = statistics.statistic(np.array([1.0, 2.0, 3.0, 6.0]), 95.0)
     spread = np.sqrt(14.0 / 3.0)
-    assert (found.mean, found.minimum, found.maximum) == (3.0, 1.0, 6.0)
-    assert found.standard_deviation == pytest.approx(spread, rel=1e-14)
+    assert (computed.mean, computed.minimum, computed.maximum) == (3.0, 1.0, 6.0)
+    assert computed.standard_deviation == pytest.approx(spread, rel=1e-14)
     # the quantile of three degrees of freedom, as tables have it
-    assert found.high - 3.0 == pytest.approx(3.182446305284263 * spread / 2.0, rel=1e-12)
-    assert found.low + found.high == pytest.approx(6.0, rel=1e-14)
+    assert computed.high - 3.0 == pytest.approx(3.182446305284263 * spread / 2.0, rel=1e-12)
+    assert computed.low + computed.high == pytest.approx(6.0, rel=1e-14)
     alone = statistics.statistic(np.array([4.0]), 95.0)
     assert (alone.mean, alone.standard_deviation, alone.low, alone.high) == (4.0, 0.0, 4.0, 4.0)
 
@@ -38,9 +38,9 @@ def test_a_statistic_has_the_spread_of_a_sample() -> None:
 def test_the_interval_of_a_percentile_holds_it_as_often_as_it_says(percent: float, number: int) -> None:
     """Of a uniform sample the r-th value is beta distributed, whatever the law of the flights."""
     share = percent / 100.0
-    found = statistics.percentile(np.arange(1.0, number + 1.0), percent, 90.0)
-    assert found.value == np.ceil(share * number - 1e-9)
-    for end, is_low in ((found.low, True), (found.high, False)):
+    interval = statistics.percentile(np.arange(1.0, number + 1.0), percent, 90.0)
+    assert interval.value == np.ceil(share * number - 1e-9)
+    for end, is_low in ((interval.low, True), (interval.high, False)):
         if end is None:
             continue
         passed = stats.beta(end, number + 1 - end)
@@ -50,22 +50,22 @@ def test_the_interval_of_a_percentile_holds_it_as_often_as_it_says(percent: floa
         nearer = end + 1 if is_low else end - 1
         law = stats.beta(nearer, number + 1 - nearer)
         assert (law.sf(share) if is_low else law.cdf(share)) > 0.05
-    assert (found.high is None) == (share**number > 0.05)
-    assert (found.low is None) == ((1.0 - share) ** number > 0.05)
+    assert (interval.high is None) == (share**number > 0.05)
+    assert (interval.low is None) == ((1.0 - share) ** number > 0.05)
 
 
 def test_rank_correlation_is_scipys() -> None:
     generator = np.random.default_rng(5)
     first = generator.normal(size=300)
     second = np.round(np.exp(0.7 * first + generator.normal(size=300)), 1)
-    found = statistics.rank_correlation(first, second, 95.0)
-    assert found.value == pytest.approx(stats.spearmanr(first, second).statistic, rel=1e-12)
+    correlation = statistics.rank_correlation(first, second, 95.0)
+    assert correlation.value == pytest.approx(stats.spearmanr(first, second).statistic, rel=1e-12)
     bootstrap = stats.bootstrap(
         (first, second), lambda x, y: stats.spearmanr(x, y).statistic, paired=True, vectorized=False,
         n_resamples=400, method="percentile", random_state=generator,
     )  # fmt: skip
-    assert found.low == pytest.approx(bootstrap.confidence_interval.low, abs=0.03)
-    assert found.high == pytest.approx(bootstrap.confidence_interval.high, abs=0.03)
+    assert correlation.low == pytest.approx(bootstrap.confidence_interval.low, abs=0.03)
+    assert correlation.high == pytest.approx(bootstrap.confidence_interval.high, abs=0.03)
     assert statistics.rank_correlation(first, np.ones(300), 95.0).value == 0.0
 
 
@@ -86,11 +86,11 @@ def evaluation(seed: int, num_cases: int = 40, shift: float = 0.0) -> dict[str, 
 
 def test_an_interval_is_students() -> None:
     values = np.random.default_rng(3).normal(0.1, 1.0, 17)
-    told = statistics.difference(values, 90.0)
+    gain = statistics.difference(values, 90.0)
     interval = stats.ttest_1samp(values, 0.0).confidence_interval(0.9)
-    assert (told.low, told.high) == pytest.approx((interval.low, interval.high))
-    assert told.count == 17
-    assert not statistics.difference(values[:1], 90.0).is_told
+    assert (gain.low, gain.high) == pytest.approx((interval.low, interval.high))
+    assert gain.count == 17
+    assert not statistics.difference(values[:1], 90.0).excludes_zero
     shares = np.array([-100.0] * 39 + [0.0])
     assert (
         statistics.difference(shares, 95.0, most=100.0).low
@@ -115,16 +115,16 @@ def test_common_cases_are_found_in_any_order() -> None:
 def test_two_runs_by_tests_of_scipy() -> None:
     first, second = evaluation(1), {**evaluation(1), "success": evaluation(5)["success"]}
     second["delta_v_m_s"] = first["delta_v_m_s"] + np.random.default_rng(9).normal(-0.1, 0.2, 40)
-    told = {one.metric.name: one for one in statistics.compare(first, second, 95.0)}
-    spent, success = told["delta_v_m_s"], told["success"]
+    by_metric = {row.metric.name: row for row in statistics.compare(first, second, 95.0)}
+    spent, success = by_metric["delta_v_m_s"], by_metric["success"]
     gained = second["delta_v_m_s"] - first["delta_v_m_s"]
     assert spent.p_value == pytest.approx(stats.wilcoxon(gained, method="exact").pvalue)
     assert (spent.better, spent.worse) == ((gained < 0).sum(), (gained > 0).sum())
-    before, after = (one["success"] & ~one["violated"] for one in (first, second))
+    before, after = (row["success"] & ~row["violated"] for row in (first, second))
     won, lost = (after & ~before).sum(), (before & ~after).sum()
     assert (success.better, success.worse) == (won, lost)
     assert success.p_value == pytest.approx(stats.binomtest(int(won), int(won + lost)).pvalue)
-    assert told["violated"].p_value == 1.0
+    assert by_metric["violated"].p_value == 1.0
 
 
 def test_effects_are_those_put_in() -> None:
@@ -134,22 +134,27 @@ def test_effects_are_those_put_in() -> None:
         for seed in (1, 2, 3)
     ]
     runs.append(({"law": "c", "seed": "1"}, evaluation(1, shift=-0.5)))
-    found = [one for one in statistics.effects(runs, 95.0) if one.metric is statistics.METRICS[0]]
-    told = {(one.factor, one.level): one for one in found}
-    several, single = told["law", "b"], told["law", "c"]
+    estimated = [
+        effect for effect in statistics.effects(runs, 95.0) if effect.metric is statistics.METRICS[0]
+    ]
+    by_name = {(effect.factor, effect.level): effect for effect in estimated}
+    several, single = by_name["law", "b"], by_name["law", "c"]
     assert (several.unit, several.difference.count) == ("runs", 3)
     assert several.difference.mean == pytest.approx(0.25)
-    assert several.difference.is_told
+    assert several.difference.excludes_zero
     assert (single.unit, single.difference.count) == ("cases", 40)
     assert single.difference.mean == pytest.approx(-0.5)
     # seeds share no case: means are compared, of the two laws that flew both
     between = [evaluation(2)["delta_v_m_s"].mean() - evaluation(1)["delta_v_m_s"].mean()]
-    assert told["seed", "2"].difference.mean == pytest.approx(between[0])
-    assert told["seed", "2"].difference.count == 1
+    assert by_name["seed", "2"].difference.mean == pytest.approx(between[0])
+    assert by_name["seed", "2"].difference.count == 1
     extended = [*runs, ({"sun": "fixed"}, evaluation(1)), ({"sun": "random"}, evaluation(1, shift=0.5))]
-    more = [one for one in statistics.effects(extended, 95.0) if one.metric is statistics.METRICS[0]]
-    assert [one.difference for one in more if one.factor == "law"] == [several.difference, single.difference]
-    assert [one.difference.mean for one in more if one.factor == "sun"] == [pytest.approx(0.5)]
+    more = [effect for effect in statistics.effects(extended, 95.0) if effect.metric is statistics.METRICS[0]]
+    assert [effect.difference for effect in more if effect.factor == "law"] == [
+        several.difference,
+        single.difference,
+    ]
+    assert [effect.difference.mean for effect in more if effect.factor == "sun"] == [pytest.approx(0.5)]
 
 
 def test_runs_of_the_same_cases_count_once() -> None:
@@ -159,8 +164,10 @@ def test_runs_of_the_same_cases_count_once() -> None:
         flown = evaluation(1)
         flown["delta_v_m_s"] = flown["delta_v_m_s"] + noise * (level == "b")
         runs.append(({"layer": layer, "law": level}, flown))
-    found = [one for one in statistics.effects(runs, 95.0) if one.metric is statistics.METRICS[0]]
-    law = {one.factor: one for one in found}["law"]
+    estimated = [
+        effect for effect in statistics.effects(runs, 95.0) if effect.metric is statistics.METRICS[0]
+    ]
+    law = {effect.factor: effect for effect in estimated}["law"]
     interval = stats.ttest_1samp(noise, 0.0).confidence_interval(0.95)
     assert (law.unit, law.difference.count) == ("cases", 40)
     assert (law.difference.low, law.difference.high) == pytest.approx((interval.low, interval.high))

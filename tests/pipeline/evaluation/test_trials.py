@@ -34,8 +34,8 @@ def cost(values):
 def judge(values):
     """Blocks that are harder or easier alike for all trials, with a little noise of each trial's own."""
     hard = np.random.default_rng(1).normal(0.0, 1.0, 20)
-    own = np.random.default_rng(int(1e6 * cost(values))).normal(0.0, 0.05, 20)
-    yield from (cost(values) + hard + own).tolist()
+    cost_of = np.random.default_rng(int(1e6 * cost(values))).normal(0.0, 0.05, 20)
+    yield from (cost(values) + hard + cost_of).tolist()
 
 
 def test_a_search_finds_the_bowl_and_drops_the_worse_early(tmp_path):
@@ -90,7 +90,7 @@ def test_values_are_set_where_they_stand():
     assert config["sun"]["mode"] == "fixed"
     with pytest.raises(SettingError, match=r"space.controller.gain is no key of this experiment"):
         with_tried(config, {"controller.gain": 1.0})
-    keys = [one.key for one in dimensions(SPACE)]
+    keys = [number.key for number in dimensions(SPACE)]
     assert keys == ["optimizer.initial_step", "optimizer.rounds", "sun.mode"]
 
 
@@ -135,8 +135,8 @@ def four_cases() -> dict[str, np.ndarray]:
         "safety_periods": [0, 2, 0, 6],
         "safety_delta_v_m_s": [0.0, 0.01, 0.0, 0.03],
     }
-    found = Outcomes(**{name: np.array(values) for name, values in columns.items()})
-    return episode_columns(mission(), scenarios, found)
+    episodes = Outcomes(**{name: np.array(values) for name, values in columns.items()})
+    return episode_columns(mission(), scenarios, episodes)
 
 
 def test_a_row_a_case() -> None:

@@ -43,14 +43,14 @@ def test_tables_have_a_line_a_world_and_say_who_breaks() -> None:
         'a, Sun random, layer none: breaks in "dark", "all, late"; "all, late": +100 % delta-v',
         'b, Sun random, layer none: no break shown by 100 cases; "all, late": -25 % delta-v',
     ]
-    assert all(" ".join(line) in " ".join(comparison.worlds_in_words(ROWS).split()) for line in lines)
+    assert all(" ".join(line) in " ".join(comparison.format_worlds(ROWS).split()) for line in lines)
 
 
 def test_a_rate_is_also_told_of_the_points_that_are_ever_lit() -> None:
     of_all, of_lit = ({"mean": value, "standard_deviation": 2.0} for value in (90.0, 97.5))
-    told = {"inspection_rate_percent": of_all, "inspectable_rate_percent": of_lit}
-    assert comparison.rate(replace(ROWS[0], summary=told)) == "90.00 ± 2.00, of lit 97.50"
-    all_lit = told | {"inspectable_rate_percent": of_all}
+    words = {"inspection_rate_percent": of_all, "inspectable_rate_percent": of_lit}
+    assert comparison.rate(replace(ROWS[0], summary=words)) == "90.00 ± 2.00, of lit 97.50"
+    all_lit = words | {"inspectable_rate_percent": of_all}
     assert comparison.rate(replace(ROWS[0], summary=all_lit)) == "90.00 ± 2.00"
 
 

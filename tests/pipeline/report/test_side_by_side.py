@@ -84,7 +84,7 @@ def test_a_comparison_of_approaches_says_what_its_columns_mean(tmp_path):
     words = ("+experiment=compare_docking", "compare.controllers=[coast]")
     experiment = run_of(tmp_path, ("compare", "report"), *words)
     page = (tmp_path / artifacts.REPORT).read_text(encoding="utf-8")
-    (told,) = comparison.columns_in_words(experiment)
+    (told,) = comparison.describe_columns(experiment)
     assert f"same starts: {told}" in page
     assert told.startswith("30 cases of seed")
     assert "Sun random" not in page

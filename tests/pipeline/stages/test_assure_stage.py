@@ -11,7 +11,7 @@ from fis_tools.analysis.domain import from_mapping
 from pipeline.command_line.cli import main
 from pipeline.evaluation.assurance.conditions import changed_settings
 from pipeline.evaluation.assurance.verdicts import judge
-from pipeline.report.evidence import OF_PAPER, OWN, write
+from pipeline.report.evidence import OF_PAPER, OWN, render_evidence
 from pipeline.run import artifacts, manifests
 from pipeline.settings.places import requirements_path
 from tests.browser import serious_violations
@@ -39,10 +39,10 @@ def evidence(assured):
 def test_verdicts_follow_from_the_table_of_cases(assured, evidence):
     table = pq.read_table(assured / artifacts.ASSURED_CASES)
     assert table.num_rows == 60
-    for one in (one for one in evidence["requirements"] if "cases" in one):
-        margins, met = (table[f"{one['id']}_{what}"].to_numpy() for what in ("margin", "met"))
-        again, flown = judge(margins, met, one["probability"], one["confidence"]), one["cases"]
-        assert one["methods"]["cases"]["verdict"] == again.verdict
+    for entry in (entry for entry in evidence["requirements"] if "cases" in entry):
+        margins, met = (table[f"{entry['id']}_{what}"].to_numpy() for what in ("margin", "met"))
+        again, flown = judge(margins, met, entry["probability"], entry["confidence"]), entry["cases"]
+        assert entry["methods"]["cases"]["verdict"] == again.verdict
         assert flown["num_failed"] == int((~met).sum())
         assert flown["worst_margin"] == margins.min()
         counts = flown["histogram"]["counts"]
@@ -50,51 +50,53 @@ def test_verdicts_follow_from_the_table_of_cases(assured, evidence):
         below = zip(flown["histogram"]["edges"][1:], counts, strict=True)
         assert sum(count for edge, count in below if edge <= 0.0) == int((margins < 0.0).sum())
     # too few cases show nothing
-    by_id = {one["id"]: one for one in evidence["requirements"]}
+    by_id = {entry["id"]: entry for entry in evidence["requirements"]}
     assert by_id["R2"]["methods"]["cases"]["verdict"] == "not shown"
     assert "needs 230 cases" in by_id["R2"]["methods"]["cases"]["why"]
     assert by_id["R6"]["verdict"] == "shown"
 
 
 def test_no_word_shown_stands_without_its_share_and_consequence(assured, evidence):
-    shown = [one for one in evidence["requirements"] if one["verdict"] == "shown"]
+    shown = [entry for entry in evidence["requirements"] if entry["verdict"] == "shown"]
     assert len(shown) >= 3
-    consequences = [one["consequence"] for one in evidence["requirements"]]
+    consequences = [entry["consequence"] for entry in evidence["requirements"]]
     text = (assured / artifacts.EVIDENCE_PAGE).read_text(encoding="utf-8")
     body = re.sub(r"<(title|style|caption|figcaption).*?</\1>", "", text, flags=re.DOTALL)
     drawn = "".join(re.findall(r"<svg.*?</svg>", body, re.DOTALL))
     written = re.sub(r"<svg.*?</svg>", "", body, flags=re.DOTALL)
     # what a reader takes in at once: a paragraph, a row, a node of the drawing
     units = re.split(r"</?(?:p|tr|li|h\d|summary)\b", written) + drawn.split("</a>")
-    told = [" ".join(re.sub("<[^>]*>", " ", unit).split()) for unit in units]
-    told = [words for words in told if re.search(r"(?<!not )\bshown\b", words, re.IGNORECASE)]
-    assert len(told) >= 3 * len(shown)
-    for words in told:
+    sentences = [" ".join(re.sub("<[^>]*>", " ", unit).split()) for unit in units]
+    sentences = [words for words in sentences if re.search(r"(?<!not )\bshown\b", words, re.IGNORECASE)]
+    assert len(sentences) >= 3 * len(shown)
+    for words in sentences:
         assert re.search(r"%|all (cases|inputs) \(proved\)", words), words
         assert any(consequence in words for consequence in consequences), words
-    for one in evidence["requirements"]:
-        assert one["sentence"].startswith(one["verdict"].capitalize())
-        assert one["share"] in one["sentence"]
-        assert one["consequence"] in one["sentence"]
+    for entry in evidence["requirements"]:
+        assert entry["sentence"].startswith(entry["verdict"].capitalize())
+        assert entry["share"] in entry["sentence"]
+        assert entry["consequence"] in entry["sentence"]
 
 
 def test_the_worst_case_is_recorded_and_judged_again(assured, evidence):
     searched = pq.read_table(assured / artifacts.SEARCHED)
     names = np.array(searched["requirement"].to_pylist())
-    for one in (one for one in evidence["requirements"] if "worst" in one):
-        worst = one["worst"]
+    for entry in (entry for entry in evidence["requirements"] if "worst" in entry):
+        worst = entry["worst"]
         assert (assured / worst["recording"]).stat().st_size > 1000
         assert worst["recorded_margin"] == pytest.approx(worst["margin"], abs=1e-4)
-        of_searches = searched["margin"].to_numpy()[names == one["id"]]
-        assert worst["margin"] == min([one["cases"]["worst_margin"], *of_searches])
-    assert set(names) == {one["id"] for one in evidence["requirements"] if "search" in one["verified_by"]}
+        of_searches = searched["margin"].to_numpy()[names == entry["id"]]
+        assert worst["margin"] == min([entry["cases"]["worst_margin"], *of_searches])
+    assert set(names) == {
+        entry["id"] for entry in evidence["requirements"] if "search" in entry["verified_by"]
+    }
     flights = sorted(path.name for path in (assured / artifacts.WORST_FLIGHTS).iterdir())
     assert flights == [f"R{number}-worst.mcap" for number in range(1, 6)]
 
 
 def test_proofs_and_domain_are_files(assured, evidence):
     boxes = pq.read_table(assured / artifacts.PROOF_BOXES)
-    counted = sum(part["num_boxes"] for one in evidence["requirements"] for part in one.get("bounds", ()))
+    counted = sum(part["num_boxes"] for entry in evidence["requirements"] for part in entry.get("bounds", ()))
     assert boxes.num_rows == 3 * counted
     domain = from_mapping(artifacts.read_json(assured, artifacts.DOMAIN), "domain")
     assert [box.system for box in domain] == ["force_x", "force_y", "force_z"]
@@ -108,31 +110,31 @@ def test_proofs_and_domain_are_files(assured, evidence):
 
 def test_the_page_is_what_the_data_says_and_needs_nothing_else(assured, evidence):
     text = (assured / artifacts.EVIDENCE_PAGE).read_text(encoding="utf-8")
-    assert text == write(evidence)
+    assert text == render_evidence(evidence)
     check_policy(text)
     assert f"style-src '{source_hash(re.findall(r'<style>(.*?)</style>', text, re.DOTALL)[0])}'" in text
     assert not re.search(r"<script|<link|style=\"|src=|https?:", text)
     sections = {"verdicts", "argument", "requirements", "domain", "credibility", "provenance"}
     assert sections <= set(re.findall(r'<section id="(\w+)"', text))
     check_references(text)
-    for one in evidence["requirements"]:
-        for method in one["methods"]:
-            assert f'href="#{one["id"]}-{method}"' in text
+    for entry in evidence["requirements"]:
+        for method in entry["methods"]:
+            assert f'href="#{entry["id"]}-{method}"' in text
     # words of the file are words on the page
     hostile = '<script>alert("x")</script>'
     words = ("title", "text", "sentence", "consequence", "reason", "source")
     requirement = {**evidence["requirements"][0], **dict.fromkeys(words, hostile)}
-    text = write({**evidence, "requirements": [requirement], "name": hostile})
+    text = render_evidence({**evidence, "requirements": [requirement], "name": hostile})
     assert "<script" not in text
     assert text.count("&lt;script&gt;") >= 4
 
 
 def test_the_page_tells_of_a_world_of_ones_own(evidence):
     assert evidence["conditions"]["settings"] == {"sun.mode": "random", "safety.kind": "filter"}
-    assert OF_PAPER in write(evidence)
+    assert OF_PAPER in render_evidence(evidence)
     mine = changed_settings({"deputy": {"mass_kg": 20.0, "max_force_n": 1}, "sun": {"mode": "fixed"}})
     assert mine == {"deputy.mass_kg": 20.0}
-    text = write({**evidence, "conditions": {**evidence["conditions"], "settings": mine}})
+    text = render_evidence({**evidence, "conditions": {**evidence["conditions"], "settings": mine}})
     assert OWN in text
     assert OF_PAPER not in text
     assert re.search(r"deputy\.mass_kg</t[hd]>\s*<td[^>]*>20.0 kg<", text)
@@ -142,7 +144,7 @@ def test_the_argument_stands_as_the_worst_of_its_goals_and_names_their_shares(ev
     share = "99 % of cases or more (proved, if estimates are near, if motion is linear)"
     shown = {**evidence["requirements"][0], "verdict": "shown", "share": share}
     for worst in ("shown in part", "not shown", "refuted"):
-        text = write({**evidence, "requirements": [shown, {**shown, "verdict": worst}, shown]})
+        text = render_evidence({**evidence, "requirements": [shown, {**shown, "verdict": worst}, shown]})
         assert f"G0: {worst}<" in text
         assert ">S1" not in text  # a requirement may have this id
         assert f"R1: {worst} for 99 % of cases (proved)<" in text
@@ -163,8 +165,9 @@ def test_mistakes_in_requirements_are_told_before_a_folder_is_made(tmp_path, ran
     assert "A1: verified_by must be a list" in ran(*words, f"assurance.requirements={mine}", code=2).err
     shipped = requirements_path("inspection").read_text(encoding="utf-8")
     mine.write_text(shipped.replace("ask: force_y > 1", "ask: force_Y > 1"), encoding="utf-8")
-    told = ran(*words, f"assurance.requirements={mine}", code=2).err
-    assert "R6, its bounds 'force_Y > 1': no system of champion_any_sun has this output; did you mean" in told
+    error = ran(*words, f"assurance.requirements={mine}", code=2).err
+    fault = "R6, its bounds 'force_Y > 1': no system of champion_any_sun has this output; did you mean"
+    assert fault in error
     assert not (tmp_path / "run").exists()
 
 
@@ -173,10 +176,10 @@ def test_a_controller_without_systems_has_no_domain_and_what_is_asked_of_them_is
     assert main([*words, f"hydra.run.dir={tmp_path / 'run'}"]) == 3
     lines = capsys.readouterr().err.splitlines()
     assert lines[-1] == "no proof was found, though one was asked for, of R6 (bounds)"
-    told = artifacts.read_json(tmp_path / "run", artifacts.EVIDENCE)
-    assert told["domain"] is None
+    gathered = artifacts.read_json(tmp_path / "run", artifacts.EVIDENCE)
+    assert gathered["domain"] is None
     assert not (tmp_path / "run" / artifacts.DOMAIN).exists()
-    assert {one["id"]: one["verdict"] for one in told["requirements"]}["R6"] == "not shown"
+    assert {entry["id"]: entry["verdict"] for entry in gathered["requirements"]}["R6"] == "not shown"
 
 
 @pytest.mark.parametrize("width", [1280, 390])

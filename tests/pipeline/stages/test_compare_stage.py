@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pipeline.controllers.source import load
-from pipeline.evaluation.comparison import HEADER, joined, row_of
+from pipeline.evaluation.comparison import HEADER, concatenate, row_of
 from pipeline.evaluation.monte_carlo import summarise
 from pipeline.flight.fly.simulation import fly_all
 from pipeline.run import artifacts, tables
@@ -132,7 +132,7 @@ def test_a_column_that_few_rows_have_is_nan_in_the_others(finished):
     _, folder = finished
     row = rows_in(folder)[1]
     flown = {"delta_v_m_s": np.ones(row.num_cases)}
-    together = joined([(row, flown), (row, flown | {"propellant_kg": np.full(row.num_cases, 0.2)})])
+    together = concatenate([(row, flown), (row, flown | {"propellant_kg": np.full(row.num_cases, 0.2)})])
     assert np.isnan(together["propellant_kg"][: row.num_cases]).all()
     assert (together["propellant_kg"][row.num_cases :] == 0.2).all()
 

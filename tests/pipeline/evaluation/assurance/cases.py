@@ -12,7 +12,7 @@ from pipeline.settings.experiment import Experiment
 
 @cache
 def experiment(*overrides: str) -> Experiment:
-    layer = [] if any(one.startswith("safety=") for one in overrides) else ["safety=none"]
+    layer = [] if any(override.startswith("safety=") for override in overrides) else ["safety=none"]
     flown = ["+experiment=assure", "controller=champion_any_sun", "sun=random", *layer, *overrides]
     return compose_experiment(flown).experiment
 

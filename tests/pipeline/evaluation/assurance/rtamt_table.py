@@ -60,9 +60,9 @@ def main() -> None:
     draw = random.Random(1)  # noqa: S311 - traces, no secrets
     traces = [{name: [round(draw.gauss(0, 2), 2) for _ in range(n)] for name in "ab"} for n in LENGTHS]
     cases = [
-        {"formula": ours, "trace": place, "robustness": told(theirs or ours, trace)}
+        {"formula": ours, "trace": index, "robustness": told(theirs or ours, trace)}
         for ours, theirs in FORMULAS.items()
-        for place, trace in enumerate(traces)
+        for index, trace in enumerate(traces)
     ]
     table = {"rtamt": version("rtamt"), "traces": traces}
     text = json.dumps(table | {"cases": cases})

@@ -10,10 +10,17 @@ from fis_tools.analysis.flights import read_outcome
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers.source import named
 from pipeline.evaluation.assurance import campaign
-from pipeline.evaluation.assurance.campaign import CaseSpace, Flights, Outcome, Search, case_space, judged
+from pipeline.evaluation.assurance.campaign import (
+    Campaign,
+    CaseSpace,
+    FormulaResult,
+    WorstCaseSearch,
+    case_space,
+    evaluate_formulas,
+)
 from pipeline.evaluation.assurance.formula import parse
-from pipeline.evaluation.assurance.quantities import QUANTITIES, UNITS, Points, track_of
-from pipeline.evaluation.assurance.requirements import Requirement, RequirementError, read_named
+from pipeline.evaluation.assurance.quantities import QUANTITIES, UNITS, PointCounts, track_of
+from pipeline.evaluation.assurance.requirements import Requirement, RequirementError, load_requirements
 from pipeline.flight.cases.dispersions import mission_of_case
 from pipeline.flight.fly.simulation import fly_all, fly_logged
 from pipeline.flight.state.arrays import TRACK_BORESIGHT, TRACK_FORCE, TRACK_TURN_RATE
@@ -27,11 +34,11 @@ from pipeline.settings.experiment import Mission
 from telemetry.file.reader import read as read_recording
 from tests.pipeline.evaluation.assurance.cases import champion, experiment, scenarios
 
-REQUIREMENTS = read_named("inspection")
+REQUIREMENTS = load_requirements("inspection")
 KEEP_OUT = REQUIREMENTS[0]
 EXPERIMENT = experiment()
 MISSION = EXPERIMENT.mission
-FLIGHTS = Flights(MISSION, champion())
+FLIGHTS = Campaign(MISSION, champion())
 SMALL = replace(EXPERIMENT.assurance, search_starts=8, search_population=5, search_generations=2)
 SPACE = case_space(EXPERIMENT)
 
@@ -39,28 +46,28 @@ SPACE = case_space(EXPERIMENT)
 def test_margins_are_those_of_the_outcomes_and_parts_do_not_matter(monkeypatch: pytest.MonkeyPatch):
     flown = scenarios(40)
     outcomes = fly_all(MISSION, champion(), flown)
-    found = FLIGHTS.judge(flown, REQUIREMENTS)
+    results = FLIGHTS.judge(flown, REQUIREMENTS)
     wanted = {
         "R1": outcomes.min_distance_m - 15.0,
         "R2": 200.0 - outcomes.max_distance_m,
         "R3": 100.0 * outcomes.inspected_count / 99 - 95.0,
         "R4": 5.62 - outcomes.delta_v_m_s,
     }
-    assert set(found) == {*wanted, "R5"}
+    assert set(results) == {*wanted, "R5"}
     for name, margins in wanted.items():  # tracks are in single precision
-        np.testing.assert_allclose(found[name].margins, margins, rtol=0, atol=2e-5)
-    np.testing.assert_array_equal(found["R3"].is_met, outcomes.inspected_count >= 95)
+        np.testing.assert_allclose(results[name].margins, margins, rtol=0, atol=2e-5)
+    np.testing.assert_array_equal(results["R3"].is_met, outcomes.inspected_count >= 95)
     monkeypatch.setattr(campaign, "PART", 3)
-    for name, outcome in Flights(MISSION, champion(), workers=1).judge(flown, REQUIREMENTS).items():
-        np.testing.assert_array_equal(outcome.margins, found[name].margins)
+    for name, outcome in Campaign(MISSION, champion(), workers=1).judge(flown, REQUIREMENTS).items():
+        np.testing.assert_array_equal(outcome.margins, results[name].margins)
 
 
 def test_enough_is_inspected_in_a_low_orbit_where_a_flight_succeeds(tmp_path: Path):
     composed = compose_experiment(["+experiment=assure", "controller=champion_leo", "world=leo"]).experiment
     flown, pilot = evaluation_scenarios(composed)[:150], named("champion_leo", composed.mission)
     outcomes = fly_all(composed.mission, pilot, flown)
-    asked = read_named(composed.assurance.requirements)
-    is_met = Flights(composed.mission, pilot).judge(flown, asked)["R3"].is_met
+    requirements = load_requirements(composed.assurance.requirements)
+    is_met = Campaign(composed.mission, pilot).judge(flown, requirements)["R3"].is_met
     np.testing.assert_array_equal(is_met, outcomes.is_success(95.0))
     assert 0 < np.count_nonzero(is_met) < 150
     case = np.flatnonzero(is_met & (outcomes.inspected_count < 95))[0]
@@ -133,10 +140,11 @@ def test_quantities_of_a_flight_by_hand():
         "pointing_error <= 180 deg": np.degrees(np.arccos(0.8)),
     }
     formulas = {text: parse(text, UNITS) for text in margins}
-    found = {
-        name: one.margins[0] for name, one in judged(track, Points(10, np.array([8])), formulas, 10.0).items()
+    computed = {
+        name: result.margins[0]
+        for name, result in evaluate_formulas(track, PointCounts(10, np.array([8])), formulas, 10.0).items()
     }
-    assert found == pytest.approx(margins)
+    assert computed == pytest.approx(margins)
 
 
 @pytest.mark.parametrize("problem", ["inspection", "docking", "docking_planar"])
@@ -150,14 +158,18 @@ def test_genes_spread_evenly_give_starts_as_an_evaluation_draws_them(problem):
     ours = [space.scenario(row) for row in genes]
     theirs = evaluation_scenarios(replace(composed, monte_carlo=starts, seed=3))
     for of in (
-        lambda one: [*one.position_m, *one.velocity_m_s],
-        lambda one: [np.linalg.norm(one.position_m), one.sun_angle_rad, np.linalg.norm(one.velocity_m_s)],
+        lambda scenario: [*scenario.position_m, *scenario.velocity_m_s],
+        lambda scenario: [
+            np.linalg.norm(scenario.position_m),
+            scenario.sun_angle_rad,
+            np.linalg.norm(scenario.velocity_m_s),
+        ],
     ):
-        first, second = np.array([of(one) for one in ours]), np.array([of(one) for one in theirs])
+        first, second = (np.array([of(scenario) for scenario in cases]) for cases in (ours, theirs))
         spread = second.std(axis=0)
         assert np.all(np.abs(first.mean(axis=0) - second.mean(axis=0)) <= 0.1 * spread)
         assert np.all(np.abs(first.std(axis=0) - spread) <= 0.05 * spread)
-    assert any(one.velocity_m_s.any() for one in ours) == (problem != "inspection")
+    assert any(scenario.velocity_m_s.any() for scenario in ours) == (problem != "inspection")
 
 
 def test_a_fixed_sun_is_not_searched():
@@ -181,8 +193,9 @@ def test_dispersed_settings_and_the_suns_elevation_are_searched():
     assert np.degrees([middle.sun_elevation_rad, end.sun_elevation_rad]) == pytest.approx([-10.0, 10.0])
     assert middle.settings == pytest.approx((0.06, 12.0))
     assert end.settings == pytest.approx((0.06 + 3.0 * 0.001, 13.0), rel=1e-3)  # three standard deviations
-    own = mission_of_case(mission, end)
-    assert (own.attitude.proportional_gain, own.deputy.mass_kg, own.dispersions) == (*end.settings, {})
+    mission_at_end = mission_of_case(mission, end)
+    drawn = mission_at_end.attitude.proportional_gain, mission_at_end.deputy.mass_kg
+    assert (*drawn, mission_at_end.dispersions) == (*end.settings, {})
     with pytest.raises(SettingError, match="given 1 settings of its own, but dispersions name 2"):
         mission_of_case(mission, replace(end, settings=(12.0,)))
 
@@ -206,38 +219,41 @@ def test_a_search_begins_with_its_angles_in_the_middle():
     genes = np.array([0.3, 0.02, 0.7, 0.97])
     centred, moved = SPACE.centred_on(genes)
     np.testing.assert_array_equal(moved, [0.3, 0.5, 0.7, 0.5])
-    one = SPACE.scenario(genes)
+    scenario = SPACE.scenario(genes)
     same = centred.scenario(moved)
-    np.testing.assert_allclose(same.position_m, one.position_m, rtol=1e-12)
-    assert same.sun_angle_rad == pytest.approx(one.sun_angle_rad, rel=1e-12)
+    np.testing.assert_allclose(same.position_m, scenario.position_m, rtol=1e-12)
+    assert same.sun_angle_rad == pytest.approx(scenario.sun_angle_rad, rel=1e-12)
     beyond = centred.scenario(np.array([0.3, 0.5, 0.7, 0.6]))  # past the end of the turn
     assert beyond.sun_angle_rad == pytest.approx(0.07 * 2.0 * np.pi)
 
 
-def searched(settings: object, number: int) -> Search:
+def searched(settings: object, number: int) -> WorstCaseSearch:
     return campaign.search(KEEP_OUT, FLIGHTS, SPACE, replace(EXPERIMENT, assurance=settings), number)
 
 
 def test_a_search_repeats_and_counts_every_flight():
-    one, same, other = (searched(SMALL, number) for number in (0, 0, 1))
-    assert len(one.scenarios) == len(one.outcome.margins) == 8 + 3 * 5
-    np.testing.assert_array_equal(one.outcome.margins, same.outcome.margins)
-    assert not np.array_equal(one.outcome.margins, other.outcome.margins)
-    again = FLIGHTS.judge([one.scenarios[one.worst]], [KEEP_OUT])["R1"]
-    assert again.margins[0] == one.outcome.margins.min()
+    first, same, other = (searched(SMALL, number) for number in (0, 0, 1))
+    assert len(first.scenarios) == len(first.outcome.margins) == 8 + 3 * 5
+    np.testing.assert_array_equal(first.outcome.margins, same.outcome.margins)
+    assert not np.array_equal(first.outcome.margins, other.outcome.margins)
+    again = FLIGHTS.judge([first.scenarios[first.worst]], [KEEP_OUT])["R1"]
+    assert again.margins[0] == first.outcome.margins.min()
 
 
 def test_speed_counts_flights_until_the_first_failure():
-    def found(margins):
+    def search_with(margins):
         margins = np.array(margins, dtype=float)
-        return Search((None,) * len(margins), Outcome(margins, margins >= 0))
+        return WorstCaseSearch((None,) * len(margins), FormulaResult(margins, margins >= 0))
 
-    random = Outcome(np.zeros(300), np.arange(300) >= 3)
-    told = campaign.speed([found([1, 1, -1, -1]), found([1, 1, 1, 1]), found([-1, 1, 1, 1])], random)
-    assert (told.num_found, told.flights_per_find, told.random_flights_per_find) == (2, 4.0, 100.0)
-    assert told.ratio == 25.0
-    assert "one flight in 4; at random one in 100: 25.0 times as many" in told.sentence
-    assert campaign.speed([found([1])], random).ratio is None
+    random = FormulaResult(np.zeros(300), np.arange(300) >= 3)
+    efficiency = campaign.search_efficiency(
+        [search_with([1, 1, -1, -1]), search_with([1, 1, 1, 1]), search_with([-1, 1, 1, 1])], random
+    )
+    assert efficiency.num_found == 2
+    assert (efficiency.flights_per_find, efficiency.random_flights_per_find) == (4.0, 100.0)
+    assert efficiency.ratio == 25.0
+    assert "one flight in 4; at random one in 100: 25.0 times as many" in efficiency.sentence
+    assert campaign.search_efficiency([search_with([1])], random).ratio is None
 
 
 @pytest.mark.slow
@@ -245,7 +261,7 @@ def test_known_exits_are_found_faster_than_at_random():
     """At random champion_any_sun comes too near in 69 of 100,000 cases of seed 99, 1 of 1,449."""
     searches = [searched(EXPERIMENT.assurance, number) for number in range(4)]
     random = FLIGHTS.judge(scenarios(1000), [KEEP_OUT])["R1"]
-    assert sum(one.first_failed is not None for one in searches) >= 2
-    assert min(one.outcome.margins.min() for one in searches) < random.margins.min()
-    needed = sum(one.first_failed or len(one.scenarios) for one in searches)
-    assert needed / sum(one.first_failed is not None for one in searches) < 1449 / 2
+    assert sum(search.first_failed is not None for search in searches) >= 2
+    assert min(search.outcome.margins.min() for search in searches) < random.margins.min()
+    needed = sum(search.first_failed or len(search.scenarios) for search in searches)
+    assert needed / sum(search.first_failed is not None for search in searches) < 1449 / 2

@@ -15,31 +15,34 @@ from pipeline.command_line.config import compose_experiment
 from pipeline.command_line.guide import options
 from pipeline.evaluation.assurance import formula as stl
 from pipeline.evaluation.assurance import requirements
-from pipeline.evaluation.assurance.requirements import METHODS, Question, RequirementError, read
+from pipeline.evaluation.assurance.requirements import METHODS, Question, RequirementError, parse_requirements
 from pipeline.settings.experiment import Mission
 from pipeline.settings.places import conf_folder, requirements_path
 
 UNITS = {"distance": "m", "speed": "m/s", "inspection_rate": "%", "points": ""}
-NEAR = stl.Comparison((("distance", -1.0),), 60.0, True, "m")
+NEAR = stl.Predicate((("distance", -1.0),), 60.0, True, "m")
 
 
-A, B, C = (stl.Comparison((("points", 1.0),), -float(n), True, "") for n in (1, 2, 3))
+A, B, C = (stl.Predicate((("points", 1.0),), -float(n), True, "") for n in (1, 2, 3))
 
 
 @pytest.mark.parametrize(
     ("text", "formula"),
     [
         # what binds closest
-        ("points > 1 or points > 2 and points > 3", stl.Or(A, stl.And(B, C))),
-        ("points > 1 -> points > 2 -> points > 3", stl.Or(stl.Not(A), stl.Or(stl.Not(B), C))),
-        ("not points > 1 until[0:9] points > 2", stl.Until(stl.Window(0, 9), stl.Not(A), B)),
+        ("points > 1 or points > 2 and points > 3", stl.Disjunction(A, stl.Conjunction(B, C))),
+        (
+            "points > 1 -> points > 2 -> points > 3",
+            stl.Disjunction(stl.Negation(A), stl.Disjunction(stl.Negation(B), C)),
+        ),
+        ("not points > 1 until[0:9] points > 2", stl.Until(stl.Window(0, 9), stl.Negation(A), B)),
         ("always eventually[2,5] points > 1", stl.Always(stl.Window(), stl.Eventually(stl.Window(2, 5), A))),
         # units may stand or not
         ("distance < 60", NEAR),
         ("distance < 60 m", NEAR),
         ("always[0 s: 10 s] points > 1", stl.Always(stl.Window(0, 10), A)),
         # sums come to one side
-        ("0.5 * distance + 2 m >= distance - 3", stl.Comparison((("distance", -0.5),), 5.0, False, "m")),
+        ("0.5 * distance + 2 m >= distance - 3", stl.Predicate((("distance", -0.5),), 5.0, False, "m")),
     ],
 )
 def test_a_text_is_read_as_its_formula(text, formula):
@@ -53,9 +56,9 @@ def test_a_formula_without_end_is_refused():
 
 
 def test_a_rate_makes_a_speed_of_a_distance():
-    found = stl.parse("speed <= 0.2 m/s + 0.002 per_s * distance", UNITS)
-    assert found.unit == "m/s"
-    assert dict(found.factors) == {"speed": -1.0, "distance": 0.002}
+    formula = stl.parse("speed <= 0.2 m/s + 0.002 per_s * distance", UNITS)
+    assert formula.unit == "m/s"
+    assert dict(formula.factors) == {"speed": -1.0, "distance": 0.002}
     with pytest.raises(stl.FormulaError, match="m/s does not go with m"):
         stl.parse("distance <= 0.002 per_s * distance", UNITS)
 
@@ -105,7 +108,7 @@ PLAIN = {"a": "", "b": ""}
 @pytest.mark.parametrize("case", TABLE["cases"], ids=lambda case: f"{case['formula']} on {case['trace']}")
 def test_rtamt_agrees_at_every_sample(case):
     trace = {name: np.array([row]) for name, row in TABLE["traces"][case["trace"]].items()}
-    ours = stl._over(stl.parse(case["formula"], PLAIN), trace, 1.0, stl._margin)[0]
+    ours = stl._evaluate(stl.parse(case["formula"], PLAIN), trace, 1.0, stl._margin)[0]
     np.testing.assert_allclose(ours, case["robustness"], rtol=0, atol=1e-12)
 
 
@@ -132,22 +135,26 @@ SHIPPED = requirements_path("inspection").read_text(encoding="utf-8")
 
 
 def test_what_ships_can_be_read_and_uses_every_way_of_verification():
-    found = read(SHIPPED, "inspection")
-    assert found.name == "inspection"
-    assert [one.id for one in found.requirements] == [f"R{number}" for number in range(1, 7)]
-    planar = read(requirements_path("docking_planar").read_text(encoding="utf-8"), "docking_planar")
-    everything = (*found.requirements, *planar.requirements)
-    assert all(requirements.needs(everything, method) for method in METHODS)
-    keep_out, thrust = found.requirements[0], found.requirements[-1]
+    shipped = parse_requirements(SHIPPED, "inspection")
+    assert shipped.name == "inspection"
+    assert [requirement.id for requirement in shipped.requirements] == [
+        f"R{number}" for number in range(1, 7)
+    ]
+    planar = parse_requirements(
+        requirements_path("docking_planar").read_text(encoding="utf-8"), "docking_planar"
+    )
+    everything = (*shipped.requirements, *planar.requirements)
+    assert all(requirements.verified_by_method(everything, method) for method in METHODS)
+    keep_out, thrust = shipped.requirements[0], shipped.requirements[-1]
     assert (keep_out.unit, keep_out.probability, keep_out.confidence) == ("m", 1.0, 0.9)
     assert thrust.formula is None
     assert thrust.questions[0] == Question("force_x > 1")
 
 
-def changed(place: int, **values: object) -> str:
-    told = copy.deepcopy(yaml.safe_load(SHIPPED))
-    told["requirements"][place] |= values
-    return yaml.safe_dump(told)
+def changed(index: int, **values: object) -> str:
+    content = copy.deepcopy(yaml.safe_load(SHIPPED))
+    content["requirements"][index] |= values
+    return yaml.safe_dump(content)
 
 
 @pytest.mark.parametrize(
@@ -177,7 +184,7 @@ def changed(place: int, **values: object) -> str:
 )
 def test_mistakes_name_the_requirement_and_the_cure(text, words):
     with pytest.raises(RequirementError) as caught:
-        read(text, "mine")
+        parse_requirements(text, "mine")
     assert words in str(caught.value)
 
 
@@ -198,37 +205,34 @@ def test_requirements_that_are_not_there_are_told_with_those_that_ship(tmp_path)
     ],
 )
 def test_a_part_that_no_sample_reaches_is_refused_wherever_it_stands(formula):
-    found = read(changed(0, formula=formula), "mine").requirements
+    window = parse_requirements(changed(0, formula=formula), "mine").requirements
     with pytest.raises(RequirementError, match=r"R1: its part from .* says nothing about a flight of 3600 s"):
-        requirements.require_heard(found, Mission())
-    requirements.require_heard(read(SHIPPED, "").requirements, Mission())
+        requirements.check_formulas(window, Mission())
+    requirements.check_formulas(parse_requirements(SHIPPED, "").requirements, Mission())
 
 
 @pytest.mark.parametrize("world", options([conf_folder()])["world"])
 def test_each_world_is_asked_for_its_own_limits(world):
     experiment = compose_experiment(["+experiment=assure", f"world={world}"]).experiment
-    mission, found = experiment.mission, requirements.read_named(experiment.assurance.requirements)
-    requirements.require_heard(found, mission)
-    near, far = (
-        stl.parse(one, UNITS)
-        for one in (
-            f"always distance >= {mission.deputy.min_distance_m} m",
-            f"always distance <= {mission.deputy.max_distance_m} m",
-        )
-    )
-    assert [one.formula for one in found[:2]] == [near, far]
-    rates = {one for each in found[2:] if each.formula for one in stl.comparisons(each.formula)}
-    asked = [-one.constant for one in rates if one.factors[0][0] in ("inspection_rate", "inspectable_rate")]
+    mission, shipped = experiment.mission, requirements.load_requirements(experiment.assurance.requirements)
+    requirements.check_formulas(shipped, mission)
+    near, far = f">= {mission.deputy.min_distance_m} m", f"<= {mission.deputy.max_distance_m} m"
+    expected = [stl.parse(f"always distance {limit}", UNITS) for limit in (near, far)]
+    assert [requirement.formula for requirement in shipped[:2]] == expected
+    formulas = [requirement.formula for requirement in shipped[2:] if requirement.formula]
+    rates = {predicate for formula in formulas for predicate in stl.predicates(formula)}
+    names = ("inspection_rate", "inspectable_rate")
+    rate_limits = [-predicate.constant for predicate in rates if predicate.factors[0][0] in names]
     is_weighed = mission.chief.weights == "priority"
-    assert asked == ([] if is_weighed else [mission.inspection_threshold_percent])
+    assert rate_limits == ([] if is_weighed else [mission.inspection_threshold_percent])
     most = f"{mission.deputy.max_force_n:g}"
     forces = {f"force_{axis} {sign}{most}" for axis in "xyz" for sign in ("> ", "< -")}
-    assert {question.ask for question in found[-1].questions} == forces
+    assert {question.ask for question in shipped[-1].questions} == forces
     if is_weighed:
         with pytest.raises(RequirementError, match="R3: inspection_rate counts points, but"):
-            requirements.require_heard(read(SHIPPED, "").requirements, mission)
+            requirements.check_formulas(parse_requirements(SHIPPED, "").requirements, mission)
 
 
 def test_a_comparison_whose_quantities_cancel_is_refused():
     with pytest.raises(RequirementError, match="compares numbers with one another"):
-        read(changed(0, formula="always distance - distance >= 0 m"), "mine")
+        parse_requirements(changed(0, formula="always distance - distance >= 0 m"), "mine")

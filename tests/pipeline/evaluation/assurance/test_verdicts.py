@@ -9,12 +9,17 @@ from scipy.stats import binom, binomtest
 from fis_tools.compiled.three import Three
 from fis_tools.formats import serialize
 from pipeline.evaluation.assurance import proofs, verdicts
-from pipeline.evaluation.assurance.campaign import Outcome, Search
+from pipeline.evaluation.assurance.campaign import FormulaResult, WorstCaseSearch
 from pipeline.evaluation.assurance.formula import parse
 from pipeline.evaluation.assurance.proofs import Certificate, are_safe, safety_proof
 from pipeline.evaluation.assurance.quantities import UNITS
-from pipeline.evaluation.assurance.requirements import Question, Requirement, RequirementError, read_named
-from pipeline.evaluation.assurance.verdicts import Found, sentence, verdict
+from pipeline.evaluation.assurance.requirements import (
+    Question,
+    Requirement,
+    RequirementError,
+    load_requirements,
+)
+from pipeline.evaluation.assurance.verdicts import Evidence, sentence, verdict
 from pipeline.flight.control.controller import from_fuzzy
 from pipeline.flight.period.act.safety import most_exceeded
 from pipeline.flight.state.log import Scenario
@@ -86,24 +91,24 @@ def certified(*question: str) -> tuple[Certificate, ...]:
 
 
 def test_boxes_cover_the_region_and_rule_the_answer_out_everywhere():
-    (found,) = certified("force_x > 0.03", "predicted_centre_along_track < -150")
-    assert (found.system, found.verdict) == ("force_x", "no")
+    (proof,) = certified("force_x > 0.03", "predicted_centre_along_track < -150")
+    assert (proof.system, proof.verdict) == ("force_x", "no")
     system = champion().systems[0]
     low = np.array([variable.minimum for variable in system.inputs])
     high = np.array([variable.maximum for variable in system.inputs])
-    high[found.inputs.index("predicted_centre_along_track")] = -150.0
-    assert np.all(found.low >= low)
-    assert np.all(found.high <= high)
+    high[proof.inputs.index("predicted_centre_along_track")] = -150.0
+    assert np.all(proof.low >= low)
+    assert np.all(proof.high <= high)
     # halves of halves: they do not overlap, so that their volumes tell whether they cover all
-    assert np.prod(found.high - found.low, axis=1).sum() == pytest.approx(np.prod(high - low), rel=1e-9)
-    draws = np.random.default_rng(1).random((20, *found.low.shape))
-    inputs = (found.low + draws * (found.high - found.low)).reshape(-1, 3)
+    assert np.prod(proof.high - proof.low, axis=1).sum() == pytest.approx(np.prod(high - low), rel=1e-9)
+    draws = np.random.default_rng(1).random((20, *proof.low.shape))
+    inputs = (proof.low + draws * (proof.high - proof.low)).reshape(-1, 3)
     assert np.max(step_by_step.evaluate(system, inputs)) <= 0.03
 
 
 def test_what_an_example_answers_with_yes_is_no_proof_and_only_the_systems_asked_about_are_bounded():
-    (found,) = certified("force_x > 0")
-    assert (found.verdict, len(found.low)) == ("yes", 0)
+    (answer,) = certified("force_x > 0")
+    assert (answer.verdict, len(answer.low)) == ("yes", 0)
     with pytest.raises(RequirementError, match="R8, its bounds 'force_x is big'"):
         certified("force_x is big")
 
@@ -121,7 +126,7 @@ def test_what_an_example_answers_with_yes_is_no_proof_and_only_the_systems_asked
 )
 def test_a_question_that_no_system_answers_is_refused(questions, fault):
     with pytest.raises(RequirementError, match=fault):
-        proofs.require_answerable([asking(*questions)], champion())
+        proofs.check_questions([asking(*questions)], champion())
 
 
 def test_questions_of_all_shipped_requirements_are_answered_by_all_shipped_rules():
@@ -132,7 +137,7 @@ def test_questions_of_all_shipped_requirements_are_answered_by_all_shipped_rules
     assert controllers
     for path in (PROJECT / "conf/requirements").glob("*.yaml"):
         for controller in controllers:
-            proofs.require_answerable(read_named(path.stem), controller)
+            proofs.check_questions(load_requirements(path.stem), controller)
 
 
 KEPT = "always (distance >= 15 m)"
@@ -160,26 +165,26 @@ def test_the_layer_proves_what_follows_from_its_spheres():
     fast = safety_proof(experiment("safety=filter").mission, scenarios(20), (50.0, 100.0, 0.5))
     assert (fast.num_safe, fast.are_all_safe) == (20, False)
     assert not fast.proves(parse(KEPT, UNITS))
-    told = verdicts.outcomes(Found(REQUIREMENT, proof=fast))["safety_layer"].why
-    assert told.startswith("starts at 50 to 100 m and up to 0.5 m/s need not be safe states")
+    why = verdicts.results_by_method(Evidence(REQUIREMENT, proof=fast))["safety_layer"].why
+    assert why.startswith("starts at 50 to 100 m and up to 0.5 m/s need not be safe states")
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("overrides", [(), ("world=rso",), ("world=afrl",), ("safety=robust", "world=leo")])
 def test_a_shell_is_safe_only_if_all_states_in_it_are(overrides):
     world, generator = pack_world(experiment("safety=filter", *overrides).mission), np.random.default_rng(1)
-    found = []
+    verdicts_of_shells = []
     for near, width, speed in generator.uniform((10.0, 1.0, 0.0), (250.0, 150.0, 0.8), (200, 3)):
-        found.append(are_safe(world.guard, near, near + width, speed))
-        if found[-1]:
+        verdicts_of_shells.append(are_safe(world.guard, near, near + width, speed))
+        if verdicts_of_shells[-1]:
             drawn = generator.normal(size=(2, 40, 3))
             ways, moving = drawn / np.linalg.norm(drawn, axis=2, keepdims=True)
             ways[:20] *= near
             ways[20:] *= near + width
             states = zip(ways, speed * moving, strict=True)
             assert all(most_exceeded(world, (Three(*r), Three(*v)), 2)[2] <= 0.0 for r, v in states)
-    assert any(found)
-    assert not all(found)
+    assert any(verdicts_of_shells)
+    assert not all(verdicts_of_shells)
 
 
 @pytest.mark.parametrize(
@@ -191,12 +196,12 @@ def test_with_bounds_the_layer_proves_its_limits_where_nothing_is_exact(override
     assert (proof.failing, len(proof.assumed), proof.probability) == ((), num_assumed, 0.999)
     assert proof.proves(parse("always (distance >= 15 m) and always (distance <= 200 m)", UNITS))
     assert not proof.proves(parse("always (distance >= 16.1 m)", UNITS))
-    shown = verdict(Found(replace(REQUIREMENT, probability=0.999), proof=proof))
+    shown = verdict(Evidence(replace(REQUIREMENT, probability=0.999), proof=proof))
     assert (shown.verdict, shown.is_proof) == ("shown", True)
     assert "in 99.9 % of flights" in shown.why
-    assert all(one in sentence(Found(REQUIREMENT, proof=proof), shown) for one in proof.assumed)
+    assert all(premise in sentence(Evidence(REQUIREMENT, proof=proof), shown) for premise in proof.assumed)
     # a claim about all flights is more than the bounds hold for
-    everywhere = Found(replace(REQUIREMENT, probability=1.0), proof=proof)
+    everywhere = Evidence(replace(REQUIREMENT, probability=1.0), proof=proof)
     part = verdict(everywhere)
     assert (part.verdict, part.is_proof) == ("shown in part", True)
     assert sentence(everywhere, part).startswith("Shown in part: in 99.9 % of cases or more (proved")
@@ -245,9 +250,9 @@ OFF = replace(LAYER, is_on=False)
 BOUNDED = replace(LAYER, probability=0.99)
 
 
-def searched(*margins: float) -> Search:
+def searched(*margins: float) -> WorstCaseSearch:
     values = np.array(margins)
-    return Search((None,) * len(margins), Outcome(values, values >= 0))
+    return WorstCaseSearch((None,) * len(margins), FormulaResult(values, values >= 0))
 
 
 def certificate(answer: str) -> Certificate:
@@ -255,36 +260,36 @@ def certificate(answer: str) -> Certificate:
     return Certificate(Question("force_x > 1"), "force_x", answer, f"force_x > 1: {answer}.", ("a",), *boxes)
 
 
-def found(*verified_by: str, **evidence) -> Found:
+def gathered(*verified_by: str, **evidence) -> Evidence:
     ways = {"verified_by": verified_by} if verified_by else {}
     certified = tuple(map(certificate, evidence.pop("bounds", ())))
-    return Found(replace(REQUIREMENT, **ways), certificates=certified, **evidence)
+    return Evidence(replace(REQUIREMENT, **ways), certificates=certified, **evidence)
 
 
 @pytest.mark.parametrize(
     ("word", "evidence"),
     [
-        ("shown", found(judgement=cases(3), searches=(searched(1.0, -0.5),), proof=OFF)),
-        ("not shown", found(judgement=cases(9), proof=OFF)),
-        ("refuted", found(judgement=cases(40), proof=OFF)),
-        ("not shown", found(judgement=cases(0, 50), proof=OFF)),
+        ("shown", gathered(judgement=cases(3), searches=(searched(1.0, -0.5),), proof=OFF)),
+        ("not shown", gathered(judgement=cases(9), proof=OFF)),
+        ("refuted", gathered(judgement=cases(40), proof=OFF)),
+        ("not shown", gathered(judgement=cases(0, 50), proof=OFF)),
         # a proof shows it unless a flight contradicts it
-        ("shown", found(judgement=cases(0, 50), proof=LAYER)),
-        ("refuted", found(judgement=cases(1, 50), proof=LAYER)),
-        ("refuted", found(judgement=cases(0, 50), searches=(searched(-1.0),), proof=LAYER)),
+        ("shown", gathered(judgement=cases(0, 50), proof=LAYER)),
+        ("refuted", gathered(judgement=cases(1, 50), proof=LAYER)),
+        ("refuted", gathered(judgement=cases(0, 50), searches=(searched(-1.0),), proof=LAYER)),
         # single failures do not contradict a proof for a share: the cases decide
-        ("shown", found(judgement=cases(0, 50), proof=BOUNDED)),
-        ("shown", found(judgement=cases(5), proof=BOUNDED)),
-        ("not shown", found(judgement=cases(6), searches=(searched(-1.0),), proof=BOUNDED)),
-        ("refuted", found(judgement=cases(40), proof=BOUNDED)),
-        ("shown", found("bounds", bounds=("no", "no"))),
-        ("not shown", found("bounds", bounds=("no", "undecided"))),
-        ("refuted", found("bounds", bounds=("undecided", "yes"))),
-        ("not shown", found("bounds")),
-        ("refuted", found("cases", "bounds", judgement=cases(0), bounds=("yes",))),
+        ("shown", gathered(judgement=cases(0, 50), proof=BOUNDED)),
+        ("shown", gathered(judgement=cases(5), proof=BOUNDED)),
+        ("not shown", gathered(judgement=cases(6), searches=(searched(-1.0),), proof=BOUNDED)),
+        ("refuted", gathered(judgement=cases(40), proof=BOUNDED)),
+        ("shown", gathered("bounds", bounds=("no", "no"))),
+        ("not shown", gathered("bounds", bounds=("no", "undecided"))),
+        ("refuted", gathered("bounds", bounds=("undecided", "yes"))),
+        ("not shown", gathered("bounds")),
+        ("refuted", gathered("cases", "bounds", judgement=cases(0), bounds=("yes",))),
         # a search alone refutes but never shows
-        ("not shown", found("search", searches=(searched(1.0, 2.0),))),
-        ("refuted", found("search", searches=(searched(1.0, -2.0),))),
+        ("not shown", gathered("search", searches=(searched(1.0, 2.0),))),
+        ("refuted", gathered("search", searches=(searched(1.0, -2.0),))),
     ],
 )
 def test_the_verdict_of_all_evidence(word, evidence):
@@ -292,23 +297,23 @@ def test_the_verdict_of_all_evidence(word, evidence):
 
 
 def test_a_claim_about_a_share_stands_with_the_cases_whatever_a_search_finds():
-    three = found(judgement=cases(3), searches=(searched(1.0, -0.5),), proof=OFF)
+    three = gathered(judgement=cases(3), searches=(searched(1.0, -0.5),), proof=OFF)
     assert verdict(three).why == "up to 5 failures show 99 % with 90 % confidence"
-    words = {name: one.word for name, one in verdicts.outcomes(three).items()}
-    told = {"cases": "3 of 1,000 cases fail", "search": "failure found", "safety_layer": "does not apply"}
-    assert words == told
+    words = {name: result.word for name, result in verdicts.results_by_method(three).items()}
+    expected = {"cases": "3 of 1,000 cases fail", "search": "failure found", "safety_layer": "does not apply"}
+    assert words == expected
     said = sentence(three, verdict(three))
     assert said.startswith("Shown: in 99 % of cases or more (90 % confidence) the deputy stays away")
     assert "3 of 1,000 did not and 1 of 1 searches found a flight that did not, the nearest 14 m" in said
-    few = verdict(found(judgement=cases(0, 50), proof=OFF))
+    few = verdict(gathered(judgement=cases(0, 50), proof=OFF))
     assert few.why == "99 % with 90 % confidence needs 230 cases without a failure"
-    unsafe = verdicts.outcomes(found(proof=replace(LAYER, num_safe=999)))
+    unsafe = verdicts.results_by_method(gathered(proof=replace(LAYER, num_safe=999)))
     assert "1 of 1,000 starts are not safe" in unsafe["safety_layer"].why
 
 
 def test_what_all_cases_must_meet_is_shown_by_a_proof_alone_and_refuted_by_one_flight():
     everywhere = replace(REQUIREMENT, probability=1.0, severity="catastrophic")
-    flown = Found(everywhere, cases(0, probability=1.0), (searched(2.0, 0.5),), proof=OFF)
+    flown = Evidence(everywhere, cases(0, probability=1.0), (searched(2.0, 0.5),), proof=OFF)
     assert verdict(flown).word == "not shown"
     assert "only a proof shows" in sentence(flown, verdict(flown))
     # 0.1^(1/1000), the lower bound after 1,000 cases without a failure
@@ -319,7 +324,7 @@ def test_what_all_cases_must_meet_is_shown_by_a_proof_alone_and_refuted_by_one_f
     assert "the nearest 15.5 m from its centre. Failing means a collision." in said
     bounded = replace(flown, proof=BOUNDED)
     assert verdict(bounded).word == "shown in part"
-    assert verdicts.outcomes(bounded)["safety_layer"].word == "proved for 99 %"
+    assert verdicts.results_by_method(bounded)["safety_layer"].word == "proved for 99 %"
     for proof in (OFF, LAYER, BOUNDED):
         failing = replace(flown, judgement=cases(1, probability=1.0), proof=proof)
         assert verdict(failing).word == "refuted"
@@ -360,20 +365,20 @@ def test_a_proof_that_is_not_checked_shows_nothing():
         "", True, "every start of a box", end_s=900.0, limit=(0.2, 0.002, 0.0), goal=(0.5, 0.2)
     )
     docking = replace(REQUIREMENT, formula=parse(f"{LIMIT} until {GOAL}", UNITS), probability=1.0)
-    assert verdict(Found(docking, tube=tube)).verdict == "shown"
-    unchecked = Found(docking, tube=replace(tube, is_checked=False))
+    assert verdict(Evidence(docking, tube=tube)).verdict == "shown"
+    unchecked = Evidence(docking, tube=replace(tube, is_checked=False))
     assert verdict(unchecked).verdict == "not shown"
     assert "stated by the run, not checked" in sentence(unchecked, verdict(unchecked))
     assert verdicts.unproved(unchecked) == ("tube",)
     # what flights show stands, and the sentence says that nobody checked the proof
-    flown = Found(replace(docking, probability=0.99), cases(0), tube=unchecked.tube)
+    flown = Evidence(replace(docking, probability=0.99), cases(0), tube=unchecked.tube)
     assert verdict(flown).verdict == "shown"
     assert "The proof is stated by the run, not checked" in sentence(flown, verdict(flown))
 
 
 def test_what_was_asked_for_in_vain_is_told_beside_what_is_shown():
-    shown = found(judgement=cases(3), proof=OFF)
+    shown = gathered(judgement=cases(3), proof=OFF)
     assert verdict(shown).verdict == "shown"
     assert "The proof asked for does not apply: the safety layer was off" in sentence(shown, verdict(shown))
     assert verdicts.unproved(shown) == ("safety_layer",)
-    assert verdicts.unproved(found(judgement=cases(3), proof=LAYER)) == ()
+    assert verdicts.unproved(gathered(judgement=cases(3), proof=LAYER)) == ()
