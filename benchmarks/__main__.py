@@ -20,6 +20,7 @@ CAMPAIGNS = (
     "examples",
     "field",
     "flights",
+    "forge",
     "fuzz",
     "imitated",
     "kills",

@@ -4,35 +4,39 @@ Shares no code with what made the proof. All numbers are balls of FLINT (Johanss
 Computers 66, 2017), whose operations hold every result that is possible for real numbers inside them.
 """
 
-import hashlib
-import json
+import resource
 import sys
 from bisect import bisect_left, bisect_right
-from collections import namedtuple
+from collections.abc import Callable
 from functools import cache, reduce
 from itertools import pairwise, product
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
-import pyarrow.parquet as pq
 from flint import arb, arb_mat, ctx
 
-#: a box along an axis, of positions p and of velocities v + shear p, where the force is constant + a p + b v,
-#: give or take the residual
-Row = namedtuple("Row", "step axis low high least greatest shear constant a b residual")
-AXES = (("x", "radial"), ("y", "along_track"), ("z", "cross_track"))
-OPERATORS = {"and_operator": "min", "or_operator": "max", "defuzzifier": "centroid"}
-CORNERS = ("left", "peak", "right")
-SENTENCE = """checked: from every start between {start_low} and {start_high} (m, m/s), with the controller of
+from pipeline.proof.certificate import AXES, CORNERS, ReceivedProof, TubeBox, read_proof
+from pipeline.proof.strict import require
+
+#: some rule fires at least as much everywhere: what no rule decides is not modelled
+LEAST_STRENGTH: Final = 0.001
+#: the cells of a force reach so far, m and m/s
+BEYOND: Final = 1e6
+#: of the whole command, while it reads
+MEMORY_BYTES: Final = 1024**3
+#: processor time, s, for a cell's force, for a cell of a box, and for a box beside one of the next period
+SECONDS: Final = (1.5e-4, 1e-5, 1.5e-6)
+#: more work than any proof of ours by a factor of a hundred
+MAX_SECONDS: Final = 3600.0
+SENTENCE: Final = """\
+checked: from every start between {start_low} and {start_high} (m, m/s), with the controller of
 SHA-256 {controller_sha256}, {mass_kg} kg, {max_force_n} N an axis and {mean_motion_rad_s} rad/s,
 speeds stay below base + slope (distance - offset), {limit} (m/s, 1/s, m), at all times of
-{num_periods} periods of {period_s} s, after which distance and speed are at most {goal} (m, m/s)"""
+{num_periods} periods of {period_s} s, after which distance and speed are at most {goal} (m, m/s);
+motion by Clohessy and Wiltshire's equations; {boxes} boxes, each over {fewest} to {most} cells of forces"""
 
-
-def need(holds: bool, fault: str) -> None:
-    """Refuse the certificate, by a ValueError that says where it fails, unless something certainly holds."""
-    if not holds:
-        raise ValueError(fault)
+#: along each axis that flights leave zero: the boxes at one time
+Tube = dict[int, list[TubeBox]]
 
 
 def ball(low: Any, high: Any) -> Any:
@@ -40,11 +44,17 @@ def ball(low: Any, high: Any) -> Any:
     return arb(low).union(arb(high))
 
 
-def held(one: Row) -> tuple[Any, Any, Any]:
+def enclosures(box: TubeBox) -> tuple[Any, Any, Any]:
     """Return the positions, velocities and forces of a box."""
-    p, s = ball(one.low, one.high), ball(one.least, one.greatest)
-    force = one.constant + (one.a - arb(one.b) * one.shear) * p + one.b * s + arb(0, one.residual)
-    return p, s - one.shear * p, force
+    p, sheared = ball(box.low, box.high), ball(box.least, box.greatest)
+    force = box.constant + (box.per_position - arb(box.per_velocity) * box.shear) * p
+    return p, sheared - box.shear * p, force + box.per_velocity * sheared + arb(0, box.residual)
+
+
+def touched(edges: list[float], low: float, high: float) -> range:
+    """Return the cells that hold an interval, at least one: a number on an edge lies in the cell after it."""
+    first = bisect_right(edges, low) - 1
+    return range(first, max(first + 1, bisect_left(edges, high)))
 
 
 class Force:
@@ -53,55 +63,66 @@ class Force:
     Cut, each has its peak as its centroid, and an area of 1 - (1 - cut)^2 of the whole one.
     """
 
-    def __init__(self, controller: Any, axis: int, cells: list[int], most: Any) -> None:
-        letter, along = AXES[axis]
-        self.most, self.band = most, float(controller["attributes"].get(f"dead_band_force_{letter}_n", 0))
-        (system,) = (each for each in controller["systems"] if each["name"] == f"force_{letter}")
-        inputs, (output,) = system["inputs"], system["outputs"]
-        found = *(v["name"] for v in inputs), *map(system.get, OPERATORS)
-        wanted = f"position_{along}", f"velocity_{along}", *OPERATORS.values()
-        need(found == wanted, "a system of another kind than Mamdani's, or of other inputs")
-        for v in (*inputs, output):
-            (low, high), pieces = v["range"], v["points"] - 1
-            corners = [(t[key] - low) / (high - low) * pieces for t in v["terms"] for key in CORNERS]
-            need(all(abs(x - round(x)) < 1e-6 for x in corners if 0 <= x <= pieces), "a corner off its grid")
-        even = [pieces / len(corners) * 1.5 * (2 * (i // 3) + i % 3) for i in range(len(corners))]
-        need(all(abs(x - y) < 1e-6 for x, y in zip(corners, even, strict=True)), "uneven output terms")
-        self.peaks = {t["name"]: t["peak"] for t in output["terms"]}
-        self.rules = list(zip(product(*(v["terms"] for v in inputs)), system["rules"], strict=True))
+    def __init__(self, system: Any, dead_band_n: float, cells: list[int], greatest: Any) -> None:
+        self.greatest, self.dead_band = greatest, dead_band_n
+        (output,) = system["outputs"]
+        self.peaks = {term["name"]: term["peak"] for term in output["terms"]}
+        self.rules = list(zip(product(*(v["terms"] for v in system["inputs"])), system["rules"], strict=True))
+        self.ranges = [v["range"] for v in system["inputs"]]
         self.edges, clipped = [], []
-        for (low, high), count in zip((v["range"] for v in inputs), cells, strict=True):
-            inner = [low + (high - low) * (i / count) for i in range(count + 1)]
-            self.edges.append([-1e6, *inner, 1e6])
+        for (low, high), num_cells in zip(self.ranges, cells, strict=True):
+            inner = [low + (high - low) * (i / num_cells) for i in range(num_cells + 1)]
+            self.edges.append([-BEYOND, *inner, BEYOND])
             clipped.append([ball(*pair) for pair in pairwise([low, *inner, high])])
         self.cell = cache(lambda i, j: self.at(clipped[0][i], clipped[1][j]))
+
+    def at_rest(self) -> Any:
+        """Return the force at position and velocity zero."""
+        return self.at(*(arb(0).max(low).min(high) for low, high in self.ranges))
 
     def at(self, *values: Any) -> Any:
         """Return the force for balls of the inputs, inside their ranges."""
         cuts = dict.fromkeys(self.peaks.values(), arb(0))
-        for terms, word in self.rules:
+        for terms, conclusion in self.rules:
             strength = arb(1)
-            for t, x in zip(terms, values, strict=True):
-                left, peak, right = (arb(t[key]) for key in CORNERS)
+            for term, x in zip(terms, values, strict=True):
+                left, peak, right = (arb(term[key]) for key in CORNERS)
                 strength = strength.min((x - left) / (peak - left)).min((right - x) / (right - peak))
-            cuts[self.peaks[word]] = cuts[self.peaks[word]].max(strength)
+            cuts[self.peaks[conclusion]] = cuts[self.peaks[conclusion]].max(strength)
+        require(any(cut >= LEAST_STRENGTH for cut in cuts.values()), f"no rule surely fires at {values}")
         low, high = ([1 - (1 - end(cut)) ** 2 for cut in cuts.values()] for end in (arb.lower, arb.upper))
         # an extreme mean weighs one side most, the other least
         ends = [(*a[:k], *b[k:]) for a, b in ((low, high), (high, low)) for k in range(1, len(cuts))]
         force = reduce(arb.union, (sum(x * p for x, p in zip(w, cuts, strict=True)) / sum(w) for w in ends))
-        if not abs(force) > self.band:
-            force = arb(0) if abs(force) < self.band else force.union(arb(0))
-        return force.min(self.most).max(-self.most)
+        if not abs(force) > self.dead_band:
+            force = arb(0) if abs(force) < self.dead_band else force.union(arb(0))
+        return force.min(self.greatest).max(-self.greatest)
 
-    def check(self, one: Row) -> None:
-        """Refuse the certificate unless the force lies within the residual of a box's plane, cell by cell."""
-        ps, vs = self.edges
-        for column in range(bisect_right(ps, one.low) - 1, bisect_left(ps, one.high)):
-            p = ball(max(ps[column], one.low), min(ps[column + 1], one.high))
-            v = ball(one.least, one.greatest) - one.shear * p + arb(0, 1e-11)  # more than its ends' rounding
-            for row in range(bisect_right(vs, float(v.lower())) - 1, bisect_left(vs, float(v.upper()))):
-                plane = one.constant + one.a * p + one.b * v.intersection(ball(*vs[row : row + 2]))
-                need(abs(self.cell(column, row) - plane) <= one.residual, f"the residual of {one}")
+    def span(self, box: TubeBox) -> tuple[range, range]:
+        """Return the cells of positions and of velocities that a box touches, give or take rounding."""
+        lean = sorted((box.shear * box.low, box.shear * box.high))
+        rows = touched(self.edges[1], box.least - lean[1], box.greatest - lean[0])
+        return touched(self.edges[0], box.low, box.high), rows
+
+    def check(self, box: TubeBox) -> int:
+        """Return how many cells a box touches; refuse the certificate unless the plane holds over each.
+
+        It holds where the force differs from it by at most the residual.
+        """
+        positions, velocities = self.edges
+        num_cells = 0
+        for column in touched(positions, box.low, box.high):
+            p = ball(max(positions[column], box.low), min(positions[column + 1], box.high))
+            v = ball(box.least, box.greatest) - box.shear * p + arb(0, 1e-11)  # more than its ends' rounding
+            if not abs(v) < BEYOND:
+                raise ValueError(f"velocities beyond all cells in {box}")
+            for row in touched(velocities, float(v.lower()), float(v.upper())):
+                inside = v.intersection(ball(velocities[row], velocities[row + 1]))
+                plane = box.constant + box.per_position * p + box.per_velocity * inside
+                if not abs(self.cell(column, row) - plane) <= box.residual:
+                    raise ValueError(f"the residual of {box}")
+                num_cells += 1
+        return num_cells
 
 
 def effects(theorem: Any) -> list[list[Any]]:
@@ -114,98 +135,171 @@ def effects(theorem: Any) -> list[list[Any]]:
     return list((arb_mat(rates) * arb(theorem["period_s"])).exp().tolist())
 
 
-def covered(at: Any, leaning: Any, boxes: list[Row]) -> None:
+def require_covered(position: Any, sheared: Callable[[TubeBox], Any], boxes: list[TubeBox]) -> None:
     """Refuse the certificate unless boxes side by side hold positions, each velocities + shear position."""
-    hits = [t for t in boxes if not (t.low > at or t.high < at)]
-    need(bool(hits) and hits[0].low <= at and max(t.high for t in hits) >= at, "a position outside the tube")
-    need(all(any(o.high >= t.low for o in hits[:k]) for k, t in enumerate(hits) if k), "a gap in the tube")
-    for t in hits:
-        need(t.least <= leaning(t) and leaning(t) <= t.greatest, f"a velocity outside {t}")
+    hits = [box for box in boxes if not (box.low > position or box.high < position)]
+    require(bool(hits), "a position outside the tube")
+    reached = arb(hits[0].low)
+    is_held = hits[0].low <= position and max(box.high for box in hits) >= position
+    require(is_held, "a position outside the tube")
+    for box in hits:
+        require(box.low <= reached, "a gap in the tube")
+        reached = reached.max(arb(box.high))
+        if not (box.least <= sheared(box) and sheared(box) <= box.greatest):
+            raise ValueError(f"a velocity outside {box}")
 
 
-def happens(boxes: dict[int, list[Row]], most: Any) -> list[Any]:
-    """Return nine balls, of the positions, velocities and forces along each axis."""
-    found = [arb(0)] * 9
-    for a, rows in boxes.items():
-        found[a::3] = [reduce(arb.union, balls) for balls in zip(*map(held, rows), strict=True)]
-        found[a + 6] = found[a + 6].min(most).max(-most)
-    return found
+def hull(tube: Tube, greatest: Any) -> list[Any]:
+    """Return nine balls: positions, velocities and forces along each axis, zero where no flight goes."""
+    balls = [arb(0)] * 9
+    for axis, boxes in tube.items():
+        balls[axis::3] = [reduce(arb.union, each) for each in zip(*map(enclosures, boxes), strict=True)]
+        balls[axis + 6] = balls[axis + 6].min(greatest).max(-greatest)
+    return balls
 
 
-def move(matrix: Any, a: int, one: Row, now: list[Any], after: list[Row]) -> None:
+def require_led(matrix: Any, axis: int, box: TubeBox, now: list[Any], after: list[TubeBox]) -> None:
     """Refuse the certificate unless a period leads from a box into those after it."""
 
     def image(of_position: float, of_velocity: float) -> Any:
-        line = [of_position * x + of_velocity * y for x, y in zip(matrix[a], matrix[a + 3], strict=True)]
-        on_p, on_v, on_force = line[a::3]
-        on_s = on_v + on_force * one.b
-        on_p += on_force * one.a - on_s * one.shear
-        own = on_p * ball(one.low, one.high) + on_s * ball(one.least, one.greatest)
-        own += on_force * (one.constant + arb(0, one.residual))
-        return sum((line[c] * now[c] for c in range(9) if c % 3 != a), own)
+        line = [
+            of_position * x + of_velocity * y for x, y in zip(matrix[axis], matrix[axis + 3], strict=True)
+        ]
+        on_position, on_velocity, on_force = line[axis::3]
+        on_sheared = on_velocity + on_force * box.per_velocity
+        on_position += on_force * box.per_position - on_sheared * box.shear
+        along = on_position * ball(box.low, box.high) + on_sheared * ball(box.least, box.greatest)
+        along += on_force * (box.constant + arb(0, box.residual))
+        return sum((line[c] * now[c] for c in range(9) if c % 3 != axis), along)
 
-    at, v = image(1.0, 0.0), image(0.0, 1.0)
+    position, velocity = image(1.0, 0.0), image(0.0, 1.0)
 
-    def leaning(t: Row) -> Any:
-        return image(t.shear, 1.0).intersection(v + t.shear * at.intersection(ball(t.low, t.high)))
+    def sheared(other: TubeBox) -> Any:
+        moved = velocity + other.shear * position.intersection(ball(other.low, other.high))
+        return image(other.shear, 1.0).intersection(moved)
 
-    covered(at, leaning, after)
+    require_covered(position, sheared, after)
 
 
-def limit(theorem: Any, now: list[Any], after: list[Any]) -> None:
+def require_limit(theorem: Any, now: list[Any], after: list[Any]) -> None:
     """Refuse the certificate unless the limit holds from a sample to the next; h^2/8 bounds the bend."""
-    n, h, most = (arb(theorem[key]) for key in ("mean_motion_rad_s", "period_s", "max_force_n"))
-    thrust = most / theorem["mass_kg"]
+    n, h, greatest = (arb(theorem[key]) for key in ("mean_motion_rad_s", "period_s", "max_force_n"))
+    thrust = greatest / theorem["mass_kg"]
     far, fast = (reduce(arb.max, (abs(x).upper() for x in now[k : k + 3])) for k in (0, 3))
     fast += 2 * h * thrust
-    need(thrust + 3 * n**2 * (far + h * fast) + 2 * n * fast <= 2 * thrust, "gravity beside the thrust")
-    swept = [one.union(other) for one, other in zip(now, after, strict=True)]
+    require(thrust + 3 * n**2 * (far + h * fast) + 2 * n * fast <= 2 * thrust, "gravity beside the thrust")
+    swept = [x.union(y) for x, y in zip(now, after, strict=True)]
     distance = sum((abs(x) - h**2 / 4 * thrust).lower().max(arb(0)) ** 2 for x in swept[:3]).sqrt()
     bend = h**2 / 8 * (3 * n**2 * fast + 4 * n * thrust)
     speed = sum((abs(x).upper() + bend) ** 2 for x in swept[3:6]).sqrt()
     base, slope, offset = theorem["limit"]
-    need(speed <= base + slope * (distance - offset), "the limit")
+    require(speed <= base + slope * (distance - offset), "the limit")
 
 
-def check(folder: Path) -> str:
+def tube_of(proof: ReceivedProof, axes: list[int]) -> list[Tube]:
+    """Return the boxes of each period along some axes, at least one each."""
+    num_periods = proof.theorem["num_periods"]
+    require(num_periods < len(proof.boxes), f"{num_periods} periods and fewer boxes")
+    tube: list[Tube] = [{axis: [] for axis in axes} for _ in range(num_periods + 1)]
+    for box in proof.boxes:
+        require(box.step in range(num_periods + 1) and box.axis in axes, f"the step or axis of {box}")
+        tube[int(box.step)][int(box.axis)].append(box)
+    for step, boxes in enumerate(tube):
+        require(all(boxes.values()), f"no box after {step} periods along an axis")
+    return tube
+
+
+def seconds(forces: dict[int, Force], tube: list[Tube]) -> float:
+    """Return about how long checking takes."""
+    visits, cells = 0, 0
+    for axis, force in forces.items():
+        rows: dict[int, tuple[int, int]] = {}
+        for box in (box for along in tube for box in along[axis]):
+            across, inside = force.span(box)
+            visits += len(across) * len(inside)
+            for column in across:
+                first, last = rows.get(column, (inside.start, inside.stop))
+                rows[column] = min(first, inside.start), max(last, inside.stop)
+        cells += sum(last - first for first, last in rows.values())
+    pairs = sum(len(now[axis]) * len(after[axis]) for now, after in pairwise(tube) for axis in forces)
+    return sum(cost * number for cost, number in zip(SECONDS, (cells, visits, pairs), strict=True))
+
+
+def check(folder: Path, report: Callable[[str], object] = lambda text: None) -> str:
     """Return what the certificate of a folder proves.
+
+    Parameters
+    ----------
+    folder : Path
+        With theorem.json, controller.json and tube.parquet.
+    report : callable
+        Receives a sentence on how long it will take.
 
     Raises
     ------
     ValueError
         If it proves nothing; the text says where it fails.
+    OSError
+        If a file is missing, too large or no regular file.
     """
     ctx.prec = 100
-    theorem = json.loads((folder / "theorem.json").read_bytes())
-    text = (folder / "controller.json").read_bytes()
-    need(hashlib.sha256(text).hexdigest() == theorem["controller_sha256"], "another controller")
-    controller, matrix, most = json.loads(text), effects(theorem), arb(theorem["max_force_n"])
-    rest = {key: value for key, value in controller["attributes"].items() if "dead_band_force_" not in key}
-    need(rest == {"force_axes": "hill"}, "attributes other than dead bands and forces along Hill's axes")
+    proof = read_proof(folder)
+    theorem = proof.theorem
+    matrix, greatest = effects(theorem), arb(theorem["max_force_n"])
     start = list(zip(theorem["start_low"], theorem["start_high"], strict=True))
-    forces = {a: Force(controller, a, theorem["cells"], most) for a in range(3)}
-    for a in [a for a in forces if not any((*start[a], *start[a + 3]))]:
-        need(abs(forces.pop(a).at(arb(0), arb(0))) <= 0, "flights that leave the plane")
-    tube: list[dict[int, list[Row]]] = [{a: [] for a in forces} for _ in range(theorem["num_periods"] + 1)]
-    for one in sorted(Row(*each.values()) for each in pq.read_table(folder / "tube.parquet").to_pylist()):
-        is_placed = one.step in range(len(tube)) and one.axis in forces
-        need(is_placed and all(abs(x) < 1e4 for x in one), f"the place or size of {one}")
-        tube[int(one.step)][int(one.axis)].append(one)
-    for a, first in tube[0].items():
-        covered(ball(*start[a]), lambda t, a=a: ball(*start[a + 3]) + t.shear * ball(t.low, t.high), first)
-    balls = [happens(boxes, most) for boxes in tube]
-    for k, (boxes, after) in enumerate(pairwise(tube)):
-        for a, one in ((a, one) for a, rows in boxes.items() for one in rows):
-            forces[a].check(one)
-            move(matrix, a, one, balls[k], after[a])
-        limit(theorem, *balls[k : k + 2])
+    forces = {
+        axis: Force(proof.systems[axis], proof.dead_bands_n[axis], theorem["cells"], greatest)
+        for axis in range(len(AXES))
+    }
+    # motion across the orbit's plane neither feels the other two nor acts on them
+    if not any((*start[2], *start[5])):
+        require(bool(forces.pop(2).at_rest() == 0), "flights that leave the plane")
+    tube = tube_of(proof, list(forces))
+    expected = seconds(forces, tube)
+    require(
+        expected < MAX_SECONDS, f"checking takes about {expected / 3600:.0f} hours, for boxes over many cells"
+    )
+    report(f"{len(proof.boxes)} boxes to check: about {max(1.0, expected):.0f} s")
+    for axis, first in tube[0].items():
+        velocity = ball(*start[axis + 3])
+
+        def sheared(box: TubeBox, velocity: Any = velocity) -> Any:
+            return velocity + box.shear * ball(box.low, box.high)
+
+        require_covered(ball(*start[axis]), sheared, first)
+    balls = [hull(boxes, greatest) for boxes in tube]
+    num_cells = []
+    for step, (boxes, after) in enumerate(pairwise(tube)):
+        for axis, box in ((axis, box) for axis, along in boxes.items() for box in along):
+            num_cells.append(forces[axis].check(box))
+            require_led(matrix, axis, box, balls[step], after[axis])
+        require_limit(theorem, *balls[step : step + 2])
+    num_checked = len(proof.boxes) - sum(map(len, tube[-1].values()))
+    require(len(num_cells) == num_checked > 0 and min(num_cells) > 0, "boxes over no cell")
     for k, goal in enumerate(theorem["goal"]):
-        need(sum(abs(x).upper() ** 2 for x in balls[-1][3 * k : 3 * k + 3]).sqrt() <= goal, "the goal")
-    return SENTENCE.format(**theorem)
+        require(sum(abs(x).upper() ** 2 for x in balls[-1][3 * k : 3 * k + 3]).sqrt() <= goal, "the goal")
+    return SENTENCE.format(**theorem, boxes=len(num_cells), fewest=min(num_cells), most=max(num_cells))
+
+
+def main(arguments: list[str]) -> int:
+    """Check the proof of a run, and print what it proves."""
+    resource.setrlimit(resource.RLIMIT_DATA, (MEMORY_BYTES, resource.getrlimit(resource.RLIMIT_DATA)[1]))
+    try:
+        text = check(Path(*arguments) / "prove", lambda line: sys.stderr.write(line + "\n"))
+    except (
+        ArithmeticError,
+        AttributeError,
+        LookupError,
+        MemoryError,
+        OSError,
+        TypeError,
+        ValueError,
+    ) as error:
+        sys.stderr.write(f"refused: {error or type(error).__name__}\n")
+        return 1
+    sys.stdout.write(text + "\n")
+    return 0
 
 
 if __name__ == "__main__":
-    try:
-        sys.stdout.write(check(Path(*sys.argv[1:]) / "prove") + "\n")
-    except (ArithmeticError, AttributeError, LookupError, OSError, TypeError, ValueError) as error:
-        sys.exit(f"refused: {error}")
+    sys.exit(main(sys.argv[1:]))

@@ -175,7 +175,9 @@ class Axis:
         for image in images:
             whole = image(0.0)
             first = int(np.searchsorted(self.edges, whole.low, side="right")) - 1
-            for cell in range(first, int(np.searchsorted(self.edges, whole.high, side="left"))):
+            # a state on an edge, without any width, belongs to the cell after it
+            last = max(first + 1, int(np.searchsorted(self.edges, whole.high, side="left")))
+            for cell in range(first, last):
                 low, high = np.clip([whole.low, whole.high], *self.edges[cell : cell + 2]).tolist()
                 # a shear is for boxes as narrow as its cell: of a wide one, what falls into the cell leans
                 one = _leaning(replace(whole, low=low, high=high), self.shears[cell])

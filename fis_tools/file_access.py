@@ -1,0 +1,139 @@
+"""How every file is opened and written: regular files of a known size are read, whole files are written.
+
+Readers are given files that other people made, so nothing but a regular file is opened: a pipe would hang a
+reader, a device has no end, and a link leads to a file that nobody named. Writers may share a folder with
+other people, so a file gets a random name that did not exist before, and takes its own name once it is
+complete and on disk. The operating system's errors are raised, so that callers handle one kind.
+"""
+
+import errno
+import os
+import secrets
+import stat
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import BinaryIO, Final
+
+#: the end of a hidden name, which a file has until it is complete
+UNFINISHED: Final = ".unfinished"
+#: what paths lead to besides regular files
+KINDS: Final = {
+    stat.S_IFDIR: "a folder",
+    stat.S_IFIFO: "a pipe",
+    stat.S_IFCHR: "a device",
+    stat.S_IFBLK: "a device",
+    stat.S_IFSOCK: "a socket",
+}
+
+
+def open_regular(path: Path | str, most_bytes: int | None = None) -> BinaryIO:
+    """Open a regular file for reading.
+
+    Parameters
+    ----------
+    path : Path or str
+        Of the file itself; a link is refused, though not one among its folders.
+    most_bytes : int, optional
+        The greatest size that is accepted; any by default.
+
+    Raises
+    ------
+    OSError
+        If it is missing, no regular file, or too large; ``strerror`` says what was expected.
+    """
+    _require_regular(os.lstat(path), path, most_bytes)
+    # between the two calls another file may have taken the name
+    flags = os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
+    descriptor = os.open(path, flags)
+    try:
+        _require_regular(os.fstat(descriptor), path, most_bytes)
+        return os.fdopen(descriptor, "rb")
+    except BaseException:
+        os.close(descriptor)
+        raise
+
+
+def read_bytes(path: Path | str, most_bytes: int) -> bytes:
+    """Return the content of a regular file.
+
+    Raises
+    ------
+    OSError
+        As `open_regular`, and if it grows beyond `most_bytes` meanwhile.
+    """
+    with open_regular(path, most_bytes) as stream:
+        content = stream.read(most_bytes + 1)
+    if len(content) > most_bytes:
+        raise _too_large(path, most_bytes)
+    return content
+
+
+def read_text(path: Path | str, most_bytes: int) -> str:
+    """Return the content of a regular file of UTF-8.
+
+    Raises
+    ------
+    OSError
+        As `read_bytes`.
+    UnicodeDecodeError
+        If it is no UTF-8.
+    """
+    return read_bytes(path, most_bytes).decode("utf-8")
+
+
+def _require_regular(status: os.stat_result, path: Path | str, most_bytes: int | None) -> None:
+    kind = stat.S_IFMT(status.st_mode)
+    if kind == stat.S_IFLNK:
+        raise _link(path)
+    if kind != stat.S_IFREG:
+        number = errno.EISDIR if kind == stat.S_IFDIR else errno.EINVAL
+        raise OSError(number, f"{KINDS.get(kind, 'something')}, where a file is expected", str(path))
+    if most_bytes is not None and status.st_size > most_bytes:
+        raise _too_large(path, most_bytes)
+
+
+def _link(path: Path | str) -> OSError:
+    text = f"a link to {os.readlink(path)}; give the path of the file itself"
+    return OSError(errno.ELOOP, text, str(path))
+
+
+def _too_large(path: Path | str, most_bytes: int) -> OSError:
+    return OSError(errno.EFBIG, f"larger than {most_bytes} bytes", str(path))
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[BinaryIO]:
+    """Yield a new file that takes a path once the block is over and its content is safely on disk.
+
+    At every moment the path holds the old content or the new, never a part.
+
+    Raises
+    ------
+    OSError
+        If the disk is full, the folder may not be written to, or the path is a link or no file.
+    """
+    if path.is_symlink():
+        raise OSError(
+            errno.ELOOP, f"a link to {path.readlink()}; give the path of the file itself", str(path)
+        )
+    unfinished = path.with_name(f".{path.name[:100]}.{secrets.token_hex(4)}{UNFINISHED}")
+    try:
+        with unfinished.open("xb") as stream:
+            yield stream
+            stream.flush()
+            os.fsync(stream.fileno())
+        unfinished.replace(path)
+    finally:
+        unfinished.unlink(missing_ok=True)
+
+
+def write_bytes(path: Path, content: bytes) -> None:
+    """Write a file as `replacing` does."""
+    with replacing(path) as stream:
+        stream.write(content)
+
+
+def write_text(path: Path, content: str) -> None:
+    """Write text as UTF-8, its line ends unchanged, as `replacing` does."""
+    write_bytes(path, content.encode("utf-8"))
