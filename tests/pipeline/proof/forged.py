@@ -125,7 +125,7 @@ def num_false(run: Job, mutant: Mutant, theorem: Mapping[str, Any]) -> int:
     low, high = np.array(theorem["start_low"]), np.array(theorem["start_high"])
     corners = [np.where(generator.integers(0, 2, 6) == 0, low, high) for _ in range(NUM_FLIGHTS - 2)]
     (base, slope, offset), count = theorem["limit"], 0
-    for start in [*corners, *generator.uniform(low, high, (2, 6))]:
+    for start in [*corners, *(low + (high - low) * generator.uniform(size=(2, 6)))]:
         log = fly_logged(mission, controller, Scenario(start[:3], start[3:], 0.0))
         distance, speed = (np.linalg.norm(x, axis=1) for x in (log.position_m, log.velocity_m_s))
         is_kept = np.all(speed <= base + slope * (distance - offset))
