@@ -1,0 +1,393 @@
+"""The compiled flight as a WebAssembly module for the pages: ``python -m docs.browser``.
+
+What the browser flies is the product's own code: numba's of `fly_many` for `CONTROLLER` in the paper's world,
+compiled for WebAssembly by the LLVM that numba brings, and that of `infer`, which explains a push. The
+arguments are folded into the module: arrays lie in its memory, numbers are constants. A page changes the
+start, the Sun and the tables of the rules; `flight.json` says where each lies, and holds the rules in words.
+
+It needs ``wasm-ld`` (``apt install lld-19``) and ``wasm-opt`` of binaryen 120 or later (``npm install
+binaryen``) on the path; whoever builds or tests the pages does not, for the module is part of the repository.
+"""
+
+import json
+import os
+import re
+import shutil
+import struct
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+# before numba is imported: code for any processor, not yet optimised for this one
+os.environ.update(NUMBA_OPT="0", NUMBA_CPU_NAME="generic", NUMBA_CPU_FEATURES="")
+
+import numba
+import numpy as np
+from llvmlite import binding
+from numba import types
+
+from fis_tools.compiled import borrowed_code  # noqa: F401 - registers our vectors with numba
+from fis_tools.engines.kernel import infer
+from fis_tools.formats.serialize import load
+from fis_tools.model import FuzzySystem, Triangular, Variable, conjunctions
+from fis_tools.words.text import sentence
+from pipeline.command_line.config import compose_experiment
+from pipeline.controllers import source
+from pipeline.flight.cases.starts import cases_of
+from pipeline.flight.control.controller import law_of
+from pipeline.flight.fly.many import Results, fly_many
+from pipeline.flight.fly.population import flights_of
+from pipeline.flight.fly.workspace import make_state, make_workspace
+from pipeline.flight.state.arrays import NUM_OUTCOMES, NUM_TRACKED
+from pipeline.flight.state.log import empty_log
+from pipeline.flight.world.pack import pack_world
+from pipeline.physics.motion import state_transition
+from pipeline.scenarios import evaluation_scenarios
+
+PROJECT = Path(__file__).resolve().parents[1]
+FOLDER = PROJECT / "docs" / "flight"
+CONTROLLER = "champion_27"
+FILE = PROJECT / "conf" / "controller" / f"{CONTROLLER}.yaml"
+#: the first is the visitor's own; the others are flown anew whenever a rule is changed
+NUM_STARTS = 200
+COMMAND = (
+    "+experiment=evaluate",
+    f"controller={CONTROLLER}",
+    "sun=random",
+    f"monte_carlo.num_cases={NUM_STARTS}",
+)
+#: flights side by side: WebAssembly's vectors hold two numbers
+LANES = 2
+#: samples of one orbit of free motion
+NUM_COASTED = 97
+#: arrays that a page reads or writes, by the names of the arguments
+SHARED = (
+    "flights.law.layout",
+    "flights.values",
+    "flights.rules",
+    "flights.cases",
+    "flights.world.points",
+    "work.scratch",
+    "results.outcomes",
+    "results.tracks",
+    *(
+        f"results.log.{name}"
+        for name in (
+            "position_m",
+            "velocity_m_s",
+            "force_hill_n",
+            "is_inspected",
+            "sun_angle_rad",
+            "fis_input",
+            "is_decided",
+            "delta_v_m_s",
+            "foreseen",
+        )
+    ),
+    "free_motion",
+)
+FEATURES = "+simd128,+bulk-memory,+sign-ext,+nontrapping-fptoint,+mutable-globals"
+#: the two lengths that a call chooses: one flight is logged, or all are tracked
+CHOSEN = {"results.log.position_m": "%logged", "results.tracks": "%tracked"}
+
+#: what numba's code calls: room for arrays that it makes, none of which outlives a call
+RUNTIME = """
+@heap = internal global [65536 x i8] zeroinitializer, align 64
+@heap_end = internal global i64 0
+
+define ptr @NRT_MemInfo_alloc_aligned(i64 %size, i32 %align) {
+  %offset = load i64, ptr @heap_end
+  %info = getelementptr i8, ptr @heap, i64 %offset
+  %data = getelementptr i8, ptr %info, i64 64
+  %more = add i64 %size, 191
+  %rounded = and i64 %more, -64
+  %end = add i64 %offset, %rounded
+  store i64 %end, ptr @heap_end
+  store i64 1, ptr %info
+  %destructor = getelementptr i8, ptr %info, i64 8
+  store ptr null, ptr %destructor
+  %data_field = getelementptr i8, ptr %info, i64 24
+  store ptr %data, ptr %data_field
+  %size_field = getelementptr i8, ptr %info, i64 32
+  store i64 %size, ptr %size_field
+  ret ptr %info
+}
+define void @NRT_MemInfo_call_dtor(ptr %info) { ret void }
+declare double @llvm.sqrt.f64(double)
+define double @sqrt(double %x) {
+  %root = call double @llvm.sqrt.f64(double %x)
+  ret double %root
+}
+"""
+
+
+class Operand(NamedTuple):
+    """A leaf of the arguments as LLVM writes it."""
+
+    kind: str
+    text: str
+
+
+class Memory:
+    """Arrays in the memory of the module: those with content in one block, those of zeros in another."""
+
+    def __init__(self) -> None:
+        self.content = bytearray()
+        self.num_zeros = 0
+        self.arrays: dict[str, dict[str, Any]] = {}
+        self._by_address: dict[int, dict[str, Any]] = {}
+        self._held: list[Any] = []
+
+    def add(self, name: str, array: Any) -> str:
+        """Store an array once, and return its address; views from its first element share it."""
+        array = np.asarray(array)
+        address = array.__array_interface__["data"][0]
+        held = self._by_address.get(address) if array.nbytes else None
+        if held is None or held["bytes"] < array.nbytes:
+            held = self._store(array.tobytes())
+            self._by_address[address] = held
+            self._held.append(array)
+        self.arrays[name] = held
+        return f"ptr getelementptr (i8, ptr @{held['block']}, i64 {held['offset']})"
+
+    def _store(self, content: bytes) -> dict[str, Any]:
+        if not any(content):
+            offset = self.num_zeros
+            self.num_zeros += -(-(len(content) + 16) // 64) * 64
+            return {"block": "zeros", "offset": offset, "bytes": len(content)}
+        self.content += bytes(-len(self.content) % 64)
+        offset = len(self.content)
+        self.content += content + bytes(16)
+        return {"block": "content", "offset": offset, "bytes": len(content)}
+
+
+def operands(memory: Memory, value: Any, kind: Any, name: str) -> Iterator[Operand]:
+    """Yield the leaves of an argument in numba's order, with its arrays stored in the memory."""
+    if isinstance(kind, types.NoneType):
+        yield Operand("ptr", "ptr null")
+    elif isinstance(kind, types.BaseTuple):
+        fields = getattr(kind, "fields", None) or map(str, range(len(kind.types)))
+        for field, member, member_kind in zip(fields, value, kind.types, strict=True):
+            yield from operands(memory, member, member_kind, f"{name}.{field}".removeprefix("."))
+    elif isinstance(kind, types.Record):
+        yield Operand("ptr", memory.add(name, value))
+    elif isinstance(kind, types.Array):
+        array = np.ascontiguousarray(value)
+        # its owner and parent, which nothing counts here, then size, item size, data, shape and strides
+        yield from (Operand("ptr", "ptr null"), Operand("ptr", "ptr null"))
+        yield from (Operand("i64", f"i64 {array.size}"), Operand("i64", f"i64 {array.itemsize}"))
+        yield Operand("ptr", memory.add(name, array))
+        lengths = [CHOSEN.get(name, array.shape[0]) if array.ndim else None, *array.shape[1:]][: array.ndim]
+        yield from (Operand("i64", f"i64 {number}") for number in (*lengths, *array.strides))
+    elif isinstance(kind, types.Boolean):
+        yield Operand("i8", f"i8 {int(bool(value))}")
+    elif isinstance(kind, types.Integer):
+        yield Operand("i64", f"i64 {value if isinstance(value, str) else int(value)}")
+    elif isinstance(kind, types.Float):
+        (bits,) = struct.unpack("<Q", struct.pack("<d", value))
+        yield Operand("double", f"double 0x{bits:016X}")
+    else:
+        raise TypeError(f"the argument {name} is of numba's type {kind}, which is not folded into the module")
+
+
+def code_of(function: Any, kinds: tuple[Any, ...], name: str, target: Any) -> tuple[str, list[str]]:
+    """Return numba's LLVM code of a function under a new name, and the LLVM types of its parameters."""
+    dispatcher: Any = numba.njit(nogil=True, error_model="numpy")(function.py_func)
+    dispatcher.compile(kinds)
+    text = _without_wrappers(dispatcher.inspect_llvm(kinds))
+    pattern = rf"^define [^@\n]*@(\S*{function.py_func.__name__}[^\s(]*)\((.*)\)[^)\n]*{{$"
+    (main, parameters), *_ = re.findall(pattern, text, re.MULTILINE)
+    text = re.sub(r"^define (?:linkonce_odr |linkonce |weak |hidden )*", "define internal ", text, flags=re.M)
+    text = re.sub(r"\b(?:linkonce|common|local_unnamed_addr) (?=.*global)", "", text)
+    text = re.sub(r"(?<== )(?=(?:constant|global) )", "internal ", text)
+    text = text.replace(f"define internal i32 @{main}(", f"define i32 @{name}(").replace(f"@{main}(", f"@{name}(")
+    text = re.sub(r"^target datalayout.*$", f'target datalayout = "{target.target_data}"', text, flags=re.M)
+    text = re.sub(r"^target triple.*$", f'target triple = "{target.triple}"', text, flags=re.M)
+    return text, [parameter.split()[0] for parameter in parameters.split(", ")]
+
+
+def _without_wrappers(text: str) -> str:
+    """Return LLVM code without the functions that Python or C would call."""
+    lines, skips = [], False
+    for line in text.split("\n"):
+        skips |= bool(re.match(r'define .*@"?(?:_ZN7cpython|cfunc\.)', line))
+        if not skips:
+            lines.append(line)
+        skips &= line != "}"
+    return "\n".join(lines)
+
+
+def entry(name: str, chosen: tuple[str, ...], leaves: list[Operand], parameters: list[str]) -> str:
+    """Return the LLVM code of a function that calls numba's with the folded arguments.
+
+    Raises
+    ------
+    ValueError
+        Where they are not what numba's function takes.
+    """
+    # where the result and the exception go precede the arguments
+    if [leaf.kind for leaf in leaves] != parameters[2:]:
+        raise ValueError(f"numba passes the arguments of {name} in another way than this module assumes")
+    given = ", ".join(f"i64 %{argument}" for argument in chosen)
+    passed = ", ".join(leaf.text for leaf in leaves)
+    return f"""
+declare i32 @{name}_compiled({", ".join(parameters)})
+define i32 @{name}({given}) {{
+  %result = alloca i64, align 8
+  %exception = alloca ptr, align 8
+  store ptr null, ptr %exception
+  store i64 0, ptr @heap_end
+  %status = call i32 @{name}_compiled(ptr %result, ptr %exception, {passed})
+  ret i32 %status
+}}
+"""
+
+
+def build(folder: Path) -> None:
+    """Write ``flight.wasm`` and ``flight.json`` into a folder."""
+    experiment = compose_experiment([*COMMAND]).experiment
+    mission, config = experiment.mission, compose_experiment([*COMMAND]).config
+    controller = source.load(config["controller"], mission)
+    starts = evaluation_scenarios(experiment)
+    world, cases = pack_world(mission), cases_of(mission, starts)
+    law, numbers = law_of(controller, mission), controller.numbers
+    parts, flights, _ = flights_of(world, law, numbers, cases)
+    log = empty_log(mission.num_controls, mission.num_attitude_steps, world.num_points, len(law.axes))
+    tracks = np.zeros((NUM_STARTS, mission.num_controls + 1, NUM_TRACKED), np.float32)
+    results = Results(np.zeros((NUM_STARTS, NUM_OUTCOMES)), log, tracks=tracks)
+    state, work = make_state(world, parts[-1], LANES), make_workspace(world, LANES)
+
+    memory = Memory()
+    _, values, rules = (part for part in (None, flights.values[0, 0], flights.rules[0]))
+    to_fly = (*parts, flights, state, work, results, 0, 0)
+    fly_names = ("optics", "guard", "clusters", "pushes", "errors", "flights", "state", "work", "results", "", "")
+    to_infer = (values, rules, law.layout, 0, work.scratch)
+    infer_names = ("values", "rules", "layout", "", "scratch")
+
+    binding.initialize_all_targets()
+    binding.initialize_all_asmprinters()
+    target = binding.Target.from_triple("wasm64-unknown-unknown").create_target_machine(
+        cpu="generic", features=FEATURES, opt=3, reloc="static"
+    )
+    modules, entries = [], []
+    for name, function, arguments, names, chosen in (
+        ("fly", fly_many, to_fly, fly_names, ("first", "last", "logged", "tracked")),
+        ("infer", infer, to_infer, infer_names, ("system",)),
+    ):
+        kinds = tuple(map(numba.typeof, arguments))
+        text, parameters = code_of(function, kinds, f"{name}_compiled", target)
+        modules.append(binding.parse_assembly(text))
+        free = iter(chosen)
+        leaves = []
+        for value, kind, argument in zip(arguments, kinds, names, strict=True):
+            given = f"%{next(free)}" if not argument else value
+            leaves.extend(operands(memory, given, kind, argument))
+        entries.append(entry(name, chosen, leaves, parameters))
+    memory.add("free_motion", free_motion(mission.orbit.mean_motion_rad_s))
+    blocks = "".join(f"\\{byte:02X}" for byte in memory.content)
+    shim = f"""
+target datalayout = "{target.target_data}"
+target triple = "{target.triple}"
+@content = internal global [{len(memory.content)} x i8] c"{blocks}", align 64
+@zeros = internal global [{memory.num_zeros} x i8] zeroinitializer, align 64
+define ptr @content_address() {{ ret ptr @content }}
+define ptr @zeros_address() {{ ret ptr @zeros }}
+{RUNTIME}{"".join(entries)}"""
+    whole = binding.parse_assembly(shim)
+    for module in modules:
+        whole.link_in(module)
+    exported = ("fly", "infer", "content_address", "zeros_address")
+    for function in whole.functions:
+        if not function.is_declaration and function.name not in exported:
+            function.linkage = binding.Linkage.internal
+    whole.verify()
+    options = binding.create_pipeline_tuning_options(speed_level=3)
+    options.loop_vectorization = options.slp_vectorization = options.loop_unrolling = True
+    binding.create_pass_builder(target, options).getModulePassManager().run(
+        whole, binding.create_pass_builder(target, options)
+    )
+    folder.mkdir(parents=True, exist_ok=True)
+    _link(target.emit_object(whole), exported, folder / "flight.wasm")
+    content = tables(memory, mission, world.num_points, work.scratch.dtype)
+    (folder / "flight.json").write_text(json.dumps(content, separators=(",", ":")), encoding="utf-8")
+
+
+def _link(code: bytes, exported: tuple[str, ...], output: Path) -> None:
+    """Link an object file, and let it run in 32-bit memory: numba's offsets are those of 64 bits."""
+    linker = next((path for name in ("wasm-ld", "wasm-ld-19") if (path := shutil.which(name))), None)
+    lowering = shutil.which("wasm-opt")
+    if linker is None or lowering is None:
+        sys.exit("wasm-ld and wasm-opt are needed: apt install lld-19, npm install binaryen, and set PATH")
+    with tempfile.TemporaryDirectory() as scratch:
+        unlinked, wide = Path(scratch, "flight.o"), Path(scratch, "flight.wasm")
+        unlinked.write_bytes(code)
+        words = ["-mwasm64", "--no-entry", *(f"--export={name}" for name in exported), "--export-memory"]
+        words += ["--allow-undefined", "--stack-first", "-z", "stack-size=1048576", "--gc-sections", "--strip-all"]
+        subprocess.run([linker, *words, unlinked, "-o", wide], check=True)  # noqa: S603
+        enabled = ("memory64", "simd", "bulk-memory", "sign-ext", "nontrapping-float-to-int", "mutable-globals")
+        words = [*(f"--enable-{name}" for name in enabled), "--memory64-lowering", "-O3", "--strip-producers"]
+        subprocess.run([lowering, *words, wide, "-o", output], check=True)  # noqa: S603
+
+
+def free_motion(mean_motion: float) -> Any:
+    """Return what leads from a state to positions of free motion over one orbit, (NUM_COASTED, 3, 6)."""
+    times = np.linspace(0.0, 2.0 * np.pi / mean_motion, NUM_COASTED)
+    return np.array([np.asarray(state_transition(mean_motion, time_s))[:3] for time_s in times])
+
+
+def tables(memory: Memory, mission: Any, num_points: int, scratch: Any) -> dict[str, Any]:
+    """Return what a page needs besides the module: the controller in words, and where arrays lie."""
+    controller = load(FILE)
+    return {
+        "controller": controller.name,
+        "purpose": controller.purpose,
+        "systems": [_system(system) for system in controller.systems],
+        "attributes": dict(controller.attributes),
+        "num_points": num_points,
+        "num_starts": NUM_STARTS,
+        "num_controls": mission.num_controls,
+        "control_period_s": mission.control_period_s,
+        "radius_m": mission.chief.inspection_radius_m,
+        "min_distance_m": mission.deputy.min_distance_m,
+        "max_distance_m": mission.deputy.max_distance_m,
+        "arrays": {name: memory.arrays[name] for name in SHARED},
+        "scratch": {name: scratch.fields[name][1] for name in ("inputs", "output")},
+    }
+
+
+def _system(system: FuzzySystem) -> dict[str, Any]:
+    rules = conjunctions(system)
+    if rules is None:
+        raise ValueError(f"rules of {system.name} are no plain conjunctions, which the page cannot change")
+    (output,) = system.outputs
+    return {
+        "name": system.name,
+        "inputs": [_variable(variable) for variable in system.inputs],
+        "output": _variable(output) | {"default": output.default or 0.0},
+        "rules": [
+            {"if": [int(term) for term in row], "then": int(term)} for row, term in zip(*rules, strict=True)
+        ],
+        "sentences": [sentence(rule).rpartition(" then ")[0] for rule in system.rules],
+    }
+
+
+def _variable(variable: Variable) -> dict[str, Any]:
+    terms = []
+    for term in variable.terms:
+        if not isinstance(term.membership, Triangular):
+            raise ValueError(f"term {term.name} of {variable.name} is no triangle, which the page cannot change")
+        shape = term.membership
+        terms.append({"name": term.name, "left": shape.left, "peak": shape.peak, "right": shape.right})
+    described = {"name": variable.name, "unit": variable.unit, "description": variable.description}
+    return described | {
+        "range": [variable.minimum, variable.maximum],
+        "points": variable.num_points,
+        "terms": terms,
+    }
+
+
+if __name__ == "__main__":
+    build(FOLDER)

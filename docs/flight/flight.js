@@ -1,0 +1,124 @@
+// The compiled flight: its memory as arrays, by the names that the product gives them.
+
+const PIECE = 8, HEADER = 4; // of fis_tools/engines/packing.py
+const LAYOUT = ["inputs", "terms0", "terms1", "terms2", "points0", "points1", "points2", "values0", "values1", "values2",
+  "outputTerms", "outputPoints", "outputValues", "pieces", "ranks", "rules"];
+
+/** Start the module; `table` is flight.json. */
+export async function openFlights(bytes, table) {
+  const { instance } = await WebAssembly.instantiate(bytes, { env: { sin: Math.sin, cos: Math.cos } });
+  const code = instance.exports;
+  const address = { content: Number(code.content_address()), zeros: Number(code.zeros_address()) };
+  const view = (name, Kind = Float64Array, offset = 0) => {
+    const { block, offset: start, bytes: size } = table.arrays[name];
+    return new Kind(code.memory.buffer, address[block] + start + offset, (size - offset) / Kind.BYTES_PER_ELEMENT | 0);
+  };
+  const log = name => view(`results.log.${name}`), marks = name => view(`results.log.${name}`, Uint8Array);
+  const room = name => view("work.scratch", Float64Array, table.scratch[name]);
+  const rows = view("flights.law.layout", BigInt64Array);
+  const layouts = table.systems.map((_, index) =>
+    Object.fromEntries(LAYOUT.map((name, column) => [name, Number(rows[index * LAYOUT.length + column])])));
+  const values = view("flights.values"), rules = view("flights.rules", BigInt64Array);
+  const check = status => { if (status) throw new Error(`the compiled flight stopped with status ${status}`); };
+  return {
+    table, layouts, values, rules, view,
+    starts: view("flights.cases"), outcomes: view("results.outcomes"), tracks: view("results.tracks", Float32Array),
+    points: view("flights.world.points"), freeMotion: view("free_motion"),
+    log: {
+      position: log("position_m"), velocity: log("velocity_m_s"), force: log("force_hill_n"), sun: log("sun_angle_rad"),
+      inputs: log("fis_input"), spent: log("delta_v_m_s"), foreseen: log("foreseen"),
+      isInspected: marks("is_inspected"), isDecided: marks("is_decided"),
+    },
+    /** Fly flights first to last - 1; one alone may be logged, and all be tracked. */
+    fly(first, last, { isLogged = false, isTracked = false } = {}) {
+      const samples = isLogged ? table.num_controls + 1 : 0, tracked = isTracked ? table.num_starts : 0;
+      check(code.fly(BigInt(first), BigInt(last), BigInt(samples), BigInt(tracked)));
+    },
+    /** Return the output of a system for its inputs, by the tables as they stand. */
+    infer(system, inputs) {
+      const lanes = room("inputs");
+      inputs.forEach((value, index) => { lanes[2 * index] = lanes[2 * index + 1] = value; });
+      check(code.infer(BigInt(system)));
+      return room("output")[0];
+    },
+  };
+}
+
+const grid = ([low, high], count) =>
+  Array.from({ length: count }, (_, index) => index === count - 1 ? high : index * ((high - low) / (count - 1)) + low);
+
+export function membership({ left, peak, right }, x) {
+  if (x === peak) return 1;
+  if (left < x && x < peak) return (x - left) / (peak - left);
+  return peak < x && x < right ? (right - x) / (right - peak) : 0;
+}
+
+/** Write the tables of the systems, as fis_tools/engines/packing.py does. */
+export function pack(flights, systems) {
+  const { values, rules, layouts } = flights;
+  systems.forEach((system, index) => {
+    const layout = layouts[index];
+    system.inputs.forEach((input, column) => {
+      const start = layout[`values${column}`], count = layout[`points${column}`], [low, high] = input.range;
+      const step = (high - low) / (count - 1), terms = input.terms;
+      values.set([low, high, step, 1 / step], start);
+      grid(input.range, count).forEach((x, point) => terms.forEach((term, at) => {
+        values[start + HEADER + point * terms.length + at] = membership(term, x);
+      }));
+    });
+    const { terms, range, default: nothing } = system.output, [low, high] = range;
+    const count = layout.outputPoints, start = layout.outputValues, universe = grid(range, count);
+    const sampled = terms.map(term => universe.map(x => membership(term, x)));
+    sampled.forEach((row, term) => { rules[layout.rules + term] = BigInt(row.indexOf(Math.max(...row))); });
+    for (let piece = 0; piece * PIECE < count; piece++) {
+      const ends = sampled.map(row => {
+        const part = row.slice(piece * PIECE, (piece + 1) * PIECE);
+        return [Math.max(...part), Math.min(...part)];
+      });
+      ends.map((_, term) => term).sort((a, b) => ends[b][0] - ends[a][0] || a - b).forEach((term, rank) => {
+        rules[layout.ranks + piece * terms.length + rank] = BigInt(term);
+        values.set(ends[term], layout.pieces + (piece * terms.length + rank) * 2);
+      });
+    }
+    values.set([0.5 * (low + high), (high - low) / (count - 1), nothing], start);
+    sampled.forEach((row, term) => row.forEach((degree, point) => {
+      values[start + HEADER + term * count + point] = degree;
+      values[start + HEADER + terms.length * count + point * terms.length + term] = degree;
+    }));
+    packRules(flights, system, index);
+  });
+}
+
+/** Write the rules of a system that are in a set; the others then stay silent. */
+function packRules({ rules, layouts }, system, index, isIn = () => true) {
+  const layout = layouts[index], count = system.output.terms.length, start = layout.rules + count;
+  const used = system.rules.map((rule, at) => ({ ...rule, at })).filter(rule => isIn(rule.at));
+  for (let term = 0; term <= count; term++) rules[start + term] = BigInt(used.filter(rule => rule.then < term).length);
+  const firsts = system.inputs.map((_, column) =>
+    system.inputs.slice(0, column).reduce((sum, input) => sum + input.terms.length, 0));
+  used.sort((a, b) => a.then - b.then || a.at - b.at)
+    .flatMap(rule => rule.if.map((term, column) => firsts[column] + term))
+    .forEach((slot, at) => { rules[start + count + 1 + at] = BigInt(slot); });
+}
+
+/** Return what each rule adds to an output, in its unit: Shapley's shares among the rules that fire. */
+export function shares(flights, systems, index, inputs) {
+  const system = systems[index];
+  const clipped = system.inputs.map(({ range: [low, high] }, column) => Math.min(Math.max(inputs[column], low), high));
+  const firing = system.rules.flatMap((rule, at) =>
+    rule.if.every((term, column) => membership(system.inputs[column].terms[term], clipped[column]) > 0) ? [at] : []);
+  const outputs = Array.from({ length: 1 << firing.length }, (_, set) => {
+    packRules(flights, system, index, at => firing.includes(at) && set >> firing.indexOf(at) & 1);
+    return set ? flights.infer(index, clipped) : system.output.default;
+  });
+  packRules(flights, system, index);
+  const factorial = n => n < 2 ? 1 : n * factorial(n - 1), total = factorial(firing.length);
+  const size = set => set ? (set & 1) + size(set >> 1) : 0;
+  const result = system.rules.map(() => 0);
+  firing.forEach((at, bit) => outputs.forEach((output, set) => {
+    if (set >> bit & 1) return;
+    const weight = factorial(size(set)) * factorial(firing.length - size(set) - 1) / total;
+    result[at] += weight * (outputs[set | 1 << bit] - output);
+  }));
+  return result;
+}
