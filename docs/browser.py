@@ -41,6 +41,7 @@ from pipeline.flight.control.controller import law_of
 from pipeline.flight.fly.many import Results, fly_many
 from pipeline.flight.fly.population import flights_of
 from pipeline.flight.fly.workspace import make_state, make_workspace
+from pipeline.flight.state import arrays
 from pipeline.flight.state.arrays import NUM_OUTCOMES, NUM_TRACKED
 from pipeline.flight.state.log import empty_log
 from pipeline.flight.world.pack import pack_world
@@ -84,7 +85,7 @@ SHARED = (
             "fis_input",
             "is_decided",
             "delta_v_m_s",
-            "foreseen",
+            "num_candidates",
         )
     ),
     "free_motion",
@@ -248,10 +249,9 @@ define i32 @{name}({given}) {{
 
 def build(folder: Path) -> None:
     """Write ``flight.wasm`` and ``flight.json`` into a folder."""
-    experiment = compose_experiment([*COMMAND]).experiment
-    mission, config = experiment.mission, compose_experiment([*COMMAND]).config
-    controller = source.load(config["controller"], mission)
-    starts = evaluation_scenarios(experiment)
+    job = compose_experiment([*COMMAND])
+    mission, starts = job.experiment.mission, evaluation_scenarios(job.experiment)
+    controller = source.load(job.config["controller"], mission)
     world, cases = pack_world(mission), cases_of(mission, starts)
     law, numbers = law_of(controller, mission), controller.numbers
     parts, flights, _ = flights_of(world, law, numbers, cases)
@@ -261,7 +261,7 @@ def build(folder: Path) -> None:
     state, work = make_state(world, parts[-1], LANES), make_workspace(world, LANES)
 
     memory = Memory()
-    _, values, rules = (part for part in (None, flights.values[0, 0], flights.rules[0]))
+    values, rules = flights.values[0, 0], flights.rules[0]
     to_fly = (*parts, flights, state, work, results, 0, 0)
     fly_names = ("optics", "guard", "clusters", "pushes", "errors", "flights", "state", "work", "results", "", "")
     to_infer = (values, rules, law.layout, 0, work.scratch)
@@ -353,9 +353,20 @@ def tables(memory: Memory, mission: Any, num_points: int, scratch: Any) -> dict[
         "radius_m": mission.chief.inspection_radius_m,
         "min_distance_m": mission.deputy.min_distance_m,
         "max_distance_m": mission.deputy.max_distance_m,
+        "threshold_percent": mission.inspection_threshold_percent,
+        "outcomes": {"delta_v": arrays.DELTA_V, "inspected": arrays.INSPECTED, "outside": arrays.OUTSIDE},
+        "file": edited_file(),
         "arrays": {name: memory.arrays[name] for name in SHARED},
         "scratch": {name: scratch.fields[name][1] for name in ("inputs", "output")},
     }
+
+
+def edited_file() -> str:
+    """Return the controller's file as a page saves it after changes: under a name of its own, without its history."""
+    text = FILE.read_text(encoding="utf-8").partition("---\n")[2]
+    text = re.sub(r"^name: .*$", f"name: {CONTROLLER}_edited", text, flags=re.MULTILINE)
+    text = re.sub(r"^purpose: .*$", f'purpose: "{CONTROLLER} with rules edited on a page"', text, flags=re.MULTILINE)
+    return re.sub(r"^provenance:\n(?:  .*\n)+", "", text, flags=re.MULTILINE)
 
 
 def _system(system: FuzzySystem) -> dict[str, Any]:

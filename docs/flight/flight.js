@@ -26,7 +26,7 @@ export async function openFlights(bytes, table) {
     points: view("flights.world.points"), freeMotion: view("free_motion"),
     log: {
       position: log("position_m"), velocity: log("velocity_m_s"), force: log("force_hill_n"), sun: log("sun_angle_rad"),
-      inputs: log("fis_input"), spent: log("delta_v_m_s"), foreseen: log("foreseen"),
+      inputs: log("fis_input"), spent: log("delta_v_m_s"), numCandidates: view("results.log.num_candidates", BigInt64Array),
       isInspected: marks("is_inspected"), isDecided: marks("is_decided"),
     },
     /** Fly flights first to last - 1; one alone may be logged, and all be tracked. */

@@ -1,0 +1,334 @@
+// A flight in three dimensions on a canvas: the path about the chief, its points, the Sun, and each push with its reason.
+
+const TURN = 2 * Math.PI, AXES = [["down", "up"], ["back", "ahead"], ["south", "north"]];
+const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+const norm = a => Math.sqrt(dot(a, a));
+const scaled = (a, s) => a.map(x => x * s);
+const plus = (a, b) => a.map((x, i) => x + b[i]);
+const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+const unit = a => scaled(a, 1 / (norm(a) || 1));
+const COLOURS = ["ink", "muted", "grid", "paper", "seen", "lit", "dark", "push", "body", "shade"];
+const SPEED = 18; // samples a second
+
+/**
+ * Show a flight in an element that holds a canvas, `.play`, `.time`, `.count` and `.why`.
+ *
+ * `flight` has numSamples, periodS, radius, limits, points and, of a sample k, position, velocity, force, sun (a
+ * direction), isSeen(k, point), spent, coast(k) (positions of free motion), and reasons(k) (lists of {text, detail}).
+ * `touch(kind, direction)`, where given, hears of a start or a Sun that is dragged.
+ */
+export class FlightView {
+  constructor(element, flight, { touch = null, onTime = () => {} } = {}) {
+    this.part = name => element.querySelector(`.${name}`);
+    this.canvas = element.querySelector("canvas");
+    this.pen = this.canvas.getContext("2d");
+    this.flight = flight;
+    this.touch = touch;
+    this.onTime = onTime;
+    this.sample = 0;
+    this.angles = { yaw: -0.42, pitch: 0.3 };
+    this.zoom = 1;
+    this.others = [];
+    this.said = "";
+    this.part("time").max = flight.numSamples - 1;
+    this.listen();
+    this.readColours();
+  }
+
+  // --- time ---
+
+  show(sample) {
+    this.sample = Math.max(0, Math.min(this.flight.numSamples - 1, sample));
+    this.draw();
+  }
+
+  play() {
+    if (this.sample >= this.flight.numSamples - 1) this.sample = 0;
+    const first = this.sample, began = performance.now();
+    this.isPlaying = true;
+    this.part("play").textContent = "Pause";
+    const tick = now => {
+      if (!this.isPlaying) return;
+      this.show(first + Math.floor((now - began) / 1000 * SPEED));
+      if (this.sample >= this.flight.numSamples - 1) this.pause();
+      else requestAnimationFrame(tick);
+    };
+    requestAnimationFrame(tick);
+  }
+
+  pause() {
+    this.isPlaying = false;
+    this.part("play").textContent = "Play";
+    this.onTime(this.sample);
+  }
+
+  // --- input ---
+
+  listen() {
+    const { canvas } = this;
+    this.part("play").addEventListener("click", () => (this.isPlaying ? this.pause() : this.play()));
+    this.part("time").addEventListener("input", event => {
+      this.isPlaying = false;
+      this.part("play").textContent = "Play";
+      this.show(+event.target.value);
+      this.onTime(this.sample);
+    });
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { this.readColours(); this.draw(); });
+    new ResizeObserver(() => this.draw()).observe(canvas);
+    let held = null;
+    const where = event => { const box = canvas.getBoundingClientRect(); return [event.clientX - box.left, event.clientY - box.top]; };
+    const isNear = (a, b, reach) => b && Math.hypot(a[0] - b[0], a[1] - b[1]) < reach;
+    canvas.addEventListener("pointerdown", event => {
+      const at = where(event), reach = event.pointerType === "touch" ? 30 : 18;
+      held = { at, kind: "view" };
+      if (this.touch && isNear(at, this.startAt, reach)) held.kind = "start";
+      else if (this.touch && isNear(at, this.sunAt, reach)) held.kind = "sun";
+      canvas.setPointerCapture(event.pointerId);
+      if (held.kind !== "view") event.preventDefault();
+    });
+    canvas.addEventListener("pointermove", event => {
+      const at = where(event);
+      if (!held) {
+        const isHandle = this.touch && (isNear(at, this.startAt, 18) || isNear(at, this.sunAt, 18));
+        canvas.style.cursor = isHandle ? "pointer" : "grab";
+        return;
+      }
+      if (held.kind === "view") {
+        this.angles.yaw -= (at[0] - held.at[0]) * 0.008;
+        this.angles.pitch = Math.max(-1.5, Math.min(1.5, this.angles.pitch + (at[1] - held.at[1]) * 0.008));
+        held.at = at;
+        this.draw();
+      } else {
+        this.isPlaying = false;
+        this.part("play").textContent = "Play";
+        this.touch(held.kind, [at[0] - this.middle[0], this.middle[1] - at[1]].map(x => x / this.scale), this.basis);
+      }
+    });
+    for (const end of ["pointerup", "pointercancel"]) canvas.addEventListener(end, () => { held = null; });
+    canvas.addEventListener("wheel", event => {
+      if (!event.ctrlKey) return;
+      event.preventDefault();
+      this.zoomBy(Math.exp(-event.deltaY / 500));
+    }, { passive: false });
+    canvas.addEventListener("keydown", event => {
+      const turn = { ArrowLeft: ["yaw", 0.09], ArrowRight: ["yaw", -0.09], ArrowUp: ["pitch", 0.09], ArrowDown: ["pitch", -0.09] }[event.key];
+      if (turn) this.angles[turn[0]] += turn[1];
+      else if (event.key === "+" || event.key === "-") this.zoomBy(event.key === "+" ? 1.1 : 1 / 1.1);
+      else if (event.key === " ") this.isPlaying ? this.pause() : this.play();
+      else return;
+      event.preventDefault();
+      this.draw();
+    });
+  }
+
+  zoomBy(factor) {
+    this.zoom = Math.max(0.4, Math.min(5, this.zoom * factor));
+    this.draw();
+  }
+
+  // --- the picture ---
+
+  readColours() {
+    const style = getComputedStyle(this.canvas);
+    this.colour = Object.fromEntries(COLOURS.map(name => [name, style.getPropertyValue(`--${name}`).trim()]));
+  }
+
+  draw() {
+    if (this.isQueued) return;
+    this.isQueued = true;
+    requestAnimationFrame(() => { this.isQueued = false; this.paint(); });
+  }
+
+  /** Look from an angle about Hill's axes: to the eye, to the right and up on the picture, with radial up upwards. */
+  look() {
+    const { yaw, pitch } = this.angles;
+    const eye = [Math.sin(pitch), Math.cos(pitch) * Math.sin(yaw), Math.cos(pitch) * Math.cos(yaw)];
+    const right = unit(cross([1, 0, 0], eye));
+    return { eye, right, up: cross(eye, right) };
+  }
+
+  on(point) {
+    const depth = dot(point, this.basis.eye), nearer = 700 / (700 - depth);
+    return [this.middle[0] + this.scale * nearer * dot(point, this.basis.right),
+      this.middle[1] - this.scale * nearer * dot(point, this.basis.up), depth];
+  }
+
+  line(points, colour, width, dash = []) {
+    const { pen } = this;
+    pen.beginPath();
+    points.forEach((point, index) => { const [x, y] = this.on(point); index ? pen.lineTo(x, y) : pen.moveTo(x, y); });
+    pen.strokeStyle = colour; pen.lineWidth = width; pen.lineJoin = "round";
+    pen.setLineDash(dash); pen.stroke(); pen.setLineDash([]);
+  }
+
+  ring(centre, radius, colour, dash = []) {
+    const { pen } = this;
+    pen.beginPath(); pen.arc(centre[0], centre[1], radius, 0, TURN);
+    pen.strokeStyle = colour; pen.lineWidth = 1; pen.setLineDash(dash); pen.stroke(); pen.setLineDash([]);
+  }
+
+  arrow([x, y], [a, b], colour, width, word = "") {
+    const { pen } = this, angle = Math.atan2(b - y, a - x);
+    pen.strokeStyle = pen.fillStyle = colour; pen.lineWidth = width; pen.lineCap = "round";
+    pen.beginPath(); pen.moveTo(x, y); pen.lineTo(a, b); pen.stroke();
+    pen.beginPath(); pen.moveTo(a + 8 * Math.cos(angle), b + 8 * Math.sin(angle));
+    for (const side of [2.5, -2.5]) pen.lineTo(a + 7 * Math.cos(angle + side), b + 7 * Math.sin(angle + side));
+    pen.fill();
+    if (word) this.word(word, a, b - 10, colour, "600 ");
+  }
+
+  word(text, x, y, colour, weight = "") {
+    const { pen } = this;
+    pen.font = `${weight}13px system-ui, sans-serif`;
+    const isRight = x > this.size[0] - pen.measureText(text).width - 14;
+    pen.textAlign = isRight ? "right" : "left";
+    pen.lineWidth = 4; pen.lineJoin = "round"; pen.strokeStyle = this.colour.paper;
+    pen.strokeText(text, x + (isRight ? -10 : 10), y); pen.fillStyle = colour; pen.fillText(text, x + (isRight ? -10 : 10), y);
+  }
+
+  paint() {
+    const { canvas, pen, flight, colour } = this, ratio = devicePixelRatio || 1;
+    const width = canvas.clientWidth, height = canvas.clientHeight;
+    if (!width) return;
+    if (canvas.width !== Math.round(width * ratio) || canvas.height !== Math.round(height * ratio)) {
+      canvas.width = Math.round(width * ratio); canvas.height = Math.round(height * ratio);
+    }
+    pen.setTransform(ratio, 0, 0, ratio, 0, 0);
+    pen.clearRect(0, 0, width, height);
+    this.size = [width, height];
+    this.basis = this.look();
+    const isNarrow = width < 560;
+    // the close-up of the chief takes a corner
+    this.middle = isNarrow ? [width / 2, height * 0.36] : [width * 0.4, height * 0.5];
+    this.scale = this.zoom * Math.min(isNarrow ? width : width * 0.8, height * (isNarrow ? 0.72 : 1)) / (2.2 * this.reach());
+    const k = this.sample, sun = flight.sun(k);
+    pen.globalAlpha = 0.16;
+    for (const { path, isOutside } of this.others) this.line(path, isOutside ? colour.push : colour.ink, 1);
+    pen.globalAlpha = 1;
+    const centre = this.on([0, 0, 0]);
+    flight.limits.forEach(limit => this.ring(centre, this.scale * limit, colour.muted, [2, 4]));
+    const path = Array.from({ length: flight.numSamples }, (_, sample) => flight.position(sample));
+    this.line(path, colour.grid, 2);
+    const coast = flight.coast(k);
+    if (coast) this.line(coast, colour.muted, 1.5, [5, 5]);
+    this.half(path, k, true);
+    this.sphere(centre, this.scale * flight.radius, sun, this.basis, k);
+    this.half(path, k, false);
+    const sunEnd = this.on(scaled(sun, flight.radius + 34));
+    this.arrow(this.on(scaled(sun, flight.radius + 4)), sunEnd, colour.lit, 3, "Sun");
+    this.sunAt = sunEnd;
+    this.startAt = this.on(path[0]);
+    pen.beginPath(); pen.arc(this.startAt[0], this.startAt[1], 7, 0, TURN); pen.strokeStyle = colour.ink; pen.lineWidth = 2; pen.stroke();
+    this.word("start", this.startAt[0], this.startAt[1] + 4, colour.ink);
+    const here = path[k], force = flight.force(k), size = norm(force);
+    const at = this.on(here);
+    if (size > 0) {
+      force.forEach((part, axis) => {
+        if (!part) return;
+        const end = here.slice(); end[axis] += Math.sign(part) * (10 + 130 * Math.abs(part)) / this.zoom;
+        this.arrow(at, this.on(end), colour.push, 3.5, AXES[axis][+(part > 0)]);
+      });
+    }
+    pen.fillStyle = colour.ink; pen.beginPath(); pen.arc(at[0], at[1], 6, 0, TURN); pen.fill();
+    this.triad(isNarrow);
+    this.closeUp(k, sun, here, isNarrow);
+    this.say(k);
+  }
+
+  /** Return the distance that the picture must hold, m. */
+  reach() {
+    if (!this.farthest) {
+      const distances = Array.from({ length: this.flight.numSamples }, (_, k) => norm(this.flight.position(k)));
+      this.farthest = Math.min(260, Math.max(70, ...distances));
+    }
+    return this.farthest;
+  }
+
+  /** Draw what was flown behind the chief, or before it. */
+  half(path, last, isBehind) {
+    let run = [];
+    for (let index = 0; index <= last; index++) {
+      const isHere = dot(path[index], this.basis.eye) < 0;
+      if (isHere === isBehind) { run.push(path[index]); continue; }
+      if (run.length) this.line([...run, path[index]], this.colour.ink, 3);
+      run = [];
+    }
+    if (run.length > 1) this.line(run, this.colour.ink, 3);
+  }
+
+  /** Draw the chief: its lit half, and its points that face the eye. */
+  sphere(centre, radius, sun, { eye, right, up }, k) {
+    const { pen, flight, colour } = this;
+    const towards = [dot(sun, right), -dot(sun, up)], facing = dot(sun, eye);
+    const gradient = pen.createLinearGradient(centre[0] - towards[0] * radius, centre[1] - towards[1] * radius,
+      centre[0] + towards[0] * radius + 1e-6, centre[1] + towards[1] * radius);
+    const edge = 0.5 - 0.5 * Math.max(-0.9, Math.min(0.9, facing));
+    gradient.addColorStop(Math.max(0, edge - 0.08), colour.shade);
+    gradient.addColorStop(Math.min(1, edge + 0.08), colour.body);
+    pen.fillStyle = gradient; pen.beginPath(); pen.arc(centre[0], centre[1], radius, 0, TURN); pen.fill();
+    const share = radius / flight.radius;
+    flight.points.forEach((point, index) => {
+      const depth = dot(point, eye);
+      if (depth < 0.05 * flight.radius) return;
+      const x = centre[0] + share * dot(point, right), y = centre[1] - share * dot(point, up);
+      pen.beginPath(); pen.arc(x, y, Math.max(1.5, share * (0.35 + 0.35 * depth / flight.radius)), 0, TURN);
+      if (flight.isSeen(k, index)) { pen.fillStyle = colour.seen; pen.fill(); }
+      else if (isLit(point, sun)) { pen.strokeStyle = colour.lit; pen.lineWidth = Math.max(1.2, share * 0.2); pen.stroke(); }
+      else { pen.fillStyle = colour.dark; pen.fill(); }
+    });
+  }
+
+  /** Draw the chief as the deputy's camera has it before it, with up as it is in the scene. */
+  closeUp(k, sun, here, isNarrow) {
+    const { pen, colour } = this, [width, height] = this.size;
+    const radius = isNarrow ? Math.min(width * 0.27, height * 0.17) : Math.min(width * 0.145, height * 0.3);
+    const centre = isNarrow ? [width - radius - 16, height - radius - 30] : [width - radius - 22, height * 0.52];
+    const eye = unit(here), flat = cross([1, 0, 0], eye);
+    const right = norm(flat) > 1e-9 ? unit(flat) : [0, 0, 1];
+    this.sphere(centre, radius, sun, { eye, right, up: cross(eye, right) }, k);
+    this.ring(centre, radius + 7, colour.grid);
+    pen.font = "13px system-ui, sans-serif"; pen.textAlign = "center"; pen.fillStyle = colour.muted;
+    pen.fillText("seen from the deputy", Math.min(centre[0], width - 70), centre[1] + radius + 24);
+  }
+
+  /** Draw Hill's axes in a corner. */
+  triad(isNarrow) {
+    const [, height] = this.size, corner = [78, height - (isNarrow ? 62 : 66)], { pen, colour } = this;
+    [["up", [1, 0, 0]], ["ahead", [0, 1, 0]], ["north", [0, 0, 1]]].forEach(([word, axis]) => {
+      const x = dot(axis, this.basis.right), y = -dot(axis, this.basis.up), long = Math.hypot(x, y);
+      if (long < 0.15) return;
+      this.arrow(corner, [corner[0] + 30 * x, corner[1] + 30 * y], colour.muted, 1.3);
+      pen.font = "12px system-ui, sans-serif"; pen.textAlign = "center"; pen.fillStyle = colour.muted;
+      pen.fillText(word, corner[0] + (30 * long + 20) * x / long, corner[1] + (30 * long + 16) * y / long + 4);
+    });
+  }
+
+  /** Tell the time, what is inspected, and why the deputy does what it does. */
+  say(k) {
+    const { flight } = this, minutes = Math.floor(k * flight.periodS / 60);
+    const seen = flight.points.filter((_, index) => flight.isSeen(k, index)).length;
+    const total = `${seen} of ${flight.points.length} points`;
+    this.part("count").textContent = `${minutes} min · ${total} · ${flight.spent(k).toFixed(2)} m/s`;
+    this.part("time").value = k;
+    this.part("time").setAttribute("aria-valuetext", `${minutes} minutes, ${total} inspected`);
+    const reasons = flight.reasons(k), text = reasons.map(({ text: fact, detail }) => `${fact} ${detail}`).join("\n");
+    if (text === this.said) return;
+    this.said = text;
+    this.part("why").replaceChildren(...reasons.map(({ text: fact, detail }) => {
+      const row = document.createElement("p"), strong = document.createElement("b");
+      strong.textContent = fact;
+      row.append(strong, ` ${detail}`);
+      return row;
+    }));
+  }
+}
+
+/** Return whether a point of a sphere faces the Sun. */
+export function isLit(point, sun) {
+  return dot(point, sun) > 0;
+}
+
+/** Return the name of a push along an axis, such as "Push ahead, 28 mN." */
+export function pushText(axis, force) {
+  return `Push ${AXES[axis][+(force > 0)]}, ${(1000 * Math.abs(force)).toFixed(0)} mN.`;
+}
