@@ -21,20 +21,18 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
-# before numba is imported: code for any processor, not yet optimised for this one
-os.environ.update(NUMBA_OPT="0", NUMBA_CPU_NAME="generic", NUMBA_CPU_FEATURES="")
-
 import numba
 import numpy as np
 from llvmlite import binding
 from numba import types
 
+from docs.home import CONTROLLER, FILE, FOLDER, NUM_STARTS, experiment
+from fis_tools.analysis.arrays import FIRED
 from fis_tools.compiled import borrowed_code  # noqa: F401 - registers our vectors with numba
 from fis_tools.engines.kernel import infer
 from fis_tools.formats.serialize import load
 from fis_tools.model import FuzzySystem, Triangular, Variable, conjunctions
 from fis_tools.words.text import sentence
-from pipeline.command_line.config import compose_experiment
 from pipeline.controllers import source
 from pipeline.flight.cases.starts import cases_of
 from pipeline.flight.control.controller import law_of
@@ -48,18 +46,8 @@ from pipeline.flight.world.pack import pack_world
 from pipeline.physics.motion import state_transition
 from pipeline.scenarios import evaluation_scenarios
 
-PROJECT = Path(__file__).resolve().parents[1]
-FOLDER = PROJECT / "docs" / "flight"
-CONTROLLER = "champion_27"
-FILE = PROJECT / "conf" / "controller" / f"{CONTROLLER}.yaml"
-#: the first is the visitor's own; the others are flown anew whenever a rule is changed
-NUM_STARTS = 200
-COMMAND = (
-    "+experiment=evaluate",
-    f"controller={CONTROLLER}",
-    "sun=random",
-    f"monte_carlo.num_cases={NUM_STARTS}",
-)
+#: code for any processor, not yet optimised for this one; numba reads this when it is imported
+PORTABLE = {"NUMBA_OPT": "0", "NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""}
 #: flights side by side: WebAssembly's vectors hold two numbers
 LANES = 2
 #: samples of one orbit of free motion
@@ -204,7 +192,9 @@ def code_of(function: Any, kinds: tuple[Any, ...], name: str, target: Any) -> tu
     text = re.sub(r"^define (?:linkonce_odr |linkonce |weak |hidden )*", "define internal ", text, flags=re.M)
     text = re.sub(r"\b(?:linkonce|common|local_unnamed_addr) (?=.*global)", "", text)
     text = re.sub(r"(?<== )(?=(?:constant|global) )", "internal ", text)
-    text = text.replace(f"define internal i32 @{main}(", f"define i32 @{name}(").replace(f"@{main}(", f"@{name}(")
+    text = text.replace(f"define internal i32 @{main}(", f"define i32 @{name}(").replace(
+        f"@{main}(", f"@{name}("
+    )
     text = re.sub(r"^target datalayout.*$", f'target datalayout = "{target.target_data}"', text, flags=re.M)
     text = re.sub(r"^target triple.*$", f'target triple = "{target.triple}"', text, flags=re.M)
     return text, [parameter.split()[0] for parameter in parameters.split(", ")]
@@ -249,9 +239,9 @@ define i32 @{name}({given}) {{
 
 def build(folder: Path) -> None:
     """Write ``flight.wasm`` and ``flight.json`` into a folder."""
-    job = compose_experiment([*COMMAND])
-    mission, starts = job.experiment.mission, evaluation_scenarios(job.experiment)
-    controller = source.load(job.config["controller"], mission)
+    flown = experiment()
+    mission, starts = flown.mission, evaluation_scenarios(flown)
+    controller = source.named(CONTROLLER, mission)
     world, cases = pack_world(mission), cases_of(mission, starts)
     law, numbers = law_of(controller, mission), controller.numbers
     parts, flights, _ = flights_of(world, law, numbers, cases)
@@ -263,7 +253,19 @@ def build(folder: Path) -> None:
     memory = Memory()
     values, rules = flights.values[0, 0], flights.rules[0]
     to_fly = (*parts, flights, state, work, results, 0, 0)
-    fly_names = ("optics", "guard", "clusters", "pushes", "errors", "flights", "state", "work", "results", "", "")
+    fly_names = (
+        "optics",
+        "guard",
+        "clusters",
+        "pushes",
+        "errors",
+        "flights",
+        "state",
+        "work",
+        "results",
+        "",
+        "",
+    )
     to_infer = (values, rules, law.layout, 0, work.scratch)
     infer_names = ("values", "rules", "layout", "", "scratch")
 
@@ -325,9 +327,23 @@ def _link(code: bytes, exported: tuple[str, ...], output: Path) -> None:
         unlinked, wide = Path(scratch, "flight.o"), Path(scratch, "flight.wasm")
         unlinked.write_bytes(code)
         words = ["-mwasm64", "--no-entry", *(f"--export={name}" for name in exported), "--export-memory"]
-        words += ["--allow-undefined", "--stack-first", "-z", "stack-size=1048576", "--gc-sections", "--strip-all"]
+        words += [
+            "--allow-undefined",
+            "--stack-first",
+            "-z",
+            "stack-size=1048576",
+            "--gc-sections",
+            "--strip-all",
+        ]
         subprocess.run([linker, *words, unlinked, "-o", wide], check=True)  # noqa: S603
-        enabled = ("memory64", "simd", "bulk-memory", "sign-ext", "nontrapping-float-to-int", "mutable-globals")
+        enabled = (
+            "memory64",
+            "simd",
+            "bulk-memory",
+            "sign-ext",
+            "nontrapping-float-to-int",
+            "mutable-globals",
+        )
         words = [*(f"--enable-{name}" for name in enabled), "--memory64-lowering", "-O3", "--strip-producers"]
         subprocess.run([lowering, *words, wide, "-o", output], check=True)  # noqa: S603
 
@@ -354,6 +370,7 @@ def tables(memory: Memory, mission: Any, num_points: int, scratch: Any) -> dict[
         "min_distance_m": mission.deputy.min_distance_m,
         "max_distance_m": mission.deputy.max_distance_m,
         "threshold_percent": mission.inspection_threshold_percent,
+        "fired": FIRED,
         "outcomes": {"delta_v": arrays.DELTA_V, "inspected": arrays.INSPECTED, "outside": arrays.OUTSIDE},
         "file": edited_file(),
         "arrays": {name: memory.arrays[name] for name in SHARED},
@@ -362,10 +379,12 @@ def tables(memory: Memory, mission: Any, num_points: int, scratch: Any) -> dict[
 
 
 def edited_file() -> str:
-    """Return the controller's file as a page saves it after changes: under a name of its own, without its history."""
+    """Return the file that a page saves: the controller's under a name of its own, without its history."""
     text = FILE.read_text(encoding="utf-8").partition("---\n")[2]
     text = re.sub(r"^name: .*$", f"name: {CONTROLLER}_edited", text, flags=re.MULTILINE)
-    text = re.sub(r"^purpose: .*$", f'purpose: "{CONTROLLER} with rules edited on a page"', text, flags=re.MULTILINE)
+    text = re.sub(
+        r"^purpose: .*$", f'purpose: "{CONTROLLER} with rules edited on a page"', text, flags=re.MULTILINE
+    )
     return re.sub(r"^provenance:\n(?:  .*\n)+", "", text, flags=re.MULTILINE)
 
 
@@ -389,7 +408,9 @@ def _variable(variable: Variable) -> dict[str, Any]:
     terms = []
     for term in variable.terms:
         if not isinstance(term.membership, Triangular):
-            raise ValueError(f"term {term.name} of {variable.name} is no triangle, which the page cannot change")
+            raise ValueError(
+                f"term {term.name} of {variable.name} is no triangle, which the page cannot change"
+            )
         shape = term.membership
         terms.append({"name": term.name, "left": shape.left, "peak": shape.peak, "right": shape.right})
     described = {"name": variable.name, "unit": variable.unit, "description": variable.description}
@@ -400,5 +421,14 @@ def _variable(variable: Variable) -> dict[str, Any]:
     }
 
 
+def main() -> None:
+    """Write the module and its table into `FOLDER`, in a process of its own."""
+    if PORTABLE.items() <= os.environ.items():
+        build(FOLDER)
+        return
+    command = [sys.executable, "-m", "docs.browser"]
+    sys.exit(subprocess.run(command, env=os.environ | PORTABLE, check=False).returncode)  # noqa: S603
+
+
 if __name__ == "__main__":
-    build(FOLDER)
+    main()

@@ -101,14 +101,16 @@ function packRules({ rules, layouts }, system, index, isIn = () => true) {
     .forEach((slot, at) => { rules[start + count + 1 + at] = BigInt(slot); });
 }
 
-/** Return what each rule adds to an output, in its unit: Shapley's shares among the rules that fire. */
+/** Return what each rule adds to an output, in its unit: shares as in fis_tools/analysis/shapley.py. */
 export function shares(flights, systems, index, inputs) {
   const system = systems[index];
   const clipped = system.inputs.map(({ range: [low, high] }, column) => Math.min(Math.max(inputs[column], low), high));
-  const firing = system.rules.flatMap((rule, at) =>
-    rule.if.every((term, column) => membership(system.inputs[column].terms[term], clipped[column]) > 0) ? [at] : []);
+  const strengths = system.rules.map(rule =>
+    Math.min(...rule.if.map((term, column) => membership(system.inputs[column].terms[term], clipped[column]))));
+  const least = Math.min(flights.table.fired, Math.max(...strengths)); // fainter rules fire along, and have no share
+  const firing = strengths.flatMap((strength, at) => strength > 0 && strength >= least ? [at] : []);
   const outputs = Array.from({ length: 1 << firing.length }, (_, set) => {
-    packRules(flights, system, index, at => firing.includes(at) && set >> firing.indexOf(at) & 1);
+    packRules(flights, system, index, at => !firing.includes(at) || set >> firing.indexOf(at) & 1);
     return set ? flights.infer(index, clipped) : system.output.default;
   });
   packRules(flights, system, index);

@@ -189,7 +189,7 @@ const termText = (term, variable) => `${words(term.name)}, ${number(term.peak)} 
 function cell(system, index, i, j) {
   const at = system.rules.findIndex(rule => rule.if[0] === i && rule.if[1] === j), rule = system.rules[at];
   const term = system.output.terms[rule.then], isChanged = rule.then !== TABLE.systems[index].rules[at].then;
-  const button = element("button", { type: "button", "aria-label": `${system.sentences[at]} then ${system.output.name} is ${words(term.name)}. Change.` },
+  const button = element("button", { type: "button", title: `${system.sentences[at]} then ${system.output.name} is ${words(term.name)}; click for the next term, with Shift for the one before` },
     `${words(term.name)} ${number(term.peak)}`);
   button.addEventListener("click", event => {
     rule.then = (rule.then + (event.shiftKey ? system.output.terms.length - 1 : 1)) % system.output.terms.length;
@@ -317,7 +317,11 @@ function asYaml() {
 
 // --- begin ---
 
+// for whoever looks from the console, and the tests
+globalThis.flightPage = { flights, systems, flown, flyAll, asYaml, shares, mostMoving, isLit };
+
 const view = new FlightView($("flight"), flown, { touch: startFrom, onTime: writeAddress });
+globalThis.flightPage.view = view;
 for (const name of Object.keys(SLIDERS)) {
   $(name).addEventListener("input", event => { chosen[name] = +event.target.value; showSliders(); flyOwn(); });
 }

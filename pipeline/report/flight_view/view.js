@@ -225,7 +225,7 @@ export class FlightView {
     if (size > 0) {
       force.forEach((part, axis) => {
         if (!part) return;
-        const end = here.slice(); end[axis] += Math.sign(part) * (10 + 130 * Math.abs(part)) / this.zoom;
+        const end = here.slice(); end[axis] += Math.sign(part) * (26 + 450 * Math.abs(part)) / this.scale;
         this.arrow(at, this.on(end), colour.push, 3.5, AXES[axis][+(part > 0)]);
       });
     }

@@ -1,0 +1,203 @@
+"""The first page: what it flies is what the product flies, bit for bit, and people can use it."""
+
+import base64
+import gzip
+import re
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from docs import home
+from docs.home import CONTROLLER, FILE, NUM_STARTS, experiment
+from fis_tools.analysis import shapley
+from fis_tools.engines.compiler import compile
+from fis_tools.formats.serialize import load
+from pipeline.controllers import source
+from pipeline.flight.fly.simulation import fly_all, fly_logged
+from pipeline.scenarios import evaluation_scenarios
+from tests.browser import serious_violations
+
+pytestmark = pytest.mark.slow
+
+#: read from the page's memory as base64, since a list of so many numbers takes long
+READ = """([name, first, count]) => {
+    const array = flightPage.flights.log[name].subarray(first, first + count);
+    const bytes = new Uint8Array(array.buffer, array.byteOffset, array.byteLength);
+    let text = ""; bytes.forEach(byte => { text += String.fromCharCode(byte); });
+    return btoa(text);
+}"""
+
+
+@cache
+def flights():
+    """Return the mission, the controller and the starts of the page."""
+    flown = experiment()
+    return flown.mission, source.named(CONTROLLER, flown.mission), evaluation_scenarios(flown)
+
+
+@pytest.fixture(scope="module")
+def page_text():
+    return home.page()
+
+
+@pytest.fixture
+def shown(opened, page_text):
+    """The page once all flights are flown."""
+    page = opened(page_text, reduced_motion="reduce")
+    page.wait_for_function("() => document.getElementById('many').textContent.includes('succeed')")
+    return page
+
+
+def logged(page, name, count, kind):
+    return np.frombuffer(base64.b64decode(page.evaluate(READ, [name, 0, count])), dtype=kind)
+
+
+def test_the_browser_flies_every_start_to_the_products_bits(shown):
+    mission, controller, starts = flights()
+    rows = mission.num_controls + 1
+    assert len(starts) == NUM_STARTS
+    for index, start in list(enumerate(starts))[1:]:
+        shown.evaluate(f"() => flightPage.flights.fly({index}, {index + 1}, {{ isLogged: true }})")
+        log = fly_logged(mission, controller, start)
+        position = logged(shown, "position", 3 * rows, np.float64).reshape(rows, 3)
+        assert position.tobytes() == log.position_m.tobytes(), index
+        inspected = logged(shown, "isInspected", log.is_inspected.size, np.uint8)
+        assert np.array_equal(inspected.reshape(log.is_inspected.shape), log.is_inspected), index
+        assert np.array_equal(logged(shown, "spent", rows, np.float64), log.delta_v_m_s), index
+
+
+def test_edited_rules_fly_to_the_products_bits_as_saved(shown, tmp_path):
+    mission, _, starts = flights()
+    rng = np.random.default_rng(7)
+    systems = load(FILE).systems
+    for case in range(30):
+        rules, peaks = [], []
+        for index, system in enumerate(systems):
+            (output,) = system.outputs
+            rule, term = rng.integers(len(system.rules)), rng.integers(len(output.terms))
+            rules.append(f"{index}-{rule}-{term}")
+            at = int(rng.integers(len(system.inputs) + 1))
+            variable = (*system.inputs, output)[at]
+            peaks.append(f"{index}_{at}_1_{rng.uniform(variable.minimum, variable.maximum)}")
+        shown.evaluate(
+            "address => { location.hash = address; }", f"rules={'.'.join(rules)}&peaks={'~'.join(peaks)}"
+        )
+        saved = tmp_path / f"edited-{case}.yaml"
+        saved.write_text(
+            shown.evaluate("async () => { await flightPage.flyAll(); return flightPage.asYaml(); }")
+        )
+        outcomes = np.array(shown.evaluate("() => [...flightPage.flights.outcomes]")).reshape(NUM_STARTS, -1)
+        expected = fly_all(mission, source.load({"path": str(saved)}, mission), starts)
+        assert np.array_equal(outcomes[1:, 0], expected.delta_v_m_s[1:]), case
+        assert np.array_equal(outcomes[1:, 1], expected.inspected_count[1:]), case
+
+
+def test_the_rule_that_is_named_moves_the_force_most(shown):
+    mission, controller, starts = flights()
+    compiled = [compile(system) for system in controller.systems]
+    num_pushes = 0
+    for index in (3, 70, 140):
+        shown.evaluate(f"() => flightPage.flights.fly({index}, {index + 1}, {{ isLogged: true }})")
+        log = fly_logged(mission, controller, starts[index])
+        for k, axis in np.argwhere(log.is_decided[:, np.newaxis] & (log.force_hill_n != 0.0)):
+            inputs = log.fis_input[k, axis, :2]
+            expected = shapley.shares(compiled[axis], inputs[np.newaxis]).values[0, :, 0]
+            shares = shown.evaluate(
+                "([axis, inputs]) => flightPage.shares(flightPage.flights, flightPage.systems, axis, inputs)",
+                [int(axis), inputs.tolist()],
+            )
+            assert np.abs(np.subtract(shares, expected)).max() < 1e-12, (k, axis, inputs, shares, expected)
+            sign = float(np.sign(log.force_hill_n[k, axis]))
+            named = shown.evaluate(
+                "([axis, k, sign]) => flightPage.mostMoving(axis, k, sign)", [int(axis), int(k), sign]
+            )
+            assert expected[named] * sign == pytest.approx(max(expected * sign), abs=1e-12)
+            num_pushes += 1
+    assert num_pushes > 20
+
+
+def test_points_are_drawn_as_lit_that_are_lit(shown):
+    mission, controller, starts = flights()
+    shown.evaluate("() => flightPage.flights.fly(5, 6, { isLogged: true })")
+    counts = shown.evaluate(
+        """() => { const { flown, isLit } = flightPage; return Array.from({ length: flown.numSamples }, (_, k) =>
+            flown.points.filter((point, j) => isLit(point, flown.sun(k)) && !flown.isSeen(k, j)).length); }"""
+    )
+    assert counts == fly_logged(mission, controller, starts[5]).num_candidates.tolist()
+
+
+def test_a_guess_is_answered_by_the_flights(shown):
+    shown.get_by_role("button", name="Most fail").click()
+    answer = shown.locator("#guess")
+    answer.get_by_text("leave the limits").wait_for()
+    before, after = map(float, re.findall(r"([\d.]+) %", answer.inner_text()))
+    assert before > 95.0
+    assert after < 50.0
+    shown.get_by_role("button", name="The champion's own rules").click()
+    shown.get_by_text("Guess first").wait_for()
+
+
+def test_an_address_brings_the_flight_back(opened, page_text):
+    one, other = (opened(page_text, reduced_motion="reduce") for _ in range(2))
+    one.locator("#azimuth").fill("-120")
+    one.locator("#sun").fill("200")
+    one.locator("#cell-1-4 button").click()
+    one.wait_for_function("() => location.hash.includes('rules=')")
+    other.evaluate("address => { location.hash = address; }", one.evaluate("() => location.hash"))
+    read = "() => [flightPage.flown.position(200), flightPage.systems]"
+    other.wait_for_function("() => document.getElementById('azimuth').value === '-120'")
+    assert one.evaluate(read) == other.evaluate(read)
+
+
+def test_a_start_is_dragged(shown):
+    shown.wait_for_timeout(100)
+    box = shown.locator("canvas").bounding_box()
+    x, y, _ = shown.evaluate("() => flightPage.view.startAt")
+    before = shown.evaluate("() => flightPage.flown.position(0)")
+    shown.mouse.move(box["x"] + x, box["y"] + y)
+    shown.mouse.down()
+    shown.mouse.move(box["x"] + x + 30, box["y"] + y + 40)
+    shown.mouse.up()
+    after = shown.evaluate("() => flightPage.flown.position(0)")
+    assert np.linalg.norm(after) == pytest.approx(np.linalg.norm(before))
+    assert np.linalg.norm(np.subtract(after, before)) > 5.0
+
+
+def test_the_keyboard_reaches_everything(shown):
+    shown.locator("canvas").focus()
+    turned = shown.evaluate("() => flightPage.view.angles.yaw")
+    shown.keyboard.press("ArrowLeft")
+    assert shown.evaluate("() => flightPage.view.angles.yaw") != turned
+    shown.keyboard.press("Space")
+    assert shown.get_by_role("button", name="Pause").is_visible()
+    shown.keyboard.press("Space")
+    rule = shown.locator("#cell-0-0 button")
+    rule.focus()
+    text = rule.inner_text()
+    shown.keyboard.press("Enter")
+    assert shown.locator("#cell-0-0 button").inner_text() != text
+    assert shown.evaluate("() => document.activeElement.closest('td').id") == "cell-0-0"
+    shown.locator("summary").first.click()
+    peak = shown.locator("#peak-0-0-1")
+    peak.focus()
+    shown.keyboard.press("ArrowRight")
+    assert shown.evaluate("() => document.activeElement.id") == "peak-0-0-1"
+    assert shown.evaluate("() => flightPage.systems[0].inputs[0].terms[1].peak") > 0.0
+
+
+@pytest.mark.parametrize("width", [400, 1400])
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_the_page_fits_and_axe_finds_nothing(opened, page_text, axe, width, scheme):
+    page = opened(page_text, width, color_scheme=scheme, reduced_motion="reduce")
+    page.wait_for_function("() => document.getElementById('many').textContent.includes('succeed')")
+    assert page.evaluate("() => document.documentElement.scrollWidth") <= width
+    # axe adds a script, which the page's policy allows nobody but a test
+    assert serious_violations(page, axe) == []
+
+
+def test_the_first_page_is_small(page_text):
+    assert len(gzip.compress(page_text.encode())) < 100_000
+    assert not re.search(r"https?://(?!www\.w3\.org/2000/svg)", page_text.partition("<script")[0])
+    assert Path(home.FOLDER, "flight.wasm").stat().st_size < 200_000
