@@ -11,7 +11,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from docs import classics, pictures
+from docs import classics, home, pictures
 
 PROJECT = Path(__file__).resolve().parents[1]
 BUILD = PROJECT / "build"
@@ -45,7 +45,25 @@ def main() -> None:
     print("building the site", flush=True)
     mkdocs = [sys.executable, "-m", "mkdocs", "build", "--strict"]
     quiet = os.environ | {"NO_MKDOCS_2_WARNING": "1"}
-    sys.exit(subprocess.run(mkdocs, cwd=PROJECT, env=quiet, check=False).returncode)  # noqa: S603
+    code = subprocess.run(mkdocs, cwd=PROJECT, env=quiet, check=False).returncode  # noqa: S603
+    if code == 0:
+        write_home(BUILD / "site")
+    sys.exit(code)
+
+
+def write_home(site: Path) -> None:
+    """Write the first page into the site.
+
+    Raises
+    ------
+    SystemExit
+        Where it links to a page that the site does not have.
+    """
+    text = home.page()
+    links = (link.partition("#")[0] for link in re.findall(r'href="([^"]+)"', text.partition("<script")[0]))
+    if missing := sorted({link for link in links if not (site / link).is_file()}):
+        sys.exit(f"the first page links to pages that the site lacks: {', '.join(missing)}")
+    (site / "index.html").write_text(text, encoding="utf-8")
 
 
 def commands_page() -> str:

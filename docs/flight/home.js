@@ -167,6 +167,7 @@ function element(name, attributes = {}, ...children) {
 const SHAPES = new Set(["polyline", "circle", "text", "line", "g"]);
 
 function showRules() {
+  const isOpen = [...document.querySelectorAll("#rules details")].map(details => details.open);
   $("rules").replaceChildren(...systems.map((system, index) => {
     const [rows, columns] = system.inputs, output = system.output;
     const head = [element("tr", {}, element("td", { class: "corner" }), element("th", { colspan: columns.terms.length, scope: "colgroup" }, `${words(columns.name)} is`)),
@@ -176,13 +177,11 @@ function showRules() {
       ...columns.terms.map((_, j) => cell(system, index, i, j))));
     const details = element("details", {}, element("summary", {}, "What the words mean: drag the peaks"),
       ...[...system.inputs, output].map((variable, at) => termsOf(index, variable, at)));
-    details.open = openDetails.has(index);
-    details.addEventListener("toggle", () => (details.open ? openDetails.add(index) : openDetails.delete(index)));
+    details.open = isOpen[index] ?? false;
     return element("section", {}, element("h3", {}, `${TITLES[index]}${output.name}, ${output.unit}`),
       element("p", { class: "small" }, `Then ${output.name} is`), element("table", {}, ...head, ...body), details);
   }));
 }
-const openDetails = new Set();
 
 const termText = (term, variable) => `${words(term.name)}, ${number(term.peak)} ${variable.unit}`;
 

@@ -274,7 +274,7 @@ def system_words(
 
     Parameters
     ----------
-    place : int
+    system_number : int
         Among the controller's systems, from 1.
     system : FuzzySystem
     samples : SensedInputs

@@ -122,8 +122,11 @@ def test_points_are_drawn_as_lit_that_are_lit(shown):
     mission, controller, starts = flights()
     shown.evaluate("() => flightPage.flights.fly(5, 6, { isLogged: true })")
     counts = shown.evaluate(
-        """() => { const { flown, isLit } = flightPage; return Array.from({ length: flown.numSamples }, (_, k) =>
-            flown.points.filter((point, j) => isLit(point, flown.sun(k)) && !flown.isSeen(k, j)).length); }"""
+        """() => {
+            const { flown, isLit } = flightPage;
+            return Array.from({ length: flown.numSamples }, (_, k) =>
+                flown.points.filter((point, j) => isLit(point, flown.sun(k)) && !flown.isSeen(k, j)).length);
+        }"""
     )
     assert counts == fly_logged(mission, controller, starts[5]).num_candidates.tolist()
 
