@@ -17,13 +17,14 @@ from typing import Final
 
 from fis_tools.streams import guarded
 from pipeline.command_line import runs
-from pipeline.command_line.arguments import ConfigError, read_arguments
+from pipeline.command_line.arguments import COMMANDS, ConfigError, parse_arguments
+from pipeline.command_line.invocation import shows_tracebacks
 from pipeline.run import interrupts, maker
 from pipeline.run.runner import Interrupted
 
 INTERRUPTED = 130
-#: other commands, to the modules with a function of that name, which few runs need; --help prints its text
-COMMANDS = {"edit": "experiments", "summary": "results", "verify": "results", "warm": "cli"}
+#: modules with a function of a command's name, which few runs need; --help prints its text
+MODULES: Final = {"edit": "edit", "summary": "results", "verify": "results", "warm": "cli"}
 #: what short runs are given
 FEW: Final = ("duration_s=600", "monte_carlo.num_cases=8")
 SMALL: Final = ("optimizer.population_size=8", "optimizer.generations=2")
@@ -61,8 +62,8 @@ def main(arguments: Sequence[str] | None = None, *, replaces_process: bool = Fal
 def _main(arguments: Sequence[str], replaces_process: bool) -> int:
     try:
         with interrupts.heeded():
-            do = _chosen(arguments)
-        return do()
+            command = _command_of(arguments)
+        return command()
     except maker.NotInForce:
         if replaces_process:
             maker.start_anew(sys.orig_argv[1:])
@@ -71,35 +72,37 @@ def _main(arguments: Sequence[str], replaces_process: bool) -> int:
         sys.stderr.write(f"\n{interrupt}\n")
         return INTERRUPTED
     except (ValueError, OSError, MemoryError) as error:
-        if os.environ.get("HYDRA_FULL_ERROR") == "1":
+        if shows_tracebacks():
             raise
         sys.stderr.write(runs.in_words(error))
         return runs.MISTAKE
 
 
-def _chosen(arguments: Sequence[str]) -> Callable[[], int]:
+def _command_of(arguments: Sequence[str]) -> Callable[[], int]:
     """Return a function that runs the requested command and returns its exit code."""
     if arguments and arguments[0] in COMMANDS:
-        module = import_module(f"pipeline.command_line.{COMMANDS[arguments[0]]}")
-        run: Callable[[Sequence[str]], int] = getattr(module, arguments[0])
+        module = import_module(f"pipeline.command_line.{MODULES[arguments[0]]}")
+        function: Callable[[Sequence[str]], int] = getattr(module, arguments[0])
         if {"--help", "-h"} & set(arguments[1:]):
-            return partial(_print, cleandoc(run.__doc__ or "").partition("\n\nReturns")[0] + "\n")
-        return partial(run, arguments[1:])
-    asked = read_arguments(arguments)
-    if asked.version:
+            return partial(_print, cleandoc(function.__doc__ or "").partition("\n\nReturns")[0] + "\n")
+        return partial(function, arguments[1:])
+    command = parse_arguments(arguments)
+    if command.version:
         return partial(_print, f"{maker.DISTRIBUTION} {maker.product_version()}\n")
-    if asked.help or not (asked.overrides or asked.resume or asked.compare or asked.cfg):
+    if command.help or not (command.overrides or command.resume or command.compare or command.hydra_options):
         from pipeline.command_line.guide import help_on, help_text  # noqa: PLC0415 - it loads compiled code
 
-        text = help_on(asked.topics, asked.folders) if asked.topics else help_text(asked.folders) + "\n"
-        return partial(_print, text, runs.OK if asked.help else runs.MISTAKE)
-    if asked.compare is not None:
+        text = (
+            help_on(command.topics, command.folders) if command.topics else help_text(command.folders) + "\n"
+        )
+        return partial(_print, text, runs.OK if command.help else runs.MISTAKE)
+    if command.compare is not None:
         from pipeline.command_line.results import compare  # noqa: PLC0415 - as above
 
-        return partial(compare, *asked.compare)
-    from pipeline.command_line.experiments import plan  # noqa: PLC0415 - Hydra, which the others do without
+        return partial(compare, *command.compare)
+    from pipeline.command_line.experiments import run  # noqa: PLC0415 - Hydra, which the others do without
 
-    return plan(asked)
+    return partial(run, command)
 
 
 def _print(text: str, code: int = runs.OK) -> int:

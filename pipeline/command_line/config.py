@@ -5,18 +5,22 @@ Hydra composes it; its errors are turned into sentences.
 
 import sys
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
 
 from hydra import compose, initialize_config_dir
-from hydra.core.override_parser.types import OverrideType
-from hydra.errors import HydraException
+from hydra.conf import HydraConf
+from hydra.core.config_store import ConfigStore
+from hydra.core.global_hydra import GlobalHydra
+from hydra.core.hydra_config import HydraConfig
+from hydra.errors import HydraException, MissingConfigException
 from omegaconf import DictConfig, OmegaConf
-from omegaconf.errors import OmegaConfBaseException
+from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException
 from yaml import YAMLError
 
-from pipeline.command_line.arguments import EXPERIMENT, ConfigError, folders_with
+from pipeline.command_line.arguments import EXPERIMENT, ConfigError
 from pipeline.command_line.overrides import first_line, parse, quoted
 from pipeline.flight.state.signals import CONSTANTS
 from pipeline.settings import start_table
@@ -31,6 +35,12 @@ VERSION_BASE = "1.3"
 WORLD, COMPARE, ASSURANCE = "world", "compare", "assurance"
 #: folders of the configuration that are not groups of options: Hydra's own, and requirements, read by name
 NOT_CHOSEN = ("hydra", "requirements")
+#: launchers of Hydra that are packages of their own
+LAUNCHERS = {
+    "hydra/launcher/joblib": "hydra-joblib-launcher",
+    "hydra/launcher/submitit_local": "hydra-submitit-launcher",
+    "hydra/launcher/submitit_slurm": "hydra-submitit-launcher",
+}
 
 
 @dataclass(frozen=True)
@@ -45,14 +55,15 @@ class Job:
         The experiment it describes.
     folder : Path
         The run's folder.
-    sweep_folder : Path
-        That of the sweep that the run belongs to, if any.
     """
 
     config: dict[str, Any]
     experiment: Experiment
     folder: Path
-    sweep_folder: Path
+
+
+#: the defaults of all keys, as plain data: what a value may be is judged once all is composed
+ConfigStore.instance().store(name="schema", node=defaults(), provider="pipeline")
 
 
 def options(folders: Sequence[Path]) -> dict[str, list[str]]:
@@ -77,7 +88,7 @@ def options(folders: Sequence[Path]) -> dict[str, list[str]]:
 
 
 def compose_experiment(overrides: Sequence[str], config_dir: Path | None = None) -> Job:
-    """Compose, resolve and check the configuration of one run.
+    """Compose, resolve and check the configuration of one run, from Python.
 
     Parameters
     ----------
@@ -90,87 +101,87 @@ def compose_experiment(overrides: Sequence[str], config_dir: Path | None = None)
     ------
     ConfigError, SettingError
     """
-    return compose_jobs([overrides], config_dir)[0]
+    folders = [config_dir] if config_dir else []
+    node = compose_node(overrides, folders)
+    return checked_job(without_hydra(node), overrides, Path(node.hydra.run.dir), folders)
 
 
-def compose_jobs(
-    jobs: Sequence[Sequence[str]], config_dir: Path | None = None, names: Sequence[str] | None = None
-) -> list[Job]:
-    """Compose the configurations of several runs, see `compose_experiment`.
-
-    Runs of a sweep have names, which become their folders inside the sweep's.
-
-    Raises
-    ------
-    ConfigError, SettingError
-    """
-    composed: list[Job] = []
-    first: DictConfig | None = None
-    for index, overrides in enumerate(jobs):
-        own = [f"hydra.job.num={index}", f"hydra.sweep.subdir={quoted(names[index])}"] if names else []
-        node = compose_node([*own, *overrides], config_dir)
-        first = first or node
-        # resolvers such as `now` give all runs of a sweep the same value
-        OmegaConf.copy_cache(first, node)
-        config = _resolved(node, overrides, config_dir)
-        together = Path(node.hydra.sweep.dir)
-        folder = together / str(node.hydra.sweep.subdir) if names else Path(node.hydra.run.dir)
-        composed.append(Job(config, experiment_from(config), folder, together))
-    return composed
+@contextmanager
+def hydra_apart() -> Iterator[None]:
+    """Run a block with Hydra as if nobody used it, and restore it: runs nest, and notebooks use it too."""
+    used, config = GlobalHydra.instance().hydra, HydraConfig.instance().cfg
+    GlobalHydra.instance().clear()
+    try:
+        yield
+    finally:
+        GlobalHydra.instance().hydra, HydraConfig.instance().cfg = used, config
 
 
-def compose_node(overrides: Sequence[str], config_dir: Path | None = None) -> DictConfig:
-    """Compose a configuration with Hydra's own, even if values are missing, over all defaults.
+def compose_node(overrides: Sequence[str], folders: Sequence[Path] = ()) -> DictConfig:
+    """Compose a configuration with Hydra's own part, even if values are missing.
+
+    Parameters
+    ----------
+    overrides : sequence of str
+    folders : sequence of Path
+        The user's folders of configurations.
 
     Raises
     ------
     ConfigError
     """
-    searched = [*_forced(overrides)]
-    if config_dir and not any(text.startswith("hydra.searchpath") for text in overrides):
-        searched.append(f"hydra.searchpath=[{quoted(config_dir.resolve().as_uri())}]")
-    try:
-        with initialize_config_dir(str(conf_folder()), version_base=VERSION_BASE):
-            node = compose(CONFIG_NAME, overrides=searched, return_hydra_config=True)
-    except YAMLError as error:
-        raise ConfigError(f"no YAML: {' '.join(str(error).split())}; correct the file") from error
-    except (HydraException, OmegaConfBaseException) as error:
-        raise ConfigError(_in_words(error, folders_with(config_dir))) from error
-    return cast(DictConfig, OmegaConf.merge(OmegaConf.create(defaults()), node))
+    words = [*overrides]
+    if folders and not any(text.startswith("hydra.searchpath") for text in overrides):
+        paths = ",".join(quoted(folder.resolve().as_uri()) for folder in folders)
+        words.append(f"hydra.searchpath=[{paths}]")
+    with (
+        errors_in_words([conf_folder(), *folders]),
+        hydra_apart(),
+        initialize_config_dir(str(conf_folder()), version_base=VERSION_BASE),
+    ):
+        return compose(CONFIG_NAME, overrides=words, return_hydra_config=True)
 
 
-def _forced(overrides: Sequence[str]) -> Iterator[str]:
-    """Let overrides set keys that have their default in the schema, and are in no file."""
-    for override in parse(overrides):
-        is_key = override.type == OverrideType.CHANGE and override.key_or_group in schema()
-        yield f"{'++' if is_key else ''}{override.input_line}"
+def checked_job(config: DictConfig, overrides: Sequence[str], folder: Path, folders: Sequence[Path]) -> Job:
+    """Resolve and check a composed configuration.
 
-
-def job_of(node: DictConfig) -> DictConfig:
-    """Return a configuration without Hydra's own."""
-    return OmegaConf.masked_copy(node, [str(key) for key in node if key != "hydra"])
-
-
-def _resolved(node: DictConfig, overrides: Sequence[str], config_dir: Path | None) -> dict[str, Any]:
-    """Resolve the references of a configuration; return it without keys that do not exist.
+    Parameters
+    ----------
+    config : DictConfig
+        Without Hydra's own part.
+    overrides : sequence of str
+        Those that it was composed with.
+    folder : Path
+        Of the run.
+    folders : sequence of Path
+        The user's folders of configurations.
 
     Raises
     ------
     ConfigError, SettingError
-        If a value is missing, or an override sets a key that another setting makes idle.
+        If a value is missing or not allowed, or an override sets a key that another setting makes idle.
     """
-    folders = folders_with(config_dir)
-    try:
-        job = job_of(node)
-        if missing := sorted(OmegaConf.missing_keys(job)):
-            raise ConfigError(_missing(missing, options(folders).get(EXPERIMENT, [])))
-        config = cast(dict[str, Any], OmegaConf.to_container(job, resolve=True))
-    except (HydraException, OmegaConfBaseException) as error:
-        raise ConfigError(_in_words(error, folders)) from error
-    read_starts(config)
-    _expand_worlds(config, overrides, config_dir)
-    _check_idle(config, overrides)
-    return completed(config)
+    with errors_in_words([conf_folder(), *folders]):
+        if missing := sorted(OmegaConf.missing_keys(config)):
+            experiments = options([conf_folder(), *folders]).get(EXPERIMENT, [])
+            raise ConfigError(_missing(missing, experiments))
+        plain = cast(dict[str, Any], OmegaConf.to_container(config, resolve=True))
+    read_starts(plain)
+    _expand_worlds(plain, overrides, folders)
+    _check_idle(plain, overrides)
+    plain = completed(plain)
+    return Job(plain, experiment_from(plain), folder)
+
+
+def folders_of(settings: HydraConf) -> list[Path]:
+    """Return the user's folders that Hydra has composed a configuration from."""
+    paths = [Path(source.path) for source in settings.runtime.config_sources if source.schema == "file"]
+    return [path for path in paths if path != conf_folder()]
+
+
+def without_hydra(node: DictConfig) -> DictConfig:
+    """Return a configuration without Hydra's own part."""
+    return OmegaConf.masked_copy(node, [str(key) for key in node if key != "hydra"])
 
 
 def _check_idle(config: Mapping[str, Any], overrides: Sequence[str]) -> None:
@@ -213,7 +224,7 @@ def _keys_set(key: str, value: Any) -> Iterator[str]:
         yield from _keys_set(f"{key}.{name}", inside)
 
 
-def _expand_worlds(config: dict[str, Any], overrides: Sequence[str], config_dir: Path | None) -> None:
+def _expand_worlds(config: dict[str, Any], overrides: Sequence[str], folders: Sequence[Path]) -> None:
     """Put what they change into the worlds of a comparison that are named by options.
 
     A world is the name of one, or changes of groups; a group in it may be the name of an option.
@@ -229,8 +240,8 @@ def _expand_worlds(config: dict[str, Any], overrides: Sequence[str], config_dir:
         if not chosen:
             continue
         kept = [text for text in overrides if text.partition("=")[0] not in chosen]
-        there = compose_node([*kept, *(f"{group}={value}" for group, value in chosen.items())], config_dir)
-        composed = cast(dict[str, Any], OmegaConf.to_container(job_of(there), resolve=True))
+        there = compose_node([*kept, *(f"{group}={value}" for group, value in chosen.items())], folders)
+        composed = cast(dict[str, Any], OmegaConf.to_container(without_hydra(there), resolve=True))
         changed = _differences(completed(config), completed(composed))
         worlds[name] = changed | {group: value for group, value in changes.items() if group not in chosen}
 
@@ -276,26 +287,55 @@ def _missing(keys: Sequence[str], experiments: Sequence[str]) -> str:
     return f"the key {keys[0]} has no value yet; add {keys[0]}=..."
 
 
-def _in_words(error: Exception, folders: Sequence[Path]) -> str:
-    """Turn an error of Hydra or OmegaConf into a sentence, with the nearest option for a missing one."""
-    text = first_line(error)
-    if "'controller.path'" in text:
+@contextmanager
+def errors_in_words(folders: Sequence[Path]) -> Iterator[None]:
+    """Turn errors of Hydra, OmegaConf and YAML into ConfigError, with the nearest option for a missing one.
+
+    Parameters
+    ----------
+    folders : sequence of Path
+        Configuration folders, ours and the user's.
+    """
+    try:
+        yield
+    except YAMLError as error:
+        raise ConfigError(f"no YAML: {' '.join(str(error).split())}; correct the file") from error
+    except MissingConfigException as error:
+        raise ConfigError(f"{first_line(error)}{_nearest_option(error, folders)}") from error
+    except (HydraException, OmegaConfBaseException) as error:
+        cause = error if isinstance(error, OmegaConfBaseException) else error.__cause__
+        is_missing = isinstance(cause, ConfigAttributeError | ConfigKeyError) and cause is not error
+        words = (
+            _not_in_configuration(str(getattr(cause, "full_key", ""))) if is_missing else first_line(error)
+        )
+        raise ConfigError(words) from error
+
+
+def _nearest_option(error: MissingConfigException, folders: Sequence[Path]) -> str:
+    """Return how an option that is missing may be meant, or had."""
+    wanted = error.missing_cfg_file or ""
+    if package := LAUNCHERS.get(wanted):
+        return f"; it needs {package}, install it: python -m pip install {package}"
+    known = {f"{group}/{name}" for group, names in options(folders).items() for name in names}
+    group = wanted.rpartition("/")[0]
+    return did_you_mean(wanted, known | {f"{group}/{name}" for name in error.options or ()})
+
+
+def _not_in_configuration(key: str) -> str:
+    """Return what to do about a key that a composed configuration lacks."""
+    name = key.removeprefix("controller.attributes.")
+    if key == "controller.path":
         return (
             "the controller that is chosen has no path; for a fuzzy controller write controller=PATH, for a "
             "table of forces controller=open_loop controller.path=PATH"
         )
-    if attribute := text.partition("Could not override 'controller.attributes.")[2].rstrip("'."):
-        if attribute in CONSTANTS:
-            return (
-                f"controller.attributes.{attribute} is not in the configuration: the controller's file sets "
-                f"it, or leaves it at its default; write +controller.attributes.{attribute}=..., with a plus"
-            )
-        return f"the controller sets no attribute {attribute}{did_you_mean(attribute, CONSTANTS)}"
-    if "Could not override 'dispersions." in text:
-        return f"{text} Nothing is dispersed until you say so: write +dispersions..., with a plus"
-    _, marker, rest = str(error).partition("Could not find '")
-    if marker:
-        wanted = rest.partition("'")[0]
-        known = [f"{group}/{name}" for group, names in options(folders).items() for name in names]
-        text = f"{text}{did_you_mean(wanted, known)}"
-    return text
+    if name != key and name in CONSTANTS:
+        return (
+            f"{key} is not in the configuration: the controller's file sets it, or leaves it at its default; "
+            f"write +{key}=..., with a plus"
+        )
+    if name != key:
+        return f"the controller sets no attribute {name}{did_you_mean(name, CONSTANTS)}"
+    if key.partition(".")[0] == "dispersions":
+        return "nothing is dispersed until you say so; write +dispersions..., with a plus"
+    return f"there is no key {key} in the configuration; if something else reads it, write +{key}=..."

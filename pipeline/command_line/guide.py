@@ -31,7 +31,7 @@ from omegaconf import OmegaConf
 
 from fis_tools.document.text import aligned
 from pipeline.command_line.arguments import ConfigError
-from pipeline.command_line.config import compose_node, job_of, options
+from pipeline.command_line.config import compose_node, options, without_hydra
 from pipeline.settings import schema
 from pipeline.settings.keys import unknown, value_at
 from pipeline.settings.places import conf_folder
@@ -125,7 +125,7 @@ def help_on(topics: Sequence[str], folders: Sequence[Path]) -> str:
 
 def _experiment(name: str, about: str) -> str:
     """Return what an experiment does, and what people change of it, with its values."""
-    config: Any = OmegaConf.to_container(job_of(compose_node([f"+experiment={name}"])))
+    config: Any = OmegaConf.to_container(without_hydra(compose_node([f"+experiment={name}"])))
     unread = schema.idle(config, stages=True)
     groups = options([conf_folder()])
     lines = [f"+experiment={name}: {about}", f"  stages={schema.as_yaml(value_at(config, 'stages'))}"]

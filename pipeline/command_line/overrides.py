@@ -1,9 +1,12 @@
 """Overrides in Hydra's grammar: parsed, checked against the known keys and options, and expanded."""
 
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from itertools import product
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import is_dataclass
+from pathlib import Path
+from typing import Any, get_type_hints
 
+from hydra.conf import HydraConf
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import Glob, Override, OverrideType
 from hydra.errors import HydraException
@@ -22,11 +25,7 @@ SUFFIXES = {
 }
 #: keys that name a folder
 FOLDERS = ("hydra.run.dir", "hydra.sweep.dir")
-#: Hydra's own keys that have an effect here
-HYDRA_KEYS = ("hydra.run.dir", "hydra.searchpath", "hydra.sweep.dir", "hydra.sweep.subdir")
-
-#: of a folder that is named by its run's differences
-LONGEST_NAME = 120
+HYDRA = "hydra"
 
 
 def parse(overrides: Sequence[str]) -> list[Override]:
@@ -106,6 +105,29 @@ def read_overrides(words: Sequence[str], groups: Groups, *, is_multirun: bool) -
     return overrides
 
 
+def search_folders(overrides: Sequence[str]) -> list[Path]:
+    """Return the folders that overrides add to Hydra's search path."""
+    added = parse([text for text in overrides if text.startswith("hydra.searchpath=")])
+    paths: list[str] = []
+    for override in added:
+        value = override.value()
+        paths += map(str, value if isinstance(value, list) else [value])
+    return [Path(path.removeprefix("file://")) for path in paths if not path.startswith("pkg://")]
+
+
+def first_run(overrides: Sequence[Override], groups: Groups) -> list[str]:
+    """Return the overrides of the first run of a sweep; of a single run all of them."""
+    words = []
+    for override in overrides:
+        text = override.input_line or ""
+        if override.is_sweep_override():
+            is_glob = isinstance(override.value(), Glob)
+            values = _choices(override, groups.get(override.key_or_group, ())) if is_glob else None
+            text = f"{override.get_key_element()}={next(iter(values or override.sweep_string_iterator()))}"
+        words.append(text)
+    return words
+
+
 def check_overrides(overrides: Sequence[Override], groups: Groups) -> None:
     """Raise ConfigError for unknown keys and options, with the nearest known one.
 
@@ -116,9 +138,8 @@ def check_overrides(overrides: Sequence[Override], groups: Groups) -> None:
     for override in overrides:
         key = override.key_or_group
         plain = (override.input_line or "").lstrip("+")
-        if key.split("/")[0].split(".")[0] == "hydra":
-            if key not in HYDRA_KEYS:
-                raise ConfigError(f"there is no key {key}{did_you_mean(key, HYDRA_KEYS)}")
+        if re.split("[./]", key, maxsplit=1)[0] == HYDRA:
+            _check_hydra_key(key)
         elif key in groups and not isinstance(override.value(), dict):
             _check_choice(override, groups[key], plain)
         elif renamed(key) is not None:
@@ -150,58 +171,43 @@ def _check_choice(override: Override, known: Sequence[str], plain: str) -> None:
             raise ConfigError(f"there is no {group}={choice}{choices_of(choice, known)}")
 
 
+def _check_hydra_key(key: str) -> None:
+    """Raise ConfigError for a key that Hydra's own configuration lacks, as far as its schema says."""
+    node: Any = HydraConf
+    for depth, name in enumerate(names := key.split(".")[1:]):
+        if not is_dataclass(node):  # what a plugin or a callback has
+            return
+        hints = get_type_hints(node)
+        if name not in hints:
+            above = ".".join([HYDRA, *names[:depth]])
+            near = {f"{above}.{known}" for known in hints}
+            near |= {
+                f"{HYDRA}.{group}.{last}"
+                for group, kind in get_type_hints(HydraConf).items()
+                if is_dataclass(kind)
+                for last in get_type_hints(kind)
+            }
+            raise ConfigError(f"there is no key {key}{did_you_mean(key, near)}")
+        node = hints[name]
+
+
 def check_sweeps(overrides: Sequence[Override], is_multirun: bool) -> None:
-    """Raise ConfigError for several values in a single run, and ranges without a step."""
+    """Raise ConfigError for several values in a single run, ranges without a step, and several folders."""
     for override in overrides:
         text = override.input_line
-        if override.is_sweep_override() and not is_multirun:
+        if not override.is_sweep_override():
+            continue
+        if not is_multirun:
             raise ConfigError(
                 f"{text} gives several values; add -m for a run of each, or write a list as key=[a,b] and a "
                 "text with a comma in quotes of its own"
             )
-        if override.is_sweep_override() and not override.is_discrete_sweep():
+        if not override.is_discrete_sweep():
             raise ConfigError(
                 f"{text} is an interval; a sweep needs its values, as in key=1,2 or key=range(1,3)"
             )
-
-
-def single_runs(overrides: Sequence[Override], groups: Groups) -> Iterator[list[str]]:
-    """Yield the overrides of each run of a sweep: every combination of values."""
-    for chosen in product(*(_written(override, groups) for override in overrides)):
-        yield list(chosen)
-
-
-def differences_of(overrides: Sequence[Override], groups: Groups) -> list[dict[str, str]]:
-    """Return for each run of a sweep, in the order of `single_runs`, its differences: key to value."""
-    swept = [override for override in overrides if override.is_sweep_override()]
-    # as they are typed: a path replaces its group, see `rewrite_paths`
-    paths = {f"{group}.path": group for group in SUFFIXES}
-    keys = [paths.get(override.key_or_group, override.key_or_group) for override in swept]
-    values = [_choices(override, groups.get(override.key_or_group, ())) for override in swept]
-    return [dict(zip(keys, chosen, strict=True)) for chosen in product(*values)]
-
-
-def folder_names(differing: Sequence[Mapping[str, str]]) -> list[str]:
-    """Return unique folder names for a sweep's runs by their differences, such as ``seed=1``."""
-    names = []
-    for number, differs in enumerate(differing):
-        joined = "+".join(f"{key}={value.rsplit('/', 1)[-1]}" for key, value in differs.items())
-        name = re.sub(r"[^\w.+=-]+", "-", joined) or str(number)
-        if len(name) > LONGEST_NAME or name in names:
-            name = f"{number}-{name[:LONGEST_NAME]}"
-        names.append(name)
-    return names
-
-
-def _written(override: Override, groups: Groups) -> list[str]:
-    """Return an override as text, once for each value of its sweep."""
-    text = override.input_line or ""
-    if not override.is_sweep_override():
-        return [text]
-    key = text.partition("=")[0]
-    if isinstance(override.value(), Glob):
-        return [f"{key}={name}" for name in _choices(override, groups.get(override.key_or_group, ()))]
-    return [f"{key}={value}" for value in override.sweep_string_iterator()]
+        if re.split("[./]", override.key_or_group, maxsplit=1)[0] == HYDRA:
+            raise ConfigError(f"{text} gives several values, and a sweep has one; start a sweep for each")
 
 
 def _choices(override: Override, known: Sequence[str]) -> list[str]:

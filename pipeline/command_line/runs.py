@@ -2,7 +2,7 @@
 
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -44,8 +44,8 @@ def in_words(error: Exception) -> str:
     return "\n".join([f"error: {sentence(error)}", *getattr(error, "__notes__", ())]) + "\n"
 
 
-def start(job: "Job", command: Sequence[str]) -> int:
-    """Run a new experiment; return the exit code.
+def run_new(job: "Job", command: Sequence[str]) -> int:
+    """Run an experiment, with the run's folder locked by the caller; return the exit code.
 
     Parameters
     ----------
@@ -53,22 +53,33 @@ def start(job: "Job", command: Sequence[str]) -> int:
     command : sequence of str
         The arguments that start it.
     """
+    check_vacant(job)
+    return _run(job.config, job.experiment, job.folder, command=command)
+
+
+def run_or_resume(job: "Job", command: Sequence[str]) -> int:
+    """Run an experiment, or what is left of it if it was begun in the folder; return the exit code.
+
+    A job of a cluster that was stopped is begun again by the same command.
+    """
+    if (job.folder / artifacts.MANIFEST).exists():
+        check_vacant(job)
+        return resume(job.folder, ())
     with held(job.folder):
-        _check_vacant(job)
-        return _run(job.config, job.experiment, job.folder, command=command)
+        return run_new(job, command)
 
 
-def _check_vacant(job: "Job") -> None:
+def check_vacant(job: "Job") -> None:
     """Raise ConfigError if the folder holds another run; the same run may be repeated."""
     if not (job.folder / artifacts.MANIFEST).exists():
         if (job.folder / artifacts.CONFIG).exists():
             _experiment_of(job.folder, _stored(job.folder))
         return
     if not configuration.is_of(job.config, manifests.read(job.folder)):
-        shown = _shown(job.folder)
+        path = shown(job.folder)
         raise ConfigError(
-            f"{shown} holds another run; choose another hydra.run.dir (for sweeps hydra.sweep.dir), or go on "
-            f"with it by resume={shown}"
+            f"{path} holds another run; choose another hydra.run.dir (for sweeps hydra.sweep.dir), or go on "
+            f"with it by resume={path}"
         )
     _require_kept(job.experiment, job.folder)
 
@@ -80,9 +91,9 @@ def _require_kept(experiment: Experiment, folder: Path) -> None:
     require_kept(experiment, folder)
 
 
-def _shown(folder: Path) -> Path:
+def shown(folder: Path) -> Path:
     """Return a folder relative to the working directory if it lies below it."""
-    return Path(os.path.relpath(folder)) if folder.is_relative_to(Path.cwd()) else folder
+    return Path(os.path.relpath(folder)) if Path.cwd() in folder.parents else folder
 
 
 def _run(
@@ -93,14 +104,14 @@ def _run(
     command: Sequence[str] | None = None,
 ) -> int:
     """Run stages in a folder, and print where the files are and which proofs are missing."""
-    shown = _shown(folder)
-    sys.stderr.write(f"run folder: {shown}\n")
+    path = shown(folder)
+    sys.stderr.write(f"run folder: {path}\n")
     try:
-        missing = run_stages(experiment, config, shown, stages, command)
+        missing = run_stages(experiment, config, path, stages, command)
     except (ValueError, OSError, MemoryError) as error:
-        error.add_note(f"(what the program was doing: {shown / artifacts.LOG})")
+        error.add_note(f"(what the program was doing: {path / artifacts.LOG})")
         raise
-    print_result(f"{shown}\n")
+    print_result(f"{path}\n")
     sys.stderr.writelines(f"{sentence}\n" for sentence in missing)
     return UNPROVED if missing else OK
 
@@ -272,3 +283,9 @@ def check_before(experiment: Experiment) -> None:
                 f"note: {controller.name} senses {', '.join(sensed)}, which are about points to inspect, and "
                 "there are none where problem.kind is reach\n"
             )
+
+
+def most_telling(codes: Iterable[int]) -> int:
+    """Return the exit code of several runs: one that failed says more than one that proved nothing."""
+    codes = list(codes)
+    return max((code for code in codes if code != UNPROVED), default=OK) or max(codes, default=OK)

@@ -1,14 +1,19 @@
-"""The file of a sweep: its runs, their differences, and which failed."""
+"""The file of a sweep: its runs, and their differences.
+
+What became of a run is in its own folder, wherever it ran: its manifest, and how it ended unless well.
+"""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path, PurePosixPath
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from pipeline.run import artifacts, configuration, manifests, writing
 
 SWEEP: Final = "sweep.json"
 SWEEP_VERSION: Final = 1
+#: of a run that did not end well, in its folder; the point keeps it out of the manifest
+ENDING: Final = ".ending.json"
 #: see `pipeline.run.manifests.fits`
 RUN_SHAPE: Final = {"folder": str, "differs": dict, "command": [str], "failure": str}
 #: of a folder, bytes, on the usual file systems
@@ -30,13 +35,37 @@ class SweptRun:
     command : tuple of str
         The arguments with which it would be started alone.
     failure : str
-        Why it failed; empty if it did not.
+        Why it failed; empty if it did not. Earlier versions kept it in the sweep's file.
     """
 
     folder: str
     differs: Mapping[str, str]
     command: tuple[str, ...]
     failure: str = ""
+
+
+class Ending(NamedTuple):
+    """How a run ended: its exit code, and why it failed, or nothing if it did not."""
+
+    code: int = 0
+    failure: str = ""
+
+
+def write_ending(folder: Path, ending: Ending) -> None:
+    """Keep in a run's folder how it ended; nothing of one that ended well."""
+    if ending.code:
+        writing.write_json(folder / ENDING, ending._asdict())
+    else:
+        (folder / ENDING).unlink(missing_ok=True)
+
+
+def read_ending(folder: Path) -> Ending:
+    """Read how a run ended; a file that is damaged tells nothing."""
+    try:
+        content = artifacts.read_json(folder, ENDING)
+        return Ending(int(content["code"]), str(content["failure"]))
+    except (artifacts.ArtifactError, KeyError, TypeError, ValueError):
+        return Ending()
 
 
 def write(folder: Path, runs: Sequence[SweptRun]) -> None:
@@ -62,7 +91,8 @@ def read(folder: Path) -> list[SweptRun]:
     with artifacts.explained(f"{folder / SWEEP} is no file of a sweep", "restore it"):
         if content["sweep_version"] != SWEEP_VERSION:
             raise ValueError(f"its version is {content['sweep_version']}, {SWEEP_VERSION} is read")
-        return [_run_of(one) for one in content["runs"]]
+        runs = [_run_of(entry) for entry in content["runs"]]
+    return [replace(run, failure=read_ending(folder / run.folder).failure or run.failure) for run in runs]
 
 
 def _run_of(entry: Mapping[str, Any]) -> SweptRun:
@@ -81,8 +111,8 @@ def _run_of(entry: Mapping[str, Any]) -> SweptRun:
 
 def state_of(folder: Path, run: SweptRun) -> str:
     """Return whether a run is `DONE`, `FAILED` or `UNFINISHED`, by the files in its folder."""
-    own = folder / run.folder
-    manifest = manifests.found(own)
-    if manifest and set(configuration.read(own).get("stages", [])) <= set(manifest["finished_stages"]):
+    path = folder / run.folder
+    manifest = manifests.found(path)
+    if manifest and set(configuration.read(path).get("stages", [])) <= set(manifest["finished_stages"]):
         return DONE
     return FAILED if run.failure else UNFINISHED

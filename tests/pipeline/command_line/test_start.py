@@ -9,8 +9,8 @@ import pytest
 import yaml
 
 from pipeline.command_line import cli, overrides
-from pipeline.command_line.arguments import read_arguments
-from pipeline.command_line.config import compose_experiment, compose_jobs, conf_folder, options
+from pipeline.command_line.arguments import parse_arguments
+from pipeline.command_line.config import compose_experiment, conf_folder, options
 from pipeline.flight.state.signals import SIGNALS
 from pipeline.run import maker
 from pipeline.settings.keys import value_at
@@ -108,50 +108,30 @@ def test_name_and_version_are_the_projects(ran):
     assert ran("--version").out == f"{project['name']} {project['version']}\n"
 
 
-GROUPS = {"sun": ["fixed", "mixed", "random"]}
-
-
 def test_options_stand_anywhere() -> None:
-    asked = read_arguments(["seed=1", "-m", "name=a b", "--cfg", "job", "resume=x", "+experiment=fly"])
-    assert asked.overrides == ("seed=1", "name=a b", "+experiment=fly")
-    assert (asked.multirun, asked.cfg, asked.resume, asked.help) == (True, "job", Path("x"), False)
+    command = parse_arguments(["seed=1", "-m", "name=a b", "--cfg", "job", "resume=x", "+experiment=fly"])
+    assert command.overrides == ("seed=1", "name=a b", "+experiment=fly")
+    assert (command.multirun, command.cfg, command.resume, command.help) == (True, "job", Path("x"), False)
+    assert command.is_ours_to_print
+    assert not parse_arguments(["seed=1", "--cfg", "job", "--resolve"]).is_ours_to_print
 
 
-def test_a_sweep_is_every_value_with_every_other() -> None:
-    runs = overrides.single_runs(overrides.parse(["seed=1,2", "name=x", "sun=glob(*,exclude=m*)"]), GROUPS)
-    expected = [["seed=1", "name=x", "sun=fixed"], ["seed=1", "name=x", "sun=random"]]
-    assert list(runs) == [*expected, *[["seed=2", *words[1:]] for words in expected]]
-    assert list(overrides.single_runs(overrides.parse(["seed=range(1,3)"]), {})) == [["seed=1"], ["seed=2"]]
+def test_paths_and_folders_are_quoted_for_the_grammar() -> None:
+    words = ["controller=x/a b.json,y/a b.json", "hydra.run.dir=out/seed=1"]
+    paths = ["controller=file", "controller.path='x/a b.json','y/a b.json'"]
+    assert overrides.rewrite_paths(words) == [*paths, "hydra.run.dir='out/seed=1'"]
     with pytest.raises(overrides.ConfigError, match=r"seed=interval\(1,2\) is an interval"):
         overrides.check_sweeps(overrides.parse(["seed=interval(1,2)"]), is_multirun=True)
 
 
-def test_folders_of_a_sweep_are_named_by_what_differs() -> None:
-    words = ["+experiment=evaluate", "seed=1,2", "controller=x/a b.json,y/a b.json", "duration_s=9"]
-    read = overrides.parse(overrides.rewrite_paths(words))
-    differing = overrides.differences_of(read, {})
-    assert differing[1] == {"seed": "1", "controller": "y/a b.json"}
-    assert len(differing) == len(list(overrides.single_runs(read, {}))) == 4
-    names = overrides.folder_names(differing)
-    assert names[0] == "seed=1+controller=a-b.json"
-    assert len(set(names)) == 4  # also those whose words are the same
-    assert overrides.folder_names([{}]) == ["0"]
-    assert overrides.rewrite_paths(["hydra.run.dir=out/seed=1"]) == ["hydra.run.dir='out/seed=1'"]
-
-
 def test_two_runs_are_compared_by_their_folders() -> None:
-    assert read_arguments(["compare=outputs/a,b"]).compare == (Path("outputs/a"), Path("b"))
-    assert read_arguments(["compare=default"]).compare is None
+    assert parse_arguments(["compare=outputs/a,b"]).compare == (Path("outputs/a"), Path("b"))
+    assert parse_arguments(["compare=default"]).compare is None
     with pytest.raises(overrides.ConfigError, match="takes nothing else"):
-        read_arguments(["compare=a,b", "seed=1"])
+        parse_arguments(["compare=a,b", "seed=1"])
 
 
-def test_the_runs_of_a_sweep_lie_side_by_side() -> None:
-    one, other = compose_jobs([[*FLY, "seed=1"], [*FLY, "seed=2"]], names=["seed=1", "a b"])
-    assert one.folder.parent == other.folder.parent
-    assert one.folder.parts[:2] == ("outputs", "fly-sweep")
-    assert (one.folder.name, other.folder.name) == ("seed=1", "a b")
-    assert one.sweep_folder == one.folder.parent
-    (alone,) = compose_jobs([[*FLY, "hydra.run.dir=a/b"]])
-    assert alone.folder == Path("a/b")
-    assert "hydra" not in alone.config
+def test_the_folder_of_a_run_is_no_part_of_its_configuration() -> None:
+    job = compose_experiment([*FLY, "hydra.run.dir=a/b"])
+    assert job.folder == Path("a/b")
+    assert "hydra" not in job.config

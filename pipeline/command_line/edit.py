@@ -1,0 +1,66 @@
+"""The command ``edit``: a page on which a controller is edited, and flown anew at each touch."""
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+
+from fis_tools.errors import MissingExtra
+from pipeline.command_line import runs
+from pipeline.command_line.arguments import EXPERIMENT, ConfigError, parse_arguments
+from pipeline.command_line.config import compose_experiment, options
+from pipeline.command_line.overrides import read_overrides
+
+
+def edit(arguments: Sequence[str]) -> int:
+    """Open a page on which rules and terms change, and each touch flies 1,000 paired cases anew.
+
+    Usage: python -m pipeline edit [key=value ...] [--port PORT] [--no-browser]
+
+    Keys are those of +experiment=evaluate, such as controller=champion_27, world=leo or sun=random. Ctrl-C
+    ends it. Nothing is written but the copy that you save.
+
+    Returns
+    -------
+    int
+        The exit code.
+
+    Raises
+    ------
+    ValueError, OSError
+        User errors.
+    """
+    parser = argparse.ArgumentParser(prog="python -m pipeline edit", allow_abbrev=False, add_help=False)
+    parser.add_argument("--port", type=int, default=0, choices=range(1 << 16), metavar="PORT")
+    parser.add_argument("--no-browser", action="store_true")
+    chosen, words = parser.parse_known_args(list(arguments))
+    command = parse_arguments(words)
+    overrides = read_overrides(command.overrides, options(command.folders), is_multirun=command.multirun)
+    words = [override.input_line or "" for override in overrides]
+    if EXPERIMENT not in {override.key_or_group for override in overrides}:
+        words.insert(0, f"+{EXPERIMENT}=evaluate")
+    experiment = compose_experiment(words, command.config_dir).experiment
+    runs.check_before(experiment)
+
+    from pipeline.controllers.source import load  # noqa: PLC0415 - compiled code, needed once the rest is right
+
+    try:
+        from fis_tools.edit.server import serve  # noqa: PLC0415 - the other commands do without a server
+    except MissingExtra as error:
+        raise ConfigError(str(error)) from error
+    from fis_tools.edit.page import Editor  # noqa: PLC0415
+    from pipeline.edit import panels  # noqa: PLC0415 - compiled code
+    from pipeline.evaluation.assurance.requirements import load_requirements  # noqa: PLC0415 - compiled code
+    from pipeline.flight.state.signals import CONSTANTS  # noqa: PLC0415
+
+    controller = load(experiment.controller, experiment.mission).fuzzy
+    if controller is None:
+        raise ConfigError("this controller has no rules to edit; choose one that has, such as champion_27")
+    requirements = load_requirements(experiment.assurance.requirements)
+    path = Path(str(experiment.controller.get("path", f"{controller.name}.yaml")))
+    meanings = {name: kind.description for name, kind in CONSTANTS.items()}
+
+    def page() -> None:
+        Editor(path, controller, panels(controller, experiment, requirements), meanings)
+
+    serve(page, controller.name, chosen.port, not chosen.no_browser)
+    return runs.OK
