@@ -3,13 +3,14 @@
 The rewards of the latter are those of AFRL's problem of that kind.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import gymnasium
 import numpy as np
+from gymnasium.error import ResetNeeded
 from gymnasium.spaces import Box
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
@@ -59,6 +60,7 @@ class InspectionEnv(gymnasium.Env[Observation, NDArray[Any]]):
         self.observation_space = self.task.observation_space()
         self.action_space = self.task.action_space()
         self._episodes = Episodes(self.task, 1)
+        self._is_over: bool | None = None  # before the first episode
         self.render_mode = render_mode
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> Started:
@@ -66,16 +68,19 @@ class InspectionEnv(gymnasium.Env[Observation, NDArray[Any]]):
 
         ``options["priority"]`` is a direction, shape (3,), for worlds where points have a priority.
         """
+        options = checked_options(options, ("scenario", "priority"))
         super().reset(seed=seed)
-        given = options or {}
-        scenario = given.get("scenario") or self.task.draw(self.np_random)
-        self._episodes.start(0, scenario, given.get("priority"))
-        self._episodes.step(None)
+        scenario = options.get("scenario") or self.task.draw(self.np_random)
+        self._episodes.start(0, scenario, options.get("priority"))
+        self._episodes.begin()
+        self._is_over = False
         return self._episodes.flights.seen[0], self._info()
 
     def step(self, action: NDArray[Any]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Fly a control period."""
+        require_episode(self._is_over)
         rewards, terminated, truncated = self._episodes.step(np.asarray(action)[np.newaxis])
+        self._is_over = bool(terminated[0] or truncated[0])
         observation = self._episodes.flights.seen[0]
         return observation, float(rewards[0]), bool(terminated[0]), bool(truncated[0]), self._info()
 
@@ -129,6 +134,8 @@ class InspectionVectorEnv(VectorEnv[Observation, NDArray[Any], NDArray[Any]]):
         reward: Reward | None = None,
         levels_n: float | None = None,
     ) -> None:
+        if num_envs < 1:
+            raise ValueError(f"num_envs is {num_envs}; it must be at least 1")
         self.num_envs = num_envs
         self.task: Task = task_of(obeyed(overrides), reward, levels_n)
         self.single_observation_space = self.task.observation_space()
@@ -143,17 +150,31 @@ class InspectionVectorEnv(VectorEnv[Observation, NDArray[Any], NDArray[Any]]):
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> Started:
-        """Start all episodes."""
-        if seed is not None or not self._generators:
-            seeds = [seed] * self.num_envs if seed is None else seed
-            if isinstance(seeds, int):
-                seeds = range(seeds, seeds + self.num_envs)
-            self._generators = [np.random.default_rng(one) for one in seeds]
-        for flight in range(self.num_envs):
+        """Start all episodes, or those of ``options["reset_mask"]``, shape (num_envs,) of bool."""
+        options = checked_options(options, ("reset_mask",))
+        is_reset = self._checked_mask(options["reset_mask"]) if "reset_mask" in options else self._all
+        seeds = range(seed, seed + self.num_envs) if isinstance(seed, int) else seed
+        if seeds is not None and len(seeds) != self.num_envs:
+            raise ValueError(f"{len(seeds)} seeds were given for {self.num_envs} flights; give one for each")
+        if not self._generators:
+            if not is_reset.all():
+                raise ResetNeeded("some flights have no episode yet; reset all of them first")
+            self._generators = [np.random.default_rng() for _ in range(self.num_envs)]
+        for flight in map(int, np.flatnonzero(is_reset)):
+            if seeds is not None and seeds[flight] is not None:
+                self._generators[flight] = np.random.default_rng(seeds[flight])
             self._start(flight)
-        self._has_ended[:] = False
-        self._episodes.step(None)
-        return self._episodes.flights.seen, self._told()
+        self._has_ended[is_reset] = False
+        self._episodes.begin()
+        return self._episodes.flights.seen, self._infos()
+
+    def _checked_mask(self, mask: Any) -> NDArray[np.bool_]:
+        """Return the mask if it is an array that selects flights."""
+        if not (isinstance(mask, np.ndarray) and mask.dtype == np.bool_ and mask.shape == (self.num_envs,)):
+            raise ValueError(f"reset_mask must be an array of bool, shape ({self.num_envs},)")
+        if not mask.any():
+            raise ValueError("reset_mask selects no flight; set at least one of its elements")
+        return mask
 
     def _start(self, flight: int) -> None:
         self._episodes.start(flight, self.task.draw(self._generators[flight]))
@@ -162,14 +183,15 @@ class InspectionVectorEnv(VectorEnv[Observation, NDArray[Any], NDArray[Any]]):
         self, actions: NDArray[Any]
     ) -> tuple[Observation, NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
         """Fly a control period in all, or start the next episode of those that ended with the last step."""
+        require_episode(None if not self._generators else False)
         for flight in np.flatnonzero(self._has_ended):
             self._start(int(flight))
         rewards, terminated, truncated = self._episodes.step(actions)
         self._has_ended = terminated | truncated
-        return self._episodes.flights.seen, rewards, terminated, truncated, self._told()
+        return self._episodes.flights.seen, rewards, terminated, truncated, self._infos()
 
-    def _told(self) -> dict[str, NDArray[Any]]:
-        """Return facts as vector environments tell them: an array each, and where it is known."""
+    def _infos(self) -> dict[str, NDArray[Any]]:
+        """Return facts as vector environments have them: an array each, and a mask of where it is known."""
         facts = self._episodes.facts
         return facts | {f"_{name}": self._all for name in facts}
 
@@ -178,29 +200,87 @@ class InspectionVectorEnv(VectorEnv[Observation, NDArray[Any], NDArray[Any]]):
         self._episodes.record(flight, Path(path))
 
 
-Divide = Callable[[Observation], Observation]
+class _Divide:
+    """Divides observations by scales; unlike a function in a function it can be pickled."""
+
+    def __init__(self, scales: Observation) -> None:
+        self._scales = scales
+
+    def __call__(self, observations: Observation) -> Observation:
+        return observations / self._scales
 
 
-def _normalised(task: Task) -> tuple[Divide, "Box[np.float32]"]:
+def _normalised(task: Task | None, space: Any) -> tuple[_Divide, "Box[np.float32]"]:
     """Return what divides observations by `pipeline.gym.episodes.Task.scales`, and their space then."""
-    space, scales = task.observation_space(), task.scales.astype(np.float32)
-    divided = Box(space.low / scales, space.high / scales, dtype=np.float32)
-    return lambda observations: observations / scales, divided
+    scales = np.zeros(0) if task is None else task.scales
+    if not (isinstance(space, Box) and space.shape == scales.shape):
+        raise ValueError(
+            "only observations of Inspection-v0 and Reach-v0, as they are, can be divided by their scales; "
+            "wrap such an environment before others change what is observed"
+        )
+    divided = Box(
+        (space.low / scales).astype(np.float32), (space.high / scales).astype(np.float32), dtype=np.float32
+    )
+    return _Divide(scales.astype(np.float32)), divided
 
 
 class NormalizedObservation(TransformObservation):
-    """Divides observations by `pipeline.gym.episodes.Task.scales`."""
+    """Divides observations by `pipeline.gym.episodes.Task.scales`.
 
-    def __init__(self, env: InspectionEnv) -> None:
-        super().__init__(env, *_normalised(env.task))
+    Raises
+    ------
+    ValueError
+        If the environment, or what it wraps, does not observe those quantities.
+    """
+
+    def __init__(self, env: gymnasium.Env[Observation, NDArray[Any]]) -> None:
+        super().__init__(env, *_normalised(getattr(env.unwrapped, "task", None), env.observation_space))
 
 
 class NormalizedVectorObservation(TransformVectorObservation):
-    """The same for many flights."""
+    """The same for many flights, stepped by one call or each by its own environment.
 
-    def __init__(self, env: InspectionVectorEnv) -> None:
-        divide, space = _normalised(env.task)
+    Raises
+    ------
+    ValueError
+        If the environments do not observe those quantities.
+    """
+
+    def __init__(self, env: VectorEnv[Observation, NDArray[Any], NDArray[Any]]) -> None:
+        many: Any = env.unwrapped
+        task = many.task if hasattr(many, "task") else _common_task(many)
+        divide, space = _normalised(task, env.single_observation_space)
         super().__init__(env, divide, single_observation_space=space)
+
+
+def _common_task(many: Any) -> Task | None:
+    """Return the task of Gymnasium's own vector environment, which holds single ones."""
+    try:
+        return next((task for task in many.get_attr("task") if isinstance(task, Task)), None)
+    except AttributeError:
+        return None
+
+
+def checked_options(options: dict[str, Any] | None, known: Sequence[str]) -> dict[str, Any]:
+    """Return the options of a reset.
+
+    Raises
+    ------
+    ValueError
+        If one is unknown.
+    """
+    options = options or {}
+    if unknown := sorted(set(options) - set(known)):
+        raise ValueError(f"reset knows no option {unknown[0]!r}; it takes {', '.join(known)}")
+    return options
+
+
+def require_episode(is_over: bool | None) -> None:
+    """Raise ResetNeeded if the episode is over, or none has begun (None)."""
+    if is_over is None:
+        raise ResetNeeded("there is no episode yet; call reset first")
+    if is_over:
+        raise ResetNeeded("the episode is over; call reset for the next")
 
 
 @dataclass(frozen=True)

@@ -247,8 +247,15 @@ class Episodes:
             self._weights[episode] = priority_weights(self._points, direction)
             self._needed[episode] = threshold / 100.0
 
-    def step(self, actions: NDArray[np.float64] | None) -> tuple[Floats, Booleans, Booleans]:
-        """Fly all by a control period; without actions only those that are started move.
+    def begin(self) -> None:
+        """Bring the episodes that were put at a start to their first sample; the others rest."""
+        is_new = self.flights.samples == stepping.NOT_STARTED
+        self.flights.step_started()
+        self._spent[is_new] = self.flights.observed[is_new, stepping.SPENT]
+        self._paid[is_new] = 0.0 if self.task.reward.as_afrl else self._inspected[is_new]
+
+    def step(self, actions: NDArray[Any]) -> tuple[Floats, Booleans, Booleans]:
+        """Fly all by a control period, or bring those that were put at a start to their first sample.
 
         Returns
         -------
@@ -260,7 +267,7 @@ class Episodes:
             The flight's time is over. See `Reward` for AFRL's ends.
         """
         flights, reward = self.flights, self.task.reward
-        forces = np.zeros((len(flights.samples), 3)) if actions is None else self.task.forces(actions)
+        forces = self.task.forces(actions)
         is_begun = flights.samples >= 0
         rows = np.flatnonzero(is_begun)
         self._forces[rows, flights.samples[rows]] = forces[rows]

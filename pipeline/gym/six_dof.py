@@ -22,7 +22,7 @@ from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.chief import chief_attitudes
 from pipeline.flight.world.pack import optics_of
 from pipeline.flight.world.surface import surface_of
-from pipeline.gym.env import Started
+from pipeline.gym.env import Started, checked_options, require_episode
 from pipeline.gym.episodes import AFRL_WEIGHTED, Reward, nearest_in_orbit, obeyed, priority_weights, task_of
 from pipeline.physics.attitude import euler
 from pipeline.physics.illumination import sun_angle, sun_direction_h
@@ -148,13 +148,14 @@ class SixDofInspectionEnv(gymnasium.Env[NDArray[np.float32], NDArray[Any]]):
         self._surface, self._optics = surface_of(mission), optics_of(mission)
         self._inertia = np.array(mission.deputy.inertia_kg_m2)
         self._chief = chief_attitudes(mission)
+        self._is_over: bool | None = None  # before the first episode
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> Started:
         """Start an episode: drawn, or ``options["scenario"]`` and ``options["priority"]``, (3,)."""
+        options = checked_options(options, ("scenario", "priority"))
         super().reset(seed=seed)
-        given = options or {}
-        scenario: Scenario = given.get("scenario") or self.task.draw(self.np_random)
-        priority = given.get("priority")
+        scenario: Scenario = options.get("scenario") or self.task.draw(self.np_random)
+        priority = options.get("priority")
         self._priority = direction_of(scenario.generator(PRIORITY)) if priority is None else priority
         num_points = len(self._surface.points)
         self._weights = np.full(num_points, 1.0 / num_points)
@@ -165,6 +166,7 @@ class SixDofInspectionEnv(gymnasium.Env[NDArray[np.float32], NDArray[Any]]):
         self._state = np.concatenate((scenario.position_m, scenario.velocity_m_s, turned))
         self._is_inspected = np.zeros(num_points, dtype=np.bool_)
         self._look()
+        self._is_over = False
         return self._observed(), self._info()
 
     def step(self, action: NDArray[Any]) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
@@ -189,6 +191,7 @@ class SixDofInspectionEnv(gymnasium.Env[NDArray[np.float32], NDArray[Any]]):
             ``delta_v_m_s``, ``num_inspected``, ``weight_inspected``; ``is_success``: whether enough of the
             weight is inspected inside the distance limits, whatever free flight would do after that.
         """
+        require_episode(self._is_over)
         mission, deputy, reward = self._mission, self._mission.deputy, self._reward
         shares = np.clip(np.asarray(action, dtype=np.float64), -1.0, 1.0)
         check_given(shares)
@@ -216,6 +219,7 @@ class SixDofInspectionEnv(gymnasium.Env[NDArray[np.float32], NDArray[Any]]):
         self._paid = self.weight_inspected
         terminated = bool(has_crashed or self._has_enough)
         truncated = bool(is_far or self._k == mission.num_controls)
+        self._is_over = terminated or truncated
         return self._observed(), float(gained), terminated, truncated, self._info()
 
     @property

@@ -30,8 +30,8 @@ POSITION, VELOCITY, TARGET, SUN, BORESIGHT = 0, 3, 6, 9, 12
 NUM_INSPECTED, NUM_CANDIDATES, SPENT, LEFT = 15, 16, 17, 18
 #: known to the truth only: points that count and are not inspected, how far outside, and the safety layer's
 NUM_UNSEEN, OUTSIDE, NUM_ACTED, CORRECTED, NUM_OBSERVED = 19, 20, 21, 22, 23
-#: the sample of a flight that is about to start
-NOT_STARTED = -1
+#: the sample of a flight that is about to start, and of one that rests in a step of others
+NOT_STARTED, RESTING = -1, -2
 
 
 # This is inlined: a compiled function cannot return a tuple with a record in it.
@@ -97,11 +97,14 @@ def step_many(
 
     Each of n flights has a start, of `CASE`, a row of `counted`, 1 for the points that it is about, of
     `states`, and of `forces`, N, Hill axes. Its sample, `NOT_STARTED` for a flight to be started, is
-    incremented, and its row of `observed`, (n, NUM_OBSERVED), filled. There are no plans.
+    incremented, and its row of `observed`, (n, NUM_OBSERVED), filled; a flight that is `RESTING` is passed
+    over. There are no plans.
     """
     world, plans, cases, counted, states, work = borrowed((world, plans, cases, counted, states, work))
     for flight in range(len(samples)):
         state, k = state_of(states, flight), samples[flight]
+        if k == RESTING:
+            continue
         now = Moment(world, state, work, flight, 1, k)
         if k == NOT_STARTED:
             start_lanes(now, cases, counted)
@@ -149,7 +152,7 @@ class SteppedFlights:
             raise ValueError("flights that are stepped share one world; leave dispersions out")
         if is_interpreted(mission):
             raise ValueError("guidance.engine=sklearn cannot be stepped; choose guidance.engine=compiled")
-        self._mission, self._world = mission, pack_world(mission)
+        self._mission, self._world, self._is_tilted = mission, pack_world(mission), is_tilted
         world, width = self._world, self._world.points.shape[2]
         self._optics = optics_in_use(world, is_tilted)
         self._starts = np.zeros(num_flights, CASE).view(np.recarray)
@@ -223,3 +226,27 @@ class SteppedFlights:
         self._forces[:] = forces
         check_given(self._forces)
         self._step(*self._arguments)
+
+    def step_started(self) -> None:
+        """Bring the flights that were put at a start to their first sample; the others rest."""
+        before, is_resting = self.samples.copy(), self.samples != NOT_STARTED
+        self.samples[is_resting] = RESTING
+        self._step(*self._arguments)
+        self.samples[is_resting] = before[is_resting]
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what makes up these flights: their mission, and the content of all arrays."""
+        return {"arguments": (self._mission, len(self.samples), self._is_tilted), "arrays": self._arrays()}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Allocate anew, for compiled code needs arrays as they are aligned here, and copy the content."""
+        mission, num_flights, is_tilted = state["arguments"]
+        self.__init__(mission, num_flights, is_tilted=is_tilted)  # type: ignore[misc]
+        for array, content in zip(self._arrays(), state["arrays"], strict=True):
+            array[...] = content
+
+    def _arrays(self) -> list[Any]:
+        """Return the arrays that change as flights are started and stepped."""
+        errors = () if self._errors is None else (*self._errors.fixes.errors, *self._errors.firing.errors)
+        mine = (self._starts, self._counted, self.observed, self.samples, self.inspectable)
+        return [*mine, *self._states, *errors]
