@@ -95,8 +95,10 @@ class Prove:
 
 @settings("engine")
 class Engine:
-    """How a campaign is cut into parts."""
+    """Where flights and plans are computed, and how a campaign is cut into parts."""
 
+    kind: Annotated[Literal["local", "dask"], checks.Freely()] = "local"
+    """This process, or Dask's workers: of this machine, or of the scheduler that Dask's settings name."""
     part_cases: Annotated[checks.Count, checks.Freely()] = 10000
     """Flights of a part, which are kept as a file once they are flown."""
 

@@ -39,7 +39,7 @@ RENAMED: Mapping[str, str] = {
 #: keys of earlier versions that have no present one; runs that hold them are read without
 GONE = (
     "logger.place",
-    *("engine.kind", "engine.processes", "engine.scheduler"),
+    *("engine.processes", "engine.scheduler"),
     *("optimizer.consistency", "optimizer.islands", "optimizer.migrate_every", "optimizer.migrants"),
 )
 #: the group whose keys are those of the configuration

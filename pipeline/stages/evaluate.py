@@ -5,6 +5,7 @@ import shutil
 import sys
 import time
 from collections.abc import Mapping
+from contextlib import AbstractContextManager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,8 @@ from pipeline.evaluation.statistics import Column, percentiles, sensitivity
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.goals.flights import fly_all
 from pipeline.optimum.solved import IncomparableError, beside_optimum, solved_for, summarise_times
-from pipeline.run import artifacts, tables, writing
+from pipeline.run import artifacts, engine, tables, writing
+from pipeline.run.engine import TaskPool
 from pipeline.run.progress import Progress
 from pipeline.scenarios import evaluation_scenarios
 from pipeline.settings.dispersions import distributions
@@ -30,10 +32,11 @@ def run(experiment: Experiment, folder: Path) -> None:
     controller = controller_of_run(experiment, folder)
     first = evaluation_scenarios(experiment, slice(1))
     fly_cases(experiment.mission, controller, first, 1)  # compiles if necessary
-    started = time.perf_counter()
-    episodes = _flown(experiment, controller, folder)
-    seconds, num_cases = time.perf_counter() - started, len(episodes["case"])
-    confidence = experiment.monte_carlo.confidence_percent
+    started, confidence = time.perf_counter(), experiment.monte_carlo.confidence_percent
+    with _open_pool(experiment) as pool:
+        episodes = _flown(experiment, controller, folder, pool)
+        seconds, num_cases = time.perf_counter() - started, len(episodes["case"])
+        dispersed = _dispersed(experiment, controller, episodes, folder, pool)
     summary = {
         "controller": controller.name,
         "controller_sha256": sha256_of(controller),
@@ -43,7 +46,7 @@ def run(experiment: Experiment, folder: Path) -> None:
         "confidence_percent": confidence,
         **summarise(episodes, confidence),
         "percentiles": percentiles(episodes, confidence),
-        **_dispersed(experiment, controller, episodes, folder),
+        **dispersed,
         "optimum": _beside_optimum(experiment, controller, folder),
     }
     writing.write_json(folder / artifacts.SUMMARY, summary)
@@ -73,11 +76,25 @@ def _done_in_words(summary: Mapping[str, Any]) -> str:
     )
 
 
-def _flown(experiment: Experiment, controller: Controller, folder: Path) -> Mapping[str, Column]:
+def _open_pool(experiment: Experiment) -> AbstractContextManager[TaskPool]:
+    """Open what flies the parts of a campaign; the flights of a single part are flown here."""
+    cases, settings = experiment.monte_carlo, experiment.engine
+    if not _is_in_parts(experiment) and settings.kind != "local":
+        sys.stderr.write(
+            f"  {cases.num_cases:,} cases are one part, which is flown here; a lower engine.part_cases makes "
+            "several\n"
+        )
+        settings = replace(settings, kind="local")
+    return engine.open_pool(settings, cases.workers)
+
+
+def _flown(
+    experiment: Experiment, controller: Controller, folder: Path, pool: TaskPool
+) -> Mapping[str, Column]:
     """Fly all cases and write their table; trajectories too, unless they are flown in parts."""
     if _is_in_parts(experiment):
         (folder / artifacts.TRAJECTORIES).unlink(missing_ok=True)
-        paths = _fly_parts(experiment, controller, folder, "cases")
+        paths = _fly_parts(experiment, controller, folder / artifacts.EPISODE_PARTS / "cases", pool)
         tables.join_parquet(folder / artifacts.EPISODES, paths)
         return tables.Columns([folder / artifacts.EPISODES])
     scenarios, workers = evaluation_scenarios(experiment), experiment.monte_carlo.workers
@@ -95,24 +112,32 @@ def _is_in_parts(experiment: Experiment) -> bool:
     return experiment.monte_carlo.num_cases > experiment.engine.part_cases
 
 
-def _fly_parts(experiment: Experiment, controller: Controller, folder: Path, kind: str) -> list[Path]:
+def _fly_parts(
+    experiment: Experiment, controller: Controller, parts_folder: Path, pool: TaskPool
+) -> list[Path]:
     """Fly a campaign, each part into a file; a resumed one flies only the missing parts. Return the files."""
     cases, length = experiment.monte_carlo, experiment.engine.part_cases
-    parts_folder = folder / artifacts.EPISODE_PARTS / kind
     if not experiment.resume:
         shutil.rmtree(parts_folder, ignore_errors=True)
     bounds = [(first, min(first + length, cases.num_cases)) for first in range(0, cases.num_cases, length)]
     # a resumed run may be cut into other parts
     paths = [parts_folder / f"{first:09d}-{last:09d}.parquet" for first, last in bounds]
     left = [part for part, path in enumerate(paths) if not path.exists()]
+    tasks = [(experiment, controller, bounds[part], pool.threads(cases.workers)) for part in left]
     with Progress("part:", len(paths), len(paths) - len(left)) as progress:
-        for done, part in enumerate(left, len(paths) - len(left) + 1):
-            scenarios = evaluation_scenarios(experiment, slice(*bounds[part]))
-            outcomes = fly_all(experiment.mission, controller, scenarios, cases.workers)
-            columns = episode_columns(experiment.mission, scenarios, outcomes)
-            tables.write_parquet(paths[part], columns | {"case": np.arange(*bounds[part])})
+        for done, (index, columns) in enumerate(pool.run(fly_part, tasks), len(paths) - len(left) + 1):
+            tables.write_parquet(paths[left[index]], columns)
             progress.show(done)
     return paths
+
+
+def fly_part(
+    experiment: Experiment, controller: Controller, bounds: tuple[int, int], workers: int | None
+) -> dict[str, Column]:
+    """Fly the cases from the first bound up to the second; return the columns of their table."""
+    scenarios = evaluation_scenarios(experiment, slice(*bounds))
+    outcomes = fly_all(experiment.mission, controller, scenarios, workers)
+    return episode_columns(experiment.mission, scenarios, outcomes) | {"case": np.arange(*bounds)}
 
 
 def _beside_optimum(experiment: Experiment, controller: Controller, folder: Path) -> dict[str, Any]:
@@ -131,7 +156,7 @@ def _beside_optimum(experiment: Experiment, controller: Controller, folder: Path
 
 
 def _dispersed(
-    experiment: Experiment, controller: Controller, episodes: Mapping[str, Any], folder: Path
+    experiment: Experiment, controller: Controller, episodes: Mapping[str, Any], folder: Path, pool: TaskPool
 ) -> dict[str, Any]:
     """Return the sensitivity to each dispersion, and the results without any; {} if there are none."""
     mission, confidence = experiment.mission, experiment.monte_carlo.confidence_percent
@@ -141,7 +166,9 @@ def _dispersed(
     undispersed = replace(experiment, mission=replace(mission, dispersions={}))
     nominal: Mapping[str, Column]
     if _is_in_parts(experiment):
-        nominal = tables.Columns(_fly_parts(undispersed, controller, folder, "nominal"))
+        nominal = tables.Columns(
+            _fly_parts(undispersed, controller, folder / artifacts.EPISODE_PARTS / "nominal", pool)
+        )
     else:
         scenarios, workers = evaluation_scenarios(experiment), experiment.monte_carlo.workers
         nominal, _ = fly_cases(undispersed.mission, controller, scenarios, workers)

@@ -2,7 +2,6 @@
 
 import sys
 from collections.abc import Mapping
-from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +14,7 @@ from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.pack import inspection_points
 from pipeline.optimum.plan import CasePlan, solve
 from pipeline.optimum.solved import case_row, summarise, terms_of
-from pipeline.run import artifacts, tables, writing
+from pipeline.run import artifacts, engine, tables, writing
 from pipeline.run.progress import Progress
 from pipeline.scenarios import EVALUATION, evaluation_scenarios, given_start, starts_in
 from pipeline.settings.experiment import Experiment
@@ -35,17 +34,16 @@ def run(experiment: Experiment, folder: Path) -> None:
         )
     left = [case for case in range(len(scenarios)) if case not in rows]
     workers = experiment.optimum.workers or num_processors()
-    with ThreadPoolExecutor(workers) as pool, Progress("solved", len(scenarios), len(rows)) as progress:
-        futures = {pool.submit(_solve, experiment, case, scenarios[case]): case for case in left}
-        try:
-            for future in as_completed(futures):
-                case = futures[future]
-                rows[case] = _keep(experiment, folder, case, scenarios[case], future.result())
-                write_cases(folder, rows)
-                progress.show(len(rows), _row_in_words(rows[case]))
-        except BaseException:
-            pool.shutdown(cancel_futures=True)
-            raise
+    tasks = [(experiment, case, scenarios[case]) for case in left]
+    with (
+        engine.open_pool(experiment.engine, workers, threads=workers) as pool,
+        Progress("solved", len(scenarios), len(rows)) as progress,
+    ):
+        for index, plan in pool.run(_solve, tasks):
+            case = left[index]
+            rows[case] = _keep(experiment, folder, case, scenarios[case], plan)
+            write_cases(folder, rows)
+            progress.show(len(rows), _row_in_words(rows[case]))
     _finish(experiment, folder, rows)
 
 
