@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from fis_tools.streams import print_result
 from pipeline.command_line.arguments import EXPERIMENT, ConfigError
 from pipeline.run import artifacts, configuration, maker, manifests
+from pipeline.run.engine import check_engine
 from pipeline.run.lock import held
 from pipeline.run.runner import run_stages
 from pipeline.settings import schema
@@ -230,6 +231,7 @@ def _experiment_of(folder: Path, config: dict[str, Any]) -> Experiment:
 
 def check_before(experiment: Experiment) -> None:
     """Raise the errors that a stage would raise, before any folder is made."""
+    check_engine(experiment.engine)
     # NumPy, needed once the settings are right
     from pipeline.flight.cases.dispersions import missions_at_ends  # noqa: PLC0415
     from pipeline.flight.world.chief import check_perigee, num_chief_steps  # noqa: PLC0415

@@ -10,7 +10,7 @@ connections are encrypted with keys made for it alone.
 
 import logging
 import signal
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, ThreadPoolExecutor, wait
 from contextlib import ExitStack, contextmanager
 from typing import Any, Final
@@ -103,6 +103,10 @@ class TaskPool:
             raise EngineError(LOST.format(type(error).__name__)) from error
 
 
+#: does tasks one after the other in the calling thread
+HERE: Final = TaskPool(None, lambda: 1)
+
+
 @contextmanager
 def open_pool(engine: Engine, workers: int | None, threads: int = 1) -> Iterator[TaskPool]:
     """Open what does the tasks of a stage, and close it at the end.
@@ -124,7 +128,7 @@ def open_pool(engine: Engine, workers: int | None, threads: int = 1) -> Iterator
         If its scheduler does not answer, or a worker runs another version of this program.
     """
     if engine.kind == "local" and threads == 1:
-        yield TaskPool(None, lambda: 1)
+        yield HERE
         return
     with ExitStack() as stack:
         if engine.kind == "dask":
@@ -216,10 +220,15 @@ def dask_setup(_: object) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
+def _product() -> Mapping[str, Any]:
+    """Return what the process that calls this runs: versions and sources."""
+    return maker.product()
+
+
 def _check_workers(client: Any) -> None:
     """Raise EngineError if a worker has other sources or libraries than this process."""
     here = maker.product()
-    for address, there in client.run(maker.product).items():
+    for address, there in client.run(_product).items():
         if differences := maker.unlike(here, there):
             raise EngineError(
                 f"the worker {address} differs from this process ({', '.join(differences)}), so that results "

@@ -50,6 +50,7 @@ from pipeline.report.evidence import render_evidence
 from pipeline.report.figures.flights import draw_tube
 from pipeline.report.figures.style import Illustration
 from pipeline.run import artifacts, configuration, maker, tables, writing
+from pipeline.run.engine import TaskPool, open_pool
 from pipeline.scenarios import evaluation_scenarios
 from pipeline.settings.experiment import Experiment
 from pipeline.settings.places import requirements_path
@@ -85,7 +86,8 @@ def run(experiment: Experiment, folder: Path) -> str:
     for path in (folder / artifacts.WORST_FLIGHTS).glob("*.mcap"):
         path.unlink()
     writing.write_atomically(folder / artifacts.REQUIREMENTS, text)
-    gathered = _gather(experiment, folder, requirements)
+    with open_pool(experiment.engine, experiment.assurance.workers) as pool:
+        gathered = _gather(experiment, folder, requirements, pool)
     writing.write_json(folder / artifacts.EVIDENCE, gathered)
     page = render_evidence(gathered, _tube_drawn(experiment, folder, gathered["requirements"]))
     writing.write_atomically(folder / artifacts.EVIDENCE_PAGE, page)
@@ -118,7 +120,9 @@ def _tell_needs(requirements: Sequence[Requirement], num_cases: int) -> None:
             )
 
 
-def _gather(experiment: Experiment, folder: Path, requirements: Requirements) -> dict[str, Any]:
+def _gather(
+    experiment: Experiment, folder: Path, requirements: Requirements, pool: TaskPool
+) -> dict[str, Any]:
     """Fly, search and prove; return the evidence as plain data."""
     settings, mission = experiment.assurance, experiment.mission
     controller = controller_of_run(experiment, folder)
@@ -143,7 +147,7 @@ def _gather(experiment: Experiment, folder: Path, requirements: Requirements) ->
             judgement = judge(
                 outcome.margins, outcome.is_met, requirement.probability, requirement.confidence
             )
-        searches = _searches(experiment, campaign, requirement, outcome)
+        searches = _searches(experiment, campaign, requirement, outcome, pool)
         bounds = certificates(requirement, controller) if BOUNDS in requirement.verified_by else ()
         layer = proof if SAFETY_LAYER in requirement.verified_by else None
         tube = _tube(experiment, controller, folder) if TUBE in requirement.verified_by else None
@@ -170,16 +174,19 @@ def _scenarios(experiment: Experiment, num_cases: int) -> list[Scenario]:
 
 
 def _searches(
-    experiment: Experiment, campaign: Campaign, requirement: Requirement, random: FormulaResult | None
+    experiment: Experiment,
+    campaign: Campaign,
+    requirement: Requirement,
+    random: FormulaResult | None,
+    pool: TaskPool,
 ) -> tuple[WorstCaseSearch, ...]:
     """Search for the worst case of a requirement, if it asks for that, and print how it went."""
     if SEARCH not in requirement.verified_by or random is None:
         return ()
     space = case_space(experiment)
-    searches = tuple(
-        search(requirement, campaign, space, experiment, number)
-        for number in range(experiment.assurance.searches)
-    )
+    numbers = range(experiment.assurance.searches)
+    tasks = [(requirement, campaign, space, experiment, number) for number in numbers]
+    searches = tuple(pool.map(search, tasks))
     sys.stderr.write(f"  {requirement.id}: {search_efficiency(searches, random).sentence}\n")
     return searches
 

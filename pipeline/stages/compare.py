@@ -2,7 +2,7 @@
 
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -17,6 +17,7 @@ from pipeline.flight.goals.flights import fly_all
 from pipeline.flight.state.log import Outcomes, Scenario, combined
 from pipeline.optimum.solved import IncomparableError, Solved, beside_optimum, solved_for, summarise_times
 from pipeline.run import artifacts, tables, writing
+from pipeline.run.engine import open_pool
 from pipeline.run.progress import Progress
 from pipeline.scenarios import evaluation_scenarios
 from pipeline.settings.experiment import Experiment, Mission, Safety
@@ -34,7 +35,7 @@ def run(experiment: Experiment, folder: Path) -> None:
     rows = [comparison.published_row(comparison.PAPER_TEST)] if is_inspection else []
     flown: list[Row] = []
     lots = [lot for world in experiment.compare.worlds or [""] for lot in _lots(experiment, world)]
-    for lot, of_lot in zip(lots, _fly(lots), strict=True):
+    for lot, of_lot in zip(lots, _fly(lots, experiment), strict=True):
         flown += of_lot
         rows += [row for row, _ in of_lot]
         if lot.solved is not None:
@@ -76,6 +77,10 @@ def _solved(experiment: Experiment) -> Solved | None:
         return None
 
 
+#: called with a number of flights that were flown, and what flew them
+Note = Callable[[int, str], None]
+
+
 class _Flights:
     """The flights of all rows: shows the number flown, and can be stopped."""
 
@@ -91,38 +96,61 @@ class _Flights:
             self._progress.show(self._flown, label)
 
 
-def _fly(lots: Sequence[Lot]) -> list[list[Row]]:
-    """Fly the controllers of all lots; rows in their order.
+def _fly(lots: Sequence[Lot], experiment: Experiment) -> list[list[Row]]:
+    """Fly the controllers of all lots, here or on workers of Dask; return each lot's rows in order."""
+    names, layers = experiment.compare.controllers, experiment.compare.safety
+    num_flights = len(names) * len(layers) * sum(len(lot.scenarios) for lot in lots)
+    with Progress("flights", num_flights, 0) as progress:
+        if experiment.engine.kind == "local":
+            return _fly_here(lots, names, progress)
+        tasks = [(lot, name, named(name, lot.experiment.mission)) for lot in lots for name in names]
+        rows: dict[int, list[Row]] = {}
+        num_flown = 0
+        with open_pool(experiment.engine, experiment.monte_carlo.workers) as pool:
+            for index, flown in pool.run(fly_rows, tasks):
+                rows[index] = flown
+                num_flown += len(layers) * len(tasks[index][0].scenarios)
+                progress.show(num_flown, tasks[index][1])
+    in_order = iter([rows[index] for index in range(len(tasks))])
+    return [[row for _ in names for row in next(in_order)] for _ in lots]
+
+
+def fly_rows(lot: Lot, name: str, controller: Controller) -> list[Row]:
+    """Fly one controller with all safety layers in this thread alone."""
+    cases = replace(lot.experiment.monte_carlo, workers=1)
+    alone = replace(lot, experiment=replace(lot.experiment, monte_carlo=cases))
+    return _rows(alone, name, controller, lambda _count, _label: None)
+
+
+def _fly_here(lots: Sequence[Lot], names: Sequence[str], progress: Progress) -> list[list[Row]]:
+    """Fly the controllers of all lots on threads of this process.
 
     Planning controllers, half of whose time is spent in Python, keep less than two processors busy, whatever
     the number of threads: compiled ones fly at the same time.
     """
-    compare = lots[0].experiment.compare
-    rows_of_lot = len(compare.controllers) * len(compare.safety)
-    with Progress("flights", rows_of_lot * sum(len(lot.scenarios) for lot in lots), 0) as progress:
-        flights, planning, others = _Flights(progress), ThreadPoolExecutor(1), ThreadPoolExecutor(1)
+    flights, planning, others = _Flights(progress), ThreadPoolExecutor(1), ThreadPoolExecutor(1)
 
-        def begun(lot: Lot, name: str) -> Future[list[Row]]:
-            one = named(name, lot.experiment.mission)
-            plans = one.planner is not None and len(one.planner.decisions) > 1
-            return (planning if plans else others).submit(_rows, lot, name, one, flights)
+    def begun(lot: Lot, name: str) -> Future[list[Row]]:
+        controller = named(name, lot.experiment.mission)
+        plans = controller.planner is not None and len(controller.planner.decisions) > 1
+        return (planning if plans else others).submit(_rows, lot, name, controller, flights.note)
 
-        try:
-            futures = [[begun(lot, name) for name in compare.controllers] for lot in lots]
-            return [[row for future in of_lot for row in future.result()] for of_lot in futures]
-        finally:
-            flights.has_ended.set()
-            for pool in (planning, others):
-                pool.shutdown(cancel_futures=True)
+    try:
+        futures = [[begun(lot, name) for name in names] for lot in lots]
+        return [[row for future in of_lot for row in future.result()] for of_lot in futures]
+    finally:
+        flights.has_ended.set()
+        for pool in (planning, others):
+            pool.shutdown(cancel_futures=True)
 
 
-def _rows(lot: Lot, name: str, controller: Controller, flights: _Flights) -> list[Row]:
+def _rows(lot: Lot, name: str, controller: Controller, note: Note) -> list[Row]:
     """Fly one controller with all safety layers."""
     experiment, controller, rows = lot.experiment, remembering(controller), []
     for layer in experiment.compare.safety:
         mission = guarded(experiment.mission, layer)
         label = ", ".join(filter(None, [name, lot.world, f"Sun {experiment.sun.mode}", f"safety {layer}"]))
-        episodes = _fly_cases(lot, mission, controller, label, flights)
+        episodes = _fly_cases(lot, mission, controller, label, note)
         times = None
         if lot.solved is not None:
             workers = experiment.monte_carlo.workers
@@ -186,7 +214,7 @@ def guarded(mission: Mission, layer: str) -> Mission:
 
 
 def _fly_cases(
-    lot: Lot, mission: Mission, controller: Controller, label: str, flights: _Flights
+    lot: Lot, mission: Mission, controller: Controller, label: str, note: Note
 ) -> dict[str, comparison.Column]:
     """Fly all starts part by part, with a line at the end."""
     started, scenarios = time.perf_counter(), lot.scenarios
@@ -194,7 +222,7 @@ def _fly_cases(
     for first in range(0, len(scenarios), PART):
         part = scenarios[first : first + PART]
         parts.append(fly_all(mission, controller, part, lot.experiment.monte_carlo.workers))
-        flights.note(len(part), label)
+        note(len(part), label)
     outcomes = combined(parts)
     episodes = episode_columns(mission, scenarios, outcomes)
     spent, seconds = episodes["delta_v_m_s"].mean(), time.perf_counter() - started

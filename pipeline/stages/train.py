@@ -2,6 +2,8 @@
 
 import time
 from collections.abc import Sequence
+from contextlib import AbstractContextManager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +11,9 @@ import numpy as np
 
 from fis_tools.formats import serialize
 from pipeline.controllers import source
+from pipeline.flight.fly.tours import tour_images
 from pipeline.run import artifacts, configuration, maker, tables, writing
+from pipeline.run.engine import TaskPool, open_pool
 from pipeline.settings.experiment import Experiment
 from pipeline.training.evolution.rounds import Evolution
 from pipeline.training.evolution.state import Generation
@@ -26,14 +30,20 @@ def run(experiment: Experiment, folder: Path) -> None:
     """Train the configured controller: its structure is kept, its numbers are in the first population."""
     template = source.load(experiment.controller, experiment.mission)
     genome = genome_of(template, experiment.optimizer.encoding)
-    with logged(experiment.logger, folder) as log:
-        result = _evolved(experiment, folder, genome, log)
-        write_champion(folder, experiment, genome, result)
+    with logged(experiment.logger, folder) as log, _open_pool(experiment, genome) as pool:
+        result = _evolved(experiment, folder, genome, log, pool)
+        write_champion(folder, experiment, genome, result, pool)
         if result.interrupted:
             raise KeyboardInterrupt
 
 
-def _evolved(experiment: Experiment, folder: Path, genome: Genome, log: Log) -> Evolution:
+def _open_pool(experiment: Experiment, genome: Genome) -> AbstractContextManager[TaskPool]:
+    """Open what flies controllers that rehearse; others fly in thousandths of a second, and fly here."""
+    settings = experiment.engine if tour_images(genome.template) else replace(experiment.engine, kind="local")
+    return open_pool(settings, experiment.optimizer.workers)
+
+
+def _evolved(experiment: Experiment, folder: Path, genome: Genome, log: Log, pool: TaskPool) -> Evolution:
     """Evolve; write, log and show each generation."""
     due = time.monotonic()
     with TrainingProgress(experiment.optimizer) as progress:
@@ -47,7 +57,9 @@ def _evolved(experiment: Experiment, folder: Path, genome: Genome, log: Log) -> 
             progress.show_generation(history[-1])
 
         path = folder / artifacts.CHECKPOINT
-        result = evolved(experiment, genome, checkpoint=path, resume=experiment.resume, on_generation=keep)
+        result = evolved(
+            experiment, genome, pool, checkpoint=path, resume=experiment.resume, on_generation=keep
+        )
         write_history(folder, result.history)
     return result
 
@@ -67,9 +79,11 @@ def write_history(folder: Path, history: Sequence[Generation]) -> None:
     )
 
 
-def write_champion(folder: Path, experiment: Experiment, genome: Genome, result: Evolution) -> None:
+def write_champion(
+    folder: Path, experiment: Experiment, genome: Genome, result: Evolution, pool: TaskPool
+) -> None:
     """Choose the champion, and write it as a controller file with its provenance."""
-    choice = choose(experiment, genome, result.history)
+    choice = choose(experiment, genome, result.history, pool)
     facts = {
         "training_fitness": repr(choice.fitness),
         "experiment": experiment.name,

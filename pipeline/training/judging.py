@@ -16,8 +16,9 @@ from pipeline.flight.fly.tours import tour_images
 from pipeline.flight.goals.flights import fly_all, fly_genomes
 from pipeline.flight.state.log import Outcomes, Scenario, combined
 from pipeline.flight.world.pack import pack_world
+from pipeline.run.engine import HERE, TaskPool
 from pipeline.scenarios import hard_candidates, training_scenarios, validation_scenarios
-from pipeline.settings.experiment import Experiment
+from pipeline.settings.experiment import Experiment, Mission
 from pipeline.training.evolution.generations import Evaluate
 from pipeline.training.evolution.rounds import Evolution, evolve_rounds
 from pipeline.training.evolution.state import Generation
@@ -26,7 +27,11 @@ from pipeline.training.genome import Genome
 
 
 def fitness_of_round(
-    experiment: Experiment, genome: Genome, round_index: int, champion: Floats | None = None
+    experiment: Experiment,
+    genome: Genome,
+    round_index: int,
+    champion: Floats | None = None,
+    pool: TaskPool = HERE,
 ) -> Evaluate:
     """Return the function that flies genomes from a round's starts and evaluates them.
 
@@ -39,49 +44,57 @@ def fitness_of_round(
         From 0.
     champion : (num_genes,) array, optional
         Of the round before: the worst of some further starts for it are added to the round's own.
+    pool : TaskPool
+        Where controllers that rehearse are flown.
     """
     scenarios, num_hard = training_scenarios(experiment, round_index), experiment.starts.num_hard
     if champion is not None and num_hard > 0:
         candidates = hard_candidates(experiment, round_index)
-        worst = np.argsort(-costs_of(experiment, genome, champion, candidates, round_index), kind="stable")
+        worst = np.argsort(
+            -costs_of(experiment, genome, champion, candidates, round_index, pool), kind="stable"
+        )
         scenarios += [candidates[index] for index in worst[:num_hard]]
-    return fitness_from(experiment, genome, scenarios, round_index)
+    return fitness_from(experiment, genome, scenarios, round_index, pool)
 
 
 def fitness_from(
-    experiment: Experiment, genome: Genome, scenarios: list[Scenario], round_index: int
+    experiment: Experiment, genome: Genome, scenarios: list[Scenario], round_index: int, pool: TaskPool = HERE
 ) -> Evaluate:
     """Return the function that flies genomes from some starts and evaluates them with a round's prices."""
     penalty = experiment.optimizer.penalty.of_round(round_index)
-    fly = _flights_from(experiment, genome, scenarios)
+    fly = _flights_from(experiment, genome, scenarios, pool)
     return lambda genomes: fitness_parts(fly(genomes), penalty, experiment.mission)
 
 
 def costs_of(
-    experiment: Experiment, genome: Genome, champion: Floats, scenarios: list[Scenario], round_index: int
+    experiment: Experiment,
+    genome: Genome,
+    champion: Floats,
+    scenarios: list[Scenario],
+    round_index: int,
+    pool: TaskPool = HERE,
 ) -> Floats:
     """Return the cost of each flight of a genome at the prices of a round, m/s, shape (scenarios,)."""
     penalty = experiment.optimizer.penalty.of_round(round_index)
-    outcomes = _flights_from(experiment, genome, scenarios)(champion[np.newaxis])
+    outcomes = _flights_from(experiment, genome, scenarios, pool)(champion[np.newaxis])
     return costs(outcomes, penalty, experiment.mission).reshape(-1)
 
 
 def _flights_from(
-    experiment: Experiment, genome: Genome, scenarios: list[Scenario]
+    experiment: Experiment, genome: Genome, scenarios: list[Scenario], pool: TaskPool
 ) -> Callable[[Floats], Outcomes]:
     """Return the function that flies genomes of shape (n, num_genes) from some starts; outcomes of (n, m).
 
-    Controllers that rehearse images of a tour do so in training too, one genome after the other; first pushes
-    are left to the rules.
+    Controllers that rehearse images of a tour do so in training too, one task of the pool each; first
+    pushes are left to the rules.
     """
     mission, workers = experiment.mission, experiment.optimizer.workers
     if tour_images(genome.template):
 
         def fly_ahead(genomes: Floats) -> Outcomes:
-            controllers = [from_fuzzy(genome.decode(genes)) for genes in genomes]
-            return combined(
-                [fly_all(mission, controller, scenarios, workers) for controller in controllers], np.stack
-            )
+            threads = pool.threads(workers)
+            tasks = [(mission, genome.decode(genes), scenarios, threads) for genes in genomes]
+            return combined(pool.map(fly_rehearsed, tasks), np.stack)
 
         return fly_ahead
     world, law, cases = pack_world(mission), law_of(genome.template, mission), cases_of(mission, scenarios)
@@ -89,9 +102,16 @@ def _flights_from(
     return lambda genomes: fly_genomes(mission, world, law, genome.pack(genomes), cases, workers, lanes)
 
 
-def evolved(experiment: Experiment, genome: Genome, **kept: Any) -> Evolution:
+def fly_rehearsed(
+    mission: Mission, fuzzy: FuzzyController, scenarios: list[Scenario], workers: int | None
+) -> Outcomes:
+    """Fly a controller that rehearses from some starts."""
+    return fly_all(mission, from_fuzzy(fuzzy), scenarios, workers)
+
+
+def evolved(experiment: Experiment, genome: Genome, pool: TaskPool = HERE, **kept: Any) -> Evolution:
     """Train from the genome's template; keywords go to `evolve_rounds`."""
-    judge = partial(fitness_of_round, experiment, genome)
+    judge = partial(fitness_of_round, experiment, genome, pool=pool)
     first = genome.encode()[np.newaxis]
     return evolve_rounds(
         judge, genome.num_genes, experiment.optimizer, experiment.seed, initial=first, **kept
@@ -125,7 +145,9 @@ class Choice:
     rounds: tuple[tuple[int, float, float], ...] = ()
 
 
-def choose(experiment: Experiment, genome: Genome, history: Sequence[Generation]) -> Choice:
+def choose(
+    experiment: Experiment, genome: Genome, history: Sequence[Generation], pool: TaskPool = HERE
+) -> Choice:
     """Return the best of the rounds' champions on starts not used in training."""
     num_cases = experiment.optimizer.validation_cases
     if num_cases == 0:
@@ -136,7 +158,7 @@ def choose(experiment: Experiment, genome: Genome, history: Sequence[Generation]
     for index, generation in enumerate(last_of_round):
         training_starts = training_scenarios(experiment, generation.round)
         training, validation = (
-            float(costs_of(experiment, genome, generation.champion, starts, history[-1].round).mean())
+            float(costs_of(experiment, genome, generation.champion, starts, history[-1].round, pool).mean())
             for starts in (training_starts, scenarios)
         )
         rounds.append((index, training, validation))
