@@ -11,8 +11,11 @@ from numba import types
 from numba.extending import infer_getattr, lower_getattr_generic, models, register_model
 
 from fis_tools.compiled import vectors
+from fis_tools.compiled.fingerprint import covers_this_module
 from fis_tools.compiled.numba_parts import AttributeTemplate, cgutils, ir
 from fis_tools.compiled.vector_code import I64, defined, members
+
+covers_this_module()
 
 I8 = ir.IntType(8)
 

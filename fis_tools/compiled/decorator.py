@@ -2,22 +2,22 @@
 
 Without numba, or with NUMBA_DISABLE_JIT=1, every function runs as plain Python, to the same bits.
 
-Importing a module with compiled functions does not import numba. The first call creates numba's dispatcher
-and gives it its own cache folder (`fis_tools.compiled.cache`). numba's settings for the process, and the
-compiled functions of other packages, are unaffected.
+Importing a module with compiled functions does not import numba. The first call creates numba's dispatchers
+(`fis_tools.compiled.dispatchers`). numba's settings for the process, and the compiled functions of other
+packages, are unaffected.
 """
 
 import os
 import sys
 import threading
 import time
+from collections import defaultdict
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import cache as cached
 from functools import update_wrapper
 from importlib.util import find_spec
-from pathlib import Path
 from typing import Any, TypeVar, cast, overload
 
 import numpy as np
@@ -26,11 +26,14 @@ from fis_tools.compiled import cache
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-#: Dispatchers and their caches are created one at a time: this changes numba's setting for a moment.
-_making = threading.RLock()
+#: Each function has one dispatcher, whichever thread is the first to call it.
+_creating = threading.RLock()
 
 #: The package whose functions currently run as plain Python, and what runs instead of some; see `plainly`.
 _plain: ContextVar[tuple[str, dict[Any, Callable[..., Any]]]] = ContextVar("plain", default=("", {}))
+
+#: For how long functions have run as plain Python in this process, with arguments of which types.
+_plain_s: defaultdict[tuple[Any, Any], float] = defaultdict(float)
 
 
 class Compiled:
@@ -46,15 +49,14 @@ class Compiled:
     def __init__(self, function: Callable[..., Any], options: dict[str, Any]) -> None:
         update_wrapper(self, function)
         self.py_func = function
-        self._options = options
+        self.targetoptions = options
         self._package = function.__module__.partition(".")[0]
-        cache.packages.add(self._package)
 
     def __call__(self, *args: Any, **kwargs: Any) -> Any:
         """Call the compiled function."""
         plain, instead = _plain.get()
         # what takes vectors is called in compiled code, or in plain Python with those of NumPy
-        if plain and (plain == self._package or {"forceinline", "inline"} & self._options.keys()):
+        if plain and (plain == self._package or {"forceinline", "inline"} & self.targetoptions.keys()):
             return instead.get(self, self.py_func)(*args, **kwargs)
         if kwargs:  # numba takes a tenth of a microsecond longer if there may be some
             return self.dispatcher(*args, **kwargs)
@@ -75,15 +77,23 @@ class Compiled:
     def __getattr__(self, name: str) -> Any:
         # Only names that are not yet set get here. One is `_numba_type_`, by which numba asks a global
         # of a function that it compiles for its type: the type is that of the dispatcher.
-        if name.startswith("__") or name in {"py_func", "_options", "_package"}:
+        if name.startswith("__") or name in {"py_func", "targetoptions", "_package"}:
             raise AttributeError(name)
         if name not in {"dispatcher", "inside"}:
             return getattr(self.inside if name == "_numba_type_" else self.dispatcher, name)
-        with _making:
+        with _creating:
             if name not in self.__dict__:
-                make = _inside if name == "inside" else _dispatcher
-                self.__dict__[name] = make(self.py_func, self._options)
+                self.__dict__[name] = self._create(is_inside=name == "inside")
         return self.__dict__[name]
+
+    def _create(self, *, is_inside: bool) -> Any:
+        """Create a dispatcher."""
+        if not is_compiling():
+            return self.py_func
+        from fis_tools.compiled import dispatchers  # noqa: PLC0415 - as above
+
+        create = dispatchers.for_compiled_code if is_inside else dispatchers.for_python
+        return create(self.py_func, self.targetoptions)
 
 
 @overload
@@ -135,82 +145,30 @@ def sparingly(function: F) -> F:
         nonlocal is_known
         if is_known:
             return known(*args)
-        from numba import typeof  # noqa: PLC0415 - takes a while, and most commands compile nothing
+        from numba import typeof  # noqa: PLC0415 - as above
 
         from fis_tools.compiled import notice  # noqa: PLC0415 - as above
 
-        function, types = known.py_func, tuple(map(typeof, args))
-        is_kept = types in known.signatures or cache.is_kept(function, str(types))
-        is_known = is_kept or cache.plain_s(function, str(types)) >= notice.expected_s(function)
+        types = tuple(map(typeof, args))
+        path = None
+        with notice.reporting_refusals():
+            path = cache.path_for(known.dispatcher, types)
+        is_compiled = types in known.signatures or (path is not None and path.is_file())
+        seconds = max(_plain_s[known, types], 0.0 if path is None else cache.plain_s(path))
+        is_known = is_compiled or seconds >= notice.expected_s(known)
         if is_known:
             return known(*args)
-        notice.tell_plain(function)
+        notice.report_plain(known)
         began = time.thread_time()
         with plainly(known._package):
-            result = function(*args)
-        cache.add_plain_s(function, str(types), time.thread_time() - began)
+            result = known.py_func(*args)
+        seconds = time.thread_time() - began
+        _plain_s[known, types] += seconds
+        if path is not None:
+            cache.add_plain_s(path, seconds)
         return result
 
     return cast(F, call)
-
-
-def _dispatcher(function: Callable[..., Any], options: dict[str, Any]) -> Any:
-    """Create numba's dispatcher for calls from Python, with a cache folder if one can be trusted."""
-    if not is_compiling():
-        return function
-    from numba import njit  # noqa: PLC0415 - as above
-
-    from fis_tools.compiled import borrowed_code, notice  # noqa: F401, PLC0415 - as above
-
-    notice.announce(function)
-    place = cache.place_for(function)
-    if isinstance(place, Path):
-        with _numba_caching_in(place):
-            dispatcher = njit(cache=True, **options)(function)
-        if Path(dispatcher.stats.cache_path).is_relative_to(place):
-            _keep_apart(dispatcher, place)
-            return dispatcher
-        place = f"numba cannot write to {place}"
-    notice.tell_refusal(place)
-    return njit(**options)(function)
-
-
-def _keep_apart(dispatcher: Any, place: Path) -> None:
-    """Give the code for each signature a folder of its own.
-
-    numba keeps one index for all of them, which two processes that compile for different signatures at once
-    overwrite for each other: one signature then loads the code of the other.
-    """
-    compile_, making = dispatcher.compile, threading.RLock()
-
-    def compile_apart(signature: Any) -> Any:
-        folder = place / cache.name_of(str(signature))
-        with making:  # until it is kept, no other thread may change where
-            with _numba_caching_in(folder):
-                dispatcher.enable_caching()
-            return compile_(signature)
-
-    dispatcher.compile = compile_apart
-
-
-def _inside(function: Callable[..., Any], options: dict[str, Any]) -> Any:
-    """Create numba's dispatcher for calls from compiled code, without an entry for Python.
-
-    It is not cached, for its callers contain its code. A constant among its arguments
-    uses the code for a variable; numba would otherwise compile one version for each.
-    """
-    from numba import njit, types  # noqa: PLC0415 - as above
-
-    from fis_tools.compiled import borrowed_code, notice  # noqa: F401, PLC0415 - as above
-
-    notice.announce(function)
-    dispatcher: Any = njit(**{"no_cpython_wrapper": True, "no_cfunc_wrapper": True, **options})(function)
-    template = dispatcher.get_call_template
-    unliteral: Callable[[Any], Any] = types.unliteral  # as a value: a type checker sees numba's calls untyped
-    dispatcher.get_call_template = lambda args, kws: template(
-        tuple(map(unliteral, args)), {name: unliteral(kind) for name, kind in kws.items()}
-    )
-    return dispatcher
 
 
 def is_compiling() -> bool:
@@ -231,18 +189,3 @@ def advise_numba() -> None:
             "  plain Python computes this; compiled it takes a thousandth of the time, and has the same "
             "bits: python -m pip install numba\n"
         )
-
-
-@contextmanager
-def _numba_caching_in(folder: Path) -> Iterator[None]:
-    """Let dispatchers created inside cache in a folder; numba reads its setting once, at creation."""
-    from numba import config  # noqa: PLC0415 - as above
-
-    settings: Any = config  # as above
-    with _making:
-        before = settings.CACHE_DIR
-        settings.CACHE_DIR = os.fspath(folder)
-        try:
-            yield
-        finally:
-            settings.CACHE_DIR = before

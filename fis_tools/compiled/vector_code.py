@@ -13,6 +13,7 @@ from numba import TypingError, types
 from numba.extending import infer, lower_builtin, models, register_model
 
 from fis_tools.compiled import vectors
+from fis_tools.compiled.fingerprint import covers_this_module
 from fis_tools.compiled.numba_parts import (
     AbstractTemplate,
     GetItemBuffer,
@@ -21,6 +22,8 @@ from fis_tools.compiled.numba_parts import (
     infer_global,
     ir,
 )
+
+covers_this_module()
 
 MOST_LANES = 64
 

@@ -15,6 +15,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from fis_tools.compiled.fingerprint import covers_this_module
+
+covers_this_module()
+
 Floats = NDArray[np.float64]
 #: A vector, or a float instead; a mask, or a bool instead.
 Vector = Any
