@@ -323,6 +323,12 @@ class Experiment:
                 f"stages is [{', '.join(self.stages)}]; each reads what those before it wrote, so name each "
                 f"once in the order {', '.join(STAGES)}"
             )
+        flown = {"scenario", "evaluate", "record", "report"}
+        if self.mission.flight == "reference" and not flown.issuperset(self.stages):
+            raise SettingError(
+                f"flight is reference and stages [{', '.join(self.stages)}]; the reference takes seconds a "
+                f"flight and flies for {', '.join(sorted(flown))} alone: leave flight=reference out"
+            )
         if "search" in self.stages and not self.hparams_search.space:
             raise SettingError(
                 "stages has search, and hparams_search.space is empty; say what may be chosen, as in "

@@ -391,6 +391,8 @@ class Mission:
     light: Light = field(default_factory=Light)
     dispersions: dict[str, Any] = field(default_factory=dict, hash=False)
     """Distributions of settings that differ between flights, or vary within one."""
+    flight: Literal["compiled", "reference"] = "compiled"
+    """What flies: compiled code, or the reference in plain NumPy, slowly."""
 
     def __post_init__(self) -> None:
         """Check that clocks, gains and safety layer fit together."""

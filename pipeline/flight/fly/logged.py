@@ -130,7 +130,9 @@ def write_reasons(
     if not len(log.reason):
         return
     log.command_reason[:] = _of_commands(world, law, log, num_counted, is_opened)
-    log.reason[:] = log.command_reason if errors is None else _of_firing(errors, log)
+    log.reason[:] = log.command_reason
+    if errors is not None:
+        log.reason[:] = firing_reasons(log, errors.firing.thrusters.delay, errors.firing.thrusters.dry)
 
 
 def _of_commands(world: World, law: Law, log: FlightLog, num_counted: int, is_opened: bool) -> Integers:
@@ -160,18 +162,22 @@ def _of_commands(world: World, law: Law, log: FlightLog, num_counted: int, is_op
     return reasons
 
 
-def _of_firing(errors: ModelErrors, log: FlightLog) -> Integers:
-    """Return why something was, or was not, fired along each of Hill's axes."""
+def firing_reasons(log: FlightLog, delay: int, dry: float) -> Integers:
+    """Return why something was, or was not, fired along each of Hill's axes, (K, 3).
+
+    `delay` is the number of control periods from a command to its force, `dry` the share of the mass at the
+    start that is not propellant; -1 where the mass stays.
+    """
     is_commanded, is_fired = (np.abs(f) >= SILENT_N for f in (log.force_commanded_n, log.force_hill_n))
     reasons, count = log.command_reason, len(log.reason)
     # from body axes, three components may add up to nothing along one of Hill's
     fired_reasons = np.where(
         np.isin(reasons, (logs.FIRED, logs.CLIPPED)) & ~is_commanded, logs.SILENT, reasons
     )
-    delay = min(errors.firing.thrusters.delay, count)
+    delay = min(delay, count)
     is_due, due = np.zeros_like(is_commanded), np.full_like(reasons, logs.FIRED)
     is_due[delay:], due[delay:] = is_commanded[: count - delay], reasons[: count - delay]
-    share_left = log.mass_kg[:-1, np.newaxis] / log.mass_kg[0] - errors.firing.thrusters.dry
+    share_left = log.mass_kg[:-1, np.newaxis] / log.mass_kg[0] - dry
     fired_reasons = np.where(is_commanded, logs.DELAYED, fired_reasons)
     fired_reasons = np.where(
         is_due, np.where(share_left > EMPTY, logs.BELOW_LEAST_IMPULSE, logs.EMPTY_TANK), fired_reasons

@@ -8,7 +8,14 @@ from fis_tools.engines.kernel import LANES
 from pipeline.array_types import Floats
 from pipeline.flight.cases.dispersions import groups_of, mission_of_case
 from pipeline.flight.cases.starts import cases_of
-from pipeline.flight.control.controller import Controller, ControllerError, law_of, planned, rehearsed_pushes
+from pipeline.flight.control.controller import (
+    Controller,
+    ControllerError,
+    law_of,
+    open_loop,
+    planned,
+    rehearsed_pushes,
+)
 from pipeline.flight.fly.logged import write_reasons
 from pipeline.flight.fly.many import Results, fly_many
 from pipeline.flight.fly.plain import as_asked, is_interpreted
@@ -39,6 +46,8 @@ def fly_all(
     With dispersions, cases with the same settings fly side by side; so do those that follow the
     same image of a tour.
     """
+    if mission.flight == "reference":
+        return _fly_all_by_reference(mission, controller, scenarios, workers, tracks)
     if distributions(mission.dispersions):
         groups = [
             (case_mission, controller, flights) for case_mission, flights in groups_of(mission, scenarios)
@@ -61,6 +70,23 @@ def fly_all(
             world, law, numbers, cases, workers, tracks, openings, lanes, changes=controller.changes
         )
     return many.each(lambda values: values[0])
+
+
+def _fly_all_by_reference(
+    mission: Mission,
+    controller: Controller,
+    scenarios: list[Scenario],
+    workers: int | None,
+    tracks: NDArray[np.float32] | None,
+) -> Outcomes:
+    """Fly from many starts by the reference, one flight after the other on each thread."""
+    from pipeline.flight.fly import reference  # noqa: PLC0415 - SciPy's integrators are slow to import
+
+    logs = in_threads(lambda scenario: fly_logged(mission, controller, scenario), scenarios, workers=workers)
+    if tracks is not None:
+        for log, rows in zip(logs, tracks, strict=True):
+            reference.write_tracks(mission, log, rows)
+    return reference.outcomes_of_logs(mission, logs)
 
 
 def _fly_groups(
@@ -137,11 +163,20 @@ def fly_logged(
     if tour_images(controller):
         (of_tours,), (followed,) = rehearse_tours(mission, controller, [scenario], 1)
         controller = following(controller, mission, followed.tolist())
+    openings, of_pushes = rehearsed_openings(mission, controller, [scenario], 1)
+    if mission.flight == "reference":
+        from pipeline.flight.fly import reference  # noqa: PLC0415 - as above
+
+        if controller.pilot is not None:
+            controller = open_loop(controller.name, controller.pilot(mission, [scenario], 1).forces[0])
+        opening = None if openings is None else openings[0]
+        log = reference.fly_by_reference(mission, controller, scenario, opening)
+        check_finite(log.position_m, log.velocity_m_s, log.quaternion_b_from_h, log.force_hill_n)
+        return log._replace(push_costs_m_s=of_pushes[0], tour_costs_m_s=of_tours)
     world, cases = pack_world(mission), cases_of(mission, [scenario])
     law, numbers = law_for(controller, mission, [scenario], 1), controller.numbers
     log = empty_log(mission.num_controls, mission.num_attitude_steps, world.num_points, len(law.axes))
     log.mass_kg[:] = mission.deputy.mass_kg
-    openings, of_pushes = rehearsed_openings(mission, controller, [scenario], 1)
     noted = note_inspectable if is_one_of_many else sparingly(note_inspectable)
     parts, flights, inspectable = flights_of(
         world, law, numbers, cases, openings, controller.changes, note=noted

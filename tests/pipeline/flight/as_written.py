@@ -1,8 +1,8 @@
-"""Flights of the product beside the readable flight, period by period.
+"""Flights of the product beside the reference, period by period.
 
-The readable flight begins each control period where the product's log is, so that a difference shows in the
+The reference begins each control period where the product's log is, so that a difference shows in the
 period that it arises in, and none grows. A result that differs by more than rounding must be one that the
-readable flight gives from inputs changed in their twelfth digit: such is a choice on a knife's edge, or a
+reference gives from inputs changed in their twelfth digit: such is a choice on a knife's edge, or a
 formula that magnifies rounding. Where formulas are smooth that allows nothing.
 """
 
@@ -13,23 +13,14 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from fis_tools.model.thrust import REASONS
-from pipeline.flight.cases.actuators import thrust_errors, thrusters_of
-from pipeline.flight.cases.dispersions import mission_of_case
-from pipeline.flight.cases.navigation import errors_of
-from pipeline.flight.cases.processes import in_time
+from fis_tools.model.thrust import REASONS, SILENT_N
 from pipeline.flight.control.controller import Controller
+from pipeline.flight.fly.reference import period_fields, reference_of, sample_fields, stretches
 from pipeline.flight.fly.simulation import fly_logged
+from pipeline.flight.reference.light import share_of_sun, sun_direction
+from pipeline.flight.reference.period import period, remember_command, remember_fired, start
 from pipeline.flight.state.log import FlightLog, Scenario
-from pipeline.flight.world.bounds import bounds_of, process_noise, spheres_of
-from pipeline.flight.world.surface import surface_of
 from pipeline.settings.experiment import Mission
-from tests.readable_flight.errors import Errors
-from tests.readable_flight.flight import Flight
-from tests.readable_flight.guidance import relative_angle
-from tests.readable_flight.light import share_of_sun, sun_direction
-from tests.readable_flight.period import hear, period, remember, start
-from tests.readable_flight.thrust import SILENT_N
 
 #: largest difference that counts as rounding, as a share of the largest component
 ROUNDING = 1e-9
@@ -56,47 +47,19 @@ WHOLE = (
     *("coast_below_points", "decision_period_s", "rehearsal_tours"),
     *("rehearsal_draws", "rehearsal_shapes", "rehearsal_period_s"),
 )
-LIMITS = (None, "keep_out", "keep_in", "speed", "passive_safety")
-
-
-def written(mission: Mission, controller: Controller, scenario: Scenario) -> Flight:
-    """The readable flight of what the product is given."""
-    mission, surface = mission_of_case(mission, scenario), surface_of(mission)
-    errors = {}
-    if mission.navigation.mode == "fixes":
-        drawn = errors_of(mission, [scenario])
-        errors |= {name: values[0] for name, values in drawn._asdict().items()}
-        filtered = replace(mission.navigation, process_noise_m_s2=process_noise(mission))
-        mission = replace(mission, navigation=filtered)
-    if mission.actuators.kind == "real":
-        table, thrust = thrusters_of(mission).table, thrust_errors(mission, [scenario])
-        errors |= {"table": table, "matrices": thrust.matrices[0], "arm": thrust.arms[0]}
-    if mission.safety.probability is not None:
-        bounds = bounds_of(mission)
-        planned = min(bounds.planned_force_n, mission.deputy.max_force_n)
-        braking = min(bounds.braking_force_n, mission.braking_force_n)
-        errors["margins"] = (*spheres_of(mission, bounds), planned, braking, bounds.step_back_n)
-    if "dynamics.drag_m_s2" in mission.varying:
-        drag = mission.dynamics.drag_m_s2
-        errors["more_drag"] = in_time(mission, "dynamics.drag_m_s2", scenario, drag)[:, 0] - drag
-    return Flight(
-        mission, controller, scenario, surface.points, surface.normals, surface.corners, Errors(**errors)
-    )
 
 
 def assert_as_written(mission: Mission, controller: Controller, scenario: Scenario) -> FlightLog:
-    """Fly with the product; compare every period with the readable flight; return the product's log."""
+    """Fly with the product; compare every period with the reference; return the product's log."""
     log = fly_logged(mission, controller, scenario)
-    flight = written(mission, controller, scenario)
+    flight = reference_of(mission, controller, scenario)
     assert_throughout(flight, log)
     if (log.command_reason[0] == list(REASONS).index("rehearsed")).any():
         flight = replace(flight, opening=log.force_asked_n[0])
     flight.__dict__["chief"] = [Rotation.from_quat(q) for q in log.quaternion_c_from_h]
     flight.__dict__["suns"] = list(zip(log.sun_angle_rad, log.sun_elevation_rad, strict=True))
-    state, stretches = start(flight), dict(controller.stretches)
-    for k in range(mission.num_controls + 1):
-        if k in stretches:
-            flight.__dict__["constants"] = replace(flight, controller=stretches[k]).constants
+    state = start(flight)
+    for k, flight in stretches(flight):  # noqa: B020 - as its controller is by then
         result = period(flight, k, state)
         if differences(flight, k, result, log):
             result = on_a_knifes_edge(flight, k, state, log)
@@ -125,8 +88,8 @@ def followed(flight, k, result, log):
         state.belief.state = log.estimate[k].copy()
         state.belief.covariance[:6, :6] = log.estimate_covariance[k]
     state.commands.pop()
-    remember(flight, k, state, seen, wanted + log.safety_force_hill_n[k])
-    hear(flight, k, state, log.force_hill_n[k])
+    remember_command(flight, k, state, seen, wanted + log.safety_force_hill_n[k])
+    remember_fired(flight, k, state, log.force_hill_n[k])
     state.truth = np.concatenate((log.position_m[k + 1], log.velocity_m_s[k + 1]))
     state.attitude = Rotation.from_quat(log.quaternion_b_from_h[k + 1])
     state.rate = log.angular_velocity_b_rad_s[k + 1]
@@ -172,8 +135,10 @@ def is_within(value, low, high, more):
 def allowed(flight, k, log, name):
     """How far a field may be off besides rounding: what integrators and inference may err by."""
     mission, period = flight.mission, flight.mission.control_period_s
-    if name.startswith("estimate"):  # a correction takes great covariances off, whose rounding stays
-        return (FILTERED + corrected_error(k, log)) * np.abs(of_log(log, name, k)).max()
+    # a correction takes great covariances off, whose rounding stays
+    if name.startswith(("estimate", "innovation")):
+        greatest = log.estimate[k] if name.startswith("innovation") else of_log(log, name, k)
+        return (FILTERED + corrected_error(k, log)) * np.abs(greatest).max()
     if k == mission.num_controls:
         return 0.0
     moved = moving_error(flight, k, log) if flight.orbit is not None else 0.0
@@ -275,50 +240,17 @@ def nudged(flight, k, state, log, generator):
 
 
 def fields(flight, seen, done, after):
-    """What the readable flight found, by the names of the log; of the next sample with a dash."""
-    values = {
-        "quaternion_b_from_h": seen.attitude.as_quat(),
-        "sensed_quaternion_b_from_h": seen.sensed.as_quat(),
-        "num_candidates": len(seen.candidates),
-        "target_m": seen.target,
-        "lambda_u_rad": relative_angle(seen.target[[0, 1]], seen.known[[0, 1]]),
-        "eta_u_rad": relative_angle(seen.target[[0, 2]], seen.known[[0, 2]]),
-        "is_inspected": seen.is_inspected,
-    }
-    if flight.mission.navigation.mode == "fixes":
-        values |= {"estimate": seen.known, "estimate_covariance": seen.covariance}
+    """What the reference found, by the names of the log; of the next sample with a dash."""
+    values = sample_fields(flight, seen)
+    values.pop("innovation_square", None)  # its rounding grows with the fix's accuracy
     if done is None:
         return values
-    values |= decided(flight, done.decision) | {
-        "force_body_n": seen.sensed.inv().apply(done.decision.wanted),
-        "force_hill_n": done.thrust.fired,
-        "force_commanded_n": done.thrust.commanded,
-        "command_reason": [list(REASONS).index(why) for why in done.reasons],
-        "safety_limit": LIMITS.index(done.limit),
-        "safety_force_hill_n": done.change,
+    values |= period_fields(flight, seen, done) | {
         "position_m-": after.truth[:3],
         "velocity_m_s-": after.truth[3:],
         "delta_v_m_s-": after.spent,
         "mass_kg-": after.mass,
-        "attitude_quaternion": [attitude.as_quat() for attitude, _, _ in done.instants],
-        "attitude_rate_b_rad_s": [rate for _, rate, _ in done.instants],
-        "torque_b_n_m": [torque for _, _, torque in done.instants],
     }
     if flight.mission.attitude.mode == "flown":
         values |= {"quaternion_b_from_h-": after.attitude.as_quat(), "angular_velocity_b_rad_s-": after.rate}
     return values
-
-
-def decided(flight, decision):
-    """What inference came to, by the names of the log."""
-    count = len(flight.controller.systems)
-    inputs, outputs = np.zeros((count, 3)), np.zeros(count)
-    for system, (sensed, output) in enumerate(decision.inferred):
-        inputs[system, : len(sensed)], outputs[system] = sensed, output
-    return {
-        "force_asked_n": decision.asked,
-        "foreseen": np.full(3, np.nan) if decision.foreseen is None else decision.foreseen,
-        "fis_input": inputs,
-        "fis_output_n": outputs,
-        "is_decided": decision.resting is None and not flight.has_plan,
-    }

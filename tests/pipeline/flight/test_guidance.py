@@ -4,8 +4,8 @@ from scipy.spatial.transform import Rotation
 
 from fis_tools.compiled.vectors import padded
 from pipeline.flight.period.look import guidance
+from pipeline.flight.reference.guidance import clustered
 from pipeline.flight.world.surface import regular_placement
-from tests.readable_flight.guidance import clustered
 
 POINTS = regular_placement(100, 10.0)
 

@@ -21,6 +21,7 @@ from pipeline.flight.fly.population import fly_population
 from pipeline.flight.fly.rehearsals import rehearsed_openings
 from pipeline.flight.fly.simulation import fly_all, fly_logged
 from pipeline.flight.fly.tours import IMAGES, following, rehearsal_samples, tour_images, tour_names
+from pipeline.flight.reference.tour import tour_position
 from pipeline.flight.state.log import Outcomes, Scenario
 from pipeline.flight.state.signals import CONSTANTS, TOUR_COEFFICIENTS, constant
 from pipeline.flight.world.pack import pack_world
@@ -30,7 +31,6 @@ from pipeline.training.judging import fitness_from
 from tests.pipeline.flight import cases
 from tests.pipeline.flight.as_written import assert_as_written
 from tests.pipeline.flight.cases import SEEING, STARTS, mission, random_starts, touring, with_attributes
-from tests.readable_flight.tour import tour_place
 
 pytestmark = pytest.mark.slow
 
@@ -119,8 +119,8 @@ def test_an_image_of_a_tour_is_its_mirror_image(image: int) -> None:
     # the other way round, the Sun comes to every angle from the other side; below the plane it was above it
     round_way, up = (-1.0 if image >= 2 else 1.0), (-1.0 if image % 2 else 1.0)
     for angle in np.linspace(-3.0, 3.0, 7):
-        there = np.array([1.0, round_way, up]) * tour_place(tour, round_way * angle, up * 0.4)
-        np.testing.assert_allclose(tour_place(reflected, angle, 0.4), there, atol=1e-12)
+        there = np.array([1.0, round_way, up]) * tour_position(tour, round_way * angle, up * 0.4)
+        np.testing.assert_allclose(tour_position(reflected, angle, 0.4), there, atol=1e-12)
 
 
 @pytest.mark.parametrize("count", [2, 4])
@@ -164,7 +164,9 @@ def test_tours_are_flown_ahead_in_times_and_sizes() -> None:
     first, last = constants_of(images[0]), constants_of(images[-1])
     assert names[-1] == "mirrored through the orbit plane, 50 % of its size, in 1200 s"
     assert last["tour_time_s"] == pytest.approx(1200.0)
-    np.testing.assert_allclose(tour_place(last, 0.7, 0.4), tour_place(first, 0.7, -0.4) * [0.5, 0.5, -0.5])
+    np.testing.assert_allclose(
+        tour_position(last, 0.7, 0.4), tour_position(first, 0.7, -0.4) * [0.5, 0.5, -0.5]
+    )
     times = sorted({image.constants[constant("tour_time_s")] for image in images})
     ratios = np.divide(times[1:], times[:-1])
     np.testing.assert_allclose(ratios, (1200.0 / first["tour_time_s"]) ** (1 / 2))

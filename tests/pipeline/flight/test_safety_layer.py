@@ -19,6 +19,8 @@ from pipeline.command_line.config import compose_experiment
 from pipeline.flight.control.controller import coast, open_loop
 from pipeline.flight.fly.simulation import fly_all, fly_logged
 from pipeline.flight.period.act.safety import project
+from pipeline.flight.reference.motion import pushed, transition
+from pipeline.flight.reference.safety import Layer
 from pipeline.flight.state.log import PASSIVE_SAFETY, Scenario
 from pipeline.flight.world.bounds import SafetyBounds, bounds_of, guard_of, largest_share, spheres_of
 from pipeline.physics.motion import motion_over, stop_of, stopped
@@ -35,8 +37,6 @@ from tests.pipeline.flight.guarded import (
     starts_at_rest,
 )
 from tests.pipeline.flight.missions import MEAN_MOTION
-from tests.readable_flight.motion import pushed, transition
-from tests.readable_flight.safety import Layer
 
 PERIOD = 10.0
 KEEP_OUT_M, KEEP_IN_M = SPHERES
@@ -356,7 +356,7 @@ def test_nor_does_noise() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize(("force_n", "distance_m"), [(1.0, 193.0), (-1.0, 22.5)])
 def test_it_steps_back_as_written(force_n: float, distance_m: float) -> None:
-    """From a start in the margin, where no stop is safe, against the readable layer."""
+    """From a start in the margin, where no stop is safe, against the reference's layer."""
     mission = replace(composed("world=leo"), duration_s=400.0)
     assert bounds_of(mission).step_back_n > 0.1
     (start,) = between_the_spheres(mission, 1, 5)

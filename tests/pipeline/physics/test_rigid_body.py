@@ -9,11 +9,11 @@ from hypothesis.extra.numpy import arrays
 from scipy.spatial.transform import Rotation
 
 from fis_tools.compiled.three import Three
+from pipeline.flight.reference import turning
+from pipeline.flight.reference.pointing import looking, next_y
 from pipeline.physics import attitude as attitudes
 from pipeline.physics import quaternion as quaternions
 from tests.pipeline.physics.what_flies import control_torque, error_vector, turned
-from tests.readable_flight import turning
-from tests.readable_flight.pointing import looking, next_y
 
 MEAN_MOTION = 0.0011068
 HILL_RATE = np.array([0.0, 0.0, MEAN_MOTION])
@@ -170,7 +170,7 @@ def test_the_derivative_is_that_of_a_steady_rotation(q, rate):
 
 @pytest.mark.parametrize("blends", [False, True])
 @pytest.mark.parametrize("azimuth", [-2.0, 0.05])
-def test_the_desired_attitude_is_that_of_the_readable_flight_over_both_poles(azimuth, blends):
+def test_the_desired_attitude_is_that_of_the_reference_over_both_poles(azimuth, blends):
     """From where nothing has to turn; so near to a pole that y* is kept, and a little beside it."""
     mission = SimpleNamespace(attitude=SimpleNamespace(pole_blending=blends), attitude_period_s=2.0)
     y, before = Three(0.0, 1.0, 0.0), None

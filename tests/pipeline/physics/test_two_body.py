@@ -11,18 +11,19 @@ from scipy.integrate import solve_ivp
 
 from fis_tools.compiled.decorator import plainly
 from pipeline.flight.control.controller import coast
+from pipeline.flight.fly.reference import reference_of
 from pipeline.flight.fly.workspace import make_state, make_workspace
 from pipeline.flight.period.decide.motion import CLOSEST_APPROACH, sense_approach
+from pipeline.flight.reference.light import sun_direction
+from pipeline.flight.reference.two_body import moved
 from pipeline.flight.state.arrays import Moment
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.pack import pack_world
 from pipeline.physics.illumination import EARTH_GRAVITY_M3_S2, orbit_radius, sun_direction_h
 from pipeline.physics.orbit import Course, course_of
-from tests.pipeline.flight.as_written import written
 from tests.pipeline.flight.cases import mission
 from tests.pipeline.flight.missions import MEAN_MOTION, PAPER
 from tests.pipeline.physics.what_flies import motion_over, move_beside, propagate
-from tests.readable_flight.two_body import moved
 
 TOLD = json.loads((Path(__file__).parent / "basilisk" / "trajectories.json").read_text(encoding="utf-8"))
 TOLD_MOTION, PERIOD = TOLD["mean_motion_rad_s"], 10.0
@@ -60,7 +61,7 @@ def test_basilisk_flies_the_same_hour(name):
 
 
 def plainly_flown(dynamics, radius: float, start: np.ndarray, forces: np.ndarray) -> np.ndarray:
-    """The places, Hill axes, at the beginning and after each force, held for a minute, of readable flight."""
+    """The places, Hill axes, at the beginning and after each force, held for a minute, of the reference."""
     motion = float(np.sqrt(EARTH_GRAVITY_M3_S2 / radius**3))
     what = mission(
         orbit={"mean_motion_rad_s": motion, "radius_m": radius},
@@ -68,10 +69,11 @@ def plainly_flown(dynamics, radius: float, start: np.ndarray, forces: np.ndarray
         control_period_s=6.0 * PERIOD,
         duration_s=6.0 * PERIOD * len(forces),
     )
-    flight = written(what, coast(), Scenario(start[:3], start[3:], *np.radians(TOLD["sun_deg"])))
+    flight = reference_of(what, coast(), Scenario(start[:3], start[3:], *np.radians(TOLD["sun_deg"])))
+    sun = sun_direction(*np.radians(TOLD["sun_deg"]))
     states = [start]
     for k, force in enumerate(forces):
-        states.append(moved(flight, k, states[-1], force, 0.0))
+        states.append(moved(what, flight.orbit[k], sun, states[-1], force, 0.0))
     return np.array(states)[:, :3]
 
 

@@ -1,4 +1,4 @@
-"""What points add to signals sums to the signals, and is what the readable flight's formulas make it."""
+"""What points add to signals sums to the signals, and is what the reference's formulas make it."""
 
 from dataclasses import replace
 from functools import cache
@@ -12,19 +12,19 @@ from fis_tools.analysis.flights import read_rehearsals
 from fis_tools.findings.explanation.points import rehearsed
 from fis_tools.formats import serialize
 from pipeline.flight.control.controller import Controller, coast, from_fuzzy
+from pipeline.flight.fly.reference import reference_of
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.fly.tours import following, tour_names
+from pipeline.flight.reference.see_push import KS2, sought_looks
+from pipeline.flight.reference.tour import tour_push
+from pipeline.flight.reference.urgency import turned_aside, urgency
 from pipeline.flight.state.log import FlightLog
 from pipeline.flight.world.pack import pack_world
 from pipeline.recording.points import parts_of_points, sensed_of_points
 from pipeline.settings.experiment import Mission
 from tests.fis_tools.sample_controllers import SHIPPED
-from tests.pipeline.flight.as_written import written
 from tests.pipeline.flight.cases import STARTS, controller, leaning_system, mission, touring
 from tests.pipeline.recording.cases import recorded
-from tests.readable_flight.see_push import KS2, cheapest_looks
-from tests.readable_flight.tour import tour_push
-from tests.readable_flight.urgency import turned_aside, urgency
 
 HALF = {"attitude": {"mode": "ideal"}, "duration_s": 1800.0}
 REAL = {
@@ -60,10 +60,10 @@ def parts_in(world: str, name: str) -> tuple[FlightLog, Controller, np.ndarray, 
     return log, followed, samples, parts_of_points(pack_world(WORLDS[world]), followed, log, samples)
 
 
-def readable(world: str, name: str, k: int):
-    """The readable flight, and what it knows at a sample of a flight: state, and points inspected."""
+def reference(world: str, name: str, k: int):
+    """The reference flight, and what it knows at a sample of a flight: state, and points inspected."""
     log, followed, _, _ = parts_in(world, name)
-    flight = written(WORLDS[world], followed, STARTS[0])
+    flight = reference_of(WORLDS[world], followed, STARTS[0])
     flight.__dict__["suns"] = list(zip(log.sun_angle_rad, log.sun_elevation_rad, strict=True))
     truth = np.hstack((log.position_m[k], log.velocity_m_s[k]))
     state = log.estimate[k] if WORLDS[world].navigation.mode == "fixes" else truth
@@ -97,7 +97,7 @@ def test_leaning_towards_points_is_what_they_add_to_the_push_onto_the_tour(world
     sensed = log.fis_input[samples, [[0], [1], [2]], 0].T
     num_checked = 0
     for row, k in enumerate(samples):
-        flight, state, _ = readable(world, "champion_leo", k)
+        flight, state, _ = reference(world, "champion_leo", k)
         alone = tour_push(flight, k, state, np.zeros(3))
         if np.linalg.norm(state[:3]) > flight.constants["skirt_distance_m"]:
             added = np.array([parts[name][row].sum() for name in names])
@@ -113,11 +113,8 @@ def test_each_part_is_what_the_push_loses_without_the_points_shortfall(world: st
     names = [f"see_push_{axis}" for axis in ("radial", "along_track", "cross_track")]
     num_told = 0
     for row, k in enumerate(samples[::3]):
-        flight, state, is_inspected = readable(world, "see_push", k)
-        horizon = flight.constants["see_horizon_s"]
-        is_sought = flight.is_counted & ~is_inspected
-        is_sought &= (flight.last_lit > flight.time(k)) & (flight.last_lit <= flight.time(k) + horizon)
-        short, slopes = cheapest_looks(flight, k, state, is_sought, horizon)
+        flight, state, is_inspected = reference(world, "see_push", k)
+        short, slopes = sought_looks(flight, k, state, is_inspected)
         weights = urgency(flight, k) * (short > 0.0)
         matrix = flight.constants["see_damping_ks2"] * KS2 * np.eye(3) + (weights * slopes.T) @ slopes
 

@@ -9,11 +9,11 @@ import numpy as np
 from pipeline.array_types import Floats, Integers
 from pipeline.command_line.config import Job, compose_experiment
 from pipeline.controllers.source import controller_of_kind
+from pipeline.flight.reference.motion import transition
 from pipeline.flight.state.log import Scenario
 from pipeline.scenarios import evaluation_scenarios
 from pipeline.settings.controllers import planned_settings
 from pipeline.settings.experiment import Mission
-from tests.readable_flight.motion import transition
 
 KINDS = ("natural_motion", "lqr", "receding_horizon")
 MEAN_MOTION, MASS, PERIOD = 0.0011068, 12.0, 10.0

@@ -8,10 +8,10 @@ import pytest
 from pipeline.controllers.planned.natural_motion import count_seen
 from pipeline.flight.control.controller import open_loop
 from pipeline.flight.fly.simulation import fly_all
+from pipeline.flight.reference.motion import transition
 from pipeline.flight.world.pack import pack_world
 from tests.pipeline.controllers.planned import cases
 from tests.pipeline.controllers.planned.cases import MEAN_MOTION, flown
-from tests.readable_flight.motion import transition
 
 REVOLUTION_S = 2.0 * np.pi / MEAN_MOTION
 MISSION, STARTS = cases.starts("natural_motion", "sun=random")

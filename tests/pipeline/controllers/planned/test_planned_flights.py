@@ -12,6 +12,7 @@ from pipeline.controllers.planned.paths import SPARE_POINTS, Route, Routes
 from pipeline.controllers.source import load
 from pipeline.flight.control.controller import open_loop
 from pipeline.flight.fly.simulation import fly_all, fly_logged
+from pipeline.flight.reference.motion import transition
 from pipeline.flight.state.log import points_needed
 from pipeline.flight.world.pack import pack_world
 from pipeline.recording.recorder import controller_text
@@ -19,7 +20,6 @@ from pipeline.settings.controllers import planned_settings
 from pipeline.settings.experiment import SettingError
 from tests.pipeline.controllers.planned import cases
 from tests.pipeline.controllers.planned.cases import MEAN_MOTION, flown
-from tests.readable_flight.motion import transition
 
 
 @pytest.mark.slow

@@ -1,8 +1,13 @@
 """What thrusters make of a command (docs/explanation/navigation.md, thrusters)."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.spatial.transform import Rotation
+
+from pipeline.array_types import Booleans, Floats
+from pipeline.flight.reference.flight import Flight
 
 STANDARD_GRAVITY = 9.80665
 #: propellant that rounding leaves, as a share of the mass at the start
@@ -16,15 +21,15 @@ class Thrust:
     `total` is the sum of all thrusters' forces, N.
     """
 
-    commanded: np.ndarray
-    fired: np.ndarray
+    commanded: Floats
+    fired: Floats
     total: float
-    arm: np.ndarray = field(default_factory=lambda: np.zeros(3))
-    twist: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    arm: Floats = field(default_factory=lambda: np.zeros(3))
+    twist: Floats = field(default_factory=lambda: np.zeros(3))
 
 
-def impulses(flight, force):
-    """Forces in whole impulses, zero below the least."""
+def in_impulses(flight: Flight, force: Floats) -> Floats:
+    """Return forces in whole impulses, zero below the least."""
     law, period = flight.mission.actuators, flight.mission.control_period_s
     if law.impulse_step_n_s > 0.0:
         step = law.impulse_step_n_s / period
@@ -32,14 +37,16 @@ def impulses(flight, force):
     return np.where(np.abs(force) >= law.least_impulse_n_s / period, force, 0.0)
 
 
-def fired(flight, k, commanded, commands, attitude, mass):
-    """The thrust of a control period; `commands` are those of all so far, this one last.
+def fired(
+    flight: Flight, k: int, commanded: Floats, commands: Sequence[Floats], attitude: Rotation, mass: float
+) -> Thrust:
+    """Return the thrust of a control period; `commands` are those of all so far, this one last.
 
     The last burn is weakened to what the tank still holds.
     """
     law, limit = flight.mission.actuators, flight.mission.deputy.max_force_n
     if law.kind == "ideal":
-        return Thrust(commanded, commands[-1], np.abs(commands[-1]).sum())
+        return Thrust(commanded, commands[-1], float(np.abs(commands[-1]).sum()))
     arm, delay = flight.errors.arm, flight.periods(law.delay_s)
     full = flight.mission.deputy.mass_kg
     left = np.inf if law.specific_impulse_s is None else mass - (full - law.propellant_kg)
@@ -47,8 +54,8 @@ def fired(flight, k, commanded, commands, attitude, mass):
         return Thrust(commanded, np.zeros(3), 0.0, arm)
     wanted = flight.errors.thrust(k) @ commands[k - delay]
     if law.thrusters is None:
-        force = np.clip(impulses(flight, wanted), -limit, limit)
-        thrust = Thrust(commanded, force, np.abs(force).sum(), arm)
+        force = np.clip(in_impulses(flight, wanted), -limit, limit)
+        thrust = Thrust(commanded, force, float(np.abs(force).sum()), arm)
     else:
         thrust = divided(flight, commanded, attitude, wanted)
     used = mass - mass_after(flight, thrust, mass)
@@ -56,33 +63,36 @@ def fired(flight, k, commanded, commands, attitude, mass):
     return Thrust(commanded, share * thrust.fired, share * thrust.total, arm, share * thrust.twist)
 
 
-def divided(flight, commanded, attitude, wanted):
-    """The thrust of a layout: shares by a table, all reduced where one thruster is not enough."""
+def divided(flight: Flight, commanded: Floats, attitude: Rotation, wanted: Floats) -> Thrust:
+    """Return the thrust of a layout: shares by a table, all reduced where one thruster is not enough."""
     rows = np.array(flight.mission.actuators.thrusters)
     directions, most = rows[:, 3:6], rows[:, 6]
     body = attitude.inv().apply(wanted)
-    asked = flight.errors.table @ np.concatenate((np.maximum(body, 0.0), np.maximum(-body, 0.0)))
-    share = min(1.0, np.min(most / np.maximum(asked, most)))
-    forces = impulses(flight, asked * share)
+    needed = flight.errors.table @ np.concatenate((np.maximum(body, 0.0), np.maximum(-body, 0.0)))
+    share = min(1.0, float(np.min(most / np.maximum(needed, most))))
+    forces = in_impulses(flight, needed * share)
     twist = forces @ np.cross(rows[:, :3], directions)
-    return Thrust(commanded, attitude.apply(forces @ directions), forces.sum(), flight.errors.arm, twist)
+    return Thrust(
+        commanded, attitude.apply(forces @ directions), float(forces.sum()), flight.errors.arm, twist
+    )
 
 
-def believed(flight, command, fired):
-    """What a command amounts to, as far as thrusters tell, and along which axes they fired.
+def believed(flight: Flight, command: Floats, fired: Floats) -> tuple[Floats, Booleans]:
+    """Return what a command amounts to, as far as thrusters tell, and along which axes they fired.
 
     Those of a layout tell nothing.
     """
     law = flight.mission.actuators
     if law.kind == "ideal" or law.thrusters is not None:
-        return command, np.ones(3, dtype=bool)
+        return command, np.ones(3, dtype=np.bool_)
     least = max(law.impulse_step_n_s, law.least_impulse_n_s) / flight.mission.control_period_s
-    known = impulses(flight, command)
-    return np.where((known == 0.0) & (fired != 0.0), least * np.sign(command), known), fired != 0.0
+    known = in_impulses(flight, command)
+    force = np.where((known == 0.0) & (fired != 0.0), least * np.sign(command), known)
+    return force, np.asarray(fired != 0.0)
 
 
-def mass_after(flight, thrust, mass):
-    """The mass after a control period: propellant leaves at the specific impulse (Tsiolkovsky)."""
+def mass_after(flight: Flight, thrust: Thrust, mass: float) -> float:
+    """Return the mass after a control period: propellant leaves at the specific impulse (Tsiolkovsky)."""
     law = flight.mission.actuators
     if law.kind == "ideal" or law.specific_impulse_s is None:
         return mass

@@ -1,13 +1,27 @@
 """What the deputy knows of its state: a Kalman filter on fixes (docs/explanation/navigation.md)."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from tests.readable_flight.motion import transition
+from pipeline.array_types import Booleans, Floats
+from pipeline.flight.reference.flight import Flight
+from pipeline.flight.reference.motion import transition
+from pipeline.settings.experiment import Mission
+from pipeline.settings.mission import Navigation
 
 #: factor by which a rejected fix widens the covariance
 WIDER = 4.0
+
+
+@dataclass
+class Innovation:
+    """A fix that comes into use and by how much it is off the expected one, m; `square` in deviations."""
+
+    fix: Floats
+    off: Floats
+    square: float
 
 
 @dataclass
@@ -20,36 +34,38 @@ class Belief:
         The covariance is of the state and, after it, of fifteen constant errors: scales and rotations of the
         thrusters, rotations of the sensed attitude, biases of fixes, and shares of the distance, along the
         body axes, by which rotated bearings shift a fix to second order.
-    fixes : list of (3,)
-        Measured so far, m.
     acting : (K, 3)
         Commands in the control periods in which they act, in impulses, fired or not, N.
     has_fired : (K, 3)
         Along which axes anything was fired in a period.
+    fixes : list of (3,)
+        Measured so far, m.
     sensed : list of (3, 3)
         Body axes as sensed so far, Hill axes, in rows.
+    innovation : Innovation or None
+        Of the fix that came into use at this sample.
     """
 
-    state: np.ndarray
-    covariance: np.ndarray
-    fixes: list
-    acting: np.ndarray
-    has_fired: np.ndarray
-    sensed: list
+    state: Floats
+    covariance: Floats
+    acting: Floats
+    has_fired: Booleans
+    fixes: list[Floats] = field(default_factory=list)
+    sensed: list[Floats] = field(default_factory=list)
+    innovation: Innovation | None = None
 
 
-def first_belief(flight, state):
-    """The first estimate and its covariance."""
+def first_belief(flight: Flight, state: Floats) -> Belief:
+    """Return the first estimate and its covariance, from the true state."""
     law = flight.mission.navigation
     spread = [law.initial_position_m] * 3 + [law.initial_velocity_m_s] * 3
-    start = state + flight.errors.at_start
     shape = flight.mission.num_controls, 3
     covariance = np.diag(np.concatenate((np.square(spread), considered(flight.mission))))
-    return Belief(start, covariance, [], np.zeros(shape), np.ones(shape, dtype=bool), [])
+    return Belief(state + flight.errors.at_start, covariance, np.zeros(shape), np.ones(shape, dtype=np.bool_))
 
 
-def considered(mission):
-    """Variances of the constant errors."""
+def considered(mission: Mission) -> Floats:
+    """Return the variances of the constant errors, (15,)."""
     law, thrusters, is_real = mission.navigation, mission.actuators, mission.actuators.kind == "real"
     deviations = (
         thrusters.scale_error * is_real,
@@ -61,8 +77,11 @@ def considered(mission):
     return np.square(np.repeat(deviations, 3))
 
 
-def fix(flight, k, position, attitude):
-    """A fix at a sample, m, or None between two: the place, or range and bearing by the sensed attitude."""
+def fix(flight: Flight, k: int, position: Floats, attitude: Rotation) -> Floats | None:
+    """Return a fix at a sample, m, or None between two.
+
+    It is the position, or found by range and bearing with the sensed attitude.
+    """
     stride = flight.periods(flight.mission.navigation.fix_period_s)
     if k % stride:
         return None
@@ -75,11 +94,14 @@ def fix(flight, k, position, attitude):
     return seen + errors.of_fixes[k // stride]
 
 
-def estimate(flight, k, belief, measured, sensed):
+def estimate(
+    flight: Flight, k: int, belief: Belief, measured: Floats | None, sensed: Rotation
+) -> tuple[Floats, Floats]:
     """Take a fix in, once its delay has passed; return the estimate of the state now, and its covariance."""
     law = flight.mission.navigation
     stride, delay = flight.periods(law.fix_period_s), flight.periods(law.delay_s)
     belief.sensed.append(sensed.apply(np.eye(3)))
+    belief.innovation = None
     if measured is not None:
         belief.fixes.append(measured)
     at = k - delay
@@ -93,14 +115,19 @@ def estimate(flight, k, belief, measured, sensed):
     return known[0], known[1][:6, :6]
 
 
-def predicted(flight, belief, state, covariance, period):
-    """``x <- Phi x + Gamma f``, ``P <- Phi P Phi' + Q``."""
+def predicted(
+    flight: Flight, belief: Belief, state: Floats, covariance: Floats, period: int
+) -> tuple[Floats, Floats]:
+    """Return state and covariance a control period later.
+
+    ``x <- Phi x + Gamma f``, ``P <- Phi P Phi' + Q``.
+    """
     mission, law = flight.mission, flight.mission.navigation
     force = belief.has_fired[period] * belief.acting[period]
     phi, gamma = transition(mission.orbit.mean_motion_rad_s, mission.control_period_s, mission.deputy.mass_kg)
     tilt = np.radians(law.attitude_noise_deg)
-    farther = max(1.0, belief.state[:3] @ belief.state[:3] / mission.deputy.max_distance_m**2)
-    unknown = (mission.deputy.mass_kg * law.process_noise_m_s2 * farther) ** 2
+    farther = max(1.0, float(belief.state[:3] @ belief.state[:3]) / mission.deputy.max_distance_m**2)
+    unknown = (mission.deputy.mass_kg * (law.process_noise_m_s2 or 0.0) * farther) ** 2
     unknown += (law.execution_error**2 + tilt**2) * (force @ force)
     noise, both = np.zeros((21, 21)), np.eye(21)
     noise[:6, :6] = unknown * gamma @ gamma.T
@@ -109,53 +136,59 @@ def predicted(flight, belief, state, covariance, period):
     return phi @ state + gamma @ force * (1.0 - turns @ turns), both @ covariance @ both.T + noise
 
 
-def pushes(flight, belief, period):
-    """Forces that unit constant errors add, (3, 15): thrusters turn with the body that is sensed askew."""
+def pushes(flight: Flight, belief: Belief, period: int) -> Floats:
+    """Return the forces that unit constant errors add, (3, 15): thrusters turn with the body sensed askew."""
     force, delay = belief.acting[period], flight.periods(flight.mission.actuators.delay_s)
     delay *= flight.mission.actuators.kind == "real"
     axes = belief.sensed[max(0, period - delay)]
-    found = (np.diag(force), np.cross(np.eye(3), force).T, np.cross(force, axes).T, np.zeros((3, 6)))
-    return belief.has_fired[period][:, np.newaxis] * np.hstack(found)
+    forces = (np.diag(force), np.cross(np.eye(3), force).T, np.cross(force, axes).T, np.zeros((3, 6)))
+    return belief.has_fired[period][:, np.newaxis] * np.hstack(forces)
 
 
-def correct(flight, belief, at):
-    """``K = P H' S^-1``, nothing for constant errors, and P in Joseph's form; beyond the gate P widens."""
-    law, place = flight.mission.navigation, belief.state[:3]
+def correct(flight: Flight, belief: Belief, at: int) -> None:
+    """Correct a belief by a fix: ``K = P H' S^-1``, nothing for constant errors, and P in Joseph's form.
+
+    Beyond the gate the fix is left out and P widens.
+    """
+    law, position = flight.mission.navigation, belief.state[:3]
     shifts = np.zeros((3, 15))
     shifts[:, 9:12] = np.eye(3)
     if law.measures == "range_bearing":
-        shifts[:, 6:9] = np.cross(belief.sensed[at], place).T
-        shifts[:, 12:] = np.linalg.norm(place) * belief.sensed[at].T
-    seen, noise = np.hstack((np.eye(3, 6), shifts)), fix_covariance(law, place)
-    innovation = seen @ belief.covariance @ seen.T + noise
-    off = belief.fixes[at // flight.periods(law.fix_period_s)] - expected(law, place)
-    if law.gate_sigma is not None and off @ np.linalg.solve(innovation, off) > law.gate_sigma**2:
+        shifts[:, 6:9] = np.cross(belief.sensed[at], position).T
+        shifts[:, 12:] = np.linalg.norm(position) * belief.sensed[at].T
+    seen, noise = np.hstack((np.eye(3, 6), shifts)), fix_covariance(law, position)
+    spread = seen @ belief.covariance @ seen.T + noise
+    measured = belief.fixes[at // flight.periods(law.fix_period_s)]
+    off = measured - expected_fix(law, position)
+    square = float(off @ np.linalg.solve(spread, off))
+    belief.innovation = Innovation(measured, off, square)
+    if law.gate_sigma is not None and square > law.gate_sigma**2:
         belief.covariance[:6, :6] *= WIDER
         return
-    gain = np.linalg.solve(innovation, seen @ belief.covariance).T
+    gain = np.linalg.solve(spread, seen @ belief.covariance).T
     gain[6:] = 0.0
     belief.state = belief.state + gain[:6] @ off
     kept = np.eye(21) - gain @ seen
     belief.covariance = kept @ belief.covariance @ kept.T + gain @ noise @ gain.T
 
 
-def expected(law, place):
-    """The mean of fixes of a place: turned about two axes it is shorter by half of each square."""
+def expected_fix(law: Navigation, position: Floats) -> Floats:
+    """Return the mean of fixes of a position: turned about two axes it is shorter by half of each square."""
     if law.measures == "position":
-        return place
+        return position
     turns = np.radians([law.bearing_noise_deg, law.attitude_noise_deg, law.attitude_bias_deg])
-    return (1.0 - turns @ turns) * place
+    return (1.0 - turns @ turns) * position
 
 
-def fix_covariance(law, place):
-    """R: of a place, or of a range and a bearing along and across the predicted line of sight.
+def fix_covariance(law: Navigation, position: Floats) -> Floats:
+    """Return R: of a position, or of a range and a bearing along and across the predicted line of sight.
 
     Bordonaro, Willett and Bar-Shalom, IEEE Transactions on Aerospace and Electronic Systems 50, 2014.
     """
     if law.measures == "position":
         return law.noise_m**2 * np.eye(3)
     turns = np.radians([law.bearing_noise_deg, law.attitude_noise_deg])
-    square = place @ place
-    along = np.outer(place, place) / square
+    square = position @ position
+    along = np.outer(position, position) / square
     across = (turns @ turns) * square * (np.eye(3) - along)
     return law.range_noise_m**2 * along + across

@@ -3,22 +3,30 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from tests.readable_flight.motion import pushed
-from tests.readable_flight.turning import turned
+from pipeline.array_types import Floats
+from pipeline.flight.reference.actuators import Thrust
+from pipeline.flight.reference.flight import Flight
+from pipeline.flight.reference.motion import pushed
+from pipeline.flight.reference.state import ReferenceState
+from pipeline.flight.reference.turning import turned
+from pipeline.settings.experiment import Mission
 
 #: |k x r|/|r| below which y* is not defined by the position, or, with pole blending, is carried along
 POLE, BLENDED_POLE = 1e-3, 0.2
 #: rate at which pole blending lets y* return, rad/s
 RETURN_RATE = 0.005
+#: attitude, rate and torque at an instant of the attitude clock
+Instant = tuple[Rotation, Floats, Floats]
 
 
-def next_y(mission, position, before):
-    """The desired second body axis at an attitude instant from the one before; None before the first."""
+def next_y(mission: Mission, position: Floats, before: Floats | None) -> Floats:
+    """Return the desired second body axis at an attitude instant from that before; None before the first."""
     x = position / np.linalg.norm(position)
     across = np.cross([0.0, 0.0, 1.0], x)
-    flat = np.linalg.norm(across)
+    flat = float(np.linalg.norm(across))
     if before is None or not mission.attitude.pole_blending:
-        return _carried(x, [0.0, 1.0, 0.0] if before is None else before) if flat < POLE else across / flat
+        start = np.array([0.0, 1.0, 0.0]) if before is None else before
+        return _carried(x, start) if flat < POLE else across / flat
     carried = _carried(x, before)
     if flat < BLENDED_POLE:
         return carried
@@ -29,43 +37,48 @@ def next_y(mission, position, before):
     return Rotation.from_rotvec(np.sign(angle) * most * x).apply(carried)
 
 
-def _carried(x, y):
-    """An axis made orthogonal to x*; any other where it lies along x*."""
-    y = y - (x @ np.asarray(y)) * x
+def _carried(x: Floats, y: Floats) -> Floats:
+    """Return an axis made orthogonal to x*; any other where it lies along x*."""
+    y = y - (x @ y) * x
     if np.linalg.norm(y) < 1e-9:
         y = np.cross(x, [1.0, 0.0, 0.0] if abs(x[0]) < 0.9 else [0.0, 1.0, 0.0])
-    return y / np.linalg.norm(y)
+    return np.asarray(y / np.linalg.norm(y))
 
 
-def looking(position, y):
-    """The desired attitude: x* away from the chief, so that a camera along -x looks at it."""
+def looking(position: Floats, y: Floats) -> Rotation:
+    """Return the desired attitude: x* away from the chief, so that a camera along -x looks at it."""
     x = position / np.linalg.norm(position)
     return Rotation.from_matrix(np.column_stack((x, y, np.cross(x, y))))
 
 
-def control_torque(mission, attitude, desired, rate):
-    """``-Kp q_e - Kd w`` with gains scaled by the inertia, each axis clipped, N m."""
+def control_torque(mission: Mission, attitude: Rotation, desired: Rotation, rate: Floats) -> Floats:
+    """Return ``-Kp q_e - Kd w`` with gains scaled by the inertia, each axis clipped, N m."""
     law, inertia = mission.attitude, np.array(mission.deputy.inertia_kg_m2)
     error = (desired.inv() * attitude).as_quat(canonical=True)[:3]
     torque = -inertia @ (law.proportional_gain * error + law.derivative_gain * rate)
     return np.clip(torque, -mission.deputy.max_torque_n_m, mission.deputy.max_torque_n_m)
 
 
-def turn_through_period(flight, k, state, known, y, thrust):
+def turn_through_period(
+    flight: Flight, k: int, state: ReferenceState, known: Floats, y: Floats, thrust: Thrust
+) -> tuple[Rotation, Floats, Floats, list[Instant]]:
     """Turn the deputy through a control period, steered at every attitude instant.
 
     Parameters
     ----------
     known : (6,)
         The state as the deputy knows it, whose path under its own command it follows in its aim.
-    thrust : Thrust
+    y : (3,)
+        The desired second body axis there.
 
     Returns
     -------
-    attitude, rate, y, instants
-        The last is a list of attitude, rate and torque at each instant.
+    attitude, rate, y
+        At the end.
+    instants : list of Instant
     """
-    mission, attitude, rate, instants = flight.mission, state.attitude, state.rate, []
+    mission, attitude, rate = flight.mission, state.attitude, state.rate
+    instants: list[Instant] = []
     played, torques = flight.played(k)
     for tick in range(mission.num_attitude_steps):
         if tick:

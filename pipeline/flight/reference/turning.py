@@ -1,17 +1,23 @@
 """How bodies turn: the deputy under torques, and a chief that tumbles freely. Euler's equation, by SciPy."""
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-TOLERANCES = {"method": "DOP853", "rtol": 1e-11, "atol": 1e-13}
+from pipeline.array_types import Floats
+from pipeline.settings.experiment import Mission
+
+TOLERANCES: dict[str, Any] = {"method": "DOP853", "rtol": 1e-11, "atol": 1e-13}
 
 
-def _spin(inertia, torque):
-    """The rates of change of an inertial attitude, four numbers, and of the rate in body axes."""
+def _euler(inertia: Floats, torque: Floats) -> Callable[[float, Floats], Floats]:
+    """Return the rates of change of an inertial attitude, four numbers, and of the rate in body axes."""
     inverse = np.linalg.inv(inertia)
 
-    def rates(_time, s):
+    def rates(_time: float, s: Floats) -> Floats:
         p, q, r = rate = s[4:]
         turn = np.array([[0.0, r, -q, p], [-r, 0.0, p, q], [q, -p, 0.0, r], [-p, -q, -r, 0.0]])
         # its first three rows and columns make a vector a of a x w
@@ -20,24 +26,26 @@ def _spin(inertia, torque):
     return rates
 
 
-def turned(mission, attitude, rate, torque, duration):
-    """Attitude and rate relative to Hill after a torque, N m, held along the body's axes."""
+def turned(
+    mission: Mission, attitude: Rotation, rate: Floats, torque: Floats, duration: float
+) -> tuple[Rotation, Floats]:
+    """Return the deputy's attitude and rate, relative to Hill, after a torque held along its axes, N m."""
     hill = np.array([0.0, 0.0, mission.orbit.mean_motion_rad_s])
-    spin = _spin(np.array(mission.deputy.inertia_kg_m2), torque)
+    euler = _euler(np.array(mission.deputy.inertia_kg_m2), torque)
     start = np.concatenate((attitude.as_quat(), rate + attitude.inv().apply(hill)))
-    end = solve_ivp(spin, (0.0, duration), start, first_step=duration, **TOLERANCES).y[:, -1]
+    end = solve_ivp(euler, (0.0, duration), start, first_step=duration, **TOLERANCES).y[:, -1]
     attitude = Rotation.from_rotvec(-hill * duration) * Rotation.from_quat(end[:4])
     return attitude, end[4:] - attitude.inv().apply(hill)
 
 
-def chief_attitudes(mission):
-    """The chief's attitude at each sample, from its axes to Hill's."""
+def chief_attitudes(mission: Mission) -> list[Rotation]:
+    """Return the chief's attitude at each sample, from its axes to Hill's."""
     times = mission.control_period_s * np.arange(mission.num_controls + 1)
     rate, n = mission.chief.initial_angular_velocity_rad_s, mission.orbit.mean_motion_rad_s
     if rate is None:
         return [Rotation.identity()] * len(times)
-    spin = _spin(np.array(mission.chief.inertia_kg_m2), (0.0, 0.0, 0.0))
-    path = solve_ivp(spin, (0.0, times[-1]), [0.0, 0.0, 0.0, 1.0, *rate], t_eval=times, **TOLERANCES).y
+    euler = _euler(np.array(mission.chief.inertia_kg_m2), np.zeros(3))
+    path = solve_ivp(euler, (0.0, times[-1]), [0.0, 0.0, 0.0, 1.0, *rate], t_eval=times, **TOLERANCES).y
     return [
         Rotation.from_rotvec([0.0, 0.0, -n * time]) * Rotation.from_quat(row[:4])
         for time, row in zip(times, path.T, strict=True)

@@ -1,27 +1,34 @@
 """The push onto a closed path around the chief (docs/reference/signals.md, the push onto the tour)."""
 
+from collections.abc import Mapping
+
 import numpy as np
 
-from tests.readable_flight.light import share_of_sun, sun_direction
-from tests.readable_flight.motion import transition
-from tests.readable_flight.urgency import turned_aside
+from pipeline.array_types import Floats
+from pipeline.flight.reference.flight import Flight
+from pipeline.flight.reference.light import share_of_sun, sun_direction
+from pipeline.flight.reference.motion import transition
+from pipeline.flight.reference.urgency import turned_aside
 
 
-def tour_push(flight, k, state, urgent):
-    """``Phi_rv^-1 (r_tour(theta - n tau) - Phi_r s)``, turned aside near the chief, m/s."""
+def tour_push(flight: Flight, k: int, state: Floats, urgent: Floats) -> Floats:
+    """Return ``Phi_rv^-1 (r_tour(theta - n tau) - Phi_r s)``, turned aside near the chief, m/s."""
     angle, elevation = flight.suns[k]
     n, constants = flight.mission.orbit.mean_motion_rad_s, flight.constants
     time = time_ahead(flight, angle, elevation)
     if time == 0.0:
         return np.zeros(3)
-    place = tour_place(constants, angle - n * time, elevation) + constants["tour_lean_m"] * urgent
+    goal = tour_position(constants, angle - n * time, elevation) + constants["tour_lean_m"] * urgent
     phi, _ = transition(n, time)
-    push = np.linalg.solve(phi[:3, 3:], place - phi[:3] @ state)
-    return turned_aside(flight, push, state[:3])
+    push = np.linalg.solve(phi[:3, 3:], goal - phi[:3] @ state)
+    return turned_aside(flight, np.asarray(push, dtype=np.float64), state[:3])
 
 
-def tour_place(constants, angle, elevation):
-    """Each component a mean and two waves of the Sun's angle; the lift grows with the Sun's elevation."""
+def tour_position(constants: Mapping[str, float], angle: float, elevation: float) -> Floats:
+    """Return the position on the tour, m: each component a mean and two waves of the Sun's angle.
+
+    The lift is added to the cross-track component times the sine of the Sun's elevation.
+    """
     waves = {"mean": 1.0, "cos_1": np.cos(angle), "sin_1": np.sin(angle)}
     waves |= {"cos_2": np.cos(2.0 * angle), "sin_2": np.sin(2.0 * angle)}
     x, y, z, lift = (
@@ -31,12 +38,12 @@ def tour_place(constants, angle, elevation):
     return np.array([x, y, z + np.sin(elevation) * lift])
 
 
-def time_ahead(flight, angle, elevation):
-    """Seconds until the deputy is to be on the tour: zero where that is in the dark for too long."""
+def time_ahead(flight: Flight, angle: float, elevation: float) -> float:
+    """Return the time until the deputy is to be on the tour, s: zero where that is too long in the dark."""
     n, constants = flight.mission.orbit.mean_motion_rad_s, flight.constants
     time, wait = constants["tour_time_s"], constants["tour_wait_s"]
 
-    def is_dark(after):
+    def is_dark(after: float) -> bool:
         sun = sun_direction(angle - n * after, elevation)
         return share_of_sun(flight.mission, sun) < flight.mission.light.min_fraction
 
@@ -48,5 +55,5 @@ def time_ahead(flight, angle, elevation):
     for _ in range(100):
         middle = 0.5 * (dark + lit)
         dark, lit = (middle, lit) if is_dark(middle) else (dark, middle)
-    end = lit % (2.0 * np.pi / n)
+    end = float(lit % (2.0 * np.pi / n))
     return end if end <= wait else 0.0

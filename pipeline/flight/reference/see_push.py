@@ -2,10 +2,12 @@
 
 import numpy as np
 
-from tests.readable_flight.camera import least_cosine, seen_points
-from tests.readable_flight.light import later, lit_points
-from tests.readable_flight.motion import transition
-from tests.readable_flight.urgency import turned_aside, urgency
+from pipeline.array_types import Booleans, Floats
+from pipeline.flight.reference.camera import least_cosine, seen_points
+from pipeline.flight.reference.flight import Flight
+from pipeline.flight.reference.light import SunAngles, later
+from pipeline.flight.reference.motion import transition
+from pipeline.flight.reference.urgency import turned_aside, urgency
 
 #: seconds between looks; from nearer than NEAR_M a look falls short by at least LEAST_SHORT_M
 LOOK_PERIOD_S, NEAR_M, LEAST_SHORT_M = 60.0, 30.0, 1.0
@@ -13,24 +15,34 @@ LOOK_PERIOD_S, NEAR_M, LEAST_SHORT_M = 60.0, 30.0, 1.0
 KS2 = 1e6
 
 
-def see_push(flight, k, state, is_inspected):
-    """The push, m/s, that serves all points best that set and coasting misses, turned aside near the chief.
+def see_push(flight: Flight, k: int, state: Floats, is_inspected: Booleans) -> Floats:
+    """Return the push, m/s, that serves best all points that set and coasting misses.
 
-    ``(rho I + sum w g g') dv = sum w s g``.
+    ``(rho I + sum w g g') dv = sum w s g``, turned aside near the chief.
     """
-    now, constants = flight.time(k), flight.constants
-    horizon = constants["see_horizon_s"]
-    is_sought = flight.is_counted & ~is_inspected
-    is_sought &= (flight.last_lit > now) & (flight.last_lit <= now + horizon)
-    shortfalls, slopes = cheapest_looks(flight, k, state, is_sought, horizon)
+    constants = flight.constants
+    shortfalls, slopes = sought_looks(flight, k, state, is_inspected)
     weights = urgency(flight, k) * (shortfalls > 0.0)
     matrix = constants["see_damping_ks2"] * KS2 * np.eye(3) + (weights * slopes.T) @ slopes
     push = np.linalg.solve(matrix, slopes.T @ (weights * shortfalls))
-    return turned_aside(flight, push, state[:3])
+    return turned_aside(flight, np.asarray(push, dtype=np.float64), state[:3])
 
 
-def cheapest_looks(flight, k, state, is_sought, horizon):
-    """The shortfall s, m, and slopes g of the look at each point with the least s^2/|g|^2; zeros for none."""
+def sought_looks(flight: Flight, k: int, state: Floats, is_inspected: Booleans) -> tuple[Floats, Floats]:
+    """Return the cheapest looks at points that set within see_horizon_s, as `cheapest_looks` does."""
+    now, horizon = flight.time(k), flight.constants["see_horizon_s"]
+    is_sought = flight.is_counted & ~is_inspected
+    is_sought &= (flight.last_lit > now) & (flight.last_lit <= now + horizon)
+    return cheapest_looks(flight, k, state, is_sought, horizon)
+
+
+def cheapest_looks(
+    flight: Flight, k: int, state: Floats, is_sought: Booleans, horizon: float
+) -> tuple[Floats, Floats]:
+    """Return the shortfall s, m, and slopes g of the look at each point with the least s^2/|g|^2.
+
+    Shapes are (P,) and (P, 3); zeros where no look is needed or possible within a horizon, s.
+    """
     mission, period = flight.mission, flight.mission.control_period_s
     stride = max(1, round(LOOK_PERIOD_S / period))
     looks = int(horizon / (period * stride) + 1e-9)
@@ -38,8 +50,8 @@ def cheapest_looks(flight, k, state, is_sought, horizon):
     shortfalls, slopes = np.zeros(len(is_sought)), np.zeros((len(is_sought), 3))
     for sample in range(k + stride, min(mission.num_controls, k + looks * stride) + 1, stride):
         phi, _ = transition(mission.orbit.mean_motion_rad_s, (sample - k) * period)
-        position, sun = (phi @ state)[:3], later(flight, flight.suns[k], sample - k)
-        is_lit = lit_points(flight, sample, sun)
+        position, sun = (phi @ state)[:3], later(mission, flight.suns[k], sample - k)
+        is_lit = flight.lit_at(sample, sun)
         short, towards, shows = shortfall(flight, sample, position, sun)
         is_shown |= is_lit & shows
         slope = towards @ phi[:3, 3:]
@@ -50,8 +62,10 @@ def cheapest_looks(flight, k, state, is_sought, horizon):
     return np.where(is_shown, 0.0, shortfalls), np.where(is_shown[:, np.newaxis], 0.0, slopes)
 
 
-def shortfall(flight, sample, position, sun):
-    """What looks from a place lack, m, the direction in which that shrinks, and which looks show points.
+def shortfall(
+    flight: Flight, sample: int, position: Floats, sun: SunAngles
+) -> tuple[Floats, Floats, Booleans]:
+    """Return what looks from a position lack, m, the way in which that shrinks, and which looks show points.
 
     In the paper's world it is height above the horizon. In others it is the larger of the height that the
     incidence limit needs and the excess of range; what shows a point is the camera itself.
@@ -61,7 +75,7 @@ def shortfall(flight, sample, position, sun):
         short = flight.mission.chief.inspection_radius_m - normals @ position
         if np.linalg.norm(position) < NEAR_M:
             short = np.maximum(short, LEAST_SHORT_M)
-        return short, normals, short <= 0.0
+        return short, normals, np.asarray(short <= 0.0)
     sensor, apart = flight.mission.sensor, position - points
     distance = np.linalg.norm(apart, axis=1)
     sight = apart / distance[:, np.newaxis]

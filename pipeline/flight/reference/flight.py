@@ -1,0 +1,179 @@
+"""What stays the same throughout a flight: mission, controller, start, surface, light."""
+
+from collections import defaultdict
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from pipeline.array_types import Booleans, Floats
+from pipeline.flight.control.controller import Controller
+from pipeline.flight.reference.errors import DrawnErrors
+from pipeline.flight.reference.light import SunAngles, faces_sun, later, sun_direction
+from pipeline.flight.reference.mesh import Mesh
+from pipeline.flight.reference.turning import chief_attitudes
+from pipeline.flight.reference.two_body import Earth, chief_orbit, hill_axes
+from pipeline.flight.state.log import Scenario
+from pipeline.settings.experiment import Mission
+
+
+@dataclass(frozen=True)
+class Flight:
+    """A mission, a controller, a start, and a surface: points and normals, (P, 3), and triangles, (T, 3, 3).
+
+    `opening` is a force, N, fired in the first control period in place of the rules'.
+    """
+
+    mission: Mission
+    controller: Controller
+    scenario: Scenario
+    points: Floats
+    normals: Floats
+    corners: Floats
+    errors: DrawnErrors = field(default_factory=DrawnErrors)
+    opening: Floats | None = None
+
+    def flown_by(self, controller: Controller) -> "Flight":
+        """Return the same flight with another controller, with what is known of the chief and its light."""
+        other = replace(self, controller=controller)
+        others = {"constants", "plan"}
+        fields = self.__dataclass_fields__.keys()
+        kept = {name: value for name, value in vars(self).items() if name not in others | fields}
+        vars(other).update(kept)
+        return other
+
+    @cached_property
+    def constants(self) -> defaultdict[str, float]:
+        """The controller's constants by name; zero where not set."""
+        attributes = self.controller.fuzzy.attributes if self.controller.fuzzy else ()
+        return defaultdict(float, {name: float(text) for name, text in attributes if name != "force_axes"})
+
+    @cached_property
+    def plan(self) -> Floats:
+        """Forces that are known beforehand, (K, 3), N, the controller's axes; zero after the last."""
+        forces: Any = self.controller.plan
+        if self.controller.regulator is not None:
+            forces = self.controller.regulator([self.scenario]).forces[0]
+        plan = np.zeros((self.mission.num_controls, 3))
+        plan[: len(forces)] = forces
+        return plan
+
+    @property
+    def has_plan(self) -> bool:
+        """Whether forces are planned rather than inferred."""
+        return not self.controller.systems
+
+    @cached_property
+    def chief(self) -> list[Rotation]:
+        """The chief's attitude at each sample."""
+        return chief_attitudes(self.mission)
+
+    @cached_property
+    def earth(self) -> Earth | None:
+        """The Earth that attracts both craft; None where motion is linear."""
+        return Earth(self.mission) if self.mission.dynamics.model == "two_body" else None
+
+    @cached_property
+    def orbit(self) -> Floats | None:
+        """The chief's position and velocity about the Earth, (K+1, 6); None where motion is linear."""
+        return None if self.earth is None else chief_orbit(self.earth, self.mission)
+
+    @cached_property
+    def hill_axes(self) -> list[Floats]:
+        """Rows i, j, k at each sample, in axes fixed as Hill's at the start; empty where motion is linear."""
+        if self.earth is None or self.orbit is None:
+            return []
+        return [hill_axes(self.earth, chief)[0] for chief in self.orbit]
+
+    @cached_property
+    def suns(self) -> list[SunAngles]:
+        """The Sun at each sample: at ``theta_0 - n t``, or as a true orbit turns Hill axes."""
+        samples = range(self.mission.num_controls + 1)
+        start = self.scenario.sun_angle_rad, self.scenario.sun_elevation_rad
+        if self.orbit is None:
+            return [later(self.mission, start, k) for k in samples]
+        directions = [self.hill_axes[k] @ sun_direction(*start) for k in samples]
+        return [(float(np.arctan2(y, x)), float(np.arctan2(z, np.hypot(x, y)))) for x, y, z in directions]
+
+    @cached_property
+    def mesh(self) -> Mesh | None:
+        """The triangles that hide points; None of a sphere."""
+        return Mesh(self.points, self.normals, self.corners) if len(self.corners) else None
+
+    @cached_property
+    def is_papers(self) -> bool:
+        """Whether light and camera are the paper's, and the Sun is in the orbit plane at the start."""
+        light, sensor = self.mission.light, self.mission.sensor
+        return (
+            (light.shadow, light.reflection, self.mission.chief.shape) == ("none", "none", "sphere")
+            and (light.past_terminator_deg, sensor.min_sun_angle_deg, sensor.max_incidence_deg) == (0, 0, 90)
+            and sensor.max_range_m is None
+            and sensor.half_angle_deg < 90.0
+            and self.scenario.sun_elevation_rad == 0.0
+        )
+
+    @cached_property
+    def is_lit(self) -> Booleans:
+        """Which points are lit at each sample, (K+1, P)."""
+        return np.array([self.lit_at(k, sun) for k, sun in enumerate(self.suns)])
+
+    @cached_property
+    def is_inspectable(self) -> Booleans:
+        """Which points are lit at some sample, (P,)."""
+        return np.asarray(self.is_lit.any(axis=0))
+
+    @cached_property
+    def is_counted(self) -> Booleans:
+        """Which points must be inspected: in other worlds than the paper's not those that are never lit."""
+        return np.ones(len(self.points), dtype=np.bool_) if self.is_papers else self.is_inspectable
+
+    @cached_property
+    def last_lit(self) -> Floats:
+        """When each point is lit for the last time, s; zero for those that are never lit after the start."""
+        times = self.mission.control_period_s * np.arange(len(self.is_lit))
+        return np.max(np.where(self.is_lit, times[:, np.newaxis], 0.0), axis=0)
+
+    def lit_at(self, k: int, sun: SunAngles) -> Booleans:
+        """Return which points a Sun lights at a sample: it is above them, and nothing hides it, (P,)."""
+        direction, (points, normals) = sun_direction(*sun), self.surface_at(k)
+        is_lit = faces_sun(self.mission, points, normals, direction)
+        return is_lit & self.free_towards(np.tile(direction, (len(points), 1)), is_lit, k)
+
+    def time(self, k: int) -> float:
+        """Return the seconds from the start to a sample."""
+        return k * self.mission.control_period_s
+
+    def periods(self, seconds: float) -> int:
+        """Return the whole number of control periods in a time."""
+        return round(seconds / self.mission.control_period_s)
+
+    def surface_at(self, k: int) -> tuple[Floats, Floats]:
+        """Return points, m, and normals at a sample, Hill axes, (P, 3) each."""
+        return self.chief[k].apply(self.points), self.chief[k].apply(self.normals)
+
+    def free_towards(self, directions: Floats, is_wanted: Booleans, k: int) -> Booleans:
+        """Return which of the wanted points the chief does not hide, each in its direction, (P, 3)."""
+        if self.mesh is None:
+            return np.ones(len(self.points), dtype=np.bool_)
+        turned = self.chief[k].inv().apply(directions)
+        return np.array([wanted and self.mesh.is_free(i, turned[i]) for i, wanted in enumerate(is_wanted)])
+
+    def tilt_angles(self, k: int) -> Floats:
+        """Return the angles from the true attitude to the sensed one, rad about each body axis."""
+        return self.errors.of_attitude[k] if len(self.errors.of_attitude) else np.zeros(3)
+
+    def tilt(self, k: int) -> Rotation:
+        """Return the rotation by these small angles."""
+        return Rotation.from_quat([*(0.5 * self.tilt_angles(k)), 1.0])
+
+    def played(self, k: int) -> tuple[Rotation | None, Floats | None]:
+        """Return the attitude, and the torque, played in a control period; None each where none is."""
+        attitudes, torques = self.controller.turns
+        most = self.mission.deputy.max_torque_n_m
+        attitude = Rotation.from_quat(attitudes[min(k, len(attitudes) - 1)]) if len(attitudes) else None
+        torque = None
+        if len(torques):
+            torque = np.clip(torques[k], -most, most) if k < len(torques) else np.zeros(3)
+        return attitude, torque

@@ -1,0 +1,134 @@
+"""One control period: look, decide, act. The first thing to read of a flight."""
+
+from copy import deepcopy
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from pipeline.array_types import Floats
+from pipeline.flight.reference import actuators, navigation, two_body
+from pipeline.flight.reference.actuators import Thrust
+from pipeline.flight.reference.camera import seen_points
+from pipeline.flight.reference.flight import Flight
+from pipeline.flight.reference.guidance import chosen_target
+from pipeline.flight.reference.light import sun_direction
+from pipeline.flight.reference.motion import pushed
+from pipeline.flight.reference.pointing import Instant, looking, next_y, turn_through_period
+from pipeline.flight.reference.safety import Layer
+from pipeline.flight.reference.state import Look, ReferenceState
+from pipeline.flight.reference.thrust import Decision, decide, reasons
+
+
+@dataclass
+class Act:
+    """What is done in a control period: the decision, the safety layer's change of it, and what follows."""
+
+    decision: Decision
+    limit: str | None
+    change: Floats
+    reasons: NDArray[np.str_]
+    thrust: Thrust
+    instants: list[Instant]
+
+
+def start(flight: Flight) -> ReferenceState:
+    """Return the state at the start."""
+    mission, scenario = flight.mission, flight.scenario
+    truth = np.concatenate((scenario.position_m, scenario.velocity_m_s)).astype(np.float64)
+    return ReferenceState(
+        truth=truth,
+        attitude=Rotation.from_quat(mission.deputy.initial_quaternion),
+        rate=np.array(mission.rate_at_start_rad_s),
+        y=None,
+        is_inspected=np.zeros(len(flight.points), dtype=np.bool_),
+        centres=np.empty((0, 3)),
+        belief=navigation.first_belief(flight, truth) if mission.navigation.mode == "fixes" else None,
+        mass=mission.deputy.mass_kg,
+    )
+
+
+def period(flight: Flight, k: int, state: ReferenceState) -> tuple[Look, Act | None, ReferenceState | None]:
+    """Return what is seen at a sample, what is done in the control period that follows, and the next state.
+
+    The last two are None at the last sample. The given state is left as it is.
+    """
+    state = deepcopy(state)
+    seen = look(flight, k, state)
+    if k == flight.mission.num_controls:
+        return seen, None, None
+    return seen, *act(flight, k, state, seen, decide(flight, k, seen, state))
+
+
+def look(flight: Flight, k: int, state: ReferenceState) -> Look:
+    """Inspect, choose where to look next, and navigate; the state's belief and centres go on from here."""
+    mission, position, attitude = flight.mission, state.truth[:3], state.attitude
+    y = next_y(mission, position, state.y)
+    if mission.attitude.mode == "ideal":
+        played, _ = flight.played(k)
+        attitude = (looking(position, y) if played is None else played) * flight.tilt(k).inv()
+        state.rate = np.zeros(3)
+    boresight = attitude.apply(mission.sensor.boresight)
+    is_lit = flight.is_lit[k]
+    is_inspected = state.is_inspected | (is_lit & seen_points(flight, k, position, boresight, flight.suns[k]))
+    candidates = flight.surface_at(k)[0][is_lit & ~is_inspected]
+    target, state.centres = chosen_target(mission, candidates, position, state.centres)
+    known, covariance, sensed = state.truth, np.zeros((6, 6)), attitude * flight.tilt(k)
+    if state.belief is not None:
+        measured = navigation.fix(flight, k, position, attitude)
+        known, covariance = navigation.estimate(flight, k, state.belief, measured, sensed)
+        y = next_y(mission, known[:3], state.y)
+    innovation = state.belief.innovation if state.belief is not None else None
+    return Look(attitude, sensed, is_lit, is_inspected, candidates, target, known, covariance, y, innovation)
+
+
+def act(
+    flight: Flight, k: int, state: ReferenceState, seen: Look, decision: Decision
+) -> tuple[Act, ReferenceState]:
+    """Keep the limits, fire, turn and move: return what was done and the next state."""
+    mission = flight.mission
+    requested = np.clip(decision.wanted, -mission.deputy.max_force_n, mission.deputy.max_force_n)
+    commanded, limit = requested, None
+    if mission.safety.kind == "filter":
+        commanded, limit = Layer(mission, flight.errors.margins).assured(seen.known, requested)
+    remember_command(flight, k, state, seen, commanded)
+    thrust = actuators.fired(flight, k, commanded, state.commands, seen.attitude, state.mass)
+    remember_fired(flight, k, state, thrust.fired)
+    state.attitude = seen.attitude
+    turn = turn_through_period(flight, k, state, seen.known, seen.y, thrust)
+    state.attitude, state.rate, state.y, instants = turn
+    mass = actuators.mass_after(flight, thrust, state.mass)
+    mean_mass, duration = 0.5 * (state.mass + mass), mission.control_period_s
+    if flight.orbit is not None:
+        more_drag = float(flight.errors.more_drag[k]) if len(flight.errors.more_drag) else 0.0
+        sun = sun_direction(flight.scenario.sun_angle_rad, flight.scenario.sun_elevation_rad)
+        push = thrust.fired / mean_mass
+        state.truth = two_body.moved(mission, flight.orbit[k], sun, state.truth, push, more_drag)
+    else:
+        force = thrust.fired * mission.deputy.mass_kg / mean_mass
+        state.truth = pushed(mission, state.truth, force, duration)
+    state.spent += thrust.total * duration / mean_mass
+    state.mass, state.is_inspected = mass, seen.is_inspected
+    change, is_hill = commanded - requested, flight.controller.force_axes == "hill"
+    why = reasons(decision, is_hill, mission.deputy.max_force_n, change)
+    return Act(decision, limit, change, why, thrust, instants), state
+
+
+def remember_command(flight: Flight, k: int, state: ReferenceState, seen: Look, commanded: Floats) -> None:
+    """Note a command for the thrusters, which turn with the body whatever it senses, and for the filter."""
+    mission, meant = flight.mission, commanded
+    if state.belief is not None:
+        acts = k + (flight.periods(mission.actuators.delay_s) if mission.actuators.kind == "real" else 0)
+        if acts < mission.num_controls:
+            state.belief.acting[acts] = commanded
+        meant = seen.attitude.apply(seen.sensed.inv().apply(commanded))
+        meant = np.clip(meant, -mission.deputy.max_force_n, mission.deputy.max_force_n)
+    state.commands.append(meant)
+
+
+def remember_fired(flight: Flight, k: int, state: ReferenceState, fired: Floats) -> None:
+    """Note for the filter what thrusters tell of what they fired."""
+    belief = state.belief
+    if belief is not None:
+        belief.acting[k], belief.has_fired[k] = actuators.believed(flight, belief.acting[k], fired)
