@@ -2,6 +2,7 @@
 
 import re
 import tomllib
+from importlib import import_module
 from itertools import chain
 from pathlib import Path
 
@@ -103,3 +104,22 @@ def test_the_architecture_page_places_every_folder():
         for path in (PROJECT / package).iterdir():
             if (path / "__init__.py").exists():
                 assert f"`{path.name}/`" in page, f"{path.relative_to(PROJECT)} has no place"
+
+
+HEART = re.compile(r"## The heart.*?(?=\n## )", re.DOTALL)
+
+
+def test_the_heart_names_functions_that_exist():
+    page = (PROJECT / "docs" / "explanation" / "architecture.md").read_text(encoding="utf-8")
+    names = re.findall(r"`([a-z_]+)\.(\w+)`", HEART.search(page)[0])
+    names = [(module, name) for module, name in names if name != "py"]
+    modules = {path.stem for path in (PROJECT / "pipeline" / "flight" / "reference").glob("[a-z]*.py")}
+    for module, name in names:
+        assert hasattr(import_module(f"pipeline.flight.reference.{module}"), name), f"{module}.{name}"
+    assert modules - {module for module, _ in names} <= {"errors", "flight"}, "a law is not on the page"
+
+
+def test_each_law_is_in_the_table_of_the_reference():
+    text = import_module("pipeline.flight.reference").__doc__
+    modules = {path.stem for path in (PROJECT / "pipeline" / "flight" / "reference").glob("[a-z]*.py")}
+    assert modules - set(re.findall(r"`(\w+)`", text)) <= {"errors", "flight", "state"}

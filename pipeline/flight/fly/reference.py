@@ -84,7 +84,9 @@ def fly_by_reference(
     log.mass_kg[:] = mission.deputy.mass_kg
     log.quaternion_c_from_h[:] = [attitude.as_quat() for attitude in flight.chief]
     angles, elevations = np.transpose(flight.suns)
-    log.sun_angle_rad[:], log.sun_elevation_rad[:] = np.unwrap(angles), elevations
+    # counted on from the start's, which may be any
+    log.sun_angle_rad[:] = np.unwrap([scenario.sun_angle_rad, *angles])[1:]
+    log.sun_elevation_rad[:] = elevations
     log.visible_sun_share[:] = [share_of_sun(mission, sun_direction(*sun)) for sun in flight.suns]
     log.is_inspectable[:] = flight.is_inspectable
     state: ReferenceState | None = start(flight)
