@@ -57,7 +57,8 @@ class Flown:
         found = []
         for one in requirements:
             outcome = self.outcomes[one.id]
-            judgement = judge(outcome.margins, outcome.is_met, one.probability, one.confidence)
+            claim = one.probability, one.confidence
+            judgement = judge(outcome.margins, outcome.is_met, *claim, outcome.num_occurred)
             result = verdict(Evidence(one, judgement))
             failed = f"{judgement.num_failed:,} of {judgement.num_cases:,} fail"
             found.append((one, result.word, f"{failed}; {result.why}"))

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 from functools import partial
+from math import log
 from textwrap import wrap
 from typing import Any
 
@@ -10,6 +11,8 @@ from markupsafe import Markup
 
 from fis_tools.document import Block, Code, Document, Figure, Fold, Heading, Items, Mark, Paragraph, Table
 from fis_tools.document.html import element, page, read, template
+from pipeline.evaluation.assurance.evidence import joint_words
+from pipeline.evaluation.assurance.repeats import repeats_in_words
 from pipeline.evaluation.assurance.requirements import METHODS as ALL_METHODS
 from pipeline.evaluation.assurance.requirements import SEVERITIES
 from pipeline.evaluation.assurance.verdicts import ORDER
@@ -57,11 +60,13 @@ def document(evidence: Mapping[str, Any], tube: Illustration | None = None) -> D
         f"{sun}safety {conditions['safety']}{errors and f', with {errors}'}."
     )
     drawn = element("figcaption", caption_of("argument"))
+    caveats = joint_words(evidence["joint"]), repeats_in_words(evidence)
     blocks: list[Block] = [
         Heading(f"Evidence for {evidence['controller']['name']}", 1),
         Paragraph(run),
         Heading("Verdicts", id="verdicts"),
         Paragraph(lead(evidence)),
+        *(Paragraph(words) for words in caveats if words),
         _matrix(requirements),
         Heading("Argument", id="argument"),
         Figure(element("figure", _drawings().argument(evidence), drawn, tabindex=0)),
@@ -90,8 +95,11 @@ def contexts(evidence: Mapping[str, Any]) -> list[tuple[str, str]]:
     """
     conditions, requirements = evidence["conditions"], evidence["requirements"]
     sun = f"; Sun {conditions['sun']}" if conditions["sun"] else ""
-    flights = f"starts {conditions['starts']}{sun}; safety {conditions['safety']}; "
-    links = [("provenance", f"{flights}{conditions['duration_s']:g} s")]
+    flights = (
+        f"starts {conditions['starts']}{sun}; safety {conditions['safety']}; flights of "
+        f"{conditions['duration_s']:,g} s, sampled every {conditions['sample_period_s']:g} s"
+    )
+    links = [("provenance", flights)]
     if not all(proved_by(requirement) for requirement in requirements):
         domain = "the operational domain: inputs that flights have met"
         none = "the controller has no fuzzy inputs, hence no operational domain"
@@ -126,18 +134,21 @@ def draw_margins(histogram: Mapping[str, Any], unit: str, name: str) -> Markup:
         Of the requirement, for readers who do not see the picture.
     """
     edges, counts = histogram["edges"], histogram["counts"]
-    first, last = edges[0], edges[-1]
+    first, last, most = edges[0], edges[-1], max(counts)
 
     def position(value: float) -> float:
-        return float(10.0 + 620.0 * (value - first) / (last - first))
+        return float(46.0 + 584.0 * (value - first) / (last - first))
+
+    def height(count: float) -> float:
+        # a logarithmic axis from half a flight, so that few failures among thousands are seen
+        return 100.0 * log(2.0 * count) / log(2.0 * most)
 
     bars = [
         (
             "refuted" if high <= 0.0 else "shown",
             f"{count:,} from {low:.4g} to {high:.4g} {unit}".strip(),
             position(low),
-            # the square root, so that few failures among thousands are seen
-            max(2.0, 100.0 * (count / max(counts)) ** 0.5),
+            height(count),
             max(1.0, position(high) - position(low) - 1.0),
         )
         for low, high, count in zip(edges[:-1], edges[1:], counts, strict=True)
@@ -148,8 +159,9 @@ def draw_margins(histogram: Mapping[str, Any], unit: str, name: str) -> Markup:
         far = {anchor: end for anchor, end in shown.items() if abs(position(end) - position(0.0)) > ROOM}
         shown = {**far, "middle": 0.0}
     marks = [(anchor, position(value), number(value)) for anchor, value in shown.items()]
+    ticks = [(f"{10**power:,}", height(10**power)) for power in range(len(str(most)))]
     label = f"Margins of the cases of {name}: from {first:.4g} to {last:.4g} {unit}"
-    return Markup(_drawings().margins(bars, marks, unit, label))  # noqa: S704 - escaped by the template
+    return Markup(_drawings().margins(bars, marks, ticks, unit, label))  # noqa: S704 - escaped by the template
 
 
 def css_of(result: Mapping[str, Any]) -> str:
@@ -229,10 +241,12 @@ def _requirement(
         yield Code(requirement["formula"])
     details: dict[str, list[Block]] = {name: [Paragraph(_full(methods[name]["why"]))] for name in methods}
     if cases := requirement.get("cases"):
-        drawn = draw_margins(cases["histogram"], unit, requirement["id"])
-        details["cases"] += [Table([], _case_facts(cases, unit)), Figure(element("figure", drawn))]
+        details["cases"].append(Table([], _case_facts(cases, unit)))
+        for histogram in cases["histograms"]:
+            drawn = draw_margins(histogram, histogram["unit"], requirement["id"])
+            details["cases"].append(Figure(element("figure", drawn)))
     if search := requirement.get("search"):
-        details["search"] += [Paragraph(_full(search["sentence"])), Table([], _search_facts(search, unit))]
+        details["search"] += [Paragraph(_full(search["sentence"])), Table([], _search_facts(search))]
     if bounds := requirement.get("bounds"):
         boxes = f"The boxes: {artifacts.PROOF_BOXES}. Over each, interval arithmetic rules the answer out."
         parts = [f"{part['system']}: {part['sentence']} Boxes: {part['num_boxes']:,}." for part in bounds]
@@ -251,7 +265,7 @@ def _requirement(
         is_proved = bool(proved_by(requirement))
         left = [] if is_proved else [_departure(departure) for departure in worst["left_domain"]]
         replay = Code(f"python -m telemetry replay {worst['recording']}")
-        facts = Table([], _worst_facts(worst, unit, has_domain=not is_proved, has_sun=has_sun))
+        facts = Table([], _worst_facts(worst, has_domain=not is_proved, has_sun=has_sun))
         yield Fold("The worst case that is known", [facts, replay, *([Items(left)] if left else [])])
 
 
@@ -284,19 +298,25 @@ def _case_facts(cases: Mapping[str, Any], unit: str) -> list[list[str]]:
     allowed, needed, margin = cases["num_allowed"], cases["needed_without_failure"], cases["margin"]
     few = "too few cases" if needed else "all cases must meet it: only a proof shows it"
     bounds = f"{_percent(cases['low'])} to {_percent(cases['high'])}"
+    occurred = [[f"with {text}", f"{count:,}"] for text, count in cases["premises"].items()]
+    least = [_quantity(histogram["least"], histogram["unit"]) for histogram in cases["histograms"]]
+    margins = [["worst margin", " and ".join(least)]]
+    if unit != "mixed":  # margins of several units have no order
+        at_share = few if margin is None else f"at least {_quantity(margin, unit)}"
+        median = _quantity(cases["median_margin"], unit)
+        margins = [["margin, at the claim's share", at_share], ["median margin", median], *margins]
     return [
         ["flown", f"{cases['num_cases']:,}"],
+        *occurred,
         ["failed", f"{cases['num_failed']:,}"],
         ["failures that the claim allows", f"at most {allowed:,}" if allowed >= 0 else few],
         ["cases needed without a failure", f"{needed:,}" if needed else "no number is enough"],
         ["share that meets it, one-sided bounds", bounds],
-        ["margin, at the claim's share", few if margin is None else f"at least {_quantity(margin, unit)}"],
-        ["median margin", _quantity(cases["median_margin"], unit)],
-        ["worst margin", _quantity(cases["worst_margin"], unit)],
+        *margins,
     ]
 
 
-def _search_facts(search: Mapping[str, Any], unit: str) -> list[list[str]]:
+def _search_facts(search: Mapping[str, Any]) -> list[list[str]]:
     none = "none found"
     per_find, at_random, ratio = (
         search["flights_per_find"],
@@ -308,12 +328,12 @@ def _search_facts(search: Mapping[str, Any], unit: str) -> list[list[str]]:
         ["flights for each failure found", none if per_find is None else f"{per_find:,.0f}"],
         ["flights at random for each failure", none if at_random is None else f"{at_random:,.0f}"],
         ["faster than at random", "no ratio" if ratio is None else f"{ratio:.1f} times"],
-        ["worst margin found", _quantity(search["worst_margin"], unit)],
-        ["worst margin at random", _quantity(search["random_worst_margin"], unit)],
+        ["worst margin found", _quantity(search["worst_margin"], search["worst_unit"])],
+        ["worst margin at random", _quantity(search["random_worst_margin"], search["random_worst_unit"])],
     ]
 
 
-def _worst_facts(worst: Mapping[str, Any], unit: str, *, has_domain: bool, has_sun: bool) -> list[list[str]]:
+def _worst_facts(worst: Mapping[str, Any], *, has_domain: bool, has_sun: bool) -> list[list[str]]:
     start, velocity = (
         ", ".join(f"{value:.3f}" for value in worst.get(name, ())).replace("-", "−")
         for name in ("position_m", "velocity_m_s")
@@ -323,8 +343,8 @@ def _worst_facts(worst: Mapping[str, Any], unit: str, *, has_domain: bool, has_s
     sun = sun_at_start(worst["sun_angle_rad"], worst["sun_elevation_rad"], 2)
     return [
         ["found by", worst["found_by"]],
-        ["margin", _quantity(worst["margin"], unit)],
-        ["margin of the recording, read back", _quantity(worst["recorded_margin"], unit)],
+        ["margin", _quantity(worst["margin"], worst["unit"])],
+        ["margin of the recording, read back", _quantity(worst["recorded_margin"], worst["unit"])],
         ["start, Hill axes", f"({start}) m"],
         *([["velocity there", f"({velocity}) m/s"]] if any(worst.get("velocity_m_s", ())) else []),
         *([["Sun at the start", sun]] if has_sun else []),
@@ -363,7 +383,7 @@ def _provenance(evidence: Mapping[str, Any]) -> Iterator[Block]:
 
 def _quantity(value: float, unit: str) -> str:
     """Format a margin with its unit and a true minus sign."""
-    return f"{number(value)} {unit if unit != 'mixed' else '(of several units)'}".strip()
+    return f"{number(value)} {unit}".strip()
 
 
 def _percent(share: float) -> str:

@@ -28,6 +28,7 @@ from pipeline.evaluation.assurance.evidence import Domain, domain_of, left_on
 from pipeline.evaluation.assurance.formula import predicates
 from pipeline.evaluation.assurance.proofs import TubeProof, certificates, check_questions, safety_proof
 from pipeline.evaluation.assurance.quantities import track_of
+from pipeline.evaluation.assurance.repeats import earlier_runs, repeats_in_words
 from pipeline.evaluation.assurance.requirements import (
     BOUNDS,
     CASES,
@@ -39,6 +40,7 @@ from pipeline.evaluation.assurance.requirements import (
     Requirements,
     parse_requirements,
 )
+from pipeline.evaluation.assurance.sentences import ordinal
 from pipeline.evaluation.assurance.verdicts import Evidence, cases_needed, failures_allowed, judge, percent
 from pipeline.flight.cases.dispersions import drawn
 from pipeline.flight.control.controller import Controller
@@ -64,8 +66,8 @@ CONFIDENCE = 0.9
 #: flights in the picture of a tube
 MOST_DRAWN = 100
 
-#: a margin, the case that has it, and where it was found
-Worst = tuple[float, Scenario, str]
+#: a margin, its unit (empty: the formula's), the case that has it, and where it was found
+Worst = tuple[float, str, Scenario, str]
 
 
 def run(experiment: Experiment, folder: Path) -> str:
@@ -93,6 +95,8 @@ def run(experiment: Experiment, folder: Path) -> str:
     writing.write_atomically(folder / artifacts.EVIDENCE_PAGE, page)
     for entry in gathered["requirements"]:
         sys.stderr.write(f"  {entry['id']} {entry['title']}. {entry['sentence']}\n")
+    for words in (evidence.joint_words(gathered["joint"]), repeats_in_words(gathered)):
+        sys.stderr.write(f"  {words}\n" if words else "")
     sys.stderr.write(f"  {folder / artifacts.EVIDENCE_PAGE}\n")
     unproved = [
         f"{entry['id']} ({', '.join(METHOD_WORDS[name] for name in entry['unproved'])})"
@@ -144,14 +148,24 @@ def _gather(
         outcome = outcomes.get(requirement.id)
         judgement = None
         if outcome is not None and CASES in requirement.verified_by:
-            judgement = judge(
-                outcome.margins, outcome.is_met, requirement.probability, requirement.confidence
-            )
+            claim = requirement.probability, requirement.confidence
+            judgement = judge(outcome.margins, outcome.is_met, *claim, outcome.num_occurred)
         searches = _searches(experiment, campaign, requirement, outcome, pool)
         bounds = certificates(requirement, controller) if BOUNDS in requirement.verified_by else ()
         layer = proof if SAFETY_LAYER in requirement.verified_by else None
         tube = _tube(experiment, controller, folder) if TUBE in requirement.verified_by else None
-        collected = Evidence(requirement, judgement, searches, bounds, layer, tube)
+        flown = [result for result in (outcome, *(search.outcome for search in searches)) if result]
+        collected = Evidence(
+            requirement,
+            judgement,
+            searches,
+            bounds,
+            layer,
+            tube,
+            duration_s=mission.duration_s,
+            period_s=mission.control_period_s,
+            worst_unit=min((result.worst for result in flown), default=(0.0, ""))[1],
+        )
         recorded = None
         if outcome is not None:
             worst = _worst_of(collected, scenarios, outcome)
@@ -160,11 +174,13 @@ def _gather(
         entries.append(evidence.requirement_entry(collected, outcome, recorded))
     _write(folder, artifacts.SEARCHED, evidence.search_columns(mission, all_evidence))
     _write(folder, artifacts.PROOF_BOXES, evidence.box_columns(all_evidence))
-    return {
+    gathered = {
         **_provenance(experiment, folder, controller, requirements),
         "domain": None if domain is None else evidence.domain_entry(domain),
         "requirements": entries,
+        "joint": evidence.joint_claim(entries),
     }
+    return {**gathered, "earlier": earlier_runs(folder, gathered)}
 
 
 def _scenarios(experiment: Experiment, num_cases: int) -> list[Scenario]:
@@ -269,13 +285,10 @@ def _domain(experiment: Experiment, controller: Controller, folder: Path) -> Dom
 def _worst_of(evidence: Evidence, scenarios: Sequence[Scenario], outcome: FormulaResult) -> Worst:
     """Return the worst known case of a requirement, at random or by a search."""
     case = int(np.argmin(outcome.margins))
-    known = [(float(outcome.margins[case]), scenarios[case], f"case {case}")]
+    known = [(*outcome.worst, scenarios[case], f"case {case}")]
     for number, searched in enumerate(evidence.searches):
-        least, source = (
-            float(searched.outcome.margins[searched.worst]),
-            f"search {number}, flight {searched.worst}",
-        )
-        known.append((least, searched.scenarios[searched.worst], source))
+        source = f"{ordinal(number + 1)} search, flight {searched.worst}"
+        known.append((*searched.outcome.worst, searched.scenarios[searched.worst], source))
     return min(known, key=lambda worst: worst[0])
 
 
@@ -283,7 +296,7 @@ def _record_worst(
     folder: Path, recorder: FlightRecorder, domain: Domain | None, requirement: Requirement, worst: Worst
 ) -> dict[str, Any]:
     """Fly the worst known case of a requirement again, logged; record it, and evaluate the recording."""
-    mission, controller, (margin, scenario, source) = recorder.mission, recorder.controller, worst
+    mission, controller, (margin, unit, scenario, source) = recorder.mission, recorder.controller, worst
     name = f"{artifacts.WORST_FLIGHTS}/{requirement.id}-worst.mcap"
     path = folder / name
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -309,6 +322,7 @@ def _record_worst(
         "sun_elevation_rad": float(scenario.sun_elevation_rad),
         "settings": dict(drawn(mission, scenario)),
         "margin": margin,
+        "unit": unit or requirement.unit,
         "recorded_margin": recorded,
         "recording": name,
         "left_domain": [asdict(departure) for departure in left],

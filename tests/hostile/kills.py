@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
+from pipeline.command_line.runs import OK, UNPROVED
 from pipeline.run import artifacts, manifests, sweep
 
 SMALL: Final = (
@@ -38,7 +39,7 @@ _WORDS: Final = {
     "parts": f"{CHAMPION} stages=[evaluate] engine.part_cases=7",
     "assure": """+experiment=assure controller=paper_champion assurance.num_cases=20 assurance.searches=1
         assurance.search_starts=8 assurance.search_population=6 assurance.search_generations=2
-        assurance.domain_cases=8""",
+        assurance.domain_cases=8 duration_s=3600""",
     "optimum": """+experiment=optimum monte_carlo.num_cases=2 optimum.restarts=1 optimum.burns=2
         optimum.kicks=0""",
     "compare": """+experiment=reproduce stages=[compare] compare.controllers=[paper_champion,coast]
@@ -149,7 +150,7 @@ def survive(
             if is_killed:
                 left -= 1
                 tally.kills[f"{how[0].name} {how[1]}"] += 1
-            if code == 0:
+            if code in (OK, UNPROVED):
                 return
             if not is_killed:
                 tally.lost.append(f"{kind} {folder.name}: {said.strip().splitlines()[-1:]}")

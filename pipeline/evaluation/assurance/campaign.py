@@ -8,15 +8,17 @@ worst of them. Every flight counts.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.array_types import Floats
-from pipeline.evaluation.assurance.formula import Formula, holds, quantities_of, robustness
-from pipeline.evaluation.assurance.quantities import PointCounts, of_tracks
+from pipeline.evaluation.assurance.formula import Formula, quantities_of, render, unit_of
+from pipeline.evaluation.assurance.quantities import UNITS, PointCounts, of_tracks
 from pipeline.evaluation.assurance.requirements import Requirement, RequirementError, check_formulas
+from pipeline.evaluation.assurance.robustness import Samples, deciding_units, holds, premises, robustness
 from pipeline.evaluation.monte_carlo import fly_tracked
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.state.log import Scenario
@@ -33,10 +35,35 @@ FEW = 64
 
 
 class FormulaResult(NamedTuple):
-    """The result of a formula in n cases: the margin of each, (n,), and whether the formula holds, (n,)."""
+    """The result of a formula in n cases.
+
+    Attributes
+    ----------
+    margins : (n,)
+        Robustness.
+    is_met : (n,)
+        Whether the formula holds.
+    units : (n,)
+        Of the margins; empty where all have the unit of the formula.
+    premises : mapping
+        Of the formula's implications: in which cases each premise occurs, (n,), by its text.
+    """
 
     margins: Floats
     is_met: NDArray[np.bool_]
+    units: NDArray[np.str_] = np.empty(0, dtype=np.str_)
+    premises: Mapping[str, NDArray[np.bool_]] = MappingProxyType({})
+
+    @property
+    def worst(self) -> tuple[float, str]:
+        """The least margin and its unit, empty where it is that of the formula."""
+        case = int(np.argmin(self.margins))
+        return float(self.margins[case]), str(self.units[case]) if len(self.units) else ""
+
+    @property
+    def num_occurred(self) -> dict[str, int]:
+        """In how many cases each premise occurs."""
+        return {text: int(np.count_nonzero(occurs)) for text, occurs in self.premises.items()}
 
 
 class Campaign:
@@ -91,22 +118,37 @@ def evaluate_formulas(
     """Return the results of formulas, by name, on flights with these tracks, (n, K+1, 15)."""
     names = dict.fromkeys(name for formula in formulas.values() for name in quantities_of(formula))
     quantities = of_tracks(tracks, points, names)
-    outcomes = {
-        name: FormulaResult(robustness(formula, quantities, period_s), holds(formula, quantities, period_s))
-        for name, formula in formulas.items()
-    }
-    for name, outcome in outcomes.items():
-        if not np.all(np.isfinite(outcome.margins)):
+    results = {name: _evaluate(formula, quantities, period_s) for name, formula in formulas.items()}
+    for name, result in results.items():
+        if not np.all(np.isfinite(result.margins)):
             raise RequirementError(
                 f"{name}: its formula says nothing about a flight of {(tracks.shape[1] - 1) * period_s:g} s; "
                 "let its windows begin before the end of the flight and hold a sample"
             )
-    return outcomes
+    return results
+
+
+def _evaluate(formula: Formula, quantities: Samples, period_s: float) -> FormulaResult:
+    margins = robustness(formula, quantities, period_s)
+    is_mixed = unit_of(formula) is None
+    units = deciding_units(formula, quantities, margins) if is_mixed else np.empty(0, dtype=np.str_)
+    occurred = premises(formula, quantities, period_s)
+    return FormulaResult(
+        margins,
+        holds(formula, quantities, period_s),
+        units,
+        {render(premise, UNITS): occurs for premise, occurs in occurred.items()},
+    )
 
 
 def concatenate(parts: Sequence[FormulaResult]) -> FormulaResult:
     """Concatenate results of the same formula."""
-    return FormulaResult(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
+    return FormulaResult(
+        np.concatenate([part.margins for part in parts]),
+        np.concatenate([part.is_met for part in parts]),
+        np.concatenate([part.units for part in parts]),
+        {text: np.concatenate([part.premises[text] for part in parts]) for text in parts[0].premises},
+    )
 
 
 #: separates the random numbers of searches from those of flights with the same seed

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from fis_tools.analysis.domain import Box, Departure, box_of, departures
 from fis_tools.analysis.domain import as_mapping as domain_mapping
 from pipeline.array_types import Floats
-from pipeline.evaluation.assurance import verdicts
+from pipeline.evaluation.assurance import sentences, verdicts
 from pipeline.evaluation.assurance.campaign import FormulaResult, WorstCaseSearch, search_efficiency
 from pipeline.evaluation.assurance.requirements import Requirement
 from pipeline.flight.cases.dispersions import drawn
@@ -95,7 +95,7 @@ def left_on(domain: Domain, log: FlightLog, controller: Controller, period_s: fl
     return tuple(sorted(departed, key=lambda departure: departure.first_s))
 
 
-SCHEMA, SCHEMA_VERSION = "evidence", 1
+SCHEMA, SCHEMA_VERSION = "evidence", 2
 #: number of bins for the margins of many cases, approximately
 NUM_BINS = 60
 
@@ -118,8 +118,9 @@ def requirement_entry(
     entry: dict[str, Any] = {
         **_claim(requirement),
         "verdict": judged.word,
-        "share": verdicts.claimed_share(requirement, judged),
-        "sentence": verdicts.sentence(evidence, judged),
+        "share": sentences.claimed_share(requirement, judged),
+        "reach": sentences.claimed_reach(evidence, judged).removeprefix(", "),
+        "sentence": sentences.sentence(evidence, judged),
         "why": judged.why,
         "methods": {
             name: {
@@ -137,9 +138,9 @@ def requirement_entry(
         needed = None if share == 1.0 else verdicts.cases_needed(share, confidence)
         entry["cases"] = {**asdict(evidence.judgement), "needed_without_failure": needed}
         if random is not None:
-            entry["cases"]["histogram"] = histogram(random.margins)
+            entry["cases"]["histograms"] = histograms(random, requirement.unit)
     if evidence.searches and random is not None:
-        entry["search"] = searches_entry(evidence.searches, random)
+        entry["search"] = searches_entry(evidence.searches, random, requirement.unit)
     if evidence.certificates:
         entry["bounds"] = [
             {
@@ -173,6 +174,43 @@ def _claim(requirement: Requirement) -> dict[str, Any]:
     }
 
 
+def histograms(result: FormulaResult, unit: str) -> list[dict[str, Any]]:
+    """Return a histogram of margins for each unit that they have, with its ``unit`` and ``least`` margin."""
+    units = result.units if len(result.units) else np.full(len(result.margins), unit)
+    return [
+        {"unit": str(name), "least": float(margins.min()), **histogram(margins)}
+        for name in dict.fromkeys(units.tolist())
+        if len(margins := result.margins[units == name])
+    ]
+
+
+def joint_claim(entries: Sequence[Mapping[str, Any]]) -> dict[str, Any] | None:
+    """Return the claims that flights show, and the confidence that all hold; None for fewer than two."""
+    shown = [
+        entry
+        for entry in entries
+        if entry["verdict"] == "shown"
+        and entry["confidence"]
+        and not any(method["is_proof"] for method in entry["methods"].values())
+    ]
+    if len(shown) < 2:
+        return None
+    confidence = verdicts.joint_confidence([entry["confidence"] for entry in shown])
+    return {"requirements": [entry["id"] for entry in shown], "confidence": confidence}
+
+
+def joint_words(joint: Mapping[str, Any] | None) -> str:
+    """Return the confidence that several claims hold at once, in a sentence; empty if there is none."""
+    if joint is None:
+        return ""
+    *names, last = joint["requirements"]
+    sure = verdicts.percent(joint["confidence"])
+    return (
+        f"{', '.join(names)} and {last} are shown by flights, each with its own confidence; that all of them "
+        f"hold at once has a confidence of at least {sure} (Bonferroni: the risks add up)."
+    )
+
+
 def histogram(margins: Floats) -> dict[str, Any]:
     """Count margins in bins of equal width; zero is an edge if margins lie on both sides of it."""
     low, high = float(margins.min()), float(margins.max())
@@ -186,16 +224,19 @@ def histogram(margins: Floats) -> dict[str, Any]:
     return {"edges": edges.tolist(), "counts": counts.tolist()}
 
 
-def searches_entry(searches: Sequence[WorstCaseSearch], random: FormulaResult) -> dict[str, Any]:
-    """Return the results of searches, with those of random flights."""
+def searches_entry(searches: Sequence[WorstCaseSearch], random: FormulaResult, unit: str) -> dict[str, Any]:
+    """Return the results of searches, with those of random flights; the unit is that of the formula."""
+    worst = min(search.outcome.worst for search in searches)
     compared = search_efficiency(searches, random)
     return {
         **asdict(compared),
         "ratio": compared.ratio,
         "sentence": compared.sentence,
         "num_flights": sum(len(search.scenarios) for search in searches),
-        "worst_margin": min(float(search.outcome.margins.min()) for search in searches),
-        "random_worst_margin": float(random.margins.min()),
+        "worst_margin": worst[0],
+        "worst_unit": worst[1] or unit,
+        "random_worst_margin": random.worst[0],
+        "random_worst_unit": random.worst[1] or unit,
         "first_failed": [search.first_failed for search in searches],
     }
 

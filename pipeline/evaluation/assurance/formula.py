@@ -1,4 +1,4 @@
-"""Formulas of signal temporal logic: their elements, their text form, and by how much flights satisfy them.
+"""Formulas of signal temporal logic: their elements and their text form.
 
 Maler and Nickovic, "Monitoring temporal properties of continuous signals", FORMATS 2004. A formula compares
 sums of recorded quantities and numbers, these with or without units, and joins comparisons::
@@ -11,24 +11,14 @@ sums of recorded quantities and numbers, these with or without units, and joins 
 
 ``->`` binds least, then ``or``, ``and``, ``until``, and closest ``not``, ``always``, ``eventually``. Windows
 are in seconds, from now, both ends included; without one the rest of the flight counts.
-
-Robustness: Fainekos and Pappas, "Robustness of temporal logic specifications for continuous-time signals",
-Theoretical Computer Science 410, 2009; Donze and Maler, FORMATS 2010. A comparison's is its margin, ``and``
-and ``always`` take the minimum, ``or`` and ``eventually`` the maximum. A formula holds above zero and fails
-below, and this remains so while no comparison's value changes by as much as the margin. Windows are cut at
-the end of a flight, as in rtamt: beyond it ``always`` requires nothing, and ``eventually`` finds nothing.
 """
 
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from math import ceil, floor, inf, isfinite, isinf
+from math import inf, isfinite
 from typing import Final, NoReturn
 
-import numpy as np
-from numpy.typing import NDArray
-
-from pipeline.array_types import Floats
 from pipeline.settings.keys import did_you_mean
 
 
@@ -335,141 +325,52 @@ class _Parser:
         self._next = token.end()
 
 
-Samples = Mapping[str, Floats]
-Atom = Callable[[Predicate, Samples], Floats]
-
-#: tolerance for a window's end on a sample, as a fraction of the sample period
-NEAR_A_SAMPLE = 1e-9
-
-
-def robustness(formula: Formula, quantities: Samples, period_s: float) -> Floats:
-    """Return the margin by which each flight satisfies a formula at its first sample.
-
-    Parameters
-    ----------
-    formula : Formula
-    quantities : mapping of str to (n, S) array
-        Samples of each quantity, one row per flight.
-    period_s : float
-        Between two samples.
-
-    Returns
-    -------
-    (n,) array
-        In the formula's unit; infinite if the flight does not determine it.
-    """
-    return _evaluate(formula, quantities, period_s, _margin)[:, 0]
-
-
-def holds(formula: Formula, quantities: Samples, period_s: float) -> NDArray[np.bool_]:
-    """Return whether each flight satisfies a formula, (n,); unlike a zero margin, this tells > from >=."""
-    return _evaluate(formula, quantities, period_s, _truth)[:, 0] > 0.0
-
-
-def idle_window(formula: Formula, duration_s: float, period_s: float, now: int = 0) -> Window | None:
-    """Return the first window of a formula that contains no sample of a flight, None without one.
-
-    Parameters
-    ----------
-    formula : Formula
-    duration_s : float
-        Of the flight.
-    period_s : float
-        Between two samples.
-    now : int
-        The first sample at which the formula is evaluated.
-    """
-    match formula:
-        case Negation(part):
-            parts = [(part, now)]
-        case Conjunction(left, right) | Disjunction(left, right):
-            parts = [(left, now), (right, now)]
-        case Always(window, part) | Eventually(window, part) | Until(window, _, part):
-            first, last = _in_samples(window, period_s)
-            if (last is not None and last < first) or now + first > round(duration_s / period_s):
-                return window
-            parts = [(part, now + first), *([(formula.left, now)] if isinstance(formula, Until) else [])]
-        case _:
-            parts = []
-    idle = (idle_window(part, duration_s, period_s, begins) for part, begins in parts)
-    return next((window for window in idle if window is not None), None)
-
-
-def _margin(comparison: Predicate, quantities: Samples) -> Floats:
-    total = np.zeros(np.shape(quantities[comparison.factors[0][0]])) + comparison.constant
-    for name, factor in comparison.factors:
-        total += factor * np.asarray(quantities[name], dtype=np.float64)
-    return total
-
-
-def _truth(comparison: Predicate, quantities: Samples) -> Floats:
-    """Return 1 where a comparison holds and -1 where it does not."""
-    margin = _margin(comparison, quantities)
-    return np.where(margin > 0.0 if comparison.is_strict else margin >= 0.0, 1.0, -1.0)
-
-
-def _evaluate(  # noqa: PLR0911 - one for each kind of formula
-    formula: Formula, quantities: Samples, period_s: float, atom: Atom
-) -> Floats:
-    """Return the value of a formula at all samples, (n, S)."""
-
-    def value(part: Formula) -> Floats:
-        return _evaluate(part, quantities, period_s, atom)
-
+def render(formula: Formula, units: Mapping[str, str]) -> str:  # noqa: PLR0911 - one for each kind of formula
+    """Return the text of a formula, which `parse` reads back with the same units."""
     match formula:
         case Predicate():
-            return atom(formula, quantities)
+            return _rendered(formula, units)
         case Negation(part):
-            return -value(part)
+            return f"not {_inner(part, units)}"
         case Conjunction(left, right):
-            return np.minimum(value(left), value(right))
+            return f"{_inner(left, units)} and {_inner(right, units)}"
+        case Disjunction(Negation(left), right):
+            return f"{_inner(left, units)} -> {_inner(right, units)}"
         case Disjunction(left, right):
-            return np.maximum(value(left), value(right))
+            return f"{_inner(left, units)} or {_inner(right, units)}"
         case Always(window, part):
-            return _window_minimum(value(part), *_in_samples(window, period_s))
+            return f"always{_bounds(window)} {_inner(part, units)}"
         case Eventually(window, part):
-            return -_window_minimum(-value(part), *_in_samples(window, period_s))
+            return f"eventually{_bounds(window)} {_inner(part, units)}"
         case Until(window, left, right):
-            return _until(value(left), value(right), *_in_samples(window, period_s))
+            return f"{_inner(left, units)} until{_bounds(window)} {_inner(right, units)}"
 
 
-def _in_samples(window: Window, period_s: float) -> tuple[int, int | None]:
-    """Return the first and the last sample of a window, counted from now; None for the flight's last."""
-    first = ceil(window.first_s / period_s - NEAR_A_SAMPLE)
-    return first, None if isinf(window.last_s) else floor(window.last_s / period_s + NEAR_A_SAMPLE)
+def _inner(formula: Formula, units: Mapping[str, str]) -> str:
+    text = render(formula, units)
+    return text if isinstance(formula, Predicate) else f"({text})"
 
 
-def _window_minimum(values: Floats, first: int, last: int | None) -> Floats:
-    """Return at each sample the minimum from `first` to `last` samples ahead; infinity without any."""
-    num_samples = values.shape[1]
-    ahead = _shift(values, first, np.inf)
-    if last is not None and last < first:
-        return np.full_like(values, np.inf)
-    if last is None or last - first >= num_samples - 1:
-        return np.minimum.accumulate(ahead[:, ::-1], axis=1)[:, ::-1]
-    from scipy.ndimage import minimum_filter1d  # noqa: PLC0415 - slow to import, and few windows end
-
-    width = last - first + 1
-    least: Floats = minimum_filter1d(ahead, width, axis=1, mode="constant", cval=np.inf, origin=-(width // 2))
-    return least
+def _bounds(window: Window) -> str:
+    if window == Window():
+        return ""
+    return f"[{_number(window.first_s)}:{_number(window.last_s)}]"
 
 
-def _until(left: Floats, right: Floats, first: int, last: int | None) -> Floats:
-    """Return the value of `Until` at each sample."""
-    value = right.copy()
-    for k in range(right.shape[1] - 2, -1, -1):
-        value[:, k] = np.maximum(right[:, k], np.minimum(left[:, k], value[:, k + 1]))
-    value = _shift(value, first, -np.inf)
-    if first > 0:
-        value = np.minimum(value, _window_minimum(left, 0, first - 1))
-    # a window ends by what must come within it (Donzé, Ferrère and Maler, CAV 2013)
-    return value if last is None else np.minimum(value, -_window_minimum(-right, first, last))
+def _rendered(predicate: Predicate, units: Mapping[str, str]) -> str:
+    """Return the text of a predicate: a quantity against a number, or a sum of quantities against one."""
+    unit, strict = f" {predicate.unit}".rstrip(), "" if predicate.is_strict else "="
+    if len(predicate.factors) == 1 and abs(predicate.factors[0][1]) == 1.0:
+        ((name, factor),) = predicate.factors
+        return f"{name} {'>' if factor > 0.0 else '<'}{strict} {_number(-predicate.constant * factor)}{unit}"
+    terms = []
+    for name, factor in predicate.factors:
+        rate = f" {RATE}" if units[name] != predicate.unit else ""
+        terms.append(f"{'-' if factor < 0.0 else '+'} {_number(abs(factor))}{rate} * {name}")
+    total = " ".join(terms).removeprefix("+ ")
+    return f"{total} >{strict} {_number(-predicate.constant)}{unit}"
 
 
-def _shift(values: Floats, count: int, beyond: float) -> Floats:
-    """Return the values `count` samples later, with `beyond` after the last."""
-    if count == 0:
-        return values
-    later = np.full_like(values, beyond)
-    later[:, :-count] = values[:, count:]
-    return later
+def _number(value: float) -> str:
+    """Return the shortest text of a number that `parse` reads as the same number."""
+    return repr(value + 0.0).removesuffix(".0")

@@ -4,15 +4,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
-from pipeline.evaluation.assurance.formula import (
-    Formula,
-    FormulaError,
-    idle_window,
-    parse,
-    quantities_of,
-    unit_of,
-)
+from pipeline.evaluation.assurance.formula import Formula, FormulaError, parse, quantities_of, unit_of
 from pipeline.evaluation.assurance.quantities import UNITS
+from pipeline.evaluation.assurance.robustness import idle_window, late_window
 from pipeline.run import configuration
 from pipeline.settings.experiment import Mission
 from pipeline.settings.keys import choices_of, did_you_mean
@@ -27,6 +21,9 @@ METHODS: Final = (CASES, SEARCH, BOUNDS, SAFETY_LAYER, TUBE)
 SEVERITIES: Final = ("catastrophic", "critical", "marginal")
 TEXTS: Final = ("title", "text", "consequence", "severity", "reason", "source")
 OTHER_KEYS: Final = ("id", "verified_by", "formula", "probability", "confidence", "accepted", "bounds")
+
+#: the least and the greatest confidence of a claim
+CONFIDENCES: Final = (0.8, 0.9999)
 
 ACCEPTANCE: Final = (
     "a share of catastrophic failures must be accepted in words: say who accepts it and why, or leave "
@@ -186,7 +183,7 @@ def _flown(entry: Mapping[str, Any], where: str) -> dict[str, Any]:
         raise RequirementError(f"{where}, its formula:\n{error}") from error
     flown: dict[str, Any] = {"formula_text": text, "formula": formula}
     if CASES in entry["verified_by"]:
-        flown["confidence"] = _share(entry, "confidence", where)
+        flown["confidence"] = _confidence(entry, where)
         is_catastrophic = entry["severity"] == SEVERITIES[0]
         if "probability" in entry or not is_catastrophic:
             flown["probability"] = _share(entry, "probability", where)
@@ -198,6 +195,16 @@ def _share(entry: Mapping[str, Any], key: str, where: str) -> float:
     value = entry.get(key)
     if not isinstance(value, float) or not 0.0 < value < 1.0:
         raise RequirementError(f"{where}: {key} is {value!r}; it must be above 0 and below 1, such as 0.99")
+    return value
+
+
+def _confidence(entry: Mapping[str, Any], where: str) -> float:
+    value, (least, greatest) = entry.get("confidence"), CONFIDENCES
+    if not isinstance(value, float) or not least <= value <= greatest:
+        raise RequirementError(
+            f"{where}: confidence is {value!r}; it must be from {least:g} to {greatest:g}, such as 0.9: "
+            "with less a claim says little, and more takes more flights than can be flown"
+        )
     return value
 
 
@@ -238,12 +245,19 @@ def check_formulas(requirements: Sequence[Requirement], mission: Mission) -> Non
                 f"{mission.chief.weights} what counts is their weight; leave it out, and see the success of "
                 "+experiment=evaluate"
             )
-        idle = requirement.formula and idle_window(requirement.formula, duration_s, period_s)
-        if idle:
+        if requirement.formula is None:
+            continue
+        flight = f"a flight of {duration_s:g} s with a sample every {period_s:g} s"
+        if idle := idle_window(requirement.formula, duration_s, period_s):
             raise RequirementError(
-                f"{requirement.id}: its part from {idle.first_s:g} to {idle.last_s:g} s says nothing about a "
-                f"flight of {duration_s:g} s with a sample every {period_s:g} s; let each window hold one of "
-                "its samples"
+                f"{requirement.id}: its part from {idle.first_s:g} to {idle.last_s:g} s says nothing about "
+                f"{flight}; let each window hold one of its samples"
+            )
+        if late := late_window(requirement.formula, duration_s, period_s):
+            raise RequirementError(
+                f"{requirement.id}: its window from {late.first_s:g} to {late.last_s:g} s can end after "
+                f"{flight}, and nothing is known beyond; end it, and each window around it, by the end of "
+                "the flight, or leave the window out for the rest of the flight"
             )
 
 

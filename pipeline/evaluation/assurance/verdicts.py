@@ -1,4 +1,4 @@
-"""The verdict of all evidence for a requirement, and its sentence.
+"""The verdict of all evidence for a requirement.
 
 A requirement claims that, with some confidence, at least a share of all cases meets it. Hanson and Beard,
 "Applying Monte Carlo Simulation to Launch Vehicle Design and Requirements Analysis", NASA/TP-2010-216447,
@@ -7,8 +7,8 @@ minus the confidence. The bounds are those of Clopper and Pearson, Biometrika 26
 """
 
 from bisect import bisect_left
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Literal, NamedTuple, get_args
 
 import numpy as np
@@ -16,9 +16,7 @@ from numpy.typing import NDArray
 
 from pipeline.array_types import Floats
 from pipeline.evaluation.assurance.campaign import WorstCaseSearch
-from pipeline.evaluation.assurance.formula import Always, Eventually, Predicate
 from pipeline.evaluation.assurance.proofs import Certificate, SafetyProof, TubeProof
-from pipeline.evaluation.assurance.quantities import EXTREMES, UNITS
 from pipeline.evaluation.assurance.requirements import BOUNDS, CASES, SAFETY_LAYER, SEARCH, TUBE, Requirement
 
 Verdict = Literal["shown", "shown in part", "not shown", "refuted"]
@@ -43,6 +41,8 @@ class Judgement:
         With the claim's confidence, at least the claimed share of cases has this margin or more; None if
         there are too few cases.
     worst_margin, median_margin : float
+    premises : dict of str to int
+        In how many cases the premise of each implication occurs, by its text.
     """
 
     verdict: Verdict
@@ -54,6 +54,12 @@ class Judgement:
     margin: float | None
     worst_margin: float
     median_margin: float
+    premises: dict[str, int] = field(default_factory=dict)
+
+    @property
+    def idle_premises(self) -> list[str]:
+        """The premises that occur in no case, of which the cases show nothing."""
+        return [text for text, count in self.premises.items() if not count]
 
 
 def share_bounds(num_met: int, num_cases: int, confidence: float) -> tuple[float, float]:
@@ -93,17 +99,34 @@ def failures_allowed(num_cases: int, probability: float, confidence: float) -> i
     return bisect_left(range(num_cases if probability < 1.0 else 0), True, key=is_too_many) - 1
 
 
-def judge(margins: Floats, is_met: NDArray[np.bool_], probability: float, confidence: float) -> Judgement:
-    """Evaluate a claim from the margins of its cases, (n,), and whether each meets it, (n,).
+def judge(
+    margins: Floats,
+    is_met: NDArray[np.bool_],
+    probability: float,
+    confidence: float,
+    premises: Mapping[str, int] | None = None,
+) -> Judgement:
+    """Judge a claim by n cases.
 
-    A probability of one means all cases; a single failure refutes it.
+    Parameters
+    ----------
+    margins, is_met : (n,)
+        The margin of each case, and whether it meets the requirement.
+    probability, confidence : float
+        A probability of one means all cases; a single failure refutes it.
+    premises : mapping of str to int, optional
+        In how many cases the premise of each implication occurs; if one never does, the claim is not shown.
     """
     num_cases, num_failed = len(margins), int(np.count_nonzero(~is_met))
     allowed = failures_allowed(num_cases, probability, confidence)
     low, high = share_bounds(num_cases - num_failed, num_cases, confidence)
     ascending = np.sort(margins)
+    verdict: Verdict = "shown" if num_failed <= allowed else "refuted" if high < probability else "not shown"
+    occurred = dict(premises or {})
+    if verdict == "shown" and not all(occurred.values()):
+        verdict = "not shown"
     return Judgement(
-        verdict="shown" if num_failed <= allowed else "refuted" if high < probability else "not shown",
+        verdict=verdict,
         num_cases=num_cases,
         num_failed=num_failed,
         num_allowed=allowed,
@@ -112,6 +135,7 @@ def judge(margins: Floats, is_met: NDArray[np.bool_], probability: float, confid
         margin=float(ascending[allowed]) if allowed >= 0 else None,
         worst_margin=float(ascending[0]),
         median_margin=float(np.median(margins)),
+        premises=occurred,
     )
 
 
@@ -146,6 +170,8 @@ class MethodResult(NamedTuple):
         Of a case, that the bounds hold on which a proof stands.
     assumed : tuple of str
         What a proof takes for granted.
+    is_continuous : bool
+        Whether it holds at all times and not at samples alone.
     """
 
     verdict: Verdict
@@ -154,6 +180,7 @@ class MethodResult(NamedTuple):
     is_proof: bool = False
     probability: float = 1.0
     assumed: tuple[str, ...] = ()
+    is_continuous: bool = False
 
 
 @dataclass(frozen=True)
@@ -169,6 +196,10 @@ class Evidence:
     certificates : tuple of Certificate
     proof : SafetyProof, optional
     tube : TubeProof, optional
+    duration_s, period_s : float
+        Of the flights, and between their samples.
+    worst_unit : str
+        The unit of the least margin of all flights.
     """
 
     requirement: Requirement
@@ -177,6 +208,9 @@ class Evidence:
     certificates: tuple[Certificate, ...] = ()
     proof: SafetyProof | None = None
     tube: TubeProof | None = None
+    duration_s: float = 0.0
+    period_s: float = 0.0
+    worst_unit: str = ""
 
 
 def results_by_method(evidence: Evidence) -> dict[str, MethodResult]:
@@ -224,7 +258,10 @@ def _of_cases(requirement: Requirement, judgement: Judgement) -> MethodResult:
     sure = f"with {percent(requirement.confidence)} confidence"
     claim = f"{percent(requirement.probability)} {sure}"
     failed = f"{judgement.num_failed:,} of {judgement.num_cases:,} cases fail"
-    if requirement.probability == 1.0:
+    if judgement.idle_premises and not judgement.num_failed:
+        idle = " and ".join(judgement.idle_premises)
+        why = f"the premise {idle} occurred in none of {judgement.num_cases:,} flights, so they show nothing"
+    elif requirement.probability == 1.0:
         why = f"{sure} at least {percent(judgement.low)} of such cases meet it; only a proof shows it of all"
     elif judgement.verdict == "shown":
         why = f"up to {judgement.num_allowed:,} failures show {claim}"
@@ -286,7 +323,13 @@ def _of_the_layer(requirement: Requirement, proof: SafetyProof) -> MethodResult:
         verdict: Verdict = "shown" if is_whole else "shown in part"
         word = "proved" if is_whole else f"proved for {percent(proof.probability)}"
         return MethodResult(
-            verdict, word, why, is_proof=True, probability=proof.probability, assumed=proof.assumed
+            verdict,
+            word,
+            why,
+            is_proof=True,
+            probability=proof.probability,
+            assumed=proof.assumed,
+            is_continuous=proof.probability < 1.0,
         )
     return MethodResult("not shown", "does not apply", why)
 
@@ -299,51 +342,12 @@ def _of_a_tube(requirement: Requirement, tube: TubeProof) -> MethodResult:
         return MethodResult("not shown", "does not apply", f"{kept}, from which this does not follow")
     if not tube.is_checked:
         return MethodResult("not shown", UNCHECKED, f"the proof is {UNCHECKED}: {kept}; {CHECKER}")
-    return MethodResult("shown", "proved", f"{kept}; the checker agrees", is_proof=True)
+    return MethodResult("shown", "proved", f"{kept}; the checker agrees", is_proof=True, is_continuous=True)
 
 
-def percent(claimed_share: float) -> str:
+def percent(fraction: float) -> str:
     """Return a share in per cent with its digits, at most five significant ones."""
-    return f"{100.0 * claimed_share:.5g} %"
-
-
-def claimed_share(requirement: Requirement, result: MethodResult) -> str:
-    """Return the share of the cases for which a requirement is claimed or proved, and the confidence."""
-    if result.is_proof:
-        if result.probability < 1.0:
-            given = f", if {' and '.join(result.assumed)}" if result.assumed else ""
-            return f"{percent(result.probability)} of cases or more (proved{given})"
-        return "all cases (proved)" if requirement.formula else "all inputs (proved)"
-    if requirement.formula is None:
-        return "all inputs"
-    if requirement.probability == 1.0:
-        return "all cases"
-    return (
-        f"{percent(requirement.probability)} of cases or more ({percent(requirement.confidence)} confidence)"
-    )
-
-
-def sentence(evidence: Evidence, result: MethodResult) -> str:
-    """Return the verdict on a requirement in a few sentences.
-
-    Parameters
-    ----------
-    evidence : Evidence
-    judged : MethodResult
-        The verdict of all evidence together.
-    """
-    requirement = evidence.requirement
-    text = requirement.text[0].lower() + requirement.text[1:].rstrip(".")
-    claim = f"{result.word.capitalize()}: in {claimed_share(requirement, result)} {text}".replace(
-        ": in all inputs", ": for all inputs"
-    )
-    is_flown = evidence.judgement or evidence.searches
-    words = [f"{claim}. {_flown(evidence) if is_flown else f'Failing means {requirement.consequence}'}."]
-    if not result.verdict.startswith("shown"):
-        words.append(f"{result.why[0].upper()}{result.why[1:]}.")
-    methods = results_by_method(evidence)
-    words += [_missing(methods[name]) for name in unproved(evidence) if methods[name].why != result.why]
-    return " ".join(words)
+    return f"{100.0 * fraction:.5g} %"
 
 
 def unproved(evidence: Evidence) -> tuple[str, ...]:
@@ -353,42 +357,9 @@ def unproved(evidence: Evidence) -> tuple[str, ...]:
     )
 
 
-def _missing(outcome: MethodResult) -> str:
-    """Return in a sentence why a proof that was asked for is none."""
-    if outcome.word == UNCHECKED:
-        return f"{outcome.why[0].upper()}{outcome.why[1:]}."
-    return f"The proof asked for does not apply: {outcome.why}."
+def joint_confidence(confidences: Sequence[float]) -> float:
+    """Return a lower bound of the confidence that several claims hold at once, by Bonferroni's inequality.
 
-
-def _flown(evidence: Evidence) -> str:
-    """Return how many flights failed, how far the worst went, and what a failure means."""
-    judgement, searches = evidence.judgement, evidence.searches
-    margins = [float(search.outcome.margins.min()) for search in searches]
-    parts, num_found = [], sum(search.first_failed is not None for search in searches)
-    if judgement:
-        margins.append(judgement.worst_margin)
-        failed = f"{judgement.num_failed:,} of {judgement.num_cases:,} did not"
-        parts.append(failed if judgement.num_failed else f"all {judgement.num_cases:,} did")
-    if num_found:
-        parts.append(f"{num_found} of {len(searches)} searches found a flight that did not")
-    elif searches:
-        parts.append(f"all {sum(len(search.scenarios) for search in searches):,} flights of searches did")
-    worst = describe_worst(evidence.requirement, min(margins))
-    has_failed = num_found or (judgement and judgement.num_failed)
-    consequence = evidence.requirement.consequence
-    flown = f"{' and '.join(parts)}, {worst}"
-    stake = f": {consequence}" if has_failed else f". Failing means {consequence}"
-    return flown[0].upper() + flown[1:] + stake
-
-
-def describe_worst(requirement: Requirement, margin: float) -> str:
-    """Return how far the flight with the least margin went, in words."""
-    match requirement.formula:
-        case Always(_, Predicate(((name, factor),), constant)) | Eventually(
-            _, Predicate(((name, factor),), constant)
-        ):
-            if name in EXTREMES:
-                value = f"{(margin - constant) / factor:.4g} {UNITS[name]}"
-                return EXTREMES[name][factor < 0.0].format(value)
-    unit = " in units of its formula" if requirement.unit == "mixed" else f" {requirement.unit}"
-    return f"the worst by {-margin:.4g}{unit}" if margin < 0.0 else f"the least margin {margin:.4g}{unit}"
+    The risks of claims that were shown add up at most, however their flights depend on one another.
+    """
+    return max(0.0, 1.0 - sum(1.0 - confidence for confidence in confidences))

@@ -10,6 +10,7 @@ import pytest
 from fis_tools.analysis.domain import from_mapping
 from pipeline.command_line.cli import main
 from pipeline.evaluation.assurance.conditions import changed_settings
+from pipeline.evaluation.assurance.repeats import earlier_runs, repeats_in_words
 from pipeline.evaluation.assurance.verdicts import judge
 from pipeline.report.evidence import OF_PAPER, OWN, render_evidence
 from pipeline.run import artifacts, manifests
@@ -45,10 +46,17 @@ def test_verdicts_follow_from_the_table_of_cases(assured, evidence):
         assert entry["methods"]["cases"]["verdict"] == again.verdict
         assert flown["num_failed"] == int((~met).sum())
         assert flown["worst_margin"] == margins.min()
-        counts = flown["histogram"]["counts"]
-        assert sum(counts) == 60
-        below = zip(flown["histogram"]["edges"][1:], counts, strict=True)
-        assert sum(count for edge, count in below if edge <= 0.0) == int((margins < 0.0).sum())
+        # one unit a histogram, and each case in one of them
+        drawn = flown["histograms"]
+        units = [histogram["unit"] for histogram in drawn]
+        assert len(set(units)) == len(units)
+        assert "mixed" not in units
+        assert entry["unit"] in ("mixed", *units)
+        assert sum(sum(histogram["counts"]) for histogram in drawn) == 60
+        ends = [zip(histogram["edges"][1:], histogram["counts"], strict=True) for histogram in drawn]
+        below = sum(count for pairs in ends for edge, count in pairs if edge <= 0.0)
+        assert below == int((margins < 0.0).sum())
+        assert min(histogram["least"] for histogram in drawn) == margins.min()
     # too few cases show nothing
     by_id = {entry["id"]: entry for entry in evidence["requirements"]}
     assert by_id["R2"]["methods"]["cases"]["verdict"] == "not shown"
@@ -148,6 +156,33 @@ def test_the_argument_stands_as_the_worst_of_its_goals_and_names_their_shares(ev
         assert f"G0: {worst}<" in text
         assert ">S1" not in text  # a requirement may have this id
         assert f"R1: {worst} for 99 % of cases (proved)<" in text
+
+
+def test_runs_of_the_same_question_beside_are_told(assured, evidence, tmp_path, capsys):
+    assert evidence["earlier"] == []
+    other = ["+experiment=assure", *SMALL, "seed=2", f"hydra.run.dir={assured.parent / 'again'}"]
+    assert main(other) == 0
+    told = capsys.readouterr().err
+    again = artifacts.read_json(assured.parent / "again", artifacts.EVIDENCE)
+    verdicts = {entry["id"]: entry["verdict"] for entry in evidence["requirements"]}
+    assert again["earlier"] == [{"folder": "run", "seed": 1, "num_cases": 60, "verdicts": verdicts}]
+    for text in (told, (assured.parent / "again" / artifacts.EVIDENCE_PAGE).read_text(encoding="utf-8")):
+        assert (
+            "An earlier run beside this one judged the same by other flights. run (seed 1, 60 cases)" in text
+        )
+    # what is shown after it was not is said to have less than its confidence
+    (run,) = again["earlier"]
+    was = {**again, "earlier": [{**run, "verdicts": {**verdicts, "R6": "not shown"}}]}
+    assert "R6: what is repeated until it is shown does not have the confidence" in repeats_in_words(was)
+    # another question, the same flights, and what cannot be read are none of them
+    question = {**again, "controller": {"name": "other", "sha256": "0"}}
+    assert earlier_runs(assured.parent / "again", question) == []
+    assert earlier_runs(assured.parent / "again", {**evidence, "earlier": []}) == []
+    for name, content in (("torn", "{"), ("list", "[]"), ("bare", "{}")):
+        path = tmp_path / name / artifacts.EVIDENCE
+        path.parent.mkdir(parents=True)
+        path.write_text(content, encoding="utf-8")
+    assert earlier_runs(tmp_path / "mine", again) == []
 
 
 def test_it_repeats_to_the_last_bit(assured, evidence):

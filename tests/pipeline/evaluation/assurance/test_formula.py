@@ -14,7 +14,7 @@ from hypothesis.extra.numpy import arrays
 from pipeline.command_line.config import compose_experiment
 from pipeline.command_line.guide import options
 from pipeline.evaluation.assurance import formula as stl
-from pipeline.evaluation.assurance import requirements
+from pipeline.evaluation.assurance import requirements, robustness
 from pipeline.evaluation.assurance.requirements import METHODS, Question, RequirementError, parse_requirements
 from pipeline.settings.experiment import Mission
 from pipeline.settings.places import conf_folder, requirements_path
@@ -108,27 +108,117 @@ PLAIN = {"a": "", "b": ""}
 @pytest.mark.parametrize("case", TABLE["cases"], ids=lambda case: f"{case['formula']} on {case['trace']}")
 def test_rtamt_agrees_at_every_sample(case):
     trace = {name: np.array([row]) for name, row in TABLE["traces"][case["trace"]].items()}
-    ours = stl._evaluate(stl.parse(case["formula"], PLAIN), trace, 1.0, stl._margin)[0]
+    ours = robustness._evaluate(stl.parse(case["formula"], PLAIN), trace, 1.0, robustness._margin)[0]
     np.testing.assert_allclose(ours, case["robustness"], rtol=0, atol=1e-12)
+
+
+def brute_force(formula, values: np.ndarray, at: int) -> tuple[bool, set[tuple[stl.Formula, int]]]:
+    """By the definitions: whether a formula holds at a sample, and which premises hold at which samples."""
+    num = len(values)
+
+    def window(bounds):
+        last = num - 1 if np.isinf(bounds.last_s) else min(num - 1, at + int(bounds.last_s))
+        return range(at + int(bounds.first_s), last + 1)
+
+    match formula:
+        case stl.Predicate(((_, factor),), constant):
+            return bool(factor * values[at] + constant > 0.0), set()
+        case stl.Negation(part):
+            holds, met = brute_force(part, values, at)
+            return not holds, met
+        case stl.Conjunction(left, right) | stl.Disjunction(left, right):
+            (first, met), (second, others) = (brute_force(part, values, at) for part in (left, right))
+            met = met | others
+            if isinstance(formula, stl.Disjunction) and isinstance(left, stl.Negation) and not first:
+                met = met | {(left.part, at)}
+            return (first or second if isinstance(formula, stl.Disjunction) else first and second), met
+        case stl.Always(bounds, part) | stl.Eventually(bounds, part):
+            results = [brute_force(part, values, sample) for sample in window(bounds)]
+            met = set().union(*(each for _, each in results))
+            holds = [each for each, _ in results]
+            return (all(holds) if isinstance(formula, stl.Always) else any(holds)), met
+    raise NotImplementedError
+
+
+PREDICATES = st.builds(
+    stl.Predicate,
+    st.sampled_from([(("a", 1.0),), (("a", -1.0),)]),
+    st.sampled_from([-1.5, -0.5, 0.5, 1.5]),
+    st.just(True),
+    st.just(""),
+)
+WINDOWS = st.sampled_from([stl.Window(), stl.Window(0, 2), stl.Window(1, 3)])
+FORMULAS = st.recursive(
+    PREDICATES,
+    lambda parts: st.one_of(
+        st.builds(stl.Negation, parts),
+        st.builds(stl.Conjunction, parts, parts),
+        st.builds(stl.Disjunction, parts, parts),
+        st.builds(lambda left, right: stl.Disjunction(stl.Negation(left), right), parts, parts),
+        st.builds(stl.Always, WINDOWS, parts),
+        st.builds(stl.Eventually, WINDOWS, parts),
+    ),
+    max_leaves=4,
+)
+
+
+@given(FORMULAS, arrays(np.float64, (4, 8), elements=st.sampled_from([-2.0, -1.0, 0.0, 1.0, 2.0])))
+def test_a_premise_occurs_where_it_holds_at_a_sample_that_counts(formula, values):
+    occurred = robustness.premises(formula, {"a": values}, 1.0)
+    for flight, row in enumerate(values):
+        _, met = brute_force(formula, row, 0)
+        assert {premise for premise, occurs in occurred.items() if occurs[flight]} == {
+            each for each, _ in met
+        }
+
+
+@given(FORMULAS)
+def test_what_is_rendered_is_read_as_the_same_formula(formula):
+    assert stl.parse(stl.render(formula, PLAIN), PLAIN) == formula
+
+
+def test_rates_and_sums_are_rendered_so_that_they_are_read_again():
+    for text in (
+        "always[60:90] (speed <= 0.198973 m/s + 0.002054 per_s * distance) or eventually distance <= 0.2 m",
+        "2 * distance - 0.5 * distance > 3 m until[0:1e-05] speed < 1e-07 m/s",
+        "distance < 30 m -> speed <= 0.26 m/s",
+    ):
+        formula = stl.parse(text, UNITS)
+        assert stl.parse(stl.render(formula, UNITS), UNITS) == formula
+    assert stl.render(formula, UNITS) == "distance < 30 m -> speed <= 0.26 m/s"
+
+
+def test_a_margin_has_the_unit_of_the_quantity_that_decides_it():
+    formula = stl.parse("always (distance < 60 m -> speed < 1 m/s)", UNITS)
+    signals = {
+        "distance": np.array([[50.0, 50.0], [61.5, 70.0]]),
+        "speed": np.array([[0.25, 0.75], [5.0, 5.0]]),
+    }
+    margins = robustness.robustness(formula, signals, 10.0)
+    np.testing.assert_array_equal(margins, [0.25, 1.5])
+    assert robustness.deciding_units(formula, signals, margins).tolist() == ["m/s", "m"]
 
 
 @given(arrays(np.float64, (3, 9), elements=st.sampled_from([-1.0, 0.0, 1.0])))
 def test_what_holds_has_a_margin_that_is_not_below_zero(values):
     for text in ("always a >= 0", "eventually[1:4] a > 0", "not (a > 0) until[0:5] a >= 1"):
         formula = stl.parse(text, PLAIN)
-        margin, truth = stl.robustness(formula, {"a": values}, 1.0), stl.holds(formula, {"a": values}, 1.0)
+        margin, truth = (
+            robustness.robustness(formula, {"a": values}, 1.0),
+            robustness.holds(formula, {"a": values}, 1.0),
+        )
         assert np.all(truth[margin > 0.0])
         assert not np.any(truth[margin < 0.0])
     zero = {"a": np.array([[0.0, 1.0]])}
-    assert stl.holds(stl.parse("always a >= 0", PLAIN), zero, 1.0)[0]
-    assert not stl.holds(stl.parse("always a > 0", PLAIN), zero, 1.0)[0]
+    assert robustness.holds(stl.parse("always a >= 0", PLAIN), zero, 1.0)[0]
+    assert not robustness.holds(stl.parse("always a > 0", PLAIN), zero, 1.0)[0]
 
 
 def test_windows_are_in_seconds_whatever_the_period():
     signals = {"a": np.array([[5.0, 4.0, 3.0, 2.0]])}
     for window, least in ((stl.Window(0, 20), 3.0), (stl.Window(0, 29.9), 3.0), (stl.Window(10, 30), 2.0)):
         text = f"always[{window.first_s}:{window.last_s}] a >= 0"
-        assert stl.robustness(stl.parse(text, PLAIN), signals, 10.0)[0] == least
+        assert robustness.robustness(stl.parse(text, PLAIN), signals, 10.0)[0] == least
 
 
 SHIPPED = requirements_path("inspection").read_text(encoding="utf-8")
@@ -209,6 +299,54 @@ def test_a_part_that_no_sample_reaches_is_refused_wherever_it_stands(formula):
     with pytest.raises(RequirementError, match=r"R1: its part from .* says nothing about a flight of 3600 s"):
         requirements.check_formulas(window, Mission())
     requirements.check_formulas(parse_requirements(SHIPPED, "").requirements, Mission())
+
+
+@pytest.mark.parametrize(
+    ("formula", "window"),
+    [
+        ("always[0:36000] (distance >= 15 m)", "0 to 36000"),
+        ("eventually[0:3610] (inspection_rate >= 95 %)", "0 to 3610"),
+        (
+            "always[0:3600] distance >= 15 m and not (distance > 1 m until[0:3700] distance > 2 m)",
+            "0 to 3700",
+        ),
+        ("always (distance > 185 m -> eventually[0:600] distance <= 185 m)", "0 to 600"),
+        ("always[0:3010] (distance > 185 m -> eventually[0:600] distance <= 185 m)", "0 to 600"),
+        ("distance > 1 m until (eventually[0:10] distance > 2 m)", "0 to 10"),
+        ("(always[0:10] distance > 2 m) until distance > 1 m", "0 to 10"),
+    ],
+)
+def test_a_window_that_can_end_after_the_flight_is_refused(formula, window):
+    mine = parse_requirements(changed(0, formula=formula), "mine").requirements
+    with pytest.raises(
+        RequirementError, match=f"R1: its window from {window} s can end after a flight of 3600"
+    ):
+        requirements.check_formulas(mine, Mission())
+
+
+@pytest.mark.parametrize(
+    "formula",
+    [
+        "always[0:3600] (distance >= 15 m)",
+        "always[0:3000] (distance > 185 m -> eventually[0:600] distance <= 185 m)",
+        "always[0:1000] eventually[0:1000] always[0:1600] distance > 1 m",
+        "always (distance > 1 m -> eventually distance > 2 m)",
+    ],
+)
+def test_a_window_that_ends_with_the_flight_is_judged(formula):
+    requirements.check_formulas(
+        parse_requirements(changed(0, formula=formula), "mine").requirements, Mission()
+    )
+
+
+@pytest.mark.parametrize("confidence", [1e-7, 0.5, 0.79, 0.99991, 0.9999999, 1, 0, -0.9, "0.9"])
+def test_a_confidence_that_says_nothing_or_cannot_be_had_is_refused(confidence):
+    with pytest.raises(RequirementError, match=r"R2: confidence is .*; it must be from 0\.8 to 0\.9999"):
+        parse_requirements(changed(1, confidence=confidence), "mine")
+    for allowed in requirements.CONFIDENCES:
+        assert (
+            parse_requirements(changed(1, confidence=allowed), "mine").requirements[1].confidence == allowed
+        )
 
 
 @pytest.mark.parametrize("world", options([conf_folder()])["world"])

@@ -19,7 +19,8 @@ from pipeline.evaluation.assurance.requirements import (
     RequirementError,
     load_requirements,
 )
-from pipeline.evaluation.assurance.verdicts import Evidence, sentence, verdict
+from pipeline.evaluation.assurance.sentences import sentence
+from pipeline.evaluation.assurance.verdicts import Evidence, verdict
 from pipeline.flight.control.controller import from_fuzzy
 from pipeline.flight.period.act.safety import most_exceeded
 from pipeline.flight.state.log import Scenario
@@ -204,7 +205,7 @@ def test_with_bounds_the_layer_proves_its_limits_where_nothing_is_exact(override
     everywhere = Evidence(replace(REQUIREMENT, probability=1.0), proof=proof)
     part = verdict(everywhere)
     assert (part.verdict, part.is_proof) == ("shown in part", True)
-    assert sentence(everywhere, part).startswith("Shown in part: in 99.9 % of cases or more (proved")
+    assert sentence(everywhere, part).startswith("Shown in part for 99.9 % of cases or more (proved")
 
 
 @pytest.mark.parametrize(
@@ -303,7 +304,7 @@ def test_a_claim_about_a_share_stands_with_the_cases_whatever_a_search_finds():
     expected = {"cases": "3 of 1,000 cases fail", "search": "failure found", "safety_layer": "does not apply"}
     assert words == expected
     said = sentence(three, verdict(three))
-    assert said.startswith("Shown: in 99 % of cases or more (90 % confidence) the deputy stays away")
+    assert said.startswith('Shown for 99 % of cases or more (90 % confidence): "The deputy stays away."')
     assert "3 of 1,000 did not and 1 of 1 searches found a flight that did not, the nearest 14 m" in said
     few = verdict(gathered(judgement=cases(0, 50), proof=OFF))
     assert few.why == "99 % with 90 % confidence needs 230 cases without a failure"
@@ -320,7 +321,7 @@ def test_what_all_cases_must_meet_is_shown_by_a_proof_alone_and_refuted_by_one_f
     assert "at least 99.77 % of such cases" in verdict(flown).why
     proved = replace(flown, proof=LAYER)
     said = sentence(proved, verdict(proved))
-    assert said.startswith("Shown: in all cases (proved) the deputy stays away. All 1,000 did and all 2")
+    assert said.startswith('Shown for all cases (proved): "The deputy stays away." All 1,000 did and all 2')
     assert "the nearest 15.5 m from its centre. Failing means a collision." in said
     bounded = replace(flown, proof=BOUNDED)
     assert verdict(bounded).word == "shown in part"
@@ -329,7 +330,7 @@ def test_what_all_cases_must_meet_is_shown_by_a_proof_alone_and_refuted_by_one_f
         failing = replace(flown, judgement=cases(1, probability=1.0), proof=proof)
         assert verdict(failing).word == "refuted"
     failed = replace(flown, searches=(searched(-0.5),))
-    assert sentence(failed, verdict(failed)).startswith("Refuted: in all cases the deputy stays away")
+    assert sentence(failed, verdict(failed)).startswith('Refuted for all cases: "The deputy stays away."')
 
 
 LIMIT = "(speed <= 0.2 m/s + 0.002 per_s * distance)"
@@ -382,3 +383,52 @@ def test_what_was_asked_for_in_vain_is_told_beside_what_is_shown():
     assert "The proof asked for does not apply: the safety layer was off" in sentence(shown, verdict(shown))
     assert verdicts.unproved(shown) == ("safety_layer",)
     assert verdicts.unproved(gathered(judgement=cases(3), proof=LAYER)) == ()
+
+
+FLOWN = {"duration_s": 3600.0, "period_s": 10.0}
+
+
+def test_a_claim_names_its_reach():
+    by_flights = gathered(judgement=cases(3), **FLOWN)
+    said = sentence(by_flights, verdict(by_flights))
+    assert said.startswith(
+        "Shown for 99 % of cases or more (90 % confidence), at samples 10 s apart in flights"
+    )
+    assert 'in flights of 3,600 s: "The deputy stays away."' in said
+    # the exact layer is proved at samples, the robust one and a tube at all times
+    proved = gathered(judgement=cases(0), proof=LAYER, **FLOWN)
+    said = sentence(proved, verdict(proved))
+    assert said.startswith("Shown for all cases (proved), at samples 10 s apart in flights of 3,600 s: ")
+    bounded = gathered(judgement=cases(0), proof=BOUNDED, **FLOWN)
+    assert "(proved), at all times in flights of 3,600 s: " in sentence(bounded, verdict(bounded))
+    tube = proofs.TubeProof("", True, end_s=900.0, limit=(0.2, 0.002, 0.0), goal=(0.5, 0.2))
+    docking = Evidence(
+        replace(REQUIREMENT, formula=parse(f"{LIMIT} until {GOAL}", UNITS)), tube=tube, **FLOWN
+    )
+    assert "(proved), at all times in flights of 3,600 s: " in sentence(docking, verdict(docking))
+
+
+def test_a_premise_that_never_occurred_shows_nothing():
+    margins, fast = np.ones(1000), "distance < 30 m"
+    for count, word in ((0, "not shown"), (1, "shown")):
+        judgement = verdicts.judge(margins, margins > 0, 0.99, 0.9, {fast: count})
+        flown = gathered(judgement=judgement)
+        assert judgement.verdict == verdict(flown).verdict == word
+        told = f"The premise {fast} occurred in {count or 'none'} of 1,000 flights"
+        assert told in sentence(flown, verdict(flown))
+    idle = gathered(judgement=verdicts.judge(margins, margins > 0, 0.99, 0.9, {fast: 0}))
+    assert "so they show nothing" in sentence(idle, verdict(idle))
+    # one flight that fails has met it
+    failing = np.r_[-np.ones(40), np.ones(960)]
+    assert verdicts.judge(failing, failing > 0, 0.99, 0.9, {fast: 40}).verdict == "refuted"
+
+
+def test_claims_at_once_have_the_confidence_that_bonferroni_leaves():
+    assert verdicts.joint_confidence([0.9, 0.95]) == pytest.approx(0.85)
+    assert verdicts.joint_confidence([0.8] * 6) == 0.0
+    # claims that are wrong, each judged by flights of its own: how often any of them is called shown
+    generator, confidences = np.random.default_rng(1), (0.9, 0.95, 0.8)
+    failures = generator.binomial(1000, 0.01 + 1e-9, (20_000, 3))
+    allowed = [verdicts.failures_allowed(1000, 0.99, confidence) for confidence in confidences]
+    wrong = np.any(failures <= allowed, axis=1).mean()
+    assert 0.1 < wrong <= 1.0 - verdicts.joint_confidence(confidences)
