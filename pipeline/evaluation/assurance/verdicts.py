@@ -260,6 +260,7 @@ def _of_cases(requirement: Requirement, judgement: Judgement) -> MethodResult:
     failed = f"{judgement.num_failed:,} of {judgement.num_cases:,} cases fail"
     if judgement.idle_premises and not judgement.num_failed:
         idle = " and ".join(judgement.idle_premises)
+        failed = f"premise in 0 of {judgement.num_cases:,}"
         why = f"the premise {idle} occurred in none of {judgement.num_cases:,} flights, so they show nothing"
     elif requirement.probability == 1.0:
         why = f"{sure} at least {percent(judgement.low)} of such cases meet it; only a proof shows it of all"
@@ -280,7 +281,8 @@ def _of_searches(searches: Sequence[WorstCaseSearch]) -> MethodResult:
     if failed := sum(search.first_failed is not None for search in searches):
         why = f"{failed} of {len(searches)} searches find a case that fails, in {flights}"
         return MethodResult("refuted", "failure found", why)
-    why = f"{len(searches)} searches find no case that fails, in {flights}"
+    noun = "search finds" if len(searches) == 1 else "searches find"
+    why = f"{len(searches)} {noun} no case that fails, in {flights}"
     return MethodResult("not shown", "none found", why)
 
 
