@@ -1,5 +1,6 @@
 """The program as a Hydra application: Hydra parses, composes, sweeps and launches."""
 
+import logging
 import os
 import sys
 import threading
@@ -122,7 +123,7 @@ def run(words: Sequence[str], command: Sequence[str], *, resumes: bool = False) 
     invocation = Invocation(command, resumes=resumes, shows_tracebacks=shows_tracebacks())
     invocations.append(invocation)
     try:
-        with hydra_apart(), _arguments(words), invocation.locks:
+        with hydra_apart(), _process_of(words), invocation.locks:
             _call(invocation)
             return invocation.sweep.end() if invocation.sweep else invocation.code
     finally:
@@ -156,14 +157,16 @@ def _call(invocation: Invocation) -> None:
 
 
 @contextmanager
-def _arguments(words: Sequence[str]) -> Iterator[None]:
-    """Give Hydra the arguments of a process, and let it raise errors; what was there is restored."""
-    arguments, full = sys.argv, os.environ.get(FULL_ERROR)
+def _process_of(words: Sequence[str]) -> Iterator[None]:
+    """Give Hydra a process with some arguments, in which it raises errors; restore what it changes there."""
+    arguments, full, root = sys.argv, os.environ.get(FULL_ERROR), logging.getLogger()
+    level, handlers = root.level, list(root.handlers)
     sys.argv, os.environ[FULL_ERROR] = [*arguments[:1], *words], "1"
     try:
         yield
     finally:
-        sys.argv = arguments
+        sys.argv, root.handlers = arguments, handlers
+        root.setLevel(level)
         if full is None:
             del os.environ[FULL_ERROR]
         else:

@@ -8,7 +8,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 from hydra.core.hydra_config import HydraConfig
 from hydra.experimental.callback import Callback
@@ -45,6 +45,10 @@ def refusing() -> Iterator[None]:
         raise Refused(error) from error
 
 
+class _Handler(logging.StreamHandler[TextIO]):
+    """What prints messages of libraries."""
+
+
 class Preflight(Callback):
     """Checks before anything is made; named in conf/hydra/default.yaml.
 
@@ -78,10 +82,8 @@ class Preflight(Callback):
     def on_job_start(self, config: DictConfig, **kwargs: Any) -> None:
         """Print the messages of libraries, if ``hydra.verbose`` asks for them."""
         root = logging.getLogger()
-        if config.hydra.verbose and not any(isinstance(h, logging.StreamHandler) for h in root.handlers):
-            handler = logging.StreamHandler(sys.stderr)
+        if config.hydra.verbose and not any(isinstance(one, _Handler) for one in root.handlers):
+            handler = _Handler(sys.stderr)
             handler.setFormatter(logging.Formatter("[%(name)s] %(message)s"))
             root.addHandler(handler)
             logging.getLogger("numba").setLevel(logging.INFO)  # it tells each step of compiling
-            for invocation in invocations[-1:]:
-                invocation.locks.callback(root.removeHandler, handler)

@@ -161,9 +161,10 @@ def _flies_again(path: Path) -> bool:
 def summary(given: Sequence[str]) -> int:
     """Print the results of a sweep, and write them as Parquet and HTML into its folder.
 
-    Usage: python -m pipeline summary SWEEP_FOLDER
+    Usage: python -m pipeline summary FOLDER
 
-    The folder of a sweep, python -m pipeline -m ..., is outputs/NAME-sweep/TIME.
+    The folder of a sweep, python -m pipeline -m ..., is outputs/NAME-sweep/TIME. Any other folder of runs
+    will do, such as that of a job array.
 
     Returns
     -------
@@ -177,7 +178,8 @@ def summary(given: Sequence[str]) -> int:
     """
     if len(given) != 1:
         raise ConfigError(
-            "summary takes the folder of one sweep: python -m pipeline summary outputs/NAME-sweep/TIME"
+            "summary takes the folder of one sweep, or of other runs: python -m pipeline summary "
+            "outputs/NAME-sweep/TIME"
         )
     folder = Path(given[0]).expanduser()
     swept = sweep.gather(folder)

@@ -120,7 +120,7 @@ def gather(folder: Path) -> Swept:
         If the folder holds no sweep, or a file in it cannot be read.
     """
     runs, flown, confidence = [], [], CONFIDENCE_PERCENT
-    for run in sweep.read(folder):
+    for run in sweep.gather(folder):
         own = folder / run.folder
         summary = read_summary(own) if (own / artifacts.SUMMARY).exists() else None
         if summary is not None:

@@ -3,12 +3,14 @@
 What became of a run is in its own folder, wherever it ran: its manifest, and how it ended unless well.
 """
 
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path, PurePosixPath
 from typing import Any, Final, NamedTuple
 
 from pipeline.run import artifacts, configuration, manifests, writing
+from pipeline.settings import keys, schema
 
 SWEEP: Final = "sweep.json"
 SWEEP_VERSION: Final = 1
@@ -73,6 +75,50 @@ def write(folder: Path, runs: Sequence[SweptRun]) -> None:
     writing.write_json(
         folder / SWEEP, {"sweep_version": SWEEP_VERSION, "runs": [asdict(run) for run in runs]}
     )
+
+
+def gather(folder: Path) -> list[SweptRun]:
+    """Return the runs of a sweep, or all runs in a folder that is none, such as those of a job array.
+
+    Raises
+    ------
+    pipeline.run.artifacts.ArtifactError
+        If the folder contains no run, or a file in it is damaged.
+    """
+    paths = [] if (folder / SWEEP).exists() else _run_folders(folder)
+    if not paths:
+        return read(folder)
+    configs = [schema.present(configuration.read(path)) for path in paths]
+    labels = [_labels(config) for config in configs]
+    varied = [key for key in dict.fromkeys(key for own in labels for key in own) if _varies(labels, key)]
+    return [
+        SweptRun(
+            path.relative_to(folder).as_posix(),
+            {key: own[key] for key in varied if key in own},
+            tuple(manifests.found(path).get("command", ())),
+            read_ending(path).failure,
+        )
+        for path, own in zip(paths, labels, strict=True)
+    ]
+
+
+def _run_folders(folder: Path) -> list[Path]:
+    """Return the folders below one that contain a run, sorted; links are not followed."""
+    found = [Path(parent) for parent, _, files in os.walk(folder) if artifacts.CONFIG in files]
+    return sorted(path for path in found if artifacts.holds_run(path) and path != folder)
+
+
+def _labels(config: Mapping[str, Any]) -> dict[str, str]:
+    """Return what a run may be told by, key to value: what results depend on, a controller as one value."""
+    counted = schema.only_results(config)
+    controller = counted.pop(keys.FREE, {})
+    counted.pop("name", None)
+    told = next((str(controller[key]) for key in ("path", "name", "kind") if key in controller), "")
+    return {keys.FREE: told} | {key: str(value) for key, value in keys.leaves(counted, ())}
+
+
+def _varies(labels: Sequence[Mapping[str, str]], key: str) -> bool:
+    return len({own.get(key) for own in labels}) > 1
 
 
 def read(folder: Path) -> list[SweptRun]:

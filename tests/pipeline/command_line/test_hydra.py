@@ -1,0 +1,249 @@
+"""What users of Hydra know works here: options, callbacks, sweeps, calls in Python; labels tell what flew."""
+
+import logging
+import os
+import shutil
+import sys
+from pathlib import Path
+
+import pytest
+from hydra import compose, initialize_config_dir
+from hydra._internal.utils import get_args_parser
+from omegaconf import OmegaConf
+
+from pipeline.command_line.arguments import REFUSED
+from pipeline.command_line.cli import main
+from pipeline.command_line.config import compose_experiment
+from pipeline.report import sweep as report
+from pipeline.run import artifacts, configuration, sweep, tables
+from pipeline.settings.places import conf_folder
+from pipeline.settings.schema import completed
+from tests.pipeline.command_line.cases import EVALUATE, FLY, use_stages
+
+
+@pytest.fixture(autouse=True)
+def _elsewhere(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+def configurations(folder: str) -> dict[str, dict]:
+    """The configurations of a sweep's runs, by what its file says that they differ in."""
+    return {
+        str(run.differs): configuration.read(Path(folder, run.folder)) for run in sweep.read(Path(folder))
+    }
+
+
+def test_a_key_that_is_given_twice_labels_runs_by_what_they_fly(monkeypatch, ran):
+    called = use_stages(monkeypatch)
+    ran(
+        "-m", *EVALUATE, "controller=champion_27,lqr", "seed=1,2", "controller=coast", "hydra.sweep.dir=twice"
+    )
+    configs = configurations("twice")
+    assert list(configs) == ["{'seed': '1'}", "{'seed': '2'}"]
+    assert [config["controller"] for config in configs.values()] == [{"kind": "coast"}] * 2
+    assert {experiment.controller["kind"] for _, experiment, _ in called} == {"coast"}
+    assert sorted(path.name for path in Path("twice").iterdir() if path.is_dir()) == ["seed=1", "seed=2"]
+
+
+def test_labels_are_what_was_composed(monkeypatch, ran):
+    use_stages(monkeypatch)
+    words = ["controller=coast,natural_motion", "deputy.mass_kg=11.5,12", "sun=fixed,random"]
+    ran("-m", *FLY[:1], *words, "hydra.sweep.dir=s")
+    for run in sweep.read(Path("s")):
+        config = configuration.read(Path("s", run.folder))
+        assert run.differs["controller"] == config["controller"]["kind"]
+        assert float(run.differs["deputy.mass_kg"]) == config["deputy"]["mass_kg"]
+        assert run.differs["sun"] == config["sun"]["mode"]
+        assert run.folder == "+".join(f"{key}={value}" for key, value in run.differs.items())
+
+
+SAME = [
+    (["seed=2,2"], "two runs of the sweep would have seed=2"),
+    (["duration_s=600,600.0"], "two runs of the sweep would have duration_s=600"),
+    (
+        ["deputy.mass_kg=10,12", "++deputy={mass_kg: 11}"],
+        "two runs of the sweep would have deputy.mass_kg=11",
+    ),
+    (["controller=coast,coast"], "two runs of the sweep would have controller=coast"),
+    (["seed=1,2", "hydra.sweep.subdir=one"], "two runs of the sweep would have the folder one"),
+    (["hydra.sweep.dir=A,B"], "hydra.sweep.dir=A,B gives several values, and a sweep has one"),
+    (["hydra/launcher=basic,joblib"], "gives several values, and a sweep has one"),
+    (["controller=glob(*)"], "in the run with controller=file: the key controller.path has no value yet"),
+    (
+        ["controller=coast,lqr", "controller.ring_size_m=40,60"],
+        "in the run with controller=coast, controller.ring_size_m=40: there is no key controller.ring_size_m",
+    ),
+    (["seed=1,2", "hydra/sweeper=other"], "Could not find 'hydra/sweeper/other'; did you mean"),
+    (["seed=1,-2"], "in the run with seed=-2: seed is -2; it must be"),
+    (["hydra.jobb.chdir=true"], "there is no key hydra.jobb.chdir; did you mean hydra.job.chdir?"),
+    (["hydra.launcher.jobs=2"], "there is no key hydra.launcher.jobs in the configuration"),
+    (["hydra/launchers=joblib"], "there is no key hydra/launchers in the configuration"),
+]
+
+
+@pytest.mark.parametrize(("words", "message"), SAME, ids=[" ".join(words) for words, _ in SAME])
+def test_a_sweep_that_cannot_be_is_refused_before_anything_is_made(
+    words, message, tmp_path, monkeypatch, ran
+):
+    called = use_stages(monkeypatch)
+    begin = FLY[:1] if words[0].startswith("controller") else FLY
+    told = ran("-m", *begin, *words, code=2).err
+    assert told.startswith("error: ")
+    assert message in told
+    assert called == []
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("word", ["+experiment=fly,evaluate", "name=a,b"])
+def test_experiments_and_names_may_vary_in_a_sweep(word, monkeypatch, ran):
+    use_stages(monkeypatch)
+    base = [] if word.startswith("+") else FLY[:1]
+    ran("-m", *base, "controller=coast", word, "stages=[scenario]", "hydra.sweep.dir=s")
+    key, _, values = word.lstrip("+").partition("=")
+    assert [run.folder for run in sweep.read(Path("s"))] == [f"{key}={value}" for value in values.split(",")]
+
+
+def test_a_sweep_with_a_deleted_run_goes_on(monkeypatch, ran):
+    use_stages(monkeypatch)
+    words = ["-m", *FLY, "hydra.sweep.dir=s", "seed=1,2,3"]
+    ran(*words)
+    before = configuration.read(Path("s/seed=2"))
+    shutil.rmtree("s/seed=2")
+    assert "drop seed=5" in ran("resume=s", "seed=5", code=2).err
+    assert "drop sun=random" in ran("resume=s", "sun=random", code=2).err
+    called = use_stages(monkeypatch)
+    ran("resume=s")
+    assert [experiment.seed for _, experiment, _ in called] == [2]
+    assert configuration.read(Path("s/seed=2")) == before
+
+
+def test_a_sweep_is_extended_and_what_is_finished_stays(monkeypatch, ran):
+    use_stages(monkeypatch)
+    ran("-m", *FLY, "hydra.sweep.dir=s", "seed=1,2")
+    called = use_stages(monkeypatch)
+    ran("-m", *FLY, "hydra.sweep.dir=s", "seed=2,3")
+    assert [experiment.seed for _, experiment, _ in called] == [3]
+    assert [run.folder for run in sweep.read(Path("s"))] == ["seed=1", "seed=2", "seed=3"]
+
+
+def test_folders_of_runs_that_are_no_sweep_are_summarised_by_what_differs(monkeypatch, ran):
+    """Those of a job array, or of a sweep of an earlier version whose file is lost."""
+    use_stages(monkeypatch)
+    for number, (mass, controller) in enumerate([(10, "coast"), (12, "coast"), (12, "natural_motion")]):
+        folder = f"hydra.run.dir=runs/{number}"
+        ran(*EVALUATE[:1], f"controller={controller}", f"deputy.mass_kg={mass}", "seed=4", folder)
+    runs = sweep.gather(Path("runs"))
+    assert [run.folder for run in runs] == ["0", "1", "2"]
+    assert [run.differs["deputy.mass_kg"] for run in runs] == ["10.0", "12.0", "12.0"] or [
+        run.differs["deputy.mass_kg"] for run in runs
+    ] == ["10", "12", "12"]
+    assert [run.differs["controller"] for run in runs] == ["coast", "coast", "natural_motion"]
+    assert {key for run in runs for key in run.differs} == {"controller", "deputy.mass_kg"}
+    ran("summary", "runs")
+    assert tables.read_parquet(Path("runs"), "summary.parquet")["run"].tolist() == ["0", "1", "2"]
+    os.symlink("runs/0", "runs/3")
+    assert len(report.gather(Path("runs")).runs) == 3
+
+
+def test_hydras_options_work(capfd):
+    """Those that print; what they print is Hydra's."""
+    options = {name for action in get_args_parser()._actions for name in action.option_strings}
+    assert options > set(REFUSED)
+    handlers = list(logging.getLogger().handlers)
+    for words, message in (
+        (["--info", "defaults"], "Defaults List"),
+        (["--info", "searchpath"], "Config search path"),
+        (["--cfg", "hydra"], "sweep:"),
+        (["--cfg", "all", "-p", "hydra.run"], "dir: outputs/${name}"),
+        (["--cfg", "job", "--resolve", "-p", "deputy.mass_kg"], "12.0"),
+    ):
+        assert main([*FLY, *words]) == 0
+        assert logging.getLogger().handlers == handlers
+        printed = capfd.readouterr()
+        assert message in printed.out + printed.err, words
+    assert main(["--hydra-help"]) == 0
+    assert "== Flags ==" in capfd.readouterr().out
+    for option in REFUSED:
+        assert main([*FLY, f"{option}=x"]) == 2
+
+
+def test_a_shell_completes_keys_and_options(monkeypatch, capsys):
+    for line, expected in (("x deputy.mass", "deputy.mass_kg="), ("x sun=ran", "sun=random")):
+        monkeypatch.setenv("COMP_LINE", line)
+        monkeypatch.setenv("COMP_POINT", str(len(line)))
+        assert main(["-sc", "query=bash"]) == 0
+        assert capsys.readouterr().out.split() == [expected]
+    assert main(["-sc", "install=bash"]) == 0
+    assert "COMP_LINE" in capsys.readouterr().out
+
+
+CALLBACK = """
+from hydra.experimental.callback import Callback
+class Telling(Callback):
+    def on_job_end(self, config, job_return, **_):
+        print("ended with", job_return.return_value)
+"""
+
+
+def test_callbacks_of_the_users_are_called(monkeypatch, ran, tmp_path):
+    use_stages(monkeypatch)
+    (tmp_path / "telling.py").write_text(CALLBACK)
+    monkeypatch.syspath_prepend(tmp_path)
+    told = ran(*FLY, "+hydra.callbacks.mine._target_=telling.Telling", "hydra.run.dir=run").out
+    assert told.splitlines() == ["run", "ended with 0"]
+
+
+def test_a_run_may_have_its_folder_as_the_working_directory(monkeypatch, ran, tmp_path):
+    there = []
+    use_stages(monkeypatch, record=lambda _experiment, _folder: there.append(Path.cwd()))
+    before = Path.cwd()
+    assert ran(*FLY, "hydra.job.chdir=true", "hydra.run.dir=run").out == f"{tmp_path / 'run'}\n"
+    assert (there, Path.cwd()) == ([tmp_path / "run"], before)
+
+
+def test_the_search_path_is_searched(monkeypatch, ran, tmp_path):
+    use_stages(monkeypatch)
+    (tmp_path / "mine/experiment").mkdir(parents=True)
+    (tmp_path / "mine/experiment/drift.yaml").write_text(
+        "# @package _global_\ndefaults: [/experiment/fly]\nname: drift\n"
+    )
+    path = f"hydra.searchpath=[file://{tmp_path / 'mine'}]"
+    ran("+experiment=drift", "controller=coast", path, "hydra.run.dir=run")
+    assert configuration.read(Path("run"))["name"] == "drift"
+    assert "did you mean" in ran("+experiment=drfit", "controller=coast", path, code=2).err
+
+
+def test_verbose_prints_what_libraries_say(monkeypatch, capfd):
+    use_stages(monkeypatch)
+    assert main([*FLY, "hydra.verbose=true", "hydra.run.dir=run"]) == 0
+    assert "[pipeline] stage record took" in capfd.readouterr().err
+    assert main([*FLY, "hydra.run.dir=other"]) == 0
+    assert "stage record took" not in capfd.readouterr().err
+
+
+def test_hydra_composes_the_whole_configuration_in_python():
+    with initialize_config_dir(str(conf_folder()), version_base="1.3"):
+        config = compose("config", ["+experiment=evaluate", "controller=coast"])
+    plain = OmegaConf.to_container(config)
+    assert completed(plain) == compose_experiment(EVALUATE).config
+    assert plain["deputy"]["mass_kg"] == 12.0
+
+
+def test_a_command_returns_in_python_and_leaves_hydra_as_it_was(monkeypatch):
+    use_stages(monkeypatch)
+    arguments, environment = list(sys.argv), dict(os.environ)
+    with initialize_config_dir(str(conf_folder()), version_base="1.3"):
+        before = compose("config", ["+experiment=fly"])
+        assert main(["-m", *FLY, "seed=1,2", "hydra.sweep.dir=s"]) == 0
+        assert main([*FLY, "sede=1"]) == 2
+        assert compose("config", ["+experiment=fly"]) == before
+    assert (sys.argv, dict(os.environ)) == (arguments, environment)
+
+
+def test_runs_of_an_interrupted_sweep_are_told_by_their_folders(monkeypatch, ran):
+    def stop(_experiment, folder):
+        (folder / artifacts.SUMMARY).parent.mkdir()
+        raise KeyboardInterrupt
+
+    use_stages(monkeypatch, record=stop)
+    assert "2 runs of the sweep are left" in ran("-m", *FLY, "seed=1,2", "hydra.sweep.dir=s", code=130).err
