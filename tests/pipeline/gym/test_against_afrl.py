@@ -115,6 +115,7 @@ def moved(env: SixDofInspectionEnv, one: Episode) -> float:
     started(env, one)
     places = [env.state[PLACE]]
     for action in one.actions:
+        env._is_over = False  # theirs is flown past an end of ours
         env.step(action / GREATEST)
         places.append(env.state[PLACE])
     return apart(places, one)
