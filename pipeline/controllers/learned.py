@@ -6,7 +6,7 @@ other controllers does not depend on policies, nor does its compilation.
 """
 
 from dataclasses import dataclass
-from math import tanh
+from math import exp, expm1, log1p, tanh
 from typing import NamedTuple
 
 import numpy as np
@@ -15,14 +15,15 @@ from fis_tools.compiled.decorator import compiled
 from pipeline.array_types import Floats, Integers
 from pipeline.flight.control.controller import ControllerError, played
 from pipeline.flight.fly.plain import is_interpreted
-from pipeline.flight.fly.stepping import NUM_UNSEEN, SteppedFlights
+from pipeline.flight.fly.stepping import NUM_UNSEEN, SteppedFlights, observation_scales
 from pipeline.flight.state.arrays import Plans
 from pipeline.flight.state.log import Scenario
 from pipeline.settings.experiment import Mission
 from pipeline.threads import in_threads
 
-#: activation of a layer: none, hyperbolic tangent, or clipping to `low` and `high`
-LINEAR, TANH, CLIPPED = range(3)
+#: activation of a layer: none, hyperbolic tangent, clipping to `low` and `high`, exponential linear unit and
+#: leaky rectifier with the factor `low` below zero, logistic function, softplus up to `high`
+LINEAR, TANH, CLIPPED, ELU, LEAKY, SIGMOID, SOFTPLUS = range(7)
 
 
 class Network(NamedTuple):
@@ -30,13 +31,45 @@ class Network(NamedTuple):
 
     widths: Integers  # (L+1,) inputs of each layer, and outputs of the last
     numbers: Floats  # (n,) for each layer the weights, a row per input, followed by the biases
-    kinds: Integers  # (L,) `LINEAR`, `TANH` or `CLIPPED`
-    low: Floats  # (L,) limits of the clipped layers
+    kinds: Integers  # (L,) `LINEAR`, `TANH` and so on
+    low: Floats  # (L,) parameters of these, see there
     high: Floats
 
 
+class Units(NamedTuple):
+    """What a network's numbers mean."""
+
+    #: outputs are shares of ``deputy.max_force_n``, clipped to -1 ... 1; else N
+    forces_are_shares: bool = False
+    #: inputs are divided by `pipeline.flight.fly.stepping.observation_scales`; else in their own units
+    observations_are_normalized: bool = False
+
+
+#: those of files that say nothing else
+NEWTONS = Units()
+
+
+@compiled(error_model="numpy", forceinline=True)
+def activation(kind: int, x: float, low: float, high: float) -> float:
+    """Return what a kind of layer makes of a number."""
+    y = x
+    if kind == TANH:
+        y = tanh(x)
+    elif kind == CLIPPED:
+        y = min(max(x, low), high)
+    elif kind == ELU:
+        y = x if x > 0.0 else low * expm1(x)
+    elif kind == LEAKY:
+        y = x if x > 0.0 else low * x
+    elif kind == SIGMOID:
+        y = 1.0 / (1.0 + exp(-x)) if x >= 0.0 else exp(x) / (1.0 + exp(x))
+    elif kind == SOFTPLUS and x <= high:
+        y = max(x, 0.0) + log1p(exp(-abs(x)))
+    return y
+
+
 @compiled(nogil=True, error_model="numpy")
-def answer(network: Network, seen: Floats, work: Floats, found: Floats) -> None:
+def answer(network: Network, seen: Floats, work: Floats, outputs: Floats) -> None:
     """Write the network's outputs, (m, widths[-1]), for the observations of m flights, (m, widths[0]).
 
     `work`, (2, w) for the widest layer, may have any content.
@@ -44,8 +77,8 @@ def answer(network: Network, seen: Floats, work: Floats, found: Floats) -> None:
     widths, numbers = network.widths, network.numbers
     for row in range(len(seen)):
         now, after, first = 0, 1, 0
-        for place in range(widths[0]):
-            work[now, place] = seen[row, place]
+        for column in range(widths[0]):
+            work[now, column] = seen[row, column]
         for layer in range(len(network.kinds)):
             num_in, num_out = widths[layer], widths[layer + 1]
             added = first + num_in * num_out
@@ -55,15 +88,13 @@ def answer(network: Network, seen: Floats, work: Floats, found: Floats) -> None:
                 value, weights = work[now, i], first + i * num_out
                 for j in range(num_out):
                     work[after, j] += numbers[weights + j] * value
-            if network.kinds[layer] == TANH:
+            kind, low, high = network.kinds[layer], network.low[layer], network.high[layer]
+            if kind != LINEAR:
                 for j in range(num_out):
-                    work[after, j] = tanh(work[after, j])
-            if network.kinds[layer] == CLIPPED:
-                for j in range(num_out):
-                    work[after, j] = min(max(work[after, j], network.low[layer]), network.high[layer])
+                    work[after, j] = activation(kind, work[after, j], low, high)
             now, after, first = after, now, added + num_out
-        for place in range(widths[-1]):
-            found[row, place] = work[now, place]
+        for column in range(widths[-1]):
+            outputs[row, column] = work[now, column]
 
 
 #: flights evaluated together
@@ -74,9 +105,10 @@ BLOCK = 128
 class Policy:
     """A network from observations to a force, see `pipeline.flight.control.controller.Pilot`."""
 
-    # from the numbers of `pipeline.flight.fly.stepping.OBSERVED`, in their units, to a force, N, Hill axes
+    # from the numbers of `pipeline.flight.fly.stepping.OBSERVED` to a force, Hill axes
     network: Network
     source: bytes  # the file it was read from
+    units: Units = NEWTONS
 
     def __call__(self, mission: Mission, scenarios: list[Scenario], workers: int | None) -> Plans:
         """Return the plans of flights from some starts.
@@ -105,11 +137,15 @@ class Policy:
         flights = SteppedFlights(mission, len(scenarios), is_tilted=is_tilted)
         for flight, scenario in enumerate(scenarios):
             flights.start(flight, scenario)
-        work, asked = np.zeros((2, self.network.widths.max())), np.zeros((len(scenarios), 3))
-        flights.step(asked)
+        scales = observation_scales(mission).astype(np.float32)
+        work, commanded = np.zeros((2, self.network.widths.max())), np.zeros((len(scenarios), 3))
+        flights.step(commanded)
         for k in range(mission.num_controls):
-            answer(self.network, flights.seen.astype(np.float64), work, asked)
+            seen = flights.seen / scales if self.units.observations_are_normalized else flights.seen
+            answer(self.network, seen.astype(np.float64), work, commanded)
+            if self.units.forces_are_shares:
+                commanded = np.clip(commanded, -1.0, 1.0) * mission.deputy.max_force_n
             if mission.coast_when_complete:
-                asked[flights.observed[:, NUM_UNSEEN] == 0.0] = 0.0
-            forces[:, k] = asked
-            flights.step(asked)
+                commanded[flights.observed[:, NUM_UNSEEN] == 0.0] = 0.0
+            forces[:, k] = commanded
+            flights.step(commanded)

@@ -1,36 +1,35 @@
 """Learned policies from ONNX files: a chain of layers is read as numbers; anything else is an error.
 
 Nothing in a file is executed: only the constants of its graph are read, and which of a few operators
-connect them.
+connect them. Of several outputs that of the forces is read, and what leads to it.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
-from pipeline.array_types import Floats
-from pipeline.controllers.learned import CLIPPED, LINEAR, TANH, Network, Policy
+from pipeline.controllers.layers import NUM_FORCES, UnreadableError
+from pipeline.controllers.learned import Network, Policy, Units
+from pipeline.controllers.operators import Graph
 from pipeline.flight.control.controller import Controller, ControllerError
-from pipeline.flight.fly.stepping import NUM_SEEN
 
 MOST_BYTES = 16 << 20
-#: limits of a network, counted before anything is allocated: operators and constants, numbers in its layers,
-#: and multiplications to read it
-MOST_PARTS, MOST_NUMBERS, MOST_STEPS = 10_000, 8 << 20, 4_000_000_000
-#: the operators, by the format's names
-OPERATORS = ("Add", "Sub", "Mul", "Div", "Clip", "Flatten", "Gemm", "Identity", "MatMul", "Relu", "Tanh")
-ONLY_CHAINS = f"only a chain of {', '.join(OPERATORS)} is flown"
-#: attributes that are read; operators of early versions of the format have others
-ATTRIBUTES = {"Flatten": {"axis"}, "Gemm": {"alpha", "beta", "transA", "transB"}}
+#: operators and constants of a graph, counted before anything else
+MOST_PARTS = 10_000
 #: the format's numbers of what tensors hold and where
-FLOAT, DOUBLE, EXTERNAL = 1, 11, 1
-
-
-class _UnreadableError(ValueError):
-    """Why a file cannot fly, without its name."""
+FLOAT, INTEGER, DOUBLE, EXTERNAL = 1, 7, 11, 1
+#: names by which an output is that of the forces
+OUTPUT_NAMES: Final = ("actions", "action", "forces", "force")
+#: the metadata that are read, and the values that they may have; the first is that of files without them
+METADATA: Final[Mapping[str, tuple[str, ...]]] = {
+    "forces": ("newtons", "shares"),
+    "observations": ("physical", "normalized"),
+}
+#: the metadata that names the output of the forces
+OUTPUT: Final = "output"
+CURE: Final = "onnx.helper.set_model_props(model, {...}) sets it"
 
 
 def read_policy(path: Path) -> Controller:
@@ -39,18 +38,35 @@ def read_policy(path: Path) -> Controller:
     Raises
     ------
     ControllerError
-        If the file cannot be read, or is not a chain of `OPERATORS` from the observations to three forces.
+        If the file cannot be read, or holds no chain of `pipeline.controllers.operators.OPERATORS` from the
+        observations to three forces.
     """
     try:
-        with path.open("rb") as stream:
-            source = stream.read(MOST_BYTES + 1)
+        source = _content(path)
+        data = path.with_name(f"{path.name}.data")
+        weights = _content(data) if data.is_file() else None
     except OSError as error:
         raise ControllerError(f"{path} cannot be read ({error.strerror}); give an ONNX file") from error
-    return policy_of(path.stem, source, str(path))
+    return policy_of(path.stem, source, str(path), weights)
 
 
-def policy_of(name: str, source: bytes, label: str) -> Controller:
-    """Return the controller of an ONNX file's content; `label` names the file in errors.
+def _content(path: Path) -> bytes:
+    """Return at most one byte more than is allowed."""
+    with path.open("rb") as stream:
+        return stream.read(MOST_BYTES + 1)
+
+
+def policy_of(name: str, source: bytes, label: str, weights: bytes | None = None) -> Controller:
+    """Return the controller of an ONNX file's content.
+
+    Parameters
+    ----------
+    name : str
+    source : bytes
+    label : str
+        Names the file in errors.
+    weights : bytes, optional
+        Content of the file ``NAME.onnx.data`` beside it, into which PyTorch exports weights.
 
     Raises
     ------
@@ -59,214 +75,132 @@ def policy_of(name: str, source: bytes, label: str) -> Controller:
     """
     try:
         with np.errstate(over="ignore", invalid="ignore"):  # what comes of it is refused
-            network = _network(_graph(source))
-    except _UnreadableError as error:
+            model = _parse(source)
+            if _take_in(model, Path(label).name, weights):
+                source = model.SerializeToString()
+            network, units = _network(model), _units(model)
+    except UnreadableError as error:
         raise ControllerError(f"{label} cannot fly: {error}") from error
-    return Controller(name, (), "hill", pilot=Policy(network, source))
+    return Controller(name, (), "hill", pilot=Policy(network, source, units))
 
 
-def _graph(source: bytes) -> Any:
+def _parse(source: bytes) -> Any:
     try:
         import onnx  # noqa: PLC0415 - an extra
         from google.protobuf.message import DecodeError  # noqa: PLC0415
     except ModuleNotFoundError as error:
-        raise _UnreadableError(
+        raise UnreadableError(
             "policies are read by the package onnx; install it: python -m pip install onnx"
         ) from error
     if len(source) > MOST_BYTES:
-        raise _UnreadableError(f"it is larger than {MOST_BYTES >> 20} MiB; a policy is a small network")
+        raise UnreadableError(f"it is larger than {MOST_BYTES >> 20} MiB; a policy is a small network")
     try:
-        return onnx.ModelProto.FromString(source).graph
+        return onnx.ModelProto.FromString(source)
     except DecodeError as error:
-        raise _UnreadableError("it is no ONNX file; give one, as torch.onnx.export writes it") from error
+        raise UnreadableError("it is no ONNX file; give one, as torch.onnx.export writes it") from error
 
 
-@dataclass
-class _Chain:
-    """The layers found so far, and the affine map ``x @ weights + added`` after the last of them.
-
-    `weights` is None where the map has none yet, and stands for the identity.
-    """
-
-    added: Floats = field(default_factory=lambda: np.zeros(NUM_SEEN))
-    weights: Floats | None = None
-    layers: list[tuple[Floats, Floats, int, float, float]] = field(default_factory=list)
-    num_numbers: int = 0
-    num_steps: int = 0
-
-    def close(self, kind: int, low: float = 0.0, high: float = 0.0) -> None:
-        """End a layer."""
-        width = len(self.added)
-        num_before = width if self.weights is None else len(self.weights)
-        self._count(numbers=(num_before + 1) * width)
-        weights = np.eye(width) if self.weights is None else self.weights
-        if not (np.isfinite(weights).all() and np.isfinite(self.added).all()):
-            raise _UnreadableError("its constants multiply to infinity; export a policy that learned numbers")
-        self.layers.append((weights, self.added, kind, low, high))
-        self.weights, self.added = None, np.zeros(width)
-
-    def multiply(self, matrix: Floats) -> None:
-        """Apply a matrix."""
-        if matrix.ndim != 2 or len(matrix) != len(self.added):
-            raise _UnreadableError(
-                f"weights of shape {matrix.shape} follow {len(self.added)} numbers; the first layer takes "
-                f"the {NUM_SEEN} numbers that are observed"
-            )
-        num_rows = 1 if self.weights is None else len(self.weights)
-        self._count(steps=num_rows * matrix.size, largest=num_rows * matrix.shape[1])
-        self.weights = matrix if self.weights is None else self.weights @ matrix
-        self.added = self.added @ matrix
-
-    def scale(self, factor: Floats, added: Floats) -> None:
-        """Apply a factor and an offset to each number."""
-        width = len(self.added)
-        for values in (factor, added):
-            if values.size not in (1, width) or values.shape[-1:] not in ((), (values.size,)):
-                raise _UnreadableError(f"constants of shape {values.shape} follow {width} numbers")
-        factor, added = factor.reshape(-1), added.reshape(-1)
-        is_shift = self.weights is None and bool(np.all(factor == 1.0))
-        num_rows = width if self.weights is None else len(self.weights)
-        self._count(steps=width * (1 if is_shift else num_rows), largest=0 if is_shift else width * num_rows)
-        if not is_shift:
-            self.weights = (
-                np.diag(np.broadcast_to(factor, width)) if self.weights is None else (self.weights * factor)
-            )
-        self.added = self.added * factor + added
-
-    def _count(self, numbers: int = 0, steps: int = 0, largest: int = 0) -> None:
-        """Count what is about to be done, before it is."""
-        self.num_numbers, self.num_steps = self.num_numbers + numbers, self.num_steps + steps
-        if self.num_numbers + largest > MOST_NUMBERS or self.num_steps > MOST_STEPS:
-            raise _UnreadableError(
-                f"its layers have more than {MOST_NUMBERS:,} numbers; a policy is a small network"
-            )
-
-
-def _network(graph: Any) -> Network:
-    """Read the layers of a graph."""
-    if len(graph.node) + len(graph.initializer) > MOST_PARTS:
-        raise _UnreadableError(
-            f"it has more than {MOST_PARTS:,} operators and constants; a policy is a small network"
-        )
-    constants = dict(_constants(graph))
-    (now,) = _names([value.name for value in graph.input if value.name not in constants], "input")
-    (end,) = _names([value.name for value in graph.output], "output")
-    chain = _Chain()
-    for node in graph.node:
-        if node.op_type == "Constant" and not node.domain:
-            continue
-        if node.op_type not in OPERATORS or node.domain not in ("", "ai.onnx"):
-            raise _UnreadableError(f"it has the operator {node.op_type}; {ONLY_CHAINS}")
-        unknown = {attribute.name for attribute in node.attribute} - ATTRIBUTES.get(node.op_type, set())
-        if unknown:
-            raise _UnreadableError(
-                f"its operator {node.op_type} has the attribute {min(unknown)!r}; use opset 13 or later"
-            )
-        is_chain = list(node.input).count(now) == 1 and len(node.output) == 1
-        if not is_chain or not all(name == now or name in constants for name in node.input if name):
-            raise _UnreadableError(
-                f"its operator {node.op_type} does not take the numbers of the one before; {ONLY_CHAINS}"
-            )
-        values = [None if name == now or not name else constants[name] for name in node.input]
-        _follow(chain, node, values)
-        (now,) = node.output
-    if now != end:
-        raise _UnreadableError(f"its output is not what the last operator gives; {ONLY_CHAINS}")
-    chain.close(LINEAR)
-    return _packed(chain.layers)
-
-
-def _names(names: Sequence[str], what: str) -> Sequence[str]:
-    if len(names) != 1:
-        raise _UnreadableError(f"it has {len(names)} {what}s; a policy has one")
-    return names
-
-
-def _constants(graph: Any) -> Iterator[tuple[str, Floats]]:
-    """Yield the names and values of a graph's constants."""
-    tensors = [(tensor.name, tensor) for tensor in graph.initializer]
-    for node in graph.node:
-        is_constant = node.op_type == "Constant" and len(node.output) == len(node.attribute) == 1
-        if is_constant and node.attribute[0].name == "value":
-            tensors.append((node.output[0], node.attribute[0].t))
-    from onnx.numpy_helper import to_array  # noqa: PLC0415 - an extra
-
-    for name, tensor in tensors:
-        if tensor.data_location == EXTERNAL or tensor.external_data:
-            raise _UnreadableError(
-                "its weights are in another file; save them in it (torch.onnx.export: external_data=False)"
-            )
-        if tensor.data_type not in (FLOAT, DOUBLE):
-            raise _UnreadableError(
-                f"its constant {name} is not of floating point numbers; export it as float32"
+def _take_in(model: Any, name: str, weights: bytes | None) -> bool:
+    """Put weights from the file beside the model's into it; return whether there are any."""
+    outside = [tensor for tensor in model.graph.initializer if tensor.data_location == EXTERNAL]
+    for tensor in outside:
+        entries = {entry.key: entry.value for entry in tensor.external_data}
+        if weights is None or entries.get("location") != f"{name}.data":
+            raise UnreadableError(
+                f"its weights are in another file, which is not {name}.data beside it; save them in it "
+                "(torch.onnx.export: external_data=False)"
             )
         try:
-            values = np.asarray(to_array(tensor), dtype=np.float64)
-        except ValueError as error:
-            raise _UnreadableError(
-                f"its constant {name} is not of the shape that it says; export the policy again"
-            ) from error
-        if not np.isfinite(values).all():
-            raise _UnreadableError(f"its constant {name} is not finite; export a policy that learned numbers")
-        yield name, values
+            first, length = int(entries.get("offset", "0")), int(entries["length"])
+        except (KeyError, ValueError):
+            first, length = -1, 0
+        if not 0 <= first <= first + length <= len(weights) <= MOST_BYTES:
+            raise UnreadableError(f"{name}.data does not hold its weights; export the policy again")
+        tensor.raw_data = weights[first : first + length]
+        tensor.ClearField("external_data")
+        tensor.ClearField("data_location")
+    return bool(outside)
 
 
-def _follow(chain: _Chain, node: Any, values: Sequence[Floats | None]) -> None:
-    """Apply a node; None stands for the output of the previous one."""
-    one = np.ones(1)
-    match node.op_type, values:
-        case "Identity" | "Flatten", _ if all(axis.i == 1 for axis in node.attribute):
-            pass
-        case "Tanh", _:
-            chain.close(TANH)
-        case "Relu", _:
-            chain.close(CLIPPED, 0.0, np.inf)
-        case "Clip", [None, *limits] if all(limit is None or limit.size == 1 for limit in limits):
-            low, high = (None if limit is None else limit.item() for limit in (*limits, None, None)[:2])
-            chain.close(CLIPPED, -np.inf if low is None else low, np.inf if high is None else high)
-        case "MatMul", [None, np.ndarray() as matrix]:
-            chain.multiply(matrix)
-        case "Gemm", [None, np.ndarray() as matrix, *bias]:
-            _follow_gemm(chain, node, matrix, bias)
-        case "Add", [None, np.ndarray() as other] | [np.ndarray() as other, None]:
-            chain.scale(one, other)
-        case "Sub", [None, np.ndarray() as other]:
-            chain.scale(one, -other)
-        case "Sub", [np.ndarray() as other, None]:
-            chain.scale(-one, other)
-        case "Mul", [None, np.ndarray() as other] | [np.ndarray() as other, None]:
-            chain.scale(other, 0.0 * one)
-        case "Div", [None, np.ndarray() as other] if other.all():
-            chain.scale(1.0 / other, 0.0 * one)
-        case _:
-            raise _UnreadableError(
-                f"its operator {node.op_type} does not take numbers and constants as layers do; export "
-                "layers with constant weights"
+def _metadata(model: Any) -> dict[str, str]:
+    return {entry.key: entry.value for entry in model.metadata_props}
+
+
+def _units(model: Any) -> Units:
+    """Return the units that a model's metadata tell."""
+    metadata = _metadata(model)
+    for key, choices in METADATA.items():
+        if (value := metadata.get(key, choices[0])) not in choices:
+            raise UnreadableError(
+                f"its metadata {key} is {value[:40]!r}; it must be {' or '.join(choices)} ({CURE})"
             )
+    is_default = (metadata.get(key, choices[0]) == choices[0] for key, choices in METADATA.items())
+    has_newtons, has_physical = is_default
+    return Units(forces_are_shares=not has_newtons, observations_are_normalized=not has_physical)
 
 
-def _follow_gemm(chain: _Chain, node: Any, matrix: Floats, bias: Sequence[Floats | None]) -> None:
-    attributes: Mapping[str, Any] = {one.name: one for one in node.attribute}
-    alpha, beta = (attributes[name].f if name in attributes else 1.0 for name in ("alpha", "beta"))
-    if "transA" in attributes and attributes["transA"].i:
-        raise _UnreadableError("its operator Gemm turns its numbers about; export it with transA=0")
-    if "transB" in attributes and attributes["transB"].i:
-        matrix = matrix.T
-    chain.multiply(alpha * matrix)
-    if bias and bias[0] is not None:
-        chain.scale(np.ones(1), beta * bias[0])
-
-
-def _packed(layers: Sequence[tuple[Floats, Floats, int, float, float]]) -> Network:
-    widths = np.array([NUM_SEEN, *(len(added) for _, added, *_ in layers)], dtype=np.int64)
-    if widths[-1] != 3:
-        raise _UnreadableError(
-            f"it answers with {widths[-1]} numbers; a policy gives three forces, N, Hill axes"
+def _network(model: Any) -> Network:
+    """Read the layers from a model's input to its output of forces."""
+    graph = model.graph
+    if len(graph.node) + len(graph.initializer) > MOST_PARTS:
+        raise UnreadableError(
+            f"it has more than {MOST_PARTS:,} operators and constants; a policy is a small network"
         )
-    return Network(
-        widths,
-        np.concatenate([part.ravel() for weights, added, *_ in layers for part in (weights, added)]),
-        np.array([kind for _, _, kind, _, _ in layers], dtype=np.int64),
-        np.array([low for *_, low, _ in layers]),
-        np.array([high for *_, high in layers]),
-    )
+    return Graph(graph, dict(_tensors(graph)), _values).follow(_output(model))
+
+
+def _output(model: Any) -> str:
+    """Return the name of the output of forces."""
+    outputs = {output.name: output for output in model.graph.output}
+    named = _metadata(model).get(OUTPUT)
+    if named is not None:
+        if named not in outputs:
+            raise UnreadableError(f"its metadata {OUTPUT} is {named[:40]!r}, which is none of its outputs")
+        return named
+    if len(outputs) == 1:
+        return next(iter(outputs))
+    for name in OUTPUT_NAMES:
+        if name in outputs:
+            return name
+    fitting = [name for name, output in outputs.items() if _declared_width(output) == NUM_FORCES]
+    if len(fitting) != 1:
+        raise UnreadableError(
+            f"it has {len(outputs)} outputs, and of none it is clear that it holds the forces; name it: "
+            f"output_names=['actions', ...] in torch.onnx.export, or the metadata {OUTPUT} ({CURE})"
+        )
+    return fitting[0]
+
+
+def _declared_width(output: Any) -> int:
+    """Return the second size of an output's shape; zero if it declares none."""
+    sizes = output.type.tensor_type.shape.dim
+    return int(sizes[1].dim_value) if len(sizes) == 2 else 0
+
+
+def _tensors(graph: Any) -> Iterator[tuple[str, Any]]:
+    """Yield the names and tensors of a graph's constants."""
+    for tensor in graph.initializer:
+        yield tensor.name, tensor
+    for node in graph.node:
+        is_constant = node.op_type == "Constant" and len(node.output) == len(node.attribute) == 1
+        if is_constant and node.attribute[0].name == "value" and not node.domain:
+            yield node.output[0], node.attribute[0].t
+
+
+def _values(name: str, tensor: Any) -> Any:
+    """Return the values of a constant: float64, or int64 for a shape."""
+    from onnx.numpy_helper import to_array  # noqa: PLC0415 - an extra
+
+    if tensor.data_type not in (FLOAT, DOUBLE, INTEGER):
+        raise UnreadableError(f"its constant {name} is not of floating point numbers; export it as float32")
+    try:
+        values = np.asarray(to_array(tensor))
+    except ValueError as error:
+        raise UnreadableError(
+            f"its constant {name} is not of the shape that it says; export the policy again"
+        ) from error
+    if tensor.data_type == INTEGER:
+        return values
+    if not np.isfinite(values).all():
+        raise UnreadableError(f"its constant {name} is not finite; export a policy that learned numbers")
+    return values.astype(np.float64)

@@ -121,12 +121,7 @@ class Task:
     @property
     def scales(self) -> Floats:
         """Amounts by which observations are divided to be about one, see `pipeline.flight.fly.stepping`."""
-        mission = self.mission
-        speed, points = 1.0, float(mission.chief.num_points)
-        distance = mission.deputy.max_distance_m
-        size = mission.chief.inspection_radius_m
-        amounts = (distance, speed, size, 1.0, points, speed, mission.duration_s)
-        return np.repeat(amounts, (3, 3, 3, 6, 2, 1, 1))
+        return stepping.observation_scales(self.mission)
 
     def observation_space(self) -> "Box[np.float32]":
         """Return the space of observations, in physical units; no flight can leave it."""

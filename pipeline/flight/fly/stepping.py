@@ -128,6 +128,14 @@ OBSERVED: Final = (
 NUM_SEEN: Final = LEFT + 1
 
 
+def observation_scales(mission: Mission) -> Floats:
+    """Return amounts, shape (NUM_SEEN,), by which observations are divided to be about one."""
+    speed, points = 1.0, float(mission.chief.num_points)
+    distance, size = mission.deputy.max_distance_m, mission.chief.inspection_radius_m
+    amounts = (distance, speed, size, 1.0, points, speed, mission.duration_s)
+    return np.repeat(amounts, (3, 3, 3, 6, 2, 1, 1))
+
+
 def check_given(numbers: Floats) -> None:
     """Raise ValueError unless what a learner or a policy gives is finite."""
     if not math.isfinite(numbers.sum()):

@@ -5,19 +5,20 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import onnx
 import pytest
 from onnx import ModelProto, NodeProto, TensorProto, helper, numpy_helper
 from onnx.reference import ReferenceEvaluator
 
 from pipeline.command_line.overrides import ConfigError, rewrite_paths
-from pipeline.controllers.learned import Policy, answer
+from pipeline.controllers.learned import Policy, Units, answer
 from pipeline.controllers.policies import policy_of, read_policy
 from pipeline.controllers.source import named
 from pipeline.flight.control.controller import Controller, ControllerError
 from pipeline.flight.fly.simulation import fly_all, fly_logged
 from pipeline.flight.fly.stepping import NUM_SEEN, OBSERVED
 from pipeline.flight.state.log import FlightLog
-from pipeline.gym import InspectionEnv, task_of
+from pipeline.gym import InspectionEnv, NormalizedObservation, task_of
 from pipeline.recording.recorder import FlightRecorder
 from pipeline.recording.reflight import fly_again
 from pipeline.scenarios import evaluation_scenarios
@@ -101,12 +102,101 @@ def test_a_network_answers_what_the_reference_of_the_format_does(steps) -> None:
         ([*LAYERS, ("Clip", [""], {"max": 0.1})], "its operator Clip has the attribute 'max'; use opset 13"),
         ([*LAYERS, ("Clip", ["", "column"], {})], "its operator Clip does not take numbers and constants"),
         ([("Flatten", [""], {"axis": 0}), *LAYERS], "its operator Flatten does not take numbers"),
+        ([("Reshape", [""], {}), *LAYERS], "its operator Reshape does not take numbers and constants"),
+        ([("Expand", [""], {}), *LAYERS], "its operator Expand does not take numbers and constants"),
+        ([("Cast", [""], {"to": 7}), *LAYERS], "its operator Cast does not take numbers and constants"),
+        ([("Where", [""], {}), *LAYERS], "its operator Where is no softplus with a threshold"),
         (LAYERS[:4], "it answers with 8 numbers; a policy gives three forces"),
     ],
 )
 def test_what_is_no_chain_of_layers_is_refused_in_a_sentence(steps, reason) -> None:
     with pytest.raises(ControllerError, match=rf"policy.onnx cannot fly: {reason}"):
         read(model(steps))
+
+
+EXPORTS = Path(__file__).parent / "exports"
+#: the files, and the name of what each takes
+INPUTS = {
+    path: onnx.load(path, load_external_data=False).graph.input[0].name for path in EXPORTS.glob("*.onnx")
+}
+
+
+@pytest.mark.parametrize("path", sorted(EXPORTS.glob("*.onnx")), ids=lambda path: path.stem)
+def test_what_learners_libraries_export_answers_as_the_reference_does(path: Path) -> None:
+    """`exports/make_exports.py` wrote the files; of several outputs the first is that of actions."""
+    seen = RNG.normal(0.0, 1.0, (1, NUM_SEEN))
+    pilot = read_policy(path).pilot
+    assert isinstance(pilot, Policy)
+    outputs = np.empty((1, 3))
+    answer(pilot.network, seen, np.zeros((2, max(pilot.network.widths))), outputs)
+    expected, *_ = ReferenceEvaluator(onnx.load(path)).run(None, {INPUTS[path]: seen.astype(np.float32)})
+    np.testing.assert_allclose(outputs, expected, rtol=1e-4, atol=1e-5)
+    # the file that is kept, in recordings, holds all weights
+    again = policy_of(path.stem, pilot.source, path.name).pilot
+    np.testing.assert_array_equal(again.network.numbers, pilot.network.numbers)
+
+
+def test_weights_beside_a_file_are_read_from_the_file_of_its_name_alone(tmp_path: Path) -> None:
+    exported = EXPORTS / "rsl_rl_dynamo.onnx"
+    path, data = tmp_path / "policy.onnx", tmp_path / "policy.onnx.data"
+    renamed = onnx.load(exported, load_external_data=False)
+    for tensor in renamed.graph.initializer:
+        for entry in tensor.external_data:
+            entry.value = data.name if entry.key == "location" else entry.value
+    path.write_bytes(renamed.SerializeToString())
+    with pytest.raises(
+        ControllerError, match=r"another file, which is not policy\.onnx\.data beside it; save"
+    ):
+        read_policy(path)
+    content = exported.with_name(f"{exported.name}.data").read_bytes()
+    data.write_bytes(content[:-4])
+    with pytest.raises(ControllerError, match=r"policy\.onnx\.data does not hold its weights"):
+        read_policy(path)
+    data.write_bytes(content)
+    np.testing.assert_array_equal(
+        read_policy(path).pilot.network.numbers, read_policy(exported).pilot.network.numbers
+    )
+    path.write_bytes(exported.read_bytes())  # which names another file
+    with pytest.raises(ControllerError, match="its weights are in another file"):
+        read_policy(path)
+
+
+def test_an_output_is_chosen_by_its_name() -> None:
+    """A second head of the same width, and what makes it clear which is that of the forces."""
+    made = model([*LAYERS, ("Mul", ["half", ""], {})])
+    first, second = f"value{len(LAYERS)}", f"value{len(LAYERS) + 1}"
+    made.graph.output.insert(0, helper.make_tensor_value_info(first, TensorProto.FLOAT, [None, 3]))
+    with pytest.raises(ControllerError, match="it has 2 outputs, and of none it is clear that it holds the"):
+        read(made)
+    chosen = {}
+    for name in (first, second):
+        helper.set_model_props(made, {"output": name})
+        chosen[name] = read(made).pilot.network
+    seen, outputs = np.ones((1, NUM_SEEN)), {name: np.empty((1, 3)) for name in chosen}
+    for name, network in chosen.items():
+        answer(network, seen, np.zeros((2, NUM_SEEN)), outputs[name])
+    np.testing.assert_allclose(0.5 * outputs[first], outputs[second])
+    helper.set_model_props(made, {"output": "value_of_state"})
+    with pytest.raises(
+        ControllerError, match="its metadata output is 'value_of_state', which is none of its"
+    ):
+        read(made)
+    del made.metadata_props[:]
+    made.graph.output[0].name = made.graph.node[len(LAYERS) - 1].output[0] = "actions"
+    made.graph.node[len(LAYERS)].input[1] = "actions"
+    np.testing.assert_array_equal(read(made).pilot.network.numbers, chosen[first].numbers)
+
+
+def test_metadata_tell_the_units() -> None:
+    made = model(LAYERS)
+    assert read(made).pilot.units == Units(forces_are_shares=False, observations_are_normalized=False)
+    helper.set_model_props(made, {"forces": "shares", "observations": "normalized", "author": "anyone"})
+    assert read(made).pilot.units == Units(forces_are_shares=True, observations_are_normalized=True)
+    helper.set_model_props(made, {"forces": "pounds"})
+    with pytest.raises(
+        ControllerError, match="its metadata forces is 'pounds'; it must be newtons or shares"
+    ):
+        read(made)
 
 
 def test_files_that_are_none_are_refused(tmp_path: Path) -> None:
@@ -121,11 +211,30 @@ def test_files_that_are_none_are_refused(tmp_path: Path) -> None:
         (b"\xff" * 100, "it is no ONNX file; give one"),
         (bytes(1 << 25), "it is larger than 16 MiB"),
         (outside.SerializeToString(), "its weights are in another file"),
-        (bare.SerializeToString(), "its operator Div does not take the numbers of the one before"),
+        (bare.SerializeToString(), "its operator Mul does not take the numbers of the one before"),
     ):
         path.write_bytes(content)
         with pytest.raises(ControllerError, match=message):
             read_policy(path)
+
+
+@pytest.mark.slow
+def test_shares_of_the_greatest_force_fly_as_the_gym_flies_them(tmp_path: Path) -> None:
+    """What was learned in `NormalizedObservation`, with the gym's actions, and nothing built around it."""
+    made = onnx.load(EXPORTS / "sb3_ppo.onnx")
+    helper.set_model_props(made, {"forces": "shares", "observations": "normalized"})
+    onnx.save(made, tmp_path / "learned.onnx")
+    task = task_of(OVERRIDES)
+    controller = named(str(tmp_path / "learned.onnx"), task.mission)
+    start = evaluation_scenarios(task.experiment)[0]
+    log = fly_logged(task.mission, controller, start)
+    env, reference = NormalizedObservation(InspectionEnv(OVERRIDES)), ReferenceEvaluator(made)
+    seen, _ = env.reset(options={"scenario": start})
+    for k in range(20):
+        action, *_ = reference.run(None, {"input": seen[np.newaxis]})
+        force = np.clip(action[0], -1.0, 1.0) * task.mission.deputy.max_force_n
+        np.testing.assert_allclose(log.force_asked_n[k], force, atol=1e-5)
+        seen, *_ = env.step(action[0])
 
 
 def test_a_path_stands_for_a_policy() -> None:

@@ -1,0 +1,259 @@
+"""The operators of an ONNX graph that a policy may have, from its input to one of its outputs."""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.array_types import Floats
+from pipeline.controllers.layers import NUM_FORCES, Chain, UnreadableError
+from pipeline.controllers.learned import CLIPPED, ELU, LEAKY, SIGMOID, SOFTPLUS, TANH, Network
+
+#: the operators, by the format's names; the last five as exporters write an identity or a softplus
+OPERATORS: Final = (
+    *(
+        "Add",
+        "Sub",
+        "Mul",
+        "Div",
+        "Gemm",
+        "MatMul",
+        "Clip",
+        "Elu",
+        "LeakyRelu",
+        "Relu",
+        "Sigmoid",
+        "Softplus",
+    ),
+    *("Tanh", "Flatten", "Identity", "Cast", "Expand", "Reshape", "Where"),
+)
+ONLY_CHAINS = f"only a chain of {', '.join(OPERATORS)} is flown"
+#: attributes that are read; operators of early versions of the format have others
+ATTRIBUTES: Mapping[str, set[str]] = {
+    "Cast": {"to", "saturate"},
+    "Elu": {"alpha"},
+    "Flatten": {"axis"},
+    "Gemm": {"alpha", "beta", "transA", "transB"},
+    "LeakyRelu": {"alpha"},
+    "Reshape": {"allowzero"},
+}
+#: the operators that end a layer, to its kind and parameters; `low` may be given as the attribute alpha
+ACTIVATIONS: Final[Mapping[str, tuple[int, float, float]]] = {
+    "Elu": (ELU, 1.0, 0.0),
+    "LeakyRelu": (LEAKY, 0.01, 0.0),
+    "Relu": (CLIPPED, 0.0, np.inf),
+    "Sigmoid": (SIGMOID, 0.0, 0.0),
+    "Softplus": (SOFTPLUS, 0.0, np.inf),
+    "Tanh": (TANH, 0.0, 0.0),
+}
+#: the format's numbers of types of numbers
+FLOAT, DOUBLE = 1, 11
+
+
+class Graph:
+    """A graph of operators, and which of them makes each of its values.
+
+    Parameters
+    ----------
+    graph : onnx.GraphProto
+    tensors : mapping
+        Its constants by name.
+    values_of : callable
+        Returns the values of a constant with a name: float64, or int64 for a shape.
+
+    Raises
+    ------
+    UnreadableError
+        If it has several inputs.
+    """
+
+    def __init__(
+        self, graph: Any, tensors: Mapping[str, Any], values_of: Callable[[str, Any], NDArray[Any]]
+    ) -> None:
+        self._made_by = {name: node for node in graph.node for name in node.output}
+        self._tensors, self._values_of = tensors, values_of
+        inputs = [value.name for value in graph.input if value.name not in tensors]
+        if len(inputs) != 1:
+            raise UnreadableError(f"it has {len(inputs)} inputs; a policy has one")
+        self._input = inputs[0]
+        #: width of the values that the chain has come by
+        self._widths: dict[str, int] = {}
+
+    def follow(self, output: str) -> Network:
+        """Return the network from the input to an output.
+
+        Raises
+        ------
+        UnreadableError
+            If other operators than `OPERATORS` lead to it, or not in a chain.
+        """
+        path: list[tuple[Any, str]] = []
+        name = output
+        while name != self._input:
+            node = self._made_by.get(name)
+            if node is None or len(path) > len(self._made_by):
+                raise UnreadableError(f"its output is not what the last operator gives; {ONLY_CHAINS}")
+            self._check(node)
+            name = self._main_input(node)
+            path.append((node, name))
+        chain = Chain()
+        self._widths[self._input] = chain.width
+        for node, name in reversed(path):
+            constants = [None if other in (name, "") else self._constant(other) for other in node.input]
+            self._apply(chain, node, name, constants)
+            self._widths[node.output[0]] = chain.width
+        return chain.network()
+
+    def _check(self, node: Any) -> None:
+        """Raise UnreadableError unless an operator, with its attributes, is known."""
+        if node.op_type not in OPERATORS or node.domain not in ("", "ai.onnx"):
+            raise UnreadableError(f"it has the operator {node.op_type}; {ONLY_CHAINS}")
+        unknown = {attribute.name for attribute in node.attribute} - ATTRIBUTES.get(node.op_type, set())
+        if unknown:
+            raise UnreadableError(
+                f"its operator {node.op_type} has the attribute {min(unknown)!r}; use opset 13 or later"
+            )
+
+    def _main_input(self, node: Any) -> str:
+        """Return the one input of an operator that is no constant, nor a condition or a shape."""
+        if node.op_type == "Where":
+            return self._softplus_input(node)
+        first = 1 if node.op_type in ("Expand", "Reshape") else len(node.input)
+        names = [name for name in node.input[:first] if name and not self._is_constant(name)]
+        if len(names) != 1 or len(node.output) != 1:
+            raise UnreadableError(
+                f"its operator {node.op_type} does not take the numbers of the one before; {ONLY_CHAINS}"
+            )
+        return names[0]
+
+    def _softplus_input(self, node: Any) -> str:
+        """Return the input of a softplus that is written as ``x if x > threshold else softplus(x)``."""
+        condition, name, other = (*node.input, "", "", "")[:3]
+        above, smooth = self._made_by.get(condition), self._made_by.get(other)
+        is_softplus = smooth is not None and (smooth.op_type, list(smooth.input)) == ("Softplus", [name])
+        is_above = above is not None and above.op_type == "Greater" and _input(above, 0) == name
+        if not (is_softplus and is_above):
+            raise UnreadableError(f"its operator Where is no softplus with a threshold; {ONLY_CHAINS}")
+        return str(name)
+
+    def _is_constant(self, name: str) -> bool:
+        if name in self._tensors:
+            return True
+        node = self._made_by.get(name)
+        return node is not None and node.op_type == "Identity" and _input(node, 0) in self._tensors
+
+    def _constant(self, name: str) -> Any:
+        """Return a constant's values, or None for what is a condition or a shape."""
+        if not self._is_constant(name):
+            return None
+        if name not in self._tensors:
+            name = self._made_by[name].input[0]
+        return self._values_of(name, self._tensors[name])
+
+    def _apply(self, chain: Chain, node: Any, name: str, constants: Sequence[Any]) -> None:
+        """Apply an operator to the values that have a name; None stands for them among its inputs."""
+        attributes = {attribute.name: attribute for attribute in node.attribute}
+        match node.op_type:
+            case "Reshape":
+                shape = None if len(constants) < 2 or constants[1] is None else constants[1].tolist()
+                fits = shape in ([-1, chain.width], [1, chain.width])
+            case "Expand":
+                fits = self._has_shape_of_width(_input(node, 1), chain.width)
+            case "Flatten":
+                fits = "axis" not in attributes or attributes["axis"].i == 1
+            case "Cast":
+                fits = "to" in attributes and attributes["to"].i in (FLOAT, DOUBLE)
+            case "Where":
+                threshold = self._constant(_input(self._made_by[node.input[0]], 1))
+                fits = threshold is not None and threshold.size == 1
+                if fits:
+                    chain.close(SOFTPLUS, high=threshold.item())
+            case _:
+                fits = _follow(chain, node.op_type, constants, attributes)
+        if not fits:
+            raise UnreadableError(
+                f"its operator {node.op_type} does not take numbers and constants as layers do; export "
+                "layers with constant weights"
+            )
+
+    def _has_shape_of_width(self, name: str, width: int) -> bool:
+        """Return whether a value is the shape of values of a width."""
+        node = self._made_by.get(name)
+        return node is not None and node.op_type == "Shape" and self._width(_input(node, 0), 0) == width
+
+    def _width(self, name: str, depth: int) -> int:
+        """Return the width of values beside the chain, made of it element by element; 0 if unknown."""
+        if name in self._widths:
+            return self._widths[name]
+        node = self._made_by.get(name)
+        if node is None or depth > NUM_FORCES:
+            return 0
+        if node.op_type == "ConstantOfShape":
+            shape = self._made_by.get(_input(node, 0))
+            return self._width(_input(shape, 0), depth + 1) if shape and shape.op_type == "Shape" else 0
+        if node.op_type == "Add":
+            return max((self._width(other, depth + 1) for other in node.input[:2]), default=0)
+        return 0
+
+
+def _input(node: Any, index: int) -> str:
+    """Return the name of an operator's input; empty if it has none there."""
+    return str(node.input[index]) if index < len(node.input) else ""
+
+
+def _follow(chain: Chain, operator: str, constants: Sequence[Any], attributes: Mapping[str, Any]) -> bool:
+    """Apply an operator of a layer; return whether its constants fit. None stands for the chain's values."""
+    if any(values is not None and values.dtype != np.float64 for values in constants):
+        return False
+    if activation := _activation(operator, constants, attributes):
+        chain.close(*activation)
+        return True
+    one = np.ones(1)
+    match operator, constants:
+        case "Identity", _:
+            pass
+        case "MatMul", [None, np.ndarray() as matrix]:
+            chain.multiply(matrix)
+        case "Gemm", [None, np.ndarray() as matrix, *bias]:
+            _follow_gemm(chain, matrix, bias, attributes)
+        case "Add", [None, np.ndarray() as other] | [np.ndarray() as other, None]:
+            chain.scale(one, other)
+        case "Sub", [None, np.ndarray() as other]:
+            chain.scale(one, -other)
+        case "Sub", [np.ndarray() as other, None]:
+            chain.scale(-one, other)
+        case "Mul", [None, np.ndarray() as other] | [np.ndarray() as other, None]:
+            chain.scale(other, 0.0 * one)
+        case "Div", [None, np.ndarray() as other] if other.all():
+            chain.scale(1.0 / other, 0.0 * one)
+        case _:
+            return False
+    return True
+
+
+def _activation(
+    operator: str, constants: Sequence[Any], attributes: Mapping[str, Any]
+) -> tuple[int, float, float] | None:
+    """Return the kind of layer that an operator ends, with its parameters; None if it ends none."""
+    if operator in ACTIVATIONS:
+        kind, alpha, high = ACTIVATIONS[operator]
+        return kind, attributes["alpha"].f if "alpha" in attributes else alpha, high
+    match operator, constants:
+        case "Clip", [None, *limits] if all(limit is None or limit.size == 1 for limit in limits):
+            least, most = (None if limit is None else limit.item() for limit in (*limits, None, None)[:2])
+            return CLIPPED, -np.inf if least is None else least, np.inf if most is None else most
+    return None
+
+
+def _follow_gemm(
+    chain: Chain, matrix: Floats, bias: Sequence[Floats | None], attributes: Mapping[str, Any]
+) -> None:
+    alpha, beta = (attributes[name].f if name in attributes else 1.0 for name in ("alpha", "beta"))
+    if "transA" in attributes and attributes["transA"].i:
+        raise UnreadableError("its operator Gemm turns its numbers about; export it with transA=0")
+    if "transB" in attributes and attributes["transB"].i:
+        matrix = matrix.T
+    chain.multiply(alpha * matrix)
+    if bias and bias[0] is not None:
+        chain.scale(np.ones(1), beta * bias[0])
