@@ -17,7 +17,7 @@ from benchmarks.timing import best_cpu_seconds, line
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers import source
 from pipeline.flight.cases.starts import cases_of
-from pipeline.flight.control.controller import rehearsed_pushes
+from pipeline.flight.control.law import rehearsed_pushes
 from pipeline.flight.fly.population import fly_population
 from pipeline.flight.fly.rehearsals import rehearsed_openings
 from pipeline.flight.fly.simulation import law_for

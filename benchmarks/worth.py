@@ -23,7 +23,7 @@ from fis_tools.model import Gaussian, Term, Triangular, Variable, rule_table, ta
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers.source import named
 from pipeline.evaluation.statistics import fraction, statistic
-from pipeline.flight.control.controller import Controller, from_fuzzy
+from pipeline.flight.control.controller import Controller, PilotController, from_fuzzy
 from pipeline.flight.goals.flights import fly_all
 from pipeline.flight.state.log import Outcomes, Scenario
 from pipeline.flight.state.signals import CONSTANTS
@@ -167,7 +167,7 @@ def planned(judged: Experiment, made_for: Experiment) -> tuple[list[Scenario], O
         return forces
 
     pilot: Any = play
-    plan = Controller("plan", (), "hill", pilot=pilot)
+    plan = PilotController("plan", pilot)
     return solved.scenarios, fly_all(judged.mission, plan, solved.scenarios)
 
 

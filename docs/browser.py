@@ -35,7 +35,7 @@ from fis_tools.model import FuzzySystem, Triangular, Variable, conjunctions
 from fis_tools.words.text import sentence
 from pipeline.controllers import source
 from pipeline.flight.cases.starts import cases_of
-from pipeline.flight.control.controller import law_of
+from pipeline.flight.control.law import law_of
 from pipeline.flight.fly.many import Results, fly_many
 from pipeline.flight.fly.population import flights_of
 from pipeline.flight.fly.workspace import make_state, make_workspace

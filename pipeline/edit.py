@@ -24,7 +24,8 @@ from pipeline.evaluation.assurance.requirements import CASES, Requirement, verif
 from pipeline.evaluation.assurance.verdicts import Evidence, judge, verdict
 from pipeline.evaluation.monte_carlo import episode_columns, fly_tracked
 from pipeline.evaluation.statistics import Column, Compared, compare, succeeds
-from pipeline.flight.control.controller import Controller, from_fuzzy, law_of
+from pipeline.flight.control.controller import Controller, from_fuzzy
+from pipeline.flight.control.law import law_of
 from pipeline.flight.goals.flights import fly_logged
 from pipeline.flight.state.log import FlightLog
 from pipeline.flight.state.signals import AXES

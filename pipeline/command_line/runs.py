@@ -264,7 +264,8 @@ def check_before(experiment: Experiment) -> None:
         with suppress(IncomparableError):
             solved_for(experiment)
     from pipeline.controllers.source import load, named  # noqa: PLC0415 - compiled code, needed once the rest is right
-    from pipeline.flight.control.controller import about_points, law_of  # noqa: PLC0415 - the same
+    from pipeline.flight.control.controller import about_points  # noqa: PLC0415 - the same
+    from pipeline.flight.control.law import law_of  # noqa: PLC0415 - the same
 
     controllers = [load(experiment.controller, experiment.mission)]
     if "assure" in experiment.stages:

@@ -13,7 +13,8 @@ import numpy as np
 
 from fis_tools.compiled.decorator import compiled
 from pipeline.array_types import Floats, Integers
-from pipeline.flight.control.controller import ControllerError, played
+from pipeline.flight.control.controller import ControllerError
+from pipeline.flight.control.law import played
 from pipeline.flight.fly.plain import is_interpreted
 from pipeline.flight.fly.stepping import NUM_UNSEEN, SteppedFlights, observation_scales
 from pipeline.flight.state.arrays import Plans

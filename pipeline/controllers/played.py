@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.array_types import Floats
-from pipeline.flight.control.controller import Controller, ControllerError, open_loop
+from pipeline.flight.control.controller import ControllerError, OpenLoopController, open_loop
 from pipeline.flight.state.arrays import Turns
 from pipeline.settings.experiment import Mission
 
@@ -39,7 +39,7 @@ LENGTH_TOLERANCE = 1e-3
 _LOG = logging.getLogger(__name__)
 
 
-def read_played(path: Path, mission: Mission) -> Controller:
+def read_played(path: Path, mission: Mission) -> OpenLoopController:
     """Read a flight to play.
 
     Forces and torques beyond the limits are clipped in flight; a warning says so.
@@ -82,7 +82,7 @@ def read_played(path: Path, mission: Mission) -> Controller:
     return open_loop(path.stem, forces, "body" if is_body else "hill", turns)
 
 
-def to_mapping(controller: Controller) -> dict[str, Any]:
+def to_mapping(controller: OpenLoopController) -> dict[str, Any]:
     """Return a flight to play as plain data, which `from_mapping` reads."""
     return {
         "kind": "open_loop",
@@ -94,7 +94,7 @@ def to_mapping(controller: Controller) -> dict[str, Any]:
     }
 
 
-def from_mapping(entries: Mapping[str, Any]) -> Controller:
+def from_mapping(entries: Mapping[str, Any]) -> OpenLoopController:
     """Return the flight to play from the data of `to_mapping`.
 
     Raises

@@ -13,7 +13,7 @@ import numpy as np
 from pipeline.controllers.layers import NUM_FORCES, UnreadableError
 from pipeline.controllers.learned import Network, Policy, Units
 from pipeline.controllers.operators import Graph
-from pipeline.flight.control.controller import Controller, ControllerError
+from pipeline.flight.control.controller import Controller, ControllerError, PilotController
 
 MOST_BYTES = 16 << 20
 #: operators and constants of a graph, counted before anything else
@@ -81,7 +81,7 @@ def policy_of(name: str, source: bytes, label: str, weights: bytes | None = None
             network, units = _network(model), _units(model)
     except UnreadableError as error:
         raise ControllerError(f"{label} cannot fly: {error}") from error
-    return Controller(name, (), "hill", pilot=Policy(network, source, units))
+    return PilotController(name, Policy(network, source, units))
 
 
 def _parse(source: bytes) -> Any:

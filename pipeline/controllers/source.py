@@ -13,7 +13,8 @@ from typing import Any
 from fis_tools.formats import serialize
 from pipeline.controllers.played import read_played
 from pipeline.controllers.policies import read_policy
-from pipeline.flight.control.controller import Controller, ControllerError, coast, decision_stride, from_fuzzy
+from pipeline.flight.control.controller import Controller, ControllerError, PilotController, coast, from_fuzzy
+from pipeline.flight.control.law import decision_stride
 from pipeline.run import artifacts, configuration, writing
 from pipeline.settings.controllers import PLANNED, Planned, check_controller, planned_settings
 from pipeline.settings.experiment import Experiment, Mission
@@ -122,7 +123,7 @@ def controller_of_run(experiment: Experiment, folder: Path) -> Controller:
 
 def sha256_of(controller: Controller) -> str | None:
     """Return the hash of a fuzzy controller's text or of a policy's file; None for others."""
-    if controller.pilot is not None:
+    if isinstance(controller, PilotController):
         return hashlib.sha256(controller.pilot.source).hexdigest()
     return serialize.fingerprint(controller.fuzzy) if controller.fuzzy else None
 

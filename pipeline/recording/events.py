@@ -9,7 +9,8 @@ import numpy as np
 
 from fis_tools.model.thrust import ThrustLogic, thrust_logic
 from pipeline.array_types import Floats
-from pipeline.flight.control.controller import Controller, rehearsed_pushes
+from pipeline.flight.control.controller import Controller
+from pipeline.flight.control.law import rehearsed_pushes
 from pipeline.flight.fly.tours import rehearsal_samples, tour_names
 from pipeline.flight.goals.reach import ended, limit_at
 from pipeline.flight.state.log import LIMITS, FlightLog, inspectable_rate, points_needed

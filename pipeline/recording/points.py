@@ -13,7 +13,7 @@ from fis_tools.compiled.decorator import compiled, plainly
 from fis_tools.compiled.three import load_at, three_of
 from fis_tools.compiled.vectors import load, select, store
 from pipeline.array_types import Booleans, Bytes, Floats, Integers
-from pipeline.flight.control.controller import Controller, sensed_by
+from pipeline.flight.control.controller import Controller, sensed_by, stretches_of
 from pipeline.flight.fly.workspace import make_workspace, optics_in_use
 from pipeline.flight.period.decide.see_push import KS2
 from pipeline.flight.period.decide.tour import time_ahead
@@ -64,7 +64,7 @@ def parts_of_points(
     names = sensed_of_points(world, controller)
     parts = {name: np.zeros((len(samples), world.num_points)) for name in names}
     ends = [*controller.changes, world.num_controls + 1]
-    for (begin, stretch), end in zip(controller.stretches, ends, strict=True):
+    for (begin, stretch), end in zip(stretches_of(controller), ends, strict=True):
         rows = np.flatnonzero((begin <= samples) & (samples < end) & log.is_decided[samples])
         decisions = _Decisions(world, stretch.constants, log, samples[rows])
         for name in names:

@@ -29,7 +29,14 @@ from pipeline.array_types import Floats
 from pipeline.controllers.played import to_mapping
 from pipeline.flight.cases.actuators import thrusters_of
 from pipeline.flight.cases.dispersions import drawn, mission_of_case
-from pipeline.flight.control.controller import Controller, decision_stride, rehearsed_pushes
+from pipeline.flight.control.controller import (
+    Controller,
+    PilotController,
+    PlanningController,
+    RegulatorController,
+    RuleController,
+)
+from pipeline.flight.control.law import decision_stride, rehearsed_pushes
 from pipeline.flight.fly.tours import following, rehearsal_samples, tour_names
 from pipeline.flight.goals.reach import ended
 from pipeline.flight.state.log import FlightLog, Scenario
@@ -344,12 +351,12 @@ def controller_text(controller: Controller) -> str:
     what it plays, as `pipeline.controllers.played` reads it; one without any force is of kind ``coast``, one
     that plans of the kind that it is named after, and of a policy the file stands in it, in base 64.
     """
-    if controller.pilot is not None:
+    if isinstance(controller, PilotController):
         content = base64.b64encode(controller.pilot.source).decode("ascii")
         return json.dumps({"kind": "policy", "name": controller.name, "onnx": content}) + "\n"
-    if controller.is_of_a_kind:
+    if isinstance(controller, PlanningController | RegulatorController):
         return json.dumps({"kind": controller.name, "name": controller.name}) + "\n"
-    if controller.plan is None:
+    if isinstance(controller, RuleController):
         attributes = (("force_axes", controller.force_axes),)
         fuzzy = controller.fuzzy or FuzzyController(controller.name, controller.systems, attributes)
         return serialize.dump_json(fuzzy)

@@ -12,7 +12,7 @@ from pipeline.array_types import Floats
 from pipeline.controllers.source import named
 from pipeline.evaluation import comparison
 from pipeline.evaluation.monte_carlo import episode_columns, fly_cases, summarise
-from pipeline.flight.control.controller import Controller, Planner
+from pipeline.flight.control.controller import Controller, Planner, PlanningController
 from pipeline.flight.goals.flights import fly_all
 from pipeline.flight.state.log import Outcomes, Scenario, combined
 from pipeline.optimum.solved import IncomparableError, Solved, beside_optimum, solved_for, summarise_times
@@ -132,7 +132,7 @@ def _fly_here(lots: Sequence[Lot], names: Sequence[str], progress: Progress) -> 
 
     def begun(lot: Lot, name: str) -> Future[list[Row]]:
         controller = named(name, lot.experiment.mission)
-        plans = controller.planner is not None and len(controller.planner.decisions) > 1
+        plans = isinstance(controller, PlanningController) and len(controller.planner.decisions) > 1
         return (planning if plans else others).submit(_rows, lot, name, controller, flights.note)
 
     try:
@@ -176,7 +176,7 @@ def remembering(controller: Controller) -> Controller:
 
     Flights from the same start with several safety layers are the same until a layer intervenes.
     """
-    if controller.planner is None:
+    if not isinstance(controller, PlanningController):
         return controller
     return replace(controller, planner=_Remembering(controller.planner))
 

@@ -10,7 +10,8 @@ import numpy as np
 from fis_tools.model import FuzzyController
 from pipeline.array_types import Floats
 from pipeline.flight.cases.starts import cases_of
-from pipeline.flight.control.controller import from_fuzzy, law_of
+from pipeline.flight.control.controller import from_fuzzy
+from pipeline.flight.control.law import law_of
 from pipeline.flight.fly.population import lanes_for
 from pipeline.flight.fly.tours import tour_images
 from pipeline.flight.goals.flights import fly_all, fly_genomes

@@ -11,7 +11,8 @@ from scipy.linalg import solve_discrete_are
 
 from pipeline.array_types import Floats
 from pipeline.controllers.planned.paths import Routes, check_within_limits, elements_matrix, ring_elements
-from pipeline.flight.control.controller import Controller, played
+from pipeline.flight.control.controller import Controller, RegulatorController
+from pipeline.flight.control.law import played
 from pipeline.flight.state.arrays import Plans
 from pipeline.flight.state.log import Scenario
 from pipeline.physics.motion import motion_over
@@ -57,7 +58,7 @@ def gain(settings: Lqr, transition: Floats, control: Floats) -> Floats:
 
 def controller(settings: Lqr, mission: Mission) -> Controller:
     """Return the controller of this kind for a mission."""
-    return Controller("lqr", (), "hill", regulator=LqrRegulator(settings, mission))
+    return RegulatorController("lqr", LqrRegulator(settings, mission))
 
 
 class LqrRegulator:

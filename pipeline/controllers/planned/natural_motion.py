@@ -20,7 +20,7 @@ from fis_tools.compiled.vectors import borrowed
 from pipeline.array_types import Floats
 from pipeline.controllers.planned.paths import CENTRE_RADIAL, elements_matrix
 from pipeline.flight.cases.starts import starts_of
-from pipeline.flight.control.controller import Controller
+from pipeline.flight.control.controller import Controller, PlanningController
 from pipeline.flight.fly.workspace import make_workspace, optics_in_use
 from pipeline.flight.period.look.optics import beam_of_case, strike_out_seen, want_all
 from pipeline.flight.state.arrays import Beyond, Workspace, World
@@ -38,7 +38,7 @@ HALVINGS = 5
 
 def controller(settings: NaturalMotion, mission: Mission) -> Controller:
     """Return the controller of this kind for a mission."""
-    return Controller("natural_motion", (), "hill", planner=NaturalMotionPlanner(settings, mission))
+    return PlanningController("natural_motion", NaturalMotionPlanner(settings, mission))
 
 
 class NaturalMotionPlanner:

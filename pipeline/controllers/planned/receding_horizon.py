@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from pipeline.array_types import Floats
 from pipeline.controllers.planned.paths import Routes, check_within_limits, elements_matrix, ring_elements
-from pipeline.flight.control.controller import Controller
+from pipeline.flight.control.controller import Controller, PlanningController
 from pipeline.flight.state.arrays import World
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.pack import pack_world
@@ -82,7 +82,7 @@ def horizon_of(world: World, length: int, spacing: int) -> Horizon:
 
 def controller(settings: RecedingHorizon, mission: Mission) -> Controller:
     """Return the controller of this kind for a mission."""
-    return Controller("receding_horizon", (), "hill", planner=RecedingHorizonPlanner(settings, mission))
+    return PlanningController("receding_horizon", RecedingHorizonPlanner(settings, mission))
 
 
 class RecedingHorizonPlanner:

@@ -13,7 +13,7 @@ from pipeline.flight.cases.actuators import thrust_errors, thrusters_of
 from pipeline.flight.cases.dispersions import mission_of_case
 from pipeline.flight.cases.navigation import errors_of
 from pipeline.flight.cases.processes import in_time
-from pipeline.flight.control.controller import Controller
+from pipeline.flight.control.controller import Controller, stretches_of
 from pipeline.flight.fly.logged import firing_reasons
 from pipeline.flight.reference.errors import DrawnErrors
 from pipeline.flight.reference.flight import Flight
@@ -61,8 +61,8 @@ def reference_of(mission: Mission, controller: Controller, scenario: Scenario) -
 
 
 def stretches(flight: Flight) -> Iterator[tuple[int, Flight]]:
-    """Yield each sample with the flight as its controller is by then, see `Controller.stretches`."""
-    controllers = dict(flight.controller.stretches)
+    """Yield each sample with the flight as its controller is by then, see `stretches_of`."""
+    controllers = dict(stretches_of(flight.controller))
     for k in range(flight.mission.num_controls + 1):
         if k in controllers and controllers[k] is not flight.controller:
             flight = flight.flown_by(controllers[k])

@@ -14,7 +14,8 @@ from fis_tools.engines.kernel import LANES
 from pipeline.array_types import Bytes, Floats, Integers
 from pipeline.flight.cases.navigation import as_believed, as_drawn
 from pipeline.flight.cases.starts import cases_of
-from pipeline.flight.control.controller import Controller, law_of, rehearsed_pushes
+from pipeline.flight.control.controller import Controller
+from pipeline.flight.control.law import law_of, rehearsed_pushes
 from pipeline.flight.fly.population import fly_population, lanes_of_group
 from pipeline.flight.fly.tours import following, rehearsal_samples, tour_images
 from pipeline.flight.state.arrays import Guard

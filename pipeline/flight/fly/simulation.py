@@ -11,11 +11,12 @@ from pipeline.flight.cases.starts import cases_of
 from pipeline.flight.control.controller import (
     Controller,
     ControllerError,
-    law_of,
+    PilotController,
+    PlanningController,
+    RegulatorController,
     open_loop,
-    planned,
-    rehearsed_pushes,
 )
+from pipeline.flight.control.law import law_of, planned, rehearsed_pushes
 from pipeline.flight.fly.logged import write_reasons
 from pipeline.flight.fly.many import Results, fly_many
 from pipeline.flight.fly.plain import as_asked, is_interpreted
@@ -119,13 +120,14 @@ def law_for(
 ) -> Law:
     """Return what compiled flights from some starts need to know of a controller, with their plans."""
     law, num_controls = law_of(controller, mission), mission.num_controls
-    if controller.regulator is not None:
+    if isinstance(controller, RegulatorController):
         return law._replace(plans=controller.regulator(scenarios))
-    if controller.pilot is not None:
+    if isinstance(controller, PilotController):
         return law._replace(plans=controller.pilot(mission, scenarios, workers))
-    if controller.planner is None:
+    if not isinstance(controller, PlanningController):
         return law
-    world, numbers, cases = pack_world(mission), controller.numbers, cases_of(mission, scenarios)
+    planner, numbers = controller.planner, controller.numbers
+    world, cases = pack_world(mission), cases_of(mission, scenarios)
 
     def fly(last: int, plans: Plans) -> Floats:
         known = np.empty((len(cases), 6 + world.num_points))
@@ -133,7 +135,7 @@ def law_for(
         fly_population(world._replace(last=last), flown, numbers, cases, workers, known=known)
         return known[:, :6]
 
-    return law._replace(plans=planned(controller.planner, num_controls, scenarios, fly, workers))
+    return law._replace(plans=planned(planner, num_controls, scenarios, fly, workers))
 
 
 def check_flown_ahead(mission: Mission, controller: Controller) -> None:
@@ -167,7 +169,7 @@ def fly_logged(
     if mission.flight == "reference":
         from pipeline.flight.fly import reference  # noqa: PLC0415 - as above
 
-        if controller.pilot is not None:
+        if isinstance(controller, PilotController):
             controller = open_loop(controller.name, controller.pilot(mission, [scenario], 1).forces[0])
         opening = None if openings is None else openings[0]
         log = reference.fly_by_reference(mission, controller, scenario, opening)

@@ -12,7 +12,7 @@ from fis_tools.compiled.vectors import borrowed, splat, width_of
 from fis_tools.engines.kernel import FEW_LANES
 from pipeline.array_types import Booleans, Bytes, Floats, Integers
 from pipeline.flight.cases.starts import cases_of
-from pipeline.flight.control.controller import played
+from pipeline.flight.control.law import played
 from pipeline.flight.fly.many import start_lanes
 from pipeline.flight.fly.plain import is_interpreted
 from pipeline.flight.fly.workspace import make_states, make_workspace, optics_in_use, points_of_cases

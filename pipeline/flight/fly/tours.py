@@ -16,7 +16,8 @@ from typing import NamedTuple
 import numpy as np
 
 from fis_tools.model import FuzzyController
-from pipeline.flight.control.controller import Controller, from_fuzzy, rehearsal_stride
+from pipeline.flight.control.controller import Controller, RuleController, from_fuzzy
+from pipeline.flight.control.law import rehearsal_stride
 from pipeline.flight.state.signals import TOUR_COEFFICIENTS, constant
 from pipeline.settings.experiment import Mission
 
@@ -82,7 +83,7 @@ def tour_names(controller: Controller) -> list[str]:
 
 
 @lru_cache(maxsize=8)
-def tour_images(controller: Controller) -> tuple[Controller, ...]:
+def tour_images(controller: Controller) -> tuple[RuleController, ...]:
     """Return a controller for each tour that a controller rehearses; none by default.
 
     Each follows its tour without rehearsing any. The first follows the controller's own.
@@ -91,7 +92,7 @@ def tour_images(controller: Controller) -> tuple[Controller, ...]:
     return tuple(_following(fuzzy, tour) for tour in rehearsed_tours(controller) if fuzzy is not None)
 
 
-def _following(fuzzy: FuzzyController, tour: Tour) -> Controller:
+def _following(fuzzy: FuzzyController, tour: Tour) -> RuleController:
     attributes, off = dict(fuzzy.attributes), np.zeros(len(TOUR_COEFFICIENTS))
     if tour.shape > 0:
         drawn = np.random.default_rng(0).standard_normal((tour.shape, len(TOUR_COEFFICIENTS)))
@@ -104,7 +105,7 @@ def _following(fuzzy: FuzzyController, tour: Tour) -> Controller:
     return from_fuzzy(replace(fuzzy, attributes=tuple(attributes.items())))
 
 
-def following(controller: Controller, mission: Mission, tours: Sequence[int]) -> Controller:
+def following(controller: Controller, mission: Mission, tours: Sequence[int]) -> RuleController:
     """Return a controller for the tours that a controller follows, from each of its rehearsals on."""
     images, samples = tour_images(controller), rehearsal_samples(controller, mission)
     first, *others = (images[tour] for tour in tours)

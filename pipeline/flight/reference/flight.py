@@ -3,13 +3,17 @@
 from collections import defaultdict
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from pipeline.array_types import Booleans, Floats
-from pipeline.flight.control.controller import Controller
+from pipeline.flight.control.controller import (
+    Controller,
+    OpenLoopController,
+    RegulatorController,
+    RuleController,
+)
 from pipeline.flight.reference.errors import DrawnErrors
 from pipeline.flight.reference.light import SunAngles, faces_sun, later, sun_direction
 from pipeline.flight.reference.mesh import Mesh
@@ -53,8 +57,10 @@ class Flight:
     @cached_property
     def plan(self) -> Floats:
         """Forces that are known beforehand, (K, 3), N, the controller's axes; zero after the last."""
-        forces: Any = self.controller.plan
-        if self.controller.regulator is not None:
+        forces = np.zeros((0, 3))
+        if isinstance(self.controller, OpenLoopController):
+            forces = self.controller.plan
+        elif isinstance(self.controller, RegulatorController):
             forces = self.controller.regulator([self.scenario]).forces[0]
         plan = np.zeros((self.mission.num_controls, 3))
         plan[: len(forces)] = forces
@@ -63,7 +69,7 @@ class Flight:
     @property
     def has_plan(self) -> bool:
         """Whether forces are planned rather than inferred."""
-        return not self.controller.systems
+        return not isinstance(self.controller, RuleController)
 
     @cached_property
     def chief(self) -> list[Rotation]:
@@ -170,6 +176,8 @@ class Flight:
 
     def played(self, k: int) -> tuple[Rotation | None, Floats | None]:
         """Return the attitude, and the torque, played in a control period; None each where none is."""
+        if not isinstance(self.controller, OpenLoopController):
+            return None, None
         attitudes, torques = self.controller.turns
         most = self.mission.deputy.max_torque_n_m
         attitude = Rotation.from_quat(attitudes[min(k, len(attitudes) - 1)]) if len(attitudes) else None

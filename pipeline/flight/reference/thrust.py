@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +9,7 @@ from numpy.typing import NDArray
 from fis_tools.engines.inference import infer
 from fis_tools.model.thrust import SILENT_N
 from pipeline.array_types import Booleans, Floats
+from pipeline.flight.control.controller import PlanningController, RegulatorController
 from pipeline.flight.reference.flight import Flight
 from pipeline.flight.reference.foresight import preview
 from pipeline.flight.reference.signals import signals
@@ -95,13 +95,13 @@ def is_enough(flight: Flight, ahead: Floats) -> bool:
 
 def planned(flight: Flight, k: int, known: Floats, state: ReferenceState) -> Floats:
     """Return the planned force in a control period, with a regulator's answer to deviations from its path."""
-    controller: Any = flight.controller
-    if controller.planner is not None:
+    controller = flight.controller
+    if isinstance(controller, PlanningController):
         if k in controller.planner.decisions:
             state.planned, state.planned_at = controller.planner(flight.scenario, k, known), k
         row = k - state.planned_at
         return state.planned[row] if row < len(state.planned) else np.zeros(3)
-    if controller.regulator is None:
+    if not isinstance(controller, RegulatorController):
         return flight.plan[k]
     plans = controller.regulator([flight.scenario])
     answer = -plans.gain @ (known - plans.paths[0, k])

@@ -16,7 +16,8 @@ from pipeline.command_line.arguments import ConfigError
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers.played import read_played
 from pipeline.controllers.source import load, named
-from pipeline.flight.control.controller import ControllerError, decision_stride
+from pipeline.flight.control.controller import ControllerError
+from pipeline.flight.control.law import decision_stride
 from pipeline.flight.fly.simulation import fly_all, fly_logged
 from pipeline.scenarios import evaluation_scenarios
 from pipeline.settings.schema import experiment_from

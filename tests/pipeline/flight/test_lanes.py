@@ -7,7 +7,8 @@ import pytest
 
 from fis_tools.engines.kernel import LANES
 from pipeline.flight.cases.starts import cases_of
-from pipeline.flight.control.controller import law_of, open_loop
+from pipeline.flight.control.controller import open_loop
+from pipeline.flight.control.law import law_of
 from pipeline.flight.fly.population import fly_population, lanes_for
 from pipeline.flight.fly.simulation import fly_all, fly_logged
 from pipeline.flight.world.pack import pack_world

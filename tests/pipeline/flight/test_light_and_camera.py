@@ -13,7 +13,8 @@ import trimesh
 
 from fis_tools.compiled.three import Three
 from pipeline.flight.cases.starts import cases_of, starts_of
-from pipeline.flight.control.controller import coast, law_of
+from pipeline.flight.control.controller import coast
+from pipeline.flight.control.law import law_of
 from pipeline.flight.fly.population import FlightError, fly_population
 from pipeline.flight.fly.simulation import fly_all, fly_logged
 from pipeline.flight.fly.workspace import points_of_cases

@@ -10,13 +10,8 @@ from pipeline.array_types import Floats
 from pipeline.command_line.config import compose_experiment
 from pipeline.flight.cases.navigation import FIXES
 from pipeline.flight.cases.starts import cases_of
-from pipeline.flight.control.controller import (
-    Controller,
-    ControllerError,
-    from_fuzzy,
-    law_of,
-    rehearsed_pushes,
-)
+from pipeline.flight.control.controller import Controller, ControllerError, from_fuzzy
+from pipeline.flight.control.law import law_of, rehearsed_pushes
 from pipeline.flight.fly.population import fly_population
 from pipeline.flight.fly.rehearsals import rehearsed_openings
 from pipeline.flight.fly.simulation import fly_all, fly_logged

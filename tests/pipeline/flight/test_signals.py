@@ -9,14 +9,8 @@ import yaml
 from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController, FuzzySystem, Variable
 from pipeline.controllers.source import load
-from pipeline.flight.control.controller import (
-    Controller,
-    ControllerError,
-    coast,
-    from_fuzzy,
-    law_of,
-    open_loop,
-)
+from pipeline.flight.control.controller import Controller, ControllerError, coast, from_fuzzy, open_loop
+from pipeline.flight.control.law import law_of
 from pipeline.flight.fly.simulation import fly_all, fly_logged
 from pipeline.flight.period.look.guidance import POINTS
 from pipeline.flight.state.log import FlightLog, Scenario

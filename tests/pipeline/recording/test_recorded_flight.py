@@ -19,7 +19,7 @@ from fis_tools.formats import serialize
 from fis_tools.model.thrust import thrust_logic
 from fis_tools.words.text import sentence
 from pipeline.controllers.source import named
-from pipeline.flight.control.controller import Controller, open_loop
+from pipeline.flight.control.controller import Controller, RuleController, open_loop
 from pipeline.flight.state.log import FlightLog, Scenario
 from pipeline.flight.world.pack import inspection_points
 from pipeline.recording.recorder import directions
@@ -222,7 +222,7 @@ def test_a_system_of_one_input_records_one(tmp_path):
     system = serialize.from_mapping(cases.composed().config["controller"]).systems[0]
     rules = tuple(replace(rule, antecedent=rule.antecedent.operands[1]) for rule in system.rules[:5])
     lean = replace(system, inputs=system.inputs[1:], rules=rules)
-    recording = short(tmp_path / "lean.mcap", Controller("lean", (lean,), "hill"))
+    recording = short(tmp_path / "lean.mcap", RuleController("lean", (lean,), "hill"))
     inferred = recording["/fis/force_x"]
     assert (inferred["inputs"].shape, inferred["firing_strengths"].shape) == ((10, 1), (10, 5))
     assert recording.fis_description("force_x").input_names == ("velocity_body_x",)

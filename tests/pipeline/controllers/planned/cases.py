@@ -9,6 +9,7 @@ import numpy as np
 from pipeline.array_types import Floats, Integers
 from pipeline.command_line.config import Job, compose_experiment
 from pipeline.controllers.source import controller_of_kind
+from pipeline.flight.control.controller import PlanningController
 from pipeline.flight.reference.motion import transition
 from pipeline.flight.state.log import Scenario
 from pipeline.scenarios import evaluation_scenarios
@@ -34,7 +35,7 @@ def planner(controller: str, *overrides: str, **changes: Any) -> Any:
     experiment = composed(controller, *overrides).experiment
     settings = planned_settings({**experiment.controller, **changes})
     controller = controller_of_kind(controller, replace(settings), experiment.mission)
-    return controller.planner or controller.regulator
+    return controller.planner if isinstance(controller, PlanningController) else controller.regulator
 
 
 def planned_ahead(plan_for: Any, start: Scenario, num_periods: int = 360) -> Floats:
