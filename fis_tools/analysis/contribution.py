@@ -1,7 +1,4 @@
-"""The contribution of each rule: the output minus the output without that rule.
-
-Where an output is weighed, what each rule adds is exact, and it adds up.
-"""
+"""The contribution of each rule: the output minus the output without that rule."""
 
 from collections import defaultdict
 
@@ -12,7 +9,7 @@ from fis_tools.engines import interpreter
 from fis_tools.engines.compiler import CompiledSystem
 from fis_tools.engines.defuzzifier import formula_values
 from fis_tools.engines.inference import infer_outputs
-from fis_tools.engines.program import FORMULA, INVERTED, NUMBER, WEIGHTED_SUM, Program, Weighing
+from fis_tools.engines.program import FORMULA, INVERTED, NUMBER, Program, Weighing
 from fis_tools.model import Formula, FuzzySystem, Linear
 
 #: Samples, each with one rule silenced, that are concluded at a time.
@@ -120,40 +117,7 @@ def importance(compiled: CompiledSystem, inputs: Floats) -> Floats:
     return np.nansum(moved, axis=0) / np.maximum(counts, 1) / ranges
 
 
-def weighed_shares(program: Program, weighing: Weighing, firing: Floats, inputs: Floats) -> Floats:
-    """Split the difference between an output and its default among the rules.
-
-    Of a weighted average a rule's share is ``w (z - default) / W``, where w is its strength, z the number
-    that it concludes and W the sum of all strengths; of a weighted sum it is ``w z - w / W default``. They
-    add up, and there is nothing to sample.
-
-    Parameters
-    ----------
-    program, weighing : Program, Weighing
-        A system, and one of its outputs.
-    firing : (n, num_rules)
-        How far each antecedent holds, before weights.
-    inputs : (n, num_inputs)
-
-    Returns
-    -------
-    (n, num_rules)
-        In the unit of the output; zero where a rule is silent.
-    """
-    strengths = firing[:, weighing.rules] * weighing.weights
-    numbers = _numbers(program, weighing, firing, strengths, inputs)
-    total = strengths.sum(axis=1, keepdims=True)
-    default = 0.0 if np.isnan(weighing.default) else weighing.default
-    parts = np.where(strengths > 0.0, strengths, 0.0) / np.where(total > 0.0, total, 1.0)
-    scale = total if weighing.defuzzifier == WEIGHTED_SUM else 1.0
-    moved = parts * (scale * np.where(strengths > 0.0, numbers, 0.0) - default)
-    values = np.zeros(firing.shape)
-    for column, rule in enumerate(weighing.rules):
-        values[:, rule] += moved[:, column]
-    return values
-
-
-def _numbers(
+def concluded_numbers(
     program: Program, weighing: Weighing, firing: Floats, strengths: Floats, inputs: Floats
 ) -> Floats:
     """Return the number that each rule concludes, (n, c)."""

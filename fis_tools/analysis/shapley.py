@@ -23,7 +23,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fis_tools.analysis.arrays import FIRED
-from fis_tools.analysis.contribution import weighed_shares
+from fis_tools.analysis.quadrature import quadrature
+from fis_tools.analysis.weighted_shares import weighted_shares
 from fis_tools.array_types import Booleans, Floats, Integers
 from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.vectors import width_of
@@ -165,12 +166,6 @@ def weighted_coalitions(structure: tuple[Leads, ...]) -> tuple[Booleans, Floats]
             weights[player] = (others * gain.reshape(*along, -1)).sum(axis=-1)
         first += len(after)
     return members.reshape(-1, num_players), weights.reshape(num_players, -1)
-
-
-def quadrature(num_players: int) -> tuple[Floats, Floats]:
-    """Return the chances and weights that integrate the shares of so many players, or fewer, exactly."""
-    nodes, weights = np.polynomial.legendre.leggauss((num_players + 1) // 2)
-    return 0.5 * (nodes + 1.0), 0.5 * weights
 
 
 def _spread(after: Leads, chances: Floats, sure: int = -1, joins: float = 0.0) -> Floats:
@@ -341,7 +336,7 @@ def shares(
     """Compute the share of each rule in each output.
 
     They are exact where rules can cut the output's terms in `MOST_COALITIONS` ways or fewer, as dozens of
-    rules do under a maximum, and where the output is weighed; else means over some orders of joining, which
+    rules do under a maximum, and where the output is weighted; else means over some orders of joining, which
     add up as well.
 
     Parameters
@@ -360,10 +355,12 @@ def shares(
     values = np.zeros((*firing.shape, len(compiled.system.outputs)))
     error = np.zeros((len(firing), values.shape[2]))
     for index, conclusion in enumerate(compiled.program.conclusions):
-        if isinstance(conclusion, Weighing):
-            values[:, :, index] = weighed_shares(compiled.program, conclusion, firing, np.asarray(inputs))
-            continue
         match = _match(compiled, index, firing)
+        if isinstance(conclusion, Weighing):
+            values[:, :, index] = weighted_shares(
+                compiled.program, conclusion, firing, match.plays, np.asarray(inputs)
+            )
+            continue
         for game in _games(match):
             if game.structure is None:
                 worth = partial(_one_worth, match, game)

@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from fis_tools.analysis import arrays, shapley
+from fis_tools.analysis import arrays
 from fis_tools.analysis.flights import FlownSystem
+from fis_tools.analysis.quadrature import quadrature
 from fis_tools.array_types import Floats
 from fis_tools.findings.explanation.points import in_short
 from fis_tools.model import And, Expression, FuzzySystem, Hedged, Is, Not, Or, Rule, Variable, sample
@@ -53,7 +54,7 @@ def flight_data(flight: Flight, systems: Sequence[FuzzySystem], num_flights: int
 
 def quadrature_data(systems: Sequence[FuzzySystem]) -> list[str]:
     """Return nodes and weights of the quadrature that integrates the shares of so many rules exactly."""
-    nodes, weights = shapley.quadrature(max(len(system.rules) for system in systems))
+    nodes, weights = quadrature(max(len(system.rules) for system in systems))
     return [_doubles(nodes), _doubles(weights)]
 
 

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from scipy.special import erf
 from scipy.stats import qmc
 
-from fis_tools.analysis import shapley
+from fis_tools.analysis import shapley, weighted_shares
 from fis_tools.analysis.arrays import FIRED, coverage, distinguishability, rule_usage, spread_inputs, surface
 from fis_tools.analysis.contribution import contributions, importance
 from fis_tools.analysis.domain import as_mapping, box_of, departures, from_mapping
@@ -25,13 +25,23 @@ from fis_tools.engines.compiler import compile
 from fis_tools.errors import ControllerFileError
 from fis_tools.formats import serialize
 from fis_tools.model import And, Consequent, Expression, FuzzySystem, Is, Not, Or, Rule, Term, Variable
+from fis_tools.model.numbers import Constant
 from fis_tools.model.operators import ACCUMULATIONS
 from fis_tools.model.shapes import Gaussian, MembershipFunction, Sampled, Trapezoidal, Triangular
 from fis_tools.model.systems import table_rules
 from tests.fis_tools import step_by_step
 from tests.fis_tools.control_systems import ReferenceEngine
+from tests.fis_tools.engines import weighed_systems
 from tests.fis_tools.engines.random_systems import inputs_for, random_general_system
-from tests.fis_tools.sample_controllers import FORCE_X, FORCE_Z, ROOM, SHIPPED, ramp_system, terms
+from tests.fis_tools.sample_controllers import (
+    FORCE_X,
+    FORCE_Z,
+    ROOM,
+    SHIPPED,
+    ramp_system,
+    table_system,
+    terms,
+)
 
 
 def test_a_surface_is_what_scikit_fuzzy_computes_at_its_grid_points() -> None:
@@ -434,3 +444,66 @@ def test_a_rule_that_hardly_fires_has_no_share_unless_it_is_the_strongest() -> N
     assert shares[0] == pytest.approx(inference.infer(system, np.array([0.04])).values[0] - 0.5, abs=1e-14)
     lone = compile(replace(system, rules=system.rules[1:]))
     assert shapley.shares(lone, np.array([[0.04]])).values.item() == pytest.approx(2.5, abs=1e-14)
+
+
+@pytest.mark.parametrize("name", weighed_systems.SYSTEMS)
+def test_shares_in_a_weighted_output_are_those_of_all_coalitions_enumerated(name: str) -> None:
+    system = weighed_systems.SYSTEMS[name]
+    rows = weighed_systems.samples(system, 12)
+    shares = shapley.shares(compile(system), rows)
+    several = 0
+    for sample, row in enumerate(rows):
+        of_outputs = [enumerated(system, row, index) for index in range(len(system.outputs))]
+        several += sum(np.count_nonzero(expected) > 1 for expected in of_outputs)
+        step_by_step.assert_near(shares.values[sample], np.transpose(of_outputs), system, 1e-11)
+    assert several > 2 or name == "mixed"
+    assert not shares.error.any()
+
+
+def test_the_share_of_a_rule_in_an_average_is_not_its_proportion() -> None:
+    """Two rules with the constants 2 and 10, at 0.25: alone they give 2 and 10, together 4."""
+    sides = terms(low=Triangular(-1.0, 0.0, 1.0), high=Triangular(0.0, 1.0, 2.0))
+    x = Variable("x", "", 0.0, 1.0, sides)
+    y = Variable(
+        "y",
+        "",
+        0.0,
+        10.0,
+        terms(two=Constant(2.0), ten=Constant(10.0)),
+        default=0.0,
+        aggregation="unbounded_sum",
+    )
+    system = table_system("sugeno", (x,), y, ("two", "ten"), defuzzifier="weighted_average")
+    shares = shapley.shares(compile(system), np.array([[0.25]])).values[0, :, 0]
+    np.testing.assert_allclose(shares, [-2.0, 6.0], rtol=0, atol=1e-12)
+
+
+def test_shares_in_an_average_of_many_rules_add_up_and_agree_with_sampled_orders() -> None:
+    generator = np.random.default_rng(7)
+    strengths, numbers = generator.uniform(0.05, 1.0, 40), generator.uniform(-100.0, 100.0, 40)
+    weak, default = (0.03, 0.9), 1.5
+    game = strengths[np.newaxis], (strengths * numbers)[np.newaxis], *(np.array([part]) for part in weak)
+    (exact,) = weighted_shares._of_averages(*game, default)
+    output = (strengths @ numbers + weak[1]) / (strengths.sum() + weak[0])
+    assert exact.sum() == pytest.approx(output - default, abs=1e-10)
+
+    def worth(members: np.ndarray) -> np.ndarray:
+        totals = members @ strengths + weak[0]
+        return np.where(members.any(axis=1), (members @ (strengths * numbers) + weak[1]) / totals, default)
+
+    drawn, error = shapley.sampled(40, worth, 4000)
+    assert np.abs(drawn - exact).max() <= 5 * error
+    assert error < 0.01 * np.ptp(numbers)
+
+
+def test_the_integral_gives_the_shares_that_enumeration_gives(monkeypatch: pytest.MonkeyPatch) -> None:
+    generator = np.random.default_rng(3)
+    for count in range(1, weighted_shares.MOST_ENUMERATED + 1):
+        strengths = generator.uniform(0.05, 1.0, (6, count)) * 10.0 ** generator.uniform(-6.0, 0.0, (6, 1))
+        sums, weak = strengths * generator.normal(size=(6, count)), 0.01 * generator.random((2, 6))
+        weak[:, :2] = 0.0
+        exact = weighted_shares._of_averages(strengths, sums, *weak, 0.25)
+        with monkeypatch.context() as patch:
+            patch.setattr(weighted_shares, "MOST_ENUMERATED", 0)
+            integrated = weighted_shares._of_averages(strengths, sums, *weak, 0.25)
+        np.testing.assert_allclose(integrated, exact, rtol=0, atol=1e-11)
