@@ -182,14 +182,14 @@ def summary(given: Sequence[str]) -> int:
             "outputs/NAME-sweep/TIME"
         )
     folder = Path(given[0]).expanduser()
-    swept = sweep.gather(folder)
-    tables.write_parquet(folder / RUNS, sweep.columns_of(swept))
-    tables.write_parquet(folder / EFFECTS, sweep.effect_columns(swept))
-    writing.write_atomically(folder / PAGE, sweep.write(swept))
-    _print([*sweep.runs_table(swept), *sweep.effects_table(swept)])
-    for run in swept.offered:
+    results = sweep.gather(folder)
+    tables.write_parquet(folder / RUNS, sweep.columns_of(results))
+    tables.write_parquet(folder / EFFECTS, sweep.effect_columns(results))
+    writing.write_atomically(folder / PAGE, sweep.write(results))
+    _print([*sweep.runs_table(results), *sweep.settings_table(results), *sweep.effects_table(results)])
+    for run in results.offered:
         sys.stdout.write(f"to fly {run.folder}: {run.fly}\n")
-    for run in swept.failed[:MOST_PRINTED]:
+    for run in results.failed[:MOST_PRINTED]:
         sys.stdout.write(f"failed: {run.folder}: {run.failure}\n")
     sys.stdout.write(f"written: {', '.join(str(folder / name) for name in (PAGE, RUNS, EFFECTS))}\n")
     return OK

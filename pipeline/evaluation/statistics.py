@@ -361,7 +361,7 @@ class Effect:
 Flown = tuple[Mapping[str, str], Columns]
 
 
-def effects(runs: Sequence[Flown], confidence_percent: float) -> list[Effect]:
+def effects(runs: Sequence[Flown], confidence_percent: float, *, pools_seeds: bool = False) -> list[Effect]:
     """Return the effect of each factor of a sweep.
 
     Runs are paired with those that differ from them in one factor only, and their cases with the same
@@ -370,6 +370,10 @@ def effects(runs: Sequence[Flown], confidence_percent: float) -> list[Effect]:
     Parameters
     ----------
     runs : sequence of (levels by factor, columns of the evaluation)
+    confidence_percent : float
+    pools_seeds : bool
+        Whether seeds only draw cases, whose differences then all count; else a pair of runs counts once, for
+        its seed also made another controller.
     """
     results = []
     for factor in dict.fromkeys(name for levels, _ in runs for name in levels):
@@ -387,21 +391,24 @@ def effects(runs: Sequence[Flown], confidence_percent: float) -> list[Effect]:
                     pair = by_level[baseline][rest], episodes
                     of_seeds.setdefault(dict(rest).get("seed", ""), []).append(pair)
             for metric in METRICS if of_seeds else ():
-                gained, unit = _gained(list(of_seeds.values()), metric)
+                gained, unit = _gained(list(of_seeds.values()), metric, pools_seeds)
                 gain = difference(gained, confidence_percent, metric.most)
                 results.append(Effect(factor, level, baseline, metric, gain, unit))
     return results
 
 
-def _gained(of_seeds: Sequence[Sequence[tuple[Columns, Columns]]], metric: Metric) -> tuple[Floats, str]:
-    """Return the differences per seed; per case if there is one seed and its runs share cases.
+def _gained(
+    of_seeds: Sequence[Sequence[tuple[Columns, Columns]]], metric: Metric, pools_seeds: bool
+) -> tuple[Floats, str]:
+    """Return the differences per seed; per case if seeds are pooled, or there is one, and runs share cases.
 
     Pairs of runs of the same seed fly the same cases, so only their mean counts.
     """
     differences = [[_between(*pair, metric) for pair in pairs] for pairs in of_seeds]
-    sizes = {len(values) for values in differences[0]}
-    if len(differences) == 1 and len(sizes) == 1 and sizes != {1}:
-        return np.mean(differences[0], axis=0), "cases"
+    sizes = [{len(values) for values in pairs} for pairs in differences]
+    share_cases = all(len(size) == 1 and size != {1} for size in sizes)
+    if share_cases and (pools_seeds or len(differences) == 1):
+        return np.concatenate([np.mean(pairs, axis=0) for pairs in differences]), "cases"
     return np.array([np.mean([values.mean() for values in pairs]) for pairs in differences]), "runs"
 
 

@@ -142,7 +142,7 @@ NAMES_APART = 0.06
 
 
 def front_of_runs(names: Sequence[str], spent: Floats, rates: Floats, is_on_front: Booleans) -> Figure:
-    """Draw mean inspection rate over mean delta-v with their intervals, a point a run, and the front.
+    """Draw mean inspection rate over mean delta-v with their intervals, a point a setting, and the front.
 
     Parameters
     ----------
@@ -155,7 +155,7 @@ def front_of_runs(names: Sequence[str], spent: Floats, rates: Floats, is_on_fron
     ax = figure.subplots()
     across, up = (np.abs(values[:, 1:] - values[:, :1]).T for values in (spent, rates))
     order = np.argsort(spent[:, 0], kind="stable")
-    looks = {False: ("o", style.MUTED, "surpassed by another run"), True: ("o-", style.BLUE, "on the front")}
+    looks = {False: ("o", style.MUTED, "beaten by another in both"), True: ("o-", style.BLUE, "on the front")}
     for kind, (line, colour, label) in looks.items():
         rows = order[is_on_front[order] == kind]
         if rows.size:

@@ -2,7 +2,6 @@
 
 import re
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,7 +15,7 @@ from pipeline.evaluation.comparison import ComparisonRow
 from pipeline.evaluation.monte_carlo import fly_cases
 from pipeline.flight.control.controller import coast
 from pipeline.optimum.solved import beside_optimum, solved_for
-from pipeline.report import comparisons, sweep
+from pipeline.report import comparisons
 from pipeline.report.figures.comparison import ENDS, MARKS, ControllerMark, by_world, compared
 from pipeline.report.figures.comparison import beside_optimum as drawn_beside
 from pipeline.report.figures.style import PAPER, style
@@ -234,18 +233,3 @@ def test_the_page_shows_the_table_the_reason_or_what_is_missing(tmp_path):
     page = Page(page_of(experiment, tmp_path))
     assert "This run has no evaluate/optimum.parquet; the stage evaluate writes it" in page.text["optimum"]
     assert not (tmp_path / artifacts.FIGURES / "optimum.png").exists()
-
-
-@pytest.mark.parametrize("factor", ["seed", "safety"])
-def test_runs_of_several_seeds_are_not_ranked_without_a_warning(factor):
-    values = dict.fromkeys(("delta_v_m_s", "inspection_rate_percent", "success", "violated"), (1.0, 0.9, 1.1))
-    values = {name: sweep.Value(*value) for name, value in values.items()}
-    runs = tuple(
-        sweep.Run(
-            folder=f"{factor}={one}", command=(), differs={factor: str(one)}, failure="",
-            state="finished", num_cases=4, values=values, fly=f"python -m pipeline {one}",
-        )
-        for one in (1, 2)
-    )  # fmt: skip
-    page = sweep.write(sweep.Swept(Path("here"), runs, (), 95.0))
-    assert page.count("flew different cases") == (2 if factor == "seed" else 0)
