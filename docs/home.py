@@ -61,6 +61,7 @@ def page() -> str:
         SCRIPT_HASH=hash_of(script),
         STYLE=style,
         STYLE_HASH=hash_of(style),
+        FRAME=(VIEW / "frame.html").read_text(encoding="utf-8"),
         NUM_OTHERS=table["num_starts"] - 1,
         FACTS="".join(f'<li><a href="{link}"><b>{number}</b></a>{text}</li>' for number, text, link in FACTS),
     )

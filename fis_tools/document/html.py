@@ -12,16 +12,17 @@ from markupsafe import Markup, escape
 from fis_tools.document import Document, Heading
 
 
-def policy(style: str = "") -> Markup:
-    """Return the content security policy of a page without scripts: nothing runs, nothing is fetched.
+def policy(style: str = "", script: str = "") -> Markup:
+    """Return the content security policy of a page: nothing runs but one script, nothing is fetched.
 
-    With the source of its style element, no other style is applied.
+    With the source of its style element, no other style is applied; without a script none runs.
     """
     allowed = source_hash(style) if style else "unsafe-inline"
+    runs = f"script-src '{source_hash(script)}'; " if script else ""
     return Markup(
-        "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src '{}'; "
+        "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; {}style-src '{}'; "
         "img-src data:; base-uri 'none'; form-action 'none'\">"
-    ).format(Markup(allowed))  # noqa: S704 - a hash or a word
+    ).format(Markup(runs), Markup(allowed))  # noqa: S704 - hashes or words
 
 
 @cache

@@ -16,6 +16,7 @@ from pipeline.recording.events import points_in_words
 from pipeline.report import comparisons
 from pipeline.report.contents import Contents, FlightSet, ShownFlight
 from pipeline.report.figures.style import MOST_POINTS, Illustration, caption_of
+from pipeline.report.scene import scene_of
 from pipeline.run import artifacts
 from pipeline.settings.experiment import Mission
 from pipeline.settings.start_table import POSITION
@@ -47,8 +48,10 @@ def write(contents: Contents, illustrations: Mapping[str, Illustration]) -> str:
         heading = Heading(experiment.report.title, 1)
         return page(Document([heading, *_towards_goal(contents, illustrations)]), COLOURS)
     has_unseen = any(sees_less(flights.summary) for _, flights, _ in contents.sets)
+    scene = scene_of(contents.shown[0], contents.controller, mission) if contents.shown else None
     return template("pipeline.report", "templates", "report.html").render(
-        policy=policy(),
+        policy=policy(script=scene.script if scene else ""),
+        scene=scene,
         contents=contents,
         experiment=experiment,
         success=SUCCESS,

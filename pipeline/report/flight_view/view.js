@@ -15,6 +15,8 @@ const SPEED = 18; // samples a second
  *
  * `flight` has numSamples, periodS, radius, limits, points and, of a sample k, position, velocity, force, sun (a
  * direction), isSeen(k, point), spent, coast(k) (positions of free motion), and reasons(k) (lists of {text, detail}).
+ * It may have pointsAt(k) where the chief turns, isLit(k, point) where light is more than facing the Sun, and
+ * isSphere false where the chief is none.
  * `touch(kind, direction)`, where given, hears of a start or a Sun that is dragged.
  */
 export class FlightView {
@@ -260,20 +262,22 @@ export class FlightView {
   sphere(centre, radius, sun, { eye, right, up }, k) {
     const { pen, flight, colour } = this;
     const towards = [dot(sun, right), -dot(sun, up)], facing = dot(sun, eye);
+    const isLitNow = flight.isLit ?? ((_, index) => isLit(points[index], sun));
+    const points = flight.pointsAt?.(k) ?? flight.points, hasBody = flight.isSphere !== false;
     const gradient = pen.createLinearGradient(centre[0] - towards[0] * radius, centre[1] - towards[1] * radius,
       centre[0] + towards[0] * radius + 1e-6, centre[1] + towards[1] * radius);
     const edge = 0.5 - 0.5 * Math.max(-0.9, Math.min(0.9, facing));
     gradient.addColorStop(Math.max(0, edge - 0.08), colour.shade);
     gradient.addColorStop(Math.min(1, edge + 0.08), colour.body);
-    pen.fillStyle = gradient; pen.beginPath(); pen.arc(centre[0], centre[1], radius, 0, TURN); pen.fill();
+    if (hasBody) { pen.fillStyle = gradient; pen.beginPath(); pen.arc(centre[0], centre[1], radius, 0, TURN); pen.fill(); }
     const share = radius / flight.radius;
-    flight.points.forEach((point, index) => {
+    points.forEach((point, index) => {
       const depth = dot(point, eye);
-      if (depth < 0.05 * flight.radius) return;
+      if (depth < 0.05 * flight.radius && hasBody) return;
       const x = centre[0] + share * dot(point, right), y = centre[1] - share * dot(point, up);
-      pen.beginPath(); pen.arc(x, y, Math.max(1.5, share * (0.35 + 0.35 * depth / flight.radius)), 0, TURN);
+      pen.beginPath(); pen.arc(x, y, Math.max(1.5, share * (0.35 + 0.35 * Math.max(0, depth) / flight.radius)), 0, TURN);
       if (flight.isSeen(k, index)) { pen.fillStyle = colour.seen; pen.fill(); }
-      else if (isLit(point, sun)) { pen.strokeStyle = colour.lit; pen.lineWidth = Math.max(1.2, share * 0.2); pen.stroke(); }
+      else if (isLitNow(k, index)) { pen.strokeStyle = colour.lit; pen.lineWidth = Math.max(1.2, share * 0.2); pen.stroke(); }
       else { pen.fillStyle = colour.dark; pen.fill(); }
     });
   }

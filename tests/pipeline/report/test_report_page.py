@@ -260,8 +260,10 @@ def test_names_are_text_and_no_markup(trained):
     told = replace(told, controller=hostile, experiment=hostile_run, command=HOSTILE, config_text=HOSTILE)
     illustrations = {drawn.name: drawn for drawn in draw(told)}
     assert all(re.fullmatch(r"[a-z0-9-]+", name) for name in illustrations)
-    page = Page(write(told, illustrations))
-    assert page.all("script") == []
+    text = write(told, illustrations)
+    page = Page(text)
+    assert HOSTILE not in text
+    assert len(page.all("script")) == bool(told.shown)
     assert ("h1", HOSTILE) in page.texts
     assert page.text["controller"].count(HOSTILE) >= 2
     assert HOSTILE in page.text["provenance"]

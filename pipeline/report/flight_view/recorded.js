@@ -1,0 +1,44 @@
+
+// A flight as the product flew it, from the arrays of a report's page.
+function showRecorded(table) {
+  const bytes = text => Uint8Array.from(atob(text), letter => letter.charCodeAt(0));
+  const floats = text => new Float32Array(bytes(text).buffer);
+  const arrays = Object.fromEntries(["points", "attitude", "position", "velocity", "force", "sun", "spent", "coast"]
+    .map(name => [name, floats(table[name])]));
+  const isSeen = bytes(table.isSeen), isLitThen = bytes(table.isLit);
+  const bit = (array, index) => (array[index >> 3] >> (index & 7) & 1) > 0;
+  const three = (array, row) => [array[3 * row], array[3 * row + 1], array[3 * row + 2]];
+  const numSamples = arrays.spent.length, last = numSamples - 2;
+  const held = Array.from({ length: table.numPoints }, (_, j) => three(arrays.points, j));
+  const quaternion = k => Array.from({ length: 4 }, (_, i) => arrays.attitude[4 * k + i]);
+
+  /** Turn a vector by a quaternion, scalar last, of a change of axes; `sign` -1 turns it back. */
+  const turned = ([x, y, z, w], vector, sign) => {
+    const axis = [x, y, z].map(part => -sign * part), side = cross(axis, vector).map(part => 2 * part);
+    return plus(plus(vector, scaled(side, w)), cross(axis, side));
+  };
+  const view = new FlightView(document.getElementById("flight"), {
+    numSamples, periodS: table.periodS, radius: table.radius, limits: table.limits, isSphere: table.isSphere, points: held,
+    pointsAt: arrays.attitude.length ? k => held.map(point => turned(quaternion(k), turned(quaternion(0), point, 1), -1)) : null,
+    position: k => three(arrays.position, k),
+    force: k => three(arrays.force, Math.min(k, last)),
+    sun: k => three(arrays.sun, k),
+    spent: k => arrays.spent[k],
+    isSeen: (k, j) => bit(isSeen, k * table.numPoints + j),
+    isLit: (k, j) => bit(isLitThen, k * table.numPoints + j),
+    coast(k) {
+      if (!arrays.coast.length) return null;
+      const state = [...three(arrays.position, k), ...three(arrays.velocity, k)];
+      return Array.from({ length: arrays.coast.length / 18 }, (_, at) => [0, 1, 2].map(axis =>
+        state.reduce((sum, value, column) => sum + arrays.coast[18 * at + 6 * axis + column] * value, 0)));
+    },
+    reasons(k) {
+      const period = Math.min(k, last), force = three(arrays.force, period), texts = table.reasons[period].map(index => table.texts[index]);
+      const rows = force.flatMap((part, axis) => part ? [{ size: Math.abs(part), text: pushText(axis, part), detail: texts[axis] }] : []);
+      rows.sort((a, b) => b.size - a.size);
+      return rows.length ? rows : [{ text: "No push.", detail: texts.find((text, axis) => texts.indexOf(text) !== axis) ?? texts[0] }];
+    },
+  });
+  if (matchMedia("(prefers-reduced-motion: reduce)").matches) view.show(Math.round(numSamples / 3));
+  else view.show(0);
+}

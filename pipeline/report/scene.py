@@ -1,0 +1,139 @@
+"""A flight in three dimensions on the page of a report, and why each push came."""
+
+import base64
+import json
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from markupsafe import Markup
+
+from fis_tools.analysis import shapley
+from fis_tools.document.html import read
+from fis_tools.engines.compiler import compile
+from fis_tools.model.thrust import COMPONENTS, REASONS
+from fis_tools.words.text import sentence
+from pipeline.array_types import Booleans, Floats
+from pipeline.flight.control.controller import Controller
+from pipeline.flight.state.log import FIRED, FlightLog
+from pipeline.flight.world.pack import pack_world
+from pipeline.physics.motion import state_transition
+from pipeline.recording.points import lit_and_seen
+from pipeline.report.contents import ShownFlight
+from pipeline.settings.experiment import Mission
+
+PACKAGE = "pipeline.report.flight_view"
+#: samples of one orbit of free motion
+NUM_COASTED = 97
+#: what was asked for along these axes is what was fired there
+HILL = "hill"
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A scene as the page needs it: its style and script, which the page's policy names."""
+
+    title: str
+    style: Markup
+    frame: Markup
+    script: Markup
+
+
+def scene_of(flight: ShownFlight, controller: Controller, mission: Mission) -> Scene:
+    """Return the scene of a flight that inspects.
+
+    Parameters
+    ----------
+    flight : ShownFlight
+    controller : Controller
+        That was flown.
+    mission : Mission
+    """
+    table = json.dumps(_table(flight.log, controller, mission), separators=(",", ":")).replace("<", "\\u003c")
+    code = read("view.js", PACKAGE).replace("\nexport ", "\n") + read("recorded.js", PACKAGE)
+    # files of this package, and JSON that cannot end a script
+    script = Markup(f"{{\n{code}\nshowRecorded({table});\n}}")  # noqa: S704
+    style, frame = (Markup(read(name, PACKAGE)) for name in ("view.css", "frame.html"))  # noqa: S704 - likewise
+    return Scene(flight.title, style, frame, script)
+
+
+def _table(log: FlightLog, controller: Controller, mission: Mission) -> dict[str, Any]:
+    """Return the numbers and texts of a flight; arrays as base64 of float32, of bits, or of bytes."""
+    world = pack_world(mission)
+    points = world.points[0, :, : world.num_points].T
+    is_lit, _ = lit_and_seen(world, log)
+    angle, elevation = log.sun_angle_rad, log.sun_elevation_rad
+    level = np.cos(elevation)
+    sun = np.stack([level * np.cos(angle), level * np.sin(angle), np.sin(elevation)], axis=1)
+    texts, of_sample = _reasons(log, controller)
+    is_linear = mission.dynamics.model == "cw"
+    deputy = mission.deputy
+    return {
+        "periodS": mission.control_period_s,
+        "radius": float(np.linalg.norm(points, axis=1).max()),
+        "isSphere": mission.chief.shape == "sphere",
+        "limits": [deputy.min_distance_m, deputy.max_distance_m],
+        "numPoints": world.num_points,
+        "points": _floats(points),
+        "attitude": _floats(log.quaternion_c_from_h) if len(world.points) > 1 else "",
+        "position": _floats(log.position_m),
+        "velocity": _floats(log.velocity_m_s),
+        "force": _floats(log.force_hill_n),
+        "sun": _floats(sun),
+        "spent": _floats(log.delta_v_m_s),
+        "isSeen": _bits(log.is_inspected),
+        "isLit": _bits(is_lit),
+        "coast": _floats(_free_motion(mission.orbit.mean_motion_rad_s)) if is_linear else "",
+        "texts": texts,
+        "reasons": of_sample,
+    }
+
+
+def _free_motion(mean_motion: float) -> Floats:
+    """Return what leads from a state to positions of free motion over one orbit, (NUM_COASTED, 3, 6)."""
+    times = np.linspace(0.0, 2.0 * np.pi / mean_motion, NUM_COASTED)
+    return np.array([np.asarray(state_transition(mean_motion, time_s))[:3] for time_s in times])
+
+
+def _reasons(log: FlightLog, controller: Controller) -> tuple[list[str], list[list[int]]]:
+    """Return texts, and for each control period the index of that of each axis.
+
+    Where a rule made a push it is the one with the largest share in it, as in recordings; elsewhere what the
+    log calls the reason.
+    """
+    words = list(REASONS.values())
+    texts = [text[:1].upper() + text[1:] + "." for text in words]
+    indices = np.array(log.reason)
+    rules = _pushing_rules(log, controller)
+    for (k, axis), text in rules.items():
+        if text not in texts:
+            texts.append(text)
+        indices[k, axis] = texts.index(text)
+    return texts, indices.tolist()
+
+
+def _pushing_rules(log: FlightLog, controller: Controller) -> dict[tuple[int, int], str]:
+    """Return the rule with the largest share in each push that was fired as inferred, by period and axis."""
+    if controller.force_axes != HILL:
+        return {}
+    rules: dict[tuple[int, int], str] = {}
+    for index, system in enumerate(controller.systems):
+        axis = COMPONENTS.index(system.outputs[0].name)
+        is_fired = log.is_decided & (log.reason[:, axis] == FIRED) & (log.force_hill_n[:, axis] != 0.0)
+        samples = np.flatnonzero(is_fired)
+        if not samples.size:
+            continue
+        inputs = log.fis_input[samples, index, : len(system.inputs)]
+        shares = shapley.shares(compile(system), inputs).values[:, :, 0]
+        signs = np.sign(log.force_hill_n[samples, axis])[:, np.newaxis]
+        for k, rule in zip(samples, np.argmax(shares * signs, axis=1), strict=True):
+            rules[int(k), axis] = f"{sentence(system.rules[rule])}."
+    return rules
+
+
+def _floats(array: Any) -> str:
+    return base64.b64encode(np.ascontiguousarray(array, dtype="<f4").tobytes()).decode("ascii")
+
+
+def _bits(array: Booleans) -> str:
+    return base64.b64encode(np.packbits(array, axis=None, bitorder="little").tobytes()).decode("ascii")

@@ -1,0 +1,96 @@
+"""The flight in three dimensions on a report's page: what it shows is what was flown and recorded."""
+
+import base64
+import json
+
+import numpy as np
+import pytest
+
+import telemetry
+from fis_tools.words.text import sentences
+from pipeline.command_line.config import compose_experiment
+from pipeline.controllers import source
+from pipeline.flight.fly.simulation import fly_logged
+from pipeline.recording.recorder import Recorder
+from pipeline.report.contents import ShownFlight
+from pipeline.report.scene import scene_of
+from pipeline.scenarios import start_shown
+from pipeline.settings.experiment import Mission
+from tests.browser import serious_violations
+
+pytestmark = pytest.mark.slow
+
+#: controllers with rules along Hill axes, in worlds that differ in light, motion and chief
+FLOWN = (("champion_27",), ("champion_leo", "world=leo"), ("champion_rso", "world=rso"), ("lqr",))
+
+
+@pytest.fixture(scope="module", params=FLOWN, ids=lambda words: words[0])
+def flown(request):
+    """A mission, a controller, its logged flight, and the scene of it."""
+    name, *words = request.param
+    experiment = compose_experiment(["+experiment=fly", f"controller={name}", *words]).experiment
+    mission: Mission = experiment.mission
+    controller = source.named(name, mission)
+    _, start = start_shown(experiment)
+    log = fly_logged(mission, controller, start)
+    return mission, controller, log, scene_of(ShownFlight("start", "Flight", start, log), controller, mission)
+
+
+def table_of(scene):
+    """Return the numbers and texts that the script is given."""
+    return json.loads(scene.script.rpartition("showRecorded(")[2].rpartition(");")[0])
+
+
+def floats(text):
+    return np.frombuffer(base64.b64decode(text), "<f4")
+
+
+def bits(text, shape):
+    unpacked = np.unpackbits(np.frombuffer(base64.b64decode(text), np.uint8), bitorder="little")
+    return unpacked[: np.prod(shape)].reshape(shape).astype(bool)
+
+
+def test_a_scene_holds_the_flight(flown):
+    _, _, log, scene = flown
+    table = table_of(scene)
+    assert np.array_equal(floats(table["position"]), log.position_m.astype(np.float32).ravel())
+    assert np.array_equal(bits(table["isSeen"], log.is_inspected.shape), log.is_inspected)
+    assert not np.any(bits(table["isLit"], log.is_inspected.shape) & log.is_inspected)
+    assert len(scene.script) < 120_000
+
+
+def test_a_push_names_the_rule_that_recordings_give_the_largest_share(flown, tmp_path):
+    mission, controller, log, scene = flown
+    table = table_of(scene)
+    texts = [[table["texts"][index] for index in row] for row in table["reasons"]]
+    Recorder(mission, controller).write(tmp_path / "flight.mcap", log)
+    recording = telemetry.read(tmp_path / "flight.mcap")
+    num_named = 0
+    for system in controller.systems:
+        topic = recording.topics[f"/fis/{system.name}"]
+        axis = ("force_x", "force_y", "force_z").index(system.outputs[0].name)
+        words = list(sentences(system))
+        for time_s, shares in zip(topic.time_s, topic.columns["shares_n"], strict=True):
+            k = round(time_s / mission.control_period_s)
+            force = log.force_hill_n[k, axis]
+            if force and texts[k][axis].startswith("If "):
+                assert texts[k][axis] == f"{words[int(np.argmax(shares * np.sign(force)))]}."
+                num_named += 1
+    assert num_named > 0 or not controller.systems
+
+
+@pytest.mark.parametrize("width", [400, 1400])
+def test_a_page_shows_it(flown, opened, axe, width):
+    _, _, log, scene = flown
+    head = f"<html lang=en><title>A flight</title><style>{scene.style}</style>"
+    body = f"<main><h1>A flight</h1>{scene.frame}</main><script>{scene.script}</script>"
+    page = opened(head + body, width, reduced_motion="reduce")
+    page.locator(".time").fill("30")
+    page.wait_for_function("() => document.querySelector('.count').textContent.startsWith('5 min')")
+    count = int(log.is_inspected[30].sum())
+    assert f"{count} of {log.is_inspected.shape[1]} points" in page.locator(".count").inner_text()
+    force = log.force_hill_n[30]
+    told = page.locator(".why").inner_text()
+    assert told.startswith("Push" if np.any(force) else "No push")
+    assert page.evaluate("() => document.documentElement.scrollWidth") <= width
+    assert serious_violations(page, axe) == []
