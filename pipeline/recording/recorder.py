@@ -23,11 +23,10 @@ from fis_tools.compiled.decorator import sparingly
 from fis_tools.engines.compiler import CompiledSystem, compile
 from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController
-from fis_tools.model.thrust import COMPONENTS, COUNTED, REASONS
+from fis_tools.model.thrust import COMPONENTS, REASONS
 from fis_tools.words.text import sentences
 from pipeline.array_types import Floats
 from pipeline.controllers.played import to_mapping
-from pipeline.flight.cases.actuators import thrusters_of
 from pipeline.flight.cases.dispersions import drawn, mission_of_case
 from pipeline.flight.control.controller import (
     Controller,
@@ -44,6 +43,7 @@ from pipeline.flight.state.signals import CONSTANTS, SIGNALS
 from pipeline.flight.world.pack import pack_world
 from pipeline.flight.world.surface import surface_of
 from pipeline.recording.events import events
+from pipeline.recording.firing import delay_of, is_fired
 from pipeline.recording.points import lit_and_seen, note_lit_and_seen, parts_of_points, sensed_of_points
 from pipeline.run import configuration, maker
 from pipeline.settings.experiment import Experiment, Mission
@@ -58,8 +58,6 @@ CONFIG_ATTACHMENT = "config.yaml"
 
 #: what a recording calls the reasons that a `FlightLog` holds as indices into `REASONS`
 REASON_OF = np.array([topics.Reason[word.upper()] for word in REASONS])
-#: the indices of the reasons with which what the rules ask for takes effect
-IN_EFFECT = tuple(index for index, word in enumerate(REASONS) if word in COUNTED)
 
 LIT, IN_VIEW_BUT_DARK, INSPECTED = np.array(
     [topics.PointState.LIT, topics.PointState.IN_VIEW_BUT_DARK, topics.PointState.INSPECTED], np.uint8
@@ -117,7 +115,7 @@ class FlightRecorder:
         self._attitude_offsets: Floats = mission.attitude_period_s * np.arange(
             mission.num_attitude_steps, dtype=np.float64
         )
-        self._delay = thrusters_of(mission).delay if mission.actuators.kind == "real" else 0
+        self._delay = delay_of(mission)
 
     def record(self, path: Path, scenario: Scenario, log: FlightLog, scenario_id: str) -> None:
         """Write a flight as one file, which appears under its name when it is complete.
@@ -286,10 +284,11 @@ class FlightRecorder:
             system = compiled.system
             inputs = log.fis_input[decided, index, : len(system.inputs)]
             strengths = compiled.firing_strengths(inputs)
-            is_fired = self._is_fired(log, decided, COMPONENTS.index(system.outputs[0].name))
+            axis = COMPONENTS.index(system.outputs[0].name)
+            has_effect = is_fired(log, decided, axis, self.controller.force_axes, self._delay)
             shares = np.zeros_like(strengths)
-            contributions = shapley.shares(compiled, inputs[is_fired], firing=strengths[is_fired])
-            shares[is_fired] = contributions.values[:, :, 0]
+            contributions = shapley.shares(compiled, inputs[has_effect], firing=strengths[has_effect])
+            shares[has_effect] = contributions.values[:, :, 0]
             writer.record(
                 topics.fis_topic(system.name),
                 times[decided],
@@ -298,15 +297,6 @@ class FlightRecorder:
                 output_n=log.fis_output_n[decided, index],
                 shares_n=shares,
             )
-
-    def _is_fired(self, log: FlightLog, decided: NDArray[np.intp], axis: int) -> NDArray[np.bool_]:
-        """Tell at which decisions, by their samples, what was asked for along an axis came to be fired."""
-        due = np.minimum(decided + self._delay, len(log.reason) - 1)
-        is_commanded = np.isin(log.command_reason[decided, axis], IN_EFFECT)
-        # along a body axis, a force is one along all of Hill's
-        axes = slice(None) if self.controller.force_axes == "body" else [axis]
-        is_fired = np.isin(log.reason[due], IN_EFFECT)[:, axes].any(axis=1)
-        return is_commanded & is_fired & (decided + self._delay < len(log.reason))
 
     def _point_states(self, log: FlightLog) -> States:
         """Return each point's `PointState` at each sample, (K+1, P): the highest that applies."""

@@ -15,9 +15,10 @@ from fis_tools.model.thrust import COMPONENTS, REASONS
 from fis_tools.words.text import sentence
 from pipeline.array_types import Booleans, Floats
 from pipeline.flight.control.controller import Controller
-from pipeline.flight.state.log import FIRED, FlightLog
+from pipeline.flight.state.log import FlightLog
 from pipeline.flight.world.pack import pack_world
 from pipeline.physics.motion import state_transition
+from pipeline.recording.firing import delay_of, is_fired
 from pipeline.recording.points import lit_and_seen
 from pipeline.report.contents import ShownFlight
 from pipeline.settings.experiment import Mission
@@ -65,7 +66,7 @@ def _table(log: FlightLog, controller: Controller, mission: Mission) -> dict[str
     angle, elevation = log.sun_angle_rad, log.sun_elevation_rad
     level = np.cos(elevation)
     sun = np.stack([level * np.cos(angle), level * np.sin(angle), np.sin(elevation)], axis=1)
-    texts, of_sample = _reasons(log, controller)
+    texts, of_sample = _reasons(log, controller, delay_of(mission))
     is_linear = mission.dynamics.model == "cw"
     deputy = mission.deputy
     return {
@@ -95,7 +96,7 @@ def _free_motion(mean_motion: float) -> Floats:
     return np.array([np.asarray(state_transition(mean_motion, time_s))[:3] for time_s in times])
 
 
-def _reasons(log: FlightLog, controller: Controller) -> tuple[list[str], list[list[int]]]:
+def _reasons(log: FlightLog, controller: Controller, delay: int) -> tuple[list[str], list[list[int]]]:
     """Return texts, and for each control period the index of that of each axis.
 
     Where a rule made a push it is the one with the largest share in it, as in recordings; elsewhere what the
@@ -104,7 +105,7 @@ def _reasons(log: FlightLog, controller: Controller) -> tuple[list[str], list[li
     words = list(REASONS.values())
     texts = [text[:1].upper() + text[1:] + "." for text in words]
     indices = np.array(log.reason)
-    rules = _pushing_rules(log, controller)
+    rules = _pushing_rules(log, controller, delay)
     for (k, axis), text in rules.items():
         if text not in texts:
             texts.append(text)
@@ -112,22 +113,23 @@ def _reasons(log: FlightLog, controller: Controller) -> tuple[list[str], list[li
     return texts, indices.tolist()
 
 
-def _pushing_rules(log: FlightLog, controller: Controller) -> dict[tuple[int, int], str]:
+def _pushing_rules(log: FlightLog, controller: Controller, delay: int) -> dict[tuple[int, int], str]:
     """Return the rule with the largest share in each push that was fired as inferred, by period and axis."""
     if controller.force_axes != HILL:
         return {}
     rules: dict[tuple[int, int], str] = {}
     for index, system in enumerate(controller.systems):
         axis = COMPONENTS.index(system.outputs[0].name)
-        is_fired = log.is_decided & (log.reason[:, axis] == FIRED) & (log.force_hill_n[:, axis] != 0.0)
-        samples = np.flatnonzero(is_fired)
+        samples = np.flatnonzero(log.is_decided)
+        samples = samples[is_fired(log, samples, axis, HILL, delay)]
+        samples = samples[log.force_hill_n[samples + delay, axis] != 0.0]
         if not samples.size:
             continue
         inputs = log.fis_input[samples, index, : len(system.inputs)]
         shares = shapley.shares(compile(system), inputs).values[:, :, 0]
-        signs = np.sign(log.force_hill_n[samples, axis])[:, np.newaxis]
+        signs = np.sign(log.force_hill_n[samples + delay, axis])[:, np.newaxis]
         for k, rule in zip(samples, np.argmax(shares * signs, axis=1), strict=True):
-            rules[int(k), axis] = f"{sentence(system.rules[rule])}."
+            rules[int(k) + delay, axis] = f"{sentence(system.rules[rule])}."
     return rules
 
 

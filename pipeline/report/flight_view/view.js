@@ -216,8 +216,8 @@ export class FlightView {
     this.half(path, k, true);
     this.sphere(centre, this.scale * flight.radius, sun, this.basis, k);
     this.half(path, k, false);
-    const sunEnd = this.on(scaled(sun, flight.radius + 34));
-    this.arrow(this.on(scaled(sun, flight.radius + 4)), sunEnd, colour.lit, 3, "Sun");
+    const sunEnd = this.on(scaled(sun, flight.radius + 0.45 * this.reach()));
+    this.arrow(this.on(scaled(sun, 1.4 * flight.radius)), sunEnd, colour.lit, 3, "Sun");
     this.sunAt = sunEnd;
     this.startAt = this.on(path[0]);
     pen.beginPath(); pen.arc(this.startAt[0], this.startAt[1], 7, 0, TURN); pen.strokeStyle = colour.ink; pen.lineWidth = 2; pen.stroke();
@@ -275,9 +275,9 @@ export class FlightView {
       const depth = dot(point, eye);
       if (depth < 0.05 * flight.radius && hasBody) return;
       const x = centre[0] + share * dot(point, right), y = centre[1] - share * dot(point, up);
-      pen.beginPath(); pen.arc(x, y, Math.max(1.5, share * (0.35 + 0.35 * Math.max(0, depth) / flight.radius)), 0, TURN);
+      pen.beginPath(); pen.arc(x, y, Math.max(1.5, radius * (0.035 + 0.035 * Math.max(0, depth) / flight.radius)), 0, TURN);
       if (flight.isSeen(k, index)) { pen.fillStyle = colour.seen; pen.fill(); }
-      else if (isLitNow(k, index)) { pen.strokeStyle = colour.lit; pen.lineWidth = Math.max(1.2, share * 0.2); pen.stroke(); }
+      else if (isLitNow(k, index)) { pen.strokeStyle = colour.lit; pen.lineWidth = Math.max(1.2, radius * 0.02); pen.stroke(); }
       else { pen.fillStyle = colour.dark; pen.fill(); }
     });
   }

@@ -11,11 +11,10 @@ from fis_tools.words.text import sentences
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers import source
 from pipeline.flight.fly.simulation import fly_logged
-from pipeline.recording.recorder import Recorder
+from pipeline.recording.recorder import FlightRecorder
 from pipeline.report.contents import ShownFlight
 from pipeline.report.scene import scene_of
 from pipeline.scenarios import start_shown
-from pipeline.settings.experiment import Mission
 from tests.browser import serious_violations
 
 pytestmark = pytest.mark.slow
@@ -26,14 +25,15 @@ FLOWN = (("champion_27",), ("champion_leo", "world=leo"), ("champion_rso", "worl
 
 @pytest.fixture(scope="module", params=FLOWN, ids=lambda words: words[0])
 def flown(request):
-    """A mission, a controller, its logged flight, and the scene of it."""
+    """A job, a controller, its logged flight, and the scene of it."""
     name, *words = request.param
-    experiment = compose_experiment(["+experiment=fly", f"controller={name}", *words]).experiment
-    mission: Mission = experiment.mission
+    job = compose_experiment(["+experiment=fly", f"controller={name}", *words])
+    mission = job.experiment.mission
     controller = source.named(name, mission)
-    _, start = start_shown(experiment)
+    _, start = start_shown(job.experiment)
     log = fly_logged(mission, controller, start)
-    return mission, controller, log, scene_of(ShownFlight("start", "Flight", start, log), controller, mission)
+    shown = ShownFlight("start", "Flight", start, log)
+    return job, controller, shown, scene_of(shown, controller, mission)
 
 
 def table_of(scene):
@@ -51,19 +51,20 @@ def bits(text, shape):
 
 
 def test_a_scene_holds_the_flight(flown):
-    _, _, log, scene = flown
-    table = table_of(scene)
+    _, _, shown, scene = flown
+    log, table = shown.log, table_of(scene)
     assert np.array_equal(floats(table["position"]), log.position_m.astype(np.float32).ravel())
     assert np.array_equal(bits(table["isSeen"], log.is_inspected.shape), log.is_inspected)
     assert not np.any(bits(table["isLit"], log.is_inspected.shape) & log.is_inspected)
-    assert len(scene.script) < 120_000
+    assert len(scene.script) < 200_000
 
 
 def test_a_push_names_the_rule_that_recordings_give_the_largest_share(flown, tmp_path):
-    mission, controller, log, scene = flown
-    table = table_of(scene)
+    job, controller, shown, scene = flown
+    log, table, mission = shown.log, table_of(scene), job.experiment.mission
     texts = [[table["texts"][index] for index in row] for row in table["reasons"]]
-    Recorder(mission, controller).write(tmp_path / "flight.mcap", log)
+    recorder = FlightRecorder(job.experiment, controller, job.config)
+    recorder.record(tmp_path / "flight.mcap", shown.scenario, log, "start")
     recording = telemetry.read(tmp_path / "flight.mcap")
     num_named = 0
     for system in controller.systems:
@@ -71,7 +72,12 @@ def test_a_push_names_the_rule_that_recordings_give_the_largest_share(flown, tmp
         axis = ("force_x", "force_y", "force_z").index(system.outputs[0].name)
         words = list(sentences(system))
         for time_s, shares in zip(topic.time_s, topic.columns["shares_n"], strict=True):
-            k = round(time_s / mission.control_period_s)
+            # of what was not fired a recording has no shares
+            if not shares.any():
+                continue
+            k = round(time_s / mission.control_period_s) + round(
+                mission.actuators.delay_s / mission.control_period_s
+            )
             force = log.force_hill_n[k, axis]
             if force and texts[k][axis].startswith("If "):
                 assert texts[k][axis] == f"{words[int(np.argmax(shares * np.sign(force)))]}."
@@ -81,12 +87,12 @@ def test_a_push_names_the_rule_that_recordings_give_the_largest_share(flown, tmp
 
 @pytest.mark.parametrize("width", [400, 1400])
 def test_a_page_shows_it(flown, opened, axe, width):
-    _, _, log, scene = flown
+    log, scene = flown[2].log, flown[3]
     head = f"<html lang=en><title>A flight</title><style>{scene.style}</style>"
     body = f"<main><h1>A flight</h1>{scene.frame}</main><script>{scene.script}</script>"
     page = opened(head + body, width, reduced_motion="reduce")
     page.locator(".time").fill("30")
-    page.wait_for_function("() => document.querySelector('.count').textContent.startsWith('5 min')")
+    page.wait_for_function("() => document.querySelector('.count').textContent.includes('points')")
     count = int(log.is_inspected[30].sum())
     assert f"{count} of {log.is_inspected.shape[1]} points" in page.locator(".count").inner_text()
     force = log.force_hill_n[30]
