@@ -48,7 +48,9 @@ def write(contents: Contents, illustrations: Mapping[str, Illustration]) -> str:
         heading = Heading(experiment.report.title, 1)
         return page(Document([heading, *_towards_goal(contents, illustrations)]), COLOURS)
     has_unseen = any(sees_less(flights.summary) for _, flights, _ in contents.sets)
-    scene = scene_of(contents.shown[0], contents.controller, mission) if contents.shown else None
+    scene = None
+    if contents.shown and contents.controller:
+        scene = scene_of(contents.shown[0], contents.controller, mission)
     return template("pipeline.report", "templates", "report.html").render(
         policy=policy(script=scene.script if scene else ""),
         scene=scene,
