@@ -188,7 +188,8 @@ def _of_instants(
             more["missed"] = np.flatnonzero(now.is_missed).tolist()
         return as_json(*EXPLANATION, {"explanations": plain, "not_fired": idle, **more})
     ahead = [text.write(explanation.rehearsed(what, ways, all)) for what, ways in rehearsed.items()]
-    missed = [f"{words}\n"] if now is not None and (words := explanation.missed_words(now)) else []
+    seen = explanation.missed(now) if now is not None else None
+    missed = [text.write(seen)] if seen is not None else []
     return "\n".join([*(result.text(everything=all) for result in explained), *silent, *missed, *ahead])
 
 

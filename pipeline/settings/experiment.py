@@ -46,7 +46,7 @@ class MonteCarlo:
     """Least distance of a start from the chief."""
     max_distance_m: checks.Number = 100.0
     """Greatest distance of a start from the chief."""
-    confidence_percent: Annotated[checks.Number, Field(ge=50, le=99.99)] = 95.0
+    confidence_percent: Annotated[checks.Number, Field(ge=80, le=99.99)] = 95.0
     """Confidence of the intervals in the summary."""
     workers: checks.Workers = None
     """Threads that fly; null: one a processor."""

@@ -14,18 +14,18 @@ from fis_tools.document import Block, Document, Heading, Items, Paragraph, Resul
 from fis_tools.engines.compiler import compile
 from fis_tools.engines.inference import infer
 from fis_tools.findings.explanation.flips import ClassFlip, Flip, class_flips, flips, is_classifier
-from fis_tools.findings.explanation.points import made_of, missed_words, plain_parts, rehearsed
+from fis_tools.findings.explanation.points import made_of, missed, plain_parts, rehearsed
 from fis_tools.findings.explanation.shares import shares
 from fis_tools.model import FuzzySystem, Variable
 from fis_tools.words.text import NEGLIGIBLE, amount, listed, percent, sentence, signed
 
-__all__ = ["Explanation", "Flip", "explain", "flips", "missed_words", "rehearsed", "shares"]
+__all__ = ["Explanation", "Flip", "explain", "flips", "missed", "rehearsed", "shares"]
 
 #: Rules that moved an output by less than this fraction of its range, or beyond so many, are told on demand.
 WORTH_TELLING = 0.01
 MOST_RULES = 8
-#: Where rules cancel to less than this fraction of the greatest share, shares are told as amounts alone.
-CANCELLED = 0.1
+#: What rounding may add to a part of a whole.
+SURPLUS = 1e-9
 #: An output that changes by more than this share of its range at a flip jumps there.
 JUMP = 1e-3
 #: A change of less than this share of an input's range is any change at all.
@@ -121,7 +121,7 @@ class Explanation(Result):
                 [Table(["share", "needed", "strength", "rule"], rows, numbers=(0, 1, 2))] if rows else []
             )
             blocks += [Paragraph(rest)] if rest else []
-            if not is_classifier(self.system):
+            if not is_classifier(self.system) and _can_cross(output):
                 blocks += [Paragraph(f"{_question(output)}:"), Items(list(_flip_words(output)))]
         if is_classifier(self.system):
             blocks += self._class_words()
@@ -201,7 +201,7 @@ class Explanation(Result):
         return ", ".join(words)
 
     def conclusions(self, output: ExplainedOutput) -> list[str]:
-        """Return a sentence for each conclusion, its share and its rules, the greatest share first."""
+        """Return a sentence for each conclusion: what it adds, which part of the whole that is, its rules."""
         name = output.variable.name
         groups: dict[str, list[Move]] = {}
         for move in output.moves:
@@ -210,7 +210,8 @@ class Explanation(Result):
             groups.setdefault(" and ".join(terms), []).append(move)
         whole = output.value - (output.variable.default or 0.0)
         shared = {term: sum(move.share for move in moves) for term, moves in groups.items()}
-        is_told = abs(whole) > CANCELLED * max(map(abs, shared.values()), default=0.0)
+        # where conclusions pull apart, a part of the whole can be negative or more than all of it
+        are_parts = whole != 0.0 and all(0.0 <= share / whole <= 1.0 + SURPLUS for share in shared.values())
         sentences = []
         for term in sorted(groups, key=lambda term: -abs(shared[term])):
             least = NEGLIGIBLE * output.variable.span
@@ -221,8 +222,8 @@ class Explanation(Result):
                 if len(who) > 1:
                     does = "hold back" if holds else "say so"
                     words = f"rules {listed(who, MOST_RULES)} {does} together"
-                of_all = f", {shared[term] / whole:.2f}" if is_told else ""
-                sentences.append(f"{term}{of_all} ({signed(output.variable, shared[term])}): {words}")
+                of_all = f" ({percent(min(1.0, shared[term] / whole))})" if are_parts else ""
+                sentences.append(f"{term}, {signed(output.variable, shared[term])}{of_all}: {words}")
         return sentences
 
     def _moves(self, output: ExplainedOutput, everything: bool) -> tuple[list[list[str]], str]:
@@ -242,6 +243,12 @@ class Explanation(Result):
         most = abs(rest[0].share)
         share = f"{amount(variable, most)} at most" if most > NEGLIGIBLE * variable.span else "no share"
         return rows, f"{fire} {share}"
+
+
+def _can_cross(output: ExplainedOutput) -> bool:
+    """Return whether to tell of flips: not of a sign that the output cannot have."""
+    is_inside = output.variable.minimum < output.crossing < output.variable.maximum
+    return is_inside or output.crossing != 0.0 or any(flip.change is not None for flip in output.flips)
 
 
 def _question(output: ExplainedOutput) -> str:
@@ -275,6 +282,9 @@ def _flip_words(output: ExplainedOutput) -> Iterator[str]:
             f"{amount(variable, variable.maximum)}, on one side of {amount(variable, crossing)}"
         )
         return
+    if all(flip.change is None for flip in output.flips):
+        yield "no value of any one input does"
+        return
     for flip in output.flips:
         if flip.change is None or flip.first is None:
             continue
@@ -287,11 +297,6 @@ def _flip_words(output: ExplainedOutput) -> Iterator[str]:
             variable = stuck[0].input
             extent = f"from {amount(variable, variable.minimum)} to {amount(variable, variable.maximum)}"
             yield f"{name} alone cannot: no value {extent} does"
-        elif stuck:
-            flip = stuck[0]
-            end = flip.input.maximum if flip.way > 0 else flip.input.minimum
-            if (end - flip.given) * flip.way > 0.0:
-                yield f"{name} {flip.direction}: no value does, up to {amount(flip.input, end)}"
 
 
 def _landing(flip: Flip) -> str:

@@ -7,14 +7,17 @@ import numpy as np
 
 from fis_tools.analysis.flights import Points
 from fis_tools.array_types import Floats
-from fis_tools.document import Block, Document, Paragraph, Table
+from fis_tools.document import Block, Code, Document, Paragraph, Table
 from fis_tools.model import FuzzySystem
 from fis_tools.words.text import NEGLIGIBLE, amount, listed, signed
 
 #: beyond so many points, only what the others add together is told
 MOST_POINTS = 5
-#: beyond so many, a sentence only says how many
+#: beyond so many, a sentence only says how many, and a map shows where
 FEW_POINTS = 3
+#: of the map: rows and columns, and what each holds of latitude and longitude
+NUM_ROWS, NUM_COLUMNS = 9, 24
+ROW_DEG, COLUMN_DEG = 180.0 / NUM_ROWS, 360.0 / NUM_COLUMNS
 
 
 def made_of(
@@ -72,16 +75,44 @@ def plain_parts(points: Points, system: FuzzySystem) -> dict[str, Any]:
     return parts_of_inputs
 
 
-def missed_words(points: Points) -> str:
-    """Return which points would stay unseen if nothing more were fired, in words; empty if unknown."""
+def missed(points: Points) -> Document | None:
+    """Tell which points would stay unseen if nothing more were fired: by name if few, else on a map.
+
+    Return None if that is unknown.
+    """
     if points.is_missed is None:
-        return ""
-    missed = np.flatnonzero(points.is_missed).tolist()
-    if not missed:
-        return "firing nothing any more would leave no point unseen"
-    named = [f"{index} at {' '.join(_where(points, index)[1:3])}" for index in missed]
-    noun = "point" if len(missed) == 1 else "points"
-    return f"firing nothing any more would leave {len(missed)} {noun} unseen: {listed(named, MOST_POINTS)}"
+        return None
+    indices = np.flatnonzero(points.is_missed).tolist()
+    if not indices:
+        return Document([Paragraph("firing nothing any more would leave no point unseen")])
+    noun = f"{len(indices)} of {len(points.is_missed)} points"
+    if len(indices) > FEW_POINTS:
+        words = f"firing nothing any more would leave {noun} unseen, marked o among the others:"
+        return Document([Paragraph(words), Code(_map_of(points))])
+    named = [f"{index} at {' '.join(_where(points, index)[1:3])}" for index in indices]
+    return Document(
+        [Paragraph(f"firing nothing any more would leave {noun} unseen: {listed(named, MOST_POINTS)}")]
+    )
+
+
+def _map_of(points: Points) -> str:
+    """Draw the points over latitude and longitude as text: o for one that is missed, else a dot."""
+    assert points.is_missed is not None  # noqa: S101 - none is drawn where it is unknown
+    rows = np.clip((90.0 - points.latitude_deg) // ROW_DEG, 0, NUM_ROWS - 1).astype(int)
+    east = (points.longitude_deg + 180.0) % 360.0
+    columns = np.clip(east // COLUMN_DEG, 0, NUM_COLUMNS - 1).astype(int)
+    cells = np.full((NUM_ROWS, NUM_COLUMNS), " ")
+    cells[rows, columns] = "."
+    cells[rows[points.is_missed], columns[points.is_missed]] = "o"
+    middles = 90.0 - ROW_DEG * (np.arange(NUM_ROWS) + 0.5)
+    lines = [f"{_latitude(middle):>5}  {' '.join(row)}" for middle, row in zip(middles, cells, strict=True)]
+    width = 2 * NUM_COLUMNS - 1
+    scale = "180° W" + "0°".center(width - 12) + "180° E"
+    return "\n".join([*(line.rstrip() for line in lines), f"{'':7}{scale}"])
+
+
+def _latitude(degrees: float) -> str:
+    return f"{abs(degrees):.0f}° {'N' if degrees >= 0.0 else 'S'}"
 
 
 def rehearsed(what: str, ways: Sequence[tuple[float, str]], everything: bool = False) -> Document:
@@ -107,7 +138,7 @@ def _where(points: Points, index: int) -> list[str]:
     latitude, longitude = float(points.latitude_deg[index]), float(points.longitude_deg[index])
     return [
         str(index),
-        f"{abs(latitude):.0f}° {'N' if latitude >= 0.0 else 'S'}",
+        _latitude(latitude),
         f"{abs(longitude):.0f}° {'E' if longitude >= 0.0 else 'W'}",
         f"{max(left, 0.0):.1f} min",
     ]

@@ -98,10 +98,11 @@ class FlightShares(Result):
     def _summary(self) -> str:
         first = self.rules[0]
         silent = sum(rule.fired == 0.0 for rule in self.rules)
-        decides = f"rule {first.rule} decides most, with {percent(first.share)} of all that rules moved"
-        decides = decides if first.share > 0.0 else "no rule moved anything"
+        part = f"{percent(first.share)} of all that rules moved"
+        contributes = f"rule {first.rule} contributes most ({part})"
+        contributes = contributes if first.share > 0.0 else "no rule moved anything"
         return (
-            f"{self.system.name} over {self.num_samples} inferences: {decides}; {silent} of "
+            f"{self.system.name} over {self.num_samples} inferences: {contributes}; {silent} of "
             f"{len(self.rules)} rules never fire at {FIRED:g} or more"
         )
 

@@ -3,8 +3,8 @@
 const MOST_RULES = 8;
 const LOW_PLOT = 60;
 const SHOWN_FROM = 0.005;
-// where rules cancel to less than this part of the greatest share, shares are told as amounts alone
-const CANCELLED = 0.1;
+// what rounding may add to a part of a whole
+const SURPLUS = 1e-9;
 
 /** The number that a text says, or null: a point before the decimals, no other mark, so that 12,5 is not 125. */
 function numberSaid(text) {
@@ -103,7 +103,7 @@ function ruleLinks(rules, id) {
   return rules.length > MOST_RULES ? [...parts, ` and ${rules.length - MOST_RULES} more`] : parts;
 }
 
-/** What share each conclusion has, and which rules come to it, as items of a list. */
+/** What each conclusion adds, its part of the whole if it is one, and which rules come to it, as items of a list. */
 function conclusionItems({ system, inference }, output, share, nothing, id) {
   const variable = system.outputs[output];
   const whole = inference.outputs[output].value - (variable.default ?? 0);
@@ -117,15 +117,16 @@ function conclusionItems({ system, inference }, output, share, nothing, id) {
     group.value += value;
     groups.set(terms, group);
   });
-  const greatest = Math.max(0, ...[...groups.values()].map(({ value }) => Math.abs(value)));
-  const isTold = Math.abs(whole) > CANCELLED * greatest;
+  // where conclusions pull apart, a part of the whole can be negative or more than all of it
+  const parts = [...groups.values()].map(({ value }) => value / whole);
+  const areParts = whole !== 0 && parts.every((part) => part >= 0 && part <= 1 + SURPLUS);
   return [...groups.values()]
     .sort((a, b) => Math.abs(b.value) - Math.abs(a.value))
     .map(({ terms, rules, value }) => {
       rules.sort((a, b) => Math.abs(share[b]) - Math.abs(share[a]) || a - b);
-      const ofAll = isTold ? `, ${(value / whole).toFixed(2).replace("-", "−")}` : "";
+      const ofAll = areParts ? ` (${shown(100 * Math.min(1, value / whole), 2)} %)` : "";
       const [noun, verb] = rules.length > 1 ? ["rules", "say so together"] : ["rule", "says so"];
-      const words = `${ofAll} (${signed(value, variable, 3)}): ${noun} `;
+      const words = `, ${signed(value, variable, 3)}${ofAll}: ${noun} `;
       return make("li", {}, make("strong", {}, terms), words, ...ruleLinks(rules, id), ` ${verb}`);
     });
 }
