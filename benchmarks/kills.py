@@ -20,7 +20,7 @@ from tests.hostile.kills import (
     KINDS,
     Tally,
     differences,
-    environment,
+    environment_of,
     run_alone,
     survive,
     verify_survives,
@@ -37,8 +37,9 @@ def campaign(options: argparse.Namespace, root: Path) -> dict[str, Tally]:
     alone: dict[str, tuple[Path, float]] = {}
     for kind in (kind for kind in options.kinds if kind != VERIFY):
         folder = root / f"{kind}-alone"
-        run_alone(words_of(kind, root / f"{kind}-first"), environment())  # compiles
-        alone[kind] = folder, run_alone(words_of(kind, folder), environment())
+        env = environment_of(kind, root)
+        run_alone(words_of(kind, root / f"{kind}-first"), env)  # compiles
+        alone[kind] = folder, run_alone(words_of(kind, folder), env)
         for name in differences(folder, root / f"{kind}-first"):
             print(f"  {kind}: two runs left alone differ in {name}", flush=True)
     flown, seconds = alone.get("report") or next(iter(alone.values()))

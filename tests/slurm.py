@@ -65,8 +65,8 @@ COMMANDS = {"sbatch": SBATCH, "sacct": SACCT, "srun": SRUN}
 
 def installed(folder: Path) -> dict[str, str]:
     """Write the commands into a folder; return the environment in which they are found."""
-    (folder / "bin").mkdir(parents=True)
-    (folder / "jobs").mkdir()
+    for name in ("bin", "jobs"):
+        (folder / name).mkdir(parents=True, exist_ok=True)
     for name, program in COMMANDS.items():
         path = folder / "bin" / name
         path.write_text(f"#!{sys.executable}\n{program}")

@@ -16,6 +16,7 @@ from typing import Final
 
 from pipeline.command_line.runs import OK, UNPROVED
 from pipeline.run import artifacts, manifests, sweep
+from tests import slurm
 
 SMALL: Final = (
     *("duration_s=600", "optimizer.population_size=12", "optimizer.generations=12"),
@@ -23,6 +24,8 @@ SMALL: Final = (
 )
 CHAMPION: Final = "+experiment=evaluate controller=paper_champion"
 _TRAINED: Final = "stages=[scenario,train,evaluate]"
+_SWEEP: Final = f"-m {CHAMPION} stages=[scenario,evaluate] seed=1,2,3"
+_LAUNCHED: Final = f"-m +experiment=train {_TRAINED} seed=1,2"
 _WORDS: Final = {
     "genetic": "+experiment=train stages=[scenario,train,evaluate,record]",
     "rounds": f"""+experiment=train {_TRAINED} starts=random
@@ -35,7 +38,9 @@ _WORDS: Final = {
         stages=[scenario,evaluate]""",
     "search": f"""{CHAMPION} stages=[search] hparams_search.trials=10 hparams_search.num_cases=16
         hparams_search.block_cases=4 +hparams_search.space.deputy.max_force_n={{low:0.2,high:2.0}}""",
-    "sweep": f"-m {CHAMPION} stages=[scenario,evaluate] seed=1,2,3",
+    "sweep": _SWEEP,
+    **{name: f"{_LAUNCHED} hydra/launcher={name}" for name in ("basic", "joblib")},
+    **{name: f"{_LAUNCHED} hydra/launcher={name}" for name in ("submitit_local", "submitit_slurm")},
     "parts": f"{CHAMPION} stages=[evaluate] engine.part_cases=7",
     "assure": """+experiment=assure controller=paper_champion assurance.num_cases=20 assurance.searches=1
         assurance.search_starts=8 assurance.search_population=6 assurance.search_generations=2
@@ -85,6 +90,11 @@ def environment(**more: str) -> dict[str, str]:
     """Return the environment of a run, which may start in any folder."""
     path = os.pathsep.join(filter(None, [str(Path.cwd()), os.environ.get("PYTHONPATH", "")]))
     return {**os.environ, "PYTHONPATH": path, **more}
+
+
+def environment_of(kind: str, root: Path) -> dict[str, str]:
+    """Return the environment of a kind of run, with stand-ins for SLURM's commands if it needs them."""
+    return environment(**(slurm.installed(root / "slurm") if kind == "submitit_slurm" else {}))
 
 
 def run_alone(words: Sequence[str], env: Mapping[str, str], cwd: Path | None = None) -> float:
@@ -138,7 +148,7 @@ def survive(
     left = rng.choice((1, 1, 2, 3))
     tally.runs += 1
     with tempfile.TemporaryDirectory(prefix="kills-cache-") as cache:
-        env = environment(**({"NUMBA_CACHE_DIR": cache} if is_cold else {}))
+        env = environment_of(kind, root) | ({"NUMBA_CACHE_DIR": cache} if is_cold else {})
         while True:
             words = [f"resume={folder}"] if is_begun(root / folder) else words_of(kind, folder)
             limit = rng.uniform(0.0, seconds * (3.0 if is_cold else 1.0)) if left > 0 else LONGEST_S
@@ -152,6 +162,9 @@ def survive(
                 tally.kills[f"{how[0].name} {how[1]}"] += 1
             if code in (OK, UNPROVED):
                 return
+            if not is_killed and "is held by process" in said:
+                time.sleep(1.0)  # jobs that a launcher started may outlive the command that was killed
+                continue
             if not is_killed:
                 tally.lost.append(f"{kind} {folder.name}: {said.strip().splitlines()[-1:]}")
                 return
