@@ -27,7 +27,7 @@ from pipeline.command_line.config import (
 )
 from pipeline.command_line.invocation import FULL_ERROR, Invocation, invocations, shows_tracebacks
 from pipeline.command_line.overrides import first_line, parse
-from pipeline.command_line.sweeps import RESUMED, command_of
+from pipeline.command_line.sweeps import RESUMED, recorded_command
 from pipeline.run import interrupts, sweep
 from pipeline.run.runner import Interrupted
 from pipeline.settings.places import conf_folder
@@ -36,8 +36,8 @@ from pipeline.settings.places import conf_folder
 def run_task(config: DictConfig) -> int:
     """Run one experiment in the folder that Hydra chose, in whatever process; return the exit code.
 
-    Errors are not raised: that of a run alone is kept for `run`; in a sweep it is written into the run's
-    folder, and the other runs go on.
+    Errors are not raised: that of a run alone is kept for `run_application`; in a sweep it is written into
+    the run's folder, and the other runs go on.
     """
     invocation = invocations[-1] if invocations else None
     settings = HydraConfig.get()
@@ -51,7 +51,7 @@ def run_task(config: DictConfig) -> int:
         return runs.run_or_resume(checked_job(config, words, folder, folders_of(settings)), words)
     try:
         invocation.code = runs.run_new(replace(invocation.job, folder=folder), invocation.command)
-    except Exception as error:  # noqa: BLE001 - raised by `run`, or kept
+    except Exception as error:  # noqa: BLE001 - raised by `run_application`, or kept
         invocation.code, invocation.error = runs.FAULT, error
     return invocation.code
 
@@ -66,7 +66,7 @@ def _run_of_sweep(config: DictConfig, folder: Path, invocation: Invocation | Non
     """Run, or go on with, a run of a sweep, and keep in its folder how it ended; return the exit code."""
     settings = HydraConfig.get()
     words = list(settings.overrides.task)
-    command = command_of(Path(settings.sweep.dir), folder) or words
+    command = recorded_command(Path(settings.sweep.dir), folder) or words
     try:
         if RESUMED in config:
             overrides = [override for override in parse(words) if override.key_or_group != RESUMED]
@@ -77,8 +77,8 @@ def _run_of_sweep(config: DictConfig, folder: Path, invocation: Invocation | Non
     except (ValueError, OSError, MemoryError) as error:
         if invocation is not None and invocation.shows_tracebacks:
             raise
-        sys.stderr.write(runs.in_words(error))
-        ending = sweep.Ending(runs.MISTAKE, runs.sentence(error))
+        sys.stderr.write(runs.error_text(error))
+        ending = sweep.Ending(runs.MISTAKE, runs.error_sentence(error))
     except Exception as error:
         if invocation is not None and invocation.shows_tracebacks:
             raise
@@ -102,7 +102,7 @@ def _prepare_worker() -> None:
     threadpool_limits(num_processors(), "blas")
 
 
-def run(words: Sequence[str], command: Sequence[str], *, resumes: bool = False) -> int:
+def run_application(words: Sequence[str], command: Sequence[str], *, resumes: bool = False) -> int:
     """Run the application on a checked command line; return the exit code.
 
     Parameters

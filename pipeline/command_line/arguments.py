@@ -94,16 +94,16 @@ def folders_with(config_dir: Path | None) -> list[Path]:
     return [conf_folder(), *([config_dir] if config_dir else [])]
 
 
-class _Parser(argparse.ArgumentParser):
+class _ArgumentParser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """Raise ConfigError; the program exits only through `pipeline.command_line.cli.main`."""
         raise ConfigError(f"{message}; see python -m pipeline --help")
 
 
-def _parser() -> _Parser:
+def _parser() -> _ArgumentParser:
     """Return a parser of Hydra's options, whose version is this program's."""
     hydra = get_args_parser()
-    parser = _Parser(add_help=False, allow_abbrev=False, parents=[hydra], conflict_handler="resolve")
+    parser = _ArgumentParser(add_help=False, allow_abbrev=False, parents=[hydra], conflict_handler="resolve")
     parser.add_argument("--version", action="store_true")
     parser.add_argument("--config-dir", "-cd", type=Path)
     return parser

@@ -82,7 +82,7 @@ class Preflight(Callback):
     def on_job_start(self, config: DictConfig, **kwargs: Any) -> None:
         """Print the messages of libraries, if ``hydra.verbose`` asks for them."""
         root = logging.getLogger()
-        if config.hydra.verbose and not any(isinstance(one, _Handler) for one in root.handlers):
+        if config.hydra.verbose and not any(isinstance(other, _Handler) for other in root.handlers):
             handler = _Handler(sys.stderr)
             handler.setFormatter(logging.Formatter("[%(name)s] %(message)s"))
             root.addHandler(handler)

@@ -74,7 +74,7 @@ def _main(arguments: Sequence[str], replaces_process: bool) -> int:
     except (ValueError, OSError, MemoryError) as error:
         if shows_tracebacks():
             raise
-        sys.stderr.write(runs.in_words(error))
+        sys.stderr.write(runs.error_text(error))
         return runs.MISTAKE
 
 
@@ -100,9 +100,9 @@ def _command_of(arguments: Sequence[str]) -> Callable[[], int]:
         from pipeline.command_line.results import compare  # noqa: PLC0415 - as above
 
         return partial(compare, *command.compare)
-    from pipeline.command_line.experiments import run  # noqa: PLC0415 - Hydra, which the others do without
+    from pipeline.command_line.experiments import run_command  # noqa: PLC0415 - Hydra, which the others do without
 
-    return partial(run, command)
+    return partial(run_command, command)
 
 
 def _print(text: str, code: int = runs.OK) -> int:

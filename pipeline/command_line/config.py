@@ -75,7 +75,7 @@ def options(folders: Sequence[Path]) -> dict[str, list[str]]:
         Group, such as ``controller`` or ``controller/champions``, to the sorted names of its options; a file
         in a group's subfolder is also an option ``subfolder/name`` of the group.
     """
-    found: dict[str, set[str]] = {}
+    groups: dict[str, set[str]] = {}
     for folder in folders:
         for path in sorted(folder.rglob("*.yaml")):
             parts = path.relative_to(folder).with_suffix("").parts
@@ -83,8 +83,8 @@ def options(folders: Sequence[Path]) -> dict[str, list[str]]:
             if path.stem.startswith("_") or parts[0] in NOT_CHOSEN:
                 continue
             for cut in range(1, len(parts)):
-                found.setdefault("/".join(parts[:cut]), set()).add("/".join(parts[cut:]))
-    return {group: sorted(names) for group, names in sorted(found.items())}
+                groups.setdefault("/".join(parts[:cut]), set()).add("/".join(parts[cut:]))
+    return {group: sorted(names) for group, names in sorted(groups.items())}
 
 
 def compose_experiment(overrides: Sequence[str], config_dir: Path | None = None) -> Job:
@@ -215,7 +215,9 @@ def check_stages(config: Mapping[str, Any], overrides: Sequence[str]) -> None:
 
 def _given(overrides: Sequence[str]) -> set[str]:
     """Return the keys that some overrides set, alone or with their group."""
-    return {key for one in parse(overrides) for key in _keys_set(one.key_or_group, one.value())}
+    return {
+        key for override in parse(overrides) for key in _keys_set(override.key_or_group, override.value())
+    }
 
 
 def _keys_set(key: str, value: Any) -> Iterator[str]:
@@ -248,13 +250,13 @@ def _expand_worlds(config: dict[str, Any], overrides: Sequence[str], folders: Se
 
 def _differences(here: Mapping[str, Any], there: Mapping[str, Any]) -> dict[str, Any]:
     """Return the keys, within their groups, whose values are others there, and on which flights depend."""
-    found: dict[str, Any] = {}
+    changes: dict[str, Any] = {}
     for name, value in there.items():
         if name not in here or (value != here[name] and not isinstance(value, dict)):
-            found[name] = value
+            changes[name] = value
         elif value != here[name] and name not in (COMPARE, ASSURANCE):
-            found[name] = _differences(here[name], value)
-    return found
+            changes[name] = _differences(here[name], value)
+    return changes
 
 
 def read_starts(config: dict[str, Any]) -> None:

@@ -16,7 +16,7 @@ from pipeline.run.sweep import SWEEP
 from pipeline.settings.schema import commented
 
 
-def run(command: CommandLine) -> int:
+def run_command(command: CommandLine) -> int:
     """Do what a command line says of an experiment, or asks of Hydra; return the exit code.
 
     Raises
@@ -25,7 +25,7 @@ def run(command: CommandLine) -> int:
         User errors.
     """
     if command.is_completion:
-        return application.run([*command.hydra_options, *command.overrides], ())
+        return application.run_application([*command.hydra_options, *command.overrides], ())
     groups = options([*command.folders, *search_folders(command.overrides)])
     overrides = read_overrides(command.overrides, groups, is_multirun=command.multirun)
     words = [override.input_line or "" for override in overrides]
@@ -46,7 +46,7 @@ def run(command: CommandLine) -> int:
         check_stages(config, words)
         sys.stdout.write(commented(config))
         return runs.OK
-    return application.run([*command.hydra_options, *words], [*command.config_option, *words])
+    return application.run_application([*command.hydra_options, *words], [*command.config_option, *words])
 
 
 def _run_folder(overrides: Sequence[Override]) -> Path | None:
@@ -61,4 +61,6 @@ def _resume(command: CommandLine, folder: Path, overrides: Sequence[Override]) -
         return runs.resume(folder, overrides)
     words = resume_words(folder, overrides)
     options = [option for option in command.hydra_options if option != "--multirun"]
-    return application.run(["--multirun", *options, *words], (), resumes=True) if words else runs.OK
+    return (
+        application.run_application(["--multirun", *options, *words], (), resumes=True) if words else runs.OK
+    )

@@ -114,13 +114,13 @@ def help_on(topics: Sequence[str], folders: Sequence[Path]) -> str:
         If there is no such key.
     """
     experiments = dict(_described(folders, "experiment", options(folders)))
-    found = []
+    texts = []
     for topic in topics:
         text = _experiment(topic, experiments[topic]) if topic in experiments else schema.help_on(topic)
         if not text:
             raise ConfigError(unknown(topic))
-        found.append(f"{text}\n")
-    return "".join(found)
+        texts.append(f"{text}\n")
+    return "".join(texts)
 
 
 def _experiment(name: str, about: str) -> str:
@@ -131,7 +131,7 @@ def _experiment(name: str, about: str) -> str:
     lines = [f"+experiment={name}: {about}", f"  stages={schema.as_yaml(value_at(config, 'stages'))}"]
     for key in [key for key in OFTEN if key in groups or key not in unread][:MOST_OFTEN]:
         if key in groups:
-            names = ", ".join(one for one in groups[key] if "/" not in one)
+            names = ", ".join(option for option in groups[key] if "/" not in option)
             lines += [f"  {key}=NAME", f"{INDENT}One of {names}."]
         else:
             value = schema.as_yaml(value_at(config, key))

@@ -145,9 +145,11 @@ def check_overrides(overrides: Sequence[Override], groups: Groups) -> None:
         elif renamed(key) is not None:
             raise ConfigError(unknown(key))
         elif not is_key(key):
-            found = nearest(key, {*KNOWN, *groups})
-            plus = "+" if found == EXPERIMENT else ""
-            raise ConfigError(f"there is no key {key}" + (f"; did you mean {plus}{found}?" if found else ""))
+            likely = nearest(key, {*KNOWN, *groups})
+            plus = "+" if likely == EXPERIMENT else ""
+            raise ConfigError(
+                f"there is no key {key}" + (f"; did you mean {plus}{likely}?" if likely else "")
+            )
         elif override.type == OverrideType.ADD and key in KNOWN:
             raise ConfigError(f"the key {key} exists already; write {plain} without the +")
 

@@ -60,7 +60,7 @@ def verify(given: Sequence[str]) -> int:
     with suppress(artifacts.ArtifactError):  # told below, as a file that is missing or changed
         if configuration.read(folder).get("reproducible") is True:
             require_reproducible()
-    checks = {"files": _check_files, "makers": _tell_makers, "flights": _fly_again}
+    checks = {"files": _check_files, "makers": _print_makers, "flights": _fly_again}
     are_right = [_checked(what, partial(check, folder)) for what, check in checks.items()]
     return OK if all(are_right) else DIFFERENT
 
@@ -103,20 +103,20 @@ def _is_own_config(folder: Path, manifest: Mapping[str, Any]) -> bool:
         return False
 
 
-def _tell_makers(folder: Path) -> bool:
+def _print_makers(folder: Path) -> bool:
     """Print how the makers of a run differ from the present one; return True, for that is no damage."""
     for maker in manifests.read(folder).get("makers", []):
-        _tell_unlike("made by another maker", unlike(maker, present_maker()))
+        _print_unlike("made by another maker", unlike(maker, present_maker()))
     return True
 
 
 def _compare_files(folder: Path, other: Path) -> bool:
     """Print how two runs differ, and whether that is to be expected; return whether they are equal."""
-    both = [manifests.read(place) for place in (folder, other)]
-    one, two = (manifest.get("sha256", {}) for manifest in both)
-    names = sorted({*one, *two} - {artifacts.CONFIG})
-    shared = [name for name in names if name in one and name in two]
-    different = [name for name in shared if one[name] != two[name]]
+    both = [manifests.read(path) for path in (folder, other)]
+    first, second = (manifest.get("sha256", {}) for manifest in both)
+    names = sorted({*first, *second} - {artifacts.CONFIG})
+    shared = [name for name in names if name in first and name in second]
+    different = [name for name in shared if first[name] != second[name]]
     configs = configuration.read(folder), configuration.read(other)
     for difference in differences(*configs, but=("hydra",), words=("here", "there")):
         sys.stdout.write(f"configuration: {difference}\n")
@@ -124,19 +124,19 @@ def _compare_files(folder: Path, other: Path) -> bool:
     sys.stdout.writelines(f"  {name} differs\n" for name in different)
     sys.stdout.writelines(f"  {name} is in one of them alone\n" for name in names if name not in shared)
     for here, there in product(*(manifest.get("makers", []) for manifest in both)):
-        _tell_unlike("makers differ", unlike(here, there))
+        _print_unlike("makers differ", unlike(here, there))
     return len(different) == 0 and names == shared
 
 
-def _tell_unlike(what: str, differing: Sequence[str]) -> None:
+def _print_unlike(what: str, differing: Sequence[str]) -> None:
     if differing:
         sys.stdout.write(f"{what} ({'; '.join(differing)}): results may differ in the last digits\n")
 
 
 def _fly_again(folder: Path) -> bool:
     """Fly the recorded flights again; return whether each agrees."""
-    places = (artifacts.RECORDINGS, artifacts.WORST_FLIGHTS)
-    paths = [path for place in places for path in sorted((folder / place).glob("*.mcap"))]
+    names = (artifacts.RECORDINGS, artifacts.WORST_FLIGHTS)
+    paths = [path for name in names for path in sorted((folder / name).glob("*.mcap"))]
     if not paths:
         sys.stdout.write("flights: none is recorded\n")
         return True
@@ -182,7 +182,7 @@ def summary(given: Sequence[str]) -> int:
             "outputs/NAME-sweep/TIME"
         )
     folder = Path(given[0]).expanduser()
-    results = sweep.gather(folder)
+    results = sweep.gather_results(folder)
     tables.write_parquet(folder / RUNS, sweep.columns_of(results))
     tables.write_parquet(folder / EFFECTS, sweep.effect_columns(results))
     writing.write_atomically(folder / PAGE, sweep.write(results))
@@ -205,8 +205,10 @@ def compare(first: Path, second: Path) -> int:
     """
     configs = [configuration.read(folder) for folder in (first, second)]
     confidence = float(read_summary(first).get("confidence_percent", sweep.CONFIDENCE_PERCENT))
-    one, other = (tables.read_parquet(folder, artifacts.EPISODES) for folder in (first, second))
-    compared = statistics.compare(one, other, confidence)
+    first_episodes, second_episodes = (
+        tables.read_parquet(folder, artifacts.EPISODES) for folder in (first, second)
+    )
+    compared = statistics.compare(first_episodes, second_episodes, confidence)
     _print(sweep.compared_table(first.name, second.name, compared, confidence))
     sys.stdout.write("p: Wilcoxon's signed ranks; for shares of flights McNemar's exact test\n")
     for difference in differences(present(configs[0]), present(configs[1]), but=(), words=("A", "B")):

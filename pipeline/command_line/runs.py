@@ -30,7 +30,7 @@ OK, FAULT, MISTAKE, UNPROVED = 0, 1, 2, 3
 OWN_GROUPS = {"record": ("telemetry", "case"), "assure": ("assurance",), "report": ("report",)}
 
 
-def sentence(error: Exception) -> str:
+def error_sentence(error: Exception) -> str:
     """Return what went wrong; an out-of-memory error has no message of its own."""
     if not isinstance(error, MemoryError):
         return str(error)
@@ -40,9 +40,9 @@ def sentence(error: Exception) -> str:
     )
 
 
-def in_words(error: Exception) -> str:
+def error_text(error: Exception) -> str:
     """Return the message of a user error, with its notes."""
-    return "\n".join([f"error: {sentence(error)}", *getattr(error, "__notes__", ())]) + "\n"
+    return "\n".join([f"error: {error_sentence(error)}", *getattr(error, "__notes__", ())]) + "\n"
 
 
 def run_new(job: "Job", command: Sequence[str]) -> int:
@@ -77,7 +77,7 @@ def check_vacant(job: "Job") -> None:
             _experiment_of(job.folder, _stored(job.folder))
         return
     if not configuration.is_of(job.config, manifests.read(job.folder)):
-        path = shown(job.folder)
+        path = shown_path(job.folder)
         raise ConfigError(
             f"{path} holds another run; choose another hydra.run.dir (for sweeps hydra.sweep.dir), or go on "
             f"with it by resume={path}"
@@ -92,7 +92,7 @@ def _require_kept(experiment: Experiment, folder: Path) -> None:
     require_kept(experiment, folder)
 
 
-def shown(folder: Path) -> Path:
+def shown_path(folder: Path) -> Path:
     """Return a folder relative to the working directory if it lies below it."""
     return Path(os.path.relpath(folder)) if Path.cwd() in folder.parents else folder
 
@@ -105,7 +105,7 @@ def _run(
     command: Sequence[str] | None = None,
 ) -> int:
     """Run stages in a folder, and print where the files are and which proofs are missing."""
-    path = shown(folder)
+    path = shown_path(folder)
     sys.stderr.write(f"run folder: {path}\n")
     try:
         missing = run_stages(experiment, config, path, stages, command)
@@ -134,7 +134,7 @@ def resume(folder: Path, overrides: Sequence["Override"], command: Sequence[str]
         given = _given_again(overrides, _experiment_of(folder, stored).name)
         config = with_values(stored, given)
         experiment = _experiment_of(folder, config)
-        manifest = manifests.found(folder)
+        manifest = manifests.read_if_any(folder)
         finished = manifest.get("finished_stages", [])
         left = [stage for stage in experiment.stages if stage not in finished]
         if not left:
@@ -173,22 +173,22 @@ def repeat(folder: Path, overrides: Sequence["Override"], config_dir: Path | Non
                 "stages=[report], or choose another folder"
             )
         asked_for = [str(stage) for stage in stages]
-        own = {group for stage in asked_for for group in OWN_GROUPS.get(stage, ())}
+        own_groups = {group for stage in asked_for for group in OWN_GROUPS.get(stage, ())}
         given = [
             o for o in overrides if o.key_or_group != "stages" and not o.key_or_group.startswith("hydra.")
         ]
-        keys = [one.key_or_group for one in given]
+        keys = [override.key_or_group for override in given]
         if is_composed := any("." not in key and key not in schema.schema() for key in keys):
             from pipeline.command_line.config import compose_experiment  # noqa: PLC0415 - Hydra, which few runs need
 
             new = compose_experiment([o.input_line or "" for o in overrides], config_dir).config
         else:
-            new = with_values(config, {one.key_or_group: one.value() for one in given})
+            new = with_values(config, {override.key_or_group: override.value() for override in given})
             for key, mark in schema.idle(new).items():
                 if key in keys:
                     raise ConfigError(mark.refusal(key, new))
-        then, now = (schema.only_results(schema.present(one)) for one in (config, new))
-        if changed := schema.differences(then, now, {*own, "stages"}):
+        then, now = (schema.only_results(schema.present(compared)) for compared in (config, new))
+        if changed := schema.differences(then, now, {*own_groups, "stages"}):
             raise ConfigError(
                 f"{folder} was made with another {', '.join(changed)}; drop what changes that, or start "
                 "a new run"
@@ -209,7 +209,7 @@ def _stored(folder: Path) -> dict[str, Any]:
             f"{folder} is no run's folder, it has no {artifacts.MANIFEST}; give the folder of a run, "
             "outputs/NAME/TIME"
         )
-    manifest = manifests.found(folder)
+    manifest = manifests.read_if_any(folder)
     if manifest and not configuration.is_of(config, manifest):
         raise artifacts.ArtifactError(
             f"{folder / artifacts.CONFIG} is not what the run was made with (its hash is not the "

@@ -149,7 +149,7 @@ class Sweep:
     @property
     def cure(self) -> str:
         """The command that goes on with the sweep."""
-        return f"python -m pipeline resume={runs.shown(self.folder)}"
+        return f"python -m pipeline resume={runs.shown_path(self.folder)}"
 
     def end(self) -> int:
         """Print the results of the sweep, and how to see its summary; return the exit code."""
@@ -161,7 +161,7 @@ class Sweep:
         sys.stderr.write(
             f"{len(known) - len(left)} of {len(known)} runs are done"
             + (f"; to try the others again: {self.cure}" if left else "")
-            + f"\nto see what came out: python -m pipeline summary {runs.shown(self.folder)}\n"
+            + f"\nto see what came out: python -m pipeline summary {runs.shown_path(self.folder)}\n"
         )
         lost = {run.folder for run in left}
         codes = [sweep.read_ending(self.folder / run.folder).code for run in self.runs]
@@ -221,14 +221,14 @@ def labels(node: DictConfig, varied: Sequence[str]) -> dict[str, str]:
     varied : sequence of str
         The keys and groups of overrides with several values; a path stands for its group.
     """
-    choices, found = node.hydra.runtime.choices, {}
+    choices, values = node.hydra.runtime.choices, {}
     paths = {f"{group}.path": group for group in SUFFIXES}
     for word in varied:
         key = word.lstrip("+~").partition("@")[0]
         value = choices[key] if key in choices else OmegaConf.select(node, key)
         plain = OmegaConf.to_container(value) if OmegaConf.is_config(value) else value
-        found[paths.get(key, key)] = str(plain)
-    return found
+        values[paths.get(key, key)] = str(plain)
+    return values
 
 
 def _check_different(swept: Sequence[SweptRun]) -> None:
@@ -268,7 +268,7 @@ def run_folder(*varied: str, _root_: DictConfig) -> str:
 OmegaConf.register_new_resolver("run_folder", run_folder, replace=True)
 
 
-def command_of(folder: Path, run: Path) -> tuple[str, ...]:
+def recorded_command(folder: Path, run: Path) -> tuple[str, ...]:
     """Return the arguments with which a run of a sweep would be started alone; nothing if none are known."""
     if not (folder / sweep.SWEEP).exists():
         return ()
@@ -306,7 +306,7 @@ def resume_words(folder: Path, overrides: Sequence[Override]) -> list[str]:
     if not left:
         sys.stderr.write(f"nothing is left to do: all {len(known)} runs are finished\n")
         return []
-    words = [one.input_line or "" for one in overrides if one.key_or_group != EXPERIMENT]
+    words = [override.input_line or "" for override in overrides if override.key_or_group != EXPERIMENT]
     return [
         f"+{RESUMED}=" + ",".join(quoted(run.folder) for run in left),
         f"hydra.sweep.dir={quoted(str(folder.absolute()))}",

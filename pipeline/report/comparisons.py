@@ -105,17 +105,21 @@ def spread_of(folder: Path, summary: Mapping[str, Any]) -> Spread:
     with artifacts.explained(what, "repeat the stage evaluate", AttributeError):
         by_metric = summary.get("percentiles", {})
         percentiles = [
-            [name, _share(one["percent"]), f"{one['value']:.{places}f}", _between(one, places)]
-            for metric, (name, places) in METRICS.items()
-            for one in by_metric.get(metric, ())
+            [name, _share(entry["percent"]), f"{entry['value']:.{decimals}f}", _between(entry, decimals)]
+            for metric, (name, decimals) in METRICS.items()
+            for entry in by_metric.get(metric, ())
         ]
         if "nominal" not in summary:
             return Spread(percentiles)
         outcomes = {"as dispersed": summary, "without dispersions": summary["nominal"]}
         nominal = [[which, *_outcome(of)] for which, of in outcomes.items()]
         ranking = [
-            [one["key"], _correlation(one["delta_v_m_s"]), _correlation(one["inspectable_rate_percent"])]
-            for one in summary["sensitivity"]
+            [
+                entry["key"],
+                _correlation(entry["delta_v_m_s"]),
+                _correlation(entry["inspectable_rate_percent"]),
+            ]
+            for entry in summary["sensitivity"]
         ]
         return Spread(percentiles, nominal, ranking)
 
@@ -125,8 +129,10 @@ def _share(percent: float) -> str:
     return f"{percent:g} % have at most" if percent >= 50.0 else f"{100.0 - percent:g} % have at least"
 
 
-def _between(interval: Mapping[str, float | None], places: int) -> str:
-    low, high = (None if interval[end] is None else f"{interval[end]:.{places}f}" for end in ("low", "high"))
+def _between(interval: Mapping[str, float | None], decimals: int) -> str:
+    low, high = (
+        None if interval[end] is None else f"{interval[end]:.{decimals}f}" for end in ("low", "high")
+    )
     if low is None and high is None:
         return "not told by so few"
     return f"up to {high}" if low is None else f"{low} and more" if high is None else f"{low} to {high}"
@@ -173,7 +179,7 @@ class BesideOptimum:
 
 
 @dataclass(frozen=True)
-class Pair:
+class FlightBesidePlan:
     """A case flown by the controller and by its minimum-fuel plan."""
 
     case: int
@@ -203,7 +209,9 @@ def read_beside(folder: Path, summary: Mapping[str, Any]) -> BesideOptimum:
     return BesideOptimum(None, {}, str(value_at(summary, "optimum.not_compared", "")))
 
 
-def fly_pairs(experiment: Experiment, controller: Controller, beside: BesideOptimum) -> list[Pair]:
+def fly_pairs(
+    experiment: Experiment, controller: Controller, beside: BesideOptimum
+) -> list[FlightBesidePlan]:
     """Fly the cases of the middle and of the greatest ratio; none where the plans are no longer at hand."""
     if beside.columns is None:
         return []
@@ -216,14 +224,14 @@ def fly_pairs(experiment: Experiment, controller: Controller, beside: BesideOpti
     chosen = {int(order[len(order) // 2]): "the middle", int(order[-1]): "the greatest"}
     pairs = []
     for row, which in chosen.items():
-        for place in np.flatnonzero(theirs == ours[row]).tolist():
-            plan = open_loop("plan", solved.plan(place, experiment.mission))
-            start = solved.scenarios[place]
+        for index in np.flatnonzero(theirs == ours[row]).tolist():
+            plan = open_loop("plan", solved.plan(index, experiment.mission))
+            start = solved.scenarios[index]
             flown = fly_logged(experiment.mission, controller, start)
             # a plan keeps the limits by itself
             planned = fly_logged(replace(experiment.mission, safety=Safety()), plan, start)
             times = float(beside.columns["times_optimum"][row])
-            pairs.append(Pair(int(ours[row]), which, times, flown, planned))
+            pairs.append(FlightBesidePlan(int(ours[row]), which, times, flown, planned))
     return pairs
 
 
@@ -244,14 +252,14 @@ ENDED = ("{min_distance_m:.1f} to {max_distance_m:.1f}", "{outcome}")
 
 def rows_in_words(columns: Columns, rows: Iterable[int], cells: Sequence[str]) -> list[list[str]]:
     """Return rows of a table of flights in words, each cell a format of the values in a row."""
-    found = []
+    lines = []
     for row in rows:
         values = {name: column[row] for name, column in columns.items()}
         ended = "success" if values["success"] else "too few points"
         values["outcome"] = "outside the limits" if values["violated"] else ended
         values["sun_deg"] = math.degrees(values["sun_angle_rad"])
-        found.append([cell.format(**values) for cell in cells])
-    return found
+        lines.append([cell.format(**values) for cell in cells])
+    return lines
 
 
 @dataclass(frozen=True)

@@ -108,7 +108,7 @@ class Contents:
     training_round: int | None
     comparison: Sequence[ComparisonRow]
     beside: comparisons.BesideOptimum
-    pairs: Sequence[comparisons.Pair]
+    pairs: Sequence[comparisons.FlightBesidePlan]
     without_safety: comparisons.Without | None
     shown: Sequence[ShownFlight]
     logbook: Columns | None
@@ -157,7 +157,7 @@ def gather(experiment: Experiment, folder: Path) -> Contents:
     starts = training_scenarios(experiment, last) if controller and (has_trained or has_starts) else []
     training_round = last + 1 if logbook and experiment.starts.redraw else None
     config = folder / artifacts.CONFIG
-    manifest = manifests.found(folder)
+    manifest = manifests.read_if_any(folder)
     recordings = sorted((folder / artifacts.RECORDINGS).glob("*.mcap"))
     return Contents(
         experiment=experiment,
@@ -230,15 +230,15 @@ def tracks_of(rows: Columns, cases: NDArray[Any]) -> NDArray[np.floating]:
         If the table is of other cases.
     """
     order = np.lexsort((rows["sample"], rows["case"]))
-    found, counts = np.unique(rows["case"], return_counts=True)
-    if not np.array_equal(found, np.sort(cases)) or np.ptp(counts) != 0:
+    flown, counts = np.unique(rows["case"], return_counts=True)
+    if not np.array_equal(flown, np.sort(cases)) or np.ptp(counts) != 0:
         raise artifacts.ArtifactError(
             f"{artifacts.TRAJECTORIES} and {artifacts.EPISODES} are of different flights; repeat the stage "
             f"{artifacts.stage_of(artifacts.TRAJECTORIES)}"
         )
     positions = np.stack([rows[name][order] for name in POSITION], axis=-1)
-    by_case = positions.reshape(len(found), int(counts[0]), 3)
-    return np.asarray(by_case[np.searchsorted(found, cases)])
+    by_case = positions.reshape(len(flown), int(counts[0]), 3)
+    return np.asarray(by_case[np.searchsorted(flown, cases)])
 
 
 def fly_training(experiment: Experiment, controller: Controller, starts: list[Scenario]) -> FlightSet:
@@ -309,8 +309,8 @@ def _command_kept_by_hydra(folder: Path) -> list[str]:
     """Return the command of a run whose manifest has none (version 1)."""
     words = [str(word) for word in _kept_by_hydra(folder / ".hydra" / "overrides.yaml")]
     sources = _kept_by_hydra(folder / ".hydra" / "hydra.yaml", "hydra.runtime.config_sources")
-    own = [source["path"] for source in sources if source.get("provider") == "command-line"]
-    return ["--config-dir", str(own[0]), *words] if own and words else words
+    paths = [source["path"] for source in sources if source.get("provider") == "command-line"]
+    return ["--config-dir", str(paths[0]), *words] if paths and words else words
 
 
 def _kept_by_hydra(path: Path, key: str = "") -> list[Any]:

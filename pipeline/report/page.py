@@ -63,7 +63,10 @@ def write(contents: Contents, illustrations: Mapping[str, Illustration]) -> str:
         limits=f"{mission.deputy.min_distance_m:g} to {mission.deputy.max_distance_m:g} m",
         threshold=f"{mission.inspection_threshold_percent:g}",
         start_name=next((flight.name for flight in contents.shown if flight.is_alone), "start"),
-        flights=[(f"control-{one.name}", one.title, flight_facts(one, mission)) for one in contents.shown],
+        flights=[
+            (f"control-{flight_set.name}", flight_set.title, flight_facts(flight_set, mission))
+            for flight_set in contents.shown
+        ],
         points_in_words=points_in_words,
         sees_less=sees_less,
         has_unseen=has_unseen,
@@ -106,9 +109,9 @@ def flight_facts(flight: ShownFlight, mission: Mission) -> list[tuple[str, str]]
     ]
 
 
-def sun_at_start(angle_rad: float, elevation_rad: float, places: int) -> str:
+def sun_at_start(angle_rad: float, elevation_rad: float, decimals: int) -> str:
     """Return where the Sun is at the start of a flight, in degrees with so many decimals."""
-    angle, elevation = (_signed(math.degrees(value), places) for value in (angle_rad, elevation_rad))
+    angle, elevation = (_signed(math.degrees(value), decimals) for value in (angle_rad, elevation_rad))
     return f"{angle}°" + (f", {elevation}° over the orbit plane" if elevation_rad else "")
 
 
@@ -123,9 +126,9 @@ def case_rows(training: FlightSet | None) -> list[list[str]]:
     return [[cell.replace("-", "−") for cell in row] for row in rows]
 
 
-def _signed(value: float, places: int) -> str:
+def _signed(value: float, decimals: int) -> str:
     """Write a number with a true minus sign."""
-    return f"{value:.{places}f}".replace("-", "−")
+    return f"{value:.{decimals}f}".replace("-", "−")
 
 
 #: columns of an evaluation and shares of its flights, each with its words and, of columns, decimals
@@ -155,7 +158,7 @@ def _towards_goal(contents: Contents, illustrations: Mapping[str, Illustration])
         yield from _results(summary)
     yield from (illustration.block for illustration in illustrations.values())
     for _, lines in comparisons.tables_of(contents.comparison):
-        heads, *rows = ([line[place] for place in OF_TABLE] for line in (comparison.HEADINGS, *lines))
+        heads, *rows = ([line[column] for column in OF_TABLE] for line in (comparison.HEADINGS, *lines))
         words = " ".join(comparison.describe_columns(experiment))
         yield Table(heads, rows, caption=f"Controllers from the same starts: {words}", numbers=(1, 2, 3, 4))
     if contents.recordings:
@@ -182,9 +185,9 @@ def _results(summary: Mapping[str, Any]) -> Iterator[Block]:
     yield Heading("Results", id="results")
     heads = ["", "mean ± standard deviation", "least", "greatest"]
     means = []
-    for name, (words, places) in MEASURES.items():
-        ends = (f"{summary[name][end]:.{places}f}" for end in ("minimum", "maximum"))
-        means.append([words, comparison.spread(summary[name], places), *ends])
+    for name, (words, decimals) in MEASURES.items():
+        ends = (f"{summary[name][end]:.{decimals}f}" for end in ("minimum", "maximum"))
+        means.append([words, comparison.spread(summary[name], decimals), *ends])
     yield Table(heads, means, numbers=(1, 2, 3))
     heads = ["of the flights", "share", f"{summary['confidence_percent']:g} % interval"]
     shares = []

@@ -45,7 +45,7 @@ def draw(contents: Contents) -> list[style.Illustration]:
     dots_per_inch = contents.experiment.report.dots_per_inch
     with style.style():
         drawn = _approach(contents) if has_goal else _drawn(contents)
-        return [style.illustrate(*one, dots_per_inch) for one in drawn]
+        return [style.illustrate(*drawing, dots_per_inch) for drawing in drawn]
 
 
 def _captioned(name: str, figure: style.Figure, caption: str, **words: Any) -> Drawn:

@@ -167,7 +167,8 @@ class SweepResults:
         is_on_front = on_front(spent, inspected)
         chosen = [setting for setting, stands in zip(self.settings, is_on_front, strict=True) if stands]
         return sorted(
-            chosen, key=lambda one: (-one.estimates["success"].value, one.estimates["delta_v_m_s"].value)
+            chosen,
+            key=lambda setting: (-setting.estimates["success"].value, setting.estimates["delta_v_m_s"].value),
         )
 
     @property
@@ -177,7 +178,7 @@ class SweepResults:
         return list({run.fly: run for run in reversed(best)}.values())[::-1][:MOST_OFFERED]
 
 
-def gather(folder: Path) -> SweepResults:
+def gather_results(folder: Path) -> SweepResults:
     """Read the results of a sweep so far, or of other runs in a folder.
 
     Raises
@@ -186,8 +187,8 @@ def gather(folder: Path) -> SweepResults:
         If the folder holds no run, or a file in it cannot be read.
     """
     runs, confidence, makes_controllers = [], CONFIDENCE_PERCENT, False
-    episodes: dict[str, tables.Table] = {}
-    for run in sweep.gather(folder):
+    episodes: dict[str, tables.RunTable] = {}
+    for run in sweep.gather_runs(folder):
         path = folder / run.folder
         summary = read_summary(path) if (path / artifacts.SUMMARY).exists() else None
         if summary is not None:
@@ -224,7 +225,11 @@ def _estimate_of(summary: Mapping[str, Any], name: str) -> Estimate:
 
 
 def _settings(
-    runs: Sequence[RunResult], episodes: Mapping[str, tables.Table], confidence: float, *, pools_seeds: bool
+    runs: Sequence[RunResult],
+    episodes: Mapping[str, tables.RunTable],
+    confidence: float,
+    *,
+    pools_seeds: bool,
 ) -> list[SettingResult]:
     """Group evaluated runs by setting, in their order."""
     groups: dict[tuple[tuple[str, str], ...], list[RunResult]] = {}

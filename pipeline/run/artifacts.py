@@ -81,9 +81,9 @@ def explained(what: str, cure: str, *also: type[Exception]) -> Iterator[None]:
 
 def strangers(folder: Path) -> Iterator[str]:
     """Yield the paths of what no run makes in its folder, links, pipes and devices, with what they are."""
-    for place, folders, files in os.walk(folder):
+    for parent, folders, files in os.walk(folder):
         for name in sorted([*folders, *files]):
-            path = Path(place, name)
+            path = Path(parent, name)
             try:
                 mode = path.lstat().st_mode
             except FileNotFoundError:  # a run inside this folder is at work
@@ -95,10 +95,10 @@ def strangers(folder: Path) -> Iterator[str]:
 
 def check_no_strangers(folder: Path) -> None:
     """Raise ArtifactError unless a folder holds files and folders alone, so that nothing leads out of it."""
-    if found := next(strangers(folder), None):
+    if stranger := next(strangers(folder), None):
         raise ArtifactError(
-            f"{folder}: {found}; a run's folder holds files and folders alone, so that nothing outside it is "
-            "read or written: remove it, or put a copy in its place"
+            f"{folder}: {stranger}; a run's folder holds files and folders alone, so that nothing outside it "
+            "is read or written: remove it, or put a copy in its place"
         )
 
 
@@ -152,11 +152,11 @@ def list_artifacts(folder: Path) -> list[str]:
     """
     names = []
     for path in sorted(folder.rglob("*")):
-        place = path.relative_to(folder)
-        is_hidden = any(part.startswith(".") for part in place.parts)
-        is_log = path.suffix in (".log", ".partial") or place.is_relative_to(TENSORBOARD)
+        relative = path.relative_to(folder)
+        is_hidden = any(part.startswith(".") for part in relative.parts)
+        is_log = path.suffix in (".log", ".partial") or relative.is_relative_to(TENSORBOARD)
         if path.is_file() and not path.is_symlink() and not is_hidden and not is_log:
-            names.append(place.as_posix())
+            names.append(relative.as_posix())
     return [name for name in names if name not in (MANIFEST, CHECKPOINT)]
 
 

@@ -77,11 +77,11 @@ def parse(content: bytes) -> Any:
     loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # the first is ten times as fast
     try:
         _check_events(content, loader)
-        found = plain(yaml.load(content, loader))  # noqa: S506 - a safe one
+        parsed = plain(yaml.load(content, loader))  # noqa: S506 - a safe one
     except yaml.YAMLError as error:
         raise ValueError(str(error)) from error
-    _check_keys(found)
-    return found
+    _check_keys(parsed)
+    return parsed
 
 
 def _check_keys(value: Any) -> None:
@@ -91,8 +91,8 @@ def _check_keys(value: Any) -> None:
             if not isinstance(key, str):
                 raise ValueError(f"the key {key!r} is no text; write it in quotes")
         value = list(value.values())
-    for one in value if isinstance(value, list) else ():
-        _check_keys(one)
+    for item in value if isinstance(value, list) else ():
+        _check_keys(item)
 
 
 def write(folder: Path, config: Mapping[str, Any]) -> None:

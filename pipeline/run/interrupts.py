@@ -18,10 +18,10 @@ def remember() -> None:
     """Remember from now on each interrupt of this process, unless it ignores them."""
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, _raise)
-        sys.unraisablehook = _tell_others
+        sys.unraisablehook = _print_unraisable
 
 
-def _tell_others(unraisable: Any) -> None:
+def _print_unraisable(unraisable: Any) -> None:
     """Print what could not be raised, unless an interrupt came: it is remembered.
 
     Objects that it left half made fail in their finalizers.

@@ -63,17 +63,17 @@ def product() -> Mapping[str, Any]:
     return {"versions": versions(), "git_revision": git_revision(), "sources": sources_hash()}
 
 
-def unlike(one: Mapping[str, Any], other: Mapping[str, Any]) -> list[str]:
+def unlike(maker: Mapping[str, Any], other: Mapping[str, Any]) -> list[str]:
     """Return, in words, the differences between two makers."""
 
     def changed(part: str, names: Iterable[str]) -> list[str]:
-        here, there = one.get(part, {}), other.get(part, {})
+        here, there = maker.get(part, {}), other.get(part, {})
         differing = (name for name in names if name in here and here[name] != there.get(name))
         return [f"{name} {here[name]}, now {there.get(name)}" for name in differing]
 
-    differences = changed("versions", one.get("versions", {}))
-    if one.get("sources") != other.get("sources"):
-        differences.append("other sources" if one.get("sources") else "unknown sources")
+    differences = changed("versions", maker.get("versions", {}))
+    if maker.get("sources") != other.get("sources"):
+        differences.append("other sources" if maker.get("sources") else "unknown sources")
     return differences + changed("processor", ROUNDING)
 
 
@@ -95,11 +95,11 @@ def processor() -> dict[str, Any]:
 
     from fis_tools.compiled.numba_parts import binding  # noqa: PLC0415 - as above
 
-    own = binding.get_host_cpu_features()
-    features = os.environ.get("NUMBA_CPU_FEATURES", own.flatten())
-    has_fma = own.get("fma", False) and own.get("avx2", False) and not is_libm_fixed()
-    pools = [one for one in threadpool_info() if one["user_api"] == "blas"]
-    blas = {f"{one.get('architecture')} x{one['num_threads']}" for one in pools}
+    host_features = binding.get_host_cpu_features()
+    features = os.environ.get("NUMBA_CPU_FEATURES", host_features.flatten())
+    has_fma = host_features.get("fma", False) and host_features.get("avx2", False) and not is_libm_fixed()
+    pools = [pool for pool in threadpool_info() if pool["user_api"] == "blas"]
+    blas = {f"{pool.get('architecture')} x{pool['num_threads']}" for pool in pools}
     return {
         "machine": platform.machine(),
         "compiled_for": os.environ.get("NUMBA_CPU_NAME") or binding.get_host_cpu_name(),
@@ -129,14 +129,14 @@ def product_version() -> str:
 
 def versions() -> dict[str, str]:
     """Return the versions of this product, Python, the relevant libraries, and the platform."""
-    found = {"product": product_version(), "python": platform.python_version()}
-    found["platform"] = platform.platform()
+    numbers = {"product": product_version(), "python": platform.python_version()}
+    numbers["platform"] = platform.platform()
     for library in LIBRARIES:
         try:
-            found[library] = metadata.version(library)
+            numbers[library] = metadata.version(library)
         except metadata.PackageNotFoundError:
-            found[library] = "absent"
-    return found
+            numbers[library] = "absent"
+    return numbers
 
 
 def git_revision() -> str | None:

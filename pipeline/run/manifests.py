@@ -58,10 +58,10 @@ def write(folder: Path, manifest: Mapping[str, Any]) -> None:
 def fits(value: Any, shape: Any) -> bool:
     """Return whether plain data is of a shape: a type, ``[shape]``, ``{str: shape}``, or named keys."""
     if isinstance(shape, list):
-        return isinstance(value, list) and all(fits(one, shape[0]) for one in value)
+        return isinstance(value, list) and all(fits(item, shape[0]) for item in value)
     if isinstance(shape, Mapping):
         return isinstance(value, Mapping) and all(
-            fits(one, shape.get(key, shape.get(str, object))) for key, one in value.items()
+            fits(item, shape.get(key, shape.get(str, object))) for key, item in value.items()
         )
     return isinstance(value, shape)
 
@@ -89,6 +89,6 @@ def read(folder: Path) -> dict[str, Any]:
     return dict(manifest)
 
 
-def found(folder: Path) -> dict[str, Any]:
+def read_if_any(folder: Path) -> dict[str, Any]:
     """Read the manifest of a run as `read` does; nothing where there is none."""
     return read(folder) if (folder / MANIFEST).exists() else {}

@@ -64,7 +64,7 @@ def _run_stages(
 ) -> list[str]:
     stages = experiment.stages if stages is None else tuple(stages)
     folder.mkdir(parents=True, exist_ok=True)
-    manifest = manifest_of(experiment, config, manifests.found(folder), command)
+    manifest = manifest_of(experiment, config, manifests.read_if_any(folder), command)
     _begin(manifest, stages[0], is_resumed=experiment.resume)
     configuration.write(folder, config)
     manifests.write(folder, manifest)
@@ -87,7 +87,9 @@ def _run_stages(
             _LOG.info("stage %s took %.2f s", name, time.perf_counter() - started)
             missing += [unproved] if unproved else []
             # later stages were made from files that are no longer there
-            before = [one for one in manifest["finished_stages"] if STAGES.index(one) < STAGES.index(name)]
+            before = [
+                stage for stage in manifest["finished_stages"] if STAGES.index(stage) < STAGES.index(name)
+            ]
             manifest["finished_stages"] = [*before, name]
             if index < len(stages):
                 _begin(manifest, stages[index], is_resumed=False)
@@ -167,7 +169,7 @@ def _begin(manifest: dict[str, Any], stage: str, *, is_resumed: bool) -> None:
     """Record the present maker of a stage; a resumed stage may contain another's work."""
     made_by, present = manifest["made_by"], len(manifest["makers"]) - 1
     earlier = made_by.get(stage, []) if is_resumed else []
-    made_by[stage] = [*(one for one in earlier if one != present), present]
+    made_by[stage] = [*(index for index in earlier if index != present), present]
 
 
 def _edited(source: Mapping[str, Any]) -> str | None:

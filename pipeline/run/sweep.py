@@ -77,7 +77,7 @@ def write(folder: Path, runs: Sequence[SweptRun]) -> None:
     )
 
 
-def gather(folder: Path) -> list[SweptRun]:
+def gather_runs(folder: Path) -> list[SweptRun]:
     """Return the runs of a sweep, or all runs in a folder that is none, such as those of a job array.
 
     Raises
@@ -90,22 +90,24 @@ def gather(folder: Path) -> list[SweptRun]:
         return read(folder)
     configs = [schema.present(configuration.read(path)) for path in paths]
     labels = [_labels(config) for config in configs]
-    varied = [key for key in dict.fromkeys(key for own in labels for key in own) if _varies(labels, key)]
+    varied = [
+        key for key in dict.fromkeys(key for values in labels for key in values) if _varies(labels, key)
+    ]
     return [
         SweptRun(
             path.relative_to(folder).as_posix(),
-            {key: own[key] for key in varied if key in own},
-            tuple(manifests.found(path).get("command", ())),
+            {key: values[key] for key in varied if key in values},
+            tuple(manifests.read_if_any(path).get("command", ())),
             read_ending(path).failure,
         )
-        for path, own in zip(paths, labels, strict=True)
+        for path, values in zip(paths, labels, strict=True)
     ]
 
 
 def _run_folders(folder: Path) -> list[Path]:
     """Return the folders below one that contain a run, sorted; links are not followed."""
-    found = [Path(parent) for parent, _, files in os.walk(folder) if artifacts.CONFIG in files]
-    return sorted(path for path in found if artifacts.holds_run(path) and path != folder)
+    folders = [Path(parent) for parent, _, files in os.walk(folder) if artifacts.CONFIG in files]
+    return sorted(path for path in folders if artifacts.holds_run(path) and path != folder)
 
 
 def _labels(config: Mapping[str, Any]) -> dict[str, str]:
@@ -113,12 +115,14 @@ def _labels(config: Mapping[str, Any]) -> dict[str, str]:
     counted = schema.only_results(config)
     controller = counted.pop(keys.FREE, {})
     counted.pop("name", None)
-    told = next((str(controller[key]) for key in ("path", "name", "kind") if key in controller), "")
-    return {keys.FREE: told} | {key: str(value) for key, value in keys.leaves(counted, ())}
+    controller_name = next(
+        (str(controller[key]) for key in ("path", "name", "kind") if key in controller), ""
+    )
+    return {keys.FREE: controller_name} | {key: str(value) for key, value in keys.leaves(counted, ())}
 
 
 def _varies(labels: Sequence[Mapping[str, str]], key: str) -> bool:
-    return len({own.get(key) for own in labels}) > 1
+    return len({values.get(key) for values in labels}) > 1
 
 
 def read(folder: Path) -> list[SweptRun]:
@@ -158,7 +162,7 @@ def _run_of(entry: Mapping[str, Any]) -> SweptRun:
 def state_of(folder: Path, run: SweptRun) -> str:
     """Return whether a run is `DONE`, `FAILED` or `UNFINISHED`, by the files in its folder."""
     path = folder / run.folder
-    manifest = manifests.found(path)
+    manifest = manifests.read_if_any(path)
     if manifest and set(configuration.read(path).get("stages", [])) <= set(manifest["finished_stages"]):
         return DONE
     return FAILED if run.failure else UNFINISHED

@@ -61,7 +61,7 @@ def _writer(path: Path, schema: pa.Schema) -> Iterator[pq.ParquetWriter]:
             yield writer
 
 
-class Table(dict[str, NDArray[Any]]):
+class RunTable(dict[str, NDArray[Any]]):
     """The columns of a run's table, by their names; one that is missing raises ArtifactError.
 
     Parameters
@@ -80,7 +80,7 @@ class Table(dict[str, NDArray[Any]]):
         raise artifacts.ArtifactError(f"{self._path} has no column {name}; repeat the stage that writes it")
 
 
-def read_parquet(folder: Path, name: str) -> Table:
+def read_parquet(folder: Path, name: str) -> RunTable:
     """Read the columns of a run's table.
 
     Raises
@@ -98,7 +98,7 @@ def read_parquet(folder: Path, name: str) -> Table:
         if unpacked > most:
             raise ValueError(f"it unpacks to {unpacked} bytes, and at most {most} are read")
         table = pq.read_table(path)
-    return Table(path, {column: table[column].to_numpy() for column in table.column_names})
+    return RunTable(path, {column: table[column].to_numpy() for column in table.column_names})
 
 
 class Columns(Mapping[str, NDArray[Any]]):

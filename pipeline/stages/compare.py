@@ -194,12 +194,12 @@ class _Remembering:
 
     def __call__(self, scenario: Scenario, decision: int, state: Floats) -> Floats:
         """Return the forces from a decision on; see `Planner`."""
-        place, velocity = scenario.position_m.tobytes(), scenario.velocity_m_s.tobytes()
+        position, velocity = scenario.position_m.tobytes(), scenario.velocity_m_s.tobytes()
         sun = scenario.sun_angle_rad, scenario.sun_elevation_rad
-        asked = (place, velocity, *sun, scenario.noise, scenario.settings, decision, state.tobytes())
-        if asked not in self._known:
-            self._known[asked] = self._planner(scenario, decision, state)
-        return self._known[asked]
+        key = (position, velocity, *sun, scenario.noise, scenario.settings, decision, state.tobytes())
+        if key not in self._known:
+            self._known[key] = self._planner(scenario, decision, state)
+        return self._known[key]
 
 
 def label_of(name: str, names: Sequence[str]) -> str:

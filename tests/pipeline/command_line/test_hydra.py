@@ -132,7 +132,7 @@ def test_folders_of_runs_that_are_no_sweep_are_summarised_by_what_differs(monkey
     for number, (mass, controller) in enumerate([(10, "coast"), (12, "coast"), (12, "natural_motion")]):
         folder = f"hydra.run.dir=runs/{number}"
         ran(*EVALUATE[:1], f"controller={controller}", f"deputy.mass_kg={mass}", "seed=4", folder)
-    runs = sweep.gather(Path("runs"))
+    runs = sweep.gather_runs(Path("runs"))
     assert [run.folder for run in runs] == ["0", "1", "2"]
     assert [run.differs["deputy.mass_kg"] for run in runs] == ["10.0", "12.0", "12.0"] or [
         run.differs["deputy.mass_kg"] for run in runs
@@ -142,7 +142,7 @@ def test_folders_of_runs_that_are_no_sweep_are_summarised_by_what_differs(monkey
     ran("summary", "runs")
     assert tables.read_parquet(Path("runs"), "summary.parquet")["run"].tolist() == ["0", "1", "2"]
     os.symlink("runs/0", "runs/3")
-    assert len(report.gather(Path("runs")).runs) == 3
+    assert len(report.gather_results(Path("runs")).runs) == 3
 
 
 def test_hydras_options_work(capfd):

@@ -46,7 +46,7 @@ def write_runs(folder, stages, cases_of=lambda seed: seed):
 
 def test_cases_of_seeds_are_pooled_where_seeds_draw_only_cases(tmp_path):
     flown = write_runs(tmp_path, ["scenario", "evaluate"])
-    results = sweep.gather(tmp_path)
+    results = sweep.gather_results(tmp_path)
     assert [setting.setting for setting in results.settings] == [{"controller": name} for name in SHIFTS]
     for setting in results.settings:
         columns = [flown[setting.setting["controller"], seed] for seed in SEEDS]
@@ -70,7 +70,7 @@ def test_cases_of_seeds_are_pooled_where_seeds_draw_only_cases(tmp_path):
 
 def test_where_seeds_make_controllers_each_counts_once(tmp_path):
     flown = write_runs(tmp_path, ["scenario", "train", "evaluate"])
-    results = sweep.gather(tmp_path)
+    results = sweep.gather_results(tmp_path)
     for setting in results.settings:
         means = [flown[setting.setting["controller"], seed]["delta_v_m_s"].mean() for seed in SEEDS]
         interval = stats.t.interval(0.95, len(means) - 1, np.mean(means), stats.sem(means))
@@ -82,14 +82,14 @@ def test_where_seeds_make_controllers_each_counts_once(tmp_path):
 def test_the_same_starts_under_several_seeds_are_not_counted_twice(tmp_path):
     """Such as those of a file."""
     flown = write_runs(tmp_path, ["evaluate"], cases_of=lambda _seed: 5)
-    for setting in sweep.gather(tmp_path).settings:
+    for setting in sweep.gather_results(tmp_path).settings:
         mean = flown[setting.setting["controller"], 1]["delta_v_m_s"].mean()
         np.testing.assert_allclose(setting.estimates["delta_v_m_s"], 3 * [mean], rtol=1e-12)
 
 
 def test_the_page_says_which_setting_is_better_by_how_much_and_how_sure(tmp_path):
     write_runs(tmp_path, ["scenario", "evaluate"])
-    results = sweep.gather(tmp_path)
+    results = sweep.gather_results(tmp_path)
     page = sweep.write(results)
     assert "Sweep over controller<" in page
     third = (
@@ -109,7 +109,7 @@ def test_a_sweep_over_seeds_alone_has_one_setting(tmp_path):
         write_run(tmp_path / f"seed={seed}", evaluation(seed), ["scenario", "evaluate"])
         runs.append(SweptRun(f"seed={seed}", {"seed": str(seed)}, ("+experiment=evaluate",)))
     write_sweep(tmp_path, runs)
-    results = sweep.gather(tmp_path)
+    results = sweep.gather_results(tmp_path)
     assert [(setting.name, setting.num_cases) for setting in results.settings] == [("all runs", 120)]
     assert results.effects == ()
     page = sweep.write(results)
@@ -121,7 +121,7 @@ def test_a_sweep_over_seeds_alone_has_one_setting(tmp_path):
 @pytest.mark.parametrize("width", [400, 1400, 1920])
 def test_no_column_is_hidden_at_any_width(width, tmp_path, opened):
     write_runs(tmp_path, ["scenario", "evaluate"])
-    page = opened(sweep.write(sweep.gather(tmp_path)), width=width)
+    page = opened(sweep.write(sweep.gather_results(tmp_path)), width=width)
     assert page.evaluate("document.documentElement.scrollWidth") <= width
     tables_found = "[...document.querySelectorAll('table')]"
     assert page.evaluate(f"{tables_found}.length") == 3
