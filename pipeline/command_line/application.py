@@ -63,7 +63,7 @@ application = hydra.main(config_path=str(conf_folder()), config_name=CONFIG_NAME
 
 
 def _run_of_sweep(config: DictConfig, folder: Path, invocation: Invocation | None) -> int:
-    """Run, or go on with, a run of a sweep, and keep in its folder how it ended; return the exit code."""
+    """Start or resume a run of a sweep, and record in its folder how it ended; return the exit code."""
     settings = HydraConfig.get()
     words = list(settings.overrides.task)
     command = recorded_command(Path(settings.sweep.dir), folder) or words
@@ -91,7 +91,7 @@ def _run_of_sweep(config: DictConfig, folder: Path, invocation: Invocation | Non
 
 
 def _prepare_worker() -> None:
-    """Make a process that a launcher started like one that runs alone."""
+    """Set up a worker process of a launcher like a process that runs alone."""
     from threadpoolctl import threadpool_limits  # noqa: PLC0415 - only workers need them
 
     from fis_tools.processors import num_processors  # noqa: PLC0415
@@ -131,7 +131,7 @@ def run_application(words: Sequence[str], command: Sequence[str], *, resumes: bo
 
 
 def _call(invocation: Invocation) -> None:
-    """Call the application; raise what it was ended by, in our words."""
+    """Call the application; raise its errors in our words."""
     try:
         with errors_in_words([conf_folder()]), interrupts.heeded():
             application()

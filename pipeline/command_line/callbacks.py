@@ -23,7 +23,7 @@ from pipeline.run.lock import held
 
 
 class Refused(BaseException):
-    """A user error, or a fault, in what Hydra calls; no Exception, for Hydra would only warn of it.
+    """Carries an error through Hydra; not an Exception, for which Hydra would only warn.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ class Refused(BaseException):
 
 @contextmanager
 def refusing() -> Iterator[None]:
-    """Turn errors, and interrupts that were lost, into what Hydra lets pass."""
+    """Raise errors as `Refused`, and interrupts that were lost."""
     try:
         with interrupts.heeded():
             yield
@@ -46,7 +46,7 @@ def refusing() -> Iterator[None]:
 
 
 class _Handler(logging.StreamHandler[TextIO]):
-    """What prints messages of libraries."""
+    """Prints messages of libraries."""
 
 
 class Preflight(Callback):

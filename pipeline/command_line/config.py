@@ -108,7 +108,7 @@ def compose_experiment(overrides: Sequence[str], config_dir: Path | None = None)
 
 @contextmanager
 def hydra_apart() -> Iterator[None]:
-    """Run a block with Hydra as if nobody used it, and restore it: runs nest, and notebooks use it too."""
+    """Clear Hydra's global state within a block: runs nest, and notebooks use Hydra too."""
     used, config = GlobalHydra.instance().hydra, HydraConfig.instance().cfg
     GlobalHydra.instance().clear()
     try:
@@ -185,7 +185,7 @@ def without_hydra(node: DictConfig) -> DictConfig:
 
 
 def _check_idle(config: Mapping[str, Any], overrides: Sequence[str]) -> None:
-    """Raise SettingError for overrides of keys that do not exist; print which keys of files do not."""
+    """Raise SettingError for overrides without effect; print which keys of files have none."""
     given = _given(overrides)
     for key, mark in idle(config).items():
         if key not in schema() or key in given:
@@ -227,7 +227,7 @@ def _keys_set(key: str, value: Any) -> Iterator[str]:
 
 
 def _expand_worlds(config: dict[str, Any], overrides: Sequence[str], folders: Sequence[Path]) -> None:
-    """Put what they change into the worlds of a comparison that are named by options.
+    """Replace the names of worlds and options in a comparison by the keys that they change.
 
     A world is the name of one, or changes of groups; a group in it may be the name of an option.
     """
@@ -249,7 +249,7 @@ def _expand_worlds(config: dict[str, Any], overrides: Sequence[str], folders: Se
 
 
 def _differences(here: Mapping[str, Any], there: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the keys, within their groups, whose values are others there, and on which flights depend."""
+    """Return the keys that flights depend on and whose values differ, in their groups."""
     changes: dict[str, Any] = {}
     for name, value in there.items():
         if name not in here or (value != here[name] and not isinstance(value, dict)):
@@ -260,7 +260,7 @@ def _differences(here: Mapping[str, Any], there: Mapping[str, Any]) -> dict[str,
 
 
 def read_starts(config: dict[str, Any]) -> None:
-    """Put the starts of a file into a configuration that names one and does not contain them yet.
+    """Load the starts that a configuration names as a file into it, unless it has them.
 
     Raises
     ------
@@ -314,7 +314,7 @@ def errors_in_words(folders: Sequence[Path]) -> Iterator[None]:
 
 
 def _nearest_option(error: MissingConfigException, folders: Sequence[Path]) -> str:
-    """Return how an option that is missing may be meant, or had."""
+    """Return the option that may be meant, or how to install it."""
     wanted = error.missing_cfg_file or ""
     if package := LAUNCHERS.get(wanted):
         return f"; it needs {package}, install it: python -m pip install {package}"
@@ -324,7 +324,7 @@ def _nearest_option(error: MissingConfigException, folders: Sequence[Path]) -> s
 
 
 def _not_in_configuration(key: str) -> str:
-    """Return what to do about a key that a composed configuration lacks."""
+    """Return the cure for an override of a key that the configuration does not have."""
     name = key.removeprefix("controller.attributes.")
     if key == "controller.path":
         return (

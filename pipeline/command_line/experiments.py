@@ -17,7 +17,7 @@ from pipeline.settings.schema import commented
 
 
 def run_command(command: CommandLine) -> int:
-    """Do what a command line says of an experiment, or asks of Hydra; return the exit code.
+    """Run, resume or print an experiment, or pass the command line to Hydra; return the exit code.
 
     Raises
     ------
@@ -50,13 +50,13 @@ def run_command(command: CommandLine) -> int:
 
 
 def _run_folder(overrides: Sequence[Override]) -> Path | None:
-    """Return the requested folder, None without one."""
+    """Return the folder that an override sets; None if none does."""
     values = [override.value() for override in overrides if override.key_or_group == "hydra.run.dir"]
     return Path(str(values[-1])) if values else None
 
 
 def _resume(command: CommandLine, folder: Path, overrides: Sequence[Override]) -> int:
-    """Go on with a run, or with the runs of a sweep that are left; return the exit code."""
+    """Resume a run, or the unfinished runs of a sweep; return the exit code."""
     if not (folder / SWEEP).exists():
         return runs.resume(folder, overrides)
     words = resume_words(folder, overrides)

@@ -106,7 +106,7 @@ def help_text(folders: Sequence[Path]) -> str:
 
 
 def help_on(topics: Sequence[str], folders: Sequence[Path]) -> str:
-    """Return what is known of some experiments, groups and keys.
+    """Return the help on some experiments, groups and keys.
 
     Raises
     ------
@@ -124,7 +124,7 @@ def help_on(topics: Sequence[str], folders: Sequence[Path]) -> str:
 
 
 def _experiment(name: str, about: str) -> str:
-    """Return what an experiment does, and what people change of it, with its values."""
+    """Return the help on an experiment: its purpose, and the keys that people change, with their values."""
     config: Any = OmegaConf.to_container(without_hydra(compose_node([f"+experiment={name}"])))
     unread = schema.idle(config, stages=True)
     groups = options([conf_folder()])

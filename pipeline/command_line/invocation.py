@@ -16,7 +16,7 @@ FULL_ERROR: Final = "HYDRA_FULL_ERROR"
 
 @dataclass
 class Invocation:
-    """What is known of a command in the process that was started with it.
+    """The state of a command in the process that runs it.
 
     Parameters
     ----------

@@ -174,7 +174,7 @@ def _check_choice(override: Override, known: Sequence[str], plain: str) -> None:
 
 
 def _check_hydra_key(key: str) -> None:
-    """Raise ConfigError for a key that Hydra's own configuration lacks, as far as its schema says."""
+    """Raise ConfigError for a key that the schema of Hydra's own configuration does not have."""
     node: Any = HydraConf
     for depth, name in enumerate(names := key.split(".")[1:]):
         if not is_dataclass(node):  # what a plugin or a callback has

@@ -66,7 +66,7 @@ def verify(given: Sequence[str]) -> int:
 
 
 def _checked(what: str, check: Callable[[], bool]) -> bool:
-    """Return the result of a check; False, with a sentence, for whatever it raises of a damaged file."""
+    """Return the result of a check; print a sentence and return False if it raises an error."""
     try:
         return check()
     except Exception as error:  # noqa: BLE001 - reporting damage is what this command is for
@@ -76,7 +76,7 @@ def _checked(what: str, check: Callable[[], bool]) -> bool:
 
 
 def _check_files(folder: Path) -> bool:
-    """Hash the files of a run again; print those that are not as they were written, return whether all are.
+    """Compare a run's files with their hashes; print which differ, and return whether none does.
 
     The configuration is also compared by content.
     """
@@ -104,7 +104,7 @@ def _is_own_config(folder: Path, manifest: Mapping[str, Any]) -> bool:
 
 
 def _print_makers(folder: Path) -> bool:
-    """Print how the makers of a run differ from the present one; return True, for that is no damage."""
+    """Print how the makers of a run differ from the present one; return True, as this is no damage."""
     for maker in manifests.read(folder).get("makers", []):
         _print_unlike("made by another maker", unlike(maker, present_maker()))
     return True

@@ -31,7 +31,7 @@ OWN_GROUPS = {"record": ("telemetry", "case"), "assure": ("assurance",), "report
 
 
 def error_sentence(error: Exception) -> str:
-    """Return what went wrong; an out-of-memory error has no message of its own."""
+    """Return the message of an error; one for lack of memory has none of its own."""
     if not isinstance(error, MemoryError):
         return str(error)
     return (
@@ -59,7 +59,7 @@ def run_new(job: "Job", command: Sequence[str]) -> int:
 
 
 def run_or_resume(job: "Job", command: Sequence[str]) -> int:
-    """Run an experiment, or what is left of it if it was begun in the folder; return the exit code.
+    """Run an experiment, or resume it if it was begun in the folder; return the exit code.
 
     A job of a cluster that was stopped is begun again by the same command.
     """
@@ -147,7 +147,7 @@ def resume(folder: Path, overrides: Sequence["Override"], command: Sequence[str]
 
 
 def _given_again(overrides: Sequence["Override"], name: str) -> dict[str, Any]:
-    """Return the settings that a resumed run is given by the present command, dotted key to value."""
+    """Return the settings that a command gives a resumed run, dotted key to value."""
     given = {}
     for override in overrides:
         if override.key_or_group in schema.free_keys():

@@ -62,7 +62,7 @@ class Sweep:
 
     @classmethod
     def checked(cls, config: DictConfig) -> "Sweep":
-        """Compose and check every run of a sweep, and fix what its jobs shall agree on.
+        """Compose and check every run of a sweep, and fix its folders for all jobs.
 
         Parameters
         ----------
@@ -118,7 +118,7 @@ class Sweep:
         return cls(folder, [], [run for run in sweep.read(folder) if state_of(folder, run) != DONE])
 
     def write(self) -> None:
-        """Write the file of the sweep, which may be extended, and the configurations of runs that begin."""
+        """Write the file of the sweep, new or extended, and the configurations of new runs."""
         known = sweep.read(self.folder) if (self.folder / sweep.SWEEP).exists() else []
         for job in self.jobs:
             # so that it can be resumed; what is there is kept
@@ -212,7 +212,7 @@ def _is_config_dir(config: DictConfig, path: Path) -> bool:
 
 
 def labels(node: DictConfig, varied: Sequence[str]) -> dict[str, str]:
-    """Return what a run differs in from others of its sweep, as it was composed: key, or group, to value.
+    """Return the composed values of the keys and groups that vary in a sweep.
 
     Parameters
     ----------
@@ -248,7 +248,7 @@ def _check_different(swept: Sequence[SweptRun]) -> None:
 
 
 def _number_or_text(value: str) -> str:
-    """Return a value in the one way of writing it, if it is a number: 9.0 is 9."""
+    """Return a number in a canonical form, so that 9.0 equals 9; other text as it is."""
     try:
         return f"{float(value):.17g}"
     except ValueError:
@@ -277,7 +277,7 @@ def recorded_command(folder: Path, run: Path) -> tuple[str, ...]:
 
 
 def resume_words(folder: Path, overrides: Sequence[Override]) -> list[str]:
-    """Return what Hydra is given to go on with the runs of a sweep that are left; nothing if all are done.
+    """Return Hydra's arguments for resuming the unfinished runs of a sweep; none if all are done.
 
     Parameters
     ----------
@@ -316,7 +316,7 @@ def resume_words(folder: Path, overrides: Sequence[Override]) -> list[str]:
 
 
 def _composed_again(run: SweptRun) -> Job:
-    """Compose a run whose folder was deleted by the command that is kept of it."""
+    """Compose a run whose folder was deleted, from its recorded command."""
     if not run.command:
         raise ConfigError(
             f"{run.folder} was deleted, and how it was started is not known; take it out of {sweep.SWEEP}"

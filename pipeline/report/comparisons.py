@@ -23,7 +23,7 @@ from pipeline.settings.keys import value_at
 
 
 def read_comparison(folder: Path) -> list[comparison.ComparisonRow]:
-    """Read what the stage compare wrote; nothing where it has not run.
+    """Read the rows of the stage compare; none if it has not run.
 
     Raises
     ------
@@ -40,7 +40,7 @@ def read_comparison(folder: Path) -> list[comparison.ComparisonRow]:
 
 
 def tables_of(rows: Sequence[comparison.ComparisonRow]) -> list[tuple[str, list[list[str]]]]:
-    """Return the table of each Sun setting: its name and its lines, each of `HEADINGS` cells.
+    """Return a table for each Sun setting: the setting and its lines, with a cell for each of `HEADINGS`.
 
     None where the rows are of several worlds.
     """
@@ -49,7 +49,7 @@ def tables_of(rows: Sequence[comparison.ComparisonRow]) -> list[tuple[str, list[
 
 
 def marks_of(rows: Sequence[comparison.ComparisonRow]) -> list[tuple[str, list[ControllerMark]]]:
-    """Return the panels of the figure: each controller under the first layer that it flew with."""
+    """Return the panels of the figure, with each controller under its first safety layer."""
     panels = []
     for sun in comparison.suns_of(rows):
         marks: dict[str, ControllerMark] = {}
@@ -76,7 +76,7 @@ METRICS = {
 
 @dataclass(frozen=True)
 class Spread:
-    """Tables, in words.
+    """Tables of percentiles and sensitivities, as words.
 
     Parameters
     ----------
@@ -94,7 +94,7 @@ class Spread:
 
 
 def spread_of(folder: Path, summary: Mapping[str, Any]) -> Spread:
-    """Return the tables of a run's summary; empty where it does not tell.
+    """Return the tables of percentiles and sensitivities of a summary; empty if it has none.
 
     Raises
     ------
@@ -125,7 +125,7 @@ def spread_of(folder: Path, summary: Mapping[str, Any]) -> Spread:
 
 
 def _share(percent: float) -> str:
-    """Say which flights have at most a percentile, or at least."""
+    """Return the share of flights below a percentile, or above it, in words."""
     return f"{percent:g} % have at most" if percent >= 50.0 else f"{100.0 - percent:g} % have at least"
 
 
@@ -190,7 +190,7 @@ class FlightBesidePlan:
 
 
 def read_beside(folder: Path, summary: Mapping[str, Any]) -> BesideOptimum:
-    """Read what the stage evaluate wrote of it; without plans the summary says why there are none.
+    """Read the comparison with minimum-fuel plans; without one, the reason from the summary.
 
     Raises
     ------
@@ -212,7 +212,7 @@ def read_beside(folder: Path, summary: Mapping[str, Any]) -> BesideOptimum:
 def fly_pairs(
     experiment: Experiment, controller: Controller, beside: BesideOptimum
 ) -> list[FlightBesidePlan]:
-    """Fly the cases of the middle and of the greatest ratio; none where the plans are no longer at hand."""
+    """Fly the cases with the median and the greatest ratio; none if their plans are no longer available."""
     if beside.columns is None:
         return []
     try:
@@ -236,7 +236,7 @@ def fly_pairs(
 
 
 def optimum_rows(beside: BesideOptimum) -> list[list[str]]:
-    """Return one row of words for each case, the greatest ratio first."""
+    """Return a table row for each case, the greatest ratio first."""
     if beside.columns is None:
         return []
     spent = ("{delta_v_m_s:.3f}", "{optimum_delta_v_m_s:.3f}", "{times_optimum:.2f}")
@@ -251,7 +251,7 @@ ENDED = ("{min_distance_m:.1f} to {max_distance_m:.1f}", "{outcome}")
 
 
 def rows_in_words(columns: Columns, rows: Iterable[int], cells: Sequence[str]) -> list[list[str]]:
-    """Return rows of a table of flights in words, each cell a format of the values in a row."""
+    """Return table rows of flights as text; each cell is a format of a flight's values."""
     lines = []
     for row in rows:
         values = {name: column[row] for name, column in columns.items()}
@@ -264,7 +264,7 @@ def rows_in_words(columns: Columns, rows: Iterable[int], cells: Sequence[str]) -
 
 @dataclass(frozen=True)
 class Without:
-    """The flights of an evaluation in which the layer acted, flown without it.
+    """Flights in which the safety layer acted, flown again without it.
 
     Parameters
     ----------
@@ -283,7 +283,7 @@ class Without:
 
 
 def fly_without(experiment: Experiment, controller: Controller, episodes: Columns | None) -> Without | None:
-    """Fly without the layer what it acted in; None where it is off or did not act.
+    """Fly the flights in which the safety layer acted without it; None if there are none.
 
     Parameters
     ----------

@@ -63,13 +63,13 @@ class ShownFlight:
 
     @property
     def is_alone(self) -> bool:
-        """Whether it is from the given start, or of the case that is asked for, and not one of a crowd."""
+        """Whether it is the flight that was asked for, by a start or a case, and not one of many."""
         return self.name == "start" or self.name.startswith("case-")
 
 
 @dataclass(frozen=True)
 class Contents:
-    """Everything that a report may tell; None and empty where the run does not have it.
+    """Everything that a report may contain; None or empty if the run does not have it.
 
     Parameters
     ----------
@@ -119,18 +119,18 @@ class Contents:
 
     @property
     def sets(self) -> list[tuple[str, FlightSet, Reported]]:
-        """The flights of training and evaluation, as far as they are there, each with the paper's."""
+        """The flights of training and evaluation that exist, each with the paper's results."""
         both = (("Training", self.training, PAPER_TRAINING), ("Evaluation", self.evaluation, PAPER_TEST))
         return [(word, flights, reported) for word, flights, reported in both if flights is not None]
 
     @property
     def is_comparison(self) -> bool:
-        """Whether controllers were flown side by side, and nothing else was."""
+        """Whether the run only compares controllers."""
         return bool(self.comparison) and not self.sets and not self.shown
 
 
 def gather(experiment: Experiment, folder: Path) -> Contents:
-    """Read what there is in a run's folder, and fly again what has to be seen in detail.
+    """Read a run's files, and fly again the flights that are shown in detail.
 
     Parameters
     ----------
@@ -180,7 +180,7 @@ def gather(experiment: Experiment, folder: Path) -> Contents:
 
 
 def read_evaluation(folder: Path, confidence_percent: float) -> FlightSet | None:
-    """Read what the stage evaluate wrote, as far as it is there."""
+    """Read the files of the stage evaluate that exist."""
     has_summary = (folder / artifacts.SUMMARY).exists()
     episodes = _table(folder, artifacts.EPISODES)
     if episodes is None:
@@ -192,7 +192,7 @@ def read_evaluation(folder: Path, confidence_percent: float) -> FlightSet | None
 
 
 def _table(folder: Path, name: str) -> dict[str, NDArray[Any]] | None:
-    """Read a table of a run; None where there is none."""
+    """Read a table of a run; None if it does not exist."""
     return tables.read_parquet(folder, name) if (folder / name).exists() else None
 
 
@@ -222,7 +222,7 @@ def read_summary(folder: Path) -> dict[str, Any]:
 
 
 def tracks_of(rows: Columns, cases: NDArray[Any]) -> NDArray[np.floating]:
-    """Return the positions of some cases, shape (cases, samples, 3), from a table of a row a sample.
+    """Return the positions of some cases, shape (cases, samples, 3), from a table with a row per sample.
 
     Raises
     ------
@@ -242,7 +242,7 @@ def tracks_of(rows: Columns, cases: NDArray[Any]) -> NDArray[np.floating]:
 
 
 def fly_training(experiment: Experiment, controller: Controller, starts: list[Scenario]) -> FlightSet:
-    """Fly the starts of the training."""
+    """Fly the champion from the training starts."""
     episodes, tracks = fly_cases(experiment.mission, controller, starts, experiment.optimizer.workers)
     summary = _summary(episodes, experiment.monte_carlo.confidence_percent)
     return FlightSet(episodes, tracks, {**summary, "sun": experiment.sun_in_words})
@@ -255,7 +255,7 @@ def fly_shown(
     episodes: Columns | None,
     training_round: int | None,
 ) -> list[ShownFlight]:
-    """Fly what is shown in detail: a training case, the given start, or else the evaluation's median case."""
+    """Fly what is shown in detail: a training case, the given start, or the evaluation's median case."""
     chosen: list[tuple[str, str, Scenario]] = []
     if starts:
         case = experiment.report.training_case

@@ -83,12 +83,12 @@ def write(contents: Contents, illustrations: Mapping[str, Illustration]) -> str:
 
 
 def sees_less(flown: Mapping[str, Any]) -> bool:
-    """Tell whether a summary is of flights in which some points could not be inspected."""
+    """Return whether some points could not be inspected in the flights of a summary."""
     return INSPECTABLE in flown and flown[INSPECTABLE]["mean"] != flown["inspection_rate_percent"]["mean"]
 
 
 def flight_facts(flight: ShownFlight, mission: Mission) -> list[tuple[str, str]]:
-    """Return what is to be known of a flight besides its pictures: names and values."""
+    """Return the facts listed beside a flight's pictures, as names and values."""
     log = flight.log
     counts = log.is_inspected.sum(axis=1)
     inspectable = int(log.is_inspectable.sum())
@@ -110,13 +110,13 @@ def flight_facts(flight: ShownFlight, mission: Mission) -> list[tuple[str, str]]
 
 
 def sun_at_start(angle_rad: float, elevation_rad: float, decimals: int) -> str:
-    """Return where the Sun is at the start of a flight, in degrees with so many decimals."""
+    """Return the Sun's angles at the start of a flight as text, in degrees."""
     angle, elevation = (_signed(math.degrees(value), decimals) for value in (angle_rad, elevation_rad))
     return f"{angle}°" + (f", {elevation}° over the orbit plane" if elevation_rad else "")
 
 
 def case_rows(training: FlightSet | None) -> list[list[str]]:
-    """Return one row of words for each training flight, none where they are too many."""
+    """Return a table row for each training flight; none if there are too many."""
     if training is None or training.episodes is None or len(training.episodes["case"]) > MOST_ROWS:
         return []
     start = ", ".join(f"{{{name}:.1f}}" for name in POSITION)
@@ -127,7 +127,7 @@ def case_rows(training: FlightSet | None) -> list[list[str]]:
 
 
 def _signed(value: float, decimals: int) -> str:
-    """Write a number with a true minus sign."""
+    """Format a number with a true minus sign."""
     return f"{value:.{decimals}f}".replace("-", "−")
 
 
@@ -150,7 +150,7 @@ OF_TABLE = (0, 1, 2, 4, 5)
 
 
 def _towards_goal(contents: Contents, illustrations: Mapping[str, Illustration]) -> Iterator[Block]:
-    """Tell of flights that must reach a goal: how fast they are, and how near."""
+    """Return the results of flights that must reach a goal: speeds and distances."""
     experiment, summary = contents.experiment, contents.evaluation.summary if contents.evaluation else None
     who = f"The controller {contents.controller.name}" if contents.controller else "No controller"
     if summary:
@@ -174,14 +174,14 @@ def _towards_goal(contents: Contents, illustrations: Mapping[str, Illustration])
 
 
 def lead(who: str, summary: Mapping[str, Any], mission: Mission) -> str:
-    """Say in a sentence or two what came out."""
+    """Return the result of the run in a sentence or two."""
     reached, held = (100 * summary[name]["fraction"] for name in (SUCCESS, "held"))
     shares = {"reached": reached, "held": held, "spent": comparison.spread(summary["delta_v_m_s"], 3)}
     return caption_of("goal", who=who, summary=summary, problem=mission.problem, **shares)
 
 
 def _results(summary: Mapping[str, Any]) -> Iterator[Block]:
-    """Tell of means and extremes, and of shares of the flights."""
+    """Return means, extremes and shares of the flights."""
     yield Heading("Results", id="results")
     heads = ["", "mean ± standard deviation", "least", "greatest"]
     means = []

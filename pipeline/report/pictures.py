@@ -40,7 +40,7 @@ Drawn = tuple[str, str, style.Figure]
 
 
 def draw(contents: Contents) -> list[style.Illustration]:
-    """Draw every picture for which the run has what it takes, in the order of the page."""
+    """Draw every picture that the run has data for, in the order of the page."""
     has_goal = contents.experiment.mission.problem.kind == "reach"
     dots_per_inch = contents.experiment.report.dots_per_inch
     with style.style():
@@ -120,7 +120,7 @@ def _approach(contents: Contents) -> Iterator[Drawn]:
 
 
 def _two(flights: Mapping[str, FlightLog], mission: Mission) -> style.Figure:
-    """Draw two flights over one another."""
+    """Draw two flights in the same axes."""
     names = [f"{name}: {log.delta_v_m_s[-1]:.3f} m/s" for name, log in flights.items()]
     colours = dict(zip(names, (style.BLUE, style.VERMILION), strict=True))
     paths = np.stack([log.position_m for log in flights.values()])
@@ -128,7 +128,7 @@ def _two(flights: Mapping[str, FlightLog], mission: Mission) -> style.Figure:
 
 
 def _tracks_by_outcome(flights: FlightSet, mission: Mission) -> Tracks:
-    """Colour flights by how they ended, those outside the limits last."""
+    """Return the tracks of flights grouped and coloured by outcome, those outside the limits last."""
     assert flights.episodes is not None  # noqa: S101 - flights with tracks have episodes
     assert flights.tracks_m is not None  # noqa: S101
     ended, threshold = flight_endings(flights.episodes), f"{mission.inspection_threshold_percent:g} %"
@@ -144,7 +144,7 @@ def _tracks_by_outcome(flights: FlightSet, mission: Mission) -> Tracks:
 
 
 def _samples(contents: Contents) -> Iterator[Sample]:
-    """Yield what the distributions are of."""
+    """Yield the quantities whose distributions are drawn."""
     for word, flights, reported in contents.sets:
         if flights.episodes is not None:
             values = {name: np.asarray(flights.episodes[name], dtype=np.float64) for name in METRICS}

@@ -71,7 +71,7 @@ class ArtifactError(ValueError):
 
 @contextmanager
 def explained(what: str, cure: str, *also: type[Exception]) -> Iterator[None]:
-    """Turn errors of what is read into an ArtifactError that says what is wrong and how to mend it."""
+    """Turn errors while reading into an ArtifactError that says what is wrong and how to repair it."""
     expected: tuple[type[Exception], ...] = (OSError, ValueError, KeyError, TypeError, *also)
     try:
         yield
@@ -80,7 +80,7 @@ def explained(what: str, cure: str, *also: type[Exception]) -> Iterator[None]:
 
 
 def strangers(folder: Path) -> Iterator[str]:
-    """Yield the paths of what no run makes in its folder, links, pipes and devices, with what they are."""
+    """Yield the links, pipes and devices in a folder, which no run makes, in words."""
     for parent, folders, files in os.walk(folder):
         for name in sorted([*folders, *files]):
             path = Path(parent, name)
@@ -94,7 +94,7 @@ def strangers(folder: Path) -> Iterator[str]:
 
 
 def check_no_strangers(folder: Path) -> None:
-    """Raise ArtifactError unless a folder holds files and folders alone, so that nothing leads out of it."""
+    """Raise ArtifactError unless a folder contains only files and folders: no link leads out of it."""
     if stranger := next(strangers(folder), None):
         raise ArtifactError(
             f"{folder}: {stranger}; a run's folder holds files and folders alone, so that nothing outside it "
@@ -103,7 +103,7 @@ def check_no_strangers(folder: Path) -> None:
 
 
 def stage_of(name: str) -> str | None:
-    """Return the stage that writes a file of a run, if one does: its folder bears the stage's name."""
+    """Return the stage that writes a file of a run, by the file's folder; None if no stage does."""
     first = PurePath(name).parts[0]
     return ELSEWHERE.get(first, first if first in STAGES else None)
 

@@ -19,7 +19,7 @@ MOST_DEEP: Final = 64
 
 
 def config_hash(config: Mapping[str, Any]) -> str:
-    """Hash what the results of a resolved configuration depend on.
+    """Return a hash of the part of a resolved configuration that results depend on.
 
     Parameters
     ----------
@@ -41,12 +41,12 @@ def _hash_of(config: Mapping[str, Any]) -> str:
 
 
 def is_of(config: Mapping[str, Any], manifest: Mapping[str, Any]) -> bool:
-    """Return whether a manifest is of a run with a configuration; earlier versions hashed every key."""
+    """Return whether a manifest is of a run with this configuration; earlier versions hashed all keys."""
     return manifest["config_hash"] in (config_hash(config), _hash_of(config))
 
 
 def text(config: Mapping[str, Any]) -> str:
-    """Write a resolved configuration as YAML that reads back to the same data."""
+    """Return a resolved configuration as YAML that reads back to the same data."""
     dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)  # the first is ten times as fast
     return yaml.dump(
         dict(config), Dumper=dumper, sort_keys=False, allow_unicode=True, default_flow_style=None, width=110
@@ -54,7 +54,7 @@ def text(config: Mapping[str, Any]) -> str:
 
 
 def _check_events(content: bytes, loader: Any) -> None:
-    """Raise ValueError for aliases, by which a page of text grows to gigabytes, and excessive nesting."""
+    """Raise ValueError for aliases, by which a small file grows to gigabytes, and for deep nesting."""
     depth = 0
     for event in yaml.parse(content, loader):
         if isinstance(event, yaml.AliasEvent):
@@ -65,7 +65,7 @@ def _check_events(content: bytes, loader: Any) -> None:
 
 
 def parse(content: bytes) -> Any:
-    """Turn the output of `text`, or anything else, into plain data.
+    """Parse the output of `text` into plain data.
 
     Raises
     ------
@@ -85,7 +85,7 @@ def parse(content: bytes) -> Any:
 
 
 def _check_keys(value: Any) -> None:
-    """Raise ValueError for a key that is no text: JSON, and with it the hash, knows no other."""
+    """Raise ValueError for a key that is not text: JSON, and so the hash, has no others."""
     if isinstance(value, dict):
         for key in value:
             if not isinstance(key, str):

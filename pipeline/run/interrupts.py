@@ -15,14 +15,14 @@ _came: list[int] = []
 
 
 def remember() -> None:
-    """Remember from now on each interrupt of this process, unless it ignores them."""
+    """Remember every interrupt of this process from now on, unless it ignores interrupts."""
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, _raise)
         sys.unraisablehook = _print_unraisable
 
 
 def _print_unraisable(unraisable: Any) -> None:
-    """Print what could not be raised, unless an interrupt came: it is remembered.
+    """Print an exception that could not be raised, unless an interrupt came, which is remembered.
 
     Objects that it left half made fail in their finalizers.
     """

@@ -70,7 +70,7 @@ def held(folder: Path) -> Iterator[None]:
 
 @contextmanager
 def _folder_locked(path: Path) -> Iterator[None]:
-    """Lock the folder of a lock file: that file may be deleted under its holder."""
+    """Lock the folder of a lock file too, since the file may be deleted while it is held."""
     descriptor = os.open(path.parent, os.O_RDONLY | os.O_DIRECTORY)
     try:
         _lock(descriptor, path)
@@ -94,7 +94,7 @@ def _locked(path: Path) -> IO[str]:
 
 
 def _lock(descriptor: int, path: Path) -> None:
-    """Lock an open file or folder, where its file system can; raise HeldError if another process has."""
+    """Lock an open file or folder if the file system can; raise HeldError if another process holds it."""
     import fcntl  # noqa: PLC0415 - not on every system
 
     try:
@@ -111,12 +111,12 @@ def _lock(descriptor: int, path: Path) -> None:
 
 
 def _open_itself(path: str, flags: int) -> int:
-    """Open a file, but none that a link leads to."""
+    """Open a file without following a link."""
     return os.open(path, flags | os.O_NOFOLLOW, 0o666)
 
 
 def _is_at(stream: IO[str], path: Path) -> bool:
-    """Return whether an open file still has its name."""
+    """Return whether a path still names an open file."""
     try:
         return os.path.samestat(os.fstat(stream.fileno()), path.stat())
     except FileNotFoundError:
@@ -132,7 +132,7 @@ def _sign(stream: IO[str]) -> None:
 
 
 def _holder(stream: IO[str]) -> str:
-    """Return the holder named in a lock file; nothing if it cannot be read."""
+    """Return the holder named in a lock file; empty if it cannot be read."""
     stream.seek(0)
     try:
         holder = json.loads(stream.read(1000))

@@ -64,7 +64,7 @@ def product() -> Mapping[str, Any]:
 
 
 def unlike(maker: Mapping[str, Any], other: Mapping[str, Any]) -> list[str]:
-    """Return, in words, the differences between two makers."""
+    """Return the differences between two makers in words."""
 
     def changed(part: str, names: Iterable[str]) -> list[str]:
         here, there = maker.get(part, {}), other.get(part, {})
@@ -112,7 +112,7 @@ def processor() -> dict[str, Any]:
 
 
 def product_version() -> str:
-    """Return the version of this product: of the source tree it runs from, else of the installed package.
+    """Return the version of this product, from the source tree or else the installed package.
 
     It is ``unknown`` if the packages were copied without being installed.
     """
@@ -176,7 +176,7 @@ def numpy_variants() -> list[str]:
 
 
 def environment() -> dict[str, str]:
-    """Return the environment variables for a reproducible process; in such a process, those that it has."""
+    """Return the environment variables of a reproducible process."""
     tunables = [word for word in os.environ.get(TUNABLES, "").split(":") if word and word != LIBM]
     disabled = os.environ.get(DISABLED, "").split()
     disabled += [name for name in numpy_variants() if name not in disabled]
@@ -248,7 +248,7 @@ def run_anew(words: Sequence[str]) -> int:
 
 
 def _copy(pipe: Any, stream: Any) -> None:
-    """Copy text as it comes, to its end; one that cannot be written is dropped."""
+    """Copy text line by line until its end; drop lines that cannot be written."""
     for line in pipe:
         with suppress(OSError, ValueError):
             stream.write(line)

@@ -56,7 +56,7 @@ def write(folder: Path, manifest: Mapping[str, Any]) -> None:
 
 
 def fits(value: Any, shape: Any) -> bool:
-    """Return whether plain data is of a shape: a type, ``[shape]``, ``{str: shape}``, or named keys."""
+    """Return whether plain data has a shape: a type, ``[shape]``, ``{str: shape}``, or named keys."""
     if isinstance(shape, list):
         return isinstance(value, list) and all(fits(item, shape[0]) for item in value)
     if isinstance(shape, Mapping):
@@ -90,5 +90,5 @@ def read(folder: Path) -> dict[str, Any]:
 
 
 def read_if_any(folder: Path) -> dict[str, Any]:
-    """Read the manifest of a run as `read` does; nothing where there is none."""
+    """Read the manifest of a run; return an empty mapping if there is none."""
     return read(folder) if (folder / MANIFEST).exists() else {}

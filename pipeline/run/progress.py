@@ -50,7 +50,7 @@ class Progress:
         self._bar.stop()
 
     def show(self, done: int, text: str = "") -> None:
-        """Show the number done, and a text about the last one."""
+        """Show how many are done, with a text about the last."""
         if not self._bar.disable:
             self._bar.update(self._task, completed=done, description=text or self._what)
             return

@@ -18,7 +18,7 @@ _LOG = logging.getLogger("pipeline")
 
 
 class Interrupted(KeyboardInterrupt):
-    """A run was interrupted from the keyboard; says what was kept and how to go on."""
+    """Interrupt from the keyboard during a run; says what was kept and how to continue."""
 
 
 def run_stages(
@@ -28,7 +28,7 @@ def run_stages(
     stages: Sequence[str] | None = None,
     command: Sequence[str] | None = None,
 ) -> list[str]:
-    """Run stages in a run's folder; return, in words, the proofs that were asked for and not found.
+    """Run stages in a run's folder; return a sentence for each requested proof that was not found.
 
     Parameters
     ----------
@@ -166,14 +166,14 @@ def _makers(earlier: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 
 def _begin(manifest: dict[str, Any], stage: str, *, is_resumed: bool) -> None:
-    """Record the present maker of a stage; a resumed stage may contain another's work."""
+    """Record the present maker of a stage; a resumed stage may have several."""
     made_by, present = manifest["made_by"], len(manifest["makers"]) - 1
     earlier = made_by.get(stage, []) if is_resumed else []
     made_by[stage] = [*(index for index in earlier if index != present), present]
 
 
 def _edited(source: Mapping[str, Any]) -> str | None:
-    """Return how the configured controller differs from what its provenance tells of; None if it does not."""
+    """Return how the controller was edited since its provenance was written; None if it was not."""
     from fis_tools.errors import ControllerFileError  # noqa: PLC0415 - only runs need them
     from fis_tools.formats import serialize  # noqa: PLC0415 - as above
 
@@ -186,7 +186,7 @@ def _edited(source: Mapping[str, Any]) -> str | None:
 
 
 def scene_of(mission: Mission) -> dict[str, float]:
-    """Return the parameters for plotting a mission's flights, limits and threshold of success among them."""
+    """Return the parameters for plotting a mission's flights, such as limits and the threshold of success."""
     threshold = {"threshold_percent": mission.inspection_threshold_percent}
     return {
         "sample_period_s": mission.control_period_s,
@@ -198,7 +198,7 @@ def scene_of(mission: Mission) -> dict[str, float]:
 
 
 def _kept(folder: Path, stage: str, finished: Sequence[str]) -> str:
-    """Return what an interrupted run leaves behind and how to go on."""
+    """Return a sentence on what an interrupted run has kept and how to continue."""
     command = shlex.quote(f"resume={folder}")
     files = [name for name in artifacts.list_artifacts(folder) if name != artifacts.CONFIG]
     if (folder / artifacts.CHECKPOINT).exists():

@@ -30,7 +30,7 @@ def write_parquet(path: Path, columns: Mapping[str, Any]) -> None:
 
 
 def join_parquet(path: Path, parts: Sequence[Path]) -> None:
-    """Write one table from several: the bytes of one that was never in parts, with few rows in memory.
+    """Join tables into one, byte for byte as if written at once, with few rows in memory.
 
     A column that a part leaves out, such as the velocities of starts at rest, is 0 there.
     """
@@ -62,7 +62,7 @@ def _writer(path: Path, schema: pa.Schema) -> Iterator[pq.ParquetWriter]:
 
 
 class RunTable(dict[str, NDArray[Any]]):
-    """The columns of a run's table, by their names; one that is missing raises ArtifactError.
+    """The columns of a run's table by name; a missing one raises ArtifactError.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ def read_parquet(folder: Path, name: str) -> RunTable:
 
 
 class Columns(Mapping[str, NDArray[Any]]):
-    """The columns of a table in one file or several, each read on request and not kept.
+    """The columns of a table in one or more files, each read on request.
 
     Parameters
     ----------

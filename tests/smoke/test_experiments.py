@@ -109,11 +109,11 @@ def test_the_report_needs_nothing_but_itself(finished):
 
 
 def test_the_same_seed_finds_the_same_champion_on_any_number_of_workers(tmp_path):
-    training, found = ("+experiment=train", *MINIATURE, "stages=[scenario,train,evaluate]"), []
+    training, results = ("+experiment=train", *MINIATURE, "stages=[scenario,train,evaluate]"), []
     for count in (1, 2):
         folder = tmp_path / str(count)
         workers = (f"optimizer.workers={count}", f"monte_carlo.workers={count}")
         assert main([*training, *workers, f"hydra.run.dir={folder}"]) == 0
         files = [(folder / name).read_bytes() for name in (artifacts.LOGBOOK, artifacts.EPISODES)]
-        found.append((artifacts.read_json(folder, artifacts.CHAMPION)["systems"], files))
-    assert found[0] == found[1]
+        results.append((artifacts.read_json(folder, artifacts.CHAMPION)["systems"], files))
+    assert results[0] == results[1]

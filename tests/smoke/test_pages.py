@@ -51,8 +51,8 @@ def test_experiments(words, capsys):
         of_ours = [word for word in words if "=" in word and not word.startswith(others)]
         check_overrides(parse(rewrite_paths(of_ours)), options([conf_folder()]))
     else:
-        asked = [word for word in words if word not in {"--cfg", "job"}]
-        assert cli.main([*asked, "--cfg", "job"]) == 0, capsys.readouterr().err
+        given = [word for word in words if word not in {"--cfg", "job"}]
+        assert cli.main([*given, "--cfg", "job"]) == 0, capsys.readouterr().err
 
 
 @pytest.mark.parametrize("words", calls_of("telemetry"), ids=" ".join)
@@ -77,8 +77,8 @@ def test_review(page, tmp_path, monkeypatch, capsys):
     shutil.copytree(PROJECT / "conf" / "controller", tmp_path / "conf" / "controller")
     monkeypatch.chdir(tmp_path)
     # an editor does not end by itself
-    asked = [words[3:] for words in commands(page) if words[2] == "fis_tools" and words[3] != "edit"]
-    for words in asked:
+    given = [words[3:] for words in commands(page) if words[2] == "fis_tools" and words[3] != "edit"]
+    for words in given:
         provide(words)
         expanded = [path for word in words for path in (sorted(glob(word)) if "*" in word else [word])]
         assert review.main(expanded) == 0, f"{words}: {capsys.readouterr().err}"

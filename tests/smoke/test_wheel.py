@@ -70,16 +70,16 @@ def test_a_source_distribution_builds_the_same_wheel(folder, built, tmp_path, re
     (unpacked,) = (tmp_path / "unpacked").iterdir()
     wheels = [request.getfixturevalue(built), build(unpacked, tmp_path / "there")]
     assert wheels[0].name == wheels[1].name
-    one, other = ({name: zipfile.ZipFile(path).read(name) for name in content(path)} for path in wheels)
-    assert one == other
+    entry, other = ({name: zipfile.ZipFile(path).read(name) for name in content(path)} for path in wheels)
+    assert entry == other
 
 
 def test_it_flies_from_any_folder_with_experiments_of_ones_own(wheel, small_wheel, tmp_path):
     site, options = tmp_path / "site", ("--no-index", "--no-deps", "--no-compile")
     run_python("-m", "pip", "install", *options, "--target", site, wheel, small_wheel, folder=tmp_path)
-    own = tmp_path / "mine" / "experiment"
-    own.mkdir(parents=True)
-    (own / "drift.yaml").write_text("""# @package _global_
+    experiments = tmp_path / "mine" / "experiment"
+    experiments.mkdir(parents=True)
+    (experiments / "drift.yaml").write_text("""# @package _global_
 # Drift for ten minutes.
 defaults: [override /controller: coast]
 name: drift
@@ -113,18 +113,20 @@ class Alone:
         while waiting:
             wanted = waiting.pop()
             if wanted.name not in had:
-                found = had[wanted.name] = importlib.metadata.distribution(wanted.name)
-                assert wanted.specifier.contains(found.version)
-                for name in {file.parts[0] for file in found.files or []} - {"..", "__pycache__"}:
-                    (site / name).symlink_to(found.locate_file(name))
-                waiting += _applying(found.requires or [], wanted.extras or {""})
+                results = had[wanted.name] = importlib.metadata.distribution(wanted.name)
+                assert wanted.specifier.contains(results.version)
+                for name in {file.parts[0] for file in results.files or []} - {"..", "__pycache__"}:
+                    (site / name).symlink_to(results.locate_file(name))
+                waiting += _applying(results.requires or [], wanted.extras or {""})
         return had
 
     def size_mb(self) -> float:
         """What all of it weighs, without what Python compiles."""
-        own = [path for path in self.site.rglob("*") if path.is_file()]
-        others = [Path(one.locate_file(file)) for one in self.distributions.values() for file in one.files]
-        files = (path for path in own + others if path.suffix != ".pyc" and path.is_file())
+        files_here = [path for path in self.site.rglob("*") if path.is_file()]
+        others = [
+            Path(entry.locate_file(file)) for entry in self.distributions.values() for file in entry.files
+        ]
+        files = (path for path in files_here + others if path.suffix != ".pyc" and path.is_file())
         return sum(path.stat().st_size for path in files) / 1e6
 
     def run(self, *words: object, beside: Path | None = None) -> subprocess.CompletedProcess[str]:
@@ -152,8 +154,10 @@ for words in {{commands}}:
 
 def _applying(texts: Iterable[str], extras: set[str]) -> list[Requirement]:
     """The requirements that hold on this machine for one of the extras; the empty one stands for none."""
-    wanted = [(one, one.marker) for one in map(Requirement, texts)]
-    return [one for one, rule in wanted if rule is None or any(rule.evaluate({"extra": e}) for e in extras)]
+    wanted = [(entry, entry.marker) for entry in map(Requirement, texts)]
+    return [
+        entry for entry, rule in wanted if rule is None or any(rule.evaluate({"extra": e}) for e in extras)
+    ]
 
 
 @pytest.fixture(scope="module")
@@ -187,20 +191,20 @@ def test_the_toolkit_alone_runs_every_command(alone, fast, tmp_path):
     systems = [EXAMPLES / name for name in ("tipper.fis", "dimmer.fll", "pendulum.yaml")]
     commands = []
     for system in systems:
-        own, simpler = (tmp_path / f"{system.stem}-{kind}.yaml" for kind in ("own", "simpler"))
+        imported, simpler = (tmp_path / f"{system.stem}-{kind}.yaml" for kind in ("own", "simpler"))
         inputs = [f"{v.name}={0.5 * (v.minimum + v.maximum)}" for v in load(system).systems[0].inputs]
         commands += [
-            ("import", system, "-o", own),
+            ("import", system, "-o", imported),
             *((command, system) for command in ("show", "audit")),
-            *((command, own) for command in ("bounds", "surface")),
-            ("explain", own, "--inputs", ",".join(inputs)),
-            *(("export", own, "--format", form) for form in FORMS),
-            ("simplify", own, "--max-change", "5%", "-o", simpler),
-            ("diff", own, simpler),
-            ("review", own, "-o", tmp_path / f"{system.stem}.html"),
+            *((command, imported) for command in ("bounds", "surface")),
+            ("explain", imported, "--inputs", ",".join(inputs)),
+            *(("export", imported, "--format", form) for form in FORMS),
+            ("simplify", imported, "--max-change", "5%", "-o", simpler),
+            ("diff", imported, simpler),
+            ("review", imported, "-o", tmp_path / f"{system.stem}.html"),
         ]
-    told = alone.tools(*commands, beside=fast)
-    assert all(words for words, command in zip(told, commands, strict=True) if "-o" not in command)
+    printed = alone.tools(*commands, beside=fast)
+    assert all(words for words, command in zip(printed, commands, strict=True) if "-o" not in command)
     assert all((tmp_path / f"{system.stem}.html").stat().st_size > 10_000 for system in systems)
 
 
@@ -216,7 +220,7 @@ def test_the_toolkit_alone_says_what_to_install(alone, tmp_path):
     ]
     *drawn, shown = alone.tools(*drawing, ("show", flight), code=2)
     cure = " needs {}, which is not installed; install it: python -m pip install {}\n"
-    assert all(told.endswith(cure.format("matplotlib", "matplotlib")) for told in drawn)
+    assert all(printed.endswith(cure.format("matplotlib", "matplotlib")) for printed in drawn)
     whole = "./fis_tools . (in a copy of this project's sources)"
     assert shown.endswith(cure.format("the package telemetry", whole))
     assert shown.count("\n") == 1

@@ -50,10 +50,10 @@ def test_every_option_composes(words):
 @pytest.mark.parametrize("path", VALUES, ids=lambda path: path.relative_to(conf_folder()).as_posix())
 def test_an_option_says_what_differs_from_the_defaults_and_nothing_else(path: Path):
     group = path.parent.relative_to(conf_folder()).as_posix()
-    told = yaml.safe_load(path.read_text()) or {}
+    content = yaml.safe_load(path.read_text()) or {}
     # an option that builds on another may take back what that says
-    builds_on_another = "defaults" in told
-    for name, value in leaves({key: value for key, value in told.items() if key != "defaults"}):
+    builds_on_another = "defaults" in content
+    for name, value in leaves({key: value for key, value in content.items() if key != "defaults"}):
         key = schema()[f"{group}.{name}" if group not in (".", "world", "problem") else name]
         is_choice = name in ("mode", "kind", "model", "shadow", "reflection", "algorithm")
         assert is_choice or builds_on_another or value != key.default, key.name

@@ -87,9 +87,9 @@ def test_a_sweep_that_cannot_be_is_refused_before_anything_is_made(
 ):
     called = use_stages(monkeypatch)
     begin = FLY[:1] if words[0].startswith("controller") else FLY
-    told = ran("-m", *begin, *words, code=2).err
-    assert told.startswith("error: ")
-    assert message in told
+    printed = ran("-m", *begin, *words, code=2).err
+    assert printed.startswith("error: ")
+    assert message in printed
     assert called == []
     assert list(tmp_path.iterdir()) == []
 
@@ -189,8 +189,8 @@ def test_callbacks_of_the_users_are_called(monkeypatch, ran, tmp_path):
     use_stages(monkeypatch)
     (tmp_path / "telling.py").write_text(CALLBACK)
     monkeypatch.syspath_prepend(tmp_path)
-    told = ran(*FLY, "+hydra.callbacks.mine._target_=telling.Telling", "hydra.run.dir=run").out
-    assert told.splitlines() == ["run", "ended with 0"]
+    printed = ran(*FLY, "+hydra.callbacks.mine._target_=telling.Telling", "hydra.run.dir=run").out
+    assert printed.splitlines() == ["run", "ended with 0"]
 
 
 def test_a_run_may_have_its_folder_as_the_working_directory(monkeypatch, ran, tmp_path):

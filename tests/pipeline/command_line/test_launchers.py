@@ -112,8 +112,8 @@ def miniature(words: list[str]) -> list[str]:
 def commands_of_page() -> list[list[str]]:
     blocks = re.findall(r"```sh\n(.*?)```", PAGE, re.DOTALL)
     lines = [line for block in blocks for line in block.replace("\\\n", " ").splitlines()]
-    found = [shlex.split(line, comments=True) for line in lines]
-    return [words[3:] for words in found if words[:3] == ["python", "-m", "pipeline"]]
+    results = [shlex.split(line, comments=True) for line in lines]
+    return [words[3:] for words in results if words[:3] == ["python", "-m", "pipeline"]]
 
 
 def test_the_commands_of_the_cluster_page_work(cluster, tmp_path):

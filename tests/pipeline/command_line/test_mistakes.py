@@ -95,10 +95,10 @@ MISTAKES = [
 def test_mistakes(arguments, message, tmp_path, monkeypatch, ran):
     monkeypatch.chdir(tmp_path)
     called = use_stages(monkeypatch)
-    told = ran(*arguments, code=2).err
-    assert told.startswith("error: ")
-    assert message in told
-    assert told.count("\n") == 1
+    printed = ran(*arguments, code=2).err
+    assert printed.startswith("error: ")
+    assert message in printed
+    assert printed.count("\n") == 1
     assert called == []
     assert list(tmp_path.iterdir()) == []
 
@@ -116,9 +116,9 @@ def test_a_file_with_the_name_of_one_that_ships_is_refused(tmp_path, ran):
 def test_a_controller_that_looks_for_points_is_told_where_there_are_none(tmp_path, monkeypatch, ran):
     use_stages(monkeypatch)
     for name, is_told in (("champion_27", True), ("steady", False)):
-        place = f"hydra.run.dir={tmp_path / name}"
-        told = ran("+experiment=evaluate", "problem=docking", f"controller={name}", place).err
-        assert (f"note: {name} senses aim_radial, aim_along_track" in told) == is_told
+        run_dir = f"hydra.run.dir={tmp_path / name}"
+        printed = ran("+experiment=evaluate", "problem=docking", f"controller={name}", run_dir).err
+        assert (f"note: {name} senses aim_radial, aim_along_track" in printed) == is_told
 
 
 NO_CONTROLLER = '{"schema": "fuzzy-controller", "schema_version": 99, "name": "x", "systems": []}'

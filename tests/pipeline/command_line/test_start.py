@@ -84,17 +84,17 @@ def test_help_lists_experiments_controllers_and_signals(arguments, code, capsys,
 
 def test_help_on_a_group_a_key_and_what_is_no_key(ran):
     assert "  safety.braking_force_n=null N\n      Greatest force along each" in ran("--help", "safety").out
-    told = ran("--help", "sun.mode", "seed").out
-    assert "(fixed, random, mixed)" in told
-    assert "  seed=1\n" in told
+    printed = ran("--help", "sun.mode", "seed").out
+    assert "(fixed, random, mixed)" in printed
+    assert "  seed=1\n" in printed
     assert "did you mean deputy.mass_kg?" in ran("--help", "deputy.mass", code=2).err
 
 
 @pytest.mark.parametrize("words", [["--help", "train_polish"], ["+experiment=train_polish", "--help"]])
 def test_help_on_an_experiment_shows_what_people_change_with_its_values(words, ran):
-    told = ran(*words).out
-    assert told.startswith("+experiment=train_polish: Polish all but the rules")
-    shown = re.findall(r"^  ([\w.]+)=(.*)$", told, re.MULTILINE)
+    printed = ran(*words).out
+    assert printed.startswith("+experiment=train_polish: Polish all but the rules")
+    shown = re.findall(r"^  ([\w.]+)=(.*)$", printed, re.MULTILINE)
     assert len(shown) == 11  # the stages, and ten keys or groups
     composed = compose_experiment(["+experiment=train_polish", "controller=champion_27"]).config
     values = {key: yaml.safe_load(value) for key, value in shown if value != "NAME"}

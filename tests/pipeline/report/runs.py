@@ -34,9 +34,9 @@ def run_of(folder: Path, stages: tuple[str, ...], *overrides: str) -> Experiment
 def small_controller(folder: Path) -> Path:
     """Write a controller that has but the first of the paper's three systems, for fewer pictures."""
     paper = serialize.load(PROJECT / "conf" / "controller" / "paper.yaml")
-    one = replace(paper, name="one_axis", systems=paper.systems[:1], provenance=(("seed", "1"),))
+    single_axis = replace(paper, name="one_axis", systems=paper.systems[:1], provenance=(("seed", "1"),))
     path = folder / "one_axis.json"
-    path.write_text(serialize.dump_json(one))
+    path.write_text(serialize.dump_json(single_axis))
     return path
 
 

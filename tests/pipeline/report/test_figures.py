@@ -162,13 +162,13 @@ def test_convergence_shows_the_logbook_and_the_rounds():
 def test_an_svg_in_a_page_has_ids_of_its_own_and_takes_the_pages_colours():
     figure = distributions([Sample("id='x' \"fill: #0072b2\" <b>", values_of(8, np.arange(8.0)), {})], 99)
     picture = save(figure, "one", 40)
-    one, two = inline(picture.svg, "one", 'a "b" <c>'), inline(picture.svg, "two", "d")
-    assert one.startswith('<svg role="img" aria-label="a &quot;b&quot; &lt;c&gt;" viewBox=')
-    assert not [word for word in ("metadata", "<!--", "DejaVu") if word in one]
+    first, second = inline(picture.svg, "one", 'a "b" <c>'), inline(picture.svg, "two", "d")
+    assert first.startswith('<svg role="img" aria-label="a &quot;b&quot; &lt;c&gt;" viewBox=')
+    assert not [word for word in ("metadata", "<!--", "DejaVu") if word in first]
     # words stay as they are
     for words in ("var(--blue)", '"fill: #0072b2" &lt;b&gt;', 'id="one-'):
-        assert words in one
-    assert 'id="two-' in two
+        assert words in first
+    assert 'id="two-' in second
 
 
 def test_bounds_hold_corners_and_are_met_by_them() -> None:
@@ -178,19 +178,19 @@ def test_bounds_hold_corners_and_are_met_by_them() -> None:
     step, axis = np.repeat(np.arange(6.0), 4), np.tile([0.0, 0.0, 1.0, 1.0], 6)
     shear = draw.uniform(-1.0, 1.0, 24)
     tube = {"step": step, "axis": axis, "low_m": low, "high_m": high, "shear_per_s": shear}
-    found = tube_bounds(tube | {"least_m_s": least, "greatest_m_s": greatest})
+    results = tube_bounds(tube | {"least_m_s": least, "greatest_m_s": greatest})
     for k in range(6):
         boxes = [np.flatnonzero((step == k) & (axis == letter)) for letter in (0, 1)]
         distances, speeds = [], []
         for x in boxes[0]:
             for y in boxes[1]:
                 # a fine grid of states of the two boxes, corners included
-                places = [np.linspace(low[i], high[i], 41) for i in (x, y)]
+                grids = [np.linspace(low[i], high[i], 41) for i in (x, y)]
                 leaning = [np.linspace(least[i], greatest[i], 3) for i in (x, y)]
-                parts = zip((x, y), places, leaning, strict=True)
+                parts = zip((x, y), grids, leaning, strict=True)
                 both = [np.subtract.outer(s, shear[i] * p) for i, p, s in parts]
-                distances.append(np.hypot.outer(*places))
+                distances.append(np.hypot.outer(*grids))
                 speeds.append(np.hypot.outer(both[0].ravel(), both[1].ravel()).max())
-        assert found[0][k] <= np.min(distances) <= found[0][k] + 0.1
-        assert np.isclose(np.max(distances), found[1][k])
-        assert np.isclose(np.max(speeds), found[2][k])
+        assert results[0][k] <= np.min(distances) <= results[0][k] + 0.1
+        assert np.isclose(np.max(distances), results[1][k])
+        assert np.isclose(np.max(speeds), results[2][k])

@@ -79,8 +79,8 @@ def test_all_sections_are_there_with_their_pictures(trained):
 def test_numbers_are_those_of_the_summary(trained, copied):
     folder, experiment, text, page = trained
     summary = artifacts.read_json(folder, artifacts.SUMMARY)
-    told = gather(experiment, folder)
-    episodes, _ = fly_cases(experiment.mission, told.controller, training_scenarios(experiment))
+    contents = gather(experiment, folder)
+    episodes, _ = fly_cases(experiment.mission, contents.controller, training_scenarios(experiment))
     # in ten minutes not all points are lit
     metrics = ("delta_v_m_s", "inspection_rate_percent", "inspectable_rate_percent", "mean_distance_m")
     success, violated = episodes["success"], episodes["violated"]
@@ -144,12 +144,12 @@ def test_the_page_says_where_the_run_comes_from(trained):
     folder, experiment, _, page = trained
     manifest, words = manifests.read(folder), page.text["provenance"]
     assert folder.as_posix() not in words
-    for told in (
+    for sentence in (
         *(manifest["config_hash"], manifest["versions"]["numpy"], manifest["sha256"][artifacts.EPISODES]),
         "python -m pipeline stages=[report] hydra.run.dir=RUN",
         "command line of this run was not kept",
     ):
-        assert told in words
+        assert sentence in words
     assert f"seed\n{experiment.seed}" in re.sub(r"\n+", "\n", words) or f"seed{experiment.seed}" in words
 
 
@@ -185,12 +185,12 @@ def test_what_is_missing_is_left_out_with_a_sentence(trained, copied, missing):
 @pytest.mark.slow
 def test_the_report_of_the_same_run_is_the_same_and_stale_pictures_go(trained, copied, capsys):
     folder, experiment = copied
-    own, other = (folder / artifacts.FIGURES / name for name in ("control-start.png", "mine.png"))
-    for path in (own, other):
+    drawn, other = (folder / artifacts.FIGURES / name for name in ("control-start.png", "mine.png"))
+    for path in (drawn, other):
         path.write_bytes(b"")
     assert page_of(experiment, folder) == trained[2]
     assert "pictures" in capsys.readouterr().err
-    assert not own.exists()
+    assert not drawn.exists()
     assert other.exists()
 
 
@@ -220,9 +220,9 @@ def test_an_evaluated_controller_shows_its_median_flight(tmp_path):
     middle = summary["percentiles"]["delta_v_m_s"][0]
     assert f"50 % have at most{middle['value']:.3f}{middle['low']:.3f} to {middle['high']:.3f}" in words
     rate, count = summary["inspectable_rate_percent"]["mean"], summary["inspectable_count"]["mean"]
-    told = words_of(page, "summary")
-    assert f" {rate:.2f} ± " in told
-    assert f"% of the {count:.1f} a flight that can be inspected, to which success refers" in told
+    printed = words_of(page, "summary")
+    assert f" {rate:.2f} ± " in printed
+    assert f"% of the {count:.1f} a flight that can be inspected, to which success refers" in printed
     del summary["nominal"]["success_and_within_limits"]
     write_json(tmp_path / artifacts.SUMMARY, summary)
     with pytest.raises(ArtifactError, match=r"dispersions what it should .* repeat the stage evaluate"):
@@ -234,9 +234,9 @@ def test_one_flight_is_reported_alone(tmp_path):
     overrides = ("+experiment=fly", "controller=coast", "stages=[record,report]")
     experiment = run_of(tmp_path, ("record", "report"), *overrides)
     page = Page((tmp_path / artifacts.REPORT).read_text())
-    told = gather(experiment, tmp_path)
-    (flight,) = told.shown
-    log = fly_logged(experiment.mission, told.controller, flight.scenario)
+    contents = gather(experiment, tmp_path)
+    (flight,) = contents.shown
+    log = fly_logged(experiment.mission, contents.controller, flight.scenario)
     seen, most = log.is_inspected[-1].sum(), log.is_inspectable.sum()
     assert f"inspects {seen} of the {most} points that can be inspected (99 in all)" in page.text["summary"]
     assert "The controller coast has no fuzzy systems." in page.text["controller"]
@@ -253,17 +253,19 @@ def test_one_flight_is_reported_alone(tmp_path):
 @pytest.mark.slow
 def test_names_are_text_and_no_markup(trained):
     folder, experiment, _, _ = trained
-    told = gather(experiment, folder)
-    (system,) = told.controller.systems
-    hostile = replace(told.controller, name=HOSTILE, systems=(replace(system, name=HOSTILE),))
+    contents = gather(experiment, folder)
+    (system,) = contents.controller.systems
+    hostile = replace(contents.controller, name=HOSTILE, systems=(replace(system, name=HOSTILE),))
     hostile_run = replace(experiment, report=replace(experiment.report, title=HOSTILE))
-    told = replace(told, controller=hostile, experiment=hostile_run, command=HOSTILE, config_text=HOSTILE)
-    illustrations = {drawn.name: drawn for drawn in draw(told)}
+    contents = replace(
+        contents, controller=hostile, experiment=hostile_run, command=HOSTILE, config_text=HOSTILE
+    )
+    illustrations = {drawn.name: drawn for drawn in draw(contents)}
     assert all(re.fullmatch(r"[a-z0-9-]+", name) for name in illustrations)
-    text = write(told, illustrations)
+    text = write(contents, illustrations)
     page = Page(text)
     assert HOSTILE not in text
-    assert len(page.all("script")) == bool(told.shown)
+    assert len(page.all("script")) == bool(contents.shown)
     assert ("h1", HOSTILE) in page.texts
     assert page.text["controller"].count(HOSTILE) >= 2
     assert HOSTILE in page.text["provenance"]
@@ -337,10 +339,10 @@ def test_training_flights_start_where_the_last_round_did(tmp_path):
     write_training(tmp_path)
     overrides = ("+experiment=train", "starts=random", "starts.num_cases=3", "optimizer.rounds=2")
     experiment = run_of(tmp_path, ("scenario",), *overrides)
-    told = gather(experiment, tmp_path)
-    assert told.training_round == 2
-    assert told.shown[0].title == "Training case 0 of round 2"
+    contents = gather(experiment, tmp_path)
+    assert contents.training_round == 2
+    assert contents.shown[0].title == "Training case 0 of round 2"
     expected = training_scenarios(experiment, 1)
-    np.testing.assert_array_equal(told.shown[0].scenario.position_m, expected[0].position_m)
+    np.testing.assert_array_equal(contents.shown[0].scenario.position_m, expected[0].position_m)
     xs = [scenario.position_m[0] for scenario in expected]
-    np.testing.assert_array_equal(told.training.episodes["position_x_m"], xs)
+    np.testing.assert_array_equal(contents.training.episodes["position_x_m"], xs)

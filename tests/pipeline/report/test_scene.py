@@ -96,7 +96,7 @@ def test_a_page_shows_it(flown, opened, axe, width):
     count = int(log.is_inspected[30].sum())
     assert f"{count} of {log.is_inspected.shape[1]} points" in page.locator(".count").inner_text()
     force = log.force_hill_n[30]
-    told = page.locator(".why").inner_text()
-    assert told.startswith("Push" if np.any(force) else "No push")
+    printed = page.locator(".why").inner_text()
+    assert printed.startswith("Push" if np.any(force) else "No push")
     assert page.evaluate("() => document.documentElement.scrollWidth") <= width
     assert serious_violations(page, axe) == []

@@ -93,9 +93,9 @@ def test_a_comparison_of_approaches_says_what_its_columns_mean(tmp_path):
     words = ("+experiment=compare_docking", "compare.controllers=[coast]")
     experiment = run_of(tmp_path, ("compare", "report"), *words)
     page = (tmp_path / artifacts.REPORT).read_text(encoding="utf-8")
-    (told,) = comparison.describe_columns(experiment)
-    assert f"same starts: {told}" in page
-    assert told.startswith("30 cases of seed")
+    (description,) = comparison.describe_columns(experiment)
+    assert f"same starts: {description}" in page
+    assert description.startswith("30 cases of seed")
     assert "Sun random" not in page
 
 
@@ -106,8 +106,8 @@ def test_marks_are_means_and_spreads(folder):
     for title, marks in panels:
         assert [mark.name for mark in marks] == ["the paper (published)", "coast", "lqr"]
         (row,) = [r for r in rows if (f"Sun {r.sun}", r.controller, r.safety) == (title, "lqr", "none")]
-        told = row.summary["delta_v_m_s"]
-        assert marks[2].delta_v == (told["mean"], told["standard_deviation"])
+        measure = row.summary["delta_v_m_s"]
+        assert marks[2].delta_v == (measure["mean"], measure["standard_deviation"])
 
 
 def test_controllers_are_told_apart_without_colours():
@@ -183,9 +183,9 @@ def test_the_picture_shows_each_case_by_its_ratio():
         for x, y in line.get_xydata():
             drawn[int(x)] = (y, to_hex(line.get_color()), line.get_marker())
     ends = ["outside the distance limits", "success", "success", "too few points"]
-    for place, (row, end) in enumerate(zip(order, ends, strict=True)):
+    for column, (row, end) in enumerate(zip(order, ends, strict=True)):
         colour, marker = ENDS[end]
-        assert drawn[place] == (columns["delta_v_m_s"][row], colour.lower(), marker)
+        assert drawn[column] == (columns["delta_v_m_s"][row], colour.lower(), marker)
     assert spent.get_yscale() == "log"
     assert {text.get_text() for text in spent.texts} == {"2×", "5×", "8×"}
     assert points.lines[0].get_ydata()[0] == 95

@@ -115,13 +115,13 @@ def test_columns_come_back_as_they_were(tmp_path: Path) -> None:
         "word": ["a", "ü", ""],
     }
     tables.write_parquet(tmp_path / "sub" / "table.parquet", columns)
-    found = tables.read_parquet(tmp_path, "sub/table.parquet")
+    results = tables.read_parquet(tmp_path, "sub/table.parquet")
     with pytest.raises(ArtifactError, match="has no column success; repeat the stage"):
-        found["success"]
-    assert list(found) == list(columns)
+        results["success"]
+    assert list(results) == list(columns)
     for name, values in columns.items():
-        np.testing.assert_array_equal(found[name], values)
-        assert name == "word" or found[name].dtype == np.asarray(values).dtype
+        np.testing.assert_array_equal(results[name], values)
+        assert name == "word" or results[name].dtype == np.asarray(values).dtype
     # a matrix becomes a list a row
     rows = np.random.default_rng(1).random((3, 4))
     tables.write_parquet(tmp_path / "table.parquet", {"genome": rows})

@@ -71,9 +71,9 @@ def test_verify_tells_each_file_that_is_not_what_was_written(folder, ran):
     (folder / "evaluate.txt").write_text("better")
     (folder / "record.txt").unlink()
     (folder / "more.txt").write_text("x")
-    told = ran("verify", folder, code=1).out
+    printed = ran("verify", folder, code=1).out
     for words in ("files: 3 as", "evaluate.txt has CHANGED", "record.txt is MISSING", "more.txt is not in"):
-        assert words in told
+        assert words in printed
     for words in ([], ["a", "b", "c"], ["nowhere"]):
         assert ran("verify", *words, code=2).err.startswith("error: ")
 
@@ -118,9 +118,9 @@ def test_one_process_holds_a_folder_until_it_is_gone(tmp_path, monkeypatch, ran)
     assert not (folder / artifacts.CONFIG).exists()
     # the lock of a killed process is told and taken over
     assert (folder / LOCK).exists()
-    told = ran(*FLY, f"hydra.run.dir={folder}").err
-    assert f"was held by process {process.pid} on" in told
-    assert "which is gone; its lock is taken over" in told
+    printed = ran(*FLY, f"hydra.run.dir={folder}").err
+    assert f"was held by process {process.pid} on" in printed
+    assert "which is gone; its lock is taken over" in printed
     assert not (folder / LOCK).exists()
 
 
@@ -181,16 +181,16 @@ print(out.tobytes().hex())
 @pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="compiles for x86-64 processors")
 def test_compiled_code_gives_the_same_bits_on_every_processor(tmp_path):
     (tmp_path / "several.py").write_text(COMPILED)
-    told = []
+    outputs = []
     for chosen in ({}, {"NUMBA_CPU_NAME": "x86-64", "NUMBA_CPU_FEATURES": ""}):
-        told.append(run_python(tmp_path / "several.py", NUMBA_CACHE_DIR=str(tmp_path), **chosen).stdout)
-    assert len(told[0]) > 4096
-    assert told[0] == told[1]
+        outputs.append(run_python(tmp_path / "several.py", NUMBA_CACHE_DIR=str(tmp_path), **chosen).stdout)
+    assert len(outputs[0]) > 4096
+    assert outputs[0] == outputs[1]
 
 
 def test_no_kernel_lets_the_compiler_round_as_it_likes():
-    places = [path for package in ("pipeline", "fis_tools") for path in (PROJECT / package).rglob("*.py")]
-    assert [path.name for path in places if "fastmath" in path.read_text(encoding="utf-8")] == []
+    paths = [path for package in ("pipeline", "fis_tools") for path in (PROJECT / package).rglob("*.py")]
+    assert [path.name for path in paths if "fastmath" in path.read_text(encoding="utf-8")] == []
 
 
 @pytest.mark.slow
@@ -207,10 +207,10 @@ def test_settings_of_the_user_are_kept(monkeypatch):
     monkeypatch.setenv("GLIBC_TUNABLES", "glibc.malloc.check=1")
     monkeypatch.setenv("NPY_DISABLE_CPU_FEATURES", "AVX512F")
     assert not maker.is_in_force()
-    told = maker.environment()
-    assert told["GLIBC_TUNABLES"] == f"glibc.malloc.check=1:{maker.LIBM}"
-    assert told["NPY_DISABLE_CPU_FEATURES"].startswith("AVX512F")
-    for name, value in told.items():
+    environment = maker.environment()
+    assert environment["GLIBC_TUNABLES"] == f"glibc.malloc.check=1:{maker.LIBM}"
+    assert environment["NPY_DISABLE_CPU_FEATURES"].startswith("AVX512F")
+    for name, value in environment.items():
         monkeypatch.setenv(name, value)
     assert maker.is_in_force()
 

@@ -76,10 +76,10 @@ def test_an_interrupt_says_what_was_kept_and_resume_goes_on(monkeypatch, ran):
         raise KeyboardInterrupt
 
     use_stages(monkeypatch, evaluate=stop)
-    told = ran(*EVALUATE, "seed=9", code=130).err
+    printed = ran(*EVALUATE, "seed=9", code=130).err
     folder = run_folder("evaluate")
-    assert f"in the stage evaluate (finished before: scenario); kept in {folder}: scenario.txt" in told
-    assert f"python -m pipeline resume={folder}" in told
+    assert f"in the stage evaluate (finished before: scenario); kept in {folder}: scenario.txt" in printed
+    assert f"python -m pipeline resume={folder}" in printed
     called = use_stages(monkeypatch)
     assert main([f"resume={folder}"]) == 0
     assert [(name, e.seed, e.resume) for name, e, _ in called] == [(name, 9, True) for name in STAGES[1:]]
@@ -126,12 +126,12 @@ def test_repeating_an_early_stage_leaves_the_later_ones_to_do(finished, monkeypa
 
 
 def test_a_repeated_stage_may_have_its_own_settings_but_no_others(finished, monkeypatch, ran):
-    called, place = use_stages(monkeypatch), f"hydra.run.dir={finished}"
-    own = [*EVALUATE, "stages=[report]", place, "report.dots_per_inch=300"]
-    assert main(own) == 0
+    called, run_dir = use_stages(monkeypatch), f"hydra.run.dir={finished}"
+    repeated = [*EVALUATE, "stages=[report]", run_dir, "report.dots_per_inch=300"]
+    assert main(repeated) == 0
     assert called[0][1].report.dots_per_inch == 300
     assert configuration.read(finished)["stages"] == STAGES
-    short = ["stages=[report]", place]
+    short = ["stages=[report]", run_dir]
     assert main([*short, "report.title=By itself"]) == 0
     again = called[1][1]
     assert (again.report.title, again.report.dots_per_inch, again.seed) == (
@@ -139,16 +139,16 @@ def test_a_repeated_stage_may_have_its_own_settings_but_no_others(finished, monk
         300,
         called[0][1].seed,
     )
-    for words, told in (
-        ([*own, "seed=2"], "was made with another seed"),
+    for words, message in (
+        ([*repeated, "seed=2"], "was made with another seed"),
         ([*short, "seed=2"], "another seed (then 1, now 2); drop what changes that"),
         ([*short, "report.titel=X"], "did you mean report.title?"),
-        (["stages=[record]", place, "case=2"], "case counts only with telemetry.record_start=true"),
+        (["stages=[record]", run_dir, "case=2"], "case counts only with telemetry.record_start=true"),
         ([*EVALUATE, "controller=tour", "++controller.attributes.tour_time_s=90000"], "give less than half"),
-        ([*EVALUATE, place], "holds a run already"),
-        (["stages=[reprt]", place], "did you mean report?"),
+        ([*EVALUATE, run_dir], "holds a run already"),
+        (["stages=[reprt]", run_dir], "did you mean report?"),
     ):
-        assert told in ran(*words, code=2).err
+        assert message in ran(*words, code=2).err
 
 
 def test_a_repeated_command_flies_no_controller_that_its_file_no_longer_holds(monkeypatch, ran):
@@ -159,8 +159,8 @@ def test_a_repeated_command_flies_no_controller_that_its_file_no_longer_holds(mo
     assert main(words) == main([*words, "stages=[evaluate]"]) == 0
     Path("c.yaml").write_text(text.replace("name: champion_27", "name: edited", 1))
     called.clear()
-    told = ran(*words, "stages=[evaluate]", code=2).err
-    assert "c.yaml has changed since" in told
+    printed = ran(*words, "stages=[evaluate]", code=2).err
+    assert "c.yaml has changed since" in printed
     assert called == []
     # what names no file goes on with the copy
     assert main(["stages=[evaluate]", "hydra.run.dir=run"]) == 0
@@ -175,8 +175,8 @@ def test_a_folder_that_holds_no_run_is_refused(finished, monkeypatch, ran):
     assert main(repeat) == 2
     assert list(Path("typo").iterdir()) == []
     (finished / "config.yaml").unlink()
-    told = ran(*FLY, f"hydra.run.dir={finished}", code=2).err
-    assert "has no config.yaml; choose the folder of a run" in told
+    printed = ran(*FLY, f"hydra.run.dir={finished}", code=2).err
+    assert "has no config.yaml; choose the folder of a run" in printed
     assert called == []
 
 
@@ -186,9 +186,9 @@ def test_the_jobs_of_a_sweep_leave_another_sweeps_runs_alone(monkeypatch, ran):
     assert main([*sweep, "seed=1,2"]) == 0
     before = {path: path.read_bytes() for path in Path("sweep").glob("seed=?/[a-z]*.*")}
     called = use_stages(monkeypatch)
-    told = ran(*sweep, "seed=2,3", "duration_s=1800", code=2).err
-    assert f"{Path('sweep', 'seed=2')} holds another run; choose another hydra.run.dir" in told
-    assert f"resume={Path('sweep', 'seed=2')}" in told
+    printed = ran(*sweep, "seed=2,3", "duration_s=1800", code=2).err
+    assert f"{Path('sweep', 'seed=2')} holds another run; choose another hydra.run.dir" in printed
+    assert f"resume={Path('sweep', 'seed=2')}" in printed
     assert called == []
     assert not Path("sweep/seed=3").exists()
     assert all(path.read_bytes() == content for path, content in before.items())
@@ -234,8 +234,8 @@ def evaluate(experiment, folder):
     """Write an evaluation in which a heavier deputy burns 0.3 m/s less, whatever else differs."""
     episodes = evaluation(experiment.seed, shift=-0.15 * (experiment.mission.deputy.mass_kg - 10.0))
     tables.write_parquet(folder / artifacts.EPISODES, episodes)
-    told = summarise({**episodes, "mean_distance_m": np.ones(40)}, 95.0)
-    writing.write_json(folder / artifacts.SUMMARY, {"confidence_percent": 95.0, "num_cases": 40, **told})
+    summary = summarise({**episodes, "mean_distance_m": np.ones(40)}, 95.0)
+    writing.write_json(folder / artifacts.SUMMARY, {"confidence_percent": 95.0, "num_cases": 40, **summary})
 
 
 @pytest.mark.slow
@@ -259,11 +259,11 @@ def test_a_sweep_with_injected_failures_is_summarised(monkeypatch, ran):
     assert {name for name, state in states.items() if state == "failed"} == failed
     assert (rows["state"] == "done").sum() == 11
     assert np.isnan(rows["delta_v_m_s"]).sum() == len(INJECTED)
-    found = tables.read_parquet(OUT, "effects.parquet")
-    heavier = (found["factor"] == "deputy.mass_kg") & (found["metric"] == "delta_v_m_s")
+    results = tables.read_parquet(OUT, "effects.parquet")
+    heavier = (results["factor"] == "deputy.mass_kg") & (results["metric"] == "delta_v_m_s")
     # of all seeds but 2 and 4 under a fixed Sun, and but 1 and 3 under a random one, both masses were flown
-    assert found["difference"][heavier] == pytest.approx(-0.3)
-    assert found["pairs"][heavier].tolist() == [4]
+    assert results["difference"][heavier] == pytest.approx(-0.3)
+    assert results["pairs"][heavier].tolist() == [4]
     page = (OUT / "summary.html").read_text()
     assert all(name in page for name in failed)
     assert "controller=coast" in page
@@ -291,7 +291,7 @@ def test_an_interrupted_sweep_goes_on_with_what_is_left(monkeypatch, ran):
 
 
 @pytest.mark.parametrize(
-    ("content", "told"),
+    ("content", "message"),
     [
         (None, "out holds no sweep, it has no sweep.json"),
         ('{"sweep_version": 1, "runs": [{"folder": "../x"}]}', "is no file of a sweep"),
@@ -299,11 +299,11 @@ def test_an_interrupted_sweep_goes_on_with_what_is_left(monkeypatch, ran):
         ('{"sweep_version": 1, "runs": [{"folder": "' + 256 * "x" + '", ' + REST + "}]}", "is longer than"),
     ],
 )
-def test_a_file_that_is_no_sweeps_is_refused(content, told, tmp_path, ran):
+def test_a_file_that_is_no_sweeps_is_refused(content, message, tmp_path, ran):
     (tmp_path / "out").mkdir()
     if content:
         (tmp_path / "out" / "sweep.json").write_text(content)
-    assert told in ran("summary", "out", code=2).err
+    assert message in ran("summary", "out", code=2).err
 
 
 def test_a_damaged_summary_is_refused_where_runs_are_summarised_or_compared(tmp_path, ran):
@@ -367,9 +367,9 @@ def test_lines_are_told_now_and_then_with_the_time_left(clock, capsys):
             clock[0] += 2.0
             shown.show(done, f"case {done}")
     # eight are left at the start: one in two seconds, then three in six, all in ten
-    told = capsys.readouterr().err.splitlines()
-    assert told[:2] == ["  solved 3/10, case 3, 14 s left", "  solved 9/10, case 9, 1 s left"]
-    assert told[2:] == ["  solved 10/10, case 10, 0 s left"]
+    printed = capsys.readouterr().err.splitlines()
+    assert printed[:2] == ["  solved 3/10, case 3, 14 s left", "  solved 9/10, case 9, 1 s left"]
+    assert printed[2:] == ["  solved 10/10, case 10, 0 s left"]
     # what was done before is counted from what is shown first
     with Progress("generation", 8) as shown:
         clock[0] += 3.0
@@ -382,10 +382,10 @@ def test_a_terminal_shows_a_bar(monkeypatch, capsys):
     monkeypatch.setenv("TTY_COMPATIBLE", "1")
     with Progress("solved", 4, done=0) as shown:
         shown.show(2, "case 1")
-    told = capsys.readouterr().err
-    assert "case 1" in told
-    assert "2/4" in told
-    assert "s left\n" not in told
+    printed = capsys.readouterr().err
+    assert "case 1" in printed
+    assert "2/4" in printed
+    assert "s left\n" not in printed
 
 
 @pytest.mark.parametrize("of_file", [False, True])
