@@ -31,9 +31,9 @@ HASHES = Path(__file__).with_suffix(".json")
 FIELD = "docs/results/field.md"
 
 
-def flight(scratch: Path) -> None:
-    """Draw the film of the first page."""
-    film.film(film.flown(scratch), IMAGES / "flight.webp")
+def flight(_: Path) -> None:
+    """Film the flight of the first page."""
+    film.film(IMAGES / "flight.webp")
 
 
 def replay(scratch: Path) -> None:
