@@ -4,7 +4,6 @@ Shares no code with what made the proof. All numbers are balls of FLINT (Johanss
 Computers 66, 2017), whose operations hold every result that is possible for real numbers inside them.
 """
 
-import resource
 import sys
 from bisect import bisect_left, bisect_right
 from collections.abc import Callable
@@ -283,6 +282,8 @@ def check(folder: Path, report: Callable[[str], object] = lambda text: None) -> 
 
 def main(arguments: list[str]) -> int:
     """Check the proof of a run, and print what it proves."""
+    import resource  # noqa: PLC0415 - not on every system
+
     resource.setrlimit(resource.RLIMIT_DATA, (MEMORY_BYTES, resource.getrlimit(resource.RLIMIT_DATA)[1]))
     try:
         text = check(Path(*arguments) / "prove", lambda line: sys.stderr.write(line + "\n"))
