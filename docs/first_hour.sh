@@ -52,11 +52,11 @@ set_up() {
   measured "set-up" "$folder/venv/bin/python" -m pip install --quiet --require-hashes -r requirements.txt
 }
 
-flight() { pipeline "first flight" flight +experiment=fly controller=paper_champion; }
+flight() { pipeline "first flight" flight +experiment=fly controller=champion_27; }
 
-flight_again() { pipeline "second flight" flight_again +experiment=fly controller=paper_champion; }
+flight_again() { pipeline "second flight" flight_again +experiment=fly controller=champion_27; }
 
-start() { pipeline "a start of one's own" start +experiment=fly controller=paper_champion 'deputy.initial_position_m=[60,-20,30]'; }
+start() { pipeline "a start of one's own" start +experiment=fly controller=champion_27 'deputy.initial_position_m=[60,-20,30]'; }
 
 rule() {
   sed '/# distance near$/s/positive_large/positive_small/' conf/controller/paper_champion.yaml >"$folder/mine.yaml"

@@ -99,6 +99,15 @@ def print_result(text: str) -> None:
         sys.stderr.write(f"note: the work is done; standard output cannot be written ({error.strerror})\n")
 
 
+def _keep_docstrings() -> None:
+    """Start this process, which ``python -OO`` robbed of the texts of its help, anew without that option."""
+    options = sys.orig_argv[1 : len(sys.orig_argv) - len(sys.argv) + 1]
+    kept = [option for option in options if option.strip("O") != "-"]
+    if len(kept) < len(options) or os.environ.get("PYTHONOPTIMIZE"):
+        command = [sys.executable, *kept, *sys.orig_argv[1 + len(options) :]]
+        os.execve(sys.executable, command, {**os.environ, "PYTHONOPTIMIZE": ""})  # noqa: S606
+
+
 def run_program(main: Callable[[], int]) -> NoReturn:
     """End this process, which is a program's, with the exit code of its command line.
 
@@ -111,6 +120,8 @@ def run_program(main: Callable[[], int]) -> NoReturn:
         except OSError:
             os.open(os.devnull, os.O_RDWR)  # takes the lowest number that is free: this one
     atexit.register(gc.freeze)  # taking apart in the end what is loaded takes a fifth of a second
+    if sys.flags.optimize > 1 and (not sys.argv[1:] or {"-h", "--help"} & set(sys.argv[1:])):
+        _keep_docstrings()
     with guarded():
         code = main()
         try:

@@ -12,6 +12,7 @@ from fis_tools.streams import print_result
 from pipeline.command_line.arguments import EXPERIMENT, ConfigError
 from pipeline.run import artifacts, configuration, maker, manifests
 from pipeline.run.engine import check_engine
+from pipeline.run.extras import require_packages
 from pipeline.run.lock import held
 from pipeline.run.runner import run_stages
 from pipeline.settings import schema
@@ -232,6 +233,7 @@ def _experiment_of(folder: Path, config: dict[str, Any]) -> Experiment:
 def check_before(experiment: Experiment) -> None:
     """Raise the errors that a stage would raise, before any folder is made."""
     check_engine(experiment.engine)
+    require_packages(experiment)
     # NumPy, needed once the settings are right
     from pipeline.flight.cases.dispersions import missions_at_ends  # noqa: PLC0415
     from pipeline.flight.world.chief import check_perigee, num_chief_steps  # noqa: PLC0415
@@ -241,6 +243,10 @@ def check_before(experiment: Experiment) -> None:
     for mission in (experiment.mission, *missions_at_ends(experiment.mission)):
         num_chief_steps(mission)
         check_perigee(mission)
+    if experiment.mission.chief.shape == "mesh":
+        from pipeline.flight.world.surface import surface_of  # noqa: PLC0415 - the same
+
+        surface_of(experiment.mission)
     guidance = experiment.mission.guidance
     if "train" in experiment.stages and (guidance.kind, guidance.engine) == ("clusters", "sklearn"):
         raise ConfigError(

@@ -11,6 +11,7 @@ from pipeline.controllers import source
 from pipeline.flight.control.controller import Controller, from_fuzzy
 from pipeline.flight.goals.flights import fly_all
 from pipeline.run import artifacts, configuration, tables, writing
+from pipeline.run.extras import require_package
 from pipeline.run.progress import Progress
 from pipeline.scenarios import validation_scenarios
 from pipeline.settings.checks import SettingError
@@ -23,12 +24,9 @@ from pipeline.training.judging import choose, evolved, named_after
 
 def run(experiment: Experiment, folder: Path) -> None:
     """Run the requested trials, each at the experiment's own prices, and write the results."""
-    try:
-        from pipeline.evaluation.trials import trials  # noqa: PLC0415 - an extra
-    except ModuleNotFoundError as error:
-        raise SettingError(
-            "the stage search needs Optuna; install it: python -m pip install optuna"
-        ) from error
+    require_package("optuna", "the stage search")
+    from pipeline.evaluation.trials import trials  # noqa: PLC0415 - an extra
+
     search, journal = experiment.hparams_search, folder / artifacts.SEARCH_JOURNAL
     if not experiment.resume:
         journal.unlink(missing_ok=True)

@@ -5,8 +5,9 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from pipeline.run import artifacts
+from pipeline.run.extras import require_package
 from pipeline.run.progress import Progress
-from pipeline.settings.experiment import Logger, Optimizer, SettingError
+from pipeline.settings.experiment import Logger, Optimizer
 from pipeline.training.evolution.state import Generation
 
 #: logs a training so far, given all rows of its logbook
@@ -55,13 +56,9 @@ def logged(logger: Logger, folder: Path) -> Iterator[Log]:
     if logger.kind == "none":
         yield lambda rows: None
         return
-    try:
-        from tensorboardX import SummaryWriter  # noqa: PLC0415 - an extra
-    except ModuleNotFoundError as error:
-        raise SettingError(
-            f"logger={logger.kind} needs the package {error.name}; install it: "
-            "python -m pip install tensorboardX tensorboard"
-        ) from error
+    require_package("tensorboardX", f"logger={logger.kind}")
+    from tensorboardX import SummaryWriter  # noqa: PLC0415 - an extra
+
     num_logged = 0
     with SummaryWriter(str(folder / artifacts.TENSORBOARD), purge_step=0, flush_secs=FLUSH_S) as board:
 

@@ -108,3 +108,22 @@ def test_a_call_writes_escapes_to_a_stream_of_another_encoding(call):
         assert call(["--help"]) == 0
         out.flush()
     raw.getvalue().decode("ascii")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("words", [["pipeline", "--help"], ["fis_tools", "bounds", "--help"], ["telemetry"]])
+def test_help_is_whole_without_docstrings(words):
+    whole, stripped = (shell([sys.executable, *option, "-m", *words], "") for option in ((), ("-OO",)))
+    assert (stripped.returncode, stripped.stdout) == (whole.returncode, whole.stdout)
+    assert "python -m" in stripped.stdout
+
+
+@pytest.mark.slow
+def test_flights_are_the_same_without_assertions_and_docstrings(tmp_path):
+    recordings = []
+    for option in ("-B", "-O", "-OO"):
+        folder = tmp_path / option
+        done = shell([FLIGHT[0], option, *FLIGHT[1:], f"hydra.run.dir={folder}"], "")
+        assert done.returncode == 0, done.stderr
+        recordings.append((folder / "episodes" / "start.mcap").read_bytes())
+    assert recordings[0] == recordings[1] == recordings[2]

@@ -13,7 +13,7 @@ import yaml
 
 from docs import hooks
 from pipeline.command_line.config import compose_experiment
-from pipeline.settings.experiment import Safety, SettingError, Sun
+from pipeline.settings.experiment import STAGES, Safety, SettingError, Sun
 from pipeline.settings.keys import value_at
 from pipeline.settings.schema import commented, completed, descriptions, experiment_from, schema, tables
 from tests.pipeline.command_line.cases import EVALUATE, FLY, leaves, plain_config
@@ -67,9 +67,9 @@ CASES = [
     ("seed", -1, "seed is -1; it must be a whole number of at least 0"),
     ("seed", "one", "seed is 'one'; it must be a whole number"),
     ("name", "a=b", "name is 'a=b'; it names a folder: use letters, digits"),
-    ("stages", [], "stages is empty; name at least one of scenario, search, train, evaluate, record"),
+    ("stages", [], f"stages is empty; name at least one of {', '.join(STAGES)}"),
     ("stages", ["reprt"], "stages has 'reprt'; did you mean report?"),
-    ("stages", ["report", "evaluate"], "name each once in the order scenario, search, train"),
+    ("stages", ["report", "evaluate"], f"name each once in the order {', '.join(STAGES)}"),
     ("stages", ["train"], "a controller of kind coast has nothing to train"),
     ("controller", {}, "controller is neither written out (systems) nor a file (path) nor of a kind"),
     ("controller", {"kind": "cost"}, "natural_motion, lqr, receding_horizon; did you mean coast?"),
