@@ -17,14 +17,8 @@ from omegaconf import DictConfig
 
 from pipeline.command_line import runs
 from pipeline.command_line.callbacks import Refused
-from pipeline.command_line.config import (
-    CONFIG_NAME,
-    VERSION_BASE,
-    checked_job,
-    errors_in_words,
-    folders_of,
-    hydra_apart,
-)
+from pipeline.command_line.config import CONFIG_NAME, VERSION_BASE, checked_job, folders_of, hydra_apart
+from pipeline.command_line.hydra_errors import errors_in_words
 from pipeline.command_line.invocation import FULL_ERROR, Invocation, invocations, shows_tracebacks
 from pipeline.command_line.overrides import first_line, parse
 from pipeline.command_line.sweeps import RESUMED, recorded_command

@@ -15,32 +15,22 @@ from hydra.conf import HydraConf
 from hydra.core.config_store import ConfigStore
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.hydra_config import HydraConfig
-from hydra.errors import HydraException, MissingConfigException
 from omegaconf import DictConfig, OmegaConf
-from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException
-from yaml import YAMLError
 
 from pipeline.command_line.arguments import EXPERIMENT, ConfigError
-from pipeline.command_line.overrides import first_line, parse, quoted
-from pipeline.flight.state.signals import CONSTANTS
+from pipeline.command_line.groups import options
+from pipeline.command_line.hydra_errors import errors_in_words
+from pipeline.command_line.overrides import parse, quoted
 from pipeline.settings import start_table
 from pipeline.settings.checks import SettingError
 from pipeline.settings.experiment import Experiment
-from pipeline.settings.keys import did_you_mean, value_at
+from pipeline.settings.keys import value_at
 from pipeline.settings.places import conf_folder
 from pipeline.settings.schema import completed, defaults, experiment_from, idle, schema
 
 CONFIG_NAME = "config"
 VERSION_BASE = "1.3"
 WORLD, COMPARE, ASSURANCE = "world", "compare", "assurance"
-#: folders of the configuration that are not groups of options: Hydra's own, and requirements, read by name
-NOT_CHOSEN = ("hydra", "requirements")
-#: launchers of Hydra that are packages of their own
-LAUNCHERS = {
-    "hydra/launcher/joblib": "hydra-joblib-launcher",
-    "hydra/launcher/submitit_local": "hydra-submitit-launcher",
-    "hydra/launcher/submitit_slurm": "hydra-submitit-launcher",
-}
 
 
 @dataclass(frozen=True)
@@ -64,27 +54,6 @@ class Job:
 
 #: the defaults of all keys, as plain data: what a value may be is judged once all is composed
 ConfigStore.instance().store(name="schema", node=defaults(), provider="pipeline")
-
-
-def options(folders: Sequence[Path]) -> dict[str, list[str]]:
-    """Return the groups of some configuration folders and the options of each, without `NOT_CHOSEN`.
-
-    Returns
-    -------
-    dict of str to list of str
-        Group, such as ``controller`` or ``controller/champions``, to the sorted names of its options; a file
-        in a group's subfolder is also an option ``subfolder/name`` of the group.
-    """
-    groups: dict[str, set[str]] = {}
-    for folder in folders:
-        for path in sorted(folder.rglob("*.yaml")):
-            parts = path.relative_to(folder).with_suffix("").parts
-            # files whose names begin with _ hold what several options share
-            if path.stem.startswith("_") or parts[0] in NOT_CHOSEN:
-                continue
-            for cut in range(1, len(parts)):
-                groups.setdefault("/".join(parts[:cut]), set()).add("/".join(parts[cut:]))
-    return {group: sorted(names) for group, names in sorted(groups.items())}
 
 
 def compose_experiment(overrides: Sequence[str], config_dir: Path | None = None) -> Job:
@@ -287,57 +256,3 @@ def _missing(keys: Sequence[str], experiments: Sequence[str]) -> str:
     if "stages" in keys:
         return f"no experiment is chosen; add +experiment=NAME, where NAME is one of {', '.join(experiments)}"
     return f"the key {keys[0]} has no value yet; add {keys[0]}=..."
-
-
-@contextmanager
-def errors_in_words(folders: Sequence[Path]) -> Iterator[None]:
-    """Turn errors of Hydra, OmegaConf and YAML into ConfigError, with the nearest option for a missing one.
-
-    Parameters
-    ----------
-    folders : sequence of Path
-        Configuration folders, ours and the user's.
-    """
-    try:
-        yield
-    except YAMLError as error:
-        raise ConfigError(f"no YAML: {' '.join(str(error).split())}; correct the file") from error
-    except MissingConfigException as error:
-        raise ConfigError(f"{first_line(error)}{_nearest_option(error, folders)}") from error
-    except (HydraException, OmegaConfBaseException) as error:
-        cause = error if isinstance(error, OmegaConfBaseException) else error.__cause__
-        is_missing = isinstance(cause, ConfigAttributeError | ConfigKeyError) and cause is not error
-        words = (
-            _not_in_configuration(str(getattr(cause, "full_key", ""))) if is_missing else first_line(error)
-        )
-        raise ConfigError(words) from error
-
-
-def _nearest_option(error: MissingConfigException, folders: Sequence[Path]) -> str:
-    """Return the option that may be meant, or how to install it."""
-    wanted = error.missing_cfg_file or ""
-    if package := LAUNCHERS.get(wanted):
-        return f"; it needs {package}, install it: python -m pip install {package}"
-    known = {f"{group}/{name}" for group, names in options(folders).items() for name in names}
-    group = wanted.rpartition("/")[0]
-    return did_you_mean(wanted, known | {f"{group}/{name}" for name in error.options or ()})
-
-
-def _not_in_configuration(key: str) -> str:
-    """Return the cure for an override of a key that the configuration does not have."""
-    name = key.removeprefix("controller.attributes.")
-    if key == "controller.path":
-        return (
-            "the controller that is chosen has no path; for a fuzzy controller write controller=PATH, for a "
-            "table of forces controller=open_loop controller.path=PATH"
-        )
-    if name != key and name in CONSTANTS:
-        return (
-            f"{key} is not in the configuration: the controller's file sets it, or leaves it at its default; "
-            f"write +{key}=..., with a plus"
-        )
-    if name != key:
-        return f"the controller sets no attribute {name}{did_you_mean(name, CONSTANTS)}"
-    if key.partition(".")[0] == "dispersions":
-        return "nothing is dispersed until you say so; write +dispersions..., with a plus"
-    return f"there is no key {key} in the configuration; if something else reads it, write +{key}=..."

@@ -7,7 +7,8 @@ from pathlib import Path
 from fis_tools.errors import MissingExtra
 from pipeline.command_line import runs
 from pipeline.command_line.arguments import EXPERIMENT, ConfigError, parse_arguments
-from pipeline.command_line.config import compose_experiment, options
+from pipeline.command_line.config import compose_experiment
+from pipeline.command_line.groups import options
 from pipeline.command_line.overrides import read_overrides
 
 

@@ -8,7 +8,8 @@ from hydra.core.override_parser.types import Override
 
 from pipeline.command_line import application, runs
 from pipeline.command_line.arguments import EXPERIMENT, CommandLine, ConfigError
-from pipeline.command_line.config import check_stages, compose_experiment, options
+from pipeline.command_line.config import check_stages, compose_experiment
+from pipeline.command_line.groups import options
 from pipeline.command_line.overrides import first_run, read_overrides, search_folders
 from pipeline.command_line.sweeps import resume_words
 from pipeline.run import artifacts

@@ -31,7 +31,8 @@ from omegaconf import OmegaConf
 
 from fis_tools.document.text import aligned
 from pipeline.command_line.arguments import ConfigError
-from pipeline.command_line.config import compose_node, options, without_hydra
+from pipeline.command_line.config import compose_node, without_hydra
+from pipeline.command_line.groups import options
 from pipeline.settings import schema
 from pipeline.settings.keys import unknown, value_at
 from pipeline.settings.places import conf_folder

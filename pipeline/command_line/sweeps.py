@@ -22,18 +22,17 @@ from pipeline.command_line.config import (
     check_stages,
     checked_job,
     compose_experiment,
-    errors_in_words,
     folders_of,
     without_hydra,
 )
-from pipeline.command_line.overrides import HYDRA, SUFFIXES, quoted
+from pipeline.command_line.hydra_errors import errors_in_words
+from pipeline.command_line.labels import check_different, labels
+from pipeline.command_line.overrides import HYDRA, quoted
 from pipeline.run import artifacts, configuration, sweep
 from pipeline.run.sweep import DONE, Ending, SweptRun, state_of
 from pipeline.settings import schema
 from pipeline.settings.places import conf_folder
 
-#: of a folder that is named by its run's differences
-LONGEST_NAME: Final = 120
 #: the key that tells a resumed run its folder; no setting, and in no configuration that is kept
 RESUMED: Final = "resume"
 #: endings of a sweep's folder beside which submitit keeps its files: it links there, and a sweep has no links
@@ -107,7 +106,7 @@ class Sweep:
             name = path.relative_to(folder).as_posix()
             swept.append(SweptRun(name, labels(node, varied), (*options, *words)))
         HydraConfig.instance().set_config(config)
-        _check_different(swept)
+        check_different(swept)
         return cls(folder, jobs, swept)
 
     @classmethod
@@ -195,7 +194,8 @@ def _fix(config: DictConfig, folder: Path, varied: Sequence[str] | None) -> None
     with read_write(config.hydra):
         config.hydra.overrides.hydra.extend(fixed)
         config.hydra.sweep.dir = str(folder)
-        if (config.hydra.launcher or {}).get("submitit_folder") is not None:
+        is_submitit = (config.hydra.launcher or {}).get("submitit_folder") is not None
+        if is_submitit and not any(word.startswith("hydra.launcher.submitit_folder=") for word in words):
             config.hydra.launcher.submitit_folder = f"{folder}{SUBMITIT}/%j"
 
 
@@ -209,63 +209,6 @@ def _is_config_dir(config: DictConfig, path: Path) -> bool:
     """Return whether a folder was given by ``--config-dir``."""
     sources = config.hydra.runtime.config_sources
     return any(source.provider == "command-line" and Path(source.path) == path for source in sources)
-
-
-def labels(node: DictConfig, varied: Sequence[str]) -> dict[str, str]:
-    """Return the composed values of the keys and groups that vary in a sweep.
-
-    Parameters
-    ----------
-    node : DictConfig
-        With Hydra's own part.
-    varied : sequence of str
-        The keys and groups of overrides with several values; a path stands for its group.
-    """
-    choices, values = node.hydra.runtime.choices, {}
-    paths = {f"{group}.path": group for group in SUFFIXES}
-    for word in varied:
-        key = word.lstrip("+~").partition("@")[0]
-        value = choices[key] if key in choices else OmegaConf.select(node, key)
-        plain = OmegaConf.to_container(value) if OmegaConf.is_config(value) else value
-        values[paths.get(key, key)] = str(plain)
-    return values
-
-
-def _check_different(swept: Sequence[SweptRun]) -> None:
-    """Raise ConfigError if two runs are the same, or would have one folder."""
-    met: dict[tuple[str, ...], SweptRun] = {}
-    for run in swept:
-        values = tuple(_number_or_text(value) for value in run.differs.values())
-        if values in met:
-            same = ", ".join(f"{key}={value}" for key, value in run.differs.items())
-            raise ConfigError(f"two runs of the sweep would have {same}; give each value once")
-        met[values] = run
-    folders = [run.folder for run in swept]
-    if twice := next((folder for folder in folders if folders.count(folder) > 1), None):
-        raise ConfigError(
-            f"two runs of the sweep would have the folder {twice}; let hydra.sweep.subdir differ"
-        )
-
-
-def _number_or_text(value: str) -> str:
-    """Return a number in a canonical form, so that 9.0 equals 9; other text as it is."""
-    try:
-        return f"{float(value):.17g}"
-    except ValueError:
-        return value
-
-
-def run_folder(*varied: str, _root_: DictConfig) -> str:
-    """Return the name of a run's folder in its sweep by what it differs in, such as ``seed=1``."""
-    differs = labels(_root_, varied)
-    number = _root_.hydra.job.get("num")
-    joined = "+".join(f"{key}={value}" for key, value in differs.items())
-    name = re.sub(r"[^\w.+=-]+", "-", joined).strip("-") or str(number)
-    return name if len(name) <= LONGEST_NAME else f"{number}-{name[:LONGEST_NAME]}"
-
-
-# in every process that imports this module, so also where a launcher runs a job
-OmegaConf.register_new_resolver("run_folder", run_folder, replace=True)
 
 
 def recorded_command(folder: Path, run: Path) -> tuple[str, ...]:

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.command_line.cli import main
-from pipeline.command_line.config import LAUNCHERS
+from pipeline.command_line.hydra_errors import LAUNCHERS
 from pipeline.run import artifacts, manifests, sweep, tables
 from pipeline.run.lock import LOCK
 from tests import slurm

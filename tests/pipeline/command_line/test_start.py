@@ -10,7 +10,8 @@ import yaml
 
 from pipeline.command_line import cli, overrides
 from pipeline.command_line.arguments import parse_arguments
-from pipeline.command_line.config import compose_experiment, conf_folder, options
+from pipeline.command_line.config import compose_experiment, conf_folder
+from pipeline.command_line.groups import options
 from pipeline.flight.state.signals import SIGNALS
 from pipeline.run import maker
 from pipeline.settings.keys import value_at
