@@ -53,17 +53,11 @@ def render_evidence(evidence: Mapping[str, Any], tube: Illustration | None = Non
 def document(evidence: Mapping[str, Any], tube: Illustration | None = None) -> Document:
     """Return evidence as a document; see `render_evidence`."""
     requirements, conditions = evidence["requirements"], evidence["conditions"]
-    errors = ", ".join(word for word in uncertain(conditions) if word != "Sun")
-    sun = f"Sun {conditions['sun']}, " if conditions["sun"] else ""
-    run = (
-        f'Requirements "{evidence["name"]}"; {conditions["num_cases"]:,} cases, seed {conditions["seed"]}, '
-        f"{sun}safety {conditions['safety']}{errors and f', with {errors}'}."
-    )
     drawn = element("figcaption", caption_of("argument"))
     caveats = joint_words(evidence["joint"]), repeats_in_words(evidence)
     blocks: list[Block] = [
         Heading(f"Evidence for {evidence['controller']['name']}", 1),
-        Paragraph(run),
+        Paragraph(run_in_words(evidence)),
         Heading("Verdicts", id="verdicts"),
         Paragraph(lead(evidence)),
         *(Paragraph(words) for words in caveats if words),
@@ -79,6 +73,17 @@ def document(evidence: Mapping[str, Any], tube: Illustration | None = None) -> D
     credibility = Table(heads, factors(evidence), caption=caption_of("credibility"))
     blocks += [Heading("Credibility", id="credibility"), credibility]
     return Document([*blocks, Heading("Provenance", id="provenance"), *_provenance(evidence)])
+
+
+def run_in_words(evidence: Mapping[str, Any]) -> str:
+    """Return the requirements, the number of cases and the conditions of a run in a sentence."""
+    conditions = evidence["conditions"]
+    errors = ", ".join(word for word in uncertain(conditions) if word != "Sun")
+    sun = f"Sun {conditions['sun']}, " if conditions["sun"] else ""
+    return (
+        f'Requirements "{evidence["name"]}"; {conditions["num_cases"]:,} cases, seed {conditions["seed"]}, '
+        f"{sun}safety {conditions['safety']}{errors and f', with {errors}'}."
+    )
 
 
 def _drawings() -> Any:

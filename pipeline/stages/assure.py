@@ -48,8 +48,9 @@ from pipeline.flight.goals.flights import fly_logged
 from pipeline.flight.state.log import Scenario
 from pipeline.proof.verdict import NotProvable, theorem_of
 from pipeline.recording.recorder import FlightRecorder
+from pipeline.report.board import render_board
 from pipeline.report.evidence import render_evidence
-from pipeline.report.figures.flights import draw_tube
+from pipeline.report.figures.flights import draw_flight, draw_tube
 from pipeline.report.figures.style import Illustration
 from pipeline.run import artifacts, configuration, maker, tables, writing
 from pipeline.run.engine import TaskPool, open_pool
@@ -93,6 +94,7 @@ def run(experiment: Experiment, folder: Path) -> str:
     writing.write_json(folder / artifacts.EVIDENCE, gathered)
     page = render_evidence(gathered, _tube_drawn(experiment, folder, gathered["requirements"]))
     writing.write_atomically(folder / artifacts.EVIDENCE_PAGE, page)
+    writing.write_atomically(folder / artifacts.BOARD_PAGE, _board(experiment, folder, gathered))
     for entry in gathered["requirements"]:
         sys.stderr.write(f"  {entry['id']} {entry['title']}. {entry['sentence']}\n")
     for words in (evidence.joint_words(gathered["joint"]), repeats_in_words(gathered)):
@@ -250,8 +252,10 @@ def _check(folder: Path, written: Mapping[str, Any]) -> tuple[str, bool]:
         return "", False
     sys.stderr.write("  checking the proof\n")
     try:
-        check((folder / artifacts.THEOREM).parent)
-    except (ArithmeticError, AttributeError, LookupError, OSError, TypeError, ValueError) as error:
+        check((folder / artifacts.THEOREM).parent, lambda text: sys.stderr.write(f"  {text}\n"))
+    except (
+        *(ArithmeticError, AttributeError, LookupError, MemoryError, OSError, TypeError, ValueError),
+    ) as error:
         return f"the checker refuses the proof in this run ({error}); repeat the stage prove", False
     if artifacts.read_json(folder, artifacts.THEOREM) != written:
         return f"{artifacts.THEOREM} was changed while it was checked; repeat the stage prove", False
@@ -269,6 +273,14 @@ def _tube_drawn(
     tracks, _ = campaign.tracks(_scenarios(experiment, num_cases))
     boxes = tables.read_parquet(folder, artifacts.TUBE)
     return draw_tube(boxes, tracks, mission, experiment.report.dots_per_inch)
+
+
+def _board(experiment: Experiment, folder: Path, gathered: Mapping[str, Any]) -> str:
+    """Return the page that a board signs, with the first case."""
+    mission, controller = experiment.mission, controller_of_run(experiment, folder)
+    tracks, points = Campaign(mission, controller).tracks(_scenarios(experiment, 1))
+    flight = draw_flight(tracks[0], points.number, mission, experiment.report.dots_per_inch)
+    return render_board(gathered, controller.systems, flight)
 
 
 def _domain(experiment: Experiment, controller: Controller, folder: Path) -> Domain | None:
@@ -343,7 +355,8 @@ def _provenance(
     """Return the subject and the sources of the evidence."""
     gathered = f"{artifacts.ASSURANCE}/", f"{Path(artifacts.THEOREM).parent}/"
     files = [name for name in artifacts.list_artifacts(folder) if name.startswith(gathered)]
-    excluded, config = (artifacts.EVIDENCE, artifacts.EVIDENCE_PAGE), configuration.read(folder)
+    excluded = artifacts.EVIDENCE, artifacts.EVIDENCE_PAGE, artifacts.BOARD_PAGE
+    config = configuration.read(folder)
     return {
         "schema": evidence.SCHEMA,
         "schema_version": evidence.SCHEMA_VERSION,

@@ -7,10 +7,12 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import Circle
 from numpy.typing import NDArray
 
 from pipeline.array_types import Floats
 from pipeline.flight.goals.reach import flight_ends, limit_at
+from pipeline.flight.state.arrays import TRACK_LEFT
 from pipeline.flight.state.log import FlightLog
 from pipeline.report.figures import style
 from pipeline.settings.experiment import Mission
@@ -199,6 +201,50 @@ def _mark_means(ax: Axes, mean: float, paper: float | None, edges: Floats) -> No
         ax.axvline(paper, color=style.VERMILION, linewidth=1.4, linestyle=(0, (4, 2)))
         text = f"- - {text}"
     ax.text(1.0, 1.02, text, color=style.VERMILION, ha="right", **words)
+
+
+def draw_flight(track: Floats, num_points: int, mission: Mission, dots_per_inch: int) -> style.Illustration:
+    """Draw a flight on a strip: its path in the orbit plane, its distance, and how far it came, over time.
+
+    Parameters
+    ----------
+    track : (K+1, num_tracked)
+        See `pipeline.flight.fly.population.fly_population`.
+    num_points : int
+        Of the chief.
+    mission : Mission
+    dots_per_inch : int
+    """
+    time, deputy = mission.control_period_s * np.arange(len(track)), mission.deputy
+    distances = np.linalg.norm(track[:, :3], axis=1)
+    is_reach = mission.problem.kind == "reach"
+    with style.style():
+        figure = style.Figure(figsize=(9.6, 2.7), layout="constrained")
+        plane, far, progress = figure.subplots(1, 3)
+        plane.plot(track[:, 1], track[:, 0], color=style.BLUE, linewidth=0.9)
+        plane.plot(*track[0, 1::-1], "o", color=style.BLUE, markersize=3.5)
+        frame = 1.12 * float(np.abs(track[:, :2]).max())
+        for radius, line in ((mission.chief.inspection_radius_m, "-"), (deputy.min_distance_m, ":")):
+            if not is_reach:
+                plane.add_patch(Circle((0, 0), radius, fill=False, edgecolor=style.MUTED, linestyle=line))
+        plane.set(xlim=(-frame, frame), ylim=(-frame, frame), aspect="equal")
+        plane.set(xlabel="along-track (m)", ylabel="radial (m)")
+        far.plot(time, distances, color=style.BLUE, linewidth=0.9)
+        far.set(xlabel="time (s)", ylabel="distance (m)", xlim=(0.0, time[-1]), ylim=(0.0, None))
+        if is_reach:
+            speeds = np.linalg.norm(track[:, 3:6], axis=1)
+            progress.plot(time, speeds, color=style.BLUE, linewidth=0.9)
+            progress.plot(time, limit_at(mission.problem, distances), color=style.VERMILION, linestyle="--")
+            progress.set(ylabel="speed and its limit (m/s)", ylim=(0.0, None))
+        else:
+            for limit in (deputy.min_distance_m, deputy.max_distance_m):
+                far.axhline(limit, color=style.MUTED, linestyle=style.DOTS, linewidth=0.9)
+            progress.plot(time, 100.0 * (1.0 - track[:, TRACK_LEFT] / num_points), color=style.BLUE)
+            progress.set(ylabel="points inspected (%)", ylim=(0.0, 104.0))
+        progress.set(xlabel="time (s)", xlim=(0.0, time[-1]))
+        third = "the speed below its limit" if is_reach else "the points inspected"
+        caption = style.caption_of("flight_of_board", third=third)
+        return style.illustrate("flight", caption, figure, dots_per_inch)
 
 
 def draw_tube(

@@ -1,6 +1,7 @@
 """Evidence in miniature: its files, that its parts agree, and that the page says no more than it."""
 
 import hashlib
+import html
 import re
 
 import numpy as np
@@ -8,13 +9,18 @@ import pyarrow.parquet as pq
 import pytest
 
 from fis_tools.analysis.domain import from_mapping
+from fis_tools.formats import serialize
+from fis_tools.words.text import sentence
 from pipeline.command_line.cli import main
 from pipeline.evaluation.assurance.conditions import changed_settings
 from pipeline.evaluation.assurance.repeats import earlier_runs, repeats_in_words
 from pipeline.evaluation.assurance.verdicts import judge
+from pipeline.report.board import render_board
 from pipeline.report.evidence import OF_PAPER, OWN, render_evidence
+from pipeline.report.figures.flights import draw_flight
 from pipeline.run import artifacts, manifests
-from pipeline.settings.places import requirements_path
+from pipeline.settings.experiment import Mission
+from pipeline.settings.places import conf_folder, requirements_path
 from tests.browser import serious_violations
 from tests.policies import check_policy, check_references, source_hash
 
@@ -217,8 +223,42 @@ def test_a_controller_without_systems_has_no_domain_and_what_is_asked_of_them_is
     assert {entry["id"]: entry["verdict"] for entry in gathered["requirements"]}["R6"] == "not shown"
 
 
+def test_the_board_reads_verdicts_a_flight_and_what_is_not_covered(assured, evidence):
+    text = (assured / artifacts.BOARD_PAGE).read_text(encoding="utf-8")
+    check_policy(text)
+    check_references(text)
+    assert not re.search(r"<script|<link|src=|https?:", text)
+    assert {"verdicts", "flight", "rules", "uncovered", "signatures"} <= set(
+        re.findall(r'<section id="(\w+)"', text)
+    )
+    words = html.unescape(" ".join(re.sub("<[^>]*>", " ", text).split()))
+    for entry in evidence["requirements"]:
+        assert entry["sentence"] in words
+        if entry["verdict"] != "shown":
+            assert f"{entry['id']} {entry['title']} is {entry['verdict']}." in words
+    assert "Flights longer than 3,600 s, starts other than at 50 to 100 m and at rest." in words
+    systems = serialize.load(conf_folder() / "controller" / "champion_any_sun.yaml").systems
+    assert f"{sum(len(system.rules) for system in systems)} rules do not stand on a sheet" in words
+    assert evidence["controller"]["sha256"] in words
+
+
+@pytest.mark.parametrize("name", ["champion_27", "champion_docking"])
+def test_the_page_of_the_flagship_is_printed_on_two_sheets_with_all_its_rules(evidence, opened, name):
+    systems = serialize.load(conf_folder() / "controller" / f"{name}.yaml").systems
+    track = np.linspace([-70.0, 5.0, 3.0, *[0.1] * 12], [20.0, 60.0, 3.0, *[0.0] * 12], 361)
+    flight = draw_flight(track, 99, Mission(), 50)
+    # as long as sentences become: all are shown in words, and a claim is repeated
+    text = render_board(evidence, systems, flight)
+    for system in systems:
+        for rule in system.rules:
+            assert html.escape(sentence(rule)) in text
+    printed = opened(text).pdf(prefer_css_page_size=True)
+    assert len(re.findall(rb"/Type\s*/Page\b(?!s)", printed)) == 2
+
+
 @pytest.mark.parametrize("width", [1280, 390])
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_axe_finds_nothing_serious_on_the_page(assured, opened, axe, width, scheme):
-    text = (assured / artifacts.EVIDENCE_PAGE).read_text(encoding="utf-8")
+@pytest.mark.parametrize("name", [artifacts.EVIDENCE_PAGE, artifacts.BOARD_PAGE])
+def test_axe_finds_nothing_serious_on_the_pages(assured, opened, axe, width, scheme, name):
+    text = (assured / name).read_text(encoding="utf-8")
     assert serious_violations(opened(text, width=width, color_scheme=scheme), axe) == []
