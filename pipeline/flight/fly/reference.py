@@ -16,7 +16,7 @@ from pipeline.flight.cases.processes import in_time
 from pipeline.flight.control.controller import Controller, stretches_of
 from pipeline.flight.fly.logged import firing_reasons
 from pipeline.flight.reference.errors import DrawnErrors
-from pipeline.flight.reference.flight import Flight
+from pipeline.flight.reference.flight import ReferenceFlight
 from pipeline.flight.reference.guidance import relative_angle
 from pipeline.flight.reference.light import share_of_sun, sun_direction
 from pipeline.flight.reference.period import Act, period, start
@@ -33,7 +33,7 @@ from pipeline.settings.experiment import Mission
 LIMIT_NAMES = (None, "keep_out", "keep_in", "speed", "passive_safety")
 
 
-def reference_of(mission: Mission, controller: Controller, scenario: Scenario) -> Flight:
+def reference_of(mission: Mission, controller: Controller, scenario: Scenario) -> ReferenceFlight:
     """Return a flight of the reference, with what chance draws for its case.
 
     Points, errors, margins of the safety layer and the filter's process noise are numbers of the product.
@@ -57,10 +57,10 @@ def reference_of(mission: Mission, controller: Controller, scenario: Scenario) -
         drag = mission.dynamics.drag_m_s2
         errors["more_drag"] = in_time(mission, "dynamics.drag_m_s2", scenario, drag)[:, 0] - drag
     parts = surface.points, surface.normals, surface.corners
-    return Flight(mission, controller, scenario, *parts, DrawnErrors(**errors))
+    return ReferenceFlight(mission, controller, scenario, *parts, DrawnErrors(**errors))
 
 
-def stretches(flight: Flight) -> Iterator[tuple[int, Flight]]:
+def stretches(flight: ReferenceFlight) -> Iterator[tuple[int, ReferenceFlight]]:
     """Yield each sample with the flight as its controller is by then, see `stretches_of`."""
     controllers = dict(stretches_of(flight.controller))
     for k in range(flight.mission.num_controls + 1):
@@ -114,7 +114,7 @@ def fly_by_reference(
     return log
 
 
-def sample_fields(flight: Flight, seen: Look) -> dict[str, Any]:
+def sample_fields(flight: ReferenceFlight, seen: Look) -> dict[str, Any]:
     """Return what is known at a sample, by the names of the log."""
     values = {
         "quaternion_b_from_h": seen.attitude.as_quat(),
@@ -133,7 +133,7 @@ def sample_fields(flight: Flight, seen: Look) -> dict[str, Any]:
     return values
 
 
-def period_fields(flight: Flight, seen: Look, done: Act) -> dict[str, Any]:
+def period_fields(flight: ReferenceFlight, seen: Look, done: Act) -> dict[str, Any]:
     """Return what is done in a control period, by the names of the log."""
     return inference_fields(flight, done.decision) | {
         "force_body_n": seen.sensed.inv().apply(done.decision.wanted),
@@ -148,7 +148,7 @@ def period_fields(flight: Flight, seen: Look, done: Act) -> dict[str, Any]:
     }
 
 
-def inference_fields(flight: Flight, decision: Decision) -> dict[str, Any]:
+def inference_fields(flight: ReferenceFlight, decision: Decision) -> dict[str, Any]:
     """Return what inference came to, by the names of the log."""
     count = len(flight.controller.systems)
     inputs, outputs = np.zeros((count, 3)), np.zeros(count)
@@ -163,7 +163,7 @@ def inference_fields(flight: Flight, decision: Decision) -> dict[str, Any]:
     }
 
 
-def point_fields(flight: Flight, k: int, seen: Look, decision: Decision) -> dict[str, Any]:
+def point_fields(flight: ReferenceFlight, k: int, seen: Look, decision: Decision) -> dict[str, Any]:
     """Return which points the signals of a decision were made of, by the names of the log."""
     values: dict[str, Any] = {}
     if decision.is_missed is not None:

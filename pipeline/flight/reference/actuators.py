@@ -7,7 +7,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from pipeline.array_types import Booleans, Floats
-from pipeline.flight.reference.flight import Flight
+from pipeline.flight.reference.flight import ReferenceFlight
 
 STANDARD_GRAVITY = 9.80665
 #: propellant that rounding leaves, as a share of the mass at the start
@@ -28,7 +28,7 @@ class Thrust:
     twist: Floats = field(default_factory=lambda: np.zeros(3))
 
 
-def in_impulses(flight: Flight, force: Floats) -> Floats:
+def in_impulses(flight: ReferenceFlight, force: Floats) -> Floats:
     """Return forces in whole impulses, zero below the least."""
     law, period = flight.mission.actuators, flight.mission.control_period_s
     if law.impulse_step_n_s > 0.0:
@@ -38,7 +38,12 @@ def in_impulses(flight: Flight, force: Floats) -> Floats:
 
 
 def fired(
-    flight: Flight, k: int, commanded: Floats, commands: Sequence[Floats], attitude: Rotation, mass: float
+    flight: ReferenceFlight,
+    k: int,
+    commanded: Floats,
+    commands: Sequence[Floats],
+    attitude: Rotation,
+    mass: float,
 ) -> Thrust:
     """Return the thrust of a control period; `commands` are those of all so far, this one last.
 
@@ -63,7 +68,7 @@ def fired(
     return Thrust(commanded, share * thrust.fired, share * thrust.total, arm, share * thrust.twist)
 
 
-def divided(flight: Flight, commanded: Floats, attitude: Rotation, wanted: Floats) -> Thrust:
+def divided(flight: ReferenceFlight, commanded: Floats, attitude: Rotation, wanted: Floats) -> Thrust:
     """Return the thrust of a layout: shares by a table, all reduced where one thruster is not enough."""
     rows = np.array(flight.mission.actuators.thrusters)
     directions, most = rows[:, 3:6], rows[:, 6]
@@ -77,7 +82,7 @@ def divided(flight: Flight, commanded: Floats, attitude: Rotation, wanted: Float
     )
 
 
-def believed(flight: Flight, command: Floats, fired: Floats) -> tuple[Floats, Booleans]:
+def believed(flight: ReferenceFlight, command: Floats, fired: Floats) -> tuple[Floats, Booleans]:
     """Return what a command amounts to, as far as thrusters tell, and along which axes they fired.
 
     Those of a layout tell nothing.
@@ -91,7 +96,7 @@ def believed(flight: Flight, command: Floats, fired: Floats) -> tuple[Floats, Bo
     return force, np.asarray(fired != 0.0)
 
 
-def mass_after(flight: Flight, thrust: Thrust, mass: float) -> float:
+def mass_after(flight: ReferenceFlight, thrust: Thrust, mass: float) -> float:
     """Return the mass after a control period: propellant leaves at the specific impulse (Tsiolkovsky)."""
     law = flight.mission.actuators
     if law.kind == "ideal" or law.specific_impulse_s is None:

@@ -3,12 +3,14 @@
 import numpy as np
 
 from pipeline.array_types import Booleans, Floats
-from pipeline.flight.reference.flight import Flight
+from pipeline.flight.reference.flight import ReferenceFlight
 from pipeline.flight.reference.light import SunAngles, sun_direction
 from pipeline.settings.mission import Light, Sensor
 
 
-def seen_points(flight: Flight, k: int, position: Floats, boresight: Floats, sun: SunAngles) -> Booleans:
+def seen_points(
+    flight: ReferenceFlight, k: int, position: Floats, boresight: Floats, sun: SunAngles
+) -> Booleans:
     """Return which points a camera at a position sees along a boresight at a sample, lit or not, (P,)."""
     mission, sensor, direction = flight.mission, flight.mission.sensor, sun_direction(*sun)
     points, normals = flight.surface_at(k)

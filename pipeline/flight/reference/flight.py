@@ -24,7 +24,7 @@ from pipeline.settings.experiment import Mission
 
 
 @dataclass(frozen=True)
-class Flight:
+class ReferenceFlight:
     """A mission, a controller, a start, and a surface: points and normals, (P, 3), and triangles, (T, 3, 3).
 
     `opening` is a force, N, fired in the first control period in place of the rules'.
@@ -39,7 +39,7 @@ class Flight:
     errors: DrawnErrors = field(default_factory=DrawnErrors)
     opening: Floats | None = None
 
-    def flown_by(self, controller: Controller) -> "Flight":
+    def flown_by(self, controller: Controller) -> "ReferenceFlight":
         """Return the same flight with another controller, with what is known of the chief and its light."""
         other = replace(self, controller=controller)
         others = {"constants", "plan"}

@@ -4,7 +4,7 @@ import numpy as np
 
 from pipeline.array_types import Booleans, Floats
 from pipeline.flight.reference.camera import seen_points
-from pipeline.flight.reference.flight import Flight
+from pipeline.flight.reference.flight import ReferenceFlight
 from pipeline.flight.reference.light import later
 from pipeline.flight.reference.motion import drifted
 
@@ -12,7 +12,9 @@ from pipeline.flight.reference.motion import drifted
 PREVIEW_PERIOD_S = 120.0
 
 
-def preview(flight: Flight, k: int, state: Floats, is_inspected: Booleans) -> tuple[Booleans, float, float]:
+def preview(
+    flight: ReferenceFlight, k: int, state: Floats, is_inspected: Booleans
+) -> tuple[Booleans, float, float]:
     """Return which points coasting misses, (P,), and the least and greatest distance on the way, m."""
     period, last = flight.mission.control_period_s, flight.mission.num_controls
     stride = max(1, round(PREVIEW_PERIOD_S / period))
@@ -28,7 +30,7 @@ def preview(flight: Flight, k: int, state: Floats, is_inspected: Booleans) -> tu
     return is_left, min(distances), max(distances)
 
 
-def foreseen(flight: Flight, k: int, state: Floats, is_inspected: Booleans) -> Floats:
+def foreseen(flight: ReferenceFlight, k: int, state: Floats, is_inspected: Booleans) -> Floats:
     """Return the number of points missed by coasting, and the least and greatest distance on the way, m."""
     is_missed, nearest, farthest = preview(flight, k, state, is_inspected)
     return np.array([is_missed.sum(), nearest, farthest])

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from pipeline.array_types import Booleans, Floats
-from pipeline.flight.reference.flight import Flight
+from pipeline.flight.reference.flight import ReferenceFlight
 from pipeline.flight.reference.motion import transition
 from pipeline.settings.experiment import Mission
 from pipeline.settings.mission import Navigation
@@ -55,7 +55,7 @@ class Belief:
     innovation: Innovation | None = None
 
 
-def first_belief(flight: Flight, state: Floats) -> Belief:
+def first_belief(flight: ReferenceFlight, state: Floats) -> Belief:
     """Return the first estimate and its covariance, from the true state."""
     law = flight.mission.navigation
     spread = [law.initial_position_m] * 3 + [law.initial_velocity_m_s] * 3
@@ -77,7 +77,7 @@ def considered(mission: Mission) -> Floats:
     return np.square(np.repeat(deviations, 3))
 
 
-def fix(flight: Flight, k: int, position: Floats, attitude: Rotation) -> Floats | None:
+def fix(flight: ReferenceFlight, k: int, position: Floats, attitude: Rotation) -> Floats | None:
     """Return a fix at a sample, m, or None between two.
 
     It is the position, or found by range and bearing with the sensed attitude.
@@ -95,7 +95,7 @@ def fix(flight: Flight, k: int, position: Floats, attitude: Rotation) -> Floats 
 
 
 def estimate(
-    flight: Flight, k: int, belief: Belief, measured: Floats | None, sensed: Rotation
+    flight: ReferenceFlight, k: int, belief: Belief, measured: Floats | None, sensed: Rotation
 ) -> tuple[Floats, Floats]:
     """Take a fix in, once its delay has passed; return the estimate of the state now, and its covariance."""
     law = flight.mission.navigation
@@ -116,7 +116,7 @@ def estimate(
 
 
 def predicted(
-    flight: Flight, belief: Belief, state: Floats, covariance: Floats, period: int
+    flight: ReferenceFlight, belief: Belief, state: Floats, covariance: Floats, period: int
 ) -> tuple[Floats, Floats]:
     """Return state and covariance a control period later.
 
@@ -136,7 +136,7 @@ def predicted(
     return phi @ state + gamma @ force * (1.0 - turns @ turns), both @ covariance @ both.T + noise
 
 
-def pushes(flight: Flight, belief: Belief, period: int) -> Floats:
+def pushes(flight: ReferenceFlight, belief: Belief, period: int) -> Floats:
     """Return the forces that unit constant errors add, (3, 15): thrusters turn with the body sensed askew."""
     force, delay = belief.acting[period], flight.periods(flight.mission.actuators.delay_s)
     delay *= flight.mission.actuators.kind == "real"
@@ -145,7 +145,7 @@ def pushes(flight: Flight, belief: Belief, period: int) -> Floats:
     return belief.has_fired[period][:, np.newaxis] * np.hstack(forces)
 
 
-def correct(flight: Flight, belief: Belief, at: int) -> None:
+def correct(flight: ReferenceFlight, belief: Belief, at: int) -> None:
     """Correct a belief by a fix: ``K = P H' S^-1``, nothing for constant errors, and P in Joseph's form.
 
     Beyond the gate the fix is left out and P widens.

@@ -11,12 +11,12 @@ from pipeline.array_types import Floats
 from pipeline.flight.reference import actuators, navigation, two_body
 from pipeline.flight.reference.actuators import Thrust
 from pipeline.flight.reference.camera import seen_points
-from pipeline.flight.reference.flight import Flight
+from pipeline.flight.reference.flight import ReferenceFlight
 from pipeline.flight.reference.guidance import chosen_target
 from pipeline.flight.reference.light import sun_direction
 from pipeline.flight.reference.motion import pushed
 from pipeline.flight.reference.pointing import Instant, looking, next_y, turn_through_period
-from pipeline.flight.reference.safety import Layer
+from pipeline.flight.reference.safety import SafetyLayer
 from pipeline.flight.reference.state import Look, ReferenceState
 from pipeline.flight.reference.thrust import Decision, decide, reasons
 
@@ -33,7 +33,7 @@ class Act:
     instants: list[Instant]
 
 
-def start(flight: Flight) -> ReferenceState:
+def start(flight: ReferenceFlight) -> ReferenceState:
     """Return the state at the start."""
     mission, scenario = flight.mission, flight.scenario
     truth = np.concatenate((scenario.position_m, scenario.velocity_m_s)).astype(np.float64)
@@ -49,7 +49,9 @@ def start(flight: Flight) -> ReferenceState:
     )
 
 
-def period(flight: Flight, k: int, state: ReferenceState) -> tuple[Look, Act | None, ReferenceState | None]:
+def period(
+    flight: ReferenceFlight, k: int, state: ReferenceState
+) -> tuple[Look, Act | None, ReferenceState | None]:
     """Return what is seen at a sample, what is done in the control period that follows, and the next state.
 
     The last two are None at the last sample. The given state is left as it is.
@@ -61,7 +63,7 @@ def period(flight: Flight, k: int, state: ReferenceState) -> tuple[Look, Act | N
     return seen, *act(flight, k, state, seen, decide(flight, k, seen, state))
 
 
-def look(flight: Flight, k: int, state: ReferenceState) -> Look:
+def look(flight: ReferenceFlight, k: int, state: ReferenceState) -> Look:
     """Inspect, choose where to look next, and navigate; the state's belief and centres go on from here."""
     mission, position, attitude = flight.mission, state.truth[:3], state.attitude
     y = next_y(mission, position, state.y)
@@ -84,14 +86,14 @@ def look(flight: Flight, k: int, state: ReferenceState) -> Look:
 
 
 def act(
-    flight: Flight, k: int, state: ReferenceState, seen: Look, decision: Decision
+    flight: ReferenceFlight, k: int, state: ReferenceState, seen: Look, decision: Decision
 ) -> tuple[Act, ReferenceState]:
     """Keep the limits, fire, turn and move: return what was done and the next state."""
     mission = flight.mission
     requested = np.clip(decision.wanted, -mission.deputy.max_force_n, mission.deputy.max_force_n)
     commanded, limit = requested, None
     if mission.safety.kind == "filter":
-        commanded, limit = Layer(mission, flight.errors.margins).assured(seen.known, requested)
+        commanded, limit = SafetyLayer(mission, flight.errors.margins).assured(seen.known, requested)
     remember_command(flight, k, state, seen, commanded)
     thrust = actuators.fired(flight, k, commanded, state.commands, seen.attitude, state.mass)
     remember_fired(flight, k, state, thrust.fired)
@@ -115,7 +117,9 @@ def act(
     return Act(decision, limit, change, why, thrust, instants), state
 
 
-def remember_command(flight: Flight, k: int, state: ReferenceState, seen: Look, commanded: Floats) -> None:
+def remember_command(
+    flight: ReferenceFlight, k: int, state: ReferenceState, seen: Look, commanded: Floats
+) -> None:
     """Note a command for the thrusters, which turn with the body whatever it senses, and for the filter."""
     mission, meant = flight.mission, commanded
     if state.belief is not None:
@@ -127,7 +131,7 @@ def remember_command(flight: Flight, k: int, state: ReferenceState, seen: Look, 
     state.commands.append(meant)
 
 
-def remember_fired(flight: Flight, k: int, state: ReferenceState, fired: Floats) -> None:
+def remember_fired(flight: ReferenceFlight, k: int, state: ReferenceState, fired: Floats) -> None:
     """Note for the filter what thrusters tell of what they fired."""
     belief = state.belief
     if belief is not None:

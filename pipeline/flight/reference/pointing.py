@@ -5,7 +5,7 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.array_types import Floats
 from pipeline.flight.reference.actuators import Thrust
-from pipeline.flight.reference.flight import Flight
+from pipeline.flight.reference.flight import ReferenceFlight
 from pipeline.flight.reference.motion import pushed
 from pipeline.flight.reference.state import ReferenceState
 from pipeline.flight.reference.turning import turned
@@ -60,7 +60,7 @@ def control_torque(mission: Mission, attitude: Rotation, desired: Rotation, rate
 
 
 def turn_through_period(
-    flight: Flight, k: int, state: ReferenceState, known: Floats, y: Floats, thrust: Thrust
+    flight: ReferenceFlight, k: int, state: ReferenceState, known: Floats, y: Floats, thrust: Thrust
 ) -> tuple[Rotation, Floats, Floats, list[Instant]]:
     """Turn the deputy through a control period, steered at every attitude instant.
 

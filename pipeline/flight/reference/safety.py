@@ -20,7 +20,7 @@ MOST_CUTS, MOST_SWEEPS, LEAST_CHANGE, HALVINGS = 12, 200, 1e-12, 30
 Cut = tuple[Floats, float]
 
 
-class Layer:
+class SafetyLayer:
     """A mission's safety layer, with its own margins unless others are given, see `DrawnErrors`."""
 
     def __init__(

@@ -4,7 +4,7 @@ import numpy as np
 
 from pipeline.array_types import Booleans, Floats
 from pipeline.flight.reference.camera import least_cosine, seen_points
-from pipeline.flight.reference.flight import Flight
+from pipeline.flight.reference.flight import ReferenceFlight
 from pipeline.flight.reference.light import SunAngles, later
 from pipeline.flight.reference.motion import transition
 from pipeline.flight.reference.urgency import turned_aside, urgency
@@ -15,7 +15,7 @@ LOOK_PERIOD_S, NEAR_M, LEAST_SHORT_M = 60.0, 30.0, 1.0
 KS2 = 1e6
 
 
-def see_push(flight: Flight, k: int, state: Floats, is_inspected: Booleans) -> Floats:
+def see_push(flight: ReferenceFlight, k: int, state: Floats, is_inspected: Booleans) -> Floats:
     """Return the push, m/s, that serves best all points that set and coasting misses.
 
     ``(rho I + sum w g g') dv = sum w s g``, turned aside near the chief.
@@ -28,7 +28,9 @@ def see_push(flight: Flight, k: int, state: Floats, is_inspected: Booleans) -> F
     return turned_aside(flight, np.asarray(push, dtype=np.float64), state[:3])
 
 
-def sought_looks(flight: Flight, k: int, state: Floats, is_inspected: Booleans) -> tuple[Floats, Floats]:
+def sought_looks(
+    flight: ReferenceFlight, k: int, state: Floats, is_inspected: Booleans
+) -> tuple[Floats, Floats]:
     """Return the cheapest looks at points that set within see_horizon_s, as `cheapest_looks` does."""
     now, horizon = flight.time(k), flight.constants["see_horizon_s"]
     is_sought = flight.is_counted & ~is_inspected
@@ -37,7 +39,7 @@ def sought_looks(flight: Flight, k: int, state: Floats, is_inspected: Booleans) 
 
 
 def cheapest_looks(
-    flight: Flight, k: int, state: Floats, is_sought: Booleans, horizon: float
+    flight: ReferenceFlight, k: int, state: Floats, is_sought: Booleans, horizon: float
 ) -> tuple[Floats, Floats]:
     """Return the shortfall s, m, and slopes g of the look at each point with the least s^2/|g|^2.
 
@@ -63,7 +65,7 @@ def cheapest_looks(
 
 
 def shortfall(
-    flight: Flight, sample: int, position: Floats, sun: SunAngles
+    flight: ReferenceFlight, sample: int, position: Floats, sun: SunAngles
 ) -> tuple[Floats, Floats, Booleans]:
     """Return what looks from a position lack, m, the way in which that shrinks, and which looks show points.
 

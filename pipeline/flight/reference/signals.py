@@ -5,7 +5,7 @@ from collections.abc import Collection
 import numpy as np
 
 from pipeline.array_types import Floats
-from pipeline.flight.reference.flight import Flight
+from pipeline.flight.reference.flight import ReferenceFlight
 from pipeline.flight.reference.foresight import foreseen
 from pipeline.flight.reference.guidance import SHORTEST_M, relative_angle
 from pipeline.flight.reference.motion import closest_approach
@@ -18,7 +18,7 @@ AXES = ("radial", "along_track", "cross_track")
 URGENT = ("urgent", "aim", "tour_push")
 
 
-def signals(flight: Flight, k: int, look: Look, names: Collection[str]) -> dict[str, float]:
+def signals(flight: ReferenceFlight, k: int, look: Look, names: Collection[str]) -> dict[str, float]:
     """Return the signals of these names at a sample, by name; others are left out if they take time."""
     state, constants = look.known, flight.constants
     position, velocity = state[:3], state[3:]
@@ -56,7 +56,9 @@ def along(name: str, vector: Floats) -> dict[str, float]:
     return {f"{name}_{axis}": value for axis, value in zip(AXES, vector, strict=True)}
 
 
-def natural_motion(flight: Flight, angle: float, position: Floats, velocity: Floats) -> dict[str, float]:
+def natural_motion(
+    flight: ReferenceFlight, angle: float, position: Floats, velocity: Floats
+) -> dict[str, float]:
     """Return the ellipse of free motion: its centre, where that drifts, and the deputy's error on the ring.
 
     `angle` is the Sun's, rad.

@@ -10,7 +10,7 @@ from fis_tools.engines.inference import infer
 from fis_tools.model.thrust import SILENT_N
 from pipeline.array_types import Booleans, Floats
 from pipeline.flight.control.controller import PlanningController, RegulatorController
-from pipeline.flight.reference.flight import Flight
+from pipeline.flight.reference.flight import ReferenceFlight
 from pipeline.flight.reference.foresight import preview
 from pipeline.flight.reference.signals import signals
 from pipeline.flight.reference.state import Look, ReferenceState
@@ -45,7 +45,7 @@ class Decision:
     is_missed: Booleans | None
 
 
-def decide(flight: Flight, k: int, look: Look, state: ReferenceState) -> Decision:
+def decide(flight: ReferenceFlight, k: int, look: Look, state: ReferenceState) -> Decision:
     """Decide on a force at a sample: planned, or inferred from signals unless the controller rests."""
     requested, ahead, is_missed = np.zeros(3), None, None
     inferred: list[tuple[Floats, float]] = []
@@ -75,14 +75,14 @@ def decide(flight: Flight, k: int, look: Look, state: ReferenceState) -> Decisio
     return Decision(requested, commanded, wanted, resting, inferred, ahead, is_missed)
 
 
-def rest(flight: Flight, k: int, look: Look) -> str | None:
+def rest(flight: ReferenceFlight, k: int, look: Look) -> str | None:
     """Return why nothing is decided at a sample; None if something may be."""
     if flight.mission.coast_when_complete and not (flight.is_counted & ~look.is_inspected).any():
         return "complete"
     return "waiting" if k % max(1, flight.periods(flight.constants["decision_period_s"])) else None
 
 
-def is_enough(flight: Flight, ahead: Floats) -> bool:
+def is_enough(flight: ReferenceFlight, ahead: Floats) -> bool:
     """Return whether coasting shows enough, inside the limits.
 
     `ahead` are the number of points missed, and the least and greatest distance on the way, m.
@@ -93,7 +93,7 @@ def is_enough(flight: Flight, ahead: Floats) -> bool:
     return bool(missed < flight.constants["coast_below_points"] and is_inside)
 
 
-def planned(flight: Flight, k: int, known: Floats, state: ReferenceState) -> Floats:
+def planned(flight: ReferenceFlight, k: int, known: Floats, state: ReferenceState) -> Floats:
     """Return the planned force in a control period, with a regulator's answer to deviations from its path."""
     controller = flight.controller
     if isinstance(controller, PlanningController):

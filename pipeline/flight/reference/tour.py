@@ -5,13 +5,13 @@ from collections.abc import Mapping
 import numpy as np
 
 from pipeline.array_types import Floats
-from pipeline.flight.reference.flight import Flight
+from pipeline.flight.reference.flight import ReferenceFlight
 from pipeline.flight.reference.light import share_of_sun, sun_direction
 from pipeline.flight.reference.motion import transition
 from pipeline.flight.reference.urgency import turned_aside
 
 
-def tour_push(flight: Flight, k: int, state: Floats, urgent: Floats) -> Floats:
+def tour_push(flight: ReferenceFlight, k: int, state: Floats, urgent: Floats) -> Floats:
     """Return ``Phi_rv^-1 (r_tour(theta - n tau) - Phi_r s)``, turned aside near the chief, m/s."""
     angle, elevation = flight.suns[k]
     n, constants = flight.mission.orbit.mean_motion_rad_s, flight.constants
@@ -38,7 +38,7 @@ def tour_position(constants: Mapping[str, float], angle: float, elevation: float
     return np.array([x, y, z + np.sin(elevation) * lift])
 
 
-def time_ahead(flight: Flight, angle: float, elevation: float) -> float:
+def time_ahead(flight: ReferenceFlight, angle: float, elevation: float) -> float:
     """Return the time until the deputy is to be on the tour, s: zero where that is too long in the dark."""
     n, constants = flight.mission.orbit.mean_motion_rad_s, flight.constants
     time, wait = constants["tour_time_s"], constants["tour_wait_s"]

@@ -3,11 +3,11 @@
 import numpy as np
 
 from pipeline.array_types import Booleans, Floats
-from pipeline.flight.reference.flight import Flight
+from pipeline.flight.reference.flight import ReferenceFlight
 from pipeline.flight.reference.guidance import SHORTEST_M
 
 
-def urgent_direction(flight: Flight, k: int, position: Floats, is_wanted: Booleans) -> Floats:
+def urgent_direction(flight: ReferenceFlight, k: int, position: Floats, is_wanted: Booleans) -> Floats:
     """Return the unit vector towards wanted points, weighted by how soon each goes dark.
 
     Near the chief it is turned aside.
@@ -20,13 +20,13 @@ def urgent_direction(flight: Flight, k: int, position: Floats, is_wanted: Boolea
     return turned_aside(flight, mean / length, position)
 
 
-def urgency(flight: Flight, k: int) -> Floats:
+def urgency(flight: ReferenceFlight, k: int) -> Floats:
     """Return the weight of each point that is yet to go dark for good: ``exp(-T/urgency_time_s)``."""
     left = np.maximum(0.0, flight.last_lit - flight.time(k))
     return np.exp(-left / flight.constants["urgency_time_s"])
 
 
-def turned_aside(flight: Flight, direction: Floats, position: Floats) -> Floats:
+def turned_aside(flight: ReferenceFlight, direction: Floats, position: Floats) -> Floats:
     """Return ``u + 2 s max(0, -u.r/|r|) r/|r|``, s from 0 at the skirt to 1 at the least distance allowed."""
     skirt, least = flight.constants["skirt_distance_m"], flight.mission.deputy.min_distance_m
     distance = float(np.linalg.norm(position))

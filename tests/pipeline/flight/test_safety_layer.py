@@ -20,7 +20,7 @@ from pipeline.flight.control.controller import coast, open_loop
 from pipeline.flight.fly.simulation import fly_all, fly_logged
 from pipeline.flight.period.act.safety import project
 from pipeline.flight.reference.motion import pushed, transition
-from pipeline.flight.reference.safety import Layer
+from pipeline.flight.reference.safety import SafetyLayer
 from pipeline.flight.state.log import PASSIVE_SAFETY, Scenario
 from pipeline.flight.world.bounds import SafetyBounds, bounds_of, guard_of, largest_share, spheres_of
 from pipeline.physics.motion import motion_over, stop_of, stopped
@@ -194,7 +194,7 @@ def nearest_by_slsqp(requested, first, accuracy, constraint):
 def test_the_change_is_the_least() -> None:
     """Against a solver of the nonlinear problem itself, at the outer sphere, where it is convex."""
     what, num_compared = guarded(), 0
-    layer = Layer(what)
+    layer = SafetyLayer(what)
     for start in starts_at_rest(400, 37):
         towards = start.position_m / np.linalg.norm(start.position_m)
         at = np.concatenate([(KEEP_IN_M - random.uniform(0.1, 3.0)) * towards, random.normal(0.0, 0.1, 3)])
