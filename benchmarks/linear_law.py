@@ -50,9 +50,9 @@ LIMITS: Final = (0.3, 3.0)
 
 
 @compiled(error_model="numpy", forceinline=True)
-def command_linearly(now: Moment, control: Control) -> None:
+def command_linearly(now: Moment, control: Control, signals: Floats) -> None:
     """Command the linear law's forces in place of those that the rules have just asked for."""
-    law, lanes, signals = control.law, now.state.lanes, now.work.signals
+    law, lanes = control.law, now.state.lanes
     width, behind = width_of(lanes), law.constants if law.constants >= 0 else len(control.values)
     first = behind - NUMBERS * len(law.axes)
     fires = load_row(lanes.coasts) == 0.0
@@ -94,23 +94,23 @@ def fly_linearly(
         row, start = flight // num_starts, flight % num_starts
         num_lanes = min(width, num_starts - start, last - flight)
         control = Control(law, flights.values[row, 0], flights.rules[row])
-        start_lanes(Moment(world, state, work, start, num_lanes, 0), flights.cases, flights.counted)
+        start_lanes(Moment(world, state, start, num_lanes, 0), flights.cases, flights.counted)
         if law.needs & (URGENCY | SETTING):
-            note_deadlines(Moment(world, state, work, start, num_lanes, 0), optics)
+            note_deadlines(Moment(world, state, start, num_lanes, 0), optics, work.deadlines, work.lit)
         for k in range(world.num_controls + 1):
-            now = Moment(world, state, work, start, num_lanes, k)
-            look(now, optics, clusters, errors, law.plans)
+            now = Moment(world, state, start, num_lanes, k)
+            look(now, work, optics, clusters, errors, law.plans)
             for lane in range(num_lanes if len(tracks) > 0 else 0):
                 write_track(now, lane, tracks[flight + lane, k])
             if k == world.num_controls:
                 write_outcomes(now, flight, results.outcomes)
                 break
-            decide(now, optics, pushes, control)
+            decide(now, work, optics, pushes, control)
             if is_decision(law, k):
-                command_linearly(now, control)
+                command_linearly(now, control, work.signals)
             if k == 0 and len(flights.openings) > 0:
                 open_with(now, flights.openings)
-            act(now, guard, errors, law.plans)
+            act(now, work, guard, errors, law.plans)
             for lane in range(num_lanes if len(tracks) > 0 else 0):
                 write_fired(state, lane, tracks[flight + lane, k])
         flight += num_lanes

@@ -51,8 +51,8 @@ def note_lit_at_samples(
 ) -> None:
     """Set `is_lit`, (K+1, P padded), to 1 where a point is lit at a sample of the first case's flight."""
     for k in range(len(is_lit)):
-        want_all(world, work)
-        note_lit(world, optics, work, beam_of_case(world, optics, cases[0], k))
+        want_all(world, work.ahead)
+        note_lit(world, optics, work.ahead, work.lit, beam_of_case(world, optics, cases[0], k))
         for j in range(len(work.lit)):
             is_lit[k, j] = work.lit[j] > 0.0
 

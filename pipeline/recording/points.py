@@ -181,18 +181,19 @@ def note_lit_and_seen(
     Suns, (K+1, 4), are cosine and sine of the Sun's angle and of its elevation; places (m) and boresights of
     the camera, (K+1, 3), are in Hill axes; `left`, `lit` and `seen`, (K+1, P padded), are 0 or 1.
     """
+    ahead = work.ahead
     for k in range(len(positions)):
         beam = beam_from(world, optics, k, (suns[k, 0], suns[k, 1]), (suns[k, 2], suns[k, 3]))
         eye = eye_at(world, optics, beam, three_of(positions[k]), three_of(boresights[k]))
-        for j in range(len(work.ahead)):
-            work.ahead[j] = left[k, j]
-        note_lit(world, optics, work, beam)
-        for j in range(0, len(work.ahead), POINTS):
-            dark, points = load(work.ahead, j, POINTS) > 0.0, load_at(world.points, beam.sample, 0, j, POINTS)
-            seen_dark = seen_points(world, optics, work, j, points, dark, eye)
-            store(work.ahead, j, select(seen_dark, 1.0, 0.0))
-        for j in range(len(work.ahead)):
-            lit[k, j], seen[k, j] = work.lit[j] > 0.0, work.ahead[j] > 0.0 and not eye.is_blind
+        for j in range(len(ahead)):
+            ahead[j] = left[k, j]
+        note_lit(world, optics, ahead, work.lit, beam)
+        for j in range(0, len(ahead), POINTS):
+            dark, points = load(ahead, j, POINTS) > 0.0, load_at(world.points, beam.sample, 0, j, POINTS)
+            seen_dark = seen_points(world, optics, work.seen, j, points, dark, eye)
+            store(ahead, j, select(seen_dark, 1.0, 0.0))
+        for j in range(len(ahead)):
+            lit[k, j], seen[k, j] = work.lit[j] > 0.0, ahead[j] > 0.0 and not eye.is_blind
 
 
 def lit_and_seen(

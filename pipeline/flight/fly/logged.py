@@ -8,7 +8,7 @@ import numpy as np
 from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.three import Three, lane_of, write_three
 from fis_tools.model.thrust import SILENT_N
-from pipeline.array_types import Bytes, Integers
+from pipeline.array_types import Bytes, Floats, Integers
 from pipeline.flight.period.act.actuators import EMPTY, burns
 from pipeline.flight.period.act.attitude import relative_rate, write_instants
 from pipeline.flight.period.decide.motion import ETA_U, LAMBDA_U, sense_angles
@@ -26,7 +26,9 @@ from pipeline.physics.quaternion import dcm_b_from_h, to_body
 
 
 @compiled(error_model="numpy")
-def write_sample(now: Moment, errors: ModelErrors | None, counts: Bytes, log: FlightLog, case: Any) -> None:
+def write_sample(
+    now: Moment, signals: Floats, errors: ModelErrors | None, counts: Bytes, log: FlightLog, case: Any
+) -> None:
     """Log the true state and the deputy's estimate at a sample, before the decision.
 
     `counts`, shape (P padded,), are the points that the flight counts, `case` is the start, of `CASE`.
@@ -51,8 +53,8 @@ def write_sample(now: Moment, errors: ModelErrors | None, counts: Bytes, log: Fl
     for j in range(world.num_points):
         log.is_inspected[k, j] = state.unseen[0, j] == 0.0 and counts[j] > 0
     log.delta_v_m_s[k] = lanes.spent[0]
-    sense_angles(now)
-    log.lambda_u_rad[k], log.eta_u_rad[k] = now.work.signals[LAMBDA_U, 0], now.work.signals[ETA_U, 0]
+    sense_angles(now, signals)
+    log.lambda_u_rad[k], log.eta_u_rad[k] = signals[LAMBDA_U, 0], signals[ETA_U, 0]
     if errors is not None and errors.fixes.is_on:
         write_estimate(now, errors.fixes.law, log)
 
@@ -60,6 +62,7 @@ def write_sample(now: Moment, errors: ModelErrors | None, counts: Bytes, log: Fl
 @compiled(error_model="numpy")
 def write_period(
     now: Moment,
+    work: Workspace,
     optics: Beyond | None,
     control: Control,
     errors: ModelErrors | None,
@@ -68,18 +71,18 @@ def write_period(
 ) -> None:
     """Log what was decided, commanded and fired after sample k; `is_opened` where the force was given."""
     world, state, law, k = now.world, now.state, control.law, now.k
-    lanes, signals = state.lanes, now.work.signals
+    lanes, signals = state.lanes, work.signals
     is_complete = world.coasts_when_complete and lanes.num_unseen[0] == 0.0
     if not law.has_plan and is_decision(law, k):
         if lanes.coasts[0] == 0.0 and not is_opened:
-            write_inference(law, now.work, log, k)
-            write_points(now, law, log)
+            write_inference(law, signals, work.outputs, log, k)
+            write_points(now, work, law, log)
         if not is_complete and may_coast(control):
             for column, signal in enumerate((MISSED, NEAREST, FARTHEST)):
                 log.foreseen[k, column] = signals[signal, 0]
             for j in range(world.num_points):
                 point = j if optics is not None else world.order[j]
-                log.is_missed[k, point] = now.work.ahead[j] > 0.0 and state.unseen[0, point] > 0.0
+                log.is_missed[k, point] = work.ahead[j] > 0.0 and state.unseen[0, point] > 0.0
     write_row(log.force_hill_n[k], lanes.force, 0)
     write_row(log.force_commanded_n[k], lanes.commanded, 0)
     write_row(log.safety_force_hill_n[k], lanes.change, 0)
@@ -93,24 +96,24 @@ def write_period(
     log.safety_limit[k] = int(lanes.limit[0])
     if errors is not None and burns(errors.firing):
         log.mass_kg[k + 1] = state.thrusters.mass[0] / world.acceleration_per_force
-    write_instants(now, law.plans, log)
+    write_instants(now, work.aims, work.passed, law.plans, log)
 
 
 @compiled(error_model="numpy")
-def write_inference(law: Law, work: Workspace, log: FlightLog, k: int) -> None:
+def write_inference(law: Law, signals: Floats, outputs: Floats, log: FlightLog, k: int) -> None:
     """Log what each system sensed and asked for."""
     log.is_decided[k] = True
     for system in range(len(law.axes)):
-        log.force_asked_n[k, law.axes[system]] = work.outputs[system, 0]
-        log.fis_output_n[k, system] = work.outputs[system, 0]
+        log.force_asked_n[k, law.axes[system]] = outputs[system, 0]
+        log.fis_output_n[k, system] = outputs[system, 0]
         for column in range(law.num_inputs[system]):
-            log.fis_input[k, system, column] = work.signals[law.signals[system, column], 0]
+            log.fis_input[k, system, column] = signals[law.signals[system, column], 0]
 
 
 @compiled(error_model="numpy")
-def write_points(now: Moment, law: Law, log: FlightLog) -> None:
+def write_points(now: Moment, work: Workspace, law: Law, log: FlightLog) -> None:
     """Log which points a decision's signals were made of."""
-    work, k = now.work, now.k
+    k = now.k
     for j in range(now.world.num_points):
         log.is_candidate[k, j] = work.candidate[j] > 0.0
         if law.needs & (URGENCY | SETTING):

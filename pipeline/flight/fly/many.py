@@ -190,17 +190,17 @@ def fly_many(
         row, start = flight // num_starts, flight % num_starts
         num_lanes = min(width, num_starts - start, last - flight)
         stretch = 0
-        start_lanes(Moment(world, state, work, start, num_lanes, 0), flights.cases, flights.counted)
+        start_lanes(Moment(world, state, start, num_lanes, 0), flights.cases, flights.counted)
         if law.needs & (URGENCY | SETTING):
-            note_deadlines(Moment(world, state, work, start, num_lanes, 0), optics)
+            note_deadlines(Moment(world, state, start, num_lanes, 0), optics, work.deadlines, work.lit)
         for k in range(world.first, world.last + 1):
-            now = Moment(world, state, work, start, num_lanes, k)
-            look(now, optics, clusters, errors, law.plans)
+            now = Moment(world, state, start, num_lanes, k)
+            look(now, work, optics, clusters, errors, law.plans)
             for lane in range(num_lanes if len(tracks) > 0 else 0):
                 write_track(now, lane, tracks[flight + lane, k])
             if is_logged:
                 counts = flights.counted[start if len(flights.counted) > 1 else 0]
-                write_sample(now, errors, counts, log, flights.cases[start])
+                write_sample(now, work.signals, errors, counts, log, flights.cases[start])
             if k == world.last:
                 write_outcomes(now, flight, results.outcomes)
                 for lane in range(num_lanes if len(results.known) > 0 else 0):
@@ -209,13 +209,13 @@ def fly_many(
             if stretch < len(flights.changes) and k == flights.changes[stretch]:
                 stretch += 1
             control = Control(law, flights.values[row, stretch], flights.rules[row])
-            decide(now, optics, pushes, control)
+            decide(now, work, optics, pushes, control)
             is_opened = k == 0 and len(flights.openings) > 0
             if is_opened:
                 open_with(now, flights.openings)
-            act(now, guard, errors, law.plans)
+            act(now, work, guard, errors, law.plans)
             for lane in range(num_lanes if len(tracks) > 0 else 0):
                 write_fired(state, lane, tracks[flight + lane, k])
             if is_logged:
-                write_period(now, optics, control, errors, log, is_opened)
+                write_period(now, work, optics, control, errors, log, is_opened)
         flight += num_lanes

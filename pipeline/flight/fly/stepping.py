@@ -105,15 +105,15 @@ def step_many(
         state, k = state_of(states, flight), samples[flight]
         if k == RESTING:
             continue
-        now = Moment(world, state, work, flight, 1, k)
+        now = Moment(world, state, flight, 1, k)
         if k == NOT_STARTED:
             start_lanes(now, cases, counted)
         else:
             width, force = width_of(state.lanes), forces[flight]
             command_given(now, Three(splat(force[0], width), splat(force[1], width), splat(force[2], width)))
-            act(now, guard, errors, plans)
-        after = Moment(world, state, work, flight, 1, k + 1)
-        look(after, optics, clusters, errors, plans)
+            act(now, work, guard, errors, plans)
+        after = Moment(world, state, flight, 1, k + 1)
+        look(after, work, optics, clusters, errors, plans)
         write_observed(after, observed[flight])
         samples[flight] = k + 1
 

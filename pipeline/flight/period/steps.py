@@ -4,6 +4,8 @@ Whoever flies calls these: many flights, one logged flight, flights stepped by a
 policies. Up to L flights run side by side (`pipeline.flight.state.arrays`), so that vector units work on all
 of them; a flight's result does not depend on the others.
 
+Working arrays are arguments: what one function writes and a later one reads stands in the calls.
+
 `optics` is None where light and camera are the paper's, `guard` without the safety layer, `clusters` without
 guidance by clusters, `pushes` where no controller senses a push that shows setting points, and `errors` where
 the deputies know their state, their thrusters are ideal and motion is linear: numba leaves out the code that
@@ -27,7 +29,7 @@ from pipeline.flight.period.decide.tour import sense_tour
 from pipeline.flight.period.decide.urgency import sense_urgency
 from pipeline.flight.period.look.navigation import know_all, navigate, point_beside
 from pipeline.flight.period.look.sight import see
-from pipeline.flight.state.arrays import Beyond, Control, Guard, Moment, Plans
+from pipeline.flight.state.arrays import Beyond, Control, Guard, Moment, Plans, Workspace
 from pipeline.flight.state.errors import ModelErrors
 from pipeline.flight.state.lanes import load_row
 from pipeline.flight.state.signals import ANGLES, APPROACH, ORBIT, PREVIEW, SETTING, TOUR, URGENCY
@@ -35,14 +37,19 @@ from pipeline.flight.state.signals import ANGLES, APPROACH, ORBIT, PREVIEW, SETT
 
 @compiled(error_model="numpy", forceinline=True)
 def look(
-    now: Moment, optics: Beyond | None, clusters: bool | None, errors: ModelErrors | None, plans: Plans
+    now: Moment,
+    work: Workspace,
+    optics: Beyond | None,
+    clusters: bool | None,
+    errors: ModelErrors | None,
+    plans: Plans,
 ) -> None:
     """Inspect what is lit and in view, choose targets, and learn what the deputies then believe."""
     if now.world.is_attitude_ideal:
-        aim_at_once(now, plans)
+        aim_at_once(now, work.aims, plans)
         if errors is not None and errors.fixes.is_on:
             point_beside(now, errors.fixes.errors)
-    see(now, optics, clusters)
+    see(now, work, optics, clusters)
     if errors is not None:
         if errors.fixes.is_on:
             navigate(now, errors.fixes)
@@ -51,44 +58,47 @@ def look(
 
 
 @compiled(error_model="numpy", forceinline=True)
-def decide(now: Moment, optics: Beyond | None, pushes: bool | None, control: Control) -> None:
+def decide(
+    now: Moment, work: Workspace, optics: Beyond | None, pushes: bool | None, control: Control
+) -> None:
     """Sense what the controller needs, and command a force."""
-    law = control.law
-    sense_position(now)
+    law, signals, deadlines = control.law, work.signals, work.deadlines
+    sense_position(now, signals)
     if law.needs & ANGLES:
-        sense_angles(now)
+        sense_angles(now, signals)
     if is_decision(law, now.k):
         if law.needs & ORBIT:
-            sense_orbit(now, control)
+            sense_orbit(now, control, signals)
         if law.needs & APPROACH:
-            sense_approach(now)
+            sense_approach(now, signals)
         if law.needs & PREVIEW or may_coast(control):
-            preview(now, optics)
+            preview(now, optics, work.ahead, work.lit, work.seen, signals)
         if not law.has_plan:
-            decide_to_coast(now, control)
+            decide_to_coast(now, control, signals)
         if law.needs & URGENCY:
-            sense_urgency(now, optics, control)
+            sense_urgency(now, optics, control, deadlines, work.lit, signals)
         if pushes is not None and law.needs & SETTING:
-            sense_push(now, optics, control)
+            setting, looks = work.setting, work.looks
+            sense_push(now, optics, control, deadlines, setting, looks, work.lit, work.seen, signals)
         if law.needs & TOUR:
-            sense_tour(now, control)
-    command(now, control)
+            sense_tour(now, control, signals)
+    command(now, control, signals, work.outputs, work.scratch)
 
 
 @compiled(error_model="numpy", forceinline=True)
-def act(now: Moment, guard: Guard | None, errors: ModelErrors | None, plans: Plans) -> None:
+def act(now: Moment, work: Workspace, guard: Guard | None, errors: ModelErrors | None, plans: Plans) -> None:
     """Keep the commands safe, fire, turn and move over the control period that follows."""
     world, state, lanes = now.world, now.state, now.state.lanes
     if guard is not None and guard.is_on:
-        assure(now)
-    aim_over(now, plans, state.belief, lanes.commanded, world.num_attitude_steps)
+        assure(now, work.cuts)
+    aim_over(now, work.aims, plans, state.belief, lanes.commanded, world.num_attitude_steps)
     force = load_three(lanes.commanded, 0)
     store_three(lanes.force, 0, force)
     if errors is not None:
-        carry_out(now, errors)
+        carry_out(now, work.aims, errors)
         force = load_three(lanes.force, 0)
     if not world.is_attitude_ideal:
-        turn_deputies(now, plans)
+        turn_deputies(now, work.aims, work.passed, plans)
     if errors is not None and errors.firing.is_on:
         force = burn(world, errors.firing, state)
     spent = (abs(force.x) + abs(force.y) + abs(force.z)) * world.delta_v_per_force

@@ -291,7 +291,6 @@ class Moment(NamedTuple):
 
     world: World
     state: FlightState
-    work: Workspace  # of this thread
     first: int  # the lanes are flights from this one on
     num_lanes: int  # of these, so many are flown; the others repeat the last
     k: int  # the sample

@@ -129,7 +129,7 @@ def closest_approach(start: np.ndarray) -> float:
     state, work = make_state(WORLD, None, 1), make_workspace(WORLD, 1)
     state.belief.position[:, 0], state.belief.velocity[:, 0] = start[:3], start[3:]
     with plainly("pipeline"):
-        sense_approach(Moment(WORLD, state, work, 0, 1, 0))
+        sense_approach(Moment(WORLD, state, 0, 1, 0), work.signals)
     return float(work.signals[CLOSEST_APPROACH, 0])
 
 

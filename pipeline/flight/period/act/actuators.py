@@ -1,5 +1,7 @@
 """From the deputies' commands to the forces that their thrusters fire; `pipeline.flight.cases.actuators`."""
 
+from typing import Any
+
 import numpy as np
 
 from fis_tools.compiled.decorator import compiled
@@ -61,7 +63,7 @@ def note_fired(now: Moment, thrusters: Thrusters) -> None:
 
 
 @compiled(error_model="numpy")
-def turn_with_body(now: Moment) -> None:
+def turn_with_body(now: Moment, aims: Any) -> None:
     """Rotate thrust and aim by the error of the sensed attitude: thrusters turn with the true body."""
     world, state, lanes, turn = (
         now.world,
@@ -73,7 +75,7 @@ def turn_with_body(now: Moment) -> None:
     force = to_hill(load_quaternion(state.truth.attitude), meant)
     store_three(lanes.force, 0, clip_three(force, world.max_force))
     for j in range(world.num_attitude_steps):
-        attitude = now.work.aims[j].attitude
+        attitude = aims[j].attitude
         store_quaternion(attitude, turned(load_quaternion(attitude), turn, -1.0))
 
 
@@ -175,7 +177,7 @@ def divide(thrusters: Thrusters, state: FlightState) -> None:
 
 
 @compiled(error_model="numpy")
-def carry_out(now: Moment, errors: ModelErrors) -> None:
+def carry_out(now: Moment, aims: Any, errors: ModelErrors) -> None:
     """Turn commands into forces fired, where the deputies' knowledge or their thrusters are not exact."""
     state, k, delay = now.state, now.k, errors.firing.thrusters.delay
     if errors.fixes.is_on:
@@ -185,7 +187,7 @@ def carry_out(now: Moment, errors: ModelErrors) -> None:
         if k + delay < now.world.num_controls:
             store_at(state.acting, k + delay, 0, load_three(state.lanes.commanded, 0))
         if errors.fixes.errors.of_attitude.shape[1] > 0:
-            turn_with_body(now)
+            turn_with_body(now, aims)
     if errors.firing.is_on:
         fire(now, errors.firing)
         if errors.fixes.is_on and len(errors.firing.thrusters.table) == 0:

@@ -21,8 +21,8 @@ from pipeline.physics.quaternion import axes_of, from_dcm
 
 
 @compiled(error_model="numpy", forceinline=True)
-def aim(now: Moment, position: Three, velocity: Three, force: Three, last: int) -> None:
-    """Write the desired attitudes of all lanes at the instants of a control period before `last`.
+def aim(now: Moment, aims: Any, position: Three, velocity: Three, force: Three, last: int) -> None:
+    """Write into `aims` the desired attitudes of all lanes at the instants before `last`.
 
     `position`, `velocity` and `force` are those at its start, m, m/s and N, Hill axes. Marks the lanes that
     come too close to a pole for the position to define y*.
@@ -40,13 +40,15 @@ def aim(now: Moment, position: Three, velocity: Three, force: Three, last: int) 
         side, up = flat + abs(x), distance + flat
         scale = 1.0 / np.sqrt(4.0 * (flat * distance) * (side * up))
         cos_a, sin_a = select(x >= 0.0, side, y) * scale, select(x >= 0.0, y, side) * scale
-        store_quaternion(now.work.aims[j].attitude, (sin_a * z, -(cos_a * z), sin_a * up, cos_a * up))
+        store_quaternion(aims[j].attitude, (sin_a * z, -(cos_a * z), sin_a * up, cos_a * up))
     store(state.lanes.is_near_pole, 0, select(is_near, 1.0, 0.0))
 
 
 @compiled(error_model="numpy")
-def aim_plainly(now: Moment, position: Three, velocity: Three, force: Three, lane: int, last: int) -> None:
-    """Write one lane's desired attitudes at the instants before `last` in turn, with the rules for poles.
+def aim_plainly(
+    now: Moment, aims: Any, position: Three, velocity: Three, force: Three, lane: int, last: int
+) -> None:
+    """Write into `aims` one lane's desired attitudes before `last` in turn, with the rules for poles.
 
     Slower than `aim`, for the cases that it does not cover; `y_before` is carried along.
     """
@@ -58,16 +60,16 @@ def aim_plainly(now: Moment, position: Three, velocity: Three, force: Three, lan
             y = blended_y(at, y, world.attitude_period)
         else:
             y = desired_y(at, y)
-        write_attitude(now.work.aims[j].attitude, lane, from_dcm(desired_dcm(at, y)))
+        write_attitude(aims[j].attitude, lane, from_dcm(desired_dcm(at, y)))
     write_lane(y_before, 0, lane, y)
 
 
 @compiled(error_model="numpy", forceinline=True)
-def aim_by_rules(now: Moment, moving: Any, force: Floats, last: int) -> None:
+def aim_by_rules(now: Moment, aims: Any, moving: Any, force: Floats, last: int) -> None:
     """Aim lanes near a pole again by the rules for poles, and store y* of all at the last instant."""
     world, lanes, width = now.world, now.state.lanes, width_of(now.state.lanes)
     # where the position defines the attitude, y* is (k x r)/|k x r|
-    y = axes_of(load_quaternion(now.work.aims[last - 1].attitude))[1]
+    y = axes_of(load_quaternion(aims[last - 1].attitude))[1]
     level = Three(y.x, y.y, splat(0.0, width))
     follows = load_row(lanes.is_near_pole) > 0.0
     if not (some(follows) or world.has_pole_blending):
@@ -76,29 +78,29 @@ def aim_by_rules(now: Moment, moving: Any, force: Floats, last: int) -> None:
     for lane in range(now.num_lanes):
         if lanes.is_near_pole[lane] > 0.0 or world.has_pole_blending:
             position, velocity = lane_of(moving.position, 0, lane), lane_of(moving.velocity, 0, lane)
-            aim_plainly(now, position, velocity, lane_of(force, 0, lane), lane, last)
+            aim_plainly(now, aims, position, velocity, lane_of(force, 0, lane), lane, last)
     if not world.has_pole_blending:
         store_three(lanes.y_before, 0, chosen(follows, load_three(lanes.y_before, 0), level))
 
 
 @compiled(error_model="numpy", forceinline=True)
-def aim_over(now: Moment, plans: Plans, moving: Any, force: Floats, last: int) -> None:
-    """Write the desired attitudes of all lanes at the instants of the control period before `last`.
+def aim_over(now: Moment, aims: Any, plans: Plans, moving: Any, force: Floats, last: int) -> None:
+    """Write into `aims` the desired attitudes of all lanes at the instants before `last`.
 
     They are at a record of `MOVING` at sample k, under a force, or played if there are some to play.
     """
     position, velocity = load_three(moving.position, 0), load_three(moving.velocity, 0)
-    aim(now, position, velocity, load_three(force, 0), last)
-    aim_by_rules(now, moving, force, last)
+    aim(now, aims, position, velocity, load_three(force, 0), last)
+    aim_by_rules(now, aims, moving, force, last)
     attitudes = plans.turns.attitudes
     for j in range(last if len(attitudes) > 0 else 0):
         for i in range(4):
-            aims = now.work.aims[j].attitude
-            store(aims, i, splat(attitudes[min(now.k, len(attitudes) - 1), i], width_of(aims)))
+            desired = aims[j].attitude
+            store(desired, i, splat(attitudes[min(now.k, len(attitudes) - 1), i], width_of(desired)))
 
 
 @compiled(error_model="numpy", forceinline=True)
-def aim_at_once(now: Moment, plans: Plans) -> None:
+def aim_at_once(now: Moment, aims: Any, plans: Plans) -> None:
     """Set the attitudes of all lanes to the desired ones at sample k, for ideal pointing.
 
     `aim_over` starts at this sample again, from what the deputies believe: y* keeps its earlier value.
@@ -106,6 +108,6 @@ def aim_at_once(now: Moment, plans: Plans) -> None:
     lanes, truth = now.state.lanes, now.state.truth
     before = load_three(lanes.y_before, 0)
     store_three(lanes.force, 0, same(0.0, width_of(lanes)))
-    aim_over(now, plans, truth, lanes.force, 1)
+    aim_over(now, aims, plans, truth, lanes.force, 1)
     store_three(lanes.y_before, 0, before)
-    store_quaternion(truth.attitude, load_quaternion(now.work.aims[0].attitude))
+    store_quaternion(truth.attitude, load_quaternion(aims[0].attitude))

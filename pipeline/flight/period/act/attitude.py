@@ -9,6 +9,7 @@ applications", Physics Reports 470, 2009), while the Hill frame turns by ``n h``
 """
 
 from math import cos, sin, sqrt
+from typing import Any
 
 import numpy as np
 
@@ -144,18 +145,18 @@ def relative_rate(q: Quaternion, rate: Three, n: float) -> Three:
 
 
 @compiled(error_model="numpy", forceinline=True)
-def turn_balls(now: Moment) -> None:
+def turn_balls(now: Moment, aims: Any, passed: Any) -> None:
     """Turn all lanes over a control period, for spherical inertias and slow rotation."""
-    world, state, work = now.world, now.state, now.work
+    world, state = now.world, now.state
     n, h = world.mean_motion, world.attitude_period
     hill_sin, hill_cos = sin(0.5 * n * h), cos(0.5 * n * h)
     kp, kd, step = world.proportional_gain[0, 0], world.derivative_gain[0, 0], h * world.inverse_inertia[0, 0]
     half, twelfth = 0.5 * h * step, h * h * step / 12.0
     q, rate = load_quaternion(state.truth.attitude), load_three(state.truth.rate, 0)
     for j in range(world.num_attitude_steps):
-        store_quaternion(work.passed[j].attitude, q)
-        store_three(work.passed[j].rate, 0, rate)
-        e, u = error_of(q, load_quaternion(work.aims[j].attitude)), relative_rate(q, rate, n)
+        store_quaternion(passed[j].attitude, q)
+        store_three(passed[j].rate, 0, rate)
+        e, u = error_of(q, load_quaternion(aims[j].attitude)), relative_rate(q, rate, n)
         torque = clip_three(-kp * e - kd * u, world.max_torque)
         # one small step, in which the rate is linear in time
         a = h * rate + half * torque + twelfth * cross(rate, torque)
@@ -166,14 +167,14 @@ def turn_balls(now: Moment) -> None:
 
 
 @compiled(error_model="numpy")
-def turn_any(now: Moment, plans: Plans, lane: int) -> None:
+def turn_any(now: Moment, aims: Any, passed: Any, plans: Plans, lane: int) -> None:
     """Turn one lane over a control period, for any inertia and rate, from its first row of `passed`."""
-    world, state, work, lanes = now.world, now.state, now.work, now.state.lanes
-    q, rate = attitude_of(work.passed[0].attitude, lane), lane_of(work.passed[0].rate, 0, lane)
+    world, state, lanes = now.world, now.state, now.state.lanes
+    q, rate = attitude_of(passed[0].attitude, lane), lane_of(passed[0].rate, 0, lane)
     for j in range(world.num_attitude_steps):
-        write_attitude(work.passed[j].attitude, lane, q)
-        write_lane(work.passed[j].rate, 0, lane, rate)
-        torque = torque_at(now, plans, lane, j)
+        write_attitude(passed[j].attitude, lane, q)
+        write_lane(passed[j].rate, 0, lane, rate)
+        torque = torque_at(now, aims, passed, plans, lane, j)
         if world.turns_by_thrust:
             # of the thrust: arm x C f, and the twist
             force = to_body(q, lane_of(lanes.force, 0, lane))
@@ -193,7 +194,7 @@ def control_torque(world: World, q: Quaternion, aim: Quaternion, rate: Three) ->
 
 
 @compiled(error_model="numpy")
-def torque_at(now: Moment, plans: Plans, lane: int, instant: int) -> Three:
+def torque_at(now: Moment, aims: Any, passed: Any, plans: Plans, lane: int, instant: int) -> Three:
     """Return one lane's torque at an instant already passed of the control period, N m.
 
     That of the attitude law, or the one that is played; none is after the last of those.
@@ -203,27 +204,29 @@ def torque_at(now: Moment, plans: Plans, lane: int, instant: int) -> Three:
         if now.k < len(plans.turns.torques):
             played = clip_three(three_of(plans.turns.torques[now.k]), now.world.max_torque)
         return played
-    passed, aim = now.work.passed[instant], attitude_of(now.work.aims[instant].attitude, lane)
-    return control_torque(now.world, attitude_of(passed.attitude, lane), aim, lane_of(passed.rate, 0, lane))
+    aim, attitude = attitude_of(aims[instant].attitude, lane), attitude_of(passed[instant].attitude, lane)
+    return control_torque(now.world, attitude, aim, lane_of(passed[instant].rate, 0, lane))
 
 
 @compiled(error_model="numpy")
-def write_instants(now: Moment, plans: Plans, log: FlightLog) -> None:
+def write_instants(now: Moment, aims: Any, passed: Any, plans: Plans, log: FlightLog) -> None:
     """Log attitudes, rates and torques of lane 0 at the instants of the attitude clock."""
-    world, work, k = now.world, now.work, now.k
+    world, k = now.world, now.k
     for j in range(world.num_attitude_steps):
-        passed = work.passed[j]
-        attitude = work.aims[j].attitude if world.is_attitude_ideal else passed.attitude
+        attitude = aims[j].attitude if world.is_attitude_ideal else passed[j].attitude
         write_row(log.attitude_quaternion[k, j], attitude, 0)
         if not world.is_attitude_ideal:
-            rate = relative_rate(attitude_of(attitude, 0), lane_of(passed.rate, 0, 0), world.mean_motion)
-            write_three(log.torque_b_n_m[k, j], torque_at(now, plans, 0, j))
+            rate = relative_rate(attitude_of(attitude, 0), lane_of(passed[j].rate, 0, 0), world.mean_motion)
+            write_three(log.torque_b_n_m[k, j], torque_at(now, aims, passed, plans, 0, j))
             write_three(log.attitude_rate_b_rad_s[k, j], rate)
 
 
 @compiled(error_model="numpy", forceinline=True)
-def turn_deputies(now: Moment, plans: Plans) -> None:
-    """Turn all lanes over the control period that they are aimed for."""
+def turn_deputies(now: Moment, aims: Any, passed: Any, plans: Plans) -> None:
+    """Turn all lanes over the control period that they are aimed for.
+
+    `aims` and `passed` are as in `Workspace`; the second is written.
+    """
     world, lanes, truth, h = now.world, now.state.lanes, now.state.truth, now.world.attitude_period
     rate = load_three(truth.rate, 0)
     # lanes that might turn too far for the series within this period take the general method
@@ -234,14 +237,14 @@ def turn_deputies(now: Moment, plans: Plans) -> None:
     is_fast = dot(rate, rate) >= slow * slow
     store(lanes.turns_fast, 0, select(is_fast, 1.0, 0.0))
     if slow > 0.0:
-        turn_balls(now)
+        turn_balls(now, aims, passed)
     else:
-        store_quaternion(now.work.passed[0].attitude, load_quaternion(truth.attitude))
-        store_three(now.work.passed[0].rate, 0, rate)
+        store_quaternion(passed[0].attitude, load_quaternion(truth.attitude))
+        store_three(passed[0].rate, 0, rate)
     if some(is_fast):
         for lane in range(now.num_lanes):
             if lanes.turns_fast[lane] > 0.0:
-                turn_any(now, plans, lane)
+                turn_any(now, aims, passed, plans, lane)
     # exponentials keep the norm except for rounding
     q1, q2, q3, q4 = load_quaternion(truth.attitude)
     scale = 1.5 - 0.5 * (q1 * q1 + q2 * q2 + q3 * q3 + q4 * q4)

@@ -258,7 +258,7 @@ def corrected_force(world: World, known: Flying, requested: Three, cuts: Floats)
 
 
 @compiled(error_model="numpy")
-def assure(now: Moment) -> None:
+def assure(now: Moment, cuts: Floats) -> None:
     """Correct the commands of all lanes that are not safe; the others stay bit-identical."""
     world, lanes, belief = now.world, now.state.lanes, now.state.belief
     store(lanes.limit, 0, splat(0.0, width_of(lanes)))
@@ -270,7 +270,7 @@ def assure(now: Moment) -> None:
             continue
         known = lane_of(belief.position, 0, lane), lane_of(belief.velocity, 0, lane)
         requested = lane_of(lanes.commanded, 0, lane)
-        force, limit = corrected_force(world, known, requested, now.work.cuts)
+        force, limit = corrected_force(world, known, requested, cuts)
         if limit == SAFE:
             continue  # by rounding
         lanes.num_acted[lane] += 1.0

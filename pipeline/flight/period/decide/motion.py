@@ -11,6 +11,7 @@ import numpy as np
 from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.three import Three, dot, lane_of, length, load_three, store_three
 from fis_tools.compiled.vectors import Vector, least, most, select, store
+from pipeline.array_types import Floats
 from pipeline.flight.period.look.guidance import MIN_PROJECTION_M
 from pipeline.flight.state.arrays import Control, Moment, constant_of
 from pipeline.flight.state.lanes import arctangent, load_pair, load_quaternion, store_pair
@@ -43,9 +44,9 @@ def relative_angle(target_a: Vector, target_b: Vector, position_a: Vector, posit
 
 
 @compiled(error_model="numpy", forceinline=True)
-def sense_position(now: Moment) -> None:
+def sense_position(now: Moment, signals: Floats) -> None:
     """Write position and velocity of every lane, along Hill and body axes."""
-    belief, signals = now.state.belief, now.work.signals
+    belief = now.state.belief
     position, velocity = load_three(belief.position, 0), load_three(belief.velocity, 0)
     store(signals, DISTANCE, length(position))
     store_three(signals, POSITION_HILL, position)
@@ -54,17 +55,17 @@ def sense_position(now: Moment) -> None:
 
 
 @compiled(error_model="numpy", forceinline=True)
-def sense_angles(now: Moment) -> None:
+def sense_angles(now: Moment, signals: Floats) -> None:
     """Write the angles from every lane to its target."""
     position, target = load_three(now.state.belief.position, 0), load_three(now.state.lanes.target, 0)
-    store(now.work.signals, LAMBDA_U, relative_angle(target.x, target.y, position.x, position.y))
-    store(now.work.signals, ETA_U, relative_angle(target.x, target.z, position.x, position.z))
+    store(signals, LAMBDA_U, relative_angle(target.x, target.y, position.x, position.y))
+    store(signals, ETA_U, relative_angle(target.x, target.z, position.x, position.z))
 
 
 @compiled(error_model="numpy")
-def sense_orbit(now: Moment, control: Control) -> None:
+def sense_orbit(now: Moment, control: Control, signals: Floats) -> None:
     """Write the signals of free motion of every lane."""
-    state, signals, n = now.state, now.work.signals, now.world.mean_motion
+    state, n = now.state, now.world.mean_motion
     size, lead = constant_of(control, RING_SIZE), constant_of(control, RING_LEAD)
     drift = 1.5 * n * constant_of(control, PREDICTION_TIME)
     along, across = size * cos(lead), size * sin(lead)
@@ -87,7 +88,7 @@ def sense_orbit(now: Moment, control: Control) -> None:
 
 
 @compiled(error_model="numpy")
-def sense_approach(now: Moment) -> None:
+def sense_approach(now: Moment, signals: Floats) -> None:
     """Write every lane's closest approach to the chief within an orbit of free drift.
 
     The path is divided at every ``360 / ORBIT_PARTS`` degrees of the orbit, and each part taken as straight.
@@ -107,7 +108,7 @@ def sense_approach(now: Moment) -> None:
         passed = before + least(most(share, 0.0), 1.0) * chord
         nearest = least(dot(passed, passed), nearest)
         before = after
-    store(now.work.signals, CLOSEST_APPROACH, np.sqrt(nearest))
+    store(signals, CLOSEST_APPROACH, np.sqrt(nearest))
 
 
 SKIRT_DISTANCE = constant("skirt_distance_m")

@@ -8,6 +8,7 @@ from math import cos, sin, sqrt
 
 from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.three import dot, lane_of
+from pipeline.array_types import Floats
 from pipeline.flight.period.look.optics import beam_at, strike_out_seen, turned_back
 from pipeline.flight.state.arrays import Beyond, Moment
 from pipeline.flight.state.signals import slot
@@ -17,10 +18,14 @@ MISSED, NEAREST, FARTHEST = slot("missed"), slot("coasting_nearest"), slot("coas
 
 
 @compiled(error_model="numpy")
-def preview(now: Moment, optics: Beyond | None) -> None:
-    """Write for every lane the points missed by coasting, and the least and greatest distance on the way."""
+def preview(
+    now: Moment, optics: Beyond | None, ahead: Floats, lit_marks: Floats, seen_marks: Floats, signals: Floats
+) -> None:
+    """Write for every lane the points missed by coasting, and the least and greatest distance on the way.
+
+    Leaves in `ahead`, (P padded,), 1 for each point missed by the last lane.
+    """
     world, state, lanes, belief, k = now.world, now.state, now.state.lanes, now.state.belief, now.k
-    signals, ahead = now.work.signals, now.work.ahead
     # neighbours are seen shortly after one another: in the paper's world, in the order of patches
     points = world.patches if optics is None else world.points
     stride = world.preview_stride
@@ -50,7 +55,9 @@ def preview(now: Moment, optics: Beyond | None) -> None:
             nearest, farthest = min(nearest, square), max(farthest, square)
             if num_left > 0:
                 beam = beam_at(now, optics, lane, sample, sun)
-                num_left -= strike_out_seen(world, optics, now.work, points, beam, position)
+                num_left -= strike_out_seen(
+                    world, optics, ahead, lit_marks, seen_marks, points, beam, position
+                )
         signals[MISSED, lane] = num_left
         signals[NEAREST, lane] = sqrt(nearest)
         signals[FARTHEST, lane] = sqrt(farthest)

@@ -23,6 +23,7 @@ from fis_tools.compiled.three import (
     write_lane,
 )
 from fis_tools.compiled.vectors import Mask, Vector, count, load, select, some, splat, store
+from pipeline.array_types import Floats
 from pipeline.flight.period.decide.motion import turned_aside
 from pipeline.flight.period.decide.urgency import URGENCY_TIME, URGENT
 from pipeline.flight.period.look.guidance import POINTS
@@ -35,7 +36,7 @@ from pipeline.flight.period.look.optics import (
     seen_points,
     turned_back,
 )
-from pipeline.flight.state.arrays import Beyond, Control, Moment, Workspace, World, constant_of
+from pipeline.flight.state.arrays import Beyond, Control, Moment, World, constant_of
 from pipeline.flight.state.lanes import exponential
 from pipeline.flight.state.signals import constant, slot
 from pipeline.physics.motion import PositionRows, drifted_position, position_gradients, position_rows_of
@@ -46,7 +47,7 @@ AIM = slot("aim_radial", "aim_along_track", "aim_cross_track")
 SEE_HORIZON, SEE_DAMPING = constant("see_horizon_s"), constant("see_damping_ks2")
 AIM_URGENT = constant("aim_urgent_m_s")
 
-#: rows of `Workspace.looks`
+#: rows of `looks`, (5, P padded)
 COST, SHORT, SLOPE = 0, 1, 2
 #: the square of a thousand seconds: a push of 1 m/s moves the deputy by about 1 km in that time
 KS2 = 1e6
@@ -56,15 +57,17 @@ SQUARED_NEAR_M2, LEAST_SHORT_M = 900.0, 1.0
 
 
 @compiled(error_model="numpy", forceinline=True)
-def await_dark(now: Moment, lane: int, horizon: float) -> int:
-    """Mark the points unseen whose last light is still to come within the horizon; return how many."""
-    state, work, time = now.state, now.work, now.world.control_period * now.k
+def await_dark(
+    now: Moment, lane: int, horizon: float, deadlines: Floats, setting: Floats, looks: Floats
+) -> int:
+    """Mark in `setting` the unseen points whose last light comes within the horizon, s; return how many."""
+    state, time = now.state, now.world.control_period * now.k
     num_waiting = 0
-    for j in range(0, len(work.setting), POINTS):
-        last = load(work.deadlines, (lane, j), POINTS)
+    for j in range(0, len(setting), POINTS):
+        last = load(deadlines, (lane, j), POINTS)
         waits = (load(state.unseen, (lane, j), POINTS) > 0.0) & (last > time) & (last <= time + horizon)
-        store(work.setting, j, select(waits, 1.0, 0.0))
-        store(work.looks, (COST, j), splat(np.inf, POINTS))
+        store(setting, j, select(waits, 1.0, 0.0))
+        store(looks, (COST, j), splat(np.inf, POINTS))
         num_waiting += count(waits)
     return num_waiting
 
@@ -97,9 +100,8 @@ def shortfall(world: World, optics: Beyond | None, j: int, points: Three, eye: E
 
 
 @compiled(error_model="numpy", forceinline=True)
-def keep_cheapest(work: Workspace, j: int, lit: Mask, short: Vector, slope: Three) -> None:
+def keep_cheapest(looks: Floats, j: int, lit: Mask, short: Vector, slope: Three) -> None:
     """Keep the cheapest looks so far at the lit points from j on."""
-    looks = work.looks
     cost = short * short / dot(slope, slope)
     is_better = lit & (cost < load(looks, (COST, j), POINTS))
     kept = chosen(is_better, slope, load_from(looks, SLOPE, j, POINTS))
@@ -112,10 +114,23 @@ def keep_cheapest(work: Workspace, j: int, lit: Mask, short: Vector, slope: Thre
 
 @compiled(error_model="numpy", forceinline=True)
 def look_from(
-    now: Moment, optics: Beyond | None, lane: int, k: int, then: PositionRows, position: Three, sun: Pair
+    now: Moment,
+    optics: Beyond | None,
+    lane: int,
+    k: int,
+    then: PositionRows,
+    position: Three,
+    sun: Pair,
+    setting: Floats,
+    looks: Floats,
+    lit_marks: Floats,
+    seen_marks: Floats,
 ) -> None:
-    """Remove the points visible from a place of the path; for the others keep the cheapest look so far."""
-    world, work, setting = now.world, now.work, now.work.setting
+    """Look from a position of the coasting path, m, at sample k, with the Sun as it is then.
+
+    Points that are seen from there leave `setting`; of the others `looks` keeps the cheapest look so far.
+    """
+    world = now.world
     beam = beam_at(now, optics, lane, k, sun)
     eye = eye_on_chief(world, optics, beam, position)
     for j in range(0, len(setting) if beam.shines else 0, POINTS):
@@ -123,34 +138,36 @@ def look_from(
         if not some(before > 0.0):
             continue
         points = load_at(world.points, beam.sample, 0, j, POINTS)
-        lit = lit_points(world, optics, work, j, points, before > 0.0, beam)
+        lit = lit_points(world, optics, lit_marks, j, points, before > 0.0, beam)
         if not some(lit):
             continue
         short, way = shortfall(world, optics, j, points, eye)
         if optics is None:
             store(setting, j, select(lit & (short <= 0.0), 0.0, before))
         elif not eye.is_blind:
-            seen = seen_points(world, optics, work, j, points, lit, eye)
+            seen = seen_points(world, optics, seen_marks, j, points, lit, eye)
             store(setting, j, select(seen, 0.0, before))
-        keep_cheapest(work, j, lit, short, position_gradients(then, way)[1])
+        keep_cheapest(looks, j, lit, short, position_gradients(then, way)[1])
 
 
 @compiled(error_model="numpy")
-def fitted_push(now: Moment, lane: int, rate: float, damping: float) -> Three:
+def fitted_push(
+    now: Moment, lane: int, rate: float, damping: float, deadlines: Floats, setting: Floats, looks: Floats
+) -> Three:
     """Return the damped push, m/s, that brings all looks closest to showing their points.
 
     Solves ``(damping I + sum w g g^T) dv = sum w g short`` by Cramer's rule.
     """
-    work, time, nothing = now.work, now.world.control_period * now.k, same(0.0, POINTS)
+    time, nothing = now.world.control_period * now.k, same(0.0, POINTS)
     squares, products, sums = nothing, nothing, nothing  # sums of xx, yy, zz; xy, xz, yz; and w g short
-    for j in range(0, len(work.setting), POINTS):
-        counts = load(work.setting, j, POINTS) > 0.0
-        counts &= load(work.looks, (COST, j), POINTS) < np.inf
+    for j in range(0, len(setting), POINTS):
+        counts = load(setting, j, POINTS) > 0.0
+        counts &= load(looks, (COST, j), POINTS) < np.inf
         if some(counts):
-            weight = exponential((time - load(work.deadlines, (lane, j), POINTS)) * rate)
+            weight = exponential((time - load(deadlines, (lane, j), POINTS)) * rate)
             weight = select(counts, weight, 0.0)
-            short = load(work.looks, (SHORT, j), POINTS)
-            g = chosen(counts, load_from(work.looks, SLOPE, j, POINTS), same(0.0, POINTS))
+            short = load(looks, (SHORT, j), POINTS)
+            g = chosen(counts, load_from(looks, SLOPE, j, POINTS), same(0.0, POINTS))
             w = weight * g
             squares += Three(w.x * g.x, w.y * g.y, w.z * g.z)
             products += Three(w.x * g.y, w.x * g.z, w.y * g.z)
@@ -164,9 +181,19 @@ def fitted_push(now: Moment, lane: int, rate: float, damping: float) -> Three:
 
 
 @compiled(error_model="numpy")
-def sense_push(now: Moment, optics: Beyond | None, control: Control) -> None:
+def sense_push(
+    now: Moment,
+    optics: Beyond | None,
+    control: Control,
+    deadlines: Floats,
+    setting: Floats,
+    looks: Floats,
+    lit_marks: Floats,
+    seen_marks: Floats,
+    signals: Floats,
+) -> None:
     """Write the push that shows setting points, and the aim, of lanes that may fire."""
-    world, lanes, belief, signals, k = now.world, now.state.lanes, now.state.belief, now.work.signals, now.k
+    world, lanes, belief, k = now.world, now.state.lanes, now.state.belief, now.k
     look_angle = world.mean_motion * world.control_period * world.look_stride
     look_turn = cos(look_angle), sin(look_angle)
     rate, damping = 1.0 / constant_of(control, URGENCY_TIME), constant_of(control, SEE_DAMPING)
@@ -175,15 +202,16 @@ def sense_push(now: Moment, optics: Beyond | None, control: Control) -> None:
     num_looks = min(farthest, (world.num_controls - k) // world.look_stride)
     for lane in range(now.num_lanes):
         push = Three(0.0, 0.0, 0.0)
-        if lanes.coasts[lane] == 0.0 and await_dark(now, lane, horizon) > 0:
+        if lanes.coasts[lane] == 0.0 and await_dark(now, lane, horizon, deadlines, setting, looks) > 0:
             sun = lanes.sun[0, lane], lanes.sun[1, lane]
             position, velocity = lane_of(belief.position, 0, lane), lane_of(belief.velocity, 0, lane)
             for look in range(1, num_looks + 1):
                 sun = turned_back(sun, look_turn)
                 then = position_rows_of(world.looks, look)
                 at = drifted_position(then, position, velocity)
-                look_from(now, optics, lane, k + look * world.look_stride, then, at, sun)
-            push = fitted_push(now, lane, rate, damping)
+                sample = k + look * world.look_stride
+                look_from(now, optics, lane, sample, then, at, sun, setting, looks, lit_marks, seen_marks)
+            push = fitted_push(now, lane, rate, damping, deadlines, setting, looks)
             push = turned_aside(now, control, lane, push, 1.0)
         write_lane(signals, PUSH, lane, push)
         write_lane(signals, AIM, lane, push + urgent * lane_of(signals, URGENT, lane))

@@ -1,11 +1,14 @@
 """The thrust logic in lanes: from signals to the force before the safety layer; `fis_tools.model.thrust`."""
 
+from typing import Any
+
 import numpy as np
 
 from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.three import Three, load_three, same, store_three
 from fis_tools.compiled.vectors import load, select, some, store, width_of
 from fis_tools.engines.kernel import infer
+from pipeline.array_types import Floats
 from pipeline.flight.period.decide.preview import FARTHEST, MISSED, NEAREST
 from pipeline.flight.state.arrays import Control, Law, Moment, Plans, constant_of
 from pipeline.flight.state.lanes import clip_three, flight_of, load_quaternion, load_row
@@ -28,9 +31,9 @@ def may_coast(control: Control) -> bool:
 
 
 @compiled(error_model="numpy", forceinline=True)
-def decide_to_coast(now: Moment, control: Control) -> None:
+def decide_to_coast(now: Moment, control: Control, signals: Floats) -> None:
     """Mark the lanes that fire nothing: all is seen, or coasting will show enough inside the limits."""
-    world, lanes, signals = now.world, now.state.lanes, now.work.signals
+    world, lanes = now.world, now.state.lanes
     width = width_of(lanes)
     coasts = load_row(lanes.num_unseen) < (1.0 if world.coasts_when_complete else 0.0)
     if may_coast(control):
@@ -62,34 +65,34 @@ def follow_plans(now: Moment, plans: Plans) -> None:
 
 
 @compiled(error_model="numpy", forceinline=True)
-def infer_forces(now: Moment, control: Control) -> None:
+def infer_forces(now: Moment, control: Control, signals: Floats, outputs: Floats, scratch: Any) -> None:
     """Infer what each system asks for, and command what is beyond its dead band and does not coast."""
-    law, work, lanes = control.law, now.work, now.state.lanes
-    room, width = work.scratch[0], width_of(lanes)
+    law, lanes = control.law, now.state.lanes
+    room, width = scratch[0], width_of(lanes)
     fires = load_row(lanes.coasts) == 0.0
     if not some(fires):
         return
     for system in range(len(law.axes)):
         for column in range(3):
-            store(room.inputs, column, load(work.signals, law.signals[system, column], width))
-        infer(control.values, control.rules, law.layout, system, work.scratch)
+            store(room.inputs, column, load(signals, law.signals[system, column], width))
+        infer(control.values, control.rules, law.layout, system, scratch)
         axis = law.axes[system]
         dead_band = constant_of(control, FIRST_DEAD_BAND + axis)
         output = load_row(room.output)
-        store(work.outputs, system, output)
+        store(outputs, system, output)
         fired = select(fires & (abs(output) >= dead_band), output, 0.0)
         store(lanes.asked, axis, load(lanes.asked, axis, width) + fired)
 
 
 @compiled(error_model="numpy", forceinline=True)
-def command(now: Moment, control: Control) -> None:
+def command(now: Moment, control: Control, signals: Floats, outputs: Floats, scratch: Any) -> None:
     """Write the forces of all lanes as asked for, and as commanded: in Hill axes, clipped."""
     law, lanes = control.law, now.state.lanes
     store_three(lanes.asked, 0, same(0.0, width_of(lanes)))
     if law.has_plan:
         follow_plans(now, law.plans)
     elif is_decision(law, now.k):
-        infer_forces(now, control)
+        infer_forces(now, control, signals, outputs, scratch)
     force = load_three(lanes.asked, 0)
     if law.force_axes == BODY:
         force = to_hill(load_quaternion(now.state.belief.attitude), force)

@@ -5,6 +5,7 @@ from math import atan2, cos, pi, sin, sqrt
 from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.three import Three, lane_of, write_lane
 from fis_tools.compiled.vectors import width_of
+from pipeline.array_types import Floats
 from pipeline.flight.period.decide.motion import turned_aside
 from pipeline.flight.period.decide.urgency import URGENT
 from pipeline.flight.period.look.optics import Pair, turned_back
@@ -58,9 +59,9 @@ def time_ahead(
 
 
 @compiled(error_model="numpy")
-def sense_tour(now: Moment, control: Control) -> None:
+def sense_tour(now: Moment, control: Control, signals: Floats) -> None:
     """Write the push that leads every lane onto the tour."""
-    lanes, belief, signals, n = now.state.lanes, now.state.belief, now.work.signals, now.world.mean_motion
+    lanes, belief, n = now.state.lanes, now.state.belief, now.world.mean_motion
     wait, least_height = constant_of(control, TOUR_WAIT), now.world.optics.least_height
     for lane in range(width_of(lanes)):
         sun = lanes.sun[0, lane], lanes.sun[1, lane]

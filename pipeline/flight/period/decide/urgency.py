@@ -6,6 +6,7 @@ A point's deadline is the last sample of the flight at which it is lit.
 from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.three import Three, length, load_at, same, totals, write_lane
 from fis_tools.compiled.vectors import load, select, some, splat, store, total
+from pipeline.array_types import Floats
 from pipeline.flight.period.decide.motion import turned_aside
 from pipeline.flight.period.look.guidance import MIN_PROJECTION_M, POINTS
 from pipeline.flight.period.look.optics import beam_from, beam_now, lit_points, sun_after
@@ -18,13 +19,12 @@ URGENCY_TIME = constant("urgency_time_s")
 
 
 @compiled(error_model="numpy")
-def note_deadlines(now: Moment, optics: Beyond | None) -> None:
+def note_deadlines(now: Moment, optics: Beyond | None, deadlines: Floats, lit_marks: Floats) -> None:
     """Write when each point is lit for the last time, s, for every lane; zero for points never lit.
 
     Called at the start, when nothing is inspected.
     """
-    world, state, work = now.world, now.state, now.work
-    points, deadlines = world.points, work.deadlines
+    world, state, points = now.world, now.state, now.world.points
     at_start, heights = state.lanes.sun_at_start, state.lanes.height_at_start
     for lane in range(now.num_lanes):
         for j in range(0, points.shape[2], POINTS):
@@ -41,17 +41,24 @@ def note_deadlines(now: Moment, optics: Beyond | None) -> None:
                 missing = (latest == 0.0) & (load(state.unseen, (lane, j), POINTS) > 0.0)
                 if some(missing):
                     near = load_at(points, beam.sample, 0, j, POINTS)
-                    lit = lit_points(world, optics, work, j, near, missing, beam)
+                    lit = lit_points(world, optics, lit_marks, j, near, missing, beam)
                     store(deadlines, (lane, j), select(lit, world.control_period * k, latest))
                     is_missing_some |= some(missing ^ lit)
             k -= 1
 
 
 @compiled(error_model="numpy")
-def sense_urgency(now: Moment, optics: Beyond | None, control: Control) -> None:
+def sense_urgency(
+    now: Moment,
+    optics: Beyond | None,
+    control: Control,
+    deadlines: Floats,
+    lit_marks: Floats,
+    signals: Floats,
+) -> None:
     """Write the urgent direction of every lane that may fire."""
-    world, state, work = now.world, now.state, now.work
-    signals, points, time = work.signals, world.points, world.control_period * now.k
+    world, state = now.world, now.state
+    points, time = world.points, world.control_period * now.k
     rate = 1.0 / constant_of(control, URGENCY_TIME)
     for lane in range(now.num_lanes):
         write_lane(signals, URGENT, lane, Three(0.0, 0.0, 0.0))
@@ -62,9 +69,9 @@ def sense_urgency(now: Moment, optics: Beyond | None, control: Control) -> None:
         for j in range(0, points.shape[2], POINTS):
             near = load_at(points, beam.sample, 0, j, POINTS)
             counts = load(state.unseen, (lane, j), POINTS) > 0.0
-            counts = lit_points(world, optics, work, j, near, counts, beam)
+            counts = lit_points(world, optics, lit_marks, j, near, counts, beam)
             if some(counts):
-                time_left = time - load(work.deadlines, (lane, j), POINTS)
+                time_left = time - load(deadlines, (lane, j), POINTS)
                 weight = select(counts, exponential(time_left * rate), 0.0)
                 weights += weight
                 sums += weight * near

@@ -4,6 +4,8 @@
 `pipeline.physics.sight`, and numba leaves out the rest. `optics.closely` is None where no part of the chief
 hides another and brightness does not matter, as in most worlds: a run-time check would slow flights by a
 sixth. Points are processed eight at a time.
+
+`lit_marks` and `seen_marks`, shape (P padded,), are working arrays: 1 where a point is lit, or seen.
 """
 
 from math import cos, sin, sqrt
@@ -136,7 +138,7 @@ def eye_on_chief(world: World, optics: Beyond | None, beam: Beam, position: Thre
 
 @compiled(error_model="numpy", forceinline=True)
 def lit_points(
-    world: World, optics: Beyond | None, work: Workspace, j: int, points: Three, wanted: Mask, beam: Beam
+    world: World, optics: Beyond | None, lit_marks: Floats, j: int, points: Three, wanted: Mask, beam: Beam
 ) -> Mask:
     """Return which of the wanted points from j on are lit."""
     if optics is None:
@@ -145,16 +147,16 @@ def lit_points(
     along += world.optics.past_terminator if beam.shines else 0.0
     lit = wanted & is_sunlit(along, load(world.surface, (beam.sample, HEIGHT, j), POINTS))
     if optics.closely is not None and world.occlusion.edge > 0:
-        store(work.lit, j, select(lit, 1.0, 0.0))
+        store(lit_marks, j, select(lit, 1.0, 0.0))
         for i in range(j, min(j + POINTS, world.num_points)):
-            work.lit[i] *= world.occlusion.is_free[beam.cell, i]
-        lit = load(work.lit, j, POINTS) > 0.0
+            lit_marks[i] *= world.occlusion.is_free[beam.cell, i]
+        lit = load(lit_marks, j, POINTS) > 0.0
     return lit
 
 
 @compiled(error_model="numpy", forceinline=True)
 def seen_points(
-    world: World, optics: Beyond | None, work: Workspace, j: int, points: Three, lit: Mask, eye: Eye
+    world: World, optics: Beyond | None, seen_marks: Floats, j: int, points: Three, lit: Mask, eye: Eye
 ) -> Mask:
     """Return which of the lit points from j on a camera sees."""
     along, towards = dot(points, eye.position), dot(points, eye.boresight) - eye.along
@@ -169,58 +171,65 @@ def seen_points(
     squared -= 2.0 * along
     seen = lit & is_resolved(world.optics, above, towards, squared)
     if optics.closely is not None:
-        store(work.seen, j, select(seen, 1.0, 0.0))
+        store(seen_marks, j, select(seen, 1.0, 0.0))
         if world.occlusion.edge > 0 or world.reflection.is_on:
-            leave_out_hidden_and_dim(world, work, j, eye)
-        seen = load(work.seen, j, POINTS) > 0.0
+            leave_out_hidden_and_dim(world, seen_marks, j, eye)
+        seen = load(seen_marks, j, POINTS) > 0.0
     return seen
 
 
 @compiled(error_model="numpy")
-def leave_out_hidden_and_dim(world: World, work: Workspace, j: int, eye: Eye) -> None:
-    """Remove from `work.seen`, from j on, points that the chief hides, and those too dim or too bright."""
+def leave_out_hidden_and_dim(world: World, seen_marks: Floats, j: int, eye: Eye) -> None:
+    """Remove from `seen_marks`, from j on, points that the chief hides, and those too dim or too bright."""
     sample = eye.beam.sample
     for i in range(j, min(j + POINTS, world.num_points)):
-        if work.seen[i] == 0.0:
+        if seen_marks[i] == 0.0:
             continue
         to_camera = eye.position - lane_of(world.points[sample], 0, i)
         if world.occlusion.edge > 0:
-            work.seen[i] = world.occlusion.is_free[cell_towards(world, sample, to_camera), i]
+            seen_marks[i] = world.occlusion.is_free[cell_towards(world, sample, to_camera), i]
         if world.reflection.is_on:
             normal = lane_of(world.surface[sample], NORMAL, i)
             if not is_bright(world.reflection, normal, eye.beam.sun, to_camera):
-                work.seen[i] = 0.0
+                seen_marks[i] = 0.0
 
 
 @compiled(error_model="numpy", forceinline=True)
 def strike_out_seen(
-    world: World, optics: Beyond | None, work: Workspace, points: Floats, beam: Beam, position: Three
+    world: World,
+    optics: Beyond | None,
+    ahead: Floats,
+    lit_marks: Floats,
+    seen_marks: Floats,
+    points: Floats,
+    beam: Beam,
+    position: Three,
 ) -> int:
-    """Remove the points that a camera aimed at the chief's centre sees from `work.ahead`; return how many.
+    """Remove the points that a camera aimed at the chief's centre sees from `ahead`; return how many.
 
-    `points` are in the order of `work.ahead`. Vectors with none left are skipped.
+    `points` are in the order of `ahead`. Vectors with none left are skipped.
     """
     num_seen = 0
     eye = eye_on_chief(world, optics, beam, position)
     if beam.shines and not eye.is_blind:
-        for j in range(0, len(work.ahead), POINTS):
-            before = load(work.ahead, j, POINTS)
+        for j in range(0, len(ahead), POINTS):
+            before = load(ahead, j, POINTS)
             wanted = before > 0.0
             if some(wanted):
                 near = load_at(points, beam.sample, 0, j, POINTS)
-                lit = lit_points(world, optics, work, j, near, wanted, beam)
+                lit = lit_points(world, optics, lit_marks, j, near, wanted, beam)
                 if optics is None or some(lit):
-                    seen = seen_points(world, optics, work, j, near, lit, eye)
-                    store(work.ahead, j, select(seen, 0.0, before))
+                    seen = seen_points(world, optics, seen_marks, j, near, lit, eye)
+                    store(ahead, j, select(seen, 0.0, before))
                     num_seen += count(seen)
     return num_seen
 
 
 @compiled(error_model="numpy", forceinline=True)
-def want_all(world: World, work: Workspace) -> None:
-    """Mark all points in `work.ahead`."""
-    for j in range(len(work.ahead)):
-        work.ahead[j] = 1.0 if j < world.num_points else 0.0
+def want_all(world: World, ahead: Floats) -> None:
+    """Mark all points in `ahead`."""
+    for j in range(len(ahead)):
+        ahead[j] = 1.0 if j < world.num_points else 0.0
 
 
 @compiled(error_model="numpy", forceinline=True)
@@ -232,19 +241,19 @@ def beam_of_case(world: World, optics: Beyond | None, case: Any, k: int) -> Beam
 
 
 @compiled(error_model="numpy", forceinline=True)
-def note_lit(world: World, optics: Beyond | None, work: Workspace, beam: Beam) -> int:
-    """Mark in `work.lit` the points of `work.ahead` that are lit, and remove them there.
+def note_lit(world: World, optics: Beyond | None, ahead: Floats, lit_marks: Floats, beam: Beam) -> int:
+    """Mark in `lit_marks` the points of `ahead` that are lit, and remove them there.
 
     Returns the number of vectors of points with some left.
     """
     num_left = 0
-    for j in range(0, len(work.ahead), POINTS):
-        wanted = load(work.ahead, j, POINTS) > 0.0
+    for j in range(0, len(ahead), POINTS):
+        wanted = load(ahead, j, POINTS) > 0.0
         points = load_at(world.points, beam.sample, 0, j, POINTS)
-        lit = lit_points(world, optics, work, j, points, wanted, beam)
+        lit = lit_points(world, optics, lit_marks, j, points, wanted, beam)
         left = wanted ^ lit
-        store(work.lit, j, select(lit, 1.0, 0.0))
-        store(work.ahead, j, select(left, 1.0, 0.0))
+        store(lit_marks, j, select(lit, 1.0, 0.0))
+        store(ahead, j, select(left, 1.0, 0.0))
         num_left += 1 if some(left) else 0
     return num_left
 
@@ -255,13 +264,16 @@ def note_inspectable(
 ) -> None:
     """Write which points are lit at some sample of each case's flight, shape (m, P padded) of 0 or 1."""
     world, work, cases, inspectable = borrowed((world, work, cases, inspectable))
+    ahead, lit_marks = work.ahead, work.lit
     for row in range(len(cases)):
         num_left = 1
-        want_all(world, work)
+        want_all(world, ahead)
         for spacing in SPACINGS:
             for k in range(0, world.num_controls + 1 if num_left > 0 else 0, spacing):
-                num_left = note_lit(world, optics, work, beam_of_case(world, optics, cases[row], k))
+                num_left = note_lit(
+                    world, optics, ahead, lit_marks, beam_of_case(world, optics, cases[row], k)
+                )
                 if num_left == 0:
                     break
-        for j in range(len(work.ahead)):
-            inspectable[row, j] = 1 if j < world.num_points and work.ahead[j] == 0.0 else 0
+        for j in range(len(ahead)):
+            inspectable[row, j] = 1 if j < world.num_points and ahead[j] == 0.0 else 0
