@@ -76,15 +76,15 @@ def adversaries(num_controls: int, force_n: float) -> Iterator[tuple[str, Contro
 def starts_in(mission: Mission, count: int) -> list[Scenario]:
     """Return starts at rest between the layer's spheres, the Sun anywhere."""
     random = np.random.default_rng(SEED)
-    places = random.normal(size=(count, 3))
+    positions = random.normal(size=(count, 3))
     near, far = spheres_of(mission, bounds_of(mission))
     distances = random.uniform(near, far, count)
     distances[::10], distances[5::10] = near + 0.01, far - 0.01
-    places *= (distances / np.linalg.norm(places, axis=1))[:, np.newaxis]
+    positions *= (distances / np.linalg.norm(positions, axis=1))[:, np.newaxis]
     suns = random.uniform(0.0, 2.0 * np.pi, count)
     return [
-        Scenario(place, np.zeros(3), float(sun), 0.0, (SEED, STAGE, case))
-        for case, (place, sun) in enumerate(zip(places, suns, strict=True))
+        Scenario(position, np.zeros(3), float(sun), 0.0, (SEED, STAGE, case))
+        for case, (position, sun) in enumerate(zip(positions, suns, strict=True))
     ]
 
 
@@ -108,7 +108,7 @@ def extremes(mission: Mission, controller: Controller, starts: list[Scenario]) -
     motion = motion_over(mission.orbit, mission.deputy, np.arange(mission.control_period_s).tolist())
     to_place = np.concatenate([motion.transition, motion.control], axis=2)[:, :3]
     _, tracks = fly_tracked(mission, controller, starts, None)
-    masses = [dict(drawn(mission, one)).get("deputy.mass_kg", mission.deputy.mass_kg) for one in starts]
+    masses = [dict(drawn(mission, start)).get("deputy.mass_kg", mission.deputy.mass_kg) for start in starts]
     tracks[..., TRACK_FORCE : TRACK_FORCE + 3] *= mission.deputy.mass_kg / np.reshape(masses, (-1, 1, 1))
     pushed = np.concatenate([tracks[..., :6], tracks[..., TRACK_FORCE : TRACK_FORCE + 3]], axis=2)
     distances = [np.linalg.norm(pushed @ rows.T, axis=2) for rows in to_place.astype(np.float32)]

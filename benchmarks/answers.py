@@ -29,8 +29,8 @@ def answers(job: dict[str, Any]) -> Any:
         if hasattr(output.defuzzifier, "resolution"):
             output.defuzzifier.resolution = job["resolution"]
     rows = np.load(job["inputs"])
-    found = np.empty((len(rows), len(engine.output_variables)))
-    for row, values in zip(rows, found, strict=True):
+    outputs = np.empty((len(rows), len(engine.output_variables)))
+    for row, values in zip(rows, outputs, strict=True):
         for variable, value in zip(engine.input_variables, row, strict=True):
             variable.value = value
         for output in engine.output_variables:
@@ -38,7 +38,7 @@ def answers(job: dict[str, Any]) -> Any:
             output.value = float("nan")
         engine.process()
         values[:] = [float(np.ravel(output.value)[0]) for output in engine.output_variables]
-    return found
+    return outputs
 
 
 if __name__ == "__main__":

@@ -47,9 +47,9 @@ def pages(controller: str) -> Iterator[str]:
     starts = evaluation_scenarios(experiment)[:STARTS]
     for case, start in enumerate(starts):
         log = fly_logged(experiment.mission, flown, start)
-        place = ", ".join(f"{value:.1f}" for value in start.position_m)
+        position = ", ".join(f"{value:.1f}" for value in start.position_m)
         yield f"## Start {case + 1}\n"
-        yield f"At ({place}) m, the Sun at {np.degrees(start.sun_angle_rad) % 360:.0f}°: case {case}.\n"
+        yield f"At ({position}) m, the Sun at {np.degrees(start.sun_angle_rad) % 360:.0f}°: case {case}.\n"
         for number, (system, words) in enumerate(zip(flown.systems, AXES, strict=True)):
             yield from decision(experiment.mission, system, words, log, number)
         yield from rest_of(experiment.mission, log)
@@ -75,7 +75,9 @@ def work_out(system: FuzzySystem, values: Iterable[float]) -> Worked:
     rules = []
     for number, rule in enumerate(system.rules, start=1):
         terms = tuple(each.term for each in statements(rule.antecedent))
-        strength = min(found.get(name, 0.0) for found, name in zip(degrees, terms, strict=True))
+        strength = min(
+            degrees_of_term.get(name, 0.0) for degrees_of_term, name in zip(degrees, terms, strict=True)
+        )
         if strength > 0.0:
             (then,) = rule.consequents
             rules.append((number, terms, then.term, strength))
@@ -90,24 +92,24 @@ def decision(mission: Mission, system: FuzzySystem, words: str, log: FlightLog, 
     values = log.fis_input[0, number, : len(system.inputs)].tolist()
     worked = work_out(system, values)
     yield f"**{words.capitalize()}.** " + "; ".join(
-        f"`{variable.name}` is {value:.4g} {variable.unit}: {told(found)}"
-        for variable, value, found in zip(system.inputs, values, worked.degrees, strict=True)
+        f"`{variable.name}` is {value:.4g} {variable.unit}: {format_degrees(degrees)}"
+        for variable, value, degrees in zip(system.inputs, values, worked.degrees, strict=True)
     )
     yield "\n| rule | if | then | holds by |\n|---|---|---|---|"
-    for place, terms, then, strength in worked.rules:
+    for index, terms, then, strength in worked.rules:
         joined = " and ".join(
             f"{variable.name} is {name}" for variable, name in zip(system.inputs, terms, strict=True)
         )
-        yield f"| {place} | {joined} | {then} | {strength:.3f} |".replace("_", " ")
+        yield f"| {index} | {joined} | {then} | {strength:.3f} |".replace("_", " ")
     yield "\nThe outline of the cut terms has the corners (N, degree) " + ", ".join(
         f"({x + 0.0:.3f}, {degree:.3f})".replace("-0.000", "0.000") for x, degree in worked.corners
     )
     area, moment = area_and_moment(worked.corners)
     flown = float(log.fis_output_n[0, number])
-    asked, fired = (speed_mm_s(mission, each) for each in (flown, log.force_hill_n[0, number]))
+    commanded, fired = (speed_mm_s(mission, each) for each in (flown, log.force_hill_n[0, number]))
     yield (
         f"Area {area:.4g} N, moment {moment:.4g} N², centroid {worked.force:.5f} N. Recorded: "
-        f"{flown:.5f} N, asked of the thruster as a push of {asked:.1f} mm/s; fired: {fired:.1f} mm/s.\n"
+        f"{flown:.5f} N, asked of the thruster as a push of {commanded:.1f} mm/s; fired: {fired:.1f} mm/s.\n"
     )
 
 
@@ -119,10 +121,10 @@ def speed_mm_s(mission: Mission, force_n: float) -> float:
 def statements(antecedent: object) -> tuple[Is, ...]:
     """Return the statements joined by an antecedent, one or more."""
     parts = antecedent.operands if isinstance(antecedent, And) else (antecedent,)
-    found = tuple(part for part in parts if isinstance(part, Is))
-    if len(found) != len(parts):
+    conditions = tuple(part for part in parts if isinstance(part, Is))
+    if len(conditions) != len(parts):
         raise SystemExit("by hand go rules that join plain statements by and; this one does not")
-    return found
+    return conditions
 
 
 def triangle(term: Term) -> Triangular:
@@ -145,11 +147,11 @@ def height(shape: Triangular, x: float) -> float:
 def degrees_of(variable: Variable, value: float) -> dict[str, float]:
     """Return the degrees of a value's nonzero terms; beyond the range as at its end."""
     inside = min(max(value, variable.minimum), variable.maximum)
-    found = {term.name: height(triangle(term), inside) for term in variable.terms}
-    return {name: degree for name, degree in found.items() if degree > 0.0}
+    degrees = {term.name: height(triangle(term), inside) for term in variable.terms}
+    return {name: degree for name, degree in degrees.items() if degree > 0.0}
 
 
-def told(degrees: dict[str, float]) -> str:
+def format_degrees(degrees: dict[str, float]) -> str:
     """Return degrees in words."""
     return " and ".join(f"{name.replace('_', ' ')} by {degree:.3f}" for name, degree in degrees.items())
 
@@ -162,15 +164,15 @@ def outline(output: Variable, cuts: dict[str, float]) -> Corners:
         return max(min(height(shape, x), cut) for shape, cut in shapes)
 
     xs = {output.minimum, output.maximum}
-    for place, (shape, _) in enumerate(shapes):
+    for index, (shape, _) in enumerate(shapes):
         # where the flanks cross this cut and its neighbours', and each other
-        for _, level in shapes[max(place - 1, 0) : place + 2]:
+        for _, level in shapes[max(index - 1, 0) : index + 2]:
             xs |= {
                 shape.left + level * (shape.peak - shape.left),
                 shape.right - level * (shape.right - shape.peak),
             }
         xs |= {shape.left, shape.right}
-        for other, _ in shapes[place + 1 : place + 2]:
+        for other, _ in shapes[index + 1 : index + 2]:
             fall, rise = shape.right - shape.peak, other.peak - other.left
             xs.add((shape.right * rise + other.left * fall) / (fall + rise))
     # points that differ only by rounding would hide a bend
@@ -178,8 +180,8 @@ def outline(output: Variable, cuts: dict[str, float]) -> Corners:
     corners = [(x, highest(x)) for x in inside]
     return [
         corner
-        for place, corner in enumerate(corners)
-        if place in (0, len(corners) - 1) or is_bent(*corners[place - 1 : place + 2])
+        for index, corner in enumerate(corners)
+        if index in (0, len(corners) - 1) or is_bent(*corners[index - 1 : index + 2])
     ]
 
 

@@ -109,12 +109,13 @@ def print_outcome(by_safety: dict[str, Columns]) -> None:
     print("| safety | delta-v (m/s) | rate (%) | 95 points | all 99 | outside | layer acted |")
     print("|---|---|---|---|---|---|---|")
     for safety, episodes in by_safety.items():
-        told = summarise(episodes, 95.0)
+        stats = summarise(episodes, 95.0)
         all_seen = np.mean(episodes["inspected_count"] == np.max(episodes["inspected_count"]))
         print(
-            f"| {safety} | {told['delta_v_m_s']['mean']:.3f} | {told['inspection_rate_percent']['mean']:.2f} "
-            f"| {100.0 * told['success']['fraction']:.1f} % | {100.0 * all_seen:.1f} % "
-            f"| {np.sum(episodes['violated'])} | {100.0 * told['safety_acted']['fraction']:.1f} % |"
+            f"| {safety} | {stats['delta_v_m_s']['mean']:.3f} "
+            f"| {stats['inspection_rate_percent']['mean']:.2f} "
+            f"| {100.0 * stats['success']['fraction']:.1f} % | {100.0 * all_seen:.1f} % "
+            f"| {np.sum(episodes['violated'])} | {100.0 * stats['safety_acted']['fraction']:.1f} % |"
         )
 
 
@@ -123,10 +124,10 @@ def print_without(mission: Mission, controller: Controller, scenarios: list[Scen
     print("| without | if | then | delta-v (m/s) | rate (%) | success | outside |")
     print("|---|---|---|---|---|---|---|")
     print_row("nothing", mission, controller, scenarios)
-    for place, system in enumerate(controller.systems):
+    for index, system in enumerate(controller.systems):
         for number, rule in enumerate(system.rules):
             fewer = replace(system, rules=system.rules[:number] + system.rules[number + 1 :])
-            systems = (*controller.systems[:place], fewer, *controller.systems[place + 1 :])
+            systems = (*controller.systems[:index], fewer, *controller.systems[index + 1 :])
             words = f"{system.name} {number + 1} | {antecedent_words(rule.antecedent)} | "
             words += rule.consequents[0].term.replace("_", " ")
             print_row(words, mission, replace(controller, systems=systems), scenarios)
@@ -145,11 +146,11 @@ def without_corners(system: FuzzySystem) -> FuzzySystem:
 
 def print_row(words: str, mission: Mission, controller: Controller, scenarios: list[Scenario]) -> None:
     """Print the results of one controller's flights."""
-    told = summarise(fly(mission, controller, scenarios), 95.0)
+    stats = summarise(fly(mission, controller, scenarios), 95.0)
     cells = words if "|" in words else f"{words} | | "
     print(
-        f"| {cells} | {told['delta_v_m_s']['mean']:.3f} | {told['inspection_rate_percent']['mean']:.2f} "
-        f"| {100.0 * told[SUCCESS]['fraction']:.1f} % | {told['violated']['count']} |"
+        f"| {cells} | {stats['delta_v_m_s']['mean']:.3f} | {stats['inspection_rate_percent']['mean']:.2f} "
+        f"| {100.0 * stats[SUCCESS]['fraction']:.1f} % | {stats['violated']['count']} |"
     )
 
 
@@ -166,12 +167,12 @@ def print_by_azimuth(episodes: Columns) -> None:
         "\n| azimuth from the Sun (deg) | cases | delta-v (m/s) | points | below 95 |\n|---|---|---|---|---|"
     )
     for first in range(0, 360, BIN_DEG):
-        own = (ahead >= first) & (ahead < first + BIN_DEG)
-        if own.any():
+        here = (ahead >= first) & (ahead < first + BIN_DEG)
+        if here.any():
             print(
-                f"| {first}-{first + BIN_DEG} | {own.sum()} | {episodes['delta_v_m_s'][own].mean():.3f} "
-                f"| {episodes['inspected_count'][own].mean():.2f} "
-                f"| {100.0 * np.mean(~episodes['success'][own].astype(bool)):.0f} % |"
+                f"| {first}-{first + BIN_DEG} | {here.sum()} | {episodes['delta_v_m_s'][here].mean():.3f} "
+                f"| {episodes['inspected_count'][here].mean():.2f} "
+                f"| {100.0 * np.mean(~episodes['success'][here].astype(bool)):.0f} % |"
             )
 
 
@@ -198,9 +199,9 @@ def print_missed(mission: Mission, starts: list[Scenario], logs: list[FlightLog]
     longitude = np.degrees(np.arctan2(points[:, 1], points[:, 0]))
     shares: dict[tuple[int, int], float] = {}
     missed = [~log.is_inspected[-1] for log in logs]
-    for start, own in zip(starts, missed, strict=True):
+    for start, is_missed in zip(starts, missed, strict=True):
         ahead = (longitude - math.degrees(start.sun_angle_rad)) % 360.0
-        for point in np.flatnonzero(own):
+        for point in np.flatnonzero(is_missed):
             cell = (BIN_DEG * int(latitude[point] // BIN_DEG), BIN_DEG * int(ahead[point] // BIN_DEG))
             shares[cell] = shares.get(cell, 0.0) + 1.0 / np.sum(missed)
     print(f"\nOf {len(logs)} flights, where the {np.sum(missed)} missed points lie:\n")
@@ -228,21 +229,21 @@ def print_rules(controller: Controller, logs: list[FlightLog]) -> None:
     print(f"\nRules where a force is fired, {len(logs)} flights:\n")
     print("| system | share | mean push (mN) | rule | if | then |\n|---|---|---|---|---|---|")
     closing = []
-    for place, system in enumerate(controller.systems):
+    for index, system in enumerate(controller.systems):
         axis = AXES.index(system.outputs[0].name[-1])
         fired = [log.force_hill_n[:, axis] != 0.0 for log in logs]
         width = len(system.inputs)
         inputs = np.concatenate(
-            [log.fis_input[is_fired, place, :width] for log, is_fired in zip(logs, fired, strict=True)]
+            [log.fis_input[is_fired, index, :width] for log, is_fired in zip(logs, fired, strict=True)]
         )
         moved = contributions(compile_system(system), inputs)[:, :, 0]
         total, output = np.abs(moved).sum(axis=0), system.outputs[0]
         order = np.argsort(-total)
         for rule in order[:TOLD_RULES]:
             words = system.rules[rule]
-            own = moved[np.abs(moved[:, rule]) > 0.0, rule]
+            moves = moved[np.abs(moved[:, rule]) > 0.0, rule]
             print(
-                f"| {system.name} | {100.0 * total[rule] / total.sum():.1f} % | {1000.0 * own.mean():+.1f} "
+                f"| {system.name} | {100.0 * total[rule] / total.sum():.1f} % | {1000.0 * moves.mean():+.1f} "
                 f"| {rule + 1} | {antecedent_words(words.antecedent)} | {words.consequents[0].term} |"
             )
         decides = np.any(np.abs(moved) > DECIDES * (output.maximum - output.minimum), axis=0)
@@ -278,7 +279,7 @@ def print_spent(experiment: Experiment, controller: Controller) -> None:
         forces = np.abs([log.force_hill_n for log in logs])
         axes = forces.sum(axis=1).mean(axis=0) * period / mission.deputy.mass_kg
         is_on = forces.sum(axis=2) > 0.0
-        last = [np.flatnonzero(own)[-1] * period / 60.0 for own in is_on if own.any()]
+        last = [np.flatnonzero(is_firing)[-1] * period / 60.0 for is_firing in is_on if is_firing.any()]
         print(
             f"| {name} | {' | '.join(f'{value:.3f}' for value in axes)} "
             f"| {is_on.sum(axis=1).mean():.0f} | {np.median(last):.0f} |"
@@ -294,10 +295,10 @@ def print_times(solved: Solved, spent: Floats) -> None:
     print("| azimuth from the Sun (deg) | solved cases | delta-v (m/s) | plan (m/s) |\n|---|---|---|---|")
     ahead = azimuths(solved.cases)
     for first in range(0, 360, SECTOR_DEG):
-        own = (ahead >= first) & (ahead < first + SECTOR_DEG)
+        is_in_sector = (ahead >= first) & (ahead < first + SECTOR_DEG)
         print(
-            f"| {first}-{first + SECTOR_DEG} | {own.sum()} | {spent[own].mean():.3f} "
-            f"| {least[own].mean():.3f} |"
+            f"| {first}-{first + SECTOR_DEG} | {is_in_sector.sum()} | {spent[is_in_sector].mean():.3f} "
+            f"| {least[is_in_sector].mean():.3f} |"
         )
 
 
@@ -315,14 +316,14 @@ def tell_flight(experiment: Experiment, controller: Controller, case: int, pictu
             picture.write_bytes(save(trajectories(tracks, mission), picture.stem, PICTURE_DPI).png)
     print("| force | from (min) | to | delta-v (m/s) | points at the end | rule that pushes most |")
     print(f"|---|{'---|' * 5}")
-    for place, system in enumerate(controller.systems):
+    for index, system in enumerate(controller.systems):
         axis = AXES.index(system.outputs[0].name[-1])
         force, period = log.force_hill_n[:, axis], mission.control_period_s
         fired = np.flatnonzero(force != 0.0)
         ends = np.flatnonzero((np.diff(fired) > PAUSE) | (np.diff(np.sign(force[fired])) != 0.0)) + 1
         compiled = compile_system(system)
         for burn in np.split(fired, ends):
-            inputs = log.fis_input[burn, place, : len(system.inputs)]
+            inputs = log.fis_input[burn, index, : len(system.inputs)]
             # in the burn's direction: other rules, perhaps stronger ones, oppose it
             moved = np.sign(force[burn[0]]) * contributions(compiled, inputs)[:, :, 0].sum(axis=0)
             print(

@@ -31,10 +31,10 @@ def run_monte_carlo(controller: str) -> None:
         cases = replace(experiment.monte_carlo, num_cases=num_cases)
         scenarios = evaluation_scenarios(replace(experiment, monte_carlo=cases))
         times = [(flying(scenarios, 1), flying(scenarios, PROCESSORS)) for _ in range(TURNS)]
-        one, many = (min(column) for column in zip(*times, strict=True))
+        single, many = (min(column) for column in zip(*times, strict=True))
         print(f"Monte Carlo: {num_cases:,} cases of {controller}, trajectories kept")
-        line("seconds, one thread", f"{one:.3f}")
-        line(f"seconds, {PROCESSORS} threads", f"{many:.3f}, {one / many:.2f} times as fast")
+        line("seconds, one thread", f"{single:.3f}")
+        line(f"seconds, {PROCESSORS} threads", f"{many:.3f}, {single / many:.2f} times as fast")
 
 
 def run_training(generations: int | None) -> None:

@@ -70,7 +70,7 @@ def bands(num_flights: int, num_means: int = 1) -> np.ndarray:
     return np.array([chi2.ppf([tail, 1.0 - tail], size * num_flights) / num_flights for size in (6, 3)])
 
 
-def told(limits: np.ndarray) -> list[str]:
+def format_limits(limits: np.ndarray) -> list[str]:
     """Return bands in words."""
     return [
         f"{name}, {low:.2f} to {high:.2f}" for name, (low, high) in zip(("NEES", "NIS"), limits, strict=True)
@@ -91,8 +91,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--only", default="", help="worlds with this text in their overrides")
     options = parser.parse_args(arguments)
     worlds = [overrides for overrides in WORLDS if options.only in " ".join(overrides)]
-    each, found = bands(options.flights), []
-    print(f"| settings | constant errors | {' | '.join(told(each))} | inside |")
+    each, rows = bands(options.flights), []
+    print(f"| settings | constant errors | {' | '.join(format_limits(each))} | inside |")
     print("|---|---|---|---|---|")
     for overrides in worlds:
         more = [f"controller={options.controller}", f"monte_carlo.num_cases={options.flights}"]
@@ -104,14 +104,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
             if factor != 1.0 and experiment == composed:
                 continue  # no errors that a flight keeps
             means = judged(experiment, controller)
-            found.append(means)
+            rows.append(means)
             words = (", ".join(f"{mean:.2f}" for mean in row) for row in means)
             share = f"{within(means, each)} of {means.size}"
             print(f"| `{' '.join(overrides)}` | x {factor:g} | {' | '.join(words)} | {share} |", flush=True)
-    means = np.concatenate(found, axis=1)
+    means = np.concatenate(rows, axis=1)
     together = bands(options.flights, means.size)
     print(
         f"\n{within(means, each)} of {means.size} means lie in their own bands; {within(means, together)} in "
-        f"those that hold together: {'; '.join(told(together))}"
+        f"those that hold together: {'; '.join(format_limits(together))}"
     )
     return 0

@@ -91,12 +91,12 @@ def _print(name: str, words: Sequence[str], conditions: Sequence[str], rules: Se
         browser = driver.chromium.launch(executable_path=browser_found(), args=["--no-sandbox"])
         page = browser.new_page(viewport={"width": 1400, "height": 900})
         page.goto(process.stdout.readline().strip())
-        found = [_touched(page, rule, conditions) for rule in rules]
+        touches = [_touched(page, rule, conditions) for rule in rules]
         browser.close()
         process.terminate()
     print(f"{name}: medians of {len(rules)} touches")
     for condition in conditions:
-        spent = [one[condition] for one in found]
+        spent = [touch[condition] for touch in touches]
         print(
             f"  to {condition:<10}{statistics.median(spent):8.0f} ms  ({min(spent):.0f} to {max(spent):.0f})"
         )
@@ -107,5 +107,5 @@ def _touched(page: Page, rule: int, conditions: Sequence[str]) -> Mapping[str, f
     page.wait_for_selector(".variable")
     page.wait_for_timeout(SETTLED_MS)
     page.wait_for_function(SETTLED, timeout=120_000)
-    found: Mapping[str, float] = page.evaluate(TOUCH, [rule, list(conditions)])
-    return found
+    times: Mapping[str, float] = page.evaluate(TOUCH, [rule, list(conditions)])
+    return times

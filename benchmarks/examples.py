@@ -87,25 +87,25 @@ def _fine(output: Variable) -> Variable:
 def _compare(rows: Sequence[Row], folder: Path) -> None:
     """Set the verdicts of imported rows."""
     jobs = []
-    for place, row in enumerate(rows):
-        engine = _engine(row.path, folder / f"{place}.fll")
+    for number, row in enumerate(rows):
+        engine = _engine(row.path, folder / f"{number}.fll")
         if engine is None or row.system is None:
             row.words = "not compared: fuzzylite's program is missing, or does not read it"
             continue
-        np.save(folder / f"{place}.npy", spread_inputs(row.system, SAMPLES))
-        files = {"engine": str(engine), "inputs": str(folder / f"{place}.npy")}
-        jobs.append({**files, "outputs": str(folder / f"{place}-out.npy"), "resolution": RESOLUTION})
+        np.save(folder / f"{number}.npy", spread_inputs(row.system, SAMPLES))
+        files = {"engine": str(engine), "inputs": str(folder / f"{number}.npy")}
+        jobs.append({**files, "outputs": str(folder / f"{number}-out.npy"), "resolution": RESOLUTION})
     (folder / "jobs.json").write_text(json.dumps(jobs), encoding="utf-8")
     command = [str(environment()), str(WORKER), str(folder / "jobs.json")]
-    told = subprocess.run(command, check=True, capture_output=True, text=True).stdout  # noqa: S603
-    reasons = dict(line.split(": ", 1) for line in told.splitlines())
-    for place, row in enumerate(rows):
-        answers = folder / f"{place}-out.npy"
+    output = subprocess.run(command, check=True, capture_output=True, text=True).stdout  # noqa: S603
+    reasons = dict(line.split(": ", 1) for line in output.splitlines())
+    for number, row in enumerate(rows):
+        answers = folder / f"{number}-out.npy"
         if answers.exists():
-            _judge(row, np.load(folder / f"{place}.npy"), np.load(answers))
+            _judge(row, np.load(folder / f"{number}.npy"), np.load(answers))
         elif not row.words:
             row.words = (
-                f"not compared: {reasons.get(str(folder / f'{place}.fll'), reasons.get(str(row.path)))}"
+                f"not compared: {reasons.get(str(folder / f'{number}.fll'), reasons.get(str(row.path)))}"
             )
 
 
@@ -139,26 +139,26 @@ def _as_matlab_means(text: str) -> str:
     for section in re.split(r"(?=^\[)", text, flags=re.MULTILINE):
         names: Counter[str] = Counter()
 
-        def term(found: re.Match[str], names: Counter[str] = names) -> str:
-            names[found[3]] += 1
-            name = found[3] + (f"_{names[found[3]]}" if names[found[3]] > 1 else "")
-            numbers = found[6].split()
-            length = lengths.get(found[5], len(numbers))
+        def term(match: re.Match[str], names: Counter[str] = names) -> str:
+            names[match[3]] += 1
+            name = match[3] + (f"_{names[match[3]]}" if names[match[3]] > 1 else "")
+            numbers = match[6].split()
+            length = lengths.get(match[5], len(numbers))
             if not any(float(number) for number in numbers[length:]):
                 numbers = numbers[:length]
-            return f"{found[1]}{names.total()}{found[2]}'{name}'{found[4]}[{' '.join(numbers)}]"
+            return f"{match[1]}{names.total()}{match[2]}'{name}'{match[4]}[{' '.join(numbers)}]"
 
         sections.append(_TERM.sub(term, section))
-    return _PI.sub(lambda found: f"{found[1]}{np.pi / int(found[2])!r}", "".join(sections))
+    return _PI.sub(lambda match: f"{match[1]}{np.pi / int(match[2])!r}", "".join(sections))
 
 
 def _weighed(engine: str) -> str:
     """Weight outputs whose terms are numbers, each rule separately, whatever else a MATLAB file says."""
     blocks = re.split(r"(?=^OutputVariable|^RuleBlock)", engine, flags=re.MULTILINE)
-    for place, block in enumerate(blocks):
+    for index, block in enumerate(blocks):
         if block.startswith("OutputVariable") and not re.search(r"term: \S+ (?!Constant|Linear)", block):
             alone = re.sub(r"aggregation: \w+", "aggregation: none", block)
-            blocks[place] = re.sub(r"defuzzifier: (?!Weighted).*", "defuzzifier: WeightedAverage", alone)
+            blocks[index] = re.sub(r"defuzzifier: (?!Weighted).*", "defuzzifier: WeightedAverage", alone)
     return "".join(blocks)
 
 

@@ -112,8 +112,8 @@ def row(name: str, flown: Sequence[Judged], num_cases: int) -> str:
         return f"{interquartile_mean(array):.{digits}f} ({low:.{digits}f}–{high:.{digits}f})"
 
     def share(values: Sequence[bool]) -> str:
-        told = fraction(np.array(values), 95.0)
-        return f"{100 * told.fraction:.1f} % ({100 * told.low:.1f}–{100 * told.high:.1f})"
+        met = fraction(np.array(values), 95.0)
+        return f"{100 * met.fraction:.1f} % ({100 * met.low:.1f}–{100 * met.high:.1f})"
 
     spent, seen, successes, outside, ours = zip(*flown, strict=True)
     starts = "" if len(flown) == num_cases else f", {len(flown)} starts"
@@ -140,8 +140,8 @@ def main(arguments: Sequence[str]) -> int:
             first, *rest = name.split()
             is_file = "/" in first
             option = "coast" if is_file else first
-            told = ["+experiment=evaluate", f"controller={option}", *rest, *words]
-            experiment: Any = compose_experiment(told).experiment
+            command = ["+experiment=evaluate", f"controller={option}", *rest, *words]
+            experiment: Any = compose_experiment(command).experiment
             mission, starts = experiment.mission, evaluation_scenarios(experiment)
             controller = named(first, mission) if is_file else load(experiment.controller, mission)
             flown = [

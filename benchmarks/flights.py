@@ -82,19 +82,19 @@ def hash_of(settings: Sequence[str]) -> str:
         return f"refused: {str(error)[:60]}"
     scenarios = evaluation_scenarios(experiment, range(NUM_STARTS))
     tracks = np.zeros((NUM_STARTS, mission.num_controls + 1, NUM_TRACKED), dtype=np.float32)
-    found = hashlib.sha256()
-    _add(found, fly_all(mission, controller, scenarios, tracks=tracks))
-    found.update(tracks.tobytes())
-    _add(found, fly_logged(mission, controller, scenarios[0]))
-    return found.hexdigest()[:16]
+    digest = hashlib.sha256()
+    _add(digest, fly_all(mission, controller, scenarios, tracks=tracks))
+    digest.update(tracks.tobytes())
+    _add(digest, fly_logged(mission, controller, scenarios[0]))
+    return digest.hexdigest()[:16]
 
 
-def _add(found: Any, arrays: Any) -> None:
+def _add(digest: Any, arrays: Any) -> None:
     fields = vars(arrays) if hasattr(arrays, "__dict__") else arrays._asdict()
     hashed = {KNOWN_AS.get(name, name): values for name, values in fields.items() if name not in FOLLOWING}
     for name, values in sorted(hashed.items()):
-        found.update(name.encode())
-        found.update(np.ascontiguousarray(values).tobytes())
+        digest.update(name.encode())
+        digest.update(np.ascontiguousarray(values).tobytes())
 
 
 def main(words: Sequence[str]) -> int:

@@ -18,7 +18,7 @@ from tests.hostile.readers import Reader, all_readers
 def campaign(readers: Mapping[str, Reader], minutes: float, first: int, kept: Path) -> list[str]:
     """Attack readers in turn until the time is up; return the findings, and print a table."""
     until, number = time.monotonic() + 60.0 * minutes, first
-    counts, found = dict.fromkeys(readers, 0), list[str]()
+    counts, failures = dict.fromkeys(readers, 0), list[str]()
     with tempfile.TemporaryDirectory(prefix="fuzz-") as root:
         for (name, what), make in GIANTS.items():
             if name in readers:
@@ -26,7 +26,7 @@ def campaign(readers: Mapping[str, Reader], minutes: float, first: int, kept: Pa
                 try:
                     assert_survives_apart(readers[name], make(readers[name].samples[0]), Path(root))
                 except BrokenError as error:
-                    found.append(f"{name}: {what}: {error}"[:400])
+                    failures.append(f"{name}: {what}: {error}"[:400])
         while time.monotonic() < until:
             for name, reader in readers.items():
                 number += 1
@@ -36,12 +36,12 @@ def campaign(readers: Mapping[str, Reader], minutes: float, first: int, kept: Pa
                 except BrokenError as error:  # the next reader is attacked in any case
                     kept.mkdir(parents=True, exist_ok=True)
                     (kept / f"{name}-{number}").write_bytes((folder / "input").read_bytes())
-                    found.append(f"{name} {number}: {error}"[:400])
-                    print(found[-1], file=sys.stderr, flush=True)
+                    failures.append(f"{name} {number}: {error}"[:400])
+                    print(failures[-1], file=sys.stderr, flush=True)
     print("| reader | inputs | found |\n|---|---|---|")
     for name, count in counts.items():
-        print(f"| {name} | {count} | {sum(one.startswith((f'{name} ', f'{name}:')) for one in found)} |")
-    return found
+        print(f"| {name} | {count} | {sum(line.startswith((f'{name} ', f'{name}:')) for line in failures)} |")
+    return failures
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -54,6 +54,6 @@ def main(arguments: Sequence[str]) -> int:
         "--keep", type=Path, default=Path("build/fuzz"), help="where inputs that broke a reader go"
     )
     options = parser.parse_args(arguments)
-    found = campaign(all_readers(options.readers), options.minutes, 1000 * options.seed, options.keep)
-    print("\n".join(found))
-    return 1 if found else 0
+    failures = campaign(all_readers(options.readers), options.minutes, 1000 * options.seed, options.keep)
+    print("\n".join(failures))
+    return 1 if failures else 0

@@ -44,5 +44,5 @@ def run() -> None:
                 many.step(row)
 
         seconds = best_cpu_seconds(fly)
-        told = " ".join(words) or "world=paper"
-        line(f"{num_flights} flights, {told}: steps a second", f"{NUM_STEPS * num_flights / seconds:,.0f}")
+        label = " ".join(words) or "world=paper"
+        line(f"{num_flights} flights, {label}: steps a second", f"{NUM_STEPS * num_flights / seconds:,.0f}")

@@ -46,9 +46,9 @@ def signals(seen: Floats, mean_motion: float) -> Mapping[str, Floats]:
     reach = np.maximum(np.hypot(position[0], position[1]), 1e-6)
     length = np.maximum(np.linalg.norm(target, axis=0), 1e-6)
     return {
-        **{f"position_{axis} (m)": position[place] for place, axis in enumerate(AXES)},
-        **{f"velocity_{axis} (m/s)": velocity[place] for place, axis in enumerate(AXES)},
-        **{f"target_{axis}": target[place] / length for place, axis in enumerate(AXES)},
+        **{f"position_{axis} (m)": position[index] for index, axis in enumerate(AXES)},
+        **{f"velocity_{axis} (m/s)": velocity[index] for index, axis in enumerate(AXES)},
+        **{f"target_{axis}": target[index] / length for index, axis in enumerate(AXES)},
         "centre_radial (m)": 4.0 * position[0] + 2.0 * velocity[1] / mean_motion,
         "centre_along_track (m)": position[1] - 2.0 * velocity[0] / mean_motion,
         "sun_alignment": (position[0] * sun[0] + position[1] * sun[1]) / reach,
@@ -63,18 +63,18 @@ def asked_along(
     """Return the observations in flights under forces, (m, K, 3), and the policy's actions, as rows."""
     is_tilted = any(start.sun_elevation_rad != 0.0 for start in starts)
     flights = SteppedFlights(mission, len(starts), is_tilted=is_tilted)
-    for place, start in enumerate(starts):
-        flights.start(place, start)
-    work, found = np.zeros((2, policy.network.widths.max())), np.zeros((len(starts), 3))
+    for flight, start in enumerate(starts):
+        flights.start(flight, start)
+    work, commanded = np.zeros((2, policy.network.widths.max())), np.zeros((len(starts), 3))
     seen, answers = [], []
-    flights.step(found)
+    flights.step(commanded)
     for k in range(mission.num_controls):
         # once all is seen nothing is fired, whatever the policy's action
         is_asked = flights.observed[:, NUM_UNSEEN] > 0.0
         if k % EVERY == 0:
-            answer(policy.network, flights.seen.astype(np.float64), work, found)
+            answer(policy.network, flights.seen.astype(np.float64), work, commanded)
             seen.append(flights.observed[is_asked, :NUM_SEEN])
-            answers.append(found[is_asked])
+            answers.append(commanded[is_asked])
         flights.step(forces[:, k])
     return np.concatenate(seen), np.concatenate(answers)
 
@@ -90,8 +90,8 @@ def learned(rows: Floats, answers: Floats, mission: Mission, terms: int, name: s
     """Learn a system for each force."""
     inputs = signals(rows, mission.orbit.mean_motion_rad_s)
     systems = [
-        learn({**inputs, f"{force} (N)": answers[:, place]}, f"{force} (N)", consequents="sets", terms=terms)
-        for place, force in enumerate(FORCES)
+        learn({**inputs, f"{force} (N)": answers[:, column]}, f"{force} (N)", consequents="sets", terms=terms)
+        for column, force in enumerate(FORCES)
     ]
     return FuzzyController(name, tuple(systems), (("force_axes", "hill"),))
 
@@ -133,8 +133,8 @@ def main(arguments: Sequence[str]) -> int:
     lines = [row("the policy", [fly_all(mission, controller, judged)], threshold)]
     starts = validation_scenarios(experiment, options.starts * (options.rounds + 1))
     for number in range(1, options.rounds + 1):
-        own = starts[(number - 1) * options.starts : number * options.starts]
-        seen, done = asked_along(policy, mission, own, flown_forces(mission, flown, own))
+        chosen = starts[(number - 1) * options.starts : number * options.starts]
+        seen, done = asked_along(policy, mission, chosen, flown_forces(mission, flown, chosen))
         rows, answers = np.concatenate([rows, seen]), np.concatenate([answers, done])
         fuzzy = learned(rows, answers, mission, options.terms, f"imitated_{options.terms}")
         flown = from_fuzzy(fuzzy)
@@ -143,8 +143,8 @@ def main(arguments: Sequence[str]) -> int:
             fuzzy, *asked_along(policy, mission, last, flown_forces(mission, controller, last)), mission
         )
         rules = sum(len(system.rules) for system in fuzzy.systems)
-        told = f"{rules} rules, round {number}, variance explained {share:.2f}"
-        lines.append(row(told, [fly_all(mission, flown, judged)], threshold))
+        label = f"{rules} rules, round {number}, variance explained {share:.2f}"
+        lines.append(row(label, [fly_all(mission, flown, judged)], threshold))
         for system in fuzzy.systems:
             senses = ", ".join(variable.name for variable in system.inputs)
             print(f"  {system.outputs[0].name}: {senses}", file=sys.stderr, flush=True)

@@ -86,11 +86,11 @@ def _timed_weighed(system: FuzzySystem, inputs: Floats) -> tuple[float, float, f
 
 def _weighed(num_inputs: int, *, is_linear: bool) -> FuzzySystem:
     """Return a full rule table over inputs of five Gaussian terms, cycling through five numbers."""
-    terms = tuple(Term(f"t{place}", Gaussian(place / 2.0 - 1.0, 0.25)) for place in range(5))
+    terms = tuple(Term(f"t{index}", Gaussian(index / 2.0 - 1.0, 0.25)) for index in range(5))
     inputs = tuple(Variable(name, "", -1.0, 1.0, terms, FINE_POINTS) for name in ("x", "y", "z")[:num_inputs])
-    numbers = [place / 4.0 - 0.5 for place in range(5)]
+    numbers = [index / 4.0 - 0.5 for index in range(5)]
     shapes = [Linear((0.1 * x,) * num_inputs, x) if is_linear else Constant(x) for x in numbers]
-    concluded = tuple(Term(f"u{place}", shape) for place, shape in enumerate(shapes))
+    concluded = tuple(Term(f"u{index}", shape) for index, shape in enumerate(shapes))
     output = Variable("u", "", -1.0, 1.0, concluded, default=0.0, aggregation="unbounded_sum")
     cells = [f"u{sum(cell) % 5}" for cell in product(range(5), repeat=num_inputs)]
     rules = table_rules(inputs, output, cells)
@@ -107,7 +107,7 @@ def _large_system() -> FuzzySystem:
     """125 rules, three inputs of five Gaussian terms each, consequents by the sum of the term numbers."""
 
     def variable(name: str) -> Variable:
-        terms = tuple(Term(f"t{place}", Gaussian(place / 2.0 - 1.0, 0.25)) for place in range(5))
+        terms = tuple(Term(f"t{index}", Gaussian(index / 2.0 - 1.0, 0.25)) for index in range(5))
         return Variable(name, "", -1.0, 1.0, terms)
 
     inputs = tuple(variable(name) for name in ("x", "y", "z"))

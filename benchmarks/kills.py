@@ -95,6 +95,6 @@ def main(arguments: Sequence[str]) -> int:
         )
     how = sum((tally.kills for tally in tallies.values()), Counter[str]())
     print("\n" + ", ".join(f"{count} {what}" for what, count in sorted(how.items())))
-    problems = [told for tally in tallies.values() for told in (*tally.lost, *tally.different)]
+    problems = [problem for tally in tallies.values() for problem in (*tally.lost, *tally.different)]
     print("\n".join(problems))
     return 1 if problems else 0

@@ -58,17 +58,17 @@ def command_linearly(now: Moment, control: Control, signals: Floats) -> None:
     fires = load_row(lanes.coasts) == 0.0
     store_three(lanes.asked, 0, same(0.0, width))
     for system in range(len(law.axes)):
-        own = control.values[first + NUMBERS * system : first + NUMBERS * (system + 1)]
-        force = splat(own[OFFSET], width)
-        for place in range(law.num_inputs[system]):
-            force = force + own[place] * load(signals, law.signals[system, place], width)
-        force, axis = clip(force, own[LIMIT]), law.axes[system]
+        numbers = control.values[first + NUMBERS * system : first + NUMBERS * (system + 1)]
+        force = splat(numbers[OFFSET], width)
+        for index in range(law.num_inputs[system]):
+            force = force + numbers[index] * load(signals, law.signals[system, index], width)
+        force, axis = clip(force, numbers[LIMIT]), law.axes[system]
         dead_band = constant_of(control, FIRST_DEAD_BAND + axis)
         store(lanes.asked, axis, select(fires & (abs(force) >= dead_band), force, 0.0))
-    asked = load_three(lanes.asked, 0)
+    command = load_three(lanes.asked, 0)
     if law.force_axes == BODY:
-        asked = to_hill(load_quaternion(now.state.belief.attitude), asked)
-    store_three(lanes.commanded, 0, clip_three(asked, now.world.max_force))
+        command = to_hill(load_quaternion(now.state.belief.attitude), command)
+    store_three(lanes.commanded, 0, clip_three(command, now.world.max_force))
 
 
 @compiled(nogil=True, error_model="numpy")
@@ -198,18 +198,18 @@ class LinearLaw:
         laws = np.zeros((len(genomes), len(self.template.systems), NUMBERS))
         low, high = LIMITS
         at = 0
-        for place, (system, has_offset) in enumerate(
+        for index, (system, has_offset) in enumerate(
             zip(self.template.systems, self._has_offset, strict=True)
         ):
             ends = np.array([(variable.minimum, variable.maximum) for variable in system.inputs])
             reach, count = system.outputs[0].maximum, len(ends)
             half, middle = 0.5 * (ends[:, 1] - ends[:, 0]), ends.mean(axis=1)
-            laws[:, place, :count] = STEEPEST * (2.0 * genomes[:, at : at + count] - 1.0) * reach / half
+            laws[:, index, :count] = STEEPEST * (2.0 * genomes[:, at : at + count] - 1.0) * reach / half
             at += count
             if has_offset:
-                laws[:, place, OFFSET] = reach * (2.0 * genomes[:, at] - 1.0)
-                laws[:, place, OFFSET] -= laws[:, place, :count] @ middle
+                laws[:, index, OFFSET] = reach * (2.0 * genomes[:, at] - 1.0)
+                laws[:, index, OFFSET] -= laws[:, index, :count] @ middle
                 at += 1
-            laws[:, place, LIMIT] = reach * low * (high / low) ** genomes[:, at]
+            laws[:, index, LIMIT] = reach * low * (high / low) ** genomes[:, at]
             at += 1
         return laws.reshape(len(genomes), -1)

@@ -43,7 +43,7 @@ def changed(node: Any, draw: random.Random) -> str | None:
         return f"({ast.unparse(node.operand)})"
     is_comparison = isinstance(node, ast.Compare)
     operator = node.ops[0] if is_comparison else getattr(node, "op", None)
-    is_text = any(isinstance(getattr(one, "value", 0), str) for one in ast.walk(node))
+    is_text = any(isinstance(getattr(part, "value", 0), str) for part in ast.walk(node))
     if type(operator).__name__ not in OTHERS or (is_text and not is_comparison):
         return None
     new = getattr(ast, draw.choice(OTHERS[type(operator).__name__].split()))()
@@ -57,7 +57,7 @@ def changed(node: Any, draw: random.Random) -> str | None:
 def mutants_of(top: Path, path: Path, draw: random.Random) -> list[dict[str, Any]]:
     """Return all changes of a file: the line by its text, and by its number among equal ones."""
     text = path.read_text(encoding="utf-8")
-    lines, nodes, found = text.split("\n"), list[Any](ast.walk(ast.parse(text))), list[dict[str, Any]]()
+    lines, nodes, mutants = text.split("\n"), list[Any](ast.walk(ast.parse(text))), list[dict[str, Any]]()
     in_texts = {id(part) for node in nodes if isinstance(node, ast.JoinedStr) for part in ast.walk(node)}
     for node in nodes:
         number = getattr(node, "lineno", 0) - 1
@@ -66,9 +66,9 @@ def mutants_of(top: Path, path: Path, draw: random.Random) -> list[dict[str, Any
         new = changed(node, draw) if lines[number].isascii() else None
         if new is not None:
             line, ends = lines[number], {"start": node.col_offset, "end": node.end_col_offset}
-            place = {"path": str(path.relative_to(top)), "line": line, "nth": lines[:number].count(line)}
-            found.append(place | ends | {"new": new})
-    return found
+            location = {"path": str(path.relative_to(top)), "line": line, "nth": lines[:number].count(line)}
+            mutants.append(location | ends | {"new": new})
+    return mutants
 
 
 class Noticed:
@@ -83,7 +83,7 @@ class Noticed:
     pytest_collectreport = pytest_runtest_logreport
 
 
-def run_tests(top: Path, tests: list[str], told: Any) -> None:
+def run_tests(top: Path, tests: list[str], queue: Any) -> None:
     """Tell which test fails first; "" if none does."""
     resource.setrlimit(resource.RLIMIT_CPU, (LIMIT_S * len(tests), LIMIT_S * len(tests)))
     os.chdir(top)
@@ -91,16 +91,16 @@ def run_tests(top: Path, tests: list[str], told: Any) -> None:
     noticed, words = Noticed(), ["-x", "-q", "-n0", "--assert=plain", "-pno:cacheprovider", "-mnot slow"]
     with open(os.devnull, "w") as out, contextlib.redirect_stdout(out), contextlib.redirect_stderr(out):
         code = importlib.import_module("pytest").main([*words, *tests], plugins=[noticed])
-    told.put(noticed.name or ("" if code in (0, 4, 5) else f"pytest ended with {code}"))
+    queue.put(noticed.name or ("" if code in (0, 4, 5) else f"pytest ended with {code}"))
 
 
 def first_failure(top: Path, tests: list[str]) -> str:
     """Return the first test that fails in a process of its own, "" if none does, or that it took too much."""
-    told = FORK.SimpleQueue()
-    child = FORK.Process(target=run_tests, args=(top, tests, told))
+    queue = FORK.SimpleQueue()
+    child = FORK.Process(target=run_tests, args=(top, tests, queue))
     child.start()
     child.join()
-    return "time or memory" if told.empty() else str(told.get())
+    return "time or memory" if queue.empty() else str(queue.get())
 
 
 def noticed_by(top: Path, mutant: dict[str, Any], tests: list[str]) -> str | None:
@@ -108,10 +108,10 @@ def noticed_by(top: Path, mutant: dict[str, Any], tests: list[str]) -> str | Non
     path, start, end = top / mutant["path"], mutant["start"], mutant["end"]
     intact = path.read_text(encoding="utf-8") if path.exists() else ""
     lines = intact.split("\n")
-    places = [number for number, line in enumerate(lines) if line == mutant["line"]][mutant["nth"] :]
-    if not places:
+    numbers = [number for number, line in enumerate(lines) if line == mutant["line"]][mutant["nth"] :]
+    if not numbers:
         return None
-    lines[places[0]] = mutant["line"][:start] + mutant["new"] + mutant["line"][end:]
+    lines[numbers[0]] = mutant["line"][:start] + mutant["new"] + mutant["line"][end:]
     path.write_text("\n".join(lines), encoding="utf-8")
     Path(cache_from_source(str(path))).unlink(missing_ok=True)
     before = mutant.get("noticed", "").partition("[")[0]
@@ -145,17 +145,19 @@ def main() -> int:
         top, draw = Path(scratch) / "copy", random.Random(1)  # noqa: S311 - the same each time
         shutil.copytree(Path.cwd(), top, ignore=shutil.ignore_patterns(".git", "build", "__pycache__"))
         files = sorted((top / options.sources).rglob("*.py"))
-        every = [one for path in files if "schema" not in path.parts for one in mutants_of(top, path, draw)]
+        every = [
+            mutant for path in files if "schema" not in path.parts for mutant in mutants_of(top, path, draw)
+        ]
         mutants = draw.sample(every, min(options.number, len(every)))
         if options.against:
             mutants = json.loads(options.against.read_text(encoding="utf-8"))
         if failed := first_failure(top, beside(top, options.sources, "")):
             parser.error(f"{failed} fails without a mutant")
-        for one in mutants:
-            one["noticed"] = noticed_by(top, one, beside(top, options.sources, one["path"]))
-            told = f"{one['path']}: {one['line'].strip()} -> {one['new']}: {one['noticed']}"
-            print(told, file=sys.stderr, flush=True)
-    results = [bool(one["noticed"]) for one in mutants if one["noticed"] is not None]
+        for mutant in mutants:
+            mutant["noticed"] = noticed_by(top, mutant, beside(top, options.sources, mutant["path"]))
+            line = f"{mutant['path']}: {mutant['line'].strip()} -> {mutant['new']}: {mutant['noticed']}"
+            print(line, file=sys.stderr, flush=True)
+    results = [bool(mutant["noticed"]) for mutant in mutants if mutant["noticed"] is not None]
     print(f"| {options.sources} | {len(results)} | {sum(results)} | {sum(results) / len(results):.0%} |")
     if options.write:
         options.write.write_text(json.dumps(mutants, indent=1), encoding="utf-8")

@@ -27,21 +27,21 @@ Layer = tuple[NDArray[np.float64], NDArray[np.float64]]
 
 
 def write_policy(
-    layers: Sequence[Layer], kinds: Sequence[str], force_n: float, path: Path, told: Mapping[str, str]
+    layers: Sequence[Layer], kinds: Sequence[str], force_n: float, path: Path, facts: Mapping[str, str]
 ) -> None:
     """Write a network of weights and what is added, from observations to shares of a force, as ONNX."""
     constants: dict[str, Any] = {"low": np.array(-1.0), "high": np.array(1.0), "force": np.array(force_n)}
     nodes, name = [], "observed"
-    for place, ((weights, added), kind) in enumerate(zip(layers, kinds, strict=True)):
-        constants |= {f"weights{place}": weights, f"added{place}": added}
-        inputs, name = [name, f"weights{place}", f"added{place}"], f"sum{place}"
+    for index, ((weights, added), kind) in enumerate(zip(layers, kinds, strict=True)):
+        constants |= {f"weights{index}": weights, f"added{index}": added}
+        inputs, name = [name, f"weights{index}", f"added{index}"], f"sum{index}"
         nodes.append(helper.make_node("Gemm", inputs, [name], transB=1))
         if kind == TANH:
-            nodes.append(helper.make_node("Tanh", [name], [f"value{place}"]))
-            name = f"value{place}"
+            nodes.append(helper.make_node("Tanh", [name], [f"value{index}"]))
+            name = f"value{index}"
         elif kind == CLIP:
-            nodes.append(helper.make_node("Clip", [name, "low", "high"], [f"value{place}"]))
-            name = f"value{place}"
+            nodes.append(helper.make_node("Clip", [name, "low", "high"], [f"value{index}"]))
+            name = f"value{index}"
     nodes.append(helper.make_node("Mul", [name, "force"], ["force_n"]))
     ends = [
         helper.make_tensor_value_info(label, TensorProto.FLOAT, [None, size])
@@ -52,7 +52,7 @@ def write_policy(
     ]
     graph = helper.make_graph(nodes, "policy", ends[:1], ends[1:], tensors)
     whole = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 13)], ir_version=8)
-    helper.set_model_props(whole, dict(told))
+    helper.set_model_props(whole, dict(facts))
     checker.check_model(whole)
     onnx.save(whole, path)
 

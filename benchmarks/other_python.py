@@ -19,8 +19,8 @@ REPEATS = 3
 def main() -> None:
     """Infer all samples."""
     engine, file, inputs_file, outputs_file = sys.argv[1:]
-    told = json.loads(Path(file).read_text(encoding="utf-8"))
-    infer = {"simpful": simpful, "fuzzytool": fuzzytool, "fuzzytool-arrays": fuzzytool_arrays}[engine](told)
+    job = json.loads(Path(file).read_text(encoding="utf-8"))
+    infer = {"simpful": simpful, "fuzzytool": fuzzytool, "fuzzytool-arrays": fuzzytool_arrays}[engine](job)
     inputs = np.load(inputs_file)
     best = float("inf")
     for _ in range(REPEATS):
@@ -31,60 +31,62 @@ def main() -> None:
     print(best)
 
 
-def simpful(told):
+def simpful(job):
     """Return simpful's inference, one sample at a time, as it supports no arrays."""
     import simpful as sf  # noqa: PLC0415 - one engine per run
 
     system = sf.FuzzySystem(show_banner=False)
-    *inputs, output = told["variables"]
-    for one in told["variables"]:
-        terms = [sf.GaussianFuzzySet(mean, width, name) for name, mean, width in one["terms"]]
-        extent = [one["low"], one["high"]]
+    *inputs, output = job["variables"]
+    for variable in job["variables"]:
+        terms = [sf.GaussianFuzzySet(mean, width, name) for name, mean, width in variable["terms"]]
+        extent = [variable["low"], variable["high"]]
         system.add_linguistic_variable(
-            one["name"], sf.LinguisticVariable(terms, universe_of_discourse=extent)
+            variable["name"], sf.LinguisticVariable(terms, universe_of_discourse=extent)
         )
-    said = (" AND ".join(f"({name} IS {term})" for name, term in asked) for asked, _ in told["rules"])
-    concluded = (term for _, term in told["rules"])
+    said = (
+        " AND ".join(f"({name} IS {term})" for name, term in conditions) for conditions, _ in job["rules"]
+    )
+    concluded = (term for _, term in job["rules"])
     system.add_rules([f"IF {a} THEN ({output['name']} IS {b})" for a, b in zip(said, concluded, strict=True)])
 
     def infer(rows):
         answers = []
         for row in rows:
-            for one, value in zip(inputs, row, strict=True):
-                system.set_variable(one["name"], value)
-            found = system.Mamdani_inference([output["name"]], subdivisions=told["points"])
-            answers.append(found[output["name"]])
+            for variable, value in zip(inputs, row, strict=True):
+                system.set_variable(variable["name"], value)
+            inferred = system.Mamdani_inference([output["name"]], subdivisions=job["points"])
+            answers.append(inferred[output["name"]])
         return np.array(answers)
 
     return infer
 
 
-def _fuzzytool(told):
+def _fuzzytool(job):
     import fuzzytool as ft  # noqa: PLC0415 - as above
     from fuzzytool import membership  # noqa: PLC0415
 
     variables = {}
-    for one in told["variables"]:
-        made = ft.Variable(one["name"], (one["low"], one["high"]), resolution=told["points"])
-        for name, mean, width in one["terms"]:
+    for variable in job["variables"]:
+        made = ft.Variable(variable["name"], (variable["low"], variable["high"]), resolution=job["points"])
+        for name, mean, width in variable["terms"]:
             made[name] = membership.gauss(mean, width)
-        variables[one["name"]] = made
+        variables[variable["name"]] = made
     system = ft.Mamdani()
-    output = variables[told["variables"][-1]["name"]]
-    for asked, term in told["rules"]:
-        system.rule(reduce(and_, (variables[name][word] for name, word in asked)), output[term])
-    return system, [one["name"] for one in told["variables"][:-1]]
+    output = variables[job["variables"][-1]["name"]]
+    for conditions, term in job["rules"]:
+        system.rule(reduce(and_, (variables[name][word] for name, word in conditions)), output[term])
+    return system, [variable["name"] for variable in job["variables"][:-1]]
 
 
-def fuzzytool(told):
+def fuzzytool(job):
     """Return fuzzytool's inference, one call per sample."""
-    system, names = _fuzzytool(told)
+    system, names = _fuzzytool(job)
     return lambda rows: np.array([system(**dict(zip(names, row, strict=True))) for row in rows])
 
 
-def fuzzytool_arrays(told):
+def fuzzytool_arrays(job):
     """Return fuzzytool's inference of whole arrays."""
-    system, names = _fuzzytool(told)
+    system, names = _fuzzytool(job)
     return lambda rows: system.predict(**dict(zip(names, rows.T, strict=True)))
 
 

@@ -50,29 +50,29 @@ def resampled(values: Floats, seed: int = 0) -> tuple[float, float]:
     For each start, trainings are drawn with replacement; for a single training, the starts are drawn.
     """
     generator, (trainings, starts) = np.random.default_rng(seed), values.shape
-    found = np.empty(NUM_RESAMPLED)
+    means = np.empty(NUM_RESAMPLED)
     for draw in range(NUM_RESAMPLED):
         if trainings == 1:
             drawn = values[0, generator.integers(starts, size=starts)]
         else:
             drawn = np.take_along_axis(values, generator.integers(trainings, size=values.shape), axis=0)
-        found[draw] = interquartile_mean(drawn)
-    low, high = np.percentile(found, [2.5, 97.5])
+        means[draw] = interquartile_mean(drawn)
+    low, high = np.percentile(means, [2.5, 97.5])
     return float(low), float(high)
 
 
 def row(name: str, flown: Sequence[Outcomes], threshold: float) -> str:
     """Return a row of the table: of one controller, or of the trainings of one method."""
 
-    def told(values: list[Floats], digits: int) -> str:
+    def format_mean(values: list[Floats], digits: int) -> str:
         low, high = resampled(np.array(values))
         return f"{interquartile_mean(np.array(values)):.{digits}f} ({low:.{digits}f} to {high:.{digits}f})"
 
-    spent = told([one.delta_v_m_s for one in flown], 3)
-    rate = told([100.0 * one.inspected_count / one.inspectable_count for one in flown], 2)
+    spent = format_mean([flights.delta_v_m_s for flights in flown], 3)
+    rate = format_mean([100.0 * flights.inspected_count / flights.inspectable_count for flights in flown], 2)
     shares = (
-        np.concatenate([one.is_success(threshold) & ~one.is_violated for one in flown]),
-        np.concatenate([one.is_violated for one in flown]),
+        np.concatenate([flights.is_success(threshold) & ~flights.is_violated for flights in flown]),
+        np.concatenate([flights.is_violated for flights in flown]),
     )
     parts = [fraction(share, 95.0) for share in shares]
     words = [f"{100 * part.fraction:.1f} % ({100 * part.low:.1f} to {100 * part.high:.1f})" for part in parts]
@@ -105,8 +105,8 @@ def main(arguments: Sequence[str]) -> int:
         if paths:
             flown = [fly(path) for path in paths]
             print(row(f"PPO, {len(paths)} trainings", flown, threshold), flush=True)
-            for path, one in zip(paths, flown, strict=True):
-                print(row(path, [one], threshold), file=sys.stderr, flush=True)
+            for path, flights in zip(paths, flown, strict=True):
+                print(row(path, [flights], threshold), file=sys.stderr, flush=True)
         for name in options.controller:
             print(row(f"`{name}`", [fly(name)], threshold), flush=True)
     return 0

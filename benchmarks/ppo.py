@@ -103,16 +103,16 @@ class Flights(VecEnv):
 
     def step_wait(self) -> tuple[Any, ...]:
         """Execute them."""
-        seen, rewards, terminated, truncated, told = self._many.step(self._actions)
+        seen, rewards, terminated, truncated, info = self._many.step(self._actions)
         began, self._ended = self._ended, terminated | truncated
-        spent, self._spent = told["delta_v_m_s"] - self._spent, told["delta_v_m_s"]
+        spent, self._spent = info["delta_v_m_s"] - self._spent, info["delta_v_m_s"]
         rewards = rewards - self.price * np.where(began, 0.0, spent)
         self._returns += rewards
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         for flight in np.flatnonzero(self._ended | began):
             infos[flight]["terminal_observation"] = seen[flight]
-        rates = told["num_inspected"] / told["num_inspectable"]
-        facts = self._returns, rates, self._spent, told["is_success"], told["outside_m"] > 0.0
+        rates = info["num_inspected"] / info["num_inspectable"]
+        facts = self._returns, rates, self._spent, info["is_success"], info["outside_m"] > 0.0
         self.ends += [tuple(float(fact[flight]) for fact in facts) for flight in np.flatnonzero(self._ended)]
         self._returns[self._ended] = 0.0
         return seen, rewards.astype(np.float32), self._ended | began, infos
@@ -150,10 +150,10 @@ class Goals(DummyVecEnv):
     def step_wait(self) -> tuple[Any, ...]:
         """Step them."""
         stepped = super().step_wait()
-        for told in stepped[3]:
-            if "episode" in told:
-                success, spent = told["is_success"], told["delta_v_m_s"]
-                self.ends.append((told["episode"]["r"], success, spent, success, told["outside_m"] > 0.0))
+        for facts in stepped[3]:
+            if "episode" in facts:
+                success, spent = facts["is_success"], facts["delta_v_m_s"]
+                self.ends.append((facts["episode"]["r"], success, spent, success, facts["outside_m"] > 0.0))
         return stepped
 
 
@@ -181,12 +181,12 @@ def write(model: PPO, flights: Flights | Goals, normal: VecNormalize, path: Path
     """
     layers = layers_of(model, flights, normal)
     kinds = [*[TANH] * (len(layers) - 1), CLIP]
-    told = json.loads((path.parent / "training.json").read_text(encoding="utf-8"))
-    told = json.dumps({**told, "done": model.num_timesteps})
-    write_policy(layers, kinds, flights.task.mission.deputy.max_force_n, path, {"training": told})
+    training = json.loads((path.parent / "training.json").read_text(encoding="utf-8"))
+    training = json.dumps({**training, "done": model.num_timesteps})
+    write_policy(layers, kinds, flights.task.mission.deputy.max_force_n, path, {"training": training})
 
 
-class Progress(BaseCallback):
+class TrainingProgress(BaseCallback):
     """Gradually raises the price of fuel, and regularly prints a line and writes the policy."""
 
     def __init__(
@@ -210,14 +210,14 @@ class Progress(BaseCallback):
         self._due += self._options.every
         ends = np.array(self._flights.ends).reshape(-1, 5)
         self._flights.ends.clear()
-        told = "none ended"
+        line = "none ended"
         if len(ends):
-            told = "return {:.2f}, rate {:.3f}, {:.2f} m/s, success {:.2f}, outside {:.2f}".format(
+            line = "return {:.2f}, rate {:.3f}, {:.2f} m/s, success {:.2f}, outside {:.2f}".format(
                 *ends.mean(axis=0)
             )
         seconds = time.monotonic() - self._started
         print(
-            f"{self.num_timesteps:,} steps, {seconds:.0f} s, {len(ends)} episodes with noise: {told}",
+            f"{self.num_timesteps:,} steps, {seconds:.0f} s, {len(ends)} episodes with noise: {line}",
             flush=True,
         )
         write(self.model, self._flights, self._normal, self._folder / f"{self.num_timesteps}.onnx")
@@ -238,8 +238,8 @@ def main(arguments: Sequence[str]) -> int:
     torch.set_num_threads(1)
     chosen = dict(SETTINGS[options.settings])
     options.folder.mkdir(parents=True, exist_ok=True)
-    told = {name: value for name, value in vars(options).items() if name != "folder"}
-    text = json.dumps({**told, "settings": {"name": options.settings, **chosen}}, indent=1)
+    settings = {name: value for name, value in vars(options).items() if name != "folder"}
+    text = json.dumps({**settings, "settings": {"name": options.settings, **chosen}}, indent=1)
     (options.folder / "training.json").write_text(text + "\n", encoding="utf-8")
     num_envs, layers, log_std = (chosen.pop(name) for name in ("num_envs", "layers", "log_std"))
     flights: Flights | Goals
@@ -251,7 +251,7 @@ def main(arguments: Sequence[str]) -> int:
     normal = VecNormalize(flights, norm_reward=False, clip_obs=np.inf)
     shape = {"net_arch": list(layers), "activation_fn": torch.nn.Tanh, "log_std_init": log_std}
     model = PPO("MlpPolicy", normal, seed=options.seed, device="cpu", policy_kwargs=shape, **chosen)
-    model.learn(options.steps, callback=Progress(flights, normal, options.folder, options))
+    model.learn(options.steps, callback=TrainingProgress(flights, normal, options.folder, options))
     write(model, flights, normal, options.folder / "policy.onnx")
     return 0
 

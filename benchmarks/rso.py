@@ -53,8 +53,8 @@ def started(satellites: list[Any]) -> Any:
     orbit = random_orbit(a=6371.0 + DRAWS.uniform(500.0, 1100.0), e=0.0)
 
     def beside() -> Any:
-        place = random_unit_vector() * DRAWS.uniform(250.0, 750.0)
-        return np.concatenate([place, random_unit_vector() * DRAWS.uniform(0.0, 1.0)])
+        position = random_unit_vector() * DRAWS.uniform(250.0, 750.0)
+        return np.concatenate([position, random_unit_vector() * DRAWS.uniform(0.0, 1.0)])
 
     return relative_to_chief("RSO", orbit, {"Inspector": beside})(satellites)
 

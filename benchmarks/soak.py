@@ -70,14 +70,14 @@ class Soak:
         """Run a task under a fault, resume it, and check the result."""
         number = sum(self.done.values())
         self.done[kind, fault] += 1
-        place = self.root / f"{number}"
+        folder = self.root / f"{number}"
         is_disk = fault.startswith("disk")
         size = self.rng.randint(*SMALL_DISK) if fault == "disk full" else 262_144
-        with faults.small_disk(place, size) if is_disk else nullcontext(lambda _option: True) as change:
-            problem = (self._replay if kind == REPLAY else self._run)(kind, fault, place / "run", change)
+        with faults.small_disk(folder, size) if is_disk else nullcontext(lambda _option: True) as change:
+            problem = (self._replay if kind == REPLAY else self._run)(kind, fault, folder / "run", change)
         if problem:
             self.bad.append(f"{number}: {kind}, {fault}: {problem}")
-        faults.take_folder(place)
+        faults.take_folder(folder)
 
     def _strike(self, words: Sequence[str], fault: str, seconds: float, hit: Callable[[], object]) -> str:
         """Start a process, cause a fault at a random moment, and return what is wrong with its end."""
@@ -142,9 +142,11 @@ class Soak:
     def table(self, kinds: Sequence[str], chosen: Sequence[str]) -> str:
         """Return how often each task was run under each fault, as Markdown."""
         lines = [f"| work | {' | '.join(chosen)} |", "|---" * (len(chosen) + 1) + "|"]
-        lines += [f"| {kind} | {' | '.join(str(self.done[kind, one]) for one in chosen)} |" for kind in kinds]
+        lines += [
+            f"| {kind} | {' | '.join(str(self.done[kind, fault]) for fault in chosen)} |" for kind in kinds
+        ]
         return "\n".join(
-            [*lines, f"| stopped by it | {' | '.join(str(self.struck[one]) for one in chosen)} |"]
+            [*lines, f"| stopped by it | {' | '.join(str(self.struck[fault]) for fault in chosen)} |"]
         )
 
 
@@ -157,7 +159,7 @@ def main(arguments: Sequence[str]) -> int:
         "--kinds", nargs="*", choices=sorted(KINDS), default=["genetic", "cma_es", "evaluate"]
     )
     options = parser.parse_args(arguments)
-    chosen = [one for one in FAULTS if faults.may_mount() or not one.startswith("disk")]
+    chosen = [name for name in FAULTS if faults.may_mount() or not name.startswith("disk")]
     kinds = [*options.kinds, REPLAY]
     with tempfile.TemporaryDirectory(prefix="soak-") as root:
         soak = Soak(random.Random(options.seed), Path(root))  # noqa: S311

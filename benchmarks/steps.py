@@ -68,12 +68,12 @@ def run(num_flights: int, *, stores: bool = False) -> list[str]:
             ratios[name] = round(seconds / min(before, after), 1)
             if ratios[name] <= most:
                 break
-        found = f"{1e9 * seconds:,.0f} ns, {ratios[name]:.1f} rounds of the yardstick"
+        text = f"{1e9 * seconds:,.0f} ns, {ratios[name]:.1f} rounds of the yardstick"
         if name in stored:
-            found += f" (stored: {stored[name]:.1f})"
+            text += f" (stored: {stored[name]:.1f})"
             if ratios[name] > most:
                 slower.append(name)
-        line(name, found)
+        line(name, text)
     if stores:
         kept = {**kept, processor: ratios}
         STORED.write_text(json.dumps(kept, indent=2, sort_keys=True) + "\n", encoding="utf-8")

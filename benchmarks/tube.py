@@ -45,7 +45,7 @@ def main(arguments: Sequence[str]) -> int:
     rows = np.stack(list(table.values()), axis=1)
     rows = rows[np.lexsort((rows[:, 2], rows[:, 1], rows[:, 0]))]
     periods, axes = int(rows[-1, 0]), np.unique(rows[:, 1]).astype(np.int64).tolist()
-    place = 3 * rows[:, 0] + rows[:, 1]
+    index = 3 * rows[:, 0] + rows[:, 1]
     given = (*options.overrides, f"duration_s={periods}.0", f"monte_carlo.num_cases={options.cases}")
     experiment = compose_experiment(["+experiment=evaluate", *given]).experiment
     mission, controller = experiment.mission, load(experiment.controller, experiment.mission)
@@ -58,7 +58,7 @@ def main(arguments: Sequence[str]) -> int:
         for step in range(periods + 1):
             now = tracks[:, step].astype(np.float64)
             for axis in axes:
-                chosen = slice(*np.searchsorted(place, [3 * step + axis, 3 * step + axis + 1]))
+                chosen = slice(*np.searchsorted(index, [3 * step + axis, 3 * step + axis + 1]))
                 stray += outside(rows[chosen, 2:7], now[:, axis], now[:, axis + 3])
                 states += len(part)
     most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024

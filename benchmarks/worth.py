@@ -112,11 +112,11 @@ def training_of(name: str, rounds: int | None) -> Experiment:
 def table_of(champion: Controller, senses: Sequence[int]) -> Controller:
     """Return a champion with a table of five terms for each axis, which senses one of its inputs."""
     systems = []
-    for system, place in zip(champion.systems, senses, strict=True):
+    for system, column in zip(champion.systems, senses, strict=True):
         rules = rule_table(system)
         assert rules is not None
-        is_rising = plane_gains(system, rules)[place] >= 0.0
-        inputs, output = (five_terms(system.inputs[place]),), five_terms(system.outputs[0])
+        is_rising = plane_gains(system, rules)[column] >= 0.0
+        inputs, output = (five_terms(system.inputs[column]),), five_terms(system.outputs[0])
         words = table_rules(inputs, output, WORDS[5] if is_rising else WORDS[5][::-1])
         systems.append(replace(system, inputs=inputs, outputs=(output,), rules=words))
     assert champion.fuzzy is not None
@@ -176,14 +176,14 @@ def row(words: Sequence[object], flown: Outcomes, threshold: float) -> str:
     is_outside = flown.is_violated
     inside = fraction(flown.is_success(threshold) & ~is_outside, CONFIDENCE)
     spent = statistic(flown.delta_v_m_s, CONFIDENCE)
-    told = (
+    line = (
         *words,
         f"{100 * inside.fraction:.1f} % ({100 * inside.low:.1f} to {100 * inside.high:.1f})",
         f"{spent.mean:.3f} ({spent.low:.3f} to {spent.high:.3f})",
         f"{flown.inspected_count.mean():.1f}",
         f"{100 * is_outside.mean():.1f} %",
     )
-    return f"| {' | '.join(map(str, told))} |"
+    return f"| {' | '.join(map(str, line))} |"
 
 
 def rows(name: str, cases: int, rounds: int | None, folder: Path, plans: Path | None) -> Iterator[str]:
@@ -202,15 +202,15 @@ def rows(name: str, cases: int, rounds: int | None, folder: Path, plans: Path | 
     laws: dict[str, LinearLaw | Genome] = {"linear law": LinearLaw(champion)}
     if any(len(system.inputs) > 1 for system in champion.systems):  # or its rules are such tables
         senses = main_inputs(training, champion)
-        used = [system.inputs[place].name for system, place in zip(champion.systems, senses, strict=True)]
+        used = [system.inputs[column].name for system, column in zip(champion.systems, senses, strict=True)]
         laws[f"tables of {', '.join(used)}"] = genome_of(table_of(champion, senses), encoding)
     for law, genes in laws.items():
         flown, count = fitted(training, genes, judged, starts, folder / f"{name}-{law.split()[0]}.npz")
         yield row(("", law, genes.num_genes, f"{count:,}"), flown, threshold)
-    told = PLANS.get(name, ()) if plans is None else (f"optimum.reference={plans}",)
-    if world and not told:  # for which no plans ship
+    words_of_plans = PLANS.get(name, ()) if plans is None else (f"optimum.reference={plans}",)
+    if world and not words_of_plans:  # for which no plans ship
         return
-    planned_starts, flown = planned(judged, compose_experiment([*flying_words, *told]).experiment)
+    planned_starts, flown = planned(judged, compose_experiment([*flying_words, *words_of_plans]).experiment)
     number = f"{len(planned_starts)} other starts"
     yield row(("", f"plan, open loop, {number}", "", "" if world else SECONDS), flown, threshold)
     flown = fly_all(judged.mission, champion, planned_starts)

@@ -47,21 +47,21 @@ def write(folder: Path) -> None:
     (folder / "classics.md").write_text(text, encoding="utf-8")
 
 
-def section(path: Path, controller: FuzzyController, found: Audit) -> Iterator[str]:
+def section(path: Path, controller: FuzzyController, findings: Audit) -> Iterator[str]:
     """Yield the lines about one system."""
     system = controller.systems[0]
-    place, live = path.relative_to(EXAMPLES.parent).as_posix(), f"live/classics/{path.stem}"
+    source, live = path.relative_to(EXAMPLES.parent).as_posix(), f"live/classics/{path.stem}"
     yield f"## {words_of(path.stem).capitalize()}\n"
     yield f"{dict(controller.provenance).get('source', TIPPER)}.\n"
-    yield f"{summary(system)}. [The page to sign off from]({live}.html), [the file]({place}).\n"
+    yield f"{summary(system)}. [The page to sign off from]({live}.html), [the file]({source}).\n"
     if len(system.rules) < MOST_RULES:
         yield "\n".join(f"{number}. {rule}" for number, rule in enumerate(sentences(system), start=1)) + "\n"
     yield f"![{system.outputs[0].name} over its inputs]({live}.png){{ width=480 }}\n"
-    if not found.findings:
+    if not findings.findings:
         yield "The audit finds nothing.\n"
         return
     yield "| severity | what the audit finds | what to do |\n|---|---|---|"
-    for finding in found.findings:
+    for finding in findings.findings:
         yield f"| {finding.severity.word} | {finding.sentence} | {finding.cure} |"
     yield ""
 
@@ -70,11 +70,11 @@ def measures(audits: list[Audit]) -> Iterator[str]:
     """Yield what was measured of all, a row each, and what the measures mean."""
     heads = ("system", "rules", "completeness", "rule consistency")
     yield f"| {' | '.join(heads)} |\n|{'---|' * len(heads)}"
-    for found in audits:
-        (one,) = found.systems
-        of = one.measures
-        told = (of.completeness.least, of.rule_consistency.index)
-        cells = (words_of(one.name), str(of.complexity.rules), *(f"{number:.2f}" for number in told))
+    for audited in audits:
+        (system,) = audited.systems
+        of = system.measures
+        measured = (of.completeness.least, of.rule_consistency.index)
+        cells = (words_of(system.name), str(of.complexity.rules), *(f"{number:.2f}" for number in measured))
         yield f"| {' | '.join(cells)} |"
     yield "\n" + "\n".join(f"- {words}" for words in report.MEASURE_WORDS) + "\n"
 

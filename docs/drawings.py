@@ -229,12 +229,12 @@ def light() -> Drawing:
         drawing.arrow(10.5 * towards, 14.5 * towards, "lit")
         drawing.word("Sun", 16.0 * towards, "lit", 0.0, 5.0, "middle")
         for index, angle in enumerate(angles):
-            place = 8.9 * np.array([math.sin(angle), math.cos(angle)])
+            position = 8.9 * np.array([math.sin(angle), math.cos(angle)])
             is_lit = math.cos(angle - sun) > 0.0
             leaves = is_lit and last_lit[index] == minutes and minutes < 40
-            drawing.dot(place, 7.0 if leaves else 6.0, "lit" if is_lit else "dark")
+            drawing.dot(position, 7.0 if leaves else 6.0, "lit" if is_lit else "dark")
             if leaves:
-                drawing.dot(place, 2.5, "dot")
+                drawing.dot(position, 2.5, "dot")
         drawing.word(
             f"after {minutes} min" if minutes else "at the start", (0.0, 0.0), "", 0.0, 5.0, "middle"
         )
@@ -261,7 +261,7 @@ def tour() -> Drawing:
     drawing = Drawing(760, 360, "The tour of champion_leo by the Sun's angle", (0.0, 0.0), 2.0)
     angles = np.radians(np.linspace(112.0, -112.0, 97))
 
-    def place(angle: float) -> Any:
+    def point_at(angle: float) -> Any:
         waves = [1.0, *(turn(order * angle) for order in (1, 2) for turn in (math.cos, math.sin))]
         return np.array(
             [
@@ -273,7 +273,7 @@ def tour() -> Drawing:
             ]
         )
 
-    path = np.array([place(angle) for angle in angles])
+    path = np.array([point_at(angle) for angle in angles])
     views = (
         ("from the north: up, and ahead to the right", 190.0, (1, 0)),
         ("from above: north, and ahead to the right", 570.0, (1, 2)),
@@ -284,7 +284,7 @@ def tour() -> Drawing:
         drawing.dot((0.0, 0.0), RADIUS_M * 2.0, "shade")
         drawing.line(path[:, [across, up]])
         for degrees in (112.0, 60.0, 0.0, -60.0, -112.0):
-            here = place(math.radians(degrees))[[across, up]]
+            here = point_at(math.radians(degrees))[[across, up]]
             drawing.dot(here, 5.0)
             drawing.word(f"{degrees:.0f}°", here, "lit", 9.0, -7.0)
     drawing.word(
@@ -320,11 +320,11 @@ def stop() -> Drawing:
         for k in np.flatnonzero(log.safety_limit):
             drawing.dot((minutes[k], distance[k]), 3.2, "seen")
         nearest = int(np.argmin(distance))
-        place, text = (minutes[nearest], distance[nearest]), f"{distance[nearest]:.1f} m"
+        point, text = (minutes[nearest], distance[nearest]), f"{distance[nearest]:.1f} m"
         if kind == "none":
-            drawing.word(f"without the layer: {text}", place, "push", 0.0, 20.0, "end")
+            drawing.word(f"without the layer: {text}", point, "push", 0.0, 20.0, "end")
         else:
-            drawing.word(f"with it: {text}", place, "seen", 14.0, 8.0)
+            drawing.word(f"with it: {text}", point, "seen", 14.0, 8.0)
     drawing.line([(0.0, 0.0), (END_MIN, 0.0)], "muted")
     drawing.line([(0.0, 0.0), (0.0, TOP_M)], "muted")
     for minute in range(0, int(END_MIN) + 1, 3):

@@ -80,8 +80,8 @@ def section(nav: list[Any], title: str) -> Any:
         for name, inside in entry.items() if isinstance(entry, dict) else ():
             if name == title:
                 return inside
-            if isinstance(inside, list) and (found := section(inside, title)) is not None:
-                return found
+            if isinstance(inside, list) and (children := section(inside, title)) is not None:
+                return children
     return None
 
 
@@ -115,12 +115,12 @@ def on_page_markdown(markdown: str, page: Page, **_: Any) -> str:
 def tables_of_keys() -> str:
     """Return a section for each group of keys."""
     parts = []
-    for group, own in tables().items():
+    for group, keys in tables().items():
         about = descriptions().get(group, "") if group else "The run, and the clocks of its flights."
         shared = [mark for mark in of_group(group) if not mark.is_of_stages]
         if shared:
             about += f" Keys other than `{'`, `'.join(shared[0].keys)}` only with {in_code(shared)}."
-        table = ["key|default|range|meaning", "---|---|---|---", *map("|".join, rows_of(group, own))]
+        table = ["key|default|range|meaning", "---|---|---|---", *map("|".join, rows_of(group, keys))]
         parts.append(f"## {group or 'At the top'}\n\n{about}\n\n" + "\n".join(table) + "\n")
     return "\n".join(parts)
 
@@ -146,7 +146,7 @@ def messages() -> str:
 def relinked(text: str, path: str, uri: str) -> str:
     """Return a page that stands at ``path`` of the repository with its links as from ``uri`` of the site."""
 
-    def place(link: re.Match[str]) -> str:
+    def replaced(link: re.Match[str]) -> str:
         target, heading = link[1], link[2] or ""
         if "://" in target:
             return link[0]
@@ -154,7 +154,7 @@ def relinked(text: str, path: str, uri: str) -> str:
         inside = ELSEWHERE.get(origin, origin.removeprefix("docs/"))
         return f"]({os.path.relpath(inside, PurePosixPath(uri).parent)}{heading})"
 
-    return LINK.sub(place, text)
+    return LINK.sub(replaced, text)
 
 
 def api_pages() -> Iterator[tuple[str, str, str]]:

@@ -143,15 +143,15 @@ def edited(address: str) -> None:
         page.goto(address)
         page.add_style_tag(content=".head { position: static !important; }")
         page.get_by_label("rule 2:").click()
-        flights, one = (page.get_by_role("region", name=name) for name in ("Flights", "One flight"))
+        flights, flight = (page.get_by_role("region", name=name) for name in ("Flights", "One flight"))
         flights.get_by_text("1,000 flights").wait_for(timeout=300_000)
         settle(page)
         page.screenshot(path=IMAGES / "edit-flights.png")
         page.get_by_role("button").filter(has_text="m/s,").first.click()
         settle(page)
-        one.get_by_role("slider").fill("120")
+        flight.get_by_role("slider").fill("120")
         settle(page)
-        one.screenshot(path=IMAGES / "edit-flight.png")
+        flight.screenshot(path=IMAGES / "edit-flight.png")
         browser.close()
 
 
@@ -179,8 +179,8 @@ def drawn_by(name: str) -> str:
     """Return the SHA-256 of what a picture is drawn by: its maker, and the files of its sources."""
     digest = hashlib.sha256(inspect.getsource(MAKERS[name]).encode())
     for source in SOURCES[name]:
-        place = PROJECT / source
-        for path in [place] if place.is_file() else sorted(place.rglob("*")):
+        source_path = PROJECT / source
+        for path in [source_path] if source_path.is_file() else sorted(source_path.rglob("*")):
             if path.is_file() and path.suffix != ".pyc":
                 digest.update(path.read_bytes())
     return digest.hexdigest()

@@ -85,20 +85,20 @@ def run(commands: str, folder: Path) -> str:
     for command in commands.splitlines():
         words = shlex.split(command)
         is_ours = words[:3] == ["python", "-m", "fis_tools"]
-        told, code = _called(words[3:], folder) if is_ours else _started(command, folder)
-        printed += told
+        output, code = _called(words[3:], folder) if is_ours else _started(command, folder)
+        printed += output
         if code:
-            raise ValueError(f"a command of the page fails:\n{command}\n{told}")
+            raise ValueError(f"a command of the page fails:\n{command}\n{output}")
     return "\n".join(line.rstrip() for line in printed.splitlines()) + "\n"
 
 
 def _called(words: list[str], folder: Path) -> tuple[str, int]:
     """Run a command of the toolkit; return what it prints and its exit code."""
-    told = io.StringIO()
-    with chdir(folder), redirect_stdout(told), redirect_stderr(told), warnings.catch_warnings():
+    output = io.StringIO()
+    with chdir(folder), redirect_stdout(output), redirect_stderr(output), warnings.catch_warnings():
         warnings.simplefilter("ignore")
         code = fis_tools.main(words)
-    return told.getvalue(), code
+    return output.getvalue(), code
 
 
 def _started(command: str, folder: Path) -> tuple[str, int]:

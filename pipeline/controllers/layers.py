@@ -20,7 +20,7 @@ class UnreadableError(ValueError):
 
 
 @dataclass(frozen=True)
-class Layer:
+class NetworkLayer:
     """An affine map ``x @ weights + bias`` and what is applied to its outputs, see `Network`."""
 
     weights: Floats
@@ -39,7 +39,7 @@ class Chain:
 
     bias: Floats = field(default_factory=lambda: np.zeros(NUM_SEEN))
     weights: Floats | None = None
-    layers: list[Layer] = field(default_factory=list)
+    layers: list[NetworkLayer] = field(default_factory=list)
     num_numbers: int = 0
     num_steps: int = 0
 
@@ -55,7 +55,7 @@ class Chain:
         weights = np.eye(self.width) if self.weights is None else self.weights
         if not (np.isfinite(weights).all() and np.isfinite(self.bias).all()):
             raise UnreadableError("its constants multiply to infinity; export a policy that learned numbers")
-        self.layers.append(Layer(weights, self.bias, kind, low, high))
+        self.layers.append(NetworkLayer(weights, self.bias, kind, low, high))
         self.weights, self.bias = None, np.zeros(self.width)
 
     def multiply(self, matrix: Floats) -> None:

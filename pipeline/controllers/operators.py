@@ -209,7 +209,7 @@ def _follow(chain: Chain, operator: str, constants: Sequence[Any], attributes: M
     if activation := _activation(operator, constants, attributes):
         chain.close(*activation)
         return True
-    one = np.ones(1)
+    unity = np.ones(1)
     match operator, constants:
         case "Identity", _:
             pass
@@ -218,15 +218,15 @@ def _follow(chain: Chain, operator: str, constants: Sequence[Any], attributes: M
         case "Gemm", [None, np.ndarray() as matrix, *bias]:
             _follow_gemm(chain, matrix, bias, attributes)
         case "Add", [None, np.ndarray() as other] | [np.ndarray() as other, None]:
-            chain.scale(one, other)
+            chain.scale(unity, other)
         case "Sub", [None, np.ndarray() as other]:
-            chain.scale(one, -other)
+            chain.scale(unity, -other)
         case "Sub", [np.ndarray() as other, None]:
-            chain.scale(-one, other)
+            chain.scale(-unity, other)
         case "Mul", [None, np.ndarray() as other] | [np.ndarray() as other, None]:
-            chain.scale(other, 0.0 * one)
+            chain.scale(other, 0.0 * unity)
         case "Div", [None, np.ndarray() as other] if other.all():
-            chain.scale(1.0 / other, 0.0 * one)
+            chain.scale(1.0 / other, 0.0 * unity)
         case _:
             return False
     return True

@@ -59,7 +59,7 @@ def read_played(path: Path, mission: Mission) -> OpenLoopController:
     table = np.array([_numbers(path, index, row, names) for index, row in enumerate(rows[1:], 2) if row])
     table = table.reshape(-1, len(names))
     _check_times(path, table[:, 0], mission)
-    values = {name: table[:, place] for place, name in enumerate(names)}
+    values = {name: table[:, column] for column, name in enumerate(names)}
 
     def group(columns: tuple[str, ...]) -> Floats:
         chosen = [values[name] for name in columns if name in values]

@@ -95,12 +95,14 @@ class InspectionEnv(gymnasium.Env[Observation, NDArray[Any]]):
         from pipeline.report.figures.style import PALETTE, pixels  # noqa: PLC0415
         from pipeline.report.figures.trajectories import Tracks, trajectories  # noqa: PLC0415
 
-        info, places = self._info(), self.log().position_m[: self._episodes.num_samples(0)]
-        if len(places) == 1:  # a line has two ends
-            places = np.repeat(places, 2, axis=0)
+        info, positions = self._info(), self.log().position_m[: self._episodes.num_samples(0)]
+        if len(positions) == 1:  # a line has two ends
+            positions = np.repeat(positions, 2, axis=0)
         words = f"{info['num_inspected']:.0f} points, {info['delta_v_m_s']:.3f} m/s"
         colour = PALETTE[0]
-        return pixels(trajectories(Tracks(places[np.newaxis], [colour], {words: colour}), self.task.mission))
+        return pixels(
+            trajectories(Tracks(positions[np.newaxis], [colour], {words: colour}), self.task.mission)
+        )
 
     def log(self) -> FlightLog:
         """Return everything that happened in the episode so far; what is left is flown without force."""
@@ -369,5 +371,5 @@ class ReachEnv(InspectionEnv):
     def _state(self) -> tuple[float, float, float]:
         """Return distance (m), speed and delta-v (m/s)."""
         now = self._episodes.flights.observed[0]
-        place, velocity = (np.linalg.norm(now[first : first + 3]) for first in (POSITION, VELOCITY))
-        return float(place), float(velocity), float(now[SPENT])
+        distance, velocity = (np.linalg.norm(now[first : first + 3]) for first in (POSITION, VELOCITY))
+        return float(distance), float(velocity), float(now[SPENT])

@@ -249,18 +249,18 @@ class SixDofInspectionEnv(gymnasium.Env[NDArray[np.float32], NDArray[Any]]):
     def _look(self) -> None:
         """Inspect what is lit and in view, in the chief's axes, by the formulas of every flight."""
         axes, optics = dcm_b_from_h(self._chief[self._k]), self._optics
-        place, camera, sun = axes @ self._state[PLACE], axes @ self._camera, axes @ self._sun
+        position, camera, sun = axes @ self._state[PLACE], axes @ self._camera, axes @ self._sun
         points, normals = self._surface.points, self._surface.normals
-        gone, height = points - place, np.sum(normals * points, axis=1)
+        gone, height = points - position, np.sum(normals * points, axis=1)
         with plainly("pipeline"):
             self._is_lit = is_sunlit(normals @ sun + optics.past_terminator, height)
             squared = np.sum(gone * gone, axis=1)
-            seen = is_resolved(optics, normals @ place - height, gone @ camera, squared)
+            seen = is_resolved(optics, normals @ position - height, gone @ camera, squared)
         self._is_inspected |= self._is_lit & seen
 
     def _for_this_step(self) -> float:
-        reward, place = self._reward, self._state[PLACE]
-        facing = -float(self._camera @ place) / np.linalg.norm(place)
+        reward, position = self._reward, self._state[PLACE]
+        facing = -float(self._camera @ position) / np.linalg.norm(position)
         gained = reward.alive * (self._k * self._mission.control_period_s <= reward.alive_s)
         if facing >= 0.0:
             gained += reward.facing * exp(-((1.0 - facing) ** 2) / reward.facing_width)

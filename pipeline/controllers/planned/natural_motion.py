@@ -172,10 +172,10 @@ def note_seen_along(
     world, work, cases, paths, counts = borrowed((world, work, cases, paths, counts))
     for path in range(len(paths)):
         want_all(world, work.ahead)
-        for place in range(paths.shape[1]):
-            k = place * stride
+        for column in range(paths.shape[1]):
+            k = column * stride
             beam = beam_of_case(world, optics, cases[0], k)
-            at = three_of(paths[path, place])
+            at = three_of(paths[path, column])
             counts[path] += strike_out_seen(
                 world, optics, work.ahead, work.lit, work.seen, world.points, beam, at
             )

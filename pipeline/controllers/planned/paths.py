@@ -137,8 +137,8 @@ class Routes:
 
     def __call__(self, scenario: Scenario) -> Route:
         """Return the route from a start."""
-        place = (*scenario.position_m.tolist(), *scenario.velocity_m_s.tolist())
-        start = (place, scenario.sun_angle_rad, scenario.sun_elevation_rad, scenario.noise)
+        state = (*scenario.position_m.tolist(), *scenario.velocity_m_s.tolist())
+        start = (state, scenario.sun_angle_rad, scenario.sun_elevation_rad, scenario.noise)
         if start not in self._known:
             self._known[start] = self._plan(scenario)
         return self._known[start]

@@ -67,8 +67,8 @@ def horizon_of(world: World, length: int, spacing: int) -> Horizon:
     periods = np.arange(0, length, spacing)
     responses = np.zeros((length, 6, len(periods), 3))
     for sample in range(1, length + 1):
-        for place, period in enumerate(periods[periods < sample].tolist()):
-            responses[sample - 1, :, place] = motion.control[sample - 1 - period]
+        for column, period in enumerate(periods[periods < sample].tolist()):
+            responses[sample - 1, :, column] = motion.control[sample - 1 - period]
     flat = responses.reshape(length, 6, -1)
     elements = elements_matrix(world.mean_motion)
     return Horizon(

@@ -33,9 +33,9 @@ def test_constants_on_the_command_line_take_the_place_of_a_file_s():
     words = ["+experiment=evaluate", "controller=file", f"controller.path={path}"]
     with pytest.raises(ConfigError, match=r"write \+controller.attributes.decision_period_s=\.\.\., with"):
         compose_experiment([*words, "controller.attributes.decision_period_s=60"])
-    found = compose_experiment([*words, "+controller.attributes.decision_period_s=60"]).experiment
+    composed = compose_experiment([*words, "+controller.attributes.decision_period_s=60"]).experiment
     by_name = ["+experiment=evaluate", "controller=champion_27", "controller.attributes.decision_period_s=60"]
-    for experiment in (found, compose_experiment(by_name).experiment):
+    for experiment in (composed, compose_experiment(by_name).experiment):
         assert decision_stride(load(experiment.controller, MISSION), MISSION) == 6
 
 
@@ -121,5 +121,5 @@ def test_their_audit_finds_nothing(name: str, num_rules: int) -> None:
 def test_the_rehearsing_champion_is_champion_27_but_for_its_rehearsal() -> None:
     plain, rehearsing = shipped("champion_27"), shipped("champion_27_rehearsed")
     attributes = tuple(sorted((*plain.attributes, ("rehearsal_reach_m_s", "0.15"))))
-    told = replace(rehearsing, name=plain.name, provenance=plain.provenance)
-    assert told == replace(plain, attributes=attributes)
+    renamed = replace(rehearsing, name=plain.name, provenance=plain.provenance)
+    assert renamed == replace(plain, attributes=attributes)

@@ -58,9 +58,9 @@ OTHERWISE: Sequence[Step] = (
 def model(steps: Sequence[Step], kind: int = TensorProto.FLOAT) -> ModelProto:
     """A chain of operators; the empty name stands for what the one before gives."""
     nodes: list[NodeProto] = []
-    for place, (operator, inputs, attributes) in enumerate(steps):
-        names = [name or f"value{place}" for name in inputs]
-        nodes.append(helper.make_node(operator, names, [f"value{place + 1}"], **attributes))
+    for index, (operator, inputs, attributes) in enumerate(steps):
+        names = [name or f"value{index}" for name in inputs]
+        nodes.append(helper.make_node(operator, names, [f"value{index + 1}"], **attributes))
     used = [name for _, inputs, _ in steps for name in inputs if name in CONSTANTS]
     numbers = np.float32 if kind == TensorProto.FLOAT else np.float64
     tensors = [numpy_helper.from_array(CONSTANTS[name].astype(numbers), name) for name in dict.fromkeys(used)]
@@ -79,12 +79,12 @@ def read(made: ModelProto) -> Controller:
 @pytest.mark.parametrize("steps", [LAYERS, OTHERWISE], ids=["layers", "otherwise"])
 def test_a_network_answers_what_the_reference_of_the_format_does(steps) -> None:
     seen = RNG.normal(0.0, 1.0, (50, NUM_SEEN)) * SCALES
-    found, pilot = np.empty((50, 3)), read(model(steps)).pilot
+    outputs, pilot = np.empty((50, 3)), read(model(steps)).pilot
     assert isinstance(pilot, Policy)
-    answer(pilot.network, seen, np.zeros((2, NUM_SEEN)), found)
+    answer(pilot.network, seen, np.zeros((2, NUM_SEEN)), outputs)
     (expected,) = ReferenceEvaluator(model(steps, TensorProto.DOUBLE)).run(None, {"value0": seen})
     # the weights of the file are of single precision
-    np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-4 * np.abs(expected).max())
+    np.testing.assert_allclose(outputs, expected, rtol=1e-5, atol=1e-4 * np.abs(expected).max())
 
 
 @pytest.mark.parametrize(
@@ -269,10 +269,10 @@ def test_a_policy_flies_in_the_gym_what_it_flies_here(flown) -> None:
     for k in range(task.mission.num_controls):
         (force,) = reference.run(None, {"value0": seen[np.newaxis]})
         np.testing.assert_allclose(log.force_asked_n[k], force[0], atol=1e-6)
-        seen, *_, told = env.step(force[0] / most)
+        seen, *_, info = env.step(force[0] / most)
     np.testing.assert_allclose(seen[:3], log.position_m[-1], atol=1e-2)
-    assert told["num_inspected"] == log.is_inspected[-1].sum()
-    assert told["delta_v_m_s"] == pytest.approx(log.delta_v_m_s[-1], rel=1e-4)
+    assert info["num_inspected"] == log.is_inspected[-1].sum()
+    assert info["delta_v_m_s"] == pytest.approx(log.delta_v_m_s[-1], rel=1e-4)
 
 
 @pytest.mark.slow

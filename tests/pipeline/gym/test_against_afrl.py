@@ -42,7 +42,7 @@ class Episode(NamedTuple):
     counts: NDArray[np.uint8]  # (K+1,) points inspected
     weights: NDArray[np.float64]  # (K+1,) their weight; no rows where all count alike
     rewards: NDArray[np.float64]  # (K,)
-    places: NDArray[np.float64]  # positions after each tenth step, from 0, and the last, m
+    positions: NDArray[np.float64]  # after each tenth step, from 0, and the last, m
     turns: NDArray[np.float64]  # attitudes where positions are kept; no rows where they are not flown
     status: str
 
@@ -65,70 +65,70 @@ def episodes(columns: dict[str, NDArray[Any]]) -> list[Episode]:
     return [Episode(*row) for row in rows]
 
 
-def started(env: InspectionEnv | SixDofInspectionEnv, one: Episode) -> dict[str, Any]:
+def started(env: InspectionEnv | SixDofInspectionEnv, episode: Episode) -> dict[str, Any]:
     """Start an episode as theirs; return what is told."""
-    place, velocity, (sun,), priority = np.split(one.start, [3, 6, 7])
-    scenario = Scenario(place, velocity, -sun)  # their Sun's angle is counted from +i towards -j
+    position, velocity, (sun,), priority = np.split(episode.start, [3, 6, 7])
+    scenario = Scenario(position, velocity, -sun)  # their Sun's angle is counted from +i towards -j
     return env.reset(options={"scenario": scenario, "priority": priority})[1]
 
 
-def apart(places: list[NDArray[np.float64]], one: Episode) -> float:
+def apart(positions: list[NDArray[np.float64]], episode: Episode) -> float:
     """Return how far places are off at most, m."""
-    return float(np.abs(np.array([*places[:-1:EVERY], places[-1]]) - one.places).max())
+    return float(np.abs(np.array([*positions[:-1:EVERY], positions[-1]]) - episode.positions).max())
 
 
-def agreed(env: InspectionEnv | SixDofInspectionEnv, one: Episode) -> float:
+def agreed(env: InspectionEnv | SixDofInspectionEnv, episode: Episode) -> float:
     """Fly an episode with its actions; return how far off places are at most, m.
 
     At every step points, their weight and the reward are the same, and so is the end; attitudes are close.
     """
-    told, place = started(env, one), one.start[:3]
-    places, turns, rewards, rows, is_over = [place], [np.array([0.0, 0.0, 0.0, 1.0])], [], [told], False
-    for action in one.actions:
+    info, position = started(env, episode), episode.start[:3]
+    positions, turns, rewards, rows, is_over = [position], [np.array([0.0, 0.0, 0.0, 1.0])], [], [info], False
+    for action in episode.actions:
         assert not is_over
         if isinstance(env, SixDofInspectionEnv):
-            _, reward, terminated, truncated, told = env.step(action / GREATEST)
-            place, turn = np.split(env.state[[0, 1, 2, 6, 7, 8, 9]], [3])
+            _, reward, terminated, truncated, info = env.step(action / GREATEST)
+            position, turn = np.split(env.state[[0, 1, 2, 6, 7, 8, 9]], [3])
             turns.append(turn)
         else:
-            _, reward, terminated, truncated, told = env.step(action)
-            place = env._episodes.flights.observed[0, :3].copy()
-        places.append(place)
+            _, reward, terminated, truncated, info = env.step(action)
+            position = env._episodes.flights.observed[0, :3].copy()
+        positions.append(position)
         rewards.append(reward)
-        rows.append(told)
+        rows.append(info)
         is_over = terminated or truncated
-    assert terminated == (one.status in ("Success", "Crash"))
-    assert truncated == (one.status in ("Out of Bounds", "Timeout"))
-    assert [row["is_success"] for row in rows] == [False] * len(rows[1:]) + [one.status == "Success"]
-    assert [told["num_inspected"] for told in rows] == one.counts.tolist()
-    if len(one.weights):
-        weights = [told["weight_inspected"] for told in rows]
-        np.testing.assert_allclose(weights, one.weights, rtol=0, atol=1e-12)
-    np.testing.assert_allclose(rewards, one.rewards, rtol=0, atol=1e-6)
-    if len(one.turns):
-        np.testing.assert_allclose([*turns[:-1:EVERY], turns[-1]], one.turns, rtol=0, atol=1e-3)
-    return apart(places, one)
+    assert terminated == (episode.status in ("Success", "Crash"))
+    assert truncated == (episode.status in ("Out of Bounds", "Timeout"))
+    assert [row["is_success"] for row in rows] == [False] * len(rows[1:]) + [episode.status == "Success"]
+    assert [info["num_inspected"] for info in rows] == episode.counts.tolist()
+    if len(episode.weights):
+        weights = [info["weight_inspected"] for info in rows]
+        np.testing.assert_allclose(weights, episode.weights, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(rewards, episode.rewards, rtol=0, atol=1e-6)
+    if len(episode.turns):
+        np.testing.assert_allclose([*turns[:-1:EVERY], turns[-1]], episode.turns, rtol=0, atol=1e-3)
+    return apart(positions, episode)
 
 
-def moved(env: SixDofInspectionEnv, one: Episode) -> float:
+def moved(env: SixDofInspectionEnv, episode: Episode) -> float:
     """Fly an episode with its actions, whatever it shows; return how far off places are at most, m."""
-    started(env, one)
-    places = [env.state[PLACE]]
-    for action in one.actions:
+    started(env, episode)
+    positions = [env.state[PLACE]]
+    for action in episode.actions:
         env._is_over = False  # theirs is flown past an end of ours
         env.step(action / GREATEST)
-        places.append(env.state[PLACE])
-    return apart(places, one)
+        positions.append(env.state[PLACE])
+    return apart(positions, episode)
 
 
 @pytest.mark.parametrize("world", WORLDS)
 def test_the_same_actions_give_the_same_episode(world: str) -> None:
     """Half of the episodes are random."""
     env = InspectionEnv([f"world={world}"], WORLDS[world])
-    found = episodes(table(f"afrl/{world}"))
-    assert max(agreed(env, one) for one in found) < CLOSE_M
-    assert len(found) == 40
-    assert {one.status for one in found} == ENDS
+    theirs = episodes(table(f"afrl/{world}"))
+    assert max(agreed(env, episode) for episode in theirs) < CLOSE_M
+    assert len(theirs) == 40
+    assert {episode.status for episode in theirs} == ENDS
 
 
 def test_the_same_actions_turn_the_deputy_as_theirs() -> None:
@@ -139,13 +139,13 @@ def test_the_same_actions_turn_the_deputy_as_theirs() -> None:
     theirs = "chief.initial_angular_velocity_rad_s=[0,0,0]", "inspection_threshold_percent=45"
     env = SixDofInspectionEnv(["world=afrl_six_dof", *theirs])
     columns = table("afrl/afrl_six_dof")
-    found, own_change = episodes(columns), columns["own_change"]
-    scripted, drawn, is_repeated = found[:20], found[20:], own_change < REPEATED_M
-    assert {one.status for one in scripted} == ENDS
+    flown_by_them, own_change = episodes(columns), columns["own_change"]
+    scripted, drawn, is_repeated = flown_by_them[:20], flown_by_them[20:], own_change < REPEATED_M
+    assert {episode.status for episode in scripted} == ENDS
     assert is_repeated.sum() == 20
     assert is_repeated[-1]
-    assert max(agreed(env, one) for one in [*scripted, *compress(drawn, is_repeated)]) < CLOSE_M
-    off = [moved(env, one) for one in compress(drawn, ~is_repeated)]
+    assert max(agreed(env, episode) for episode in [*scripted, *compress(drawn, is_repeated)]) < CLOSE_M
+    off = [moved(env, episode) for episode in compress(drawn, ~is_repeated)]
     assert len(off) == 15
     assert max(off) < own_change.max()
 
@@ -157,16 +157,16 @@ def test_a_camera_of_60_degrees_sees_what_theirs_would() -> None:
     start = evaluation_scenarios(experiment, [0])[0]
     log, points = fly_logged(mission, coast(), start), inspection_points(mission)
     seen, closest = np.zeros(100, dtype=bool), []
-    for k, (place, quaternion) in enumerate(zip(log.position_m, log.quaternion_b_from_h, strict=True)):
-        axis, distance = Rotation.from_quat(quaternion).apply([-1.0, 0.0, 0.0]), np.linalg.norm(place)
-        closest.append(np.degrees(np.arccos(-axis @ place / distance)))
-        gone = points - place
+    for k, (position, quaternion) in enumerate(zip(log.position_m, log.quaternion_b_from_h, strict=True)):
+        axis, distance = Rotation.from_quat(quaternion).apply([-1.0, 0.0, 0.0]), np.linalg.norm(position)
+        closest.append(np.degrees(np.arccos(-axis @ position / distance)))
+        gone = points - position
         is_in_field = gone @ axis >= np.cos(np.radians(30.0)) * np.linalg.norm(gone, axis=1)
         sun = start.sun_angle_rad - mission.orbit.mean_motion_rad_s * 10.0 * k
         beam = np.array([np.cos(sun), np.sin(sun), 0.0])
         # a ray from 1e-5 m above the sphere of 10 m passes it
         is_lit = points @ beam / 10.0 > -np.sqrt(1.0 - (10.0 / (10.0 + 1e-5)) ** 2)
-        seen |= is_in_field & is_lit & (points @ place >= 100.0)
+        seen |= is_in_field & is_lit & (points @ position >= 100.0)
         assert log.is_inspected[k].tolist() == seen.tolist()
     assert closest[0] > 30.0
     assert max(closest[30:]) < 5.0

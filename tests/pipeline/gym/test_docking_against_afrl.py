@@ -22,7 +22,7 @@ def flown():
     return episodes(columns | {"actions": columns["actions"] / 1024.0})
 
 
-def told(info: dict[str, float], is_terminated: bool, steps: int) -> str:
+def status_of(info: dict[str, float], is_terminated: bool, steps: int) -> str:
     """Return their word for how an episode ended."""
     if is_terminated:
         return "Success" if info["is_success"] else "Crash"
@@ -32,29 +32,31 @@ def told(info: dict[str, float], is_terminated: bool, steps: int) -> str:
 @pytest.mark.slow
 def test_episodes_pass_as_in_afrls_environment(flown):
     env = ReachEnv(["problem=docking"])
-    for one in flown:
-        scenario = Scenario(one.start[:3], one.start[3:], 0.0)
+    for episode in flown:
+        scenario = Scenario(episode.start[:3], episode.start[3:], 0.0)
         env.reset(options={"scenario": scenario})
-        places, paid = [scenario.position_m], []
-        for step, action in enumerate(one.actions, 1):
+        positions, paid = [scenario.position_m], []
+        for step, action in enumerate(episode.actions, 1):
             seen, reward, is_terminated, is_truncated, info = env.step(action)
             paid.append(reward)
-            if step % 10 == 0 or step == len(one.actions):
-                places.append(seen[:3])
-            assert (is_terminated or is_truncated) == (step == len(one.actions))
-        assert told(info, is_terminated, len(one.actions)) == one.status
-        np.testing.assert_allclose(places, one.places, rtol=0.0, atol=CLOSE_M)
-        np.testing.assert_allclose(paid, one.rewards, rtol=0.0, atol=1e-6)
-    assert {one.status for one in flown} == {"Success", "Crash", "Timeout", "Max Velocity Violation"}
+            if step % 10 == 0 or step == len(episode.actions):
+                positions.append(seen[:3])
+            assert (is_terminated or is_truncated) == (step == len(episode.actions))
+        assert status_of(info, is_terminated, len(episode.actions)) == episode.status
+        np.testing.assert_allclose(positions, episode.places, rtol=0.0, atol=CLOSE_M)
+        np.testing.assert_allclose(paid, episode.rewards, rtol=0.0, atol=1e-6)
+    assert {episode.status for episode in flown} == {"Success", "Crash", "Timeout", "Max Velocity Violation"}
 
 
 def test_flights_end_as_in_afrls_environment(flown):
     mission = ReachEnv(["problem=docking"]).task.mission
-    for one in flown:
-        start = Scenario(one.start[:3], one.start[3:], 0.0)
-        found = fly_all(mission, open_loop("theirs", one.actions), [start])
-        assert found.end_s[0] == (len(one.actions) if one.status != "Timeout" else 2001)
-        assert bool(found.is_success(100.0)[0] and not found.is_violated[0]) == (one.status == "Success")
+    for episode in flown:
+        start = Scenario(episode.start[:3], episode.start[3:], 0.0)
+        outcomes = fly_all(mission, open_loop("theirs", episode.actions), [start])
+        assert outcomes.end_s[0] == (len(episode.actions) if episode.status != "Timeout" else 2001)
+        assert bool(outcomes.is_success(100.0)[0] and not outcomes.is_violated[0]) == (
+            episode.status == "Success"
+        )
 
 
 def test_flights_without_a_goal_are_refused():

@@ -40,7 +40,7 @@ def test_flights_driven_with_the_forces_of_a_log_are_that_flight(world: str) -> 
     task = task_of([*WORLDS[world], "controller=lqr", "monte_carlo.num_cases=2", "seed=7"])
     experiment, mission = task.experiment, task.mission
     scenarios = evaluation_scenarios(experiment)
-    logs = [fly_logged(mission, load(experiment.controller, mission), one) for one in scenarios]
+    logs = [fly_logged(mission, load(experiment.controller, mission), start) for start in scenarios]
     flights = stepping.SteppedFlights(mission, 2, is_tilted=task.is_tilted)
     for flight, scenario in enumerate(scenarios):
         flights.start(flight, scenario)
@@ -99,11 +99,11 @@ def flown() -> InspectionEnv:
 
 @pytest.mark.slow
 def test_an_episode_is_a_flight_and_its_recording_flies_again(flown, tmp_path) -> None:
-    log, told = flown.log(), flown._info()
+    log, info = flown.log(), flown._info()
     assert flown._episodes.flights.samples[0] == flown.task.mission.num_controls  # by the limit of time
-    assert told["delta_v_m_s"] == log.delta_v_m_s[-1]
-    assert told["num_inspected"] == log.is_inspected[-1].sum()
-    assert told["outside_m"] == 0.0
+    assert info["delta_v_m_s"] == log.delta_v_m_s[-1]
+    assert info["num_inspected"] == log.is_inspected[-1].sum()
+    assert info["outside_m"] == 0.0
     flown.record(tmp_path / "episode.mcap")
     assert telemetry.read(tmp_path / "episode.mcap").episode.scenario_id == "episode"
     assert fly_again(tmp_path / "episode.mcap").is_equal
@@ -134,11 +134,11 @@ def test_rewards_are_what_they_are_said_to_be(flown) -> None:
     assert ends == [False, False]
     outward = replace(scenario, velocity_m_s=np.array([400.0, 0.0, 0.0]))
     _, before = env.reset(options={"scenario": outward})
-    _, rewarded, *ends, told = env.step(np.zeros(3))
+    _, rewarded, *ends, info = env.step(np.zeros(3))
     assert ends == [True, False]
-    assert told["outside_m"] > 0.0
+    assert info["outside_m"] > 0.0
     # the safety layer brakes
-    gained, braked = told["num_inspected"] - before["num_inspected"], told["delta_v_m_s"]
+    gained, braked = info["num_inspected"] - before["num_inspected"], info["delta_v_m_s"]
     assert rewarded == pytest.approx(reward.per_point * gained - reward.per_delta_v * braked - reward.outside)
 
 
@@ -151,10 +151,10 @@ def test_success_is_inside_the_limits_alone(world, velocity_m_s) -> None:
     env = kind([f"world={world}", "inspection_threshold_percent=1"])
     start = Scenario(np.array([-40.0, 0.0, 0.0]), np.array([-velocity_m_s, 0.0, 0.0]), np.pi)
     _, before = env.reset(options={"scenario": start, "priority": np.array([-1.0, 0.0, 0.0])})
-    *_, told = env.step(np.zeros(env.action_space.shape))
+    *_, info = env.step(np.zeros(env.action_space.shape))
     assert before["is_success"]
-    assert told["num_inspected"] >= 1.0
-    assert told["is_success"] == (velocity_m_s == 0.0)
+    assert info["num_inspected"] >= 1.0
+    assert info["is_success"] == (velocity_m_s == 0.0)
 
 
 @pytest.mark.slow
@@ -164,26 +164,26 @@ def test_many_flights_are_single_ones_and_start_anew() -> None:
     singles = [InspectionEnv(**settings) for _ in range(3)]
     assert many.single_action_space == MultiDiscrete([3, 3, 3])
     seen, _ = many.reset(seed=11)
-    assert (seen == [env.reset(seed=11 + place)[0] for place, env in enumerate(singles)]).all()
+    assert (seen == [env.reset(seed=11 + index)[0] for index, env in enumerate(singles)]).all()
     generator, has_ended = np.random.default_rng(1), np.zeros(3, dtype=bool)
     for _ in range(400):
         actions = generator.integers(0, 3, (3, 3))
         seen, rewards, terminated, truncated, _ = many.step(actions)
-        for place, env in enumerate(singles):
-            alone = (env.reset()[0], 0.0, False, False) if has_ended[place] else env.step(actions[place])[:4]
-            assert (alone[0] == seen[place]).all()
-            assert alone[1:] == (rewards[place], terminated[place], truncated[place])
+        for index, env in enumerate(singles):
+            alone = (env.reset()[0], 0.0, False, False) if has_ended[index] else env.step(actions[index])[:4]
+            assert (alone[0] == seen[index]).all()
+            assert alone[1:] == (rewards[index], terminated[index], truncated[index])
         has_ended = terminated | truncated
 
 
 def test_normalised_observations_are_about_one() -> None:
-    one = gym.NormalizedObservation(InspectionEnv(WORLDS["paper"]))
+    single = gym.NormalizedObservation(InspectionEnv(WORLDS["paper"]))
     many = gym.NormalizedVectorObservation(gym.InspectionVectorEnv(2, WORLDS["paper"]))
-    seen = one.reset(seed=5)[0]
+    seen = single.reset(seed=5)[0]
     assert (many.reset(seed=5)[0][0] == seen).all()
-    assert one.observation_space.contains(seen)
+    assert single.observation_space.contains(seen)
     assert np.abs(seen).max() <= 1.0
-    assert isinstance(one.action_space, Box)
+    assert isinstance(single.action_space, Box)
 
 
 def test_what_cannot_be_learnt_in_is_refused(flown) -> None:
@@ -203,16 +203,16 @@ def test_what_cannot_be_learnt_in_is_refused(flown) -> None:
 @pytest.mark.slow
 def test_points_are_seen_within_30_degrees_and_lit_within_60_and_10_m_s_are_spent() -> None:
     env = InspectionEnv(["world=rso"])
-    normals, place = inspection_points(env.task.mission), np.array([0.0, 120.0, 160.0])
-    _, told = env.reset(options={"scenario": Scenario(place, np.zeros(3), np.radians(60.0))})
-    towards = place - normals
+    normals, position = inspection_points(env.task.mission), np.array([0.0, 120.0, 160.0])
+    _, info = env.reset(options={"scenario": Scenario(position, np.zeros(3), np.radians(60.0))})
+    towards = position - normals
     is_in_view = np.sum(normals * towards, axis=1) >= np.cos(np.pi / 6) * np.linalg.norm(towards, axis=1)
     is_lit = normals @ [0.5, np.sqrt(0.75), 0.0] > 0.5
-    assert told["num_inspected"] == np.sum(is_in_view & is_lit) > 0
+    assert info["num_inspected"] == np.sum(is_in_view & is_lit) > 0
     spent = []
     for k in range(30):
-        *_, told = env.step(np.array([1.0 if k % 4 in (0, 3) else -1.0, 0.0, 0.0]))
-        spent.append(told["delta_v_m_s"])
+        *_, info = env.step(np.array([1.0 if k % 4 in (0, 3) else -1.0, 0.0, 0.0]))
+        spent.append(info["delta_v_m_s"])
     assert spent[0] == pytest.approx(1.0, rel=1e-3)
     assert spent[-1] == spent[-2] == pytest.approx(10.0, rel=1e-3)
     far = Scenario(np.array([0.0, 0.0, 252.0]), np.zeros(3), 0.0, np.pi / 2)

@@ -42,9 +42,9 @@ def fly(env, steps):
     return [env.step(action) for action in actions(steps, *env.action_space.shape)]
 
 
-def assert_equal(one, other):
+def assert_equal(steps, other):
     """Observations, rewards and ends are the same to the last bit."""
-    for step, again in zip(one, other, strict=True):
+    for step, again in zip(steps, other, strict=True):
         for part, part_again in zip(step[:4], again[:4], strict=True):
             np.testing.assert_array_equal(part, part_again)
 
@@ -145,9 +145,9 @@ def test_a_copy_goes_on_as_the_original_does(make, copied):
 
 @pytest.mark.slow
 def test_statistics_of_episodes_are_recorded_with_one_flight_and_with_many():
-    one = RecordEpisodeStatistics(gymnasium.make(ID, **SHORT))
-    one.reset(seed=6)
-    steps = fly(one, 10)
+    single = RecordEpisodeStatistics(gymnasium.make(ID, **SHORT))
+    single.reset(seed=6)
+    steps = fly(single, 10)
     episode = steps[-1][4]["episode"]
     assert episode["l"] == 10
     assert episode["r"] == pytest.approx(sum(reward for _, reward, *_ in steps))
@@ -180,8 +180,8 @@ def test_cleanrls_loop_runs(mode):
         assert np.isfinite(rewards).all()
         has_ended = terminated | truncated
         if has_ended.any():
-            told = infos["final_info"] if mode == AutoresetMode.SAME_STEP else infos
-            lengths += told["episode"]["l"].tolist()
+            ended = infos["final_info"] if mode == AutoresetMode.SAME_STEP else infos
+            lengths += ended["episode"]["l"].tolist()
             if mode == AutoresetMode.DISABLED:
                 seen, _ = envs.reset(options={"reset_mask": has_ended})
     assert lengths == [10] * 4

@@ -68,7 +68,7 @@ def ring(settings: Any, start: Scenario, samples: Integers) -> Floats:
     size = settings.ring_size_m
     most = settings.max_height_m
     height = np.clip(start.position_m[2], -most, most)
-    places = size * np.cos(phase), 2 * size * np.sin(phase), height * np.cos(swing)
+    coordinates = size * np.cos(phase), 2 * size * np.sin(phase), height * np.cos(swing)
     # the velocity is the derivative of the position: the phase falls at n
     speeds = size * np.sin(phase), -2 * size * np.cos(phase), -height * np.sin(swing)
-    return np.stack([*places, *(MEAN_MOTION * speed for speed in speeds)], axis=-1)
+    return np.stack([*coordinates, *(MEAN_MOTION * speed for speed in speeds)], axis=-1)

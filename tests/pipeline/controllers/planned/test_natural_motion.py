@@ -54,7 +54,7 @@ def test_no_closed_burn_nearby_does_as_well_for_less(plans):
     generator = np.random.default_rng(4)
     for start, plan in zip(STARTS[:3], plans[:3], strict=True):
         spent = np.abs(plan).sum()
-        asked = min(97, count_seen(world, start, flown(start, plan)[np.newaxis, :, :3])[0])
+        required = min(97, count_seen(world, start, flown(start, plan)[np.newaxis, :, :3])[0])
         better = 0
         for _ in range(60):
             burn = plan[0] + generator.normal(0.0, 0.02, 3)
@@ -64,7 +64,7 @@ def test_no_closed_burn_nearby_does_as_well_for_less(plans):
             path = flown(start, burn[np.newaxis], 569)[:, :3]
             distances = np.linalg.norm(path[1:], axis=1)
             if np.abs(burn).sum() < spent - 1e-3 and distances.min() > 20.0 and distances.max() < 195.0:
-                better += count_seen(world, start, path[np.newaxis, :361])[0] >= asked
+                better += count_seen(world, start, path[np.newaxis, :361])[0] >= required
         assert better == 0
 
 
@@ -79,8 +79,8 @@ def test_what_is_foretold_is_what_a_camera_on_the_chief_inspects(world):
     plan_for = None if "chief=tumbling" in world else cases.planner("natural_motion", *world)
     for start in scenarios[:2]:
         plan = cases.planned_ahead(plan_for, start, 1) if plan_for else np.zeros((0, 3))
-        told = count_seen(pack_world(mission), start, flown(start, plan)[np.newaxis, :, :3])[0]
-        assert fly_all(mission, open_loop("plan", plan), [start], workers=1).inspected_count[0] == told
+        foreseen = count_seen(pack_world(mission), start, flown(start, plan)[np.newaxis, :, :3])[0]
+        assert fly_all(mission, open_loop("plan", plan), [start], workers=1).inspected_count[0] == foreseen
 
 
 def test_fewer_points_asked_for_cost_less():

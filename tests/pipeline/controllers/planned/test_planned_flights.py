@@ -28,14 +28,14 @@ def test_the_number_of_threads_changes_nothing(kind):
     mission, scenarios = cases.starts(kind, "sun=random")
     controller = load(cases.composed(kind).experiment.controller, mission)
     tracks = [np.empty((8, 361, 3), dtype=np.float32) for _ in range(2)]
-    one, two = (
+    single, two = (
         fly_all(mission, controller, scenarios, n, track) for n, track in zip((1, 2), tracks, strict=True)
     )
-    for name, values in vars(one).items():
+    for name, values in vars(single).items():
         np.testing.assert_array_equal(values, vars(two)[name])
     np.testing.assert_array_equal(*tracks)
     last = fly_all(mission, controller, scenarios[-1:], 1)
-    assert last.delta_v_m_s[0] == one.delta_v_m_s[-1]
+    assert last.delta_v_m_s[0] == single.delta_v_m_s[-1]
 
 
 @pytest.mark.parametrize("kind", cases.KINDS)
@@ -67,8 +67,8 @@ def test_under_the_safety_layer_the_law_answers_to_where_it_led():
     assert outcomes.safety_periods[case] > 3
     log = fly_logged(mission, controller, scenarios[case])
     feedback = cases.planner("lqr", *overrides).gain
-    asked = regulated(feedback, scenarios[case], np.hstack([log.position_m, log.velocity_m_s]))
-    np.testing.assert_allclose(log.force_hill_n - log.safety_force_hill_n, asked, atol=1e-6)
+    force = regulated(feedback, scenarios[case], np.hstack([log.position_m, log.velocity_m_s]))
+    np.testing.assert_allclose(log.force_hill_n - log.safety_force_hill_n, force, atol=1e-6)
 
 
 SETTINGS = planned_settings(cases.composed("lqr").experiment.controller)
@@ -78,8 +78,8 @@ TRANSITION, CONTROL = transition(MEAN_MOTION, cases.PERIOD, cases.MASS)
 
 def regulated(feedback, start, states):
     """The forces that answer to where states are off the ring, N."""
-    asked = -(states - cases.ring(SETTINGS, start, np.arange(361)))[:-1] @ feedback.T
-    return np.where(np.abs(asked) < SETTINGS.dead_band_n, 0.0, np.clip(asked, -1.0, 1.0))
+    force = -(states - cases.ring(SETTINGS, start, np.arange(361)))[:-1] @ feedback.T
+    return np.where(np.abs(force) < SETTINGS.dead_band_n, 0.0, np.clip(force, -1.0, 1.0))
 
 
 def test_the_gain_is_that_of_scipys_riccati_solution_and_the_closed_loop_is_stable():
@@ -89,10 +89,10 @@ def test_the_gain_is_that_of_scipys_riccati_solution_and_the_closed_loop_is_stab
     force_cost = np.eye(3) / SETTINGS.force_tolerance_n**2
     solution = solve_discrete_are(TRANSITION, CONTROL, state_cost, force_cost)
     inverse = np.linalg.inv(force_cost + CONTROL.T @ solution @ CONTROL)
-    found = gain(SETTINGS, TRANSITION, CONTROL)
-    np.testing.assert_allclose(found, inverse @ CONTROL.T @ solution @ TRANSITION, rtol=1e-6, atol=1e-9)
+    computed = gain(SETTINGS, TRANSITION, CONTROL)
+    np.testing.assert_allclose(computed, inverse @ CONTROL.T @ solution @ TRANSITION, rtol=1e-6, atol=1e-9)
     # within a quarter of an orbit errors fall to a fifth
-    assert np.abs(np.linalg.eigvals(TRANSITION - CONTROL @ found)).max() ** 142 < 0.2
+    assert np.abs(np.linalg.eigvals(TRANSITION - CONTROL @ computed)).max() ** 142 < 0.2
 
 
 @pytest.mark.parametrize(

@@ -36,14 +36,14 @@ def test_a_single_burn_is_found_where_it_is_the_least(plans):
     length = max(plan_for.horizons)
     horizon = plan_for.horizons[length]
     state = np.array([80.0, 0.0, 5.0, 0.0, -2.0 * MEAN_MOTION * 80.0, 0.0])
-    for place, force in ((0, 0.05), (len(horizon.periods) // 2, -0.08)):
+    for index, force in ((0, 0.05), (len(horizon.periods) // 2, -0.08)):
         forces = np.zeros((length, 3))
-        forces[horizon.periods[place], 2] = force
+        forces[horizon.periods[index], 2] = force
         start = Scenario(state[:3], state[3:], 0.0)
         end = flown(start, forces, length + 1)[-1]
         solved = plan_for.solve(horizon, state, elements_matrix(MEAN_MOTION) @ end)
         expected = np.zeros_like(solved)
-        expected[place, 2] = force
+        expected[index, 2] = force
         np.testing.assert_allclose(solved, expected, atol=1e-6)
 
 
@@ -117,38 +117,38 @@ def test_under_several_layers_what_is_known_alike_is_planned_once() -> None:
     experiment = cases.composed("receding_horizon", "sun=random").experiment
     alone = load(experiment.controller, experiment.mission)
     assert isinstance(alone, PlanningController)
-    asked = []
+    requests = []
 
     class Counting:
         decisions = alone.planner.decisions[:4]
 
         def __call__(self, scenario, decision, state):
-            asked.append((decision, tuple(state)))
+            requests.append((decision, tuple(state)))
             return alone.planner(scenario, decision, state)
 
     both = remembering(replace(alone, planner=Counting()))
     guard = replace(experiment.mission.safety, kind="filter")
     guarded = replace(experiment.mission, safety=guard)
     flown_twice = [fly_all(mission, both, STARTS[:2], 1) for mission in (experiment.mission, guarded)]
-    assert len(asked) == len(set(asked))
-    assert 2 * len(Counting.decisions) <= len(asked) < 4 * len(Counting.decisions)
+    assert len(requests) == len(set(requests))
+    assert 2 * len(Counting.decisions) <= len(requests) < 4 * len(Counting.decisions)
     again = replace(alone, planner=Counting())
-    for mission, found in zip((experiment.mission, guarded), flown_twice, strict=True):
+    for mission, flights in zip((experiment.mission, guarded), flown_twice, strict=True):
         expected = fly_all(mission, again, STARTS[:2], 1)
-        np.testing.assert_array_equal(found.delta_v_m_s, expected.delta_v_m_s)
-        np.testing.assert_array_equal(found.inspected_count, expected.inspected_count)
+        np.testing.assert_array_equal(flights.delta_v_m_s, expected.delta_v_m_s)
+        np.testing.assert_array_equal(flights.inspected_count, expected.inspected_count)
 
 
 def test_what_is_planned_from_is_where_the_safety_layer_has_led() -> None:
     """In vectors with room for more flights than are flown, too: copies there are not guarded."""
     experiment = cases.composed("receding_horizon", "sun=random").experiment
-    told = {}
+    planned_from = {}
 
     class Diving:
         decisions = (0, 12, 24)
 
         def __call__(self, scenario, decision, state):
-            told[decision] = state
+            planned_from[decision] = state
             return -0.5 * np.tile(state[:3] / np.linalg.norm(state[:3]), (12, 1))
 
     guard = replace(experiment.mission.safety, kind="filter")
@@ -156,7 +156,7 @@ def test_what_is_planned_from_is_where_the_safety_layer_has_led() -> None:
     diving = replace(load(experiment.controller, experiment.mission), planner=Diving())
     log = fly_logged(guarded, diving, STARTS[0])
     assert np.any(log.safety_force_hill_n[12:24])
-    for decision, state in told.items():
+    for decision, state in planned_from.items():
         np.testing.assert_array_equal(
             state, np.hstack((log.position_m[decision], log.velocity_m_s[decision]))
         )

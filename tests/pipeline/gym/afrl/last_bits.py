@@ -28,8 +28,8 @@ def own_change(dynamics: Any, start: np.ndarray, actions: np.ndarray) -> float:
     """
     generator, slopes = np.random.default_rng(1), dynamics.compute_state_dot
 
-    def changed(*asked: Any) -> np.ndarray:
-        slope = slopes(*asked)
+    def changed(*arguments: Any) -> np.ndarray:
+        slope = slopes(*arguments)
         slope[ACCELERATIONS] = np.nextafter(slope[ACCELERATIONS], generator.choice([-np.inf, np.inf], 6))
         return slope
 

@@ -70,14 +70,16 @@ def randomly(env: Any, episode: int, k: int) -> np.ndarray:
     return (drawn * env.action_space.high).astype(np.float32)
 
 
-def flown(env: Any, law: Callable[[int], np.ndarray], told: Callable[[], Any]) -> tuple[Any, Any, list[Any]]:
+def flown(
+    env: Any, law: Callable[[int], np.ndarray], observe: Callable[[], Any]
+) -> tuple[Any, Any, list[Any]]:
     """Fly an episode to its end; return actions, rewards and what is told at each sample."""
-    actions, rewards, rows, is_over = [], [], [told()], False
+    actions, rewards, rows, is_over = [], [], [observe()], False
     while not is_over:
         actions.append(law(len(actions)))
         _, reward, terminated, truncated, _ = env.step(actions[-1])
         rewards.append(reward)
-        rows.append(told())
+        rows.append(observe())
         is_over = terminated or truncated
     return np.array(actions), np.array(rewards), rows
 
@@ -94,37 +96,40 @@ def inspected(env: Any, seed: int, act: Callable[[int], np.ndarray]) -> dict[str
     deputy, points = env.deputy, env.chief.inspection_points
     start = np.array((*deputy.position, *deputy.velocity, env.sun.theta, *points.priority_vector))
 
-    def told() -> tuple[int, float, np.ndarray, np.ndarray]:
+    def observe() -> tuple[int, float, np.ndarray, np.ndarray]:
         seen = points.get_num_points_inspected(), points.get_total_weight_inspected()
         return *seen, deputy.position.copy(), deputy.orientation.copy()
 
-    actions, rewards, rows = flown(env, act, told)
-    counts, weights, places, turns = zip(*rows, strict=True)
+    actions, rewards, rows = flown(env, act, observe)
+    counts, weights, positions, turns = zip(*rows, strict=True)
     return {
         "start": start, "actions": actions, "counts": np.array(counts, dtype=np.uint8),
-        "weights": np.array(weights), "rewards": rewards, "places": kept(places), "turns": kept(turns),
+        "weights": np.array(weights), "rewards": rewards, "places": kept(positions), "turns": kept(turns),
         "status": env.status,
     }  # fmt: skip
 
 
 def flights(kind: Callable[[], Any], law: Callable[..., Any], may_change: bool) -> list[dict[str, Any]]:
     """Fly twenty episodes; where last bits may change them, as many as it takes for twenty to repeat."""
-    found: list[dict[str, Any]] = []
-    while sum(one["own_change"] < REPEATED_M for one in found) < NUM_EPISODES:
-        env, seed, change = kind(), len(found), 0.0
-        one = inspected(env, seed, functools.partial(law, env, seed))
+    episodes: list[dict[str, Any]] = []
+    while sum(episode["own_change"] < REPEATED_M for episode in episodes) < NUM_EPISODES:
+        env, seed, change = kind(), len(episodes), 0.0
+        episode = inspected(env, seed, functools.partial(law, env, seed))
         if may_change:
-            change = own_change(env.deputy.dynamics, one["start"], one["actions"])
-        found.append(one | {"own_change": change})
-    return found
+            change = own_change(env.deputy.dynamics, episode["start"], episode["actions"])
+        episodes.append(episode | {"own_change": change})
+    return episodes
 
 
 def make(name: str, kind: Callable[[], Any], script: Callable[..., np.ndarray] = scripted) -> None:
     """Write the table of one of their environments."""
     is_turning = name == "afrl_six_dof"
     columns: dict[str, list[Any]] = {}
-    for one in [*flights(kind, script, may_change=False), *flights(kind, randomly, may_change=is_turning)]:
-        for key, value in one.items():
+    for episode in [
+        *flights(kind, script, may_change=False),
+        *flights(kind, randomly, may_change=is_turning),
+    ]:
+        for key, value in episode.items():
             columns.setdefault(key, []).append(value)
     lengths = [len(actions) for actions in columns["actions"]]
     joined = {
@@ -143,9 +148,9 @@ def make(name: str, kind: Callable[[], Any], script: Callable[..., np.ndarray] =
 
 def docking(env: Any, episode: int, k: int) -> np.ndarray:
     """Return the force of a law that comes in at a share of the limit, N, Hill axes."""
-    place, velocity = env.deputy.position, env.deputy.velocity
-    distance = np.linalg.norm(place)
-    wanted = -place / distance * SHARES[episode] * (0.2 + 0.002054 * (distance - 0.5))
+    position, velocity = env.deputy.position, env.deputy.velocity
+    distance = np.linalg.norm(position)
+    wanted = -position / distance * SHARES[episode] * (0.2 + 0.002054 * (distance - 0.5))
     force = 12.0 * 0.4 * (wanted - velocity)
     return (np.round(1024.0 * np.clip(force, -1.0, 1.0)) / 1024.0).astype(np.float32)
 
@@ -158,23 +163,23 @@ def docking_randomly(env: Any, episode: int, k: int) -> np.ndarray:
 
 def make_docking(kind: Callable[[], Any]) -> None:
     """Write the table of docking, each episode with the script, then each with random forces."""
-    found = []
+    rows = []
     for law, episode in itertools.product((docking, docking_randomly), range(len(SHARES))):
         env = kind()
         env.reset(seed=episode)
         start = np.concatenate([env.deputy.position, env.deputy.velocity])
         act = functools.partial(law, env, episode)
-        actions, rewards, places = flown(env, act, lambda env=env: env.deputy.position.copy())
-        found.append((start, actions, rewards, kept(places), env.status))
-    starts, actions, rewards, places, statuses = zip(*found, strict=True)
+        actions, rewards, positions = flown(env, act, lambda env=env: env.deputy.position.copy())
+        rows.append((start, actions, rewards, kept(positions), env.status))
+    starts, actions, rewards, positions, statuses = zip(*rows, strict=True)
     np.savez_compressed(
         HERE.parent / "docking" / "docking.npz",
         start=np.array(starts),
         actions=np.round(1024.0 * np.concatenate(actions)).astype(np.int16),
         rewards=np.concatenate(rewards),
-        places=np.concatenate(places),
+        places=np.concatenate(positions),
         status=np.array(statuses),
-        length=np.array([len(one) for one in actions]),
+        length=np.array([len(flight) for flight in actions]),
     )
 
 
