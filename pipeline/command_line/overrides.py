@@ -13,6 +13,7 @@ from hydra.errors import HydraException
 
 from pipeline.command_line.arguments import EXPERIMENT, ConfigError
 from pipeline.settings.keys import KNOWN, choices_of, did_you_mean, is_key, nearest, renamed, unknown
+from pipeline.settings.places import conf_folder
 
 #: groups of options, to the names of these
 Groups = Mapping[str, Sequence[str]]
@@ -159,9 +160,12 @@ def _check_choice(override: Override, known: Sequence[str], plain: str) -> None:
     group = override.key_or_group
     if override.type == OverrideType.DEL:
         return
-    if group == EXPERIMENT and override.type == OverrideType.CHANGE:
-        raise ConfigError(f"an experiment is added to what stands already: write +{plain}")
-    if group != EXPERIMENT and override.type == OverrideType.ADD:
+    # a group that ships has a choice by default, but for the experiment
+    is_chosen = group != EXPERIMENT and (conf_folder() / group).is_dir()
+    if not is_chosen and override.type == OverrideType.CHANGE:
+        what = "an experiment" if group == EXPERIMENT else f"an option of {group}"
+        raise ConfigError(f"{what} is added to what stands already: write +{plain}")
+    if is_chosen and override.type == OverrideType.ADD:
         raise ConfigError(f"{group} is chosen already; write {plain} without the +")
     for choice in _choices(override, known):
         if choice not in known:

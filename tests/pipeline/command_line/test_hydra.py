@@ -213,6 +213,14 @@ def test_the_search_path_is_searched(monkeypatch, ran, tmp_path):
     assert "did you mean" in ran("+experiment=drfit", "controller=coast", path, code=2).err
 
 
+def test_an_option_of_the_users_is_added_where_none_ships(ran, tmp_path):
+    (tmp_path / "mine/report").mkdir(parents=True)
+    (tmp_path / "mine/report/own.yaml").write_text("title: My flights\n")
+    words = ["--config-dir", str(tmp_path / "mine"), *EVALUATE, "--cfg", "job"]
+    assert "title: My flights" in ran(*words, "+report=own").out
+    assert "write +report=own" in ran(*words, "report=own", code=2).err
+
+
 def test_verbose_prints_what_libraries_say(monkeypatch, capfd):
     use_stages(monkeypatch)
     assert main([*FLY, "hydra.verbose=true", "hydra.run.dir=run"]) == 0
