@@ -7,16 +7,22 @@ complete and on disk. The operating system's errors are raised, so that callers 
 """
 
 import errno
+import io
 import os
 import secrets
 import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
+from io import BufferedReader
 from pathlib import Path
-from typing import BinaryIO, Final
+from typing import BinaryIO, Final, TextIO
 
 #: the end of a hidden name, which a file has until it is complete
 UNFINISHED: Final = ".unfinished"
+#: of a file that is read at once, unless its format needs more: plain data takes 20 times this in memory
+MAX_BYTES: Final = 32 * 1024**2
+#: by which a file may grow while it is read
+_GROWTH_BYTES: Final = 1024**2
 #: what paths lead to besides regular files
 KINDS: Final = {
     stat.S_IFDIR: "a folder",
@@ -27,7 +33,15 @@ KINDS: Final = {
 }
 
 
-def open_regular(path: Path | str, most_bytes: int | None = None) -> BinaryIO:
+class RefusedFileError(OSError):
+    """A path that leads to something that is not read or replaced; its text says what, and what to do."""
+
+    def __str__(self) -> str:
+        """Return the reason alone."""
+        return str(self.strerror)
+
+
+def open_regular(path: Path | str, most_bytes: int | None = None) -> BufferedReader:
     """Open a regular file for reading.
 
     Parameters
@@ -54,7 +68,7 @@ def open_regular(path: Path | str, most_bytes: int | None = None) -> BinaryIO:
         raise
 
 
-def read_bytes(path: Path | str, most_bytes: int) -> bytes:
+def read_bytes(path: Path | str, most_bytes: int = MAX_BYTES) -> bytes:
     """Return the content of a regular file.
 
     Raises
@@ -63,23 +77,34 @@ def read_bytes(path: Path | str, most_bytes: int) -> bytes:
         As `open_regular`, and if it grows beyond `most_bytes` meanwhile.
     """
     with open_regular(path, most_bytes) as stream:
-        content = stream.read(most_bytes + 1)
+        size = os.fstat(stream.fileno()).st_size
+        content = stream.read(min(most_bytes, size + _GROWTH_BYTES) + 1)
     if len(content) > most_bytes:
         raise _too_large(path, most_bytes)
     return content
 
 
-def read_text(path: Path | str, most_bytes: int) -> str:
-    """Return the content of a regular file of UTF-8.
+def open_text(path: Path | str, most_bytes: int = MAX_BYTES, encoding: str = "utf-8") -> TextIO:
+    """Open a regular file as text, its line ends unchanged, as `csv` needs it; see `open_regular`."""
+    return io.TextIOWrapper(open_regular(path, most_bytes), encoding=encoding, newline="")
+
+
+def read_text(path: Path | str, most_bytes: int = MAX_BYTES, encoding: str = "utf-8") -> str:
+    """Return the content of a regular file as text.
 
     Raises
     ------
     OSError
         As `read_bytes`.
     UnicodeDecodeError
-        If it is no UTF-8.
+        If it is no text of that encoding.
     """
-    return read_bytes(path, most_bytes).decode("utf-8")
+    return read_bytes(path, most_bytes).decode(encoding)
+
+
+def read_shipped(path: Path) -> str:
+    """Return the text of a file that is part of the program; an installer may have made it a link."""
+    return path.read_text(encoding="utf-8")
 
 
 def _require_regular(status: os.stat_result, path: Path | str, most_bytes: int | None) -> None:
@@ -88,18 +113,19 @@ def _require_regular(status: os.stat_result, path: Path | str, most_bytes: int |
         raise _link(path)
     if kind != stat.S_IFREG:
         number = errno.EISDIR if kind == stat.S_IFDIR else errno.EINVAL
-        raise OSError(number, f"{KINDS.get(kind, 'something')}, where a file is expected", str(path))
+        text = f"{KINDS.get(kind, 'something')}, where a file is expected"
+        raise RefusedFileError(number, text, str(path))
     if most_bytes is not None and status.st_size > most_bytes:
         raise _too_large(path, most_bytes)
 
 
-def _link(path: Path | str) -> OSError:
+def _link(path: Path | str) -> RefusedFileError:
     text = f"a link to {os.readlink(path)}; give the path of the file itself"
-    return OSError(errno.ELOOP, text, str(path))
+    return RefusedFileError(errno.ELOOP, text, str(path))
 
 
-def _too_large(path: Path | str, most_bytes: int) -> OSError:
-    return OSError(errno.EFBIG, f"larger than {most_bytes} bytes", str(path))
+def _too_large(path: Path | str, most_bytes: int) -> RefusedFileError:
+    return RefusedFileError(errno.EFBIG, f"larger than {most_bytes} bytes", str(path))
 
 
 @contextmanager
@@ -113,19 +139,42 @@ def replacing(path: Path) -> Iterator[BinaryIO]:
     OSError
         If the disk is full, the folder may not be written to, or the path is a link or no file.
     """
-    if path.is_symlink():
-        raise OSError(
-            errno.ELOOP, f"a link to {path.readlink()}; give the path of the file itself", str(path)
-        )
+    mode = _mode_to_keep(path)
     unfinished = path.with_name(f".{path.name[:100]}.{secrets.token_hex(4)}{UNFINISHED}")
     try:
-        with unfinished.open("xb") as stream:
+        with create(unfinished) as stream:
+            if mode is not None:
+                os.fchmod(stream.fileno(), mode)
             yield stream
             stream.flush()
             os.fsync(stream.fileno())
         unfinished.replace(path)
     finally:
         unfinished.unlink(missing_ok=True)
+
+
+def _mode_to_keep(path: Path) -> int | None:
+    """Return the permissions of a file that is to be replaced; refuse what is no file."""
+    try:
+        status = os.lstat(path)
+    except FileNotFoundError:
+        return None
+    _require_regular(status, path, None)
+    return stat.S_IMODE(status.st_mode)
+
+
+def create(path: Path) -> BinaryIO:
+    """Return a new file for writing under its own name, which others may read while it grows.
+
+    An earlier file or link of that name is removed, not followed.
+
+    Raises
+    ------
+    OSError
+        If it cannot be made.
+    """
+    path.unlink(missing_ok=True)
+    return path.open("xb")
 
 
 def write_bytes(path: Path, content: bytes) -> None:

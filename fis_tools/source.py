@@ -13,6 +13,7 @@ from pathlib import Path
 
 from fis_tools.analysis import flights
 from fis_tools.errors import ControllerFileError, nearest, told_as
+from fis_tools.file_access import read_text
 from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController, FuzzySystem
 
@@ -93,7 +94,7 @@ def _folders() -> list[Path]:
     here = Path.cwd()
     for project in (here, *here.parents):
         with suppress(OSError, ValueError, KeyError, TypeError):
-            settings = tomllib.loads((project / "pyproject.toml").read_text(encoding="utf-8"))
+            settings = tomllib.loads(read_text(project / "pyproject.toml"))
             return [project / str(folder) for folder in settings["tool"]["fis_tools"]["controllers"]]
     return []
 
@@ -116,7 +117,7 @@ def _of_program(path: Path | str, trust: bool) -> FuzzyController:
 def _champion_of(folder: Path) -> str:
     """Return the name of the champion of a folder, as its manifest says."""
     try:
-        return str(json.loads((folder / MANIFEST).read_text(encoding="utf-8"))["files"]["champion"])
+        return str(json.loads(read_text(folder / MANIFEST))["files"]["champion"])
     except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return CHAMPION
 

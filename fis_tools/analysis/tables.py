@@ -11,12 +11,15 @@ from numpy.typing import NDArray
 
 from fis_tools.array_types import Floats
 from fis_tools.errors import ControllerFileError, MissingExtra, nearest
+from fis_tools.file_access import open_regular, open_text
 
 CSV, PARQUET = ".csv", ".parquet"
 #: the types of words, by their names in Parquet files
 WORDS = ("string", "large_string", "binary", "large_binary")
 #: cells of a Parquet file that are read, a few bytes of which may stand for millions
 MOST_CELLS = 10_000_000
+#: of a table's file
+MOST_BYTES = 256 * 1024**2
 #: a column of this name holds the time of each row, in seconds
 TIME = "time_s"
 #: a name with its unit, such as ``petal length (cm)``
@@ -103,7 +106,7 @@ def _wanted(
 
 
 def _from_csv(path: Path, names: Sequence[str], labels: Mapping[str, str]) -> tuple[list[str], Floats]:
-    with path.open(encoding="utf-8-sig", newline="") as file:
+    with open_text(path, MOST_BYTES, "utf-8-sig") as file:
         held = [name.strip() for name in next(csv.reader(file), [])]
         wanted = _wanted(path, held, names, labels)
         positions = [held.index(column) for column in wanted.values()]
@@ -157,13 +160,16 @@ def read_parquet(path: Path, choose: Callable[[Sequence[str]], Sequence[str]]) -
     except ModuleNotFoundError as error:
         raise MissingExtra("reading Parquet files", "pyarrow", "pyarrow") from error
     try:
-        schema = parquet.read_schema(path)
-        names = list(choose(schema.names))
-        if nested := [name for name in names if pyarrow.types.is_nested(schema.field(name).type)]:
-            raise ControllerFileError(f"{path}: its column {nested[0]!r} is of lists; give numbers or words")
-        words = [name for name in names if str(schema.field(name).type) in WORDS]
-        # words stay what they are packed as, numbers of a dictionary
-        with parquet.ParquetFile(path, read_dictionary=words) as file:
+        with open_regular(path, MOST_BYTES) as stream:
+            schema = parquet.read_schema(stream)
+            names = list(choose(schema.names))
+            if nested := [name for name in names if pyarrow.types.is_nested(schema.field(name).type)]:
+                raise ControllerFileError(
+                    f"{path}: its column {nested[0]!r} is of lists; give numbers or words"
+                )
+            words = [name for name in names if str(schema.field(name).type) in WORDS]
+            # words stay what they are packed as, numbers of a dictionary
+            file = parquet.ParquetFile(stream, read_dictionary=words)
             if file.metadata.num_rows * max(1, len(names)) > MOST_CELLS:
                 raise ControllerFileError(
                     f"{path} has {file.metadata.num_rows} rows of {len(names)} columns; at most "

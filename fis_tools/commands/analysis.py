@@ -13,6 +13,7 @@ from fis_tools.analysis.bounds import NUM_BOXES, ask, output_ranges
 from fis_tools.analysis.domain import Box, Departure, departures, from_mapping
 from fis_tools.commands.arguments import ControllerArguments, analysing, expected
 from fis_tools.errors import ControllerFileError, Mistake, told_as
+from fis_tools.file_access import read_text
 
 
 def bounds(
@@ -104,7 +105,7 @@ def domain(domain: str, flights: tuple[str, ...], /) -> int:
 
 def _read(path: Path) -> tuple[Box, ...]:
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = json.loads(read_text(path))
     except (OSError, ValueError, RecursionError) as error:
         raise ControllerFileError(f"{path} cannot be read ({error}); give a domain.json") from error
     return from_mapping(content, str(path))

@@ -14,6 +14,7 @@ from cyclopts import Parameter
 from fis_tools.analysis import flights
 from fis_tools.array_types import Floats
 from fis_tools.errors import Mistake, require_known
+from fis_tools.file_access import write_bytes
 from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.model.thrust import COUNTED, REASONS, UNKNOWN
@@ -177,7 +178,15 @@ def write(output: str | None, content: str) -> None:
     if output is None:
         print(content, end="")
     else:
-        place_for(Path(output)).write_text(content, encoding="utf-8")
+        write_file(Path(output), content.encode())
+
+
+def write_file(path: Path, content: bytes) -> None:
+    """Write a file, whose folder is made if missing; raise Mistake where it cannot be."""
+    try:
+        write_bytes(place_for(path), content)
+    except OSError as error:
+        raise Mistake(f"{path} cannot be written ({error.strerror}); choose another path") from error
 
 
 @Parameter(name="*")

@@ -84,10 +84,10 @@ def _write_each(controller: FuzzyController, form: str, output: str | None) -> N
         if path is None:
             print(file.content.decode(), end="")
         elif path.is_dir() or not path.suffix or len(files) > 1:
-            arguments.place_for(path / name).write_bytes(file.content)
+            arguments.write_file(path / name, file.content)
             print(path / name)
         else:
-            arguments.place_for(path).write_bytes(file.content)
+            arguments.write_file(path, file.content)
         for loss in file.losses:
             print(f"{name}: {loss}", file=sys.stderr)
 

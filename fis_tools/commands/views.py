@@ -258,8 +258,8 @@ def review(
     print(f"reviewing {controller.name}", file=sys.stderr)
     with arguments.analysing(controller):
         text = page.write(controller, args.paths, args.system, evidence, all_periods=args.all_periods)
-    path = arguments.place_for(Path(output))
-    path.write_text(text, encoding="utf-8")
+    path = Path(output)
+    arguments.write_file(path, text.encode())
     print(f"{path}: {len(text.encode()) / 1e6:.2f} MB; open it in a browser", file=sys.stderr)
 
 

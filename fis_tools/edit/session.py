@@ -1,10 +1,10 @@
 """What one page edits: a controller, its history, and what changed since it was opened."""
 
-import shutil
 from collections.abc import Callable, Sequence
 from itertools import chain, count
 from pathlib import Path
 
+from fis_tools.file_access import write_bytes
 from fis_tools.findings.difference import Difference, difference
 from fis_tools.findings.difference.report import TO, headline, shape_change
 from fis_tools.formats.files import written
@@ -106,22 +106,10 @@ class Session:
                 f"{listed(there)} is there already; choose another name, or tick that it is replaced"
             )
         for path, file in files.items():
-            _write_whole(path, file.content)
+            path.parent.mkdir(parents=True, exist_ok=True)
+            write_bytes(path, file.content)
         self._saved = self.controller
         return [f"wrote {path}" for path in files] + [loss for file in files.values() for loss in file.losses]
-
-
-def _write_whole(path: Path, content: bytes) -> None:
-    """Write a file of which at every moment either the old or the new content is there, never a part."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    beside = path.with_name(f".{path.name}.unfinished")
-    try:
-        beside.write_bytes(content)
-        if path.exists():
-            shutil.copymode(path, beside)
-        beside.replace(path)
-    finally:
-        beside.unlink(missing_ok=True)
 
 
 def changes_in_words(found: Difference) -> str:

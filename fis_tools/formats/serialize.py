@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from fis_tools.errors import ControllerFileError
+from fis_tools.file_access import read_bytes
 from fis_tools.formats import mapping, notation
 from fis_tools.formats.mapping import to_mapping
 from fis_tools.model import FuzzyController
@@ -177,16 +178,13 @@ def read(path: Path | str) -> Reading:
     kind = _KINDS.get(path.suffix.lower())
     most = notation.MAX_JSON_BYTES if kind == "json" else notation.MAX_FILE_BYTES
     try:
-        with path.open("rb") as file:
-            content = file.read(most + 1)
+        content = read_bytes(path, most)
     except OSError as error:
         reason = (error.strerror or "unreadable").lower()
         raise ControllerFileError(f"{path}: cannot be read ({reason}); check the path") from error
     if kind is None:
         endings = f"{', '.join(ENDINGS[:-1])} or {ENDINGS[-1]}"
         raise ControllerFileError(f"{path}: a controller file ends in {endings}; rename it if it is one")
-    if len(content) > most:
-        raise ControllerFileError(f"{path}: larger than {most} bytes; a controller is much smaller")
     try:
         text, notes = _decoded(content, kind)
         reading = reads(text, kind)

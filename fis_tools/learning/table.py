@@ -15,6 +15,7 @@ from fis_tools.analysis.tables import name_and_unit
 from fis_tools.array_types import Floats, Integers
 from fis_tools.engines.inference import columns_of
 from fis_tools.errors import Mistake, require_known
+from fis_tools.file_access import open_text
 from fis_tools.learning.rules import range_of
 from fis_tools.plain_text import as_number, distinct
 
@@ -162,7 +163,7 @@ def read_csv(path: Path | str) -> dict[str, list[str]]:
         If it cannot be read, or a line is longer or shorter than the first.
     """
     try:
-        with Path(path).open(encoding="utf-8-sig", newline="") as stream:
+        with open_text(path, tables.MOST_BYTES, "utf-8-sig") as stream:
             reader = csv.reader(stream)
             (_, head), *lines = [(reader.line_num, cells) for cells in reader if cells] or [(1, [""])]
     except (OSError, UnicodeDecodeError, csv.Error) as error:

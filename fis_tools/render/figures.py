@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 
 from fis_tools.analysis.arrays import Surface, output_named, surface
 from fis_tools.array_types import Floats
+from fis_tools.file_access import write_bytes
 from fis_tools.model import FuzzySystem, Term, Variable, peak, sample
 from fis_tools.render import lettering, surfaces
 from fis_tools.render.inference import memberships
@@ -262,4 +263,4 @@ def save(figure: Figure, path: Path | str, dots_per_inch: int = 150) -> None:
         If the name ends with no format that there is.
     """
     path = Path(path)
-    path.write_bytes(encode(figure, path.suffix.removeprefix(".").lower(), dots_per_inch))
+    write_bytes(path, encode(figure, path.suffix.removeprefix(".").lower(), dots_per_inch))

@@ -10,6 +10,7 @@ from types import ModuleType
 
 from fis_tools.document import html
 from fis_tools.errors import MissingExtra
+from fis_tools.file_access import write_text
 from fis_tools.model import FuzzyController, FuzzySystem, Variable
 from fis_tools.words.text import outline
 
@@ -22,7 +23,7 @@ class _Review(ModuleType):
         from fis_tools.review import page  # noqa: PLC0415 - takes long to import
         from fis_tools.source import as_controller  # noqa: PLC0415
 
-        Path(path).write_text(page.write(as_controller(thing)), encoding="utf-8")
+        write_text(Path(path), page.write(as_controller(thing)))
         return Path(path)
 
 

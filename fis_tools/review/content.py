@@ -14,6 +14,7 @@ from fis_tools.document import Block, Heading, Items, Paragraph, Table
 from fis_tools.engines.compiler import compile
 from fis_tools.engines.interval import NotBounded
 from fis_tools.errors import ControllerFileError
+from fis_tools.file_access import read_text
 from fis_tools.findings.audit import Audit, Finding
 from fis_tools.model import FuzzyController, FuzzySystem, Variable, peak
 from fis_tools.plain_text import as_number
@@ -159,7 +160,7 @@ def read_evidence(path: Path | str, fingerprint: str) -> tuple[dict[str, Any], l
         If the file cannot be read, is no evidence, or is about another controller.
     """
     try:
-        content = json.loads(Path(path).read_text(encoding="utf-8"))
+        content = json.loads(read_text(path))
         if content["schema"] != SCHEMA:
             raise ValueError(content["schema"])
         name, sha256 = (content["controller"].get(key) for key in ("name", "sha256"))

@@ -15,6 +15,7 @@ from fis_tools.analysis import arrays, flights, tables
 from fis_tools.array_types import Floats
 from fis_tools.document import Table
 from fis_tools.errors import ControllerFileError, told_as
+from fis_tools.file_access import read_text
 from fis_tools.model import FuzzyController, FuzzySystem
 
 
@@ -147,8 +148,10 @@ def evaluations(paths: Sequence[Path | str], sha256: str) -> list[Evaluation]:
     results = []
     for folder in dict.fromkeys(folders):
         if (folder / SUMMARY).is_file():
-            with told_as(ControllerFileError, ValueError, where=f"{folder / SUMMARY}: "):
-                summary = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
+            with told_as(
+                ControllerFileError, OSError, ValueError, RecursionError, where=f"{folder / SUMMARY}: "
+            ):
+                summary = json.loads(read_text(folder / SUMMARY))
             is_own = summary.get("controller_sha256") == sha256
             results.append(Evaluation(summary, _worst(folder / EPISODES), is_own))
     return results

@@ -9,6 +9,7 @@ from typing import Any, Final, NoReturn
 
 from hydra._internal.utils import get_args_parser
 
+from fis_tools.file_access import read_bytes, read_shipped
 from pipeline.settings.keys import did_you_mean
 from pipeline.settings.places import conf_folder
 
@@ -175,5 +176,5 @@ def check_config_dir(folder: Path) -> None:
     for path in sorted(folder.rglob("*.yaml")):
         shipped = conf_folder() / path.relative_to(folder)
         # Hydra reads the first that it finds; a copy may stay
-        if shipped.is_file() and shipped.read_bytes() != path.read_bytes():
+        if shipped.is_file() and read_shipped(shipped).encode() != read_bytes(path):
             raise ConfigError(f"{path} has the name of one that ships, which is read in its place; rename it")

@@ -17,6 +17,7 @@ from hydra.core.global_hydra import GlobalHydra
 from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig, OmegaConf
 
+from fis_tools.file_access import read_text
 from pipeline.command_line.arguments import EXPERIMENT, ConfigError
 from pipeline.command_line.groups import options
 from pipeline.command_line.hydra_errors import errors_in_words
@@ -243,7 +244,7 @@ def read_starts(config: dict[str, Any]) -> None:
         return
     path = Path(str(starts["path"]))
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        text = read_text(path, encoding="utf-8-sig")
     except (OSError, ValueError) as error:
         raise ConfigError(f"{path} cannot be read ({error}); give a CSV file of starts") from error
     starts["table"], cases["table"] = start_table.split(text, str(path))

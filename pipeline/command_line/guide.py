@@ -30,6 +30,7 @@ from typing import Any
 from omegaconf import OmegaConf
 
 from fis_tools.document.text import aligned
+from fis_tools.file_access import read_text
 from pipeline.command_line.arguments import ConfigError
 from pipeline.command_line.config import compose_node, without_hydra
 from pipeline.command_line.groups import options
@@ -151,7 +152,7 @@ def _described(folders: Sequence[Path], group: str, groups: dict[str, list[str]]
 
 def _first_comment(path: Path) -> str:
     """Return the first comment line at the top of a YAML file that is not a Hydra directive."""
-    comments = takewhile(lambda line: line.startswith("#"), path.read_text(encoding="utf-8").splitlines())
+    comments = takewhile(lambda line: line.startswith("#"), read_text(path).splitlines())
     texts = (line.lstrip("#").strip() for line in comments)
     return next((text for text in texts if text and not text.startswith("@package")), "")
 

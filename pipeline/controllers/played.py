@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from fis_tools.file_access import open_text
 from pipeline.array_types import Floats
 from pipeline.flight.control.controller import ControllerError, OpenLoopController, open_loop
 from pipeline.flight.state.arrays import Turns
@@ -33,6 +34,8 @@ ATTITUDES = ("q1", "q2", "q3", "q4")
 CHOICES = ((HILL_FORCES, BODY_FORCES), (TORQUES, ATTITUDES))
 #: the columns of a table of forces alone
 COLUMNS = (TIME, *HILL_FORCES)
+#: of a file: a column of the longest flight takes 2 MB
+MOST_BYTES = 64 * 1024**2
 #: tolerance for the length of an attitude quaternion, which is then normalised
 LENGTH_TOLERANCE = 1e-3
 
@@ -50,7 +53,7 @@ def read_played(path: Path, mission: Mission) -> OpenLoopController:
         If the file cannot be read, or a column, a time or a number is invalid.
     """
     try:
-        with path.open(encoding="utf-8-sig", newline="") as stream:
+        with open_text(path, MOST_BYTES, "utf-8-sig") as stream:
             rows = list(csv.reader(stream))
     except (OSError, ValueError, csv.Error) as error:
         raise ControllerError(f"{path} cannot be read ({error}); give a CSV file of forces") from error

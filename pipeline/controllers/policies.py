@@ -10,6 +10,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from fis_tools.file_access import read_bytes
 from pipeline.controllers.layers import NUM_FORCES, UnreadableError
 from pipeline.controllers.learned import Network, Policy, Units
 from pipeline.controllers.operators import Graph
@@ -42,18 +43,12 @@ def read_policy(path: Path) -> Controller:
         observations to three forces.
     """
     try:
-        source = _content(path)
+        source = read_bytes(path, MOST_BYTES)
         data = path.with_name(f"{path.name}.data")
-        weights = _content(data) if data.is_file() else None
+        weights = read_bytes(data, MOST_BYTES) if data.is_file() else None
     except OSError as error:
         raise ControllerError(f"{path} cannot be read ({error.strerror}); give an ONNX file") from error
     return policy_of(path.stem, source, str(path), weights)
-
-
-def _content(path: Path) -> bytes:
-    """Return at most one byte more than is allowed."""
-    with path.open("rb") as stream:
-        return stream.read(MOST_BYTES + 1)
 
 
 def policy_of(name: str, source: bytes, label: str, weights: bytes | None = None) -> Controller:

@@ -10,6 +10,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from fis_tools.file_access import read_shipped
 from fis_tools.formats import serialize
 from pipeline.controllers.played import read_played
 from pipeline.controllers.policies import read_policy
@@ -92,7 +93,7 @@ def named(name: str, mission: Mission) -> Controller:
             "path of its file, .json, .yaml, .onnx or a .csv of forces"
         )
     path = conf_folder() / "controller" / f"{name}.yaml"
-    source = configuration.parse(path.read_bytes())
+    source = configuration.parse(read_shipped(path).encode())
     if "kind" not in source:
         return load({"path": str(path)}, mission)
     check_controller(source)

@@ -24,6 +24,7 @@ from optuna.storages import JournalStorage
 from optuna.storages.journal import BaseJournalBackend
 from optuna.trial import FrozenTrial, Trial, TrialState
 
+from fis_tools.file_access import read_text
 from pipeline.run import writing
 from pipeline.settings.checks import SettingError
 from pipeline.settings.experiment import HparamsSearch
@@ -127,7 +128,7 @@ class _Journal(BaseJournalBackend):
 def _resumed(path: Path, search: HparamsSearch) -> tuple[optuna.Study, _Journal]:
     """Return a study with the trials of a journal; a new one if that is missing or damaged."""
     try:
-        return _opened(path, path.read_text(encoding="utf-8"), search)
+        return _opened(path, read_text(path), search)
     except FileNotFoundError:
         pass
     except Exception as error:  # noqa: BLE001 - whatever Optuna raises of what it did not write

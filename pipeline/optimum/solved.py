@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fis_tools.file_access import open_text
 from pipeline.array_types import Floats
 from pipeline.flight.state.log import Scenario, points_needed
 from pipeline.flight.world.pack import inspection_points
@@ -113,8 +114,9 @@ def read_solved(folder: Path) -> Solved:
     columns = tables.read_parquet(folder, artifacts.OPTIMUM_CASES)
     summary = artifacts.read_json(folder, artifacts.OPTIMUM_SUMMARY)
     path = artifacts.require(folder, artifacts.OPTIMUM_FORCES)
-    with artifacts.explained(f"{folder} has no readable plans of least fuel", "repeat the stage optimum"):
-        fired = np.loadtxt(path, delimiter=",", skiprows=1, ndmin=2).reshape(-1, 5)
+    fault = f"{folder} has no readable plans of least fuel"
+    with artifacts.explained(fault, "repeat the stage optimum"), open_text(path) as stream:
+        fired = np.loadtxt(stream, delimiter=",", skiprows=1, ndmin=2).reshape(-1, 5)
     is_solved = columns["is_feasible"].astype(np.bool_) & (columns["delta_v_m_s"] > 0.0)
     return Solved(folder, {name: column[is_solved] for name, column in columns.items()}, fired, summary)
 

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fis_tools.file_access import open_text, read_bytes
 from pipeline.controllers.source import controller_of_run
 from pipeline.evaluation.comparison import PAPER_TEST, PAPER_TRAINING, ComparisonRow, Reported
 from pipeline.evaluation.monte_carlo import SUCCESS, fly_cases, rank, summarise
@@ -149,14 +150,12 @@ def gather(experiment: Experiment, folder: Path) -> Contents:
     evaluation = read_evaluation(folder, experiment.monte_carlo.confidence_percent)
     summary, episodes = (evaluation.summary, evaluation.episodes) if evaluation else ({}, None)
     beside = comparisons.read_beside(folder, summary)
-    scenarios = folder / artifacts.SCENARIOS
     # which also name starts of a training where these are recorded
-    has_starts = scenarios.exists() and "\ntraining-" in scenarios.read_text(encoding="utf-8")
+    has_starts = "\ntraining-" in artifacts.text_of(folder, artifacts.SCENARIOS)
     # the last round that the logbook tells of; the first without one
     last = int(logbook["round"][-1]) if logbook else 0
     starts = training_scenarios(experiment, last) if controller and (has_trained or has_starts) else []
     training_round = last + 1 if logbook and experiment.starts.redraw else None
-    config = folder / artifacts.CONFIG
     manifest = manifests.read_if_any(folder)
     recordings = sorted((folder / artifacts.RECORDINGS).glob("*.mcap"))
     return Contents(
@@ -173,7 +172,7 @@ def gather(experiment: Experiment, folder: Path) -> Contents:
         shown=fly_shown(experiment, controller, starts, episodes, training_round) if controller else (),
         logbook=logbook,
         manifest=manifest,
-        config_text=config.read_text(encoding="utf-8") if config.exists() else "",
+        config_text=artifacts.text_of(folder, artifacts.CONFIG),
         command=command_of(folder, manifest),
         recordings={path.relative_to(folder).as_posix(): path.stat().st_size for path in recordings},
     )
@@ -287,7 +286,7 @@ def read_logbook(folder: Path) -> dict[str, NDArray[np.float64]] | None:
     """
     path = artifacts.require(folder, artifacts.LOGBOOK)
     with artifacts.explained(f"{path} cannot be read", "repeat the stage train", csv.Error):
-        with path.open(encoding="utf-8", newline="") as stream:
+        with open_text(path) as stream:
             rows = list(csv.DictReader(stream))
         columns = {name: np.array([float(row[name]) for row in rows]) for name in HISTORY_COLUMNS}
     return columns if rows else None
@@ -316,7 +315,7 @@ def _command_kept_by_hydra(folder: Path) -> list[str]:
 def _kept_by_hydra(path: Path, key: str = "") -> list[Any]:
     """Return a list from a file that Hydra wrote, empty where there is none."""
     try:
-        node = value_at(configuration.parse(path.read_bytes()), key)
+        node = value_at(configuration.parse(read_bytes(path)), key)
     except (OSError, ValueError):
         return []
     return node if isinstance(node, list) else []

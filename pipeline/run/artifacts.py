@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path, PurePath
 from typing import Any, Final
 
+from fis_tools.file_access import open_regular, read_text
 from fis_tools.plain_text import plain
 from pipeline.settings.experiment import STAGES
 
@@ -137,12 +138,21 @@ def read_json(folder: Path, name: str) -> Any:
     """
     path = require(folder, name)
     with explained(f"{path} cannot be read", "repeat the stage that writes it", RecursionError):
-        return plain(json.loads(path.read_text(encoding="utf-8")))
+        return plain(json.loads(read_text(path)))
+
+
+def text_of(folder: Path, name: str) -> str:
+    """Return a text file of a run, empty where there is none; raise ArtifactError if it cannot be read."""
+    if not (folder / name).exists():
+        return ""
+    path = require(folder, name)
+    with explained(f"{path} cannot be read", "restore it, or repeat the stage that writes it"):
+        return read_text(path)
 
 
 def file_hash(path: Path) -> str:
     """Return the SHA-256 of a file, 64 hexadecimal digits."""
-    with path.open("rb") as stream:
+    with open_regular(path) as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 
 

@@ -8,6 +8,7 @@ from typing import Any, Final
 
 import yaml
 
+from fis_tools.file_access import read_bytes
 from fis_tools.plain_text import plain
 from pipeline.run.artifacts import CONFIG, ArtifactError, explained, require
 from pipeline.run.writing import write_atomically
@@ -112,7 +113,7 @@ def read(folder: Path) -> dict[str, Any]:
         raise ArtifactError(f"{folder} is no folder; give the folder of a run, outputs/NAME/TIME")
     path = require(folder, CONFIG)
     with explained(f"{path} cannot be read", "restore it, or start a new run"):
-        config = parse(path.read_bytes())
+        config = parse(read_bytes(path))
     if not isinstance(config, dict):
         raise ArtifactError(f"{path} holds no configuration; it must be a mapping of keys to values")
     return config

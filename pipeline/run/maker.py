@@ -23,6 +23,8 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any, Final, NoReturn
 
+from fis_tools.file_access import read_shipped
+
 DISTRIBUTION: Final = "fuzzy-spacecraft-inspection"
 SOURCES: Final = Path(__file__).resolve().parents[2]
 #: packages whose version may change a result or a file
@@ -83,7 +85,7 @@ def sources_hash() -> str:
     for package in PACKAGES:
         for path in sorted((SOURCES / package).rglob("*.py")):
             digest.update(f"{path.relative_to(SOURCES).as_posix()} ".encode())
-            digest.update(hashlib.sha256(path.read_bytes()).digest())
+            digest.update(hashlib.sha256(read_shipped(path).encode()).digest())
     return digest.hexdigest()
 
 
@@ -118,7 +120,7 @@ def product_version() -> str:
     """
     project = SOURCES / "pyproject.toml"
     if project.is_file():
-        table = tomllib.loads(project.read_text(encoding="utf-8")).get("project", {})
+        table = tomllib.loads(read_shipped(project)).get("project", {})
         if table.get("name") == DISTRIBUTION:
             return str(table["version"])
     try:

@@ -1,5 +1,6 @@
 """Tables of a run's folder: Parquet and CSV, written atomically, and read back as columns."""
 
+import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -10,6 +11,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
+from fis_tools.file_access import open_regular
 from fis_tools.formats.csv import rows_as_text
 from pipeline.run import artifacts, writing
 
@@ -34,13 +36,14 @@ def join_parquet(path: Path, parts: Sequence[Path]) -> None:
 
     A column that a part leaves out, such as the velocities of starts at rest, is 0 there.
     """
-    widest = max((pq.read_schema(part) for part in parts), key=len)
+    widest = max(map(_schema_of, parts), key=len)
     # without what reading adds to it
     schema = pa.schema([(field.name, field.type) for field in widest])
     left = schema.empty_table()
     with _writer(path, schema) as writer:
         for part in parts:
-            read = pq.read_table(part)
+            with open_regular(part) as part_stream:
+                read = pq.read_table(part_stream)
             zeros = np.zeros(len(read))
             columns = {name: read[name] if name in read.column_names else zeros for name in schema.names}
             left = pa.concat_tables([left, pa.table(columns, schema=schema)]).combine_chunks()
@@ -89,16 +92,32 @@ def read_parquet(folder: Path, name: str) -> RunTable:
         If it is missing or cannot be read.
     """
     path = artifacts.require(folder, name)
-    with artifacts.explained(f"{path} cannot be read", "repeat the stage that writes it", pa.ArrowException):
-        claimed = pq.read_metadata(path)
-        unpacked = sum(claimed.row_group(index).total_byte_size for index in range(claimed.num_row_groups))
+    explained = artifacts.explained(
+        f"{path} cannot be read", "repeat the stage that writes it", pa.ArrowException
+    )
+    with explained, open_regular(path) as stream:
+        file, size = pq.ParquetFile(stream), os.fstat(stream.fileno()).st_size
+        claimed = file.metadata
+        groups = map(claimed.row_group, range(claimed.num_row_groups))
         # runs of equal numbers are packed as one
-        unpacked = max(unpacked, 8 * claimed.num_rows * claimed.num_columns)
-        most = min(MOST_BYTES, max(SMALL_BYTES, MOST_TIMES * path.stat().st_size))
+        unpacked = max(
+            sum(group.total_byte_size for group in groups), 8 * claimed.num_rows * claimed.num_columns
+        )
+        most = min(MOST_BYTES, max(SMALL_BYTES, MOST_TIMES * size))
         if unpacked > most:
             raise ValueError(f"it unpacks to {unpacked} bytes, and at most {most} are read")
-        table = pq.read_table(path)
+        table = file.read()
     return RunTable(path, {column: table[column].to_numpy() for column in table.column_names})
+
+
+def _schema_of(path: Path) -> pa.Schema:
+    with open_regular(path) as stream:
+        return pq.read_schema(stream)
+
+
+def _column(path: Path, name: str) -> NDArray[Any]:
+    with open_regular(path) as stream:
+        return pq.read_table(stream, columns=[name])[name].to_numpy()
 
 
 class Columns(Mapping[str, NDArray[Any]]):
@@ -112,14 +131,13 @@ class Columns(Mapping[str, NDArray[Any]]):
 
     def __init__(self, paths: Sequence[Path]) -> None:
         self._paths = paths
-        self._names = pq.read_schema(paths[0]).names
+        self._names = _schema_of(paths[0]).names
 
     def __getitem__(self, name: str) -> NDArray[Any]:
         """Read a column."""
         if name not in self._names:
             raise KeyError(name)
-        read = (pq.read_table(path, columns=[name])[name].to_numpy() for path in self._paths)
-        return np.concatenate(list(read))
+        return np.concatenate([_column(path, name) for path in self._paths])
 
     def __iter__(self) -> Iterator[str]:
         """Return an iterator over the names of the columns."""

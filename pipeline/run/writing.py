@@ -2,18 +2,14 @@
 
 import json
 import math
-import os
-import secrets
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, BinaryIO, Final
+from typing import Any, BinaryIO
 
+from fis_tools.file_access import UNFINISHED, replacing
 from pipeline.run.artifacts import CONFIG, ArtifactError
 from pipeline.settings.keys import dotted
-
-#: suffix of the hidden name of a file while it is written
-UNFINISHED: Final = ".unfinished"
 
 
 class WriteError(OSError):
@@ -48,21 +44,15 @@ def beside(path: Path) -> Iterator[BinaryIO]:
     WriteError
         As `write_atomically`.
     """
-    name = path.with_name(f".{path.name}.{secrets.token_hex(4)}{UNFINISHED}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with name.open("xb") as stream:
+        with replacing(path) as stream:
             yield stream
-            stream.flush()
-            os.fsync(stream.fileno())
-        name.replace(path)
     except OSError as error:
         raise WriteError(
             f"{path} cannot be written: {error.strerror or error}; make room, or choose a folder that may be "
             "written to"
         ) from error
-    finally:
-        name.unlink(missing_ok=True)
 
 
 def drop_unfinished(folder: Path) -> None:

@@ -5,9 +5,10 @@ from typing import Final
 
 import numpy as np
 
+from fis_tools.file_access import read_bytes
 from pipeline.array_types import Floats
 from pipeline.settings.checks import SettingError
-from pipeline.settings.places import conf_folder, content_of
+from pipeline.settings.places import conf_folder
 
 #: most triangles; beyond this, looking from every point in every direction takes minutes
 MOST_TRIANGLES = 20_000
@@ -34,7 +35,7 @@ def read_mesh(path: str | None) -> Floats:
         kind = "." + mesh_path.rpartition(".")[2].lower()
         if kind not in _count:  # archives, which may hold anything, among them
             raise ValueError("it is neither .stl nor .obj")
-        content = content_of(mesh_path, MOST_BYTES)
+        content = read_bytes(mesh_path, MOST_BYTES)
         _count[kind](content)
         loaded = trimesh.load_mesh(
             io.BytesIO(content), file_type=kind[1:], process=False, skip_materials=True

@@ -29,17 +29,3 @@ def requirements_path(name: str) -> Path:
             f"there are no requirements {name}; name those that ship ({known}) or give the path of a file"
         )
     return path
-
-
-def content_of(path: str, most_bytes: int) -> bytes:
-    """Return the content of a file that a setting names.
-
-    Raises
-    ------
-    ValueError
-        If it is larger, or no file but a folder, a pipe or a device.
-    """
-    file = Path(path)
-    if file.exists() and (not file.is_file() or file.stat().st_size > most_bytes):
-        raise ValueError(f"it is no file of at most {most_bytes >> 20} MiB")
-    return file.read_bytes()

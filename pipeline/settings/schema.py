@@ -19,6 +19,7 @@ from typing import Any, Final, Literal, get_args, get_origin, get_type_hints
 
 import yaml
 
+from fis_tools.file_access import read_shipped
 from pipeline.settings import checks, keys
 from pipeline.settings.checks import GROUPS, Freely, Only, SettingError, names_of
 from pipeline.settings.controllers import PLANNED
@@ -354,7 +355,7 @@ def descriptions() -> dict[str, str]:
 @cache
 def _meanings(path: str) -> dict[str, dict[str, str]]:
     """Return the texts below the fields of each class in a source file."""
-    classes = ast.parse(Path(path).read_text(encoding="utf-8")).body
+    classes = ast.parse(read_shipped(Path(path))).body
     meanings: dict[str, dict[str, str]] = {}
     for node in (node for node in classes if isinstance(node, ast.ClassDef)):
         for pair in pairwise(node.body):

@@ -39,6 +39,7 @@ from pipeline.evaluation.assurance.requirements import (
     Requirement,
     Requirements,
     parse_requirements,
+    requirements_text,
 )
 from pipeline.evaluation.assurance.sentences import ordinal
 from pipeline.evaluation.assurance.verdicts import Evidence, cases_needed, failures_allowed, judge, percent
@@ -56,7 +57,6 @@ from pipeline.run import artifacts, configuration, maker, tables, writing
 from pipeline.run.engine import TaskPool, open_pool
 from pipeline.scenarios import evaluation_scenarios
 from pipeline.settings.experiment import Experiment
-from pipeline.settings.places import requirements_path
 from telemetry.file import reader
 from telemetry.file.topics import DEPUTY_CONTROL, DEPUTY_STATE, MISSION
 
@@ -83,7 +83,7 @@ def run(experiment: Experiment, folder: Path) -> str:
     pipeline.run.artifacts.ArtifactError
         If a recorded flight differs from the one that was found.
     """
-    text = requirements_path(experiment.assurance.requirements).read_text(encoding="utf-8")
+    text = requirements_text(experiment.assurance.requirements)
     requirements = parse_requirements(text, experiment.assurance.requirements)
     _tell_needs(requirements.requirements, experiment.assurance.num_cases)
     for path in (folder / artifacts.WORST_FLIGHTS).glob("*.mcap"):

@@ -1,11 +1,11 @@
 """A file that gets its final name only when it is complete and synced to disk."""
 
 import os
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
-from io import BufferedWriter
+from contextlib import suppress
 from pathlib import Path
 from typing import Final
+
+from fis_tools import file_access
 
 PARTIAL_SUFFIX: Final = ".partial"
 
@@ -27,7 +27,7 @@ class PartialFile:
     def __init__(self, path: Path):
         self.path = path
         self.partial_path = path.with_name(path.name + PARTIAL_SUFFIX)
-        self.stream = open_stream(self.partial_path)
+        self.stream = file_access.create(self.partial_path)
 
     def commit(self) -> None:
         """Flush the file to disk and give it its final name, replacing a file of that name.
@@ -52,30 +52,6 @@ class PartialFile:
         # closing writes what is buffered; the first error is the one to report
         with suppress(OSError):
             self.stream.close()
-
-
-@contextmanager
-def whole_file(path: Path) -> Iterator[BufferedWriter]:
-    """Open a stream to a file that gets its name when the block ends; after an exception nothing is left.
-
-    Raises
-    ------
-    OSError
-        If the file cannot be opened or written.
-    """
-    file = PartialFile(path)
-    try:
-        yield file.stream
-        file.commit()
-    except BaseException:
-        file.abandon()
-        file.partial_path.unlink(missing_ok=True)
-        raise
-
-
-def open_stream(path: Path) -> BufferedWriter:
-    """Open a file for writing."""
-    return path.open("wb")
 
 
 def _sync_folder(folder: Path) -> None:

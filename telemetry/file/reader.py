@@ -24,6 +24,7 @@ from mcap.stream_reader import MAGIC_SIZE, StreamReader
 from mcap.writer import MCAP0_MAGIC
 from numpy.typing import NDArray
 
+from fis_tools.file_access import open_regular
 from telemetry.array_types import Floats
 from telemetry.file import RecordingError, claims, columns, explained, topics
 from telemetry.file.metadata import EpisodeDescription, FisDescription, Rehearsal, unsealed
@@ -344,7 +345,7 @@ def damage_explained(path: Path) -> Iterator[None]:
 @contextmanager
 def _opened(path: Path) -> Iterator[BinaryIO]:
     with explained(f"{path} cannot be opened", "give the path of a recording, a .mcap file"):
-        stream = path.open("rb")
+        stream = open_regular(path)
     with stream:
         check_is_whole(path, stream)
         yield stream

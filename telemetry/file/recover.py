@@ -15,12 +15,16 @@ from mcap.records import Attachment, Channel, Chunk, Footer, McapRecord, Message
 from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 
+from fis_tools.file_access import read_bytes, replacing
 from telemetry.file import RecordingError, claims, explained, topics
 from telemetry.file.metadata import sealed, unsealed
-from telemetry.file.partial_file import PARTIAL_SUFFIX, whole_file
+from telemetry.file.partial_file import PARTIAL_SUFFIX
 from telemetry.file.reader import DAMAGE, check_attachment
 
 _KNOWN: Final = frozenset(map(int, Opcode))
+
+#: of a recording that is rescued, which is read at once; an hour's flight takes some MB
+MOST_BYTES = 256 * 1024**2
 
 
 @dataclass
@@ -117,7 +121,7 @@ def recover(path: Path | str, output: Path | str | None = None) -> Recovery:
 
 def _content(path: Path) -> bytes:
     with explained(f"{path} cannot be read", "give the path of a recording"):
-        content = path.read_bytes()
+        content = read_bytes(path, MOST_BYTES)
     if content[: len(MCAP0_MAGIC)] != MCAP0_MAGIC[: len(content)]:
         raise RecordingError(
             f"{path} is not an MCAP file, so there is no recording to rescue in it; give the path of a .mcap "
@@ -191,7 +195,7 @@ def _write(source: Path, output: Path, recovery: Recovery) -> None:
     if output.exists():
         raise RecordingError(f"{output} exists; remove it or choose another name with -o")
     cure = "make room, or choose another file with -o"
-    with explained(f"{output} cannot be written", cure), whole_file(output) as stream:
+    with explained(f"{output} cannot be written", cure), replacing(output) as stream:
         _copy(Writer(stream, compression=CompressionType.ZSTD), source, recovery)
 
 

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from fis_tools.file_access import replacing
 from telemetry.file import RecordingError, explained, topics
 from telemetry.file.columns import arrow_table
-from telemetry.file.partial_file import whole_file
 from telemetry.file.reader import Recording, TopicColumns
 
 if TYPE_CHECKING:
@@ -59,7 +59,7 @@ def export(recording: Recording, folder: Path, file_format: Format) -> list[Path
                 continue
             path = folder / f"{name.strip('/').replace('/', '_')}.{file_format}"
             table = flat_table(recording, name)
-            with whole_file(path) as stream:
+            with replacing(path) as stream:
                 if file_format == "csv":
                     pyarrow.csv.write_csv(_without_formulas(table), stream)
                 else:

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass, fields
 from enum import IntEnum
 from pathlib import Path
@@ -10,6 +11,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from fis_tools.file_access import open_regular, read_text
 from telemetry.array_types import Floats, Integers
 from telemetry.file import RecordingError, explained
 
@@ -126,7 +128,7 @@ def _manifest(folder: Path) -> dict[str, Any]:
     if not path.exists():
         return {}
     with explained(f"{path} cannot be read", "restore it", ValueError, RecursionError):
-        manifest = json.loads(path.read_text(encoding="utf-8"))
+        manifest = json.loads(read_text(path))
     return manifest if isinstance(manifest, dict) else {}
 
 
@@ -177,8 +179,10 @@ def _read(path: Path, required: tuple[str, ...]) -> dict[str, NDArray[Any]]:
     import pyarrow.parquet as pq  # noqa: PLC0415
 
     cure = "repeat the stage of the run that writes it"
-    with explained(f"{path} cannot be read", cure, ValueError, pa.ArrowException):
-        schema, claimed = pq.read_schema(path), pq.read_metadata(path)
+    with explained(f"{path} cannot be read", cure, ValueError, pa.ArrowException), ExitStack() as stack:
+        stream = stack.enter_context(open_regular(path))
+        file = pq.ParquetFile(stream)
+        schema, claimed = file.schema_arrow, file.metadata
         are_numbers = (pa.types.is_integer, pa.types.is_floating, pa.types.is_boolean)
         wanted = [field.name for field in schema if any(is_so(field.type) for is_so in are_numbers)]
         unpacked = sum(claimed.row_group(index).total_byte_size for index in range(claimed.num_row_groups))
@@ -186,7 +190,7 @@ def _read(path: Path, required: tuple[str, ...]) -> dict[str, NDArray[Any]]:
         unpacked = max(unpacked, 8 * claimed.num_rows * (len(wanted) + 1))
         if unpacked > MOST_BYTES:
             raise RecordingError(f"{path} unpacks to {unpacked} bytes; at most {MOST_BYTES} are read")
-        table = pq.read_table(path, columns=wanted, use_threads=False)
+        table = file.read(columns=wanted, use_threads=False)
     if missing := [name for name in required if wanted.count(name) != 1 or table[name].null_count]:
         raise RecordingError(
             f"{path} has no column {', '.join(missing)} of numbers without gaps; give a table that the "
@@ -239,10 +243,8 @@ def _surroundings(folder: Path) -> Surroundings:
 
     refused = ValueError, RecursionError, yaml.YAMLError
     with explained(f"{path} cannot be read", "restore it, or remove it", *refused):
-        if path.stat().st_size > MOST_CONFIG_BYTES:
-            raise ValueError(f"it has {path.stat().st_size} bytes, and at most {MOST_CONFIG_BYTES} are read")
         loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # the first is ten times as fast
-        config = yaml.load(path.read_text(encoding="utf-8"), loader)  # noqa: S506 - a safe one
+        config = yaml.load(read_text(path, MOST_CONFIG_BYTES), loader)  # noqa: S506 - a safe one
 
     def number(*keys: str) -> float | None:
         value = config

@@ -12,8 +12,8 @@ from typing import IO, Final
 from PIL import Image, ImageChops
 from rerun.experimental import ViewerClient
 
+from fis_tools.file_access import replacing
 from telemetry.file import RecordingError, explained
-from telemetry.file.partial_file import whole_file
 from telemetry.scene import blueprint, campaign, replay, viewer
 
 #: of the viewer's window, in pixels
@@ -186,6 +186,6 @@ def _write(image: Image.Image, path: Path) -> Path:
     )
     with explained(f"{path} cannot be written", "make room, or choose another folder"):
         path.parent.mkdir(parents=True, exist_ok=True)
-        with whole_file(path) as stream:
+        with replacing(path) as stream:
             small.save(stream, "PNG", optimize=True)
     return path

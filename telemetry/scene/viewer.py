@@ -16,8 +16,8 @@ from typing import IO, Any, Final
 import rerun as rr
 import rerun.blueprint as rrb
 
+from fis_tools.file_access import replacing
 from telemetry.file import RecordingError, explained
-from telemetry.file.partial_file import whole_file
 
 APPLICATION: Final = "fuzzy-spacecraft-inspection"
 #: suffix of rerun's files
@@ -75,7 +75,7 @@ def save(scene: Scene, output: Path) -> None:
     cure = "choose an existing folder with free space"
     # RuntimeError where the library's file takes no more; where it cannot be opened, the library would notice
     # only later, and drop its data with a warning
-    with explained(f"{output} cannot be written", cure, RuntimeError), whole_file(output) as file:
+    with explained(f"{output} cannot be written", cure, RuntimeError), replacing(output) as file:
         stream = _stream(scene)
         stream.save(file.name, default_blueprint=scene.layout)
         _fill(stream, scene)

@@ -18,6 +18,8 @@ import pyarrow.parquet as pq
 import telemetry
 from fis_tools.analysis import tables as logged
 from fis_tools.analysis.condition import read_conditions, read_region
+from fis_tools.analysis.domain import as_mapping, box_of
+from fis_tools.commands.analysis import _read as read_domain
 from fis_tools.findings.audit import audit
 from fis_tools.findings.difference import difference
 from fis_tools.findings.explanation import explain
@@ -25,14 +27,23 @@ from fis_tools.formats import serialize
 from fis_tools.formats.c import source
 from fis_tools.learning import table
 from fis_tools.model.validate import InvalidSystem
-from pipeline.command_line.config import compose_experiment
+from fis_tools.review.content import read_evidence
+from fis_tools.review.flown import evaluations
+from fis_tools.source import named, read_controller
+from pipeline.command_line.arguments import folders_with, read_arguments
+from pipeline.command_line.config import compose_experiment, read_starts
+from pipeline.command_line.guide import help_text
 from pipeline.controllers.played import read_played
-from pipeline.controllers.policies import policy_of
-from pipeline.evaluation.assurance import requirements
+from pipeline.controllers.policies import read_policy
+from pipeline.evaluation.assurance.requirements import load_requirements
 from pipeline.evaluation.trials import trials
 from pipeline.flight.fly.stepping import NUM_SEEN
 from pipeline.flight.world import surface
+from pipeline.optimum.solved import read_solved
+from pipeline.proof.certificate import read_proof
 from pipeline.recording.reflight import fly_again
+from pipeline.report.contents import command_of, read_logbook
+from pipeline.report.figures.training import HISTORY_COLUMNS
 from pipeline.run import artifacts, configuration, manifests, sweep, tables
 from pipeline.settings import mesh, start_table
 from pipeline.settings.experiment import HparamsSearch, Mission
@@ -43,6 +54,7 @@ from telemetry.file.recover import recover
 from telemetry.file.summary import in_words, summarize
 from telemetry.scene import runs
 from tests.fis_tools.sample_controllers import EXAMPLES
+from tests.hostile.forge import CONTROLLER, restated
 
 CSV: Final = b"time_s,x,y\n0,0.1,1\n1,0.2,2\n2,0.4,1\n3,0.1,0\n"
 RUN: Final = {"folder": "seed=1", "differs": {"seed": "1"}, "command": ["seed=1"], "failure": ""}
@@ -93,6 +105,7 @@ def _in_file(name: str, read: Callable[[Path], object]) -> Read:
 
     def read_content(content: bytes, folder: Path) -> object:
         path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(content)
         return read(path)
 
@@ -147,11 +160,86 @@ def _conditions(content: bytes, _folder: Path) -> object:
     return read_region(system, text), read_conditions(text, [variable.name for variable in system.inputs])
 
 
-def _starts(content: bytes, _folder: Path) -> object:
-    tables = start_table.split(content.decode("utf-8-sig"), "starts.path")
-    for one in tables:
-        start_table.check_within(one, "starts.path", (15.0, 800.0))
-    return [start_table.numbers(one, "starts.path") for one in tables]
+def _starts(path: Path) -> object:
+    settings = {"starts": {"kind": "file", "path": str(path)}, "monte_carlo": {}}
+    read_starts(settings)
+    tables = [settings[group]["table"] for group in settings]
+    for table_text in tables:
+        start_table.check_within(table_text, "starts.path", (15.0, 800.0))
+    return [start_table.numbers(table_text, "starts.path") for table_text in tables]
+
+
+def _named_here(path: Path) -> object:
+    with contextlib.chdir(path.parent), contextlib.suppress(serialize.ControllerFileError):
+        return named("nobody")
+    return None
+
+
+def _trained(path: Path) -> object:
+    for name in ("train/champion.json", "champion.json"):
+        (path.parent / name).parent.mkdir(exist_ok=True)
+        (path.parent / name).write_bytes(_one_as_json())
+    return read_controller(path.parent)
+
+
+def _surroundings(path: Path) -> object:
+    return runs._surroundings(path.parent)
+
+
+def _own_configs(path: Path) -> object:
+    folder = path.parents[1]
+    read_arguments(["--config-dir", str(folder), "+experiment=fly"])
+    return help_text(folders_with(folder))
+
+
+def _solved(path: Path) -> object:
+    folder = path.parents[1]
+    columns = {"case": np.array([0]), "is_feasible": np.array([True]), "delta_v_m_s": np.array([0.1])}
+    tables.write_parquet(folder / artifacts.OPTIMUM_CASES, columns)
+    (folder / artifacts.OPTIMUM_SUMMARY).write_text("{}")
+    return read_solved(folder).plan(0, _minute())
+
+
+def _parts(path: Path) -> object:
+    with contextlib.suppress(pa.ArrowException, OSError, ValueError):
+        tables.join_parquet(path.with_name("joined.parquet"), [path])
+        return [column.sum() for column in tables.Columns([path]).values()]
+    return tables.read_parquet(path.parent, path.name)
+
+
+def _run_files(path: Path) -> object:
+    return artifacts.text_of(path.parent, path.name), artifacts.file_hash(path)
+
+
+@cache
+def _proof() -> Mapping[str, bytes]:
+    from tests.pipeline.proof.forged import certificate  # noqa: PLC0415 - proves
+
+    with tempfile.TemporaryDirectory() as folder:
+        return certificate("start on a cell's edge", Path(folder))
+
+
+def _domain(_folder: Path) -> Sequence[bytes]:
+    systems = _champion().systems
+    ends = [[(v.minimum, v.maximum) for v in system.inputs] for system in systems]
+    boxes = [box_of(system, np.array(each).T) for system, each in zip(systems, ends, strict=True)]
+    return [json.dumps(as_mapping(boxes)).encode()]
+
+
+def _of_proof(name: str) -> Callable[[Path], Sequence[bytes]]:
+    return lambda _: [_proof()[name]]
+
+
+def _in_proof(name: str) -> Read:
+    """Return a reader of a certificate of which one file is given, whose hash is restated."""
+
+    def read_content(content: bytes, folder: Path) -> object:
+        files = restated({**_proof(), name: content}) if name == CONTROLLER else {**_proof(), name: content}
+        for path, part in files.items():
+            (folder / path).write_bytes(part)
+        return read_proof(folder)
+
+    return read_content
 
 
 def _mesh(path: Path) -> object:
@@ -277,6 +365,15 @@ def _whole(path: Path) -> Callable[[Path], Sequence[bytes]]:
     return lambda _: [path.read_bytes()]
 
 
+EVIDENCE: Final = {
+    "schema": "evidence",
+    "controller": {"name": "paper_champion", "sha256": "0" * 64},
+    "requirements": [
+        {"id": "R1", "title": "Far", "verdict": "shown", "sentence": "Shown: it stays far."},
+        {"id": "R2", "verdict": "not shown", "text": "It is fast.", "why": "few flights"},
+    ],
+}
+LOGBOOK: Final = (",".join(HISTORY_COLUMNS) + "\n" + "0,1.5,2.5,0.4,3,0,0\n" * 3).encode()
 FORCES: Final = b"time_s,force_x_n,force_y_n,force_z_n\n0,0.1,0,0\n10,0,0.1,0\n"
 READERS: Final[Mapping[str, Reader]] = {
     "json": Reader(_in_file("controller.json", _controller), lambda _: [_one_as_json()], "tree", REFUSALS),
@@ -284,8 +381,8 @@ READERS: Final[Mapping[str, Reader]] = {
                    "text", REFUSALS),
     "fis": Reader(_in_file("controller.fis", _controller), _whole(EXAMPLES / "tipper.fis"), "text", REFUSALS),
     "fll": Reader(_in_file("controller.fll", _controller), _whole(EXAMPLES / "dimmer.fll"), "text", REFUSALS),
-    "starts": Reader(_starts, _whole(EXAMPLES / "starts.csv"), "text"),
-    "requirements": Reader(lambda content, _: requirements.read(_text(content), "requirements.yaml"),
+    "starts": Reader(_in_file("starts.csv", _starts), _whole(EXAMPLES / "starts.csv"), "text"),
+    "requirements": Reader(_in_file("requirements.yaml", lambda path: load_requirements(str(path))),
                            _whole(requirements_path("inspection")), "text"),
     "settings": Reader(_settings, lambda _: [_config()], "tree"),
     "run": Reader(_run_folder, lambda _: [_config(), b'{"manifest_version": 2}'], "text", REFUSALS),
@@ -298,7 +395,7 @@ READERS: Final[Mapping[str, Reader]] = {
                          _saved_checkpoint, "bytes", REFUSALS),
     "recording": Reader(_in_file("flight.mcap", _recording), _flown, "recording", REFUSALS),
     "verify": Reader(_in_file("flight.mcap", fly_again), _flown, "attachments"),
-    "onnx": Reader(lambda content, _: policy_of("policy", content, "policy.onnx"), _small_policy, "bytes"),
+    "onnx": Reader(_in_file("policy.onnx", read_policy), _small_policy, "bytes"),
     "obj": Reader(_in_file("chief.obj", _mesh), _whole(conf_folder() / "chief" / "satellite.obj"), "text"),
     "stl": Reader(_in_file("chief.stl", _mesh), _small_stl, "bytes"),
     "sweep": Reader(_sweep, lambda _: [json.dumps(SWEEP).encode()], "tree", REFUSALS),
@@ -307,6 +404,31 @@ READERS: Final[Mapping[str, Reader]] = {
     "learned_parquet": Reader(_in_file("table.parquet", _learned), _numbers_as_parquet, "table"),
     "logged_csv": Reader(_in_file("table.csv", _logged), lambda _: [CSV], "text"),
     "logged_parquet": Reader(_in_file("table.parquet", _logged), _numbers_as_parquet, "table"),
+    "domain": Reader(_in_file("domain.json", read_domain), _domain, "tree", REFUSALS),
+    "evidence": Reader(_in_file("evidence.json", lambda path: read_evidence(path, "0" * 64)),
+                       lambda _: [json.dumps(EVIDENCE).encode()], "tree", REFUSALS),
+    "summary": Reader(_in_file("evaluate/summary.json", lambda path: evaluations([path.parents[1]], "")),
+                      lambda _: [b'{"controller_sha256": "0", "num_cases": 3}'], "tree", REFUSALS),
+    "manifest": Reader(_in_file("manifest.json", _trained),
+                       lambda _: [b'{"files": {"champion": "train/champion.json"}}'], "tree", REFUSALS),
+    "project": Reader(_in_file("pyproject.toml", _named_here),
+                      lambda _: [b'[tool.fis_tools]\ncontrollers = ["mine"]\n'], "text", REFUSALS),
+    "configs": Reader(_in_file("experiment/fly.yaml", _own_configs),
+                      _whole(conf_folder() / "experiment" / "fly.yaml"), "text"),
+    "surroundings": Reader(_in_file("config.yaml", _surroundings), lambda _: [_config()], "text", REFUSALS),
+    "logbook": Reader(_in_file(artifacts.LOGBOOK, lambda path: read_logbook(path.parents[1])),
+                      lambda _: [LOGBOOK], "text", REFUSALS),
+    "hydra": Reader(_in_file(".hydra/overrides.yaml", lambda path: command_of(path.parents[1], {})),
+                    lambda _: [b"- +experiment=train\n- seed=4\n"], "text", REFUSALS),
+    "forces_of_plans": Reader(_in_file(artifacts.OPTIMUM_FORCES, _solved),
+                              lambda _: [b"case,time_s,x,y,z\n0,0.0,0.1,0,0\n1,10.0,0,0.1,0\n"], "text",
+                              REFUSALS),
+    "parts": Reader(_in_file("part.parquet", _parts), _positions, "table", REFUSALS),
+    "run_files": Reader(_in_file(artifacts.SCENARIOS, _run_files), _whole(EXAMPLES / "starts.csv"), "text",
+                        REFUSALS),
+    "theorem": Reader(_in_proof("theorem.json"), _of_proof("theorem.json"), "tree"),
+    "proved_controller": Reader(_in_proof("controller.json"), _of_proof("controller.json"), "tree"),
+    "tube": Reader(_in_proof("tube.parquet"), _of_proof("tube.parquet"), "table"),
     "analyses": Reader(_in_file("controller.json", _analyses), lambda _: [_one_as_json()], "tree", REFUSALS),
 }  # fmt: skip
 

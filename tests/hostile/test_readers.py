@@ -5,6 +5,7 @@ import pytest
 from tests.hostile.attack import assert_survives_apart, attack
 from tests.hostile.giants import GIANTS, SIZE
 from tests.hostile.readers import READERS
+from tests.hostile.sites import reading_sites, sites_reached
 from tests.places import PROJECT
 
 
@@ -14,6 +15,21 @@ def test_a_reader_refuses_what_is_damaged(name, tmp_path):
     reader = READERS[name]
     reader.read(reader.samples[0], tmp_path)
     assert attack(reader, 80, 7, tmp_path) == 80
+
+
+#: functions that open files without a reader here
+UNREAD = {"fis_tools.processors": "files of the kernel"}
+
+
+@pytest.mark.slow
+def test_every_function_that_opens_a_file_has_a_reader(tmp_path):
+    with sites_reached() as reached:
+        for name, reader in READERS.items():
+            for index, sample in enumerate(reader.samples):
+                (folder := tmp_path / f"{name}-{index}").mkdir()
+                reader.read(sample, folder)
+    missing = reading_sites() - reached
+    assert {site for site in missing if not site.startswith(tuple(UNREAD))} == set()
 
 
 CORPUS = sorted((PROJECT / "tests" / "hostile" / "corpus").iterdir())

@@ -22,6 +22,7 @@ import numpy as np
 from fis_tools import model
 from fis_tools.array_types import Integers
 from fis_tools.engines.program import Conclusion, assemble
+from fis_tools.file_access import read_shipped
 from fis_tools.formats import rendered
 from fis_tools.model import FuzzyController, FuzzySystem, Term, Variable, sample, thrust
 from fis_tools.model.thrust import ThrustLogic
@@ -44,7 +45,7 @@ _CALL = re.compile(r"\b(\w+)\(")
 @cache
 def _functions() -> dict[str, str]:
     """Return the texts of the functions by their names."""
-    text = Path(__file__).with_name("parts.c").read_text(encoding="utf-8")
+    text = read_shipped(Path(__file__).with_name("parts.c"))
     _opening, *functions = re.split(r"\n\n(?=/\*|static)", text.rstrip("\n"))
     return {_CALL.findall(_COMMENT.sub("", function))[0]: f"{function}\n" for function in functions}
 

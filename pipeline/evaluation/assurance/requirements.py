@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
+from fis_tools.file_access import read_text
 from pipeline.evaluation.assurance.formula import Formula, FormulaError, parse, quantities_of, unit_of
 from pipeline.evaluation.assurance.quantities import UNITS
 from pipeline.evaluation.assurance.robustness import idle_window, late_window
@@ -111,7 +112,12 @@ def load_requirements(name: str) -> tuple[Requirement, ...]:
     RequirementError, OSError
         If there are none, or they cannot be read.
     """
-    return parse_requirements(requirements_path(name).read_text(encoding="utf-8"), name).requirements
+    return parse_requirements(requirements_text(name), name).requirements
+
+
+def requirements_text(name: str) -> str:
+    """Return the text of the requirements of a name that ships, or of a file; raise OSError for none."""
+    return read_text(requirements_path(name))
 
 
 def parse_requirements(text: str, source: str) -> Requirements:

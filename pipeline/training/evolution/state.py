@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from fis_tools.file_access import read_bytes
 from pipeline.array_types import Floats
 from pipeline.run.writing import write_atomically
 
@@ -183,7 +184,7 @@ def _damaged(path: Path) -> CheckpointError:
 def _read(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
     """Read the note and the arrays of a file that `save` wrote."""
     try:
-        content = path.read_bytes()
+        content = read_bytes(path)
     except OSError as error:
         raise CheckpointError(f"{path} cannot be read ({error.strerror}); {_AFRESH}") from error
     if not content.startswith(b"PK"):  # not an archive; numpy's message would be about pickles

@@ -336,5 +336,5 @@ def test_files_that_cannot_be_read_are_named(tmp_path):
     with pytest.raises(ControllerFileError, match="no such file"):
         load(tmp_path / "missing.json")
     (tmp_path / "folder.json").mkdir()
-    with pytest.raises(ControllerFileError, match="directory"):
+    with pytest.raises(ControllerFileError, match="a folder"):
         load(tmp_path / "folder.json")

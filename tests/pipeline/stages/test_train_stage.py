@@ -13,6 +13,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
+from fis_tools import file_access
 from fis_tools.formats import serialize
 from pipeline.controllers import source
 from pipeline.flight.control.controller import from_fuzzy
@@ -25,7 +26,6 @@ from pipeline.training.fitness import costs
 from pipeline.training.genome import genome_of
 from pipeline.training.progress import TrainingProgress
 from telemetry import RecordingError
-from telemetry.file import partial_file
 from tests.pipeline.stages.cases import prepared
 
 PARTS = ["delta_v_m_s", "points", "outside", "outside_m", "short"]
@@ -229,14 +229,14 @@ def test_training_goes_on_once_there_is_room(trained, tmp_path, monkeypatch, num
 def test_a_disk_that_fills_up_while_flights_are_recorded_leaves_the_champion(trained, monkeypatch):
     run, folder = trained
     before = (folder / artifacts.CHAMPION).read_bytes()
-    open_stream = partial_file.open_stream
+    create = file_access.create
 
-    def open_once(path):
+    def create_once(path):
         if path.name.startswith("training-1"):
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        return open_stream(path)
+        return create(path)
 
-    monkeypatch.setattr(partial_file, "open_stream", open_once)
+    monkeypatch.setattr(file_access, "create", create_once)
     telemetry = replace(run.experiment.telemetry, record_ranked=False)
     with pytest.raises(RecordingError, match=r"No space left on device.*make room"):
         record.run(replace(run.experiment, telemetry=telemetry), folder)

@@ -13,6 +13,7 @@ from rerun.chunk import RrdReader
 from scipy.spatial.transform import Rotation
 
 import telemetry
+from fis_tools import file_access
 from telemetry import EpisodeWriter, RecordingError
 from telemetry.file.reader import TopicColumns
 from telemetry.scene import replay, viewer
@@ -174,10 +175,15 @@ def test_an_impossible_output_and_a_full_disk_are_said(short_file, tmp_path, mon
 
     with pytest.raises(RecordingError, match=r"nowhere/x\.rrd cannot be written: No such file"):
         saved(replay.scene([short_file]), tmp_path / "nowhere")
-    # a file that takes no byte
-    (tmp_path / "x.rrd.partial").symlink_to("/dev/full")
-    with pytest.raises(RecordingError, match=r"x\.rrd cannot be written: .* free space"):
-        saved(replay.scene([short_file]), tmp_path)
+
+    def create_full(path):
+        path.symlink_to("/dev/full")  # a file that takes no byte
+        return path.open("wb")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(file_access, "create", create_full)
+        with pytest.raises(RecordingError, match=r"x\.rrd cannot be written: .* free space"):
+            saved(replay.scene([short_file]), tmp_path)
     assert list(tmp_path.iterdir()) == []
     monkeypatch.setattr("rerun.RecordingStream.flush", flush)
     with pytest.raises(RecordingError, match=r"x\.rrd cannot be written: File-writer .* free space"):
