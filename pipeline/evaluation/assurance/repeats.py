@@ -46,11 +46,11 @@ def earlier_runs(folder: Path, evidence: Mapping[str, Any]) -> list[dict[str, An
 
 
 def _question(evidence: Mapping[str, Any]) -> tuple[Any, ...]:
-    """Return what was asked: the controller, the requirements, and the conditions but for the draw."""
+    """Return the question: the controller, the requirements, and the conditions but for the draw."""
     conditions = {key: value for key, value in evidence["conditions"].items() if key not in DRAWN}
     # as JSON holds them
-    asked = [list(value) if isinstance(value, tuple) else value for value in conditions.values()]
-    return evidence["controller"], evidence["sha256"][artifacts.REQUIREMENTS], list(conditions), asked
+    values = [list(value) if isinstance(value, tuple) else value for value in conditions.values()]
+    return evidence["controller"], evidence["sha256"][artifacts.REQUIREMENTS], list(conditions), values
 
 
 def _flights(evidence: Mapping[str, Any]) -> dict[str, Any]:
@@ -58,19 +58,17 @@ def _flights(evidence: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def repeats_in_words(evidence: Mapping[str, Any]) -> str:
-    """Return what earlier runs found in a few sentences, empty without any."""
-    runs, verdicts = (
-        evidence["earlier"],
-        {entry["id"]: entry["verdict"] for entry in evidence["requirements"]},
-    )
+    """Return the verdicts of earlier runs in a few sentences, empty without any."""
+    runs = evidence["earlier"]
+    verdicts = {entry["id"]: entry["verdict"] for entry in evidence["requirements"]}
     if not runs:
         return ""
     words, gained = [], set()
     for run in runs:
         differing = {name: word for name, word in run["verdicts"].items() if word != verdicts.get(name)}
         gained |= {name for name in differing if str(verdicts.get(name)).startswith("shown")}
-        found = ", ".join(f"{name} {word}" for name, word in differing.items()) or "the same verdicts"
-        words.append(f"{run['folder']} (seed {run['seed']}, {run['num_cases']:,} cases): {found}")
+        words_of_run = ", ".join(f"{name} {word}" for name, word in differing.items()) or "the same verdicts"
+        words.append(f"{run['folder']} (seed {run['seed']}, {run['num_cases']:,} cases): {words_of_run}")
     count = "An earlier run" if len(runs) == 1 else f"{len(runs)} earlier runs"
     text = f"{count} beside this one judged the same by other flights. {'; '.join(words)}."
     if gained:

@@ -43,7 +43,7 @@ FORMULAS = {
 LENGTHS = (2, 3, 9, 20)
 
 
-def told(formula: str, trace: dict[str, list[float]]) -> list[float]:
+def robustness_by_rtamt(formula: str, trace: dict[str, list[float]]) -> list[float]:
     """Return rtamt's robustness at every sample of a trace, one second apart."""
     specification = rtamt.StlDiscreteTimeSpecification()
     for name in (*trace, "out"):
@@ -60,7 +60,7 @@ def main() -> None:
     draw = random.Random(1)  # noqa: S311 - traces, no secrets
     traces = [{name: [round(draw.gauss(0, 2), 2) for _ in range(n)] for name in "ab"} for n in LENGTHS]
     cases = [
-        {"formula": ours, "trace": index, "robustness": told(theirs or ours, trace)}
+        {"formula": ours, "trace": index, "robustness": robustness_by_rtamt(theirs or ours, trace)}
         for ours, theirs in FORMULAS.items()
         for index, trace in enumerate(traces)
     ]
