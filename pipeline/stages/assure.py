@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from fis_tools.analysis.domain import as_mapping
+from fis_tools.file_access import read_bytes
 from fis_tools.formats.serialize import fingerprint
 from pipeline.controllers.source import controller_of_run, sha256_of
 from pipeline.evaluation.assurance import evidence
@@ -64,6 +65,8 @@ from telemetry.file.topics import DEPUTY_CONTROL, DEPUTY_STATE, MISSION
 METHOD_WORDS = {name: name.replace("_", " ") for name in METHODS}
 #: of the bound on how many flights leave the operational domain
 CONFIDENCE = 0.9
+#: of a theorem
+MOST_BYTES = 1024**2
 #: flights in the picture of a tube
 MOST_DRAWN = 100
 
@@ -213,7 +216,10 @@ def _tube(experiment: Experiment, controller: Controller, folder: Path) -> TubeP
     """Return what the stage prove showed in this run, if it is about these flights."""
     if not (folder / artifacts.THEOREM).exists() or controller.fuzzy is None:
         return TubeProof("no proof of these rules is in this run; add the stage prove before assure")
-    written = artifacts.read_json(folder, artifacts.THEOREM)
+    try:
+        written = _theorem(folder)
+    except (OSError, ValueError, RecursionError):
+        return TubeProof(f"{artifacts.THEOREM} cannot be read; repeat the stage prove")
     try:
         theorem = theorem_of(experiment)
     except NotProvable as error:
@@ -241,6 +247,10 @@ def _tube(experiment: Experiment, controller: Controller, folder: Path) -> TubeP
     )
 
 
+def _theorem(folder: Path) -> Any:
+    return json.loads(read_bytes(folder / artifacts.THEOREM, MOST_BYTES))
+
+
 def _check(folder: Path, written: Mapping[str, Any]) -> tuple[str, bool]:
     """Return why a run's certificate proves nothing, if so, and whether the checker has checked it."""
     count = written.get("num_periods")
@@ -257,7 +267,7 @@ def _check(folder: Path, written: Mapping[str, Any]) -> tuple[str, bool]:
         *(ArithmeticError, AttributeError, LookupError, MemoryError, OSError, TypeError, ValueError),
     ) as error:
         return f"the checker refuses the proof in this run ({error}); repeat the stage prove", False
-    if artifacts.read_json(folder, artifacts.THEOREM) != written:
+    if _theorem(folder) != written:
         return f"{artifacts.THEOREM} was changed while it was checked; repeat the stage prove", False
     return "", True
 

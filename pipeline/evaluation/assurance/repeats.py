@@ -1,14 +1,18 @@
 """Earlier runs that judged the same controller by the same requirements, so that repeating is visible."""
 
+import json
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from fis_tools.file_access import read_bytes
 from pipeline.run import artifacts
 
 #: so many folders beside a run are looked into, the newest
 MOST_FOLDERS = 100
+#: larger evidence is none
+MOST_BYTES = 64 * 1024**2
 #: conditions that tell repeated flights from the first ones
 DRAWN = ("seed", "num_cases")
 
@@ -37,8 +41,8 @@ def earlier_runs(folder: Path, evidence: Mapping[str, Any]) -> list[dict[str, An
                     dated.append(((path / artifacts.EVIDENCE).stat().st_mtime, path))
     runs = []
     for _, path in sorted(dated)[-MOST_FOLDERS:]:
-        with suppress(OSError, ValueError, LookupError, TypeError, AttributeError):
-            other = artifacts.read_json(path, artifacts.EVIDENCE)
+        with suppress(OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError):
+            other = json.loads(read_bytes(path / artifacts.EVIDENCE, MOST_BYTES))
             if _question(other) == _question(evidence) and _flights(other) != _flights(evidence):
                 verdicts = {entry["id"]: str(entry["verdict"]) for entry in other["requirements"]}
                 runs.append({"folder": path.name, **_flights(other), "verdicts": verdicts})

@@ -82,6 +82,10 @@ def test_a_requirement_is_shown_by_the_checked_proof_of_its_run_alone(
         theorem.write_text(json.dumps(written | changes))
         assert repeated(3) == missing
         assert verdict()[0] == "not shown"
+    for damage in ("[", "[]", "[" * 100_000, "null", '{"fault": NaN}'):
+        theorem.write_text(damage)
+        assert repeated(3) == missing
+        assert re.search("cannot be read|is of other flights", verdict()[1])
     theorem.write_text(json.dumps(written))
     pq.write_table(boxes.slice(0, len(boxes) - 1), tube)
     assert repeated(3) == missing
