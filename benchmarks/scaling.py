@@ -1,13 +1,24 @@
-"""The memory of a campaign: ``python -m benchmarks scaling`` measures how it grows with the flights."""
+"""A campaign: how its memory grows with the flights, and what it costs.
+
+``python -m benchmarks scaling`` measures the memory, ``python -m benchmarks scaling --prices`` the processor
+time of a flight of each champion in its world, and what millions of them take.
+"""
 
 import argparse
+import math
 import os
 import subprocess
 import tempfile
+import time
 from collections.abc import Sequence
 from pathlib import Path
 
 from benchmarks.timing import line
+from pipeline.command_line.config import compose_experiment
+from pipeline.controllers.source import load
+from pipeline.flight.goals.flights import fly_all
+from pipeline.scenarios import evaluation_scenarios
+from pipeline.settings.places import conf_folder
 from tests.hostile.kills import command
 
 
@@ -25,11 +36,62 @@ def memory_of(cases: int, part_cases: int, folder: Path) -> float:
     return used.ru_maxrss / 1024.0
 
 
+#: worlds for which champions were trained, by parts of their names, of which the first that fits counts
+WORLDS = {
+    "leo": ("world=leo",),
+    "afrl_weighted": ("world=afrl_weighted",),
+    "afrl_six_dof": ("world=afrl_six_dof",),
+    "afrl": ("world=afrl",),
+    "rso": ("world=rso",),
+    "docking": ("problem=docking",),
+}
+#: processor time over which flights are measured, s
+MEASURED_S = 5.0
+DAY_S = 86_400.0
+
+
+def words_of(controller: str) -> tuple[str, ...]:
+    """Return the words that choose a champion and its world."""
+    world = next((words for name, words in WORLDS.items() if name in controller), ("sun=random",))
+    return (f"controller={controller}", *world)
+
+
+def seconds_a_flight(controller: str) -> float:
+    """Return the processor time of a flight in one thread, s, over flights that take some seconds."""
+    experiment = compose_experiment(["+experiment=evaluate", *words_of(controller)]).experiment
+    loaded, first, num_cases = load(experiment.controller, experiment.mission), 0, 1
+    fly_all(experiment.mission, loaded, evaluation_scenarios(experiment, [0]), 1)  # compiles if necessary
+    while True:
+        scenarios = evaluation_scenarios(experiment, range(first, first + num_cases))
+        started = time.process_time()
+        fly_all(experiment.mission, loaded, scenarios, 1)
+        spent = time.process_time() - started
+        if spent >= MEASURED_S:
+            return spent / num_cases
+        first, num_cases = first + num_cases, 4 * num_cases
+
+
+def print_prices() -> None:
+    """Print a row for each champion that ships: its flight, and campaigns of a million and a billion."""
+    names = sorted(path.stem for path in (conf_folder() / "controller").glob("*champion*.yaml"))
+    print("| controller | ms a flight | 10^6: core hours | 10^9: core hours | cores for 10^9 in a day |")
+    print("|---|---|---|---|---|")
+    for name in names:
+        seconds = seconds_a_flight(name)
+        million, billion = 1e6 * seconds / 3600.0, 1e9 * seconds / 3600.0
+        cores = math.ceil(1e9 * seconds / DAY_S)
+        print(f"| `{name}` | {1e3 * seconds:.3g} | {million:,.2f} | {billion:,.0f} | {cores:,} |", flush=True)
+
+
 def main(arguments: Sequence[str]) -> int:
     """Measure and print."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks scaling", description=__doc__)
     parser.add_argument("--cases", type=int, nargs="*", default=[100_000, 200_000, 400_000])
+    parser.add_argument("--prices", action="store_true", help="print what flights cost instead")
     options = parser.parse_args(arguments)
+    if options.prices:
+        print_prices()
+        return 0
     with tempfile.TemporaryDirectory() as name:
         held = [memory_of(cases, 10_000, Path(name) / str(cases)) for cases in options.cases]
     for cases, megabytes in zip(options.cases, held, strict=True):
