@@ -22,6 +22,7 @@ from fis_tools.genes.parameters import plane_gains
 from fis_tools.model import Gaussian, Term, Triangular, Variable, rule_table, table_rules
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers.source import named
+from pipeline.evaluation.selection import select
 from pipeline.evaluation.statistics import fraction, statistic
 from pipeline.flight.control.controller import Controller, PilotController, from_fuzzy
 from pipeline.flight.goals.flights import fly_all
@@ -31,7 +32,7 @@ from pipeline.optimum.solved import solved_for
 from pipeline.scenarios import evaluation_scenarios, training_scenarios
 from pipeline.settings.experiment import Experiment
 from pipeline.training.genome import Genome, genome_of
-from pipeline.training.judging import choose, costs_of, evolved
+from pipeline.training.judging import costs_of, evolved
 
 #: of the starts, which no training used
 SEED: Final = 777
@@ -153,7 +154,8 @@ def fitted(
     is_linear = isinstance(genes, LinearLaw)
     with flying() if is_linear else nullcontext():
         history = evolved(training, genes, checkpoint=checkpoint, resume=True).history
-        best = genes.decode(choose(training, genes, history).champion)
+        chosen = select(training, genes, history).chosen.candidate
+        best = genes.decode(chosen.genome)
         flown = fly_all(judged.mission, best if is_linear else from_fuzzy(best), starts)
     return flown, history[-1].evaluations
 

@@ -179,6 +179,10 @@ class SystemEncoding(Genes):
 
     def encode(self, systems: tuple[FuzzySystem, ...]) -> Floats:
         """Return the genome, shape (num_genes,), of systems of this structure; clipped to the bounds."""
+        return np.clip(self.encode_unclipped(systems), 0.0, 1.0)
+
+    def encode_unclipped(self, systems: tuple[FuzzySystem, ...]) -> Floats:
+        """Return the same outside [0, 1] where a number is beyond its bounds."""
         genes: list[float] = []
         for system in systems:
             for variable in system.variables:
@@ -199,7 +203,7 @@ class SystemEncoding(Genes):
                 f"the systems have {len(genes)} tunable numbers, this encoding has {self.num_genes}; "
                 "encode systems of the same inputs and terms"
             )
-        return np.clip(np.array(genes, dtype=np.float64), 0.0, 1.0)
+        return np.array(genes, dtype=np.float64)
 
     def _checked(self, genomes: Floats) -> Floats:
         if genomes.ndim != 2 or genomes.shape[1] != self.num_genes:
@@ -474,6 +478,10 @@ class Stretches(Genes):
 
     def encode(self, systems: tuple[FuzzySystem, ...]) -> Floats:
         """Return the genome, shape (num_genes,), of systems of this structure; clipped to the bounds."""
+        return np.clip(self.encode_unclipped(systems), 0.0, 1.0)
+
+    def encode_unclipped(self, systems: tuple[FuzzySystem, ...]) -> Floats:
+        """Return the same outside [0, 1] where a number is beyond its bounds."""
         low, high = self.factors
         genes: list[float] = []
         for reference, system in zip(self.systems, systems, strict=True):
@@ -483,7 +491,7 @@ class Stretches(Genes):
                 genes += list(0.5 + 0.5 * gains / READABLE_GAIN)
             for before, now in zip(reference.variables, system.variables, strict=True):
                 genes.append(float(np.log(now.maximum / before.maximum / low) / np.log(high / low)))
-        return np.clip(np.array(genes, dtype=np.float64), 0.0, 1.0)
+        return np.array(genes, dtype=np.float64)
 
     def _stretched(self, variable: Variable, factor: float) -> Variable:
         """Return a variable with its range and all its terms stretched about zero."""

@@ -14,7 +14,7 @@ from pipeline.run import artifacts, configuration, maker, manifests
 from pipeline.run.engine import check_engine
 from pipeline.run.extras import require_packages
 from pipeline.run.lock import held
-from pipeline.run.runner import run_stages
+from pipeline.run.runner import Unimproved, run_stages
 from pipeline.settings import schema
 from pipeline.settings.experiment import Experiment
 from pipeline.settings.keys import in_todays_words, with_values
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from pipeline.command_line.config import Job
 
 #: exit codes; the last one is of a run that was asked for a proof and found none
-OK, FAULT, MISTAKE, UNPROVED = 0, 1, 2, 3
+OK, FAULT, MISTAKE, UNPROVED, UNIMPROVED = 0, 1, 2, 3, 4
 
 #: groups that may be changed when a stage is repeated on an earlier run's files: those no other stage reads
 OWN_GROUPS = {"record": ("telemetry", "case"), "assure": ("assurance",), "report": ("report",)}
@@ -115,7 +115,9 @@ def _run(
         raise
     print_result(f"{path}\n")
     sys.stderr.writelines(f"{sentence}\n" for sentence in missing)
-    return UNPROVED if missing else OK
+    if not missing:
+        return OK
+    return UNIMPROVED if all(isinstance(words, Unimproved) for words in missing) else UNPROVED
 
 
 def resume(folder: Path, overrides: Sequence["Override"], command: Sequence[str] | None = None) -> int:
@@ -295,6 +297,8 @@ def check_before(experiment: Experiment) -> None:
 
 
 def most_telling(codes: Iterable[int]) -> int:
-    """Return the exit code of several runs: one that failed says more than one that proved nothing."""
+    """Return the exit code of several runs: one that failed says more than one that showed nothing."""
     codes = list(codes)
-    return max((code for code in codes if code != UNPROVED), default=OK) or max(codes, default=OK)
+    return max((code for code in codes if code not in (UNPROVED, UNIMPROVED)), default=OK) or max(
+        codes, default=OK
+    )

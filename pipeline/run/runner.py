@@ -17,6 +17,12 @@ from pipeline.settings.experiment import STAGES, Experiment, Mission
 _LOG = logging.getLogger("pipeline")
 
 
+class Unimproved(str):
+    """A sentence that a training handed back what it was given; the run then has an exit code of its own."""
+
+    __slots__ = ()
+
+
 class Interrupted(KeyboardInterrupt):
     """Interrupt from the keyboard during a run; says what was kept and how to continue."""
 
@@ -28,7 +34,7 @@ def run_stages(
     stages: Sequence[str] | None = None,
     command: Sequence[str] | None = None,
 ) -> list[str]:
-    """Run stages in a run's folder; return a sentence for each requested proof that was not found.
+    """Run stages; return a sentence for each requested proof not found, and each training without gain.
 
     Parameters
     ----------

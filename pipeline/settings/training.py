@@ -209,7 +209,7 @@ class Optimizer:
     cooling: Annotated[checks.Number, Field(ge=0.1, le=1), Only("optimizer.mutation=local")] = 1.0
     """Factor on the steps of local mutation from round to round."""
     validation_cases: checks.Natural = 0
-    """Starts on which the best of the rounds' champions is chosen; 0: the last."""
+    """Starts on which the best of all generations is chosen; 0: the last, if it betters the given one."""
 
     def __post_init__(self) -> None:
         """Check that rates leave room for one another and the population suits the algorithm."""

@@ -8,6 +8,7 @@ from typing import Any
 
 from fis_tools.formats import serialize
 from pipeline.controllers import source
+from pipeline.evaluation.selection import select
 from pipeline.flight.control.controller import Controller, from_fuzzy
 from pipeline.flight.goals.flights import fly_all
 from pipeline.run import artifacts, configuration, tables, writing
@@ -19,7 +20,7 @@ from pipeline.settings.experiment import Experiment
 from pipeline.settings.schema import experiment_from, with_tried
 from pipeline.training.fitness import costs
 from pipeline.training.genome import genome_of
-from pipeline.training.judging import choose, evolved, named_after
+from pipeline.training.judging import evolved
 
 
 def run(experiment: Experiment, folder: Path) -> None:
@@ -75,11 +76,12 @@ def _judge(
 
 def _trained(experiment: Experiment) -> Controller:
     """Train from the configured controller, keeping only the champion."""
-    genome = genome_of(source.load(experiment.controller, experiment.mission), experiment.optimizer.encoding)
+    given = source.load(experiment.controller, experiment.mission)
+    genome = genome_of(given, experiment.optimizer.encoding)
     result = evolved(experiment, genome)
     if result.interrupted:
         raise KeyboardInterrupt
-    return from_fuzzy(named_after(experiment, genome, choose(experiment, genome, result.history).champion))
+    return from_fuzzy(select(experiment, genome, result.history, given.fuzzy).controller)
 
 
 def _keep(experiment: Experiment, folder: Path, made: Mapping[str, Controller]) -> None:

@@ -1,5 +1,6 @@
 """Evolve the controller's numbers: logbook, history, checkpoint, champion."""
 
+import sys
 import time
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
@@ -11,14 +12,16 @@ import numpy as np
 
 from fis_tools.formats import serialize
 from pipeline.controllers import source
+from pipeline.evaluation.selection import COLUMNS, Selection, select
 from pipeline.flight.fly.tours import tour_images
 from pipeline.run import artifacts, configuration, maker, tables, writing
 from pipeline.run.engine import TaskPool, open_pool
+from pipeline.run.runner import Unimproved
 from pipeline.settings.experiment import Experiment
 from pipeline.training.evolution.rounds import Evolution
 from pipeline.training.evolution.state import Generation
 from pipeline.training.genome import Genome, genome_of
-from pipeline.training.judging import choose, evolved, named_after
+from pipeline.training.judging import evolved
 from pipeline.training.progress import Log, TrainingProgress, logged
 
 #: the history is written at most once in this many seconds, because each writing waits for the disk; the
@@ -26,15 +29,25 @@ from pipeline.training.progress import Log, TrainingProgress, logged
 WRITE_EVERY_S = 1.0
 
 
-def run(experiment: Experiment, folder: Path) -> None:
-    """Train the configured controller: its structure is kept, its numbers are in the first population."""
+def run(experiment: Experiment, folder: Path) -> Unimproved | None:
+    """Train the configured controller: its structure is kept, its numbers are in the first population.
+
+    Returns
+    -------
+    Unimproved, optional
+        Where no champion flies better than the configured controller, which is then handed back.
+    """
     template = source.load(experiment.controller, experiment.mission)
     genome = genome_of(template, experiment.optimizer.encoding)
+    for words in genome.clipped():
+        sys.stderr.write(f"  the bounds of optimizer.encoding clip {words}\n")
     with logged(experiment.logger, folder) as log, _open_pool(experiment, genome) as pool:
         result = _evolved(experiment, folder, genome, log, pool)
-        write_champion(folder, experiment, genome, result, pool)
+        selection = select(experiment, genome, result.history, template.fuzzy, pool)
+        write_selection(folder, experiment, genome, selection, result)
         if result.interrupted:
             raise KeyboardInterrupt
+    return None if selection.is_improved else _unimproved(selection)
 
 
 def _open_pool(experiment: Experiment, genome: Genome) -> AbstractContextManager[TaskPool]:
@@ -79,13 +92,12 @@ def write_history(folder: Path, history: Sequence[Generation]) -> None:
     )
 
 
-def write_champion(
-    folder: Path, experiment: Experiment, genome: Genome, result: Evolution, pool: TaskPool
+def write_selection(
+    folder: Path, experiment: Experiment, genome: Genome, selection: Selection, result: Evolution
 ) -> None:
-    """Choose the champion, and write it as a controller file with its provenance."""
-    choice = choose(experiment, genome, result.history, pool)
+    """Write the controller that is handed back, with its provenance, and what it was compared with."""
+    generation = selection.chosen.candidate.generation
     facts = {
-        "training_fitness": repr(choice.fitness),
         "experiment": experiment.name,
         "seed": str(experiment.seed),
         "config_hash": configuration.config_hash(configuration.read(folder)),
@@ -93,10 +105,32 @@ def write_champion(
         "git_revision": maker.git_revision() or "none",
         "generations": str(len(result.history)),
         "interrupted": str(result.interrupted).lower(),
+        "improved": str(selection.is_improved).lower(),
+        "validation_fitness": repr(selection.chosen.cost),
     }
-    if choice.validation_fitness is not None:
-        facts["validation_fitness"] = repr(choice.validation_fitness)
-    if choice.rounds:
-        tables.write_csv(folder / artifacts.VALIDATION, ["round", "training", "validation"], choice.rounds)
-    champion = serialize.described(named_after(experiment, genome, choice.champion), facts)
+    if generation is not None:
+        facts["training_fitness"] = repr(generation.best)
+    judged = [judgement.row() for judgement in selection.judged]
+    tables.write_csv(folder / artifacts.VALIDATION, COLUMNS, judged)
+    given = selection.given
+    summary = {
+        "improved": selection.is_improved,
+        "num_cases": selection.chosen.num_cases,
+        "confidence_percent": experiment.monte_carlo.confidence_percent,
+        "chosen": selection.chosen.summary(),
+        "best_champion": selection.best_champion.summary(),
+        "given": None if given is None else given.summary(),
+        "clipped": genome.clipped(),
+    }
+    writing.write_json(folder / artifacts.TRAINED, summary)
+    champion = serialize.described(selection.controller, facts)
     writing.write_atomically(folder / artifacts.CHAMPION, serialize.dump_json(champion) + "\n")
+
+
+def _unimproved(selection: Selection) -> Unimproved:
+    """Return what is said last where the given controller is handed back."""
+    best = selection.best_champion
+    return Unimproved(
+        f"not improved: the given controller is handed back. From {best.num_cases:,} validation starts "
+        f"{selection.chosen.sentence}; with the best champion ({best.where}) {best.sentence}"
+    )

@@ -12,6 +12,9 @@ from pipeline.flight.control.controller import Controller, ControllerError, from
 from pipeline.flight.state.signals import CONSTANTS, TOUR_COEFFICIENTS
 from pipeline.settings.training import Encoding
 
+#: genes beyond [0, 1] by less are rounding
+ROUNDING = 1e-9
+
 
 @dataclass(frozen=True)
 class Genome:
@@ -78,7 +81,7 @@ class Genome:
     def encode(self, controller: FuzzyController | None = None) -> Floats:
         """Return the genome of a controller of this structure, or of the template itself.
 
-        Values outside the bounds are clipped.
+        Values outside the bounds are clipped; see `clipped`.
         """
         controller = controller or _fuzzy(self.template)
         genome = self.systems.encode(controller.systems)
@@ -90,6 +93,18 @@ class Genome:
         genes = [(value - low) / (high - low) for value, (low, high) in zip(values, bounds, strict=True)]
         return np.asarray(np.clip(np.concatenate([genome, np.array(genes)]), 0.0, 1.0))
 
+    def clipped(self) -> list[str]:
+        """Return in words which numbers of the template the bounds clip: constants with both values."""
+        fuzzy = _fuzzy(self.template)
+        genes = self.systems.encode_unclipped(fuzzy.systems)
+        is_beyond = (genes < -ROUNDING) | (genes > 1.0 + ROUNDING)
+        words = [name for name, beyond in zip(self.systems.gene_names(), is_beyond, strict=True) if beyond]
+        for name, low, high in self.constants:
+            value = float(dict(fuzzy.attributes)[name])
+            if not low <= value <= high:
+                words.append(f"{name} {value:g} to {min(max(value, low), high):g}")
+        return words
+
     def _system_genes(self, genomes: Floats) -> Floats:
         genes = genomes[:, : self._num_system_genes]
         return self.reduction.expand(genes) if self.reduction is not None else genes
@@ -97,6 +112,8 @@ class Genome:
 
 def genome_of(template: Controller, settings: Encoding) -> Genome:
     """Return the genome that the settings define for a controller.
+
+    Bounds that would clip a constant of the controller are replaced by others around it.
 
     Raises
     ------
@@ -109,11 +126,24 @@ def genome_of(template: Controller, settings: Encoding) -> Genome:
     for name in (name for name, kind in CONSTANTS.items() if kind.is_tuned):
         pair = _bounds_of(name, settings)
         if pair is not None and (name not in TOUR_COEFFICIENTS or name in dict(fuzzy.attributes)):
-            constants.append((name, float(pair[0]), float(pair[1])))
+            value = float(dict(fuzzy.attributes).get(name, "0"))
+            constants.append((name, *bounds_around(value, float(pair[0]), float(pair[1]))))
     if constants:
         attributes = {name: "0" for name, _, _ in constants} | dict(fuzzy.attributes)
         template = from_fuzzy(replace(fuzzy, attributes=tuple(sorted(attributes.items()))))
     return Genome(template, systems, reduction, tuple(constants), settings.digits)
+
+
+def bounds_around(value: float, low: float, high: float) -> tuple[float, float]:
+    """Return bounds widened to contain a value from a third to three times it, or to 1.5 times either sign.
+
+    Bounds that contain the value already, or that are met by a constant that is 0 or new, stay.
+    """
+    if value == 0.0 or low <= value <= high:
+        return low, high
+    if low < 0.0:
+        return min(low, -1.5 * abs(value)), max(high, 1.5 * abs(value))
+    return min(low, value / 3.0), max(high, 3.0 * value)
 
 
 def _bounds_of(name: str, settings: Encoding) -> tuple[float, ...] | None:

@@ -1,7 +1,7 @@
 """Evaluation in training: flights from a round's starts, and those by which the champion is chosen."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -18,11 +18,10 @@ from pipeline.flight.goals.flights import fly_all, fly_genomes
 from pipeline.flight.state.log import Outcomes, Scenario, combined
 from pipeline.flight.world.pack import pack_world
 from pipeline.run.engine import HERE, TaskPool
-from pipeline.scenarios import hard_candidates, training_scenarios, validation_scenarios
+from pipeline.scenarios import hard_candidates, training_scenarios
 from pipeline.settings.experiment import Experiment, Mission
 from pipeline.training.evolution.generations import Evaluate
 from pipeline.training.evolution.rounds import Evolution, evolve_rounds
-from pipeline.training.evolution.state import Generation
 from pipeline.training.fitness import costs, fitness_parts
 from pipeline.training.genome import Genome
 
@@ -63,7 +62,7 @@ def fitness_from(
 ) -> Evaluate:
     """Return the function that flies genomes from some starts and evaluates them with a round's prices."""
     penalty = experiment.optimizer.penalty.of_round(round_index)
-    fly = _flights_from(experiment, genome, scenarios, pool)
+    fly = flights_from(experiment, genome, scenarios, pool)
     return lambda genomes: fitness_parts(fly(genomes), penalty, experiment.mission)
 
 
@@ -77,11 +76,11 @@ def costs_of(
 ) -> Floats:
     """Return the cost of each flight of a genome at the prices of a round, m/s, shape (scenarios,)."""
     penalty = experiment.optimizer.penalty.of_round(round_index)
-    outcomes = _flights_from(experiment, genome, scenarios, pool)(champion[np.newaxis])
+    outcomes = flights_from(experiment, genome, scenarios, pool)(champion[np.newaxis])
     return costs(outcomes, penalty, experiment.mission).reshape(-1)
 
 
-def _flights_from(
+def flights_from(
     experiment: Experiment, genome: Genome, scenarios: list[Scenario], pool: TaskPool
 ) -> Callable[[Floats], Outcomes]:
     """Return the function that flies genomes of shape (n, num_genes) from some starts; outcomes of (n, m).
@@ -122,46 +121,3 @@ def evolved(experiment: Experiment, genome: Genome, pool: TaskPool = HERE, **kep
 def named_after(experiment: Experiment, genome: Genome, champion: Floats) -> FuzzyController:
     """Return a champion's controller, named after the template and the experiment."""
     return replace(genome.decode(champion), name=f"{genome.template.name}_{experiment.name}")
-
-
-@dataclass(frozen=True)
-class Choice:
-    """The champion of a training, and the basis of the choice.
-
-    Parameters
-    ----------
-    champion : (num_genes,) array
-    fitness : float
-        In training.
-    validation_fitness : float, optional
-        On the validation starts, with the prices of the last round; None if it was not chosen there.
-    rounds : tuple of (int, float, float)
-        Index of each round, and its champion's fitness, with the prices of the last round, on the
-        starts that it trained on and on the validation starts; empty if they were not compared.
-    """
-
-    champion: Floats
-    fitness: float
-    validation_fitness: float | None = None
-    rounds: tuple[tuple[int, float, float], ...] = ()
-
-
-def choose(
-    experiment: Experiment, genome: Genome, history: Sequence[Generation], pool: TaskPool = HERE
-) -> Choice:
-    """Return the best of the rounds' champions on starts not used in training."""
-    num_cases = experiment.optimizer.validation_cases
-    if num_cases == 0:
-        return Choice(history[-1].champion, history[-1].best)
-    scenarios = validation_scenarios(experiment, num_cases)
-    last_of_round = list({generation.round: generation for generation in history}.values())
-    rounds = []
-    for index, generation in enumerate(last_of_round):
-        training_starts = training_scenarios(experiment, generation.round)
-        training, validation = (
-            float(costs_of(experiment, genome, generation.champion, starts, history[-1].round, pool).mean())
-            for starts in (training_starts, scenarios)
-        )
-        rounds.append((index, training, validation))
-    best, _, validation = min(rounds, key=lambda row: row[2])
-    return Choice(last_of_round[best].champion, last_of_round[best].best, validation, tuple(rounds))

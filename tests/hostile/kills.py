@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
-from pipeline.command_line.runs import OK, UNPROVED
+from pipeline.command_line.runs import OK, UNIMPROVED, UNPROVED
 from pipeline.run import artifacts, manifests, sweep
 from tests import slurm
 
@@ -160,7 +160,7 @@ def survive(
             if is_killed:
                 left -= 1
                 tally.kills[f"{how[0].name} {how[1]}"] += 1
-            if code in (OK, UNPROVED):
+            if code in (OK, UNPROVED, UNIMPROVED):
                 return
             if not is_killed and "is held by process" in said:
                 time.sleep(1.0)  # jobs that a launcher started may outlive the command that was killed
@@ -172,7 +172,8 @@ def survive(
 
 def differences(folder: Path, other: Path) -> list[str]:
     """Return the files in which two finished runs, or sweeps, differ, and what a killed one left lying."""
-    left = [path.name for path in folder.rglob(".*")]
+    # how a run ended that did not improve or prove stays with it
+    left = [path.name for path in folder.rglob(".*") if path.name != sweep.ENDING]
     if not (other / sweep.SWEEP).exists():
         return [*_differences(folder, other), *left]
     names = [run.folder for run in sweep.read(other)]

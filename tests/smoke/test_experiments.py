@@ -9,7 +9,7 @@ import yaml
 import telemetry
 from fis_tools.formats import serialize
 from pipeline.command_line.cli import main
-from pipeline.command_line.runs import OK, UNPROVED
+from pipeline.command_line.runs import OK, UNIMPROVED, UNPROVED
 from pipeline.run import artifacts, configuration, manifests
 from tests.places import PROJECT
 from tests.policies import Page, check_policy
@@ -36,7 +36,7 @@ PROVE_NOTHING = ("prove",)
 
 #: what few runs leave: flights of ten minutes are not compared with plans of an hour, and an untrained
 #: controller asks for more force than is to be proved
-SELDOM = {artifacts.BESIDE_OPTIMUM, artifacts.PROOF_BOXES, artifacts.VALIDATION, artifacts.TENSORBOARD}
+SELDOM = {artifacts.BESIDE_OPTIMUM, artifacts.PROOF_BOXES, artifacts.TENSORBOARD}
 SELDOM |= {artifacts.EPISODE_PARTS}
 FILES = {name for key, name in vars(artifacts).items() if key.isupper() and isinstance(name, str)} - SELDOM
 
@@ -48,8 +48,12 @@ def finished(request, tmp_path_factory) -> tuple[str, Path, list[str]]:
     folder, small = tmp_path_factory.mktemp(experiment) / "run", [*MINIATURE, *FEW.get(experiment, ())]
     if experiment == "assure":  # which has flights of its own, judged after an hour
         small = [word for word in small if word not in ("monte_carlo.num_cases=3", "duration_s=600.0")]
-    code = UNPROVED if experiment in PROVE_NOTHING else OK
-    assert main([f"+experiment={experiment}", *small, f"hydra.run.dir={folder}"]) == code
+    code = main([f"+experiment={experiment}", *small, f"hydra.run.dir={folder}"])
+    if (folder / artifacts.TRAINED).exists():
+        is_improved = artifacts.read_json(folder, artifacts.TRAINED)["improved"]
+        assert code == (OK if is_improved else UNIMPROVED)
+    else:
+        assert code == (UNPROVED if experiment in PROVE_NOTHING else OK)
     return experiment, folder, yaml.safe_load(request.param.read_text(encoding="utf-8"))["stages"]
 
 

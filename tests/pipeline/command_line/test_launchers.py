@@ -14,6 +14,7 @@ import pytest
 
 from pipeline.command_line.cli import main
 from pipeline.command_line.hydra_errors import LAUNCHERS
+from pipeline.command_line.runs import OK, UNIMPROVED
 from pipeline.run import artifacts, manifests, sweep, tables
 from pipeline.run.lock import LOCK
 from tests import slurm
@@ -22,6 +23,8 @@ from tests.places import PROJECT
 
 pytestmark = pytest.mark.slow
 
+#: so short a training may not improve on what it was given
+DONE = (OK, UNIMPROVED)
 NAMES = [name.rpartition("/")[2] for name in LAUNCHERS]
 SMALL = [
     "optimizer.population_size=8",
@@ -41,7 +44,7 @@ PAGE = (PROJECT / "docs/how-to/run-on-a-cluster.md").read_text(encoding="utf-8")
 def basic(tmp_path_factory) -> Path:
     """A sweep that Hydra's own launcher ran, one run after the other."""
     folder = tmp_path_factory.mktemp("basic") / "sweep"
-    assert main([*TRAIN, f"hydra.sweep.dir={folder}"]) == 0
+    assert main([*TRAIN, f"hydra.sweep.dir={folder}"]) in DONE
     return folder
 
 
@@ -72,7 +75,7 @@ def kill_worker(folder: Path) -> None:
 @pytest.mark.parametrize("launcher", NAMES)
 def test_files_are_equal_under_every_launcher(launcher, basic, cluster, tmp_path):
     done = run([*TRAIN, f"hydra/launcher={launcher}", "hydra.sweep.dir=sweep"], cluster, tmp_path)
-    assert done.returncode == 0, done.stderr
+    assert done.returncode in DONE, done.stderr
     assert "2 of 2 runs are done" in done.stderr
     assert kills.differences(tmp_path / "sweep", basic) == []
     first, second = (manifests.read(folder / "seed=1")["makers"] for folder in (tmp_path / "sweep", basic))
@@ -82,7 +85,7 @@ def test_files_are_equal_under_every_launcher(launcher, basic, cluster, tmp_path
 @pytest.fixture(scope="module")
 def long(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("long") / "sweep"
-    assert main([*LONG, f"hydra.sweep.dir={folder}"]) == 0
+    assert main([*LONG, f"hydra.sweep.dir={folder}"]) in DONE
     return folder
 
 
@@ -100,7 +103,7 @@ def test_a_sweep_whose_worker_is_killed_goes_on_under_another_launcher(
     assert "the launcher lost a run" in stderr
     assert "python -m pipeline resume=sweep" in stderr
     done = run(["resume=sweep", f"hydra/launcher={then}"], cluster, tmp_path)
-    assert done.returncode == 0, done.stderr
+    assert done.returncode in DONE, done.stderr
     assert kills.differences(tmp_path / "sweep", long) == []
 
 
@@ -122,7 +125,7 @@ def test_the_commands_of_the_cluster_page_work(cluster, tmp_path):
     assert any("hydra/launcher=submitit_slurm" in words for words in commands)
     for words in commands:
         done = run(miniature(words), cluster, tmp_path)
-        assert done.returncode == 0, (words, done.stderr)
+        assert done.returncode in DONE, (words, done.stderr)
 
 
 def test_the_job_array_of_the_page_goes_on_where_a_job_was_killed_and_is_summarised(cluster, tmp_path):
@@ -141,7 +144,7 @@ def test_the_job_array_of_the_page_goes_on_where_a_job_was_killed_and_is_summari
     assert set(slurm.states(tmp_path / "slurm").values()) == {"COMPLETED"}
     assert slurm.requeued(tmp_path / "slurm") == ["100_1"]
     done = run(["summary", "seeds"], cluster, tmp_path)
-    assert done.returncode == 0, done.stderr
+    assert done.returncode in DONE, done.stderr
     assert tables.read_parquet(tmp_path / "seeds", "summary.parquet")["seed"].tolist() == ["1", "2"]
 
 

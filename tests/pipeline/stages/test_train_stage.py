@@ -20,6 +20,7 @@ from pipeline.flight.control.controller import from_fuzzy
 from pipeline.flight.fly.simulation import fly_all
 from pipeline.run import artifacts, configuration, writing
 from pipeline.scenarios import hard_candidates, training_scenarios, validation_scenarios
+from pipeline.settings.places import conf_folder
 from pipeline.stages import record, train
 from pipeline.training import judging
 from pipeline.training.fitness import costs
@@ -63,6 +64,9 @@ def test_the_logbook_and_the_history_hold_every_generation_with_its_parts(traine
     assert best == sorted(best, reverse=True)
     assert genomes(folder).shape == (4, 150)
     assert not list(folder.glob("train/.*"))
+
+
+SHIPPED = conf_folder() / "controller" / "champion_27.yaml"
 
 
 def encoding_of(run):
@@ -176,24 +180,85 @@ def test_from_the_second_round_on_the_starts_that_the_champion_flies_worst_join(
     assert expected > plain["fitness"][0]
 
 
-def test_the_champion_is_the_rounds_best_on_starts_of_its_own(tmp_path):
+def test_the_champion_is_the_best_of_all_generations_on_starts_of_its_own(tmp_path):
     few = ("optimizer.rounds=3", "optimizer.generations=2", "optimizer.validation_cases=9")
     run = prepared(tmp_path, "starts.num_cases=4", *few, experiment="train_champion").experiment
-    train.run(run, tmp_path)
-    rows = logbook(tmp_path, artifacts.VALIDATION)
-    assert [row["round"] for row in rows] == [0, 1, 2]
-    best = min(rows, key=lambda row: row["validation"])
+    assert train.run(run, tmp_path) is None
+    with (tmp_path / artifacts.VALIDATION).open() as stream:
+        rows = list(csv.DictReader(stream))
+    generations = [(int(row["round"]), int(row["generation"])) for row in rows[2:]]
+    assert [row["candidate"] for row in rows[:3]] == ["given", "start", "champion"]
+    assert generations == sorted(generations)
+    assert generations[-1] == (2, 2)
+    # nobody succeeds in so short flights: cost decides
+    assert {float(row["success_fraction"]) for row in rows} == {0.0}
+    best = min(rows[2:], key=lambda row: float(row["cost_m_s"]))
+    assert float(best["cost_m_s"]) < float(rows[0]["cost_m_s"])
     champion = serialize.load(tmp_path / artifacts.CHAMPION)
-    last_of_round = genomes(tmp_path)[[2, 5, 8]]
-    assert champion.systems == encoding_of(run).decode(last_of_round[int(best["round"])]).systems
-    assert float(dict(champion.provenance)["validation_fitness"]) == best["validation"]
+    chosen = genomes(tmp_path)[3 * int(best["round"]) + int(best["generation"])]
+    assert champion.systems == encoding_of(run).decode(chosen).systems
+    facts = dict(champion.provenance)
+    assert facts["improved"] == "true"
+    assert facts["validation_fitness"] == best["cost_m_s"]
+    assert facts["training_fitness"] == best["training_fitness"]
     starts = validation_scenarios(run, 9)
     drawn = [training_scenarios(run, index) for index in range(3)]
     flown = {tuple(s.position_m) for each in drawn for s in each}
     assert not flown & {tuple(s.position_m) for s in starts}
-    outcomes = fly_all(run.mission, from_fuzzy(champion), starts)
-    mean_cost = costs(outcomes, run.optimizer.penalty.of_round(2), run.mission).mean()
-    assert mean_cost == pytest.approx(best["validation"], rel=1e-9)
+    given = source.load(run.controller, run.mission)
+    for controller, row in ((from_fuzzy(champion), best), (given, rows[0])):
+        outcomes = fly_all(run.mission, controller, starts)
+        mean_cost = costs(outcomes, run.optimizer.penalty.of_round(2), run.mission).mean()
+        assert mean_cost == pytest.approx(float(row["cost_m_s"]), rel=1e-9)
+
+
+#: searches that lead away from a controller that flies
+ASTRAY = {
+    "cma_es": "+experiment=train_readable_late sun=random",
+    "local": """+experiment=train_rules optimizer.mutation=local optimizer.first_population=near
+        optimizer.encoding.rules=fixed optimizer.encoding.stretch=[0.3,3.0] starts.num_hard=0
+        optimizer.elitism_rate=0.0""",
+    "paper": "+experiment=train_champion optimizer.encoding.rules=fixed optimizer.encoding.stretch=[0.3,3.0]",
+}
+BRIEF = (
+    *("starts=random", "starts.num_cases=2", "stages=[train]", "controller=champion_27"),
+    *("optimizer.generations=1", "optimizer.rounds=2", "optimizer.population_size=6"),
+)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("validation_cases", [0, 60])
+@pytest.mark.parametrize("kind", ASTRAY)
+def test_training_never_hands_back_worse_than_it_was_given(kind, validation_cases, tmp_path, ran):
+    step = () if kind == "paper" else ("optimizer.initial_step=1.0",)
+    words = [*ASTRAY[kind].split(), *BRIEF, *step, f"optimizer.validation_cases={validation_cases}"]
+    told = ran(*words, f"hydra.run.dir={tmp_path}", code=4).err
+    last = told.strip().splitlines()[-1]
+    assert last.startswith("not improved: the given controller is handed back. From ")
+    assert last.count("% succeed") == 2
+    summary = artifacts.read_json(tmp_path, artifacts.TRAINED)
+    assert summary["improved"] is False
+    assert summary["num_cases"] == (validation_cases or 400)
+    given, best = summary["given"], summary["best_champion"]
+    assert given["success"]["fraction"] > 0.9
+    assert given == summary["chosen"]
+    is_behind = best["success"]["high"] < given["success"]["low"]
+    assert is_behind or best["cost_m_s"] >= given["cost_m_s"] * (1 - 1e-9)
+    champion, before = serialize.load(tmp_path / artifacts.CHAMPION), serialize.load(SHIPPED)
+    assert (champion.name, champion.systems) == (before.name, before.systems)
+    assert champion.attributes == before.attributes
+    assert dict(champion.provenance)["improved"] == "false"
+
+
+@pytest.mark.slow
+def test_a_better_champion_is_handed_back_with_code_0(tmp_path, ran):
+    words = ["+experiment=train_champion", *BRIEF, "controller=paper", f"hydra.run.dir={tmp_path}"]
+    ran(*words, "optimizer.generations=3")
+    summary = artifacts.read_json(tmp_path, artifacts.TRAINED)
+    assert summary["improved"] is True
+    chosen, given = summary["chosen"], summary["given"]
+    has_more_success = chosen["success"]["low"] > given["success"]["high"]
+    assert has_more_success or chosen["cost_m_s"] < given["cost_m_s"]
 
 
 STOPPED = "No space left on device; make room"

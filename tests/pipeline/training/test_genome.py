@@ -13,7 +13,7 @@ from pipeline.flight.state.signals import CONSTANTS
 from pipeline.settings.experiment import Mission
 from pipeline.settings.training import Encoding, Penalty
 from pipeline.training.fitness import fitness_parts
-from pipeline.training.genome import genome_of
+from pipeline.training.genome import bounds_around, genome_of
 from tests.pipeline.training.evolution import cases
 from tests.places import PROJECT
 
@@ -62,6 +62,38 @@ def test_a_controller_is_found_again_in_its_genome():
         if name in CONSTANTS:
             actual, expected = (float(dict(each.attributes)[name]) for each in (again, controller))
             assert actual == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(
+    ("value", "bounds", "expected"),
+    [
+        (0.5, (0.0, 1.0), (0.0, 1.0)),
+        (6527.0, (200.0, 1500.0), (200.0, 19581.0)),
+        (60.0, (200.0, 1500.0), (20.0, 1500.0)),
+        (0.09, (0.0, 0.06), (0.0, 0.27)),
+        (-260.0, (-150.0, 150.0), (-390.0, 390.0)),
+        (0.0, (1.0, 3.0), (1.0, 3.0)),
+    ],
+)
+def test_bounds_reach_around_a_constant_that_they_would_clip(value, bounds, expected):
+    assert bounds_around(value, *bounds) == pytest.approx(expected)
+
+
+def test_a_controller_beyond_the_bounds_is_in_its_genome_and_what_is_clipped_is_told():
+    far = replace(ELLIPSE, attributes=tuple((dict(ELLIPSE.attributes) | {"ring_size_m": "95.0"}).items()))
+    settings = Encoding(**CONSTANT_BOUNDS)
+    genome = genome_of(from_fuzzy(far), settings)
+    assert float(dict(genome.decode(genome.encode()).attributes)["ring_size_m"]) == pytest.approx(95.0)
+    assert not [words for words in genome.clipped() if words.startswith("ring_size_m")]
+    # a constant that is new begins at the nearest bound
+    new = genome_of(from_fuzzy(PAPER), Encoding(rules="fixed", tour_time_s=(200.0, 1500.0)))
+    assert new.clipped()[-1] == "tour_time_s 0 to 200"
+    stretched = genome_of(from_fuzzy(far), Encoding(rules="fixed", stretch=(2.0, 3.0)))
+    assert stretched.clipped() == stretched.gene_names()
+    reach = genome_of(from_fuzzy(PAPER), Encoding(output_range_n=(5.0, 6.0)))
+    outputs = [system.outputs[0].name for system in PAPER.systems]
+    assert len(reach.clipped()) == len(outputs)
+    assert all(name in words for name, words in zip(outputs, reach.clipped(), strict=True))
 
 
 def test_rules_that_are_fixed_stay_and_constants_may_be_new_to_a_controller():

@@ -1,0 +1,260 @@
+"""What a training hands back: the controller that it was given, or the best champion of its generations.
+
+They fly from validation starts, which no generation has flown. Those whose intervals of success lie apart are
+ranked by success, the others by cost: a search that went astray never replaces a controller that flies.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from fis_tools.model import FuzzyController
+from pipeline.array_types import Floats
+from pipeline.evaluation.statistics import Fraction, fraction
+from pipeline.flight.control.controller import from_fuzzy
+from pipeline.flight.goals.flights import fly_all
+from pipeline.flight.state.log import Outcomes, Scenario
+from pipeline.run.engine import HERE, TaskPool
+from pipeline.scenarios import training_scenarios, validation_scenarios
+from pipeline.settings.experiment import Experiment
+from pipeline.training.evolution.state import Generation
+from pipeline.training.fitness import costs
+from pipeline.training.genome import Genome
+from pipeline.training.judging import flights_from, named_after
+
+#: starts on which the last champion is compared with the given controller where no validation starts are set
+GUARD_CASES: Final = 400
+#: candidates that fly from all validation starts; more of them first fly from a share of the starts
+FINALISTS: Final = 16
+FIRST_SHARE: Final = 4
+#: relative gain in cost below which a candidate is the given controller over again, rounded
+SAME: Final = 1e-9
+#: of the given controller, as it is or as genes, which clips numbers outside their bounds
+GIVEN, START = "given", "start"
+
+COLUMNS: Final = (
+    *("candidate", "round", "generation", "training_fitness", "num_cases", "cost_m_s", "delta_v_m_s"),
+    *("success_fraction", "success_low", "success_high"),
+)
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A controller that a training may hand back.
+
+    Parameters
+    ----------
+    name : str
+        `GIVEN`, `START`, or ``champion`` of a generation.
+    genome : (num_genes,) array, optional
+        None for the given controller itself.
+    generation : Generation, optional
+        Of a champion.
+    """
+
+    name: str
+    genome: Floats | None = None
+    generation: Generation | None = None
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """A candidate's flights from validation starts.
+
+    Parameters
+    ----------
+    candidate : Candidate
+    num_cases : int
+    cost : float
+        Mean, with the prices of the last round, m/s.
+    delta_v : float
+        Mean, m/s.
+    success : Fraction
+        Successes inside the limits.
+    """
+
+    candidate: Candidate
+    num_cases: int
+    cost: float
+    delta_v: float
+    success: Fraction
+
+    @property
+    def sentence(self) -> str:
+        """Success and cost in words."""
+        rate = self.success
+        return (
+            f"{100 * rate.fraction:.1f} % succeed ({100 * rate.low:.1f} to {100 * rate.high:.1f}), delta-v "
+            f"{self.delta_v:.3f} m/s, cost {self.cost:.3f} m/s"
+        )
+
+    @property
+    def where(self) -> str:
+        """The candidate in words."""
+        generation = self.candidate.generation
+        if generation is None:
+            return "the given controller" + (" within the bounds" if self.candidate.name == START else "")
+        return f"round {generation.round + 1}, generation {generation.generation}"
+
+    def summary(self) -> dict[str, Any]:
+        """Return the judgement as plain data."""
+        generation = self.candidate.generation
+        at = {} if generation is None else {"round": generation.round, "generation": generation.generation}
+        numbers = {"cost_m_s": self.cost, "delta_v_m_s": self.delta_v, "success": asdict(self.success)}
+        return {"candidate": self.candidate.name, **at, **numbers}
+
+    def row(self) -> list[Any]:
+        """Return the row of `COLUMNS`; empty where there is no generation."""
+        generation, rate = self.candidate.generation, self.success
+        at = (
+            ["", "", ""] if generation is None else [generation.round, generation.generation, generation.best]
+        )
+        numbers = [self.num_cases, self.cost, self.delta_v, rate.fraction, rate.low, rate.high]
+        return [self.candidate.name, *at, *numbers]
+
+
+@dataclass(frozen=True)
+class Selection:
+    """The controller that a training hands back.
+
+    Parameters
+    ----------
+    controller : FuzzyController
+    chosen : Judgement
+    best_champion : Judgement
+        The best of the generations, whether or not it was chosen.
+    given : Judgement, optional
+        None if there was nothing to compare with.
+    judged : tuple of Judgement
+        All candidates: those that flew from all starts first.
+    """
+
+    controller: FuzzyController
+    chosen: Judgement
+    best_champion: Judgement
+    given: Judgement | None
+    judged: tuple[Judgement, ...]
+
+    @property
+    def is_improved(self) -> bool:
+        """Whether a champion is handed back, not the given controller."""
+        return self.chosen is not self.given
+
+
+def select(
+    experiment: Experiment,
+    genome: Genome,
+    history: Sequence[Generation],
+    given: FuzzyController | None = None,
+    pool: TaskPool = HERE,
+) -> Selection:
+    """Return the controller that a training hands back.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        With validation starts all generations' champions are candidates; without, the last one alone.
+    genome : Genome
+    history : sequence of Generation
+    given : FuzzyController, optional
+        The controller that was trained.
+    pool : TaskPool
+        Where controllers that rehearse are flown.
+    """
+    settings = experiment.optimizer
+    champions = list(_distinct(history if settings.validation_cases else history[-1:]))
+    candidates = [Candidate(START, genome.encode()), *champions]
+    if given is not None:
+        candidates.insert(0, Candidate(GIVEN))
+    scenarios = validation_scenarios(experiment, settings.validation_cases or GUARD_CASES)
+    if experiment.starts.table is not None:
+        scenarios = training_scenarios(experiment)
+
+    def judge(some: Sequence[Candidate], starts: list[Scenario]) -> list[Judgement]:
+        return _judged(experiment, genome, some, starts, history[-1].round, given, pool)
+
+    first: list[Judgement] = []
+    if len(candidates) > FINALISTS:
+        first = judge(candidates, scenarios[: -(-len(scenarios) // FIRST_SHARE)])
+        # the given controller and the last champion always fly from all starts
+        finalists = [*ranked(first)[:FINALISTS], first[0], first[-1]]
+        candidates = [judgement.candidate for judgement in first if judgement in finalists]
+    final = judge(candidates, scenarios)
+    order = ranked(final)
+    of_given = next((judgement for judgement in final if judgement.candidate.name == GIVEN), None)
+    chosen = order[0]
+    if of_given is not None and _is_no_better(chosen, of_given):
+        chosen = of_given
+    controller = given
+    if chosen.candidate.genome is not None:
+        controller = named_after(experiment, genome, chosen.candidate.genome)
+    assert controller is not None  # noqa: S101 - only the given one has no genome
+    best_champion = next(judgement for judgement in order if judgement.candidate.generation is not None)
+    earlier = [judgement for judgement in first if judgement.candidate not in candidates]
+    return Selection(controller, chosen, best_champion, of_given, (*final, *earlier))
+
+
+def ranked(judged: Sequence[Judgement]) -> list[Judgement]:
+    """Return candidates from best to worst.
+
+    First those whose interval of success overlaps that of the highest success, by cost; then the others, by
+    success. Of equals the first given comes first.
+    """
+    least = max((judgement.success for judgement in judged), key=lambda success: success.fraction).low
+
+    def key(judgement: Judgement) -> tuple[bool, float, float]:
+        is_behind = judgement.success.high < least
+        return is_behind, -judgement.success.fraction if is_behind else 0.0, judgement.cost
+
+    return sorted(judged, key=key)
+
+
+def _is_no_better(chosen: Judgement, given: Judgement) -> bool:
+    """Return whether a candidate flies like the given controller, to rounding."""
+    return chosen.success.count <= given.success.count and given.cost <= chosen.cost + SAME * abs(chosen.cost)
+
+
+def _distinct(history: Sequence[Generation]) -> Iterator[Candidate]:
+    """Yield the champions of generations, each genome once, where it came last."""
+    last = {generation.champion.tobytes(): generation for generation in history}
+    for generation in history:
+        if last[generation.champion.tobytes()] is generation:
+            yield Candidate("champion", generation.champion, generation)
+
+
+def _judged(
+    experiment: Experiment,
+    genome: Genome,
+    candidates: Sequence[Candidate],
+    scenarios: list[Scenario],
+    round_index: int,
+    given: FuzzyController | None,
+    pool: TaskPool,
+) -> list[Judgement]:
+    """Fly candidates from some starts and judge them with the prices of a round."""
+    mission, workers = experiment.mission, experiment.optimizer.workers
+    as_genes = [candidate for candidate in candidates if candidate.genome is not None]
+    flown = flights_from(experiment, genome, scenarios, pool)(
+        np.array([candidate.genome for candidate in as_genes])
+    )
+    judged = _judgements(experiment, as_genes, flown, round_index)
+    if given is None or len(as_genes) == len(candidates):
+        return judged
+    outcomes = fly_all(mission, from_fuzzy(given), scenarios, workers)
+    in_one_row = outcomes.each(lambda values: values[np.newaxis])
+    return _judgements(experiment, candidates[:1], in_one_row, round_index) + judged
+
+
+def _judgements(
+    experiment: Experiment, candidates: Sequence[Candidate], outcomes: Outcomes, round_index: int
+) -> list[Judgement]:
+    """Return the judgement of each candidate, whose outcomes are a row each."""
+    mission, penalty = experiment.mission, experiment.optimizer.penalty.of_round(round_index)
+    success = outcomes.is_success(mission.inspection_threshold_percent) & ~outcomes.is_violated
+    rates = (fraction(row, experiment.monte_carlo.confidence_percent) for row in success)
+    means = costs(outcomes, penalty, mission).mean(axis=-1), outcomes.delta_v_m_s.mean(axis=-1)
+    rows = zip(candidates, *(values.tolist() for values in means), rates, strict=True)
+    num_cases = success.shape[-1]
+    return [Judgement(candidate, num_cases, cost, delta_v, rate) for candidate, cost, delta_v, rate in rows]
