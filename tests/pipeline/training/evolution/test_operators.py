@@ -6,11 +6,12 @@ import random
 
 import numpy as np
 import pytest
+from deap import tools
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from pipeline.training.evolution import generations
+from pipeline.training.evolution import generations, operators
 from pipeline.training.evolution.rounds import evolve_rounds
 from tests.pipeline.training.evolution.cases import NUM_GENES, Sphere, column, evolve, optimizer, rows_of
 
@@ -27,10 +28,10 @@ def test_split_of_the_population(size, split, expected):
 
 
 def test_scattered_crossover_takes_each_gene_from_either_parent_half_the_time():
-    random.seed(1)
-    zeros = generations.Individual([0.0] * 200, 1.0)
-    ones = generations.Individual([1.0] * 200, 2.0)
-    children = np.array([generations.scattered_crossover(zeros, ones) for _ in range(400)])
+    generator = random.Random(1)  # noqa: S311
+    zeros = operators.Individual([0.0] * 200, 1.0)
+    ones = operators.Individual([1.0] * 200, 2.0)
+    children = np.array([operators.scattered_crossover(zeros, ones, generator) for _ in range(400)])
     assert set(np.unique(children)) == {0.0, 1.0}
     # each gene and the whole within five standard deviations of the binomial
     assert abs(children.mean() - 0.5) < 5 * 0.5 / math.sqrt(children.size)
@@ -40,10 +41,45 @@ def test_scattered_crossover_takes_each_gene_from_either_parent_half_the_time():
     assert (list(zeros), list(ones)) == ([0.0] * 200, [1.0] * 200)
 
 
+def test_they_draw_as_deaps_own_do_from_the_global_generator():
+    """The same numbers, in the same order: checkpoints and champions of earlier versions stay."""
+    genes = np.random.default_rng(4).random((12, 30))
+    population = [operators.Individual(row.tolist(), float(row.sum())) for row in genes]
+    random.seed(8)
+    generator = random.Random()  # noqa: S311
+    generator.setstate(random.getstate())
+    theirs = tools.selTournament(population, 50, 3)
+    ours = operators.select_parents(population, 50, 3, generator)
+    assert [id(parent) for parent in ours] == [id(parent) for parent in theirs]
+    child, _ = tools.cxUniform(operators.Individual(population[0]), operators.Individual(population[1]), 0.5)
+    assert operators.scattered_crossover(population[0], population[1], generator) == child
+    share, scale = (random.choice(values) for values in (operators.LOCAL_SHARES, operators.LOCAL_STEPS))  # noqa: S311
+    (mutant,) = tools.mutGaussian(operators.Individual(population[2]), 0.0, scale * 0.7, share)
+    expected = [min(1.0, max(0.0, gene)) for gene in mutant]
+    assert operators.local_mutation(population[2], 0.7, generator) == expected
+    assert generator.getstate() == random.getstate()
+
+
+def test_a_sample_of_cma_es_is_deaps_own():
+    settings, centre = cma(), np.linspace(0.1, 0.9, NUM_GENES)
+    strategy = generations._strategy(centre, 0.3, settings)
+    state = generations.EvolutionState(
+        0,
+        0.3,
+        np.empty((0, NUM_GENES)),
+        (),
+        np.random.default_rng(6),
+        strategy=generations._carried(strategy),
+    )
+    drawn = generations.sample_strategy(state, settings)
+    np.random.seed(int(np.random.default_rng(6).integers(2**32)))  # noqa: NPY002
+    np.testing.assert_array_equal(drawn, [centre, *strategy.generate(list)])
+
+
 def test_tournament_of_four_prefers_the_best_as_order_statistics_say():
-    random.seed(2)
-    population = [generations.Individual([float(rank)], float(rank)) for rank in range(20)]
-    ranks = np.array([parent[0] for parent in generations.select_parents(population, 20_000, 4)])
+    generator = random.Random(2)  # noqa: S311
+    population = [operators.Individual([float(rank)], float(rank)) for rank in range(20)]
+    ranks = np.array([parent[0] for parent in operators.select_parents(population, 20_000, 4, generator)])
     # rank r wins where the best of four draws is r: ((20-r)^4 - (19-r)^4) / 20^4
     expected = 20_000 * ((20 - np.arange(20.0)) ** 4 - (19 - np.arange(20.0)) ** 4) / 20**4
     observed = np.bincount(ranks.astype(int), minlength=20)
@@ -54,18 +90,18 @@ def test_tournament_of_four_prefers_the_best_as_order_statistics_say():
 
 
 def test_step_size_grows_fourfold_to_one_and_shrinks_to_the_root_of_epsilon():
-    assert generations.adapt_step_size(1.0, True) == 1.0
-    assert generations.adapt_step_size(1 / 64, True) == 1 / 16
-    assert generations.adapt_step_size(1.0, False) == 0.25
+    assert operators.adapt_step_size(1.0, True) == 1.0
+    assert operators.adapt_step_size(1 / 64, True) == 1 / 16
+    assert operators.adapt_step_size(1.0, False) == 0.25
     step_size = 1.0
     for _ in range(40):
-        step_size = generations.adapt_step_size(step_size, False)
-    assert step_size == generations.SMALLEST_STEP == math.sqrt(np.finfo(float).eps)
+        step_size = operators.adapt_step_size(step_size, False)
+    assert step_size == operators.SMALLEST_STEP == math.sqrt(np.finfo(float).eps)
 
 
 @pytest.mark.parametrize("step_size", STEPS)
 def test_poll_directions_are_a_basis_of_the_stated_form(step_size):
-    basis = generations.poll_directions(12, step_size, np.random.default_rng(3))
+    basis = operators.poll_directions(12, step_size, np.random.default_rng(3))
     largest = 1 / math.sqrt(step_size)
     assert np.linalg.matrix_rank(basis) == 12
     assert np.abs(basis).max() == largest
@@ -85,7 +121,7 @@ def test_poll_directions_are_a_basis_of_the_stated_form(step_size):
 )
 def test_mutants_stay_in_the_box_and_move(genome, step_size, seed):
     parent = np.array(genome)
-    mutant = generations.adaptive_feasible_mutation(parent, step_size, np.random.default_rng(seed))
+    mutant = operators.adaptive_feasible_mutation(parent, step_size, np.random.default_rng(seed))
     assert np.all((mutant >= 0.0) & (mutant <= 1.0))
     assert not np.array_equal(mutant, parent)
     # no entry of a direction times the step is longer than the root of the step
@@ -95,7 +131,7 @@ def test_mutants_stay_in_the_box_and_move(genome, step_size, seed):
 def test_mutants_go_both_ways_along_every_axis():
     generator = np.random.default_rng(5)
     parent = np.full(4, 0.5)
-    mutants = [generations.adaptive_feasible_mutation(parent, 1 / 16, generator) for _ in range(500)]
+    mutants = [operators.adaptive_feasible_mutation(parent, 1 / 16, generator) for _ in range(500)]
     np.testing.assert_array_equal(np.min(mutants, axis=0), 0.25)
     np.testing.assert_array_equal(np.max(mutants, axis=0), 0.75)
 
@@ -112,9 +148,9 @@ def local(**changes):
 
 
 def test_a_local_mutant_moves_few_genes_a_little_and_stays_in_the_box() -> None:
-    random.seed(3)
+    generator = random.Random(3)  # noqa: S311
     parent = [0.0, 1.0] * 200
-    mutants = np.array([generations.local_mutation(parent, 0.1) for _ in range(300)])
+    mutants = np.array([operators.local_mutation(parent, 0.1, generator) for _ in range(300)])
     moved = mutants != parent
     # half of the steps at an edge lead out of the box and stop there: shares of 1, 3 and 10 % halve
     assert 0.5 * 0.01 < moved.mean() < 0.5 * 0.14 / 3 * 1.3
