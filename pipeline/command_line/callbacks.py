@@ -15,7 +15,13 @@ from hydra.experimental.callback import Callback
 from omegaconf import DictConfig
 
 from pipeline.command_line import runs
-from pipeline.command_line.config import check_stages, checked_job, folders_of, without_hydra
+from pipeline.command_line.config import (
+    check_stages,
+    check_working_directory,
+    checked_job,
+    folders_of,
+    without_hydra,
+)
 from pipeline.command_line.invocation import invocations
 from pipeline.command_line.sweeps import Sweep
 from pipeline.run import interrupts
@@ -62,6 +68,7 @@ class Preflight(Callback):
             words = list(config.hydra.overrides.task)
             folder, folders = Path(config.hydra.run.dir), folders_of(config.hydra)
             job = checked_job(without_hydra(config), words, folder, folders)
+            check_working_directory(config.hydra, job)
             check_stages(job.config, words)
             runs.check_before(job.experiment)
             for invocation in invocations[-1:]:

@@ -149,6 +149,18 @@ def folders_of(settings: HydraConf) -> list[Path]:
     return [path for path in paths if path != conf_folder()]
 
 
+def check_working_directory(settings: HydraConf, job: Job) -> None:
+    """Raise ConfigError if a run works in its own folder, and would not find a file that it names."""
+    starts = job.config.get("starts") or {}
+    for group, settings_of_group in (("controller", job.config["controller"]), ("starts", starts)):
+        path = settings_of_group.get("path")
+        if settings.job.chdir and path is not None and not Path(str(path)).is_absolute():
+            raise ConfigError(
+                f"{group}.path is {path}, and with hydra.job.chdir=true the run works in its "
+                "own folder; give an absolute path"
+            )
+
+
 def without_hydra(node: DictConfig) -> DictConfig:
     """Return a configuration without Hydra's own part."""
     return OmegaConf.masked_copy(node, [str(key) for key in node if key != "hydra"])

@@ -20,6 +20,7 @@ from pipeline.command_line.arguments import EXPERIMENT, ConfigError, parse_argum
 from pipeline.command_line.config import (
     Job,
     check_stages,
+    check_working_directory,
     checked_job,
     compose_experiment,
     folders_of,
@@ -94,6 +95,7 @@ class Sweep:
                     HydraConfig.instance().set_config(node)
                     path = folder / str(node.hydra.sweep.subdir)
                 job = checked_job(without_hydra(node), words, path, folders)
+                check_working_directory(node.hydra, job)
                 check_stages(job.config, words)
                 runs.check_before(job.experiment)
                 runs.check_vacant(job)

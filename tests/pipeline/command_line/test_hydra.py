@@ -201,6 +201,14 @@ def test_a_run_may_have_its_folder_as_the_working_directory(monkeypatch, ran, tm
     assert (there, Path.cwd()) == ([tmp_path / "run"], before)
 
 
+def test_a_relative_path_is_refused_where_the_run_would_not_find_it(ran):
+    shutil.copy(conf_folder() / "controller/champion_27.yaml", "mine.yaml")
+    for more in ([], ["-m", "seed=1,2"]):
+        words = [*FLY[:1], "controller=mine.yaml", "hydra.job.chdir=true", *more]
+        assert "controller.path is mine.yaml, and with hydra.job.chdir=true" in ran(*words, code=2).err
+    assert [path.name for path in Path().iterdir()] == ["mine.yaml"]
+
+
 def test_the_search_path_is_searched(monkeypatch, ran, tmp_path):
     use_stages(monkeypatch)
     (tmp_path / "mine/experiment").mkdir(parents=True)
