@@ -107,7 +107,7 @@ def subdivide(
     refuted: list[tuple[Floats, Floats]] = []
     while len(low) or waiting:
         least, greatest, variation = interval.bound(system, low, high)
-        promises = promise(least, greatest)
+        promises = np.nan_to_num(promise(least, greatest), nan=-np.inf)  # no rule fires: nothing is promised
         num_boxes += len(low)
         worth, inputs = _try(system, region, promise, low, high)
         if worth > best:
@@ -154,7 +154,7 @@ def _try(
     if not len(tried):
         return -np.inf, region.low
     outputs = interpreter.evaluate(system, tried)
-    worth = promise(outputs, outputs)
+    worth = np.nan_to_num(promise(outputs, outputs), nan=-np.inf)
     best = int(np.argmax(worth))
     return float(worth[best]), tried[best]
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from fis_tools.array_types import Booleans, Floats
 from fis_tools.errors import require_known
-from fis_tools.model import FuzzySystem
+from fis_tools.model import TOOLS, FuzzySystem
 from fis_tools.words.text import number, quantity
 
 GRAMMAR = "write conditions as NAME > NUMBER, 2 NAME - OTHER <= NUMBER or NAME in [NUMBER, NUMBER]"
@@ -142,19 +142,42 @@ def read_region(system: FuzzySystem, text: str) -> Region:
                     f"{names[index]!r} is asked to lie beyond its range of {minimum:g} to {maximum:g} in "
                     f"{text!r}, where conditions on several inputs do not reach; leave out one of them"
                 )
-    notes = tuple(
-        f"{variable.name} beyond its range of {number(variable.minimum)} to "
-        f"{quantity(variable, variable.maximum)} counts as the end of it"
-        for variable, *limits_given in zip(system.inputs, asked_low, asked_high, strict=True)
-        if any(np.isfinite(end) and not variable.minimum <= end <= variable.maximum for end in limits_given)
-    )
-    low, high = (np.clip(ends, *np.transpose(universes)) for ends in (asked_low, asked_high))
+    notes = _notes(system, asked_low, asked_high)
+    low, high = _box(system, asked_low, asked_high)
     coefficients = np.array(rows).reshape(len(joint), len(names))
     limits = np.array([(condition.least, condition.greatest) for condition in joint]).reshape(-1, 2).T
     region = Region(conditions, low, high, asked_low, asked_high, coefficients, limits[0], limits[1], notes)
     if not region.may_meet(region.low[np.newaxis], region.high[np.newaxis])[0]:
         raise ValueError(f"no inputs of the universes meet all conditions of {text!r}; relax one of them")
     return region
+
+
+def _notes(system: FuzzySystem, asked_low: Floats, asked_high: Floats) -> tuple[str, ...]:
+    """Return notes on a region: whose inference counts, and what values beyond a range count as."""
+    tool = (f"numbers are those of {TOOLS[system.semantics].title}",) if system.is_sampled else ()
+    return tool + tuple(
+        f"{variable.name} beyond its range of {number(variable.minimum)} to "
+        f"{quantity(variable, variable.maximum)} counts as the end of it"
+        for variable, *limits_given in zip(system.inputs, asked_low, asked_high, strict=True)
+        if np.isfinite(system.limits_of(variable)).all()
+        and any(np.isfinite(end) and not variable.minimum <= end <= variable.maximum for end in limits_given)
+    )
+
+
+def _box(system: FuzzySystem, asked_low: Floats, asked_high: Floats) -> tuple[Floats, Floats]:
+    """Return the box in which to search: an open side ends with the range; inputs are clipped as usual."""
+    ranges = np.array([(variable.minimum, variable.maximum) for variable in system.inputs])
+    limits = np.array([system.limits_of(variable) for variable in system.inputs])
+    low = np.clip(np.where(np.isfinite(asked_low), asked_low, ranges[:, 0]), limits[:, 0], limits[:, 1])
+    high = np.clip(np.where(np.isfinite(asked_high), asked_high, ranges[:, 1]), limits[:, 0], limits[:, 1])
+    for variable, least, greatest in zip(system.inputs, low, high, strict=True):
+        if least > greatest:
+            raise ValueError(
+                f"{variable.name!r} is asked to lie beyond its range of {variable.minimum:g} to "
+                f"{variable.maximum:g}, where {TOOLS[system.semantics].title} does not clip it; give both "
+                f"ends, {variable.name} in [NUMBER, NUMBER]"
+            )
+    return low, high
 
 
 def read_conditions(text: str, names: Sequence[str]) -> tuple[Condition, ...]:

@@ -1,7 +1,8 @@
 """Fuzzy systems as functions of whole arrays: after ``compile(system)``, from arrays to arrays.
 
-The results are those of scikit-fuzzy's ``ControlSystemSimulation.compute()`` sample by sample, with
-three exceptions. NaN is an error; in scikit-fuzzy it means "does not matter". If no rule fires an output has
+The results are those of the program that a system means (`fis_tools.model.semantics`). By default this is
+scikit-fuzzy: its ``ControlSystemSimulation.compute()`` sample by sample, with three exceptions. NaN is an
+error; in scikit-fuzzy it means "does not matter". If no rule fires an output has
 its default; scikit-fuzzy then gives no output, a stale one, or, for the defuzzifiers of the maximum, some
 point of the universe. Memberships below `fis_tools.model.variables.SMALLEST_MEMBERSHIP` are zero.
 """
@@ -41,8 +42,13 @@ LOWEST_PEAK = 0.5
 #: where both round alike to this share of the range; elsewhere only identical arithmetic gives the same
 #: result.
 ROUNDED = 1e-12
-#: Error of scikit-fuzzy's sum over a universe, in units in the last place; it may be larger.
+#: Error of scikit-fuzzy's sum over a universe of 101 points, in units in the last place; it may be larger.
 UNITS_OFF = 16
+#: The farthest number of an input, in steps between the points of its universe.
+FARTHEST = 1500.0
+#: Error of scikit-fuzzy's sum over a universe of 101 points, in units in the last place; it may be more.
+#: such samples are inferred by identical arithmetic.
+FAINTEST = 1e-3
 
 
 #: the systems that were compiled last: several questions about one compile it once
@@ -211,10 +217,16 @@ class CompiledSystem:
         return self._shared(lambda part: interpreter.conclude(self.program, part), strengths)
 
     def _infer(self, rows: Floats) -> Floats:
-        packed = self.packed
-        if packed is None:
-            return self._shared(lambda part: interpreter.evaluate(self.program, part), rows)
-        return self._shared(lambda part: kernel.evaluate(packed, part)[:, np.newaxis], rows)
+        return self._shared(self._infer_part, rows)
+
+    def _infer_part(self, rows: Floats) -> Floats:
+        if self.packed is None:
+            return interpreter.evaluate(self.program, rows)
+        outputs, areas = kernel.evaluate(self.packed, rows)
+        faint = np.flatnonzero(areas < FAINTEST)
+        if len(faint):
+            outputs[faint] = interpreter.evaluate(self.program, rows[faint])[:, 0]
+        return outputs[:, np.newaxis]
 
     def _shared(self, work: Callable[[Floats], Floats], rows: Floats) -> Floats:
         """Apply a function to rows, in threads if there are very many."""
@@ -235,8 +247,9 @@ class CompiledSystem:
         if np.isfinite(rows).all():
             return rows
         if np.isnan(rows).any():
-            raise ValueError("an input is NaN; pass numbers, those out of range are clipped")
-        return np.clip(rows, [v.minimum for v in variables], [v.maximum for v in variables])
+            raise ValueError("an input is NaN; pass numbers, or take on_nan='nan'")
+        limits = self.program.limits
+        return np.clip(rows, limits[:, 0], limits[:, 1])
 
     def __repr__(self) -> str:
         names = [", ".join(v.name for v in side) for side in (self.system.inputs, self.system.outputs)]
@@ -320,14 +333,19 @@ def _packed(system: FuzzySystem) -> Packed | None:
     If terms are narrower than the grid, hardly any area is left and rounding dominates; then only
     identical arithmetic gives the same result.
     """
-    if system.weighed:
+    if system.weighed or system.is_sampled:
         return None
     for memberships in (variable.memberships for variable in system.variables):
         if np.abs(np.diff(memberships)).max() > STEEPEST or memberships.max(axis=1).min() < LOWEST_PEAK:
             return None
     for output in system.outputs:
         farthest = max(abs(output.minimum), abs(output.maximum))
-        if UNITS_OFF * np.spacing(farthest) > ROUNDED * output.span:
+        units = UNITS_OFF * max(1.0, output.num_points / 101)
+        if units * np.spacing(farthest) > ROUNDED * output.span:
+            return None
+    for variable in system.inputs:
+        farthest = max(abs(variable.minimum), abs(variable.maximum))
+        if farthest * (variable.num_points - 1) > FARTHEST * variable.span:
             return None
     try:
         return packing.pack(system)

@@ -45,7 +45,7 @@ def conclude_by_term(conclusion: Conclusion, firing: Floats, out: Floats) -> Non
 def conclude_by_rule(conclusion: Conclusion, firing: Floats, out: Floats) -> None:
     """Compute one output from each rule's implied set, at the points of the universe."""
     universe, memberships, rules, weights = conclusion[:4]
-    terms, implication, aggregation = conclusion[9:]
+    terms, implication, aggregation = conclusion.terms, conclusion.implication, conclusion.aggregation
     count = len(universe)
     heights, areas = np.empty(count), np.empty(count)
     for sample in range(len(firing)):
@@ -225,20 +225,26 @@ def formula_values(weighing: Weighing, values: Floats, universes: Floats, earlie
 
 
 @compiled(error_model="numpy", nogil=True)
-def weigh_rows(
+def weigh_rows(  # noqa: PLR0912 - a branch for each kind of conclusion
     weighing: Weighing, formulas: Floats, firing: Floats, values: Floats, universes: Floats, out: Floats
 ) -> None:
     """Write one output, given the values of its formulas, (n, num_formulas); see `weigh`."""
     rules, weights, parameters, is_constant = weighing[:4]
-    kinds = weighing.kinds
+    kinds, accumulation = weighing.kinds, weighing.accumulation
     num_inputs = values.shape[1]
+    constants = parameters[:, num_inputs]
     clipped = np.empty(num_inputs)
     for sample in range(len(firing)):
         for column in range(num_inputs):
             clipped[column] = min(max(values[sample, column], universes[column, 0]), universes[column, 1])
-        total, moment = 0.0, 0.0
+        total, moment, held, is_first = 0.0, 0.0, 0.0, True
         for index in range(len(rules)):
             strength = firing[sample, rules[index]] * weights[index]
+            if accumulation != codes.UNBOUNDED_SUM:  # neighbours that conclude the same number count once
+                held = strength if is_first else combine(accumulation, held, strength)
+                last = min(index + 1, len(rules) - 1)
+                is_first = last == index or constants[index] != constants[last]
+                strength = held if is_first else 0.0
             if strength == 0.0:
                 continue
             if is_constant:

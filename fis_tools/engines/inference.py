@@ -15,11 +15,15 @@ import numpy as np
 from fis_tools import model
 from fis_tools.array_types import Floats, Integers
 from fis_tools.errors import require_known
-from fis_tools.model import Expression, FuzzySystem, Rule, Variable
+from fis_tools.model import TOOLS, Expression, FuzzySystem, Rule, Variable, memberships_at
 from fis_tools.model.operators import ACCUMULATIONS, AGGREGATIONS, AND_OPERATORS, HEDGES, OR_OPERATORS
 
 #: scikit-fuzzy divides by the larger of the area and this.
 SMALLEST_AREA = float(np.finfo(np.float64).eps)
+
+
+#: Heights of sampled outputs that differ by less than this share of the highest are equal but for rounding.
+TIE = 1e-12
 
 
 @dataclass(frozen=True)
@@ -131,9 +135,10 @@ def infer(system: FuzzySystem, inputs: Any) -> Inference:
         )
     if np.isnan(values).any():
         raise ValueError("an input is NaN; pass numbers, those out of range are clipped")
-    ends = np.array([variable.universe[[0, -1]] for variable in system.inputs])
-    clipped = np.clip(values, ends[:, 0], ends[:, 1])
-    memberships = tuple(map(_fuzzify, system.inputs, clipped))
+    limits = np.array([system.limits_of(variable) for variable in system.inputs])
+    clipped = np.clip(values, limits[:, 0], limits[:, 1])
+    fuzzify = _evaluate_formulas if system.is_sampled else _fuzzify
+    memberships = tuple(map(fuzzify, system.inputs, clipped))
     firing = _fire(system, memberships)
     outputs = tuple(infer_outputs(system, firing, clipped))
     return Inference(system, values, clipped, memberships, firing, outputs)
@@ -143,6 +148,11 @@ def _fuzzify(variable: Variable, value: float) -> Floats:
     """Return the degrees of membership of a value in the terms of a variable, shape (num_terms,)."""
     functions = variable.memberships
     return np.array([np.interp(value, variable.universe, mf, left=0.0, right=0.0) for mf in functions])
+
+
+def _evaluate_formulas(variable: Variable, value: float) -> Floats:
+    """Return the degrees of membership of a value, which may be outside of the range, by the formulas."""
+    return np.array([memberships_at(variable, term, np.array([value]))[0] for term in variable.terms])
 
 
 def _fire(system: FuzzySystem, memberships: Sequence[Floats]) -> Floats:
@@ -197,32 +207,82 @@ def _infer_output(system: FuzzySystem, variable: Variable, firing: Floats, value
     if system.weighs(variable):
         return _weigh(system, variable, firing, values)
     cuts = _cut_terms(system, variable, firing)
-    if system.cuts(variable):
+    if system.is_sampled:
+        universe = system.points_of(variable)
+        aggregated = _conclude_by_rule(system, variable, firing)
+    elif system.cuts(variable):
         universe, aggregated = _aggregate(variable, cuts)
     else:
         universe, aggregated = variable.universe, _conclude_by_rule(system, variable, firing)
     is_default = bool(aggregated.sum() == 0.0)
     if is_default:
-        value = variable.default if variable.default is not None else 0.0
+        value = _default(system, variable)
+    elif system.is_sampled:
+        value = _defuzzify_sampled(system, variable, universe, aggregated)
     else:
         value = _DEFUZZIFIERS[system.defuzzifier_of(variable)](universe, aggregated)
     return OutputInference(variable, cuts, universe, aggregated, value, is_default)
 
 
+def _default(system: FuzzySystem, variable: Variable) -> float:
+    """Return an output where no rule fires."""
+    if variable.default is None:
+        return np.nan if TOOLS[system.semantics].has_outputs_without_default else 0.0
+    return variable.default
+
+
+def _defuzzify_sampled(system: FuzzySystem, variable: Variable, x: Floats, y: Floats) -> float:
+    """Return what a program makes of heights at points; see `fis_tools.engines.sampling`, its fast twin."""
+    way, by_magnitude = system.defuzzifier_of(variable), TOOLS[system.semantics].is_by_magnitude
+    if way == "centroid":
+        heights = y / y.max()
+        return float(np.clip((x * heights).sum() / heights.sum(), x[0], x[-1]))
+    top = x[y >= y.max() * (1.0 - TIE)]
+    if way == "mom":
+        return float(np.mean(top))
+    if way in {"som", "lom"}:
+        size = np.abs(top) if by_magnitude else top
+        return float(top[size.argmin() if way == "som" else size.argmax()])
+    running = np.cumsum(y)
+    if system.semantics == "matlab":
+        return float(x[np.argmax(running >= running[-1] / 2.0 * (1.0 - TIE))])
+    if system.semantics == "fuzzylite":
+        distance = np.abs(running / running[-1] - 0.5)
+        return float(np.mean(x[distance <= distance.min() + TIE]))
+    low, high, sum_low, sum_high = 0, len(x) - 1, 0.0, 0.0
+    while low < high:  # always on the side with the smaller sum
+        if sum_low <= sum_high * (1.0 + TIE):
+            low += 1
+            sum_low += y[low]
+        else:
+            high -= 1
+            sum_high += y[high]
+    return float(min(x[0] + (x[1] - x[0]) * low, x[-1]))
+
+
 def _weigh(system: FuzzySystem, variable: Variable, firing: Floats, values: Values) -> OutputInference:
     """Weight each rule's conclusion by its strength, one after the other."""
     conclusions, total, moment = [], 0.0, 0.0
+    joined: dict[
+        float, float
+    ] = {}  # strengths by the number, where a program joins rules that conclude the same
     cuts = np.full(len(variable.terms), np.nan)
     for index, consequent in system.conclusions_on(variable):
         term = variable.term_index(consequent.term)
         strength, number = float(firing[index] * consequent.weight), np.nan
         if strength > 0.0:
             number = _concluded(system, variable, term, strength, values)
-            total, moment = total + strength, moment + strength * number
+            if system.joins_numbers(variable):
+                accumulate: Any = ACCUMULATIONS[variable.accumulation]
+                joined[number] = accumulate(joined[number], strength) if number in joined else strength
+            else:
+                total, moment = total + strength, moment + strength * number
         conclusions.append((index, strength, number))
         cuts[term] = strength if np.isnan(cuts[term]) else cuts[term] + strength
+    for number in sorted(joined):
+        total, moment = total + joined[number], moment + joined[number] * number
     rules, strengths, numbers = zip(*conclusions, strict=True) if conclusions else ((), (), ())
-    value = variable.default if variable.default is not None else 0.0
+    value = _default(system, variable)
     if total > 0.0:
         value = moment if system.defuzzifier_of(variable) == "weighted_sum" else moment / total
     weighing = WeightedConclusions(np.array(rules, dtype=np.int64), np.array(strengths), np.array(numbers))
@@ -275,9 +335,11 @@ def _aggregate(variable: Variable, cuts: Floats) -> tuple[Floats, Floats]:
 def _conclude_by_rule(system: FuzzySystem, variable: Variable, firing: Floats) -> Floats:
     """Aggregate each rule's implied set, one after the other, at the points of the universe."""
     imply, aggregate = AND_OPERATORS[system.implication], AGGREGATIONS[variable.aggregation]
-    aggregated = np.zeros(len(variable.universe))
+    points = system.points_of(variable)
+    aggregated = np.zeros(len(points))
     for index, consequent in system.conclusions_on(variable):
-        shape = variable.memberships[variable.term_index(consequent.term)]
+        term = variable.terms[variable.term_index(consequent.term)]
+        shape = memberships_at(variable, term, points)
         activation = np.full(len(shape), firing[index] * consequent.weight)
         aggregated = aggregate(aggregated, imply(activation, shape))
     return aggregated

@@ -16,7 +16,9 @@ from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.vectors import borrowed, gather, least, load, most, select, some, splat, store
 from fis_tools.engines import program as codes
 from fis_tools.engines.defuzzifier import conclude_by_rule, conclude_by_term, weigh, weigh_rows
+from fis_tools.engines.degrees import degree
 from fis_tools.engines.program import Antecedents, Program, Weighing, combine
+from fis_tools.engines.sampling import conclude_sampled
 
 #: samples whose rules are evaluated side by side: a constant, so that the compiler vectorises
 LANES = 16
@@ -72,6 +74,8 @@ def weighed_numbers(program: Program) -> Weighing | None:
     first, *others = program.conclusions
     if others or not isinstance(first, Weighing) or (first.kinds != codes.NUMBER).any():
         return None
+    if first.accumulation != codes.UNBOUNDED_SUM:
+        return None
     return first
 
 
@@ -80,7 +84,7 @@ def prepare(program: Program) -> Callable[..., list[float]]:
 
     Its arrays are reused.
     """
-    limits = program.ends.tolist()
+    limits = program.limits.tolist()
     row = np.zeros((1, len(limits)))
     outputs = np.empty(len(program.conclusions))
     run = _prepared(program, row, outputs)
@@ -136,10 +140,12 @@ def _concluding(program: Program, firing: Floats, inputs: Floats, columns: Float
     for index, conclusion in enumerate(program.conclusions):
         out = columns[index]
         if isinstance(conclusion, Weighing) and conclusion.formulas:
-            yield partial(weigh, conclusion, firing, inputs, program.ends, columns[:index], out)
+            yield partial(weigh, conclusion, firing, inputs, program.limits, columns[:index], out)
         elif isinstance(conclusion, Weighing):
             none = np.empty((len(inputs), 0))
-            yield partial(weigh_rows, conclusion, none, firing, inputs, program.ends, out)
+            yield partial(weigh_rows, conclusion, none, firing, inputs, program.limits, out)
+        elif conclusion.sampling != codes.POLYGON:
+            yield partial(conclude_sampled, conclusion, firing, out)
         elif conclusion.cuts:
             yield partial(conclude_by_term, conclusion, firing, out)
         else:
@@ -181,11 +187,19 @@ def fuzzify(antecedents: Antecedents, index: int, inputs: Floats, slots: Floats,
 def fire_lanes(antecedents: Antecedents, values: Floats, first: int, inputs: Floats, slots: Floats) -> int:
     """Write the clipped inputs and all degrees of up to `LANES` samples; return how many they are."""
     layout, steps = antecedents.inputs, antecedents.steps
+    limits, shapes = antecedents.limits, antecedents.shapes
     num_lanes, slot = min(LANES, len(values) - first), 0
     for antecedent in range(len(layout)):
         for lane in range(num_lanes):
             inputs[antecedent * LANES + lane] = values[first + lane, antecedent]
-        fuzzify(antecedents, antecedent, inputs, slots, slot * LANES)
+        if len(shapes.kinds) > 0:
+            for lane in range(antecedent * LANES, antecedent * LANES + num_lanes):
+                inputs[lane] = min(max(inputs[lane], limits[antecedent, 0]), limits[antecedent, 1])
+            for term in range(slot, slot + layout[antecedent, 0]):
+                for lane in range(num_lanes):
+                    slots[term * LANES + lane] = degree(shapes, term, inputs[antecedent * LANES + lane])
+        else:
+            fuzzify(antecedents, antecedent, inputs, slots, slot * LANES)
         slot += layout[antecedent, 0]
     for index in range(len(steps)):
         operator, a, b = steps[index, 0], steps[index, 1] * LANES, steps[index, 2] * LANES

@@ -15,8 +15,10 @@ from fis_tools.array_types import Floats
 from fis_tools.compiled.decorator import advise_numba, compiled
 from fis_tools.engines import program as codes
 from fis_tools.engines.defuzzifier import invert
+from fis_tools.engines.degrees import degree_bounds
 from fis_tools.engines.inference import SMALLEST_AREA
 from fis_tools.engines.program import Antecedents, Conclusion, Program, Weighing, assemble, combine
+from fis_tools.engines.sampled_bounds import bound_sampled
 from fis_tools.model import Concave, Formula, FuzzySystem, Sigmoid, Variable
 from fis_tools.model.validate import validate
 
@@ -58,16 +60,18 @@ def pack(system: FuzzySystem) -> Program:
 
 def _obstacle(system: FuzzySystem, output: Variable) -> str:
     """Return why an output cannot be bounded, or nothing."""
-    if system.defuzzifier_of(output) == "bisector":
+    if system.defuzzifier_of(output) == "bisector" and not system.is_sampled:
         return (
             "across a gap between fired terms scikit-fuzzy's bisector is not the bisector, and may be no "
             "number; choose another defuzzifier"
         )
-    if not (system.weighs(output) or system.cuts(output)):
+    if not (system.weighs(output) or system.cuts(output) or system.is_sampled):
         return (
             "bounds hold where terms are cut by min and aggregated by max, here the implication is "
             f"{system.implication} and the aggregation {output.aggregation}; choose min and max"
         )
+    if system.joins_numbers(output) and output.accumulation != "unbounded_sum":
+        return f"jFuzzyLogic joins rules that conclude one number by {output.accumulation}; take ACCU : SUM"
     for term in output.terms if system.weighs(output) else ():
         shape = term.membership
         if isinstance(shape, Formula):
@@ -102,11 +106,13 @@ def bound(program: Program, low: Floats, high: Floats) -> tuple[Floats, Floats, 
     variation = np.empty(low.shape)
     _fire(program.antecedents, low, high, strengths, variation)
     limits = np.empty((len(program.conclusions), len(low), 2))
-    low, high = (np.clip(end, program.ends[:, 0], program.ends[:, 1]) for end in (low, high))
+    low, high = (np.clip(end, program.limits[:, 0], program.limits[:, 1]) for end in (low, high))
     for conclusion, column in zip(program.conclusions, limits, strict=True):
         if isinstance(conclusion, Weighing):
             _weigh(conclusion, low, high, strengths, column)
             variation += _steepness(conclusion, low.shape[1]) * (high - low)
+        elif conclusion.sampling != codes.POLYGON:
+            bound_sampled(conclusion, strengths, column)
         else:
             _conclude(conclusion, strengths, column)
     return limits[:, :, 0].T, limits[:, :, 1].T, variation
@@ -142,6 +148,14 @@ def _memberships(antecedents: Antecedents, index: int, low: float, high: float, 
     by an engine's possible error in placing an input on the universe.
     """
     num_terms, num_points, start, row = antecedents.inputs[index]
+    shapes, variation = antecedents.shapes, 0.0
+    if len(shapes.kinds) > 0:
+        first = antecedents.inputs[:index, 0].sum()
+        low, high = max(low, antecedents.limits[index, 0]), min(high, antecedents.limits[index, 1])
+        for term in range(num_terms):
+            out[term] = degree_bounds(shapes, first + term, low, high)
+            variation += out[term, 1] - out[term, 0]
+        return variation
     x = antecedents.universes[start : start + num_points]
     slack = 4 * EPSILON * max(abs(x[0]), abs(x[-1]))
     low = min(max(low - slack, x[0]), x[-1])
@@ -151,7 +165,6 @@ def _memberships(antecedents: Antecedents, index: int, low: float, high: float, 
     from_left = (low - x[first]) / (x[first + 1] - x[first])
     to_right = (high - x[last]) / (x[last + 1] - x[last])
     stride = 2 * num_terms
-    variation = 0.0
     for term in range(num_terms):
         mu = antecedents.memberships[row + term : row + stride * num_points : stride]
         left = mu[first] + from_left * (mu[first + 1] - mu[first])
@@ -215,7 +228,7 @@ def _weigh(weighing: Weighing, low: Floats, high: Floats, strengths: Floats, out
             least, greatest = _least_average(weights, numbers[:, 0]), -_least_average(weights, -numbers[:, 1])
         slack = 4 * EPSILON * (count + 4) * size
         least, greatest = least - slack, greatest + slack
-        if least_total == 0.0:
+        if least_total == 0.0 and not np.isnan(weighing.default):  # NaN is no output, which nothing bounds
             least, greatest = min(least, weighing.default), max(greatest, weighing.default)
         out[box] = least, greatest
 

@@ -43,7 +43,8 @@ LANES, FEW_LANES = 16, 8
 
 #: Working space of an inference: memberships in the terms of all inputs; those at both ends of a segment of a
 #: universe; the cut of each output term; where cuts cross flanks: right of which point, at which fraction of
-#: a step, and at which aggregated height; the inputs, and the output.
+#: a step, and at which aggregated height; the inputs, the output, and the area that it is the centroid of, in
+#: steps.
 SCRATCH: Rows = {
     "memberships": (packing.ANY + 1,),
     "ends": (2 * packing.MAX_TERMS,),
@@ -55,6 +56,7 @@ SCRATCH: Rows = {
     "rights": (2 * packing.MAX_TERMS,),
     "inputs": (packing.MAX_INPUTS,),
     "output": (),
+    "area": (),
 }
 
 
@@ -273,6 +275,7 @@ def conclude(values: Floats, rules: Integers, system: Any, scratch: Any) -> None
     more_area, more_moment = crossing_triangles(values, rules, system, scratch)
     at = system.output_values
     centre, step = values[at + packing.CENTRE], values[at + packing.WIDTH_OF_STEP]
+    store(scratch.area, 0, area + more_area)
     area, moment = step * (area + more_area), step * step * (moment + more_moment)
     vanishes = area < SMALLEST_AREA
     output = select(vanishes, moment + centre * area, moment) / most(area, SMALLEST_AREA)
@@ -301,9 +304,16 @@ def infer(values: Floats, rules: Integers, layout: Any, index: int, scratch: Any
 
 @compiled(nogil=True, error_model="numpy")
 def infer_rows(
-    values: Floats, rules: Integers, layout: Any, index: int, inputs: Floats, scratch: Any, out: Floats
+    values: Floats,
+    rules: Integers,
+    layout: Any,
+    index: int,
+    inputs: Floats,
+    scratch: Any,
+    out: Floats,
+    areas: Floats,
 ) -> None:
-    """Write the outputs of one system, (n,), for finite inputs (n, num_inputs)."""
+    """Write the outputs of one system, (n,), and its areas, (n,), for finite inputs (n, num_inputs)."""
     room = scratch[0]
     for first in range(0, len(inputs), width_of(room)):
         num_lanes = min(width_of(room), len(inputs) - first)
@@ -313,6 +323,7 @@ def infer_rows(
         infer(values, rules, layout, index, scratch)
         for lane in range(num_lanes):
             out[first + lane] = room.output[lane]
+            areas[first + lane] = room.area[lane]
 
 
 def make_scratch(width: int = LANES) -> Any:
@@ -323,8 +334,8 @@ def make_scratch(width: int = LANES) -> Any:
     return scratch
 
 
-def evaluate(packed: Packed, inputs: Floats, system: int = 0) -> Floats:
-    """Infer a batch.
+def evaluate(packed: Packed, inputs: Floats, system: int = 0) -> tuple[Floats, Floats]:
+    """Return the outputs of a batch, and their areas.
 
     Parameters
     ----------
@@ -337,9 +348,12 @@ def evaluate(packed: Packed, inputs: Floats, system: int = 0) -> Floats:
 
     Returns
     -------
-    (n,) float
+    outputs : (n,)
+    areas : (n,)
+        Below the aggregated set, in steps of the output's universe; where one is small, hardly any digit of
+        the output is right.
     """
     rows = np.ascontiguousarray(inputs, dtype=np.float64)
-    out = np.empty(len(rows))
-    infer_rows(packed.values[0], packed.rules[0], packed.layout, system, rows, make_scratch(), out)
-    return out
+    outputs, areas = np.empty(len(rows)), np.empty(len(rows))
+    infer_rows(packed.values[0], packed.rules[0], packed.layout, system, rows, make_scratch(), outputs, areas)
+    return outputs, areas

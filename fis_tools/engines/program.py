@@ -10,6 +10,7 @@ import numpy as np
 from fis_tools import model
 from fis_tools.array_types import Floats, Integers
 from fis_tools.compiled.decorator import compiled
+from fis_tools.engines.degrees import Shapes, shapes_of
 
 #: Operations as numbers, since compiled functions have no strings.
 AND_CODES = range(7)
@@ -90,6 +91,10 @@ DEFUZZIFIERS: dict[str, int] = {name: code for code, name in enumerate(get_args(
 CENTROID, BISECTOR, MEAN_OF_MAXIMUM, SMALLEST_OF_MAXIMUM, LARGEST_OF_MAXIMUM = range(5)
 WEIGHTED_AVERAGE, WEIGHTED_SUM = range(5, 7)
 
+#: How an output is computed: from the polygon of scikit-fuzzy, or as a sum over points as a program has it.
+SAMPLING: dict[str, int] = {name: code for code, name in enumerate(model.ALL_SEMANTICS)}
+POLYGON, MATLAB, FUZZYLITE, FCL = SAMPLING.values()
+
 #: Conclusions of weighted outputs: a number, the point where one of these shapes has the strength (each with
 #: two parameters),
 #: or a formula, whose first parameter is its index.
@@ -115,6 +120,10 @@ class Antecedents(NamedTuple):
         of all inputs, then the result of each step.
     rule_slots : (num_rules,) int
         Slot of each rule's firing strength.
+    limits : (num_inputs, 2) float
+        The numbers to which each input is clipped.
+    shapes : Shapes
+        The formulas of all terms, where inputs are not clipped; otherwise without rows.
     """
 
     inputs: Integers
@@ -122,6 +131,8 @@ class Antecedents(NamedTuple):
     memberships: Floats
     steps: Integers
     rule_slots: Integers
+    limits: Floats
+    shapes: Shapes
 
 
 class Conclusion(NamedTuple):
@@ -153,6 +164,8 @@ class Conclusion(NamedTuple):
     implication, aggregation : int
         Of `OPERATORS`. Unless they are MIN and MAX, each rule counts separately: then `rules`, `weights`
         and `terms` are in the order of the rules, and `bounds` and `runs` are not used.
+    sampling : int
+        Of `SAMPLING`: POLYGON, or how sums over the points become a number.
     """
 
     universe: Floats
@@ -167,6 +180,7 @@ class Conclusion(NamedTuple):
     terms: Integers
     implication: int
     aggregation: int
+    sampling: int
 
     @property
     def cuts(self) -> bool:
@@ -195,6 +209,8 @@ class Weighing(NamedTuple):
         Kind of each conclusion: NUMBER, or the index of one of `INVERTED`.
     low, high : float
         The ends of the range.
+    accumulation : int
+        Of `OPERATORS`: how the strengths of neighbouring rules that conclude the same number combine.
     formulas : tuple of Formula
         Those that rules conclude.
     names : tuple of str
@@ -210,6 +226,7 @@ class Weighing(NamedTuple):
     kinds: Integers
     low: float
     high: float
+    accumulation: int
     formulas: tuple[model.Formula, ...]
     names: tuple[str, ...]
 
@@ -227,6 +244,16 @@ class Program:
 
     antecedents: Antecedents
     conclusions: tuple[Conclusion | Weighing, ...]
+
+    @property
+    def is_sampled(self) -> bool:
+        """Whether memberships are formulas of inputs that are not clipped."""
+        return len(self.antecedents.shapes.kinds) > 0
+
+    @property
+    def limits(self) -> Floats:
+        """The numbers to which each input is clipped, (num_inputs, 2)."""
+        return self.antecedents.limits
 
     @property
     def num_rules(self) -> int:
@@ -280,6 +307,8 @@ def _antecedents(system: model.FuzzySystem) -> Antecedents:
         memberships=np.concatenate(rows),
         steps=np.array(steps, dtype=np.int64).reshape(-1, 3),
         rule_slots=np.array(rule_slots, dtype=np.int64),
+        limits=np.array([system.limits_of(variable) for variable in system.inputs]),
+        shapes=shapes_of(system.inputs if system.is_sampled else ()),
     )
 
 
@@ -322,6 +351,13 @@ def _steps(system: model.FuzzySystem) -> tuple[list[tuple[int, int, int]], list[
     return list(steps), rule_slots
 
 
+def _memberships_at(output: model.Variable, points: Floats) -> Floats:
+    """Return the memberships of an output's terms at points, (num_terms, num_points)."""
+    if np.array_equal(points, output.universe):
+        return output.memberships
+    return np.stack([model.memberships_at(output, term, points) for term in output.terms])
+
+
 def _conclusion(system: model.FuzzySystem, output: model.Variable) -> Conclusion:
     concluded = [
         (output.term_index(consequent.term), rule, consequent.weight)
@@ -331,10 +367,11 @@ def _conclusion(system: model.FuzzySystem, output: model.Variable) -> Conclusion
     if system.cuts(output):
         concluded.sort(key=lambda each: each[0])
     rows = np.searchsorted(terms, [term for term, _, _ in concluded])
-    memberships = output.memberships[terms]
+    points = system.points_of(output)
+    memberships = _memberships_at(output, points)[terms]
     runs = [(term, *run) for term, sampled in enumerate(memberships) for run in _runs(sampled)]
     return Conclusion(
-        universe=output.universe,
+        universe=points,
         memberships=memberships,
         bounds=np.cumsum([0, *np.bincount(rows, minlength=len(terms))]),
         rules=np.array([index for _, index, _ in concluded], dtype=np.int64),
@@ -346,6 +383,7 @@ def _conclusion(system: model.FuzzySystem, output: model.Variable) -> Conclusion
         terms=rows.astype(np.int64),
         implication=OPERATORS[system.implication],
         aggregation=OPERATORS[output.aggregation],
+        sampling=SAMPLING[system.semantics],
     )
 
 
@@ -354,6 +392,9 @@ def _weighing(system: model.FuzzySystem, output: model.Variable) -> Weighing:
         (rule, consequent.weight, output.terms[output.term_index(consequent.term)].membership)
         for rule, consequent in system.conclusions_on(output)
     ]
+    accumulation = output.accumulation if system.joins_numbers(output) else "unbounded_sum"
+    if accumulation != "unbounded_sum":  # rules that conclude the same number are neighbours
+        concluded.sort(key=lambda each: getattr(each[2], "value", 0.0))
     before = system.outputs[: system.outputs.index(output)]
     parameters = np.zeros((len(concluded), max(len(system.inputs) + 1, 2)))
     kinds = np.full(len(concluded), NUMBER)
@@ -376,6 +417,7 @@ def _weighing(system: model.FuzzySystem, output: model.Variable) -> Weighing:
         is_constant=all(isinstance(shape, model.Constant) for _, _, shape in concluded),
         low=float(output.minimum),
         high=float(output.maximum),
+        accumulation=OPERATORS[accumulation],
         defuzzifier=DEFUZZIFIERS[system.defuzzifier_of(output)],
         default=np.nan if output.default is None else output.default,
         formulas=tuple(formulas),

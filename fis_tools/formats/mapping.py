@@ -5,7 +5,8 @@ The mapping has ``schema: fuzzy-controller``, ``schema_version: 1``, ``name``, m
 ``rules``. A variable has ``name``, ``unit``, ``range`` and ``points`` (or ``universe``, every point of
 it), ``terms``, maybe a ``description``, and, for an output, ``default`` and maybe ``defuzzifier``,
 ``accumulation`` and ``aggregation``. The keys of a term tell its shape, where ``shape`` does not. A
-system may have an ``implication``. A full rule table is the list of its output terms, the last
+system may have an ``implication``, and ``semantics``: the program whose inference it means. A full rule
+table is the list of its output terms, the last
 input changing fastest; any other rule base is a list of ``{if: ..., then: [...]}`` with ``is``, ``and``,
 ``or``, ``not`` nested, and maybe a ``label``, an ``and_operator`` and an ``or_operator``.
 """
@@ -61,7 +62,7 @@ def to_mapping(controller: model.FuzzyController) -> dict[str, Any]:
 def _system_mapping(system: model.FuzzySystem) -> dict[str, Any]:
     return {
         **{key: getattr(system, key) for key in ("name", "and_operator", "or_operator", "defuzzifier")},
-        **_unusual(system, "implication"),
+        **_unusual(system, "implication", "semantics"),
         "inputs": [_variable_mapping(variable) for variable in system.inputs],
         "outputs": [_variable_mapping(variable) for variable in system.outputs],
         "rules": _rules_list(system),
@@ -89,6 +90,7 @@ def _variable_mapping(variable: model.Variable) -> dict[str, Any]:
         **_unusual(variable, "description"),
         **(extent if variable.points is None else {"universe": _plain(variable.points)}),
         **_unusual(variable, "default", "defuzzifier", "accumulation", "aggregation"),
+        **({"clip": True} if variable.is_clipped else {}),
         "terms": [{"name": term.name, **_membership_mapping(term.membership)} for term in variable.terms],
     }
 
@@ -210,6 +212,12 @@ def _number(value: Any, where: str) -> float:
         raise ControllerFileError(f"{where} is too large a number; use another unit") from error
 
 
+def _flag(value: Any, where: str) -> bool:
+    if not isinstance(value, bool):
+        raise ControllerFileError(f"{where} is {_kind_of(value)}; expected true or false")
+    return value
+
+
 def _count(value: Any, where: str) -> int:
     if isinstance(value, bool) or not isinstance(value, int):
         raise ControllerFileError(f"{where} is {_kind_of(value)}; expected a whole number")
@@ -261,24 +269,23 @@ _METHODS: Readers = dict.fromkeys(("defuzzifier", "accumulation", "aggregation")
 def _system(value: Any, where: str) -> model.FuzzySystem:
     variables: Readers = {"inputs": _each(_variable), "outputs": _each(_output)}
     required: Readers = {"name": _text, **variables, "rules": lambda rules, _: rules}
-    content = _read(value, where, required, {**_OPERATORS, "defuzzifier": _text, "implication": _text})
+    content = _read(
+        value, where, required, {**_OPERATORS, "defuzzifier": _text, "implication": _text, "semantics": _text}
+    )
     rules = _rules(content.pop("rules"), f"{where}.rules", content["inputs"], content["outputs"])
     return model.FuzzySystem(rules=rules, **content)
 
 
 def _output(value: Any, where: str) -> model.Variable:
-    if isinstance(value, Mapping) and "default" not in value:
-        raise ControllerFileError(
-            f"{where} has no default; declare default: the output when no rule fires (0 is usual for a force)"
-        )
-    return _variable(value, where, {"default": _number}, _METHODS)
+    return _variable(value, where, NO_KEYS, {"default": _number, **_METHODS})
 
 
 def _variable(value: Any, where: str, default: Readers = NO_KEYS, more: Readers = NO_KEYS) -> model.Variable:
     is_listed = isinstance(value, Mapping) and "universe" in value
     required: Readers = {"name": _text, "universe" if is_listed else "range": _numbers, "terms": _each(_term)}
-    optional: Readers = {"unit": _text, "points": _count, "description": _text}
+    optional: Readers = {"unit": _text, "points": _count, "description": _text, "clip": _flag}
     content = {"unit": "", **_read(value, where, {**required, **default}, {**optional, **more})}
+    content["is_clipped"] = content.pop("clip", False)
     num_points, points = content.pop("points", None), content.pop("universe", None)
     if points is not None:
         if not points or num_points not in (None, len(points)):
@@ -298,7 +305,13 @@ def _variable(value: Any, where: str, default: Readers = NO_KEYS, more: Readers 
 def _term(value: Any, where: str) -> model.Term:
     shape = _shape_of(value, where)
     _check_keys(value, where, ("name", *_keys(shape)), ("shape",))
-    readers: dict[str, Any] = {"values": _numbers, "coefficients": _numbers, "text": _text}
+    readers: dict[str, Any] = {
+        "values": _numbers,
+        "coefficients": _numbers,
+        "text": _text,
+        "x": _numbers,
+        "y": _numbers,
+    }
     parameters = {key: readers.get(key, _number)(value[key], f"{where}.{key}") for key in _keys(shape)}
     return model.Term(_text(value["name"], f"{where}.name"), SHAPES[shape](**parameters))
 

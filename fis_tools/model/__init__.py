@@ -2,6 +2,7 @@
 
 from fis_tools.model.numbers import Constant, Formula, Linear, Number
 from fis_tools.model.operators import Accumulation, Aggregation, AndOperator, Defuzzifier, Hedge, OrOperator
+from fis_tools.model.semantics import ALL_SEMANTICS, TOOLS, Semantics
 from fis_tools.model.shapes import (
     Arc,
     Concave,
@@ -11,6 +12,7 @@ from fis_tools.model.shapes import (
     MembershipFunction,
     MonotoneFunction,
     PiShape,
+    Polyline,
     Ramp,
     Sampled,
     SemiEllipse,
@@ -48,4 +50,13 @@ from fis_tools.model.systems import (
     with_terms,
     with_variables,
 )
-from fis_tools.model.variables import Term, Variable, is_unimodal, peak, sample, shape_values, with_universe
+from fis_tools.model.variables import (
+    Term,
+    Variable,
+    is_unimodal,
+    memberships_at,
+    peak,
+    sample,
+    shape_values,
+    with_universe,
+)

@@ -32,7 +32,7 @@ OrOperator = Literal[
     "drastic_sum",
     "nilpotent_maximum",
 ]
-Accumulation = Literal[OrOperator, "product"]
+Accumulation = Literal[OrOperator, "product", "unbounded_sum"]
 Aggregation = Literal[OrOperator, "unbounded_sum"]
 Hedge = Literal["very", "somewhat", "extremely", "intensely", "seldom"]
 
@@ -144,7 +144,7 @@ OR_OPERATORS: dict[OrOperator, Operator] = {
     "drastic_sum": drastic_sum,
     "nilpotent_maximum": nilpotent_maximum,
 }
-ACCUMULATIONS: dict[Accumulation, Operator] = {"product": np.multiply}
+ACCUMULATIONS: dict[Accumulation, Operator] = {"product": np.multiply, "unbounded_sum": np.add}
 ACCUMULATIONS.update(OR_OPERATORS.items())
 #: The unbounded sum is not a disjunction: it is MATLAB's aggregation by sum.
 AGGREGATIONS: dict[Aggregation, Operator] = {"unbounded_sum": np.add}

@@ -417,6 +417,29 @@ class Sampled(MembershipFunction):
         return np.array(self.values, dtype=np.float64)
 
 
+@shape("polyline", "polyline")
+class Polyline(MembershipFunction):
+    """Straight between the points `x`, `y`, level beyond; two equal `x` are a jump after the first."""
+
+    x: tuple[float, ...]
+    y: tuple[float, ...]
+
+    def at(self, x: Floats) -> Floats:
+        """Evaluate the formula."""
+        own_x, y = np.array(self.x, dtype=np.float64), np.array(self.y, dtype=np.float64)
+        if len(own_x) == 1:
+            return np.full(len(x), y[0])
+        right = np.clip(np.searchsorted(own_x, x, side="left"), 1, len(own_x) - 1)
+        left = right - 1
+        values = y[left] + (y[right] - y[left]) * ((x - own_x[left]) / (own_x[right] - own_x[left]))
+        return np.where(x <= own_x[0], y[0], np.where(x > own_x[-1], y[-1], values))
+
+    @property
+    def corners(self) -> tuple[float, ...]:
+        """Its points."""
+        return self.x
+
+
 def _rising(x: Floats, foot: float, top: float, *, is_open: bool) -> Floats:
     """Two parabolas from zero up to one, for points up to `top`.
 

@@ -9,15 +9,16 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import chain, product
-from math import prod
+from math import inf, prod
 from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
-from fis_tools.array_types import Integers
+from fis_tools.array_types import Floats, Integers
 from fis_tools.errors import Mistake
 from fis_tools.model.numbers import Formula, Number
 from fis_tools.model.operators import WEIGHING, AndOperator, Defuzzifier, Hedge, OrOperator
+from fis_tools.model.semantics import Semantics, sampling_points
 from fis_tools.model.variables import Variable
 from fis_tools.plain_text import plain
 
@@ -269,6 +270,8 @@ class FuzzySystem:
     implication : str
         How a rule's strength shapes the term that it concludes: ``min`` cuts it, ``product`` scales it;
         no effect on weighted outputs.
+    semantics : str
+        The program whose inference the system means, see `fis_tools.model.semantics`.
     """
 
     name: str
@@ -279,10 +282,32 @@ class FuzzySystem:
     or_operator: OrOperator = "max"
     defuzzifier: Defuzzifier = "centroid"
     implication: AndOperator = "min"
+    semantics: Semantics = "scikit-fuzzy"
+
+    @property
+    def is_sampled(self) -> bool:
+        """Whether outputs are sums over points, and inputs formulas that are not clipped."""
+        return self.semantics != "scikit-fuzzy"
+
+    def limits_of(self, variable: Variable) -> tuple[float, float]:
+        """Return the numbers to which one of its inputs is clipped."""
+        if self.is_sampled and not variable.is_clipped:
+            return -inf, inf
+        return float(variable.universe[0]), float(variable.universe[-1])
+
+    def points_of(self, output: Variable) -> Floats:
+        """Return the points at which one of its outputs is aggregated, ascending."""
+        if not self.is_sampled:
+            return output.universe
+        return sampling_points(self.semantics, output.minimum, output.maximum, output.num_points)
 
     def cuts(self, output: Variable) -> bool:
         """Return whether an output's terms are cut and aggregated by the maximum."""
         return self.implication == "min" and output.aggregation == "max" and not self.weighs(output)
+
+    def joins_numbers(self, output: Variable) -> bool:
+        """Return whether the strengths of rules that conclude the same number join by the accumulation."""
+        return self.semantics == "fcl" and self.weighs(output)
 
     def weighs(self, output: Variable) -> bool:
         """Return whether an output is a weighted average or sum (Takagi-Sugeno or Tsukamoto)."""

@@ -13,7 +13,8 @@ from fis_tools.errors import Mistake, nearest
 from fis_tools.model import operators
 from fis_tools.model.numbers import Formula, Linear, NotAFormula, Number
 from fis_tools.model.operators import HEDGES, WEIGHING
-from fis_tools.model.shapes import SHAPES, MembershipFunction, MonotoneFunction, Sampled
+from fis_tools.model.semantics import ALL_SEMANTICS, TOOLS
+from fis_tools.model.shapes import SHAPES, MembershipFunction, MonotoneFunction, Polyline, Sampled
 from fis_tools.model.systems import And, Expression, FuzzyController, FuzzySystem, Hedged, Is, Not, Or, Rule
 from fis_tools.model.variables import Term, Variable, shape_values
 
@@ -28,7 +29,7 @@ ROUNDING = 1e-12
 MOST_PROBLEMS = 200
 #: Most inputs of a system, terms of a variable and rules: beyond, pages are unreadable and analyses never
 #: end.
-MOST_INPUTS, MOST_TERMS, MOST_RULES = 12, 2_000, 50_000
+MOST_INPUTS, MOST_TERMS, MOST_RULES = 64, 20_000, 50_000
 #: Most systems of a controller.
 MOST_SYSTEMS = 50
 #: Most memberships, of all terms at all points of a system.
@@ -136,6 +137,7 @@ _CHOICES = {
     "accumulation": get_args(operators.Accumulation),
     "aggregation": get_args(operators.Aggregation),
     "implication": get_args(operators.AndOperator),
+    "semantics": ALL_SEMANTICS,
 }
 
 
@@ -218,6 +220,8 @@ def shape_problems(shape: MembershipFunction, num_points: int) -> Iterator[str]:
         yield f"{type(shape).__name__} is not a known shape; choose one of {known}"
     elif isinstance(shape, Sampled):
         yield from _value_problems(shape, num_points)
+    elif isinstance(shape, Polyline):
+        yield from _polyline_problems(shape)
     else:
         yield from parameter_problems(shape)
         if isinstance(shape, Linear) and not all(map(_is_finite, shape.coefficients)):
@@ -265,6 +269,15 @@ def _value_problems(shape: Sampled, num_points: int) -> Iterator[str]:
         yield "a membership value lies outside [0, 1] or is not a number; scale the values to [0, 1]"
 
 
+def _polyline_problems(shape: Polyline) -> Iterator[str]:
+    if not shape.x or len(shape.x) != len(shape.y):
+        yield f"a polyline has {len(shape.x)} x and {len(shape.y)} y; give one y for each x"
+    elif not all(map(_is_finite, shape.x)) or any(left > right for left, right in pairwise(shape.x)):
+        yield "the x of a polyline do not ascend or are no numbers; put them in order"
+    elif not all(_is_finite(value) and 0.0 <= value <= 1.0 for value in shape.y):
+        yield "a y of a polyline lies outside [0, 1] or is not a number; scale them to [0, 1]"
+
+
 def _sample_problems(variable: Variable, term: Term) -> Iterator[str]:
     values = shape_values(variable.universe, term.membership)
     if not np.all(np.isfinite(values)):
@@ -275,19 +288,20 @@ def _sample_problems(variable: Variable, term: Term) -> Iterator[str]:
 
 def _output_problems(system: FuzzySystem) -> Iterator[str]:
     for variable in system.outputs:
-        if variable.default is None:
+        if variable.default is None and not TOOLS[system.semantics].has_outputs_without_default:
             yield (
                 f"output {variable.name!r} has no default; declare default: the output when no rule fires "
                 "(0 is usual for a force)"
             )
-        elif not _is_finite(variable.default):
+        elif variable.default is not None and not _is_finite(variable.default):
             yield f"output {variable.name!r}: default {variable.default} must be a finite number"
         yield from _at(f"output {variable.name!r}: ", _choice_problems(variable))
         yield from _kind_problems(system, variable)
-        if variable.accumulation != "max" and not system.cuts(variable):
+        yield from _accumulation_problems(system, variable)
+        if system.is_sampled and variable.points is not None:
             yield (
-                f"output {variable.name!r} has the accumulation {variable.accumulation}, which is for terms "
-                "cut by min and aggregated by max; drop it, or the other implication and aggregation"
+                f"output {variable.name!r} lists the points of its universe, but "
+                f"{TOOLS[system.semantics].title} takes evenly spaced ones; give their number"
             )
     for variable in system.inputs:
         for term in variable.terms:
@@ -296,11 +310,28 @@ def _output_problems(system: FuzzySystem) -> Iterator[str]:
                     f"input {variable.name!r}, term {term.name!r} is a number; terms of inputs are fuzzy "
                     "sets, so give it a shape"
                 )
+        if variable.is_clipped and not system.is_sampled:
+            yield f"input {variable.name!r} says clip, but all inputs are clipped here; drop it"
         usual = {"default": None, "defuzzifier": None, "accumulation": "max", "aggregation": "max"}
         for key, unset in usual.items():
             if getattr(variable, key) != unset:
                 article = "an" if key[0] == "a" else "a"
                 yield f"input {variable.name!r} has {article} {key}; only outputs have one, so drop it"
+
+
+def _accumulation_problems(system: FuzzySystem, output: Variable) -> Iterator[str]:
+    where = f"output {output.name!r} has the accumulation {output.accumulation}"
+    if output.accumulation == "max" or system.joins_numbers(output):
+        return
+    if system.is_sampled:
+        yield f"{where}, which {TOOLS[system.semantics].title} does not know; drop it"
+    elif not system.cuts(output):
+        yield (
+            f"{where}, which is for terms cut by min and aggregated by max; drop it, or the other "
+            "implication and aggregation"
+        )
+    elif output.accumulation == "unbounded_sum":
+        yield f"{where}, which is for numbers of jFuzzyLogic; take bounded_sum"
 
 
 def _kind_problems(system: FuzzySystem, output: Variable) -> Iterator[str]:

@@ -12,7 +12,7 @@ import numpy as np
 from fis_tools.array_types import Floats
 from fis_tools.model.numbers import Number
 from fis_tools.model.operators import Accumulation, Aggregation, Defuzzifier
-from fis_tools.model.shapes import SMALLEST_MEMBERSHIP, MembershipFunction
+from fis_tools.model.shapes import SMALLEST_MEMBERSHIP, MembershipFunction, Sampled
 from fis_tools.plain_text import plain
 
 
@@ -54,6 +54,8 @@ class Variable:
     aggregation : str
         For an output: how the rules' conclusions combine into one membership function. Under the maximum each
         term is cut once; under any other, each rule's conclusion counts separately.
+    is_clipped : bool
+        For an input of a system whose program clips none: whether it is clipped to its range all the same.
     """
 
     name: str
@@ -68,6 +70,7 @@ class Variable:
     defuzzifier: Defuzzifier | None = None
     accumulation: Accumulation = "max"
     aggregation: Aggregation = "max"
+    is_clipped: bool = False
 
     def __post_init__(self) -> None:
         """Clean the free text."""
@@ -164,6 +167,16 @@ def shape_values(universe: Floats, shape: MembershipFunction) -> Floats:
     """
     with np.errstate(all="ignore"):
         return shape.at(universe)
+
+
+def memberships_at(variable: Variable, term: Term, points: Floats) -> Floats:
+    """Return a term's memberships at any points, also outside of the range, by its formula."""
+    if isinstance(term.membership, Sampled):
+        values = np.interp(points, variable.universe, term.membership.values)
+    else:
+        values = shape_values(points, term.membership)
+    values[values < SMALLEST_MEMBERSHIP] = 0.0
+    return values
 
 
 def is_unimodal(values: Floats) -> bool:

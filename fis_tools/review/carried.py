@@ -12,7 +12,21 @@ from fis_tools.analysis.flights import FlownSystem
 from fis_tools.analysis.quadrature import quadrature
 from fis_tools.array_types import Floats
 from fis_tools.findings.explanation.points import in_short
-from fis_tools.model import And, Expression, FuzzySystem, Hedged, Is, Not, Or, Rule, Variable, sample
+from fis_tools.model import (
+    And,
+    Expression,
+    FuzzySystem,
+    Hedged,
+    Is,
+    Not,
+    Or,
+    Polyline,
+    Rule,
+    Sampled,
+    Variable,
+    memberships_at,
+    sample,
+)
 from fis_tools.review.flown import Flight
 from fis_tools.words.text import sentence
 
@@ -24,9 +38,10 @@ def system_data(system: FuzzySystem) -> dict[str, Any]:
     """Return a system as plain data: membership functions sampled, names in rules as indices."""
     return {
         "name": system.name,
-        "inputs": [_variable(variable) for variable in system.inputs],
+        "semantics": system.semantics,
+        "inputs": [_input(system, variable) for variable in system.inputs],
         "outputs": [
-            _variable(variable, "default", "accumulation", "aggregation")
+            _output(system, variable)
             | {"defuzzifier": system.defuzzifier_of(variable), "implication": system.implication}
             for variable in system.outputs
         ],
@@ -93,6 +108,33 @@ def _variable(variable: Variable, *more: str) -> dict[str, Any]:
     fields = {key: getattr(variable, key) for key in ("name", "unit", "minimum", "maximum", *more)}
     terms = [{"name": term.name, "values": _doubles(sample(variable, term))} for term in variable.terms]
     return fields | {"universe": _doubles(variable.universe), "terms": terms}
+
+
+def _input(system: FuzzySystem, variable: Variable) -> dict[str, Any]:
+    """Return an input as plain data, with its formulas where it is not clipped."""
+    data = _variable(variable)
+    if not system.is_sampled:
+        return data
+    for term, carried in zip(variable.terms, data["terms"], strict=True):
+        shape = term.membership
+        carried["shape"] = shape.entry.name
+        carried["numbers"] = _doubles(np.array([getattr(shape, key) for key in shape.entry.kinds]))
+        if isinstance(shape, Polyline):
+            carried |= {"points": _doubles(np.array(shape.x)), "heights": _doubles(np.array(shape.y))}
+        if isinstance(shape, Sampled):
+            carried |= {"points": data["universe"], "heights": carried["values"]}
+    return data | {"clip": variable.is_clipped}
+
+
+def _output(system: FuzzySystem, variable: Variable) -> dict[str, Any]:
+    """Return an output as plain data, with the points that it is a sum over."""
+    data = _variable(variable, "default", "accumulation", "aggregation")
+    if system.is_sampled and not system.weighs(variable):
+        points = system.points_of(variable)
+        data["points"] = _doubles(points)
+        for term, carried in zip(variable.terms, data["terms"], strict=True):
+            carried["sampled"] = _doubles(memberships_at(variable, term, points))
+    return data
 
 
 def _rule(rule: Rule, system: FuzzySystem) -> dict[str, Any]:

@@ -31,7 +31,8 @@ _DID = {"flight": "flew", "log": "answered"}
 
 #: joined in this order
 SCRIPTS = (
-    *("elements", "scale", "palette", "pointing", "canvases", "carried", "operators", "inference"),
+    *("elements", "scale", "palette", "pointing", "canvases", "carried", "operators"),
+    *("degrees", "inference"),
     *("shares", "sign_change", "state", "tables", "memberships", "inference_view", "rules_view"),
     *("response", "heat_map", "solid", "surface_view", "flight_view", "signature", "page"),
 )

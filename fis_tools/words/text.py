@@ -11,7 +11,7 @@ from fis_tools.array_types import Floats
 from fis_tools.document import Block, Document, Heading, Paragraph, Table
 from fis_tools.document.text import aligned
 from fis_tools.engines.inference import Inference, OutputInference
-from fis_tools.model import Consequent, Expression, FuzzyController, FuzzySystem, Rule, Term, Variable
+from fis_tools.model import TOOLS, Consequent, Expression, FuzzyController, FuzzySystem, Rule, Term, Variable
 
 BAR_LENGTH = 20
 #: Memberships and firing strengths below this are left out.
@@ -160,6 +160,8 @@ def summary(system: FuzzySystem) -> str:
     exceptions += [
         f", {v.name} accumulated by {v.accumulation}" for v in system.outputs if v.accumulation != "max"
     ]
+    if system.is_sampled:
+        exceptions.append(f", inferred as {TOOLS[system.semantics].title} does")
     return (
         f"{len(system.rules)} rules from {inputs} to {outputs}; and: {system.and_operator}, "
         f"or: {system.or_operator}, defuzzifier: {system.defuzzifier}{''.join(exceptions)}"

@@ -425,3 +425,321 @@ static double where_arc(double degree, double start, double end)
 {
     return end + (start - end) * sqrt(1.0 - degree * degree);
 }
+
+/* How far x belongs to a Gaussian. */
+static double degree_gaussian(double x, double mean, double deviation)
+{
+    return exp(-((x - mean) * (x - mean)) / (2.0 * (deviation * deviation)));
+}
+
+/* How far x belongs to a trapezoid. */
+static double degree_trapezoidal(double x, double left, double left_top, double right_top, double right)
+{
+    if (x >= left_top && x <= right_top) {
+        return 1.0;
+    }
+    if (x > left && x < left_top) {
+        return (x - left) / (left_top - left);
+    }
+    return x > right_top && x < right ? (right - x) / (right - right_top) : 0.0;
+}
+
+/* How far x belongs to a triangle. */
+static double degree_triangular(double x, double left, double peak, double right)
+{
+    return degree_trapezoidal(x, left, peak, peak, right);
+}
+
+/* How far x belongs to two Gaussians with a top between them. */
+static double degree_two_sided_gaussian(double x, double left_mean, double left_deviation, double right_mean,
+                                        double right_deviation)
+{
+    const double left = x <= left_mean ? degree_gaussian(x, left_mean, left_deviation) : 1.0;
+
+    return x > right_mean ? left * degree_gaussian(x, right_mean, right_deviation) : left;
+}
+
+/* How far x belongs to a bell. */
+static double degree_generalized_bell(double x, double width, double slope, double centre)
+{
+    return 1.0 / (1.0 + pow(fabs((x - centre) / width), 2.0 * slope));
+}
+
+/* How far x belongs to a sigmoid. */
+static double degree_sigmoid(double x, double inflection, double slope)
+{
+    return 1.0 / (1.0 + exp(-slope * (x - inflection)));
+}
+
+/* How far x belongs to the difference of two sigmoids. */
+static double degree_sigmoid_difference(double x, double first, double first_slope, double second,
+                                        double second_slope)
+{
+    return fabs(degree_sigmoid(x, first, first_slope) - degree_sigmoid(x, second, second_slope));
+}
+
+/* How far x belongs to the product of two sigmoids. */
+static double degree_sigmoid_product(double x, double first, double first_slope, double second,
+                                     double second_slope)
+{
+    return degree_sigmoid(x, first, first_slope) * degree_sigmoid(x, second, second_slope);
+}
+
+/* How far x belongs to two parabolas that rise. */
+static double degree_s_shape(double x, double foot, double top)
+{
+    const double from_foot = (x - foot) / (top - foot);
+    const double from_top = (x - top) / (top - foot);
+
+    if (x <= foot) {
+        return 0.0;
+    }
+    if (x >= top) {
+        return 1.0;
+    }
+    return x >= 0.5 * (foot + top) ? 1.0 - 2.0 * from_top * from_top : 2.0 * from_foot * from_foot;
+}
+
+/* How far x belongs to two parabolas that fall. */
+static double degree_z_shape(double x, double top, double foot)
+{
+    return degree_s_shape(-x, -foot, -top);
+}
+
+/* How far x belongs to an S shape and a Z shape with a top between them. */
+static double degree_pi_shape(double x, double left, double left_top, double right_top, double right)
+{
+    return x >= right_top ? degree_z_shape(x, right_top, right) : degree_s_shape(x, left, left_top);
+}
+
+/* How far x belongs to a spike. */
+static double degree_spike(double x, double centre, double width)
+{
+    return exp(-fabs(10.0 / width * (x - centre)));
+}
+
+/* How far x belongs to one period of a cosine. */
+static double degree_cosine(double x, double centre, double width)
+{
+    return fabs(x - centre) <= 0.5 * width
+        ? 0.5 * (1.0 + cos(2.0 / width * 3.141592653589793 * (x - centre)))
+        : 0.0;
+}
+
+/* How far x belongs to a concave curve. */
+static double degree_concave(double x, double inflection, double end)
+{
+    const bool is_below = end >= inflection ? x < end : x > end;
+
+    return is_below ? (end - inflection) / (2.0 * end - inflection - x) : 1.0;
+}
+
+/* The height of a circle of a radius, scaled to one. */
+static double circle(double x, double centre, double radius)
+{
+    return sqrt(fmax(radius * radius - (x - centre) * (x - centre), 0.0)) / radius;
+}
+
+/* How far x belongs to half of an ellipse. */
+static double degree_semi_ellipse(double x, double start, double end)
+{
+    return circle(x, start + 0.5 * (end - start), 0.5 * (end - start));
+}
+
+/* How far x belongs to a quarter of an ellipse. */
+static double degree_arc(double x, double start, double end)
+{
+    const bool is_beyond = end > start ? x > end : x < end;
+
+    return is_beyond ? 1.0 : circle(x, end, fabs(end - start));
+}
+
+/* How far x belongs to a ramp. */
+static double degree_ramp(double x, double start, double end)
+{
+    return fmin(fmax((x - start) / (end - start), 0.0), 1.0);
+}
+
+/* How far x belongs to straight lines between points, level beyond them. */
+static double degree_table(double x, const double points[], const double values[], int count)
+{
+    int right = 0;
+
+    if (x <= points[0]) {
+        return values[0];
+    }
+    if (x > points[count - 1]) {
+        return values[count - 1];
+    }
+    while (points[right] < x) {
+        ++right;
+    }
+    return values[right - 1]
+        + (values[right] - values[right - 1]) * ((x - points[right - 1]) / (points[right] - points[right - 1]));
+}
+
+/* A degree of truth, zero where it is too small to count. */
+static double counted(double degree)
+{
+    return degree >= 1e-290 ? degree : 0.0;
+}
+
+/* The mean of points, weighted by heights. */
+static double sampled_centroid(const double x[], const double y[], int count)
+{
+    const double highest = greatest(y, count);
+    const double scale = highest < 1e-200 ? 1.0 / highest : 1.0;
+    double moment = 0.0;
+    double area = 0.0;
+    int point;
+
+    for (point = 0; point < count; ++point) {
+        area += y[point] * scale;
+        moment += x[point] * (y[point] * scale);
+    }
+    return fmin(fmax(moment / area, x[0]), x[count - 1]);
+}
+
+/* The first point at which half of the sum of heights is reached, as in MATLAB. */
+static double sampled_bisector_matlab(const double x[], const double y[], int count)
+{
+    double total = 0.0;
+    double running = 0.0;
+    int point;
+
+    for (point = 0; point < count; ++point) {
+        total += y[point];
+    }
+    for (point = 0; point < count - 1; ++point) {
+        running += y[point];
+        if (running >= total / 2.0 * (1.0 - 1e-12)) {
+            break;
+        }
+    }
+    return x[point];
+}
+
+/* The mean of the points whose running share of the sum is nearest to a half, as in fuzzylite. */
+static double sampled_bisector_fuzzylite(const double x[], const double y[], int count)
+{
+    double total = 0.0;
+    double running = 0.0;
+    double nearest = 2.0;
+    double moment = 0.0;
+    int found = 0;
+    int point;
+
+    for (point = 0; point < count; ++point) {
+        total += y[point];
+    }
+    for (point = 0; point < count; ++point) {
+        running += y[point];
+        nearest = fmin(nearest, fabs(running / total - 0.5));
+    }
+    running = 0.0;
+    for (point = 0; point < count; ++point) {
+        running += y[point];
+        if (fabs(running / total - 0.5) <= nearest + 1e-12) {
+            ++found;
+            moment += x[point];
+        }
+    }
+    return moment / found;
+}
+
+/* Where walks from both ends meet, always on the side with the smaller sum, as in jFuzzyLogic. */
+static double sampled_bisector_fcl(const double x[], const double y[], int count)
+{
+    double sum_low = 0.0;
+    double sum_high = 0.0;
+    int low = 0;
+    int high = count - 1;
+
+    while (low < high) {
+        if (sum_low <= sum_high * (1.0 + 1e-12)) {
+            ++low;
+            sum_low += y[low];
+        } else {
+            --high;
+            sum_high += y[high];
+        }
+    }
+    return fmin(x[0] + (x[1] - x[0]) * low, x[count - 1]);
+}
+
+/* Whether a height is the highest up to rounding. */
+static bool is_top(double height, double highest)
+{
+    return height >= highest * (1.0 - 1e-12);
+}
+
+/* The mean of the highest points. */
+static double sampled_mean_of_maximum(const double x[], const double y[], int count)
+{
+    const double highest = greatest(y, count);
+    double sum = 0.0;
+    int found = 0;
+    int point;
+
+    for (point = 0; point < count; ++point) {
+        if (is_top(y[point], highest)) {
+            sum += x[point];
+            ++found;
+        }
+    }
+    return sum / found;
+}
+
+/* The least of the highest points. */
+static double sampled_smallest_of_maximum(const double x[], const double y[], int count)
+{
+    const double highest = greatest(y, count);
+    int point = 0;
+
+    while (!is_top(y[point], highest)) {
+        ++point;
+    }
+    return x[point];
+}
+
+/* The greatest of the highest points. */
+static double sampled_largest_of_maximum(const double x[], const double y[], int count)
+{
+    const double highest = greatest(y, count);
+    int point = count - 1;
+
+    while (!is_top(y[point], highest)) {
+        --point;
+    }
+    return x[point];
+}
+
+/* The highest point of the smallest magnitude, as in MATLAB. */
+static double sampled_smallest_of_maximum_matlab(const double x[], const double y[], int count)
+{
+    const double highest = greatest(y, count);
+    int best = -1;
+    int point;
+
+    for (point = 0; point < count; ++point) {
+        if (is_top(y[point], highest) && (best < 0 || fabs(x[point]) < fabs(x[best]))) {
+            best = point;
+        }
+    }
+    return x[best];
+}
+
+/* The highest point of the largest magnitude, as in MATLAB. */
+static double sampled_largest_of_maximum_matlab(const double x[], const double y[], int count)
+{
+    const double highest = greatest(y, count);
+    int best = -1;
+    int point;
+
+    for (point = 0; point < count; ++point) {
+        if (is_top(y[point], highest) && (best < 0 || fabs(x[point]) > fabs(x[best]))) {
+            best = point;
+        }
+    }
+    return x[best];
+}

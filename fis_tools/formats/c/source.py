@@ -13,6 +13,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, partial, reduce
+from math import isfinite
 from pathlib import Path
 from textwrap import wrap
 from typing import Literal
@@ -20,11 +21,11 @@ from typing import Literal
 import numpy as np
 
 from fis_tools import model
-from fis_tools.array_types import Integers
+from fis_tools.array_types import Floats, Integers
 from fis_tools.engines.program import Conclusion, assemble
 from fis_tools.file_access import read_shipped
 from fis_tools.formats import rendered
-from fis_tools.model import FuzzyController, FuzzySystem, Term, Variable, sample, thrust
+from fis_tools.model import FuzzyController, FuzzySystem, Term, Variable, memberships_at, sample, thrust
 from fis_tools.model.thrust import ThrustLogic
 from fis_tools.plain_text import distinct
 from fis_tools.words.text import number, sentence, shape_words, summary, with_unit
@@ -37,6 +38,19 @@ DEFUZZIFIERS = {
     "som": "smallest_of_maximum",
     "lom": "largest_of_maximum",
 }
+
+
+def defuzzifiers_of(system: FuzzySystem) -> dict[str, str]:
+    """Return the names of the C functions of a system's defuzzifiers."""
+    if not system.is_sampled:
+        return DEFUZZIFIERS
+    own = {"matlab": ("bisector", "som", "lom"), "fuzzylite": ("bisector",), "fcl": ("bisector",)}
+    return {
+        way: f"sampled_{name}" + (f"_{system.semantics}" if way in own[system.semantics] else "")
+        for way, name in DEFUZZIFIERS.items()
+    }
+
+
 _CONCLUDE = "conclude_by_IMPLICATION_and_AGGREGATION"
 _COMMENT = re.compile(r"/\*.*?\*/", re.DOTALL)
 _CALL = re.compile(r"\b(\w+)\(")
@@ -252,7 +266,14 @@ def _signature(name: str, system: FuzzySystem) -> str:
 
 
 def _header(controller: FuzzyController, logic: ThrustLogic | None, has_step: bool) -> str:
-    text = rendered("c/head.jinja", controller=controller, logic=logic, has_step=has_step, warnings=WARNINGS)
+    text = rendered(
+        "c/head.jinja",
+        controller=controller,
+        logic=logic,
+        has_step=has_step,
+        warnings=WARNINGS,
+        titles=dict.fromkeys(model.TOOLS[system.semantics].title for system in controller.systems),
+    )
     title, *paragraphs = (" ".join(paragraph.split()) for paragraph in text.split("\n\n"))
     facts = [f"{key}: {value}" for key, value in (*controller.attributes, *controller.provenance)]
     lines = (line for paragraph in paragraphs for line in ("", paragraph))
@@ -293,7 +314,7 @@ def _bends(variable: Variable) -> Integers:
     return kept if np.abs(again - rows).max() < 10.0 * STRAIGHT else np.arange(len(universe))
 
 
-Kind = Literal["input", "weighed", "cut", "implied", "silent"]
+Kind = Literal["input", "formula", "weighed", "cut", "implied", "silent"]
 
 
 @dataclass(frozen=True)
@@ -305,13 +326,15 @@ class _Signal:
     variable : Variable
     word : str
         What it is called.
-    kind : {"input", "weighed", "cut", "implied", "silent"}
-        Of an output what becomes of its terms: numbers are weighed, sets are cut, or changed by another
-        implication, or concluded by no rule.
+    kind : {"input", "formula", "weighed", "cut", "implied", "silent"}
+        Of an input whether it has a table or formulas; of an output what becomes of its terms: numbers are
+        weighed, sets are cut, or changed by another implication, or concluded by no rule.
     terms : sequence of Term
         In the rows of its table; of an output those that some rule concludes.
     bends : Integers
         The points of its universe that the table holds.
+    points : Floats, optional
+        What the table holds instead, where an output is a sum over points.
     """
 
     variable: Variable
@@ -319,19 +342,49 @@ class _Signal:
     kind: Kind
     terms: Sequence[Term]
     bends: Integers
+    points: Floats | None = None
 
     @property
     def universe(self) -> list[float]:
         """The points that its table holds."""
+        if self.points is not None:
+            return self.points.tolist()
         return self.variable.universe[self.bends].tolist()
 
     def values(self, term: Term) -> list[float]:
         """Return a row of its table."""
+        if self.points is not None:
+            return memberships_at(self.variable, term, self.points).tolist()
         return sample(self.variable, term)[self.bends].tolist()
+
+    @property
+    def tables(self) -> list[tuple[int, Term, list[float], list[float]]]:
+        """The terms without a formula, each with its number, its points and its values."""
+        return [
+            (number, term, *_table(self.variable, term))
+            for number, term in enumerate(self.terms)
+            if isinstance(term.membership, model.Polyline | model.Sampled)
+        ]
+
+    def formula(self, number: int, term: Term, name: str) -> str:
+        """Return the call that evaluates a term at ``x``."""
+        shape = term.membership
+        if isinstance(shape, model.Polyline | model.Sampled):
+            table = f"table_{name}__{self.word}_{number}"
+            return f"degree_table(x, {table}[0], {table}[1], {len(_table(self.variable, term)[0])})"
+        numbers = ", ".join(repr(float(getattr(shape, key))) for key in shape.entry.kinds)
+        return f"degree_{shape.entry.name}(x, {numbers})"
 
     def row(self, term: str) -> int:
         """Return which row of its table a term is."""
         return [each.name for each in self.terms].index(term)
+
+
+def _table(variable: Variable, term: Term) -> tuple[list[float], list[float]]:
+    """Return the points of a term without a formula, and its values at these."""
+    if isinstance(term.membership, model.Polyline):
+        return list(map(float, term.membership.x)), list(map(float, term.membership.y))
+    return variable.universe.tolist(), sample(variable, term).tolist()
 
 
 class _System:
@@ -342,7 +395,9 @@ class _System:
         self.name = name
         self.system = system
         self.inputs = [
-            _Signal(variable, word, "input", variable.terms, _bends(variable))
+            _Signal(variable, word, "formula", variable.terms, np.arange(0))
+            if system.is_sampled
+            else _Signal(variable, word, "input", variable.terms, _bends(variable))
             for variable, word in zip(system.inputs, words, strict=False)
         ]
         self.outputs = [
@@ -357,8 +412,10 @@ class _System:
         kind: Kind = "cut" if self.system.cuts(variable) else "implied"
         if self.system.weighs(variable):
             kind = "weighed"
-        indices = np.arange(variable.num_points)
-        return _Signal(variable, word, kind if terms else "silent", terms, indices)
+        indices, points = np.arange(variable.num_points), None
+        if self.system.is_sampled and kind != "weighed":
+            kind, points = "implied", self.system.points_of(variable)
+        return _Signal(variable, word, kind if terms else "silent", terms, indices, points)
 
     def conclude(self, output: _Signal) -> tuple[str, str]:
         """Return the name and text of the function that adds rules' implied sets where terms are not cut."""
@@ -375,9 +432,10 @@ class _System:
             system=self.system,
             inputs=self.inputs,
             outputs=self.outputs,
+            asked=self._asked,
             about=_comment(list(self._about())),
             rules=list(self._rules()),
-            defuzzifiers=DEFUZZIFIERS,
+            defuzzifiers=defuzzifiers_of(self.system),
             most_points=max((len(c.universe) + len(c.runs) for c in cut), default=0),
             # gcc warns of moving within an array of one
             most_crossings=max([2, *(len(c.runs) for c in cut)]),
@@ -386,6 +444,11 @@ class _System:
             shape_words=shape_words,
         )
         return "\n".join(broken for line in text.split("\n") for broken in _broken(line))
+
+    def _asked(self, input_: _Signal) -> list[int]:
+        """Return the indices of an input's terms that rules ask for."""
+        used = model.used_terms(self.system.rules)
+        return [n for n, term in enumerate(input_.terms) if (input_.variable.name, term.name) in used]
 
     def _about(self) -> Iterator[str]:
         yield f"{self.system.name}: {summary(self.system)}."
@@ -417,7 +480,7 @@ class _System:
         if output.kind == "implied":
             return (
                 f"{self.conclude(output)[0]}(memberships_{self.name}__{word}[{row}], "
-                f"{output.variable.num_points}, strength * {weight!r}, heights_{word})"
+                f"{len(output.universe)}, strength * {weight!r}, heights_{word})"
             )
         target = f"cuts_{word}[{row}]"
         if target in cut:
@@ -440,6 +503,11 @@ class _System:
 
     def _number(self, shape: model.MembershipFunction, strength: str, output: Variable) -> str:
         """Write the number that a rule of some strength concludes, an expression of doubles."""
+        if self.system.joins_numbers(output) and output.accumulation != "unbounded_sum":
+            raise ValueError(
+                f"output {output.name!r} joins rules that conclude one number by {output.accumulation}, "
+                "and C is written for those that add up; export as json"
+            )
         if isinstance(shape, model.Formula):
             raise ValueError(
                 f"output {output.name!r} concludes the formula {shape.text[:40]!r}, and C is written for "
@@ -451,8 +519,11 @@ class _System:
             terms = [repr(float(constant))]
             for index, (factor, v) in enumerate(zip(coefficients, inputs, strict=True)):
                 if factor:
-                    ends = f"{float(v.minimum)!r}, {float(v.maximum)!r}"
-                    terms.append(f"{float(factor)!r} * inside(inputs[{index}], {ends})")
+                    low, high = self.system.limits_of(v)
+                    taken = f"inputs[{index}]"
+                    if isfinite(low):
+                        taken = f"inside({taken}, {low!r}, {high!r})"
+                    terms.append(f"{float(factor)!r} * {taken}")
             return " + ".join(terms)
         first, second = (repr(float(getattr(shape, name))) for name in shape.entry.kinds)
         location = f"where_{shape.entry.name}({strength} < 1.0 ? {strength} : 1.0, {first}, {second})"

@@ -129,8 +129,7 @@ def hedged(hedges: Sequence[Hedge], expression: Expression) -> Expression:
 
 def any_term(variable: Variable) -> model.Term:
     """Return the term that every value of a variable belongs to."""
-    low, high = variable.minimum, variable.maximum
-    return model.Term(ANY, model.Trapezoidal(low, low, high, high))
+    return model.Term(ANY, model.Polyline((variable.minimum,), (1.0,)))
 
 
 def with_any(variables: Iterable[Variable], rules: Sequence[Rule]) -> tuple[Variable, ...]:

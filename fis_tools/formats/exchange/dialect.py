@@ -27,8 +27,6 @@ OUTPUT_POINTS = 101
 #: Points of an input's universe where a file states none. Other programs evaluate the functions themselves,
 #: so the points must be close enough to stand for them.
 INPUT_POINTS = 1001
-#: The same where outputs are weighed: numbers linear in the inputs can be far apart where memberships err.
-FINE_INPUT_POINTS = 10_001
 #: How near to a point, in steps between points, a corner lies on it.
 ON_POINT = 1e-9
 
@@ -41,10 +39,12 @@ class Dialect:
     ----------
     title : str
         What a file of it is called in a sentence.
+    semantics : str
+        The program whose inference a file of it means.
     words : {"fis", "fll"}, optional
         Whose words for membership shapes it has; a shape without one is written as a table of points. None
         where every shape can be written.
-    holds_descriptions, holds_defaults : bool
+    holds_descriptions, holds_defaults, holds_clipping : bool
         Which facts of a variable it has a place for.
     resolution : int
         Intervals of an output where a file with a place for their number states none; 0 where there is no
@@ -68,9 +68,11 @@ class Dialect:
     """
 
     title: str
+    semantics: model.Semantics
     words: Format | None = None
     holds_descriptions: bool = False
     holds_defaults: bool = True
+    holds_clipping: bool = False
     resolution: int = 0
     is_nested: bool = False
     repeats_variables: bool = True
@@ -140,9 +142,17 @@ def express(system: FuzzySystem, dialect: Dialect) -> Expressed:
     bare = replace(system, name=names.system, rules=tuple(chain(*groups)), defuzzifier="centroid")
     if len(system.weighed) == len(system.outputs):
         bare = replace(bare, implication="min")
-    inputs = tuple(_expressed_variable(v, names, dialect, is_output=False) for v in system.inputs)
+    if system.semantics == dialect.semantics:
+        dialect = replace(dialect, has_walls=True)
+    inputs = tuple(
+        replace(
+            _expressed_variable(variable, names, dialect, is_output=False),
+            is_clipped=dialect.holds_clipping and (variable.is_clipped or not system.is_sampled),
+        )
+        for variable in system.inputs
+    )
     outputs = tuple(replace(o, defuzzifier=way) for o, way in zip(said, own_ways, strict=True))
-    expressed = settle(replace(bare, inputs=inputs, outputs=outputs))
+    expressed = said_once(replace(bare, inputs=inputs, outputs=outputs, semantics=dialect.semantics))
     if not dialect.has_rule_operators and any(rule.has_own_operators for rule in expressed.rules):
         raise NotExpressible(
             f"rules combine their statements in different ways, and {dialect.title} knows one way for all; "
@@ -171,25 +181,6 @@ def refuse_joined(system: FuzzySystem) -> None:
                     "add their strengths up before they look where the term has them, here each counts by "
                     "itself; give each rule a term of its own"
                 )
-
-
-def settle(system: FuzzySystem) -> FuzzySystem:
-    """Move common operators to the system; where outputs are weighted, inputs get more points.
-
-    A table has points of its own.
-    """
-    inputs = tuple(map(_finer, system.inputs)) if system.weighed else system.inputs
-    return said_once(replace(system, inputs=inputs))
-
-
-def _finer(variable: Variable) -> Variable:
-    shapes = [term.membership for term in variable.terms]
-    if not shapes or any(isinstance(shape, model.Sampled) for shape in shapes):
-        return variable
-    low, high = float(variable.minimum), float(variable.maximum)
-    if not (low < high and np.isfinite(high - low)):
-        return variable
-    return with_universe(variable, input_universe(low, high, shapes, FINE_INPUT_POINTS))
 
 
 def _with_known_hedges(system: FuzzySystem, dialect: Dialect) -> FuzzySystem:
@@ -267,9 +258,7 @@ def _expressed_variable(variable: Variable, names: Names, dialect: Dialect, *, i
         for term in variable.terms
     )
     ends = float(variable.minimum), float(variable.maximum)
-    if any(isinstance(term.membership, model.Sampled) for term in terms):
-        universe = variable.universe
-    elif is_output:
+    if is_output:
         universe = np.linspace(*ends, variable.num_points if dialect.resolution else OUTPUT_POINTS)
     else:
         universe = input_universe(*ends, [term.membership for term in terms])
@@ -301,8 +290,16 @@ def _expressed_weighed(output: Variable, names: Names, dialect: Dialect) -> Vari
 def _expressed_membership(variable: Variable, term: Term, dialect: Dialect) -> MembershipFunction:
     shape = term.membership
     if dialect.words and dialect.words not in shape.entry.words and not isinstance(shape, model.Sampled):
-        return model.Sampled(tuple(model.sample(variable, term).tolist()))
+        return polyline(variable, term)
+    if isinstance(shape, model.Sampled):
+        return polyline(variable, term)
     return shape if dialect.has_walls else without_walls(variable, shape)
+
+
+def polyline(variable: Variable, term: Term) -> model.Polyline:
+    """Return a term as straight lines between the points of its variable's universe."""
+    values = model.sample(variable, term)
+    return model.Polyline(tuple(variable.universe.tolist()), tuple(values.tolist()))
 
 
 def without_walls(variable: Variable, membership: MembershipFunction) -> MembershipFunction:

@@ -16,17 +16,19 @@ from typing import Any
 from fis_tools import model
 from fis_tools.errors import ControllerFileError
 from fis_tools.formats.exchange import antecedents, foreign, vocabulary
-from fis_tools.formats.exchange.dialect import Dialect, Expressed, settle
+from fis_tools.formats.exchange.dialect import Dialect, Expressed
 from fis_tools.formats.exchange.fll_rules import hedged_rules
-from fis_tools.formats.exchange.foreign import Extent, FileBlock
+from fis_tools.formats.exchange.foreign import FileBlock
 from fis_tools.formats.exchange.vocabulary import AGGREGATIONS, AND, DEFUZZIFIERS, OR, meanings
 from fis_tools.formats.exchange.writing import term_words, understand, written
 from fis_tools.formats.serialize import Reading, Written
 from fis_tools.model import Expression, FuzzySystem, Hedge, Rule, Variable
 from fis_tools.model.operators import WEIGHING
+from fis_tools.model.systems import said_once
 
 DIALECT = Dialect(
     title="a .fis file",
+    semantics="matlab",
     words="fis",
     holds_defaults=False,
     repeats_variables=False,
@@ -167,7 +169,8 @@ def _system(sections: dict[str, FileBlock], fractions: Fractions, notes: list[st
     joined = tuple(o if o.aggregation != "max" else replace(o, aggregation=aggregation) for o in outputs)
     methods = (and_operator, or_operator, defuzzifier)
     read = FuzzySystem(name, antecedents.with_any(inputs, rules), joined, rules, *methods)
-    return settle(read if weighs else replace(read, implication=implication))  # MATLAB asks for it always
+    read = replace(read, semantics="matlab")
+    return said_once(read if weighs else replace(read, implication=implication))  # MATLAB asks for it always
 
 
 def _concludes_numbers(section: FileBlock) -> bool:
@@ -197,7 +200,7 @@ def _variable(section: FileBlock, weighed_by: Sequence[str] | None, notes: list[
         notes.append(f"{section.kind} says NumMFs={num_terms} but has {len(keys_given)} terms: all are taken")
     extent = section.extent("Range", words_in)
     states_default = is_output and section.entry("Default", "nan")[1].lower() != "nan"
-    terms = [_term(*section.settings[key], extent, weighed_by) for key in keys]
+    terms = [_term(*section.settings[key], weighed_by) for key in keys]
     variable = foreign.variable(name, extent, _numbered(name, terms, notes), is_output=is_output)
     return replace(variable, default=section.number("Default") if states_default else None)
 
@@ -219,14 +222,14 @@ def _numbered(variable: str, terms: list[foreign.Named], notes: list[str]) -> li
 _TERM = re.compile(r"(['\"])(?P<name>.*)\1\s*:\s*(['\"])(?P<shape>\w+)\3\s*,\s*(?P<numbers>\[[^\]]*\])")
 
 
-def _term(line: int, value: str, extent: Extent, weighed_by: Sequence[str] | None) -> foreign.Named:
+def _term(line: int, value: str, weighed_by: Sequence[str] | None) -> foreign.Named:
     where = f"line {line}"
     parts = _TERM.fullmatch(value)
     if parts is None:
         raise ControllerFileError(f"{where}: {value[:40]!r} is not a term; expected 'name':'trimf',[0 1 2]")
     raw = parts["numbers"]
     values = [raw[1:-1]] if parts["shape"] == "function" else words_in(raw, where)
-    return parts["name"], _WORDS.read(parts["shape"], values, extent, weighed_by, where)
+    return parts["name"], _WORDS.read(parts["shape"], values, weighed_by, where)
 
 
 _RULE = re.compile(

@@ -14,9 +14,9 @@ from fis_tools import model
 from fis_tools.errors import ControllerFileError, told_as
 from fis_tools.formats.exchange import foreign, vocabulary
 from fis_tools.formats.exchange.antecedents import with_any
-from fis_tools.formats.exchange.dialect import Dialect, settle
+from fis_tools.formats.exchange.dialect import Dialect
 from fis_tools.formats.exchange.fll_rules import read_rules
-from fis_tools.formats.exchange.foreign import Extent, FileBlock
+from fis_tools.formats.exchange.foreign import FileBlock
 from fis_tools.formats.exchange.vocabulary import AGGREGATIONS, AND, DEFUZZIFIERS, OR, meanings
 from fis_tools.formats.exchange.writing import MARK, term_words, understand, written
 from fis_tools.formats.mapping import MOST_POINTS
@@ -24,15 +24,17 @@ from fis_tools.formats.serialize import Reading, Written
 from fis_tools.model import FuzzySystem, Rule, Variable
 from fis_tools.model.operators import WEIGHING
 from fis_tools.model.shapes import words_of
-from fis_tools.model.systems import Named, NotResolvable, unchained
+from fis_tools.model.systems import Named, NotResolvable, said_once, unchained
 
 #: Intervals where a defuzzifier states none: fuzzylite leaves its own number out, this one since version 8.
 RESOLUTION = 1000
 
 DIALECT = Dialect(
     title="an .fll file",
+    semantics="fuzzylite",
     words="fll",
     holds_descriptions=True,
+    holds_clipping=True,
     resolution=RESOLUTION,
     is_nested=True,
     has_hedges=True,
@@ -66,13 +68,17 @@ _KEYS = {
     "InputVariable": ("description", "enabled", "range", "lock-range", "term"),
     "OutputVariable": (
         *("description", "enabled", "range", "lock-range", "aggregation", "accumulation", "defuzzifier"),
-        *("default", "lock-previous", "term"),
+        *("default", "lock-previous", "lock-valid", "term"),
     ),
     "RuleBlock": (
         *("description", "enabled", "conjunction", "disjunction", "implication", "activation"),
         "rule",
     ),
 }
+
+
+#: Keys that make an output keep its last value where no rule fires; version 5 called it lock-valid.
+_KEPT = ("lock-previous", "lock-valid")
 
 
 def read(text: str) -> Reading:
@@ -97,7 +103,9 @@ def read(text: str) -> Reading:
             "if it is whole"
         )
     reading = understand(_system(blocks), comments, DIALECT)
-    kept = (block.name for block in blocks if block.settings.get("lock-previous", (0, ""))[1] == "true")
+    kept = (
+        block.name for block in blocks if any(block.settings.get(key, (0, ""))[1] == "true" for key in _KEPT)
+    )
     return replace(reading, assumptions=(*reading.assumptions, *map(foreign.kept_words, kept)))
 
 
@@ -135,7 +143,8 @@ def _system(blocks: Sequence[FileBlock]) -> FuzzySystem:
     outputs = tuple(_output(block, names) for block in blocks if block.kind == "OutputVariable")
     rule_blocks = [block for block in blocks if block.kind == "RuleBlock"]
     for block in rule_blocks:
-        block.expect("activation", "general", "none", "minimum")
+        if block.entry("activation", "none")[1] not in _AND:  # in version 5 the implication
+            block.expect("activation", "general", "none")
     operators = [
         (block.chosen(_AND, "conjunction", "none"), block.chosen(_OR, "disjunction", "none"))
         for block in rule_blocks
@@ -164,7 +173,7 @@ def _system(blocks: Sequence[FileBlock]) -> FuzzySystem:
     name = engines[0].name or "unnamed"
     operators_of_all = (and_operator or "min", or_operator or "max")
     system = FuzzySystem(name, with_any(inputs, rules), outputs, tuple(resolved), *operators_of_all)
-    return settle(replace(system, implication=_implication(groups, weighed)))
+    return said_once(replace(system, implication=_implication(groups, weighed), semantics="fuzzylite"))
 
 
 def _implication(groups: Sequence[tuple[FileBlock, Sequence[Rule]]], weighed: set[str]) -> model.AndOperator:
@@ -172,7 +181,8 @@ def _implication(groups: Sequence[tuple[FileBlock, Sequence[Rule]]], weighed: se
     implications: dict[model.AndOperator, int] = {}
     for block, group in groups:
         if any(consequent.variable not in weighed for rule in group for consequent in rule.consequents):
-            operator = block.chosen(_AND, "implication", "none")
+            key = "implication" if "implication" in block.settings else "activation"
+            operator = block.chosen({**_AND, "General": None}, key, "none")
             if operator is not None:
                 implications.setdefault(operator, block.line)
     if len(implications) > 1:
@@ -199,23 +209,25 @@ def _refuse_joined(block: FileBlock, rules: Sequence[Rule]) -> None:
 
 def _variable(block: FileBlock) -> Variable:
     extent, (_, about) = block.extent("range"), block.entry("description", "")
-    variable = foreign.variable(block.name, extent, _terms(block, extent), is_output=False)
-    return replace(variable, description=about)
+    variable = foreign.variable(block.name, extent, _terms(block), is_output=False)
+    clips = block.chosen({"true": True, "false": False}, "lock-range", "false")
+    return replace(variable, description=about, is_clipped=clips)
 
 
 def _output(block: FileBlock, inputs: Sequence[str]) -> Variable:
     extent = block.extent("range")
-    block.expect("lock-previous", "false", "true")
+    for key in _KEPT:
+        block.expect(key, "false", "true")
     where, words = block.entry("defuzzifier")
     word, _, parameter = words.partition(" ")
     defuzzifier = foreign.choice(meanings(DEFUZZIFIERS, "fll"), word, where)
     aggregation: model.Aggregation = "unbounded_sum"
     if defuzzifier in WEIGHING:
         block.expect("lock-range", "false")
-        terms, num_points = _terms(block, extent, inputs), None
+        terms, num_points = _terms(block, inputs), None
         _refuse_other_kind(block, parameter.strip(), terms)
     else:
-        terms, num_points = _terms(block, extent), RESOLUTION + 1
+        terms, num_points = _terms(block), RESOLUTION + 1
         if parameter.strip():
             num_points = foreign.count(parameter, f"{where}: the resolution", MOST_POINTS - 1) + 1
         # versions before 6 called it accumulation
@@ -241,7 +253,7 @@ def _refuse_other_kind(block: FileBlock, parameter: str, terms: Sequence[foreign
             )
 
 
-def _terms(block: FileBlock, extent: Extent, inputs: Sequence[str] | None = None) -> list[foreign.Named]:
+def _terms(block: FileBlock, inputs: Sequence[str] | None = None) -> list[foreign.Named]:
     """Read the terms of a variable; `inputs` are given for a weighted output."""
     terms: list[foreign.Named] = []
     for line, words in block.listed:
@@ -252,7 +264,7 @@ def _terms(block: FileBlock, extent: Extent, inputs: Sequence[str] | None = None
         name, word, *values = words.split()
         if inputs is None:
             values = _without_height(word, values, f"line {line}")
-        terms.append((name, foreign.FUZZYLITES.read(word, values, extent, inputs, f"line {line}")))
+        terms.append((name, foreign.FUZZYLITES.read(word, values, inputs, f"line {line}")))
     return terms
 
 

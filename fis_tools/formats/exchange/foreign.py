@@ -13,7 +13,6 @@ from typing import TypeVar
 import numpy as np
 
 from fis_tools import model
-from fis_tools.array_types import Floats
 from fis_tools.errors import ControllerFileError, nearest
 from fis_tools.formats.exchange.dialect import INPUT_POINTS, OUTPUT_POINTS, input_universe
 from fis_tools.formats.exchange.vocabulary import HEDGES
@@ -72,31 +71,11 @@ def choice(known: Mapping[str, _Choice], word: str, where: str, cure: str = "") 
     return known[word]
 
 
-@dataclass(frozen=True)
-class Polyline:
-    """A membership function given by its points, straight between them and level beyond.
-
-    Parameters
-    ----------
-    x : tuple of float
-        Ascending.
-    y : tuple of float
-        The membership at each.
-    """
-
-    x: tuple[float, ...]
-    y: tuple[float, ...]
-
-    def on(self, universe: Floats) -> model.Sampled:
-        """Return the function sampled on a universe."""
-        return model.Sampled(tuple(np.interp(universe, self.x, self.y).tolist()))
-
-
 #: What a term is called, and its function.
-Named = tuple[str, MembershipFunction | Polyline]
+Named = tuple[str, MembershipFunction]
 
 
-def table(values: Sequence[float], where: str) -> Polyline:
+def table(values: Sequence[float], where: str) -> model.Polyline:
     """Read ``x y x y …``."""
     if not values or len(values) % 2:
         raise ControllerFileError(
@@ -109,36 +88,46 @@ def table(values: Sequence[float], where: str) -> Polyline:
         raise ControllerFileError(f"{where}: the points do not ascend; sort them and drop repeated ones")
     if not all(0.0 <= value <= 1.0 for value in y):
         raise ControllerFileError(f"{where}: a membership lies outside [0, 1]; scale them")
-    return Polyline(x, y)
+    return model.Polyline(x, y)
 
 
 #: Words of a format with the shapes they stand for and the order in which they state its numbers.
 ShapeWords = Mapping[str, tuple[type[MembershipFunction], tuple[str, ...]]]
-#: Words for a straight flank, or two, between the ends of a range: from their numbers and the range.
-FlankWords = Mapping[str, Callable[[float, float, float, float], Trapezoidal]]
+#: Words for a straight flank, or two: from their two numbers.
+FlankWords = Mapping[str, Callable[[float, float], MembershipFunction]]
 
 
-def rising(start: float, end: float, low: float, high: float) -> Trapezoidal:
-    """Return zero up to `start`, one from `end` on, over a range."""
-    return Trapezoidal(start, end, max(end, high), max(end, high))
+def rising(start: float, end: float) -> MembershipFunction:
+    """Return zero up to `start`, one from `end` on."""
+    return jump(start, 1.0) if start == end else model.Ramp(start, end)
 
 
-def falling(start: float, end: float, low: float, high: float) -> Trapezoidal:
-    """Return one up to `start`, zero from `end` on, over a range."""
-    return Trapezoidal(min(start, low), min(start, low), start, end)
+def falling(start: float, end: float) -> MembershipFunction:
+    """Return one up to `start`, zero from `end` on."""
+    return jump(start, -1.0) if start == end else model.Ramp(end, start)
 
 
-def ramp(start: float, end: float, low: float, high: float) -> Trapezoidal:
-    """Return a ramp, which falls where its first number is the greater one."""
-    return rising(start, end, low, high) if start <= end else falling(end, start, low, high)
+def ramp(start: float, end: float) -> MembershipFunction:
+    """Return a ramp, which falls where its first number is the greater one; zero without a width."""
+    return model.Polyline((start,), (0.0,)) if start == end else model.Ramp(start, end)
 
 
-def step(start: float, towards: float, low: float, high: float) -> Trapezoidal:
+def step(start: float, towards: float) -> MembershipFunction:
     """Return one from `start` on in the direction of another number, zero on the other side."""
-    return rising(start, start, low, high) if towards > start else falling(start, start, low, high)
+    return jump(start, 1.0 if towards > start else -1.0)
 
 
-def level(start: float, end: float, low: float, high: float) -> Trapezoidal:
+def jump(start: float, direction: float) -> model.Polyline:
+    """Return one from `start` on in a direction, zero on the other side from the next number on."""
+    beyond = float(np.nextafter(start, -direction * np.inf))
+    return (
+        model.Polyline((beyond, start), (0.0, 1.0))
+        if direction > 0
+        else model.Polyline((start, beyond), (1.0, 0.0))
+    )
+
+
+def level(start: float, end: float) -> MembershipFunction:
     """Return one between `start` and `end`, zero elsewhere."""
     start, end = sorted((start, end))
     return Trapezoidal(start, start, end, end)
@@ -222,7 +211,7 @@ def shape_numbers(words: Iterable[str], where: str) -> list[float]:
 
 
 def shape(
-    word: str, values: Sequence[float], extent: Extent, shapes: ShapeWords, flanks: FlankWords, where: str
+    word: str, values: Sequence[float], shapes: ShapeWords, flanks: FlankWords, where: str
 ) -> MembershipFunction:
     """Return the membership function of a word and its numbers."""
     known = {**dict.fromkeys(shapes), **dict.fromkeys(flanks)}
@@ -235,19 +224,26 @@ def shape(
             f"{where}: {word} has {len(values)} numbers; expected {len(order)}: {', '.join(order)}"
         )
     if not all(map(math.isfinite, values)):
-        open_ended = _without_an_end(word, values, extent)
+        open_ended = _without_an_end(word, values)
         if open_ended is None:
             raise ControllerFileError(f"{where}: {word} has an infinite number; write a finite one")
         return open_ended
     if word in flanks:
-        return flanks[word](values[0], values[1], *extent)
+        return flanks[word](values[0], values[1])
     build: Callable[..., MembershipFunction] = shapes[word][0]
-    return build(**dict(zip(order, values, strict=True)))
+    kinds = build.entry.kinds if (is_even := build in _EVEN) else {}
+    named = zip(order, values, strict=True)
+    return build(
+        **{name: abs(x) if is_even and kinds[name] in {"width", "deviation"} else x for name, x in named}
+    )
 
 
-def _without_an_end(word: str, values: Sequence[float], extent: Extent) -> Trapezoidal | None:
-    """Return a shape with an infinite parameter as one that is level up to that end of the range."""
-    low, high = extent
+#: Shapes whose widths count without their signs.
+_EVEN = (model.Gaussian, model.TwoSidedGaussian, model.GeneralizedBell, model.Spike)
+
+
+def _without_an_end(word: str, values: Sequence[float]) -> MembershipFunction | None:
+    """Return a shape with an infinite number, level to that side; None where there is no such shape."""
     match word, [*values]:
         case ("Triangle" | "trimf", [left, top, right]):
             corners = [left, top, top, right]
@@ -256,14 +252,17 @@ def _without_an_end(word: str, values: Sequence[float], extent: Extent) -> Trape
         case ("Rectangle" | "rectmf", [start, end]):
             corners = [start, start, end, end]
         case ("Binary" | "binarymf", [start, towards]) if math.isfinite(start):
-            return step(start, towards, low, high)
+            return step(start, towards)
         case _:
             return None
-    if corners[0] == -math.inf:
-        corners[:2] = [min(low, x) for x in (corners[2], corners[2])]
-    if corners[3] == math.inf:
-        corners[2:] = [max(high, x) for x in (corners[1], corners[1])]
-    return Trapezoidal(*corners) if all(map(math.isfinite, corners)) else None
+    left, left_top, right_top, right = corners
+    if (left, right) == (-math.inf, math.inf):
+        return model.Polyline((0.0,), (1.0,))
+    if left == -math.inf and math.isfinite(right_top) and math.isfinite(right):
+        return falling(right_top, right)
+    if right == math.inf and math.isfinite(left_top) and math.isfinite(left):
+        return rising(left, left_top)
+    return None
 
 
 @dataclass(frozen=True)
@@ -285,8 +284,8 @@ class TermWords:
     weighed: str
 
     def read(
-        self, word: str, values: Sequence[str], extent: Extent, inputs: Sequence[str] | None, where: str
-    ) -> MembershipFunction | Polyline:
+        self, word: str, values: Sequence[str], inputs: Sequence[str] | None, where: str
+    ) -> MembershipFunction:
         """Read a term; `inputs`, their names, are those of an output that is weighed, else None."""
         shapes = words_of(self.file_format)
         is_formula = word.lower() == "function"
@@ -300,10 +299,10 @@ class TermWords:
             return concluded_formula(" ".join(values), inputs, where)
         numbers = shape_numbers(values, where)
         if inputs is not None:
-            return concluded(word, numbers, len(inputs), extent, self.file_format, where)
+            return concluded(word, numbers, len(inputs), self.file_format, where)
         if word == TABLES[self.file_format]:
             return table(numbers, where)
-        return shape(word, numbers, extent, shapes, self.flanks, where)
+        return shape(word, numbers, shapes, self.flanks, where)
 
 
 #: The words for a table of points.
@@ -311,7 +310,7 @@ TABLES: Mapping[Format, str] = {"fis": "discretemf", "fll": "Discrete"}
 
 
 def concluded(
-    word: str, values: Sequence[float], num_inputs: int, extent: Extent, file_format: Format, where: str
+    word: str, values: Sequence[float], num_inputs: int, file_format: Format, where: str
 ) -> MembershipFunction:
     """Return the weighted output's term of a word and its numbers: a number, or a monotone shape.
 
@@ -325,7 +324,7 @@ def concluded(
             f"cannot be weighed; use one of {', '.join(sorted(known))}"
         )
     if shapes[word][0] is not model.Linear:
-        return shape(word, values, extent, shapes, {}, where)
+        return shape(word, values, shapes, {}, where)
     *factors, constant = [*values, 0.0] if len(values) == num_inputs else values[: num_inputs + 1] or [0.0]
     if len(factors) != num_inputs or any(values[num_inputs + 1 :]) or not all(map(math.isfinite, values)):
         raise ControllerFileError(
@@ -367,32 +366,14 @@ def concluded_formula(text: str, inputs: Sequence[str], where: str) -> Membershi
 def variable(
     name: str, extent: Extent, terms: Sequence[Named], *, is_output: bool, num_points: int | None = None
 ) -> Variable:
-    """Build a variable; its universe holds the points of every table.
-
-    Where all tables have the same points, from one end of the range to the other, these are the universe.
-    """
+    """Build a variable; an input's universe holds the corners of its terms."""
     low, high = extent
-    tables = [membership for _, membership in terms if isinstance(membership, Polyline)]
-    shapes = [membership for _, membership in terms if not isinstance(membership, Polyline)]
+    named = tuple(Term(term, shape) for term, shape in terms)
     num_points = num_points or (OUTPUT_POINTS if is_output else INPUT_POINTS)
-    if not (low < high and np.isfinite(high - low)):  # is refused later
-        named = (Term(term, shape) for term, shape in terms if not isinstance(shape, Polyline))
-        return Variable(name, "", low, high, tuple(named), num_points)
-    universe = np.linspace(low, high, num_points) if is_output else input_universe(low, high, shapes)
-    if tables:
-        universe = _with_points(universe, tables)
-    named = (
-        Term(term, shape.on(universe) if isinstance(shape, Polyline) else shape) for term, shape in terms
-    )
-    return with_universe(Variable(name, "", low, high, tuple(named)), universe)
-
-
-def _with_points(universe: Floats, tables: Sequence[Polyline]) -> Floats:
-    """Return the tables' points if they all share them, else these and the universe's."""
-    first, low, high = tables[0].x, universe[0], universe[-1]
-    if (first[0], first[-1]) == (low, high) and all(table.x == first for table in tables):
-        return np.array(first)
-    return np.union1d(universe, [x for table in tables for x in table.x if low < x < high])
+    bare = Variable(name, "", low, high, named, num_points)
+    if is_output or not (low < high and np.isfinite(high - low)):  # a range without a width is refused later
+        return bare
+    return with_universe(bare, input_universe(low, high, [shape for _, shape in terms]))
 
 
 def rule_words(rule: model.Rule) -> str:

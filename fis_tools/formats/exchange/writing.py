@@ -27,7 +27,7 @@ from fis_tools.formats.exchange.dialect import Dialect, Expressed, express, only
 from fis_tools.formats.exchange.foreign import RAMPS, TABLES
 from fis_tools.formats.mapping import from_mapping, refuse_problems, to_mapping
 from fis_tools.formats.serialize import Reading, Written
-from fis_tools.model import FuzzyController, FuzzySystem, Rule, Term, Variable, sample
+from fis_tools.model import TOOLS, FuzzyController, FuzzySystem, Rule, Term, Variable, sample
 from fis_tools.model.shapes import Format
 from fis_tools.model.systems import reach
 from fis_tools.words.text import number
@@ -78,17 +78,20 @@ def _blocks(system: FuzzySystem) -> list[tuple[str, str, list[tuple[int, Rule]]]
     return [(*operators, list(rules)) for operators, rules in groups]
 
 
-def term_words(variable: Variable, term: Term, file_format: Format) -> tuple[str, list[str]]:
+def term_words(term: Term, file_format: Format, is_set: bool) -> tuple[str, list[str]]:
     """Return the word of a term that a format has one for, and its numbers as they are written."""
     shape = term.membership
     match shape:
-        case model.Sampled(values):
-            points = zip(variable.universe.tolist(), values, strict=True)
+        case model.Polyline(x, y):
+            points = zip(x, y, strict=True)
             return TABLES[file_format], [repr(float(number)) for point in points for number in point]
         case model.Formula(text):
             return shape.entry.words[file_format][0], [text]
         case model.Ramp(start, end):
-            return RAMPS[file_format], [repr(float(start)), repr(float(end))]
+            word = RAMPS[file_format]
+            if file_format == "fis" and is_set:  # MATLAB knows it by two words
+                word, start, end = ("linsmf", start, end) if start < end else ("linzmf", end, start)
+            return word, [repr(float(start)), repr(float(end))]
         case model.Linear(coefficients, constant):
             numbers = (*coefficients, constant)
             return shape.entry.words[file_format][0], [repr(float(number)) for number in numbers]
@@ -216,11 +219,13 @@ def understand(visible: FuzzySystem, comments: Iterable[tuple[int, str]], dialec
     """
     carried = _find(comments)
     visible, missing = _with_what_is_missing(visible)
-    outputs = (
-        replace(v, default=dialects.middle(v.minimum, v.maximum)) if v.default is None else v
-        for v in visible.outputs
-    )
-    complete = replace(visible, outputs=tuple(outputs))
+    complete = visible
+    if not TOOLS[visible.semantics].has_outputs_without_default:
+        outputs = (
+            replace(v, default=dialects.middle(v.minimum, v.maximum)) if v.default is None else v
+            for v in visible.outputs
+        )
+        complete = replace(visible, outputs=tuple(outputs))
     refuse_problems(FuzzyController(visible.name, (complete,)))
     with told_as(ControllerFileError, NotExpressible):
         dialects.refuse_joined(complete)
@@ -287,17 +292,18 @@ def _with_what_is_missing(visible: FuzzySystem) -> tuple[FuzzySystem, list[str]]
 
 
 def _universes_words(visible: FuzzySystem, dialect: Dialect) -> str:
-    points = f"{dialects.INPUT_POINTS} points for each input and "
+    title = TOOLS[visible.semantics].title
+    points = f"{dialects.OUTPUT_POINTS} points of each output"
     if dialect.resolution:
-        points += f"{dialect.resolution + 1} for an output that states none, as fuzzylite takes"
-    else:
-        points += f"{dialects.OUTPUT_POINTS} for each output, as MATLAB takes"
-    return f"{visible.name}: universes of {points}, more where corners or a table of points need them"
+        points = f"{dialect.resolution} intervals of an output that states no number"
+    return f"{visible.name}: numbers are those of {title}, which sums over {points}"
 
 
 def _defaults_words(visible: FuzzySystem) -> Iterator[str]:
     for output in visible.outputs:
-        if output.default is None:
+        if output.default is None and TOOLS[visible.semantics].has_outputs_without_default:
+            yield f"{visible.name}: {output.name} is no number (NaN) when no rule fires, as the file says"
+        elif output.default is None:
             middle = number(dialects.middle(output.minimum, output.maximum))
             yield f"{visible.name}: {output.name} is {middle} when no rule fires, the middle of its range"
 

@@ -7,8 +7,13 @@ function decodeDoubles(text) {
 }
 
 function decodeVariable(variable) {
-  const terms = variable.terms.map((term) => ({ ...term, values: decodeDoubles(term.values) }));
-  return { ...variable, universe: decodeDoubles(variable.universe), terms };
+  const decode = (thing, keys) =>
+    Object.fromEntries(keys.filter((key) => key in thing).map((key) => [key, decodeDoubles(thing[key])]));
+  const terms = variable.terms.map((term) => ({
+    ...term,
+    ...decode(term, ["values", "sampled", "numbers", "points", "heights"]),
+  }));
+  return { ...variable, ...decode(variable, ["universe", "points"]), terms };
 }
 
 function decodeSystem(system) {

@@ -1,6 +1,8 @@
 // Mamdani inference, step by step, with the arithmetic of fis_tools/inference.py in the same order.
 
 const SMALLEST_AREA = 2 ** -52;
+// Heights of sampled outputs that differ by less are equal but for rounding.
+const TIE = 1e-12;
 
 /** The place of the last point of an ascending grid that is not above x; -1 below the first. */
 function placeIn(grid, x) {
@@ -21,16 +23,23 @@ function interpolate(x, grid, values, place) {
   return slope * (x - grid[place]) + values[place];
 }
 
-/** Bring each input into its universe. */
+/** Whether outputs are sums over points, and memberships formulas of inputs that are not clipped. */
+function isSampled({ semantics }) {
+  return semantics !== "scikit-fuzzy";
+}
+
+/** Bring each input into its universe, where the program does. */
 function clipInputs(system, inputs) {
-  return system.inputs.map(({ universe }, place) =>
-    Math.max(Math.min(inputs[place], universe[universe.length - 1]), universe[0]),
-  );
+  return system.inputs.map(({ universe, clip }, place) => {
+    if (isSampled(system) && !clip) return inputs[place];
+    return Math.max(Math.min(inputs[place], universe[universe.length - 1]), universe[0]);
+  });
 }
 
 /** How far each clipped input belongs to each of its terms: an array an input. */
 function fuzzify(system, clipped) {
   return system.inputs.map(({ universe, terms }, input) => {
+    if (isSampled(system)) return terms.map((term) => degreeAt(clipped[input], term));
     const place = placeIn(universe, clipped[input]);
     return terms.map((term) => interpolate(clipped[input], universe, term.values, place));
   });
@@ -127,16 +136,17 @@ function aggregateByRule(system, output, firing) {
   const variable = system.outputs[output];
   const imply = AND_OPERATORS[variable.implication];
   const join = AGGREGATIONS[variable.aggregation];
-  const heights = new Float64Array(variable.universe.length);
+  const points = isSampled(system) ? variable.points : variable.universe;
+  const heights = new Float64Array(points.length);
   system.rules.forEach((rule, index) => {
     for (const [concluded, term, weight] of rule.consequents) {
       if (concluded !== output) continue;
-      const { values } = variable.terms[term];
+      const values = isSampled(system) ? variable.terms[term].sampled : variable.terms[term].values;
       const strength = firing[index] * weight;
       for (let i = 0; i < heights.length; i++) heights[i] = join(heights[i], imply(strength, values[i]));
     }
   });
-  return [variable.universe, heights];
+  return [points, heights];
 }
 
 /** The centre of area of a polygon, summed segment by segment. */
@@ -205,13 +215,67 @@ const DEFUZZIFIERS = {
   lom: (x, y) => highest(x, y).at(-1),
 };
 
+/** The centre of points, weighted by heights. */
+function sampledCentroid(x, y) {
+  const top = y.reduce((a, b) => Math.max(a, b));
+  const scale = top < 1e-200 ? 1 / top : 1;
+  let [area, moment] = [0, 0];
+  for (let i = 0; i < x.length; i++) {
+    area += y[i] * scale;
+    moment += x[i] * (y[i] * scale);
+  }
+  return Math.min(Math.max(moment / area, x[0]), x.at(-1));
+}
+
+/** Where half of the sum lies on either side, as each program finds it; see fis_tools/engines/sampling.py. */
+const BISECTORS = {
+  matlab: (x, y) => {
+    const half = y.reduce((a, b) => a + b, 0) / 2;
+    let running = 0;
+    return x.find((_, i) => (running += y[i]) >= half * (1 - TIE)) ?? x.at(-1);
+  },
+  fuzzylite: (x, y) => {
+    const total = y.reduce((a, b) => a + b, 0);
+    let running = 0;
+    const distances = Array.from(y, (height) => Math.abs((running += height) / total - 0.5));
+    const nearest = Math.min(...distances);
+    const points = x.filter((_, i) => distances[i] <= nearest + TIE);
+    return points.reduce((a, b) => a + b, 0) / points.length;
+  },
+  fcl: (x, y) => {
+    let [low, high, sumLow, sumHigh] = [0, x.length - 1, 0, 0];
+    while (low < high) {
+      if (sumLow <= sumHigh * (1 + TIE)) sumLow += y[++low];
+      else sumHigh += y[--high];
+    }
+    return Math.min(x[0] + (x[1] - x[0]) * low, x.at(-1));
+  },
+};
+
+/** What a program makes of heights at points. */
+function defuzzifySampled({ semantics }, method, x, y) {
+  if (method === "centroid") return sampledCentroid(x, y);
+  if (method === "bisector") return BISECTORS[semantics](x, y);
+  const top = y.reduce((a, b) => Math.max(a, b)) * (1 - TIE);
+  const points = x.filter((_, i) => y[i] >= top);
+  if (method === "mom") return points.reduce((a, b) => a + b, 0) / points.length;
+  const sign = method === "som" ? 1 : -1;
+  const size = semantics === "matlab" ? Math.abs : (value) => value;
+  return points.reduce((a, b) => (sign * size(b) < sign * size(a) ? b : a));
+}
+
 /** What the rules conclude on one output: cuts, the aggregated polygon, and the number it becomes. */
 function conclude(system, output, firing) {
   const variable = system.outputs[output];
   const cuts = cutTerms(system, output, firing);
-  const [points, heights] = isCut(variable) ? aggregate(variable, cuts) : aggregateByRule(system, output, firing);
+  const isPolygon = isCut(variable) && !isSampled(system);
+  const [points, heights] = isPolygon ? aggregate(variable, cuts) : aggregateByRule(system, output, firing);
   const isDefault = heights.every((height) => height === 0);
-  const value = isDefault ? (variable.default ?? 0) : DEFUZZIFIERS[variable.defuzzifier](points, heights);
+  const silent = variable.default ?? (isSampled(system) ? NaN : 0);
+  const defuzzify = isSampled(system)
+    ? defuzzifySampled.bind(null, system, variable.defuzzifier)
+    : DEFUZZIFIERS[variable.defuzzifier];
+  const value = isDefault ? silent : defuzzify(points, heights);
   return { cuts, points, heights, value, isDefault };
 }
 

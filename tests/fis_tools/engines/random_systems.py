@@ -7,7 +7,20 @@ from typing import TypeVar, get_args
 import numpy as np
 
 from fis_tools.array_types import Floats
-from fis_tools.model import And, Consequent, Expression, FuzzySystem, Hedged, Is, Not, Or, Rule, shapes
+from fis_tools.model import (
+    ALL_SEMANTICS,
+    And,
+    Consequent,
+    Expression,
+    FuzzySystem,
+    Hedged,
+    Is,
+    Not,
+    Or,
+    Rule,
+    Semantics,
+    shapes,
+)
 from fis_tools.model.operators import WEIGHING, Accumulation, AndOperator, Defuzzifier, Hedge, OrOperator
 from fis_tools.model.shapes import MembershipFunction
 from fis_tools.model.systems import table_rules
@@ -16,7 +29,8 @@ from fis_tools.model.variables import Term, Variable
 DEFUZZIFIERS: tuple[Defuzzifier, ...] = tuple(way for way in get_args(Defuzzifier) if way not in WEIGHING)
 AND_OPERATORS: tuple[AndOperator, ...] = get_args(AndOperator)
 OR_OPERATORS: tuple[OrOperator, ...] = get_args(OrOperator)
-ACCUMULATIONS: tuple[Accumulation, ...] = get_args(Accumulation)
+#: That of jFuzzyLogic's numbers alone is left out.
+ACCUMULATIONS: tuple[Accumulation, ...] = tuple(w for w in get_args(Accumulation) if w != "unbounded_sum")
 HEDGES: tuple[Hedge, ...] = get_args(Hedge)
 _Choice = TypeVar("_Choice")
 
@@ -242,3 +256,31 @@ def _any_expression(generator: np.random.Generator, inputs: tuple[Variable, ...]
     count = int(generator.integers(1, 4))
     operands = tuple(_any_expression(generator, inputs, depth + 1) for _ in range(count))
     return And(operands) if kind < 0.8 else Or(operands)
+
+
+def sampled(system: FuzzySystem, semantics: Semantics) -> FuzzySystem:
+    """Return a system as another program infers it, by what that program knows."""
+    outputs = []
+    for output in system.outputs:
+        joins = semantics == "fcl" and system.weighs(output)
+        accumulation = output.accumulation if joins and output.accumulation != "product" else "max"
+        outputs.append(replace(output, points=None, accumulation=accumulation))
+    return replace(system, semantics=semantics, outputs=tuple(outputs))
+
+
+def sampled_systems(seed: int, count: int) -> list[FuzzySystem]:
+    """Draw systems of every program that samples, one after the other."""
+    tools = [tool for tool in ALL_SEMANTICS if tool != "scikit-fuzzy"]
+    systems = []
+    for number in range(count):
+        generator = np.random.default_rng([seed, number])
+        system = random_general_system(generator) if number % 4 else full_table_system(generator)
+        systems.append(replace(sampled(system, tools[number % len(tools)]), name=f"sampled {number}"))
+    return systems
+
+
+def inputs_beyond(system: FuzzySystem, generator: np.random.Generator, count: int) -> np.ndarray:
+    """Draw inputs, of which about a third lie outside of the ranges."""
+    low = np.array([variable.minimum for variable in system.inputs])
+    span = np.array([variable.span for variable in system.inputs])
+    return low + span * generator.uniform(-0.2, 1.2, (count, len(low)))

@@ -52,6 +52,9 @@ CONTROLLERS = {
     "everything": GENERAL,
     "125 rules": FuzzyController("many", (autopilot_system(),)),
     "random": FuzzyController("random", random_systems(seed=8, count=24)),
+    "sampled": FuzzyController(
+        "sampled", tuple(system for system in drawn.sampled_systems(9, 40) if not system.weighed)
+    ),
 }
 
 
@@ -80,6 +83,8 @@ def test_outputs_and_firing_are_those_of_python(opened, name):
     num_values = []
     for index, system in enumerate(controller.systems):
         rows = inputs_for(system, generator, NUM_SAMPLES)
+        if system.is_sampled:
+            rows = drawn.inputs_beyond(system, generator, NUM_SAMPLES)
         answers = browser_page.evaluate(INFER, [index, rows.tolist()])
         values = np.array([[float(value) for value in sample["values"]] for sample in answers])
         expected, strengths = step_by_step.inferred(system, rows)

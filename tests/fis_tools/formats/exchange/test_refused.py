@@ -117,8 +117,8 @@ def test_what_contradicts_itself_is_refused(kind: Kind, old: str, new: str, word
 @pytest.mark.parametrize(
     ("kind", "assumed"),
     [
-        ("fis", ["1001 points for each input and 101 for each output", "tip is 15 when no rule fires"]),
-        ("fll", ["1001 points for each input and 1001 for an output that states none"]),
+        ("fis", ["of MATLAB, which sums over 101 points of each output", "tip is 15 when no rule fires"]),
+        ("fll", ["those of fuzzylite, which sums over 1000 intervals"]),
     ],
 )
 def test_what_a_file_does_not_state_is_told(kind: Kind, assumed: list[str]) -> None:
@@ -197,4 +197,4 @@ def test_an_fll_file_without_a_resolution_has_fuzzylites_own() -> None:
     resolution = FLAT.outputs[0].num_points - 1
     bare = serialize.reads(text.replace(f"Centroid {resolution}", "Centroid"), "fll")
     assert [output.num_points for output in bare.controller.systems[0].outputs] == [1001, 1001]
-    assert "1001 for an output that states none" in bare.assumptions[0]
+    assert "1000 intervals of an output that states no number" in bare.assumptions[0]
