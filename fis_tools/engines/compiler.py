@@ -222,7 +222,7 @@ class CompiledSystem:
     def _infer_part(self, rows: Floats) -> Floats:
         if self.packed is None:
             return interpreter.evaluate(self.program, rows)
-        outputs, areas = kernel.evaluate(self.packed, rows)
+        outputs, areas = kernel.evaluate_with_areas(self.packed, rows)
         faint = np.flatnonzero(areas < FAINTEST)
         if len(faint):
             outputs[faint] = interpreter.evaluate(self.program, rows[faint])[:, 0]

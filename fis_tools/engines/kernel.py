@@ -334,7 +334,12 @@ def make_scratch(width: int = LANES) -> Any:
     return scratch
 
 
-def evaluate(packed: Packed, inputs: Floats, system: int = 0) -> tuple[Floats, Floats]:
+def evaluate(packed: Packed, inputs: Floats, system: int = 0) -> Floats:
+    """Return the outputs of a batch, (n,); parameters as for `evaluate_with_areas`."""
+    return evaluate_with_areas(packed, inputs, system)[0]
+
+
+def evaluate_with_areas(packed: Packed, inputs: Floats, system: int = 0) -> tuple[Floats, Floats]:
     """Return the outputs of a batch, and their areas.
 
     Parameters

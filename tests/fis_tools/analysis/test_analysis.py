@@ -26,12 +26,11 @@ from fis_tools.errors import ControllerFileError
 from fis_tools.formats import serialize
 from fis_tools.model import And, Consequent, Expression, FuzzySystem, Is, Not, Or, Rule, Term, Variable
 from fis_tools.model.numbers import Constant
-from fis_tools.model.operators import ACCUMULATIONS
 from fis_tools.model.shapes import Gaussian, MembershipFunction, Sampled, Trapezoidal, Triangular
 from fis_tools.model.systems import table_rules
 from tests.fis_tools import step_by_step
 from tests.fis_tools.control_systems import ReferenceEngine
-from tests.fis_tools.engines import weighed_systems
+from tests.fis_tools.engines import random_systems, weighed_systems
 from tests.fis_tools.engines.random_systems import inputs_for, random_general_system
 from tests.fis_tools.sample_controllers import (
     FORCE_X,
@@ -387,7 +386,7 @@ def test_shares_are_those_of_all_coalitions_enumerated() -> None:
     several = 0
     for _ in range(24):
         system = random_general_system(drawing)
-        accumulations = drawing.choice(list(ACCUMULATIONS), len(system.outputs))
+        accumulations = drawing.choice(random_systems.ACCUMULATIONS, len(system.outputs))
         pairs = zip(system.outputs, accumulations, strict=True)
         system = replace(system, outputs=tuple(replace(v, accumulation=str(a)) for v, a in pairs))
         rows = inputs_for(system, generator, 3)

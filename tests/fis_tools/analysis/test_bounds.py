@@ -57,6 +57,36 @@ def test_no_output_lies_outside_its_bounds():
     assert num_outputs > 20_000
 
 
+def test_no_output_of_a_sampled_system_lies_outside_its_bounds_or_its_range():
+    """Of MATLAB's, fuzzylite's and jFuzzyLogic's systems, also at inputs beyond their ranges."""
+    num_outputs = num_ranges = 0
+    for number, system in enumerate(random_systems.sampled_systems(93, 60)):
+        try:
+            program = interval.pack(system)
+        except interval.NotBounded:
+            continue
+        generator = np.random.default_rng([94, number])
+        low = random_systems.inputs_beyond(system, generator, 8)
+        spans = np.array([variable.span for variable in system.inputs])
+        high = low + spans * 10.0 ** generator.uniform(-6, 0.3, (8, 1))
+        least, greatest, _ = interval.bound(program, low, high)
+        for box in range(len(low)):
+            corners = np.where(generator.random((8, len(spans))) < 0.5, low[box], high[box])
+            inputs = np.concatenate([generator.uniform(low[box], high[box], (100, len(spans))), corners])
+            outputs = interpreter.evaluate(program, inputs)
+            num_outputs += outputs.size
+            assert (outputs >= least[box]).all()
+            assert (outputs <= greatest[box]).all()
+        for column, output in enumerate(system.outputs):
+            if not system.weighs(output):
+                num_ranges += 1
+                assert output.default is not None
+                assert least[:, column].min() >= min(output.minimum, output.default)
+                assert greatest[:, column].max() <= max(output.maximum, output.default)
+    assert num_outputs > 40_000
+    assert num_ranges > 20
+
+
 @pytest.mark.parametrize("system", [FORCE_X, FORCE_Z], ids=lambda system: system.name)
 def test_at_a_point_the_interval_is_tight_about_the_output(system):
     generator = np.random.default_rng(94)

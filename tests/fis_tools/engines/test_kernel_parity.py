@@ -13,7 +13,21 @@ from fis_tools.engines.kernel import evaluate
 from fis_tools.engines.packing import pack
 from fis_tools.engines.program import assemble
 from fis_tools.formats import serialize
-from fis_tools.model import Constant, Formula, FuzzySystem, Linear, Polyline, Ramp
+from fis_tools.model import (
+    Consequent,
+    Constant,
+    Formula,
+    FuzzySystem,
+    Gaussian,
+    Is,
+    Linear,
+    Polyline,
+    Ramp,
+    Rule,
+    Term,
+    Triangular,
+    Variable,
+)
 from fis_tools.model.shapes import SHAPES
 from fis_tools.model.validate import problems
 from tests.fis_tools import step_by_step
@@ -149,3 +163,25 @@ def test_the_systems_above_cover_what_they_should() -> None:
     num_defaults = sum(output.is_default for output in results)
     assert num_defaults > 50
     assert len(results) - num_defaults > 500
+
+
+def test_where_rules_fire_faintly_arrays_are_what_single_samples_are():
+    """The kernel hands rows of a small area over; there its sums had few right digits."""
+    x = Variable(
+        "q", "", 0.0, 10.0, (Term("low", Gaussian(0.0, 0.5)), Term("high", Gaussian(10.0, 0.5))), 1001
+    )
+    tips = (Term("mild", Triangular(40.0, 50.0, 60.0)), Term("hot", Triangular(70.0, 80.0, 90.0)))
+    heat = Variable("heat", "", 40.0, 90.0, tips, default=65.0)
+    rules = (
+        Rule(Is("q", "low"), (Consequent("heat", "mild"),)),
+        Rule(Is("q", "high"), (Consequent("heat", "hot"),)),
+    )
+    compiled = compile(FuzzySystem("faint", (x,), (heat,), rules))
+    assert compiled.packed is not None
+    rows = np.linspace(0.0, 10.0, 2001)[:, np.newaxis]
+    outputs, single = compiled(rows)[:, 0], compiled.prepare()
+    expected = np.array([single(*row)[0] for row in rows])
+    np.testing.assert_allclose(outputs, expected, rtol=0, atol=50.0 * 1e-12)
+    is_faint = compiled.firing_strengths(rows).max(axis=1) < 1e-5
+    assert 200 < is_faint.sum() < 2000
+    np.testing.assert_array_equal(outputs[is_faint], expected[is_faint])

@@ -92,6 +92,19 @@ def test_bends_too_slight_to_see_are_kept_where_they_add_up(compiled):
     assert_equal(infer(compiled(FuzzyController("c", (system,))), "s", system, rows), system, rows)
 
 
+def test_systems_of_other_programs_give_what_python_gives(compiled):
+    """Of MATLAB, fuzzylite and jFuzzyLogic, also at inputs beyond their ranges."""
+    systems = [
+        replace(system, name=f"system {number}")
+        for number, system in enumerate(random_systems.sampled_systems(95, 40))
+        if not any(system.joins_numbers(output) for output in system.outputs)
+    ]
+    library = compiled(FuzzyController("many", tuple(systems)))
+    for system in systems:
+        rows = random_systems.inputs_beyond(system, np.random.default_rng(96), 30)
+        assert_equal(infer(library, system.name.replace(" ", "_"), system, rows), system, rows)
+
+
 @pytest.mark.slow
 def test_systems_of_all_kinds_give_what_python_gives(compiled):
     systems = []
