@@ -120,6 +120,9 @@ def subdivide(
         refuted.append((low[is_below], high[is_below]))
         if best >= goal or num_boxes >= max_boxes:
             break
+        unsplit = max((promised for promised, _, _ in whole), default=-np.inf)
+        if tolerance > -np.inf and waiting and unsplit >= -waiting[0][0]:
+            break  # a box that cannot be split promises more than all others: no split lowers the result
         if progress is not None:
             progress(num_boxes, len(waiting))
         chosen: list[tuple[Floats, Floats, Floats]] = []
