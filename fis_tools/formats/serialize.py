@@ -80,7 +80,11 @@ class Form:
 
 
 #: The kinds of files of other programs; the module of `exchange` named after a kind writes and reads it.
-FORMS = {"fis": Form("MATLAB and Octave", (".fis",)), "fll": Form("fuzzylite", (".fll",))}
+FORMS = {
+    "fis": Form("MATLAB and Octave", (".fis",)),
+    "fll": Form("fuzzylite", (".fll",)),
+    "fcl": Form("jFuzzyLogic", (".fcl",)),
+}
 
 #: A kind of file: "json", "yaml", or one of other programs, see `FORMS`.
 Kind = str
@@ -214,7 +218,7 @@ def loads(text: str, kind: Kind) -> FuzzyController:
     text : str
         The whole file.
     kind : str
-        Which kind of file it is: "json", "yaml", "fis" or "fll".
+        Which kind of file it is: "json", "yaml", "fis", "fll" or "fcl".
 
     Raises
     ------

@@ -15,7 +15,7 @@ import numpy as np
 from fis_tools.array_types import Floats
 
 #: A file format of other programs that names shapes.
-Format = Literal["fis", "fll"]
+Format = Literal["fis", "fll", "fcl"]
 
 # The kinds of numbers that a shape has.
 #: A point, in the unit of the variable.
@@ -154,6 +154,7 @@ def gaussian(x: Floats, mean: Floats, standard_deviation: Floats) -> Floats:
     "Gaussian, mean {mean}, standard deviation {standard_deviation}",
     fis=("gaussmf", "standard_deviation", "mean"),
     fll=("Gaussian",),
+    fcl=("GAUSS",),
 )
 class Gaussian(MembershipFunction):
     """``exp(-(x - mean)^2 / (2 standard_deviation^2))``, in units of the variable."""
@@ -172,6 +173,7 @@ class Gaussian(MembershipFunction):
     ascending=("left", "peak", "right"),
     fis=("trimf",),
     fll=("Triangle",),
+    fcl=("TRIAN",),
     corners=("left", "peak", "right"),
 )
 class Triangular(MembershipFunction):
@@ -200,6 +202,7 @@ class Triangular(MembershipFunction):
     ascending=("left", "left_top", "right_top", "right"),
     fis=("trapmf",),
     fll=("Trapezoid",),
+    fcl=("TRAPE",),
 )
 class Trapezoidal(MembershipFunction):
     """Zero at `left` and `right`, one from `left_top` to `right_top`."""
@@ -231,6 +234,7 @@ class Trapezoidal(MembershipFunction):
     "{left_standard_deviation} and {right_standard_deviation}",
     fis=("gauss2mf", "left_standard_deviation", "left_mean", "right_standard_deviation", "right_mean"),
     fll=("GaussianProduct",),
+    fcl=("GAUSS2",),
 )
 class TwoSidedGaussian(MembershipFunction):
     """A Gaussian up to `left_mean`, one from there to `right_mean`, another Gaussian beyond.
@@ -257,6 +261,7 @@ class TwoSidedGaussian(MembershipFunction):
     "bell, half width {width}, slope {slope}, centre {centre}",
     fis=("gbellmf",),
     fll=("Bell", "centre", "width", "slope"),
+    fcl=("GBELL", "centre", "width", "slope"),
 )
 class GeneralizedBell(MembershipFunction):
     """``1 / (1 + |(x - centre) / width|^(2 slope))``: one half at `width` from the `centre`."""
@@ -275,6 +280,7 @@ class GeneralizedBell(MembershipFunction):
     "sigmoid, inflection {inflection}, slope {slope}",
     fis=("sigmf", "slope", "inflection"),
     fll=("Sigmoid",),
+    fcl=("SIGM", "slope", "inflection"),
 )
 class Sigmoid(MonotoneFunction):
     """``1 / (1 + exp(-slope (x - inflection)))``: 1/2 at the `inflection`; a negative `slope` falls."""
@@ -311,6 +317,7 @@ class _TwoSigmoids(MembershipFunction):
     "{second_inflection}, slope {second_slope}",
     fis=("dsigmf", "first_slope", "first_inflection", "second_slope", "second_inflection"),
     fll=("SigmoidDifference", "first_inflection", "first_slope", "second_slope", "second_inflection"),
+    fcl=("DSIGM", "first_slope", "first_inflection", "second_slope", "second_inflection"),
 )
 class SigmoidDifference(_TwoSigmoids):
     """The absolute difference of two sigmoids, each as in `Sigmoid`."""
@@ -485,7 +492,13 @@ class Spike(MembershipFunction):
         return np.exp(-np.abs(10.0 / self.width * (x - self.centre)))
 
 
-@shape("cosine", "cosine, centre {centre}, width {width}", fll=("Cosine",), fis=("cosinemf",))
+@shape(
+    "cosine",
+    "cosine, centre {centre}, width {width}",
+    fll=("Cosine",),
+    fis=("cosinemf",),
+    fcl=("COSINE", "width", "centre"),
+)
 class Cosine(MembershipFunction):
     """One period of a cosine between 0 and 1 over `width`, with the crest at the `centre`; zero beyond."""
 

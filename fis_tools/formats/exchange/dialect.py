@@ -49,6 +49,8 @@ class Dialect:
     resolution : int
         Intervals of an output where a file with a place for their number states none; 0 where there is no
         place.
+    output_points : int
+        Points of an output's universe where there is no place for their number.
     is_nested : bool
         Whether an antecedent may nest conjunctions and disjunctions.
     repeats_variables : bool
@@ -74,6 +76,7 @@ class Dialect:
     holds_defaults: bool = True
     holds_clipping: bool = False
     resolution: int = 0
+    output_points: int = OUTPUT_POINTS
     is_nested: bool = False
     repeats_variables: bool = True
     has_rule_operators: bool = True
@@ -114,7 +117,7 @@ def express(system: FuzzySystem, dialect: Dialect) -> Expressed:
     """
     refuse_joined(system)
     for output in system.outputs:
-        if output.accumulation != "max":
+        if output.accumulation != "max" and not (dialect.semantics == "fcl" and system.joins_numbers(output)):
             raise NotExpressible(
                 f"output {output.name!r} combines rules that conclude one term by {output.accumulation}, "
                 f"which {dialect.title} cannot say; export as json"
@@ -134,7 +137,7 @@ def express(system: FuzzySystem, dialect: Dialect) -> Expressed:
                 "export as fll or json"
             )
     said = (
-        _expressed_weighed(variable, names, dialect)
+        _expressed_weighed(system, variable, names, dialect)
         if system.weighs(variable)
         else _expressed_variable(variable, names, dialect, is_output=True)
         for variable in system.outputs
@@ -259,7 +262,7 @@ def _expressed_variable(variable: Variable, names: Names, dialect: Dialect, *, i
     )
     ends = float(variable.minimum), float(variable.maximum)
     if is_output:
-        universe = np.linspace(*ends, variable.num_points if dialect.resolution else OUTPUT_POINTS)
+        universe = np.linspace(*ends, variable.num_points if dialect.resolution else dialect.output_points)
     else:
         universe = input_universe(*ends, [term.membership for term in terms])
     default = variable.default if dialect.holds_defaults else middle(variable.minimum, variable.maximum)
@@ -269,12 +272,14 @@ def _expressed_variable(variable: Variable, names: Names, dialect: Dialect, *, i
     return with_universe(said, universe)
 
 
-def _expressed_weighed(output: Variable, names: Names, dialect: Dialect) -> Variable:
+def _expressed_weighed(system: FuzzySystem, output: Variable, names: Names, dialect: Dialect) -> Variable:
     """Express a weighted output: its universe does not matter, its terms have words of their own."""
     terms = []
     for term in output.terms:
         shape = term.membership
-        if dialect.words and not isinstance(shape, model.Ramp) and dialect.words not in shape.entry.words:
+        is_number = isinstance(shape, model.Number) and dialect.words == "fcl"  # FCL writes formulas
+        has_word = isinstance(shape, model.Ramp) or dialect.words in shape.entry.words
+        if dialect.words and not (is_number or has_word):
             raise NotExpressible(
                 f"output {output.name!r} concludes {term.name!r}, for whose shape, {shape.entry.name}, "
                 f"{dialect.title} has no word; export as fll or json"
@@ -283,15 +288,23 @@ def _expressed_weighed(output: Variable, names: Names, dialect: Dialect) -> Vari
             shape = model.Formula(shape.parsed.text(names.variables))
         terms.append(Term(names.terms[output.name, term.name], shape))
     plain = replace(output, terms=(), num_points=OUTPUT_POINTS, points=None)
+    dialect = replace(dialect, output_points=OUTPUT_POINTS)
     expressed = _expressed_variable(plain, names, dialect, is_output=True)
-    return replace(expressed, terms=tuple(terms), num_points=OUTPUT_POINTS)
+    accumulation: model.Accumulation = "max"
+    if dialect.semantics == "fcl":
+        accumulation = output.accumulation if system.joins_numbers(output) else "unbounded_sum"
+    return replace(expressed, terms=tuple(terms), num_points=OUTPUT_POINTS, accumulation=accumulation)
 
 
 def _expressed_membership(variable: Variable, term: Term, dialect: Dialect) -> MembershipFunction:
     shape = term.membership
-    if dialect.words and dialect.words not in shape.entry.words and not isinstance(shape, model.Sampled):
-        return polyline(variable, term)
-    if isinstance(shape, model.Sampled):
+    if isinstance(shape, model.Ramp) and dialect.words == "fcl":
+        (start, end), values = sorted((shape.start, shape.end)), (0.0, 1.0)
+        return model.Polyline((start, end), values if shape.start < shape.end else values[::-1])
+    has_no_word = dialect.words and dialect.words not in shape.entry.words
+    if isinstance(shape, model.Sampled) or (
+        has_no_word and not isinstance(shape, model.Ramp | model.Polyline)
+    ):
         return polyline(variable, term)
     return shape if dialect.has_walls else without_walls(variable, shape)
 

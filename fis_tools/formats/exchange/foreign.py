@@ -306,7 +306,7 @@ class TermWords:
 
 
 #: The words for a table of points.
-TABLES: Mapping[Format, str] = {"fis": "discretemf", "fll": "Discrete"}
+TABLES: Mapping[Format, str] = {"fis": "discretemf", "fll": "Discrete", "fcl": ""}
 
 
 def concluded(
@@ -340,7 +340,7 @@ FUZZYLITES = TermWords(
 )
 
 #: The word of a format for a ramp, which elsewhere is read as a trapezoid.
-RAMPS: Mapping[Format, str] = {"fll": "Ramp", "fis": "rampmf"}
+RAMPS: Mapping[Format, str] = {"fll": "Ramp", "fis": "rampmf", "fcl": "Ramp"}
 
 
 def kept_words(output: str) -> str:

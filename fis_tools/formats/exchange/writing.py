@@ -81,6 +81,8 @@ def _blocks(system: FuzzySystem) -> list[tuple[str, str, list[tuple[int, Rule]]]
 def term_words(term: Term, file_format: Format, is_set: bool) -> tuple[str, list[str]]:
     """Return the word of a term that a format has one for, and its numbers as they are written."""
     shape = term.membership
+    if file_format == "fcl":
+        return _fcl_words(shape)
     match shape:
         case model.Polyline(x, y):
             points = zip(x, y, strict=True)
@@ -96,6 +98,21 @@ def term_words(term: Term, file_format: Format, is_set: bool) -> tuple[str, list
             numbers = (*coefficients, constant)
             return shape.entry.words[file_format][0], [repr(float(number)) for number in numbers]
     word, *order = shape.entry.words[file_format]
+    return word, [repr(float(getattr(shape, name))) for name in order or shape.entry.kinds]
+
+
+def _fcl_words(shape: model.MembershipFunction) -> tuple[str, list[str]]:
+    """Return a term in the words of FCL, where numbers are formulas and tables are points in parentheses."""
+    match shape:
+        case model.Polyline(x, y):
+            return "", [f"({float(a)!r}, {float(b)!r})" for a, b in zip(x, y, strict=True)]
+        case model.Constant(value):
+            return "", [repr(float(value))]
+        case model.Formula(text):
+            return "FUNCTION", [text]
+        case model.Cosine(centre, width):  # by half its width
+            return "COSINE", [repr(0.5 * float(width)), repr(float(centre))]
+    word, *order = shape.entry.words["fcl"]
     return word, [repr(float(getattr(shape, name))) for name in order or shape.entry.kinds]
 
 
@@ -294,6 +311,8 @@ def _with_what_is_missing(visible: FuzzySystem) -> tuple[FuzzySystem, list[str]]
 def _universes_words(visible: FuzzySystem, dialect: Dialect) -> str:
     title = TOOLS[visible.semantics].title
     points = f"{dialects.OUTPUT_POINTS} points of each output"
+    if visible.semantics == "fcl":
+        points = f"{dialect.output_points - 1} intervals of each output"
     if dialect.resolution:
         points = f"{dialect.resolution} intervals of an output that states no number"
     return f"{visible.name}: numbers are those of {title}, which sums over {points}"

@@ -1,0 +1,427 @@
+"""FCL files taken apart by the grammar in `fcl.lark`, and turned into a fuzzy system."""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import cache
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+from lark import Lark, Token, Tree
+from lark.exceptions import UnexpectedEOF, UnexpectedInput
+
+from fis_tools import model
+from fis_tools.errors import ControllerFileError, told_as
+from fis_tools.formats.exchange import antecedents, foreign
+from fis_tools.formats.exchange.antecedents import FUZZYLITES, with_any
+from fis_tools.formats.exchange.dialect import OUTPUT_POINTS
+from fis_tools.model import Expression, FuzzySystem, MembershipFunction, Rule, Semantics, Variable
+from fis_tools.model.operators import WEIGHING
+from fis_tools.model.shapes import words_of
+from fis_tools.model.systems import Named, NotResolvable, said_once, unchained
+
+#: A node of the tree that the parser makes: a rule's name and children, or a word.
+Node = Any
+
+#: Intervals into which jFuzzyLogic cuts an output's range.
+RESOLUTION = 1000
+
+AND: dict[str, model.AndOperator] = {
+    "MIN": "min",
+    "PROD": "product",
+    "BDIF": "bounded_difference",
+    "DMIN": "drastic_product",
+    "NIPMIN": "nilpotent_minimum",
+    "HAMACHER": "hamacher_product",
+    "HPROD": "hamacher_product",
+    "EPROD": "einstein_product",
+    "NMIN": "nilpotent_minimum",
+}
+OR: dict[str, model.OrOperator] = {
+    "MAX": "max",
+    "ASUM": "probabilistic_sum",
+    "BSUM": "bounded_sum",
+    "DMAX": "drastic_sum",
+    "NIPMAX": "nilpotent_maximum",
+    "EINSTEIN": "einstein_sum",
+    "ESUM": "einstein_sum",
+    "HSUM": "hamacher_sum",
+    "DSUM": "drastic_sum",
+    "NMAX": "nilpotent_maximum",
+    "NSUM": "bounded_sum",
+}
+#: What jFuzzyLogic sets the other operator to.
+DUALS: dict[model.AndOperator, model.OrOperator] = {
+    "min": "max",
+    "product": "probabilistic_sum",
+    "bounded_difference": "bounded_sum",
+    "drastic_product": "drastic_sum",
+    "nilpotent_minimum": "nilpotent_maximum",
+    "einstein_product": "einstein_sum",
+    "hamacher_product": "hamacher_sum",
+}
+ACCUMULATIONS: dict[str, model.Aggregation] = {"SUM": "unbounded_sum", "PROBOR": "probabilistic_sum", **OR}
+METHODS: dict[str, model.Defuzzifier] = {
+    "COG": "centroid",
+    "COGS": "weighted_average",
+    "COGF": "weighted_average",
+    "COA": "bisector",
+    "LM": "som",
+    "RM": "lom",
+    "MM": "mom",
+}
+
+
+class _Contents:
+    """What the parts of a function block say."""
+
+    def __init__(self) -> None:
+        self.ranges: dict[str, tuple[float, float]] = {}
+        self.terms: dict[str, dict[str, Node]] = {}
+        self.settings: dict[str, dict[str, Token]] = {}
+        self.inputs: list[str] = []
+        self.outputs: list[str] = []
+        self.blocks: list[Node] = []
+
+
+@cache
+def _parser() -> Lark:
+    grammar = Path(__file__).with_name("fcl.lark").read_text(encoding="utf-8")
+    return Lark(grammar, parser="lalr", propagate_positions=True)
+
+
+def parse(text: str) -> Node:
+    """Parse a file; its children are the function blocks."""
+    try:
+        return _parser().parse(text)
+    except UnexpectedEOF as error:
+        raise ControllerFileError("the file ends inside a block; get a whole copy") from error
+    except UnexpectedInput as error:
+        seen = str(getattr(error, "token", text[error.pos_in_stream or 0 :])).split("\n")[0][:40]
+        where = f"line {error.line}" if error.line > 0 else "the end"
+        raise ControllerFileError(f"{where}: {seen!r} is not FCL here; correct it") from error
+
+
+def read_block(block: Node, semantics: Semantics) -> tuple[FuzzySystem, list[str]]:
+    """Build the system of a function block; return it with notes on what was assumed."""
+    contents, notes = _Contents(), list[str]()
+    names = [child for child in block.children if isinstance(child, Token)]
+    for part in block.children:
+        if isinstance(part, Tree):
+            _take(contents, part)
+    inputs = [_input(contents, name, semantics, notes) for name in dict.fromkeys(contents.inputs)]
+    accumulation = "SUM" if semantics == "fcl" else "MAX"
+    rules: list[Rule] = []
+    implication: model.AndOperator = "min"
+    for part in contents.blocks:
+        operators: tuple[model.AndOperator, model.OrOperator] = ("min", "max")
+        for entry in (entry for entry in part.children if isinstance(entry, Tree)):
+            if entry.data == "rule":
+                rules += _rules(entry, operators, semantics)
+                continue
+            word: Any = entry.children[1]
+            match str(entry.children[0]).upper():
+                case "ACT":
+                    implication = _choice(AND, word, "ACT")
+                case "ACCU":
+                    accumulation = str(word).upper()
+                case key:
+                    operators = _operators(key, word, operators, semantics)
+    outputs = [_output(contents, name, inputs, accumulation, semantics, notes) for name in contents.outputs]
+    if semantics == "fuzzylite":  # which passes on the height at which a term is cut
+        named = [Named(f"rule {number}", rule) for number, rule in enumerate(rules, start=1)]
+        with told_as(ControllerFileError, NotResolvable):
+            rules = unchained(named, {output.name: output for output in outputs})
+    system = FuzzySystem(
+        str(names[0]) if names else "unnamed",
+        with_any(inputs, rules),
+        tuple(outputs),
+        tuple(rules),
+        implication=implication,
+        semantics=semantics,
+    )
+    if len(system.weighed) == len(outputs):
+        system = replace(system, implication="min")
+    return said_once(system), notes
+
+
+def _operators(
+    key: str, word: Any, operators: tuple[model.AndOperator, model.OrOperator], semantics: Semantics
+) -> tuple[model.AndOperator, model.OrOperator]:
+    """Return the operators of a block after a setting; in jFuzzyLogic it sets both."""
+    if key == "AND":
+        conjunction: model.AndOperator = _choice(AND, word, "AND")
+        return conjunction, DUALS[conjunction] if semantics == "fcl" else operators[1]
+    disjunction: model.OrOperator = _choice(OR, word, "OR")
+    dual = next(each for each, of in DUALS.items() if of == disjunction)
+    return dual if semantics == "fcl" else operators[0], disjunction
+
+
+def _take(contents: _Contents, part: Node) -> None:
+    """Take in a part of a function block."""
+    kind = str(part.data)
+    if kind in {"inputs", "outputs"}:
+        for declared in part.children:
+            name = str(declared.children[0])
+            (contents.inputs if kind == "inputs" else contents.outputs).append(name)
+            for each in declared.children[1:]:
+                contents.ranges[name] = _range(each)
+    elif kind == "rules":
+        contents.blocks.append(part)
+    else:
+        name = str(part.children[0])
+        listed = contents.inputs if kind == "fuzzify" else contents.outputs
+        if name not in {*contents.inputs, *contents.outputs}:
+            listed.append(name)
+        for entry in part.children[1:]:
+            if entry.data == "term":
+                contents.terms.setdefault(name, {})[str(entry.children[0])] = entry.children[1]
+            elif entry.data == "range":
+                contents.ranges[name] = _range(entry)
+            else:
+                key = "DEFAULT" if entry.data == "default" else str(entry.children[0]).upper()
+                word = entry.children[0 if key == "DEFAULT" else 1]
+                contents.settings.setdefault(name, {})[key] = word
+                if len(entry.children) > 1 and key == "DEFAULT":  # fuzzylite's 0 | NC
+                    contents.settings[name]["KEPT"] = word
+
+
+def _range(tree: Node) -> tuple[float, float]:
+    low, high = (foreign.number(str(word), f"line {word.line}: the range") for word in tree.children)
+    return low, high
+
+
+def _choice(known: Mapping[str, Any], word: Token, what: str) -> Any:
+    return foreign.choice(known, str(word).upper(), f"line {word.line}: {what}")
+
+
+def _input(contents: _Contents, name: str, semantics: Semantics, notes: list[str]) -> Variable:
+    terms = [(term, _membership(tree, semantics)) for term, tree in contents.terms.get(name, {}).items()]
+    if name in contents.outputs:
+        raise ControllerFileError(f"{name!r} is an input and an output; declare it once")
+    extent = _extent(
+        contents, name, [shape for _, (shape, _) in terms], [end for _, (_, end) in terms], notes
+    )
+    return foreign.variable(name, extent, [(term, shape) for term, (shape, _) in terms], is_output=False)
+
+
+def _output(
+    contents: _Contents,
+    name: str,
+    inputs: Sequence[Variable],
+    usual_accumulation: str,
+    semantics: Semantics,
+    notes: list[str],
+) -> Variable:
+    settings, trees = contents.settings.get(name, {}), contents.terms.get(name, {})
+    method: model.Defuzzifier = "centroid"
+    if "METHOD" in settings:
+        method = _choice(METHODS, settings["METHOD"], "METHOD")
+    accumulation = foreign.choice(
+        ACCUMULATIONS, str(settings.get("ACCU", usual_accumulation)).upper(), "ACCU"
+    )
+    weighs = method in WEIGHING
+    terms, ends = [], []
+    for term, tree in trees.items():
+        if weighs:
+            names = [variable.name for variable in inputs]
+            terms.append((term, _number(tree, names, semantics)))
+            shape = terms[-1][1]
+            values = [shape.value if isinstance(shape, model.Constant) else 0.0]
+            ends.append((min(values), max(values)))
+        else:
+            shape, end = _membership(tree, semantics)
+            terms.append((term, shape))
+            ends.append(end)
+    extent = _extent(contents, name, [shape for _, shape in terms], ends, notes)
+    points = (OUTPUT_POINTS if semantics == "fuzzylite" else RESOLUTION + 1) if not weighs else None
+    variable = foreign.variable(name, extent, terms, is_output=True, num_points=points)
+    default = settings.get("DEFAULT")
+    if "KEPT" in settings or (default is not None and str(default).upper() == "NC"):
+        notes.append(foreign.kept_words(name))
+    is_silent = default is None or str(default).upper() in {"NC", "NAN"}
+    value = (
+        None
+        if is_silent
+        else foreign.number(str(default), f"line {getattr(default, 'line', 0)}: the default")
+    )
+    is_joined = weighs and semantics == "fcl"
+    return replace(
+        variable,
+        default=value,
+        defuzzifier=method,
+        accumulation=accumulation if is_joined else "max",
+        aggregation="unbounded_sum" if weighs else accumulation,
+    )
+
+
+def _extent(
+    contents: _Contents,
+    name: str,
+    shapes: Sequence[MembershipFunction],
+    ends: Sequence[tuple[float, float]],
+    notes: list[str],
+) -> tuple[float, float]:
+    """Return a variable's range; without one jFuzzyLogic takes that of its terms."""
+    if name in contents.ranges:
+        return contents.ranges[name]
+    if not shapes:
+        return 0.0, 1.0
+    low, high = min(low for low, _ in ends), max(high for _, high in ends)
+    notes.append(f"{name} has no RANGE, and gets that of its terms, {low:g} to {high:g}, as in jFuzzyLogic")
+    return low, high
+
+
+def _numbers(tree: Node, words: Sequence[Token]) -> list[float]:
+    for word in words:
+        if word.type == "NAME":
+            raise ControllerFileError(
+                f"line {word.line}: the variable {str(word)[:40]!r} stands for a number of a term, which "
+                "moves with it; write a number"
+            )
+    return [foreign.number(str(word), f"line {word.line}") for word in words]
+
+
+def _membership(tree: Node, semantics: Semantics) -> tuple[MembershipFunction, tuple[float, float]]:
+    """Return a term's membership function, and the range that jFuzzyLogic gives it."""
+    line = tree.meta.line
+    match str(tree.data):
+        case "points":
+            pairs = [_numbers(point, point.children) for point in tree.children]
+            x, y = [pair[0] for pair in pairs], [pair[1] for pair in pairs]
+            if any(left > right for left, right in pairwise(x)):
+                raise ControllerFileError(f"line {line}: the points of a term do not ascend; sort them")
+            return model.Polyline(tuple(x), tuple(y)), (x[0], x[-1])
+        case "singleton":
+            (x0,) = _numbers(tree, tree.children)
+            return model.Triangular(x0, x0, x0), (x0, x0)
+        case "shape":
+            word, *words = tree.children
+            return _shape(word, _numbers(tree, words), semantics)
+    what = "singletons with heights" if tree.data == "spikes" else "a formula"
+    raise ControllerFileError(
+        f"line {line}: {what} cannot be read as a fuzzy set; write points, (x, y) (x, y)"
+    )
+
+
+def _shape(
+    word: Token, numbers: list[float], semantics: Semantics
+) -> tuple[MembershipFunction, tuple[float, float]]:
+    """Return the shape of a word and its numbers, and its range."""
+    where, name = f"line {word.line}", str(word).upper()
+    is_fuzzylites = semantics == "fuzzylite" and str(word) != name
+    if name == "COSINE" and len(numbers) == 2 and not is_fuzzylites:  # half the width, then the centre
+        half, centre = numbers
+        return model.Cosine(centre, 2.0 * half), (centre - half, centre + half)
+    known = words_of("fcl")
+    if name not in known or is_fuzzylites:
+        shape = foreign.FUZZYLITES.read(str(word), [repr(number) for number in numbers], None, where)
+    else:
+        shape = foreign.shape(name, numbers, known, {}, where)
+    return shape, _ends(shape)
+
+
+def _ends(shape: MembershipFunction) -> tuple[float, float]:
+    """Return the range that jFuzzyLogic gives a shape."""
+    match shape:
+        case model.Gaussian(mean, deviation):
+            return mean - 4.0 * deviation, mean + 4.0 * deviation
+        case model.TwoSidedGaussian(left, left_deviation, right, right_deviation):
+            return left - 4.0 * left_deviation, right + 4.0 * right_deviation
+        case model.GeneralizedBell(width, slope, centre):
+            away = 999.0 ** (1.0 / (2.0 * slope)) * width
+            return centre - away, centre + away
+        case model.Sigmoid(inflection, slope):
+            return inflection - 9.0 / abs(slope), inflection + 9.0 / abs(slope)
+        case model.SigmoidDifference(first, first_slope, second, second_slope):
+            ends = [
+                (x - 9.0 / abs(s), x + 9.0 / abs(s))
+                for x, s in ((first, first_slope), (second, second_slope))
+            ]
+            return min(low for low, _ in ends), max(high for _, high in ends)
+    corners = shape.corners
+    return (corners[0], corners[-1]) if corners else (0.0, 1.0)
+
+
+def _number(tree: Node, inputs: Sequence[str], semantics: Semantics) -> MembershipFunction:
+    """Return what a term of an output by COGS or COGF concludes."""
+    line = tree.meta.line
+    if tree.data == "singleton":
+        return model.Constant(_numbers(tree, tree.children)[0])
+    if tree.data == "formula":
+        text = re.sub(r"(?i)^function", "", str(tree.children[0])).strip()
+        for word, ours in (("ln", "log"), ("log", "log10"), ("abs", "fabs")):
+            text = re.sub(rf"(?i)\b{word}\b(?=\s*\()", f"_{ours}", text)
+        return foreign.concluded_formula(re.sub(r"\b_(?=log|fabs)", "", text), inputs, f"line {line}")
+    if tree.data == "shape" and semantics == "fuzzylite":  # Tsukamoto's
+        word, *words = tree.children
+        return foreign.concluded(str(word), _numbers(tree, words), len(inputs), "fll", f"line {line}")
+    raise ControllerFileError(
+        f"line {line}: the output is a weighted average, and its term is a fuzzy set; write a number, or "
+        "METHOD : COG"
+    )
+
+
+def _rules(
+    tree: Node, operators: tuple[model.AndOperator, model.OrOperator], semantics: Semantics
+) -> list[Rule]:
+    number, condition, *rest = [child for child in tree.children if not _is_word(child)]
+    where = f"line {tree.meta.line}"
+    weight = 1.0
+    if isinstance(rest[-1], Token):
+        weight = foreign.number(str(rest.pop()), where)
+    consequents = []
+    for concluded in rest:
+        assert isinstance(concluded, Tree)  # noqa: S101 - the grammar has nothing else here
+        words = [str(word) for word in concluded.children]
+        if len(words) == 3:
+            raise ControllerFileError(
+                f"{where}: the rule concludes 'not {words[2]}'; conclude a term made for it"
+            )
+        consequents.append(model.Consequent(words[0], words[1], weight))
+    assert isinstance(condition, Tree)  # noqa: S101 - likewise
+    antecedent = _antecedent(condition, semantics)
+    label = str(number) if isinstance(number, Token) and number.type == "NAME" else ""
+    return [Rule(antecedent, tuple(consequents), label, *operators)]
+
+
+def _is_word(child: object) -> bool:
+    return isinstance(child, Token) and child.type in {"THEN", "CONNECTIVE"}
+
+
+def _antecedent(tree: Node, semantics: Semantics) -> Expression:
+    """Return a condition; in jFuzzyLogic `and` and `or` bind alike, in fuzzylite `and` binds first."""
+    match str(tree.data):
+        case "denied":
+            return model.Not(_antecedent(tree.children[-1], semantics))
+        case "statement":
+            variable, *words = map(str, tree.children)
+            is_denied = words[0].lower() == "not"
+            *hedges, term = words[is_denied:]
+            for hedge in hedges:
+                foreign.choice(FUZZYLITES, hedge, f"line {tree.meta.line}: the hedge")
+            said = antecedents.hedged([FUZZYLITES[hedge] for hedge in hedges], model.Is(variable, term))
+            return model.Not(said) if is_denied else said
+    first, *others = [each for each in tree.children if isinstance(each, Tree)]
+    words = [str(each).lower() for each in tree.children if isinstance(each, Token)]
+    operands = [_antecedent(each, semantics) for each in (first, *others)]
+    if semantics == "fuzzylite":
+        return _joined_by_or(operands, words)
+    joined = operands[0]
+    for word, operand in zip(words, operands[1:], strict=True):
+        kind = model.And if word == "and" else model.Or
+        parts = joined.operands if isinstance(joined, kind) and joined is not operands[0] else (joined,)
+        joined = kind((*parts, operand))
+    return joined
+
+
+def _joined_by_or(operands: Sequence[Expression], words: Sequence[str]) -> Expression:
+    groups = [[operands[0]]]
+    for word, operand in zip(words, operands[1:], strict=True):
+        if word == "and":
+            groups[-1].append(operand)
+        else:
+            groups.append([operand])
+    parts = tuple(group[0] if len(group) == 1 else model.And(tuple(group)) for group in groups)
+    return parts[0] if len(parts) == 1 else model.Or(parts)
