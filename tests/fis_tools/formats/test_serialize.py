@@ -323,7 +323,7 @@ def test_files_are_read_by_their_ending(tmp_path, name):
 
 def test_files_that_cannot_be_read_are_named(tmp_path):
     for name, content, words in (
-        ("c.txt", b"", "ends in .json, .yaml, .yml, .fis or .fll"),
+        ("c.txt", b"", "ends in .json, .yaml, .yml, .fis, .fll or .fcl"),
         ("latin.json", b'{"a": "\xe9"}', "not UTF-8"),
         ("large.yaml", b" " * (10 * 1024 * 1024 + 1), "larger than"),
         ("cut.json", b'{"schema": "fuzzy-', "line 1"),
