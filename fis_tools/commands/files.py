@@ -19,7 +19,15 @@ from fis_tools.formats.files import ONE_SYSTEM, WHOLE, File, in_files_of_one, of
 from fis_tools.formats.mapping import MOST_POINTS
 from fis_tools.learning.learner import Recipe, cross_validated, learn_table
 from fis_tools.learning.table import TrainingTable, as_table, read
-from fis_tools.model import FuzzyController, FuzzySystem, Sampled, Variable, with_variables
+from fis_tools.model import (
+    FuzzyController,
+    FuzzySystem,
+    Sampled,
+    Semantics,
+    Variable,
+    with_semantics,
+    with_variables,
+)
 from fis_tools.source import is_program, read_controller
 from fis_tools.words.text import sentences, with_unit
 
@@ -35,8 +43,8 @@ def export(
 
     - markdown, csv, text, html, latex: terms and rules to read
     - json, yaml: a controller file, which holds everything
-    - fis, fll: MATLAB and Octave, fuzzylite: a file a system; what the form has no place for is listed, and
-      carried in a comment that `import` reads
+    - fis, fll, fcl: MATLAB and Octave, fuzzylite, jFuzzyLogic: a file a system; what the form has no place
+      for is listed, and carried in a comment that `import` reads
     - c: C99 source that stands alone: for a controller that commands a force step(), which has its thrust
       logic; else a function a system
     - fmu: FMI 2.0 for co-simulation (Simulink, Dymola, OpenModelica): a file a system, its inference alone;
@@ -100,6 +108,7 @@ def import_(
     output: Output = None,
     name: str | None = None,
     points: Annotated[int | None, arguments.whole_number(2, MOST_POINTS)] = None,
+    as_: Annotated[Semantics | None, Parameter(name="--as")] = None,
 ) -> None:
     """Make one controller file from files of other programs, such as MATLAB or fuzzylite.
 
@@ -110,12 +119,14 @@ def import_(
         python -m fis_tools import tipper.fis -o tipper.yaml
         python -m fis_tools import tipper.fis --points 1001 -o tipper.json
         python -m fis_tools import tipping.py:build_tipping --trust -o tipping.yaml
+        python -m fis_tools import tipper.fis --as fuzzylite -o tipper.yaml
         python -m fis_tools import exchange/*.fis --name returned -o returned.yaml
 
     Parameters
     ----------
     files
-        files to read, ours or of other programs (such as .yaml, .fis or .fll; with --trust, FILE.py:NAME)
+        files to read, ours or of other programs (such as .yaml, .fis, .fll, .fcl; with --trust,
+        FILE.py:NAME)
     trust
         run the Python program that a controller is read from
     output
@@ -124,6 +135,8 @@ def import_(
         what the controller is called [default: as in the files]
     points
         points of every evenly spaced universe
+    as_
+        the program whose inference the systems mean [default: that of which each is a file]
     """
     form = arguments.form_of(output) or serialize.dump_json
     readings = [_reading(path, trust) for path in files]
@@ -137,6 +150,8 @@ def import_(
         untrue = {sentence for reading in readings for sentence in reading.about_points}
         assumed = [sentence for sentence in assumed if sentence not in untrue]
         assumed += chain(*map(jumps_between_points, systems))
+    if as_ is not None:
+        systems = tuple(with_semantics(system, as_) for system in systems)
     attributes, conflicts = _merged(controller.attributes for controller in controllers)
     if conflicts:
         raise Mistake(f"the files differ in the attribute {conflicts[0]!r}; import them one by one")

@@ -46,6 +46,7 @@ from fis_tools.model.systems import (
     table_cells,
     table_rules,
     used_terms,
+    with_semantics,
     with_statements,
     with_terms,
     with_variables,

@@ -18,7 +18,7 @@ from fis_tools.array_types import Floats, Integers
 from fis_tools.errors import Mistake
 from fis_tools.model.numbers import Formula, Number
 from fis_tools.model.operators import WEIGHING, AndOperator, Defuzzifier, Hedge, OrOperator
-from fis_tools.model.semantics import Semantics, sampling_points
+from fis_tools.model.semantics import TOOLS, Semantics, sampling_points
 from fis_tools.model.variables import Variable
 from fis_tools.plain_text import plain
 
@@ -378,6 +378,28 @@ def said_once(system: FuzzySystem) -> FuzzySystem:
         outputs.append(replace(output, defuzzifier=None if way == defuzzifier else way))
     shared = replace(system, and_operator=and_operator, or_operator=or_operator, defuzzifier=defuzzifier)
     return replace(shared, rules=tuple(rules), outputs=tuple(outputs))
+
+
+def with_semantics(system: FuzzySystem, semantics: Semantics) -> FuzzySystem:
+    """Return a system with the same terms and rules, inferred as another program does.
+
+    What that program does not know is left out: points of an output's own, inputs that are clipped by
+    themselves, accumulations. An output that must have a default gets the middle of its range.
+    """
+    target = replace(system, semantics=semantics)
+    needs_default = not TOOLS[semantics].has_outputs_without_default
+    outputs = []
+    for output in system.outputs:
+        default = output.default
+        if default is None and needs_default:
+            default = 0.5 * output.minimum + 0.5 * output.maximum
+        accumulation = output.accumulation if semantics == system.semantics else "max"
+        if target.joins_numbers(output) and not system.joins_numbers(output):
+            accumulation = "unbounded_sum"
+        points = None if target.is_sampled else output.points
+        outputs.append(replace(output, default=default, points=points, accumulation=accumulation))
+    inputs = tuple(replace(v, is_clipped=v.is_clipped and target.is_sampled) for v in system.inputs)
+    return replace(target, inputs=inputs, outputs=tuple(outputs))
 
 
 @dataclass(frozen=True)

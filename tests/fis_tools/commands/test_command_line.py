@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+import fis_tools
 from fis_tools.analysis.domain import as_mapping, box_of
 from fis_tools.analysis.flights import inputs_along
 from fis_tools.document import text
@@ -17,11 +18,12 @@ from fis_tools.engines.inference import infer
 from fis_tools.findings.audit import Thresholds
 from fis_tools.findings.explanation import explain, shares
 from fis_tools.formats.serialize import dump_json, load, loads
-from fis_tools.model import FuzzyController
+from fis_tools.model import ALL_SEMANTICS, FuzzyController, with_semantics
 from fis_tools.words.text import outline
 from tests.fis_tools.analysis.test_flights import log_flight
 from tests.fis_tools.formats.exchange.systems import FLAT, NESTED, alone
 from tests.fis_tools.sample_controllers import FORCE_X, GENERAL, PAPER_LIKE, TIPPER
+from tests.places import PROJECT
 from tests.programs import run_python
 
 
@@ -323,3 +325,16 @@ def test_facts_of_several_files_are_put_together(tmp_path, saved, run, refused):
     assert "left out: the purpose, which differs" in run("import", *paths, "-o", tmp_path / "both.json").err
     saved(replace(other, attributes=(("axis", "y"),)), "other.yaml")
     assert "differ in the attribute 'axis'" in refused("import", *paths)
+
+
+def test_a_file_can_be_imported_as_another_program_infers_it(run, tmp_path):
+    path = tmp_path / "tipper.yaml"
+    for tool in ALL_SEMANTICS:
+        run("import", PROJECT / "docs" / "examples" / "tipper.fis", "--as", tool, "-o", path)
+        (system,) = load(path).systems
+        assert system.semantics == tool
+        assert ("inferred as" in run("show", path).out) == (tool != "scikit-fuzzy")
+    assert (
+        len({fis_tools.compile(with_semantics(system, tool))([[2.0, 1.0]])[0, 0] for tool in ALL_SEMANTICS})
+        == 4
+    )
