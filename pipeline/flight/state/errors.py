@@ -22,9 +22,9 @@ ESTIMATED: Rows = {
     "tilt": (3,),  # the same as an angle about each axis, Hill axes
 }
 
-#: Errors of the thrusters and remaining mass, a lane for each flight.
+#: What thrusters fire, and the remaining mass, a lane for each flight.
 THRUSTING: Rows = {
-    "errors": (9,),  # of the flights being flown, by rows
+    "errors": (9,),  # of the flights being flown, by rows of the matrix
     "mass": (),  # as a fraction of that at the start
 }
 
