@@ -47,22 +47,22 @@ def _uncounted(context: Any, builder: Any, kind: Any, value: Any) -> Any:
         for owner in ("meminfo", "parent"):
             setattr(array, owner, ir.Constant(getattr(array, owner).type, None))
         return array._getvalue()
-    for place, member in enumerate(members(kind) or ()):
-        part = _uncounted(context, builder, member, builder.extract_value(value, place))
-        value = builder.insert_value(value, part, place)
+    for index, member in enumerate(members(kind) or ()):
+        part = _uncounted(context, builder, member, builder.extract_value(value, index))
+        value = builder.insert_value(value, part, index)
     return value
 
 
 def _lent(context: Any, builder: Any, kind: Any, value: Any) -> Any:
     """Return a value of the type `_borrowed_type`; a named tuple is stored where the pointer leads."""
     if isinstance(kind, types.BaseNamedTuple):
-        place = cgutils.alloca_once_value(builder, _uncounted(context, builder, kind, value))
-        return builder.bitcast(place, I8.as_pointer())
+        stored = cgutils.alloca_once_value(builder, _uncounted(context, builder, kind, value))
+        return builder.bitcast(stored, I8.as_pointer())
     if members(kind) is None:
         return _uncounted(context, builder, kind, value)
     parts = [
-        _lent(context, builder, member, builder.extract_value(value, place))
-        for place, member in enumerate(members(kind) or ())
+        _lent(context, builder, member, builder.extract_value(value, index))
+        for index, member in enumerate(members(kind) or ())
     ]
     return context.make_tuple(builder, _borrowed_type(kind), parts)
 
@@ -83,20 +83,20 @@ class _BorrowedAttributes(AttributeTemplate):
 
 
 @cache
-def _offset(context: Any, held: Any, place: int) -> int:
+def _offset(context: Any, held: Any, index: int) -> int:
     """Return the byte offset of one of a tuple's values."""
     values, data = context.get_value_type(held), context.target_data
     if isinstance(values, ir.ArrayType):  # all have the same type
-        return place * int(values.element.get_abi_size(data))
-    return int(values.get_element_offset(data, place))
+        return index * int(values.element.get_abi_size(data))
+    return int(values.get_element_offset(data, index))
 
 
 @lower_getattr_generic(BorrowedType)
 def _lower_borrowed_attribute(context: Any, builder: Any, kind: BorrowedType, value: Any, name: str) -> Any:
-    place = kind.held.fields.index(name)
-    member = kind.held.types[place]
-    there = builder.gep(value, [I64(_offset(context, kind.held, place))])
+    index = kind.held.fields.index(name)
+    member = kind.held.types[index]
+    pointer = builder.gep(value, [I64(_offset(context, kind.held, index))])
     if isinstance(member, types.BaseNamedTuple):
-        return there
-    found = builder.load(builder.bitcast(there, context.get_value_type(member).as_pointer()))
-    return _lent(context, builder, member, found)
+        return pointer
+    element = builder.load(builder.bitcast(pointer, context.get_value_type(member).as_pointer()))
+    return _lent(context, builder, member, element)

@@ -37,24 +37,24 @@ def load_from(rows: Floats, row: int, first: int, width: int) -> Three:
 
 
 @compiled(inline="always")  # so that the width stays a constant
-def load_at(array: Floats, place: int, row: int, first: int, width: int) -> Three:
+def load_at(array: Floats, index: int, row: int, first: int, width: int) -> Three:
     """Return three rows of an entry of an array, shape (n, rows, lanes), from row and lane on.
 
     Their number of lanes is the constant `width`.
     """
     return Three(
-        load(array, (place, row, first), width),
-        load(array, (place, row + 1, first), width),
-        load(array, (place, row + 2, first), width),
+        load(array, (index, row, first), width),
+        load(array, (index, row + 1, first), width),
+        load(array, (index, row + 2, first), width),
     )
 
 
 @compiled(forceinline=True)
-def store_at(array: Floats, place: int, row: int, a: Three) -> None:
+def store_at(array: Floats, index: int, row: int, a: Three) -> None:
     """Write three rows of an entry of an array, shape (n, rows, lanes)."""
-    store(array, (place, row, 0), a.x)
-    store(array, (place, row + 1, 0), a.y)
-    store(array, (place, row + 2, 0), a.z)
+    store(array, (index, row, 0), a.x)
+    store(array, (index, row + 1, 0), a.y)
+    store(array, (index, row + 2, 0), a.z)
 
 
 @compiled(forceinline=True)
@@ -123,9 +123,9 @@ def cofactors(first: Three, second: Three, third: Three) -> tuple[Three, Three, 
 
 
 @compiled(forceinline=True)
-def chosen(mask: Mask, one: Three, other: Three) -> Three:
-    """Return `one` in the lanes where the mask holds, elsewhere `other`."""
-    return Three(select(mask, one.x, other.x), select(mask, one.y, other.y), select(mask, one.z, other.z))
+def chosen(mask: Mask, a: Three, b: Three) -> Three:
+    """Return `a` in the lanes where the mask holds, elsewhere `b`."""
+    return Three(select(mask, a.x, b.x), select(mask, a.y, b.y), select(mask, a.z, b.z))
 
 
 @compiled(forceinline=True)

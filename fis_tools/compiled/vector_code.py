@@ -75,13 +75,13 @@ def _width_of(width: Any) -> int:
     return lanes
 
 
-def _joint(one: Any, other: Any) -> VectorType | types.Float | None:
+def _joint(x: Any, y: Any) -> VectorType | types.Float | None:
     """Return the common type of vectors of one width and numbers: a vector, or a float without any."""
-    found = {kind for kind in (one, other) if isinstance(kind, VectorType)}
-    rest = [kind for kind in (one, other) if not isinstance(kind, VectorType)]
-    if len(found) > 1 or not all(isinstance(kind, (types.Float, types.Integer)) for kind in rest):
+    vectors_of = {kind for kind in (x, y) if isinstance(kind, VectorType)}
+    rest = [kind for kind in (x, y) if not isinstance(kind, VectorType)]
+    if len(vectors_of) > 1 or not all(isinstance(kind, (types.Float, types.Integer)) for kind in rest):
         return None
-    return found.pop() if found else types.float64
+    return vectors_of.pop() if vectors_of else types.float64
 
 
 def typed(operation: Any, count: int, typer: Callable[..., Any], takes_constants: bool = False) -> None:
@@ -167,13 +167,13 @@ def _is_three(kind: Any) -> bool:
     return getattr(kind, "instance_class", None) is vectors.Three
 
 
-def _component(kind: Any, place: int) -> Any:
+def _component(kind: Any, axis: int) -> Any:
     """Return the type of a three-vector's component, or that of a number or vector for all components."""
-    return kind.types[place] if _is_three(kind) else kind
+    return kind.types[axis] if _is_three(kind) else kind
 
 
-def _three_type(one: Any, other: Any) -> Any:
-    joint = tuple(_joint(_component(one, place), _component(other, place)) for place in range(3))
+def _three_type(x: Any, y: Any) -> Any:
+    joint = tuple(_joint(_component(x, axis), _component(y, axis)) for axis in range(3))
     return None if None in joint else types.BaseTuple.from_types(joint, vectors.Three)
 
 
@@ -188,27 +188,27 @@ def _binary(
     `threes` says which arguments may be three-vectors: on these it works component by component.
     """
 
-    def typer(one: Any, other: Any) -> Any:
-        if one is other and one in (types.float64, types.int64):
-            return result(one)
-        if (_is_three(one), _is_three(other)) in threes:
-            return _three_type(one, other)
-        joint = _joint(one, other)
+    def typer(x: Any, y: Any) -> Any:
+        if x is y and x in (types.float64, types.int64):
+            return result(x)
+        if (_is_three(x), _is_three(y)) in threes:
+            return _three_type(x, y)
+        joint = _joint(x, y)
         return result(joint) if isinstance(joint, VectorType) else None
 
     def lower(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         return emit(builder, *_alike(context, builder, _joint(*signature.args), args, signature.args))
 
     def lower_threes(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        found = []
-        for place, wanted in enumerate(signature.return_type.types):
+        components = []
+        for axis, wanted in enumerate(signature.return_type.types):
             values = [
-                builder.extract_value(value, place) if _is_three(kind) else value
+                builder.extract_value(value, axis) if _is_three(kind) else value
                 for value, kind in zip(args, signature.args, strict=True)
             ]
-            kinds = [_component(kind, place) for kind in signature.args]
-            found.append(emit(builder, *_alike(context, builder, wanted, values, kinds)))
-        return context.make_tuple(builder, signature.return_type, found)
+            kinds = [_component(kind, axis) for kind in signature.args]
+            components.append(emit(builder, *_alike(context, builder, wanted, values, kinds)))
+        return context.make_tuple(builder, signature.return_type, components)
 
     typed(operation, 2, typer)
     for kinds in ((VectorType, VectorType), (VectorType, types.Number), (types.Number, VectorType)):
@@ -241,21 +241,21 @@ def _truth_of(kind: Any) -> Any:
 def _comparing(symbol: str) -> Callable[[Any, Any, Any], Any]:
     # NaN differs from everything, and all other comparisons with it are false
     compare = ir.IRBuilder.fcmp_unordered if symbol == "!=" else ir.IRBuilder.fcmp_ordered
-    return lambda builder, one, other: compare(builder, symbol, one, other)
+    return lambda builder, x, y: compare(builder, symbol, x, y)
 
 
 for _name, _symbol in (("lt", "<"), ("le", "<="), ("gt", ">"), ("ge", ">="), ("eq", "=="), ("ne", "!=")):
     _binary(getattr(operator, _name), _truth_of, _comparing(_symbol))
 
 
-def _same(one: Any, other: Any) -> Any:
-    return one if one == other else None
+def _same(x: Any, y: Any) -> Any:
+    return x if x == y else None
 
 
 def _logic(emit: Callable[[Any, Any, Any], Any], *operations: Any) -> None:
     for operation in operations:
         defined(operation, MaskType, MaskType, result=_same)(
-            lambda context, builder, signature, one, other: emit(builder, one, other)
+            lambda context, builder, signature, x, y: emit(builder, x, y)
         )
 
 
@@ -294,8 +294,8 @@ _unary(np.rint, VectorType, _intrinsic("llvm.rint"))
 # Choice
 
 
-def _select_type(mask: Any, one: Any, other: Any) -> Any:
-    joint = _joint(one, other)
+def _select_type(mask: Any, x: Any, y: Any) -> Any:
+    joint = _joint(x, y)
     if isinstance(mask, MaskType):
         return VectorType(mask.width) if joint in (VectorType(mask.width), types.float64) else None
     return joint if mask == types.boolean and not isinstance(joint, VectorType) else None
@@ -311,8 +311,8 @@ def _extreme(operation: Any, symbol: str) -> None:
 
     @defined(operation, types.Type, types.Type, result=_joint)
     def emit(context: Any, builder: Any, signature: Any, *values: Any) -> Any:
-        one, other = _alike(context, builder, signature.return_type, values, signature.args)
-        return builder.select(builder.fcmp_ordered(symbol, one, other), one, other)
+        x, y = _alike(context, builder, signature.return_type, values, signature.args)
+        return builder.select(builder.fcmp_ordered(symbol, x, y), x, y)
 
 
 _extreme(vectors.least, "<")
@@ -322,8 +322,8 @@ _extreme(vectors.most, ">")
 @defined(vectors.higher, VectorType, VectorType, result=_same)
 def _higher(context: Any, builder: Any, signature: Any, *degrees: Any) -> Any:
     whole = ir.VectorType(I64, degrees[0].type.count)
-    one, other = (builder.bitcast(degree, whole) for degree in degrees)
-    higher = builder.select(builder.icmp_signed(">", one, other), one, other)
+    x, y = (builder.bitcast(degree, whole) for degree in degrees)
+    higher = builder.select(builder.icmp_signed(">", x, y), x, y)
     return builder.bitcast(higher, degrees[0].type)
 
 
@@ -365,7 +365,7 @@ def members(kind: Any) -> tuple[Any, ...] | None:
     return held if isinstance(kind, types.BaseTuple) else None
 
 
-def _is_place(array: Any, at: Any) -> bool:
+def _is_index(array: Any, at: Any) -> bool:
     """Return whether an index consists of whole numbers; others do not lead to an element or a row."""
     kinds = members(at) or (at,)
     if not all(isinstance(kind, types.Integer) for kind in kinds):
@@ -375,7 +375,7 @@ def _is_place(array: Any, at: Any) -> bool:
     return True
 
 
-def _place(context: Any, builder: Any, kind: Any, array: Any, at: Any, index: Any) -> Any:
+def _pointer(context: Any, builder: Any, kind: Any, array: Any, at: Any, index: Any) -> Any:
     """Return the pointer to the element of an array at an index."""
     whole = cgutils.create_struct_proxy(kind)(context, builder, value=array)
     kinds = members(index)
@@ -392,14 +392,14 @@ def _place(context: Any, builder: Any, kind: Any, array: Any, at: Any, index: An
 
 
 def _load_type(array: Any, at: Any, width: Any) -> Any:
-    return VectorType(_width_of(width)) if _is_of_floats(array, 3) and _is_place(array, at) else None
+    return VectorType(_width_of(width)) if _is_of_floats(array, 3) and _is_index(array, at) else None
 
 
 @defined(vectors.load, types.Array, types.Type, types.Integer, result=_load_type, takes_constants=True)
 def _load(context: Any, builder: Any, signature: Any, array: Any, at: Any, width: Any) -> Any:
-    place = _place(context, builder, signature.args[0], array, at, signature.args[1])
+    pointer = _pointer(context, builder, signature.args[0], array, at, signature.args[1])
     vector = ir.VectorType(F64, signature.return_type.width)
-    return builder.load(builder.bitcast(place, vector.as_pointer()), align=8)
+    return builder.load(builder.bitcast(pointer, vector.as_pointer()), align=8)
 
 
 def _spread_type(array: Any, at: Any, width: Any) -> Any:
@@ -408,18 +408,18 @@ def _spread_type(array: Any, at: Any, width: Any) -> Any:
 
 @defined(vectors.spread, types.Array, types.Integer, types.Integer, result=_spread_type, takes_constants=True)
 def _spread(context: Any, builder: Any, signature: Any, array: Any, at: Any, width: Any) -> Any:
-    place = _place(context, builder, signature.args[0], array, at, signature.args[1])
-    return _splat(builder, builder.load(place), signature.return_type.width)
+    pointer = _pointer(context, builder, signature.args[0], array, at, signature.args[1])
+    return _splat(builder, builder.load(pointer), signature.return_type.width)
 
 
 def _store_type(array: Any, at: Any, vector: Any) -> Any:
-    return types.none if _is_of_floats(array, 3) and _is_place(array, at) else None
+    return types.none if _is_of_floats(array, 3) and _is_index(array, at) else None
 
 
 @defined(vectors.store, types.Array, types.Type, VectorType, result=_store_type)
 def _store(context: Any, builder: Any, signature: Any, array: Any, at: Any, vector: Any) -> Any:
-    place = _place(context, builder, signature.args[0], array, at, signature.args[1])
-    builder.store(vector, builder.bitcast(place, vector.type.as_pointer()), align=8)
+    pointer = _pointer(context, builder, signature.args[0], array, at, signature.args[1])
+    builder.store(vector, builder.bitcast(pointer, vector.type.as_pointer()), align=8)
     return context.get_dummy_value()
 
 
@@ -430,14 +430,14 @@ def _gather_type(array: Any, at: Any, offsets: Any) -> Any:
 @defined(vectors.gather, types.Array, types.Integer, VectorType, result=_gather_type)
 def _gather(context: Any, builder: Any, signature: Any, array: Any, at: Any, offsets: Any) -> Any:
     width = offsets.type.count
-    first = _place(context, builder, signature.args[0], array, at, signature.args[1])
+    first = _pointer(context, builder, signature.args[0], array, at, signature.args[1])
     whole = builder.fptosi(offsets, ir.VectorType(I64, width))
-    found = ir.Constant(offsets.type, ir.Undefined)
+    gathered = ir.Constant(offsets.type, ir.Undefined)
     # one by one: on most processors a gather instruction is no faster
     for lane in range(width):
         element = builder.load(builder.gep(first, [builder.extract_element(whole, I32(lane))]), align=8)
-        found = builder.insert_element(found, element, I32(lane))
-    return found
+        gathered = builder.insert_element(gathered, element, I32(lane))
+    return gathered
 
 
 def _gather_rows_type(array: Any, at: Any, offsets: Any, count: Any, out: Any) -> Any:
@@ -451,45 +451,45 @@ def _gather_rows_type(array: Any, at: Any, offsets: Any, count: Any, out: Any) -
 def _gather_rows(context: Any, builder: Any, signature: Any, *args: Any) -> Any:
     array, at, offsets, count, out = args
     lanes = offsets.type.count
-    first = _place(context, builder, signature.args[0], array, at, signature.args[1])
+    first = _pointer(context, builder, signature.args[0], array, at, signature.args[1])
     whole = builder.fptosi(offsets, ir.VectorType(I64, lanes))
-    places = [builder.gep(first, [builder.extract_element(whole, I32(lane))]) for lane in range(lanes)]
+    pointers = [builder.gep(first, [builder.extract_element(whole, I32(lane))]) for lane in range(lanes)]
     wanted = context.cast(builder, count, signature.args[3], types.intp)
 
     def write(columns: list[Any]) -> None:
-        for place, vector in enumerate(columns):
-            with builder.if_then(builder.icmp_signed("<", I64(place), wanted)):
-                to = _place(context, builder, signature.args[4], out, I64(place), types.intp)
+        for row, vector in enumerate(columns):
+            with builder.if_then(builder.icmp_signed("<", I64(row), wanted)):
+                to = _pointer(context, builder, signature.args[4], out, I64(row), types.intp)
                 builder.store(vector, builder.bitcast(to, vector.type.as_pointer()), align=8)
 
     with builder.if_else(builder.icmp_signed("<=", wanted, I64(NARROW))) as (few, many):
         with few:
-            write(_columns(builder, places, NARROW))
+            write(_columns(builder, pointers, NARROW))
         with many:
             size = vectors.ROW
             groups = [
-                _transposed(builder, _loaded(builder, (places * size)[group : group + size], size))
+                _transposed(builder, _loaded(builder, (pointers * size)[group : group + size], size))
                 for group in range(0, lanes, size)
             ]
-            write([_beside(builder, [group[place] for group in groups], lanes) for place in range(size)])
+            write([_beside(builder, [group[row] for group in groups], lanes) for row in range(size)])
     return context.get_dummy_value()
 
 
-def _loaded(builder: Any, places: list[Any], size: int) -> list[Any]:
+def _loaded(builder: Any, pointers: list[Any], size: int) -> list[Any]:
     """Return `size` elements from each of some pointers on."""
     row = ir.VectorType(F64, size).as_pointer()
-    return [builder.load(builder.bitcast(place, row), align=8) for place in places]
+    return [builder.load(builder.bitcast(pointer, row), align=8) for pointer in pointers]
 
 
-def _columns(builder: Any, places: list[Any], size: int) -> list[Any]:
+def _columns(builder: Any, pointers: list[Any], size: int) -> list[Any]:
     """Return the columns of short rows: all rows concatenated, then every `size`-th element."""
-    lanes = len(places)
-    every = _beside(builder, _loaded(builder, places, size), lanes * size)
+    lanes = len(pointers)
+    every = _beside(builder, _loaded(builder, pointers, size), lanes * size)
     return [
         builder.shuffle_vector(
-            every, every, ir.Constant(ir.VectorType(I32, lanes), list(range(place, lanes * size, size)))
+            every, every, ir.Constant(ir.VectorType(I32, lanes), list(range(column, lanes * size, size)))
         )
-        for place in range(size)
+        for column in range(size)
     ]
 
 
@@ -502,8 +502,8 @@ def _transposed(builder: Any, rows: list[Any]) -> list[Any]:
         for k in range(size):
             if k & stride == 0:
                 pair = rows[k], rows[k + stride]
-                for place, chosen in ((k, upper), (k + stride, lower)):
-                    rows[place] = builder.shuffle_vector(*pair, ir.Constant(ir.VectorType(I32, size), chosen))
+                for row, chosen in ((k, upper), (k + stride, lower)):
+                    rows[row] = builder.shuffle_vector(*pair, ir.Constant(ir.VectorType(I32, size), chosen))
         stride *= 2
     return rows
 
@@ -525,7 +525,7 @@ def _total(builder: Any, vector: Any) -> Any:
     half = vector.type.count // 2
     while half:
         lanes = [ir.Constant(ir.VectorType(I32, half), list(range(k, k + half))) for k in (0, half)]
-        vector = builder.fadd(*(builder.shuffle_vector(vector, vector, own) for own in lanes))
+        vector = builder.fadd(*(builder.shuffle_vector(vector, vector, chosen) for chosen in lanes))
         half //= 2
     return builder.extract_element(vector, I32(0))
 

@@ -25,8 +25,8 @@ Vector = Any
 Mask = Any
 #: The fields of a record that are rows of vectors: their number, along any number of axes.
 Rows = dict[str, tuple[int, ...]]
-#: Index in an array at which a vector begins.
-Place = int | tuple[int, ...]
+#: Where a vector begins in an array.
+Index = int | tuple[int, ...]
 
 #: elements that `gather_rows` reads from each offset on
 ROW = 8
@@ -98,7 +98,7 @@ def splat(value: float, width: int) -> Vector:
     return np.full(width, value, dtype=np.float64).view(Lanes)
 
 
-def load(array: Floats, at: Place, width: int) -> Vector:
+def load(array: Floats, at: Index, width: int) -> Vector:
     """Return consecutive elements of an array from an index on, or from the start of a row.
 
     Compiled code does not check that they lie inside the row, and does not support negative indices.
@@ -111,12 +111,12 @@ def spread(array: Floats, at: int, width: int) -> Vector:
     return splat(array[at], width)
 
 
-def store(array: Floats, at: Place, vector: Vector) -> None:
-    """Write a vector to the place from which `load` reads it."""
+def store(array: Floats, at: Index, vector: Vector) -> None:
+    """Write a vector where `load` reads it from an index on."""
     _row_from(array, at)[: len(vector)] = vector
 
 
-def _row_from(array: Floats, at: Place) -> Floats:
+def _row_from(array: Floats, at: Index) -> Floats:
     *rows, first = at if isinstance(at, tuple) else (at, 0)[: array.ndim]
     row: Floats = array[tuple(rows)]
     return row[first:]
@@ -139,29 +139,29 @@ def gather_rows(array: Floats, at: int, offsets: Vector, count: int, out: Floats
         out[row] = gather(array, at + row, offsets)
 
 
-def select(mask: Mask, one: Vector, other: Vector) -> Vector:
-    """Return `one` where the mask holds, elsewhere `other`."""
-    chosen: Any = np.where(mask, one, other)
-    return chosen.view(Lanes) if chosen.ndim else chosen[()]
+def select(mask: Mask, x: Vector, y: Vector) -> Vector:
+    """Return `x` where the mask holds, elsewhere `y`."""
+    values: Any = np.where(mask, x, y)
+    return values.view(Lanes) if values.ndim else values[()]
 
 
-def least(one: Vector, other: Vector) -> Vector:
-    """Return the smaller value; `other` where they are equal or one of them is NaN."""
-    return select(one < other, one, other)
+def least(x: Vector, y: Vector) -> Vector:
+    """Return the smaller value; `y` where they are equal or one of them is NaN."""
+    return select(x < y, x, y)
 
 
-def most(one: Vector, other: Vector) -> Vector:
-    """Return the larger value; `other` where they are equal or one of them is NaN."""
-    return select(one > other, one, other)
+def most(x: Vector, y: Vector) -> Vector:
+    """Return the larger value; `y` where they are equal or one of them is NaN."""
+    return select(x > y, x, y)
 
 
-def higher(one: Vector, other: Vector) -> Vector:
+def higher(x: Vector, y: Vector) -> Vector:
     """Return the larger of two degrees: nonnegative numbers, neither NaN.
 
     It equals `most` for those, whose bits are ordered like integers: processors compare integers
     while they compare floats for `least`.
     """
-    return most(one, other)
+    return most(x, y)
 
 
 def total(vector: Vector) -> float:

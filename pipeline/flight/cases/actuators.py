@@ -16,7 +16,7 @@ from pipeline.flight.state.log import Scenario
 from pipeline.settings.experiment import Mission
 from pipeline.settings.mission import STANDARD_GRAVITY_M_S2
 
-#: place in the spawn key of the random numbers for the thrusters, after the case
+#: part of the spawn key of the random numbers for the thrusters, after the case
 THRUSTERS = 2
 #: of ideal thrusters
 NO_FIRING = Firing(
@@ -53,11 +53,13 @@ def layout_of(thrusters: tuple[tuple[float, ...], ...]) -> tuple[Floats, Floats]
     rows = np.array(thrusters, dtype=np.float64)
     directions = rows[:, 3:6]
     layout = np.column_stack([directions, np.cross(rows[:, :3], directions), rows[:, 6]])
-    table = np.column_stack([_division(layout, sign * axis) for sign in (1.0, -1.0) for axis in np.eye(3)])
+    table = np.column_stack(
+        [_thrusts_per_newton(layout, sign * axis) for sign in (1.0, -1.0) for axis in np.eye(3)]
+    )
     return table, layout
 
 
-def _division(layout: Floats, direction: Floats) -> Floats:
+def _thrusts_per_newton(layout: Floats, direction: Floats) -> Floats:
     """Return the forces of least sum that push by a newton along a direction, with the least torque."""
     from scipy.optimize import linprog  # noqa: PLC0415 - takes longer to import than a flight takes
 

@@ -5,7 +5,7 @@ docs/explanation/navigation.md describes both; the filter runs in `pipeline.flig
 It is Kalman's (A new approach to linear filtering and prediction problems, Journal of Basic Engineering 82,
 1960, 35-45), and considers the errors that a flight keeps (Schmidt, Application of state-space methods to
 navigation problems, Advances in Control Systems 3, 1966, 293-340). The covariance of a range and a bearing,
-converted to a place, is taken along and across the line of sight that the filter predicts, so that it does
+converted to a position, is taken along and across the line of sight that the filter predicts, so that it does
 not depend on the fix's own error (Bordonaro, Willett and Bar-Shalom, Decorrelated unbiased converted
 measurement Kalman filter, IEEE Transactions on Aerospace and Electronic Systems 50(2), 2014, 1431-1444).
 """
@@ -24,7 +24,7 @@ from pipeline.physics.motion import motion_over
 from pipeline.settings.experiment import Mission
 from pipeline.settings.mission import Actuators, Dynamics, Navigation
 
-#: place in the spawn key of the random numbers for navigation, after the case
+#: part of the spawn key of the random numbers for navigation, after the case
 FIXES = 1
 #: added to the first part of the spawn key for each draw of a rehearsal; greater than the parts of all stages
 REHEARSAL = 1 << 22
@@ -71,16 +71,16 @@ def filter_of(mission: Mission) -> Filter:
 
 def considered(mission: Mission) -> Floats:
     """Return the variances of the constant errors that the filter may consider, shape (MOST_CONSTANT,)."""
-    navigation, actuators, found = mission.navigation, mission.actuators, np.zeros(errors.MOST_CONSTANT)
+    navigation, actuators, variances = mission.navigation, mission.actuators, np.zeros(errors.MOST_CONSTANT)
     if actuators.kind == "real":
-        found[: errors.OF_ROTATION] = actuators.scale_error**2
-        found[errors.OF_ROTATION : errors.OF_ATTITUDE] = np.radians(actuators.misalignment_deg) ** 2
+        variances[: errors.OF_ROTATION] = actuators.scale_error**2
+        variances[errors.OF_ROTATION : errors.OF_ATTITUDE] = np.radians(actuators.misalignment_deg) ** 2
     tilt = np.radians(navigation.attitude_bias_deg) ** 2
-    found[errors.OF_ATTITUDE : errors.OF_FIXES] = tilt
-    found[errors.OF_FIXES : errors.OF_SQUARES] = navigation.bias_m**2
+    variances[errors.OF_ATTITUDE : errors.OF_FIXES] = tilt
+    variances[errors.OF_FIXES : errors.OF_SQUARES] = navigation.bias_m**2
     # E (|turn|^2/2)^2 of the two turns across the line of sight
-    found[errors.OF_SQUARES :] = 2.0 * tilt**2 * (navigation.measures == "range_bearing")
-    return found
+    variances[errors.OF_SQUARES :] = 2.0 * tilt**2 * (navigation.measures == "range_bearing")
+    return variances
 
 
 def errors_of(mission: Mission, scenarios: list[Scenario]) -> NavigationErrors:
@@ -91,7 +91,7 @@ def errors_of(mission: Mission, scenarios: list[Scenario]) -> NavigationErrors:
     is_seen = navigation.measures == "range_bearing"
     has_tilt = navigation.attitude_bias_deg > 0.0 or navigation.attitude_noise_deg > 0.0
     has_tilt = has_tilt or varies(mission, "navigation.attitude_bias_deg", "navigation.attitude_noise_deg")
-    found = NavigationErrors(
+    drawn = NavigationErrors(
         np.empty((len(scenarios), 6)),
         np.empty((len(scenarios), num_fixes, 3)),
         np.empty((len(scenarios), num_fixes if is_seen else 0, 4)),
@@ -100,29 +100,29 @@ def errors_of(mission: Mission, scenarios: list[Scenario]) -> NavigationErrors:
     for case, scenario in enumerate(scenarios):
         generator = scenario.generator(FIXES)
 
-        def what(name: str, constant: Floats | float, of: Scenario = scenario) -> Floats:
+        def series(name: str, constant: Floats | float, of: Scenario = scenario) -> Floats:
             return in_time(mission, f"navigation.{name}", of, constant)
 
-        found.at_start[case, :3] = navigation.initial_position_m * generator.standard_normal(3)
-        found.at_start[case, 3:] = navigation.initial_velocity_m_s * generator.standard_normal(3)
-        bias = what("bias_m", navigation.bias_m * generator.standard_normal(3))[::stride]
+        drawn.at_start[case, :3] = navigation.initial_position_m * generator.standard_normal(3)
+        drawn.at_start[case, 3:] = navigation.initial_velocity_m_s * generator.standard_normal(3)
+        bias = series("bias_m", navigation.bias_m * generator.standard_normal(3))[::stride]
         noise = generator.standard_normal((num_fixes, 3))
-        noise *= 0.0 if is_seen else what("noise_m", navigation.noise_m)[::stride]
+        noise *= 0.0 if is_seen else series("noise_m", navigation.noise_m)[::stride]
         is_outlier = generator.uniform(size=(num_fixes, 1)) < navigation.outlier_share
         outliers = navigation.outlier_m * generator.standard_normal((num_fixes, 3))
-        found.of_fixes[case] = bias + noise + is_outlier * outliers
+        drawn.of_fixes[case] = bias + noise + is_outlier * outliers
         if is_seen:
             sight = generator.standard_normal((num_fixes, 4))
-            turn = what("bearing_noise_deg", np.radians(navigation.bearing_noise_deg))
-            sight[:, :1] *= what("range_noise_m", navigation.range_noise_m)[::stride]
+            turn = series("bearing_noise_deg", np.radians(navigation.bearing_noise_deg))
+            sight[:, :1] *= series("range_noise_m", navigation.range_noise_m)[::stride]
             sight[:, 1:] *= turn[::stride]
-            found.of_sight[case] = sight
+            drawn.of_sight[case] = sight
         if has_tilt:
             bias = np.radians(navigation.attitude_bias_deg) * generator.standard_normal(3)
             shaken = generator.standard_normal((num_samples, 3))
-            shaken *= what("attitude_noise_deg", np.radians(navigation.attitude_noise_deg))
-            found.of_attitude[case] = what("attitude_bias_deg", bias) + shaken
-    return found
+            shaken *= series("attitude_noise_deg", np.radians(navigation.attitude_noise_deg))
+            drawn.of_attitude[case] = series("attitude_bias_deg", bias) + shaken
+    return drawn
 
 
 def as_believed(mission: Mission, scenarios: list[Scenario]) -> tuple[Mission, list[Scenario]]:
@@ -138,8 +138,8 @@ def as_believed(mission: Mission, scenarios: list[Scenario]) -> tuple[Mission, l
         return known, scenarios
     first = errors_of(mission, scenarios).at_start
     return known, [
-        replace(one, position_m=one.position_m + off[:3], velocity_m_s=one.velocity_m_s + off[3:])
-        for one, off in zip(scenarios, first, strict=True)
+        replace(start, position_m=start.position_m + error[:3], velocity_m_s=start.velocity_m_s + error[3:])
+        for start, error in zip(scenarios, first, strict=True)
     ]
 
 
@@ -154,8 +154,8 @@ def as_drawn(mission: Mission, believed: list[Scenario], draws: list[int]) -> li
     ]
     if mission.navigation.mode == "perfect":
         return drawn
-    off = errors_of(mission, drawn).at_start
+    offsets = errors_of(mission, drawn).at_start
     return [
-        replace(start, position_m=start.position_m - own[:3], velocity_m_s=start.velocity_m_s - own[3:])
-        for start, own in zip(drawn, off, strict=True)
+        replace(start, position_m=start.position_m - error[:3], velocity_m_s=start.velocity_m_s - error[3:])
+        for start, error in zip(drawn, offsets, strict=True)
     ]

@@ -124,8 +124,10 @@ def test_the_caches_of_other_functions_stay_where_they_are(package):
         "import kernels.foreign as late\nimport importlib\nlate = importlib.reload(late)\n"
         "assert vars(numba.config) == before, 'changed'\nprint(late.f.stats.cache_path)"
     )
-    place = package.run(look, NUMBA_CACHE_DIR="", XDG_CACHE_HOME=str(package.folder / "cache")).stdout.strip()
-    assert Path(place) == package.folder / "kernels" / "__pycache__"
+    folder = package.run(
+        look, NUMBA_CACHE_DIR="", XDG_CACHE_HOME=str(package.folder / "cache")
+    ).stdout.strip()
+    assert Path(folder) == package.folder / "kernels" / "__pycache__"
 
 
 @pytest.mark.slow

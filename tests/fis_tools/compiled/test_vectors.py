@@ -37,11 +37,11 @@ def width(request):
     return request.param
 
 
-def assert_same(found: Floats, expected: Floats) -> None:
+def assert_same(values: Floats, expected: Floats) -> None:
     """Equal to the last bit, signs of zeros included; any NaN is like any other."""
-    np.testing.assert_array_equal(found, expected)
+    np.testing.assert_array_equal(values, expected)
     is_number = ~np.isnan(expected)
-    np.testing.assert_array_equal(np.signbit(found)[is_number], np.signbit(expected)[is_number])
+    np.testing.assert_array_equal(np.signbit(values)[is_number], np.signbit(expected)[is_number])
 
 
 def pairs(width: int) -> st.SearchStrategy[Floats]:
@@ -91,12 +91,12 @@ def in_lanes(width: int) -> Kernel:
     @njit(error_model="numpy")
     def run(a: Floats, b: Floats, number: float, out: Floats, whole: NDArray[np.uint64]) -> None:
         x, y = load(a, 0, width), load(b, 0, width)
-        found = numbers(x, y, number, splat(number, width)) + choices(x, y, number)
-        for i in range(len(found)):
-            store(out, i, found[i])
-        told = masks(x, y, number)
-        for i in range(len(told)):
-            store(out, len(found) + i, select(told[i], 1.0, 0.0))
+        results = numbers(x, y, number, splat(number, width)) + choices(x, y, number)
+        for i in range(len(results)):
+            store(out, i, results[i])
+        held = masks(x, y, number)
+        for i in range(len(held)):
+            store(out, len(results) + i, select(held[i], 1.0, 0.0))
         whole[0] = vectors.count(x < y)
         whole[1] = vectors.some(x < y)
 
@@ -112,19 +112,19 @@ def test_arithmetic_comparisons_and_choices_are_those_of_numpy(width, data, numb
         in_lanes(width)(x, y, number, out, whole)
         expected = [*computed(x, y, number, np.full(width, number)), *chosen_by_numpy(x, y, number)]
     expected += [mask.astype(np.float64) for mask in compared(x, y, number)]
-    for found, truth in zip(out, expected, strict=True):
-        assert_same(found, truth)
+    for row, truth in zip(out, expected, strict=True):
+        assert_same(row, truth)
     assert whole.tolist() == [(x < y).sum(), (x < y).any()]
 
 
 def path_in_lanes(numbers: Floats, width: int, factor: int, out: Floats) -> float:
     """Do with three-vectors all that they can."""
-    place = Three(load(numbers, 0, width), load(numbers, 1, width), load(numbers, 2, width))
+    position = Three(load(numbers, 0, width), load(numbers, 1, width), load(numbers, 2, width))
     steady = Three(0.5, -2.0, factor)
-    moved = place - 2.5 * steady + place.x * steady / place.y
-    moved += load(numbers, 3, width) * place
+    moved = position - 2.5 * steady + position.x * steady / position.y
+    moved += load(numbers, 3, width) * position
     moved -= steady * factor
-    moved *= place.z
+    moved *= position.z
     moved /= factor
     store(out, 0, moved.x)
     store(out, 1, moved.y)
@@ -139,12 +139,12 @@ def test_three_vectors_compute_by_components(width: int) -> None:
     def run(numbers: Floats, factor: int, out: Floats) -> float:
         return path(numbers, width, factor, out)
 
-    path, found, plain = njit(error_model="numpy")(path_in_lanes), np.zeros((3, width)), np.zeros((3, width))
+    path, moved, plain = njit(error_model="numpy")(path_in_lanes), np.zeros((3, width)), np.zeros((3, width))
     steady = np.array([[0.5], [-2.0], [3.0]])
     expected = x[:3] - 2.5 * steady + x[0] * steady / x[1]
     expected = (expected + x[3] * x[:3] - steady * 3) * x[2] / 3
-    assert run(x, 3, found) == path_in_lanes(x, width, 3, plain) == 11.25
-    assert_same(found, expected)
+    assert run(x, 3, moved) == path_in_lanes(x, width, 3, plain) == 11.25
+    assert_same(moved, expected)
     assert_same(plain, expected)
 
 
@@ -172,7 +172,7 @@ def test_a_sum_is_taken_by_halves() -> None:
 
 
 @cache
-def places(width: int) -> Kernel:
+def accesses(width: int) -> Kernel:
     @njit(error_model="numpy")
     def run(flat: Floats, table: Floats, at: int, offsets: Floats, out: Floats, rows: Floats) -> None:
         store(out, 0, load(flat, at, width))
@@ -196,7 +196,7 @@ def test_vectors_are_read_and_written_where_one_says(width: int) -> None:
     before, out = flat.copy(), np.zeros((5, width))
     for size in range(vectors.ROW, -1, -1):
         rows = np.full((size + 1, width), np.nan)
-        places(width)(flat := before.copy(), table, 3, offsets, out, rows)
+        accesses(width)(flat := before.copy(), table, 3, offsets, out, rows)
         assert_same(rows[:size], before[3 + np.trunc(offsets).astype(int) + np.arange(size)[:, np.newaxis]])
         assert np.isnan(rows[size]).all()
     assert_same(out[0], np.full(width, 7.0))
@@ -245,8 +245,8 @@ def record_total(room: NDArray[np.void]) -> float:
     square, lane = room[0].square, 0.0
     width = vectors.width_of(room[0])
     store(square, (1, 1, 0), 2.0 * load(square, (0, 1, 0), width))
-    for place in range(vectors.width_of(room[0].row)):
-        lane += place
+    for number in range(vectors.width_of(room[0].row)):
+        lane += number
     return total(load(square, (1, 1, 0), vectors.width_of(square))) + lane
 
 
@@ -279,11 +279,11 @@ def test_vectors_are_read_and_written_anywhere_in_a_row() -> None:
         store(out, (0, 0, 4), load(a, (1, row, 0), 4))
 
     room = np.arange(2 * 3 * 10.0).reshape(2, 3, 10)
-    found, expected = np.zeros((2, 3, 10)), np.zeros((2, 3, 10))
+    written, expected = np.zeros((2, 3, 10)), np.zeros((2, 3, 10))
     expected[1, 1, 3:7] = room[1, 0, 2:6]
     expected[0, 0, 4:8] = room[1, 1, :4]
-    run(room, 1, found)
-    assert_same(found, expected)
+    run(room, 1, written)
+    assert_same(written, expected)
 
 
 def test_borrowed_arrays_are_the_same_and_still_their_owners() -> None:
@@ -323,11 +323,11 @@ def test_named_tuples_are_borrowed_whole() -> None:
 
     @njit
     def of_outer(outer: Outer, factor: float) -> float:
-        found = outer.step if outer.is_on else 0.0
+        value = outer.step if outer.is_on else 0.0
         for i in range(outer.count):
-            found += outer.row[i] * factor
+            value += outer.row[i] * factor
         outer.row[0] = 7.0
-        return found + of_inner(outer.inner) + outer.even[1]
+        return value + of_inner(outer.inner) + outer.even[1]
 
     @njit
     def run(outer: Outer, other: Floats) -> float:
