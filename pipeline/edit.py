@@ -55,18 +55,18 @@ class Flown:
 
     def verdicts(self, requirements: Sequence[Requirement]) -> list[tuple[Requirement, str, str]]:
         """Return each requirement with its verdict in a word, and why."""
-        found = []
-        for one in requirements:
-            outcome = self.outcomes[one.id]
-            claim = one.probability, one.confidence
+        judged = []
+        for requirement in requirements:
+            outcome = self.outcomes[requirement.id]
+            claim = requirement.probability, requirement.confidence
             judgement = judge(outcome.margins, outcome.is_met, *claim, outcome.num_occurred)
-            result = verdict(Evidence(one, judgement))
+            result = verdict(Evidence(requirement, judgement))
             failed = f"{judgement.num_failed:,} of {judgement.num_cases:,} fail"
-            found.append((one, result.word, f"{failed}; {result.why}"))
-        return found
+            judged.append((requirement, result.word, f"{failed}; {result.why}"))
+        return judged
 
 
-class Cases:
+class EditorCases:
     """The cases of an experiment.
 
     Parameters
@@ -80,7 +80,11 @@ class Cases:
         self.mission, self._settings = experiment.mission, experiment.monte_carlo
         self._threads = experiment.monte_carlo.workers or num_processors()
         self.requirements = verified_by_method(requirements, CASES)
-        self._formulas = {one.id: one.formula for one in self.requirements if one.formula is not None}
+        self._formulas = {
+            requirement.id: requirement.formula
+            for requirement in self.requirements
+            if requirement.formula is not None
+        }
         self.scenarios = evaluation_scenarios(experiment)
 
     def fly(self, fuzzy: FuzzyController) -> Iterator[Flown]:
@@ -116,8 +120,8 @@ class Cases:
         scenarios = [self.scenarios[case] for case in cases]
         outcomes, tracks = fly_tracked(self.mission, controller, scenarios, workers=1)
         points = PointCounts(len(inspection_points(self.mission)), outcomes.inspectable_count)
-        found = evaluate_formulas(tracks, points, self._formulas, self.mission.control_period_s)
-        return Flown(episode_columns(self.mission, scenarios, outcomes) | {"case": cases}, found)
+        evaluated = evaluate_formulas(tracks, points, self._formulas, self.mission.control_period_s)
+        return Flown(episode_columns(self.mission, scenarios, outcomes) | {"case": cases}, evaluated)
 
     def compare(self, before: Flown, after: Flown) -> list[Compared]:
         """Compare two controllers on their common cases, see `pipeline.evaluation.statistics.compare`."""
@@ -129,8 +133,8 @@ class Cases:
 
 
 def _joined(parts: Sequence[Flown]) -> Flown:
-    episodes = {name: np.concatenate([one.episodes[name] for one in parts]) for name in parts[0].episodes}
-    outcomes = {name: concatenate([one.outcomes[name] for one in parts]) for name in parts[0].outcomes}
+    episodes = {name: np.concatenate([part.episodes[name] for part in parts]) for name in parts[0].episodes}
+    outcomes = {name: concatenate([part.outcomes[name] for part in parts]) for name in parts[0].outcomes}
     return Flown(episodes, outcomes)
 
 
@@ -163,7 +167,7 @@ class ManyFlights(Panel):
 
     title = "Flights"
 
-    def __init__(self, cases: Cases, original: FuzzyController, choose: Callable[[int], None]) -> None:
+    def __init__(self, cases: EditorCases, original: FuzzyController, choose: Callable[[int], None]) -> None:
         self._cases, self._original, self._choose = cases, original, choose
         self._before: list[Flown] = []
 
@@ -187,11 +191,11 @@ class ManyFlights(Panel):
             for before, after in zip(self._before, self._cases.fly(controller), strict=True):
                 # parts that are not shown let a touch come between
                 is_shown = before in (self._before[0], self._before[-1])
-                yield self._told(controller, before, after) if is_shown else lambda: None
+                yield self._summary(controller, before, after) if is_shown else lambda: None
         except ValueError as refused:
             yield partial(tell, self._numbers, innerHTML=html.element("p", str(refused), class_="worse"))
 
-    def _told(self, controller: FuzzyController, before: Flown, after: Flown) -> Show:
+    def _summary(self, controller: FuzzyController, before: Flown, after: Flown) -> Show:
         numbers = html.body(Document([_numbers(self._cases.compare(before, after))]))
         below = html.body(Document([_judged(after.verdicts(self._cases.requirements))]))
         if controller != self._original:
@@ -206,7 +210,8 @@ class ManyFlights(Panel):
 
 def _judged(verdicts: Sequence[tuple[Requirement, str, str]]) -> Table:
     rows: list[list[Cell]] = [
-        [f"{one.id} {one.title}", Mark(word, word.replace(" ", "-"), note=why)] for one, word, why in verdicts
+        [f"{requirement.id} {requirement.title}", Mark(word, word.replace(" ", "-"), note=why)]
+        for requirement, word, why in verdicts
     ]
     return Table(["requirement", "verdict"], rows)
 
@@ -215,8 +220,8 @@ def _changed_most(before: Flown, after: Flown) -> Markup:
     """Return a button for each of the flights that changed most."""
     shown = []
     for case in most_changed(before, after, MOST):
-        spent = [one.episodes["delta_v_m_s"][case] for one in (before, after)]
-        seen = [one.episodes["inspected_count"][case] for one in (before, after)]
+        spent = [flown.episodes["delta_v_m_s"][case] for flown in (before, after)]
+        seen = [flown.episodes["inspected_count"][case] for flown in (before, after)]
         words = f"{case}: {spent[0]:.2f} → {spent[1]:.2f} m/s, {seen[0]} → {seen[1]} points"
         shown.append(html.element("button", words, type="button", class_="quiet", data_case=case))
     return html.element("p", "Changed most: ", *shown)
@@ -224,20 +229,20 @@ def _changed_most(before: Flown, after: Flown) -> Markup:
 
 def _numbers(compared: Sequence[Compared]) -> Table:
     rows: list[list[Cell]] = []
-    for one in compared:
-        places, found = one.metric.decimals, one.difference
-        is_better = (found.mean < 0.0) == one.metric.is_less_better
+    for row in compared:
+        decimals, difference = row.metric.decimals, row.difference
+        is_better = (difference.mean < 0.0) == row.metric.is_less_better
         kind = "better" if is_better else "worse"
-        unit = "percentage points" if one.metric.unit == "%" else one.metric.unit
-        mark = Mark(f"{found.in_words(places)} {unit}", kind if found.excludes_zero else "")
-        means = [f"{mean:.{places}f} {one.metric.unit}" for mean in one.means]
-        rows.append([one.metric.label, *means, mark if one.better + one.worse else "none"])
+        unit = "percentage points" if row.metric.unit == "%" else row.metric.unit
+        mark = Mark(f"{difference.in_words(decimals)} {unit}", kind if difference.excludes_zero else "")
+        means = [f"{mean:.{decimals}f} {row.metric.unit}" for mean in row.means]
+        rows.append([row.metric.label, *means, mark if row.better + row.worse else "none"])
     heads = [f"{compared[0].difference.count:,} flights", OPENED, NOW, "difference (interval)"]
     return Table(heads, rows, numbers=(1, 2, 3))
 
 
 def _histogram(before: Flown, after: Flown) -> Options:
-    spent = [one.episodes["delta_v_m_s"] for one in (before, after)]
+    spent = [flown.episodes["delta_v_m_s"] for flown in (before, after)]
     most = max(1e-9, *(column.max() for column in spent))
     width = 10.0 ** np.floor(np.log10(most / BINS)) * np.array([1.0, 2.0, 5.0, 10.0])
     width = width[width * BINS >= most][0]
@@ -263,7 +268,7 @@ class OneFlight(Panel):
 
     title = "One flight"
 
-    def __init__(self, cases: Cases, original: FuzzyController) -> None:
+    def __init__(self, cases: EditorCases, original: FuzzyController) -> None:
         self._cases, self._original, self._case, self._sample = cases, original, 0, 0
         self._points, self._period_s = inspection_points(cases.mission), cases.mission.control_period_s
         self._log = lru_cache(maxsize=2)(cases.log)
@@ -293,13 +298,13 @@ class OneFlight(Panel):
         """Fly the case twice, unless another time is asked for."""
         case, k = self._case, self._sample
         try:
-            before, after = (self._log(one, case) for one in (self._original, controller))
+            before, after = (self._log(item, case) for item in (self._original, controller))
         except ValueError as refused:
             yield partial(self._end.set_text, str(refused))
             return
         seen, lit = int(after.is_inspected[-1].sum()), int(after.is_inspectable.sum())
         end = f"{after.delta_v_m_s[-1]:.3f} m/s, {seen} of {lit} points"
-        words = "".join(html.element("p", one) for one in self._reasons(controller, after, k))
+        words = "".join(html.element("p", item) for item in self._reasons(controller, after, k))
         charts = _path(before, after, k, self._points), _forces(after, k, self._period_s)
         yield partial(self._show, end, words, *charts)
 
@@ -317,14 +322,14 @@ class OneFlight(Panel):
         """Say what was so at a sample and, for each axis, what was fired, why, and by which rule most."""
         distance, count = np.linalg.norm(log.position_m[k]), int(log.is_inspected[k].sum())
         sentences = [f"{k * self._period_s:g} s: {distance:.1f} m away, {count} points"]
-        for place, system in enumerate(controller.systems):
+        for index, system in enumerate(controller.systems):
             output = system.outputs[0].name
-            asked = number(float(f"{log.force_asked_n[k, AXES[output]]:.3g}"))
-            words = f"{output}: asked for {asked} N; {REASON_WORDS[log.reason[k, AXES[output]]]}"
+            requested = number(float(f"{log.force_asked_n[k, AXES[output]]:.3g}"))
+            words = f"{output}: asked for {requested} N; {REASON_WORDS[log.reason[k, AXES[output]]]}"
             if log.is_decided[k]:
-                found = explain(system, log.fis_input[k, place, : len(system.inputs)])
-                for one in found.outputs[0].moves[:1]:
-                    words += f". Rule {one.rule} most: {sentence(system.rules[one.rule - 1])}"
+                explanation = explain(system, log.fis_input[k, index, : len(system.inputs)])
+                for move in explanation.outputs[0].moves[:1]:
+                    words += f". Rule {move.rule} most: {sentence(system.rules[move.rule - 1])}"
             sentences.append(words)
         return sentences
 
@@ -354,8 +359,8 @@ def _forces(log: FlightLog, k: int, period_s: float) -> Options:
     """Draw the force on each axis, and a line at a sample."""
     times = np.arange(len(log.force_hill_n)) * period_s
     lines = [
-        line(np.column_stack([times, log.force_hill_n[:, place]]), colour, name=name, step="end")
-        for (name, place), colour in zip(AXES.items(), AXIS_COLOURS, strict=True)
+        line(np.column_stack([times, log.force_hill_n[:, column]]), colour, name=name, step="end")
+        for (name, column), colour in zip(AXES.items(), AXIS_COLOURS, strict=True)
     ]
     now: Options = {"symbol": "none", "label": {"show": False}, "lineStyle": {"color": INK}}
     lines[0]["markLine"] = now | {"data": [{"xAxis": k * period_s}]}
@@ -375,6 +380,6 @@ def panels(
     requirements : sequence of Requirement
         Judged by these cases.
     """
-    cases = Cases(experiment, requirements)
-    one = OneFlight(cases, controller)
-    return ManyFlights(cases, controller, one.choose), one
+    cases = EditorCases(experiment, requirements)
+    single = OneFlight(cases, controller)
+    return ManyFlights(cases, controller, single.choose), single

@@ -36,12 +36,12 @@ def axe(tmp_path_factory: pytest.TempPathFactory) -> str:
 def serious_violations(shown: Page, axe: str) -> list[tuple[str, list[str]]]:
     """Return what axe finds on a page that keeps people from using it, with the first places."""
     shown.evaluate(axe)
-    found = shown.evaluate("axe.run(document, { resultTypes: ['violations'] })")
-    assert len(found["passes"]) > 20
+    report = shown.evaluate("axe.run(document, { resultTypes: ['violations'] })")
+    assert len(report["passes"]) > 20
     return [
-        (one["id"], [node["html"][:150] for node in one["nodes"][:3]])
-        for one in found["violations"]
-        if one["impact"] in {"serious", "critical"}
+        (violation["id"], [node["html"][:150] for node in violation["nodes"][:3]])
+        for violation in report["violations"]
+        if violation["impact"] in {"serious", "critical"}
     ]
 
 

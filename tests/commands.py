@@ -16,8 +16,8 @@ def running(main, capsys):
     def run(*words, code=0, slips=False):
         capsys.readouterr()
         assert main([str(word) for word in words]) == code
-        told = Told(*capsys.readouterr())
-        assert ("Traceback" in told.err) == slips
-        return told
+        streams = Told(*capsys.readouterr())
+        assert ("Traceback" in streams.err) == slips
+        return streams
 
     return run

@@ -54,8 +54,11 @@ def open_page(window: BrowserContext) -> Iterator[Callable[..., Page]]:
         page.set_default_timeout(PATIENCE_MS)
         page.on("console", lambda message: complaints.append(f"{message.type}: {message.text}"))
         page.on("pageerror", lambda error: complaints.append(f"error: {error}"))
-        own = (address, address.replace("http:", "ws:"), "data:")
-        page.on("request", lambda one: one.url.startswith(own) or complaints.append(f"request: {one.url}"))
+        origins = (address, address.replace("http:", "ws:"), "data:")
+        page.on(
+            "request",
+            lambda request: request.url.startswith(origins) or complaints.append(f"request: {request.url}"),
+        )
         page.goto(address)
         return page
 

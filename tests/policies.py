@@ -23,15 +23,15 @@ def check_policy(page: str) -> None:
     head = page[: page.index(policy)]
     assert "<style" not in head
     assert "<script" not in head
-    told = {words[0]: words[1:] for words in (part.split() for part in policy.split(";"))}
-    assert told.pop("default-src") == ["'none'"]
-    assert told.pop("base-uri") == ["'none'"]
-    assert told.pop("form-action") == ["'none'"]
-    assert told.pop("script-src", []) == [f"'{source_hash(script)}'" for script in SCRIPT.findall(page)]
-    assert set(told.pop("img-src", [])) <= {"data:", "blob:"}
-    styles = told.pop("style-src")
-    assert styles == ["'unsafe-inline'"] or all(one.startswith("'sha256-") for one in styles)
-    assert not told
+    directives = {words[0]: words[1:] for words in (part.split() for part in policy.split(";"))}
+    assert directives.pop("default-src") == ["'none'"]
+    assert directives.pop("base-uri") == ["'none'"]
+    assert directives.pop("form-action") == ["'none'"]
+    assert directives.pop("script-src", []) == [f"'{source_hash(script)}'" for script in SCRIPT.findall(page)]
+    assert set(directives.pop("img-src", [])) <= {"data:", "blob:"}
+    styles = directives.pop("style-src")
+    assert styles == ["'unsafe-inline'"] or all(style.startswith("'sha256-") for style in styles)
+    assert not directives
     assert not HANDLER.search(page)
 
 

@@ -9,7 +9,7 @@ from types import MappingProxyType
 from nicegui import ui
 
 from fis_tools.document.html import read
-from fis_tools.edit.panels import Answers, Panel, Told, card, changes, findings, heading
+from fis_tools.edit.panels import Panel, PanelAnswers, Told, card, changes, findings, heading
 from fis_tools.edit.session import Session
 from fis_tools.edit.system_view import SystemView
 from fis_tools.edit.touches import number
@@ -50,7 +50,7 @@ class Editor:
         panels: Sequence[Panel] = (),
         meanings: Mapping[str, str] = MappingProxyType({}),
     ) -> None:
-        self.session, self._meanings = Session(path, controller, [one.check for one in panels]), meanings
+        self.session, self._meanings = Session(path, controller, [panel.check for panel in panels]), meanings
         self._fields: dict[str, ui.input] = {}
         ui.colors(primary="#1f5fa8")
         ui.add_css(read("style.css") + read("style.css", "fis_tools.edit"))
@@ -62,8 +62,10 @@ class Editor:
             self._left = ui.element("div").classes("side")
         with beside:
             self._surface = ui.element("div")
-        own = (Told("Findings", findings), Told("Changes", partial(changes, controller)))
-        self._answers = Answers([*((sides[1], one) for one in panels), *((beside, one) for one in own)])
+        notes = (Told("Findings", findings), Told("Changes", partial(changes, controller)))
+        self._answers = PanelAnswers(
+            [*((sides[1], panel) for panel in panels), *((beside, panel) for panel in notes)]
+        )
         self._choose(0)
         self._answers.ask(self.session.controller)
 
@@ -82,32 +84,32 @@ class Editor:
         ui.add_body_html(SCRIPT)
         ui.on("step", lambda event: self._step(event.args))
 
-    def _choose(self, place: int) -> None:
+    def _choose(self, index: int) -> None:
         """Show another system."""
         self._left.clear()
         self._surface.clear()
         with self._left:
-            names = [one.name for one in self.session.controller.systems]
+            names = [system.name for system in self.session.controller.systems]
             with ui.element("nav").classes("systems").props('aria-label="systems"'):
                 for n, name in enumerate(names if len(names) > 1 else []):
                     button = ui.button(name, on_click=lambda _, n=n: self._choose(n)).props(PLAIN)
-                    button.props["aria-pressed"] = str(n == place).lower()
-            self._view = SystemView(self.session, place, self.touch, self._surface)
+                    button.props["aria-pressed"] = str(n == index).lower()
+            self._view = SystemView(self.session, index, self.touch, self._surface)
             self._build_constants()
         self._show()
 
     def _build_constants(self) -> None:
-        found = constants(self.session.controller, self._meanings)
-        with card("constants").classes("constants") as place:
+        attributes = constants(self.session.controller, self._meanings)
+        with card("constants").classes("constants") as holder:
             heading(2, "Constants")
-            for one in found:
+            for constant in attributes:
                 with ui.element("label"):
-                    ui.label(one.name).tooltip(one.meaning or one.name)
-                    entry = ui.input(value=one.exact).props(f'dense borderless suffix="{one.unit}"')
-                    entry.props["aria-label"] = one.name
-                    entry.on("change", lambda _, name=one.name, at=entry: self._set(name, at.value))
-                    self._fields[one.name] = entry
-        place.set_visibility(bool(found))
+                    ui.label(constant.name).tooltip(constant.meaning or constant.name)
+                    entry = ui.input(value=constant.exact).props(f'dense borderless suffix="{constant.unit}"')
+                    entry.props["aria-label"] = constant.name
+                    entry.on("change", lambda _, name=constant.name, at=entry: self._set(name, at.value))
+                    self._fields[constant.name] = entry
+        holder.set_visibility(bool(attributes))
 
     def touch(self, change: Callable[[FuzzyController], FuzzyController], gesture: object = None) -> None:
         """Take a step, or say why not; see `Session.touch`."""
@@ -139,8 +141,8 @@ class Editor:
 
     def _show(self) -> None:
         self._view.show()
-        for one in constants(self.session.controller, self._meanings):
-            self._fields[one.name].set_value(one.exact)
+        for constant in constants(self.session.controller, self._meanings):
+            self._fields[constant.name].set_value(constant.exact)
         self._undo.set_enabled(self.session.can_step(-1))
         self._redo.set_enabled(self.session.can_step(1))
         self._status.client.run_javascript(f"window.isUnsaved = {str(self.session.is_unsaved).lower()}")
@@ -148,14 +150,14 @@ class Editor:
     def _ask_to_save(self) -> None:
         with ui.dialog() as dialog, ui.card().classes("save"):
             heading(2, "Save a copy")
-            place = ui.input("file", value=str(self.session.proposed())).props("autofocus").classes("w-full")
+            target = ui.input("file", value=str(self.session.proposed())).props("autofocus").classes("w-full")
             ui.label(f"Its ending chooses the form: {', '.join(ENDINGS)}.").classes("about")
             replaces = ui.checkbox("replace a file that is there")
             refusal = ui.label().classes("refused").props('role="alert"')
 
             def save() -> None:
                 try:
-                    done = self.session.save(Path(place.value).expanduser(), replaces.value)
+                    done = self.session.save(Path(target.value).expanduser(), replaces.value)
                 except (ValueError, OSError) as refused:
                     refusal.set_text(str(refused))
                     return
@@ -163,7 +165,7 @@ class Editor:
                 self._status.set_text("; ".join(done))
                 dialog.close()
 
-            place.on("keydown.enter", save)
+            target.on("keydown.enter", save)
             with ui.row().classes("w-full justify-end"):
                 ui.button("Cancel", on_click=dialog.close).props(PLAIN)
                 ui.button("Save", on_click=save).props("unelevated no-caps")

@@ -39,9 +39,9 @@ def document() -> ui.element:
     return ui.element("div").classes("document")
 
 
-def tell(place: ui.element, **properties: object) -> None:
+def tell(target: ui.element, **properties: object) -> None:
     """Set properties of an element in the page itself: its framework would go through the whole page anew."""
-    place.client.run_javascript(f"Object.assign(getHtmlElement({place.id}), {json.dumps(properties)})")
+    target.client.run_javascript(f"Object.assign(getHtmlElement({target.id}), {json.dumps(properties)})")
 
 
 class Panel(Protocol):
@@ -60,7 +60,7 @@ class Panel(Protocol):
         """Compute an answer in parts, in a thread; the parts of an answer that is stale are not asked for."""
 
 
-class Answers:
+class PanelAnswers:
     """Asks panels about the newest controller alone, one after the other, without holding the page up.
 
     Parameters
@@ -73,11 +73,11 @@ class Answers:
         self._controller: FuzzyController | None = None
         #: what is still to be answered; an answer that is asked for again is another object
         self._asked: dict[Panel, object] = {}
-        self._states = {panel: self._build(place, panel) for place, panel in panels}
+        self._states = {panel: self._build(parent, panel) for parent, panel in panels}
         self._is_busy = False
 
-    def _build(self, place: ui.element, panel: Panel) -> ui.element:
-        with place, card(panel.title):
+    def _build(self, parent: ui.element, panel: Panel) -> ui.element:
+        with parent, card(panel.title):
             with ui.element("div").classes("card-head"):
                 heading(2, panel.title)
                 state = ui.element("span").classes("state")
@@ -105,14 +105,14 @@ class Answers:
         finally:
             self._is_busy = False
 
-    async def _answer_first(self, panel: Panel, asked: object) -> None:
+    async def _answer_first(self, panel: Panel, request: object) -> None:
         assert self._controller is not None  # noqa: S101 - it comes with what is asked
         parts = panel.answers(self._controller)
         while (show := await run.io_bound(next, parts, None)) is not None:
-            if self._asked.get(panel) is not asked:
+            if self._asked.get(panel) is not request:
                 return
             show()
-        if self._asked.get(panel) is asked:  # a touch may come while the end is looked for
+        if self._asked.get(panel) is request:  # a touch may come while the end is looked for
             del self._asked[panel]
             tell(self._states[panel], textContent="")
 
@@ -145,13 +145,15 @@ _audit = lru_cache(maxsize=16)(audits.audit)
 
 def findings(controller: FuzzyController) -> str:
     """Return what an audit finds, the worst first."""
-    found = [one for system in controller.systems for one in _audit(system).findings]
-    found.sort(key=lambda one: -one.severity)
-    words = audits.Audit("", (), tuple(found)).counted() or "nothing found"
+    all_findings = [finding for system in controller.systems for finding in _audit(system).findings]
+    all_findings.sort(key=lambda finding: -finding.severity)
+    words = audits.Audit("", (), tuple(all_findings)).counted() or "nothing found"
     parts = [html.element("p", words)]
-    for one in found:
-        summary = html.element("summary", f"{one.system}: {one.sentence}")
-        parts.append(html.element("details", summary, one.cure, class_=f"finding {one.severity.word}"))
+    for finding in all_findings:
+        summary = html.element("summary", f"{finding.system}: {finding.sentence}")
+        parts.append(
+            html.element("details", summary, finding.cure, class_=f"finding {finding.severity.word}")
+        )
     return "".join(parts)
 
 
@@ -162,5 +164,5 @@ def changes(before: FuzzyController, after: FuzzyController) -> str:
     pairs = list(zip(before.systems, after.systems, strict=True))
     changed = [pair for pair in pairs if pair[0] != pair[1]] or pairs[:1]
     olds, news = (tuple(side) for side in zip(*changed, strict=True))
-    found = difference(replace(before, systems=olds), replace(after, systems=news))
-    return UNDERSCORE.sub("_<wbr>", html.body(Document(found.blocks())))
+    differences = difference(replace(before, systems=olds), replace(after, systems=news))
+    return UNDERSCORE.sub("_<wbr>", html.body(Document(differences.blocks())))

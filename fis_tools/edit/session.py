@@ -82,7 +82,7 @@ class Session:
         """Return a place for a copy where no file is."""
         folder, stem = self.path if self.path.is_dir() else self.path.parent, f"{self.original.name}-edited"
         names = chain([stem], (f"{stem}-{number}" for number in count(2)))
-        return next(place for name in names if not (place := folder / f"{name}.yaml").exists())
+        return next(path for name in names if not (path := folder / f"{name}.yaml").exists())
 
     def copy(self) -> FuzzyController:
         """Return the controller with what was changed by hand as a fact of its provenance."""
@@ -91,7 +91,7 @@ class Session:
         edit = f"{fingerprint(self.original)}: {changes_in_words(difference(self.original, self.controller))}"
         return checked(self.controller.with_provenance({EDITED_FROM: edit}))
 
-    def save(self, place: Path, replaces: bool) -> list[str]:
+    def save(self, target: Path, replaces: bool) -> list[str]:
         """Write a copy, in the form that its ending says; return what was written, and what was lost.
 
         Raises
@@ -99,7 +99,7 @@ class Session:
         ValueError
             If there is a file already and it is not to be replaced, or the form cannot hold the controller.
         """
-        files = written(self.copy(), place)
+        files = written(self.copy(), target)
         there = [str(path) for path in files if path.exists()]
         if there and not replaces:
             raise ValueError(
@@ -112,12 +112,12 @@ class Session:
         return [f"wrote {path}" for path in files] + [loss for file in files.values() for loss in file.losses]
 
 
-def changes_in_words(found: Difference) -> str:
+def changes_in_words(differences: Difference) -> str:
     """Say on one line what changed."""
-    if found.is_empty:
+    if differences.is_empty:
         return "nothing changed"
-    words = [f"{fact.what} {fact.before} {TO} {fact.after}" for fact in found.facts]
-    for system in found.systems:
+    words = [f"{fact.what} {fact.before} {TO} {fact.after}" for fact in differences.facts]
+    for system in differences.systems:
         if system.is_empty:
             continue
         how = [

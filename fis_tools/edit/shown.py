@@ -26,10 +26,10 @@ SETS = [name for name, kind in SHAPES.items() if kind.entry.kinds and name not i
 
 def colours(count: int) -> list[str]:
     """Return a colour for each of some ordered terms."""
-    places = np.linspace(-1.0, 1.0, count) if count > 1 else [0.0]
+    positions = np.linspace(-1.0, 1.0, count) if count > 1 else [0.0]
     return [
-        f"color-mix(in srgb, {LOW if place < 0 else HIGH} {100 * abs(place):.0f}%, {MIDDLE})"
-        for place in places
+        f"color-mix(in srgb, {LOW if position < 0 else HIGH} {100 * abs(position):.0f}%, {MIDDLE})"
+        for position in positions
     ]
 
 
@@ -38,13 +38,15 @@ def variable(shown: Variable) -> dict[str, Any]:
     """Return a variable, its terms as paths in a box of 1000 by 100, and their handles."""
     pairs = zip(shown.terms, colours(len(shown.terms)), strict=True)
     terms = [_term(shown, term, colour) for term, colour in pairs]
-    found = {name: getattr(shown, name) for name in ("name", "unit", "description", "minimum", "maximum")}
-    return found | {"has_sets": shown.has_sets, "shapes": SETS, "terms": terms}
+    properties = {
+        name: getattr(shown, name) for name in ("name", "unit", "description", "minimum", "maximum")
+    }
+    return properties | {"has_sets": shown.has_sets, "shapes": SETS, "terms": terms}
 
 
 def _term(shown: Variable, term: Term, colour: str) -> dict[str, Any]:
     shape, numbers = term.membership, numbers_of(term.membership)
-    found = {
+    properties = {
         "name": term.name,
         "shape": shape.entry.name,
         "colour": colour,
@@ -52,12 +54,12 @@ def _term(shown: Variable, term: Term, colour: str) -> dict[str, Any]:
     }
     if not shown.has_sets:
         constant = getattr(shape, "value", getattr(shape, "constant", 0.0))
-        return found | {"middle": constant, "path": "", "handles": []}
+        return properties | {"middle": constant, "path": "", "handles": []}
     values = sample(shown, term)
     x = 1000.0 * (shown.universe - shown.minimum) / shown.span
     points = " L".join(f"{a:.5g} {100 - 100 * b:.4g}" for a, b in zip(x, values, strict=True))
     middle = shown.universe[np.flatnonzero(values == values.max())[[0, -1]]].mean()
-    return found | {"middle": float(middle), "path": f"M{points}", "handles": list(_handles(shape))}
+    return properties | {"middle": float(middle), "path": f"M{points}", "handles": list(_handles(shape))}
 
 
 def _handles(shape: MembershipFunction) -> Iterator[dict[str, Any]]:
@@ -76,22 +78,22 @@ def _handles(shape: MembershipFunction) -> Iterator[dict[str, Any]]:
 
 def rules(system: FuzzySystem, original: FuzzySystem | None, as_list: bool) -> list[dict[str, Any]]:
     """Return the rules as tables of terms that a press turns: a full table as such, others as a list."""
-    inputs = tuple(one.name for one in system.inputs)
-    terms = [(one.name, [term.name for term in one.terms]) for one in system.outputs]
+    inputs = tuple(entry.name for entry in system.inputs)
+    terms = [(entry.name, [term.name for term in entry.terms]) for entry in system.outputs]
     tones = tuple((name, tuple(zip(held, colours(len(held)), strict=True))) for name, held in terms)
     before = original.rules if original is not None else ()
     rows = [
-        _row(inputs, tones, rule, place, before[place : place + 1] != (rule,))
-        for place, rule in enumerate(system.rules)
+        _row(inputs, tones, rule, index, before[index : index + 1] != (rule,))
+        for index, rule in enumerate(system.rules)
     ]
-    found = None if as_list else text.rule_tables(system)
-    if found is None:
-        heads = ["rule", *(breakable(one.name) for one in system.variables)]
+    rule_tables = None if as_list else text.rule_tables(system)
+    if rule_tables is None:
+        heads = ["rule", *(breakable(entry.name) for entry in system.variables)]
         entries = [{"head": f"rule {n + 1}", "rule": n, "cells": row} for n, row in enumerate(rows)]
         return [{"kind": "list", "heads": heads, "rows": entries}]
     concluded = (row[-1] for row in rows)
     tables = []
-    for title, (heads, *held) in found:
+    for title, (heads, *held) in rule_tables:
         cells = [{"head": breakable(head), "cells": [next(concluded) for _ in row]} for head, *row in held]
         tables.append({"kind": "matrix", "title": title, "heads": [*map(breakable, heads)], "rows": cells})
     return tables
@@ -103,31 +105,36 @@ def breakable(name: str) -> str:
 
 
 @lru_cache(maxsize=4096)
-def _row(inputs: tuple[str, ...], tones: tuple[Any, ...], rule: Rule, place: int, is_changed: bool) -> Cells:
+def _row(inputs: tuple[str, ...], tones: tuple[Any, ...], rule: Rule, index: int, is_changed: bool) -> Cells:
     """Return a cell for each input, or one in words for what is no conjunction, then for each output."""
     words = text.antecedent_words(rule.antecedent)
     changed = "changed" if is_changed else ""
 
-    def shown(side: str, n: int, one: Is | Consequent, text: str, **more: str) -> dict[str, Any]:
-        label = f"rule {place + 1}: {words}; {one.variable} is {one.term}{changed and ', changed'}; turn"
-        return {"rule": place, "side": side, "place": n, "words": breakable(text), "label": label} | more
+    def shown(side: str, n: int, part: Is | Consequent, text: str, **more: str) -> dict[str, Any]:
+        label = f"rule {index + 1}: {words}; {part.variable} is {part.term}{changed and ', changed'}; turn"
+        return {"rule": index, "side": side, "place": n, "words": breakable(text), "label": label} | more
 
     parts = rule.antecedent.operands if isinstance(rule.antecedent, And) else (rule.antecedent,)
-    asked = {}
+    questions = {}
     for n, part in enumerate(parts):
         hedges, inside = text.before(part)
         if isinstance(inside, Is):
-            asked[inside.variable] = shown("if", n, inside, " ".join([*hedges, inside.term]), kind="if")
+            questions[inside.variable] = shown("if", n, inside, " ".join([*hedges, inside.term]), kind="if")
     cells: Cells = [{"words": words, "span": len(inputs)}]
-    if len(asked) == len(parts):
-        cells = [{"terms": [asked[name]] if name in asked else []} for name in inputs]
+    if len(questions) == len(parts):
+        cells = [{"terms": [questions[name]] if name in questions else []} for name in inputs]
     for output, colour in tones:
         terms = [
             shown(
-                "then", n, one, text.weighted(one.term, one.weight), kind=changed, tone=dict(colour)[one.term]
+                "then",
+                n,
+                consequent,
+                text.weighted(consequent.term, consequent.weight),
+                kind=changed,
+                tone=dict(colour)[consequent.term],
             )
-            for n, one in enumerate(rule.consequents)
-            if one.variable == output
+            for n, consequent in enumerate(rule.consequents)
+            if consequent.variable == output
         ]
         cells.append({"terms": terms})
     return cells
@@ -137,7 +144,7 @@ def sentence(system: FuzzySystem, rule: int) -> str | None:
     """Return a rule as a sentence to be changed; None for one that does not read back."""
     held = system.rules[rule]
     weight = held.consequents[0].weight
-    concluded = " and ".join(f"{one.variable} is {one.term}" for one in held.consequents)
+    concluded = " and ".join(f"{consequent.variable} is {consequent.term}" for consequent in held.consequents)
     words = f"If {text.antecedent_words(held.antecedent)} then {concluded}"
     words += "" if weight == 1.0 else f" with {weight:.12g}"
     with suppress(ValueError):
@@ -152,12 +159,12 @@ Options = dict[str, Any]
 RAMP = ("#1f5fa8", "#8fb3d9", "#f1f2f4", "#e9ab86", "#be5014")
 
 
-def draw(place: ui.echart, options: Options) -> None:
+def draw(chart_element: ui.echart, options: Options) -> None:
     """Draw a chart, again and again: past the page's own state, which would watch every point."""
-    if place.options["series"]:
-        place.run_chart_method("setOption", options)
+    if chart_element.options["series"]:
+        chart_element.run_chart_method("setOption", options)
     else:
-        place.options.update(options)
+        chart_element.options.update(options)
 
 
 def axis(name: str, gap: int = 26, **more: Any) -> Options:
@@ -168,7 +175,7 @@ def axis(name: str, gap: int = 26, **more: Any) -> Options:
 
 def chart(x: Options, y: Options, series: list[Options], **more: Any) -> Options:
     """Return a chart; several named series have a legend."""
-    names = [one["name"] for one in series if "name" in one]
+    names = [entry["name"] for entry in series if "name" in entry]
     legend = {"type": "scroll", "top": 0, "itemHeight": 9, "data": names} if names else {"show": False}
     grid = {"left": 58, "right": 14, "top": 28 if names else 10, "bottom": 42}
     options: Options = {"animation": False, "grid": grid, "legend": legend}
@@ -186,17 +193,17 @@ def dots(points: Floats, colour: str, size: int, **more: Any) -> Options:
     return options | {"data": points.round(6).tolist()} | more
 
 
-def surface(found: Surface) -> Options:
+def surface(heights: Surface) -> Options:
     """Return an output over two inputs."""
-    rows, columns = np.indices(found.values.shape)
-    values = np.round(np.nan_to_num(found.values), 9)
+    rows, columns = np.indices(heights.values.shape)
+    values = np.round(np.nan_to_num(heights.values), 9)
     points = np.stack([columns.ravel(), rows.ravel(), values.ravel()], axis=1).tolist()
     x, y = (
-        axis(text.with_unit(one), gap, type="category", data=[f"{point:.3g}" for point in at])
+        axis(text.with_unit(shown_axis), gap, type="category", data=[f"{point:.3g}" for point in at])
         | {"axisLabel": {"interval": (len(at) - 1) // 4 - 1}}
-        for one, at, gap in ((found.x_variable, found.x, 26), (found.y_variable, found.y, 40))
+        for shown_axis, at, gap in ((heights.x_variable, heights.x, 26), (heights.y_variable, heights.y, 40))
     )
-    ends = {"min": found.output.minimum, "max": found.output.maximum}
+    ends = {"min": heights.output.minimum, "max": heights.output.maximum}
     colours = {**ends, "show": False, "inRange": {"color": list(RAMP)}}
     still = {"progressive": 0, "silent": True, "emphasis": {"disabled": True}}
     return chart(x, y, [{"type": "heatmap", "data": points, **still}], visualMap=colours)

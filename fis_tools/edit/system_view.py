@@ -46,18 +46,20 @@ class SystemView:
         Where the surface is.
     """
 
-    def __init__(self, session: Session, place: int, touch: Callable[..., None], beside: ui.element) -> None:
-        self._session, self._place, self._touch = session, place, touch
+    def __init__(self, session: Session, index: int, touch: Callable[..., None], beside: ui.element) -> None:
+        self._session, self._place, self._touch = session, index, touch
         self._rule: int | None = None
         self._told: dict[tuple[ui.element, str], object] = {}
         self._operators: dict[str, ui.select] = {}
         system = self.system
-        self._values = [0.5 * (one.minimum + one.maximum) for one in system.inputs]
+        self._values = [0.5 * (variable.minimum + variable.maximum) for variable in system.inputs]
         with card("rules"):
             self._build_rules(system)
         with card("terms"):
-            self._inputs = [self._variable("input", one, n) for n, one in enumerate(system.inputs)]
-            self._outputs = [self._variable("output", one, n) for n, one in enumerate(system.outputs)]
+            self._inputs = [self._variable("input", variable, n) for n, variable in enumerate(system.inputs)]
+            self._outputs = [
+                self._variable("output", variable, n) for n, variable in enumerate(system.outputs)
+            ]
         with beside, card("surface"):
             self._build_surface(system)
 
@@ -87,15 +89,15 @@ class SystemView:
                     button = ui.button(words, on_click=partial(self._say, touches.repeated, times))
                     button.props("flat no-caps dense").props["aria-label"] = label
 
-    def _variable(self, kind: str, variable: Variable, place: int) -> _VariableView:
+    def _variable(self, kind: str, variable: Variable, index: int) -> _VariableView:
         view = _VariableView()
-        view.props["kind"], view.props["start"] = kind, self._values[place] if kind == "input" else None
+        view.props["kind"], view.props["start"] = kind, self._values[index] if kind == "input" else None
         view.on("touch", lambda event: self._touch_term(view, variable.name, event.args))
-        view.on("slide", lambda event: self._slide(place, float(event.args["value"])))
+        view.on("slide", lambda event: self._slide(index, float(event.args["value"])))
         return view
 
     def _build_surface(self, system: FuzzySystem) -> None:
-        names = [one.name for one in system.inputs]
+        names = [variable.name for variable in system.inputs]
         with ui.element("div").classes("card-head"):
             heading(2, f"Surface of {system.outputs[0].name}")
             shown_names = names[:2] if len(names) > 2 else []
@@ -107,7 +109,7 @@ class SystemView:
     # what a hand does
 
     def _change(self, change: Callable[[FuzzySystem], FuzzySystem], gesture: object = None) -> None:
-        self._touch(lambda one: touches.with_system(one, change(self.system)), gesture)
+        self._touch(lambda controller: touches.with_system(controller, change(self.system)), gesture)
 
     def _touch_term(self, view: _VariableView, name: str, details: dict[str, Any]) -> None:
         view.touches = details.pop("touches")
@@ -122,8 +124,8 @@ class SystemView:
         if rule is not None:
             self._change(lambda system: change(system, rule, value))
 
-    def _slide(self, place: int, value: float) -> None:
-        self._values[place] = value
+    def _slide(self, index: int, value: float) -> None:
+        self._values[index] = value
         self._infer()
         if len(self._values) > 2:
             self._show_surface()
@@ -145,7 +147,7 @@ class SystemView:
             self._tell(view, "show", shown.variable(variable), view.touches)
         for name, choice in self._operators.items():
             choice.set_value(getattr(system, name))
-        before = {one.name: one for one in self._session.original.systems}.get(system.name)
+        before = {original.name: original for original in self._session.original.systems}.get(system.name)
         self._tell(self._rules, "show", shown.rules(system, before, self._as_list.value))
         self._show_sentence()
         self._show_surface()
@@ -174,8 +176,8 @@ class SystemView:
 
     def _show_surface(self) -> None:
         system = self.system
-        names = [one.name for one in system.inputs]
-        axes = [one.value for one in self._axes] or names[:2]
+        names = [entry.name for entry in system.inputs]
+        axes = [entry.value for entry in self._axes] or names[:2]
         if len(set(axes)) == 2:
             fixed = {name: x for name, x in zip(names, self._values, strict=True) if name not in axes}
             options = shown.surface(arrays.surface(system, *axes, fixed=fixed, num_points=FINE))

@@ -24,7 +24,7 @@ _Named = TypeVar("_Named", FuzzySystem, Variable, Term)
 
 def _with(held: Sequence[_Named], name: str, *new: _Named) -> tuple[_Named, ...]:
     """Return named things with one of them replaced by none, one or several."""
-    return tuple(one for old in held for one in (new if old.name == name else (old,)))
+    return tuple(item for old in held for item in (new if old.name == name else (old,)))
 
 
 def with_system(controller: FuzzyController, system: FuzzySystem) -> FuzzyController:
@@ -39,12 +39,14 @@ def with_variable(system: FuzzySystem, variable: Variable) -> FuzzySystem:
 
 def numbers_of(shape: model.MembershipFunction) -> dict[str, str]:
     """Return the numbers of a shape as they are typed, by their names; of a formula, its text."""
-    found = {}
+    fields_in_words = {}
     for field in fields(shape):
         value = getattr(shape, field.name)
         several = value if isinstance(value, tuple) else (value,)
-        found[field.name] = ", ".join(one if isinstance(one, str) else f"{one:.12g}" for one in several)
-    return found
+        fields_in_words[field.name] = ", ".join(
+            entry if isinstance(entry, str) else f"{entry:.12g}" for entry in several
+        )
+    return fields_in_words
 
 
 def number(typed: str) -> float:
@@ -72,9 +74,9 @@ def in_order(shape: model.MembershipFunction, key: str, value: float) -> float:
     if kinds[key] in ("width", "deviation"):
         return max(value, 1e-3 * float(getattr(shape, key)))
     if key in order:
-        place = order.index(key)
+        position = order.index(key)
         ends = [-np.inf, *(getattr(shape, name) for name in order), np.inf]
-        return float(np.clip(value, ends[place], ends[place + 2]))
+        return float(np.clip(value, ends[position], ends[position + 2]))
     return value
 
 
@@ -85,11 +87,15 @@ def reshaped(variable: Variable, term: Term, name: str) -> Term:
     middle = 0.5 * float(low + high)
     width = max(float(high - low), 0.01 * variable.span)
     kinds = SHAPES[name].entry.kinds
-    places = [key for key, kind in kinds.items() if kind == "place"]
-    spread = np.linspace(middle - width, middle + width, len(places)) if len(places) > 1 else [middle]
+    position_keys = [key for key, kind in kinds.items() if kind == "place"]
+    spread = (
+        np.linspace(middle - width, middle + width, len(position_keys))
+        if len(position_keys) > 1
+        else [middle]
+    )
     sizes = {"width": width / 2, "deviation": width / 2 / HALF_WIDTH, "slope": 8.0 / width, "exponent": 2.0}
     numbers = {key: sizes[kind] for key, kind in kinds.items() if kind != "place"}
-    numbers |= dict(zip(places, map(float, spread), strict=True))
+    numbers |= dict(zip(position_keys, map(float, spread), strict=True))
     return Term(term.name, SHAPES[name](**numbers))
 
 
@@ -103,12 +109,12 @@ def new_term(variable: Variable) -> Term:
     return Term(name, model.Triangular(middle - width, middle, middle + width))
 
 
-def with_rule(system: FuzzySystem, place: int, *rules: Rule) -> FuzzySystem:
+def with_rule(system: FuzzySystem, index: int, *rules: Rule) -> FuzzySystem:
     """Return a system with a rule replaced by one, several or none."""
-    return replace(system, rules=(*system.rules[:place], *rules, *system.rules[place + 1 :]))
+    return replace(system, rules=(*system.rules[:index], *rules, *system.rules[index + 1 :]))
 
 
-def turned(system: FuzzySystem, rule: int, side: str, place: int, step: int) -> FuzzySystem:
+def turned(system: FuzzySystem, rule: int, side: str, index: int, step: int) -> FuzzySystem:
     """Return a system where a statement (``if``) or a conclusion (``then``) of a rule has the next term."""
     held, seen = system.rules[rule], count()
 
@@ -116,16 +122,16 @@ def turned(system: FuzzySystem, rule: int, side: str, place: int, step: int) -> 
         terms = system.variable(variable).terms
         return terms[(system.variable(variable).term_index(term) + step) % len(terms)].name
 
-    def asked(one: Is) -> Is:
-        return Is(one.variable, following(one.variable, one.term)) if next(seen) == place else one
+    def stepped(clause: Is) -> Is:
+        return Is(clause.variable, following(clause.variable, clause.term)) if next(seen) == index else clause
 
     if side == "if":
         return with_rule(
-            system, rule, replace(held, antecedent=model.with_statements(held.antecedent, asked))
+            system, rule, replace(held, antecedent=model.with_statements(held.antecedent, stepped))
         )
     concluded = list(held.consequents)
-    one = concluded[place]
-    concluded[place] = replace(one, term=following(one.variable, one.term))
+    clause = concluded[index]
+    concluded[index] = replace(clause, term=following(clause.variable, clause.term))
     return with_rule(system, rule, replace(held, consequents=tuple(concluded)))
 
 
@@ -172,8 +178,8 @@ def term_touched(
     shape = held.membership
     match what:
         case "remove":
-            one = variable.name, term
-            used = [str(n) for n, rule in enumerate(system.rules, 1) if one in model.used_terms([rule])]
+            touched = variable.name, term
+            used = [str(n) for n, rule in enumerate(system.rules, 1) if touched in model.used_terms([rule])]
             if used:
                 words = f"rules {listed(used)} use" if len(used) > 1 else f"rule {used[0]} uses"
                 raise ValueError(f"{words} the term {term!r}; choose other terms there, then remove it")

@@ -60,7 +60,7 @@ class Candidate:
 
 
 @dataclass(frozen=True)
-class Judgement:
+class SelectionJudgement:
     """A candidate's flights from validation starts.
 
     Parameters
@@ -132,10 +132,10 @@ class Selection:
     """
 
     controller: FuzzyController
-    chosen: Judgement
-    best_champion: Judgement
-    given: Judgement | None
-    judged: tuple[Judgement, ...]
+    chosen: SelectionJudgement
+    best_champion: SelectionJudgement
+    given: SelectionJudgement | None
+    judged: tuple[SelectionJudgement, ...]
 
     @property
     def is_improved(self) -> bool:
@@ -172,10 +172,10 @@ def select(
     if experiment.starts.table is not None:
         scenarios = training_scenarios(experiment)
 
-    def judge(some: Sequence[Candidate], starts: list[Scenario]) -> list[Judgement]:
+    def judge(some: Sequence[Candidate], starts: list[Scenario]) -> list[SelectionJudgement]:
         return _judged(experiment, genome, some, starts, history[-1].round, given, pool)
 
-    first: list[Judgement] = []
+    first: list[SelectionJudgement] = []
     if len(candidates) > FINALISTS:
         first = judge(candidates, scenarios[: -(-len(scenarios) // FIRST_SHARE)])
         # the given controller and the last champion always fly from all starts
@@ -196,7 +196,7 @@ def select(
     return Selection(controller, chosen, best_champion, of_given, (*final, *earlier))
 
 
-def ranked(judged: Sequence[Judgement]) -> list[Judgement]:
+def ranked(judged: Sequence[SelectionJudgement]) -> list[SelectionJudgement]:
     """Return candidates from best to worst.
 
     First those whose interval of success overlaps that of the highest success, by cost; then the others, by
@@ -204,14 +204,14 @@ def ranked(judged: Sequence[Judgement]) -> list[Judgement]:
     """
     least = max((judgement.success for judgement in judged), key=lambda success: success.fraction).low
 
-    def key(judgement: Judgement) -> tuple[bool, float, float]:
+    def key(judgement: SelectionJudgement) -> tuple[bool, float, float]:
         is_behind = judgement.success.high < least
         return is_behind, -judgement.success.fraction if is_behind else 0.0, judgement.cost
 
     return sorted(judged, key=key)
 
 
-def _is_no_better(chosen: Judgement, given: Judgement) -> bool:
+def _is_no_better(chosen: SelectionJudgement, given: SelectionJudgement) -> bool:
     """Return whether a candidate flies like the given controller, to rounding."""
     return chosen.success.count <= given.success.count and given.cost <= chosen.cost + SAME * abs(chosen.cost)
 
@@ -232,7 +232,7 @@ def _judged(
     round_index: int,
     given: FuzzyController | None,
     pool: TaskPool,
-) -> list[Judgement]:
+) -> list[SelectionJudgement]:
     """Fly candidates from some starts and judge them with the prices of a round."""
     mission, workers = experiment.mission, experiment.optimizer.workers
     as_genes = [candidate for candidate in candidates if candidate.genome is not None]
@@ -249,7 +249,7 @@ def _judged(
 
 def _judgements(
     experiment: Experiment, candidates: Sequence[Candidate], outcomes: Outcomes, round_index: int
-) -> list[Judgement]:
+) -> list[SelectionJudgement]:
     """Return the judgement of each candidate, whose outcomes are a row each."""
     mission, penalty = experiment.mission, experiment.optimizer.penalty.of_round(round_index)
     success = outcomes.is_success(mission.inspection_threshold_percent) & ~outcomes.is_violated
@@ -257,4 +257,7 @@ def _judgements(
     means = costs(outcomes, penalty, mission).mean(axis=-1), outcomes.delta_v_m_s.mean(axis=-1)
     rows = zip(candidates, *(values.tolist() for values in means), rates, strict=True)
     num_cases = success.shape[-1]
-    return [Judgement(candidate, num_cases, cost, delta_v, rate) for candidate, cost, delta_v, rate in rows]
+    return [
+        SelectionJudgement(candidate, num_cases, cost, delta_v, rate)
+        for candidate, cost, delta_v, rate in rows
+    ]

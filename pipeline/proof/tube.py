@@ -27,7 +27,7 @@ MORE, ROUNDING_N = 1.1, 1e-6
 
 
 @dataclass(frozen=True)
-class Box:
+class ReachableBox:
     """States along one axis: an interval of positions p, m, and one of ``v + shear p``, v a velocity, m/s."""
 
     low: float
@@ -52,7 +52,7 @@ class Plane:
     per_velocity: float
     residual: float
 
-    def ends(self, box: Box) -> tuple[float, float]:
+    def ends(self, box: ReachableBox) -> tuple[float, float]:
         """Return the least and greatest force over a box."""
         across = self.per_position - self.per_velocity * box.shear, self.per_velocity
         middle = across[0] * (box.low + box.high) / 2 + across[1] * (box.least + box.greatest) / 2
@@ -62,7 +62,7 @@ class Plane:
 
 
 @dataclass(frozen=True)
-class Surface:
+class TubeSurface:
     """Bounds of a force, N, over cells.
 
     Parameters
@@ -86,7 +86,7 @@ class Surface:
         by_position[[0, -1]] = by_velocity[:, [0, -1]] = 0.0  # there the inputs are clipped
         return by_position, by_velocity
 
-    def plane(self, box: Box) -> Plane:
+    def plane(self, box: ReachableBox) -> Plane:
         """Enclose the force over a box, by the mean slopes of the cells that it touches."""
         columns = _touched(self.positions, box.low, box.high)
         rows = _touched(self.velocities, *box.ends[2:])
@@ -111,11 +111,11 @@ def _touched(edges: Floats, low: float, high: float) -> slice:
     return slice(first, max(int(np.searchsorted(edges, high, side="left")), first + 1))
 
 
-def surface_of(system: FuzzySystem, dead_band_n: float, max_force_n: float) -> Surface:
+def surface_of(system: FuzzySystem, dead_band_n: float, max_force_n: float) -> TubeSurface:
     """Bound the force of a system of position and velocity over its cells."""
     positions, velocities = (
-        np.array([-BEYOND, *np.linspace(one.minimum, one.maximum, cells + 1), BEYOND])
-        for one, cells in zip(system.inputs, CELLS, strict=True)
+        np.array([-BEYOND, *np.linspace(variable.minimum, variable.maximum, cells + 1), BEYOND])
+        for variable, cells in zip(system.inputs, CELLS, strict=True)
     )
     corners = [
         np.stack(np.meshgrid(positions[part], velocities[part], indexing="ij"), axis=-1)
@@ -125,7 +125,7 @@ def surface_of(system: FuzzySystem, dead_band_n: float, max_force_n: float) -> S
     low, high = (each.reshape(corners[0].shape[:2]) for each in bounds[:2])
     is_cut = (low < dead_band_n) & (high > -dead_band_n)
     low, high = np.where(is_cut, np.minimum(low, 0.0), low), np.where(is_cut, np.maximum(high, 0.0), high)
-    return Surface(positions, velocities, *np.clip([low, high], -max_force_n, max_force_n))
+    return TubeSurface(positions, velocities, *np.clip([low, high], -max_force_n, max_force_n))
 
 
 #: boxes are widened by this share of their widths and by this much, m and m/s: far more than any rounding
@@ -133,7 +133,7 @@ WIDEN_SHARE, WIDEN = 1e-7, 5e-7
 #: control periods of a nominal flight
 NOMINAL_PERIODS = 2000
 #: on one axis: the box in each cell, with the plane of the force over it
-Enclosed = dict[int, tuple[Box, Plane]]
+Enclosed = dict[int, tuple[ReachableBox, Plane]]
 
 
 @dataclass(frozen=True)
@@ -153,25 +153,25 @@ class Axis:
         Of the box in each cell, 1/s.
     """
 
-    own: Floats
+    position_effect: Floats
     others: Floats
-    surface: Surface
+    surface: TubeSurface
     edges: Floats
     shears: Floats
 
-    def start(self, low: Floats, high: Floats) -> dict[int, Box]:
+    def start(self, low: Floats, high: Floats) -> dict[int, ReachableBox]:
         """Return the boxes that hold a box of positions and velocities."""
         inner = self.edges[(self.edges > low[0]) & (self.edges < high[0])]
         parts = pairwise([low[0], *inner, high[0]])
-        return self._dealt(partial(_leaning, Box(*part, low[1], high[1], 0.0)) for part in parts)
+        return self._dealt(partial(_leaning, ReachableBox(*part, low[1], high[1], 0.0)) for part in parts)
 
-    def move(self, boxes: Enclosed, happens: Floats) -> dict[int, Box]:
+    def move(self, boxes: Enclosed, happens: Floats) -> dict[int, ReachableBox]:
         """Return the boxes after a period, while intervals, (9, 2), happen along the other axes."""
         return self._dealt(partial(self.image, *pair, happens) for pair in boxes.values())
 
-    def _dealt(self, images: Iterable[Callable[[float], Box]]) -> dict[int, Box]:
+    def _dealt(self, images: Iterable[Callable[[float], ReachableBox]]) -> dict[int, ReachableBox]:
         """Return the box of each cell around those that fall into it, given as functions of the shear."""
-        boxes: dict[int, Box] = {}
+        boxes: dict[int, ReachableBox] = {}
         for image in images:
             whole = image(0.0)
             first = int(np.searchsorted(self.edges, whole.low, side="right")) - 1
@@ -180,46 +180,51 @@ class Axis:
             for cell in range(first, last):
                 low, high = np.clip([whole.low, whole.high], *self.edges[cell : cell + 2]).tolist()
                 # a shear is for boxes as narrow as its cell: of a wide one, what falls into the cell leans
-                one = _leaning(replace(whole, low=low, high=high), self.shears[cell])
-                own = image(one.shear)
-                least, greatest = max(one.least, own.least), min(one.greatest, own.greatest)
-                one = replace(one, least=least, greatest=greatest)
-                boxes[cell] = _joined(one, boxes.get(cell, one))
+                box = _leaning(replace(whole, low=low, high=high), self.shears[cell])
+                position_image = image(box.shear)
+                least, greatest = (
+                    max(box.least, position_image.least),
+                    min(box.greatest, position_image.greatest),
+                )
+                box = replace(box, least=least, greatest=greatest)
+                boxes[cell] = _joined(box, boxes.get(cell, box))
         return {cell: _widened(boxes[cell]) for cell in sorted(boxes)}
 
-    def image(self, box: Box, plane: Plane, happens: Floats, shear: float) -> Box:
+    def image(self, box: ReachableBox, plane: Plane, happens: Floats, shear: float) -> ReachableBox:
         """Return a box of some shear that holds the states of a box after a period."""
         turn = np.array([[1.0, 0.0], [shear, 1.0]])
-        force = turn @ self.own[:, 2]
-        loop = turn @ self.own[:, :2] + np.outer(force, [plane.per_position, plane.per_velocity])
+        force = turn @ self.position_effect[:, 2]
+        loop = turn @ self.position_effect[:, :2] + np.outer(force, [plane.per_position, plane.per_velocity])
         loop = loop @ np.array([[1.0, 0.0], [-box.shear, 1.0]])
         intervals = np.array([[box.low, box.high], [box.least, box.greatest], *happens])
         factors = np.hstack([loop, turn @ self.others])
         centre = factors @ intervals.mean(axis=1) + force * plane.constant
         around = 0.5 * np.abs(factors) @ np.diff(intervals)[:, 0] + np.abs(force) * plane.residual
         (low, least), (high, greatest) = (centre - around).tolist(), (centre + around).tolist()
-        return Box(low, high, least, greatest, shear)
+        return ReachableBox(low, high, least, greatest, shear)
 
 
-def _leaning(box: Box, shear: float) -> Box:
+def _leaning(box: ReachableBox, shear: float) -> ReachableBox:
     """Return a box of some shear around one without."""
     lean = sorted((shear * box.low, shear * box.high))
-    return Box(box.low, box.high, box.least + lean[0], box.greatest + lean[1], shear)
+    return ReachableBox(box.low, box.high, box.least + lean[0], box.greatest + lean[1], shear)
 
 
-def _joined(a: Box, b: Box) -> Box:
+def _joined(a: ReachableBox, b: ReachableBox) -> ReachableBox:
     """Return the box around two of one shear."""
     low, high = min(a.low, b.low), max(a.high, b.high)
-    return Box(low, high, min(a.least, b.least), max(a.greatest, b.greatest), a.shear)
+    return ReachableBox(low, high, min(a.least, b.least), max(a.greatest, b.greatest), a.shear)
 
 
-def _widened(box: Box) -> Box:
+def _widened(box: ReachableBox) -> ReachableBox:
     """Return a box with room for rounding."""
     p, s = (WIDEN + WIDEN_SHARE * width for width in (box.high - box.low, box.greatest - box.least))
-    return Box(box.low - p, box.high + p, box.least - s, box.greatest + s, box.shear)
+    return ReachableBox(box.low - p, box.high + p, box.least - s, box.greatest + s, box.shear)
 
 
-def axis_of(system: FuzzySystem, effects: Floats, own: list[int], surface: Surface, cells: int) -> Axis:
+def axis_of(
+    system: FuzzySystem, effects: Floats, position_columns: list[int], surface: TubeSurface, cells: int
+) -> Axis:
     """Divide the positions along an axis into cells, and find shears along a flight from either end.
 
     Parameters
@@ -228,7 +233,7 @@ def axis_of(system: FuzzySystem, effects: Floats, own: list[int], surface: Surfa
         Drives the axis.
     effects : (2, 9)
         Of positions, velocities and forces on position and velocity along the axis after a period.
-    own : list of int
+    position_columns : list of int
         The columns of the axis.
     surface : Surface
     cells : int
@@ -238,21 +243,21 @@ def axis_of(system: FuzzySystem, effects: Floats, own: list[int], surface: Surfa
     width = (high - low) / cells
     edges = np.linspace(low - width, high + width, cells + 3)
     ends = (2.0 * low - high, 2.0 * high - low)
-    flown = np.concatenate([_nominal(system, effects[:, own], end) for end in ends])
+    flown = np.concatenate([_nominal(system, effects[:, position_columns], end) for end in ends])
     flown = flown[np.argsort(flown[:, 0], kind="stable")]
     speeds = np.interp(edges, flown[:, 0], flown[:, 1])
     shears = np.array([0.0, *(-np.diff(speeds) / width), 0.0])
     shears[[1, -2]] = 0.0
     others = effects.copy()
-    others[:, own] = 0.0
-    return Axis(effects[:, own], others, surface, np.array([-BEYOND, *edges, BEYOND]), shears)
+    others[:, position_columns] = 0.0
+    return Axis(effects[:, position_columns], others, surface, np.array([-BEYOND, *edges, BEYOND]), shears)
 
 
-def _nominal(system: FuzzySystem, own: Floats, position: float) -> Floats:
+def _nominal(system: FuzzySystem, position_columns: Floats, position: float) -> Floats:
     """Return the states, (n, 2), of a flight from rest while nothing happens along the other axes."""
     program, states = interval.pack(system), np.zeros((NOMINAL_PERIODS, 2))
     states[0, 0] = position
     for k in range(NOMINAL_PERIODS - 1):
         force = interpreter.evaluate(program, states[k : k + 1])[0]
-        states[k + 1] = own @ np.array([*states[k], *force])
+        states[k + 1] = position_columns @ np.array([*states[k], *force])
     return states

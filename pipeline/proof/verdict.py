@@ -96,8 +96,8 @@ def system_of(controller: FuzzyController, axis: int) -> tuple[FuzzySystem, floa
     attributes = dict(controller.attributes)
     bands = {f"dead_band_force_{letter}_n" for letter in "xyz"}
     others = {key for key, value in attributes.items() if key not in bands and value not in ("0", "0.0")}
-    found = [each for each in controller.systems if each.outputs[0].name == name]
-    if not found or [v.name for v in found[0].inputs] != wanted or others != {"force_axes"}:
+    matching = [each for each in controller.systems if each.outputs[0].name == name]
+    if not matching or [v.name for v in matching[0].inputs] != wanted or others != {"force_axes"}:
         raise NotProvable(
             f"controller {controller.name!r} cannot be followed along {'xyz'[axis]}: proofs go axis by axis, "
             f"so a system must drive {name} by {wanted[0]} and {wanted[1]}, in this order, and no "
@@ -105,7 +105,7 @@ def system_of(controller: FuzzyController, axis: int) -> tuple[FuzzySystem, floa
         )
     if attributes["force_axes"] != "hill":
         raise NotProvable(f"controller {controller.name!r} pushes along body axes; set force_axes to hill")
-    return found[0], float(attributes.get(f"dead_band_{name}_n", 0.0))
+    return matching[0], float(attributes.get(f"dead_band_{name}_n", 0.0))
 
 
 #: columns of a tube's table: a box of an axis after so many periods, and the plane of the force over it
@@ -214,12 +214,12 @@ def _axes_of(theorem: Theorem, controller: FuzzyController, motion: Motion, cell
 
 def _happens(theorem: Theorem, tube: Mapping[int, Enclosed]) -> Floats:
     """Return intervals, (9, 2), of the positions, velocities and forces along each axis."""
-    found = np.zeros((9, 2))
+    ranges = np.zeros((9, 2))
     for a, enclosed in tube.items():
         ends = np.array([(*box.ends, *plane.ends(box)) for box, plane in enclosed.values()])
-        found[[a, a + 3, a + 6]] = np.stack([ends[:, ::2].min(axis=0), ends[:, 1::2].max(axis=0)], axis=-1)
-    found[6:] = np.clip(found[6:], -theorem.max_force_n, theorem.max_force_n)
-    return found
+        ranges[[a, a + 3, a + 6]] = np.stack([ends[:, ::2].min(axis=0), ends[:, 1::2].max(axis=0)], axis=-1)
+    ranges[6:] = np.clip(ranges[6:], -theorem.max_force_n, theorem.max_force_n)
+    return ranges
 
 
 def limit_fault(theorem: Theorem, now: Floats, after: Floats) -> str:

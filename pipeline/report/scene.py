@@ -31,7 +31,7 @@ HILL = "hill"
 
 
 @dataclass(frozen=True)
-class Scene:
+class FlightScene:
     """A scene as the page needs it: its style and script, which the page's policy names."""
 
     title: str
@@ -40,7 +40,7 @@ class Scene:
     script: Markup
 
 
-def scene_of(flight: ShownFlight, controller: Controller, mission: Mission) -> Scene:
+def scene_of(flight: ShownFlight, controller: Controller, mission: Mission) -> FlightScene:
     """Return the scene of a flight that inspects.
 
     Parameters
@@ -55,7 +55,7 @@ def scene_of(flight: ShownFlight, controller: Controller, mission: Mission) -> S
     # files of this package, and JSON that cannot end a script
     script = Markup(f"{{\n{code}\nshowRecorded({table});\n}}")  # noqa: S704
     style, frame = (Markup(read(name, PACKAGE)) for name in ("view.css", "frame.html"))  # noqa: S704 - likewise
-    return Scene(flight.title, style, frame, script)
+    return FlightScene(flight.title, style, frame, script)
 
 
 def _table(log: FlightLog, controller: Controller, mission: Mission) -> dict[str, Any]:

@@ -47,7 +47,7 @@ def run(experiment: Experiment, folder: Path) -> None:
     counted = {"num_cases": cases.num_cases, "confidence_percent": cases.confidence_percent}
     summary = {"seed": experiment.seed, **counted, "rows": [asdict(row) for row in rows]}
     writing.write_json(folder / artifacts.COMPARISON, summary)
-    sys.stderr.write(_told(experiment, rows))
+    sys.stderr.write(_summary(experiment, rows))
 
 
 @dataclass(frozen=True)
@@ -230,7 +230,7 @@ def _fly_cases(
     return episodes
 
 
-def _told(experiment: Experiment, rows: list[comparison.ComparisonRow]) -> str:
+def _summary(experiment: Experiment, rows: list[comparison.ComparisonRow]) -> str:
     """Write the table and the meaning of its columns."""
     table = (
         comparison.format_worlds(rows) if experiment.compare.worlds else comparison.format_comparison(rows)

@@ -39,20 +39,20 @@ def _proved(experiment: Experiment, folder: Path) -> tuple[str, str]:
         raise NotProvable("proofs follow the rules of a fuzzy controller, and this is none")
     motion = motion_over(mission.orbit, mission.deputy, (theorem.period_s,))
     with Progress("followed", mission.num_controls) as progress:
-        found = prove(
+        proof = prove(
             theorem, controller, motion, experiment.prove.cells, mission.num_controls, progress.show
         )
     outcome = {
-        "num_periods": found.num_periods,
-        "fault": found.fault,
+        "num_periods": proof.num_periods,
+        "fault": proof.fault,
         "cells": CELLS,
         "controller_sha256": fingerprint(controller),
     }
     writing.write_json(folder / artifacts.THEOREM, asdict(theorem) | outcome)
     writing.write_atomically(folder / artifacts.PROVED_CONTROLLER, dump_json(controller))
-    tables.write_parquet(folder / artifacts.TUBE, dict(zip(COLUMNS, found.rows.T, strict=True)))
-    kept = f"every start keeps the limit at all times of {found.num_periods * theorem.period_s:g} s"
-    if found.fault:
-        return "", f"not proved: {kept}, but then {found.fault}"
-    ends = f"within {found.distance_m:.3f} m at up to {found.speed_m_s:.3f} m/s"
+    tables.write_parquet(folder / artifacts.TUBE, dict(zip(COLUMNS, proof.rows.T, strict=True)))
+    kept = f"every start keeps the limit at all times of {proof.num_periods * theorem.period_s:g} s"
+    if proof.fault:
+        return "", f"not proved: {kept}, but then {proof.fault}"
+    ends = f"within {proof.distance_m:.3f} m at up to {proof.speed_m_s:.3f} m/s"
     return f"proved: {kept}, and is then {ends}\n", ""

@@ -143,15 +143,15 @@ def test_a_guess_is_answered_by_the_flights(shown):
 
 
 def test_an_address_brings_the_flight_back(opened, page_text):
-    one, other = (opened(page_text, reduced_motion="reduce") for _ in range(2))
-    one.locator("#azimuth").fill("-120")
-    one.locator("#sun").fill("200")
-    one.locator("#cell-1-4 button").click()
-    one.wait_for_function("() => location.hash.includes('rules=')")
-    other.evaluate("address => { location.hash = address; }", one.evaluate("() => location.hash"))
+    first, other = (opened(page_text, reduced_motion="reduce") for _ in range(2))
+    first.locator("#azimuth").fill("-120")
+    first.locator("#sun").fill("200")
+    first.locator("#cell-1-4 button").click()
+    first.wait_for_function("() => location.hash.includes('rules=')")
+    other.evaluate("address => { location.hash = address; }", first.evaluate("() => location.hash"))
     read = "() => [flightPage.flown.position(200), flightPage.systems]"
     other.wait_for_function("() => document.getElementById('azimuth').value === '-120'")
-    assert one.evaluate(read) == other.evaluate(read)
+    assert first.evaluate(read) == other.evaluate(read)
 
 
 def test_a_start_is_dragged(shown):

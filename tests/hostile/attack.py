@@ -124,20 +124,20 @@ def _apart(work: Work) -> int:
         warnings.simplefilter("ignore", DeprecationWarning)  # of threads, which readers here do not wait for
         process.start()
     there.close()
-    count, told = 0, ""
-    while not told:
+    count, message = 0, ""
+    while not message:
         if not here.poll(SILENT_S):
             process.kill()
-            told = f"does not return within {SILENT_S:g} s"
+            message = f"does not return within {SILENT_S:g} s"
         else:
             try:
-                told = here.recv()
+                message = here.recv()
             except EOFError:
                 break
-            count += not told
+            count += not message
     process.join()
-    if told or process.exitcode:
-        raise BrokenError(told or f"ended its process with {process.exitcode}")
+    if message or process.exitcode:
+        raise BrokenError(message or f"ended its process with {process.exitcode}")
     return count
 
 
@@ -147,5 +147,5 @@ def _serve(work: Work, pipe: Connection) -> None:
         for _ in work() or ():
             pipe.send("")
     except BaseException as error:  # noqa: BLE001 - all is told
-        place = traceback.extract_tb(error.__traceback__)[-1]
-        pipe.send(f"{type(error).__name__}: {str(error)[:2000]} ({place.filename}:{place.lineno})")
+        frame = traceback.extract_tb(error.__traceback__)[-1]
+        pipe.send(f"{type(error).__name__}: {str(error)[:2000]} ({frame.filename}:{frame.lineno})")

@@ -20,7 +20,7 @@ def rewritten(
     content: bytes,
     *,
     entries: Callable[[str, Entries], Entries | None],
-    attachment: Callable[[Attachment], bytes] = lambda one: one.data,
+    attachment: Callable[[Attachment], bytes] = lambda attached: attached.data,
     word: Callable[[str], str] = str,
     data: Callable[[bytes], bytes] = bytes,
     compression: CompressionType = CompressionType.ZSTD,
@@ -34,10 +34,16 @@ def rewritten(
     writer.start()
     for record in reader.iter_metadata():
         kept = {key: text for key, text in record.metadata.items() if key != "crc32"}
-        if (told := entries(record.name, kept)) is not None:
-            writer.add_metadata(word(record.name), told)
-    for one in reader.iter_attachments():
-        writer.add_attachment(one.create_time, one.log_time, word(one.name), one.media_type, attachment(one))
+        if (metadata := entries(record.name, kept)) is not None:
+            writer.add_metadata(word(record.name), metadata)
+    for attached in reader.iter_attachments():
+        writer.add_attachment(
+            attached.create_time,
+            attached.log_time,
+            word(attached.name),
+            attached.media_type,
+            attachment(attached),
+        )
     schemas: dict[int, int] = {}
     channels: dict[int, int] = {}
     for schema, channel, message in reader.iter_messages():
@@ -64,7 +70,7 @@ def forged(
     return rewritten(
         content,
         entries=lambda name, kept: kept | words if name == "episode" else kept,
-        attachment=lambda one: (attachments or {}).get(one.name, one.data),
+        attachment=lambda attached: (attachments or {}).get(attached.name, attached.data),
     )
 
 
@@ -116,28 +122,28 @@ def damaged_tree(content: bytes, rng: random.Random) -> bytes:
     tree = json.loads(content)
     for _ in range(rng.randint(1, 3)):
         node, key = tree, None
-        places: list[tuple[Any, Any]] = []
+        branches: list[tuple[Any, Any]] = []
         while isinstance(node, dict | list) and node:
             keys = list(node) if isinstance(node, dict) else list(range(len(node)))
             key = rng.choice(keys)
-            places.append((node, key))
+            branches.append((node, key))
             node = node[key]
-        if not places:
+        if not branches:
             break
-        place, key = rng.choice(places)
+        branch, key = rng.choice(branches)
         match rng.randrange(5):
             case 0:
-                del place[key]
-            case 1 if isinstance(place, dict):
-                place[rng.choice(("x", "", "\u00e9", "name"))] = copy.deepcopy(rng.choice(VALUES))
-            case 2 if isinstance(place, list):
-                place.extend([place[key]] * rng.choice((1, 3, 300)))
-            case 3 if isinstance(place[key], int | float):
-                place[key] = (
-                    place[key] * rng.choice((-1, 0, 1e-300, 1e300, 1e12, 1.5)) if place[key] < 1e300 else 0
+                del branch[key]
+            case 1 if isinstance(branch, dict):
+                branch[rng.choice(("x", "", "\u00e9", "name"))] = copy.deepcopy(rng.choice(VALUES))
+            case 2 if isinstance(branch, list):
+                branch.extend([branch[key]] * rng.choice((1, 3, 300)))
+            case 3 if isinstance(branch[key], int | float):
+                branch[key] = (
+                    branch[key] * rng.choice((-1, 0, 1e-300, 1e300, 1e12, 1.5)) if branch[key] < 1e300 else 0
                 )
             case _:
-                place[key] = copy.deepcopy(rng.choice(VALUES))
+                branch[key] = copy.deepcopy(rng.choice(VALUES))
     return json.dumps(tree).encode()
 
 
@@ -181,7 +187,7 @@ def damaged_recording(content: bytes, rng: random.Random) -> bytes:
 
 def damaged_attachment(content: bytes, rng: random.Random) -> bytes:
     """Return a recording whose configuration, controller or words say something else, all checksums right."""
-    kept = {one.name: one.data for one in make_reader(io.BytesIO(content)).iter_attachments()}
+    kept = {attached.name: attached.data for attached in make_reader(io.BytesIO(content)).iter_attachments()}
     name = rng.choice([name for name in kept if name.endswith((".json", ".yaml"))])
     if rng.random() < 0.3:
         key = rng.choice(("noise", "seed", "position_m", "velocity_m_s", "sun_angle_rad", "settings"))

@@ -105,18 +105,18 @@ def mutants(files: Mapping[str, bytes], number: int, seed: int) -> Iterator[Muta
         changes.setdefault(change.name, []).append(change)
     for choices in changes.values():
         generator.shuffle(choices)
-    places = list(changes.values())
-    generator.shuffle(places)
+    choices_by_key = list(changes.values())
+    generator.shuffle(choices_by_key)
     made = 0
-    while places:
-        for choices in places:
+    while choices_by_key:
+        for choices in choices_by_key:
             change = choices.pop()
             content = {**files, change.file: change.make()}
             yield Mutant(f"{change.file}: {change.name}", restated(content))
             made += 1
             if made == number:
                 return
-        places = [choices for choices in places if choices]
+        choices_by_key = [choices for choices in choices_by_key if choices]
 
 
 def restated(files: Mapping[str, bytes]) -> Mapping[str, bytes]:
@@ -168,9 +168,9 @@ def changed_values(document: Any, value: Any) -> Iterator[Any]:
         yield from (*WORDS, value.upper(), f"{value} ", f"{value}_2", [value])
     elif isinstance(value, list):
         yield from (value[1:], value[::-1], value[1:] + value[:1], value * 2, [*value, *value[-1:]])
-        for one, other in combinations(range(len(value)), 2):
+        for first, other in combinations(range(len(value)), 2):
             swapped = list(value)
-            swapped[one], swapped[other] = value[other], value[one]
+            swapped[first], swapped[other] = value[other], value[first]
             yield swapped
     elif isinstance(value, dict):
         yield list(value.values())

@@ -82,8 +82,8 @@ def words_of(kind: str, folder: Path) -> list[str]:
     # evidence has flights of its own
     given |= {"monte_carlo.num_cases"} if kind == "assure" else set()
     small = [word for word in SMALL if word.partition("=")[0] not in given]
-    place = "hydra.sweep.dir" if chosen[0] == "-m" else "hydra.run.dir"
-    return [*chosen, *small, f"{place}={folder}"]
+    key = "hydra.sweep.dir" if chosen[0] == "-m" else "hydra.run.dir"
+    return [*chosen, *small, f"{key}={folder}"]
 
 
 def environment(**more: str) -> dict[str, str]:
@@ -118,9 +118,9 @@ def killed_after(
     """
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as in the background: what is started inherits it
         signal.signal(signal.SIGINT, signal.default_int_handler)
-    with tempfile.TemporaryFile("w+") as told:
+    with tempfile.TemporaryFile("w+") as stream:
         process = subprocess.Popen(  # noqa: S603
-            command(words), stdout=subprocess.DEVNULL, stderr=told, env=env, cwd=cwd, start_new_session=True
+            command(words), stdout=subprocess.DEVNULL, stderr=stream, env=env, cwd=cwd, start_new_session=True
         )
         is_signalled = False
         try:
@@ -132,13 +132,13 @@ def killed_after(
                     is_signalled = True
             process.wait(LONGEST_S)
         except subprocess.TimeoutExpired:
-            told.write("\ndid not end")
+            stream.write("\ndid not end")
         finally:
             with suppress(ProcessLookupError):  # what it has started, so that nothing keeps running
                 os.killpg(process.pid, signal.SIGKILL)
             process.wait()
-        told.seek(0)
-        return is_signalled, process.returncode, told.read()
+        stream.seek(0)
+        return is_signalled, process.returncode, stream.read()
 
 
 def survive(
@@ -179,16 +179,23 @@ def differences(folder: Path, other: Path) -> list[str]:
     names = [run.folder for run in sweep.read(other)]
     if names != [run.folder for run in sweep.read(folder)]:
         return [sweep.SWEEP]
-    return [*(f"{name}/{one}" for name in names for one in _differences(folder / name, other / name)), *left]
+    return [
+        *(
+            f"{name}/{name_of_file}"
+            for name in names
+            for name_of_file in _differences(folder / name, other / name)
+        ),
+        *left,
+    ]
 
 
 def _differences(folder: Path, other: Path) -> list[str]:
-    one, two = (manifests.read(place) for place in (folder, other))
-    if one["finished_stages"] != two["finished_stages"]:
+    first, two = (manifests.read(side) for side in (folder, other))
+    if first["finished_stages"] != two["finished_stages"]:
         return ["finished_stages"]
-    names = sorted({*one["sha256"], *two["sha256"]})
-    unlike = [name for name in names if one["sha256"].get(name) != two["sha256"].get(name)]
-    stale = [name for name, digest in one["sha256"].items() if artifacts.file_hash(folder / name) != digest]
+    names = sorted({*first["sha256"], *two["sha256"]})
+    unlike = [name for name in names if first["sha256"].get(name) != two["sha256"].get(name)]
+    stale = [name for name, digest in first["sha256"].items() if artifacts.file_hash(folder / name) != digest]
     return [*unlike, *stale]
 
 

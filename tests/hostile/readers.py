@@ -289,8 +289,8 @@ def _parquet(**columns: Any) -> bytes:
 
 
 def _positions(_folder: Path) -> Sequence[bytes]:
-    places = {f"position_{axis}_m": np.linspace(0, 1, 12) for axis in "xyz"}
-    return [_parquet(case=np.repeat([0, 1, 2], 4), sample=np.tile(np.arange(4), 3), **places)]
+    columns = {f"position_{axis}_m": np.linspace(0, 1, 12) for axis in "xyz"}
+    return [_parquet(case=np.repeat([0, 1, 2], 4), sample=np.tile(np.arange(4), 3), **columns)]
 
 
 def _numbers_as_parquet(_folder: Path) -> Sequence[bytes]:
@@ -345,12 +345,12 @@ def _flown(folder: Path) -> Sequence[bytes]:
     return [(folder / "episodes" / "start.mcap").read_bytes()]
 
 
-def _one() -> Any:
+def _single() -> Any:
     return replace(_champion(), systems=_champion().systems[:1])
 
 
 def _one_as_json() -> bytes:
-    return serialize.dump_json(_one()).encode()
+    return serialize.dump_json(_single()).encode()
 
 
 def _config() -> bytes:
@@ -377,7 +377,7 @@ LOGBOOK: Final = (",".join(HISTORY_COLUMNS) + "\n" + "0,1.5,2.5,0.4,3,0,0\n" * 3
 FORCES: Final = b"time_s,force_x_n,force_y_n,force_z_n\n0,0.1,0,0\n10,0,0.1,0\n"
 READERS: Final[Mapping[str, Reader]] = {
     "json": Reader(_in_file("controller.json", _controller), lambda _: [_one_as_json()], "tree", REFUSALS),
-    "yaml": Reader(_in_file("controller.yaml", _controller), lambda _: [serialize.dump_yaml(_one()).encode()],
+    "yaml": Reader(_in_file("controller.yaml", _controller), lambda _: [serialize.dump_yaml(_single()).encode()],
                    "text", REFUSALS),
     "fis": Reader(_in_file("controller.fis", _controller), _whole(EXAMPLES / "tipper.fis"), "text", REFUSALS),
     "fll": Reader(_in_file("controller.fll", _controller), _whole(EXAMPLES / "dimmer.fll"), "text", REFUSALS),

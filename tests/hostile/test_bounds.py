@@ -107,7 +107,7 @@ CORNERS = b"v 0 0 0\nv 1 0 0\nv 0 1 0\n"
 
 
 @pytest.mark.parametrize(
-    ("name", "content", "told"),
+    ("name", "content", "message"),
     [
         ("a.zip", zipped(CORNERS * 10), "it is neither .stl nor .obj"),
         ("a.gltf", b"{}", "it is neither .stl nor .obj"),
@@ -122,9 +122,9 @@ CORNERS = b"v 0 0 0\nv 1 0 0\nv 0 1 0\n"
         ("b.obj", bytes(17 << 20), "no file of at most 16 MiB"),
     ],
 )  # fmt: skip
-def test_meshes_are_counted_before_they_are_loaded(name, content, told, tmp_path, little_memory):
+def test_meshes_are_counted_before_they_are_loaded(name, content, message, tmp_path, little_memory):
     (tmp_path / name).write_bytes(content)
-    with pytest.raises(SettingError, match=told):
+    with pytest.raises(SettingError, match=message):
         mesh.read_mesh(str(tmp_path / name))
 
 
@@ -137,10 +137,10 @@ def test_a_mesh_names_no_other_file(tmp_path):
 
 @pytest.mark.slow
 def test_an_output_of_very_many_points_is_tried_at_fewer_places(tmp_path, capsys):
-    told = json.loads(serialize.dump_json(replace(PAPER_LIKE, systems=PAPER_LIKE.systems[:1])))
-    told["systems"][0]["outputs"][0]["points"] = 700_000
+    content = json.loads(serialize.dump_json(replace(PAPER_LIKE, systems=PAPER_LIKE.systems[:1])))
+    content["systems"][0]["outputs"][0]["points"] = 700_000
     path = tmp_path / "large.json"
-    path.write_text(json.dumps(told))
+    path.write_text(json.dumps(content))
     assert main(["diff", str(path), str(path)]) == 0
     assert "this may take minutes" in capsys.readouterr().err
     samples = arrays.spread_inputs(serialize.load(path).systems[0])
@@ -150,7 +150,7 @@ def test_an_output_of_very_many_points_is_tried_at_fewer_places(tmp_path, capsys
 
 @pytest.mark.parametrize("ends", [(0.0, 5e-324), (0.0, 1e-300), (1e16, 1e16 + 2)])
 def test_a_range_without_room_for_points_is_refused(ends):
-    told = json.loads(serialize.dump_json(PAPER_LIKE))
-    told["systems"][0]["inputs"][0]["range"] = ends
+    content = json.loads(serialize.dump_json(PAPER_LIKE))
+    content["systems"][0]["inputs"][0]["range"] = ends
     with pytest.raises(ControllerFileError, match="too narrow for double precision"):
-        serialize.loads(json.dumps(told), "json")
+        serialize.loads(json.dumps(content), "json")

@@ -36,12 +36,12 @@ def words(folder: Path) -> list[str]:
 def refused(ran, monkeypatch):
     """Expect a run in a folder, perhaps with another stage, to be refused in a sentence of some words."""
 
-    def expect(folder, *told, **stages):
+    def expect(folder, *sentences, **stages):
         with monkeypatch.context() as patched:
             if stages:
                 use_stages(patched, **stages)
             said = ran(*words(folder), code=2).err
-        assert [part for part in told if part not in said] == []
+        assert [part for part in sentences if part not in said] == []
 
     return expect
 
@@ -96,23 +96,26 @@ def test_a_folder_that_may_not_be_written_to(tmp_path):
 
 def test_a_folder_that_is_deleted_under_a_run(alone, tmp_path, refused):
     folder = tmp_path / "run"
-    told = f"{folder} has been deleted or moved while the run was at work"
-    refused(folder, told, scenario=lambda _experiment, folder: shutil.rmtree(folder))
+    sentence = f"{folder} has been deleted or moved while the run was at work"
+    refused(folder, sentence, scenario=lambda _experiment, folder: shutil.rmtree(folder))
     assert not folder.exists()
     goes_on(folder, alone)
 
 
 def test_more_memory_than_there_is(alone, tmp_path, refused):
     folder = tmp_path / "run"
-    told = "there is not enough memory for this; lower monte_carlo.num_cases"
+    sentence = "there is not enough memory for this; lower monte_carlo.num_cases"
     # at once: after thousands of small grants the interpreter itself may die for want of a stack
-    refused(folder, told, scenario=lambda _experiment, _folder: np.empty(2**50, np.uint8))
+    refused(folder, sentence, scenario=lambda _experiment, _folder: np.empty(2**50, np.uint8))
     goes_on(folder, alone)
 
 
 def test_two_first_starts_at_once(alone, tmp_path):
-    command, told = [sys.executable, "-m", "pipeline", *words(tmp_path / "run")], {"stderr": subprocess.PIPE}
-    both = [subprocess.Popen(command, cwd=PROJECT, text=True, **told) for _ in range(2)]  # noqa: S603
+    command, streams = (
+        [sys.executable, "-m", "pipeline", *words(tmp_path / "run")],
+        {"stderr": subprocess.PIPE},
+    )
+    both = [subprocess.Popen(command, cwd=PROJECT, text=True, **streams) for _ in range(2)]  # noqa: S603
     ends = [(process.communicate()[1], process.returncode) for process in both]
     assert all(code == 0 or (code == 2 and "is held by" in said) for said, code in ends)
     assert 0 in [code for _, code in ends]
@@ -127,8 +130,8 @@ def test_a_clock_that_is_set_back(alone, tmp_path, monkeypatch, ran):
     for path in (folder, *folder.rglob("*")):
         os.utime(path, (time.time() + 86400.0,) * 2)
     use_stages(monkeypatch)
-    told = ran(f"hydra.run.dir={folder}", "stages=[scenario]").err
-    assert "since 2999-01-01 00:00:00 UTC, which is gone" in told
+    errors = ran(f"hydra.run.dir={folder}", "stages=[scenario]").err
+    assert "since 2999-01-01 00:00:00 UTC, which is gone" in errors
 
 
 @pytest.mark.parametrize(("kind", "is_relative", "seed"), [("search", True, 3), ("sweep", False, 14)])

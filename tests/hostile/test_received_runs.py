@@ -28,8 +28,12 @@ def received(folder: Path, **groups) -> Path:
 
 @pytest.mark.parametrize(("group", "again"), [("logger", ["stages=[train]"]), ("tracking", [])])
 def test_a_logger_in_a_stored_configuration_writes_nowhere_else(again, group, tmp_path):
-    own = plain_config("controller=paper_champion")["controller"]
-    small = {"controller": own, "optimizer": {"population_size": 4, "generations": 1}, "duration_s": 60.0}
+    controller = plain_config("controller=paper_champion")["controller"]
+    small = {
+        "controller": controller,
+        "optimizer": {"population_size": 4, "generations": 1},
+        "duration_s": 60.0,
+    }
     logger = {"kind": "tensorboard", "place": str(tmp_path / "elsewhere")}
     folder = received(tmp_path / "run", stages=["train"], **{group: logger}, **small)
     if again:
@@ -109,11 +113,11 @@ def test_harmful_letters_are_replaced_also_in_a_controller(text):
         assert MISSING_SIGN in clean
         assert not set(clean) & set("\x1b\x9b\u202e\u2066\ud800\x00\x07\u2028")
         clean.encode()
-    told = json.loads(serialize.dump_json(PAPER_LIKE))
-    variable = told["systems"][0]["inputs"][0]
+    content = json.loads(serialize.dump_json(PAPER_LIKE))
+    variable = content["systems"][0]["inputs"][0]
     variable |= {"unit": text, "description": text}
-    told |= {"attributes": {"maker": text}, "provenance": {text: "x"}}
-    read = serialize.loads(json.dumps(told), "json")
+    content |= {"attributes": {"maker": text}, "provenance": {text: "x"}}
+    read = serialize.loads(json.dumps(content), "json")
     first = read.systems[0].inputs[0]
     clean = plain(text)
     assert (first.unit, first.description) == (clean, clean)

@@ -39,7 +39,9 @@ NO_POLICY = json.dumps({"kind": "policy", "onnx": base64.b64encode(b"x" * 99).de
 FORGERIES = {
     "cut short": (lambda content: content[:5000], "start.mcap"),
     "no recording": (lambda _: b"x" * 5000, "start.mcap"),
-    **{f"controller {one}": (controller(one), "controller.json") for one in ("5", "null", "[]", "{", "''")},
+    **{
+        f"controller {text}": (controller(text), "controller.json") for text in ("5", "null", "[]", "{", "''")
+    },
     "policy": (controller('{"kind": "policy", "onnx": "\\ud800!"}'), "policy cannot be read"),
     "policy of nothing": (controller(NO_POLICY), "policy"),
     "configuration a list": (controller("[]", "config.yaml"), "config.yaml holds no configuration"),
@@ -57,20 +59,20 @@ FORGERIES = {
 
 @pytest.mark.parametrize("name", FORGERIES)
 def test_a_damaged_recording_is_told_in_a_sentence(name, run, ran):
-    damage, told = FORGERIES[name]
+    damage, sentence = FORGERIES[name]
     path = run / FLIGHT
     path.write_bytes(damage(path.read_bytes()))
     said = ran("verify", run, code=1).out
     assert f"{FLIGHT} has CHANGED since it was written" in said
     (line,) = [line for line in said.splitlines() if line.startswith("  start.mcap: CANNOT BE CHECKED: ")]
-    assert told in line
+    assert sentence in line
     assert len(line) > len("  start.mcap: CANNOT BE CHECKED: ValueError")
     if name.startswith(("controller", "policy", "configuration a list")):
         assert line.endswith("it cannot be flown again: record the flight anew")
 
 
 @pytest.mark.parametrize(
-    ("name", "content", "told"),
+    ("name", "content", "sentence"),
     [
         ("config.yaml", None, "config.yaml is MISSING"),
         ("config.yaml", "[]", "config.yaml has CHANGED"),
@@ -81,11 +83,11 @@ def test_a_damaged_recording_is_told_in_a_sentence(name, run, ran):
         (FLIGHT, "", f"{FLIGHT} has CHANGED"),
     ],
 )
-def test_a_damaged_file_is_told_in_a_sentence(name, content, told, run, ran):
+def test_a_damaged_file_is_told_in_a_sentence(name, content, sentence, run, ran):
     (run / name).unlink()
     if content is not None:
         (run / name).write_text(content)
-    assert told in ran("verify", run, code=1).out
+    assert sentence in ran("verify", run, code=1).out
 
 
 @pytest.mark.parametrize(
@@ -104,6 +106,6 @@ def test_a_link_is_told_and_not_followed(run, tmp_path, ran):
     (tmp_path / "outside").write_bytes((run / FLIGHT).read_bytes())
     (run / FLIGHT).unlink()
     (run / FLIGHT).symlink_to(tmp_path / "outside")
-    told = ran("verify", run, code=1).out
-    assert f"{FLIGHT} is a link to {tmp_path / 'outside'}, which is not followed" in told
-    assert f"{FLIGHT} is MISSING" in told
+    output = ran("verify", run, code=1).out
+    assert f"{FLIGHT} is a link to {tmp_path / 'outside'}, which is not followed" in output
+    assert f"{FLIGHT} is MISSING" in output

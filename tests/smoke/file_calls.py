@@ -52,13 +52,13 @@ class Call:
 @cache
 def calls() -> tuple[Call, ...]:
     """Return all calls of the three packages that open files."""
-    found: list[Call] = []
+    all_calls: list[Call] = []
     for package in PACKAGES:
         for path in sorted((PROJECT / package).rglob("*.py")):
             module = ".".join(path.relative_to(PROJECT).with_suffix("").parts).removesuffix(".__init__")
             if module != DOOR:
-                found += calls_of(ast.parse(path.read_text(encoding="utf-8")), module)
-    return tuple(found)
+                all_calls += calls_of(ast.parse(path.read_text(encoding="utf-8")), module)
+    return tuple(all_calls)
 
 
 def calls_of(tree: ast.AST, module: str) -> Iterator[Call]:

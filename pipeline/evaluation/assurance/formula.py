@@ -142,7 +142,7 @@ def parse(text: str, units: Mapping[str, str]) -> Formula:
     FormulaError
         If the text is not a formula, a quantity is unknown or units do not agree.
     """
-    reader = _Parser(text, units)
+    reader = _RequirementParser(text, units)
     try:
         formula = reader.implication()
     except RecursionError:
@@ -152,7 +152,7 @@ def parse(text: str, units: Mapping[str, str]) -> Formula:
     return formula
 
 
-class _Parser:
+class _RequirementParser:
     """Parser of a formula, word by word from left to right."""
 
     def __init__(self, text: str, units: Mapping[str, str]) -> None:

@@ -90,8 +90,8 @@ def test_what_a_hand_changes_is_what_a_copy_holds(page, open_page, folder) -> No
     expect(status(page)).to_contain_text("wrote")
     copy = read_controller(folder / "champion_27-edited.yaml")
     original = read_controller(folder / "champion_27.yaml")
-    (system,) = (one for one in difference(original, copy).systems if not one.is_empty)
-    assert [(one.number, one.after.consequents[0].term) for one in system.rules] == [(2, "zero")]
+    (system,) = (entry for entry in difference(original, copy).systems if not entry.is_empty)
+    assert [(entry.number, entry.after.consequents[0].term) for entry in system.rules] == [(2, "zero")]
     assert copy.systems[0].outputs[0].terms[3].membership.peak == dragged
     facts = dict(copy.provenance)
     changes = "force_x: 1 term changed; 1 of 9 rules"
@@ -122,12 +122,12 @@ def test_what_a_hand_changes_is_what_a_copy_holds(page, open_page, folder) -> No
 
 
 def test_two_pages_do_not_share_their_changes(open_page, address) -> None:
-    one, other = open_page(address), open_page(address)
-    one.get_by_label("rule 1:").click()
-    expect(one.get_by_label("rule 1:")).to_contain_text("small")
+    first, other = open_page(address), open_page(address)
+    first.get_by_label("rule 1:").click()
+    expect(first.get_by_label("rule 1:")).to_contain_text("small")
     other.get_by_label("rule 5:").click()
     expect(other.get_by_label("rule 5:")).to_contain_text("positive")
-    assert (conclusion(one, 5), conclusion(other, 1)) == ("zero", "negative_large")
+    assert (conclusion(first, 5), conclusion(other, 1)) == ("zero", "negative_large")
 
 
 def test_the_keyboard_suffices(page, tmp_path) -> None:
@@ -189,10 +189,10 @@ def test_what_is_no_number_is_refused(page) -> None:
 
 
 def test_leaving_asks_while_changes_are_not_saved(page, tmp_path) -> None:
-    asked = []
+    dialogs = []
 
     def answer(dialog) -> None:
-        asked.append(dialog.type)
+        dialogs.append(dialog.type)
         dialog.accept()
 
     def turn() -> None:
@@ -202,12 +202,12 @@ def test_leaving_asks_while_changes_are_not_saved(page, tmp_path) -> None:
     page.on("dialog", answer)
     turn()
     page.reload()
-    assert asked == ["beforeunload"]
+    assert dialogs == ["beforeunload"]
     turn()
     save(page, str(tmp_path / "copy.json"))
     expect(page.get_by_role("dialog")).to_have_count(0)
     page.reload()
-    assert asked == ["beforeunload"]
+    assert dialogs == ["beforeunload"]
 
 
 def test_everybody_can_use_it(open_page, address, axe) -> None:
@@ -275,28 +275,28 @@ def test_a_touch_at_the_end_of_an_answer_is_answered_too(open_page, folder) -> N
 QUERY = "?EIO=4&transport=websocket"
 
 
-def asked(address: str, path: str, **headers: str) -> int:
+def status_of(address: str, path: str, **headers: str) -> int:
     parts = urlsplit(address)
-    told = {name.replace("_", "-"): value for name, value in headers.items()}
+    fields = {name.replace("_", "-"): value for name, value in headers.items()}
     with closing(http.client.HTTPConnection(parts.hostname or "", parts.port, timeout=60)) as connection:
-        connection.request("GET", path, headers=told)
+        connection.request("GET", path, headers=fields)
         with closing(connection.getresponse()) as response:
             return response.status
 
 
 def test_only_who_knows_the_address_is_answered_and_no_other_page(address) -> None:
     parts = urlsplit(address)
-    own, socket_path = f"http://{parts.netloc}", f"{parts.path}_nicegui_ws/socket.io/{QUERY}"
-    assert asked(address, parts.path) == 200
+    origin, socket_path = f"http://{parts.netloc}", f"{parts.path}_nicegui_ws/socket.io/{QUERY}"
+    assert status_of(address, parts.path) == 200
     elsewhere = ("/", f"/{'x' * 32}/", f"/_nicegui_ws/socket.io/{QUERY}")
-    assert [asked(address, path) for path in elsewhere] == [403] * 3
-    assert asked(address, parts.path, Origin="http://example.org") == 403
-    assert asked(address, parts.path, Host="example.org") == 403
+    assert [status_of(address, path) for path in elsewhere] == [403] * 3
+    assert status_of(address, parts.path, Origin="http://example.org") == 403
+    assert status_of(address, parts.path, Host="example.org") == 403
     upgrade = {"Connection": "Upgrade", "Upgrade": "websocket", "Sec_WebSocket_Version": "13"}
     upgrade["Sec_WebSocket_Key"] = "dGhlIHNhbXBsZSBub25jZQ=="
-    assert asked(address, socket_path, Origin=own, **upgrade) == 101
-    assert asked(address, socket_path, Origin="http://example.org", **upgrade) == 403
-    assert asked(address, socket_path.replace(parts.path, "/"), Origin=own, **upgrade) == 403
+    assert status_of(address, socket_path, Origin=origin, **upgrade) == 101
+    assert status_of(address, socket_path, Origin="http://example.org", **upgrade) == 403
+    assert status_of(address, socket_path.replace(parts.path, "/"), Origin=origin, **upgrade) == 403
     with pytest.raises(OSError, match="refused"):  # this machine's other names are not listened at
         socket.create_connection(("127.0.0.2", parts.port), timeout=5)
 

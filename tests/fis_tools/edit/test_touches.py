@@ -31,8 +31,8 @@ def test_a_dragged_number_stays_between_its_neighbours() -> None:
 )
 def test_a_term_takes_any_shape_about_where_it_was(name) -> None:
     variable = FORCE_X.inputs[0]
-    told = {"what": "reshape", "term": variable.terms[1].name, "shape": name}
-    changed = touches.term_touched(FORCE_X, variable, **told)
+    touch = {"what": "reshape", "term": variable.terms[1].name, "shape": name}
+    changed = touches.term_touched(FORCE_X, variable, **touch)
     assert problems(changed) == []
     assert changed.inputs[0].terms[1].membership.entry.name == name
 
@@ -50,8 +50,8 @@ def test_a_renamed_term_is_renamed_in_the_rules() -> None:
 def test_the_steps_of_a_gesture_are_undone_together(session) -> None:
     def push(value, gesture):
         system = session.controller.systems[0]
-        told = {"term": system.inputs[0].terms[0].name, "key": "mean", "value": value}
-        changed = touches.term_touched(system, system.inputs[0], "drag", **told)
+        touch = {"term": system.inputs[0].terms[0].name, "key": "mean", "value": value}
+        changed = touches.term_touched(system, system.inputs[0], "drag", **touch)
         session.touch(lambda controller: touches.with_system(controller, changed), gesture)
 
     def stepped(way):
@@ -72,7 +72,7 @@ def test_what_makes_a_problem_is_refused(session) -> None:
     term = system.inputs[0].terms[0].name
     unnamed = touches.term_touched(system, system.inputs[0], "rename", term, name=" ")
     with pytest.raises(InvalidSystem, match="a term is called ''"):
-        session.touch(lambda one: touches.with_system(one, unnamed))
+        session.touch(lambda controller: touches.with_system(controller, unnamed))
     assert session.controller == session.original
 
 
@@ -80,9 +80,13 @@ def test_a_term_is_removed_only_where_no_rule_uses_it() -> None:
     system, variable = FORCE_X, FORCE_X.inputs[0]
     wider = touches.term_touched(system, variable, "add")
     assert touches.term_touched(wider, wider.inputs[0], "remove", "term_1") == system
-    for count, told in ((1, "rule 1 uses"), (2, "rules 1 and 2 use"), (5, "rules 1, 2, 3 and 2 more use")):
+    for count, sentence in (
+        (1, "rule 1 uses"),
+        (2, "rules 1 and 2 use"),
+        (5, "rules 1, 2, 3 and 2 more use"),
+    ):
         first = replace(system, rules=system.rules[:count])
-        with pytest.raises(ValueError, match=f"{told} the term 'very near'"):
+        with pytest.raises(ValueError, match=f"{sentence} the term 'very near'"):
             touches.term_touched(first, variable, "remove", "very near")
 
 
@@ -98,7 +102,7 @@ def test_as_many_turns_as_there_are_terms_lead_back(side) -> None:
 
 
 def test_a_rule_is_read_in_words_with_all_our_hedges() -> None:
-    velocity = next(one.name for one in FORCE_X.inputs[1].terms if " " not in one.name)
+    velocity = next(term.name for term in FORCE_X.inputs[1].terms if " " not in term.name)
     force = FORCE_X.outputs[0].terms[0].name
     words = f"If velocity_body_x is not extremely {velocity} then force_x is {force} with 0.5"
     rule = touches.said(FORCE_X, 0, words).rules[0]
@@ -106,48 +110,50 @@ def test_a_rule_is_read_in_words_with_all_our_hedges() -> None:
     assert rule.antecedent == Not(Hedged("extremely", Is("velocity_body_x", velocity)))
 
 
-@pytest.mark.parametrize("ending", [one for one in ENDINGS if one != ".fmu"])
+@pytest.mark.parametrize("ending", [shown_system for shown_system in ENDINGS if shown_system != ".fmu"])
 def test_a_copy_is_written_in_every_form_and_replaces_nothing_unasked(session, tmp_path, ending) -> None:
-    place = tmp_path / "copies" / f"copy{ending}"
-    session.save(place, replaces=False)
-    written = sorted(place.parent.iterdir())
+    target = tmp_path / "copies" / f"copy{ending}"
+    session.save(target, replaces=False)
+    written = sorted(target.parent.iterdir())
     assert written
     with pytest.raises(ValueError, match="there already"):
-        session.save(place, replaces=False)
-    session.save(place, replaces=True)
+        session.save(target, replaces=False)
+    session.save(target, replaces=True)
     if ending in serialize.ENDINGS:
         read = [system for path in written for system in serialize.load(path).systems]
-        assert sorted(system.name for system in read) == sorted(one.name for one in session.original.systems)
+        assert sorted(system.name for system in read) == sorted(
+            shown_system.name for shown_system in session.original.systems
+        )
 
 
 def test_a_disk_that_is_full_leaves_the_controller_that_was_there(session, tmp_path, monkeypatch) -> None:
-    place = tmp_path / "own.json"
-    session.save(place, replaces=False)
-    before = place.read_bytes()
-    place.chmod(0o600)
+    target = tmp_path / "own.json"
+    session.save(target, replaces=False)
+    before = target.read_bytes()
+    target.chmod(0o600)
 
     def break_off(path, _):
         path.touch()
         raise OSError(28, "No space left on device")
 
     with monkeypatch.context() as full:
-        full.setattr(type(place), "write_bytes", break_off)
+        full.setattr(type(target), "write_bytes", break_off)
         with pytest.raises(OSError, match="No space"):
-            session.save(place, replaces=True)
-    assert place.read_bytes() == before
-    assert list(tmp_path.iterdir()) == [place]
-    session.save(place, replaces=True)
-    assert place.stat().st_mode & 0o777 == 0o600
+            session.save(target, replaces=True)
+    assert target.read_bytes() == before
+    assert list(tmp_path.iterdir()) == [target]
+    session.save(target, replaces=True)
+    assert target.stat().st_mode & 0o777 == 0o600
 
 
 @pytest.mark.parametrize(
-    ("names", "file", "told"),
+    ("names", "file", "message"),
     [(("x", "z"), "copy.exe", "ends in none of"), (("../x", ".._X"), "copy.fis", "two systems would both")],
 )
-def test_what_has_no_form_or_names_alike_is_refused(tmp_path, names, file, told) -> None:
+def test_what_has_no_form_or_names_alike_is_refused(tmp_path, names, file, message) -> None:
     systems = tuple(replace(FORCE_X, name=name) for name in names)
     session = Session(tmp_path / "sample.json", replace(PAPER_LIKE, systems=systems))
-    with pytest.raises(ValueError, match=told):
+    with pytest.raises(ValueError, match=message):
         session.save(tmp_path / file, replaces=True)
     assert list(tmp_path.iterdir()) == []
 
@@ -161,7 +167,9 @@ def test_copies_of_systems_stay_in_the_folder_that_was_named(tmp_path) -> None:
 
 def test_changed_attributes_are_told(tmp_path) -> None:
     session = Session(tmp_path / "sample.yaml", GENERAL)
-    session.touch(lambda one: replace(one, attributes=(*one.attributes, ("zz_gain", "2"))))
+    session.touch(
+        lambda controller: replace(controller, attributes=(*controller.attributes, ("zz_gain", "2")))
+    )
     assert dict(session.copy().provenance)["edited_from"].endswith(": zz_gain none → 2")
 
 
@@ -171,7 +179,11 @@ def test_a_changed_factor_of_a_takagi_sugeno_term_is_told(tmp_path) -> None:
     output = replace(system.outputs[0], terms=lines, aggregation="unbounded_sum")
     system = replace(touches.with_variable(system, output), defuzzifier="weighted_average")
     session = Session(tmp_path / "sample.yaml", replace(PAPER_LIKE, systems=(system,)))
-    told = {"what": "number", "term": output.terms[0].name, "key": "coefficients", "value": "1, 3"}
-    session.touch(lambda one: touches.with_system(one, touches.term_touched(one.systems[0], output, **told)))
+    touch = {"what": "number", "term": output.terms[0].name, "key": "coefficients", "value": "1, 3"}
+    session.touch(
+        lambda controller: touches.with_system(
+            controller, touches.term_touched(controller.systems[0], output, **touch)
+        )
+    )
     words = dict(session.copy().provenance)["edited_from"]
     assert words.endswith("(1, 2) times the inputs, plus 0.5 → (1, 3) times the inputs, plus 0.5)")

@@ -17,7 +17,7 @@ from fis_tools.source import read_controller
 from pipeline.command_line.cli import main
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers.source import load
-from pipeline.edit import FIRST, Cases, most_changed
+from pipeline.edit import FIRST, EditorCases, most_changed
 from pipeline.evaluation.assurance.requirements import parse_requirements
 from pipeline.evaluation.monte_carlo import fly_cases
 from pipeline.evaluation.statistics import METRICS, succeeds
@@ -31,26 +31,28 @@ PATH = PROJECT / "conf" / "controller" / "champion_27.yaml"
 CHAMPION = read_controller(PATH)
 NUM_CASES = 150
 WORDS = (f"monte_carlo.num_cases={NUM_CASES}", "sun=random")
-CORNERS = [(place, rule) for place in range(3) for rule in (0, 2, 6, 8)]
+CORNERS = [(axis, rule) for axis in range(3) for rule in (0, 2, 6, 8)]
 
 
-def cases_of(*words: str) -> Cases:
+def cases_of(*words: str) -> EditorCases:
     """The flights of an evaluation of the champion under a random Sun."""
     named = ["+experiment=evaluate", "controller=champion_27", "sun=random", *words]
     text = requirements_path("inspection").read_text(encoding="utf-8")
-    return Cases(compose_experiment(named).experiment, parse_requirements(text, "inspection").requirements)
+    return EditorCases(
+        compose_experiment(named).experiment, parse_requirements(text, "inspection").requirements
+    )
 
 
-def pressed(place: int, *rules: int, step: int = 1) -> FuzzyController:
+def pressed(axis: int, *rules: int, step: int = 1) -> FuzzyController:
     """The champion with the conclusions of some rules of a system turned to another term."""
-    system = CHAMPION.systems[place]
+    system = CHAMPION.systems[axis]
     for rule in rules:
         system = turned(system, rule - 1, "then", 0, step)
     return with_system(CHAMPION, system)
 
 
 @pytest.fixture(scope="module")
-def cases() -> Cases:
+def cases() -> EditorCases:
     return cases_of(WORDS[0])
 
 
@@ -66,20 +68,20 @@ def address(folder: Path) -> Iterator[str]:
         yield address
 
 
-def column(page: Page, place: int) -> list[str]:
+def column(page: Page, index: int) -> list[str]:
     """What the table of flights says, top to bottom, once all cases are in it."""
     expect(page.get_by_text(f"{NUM_CASES} flights")).to_be_visible()
     table = page.get_by_role("region", name="Flights").locator("table").first
-    return table.locator(f"tbody tr td:nth-of-type({place})").all_inner_texts()
+    return table.locator(f"tbody tr td:nth-of-type({index})").all_inner_texts()
 
 
-def told(means) -> list[str]:
+def in_words(means) -> list[str]:
     """Means of the metrics, as the page puts them."""
-    return [f"{mean:.{one.places}f} {one.unit}" for one, mean in zip(METRICS, means, strict=True)]
+    return [f"{mean:.{metric.places}f} {metric.unit}" for metric, mean in zip(METRICS, means, strict=True)]
 
 
 def flown(cases, controller) -> list[str]:
-    return told(metric.of(list(cases.fly(controller))[-1].episodes).mean() for metric in METRICS)
+    return in_words(metric.of(list(cases.fly(controller))[-1].episodes).mean() for metric in METRICS)
 
 
 def test_first_some_then_all_cases_of_the_evaluation_are_flown(cases) -> None:
@@ -96,12 +98,12 @@ def test_first_some_then_all_cases_of_the_evaluation_are_flown(cases) -> None:
 
 def test_the_flights_that_changed_most_come_first(cases) -> None:
     before, after = list(cases.fly(CHAMPION))[-1], list(cases.fly(pressed(0, 2)))[-1]
-    found = most_changed(before, after, 5)
+    cases_in_order = most_changed(before, after, 5)
     lost = np.abs(after.episodes["inspected_count"] - before.episodes["inspected_count"])
     ends = before.episodes["success"] & ~before.episodes["violated"]
     ended = after.episodes["success"] & ~after.episodes["violated"]
-    assert (ends[found] != ended[found]).all()
-    assert lost[found[0]] == lost[ends != ended].max()
+    assert (ends[cases_in_order] != ended[cases_in_order]).all()
+    assert lost[cases_in_order[0]] == lost[ends != ended].max()
 
 
 def test_a_saved_copy_flies_to_the_numbers_shown(open_page, address, folder, cases) -> None:
@@ -121,7 +123,7 @@ def test_a_saved_copy_flies_to_the_numbers_shown(open_page, address, folder, cas
     summary = json.loads((run / "evaluate" / "summary.json").read_text(encoding="utf-8"))
     means = [summary[name]["mean"] for name in ("delta_v_m_s", "inspection_rate_percent")]
     shares = [100 * summary[name]["fraction"] for name in ("success_and_within_limits", "violated")]
-    assert shown == told([*means, *shares])
+    assert shown == in_words([*means, *shares])
 
 
 def test_only_the_newest_of_many_touches_is_answered_in_the_end(open_page, address, cases) -> None:
@@ -150,19 +152,21 @@ def test_one_flight_says_which_rule_made_a_force(open_page, address) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "text", "told"),
+    ("name", "text", "message"),
     [
         ("decision_period_s", "25", "give a whole number of control periods of 10 s"),
         ("dead_band_force_x_n", "-1", "give a number from 0 on"),
     ],
 )
-def test_a_constant_that_cannot_fly_is_refused_and_taken_back(open_page, address, name, text, told) -> None:
+def test_a_constant_that_cannot_fly_is_refused_and_taken_back(
+    open_page, address, name, text, message
+) -> None:
     page = open_page(address)
     field = page.get_by_label(name)
     held = field.input_value()
     field.fill(text)
     field.press("Enter")
-    expect(page.get_by_role("status").first).to_contain_text(told)
+    expect(page.get_by_role("status").first).to_contain_text(message)
     expect(field).to_have_value(held)
     expect(page.get_by_text("Nothing changed.")).to_be_visible()
 
@@ -172,7 +176,7 @@ def test_a_controller_without_rules_is_refused(ran) -> None:
 
 
 @pytest.fixture(scope="module")
-def all_cases() -> Cases:
+def all_cases() -> EditorCases:
     return cases_of()
 
 
@@ -205,7 +209,7 @@ def test_one_press_makes_it_worse(all_cases, before, tutorial) -> None:
     now = list(all_cases.fly(worse))[-1]
     assert f"{succeeded(now):.1f} % succeed instead of {succeeded(before):.1f} %, for" in tutorial
     assert f"for {spent(now):.2f} m/s instead of {spent(before):.2f} m/s; *Inspect* is refuted" in tutorial
-    words = {one.title: word for one, word, _ in now.verdicts(all_cases.requirements)}
+    words = {requirement.title: word for requirement, word, _ in now.verdicts(all_cases.requirements)}
     assert words["Inspect"] == "refuted"
     assert f"press {most_changed(before, now, 1)[0]}." in tutorial
     assert "positive_small (rule 8)" in findings(worse)
@@ -214,7 +218,7 @@ def test_one_press_makes_it_worse(all_cases, before, tutorial) -> None:
 
 def test_a_constant_makes_it_better(all_cases, before, tutorial) -> None:
     now = list(all_cases.fly(typed("coast_below_points", "2.5")))[-1]
-    compared = {one.metric.name: one for one in all_cases.compare(before, now)}
+    compared = {row.metric.name: row for row in all_cases.compare(before, now)}
     saved = compared["delta_v_m_s"].difference
     low, high = sorted((-saved.low, -saved.high))
     assert f"Delta-v falls by {-saved.mean:.3f} m/s ({low:.3f} to {high:.3f})" in tutorial
@@ -229,10 +233,10 @@ def test_what_else_to_try(all_cases, before, tutorial) -> None:
     band = list(all_cases.fly(typed("dead_band_force_x_n", "0.03")))[-1]
     assert f"success falls by {succeeded(before) - succeeded(band):.1f} percentage points" in tutorial
     changes = []
-    for place, rule in CORNERS:
-        system = CHAMPION.systems[place]
+    for axis, rule in CORNERS:
+        system = CHAMPION.systems[axis]
         terms, held = system.outputs[0].terms, system.rules[rule].consequents[0].term
         towards = len(terms) // 2 - system.outputs[0].term_index(held)
-        now = list(all_cases.fly(pressed(place, rule + 1, step=int(np.sign(towards)))))[-1]
+        now = list(all_cases.fly(pressed(axis, rule + 1, step=int(np.sign(towards)))))[-1]
         changes.append(abs(succeeded(now) - succeeded(before)))
     assert f"each changes success by at most {max(changes):.1f} percentage points" in tutorial

@@ -32,13 +32,13 @@ def test_all_of_the_log_is_that_of_compiled_flights(name):
     expected = fly_logged(what, controller, STARTS[1])
     log = fly_logged(replace(what, flight="reference"), controller, STARTS[1])
     for field, values in expected._asdict().items():
-        found = getattr(log, field)
+        actual = getattr(log, field)
         if field == "last_light_s" and not expected.is_candidate.any():
             continue
-        if found.shape[-1:] == (4,) and "quaternion" in field:  # two signs are one attitude
-            found = found * np.where(np.sum(found * values, axis=-1, keepdims=True) < 0.0, -1.0, 1.0)
+        if actual.shape[-1:] == (4,) and "quaternion" in field:  # two signs are one attitude
+            actual = actual * np.where(np.sum(actual * values, axis=-1, keepdims=True) < 0.0, -1.0, 1.0)
         scale = np.nanmax(np.abs(values), initial=1e-3) if values.dtype.kind == "f" else 0.0
-        np.testing.assert_allclose(found, values, rtol=0, atol=1e-5 * scale, err_msg=field)
+        np.testing.assert_allclose(actual, values, rtol=0, atol=1e-5 * scale, err_msg=field)
 
 
 @pytest.mark.slow

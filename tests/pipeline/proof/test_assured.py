@@ -42,8 +42,8 @@ def test_a_requirement_is_shown_by_the_checked_proof_of_its_run_alone(
     words = [*NEAR, *few, f"assurance.requirements={path}", f"hydra.run.dir={folder}"]
 
     def verdict() -> tuple[str, str]:
-        (told,) = json.loads((folder / "assure" / "evidence.json").read_text())["requirements"]
-        return told["verdict"], told["methods"]["tube"]["why"]
+        (entry,) = json.loads((folder / "assure" / "evidence.json").read_text())["requirements"]
+        return entry["verdict"], entry["methods"]["tube"]["why"]
 
     def repeated(code: int) -> str:
         """Repeat the stage, which ends with a code, and return its last line on the terminal."""

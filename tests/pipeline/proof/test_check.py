@@ -39,16 +39,16 @@ def copy(proved, tmp_path) -> Path:
 def restate(folder: Path, **changes) -> dict:
     """Change a theorem; return what it says."""
     path = folder / "theorem.json"
-    told = json.loads(path.read_text(encoding="utf-8")) | changes
-    path.write_text(json.dumps(told), encoding="utf-8")
-    return told
+    theorem = json.loads(path.read_text(encoding="utf-8")) | changes
+    path.write_text(json.dumps(theorem), encoding="utf-8")
+    return theorem
 
 
 def test_a_proof_is_checked(proved):
-    told = restate(proved)
+    theorem = restate(proved)
     text = check(proved)
-    assert f"{told['num_periods']} periods of 1.0 s" in text
-    assert told["controller_sha256"] in text
+    assert f"{theorem['num_periods']} periods of 1.0 s" in text
+    assert theorem["controller_sha256"] in text
 
 
 #: by how much each number of a tube is changed: enough that it is wrong, and little beside what it is

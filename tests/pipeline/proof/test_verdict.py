@@ -13,7 +13,7 @@ from pipeline.flight.control.controller import from_fuzzy
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.state.log import Scenario
 from pipeline.physics.motion import motion_over
-from pipeline.proof.tube import Box, surface_of
+from pipeline.proof.tube import ReachableBox, surface_of
 from pipeline.proof.verdict import NotProvable, Theorem, Verdict, limit_fault, prove
 from pipeline.stages.prove import theorem_of
 from tests.pipeline.proof.cases import job, steady
@@ -58,9 +58,14 @@ def test_every_flight_stays_in_the_tube_keeps_the_limit_and_arrives(experiment, 
 
 
 def is_inside(rows, step: int, axis: int, position: float, velocity: float) -> bool:
-    own = rows[(rows[:, 0] == step) & (rows[:, 1] == axis)]
-    leaning = velocity + own[:, 6] * position
-    fits = (own[:, 2] <= position) & (position <= own[:, 3]) & (own[:, 4] <= leaning) & (leaning <= own[:, 5])
+    boxes = rows[(rows[:, 0] == step) & (rows[:, 1] == axis)]
+    leaning = velocity + boxes[:, 6] * position
+    fits = (
+        (boxes[:, 2] <= position)
+        & (position <= boxes[:, 3])
+        & (boxes[:, 4] <= leaning)
+        & (leaning <= boxes[:, 5])
+    )
     return bool(fits.any())
 
 
@@ -72,22 +77,22 @@ def test_rules_that_push_away_are_not_proved(experiment):
         pairs = zip(output.terms, reversed(output.terms), strict=True)
         terms = tuple(replace(term, name=opposite.name) for term, opposite in pairs)
         systems.append(replace(system, outputs=(replace(output, terms=terms),)))
-    found = followed(experiment, replace(steady(), systems=tuple(systems)), periods=60)
-    assert "speeds may reach" in found.fault or "time is over" in found.fault
-    assert found.distance_m > 1.5
+    verdict = followed(experiment, replace(steady(), systems=tuple(systems)), periods=60)
+    assert "speeds may reach" in verdict.fault or "time is over" in verdict.fault
+    assert verdict.distance_m > 1.5
 
 
 def test_a_limit_that_flights_break_is_not_proved(experiment):
-    found = followed(experiment, steady(), limit=(0.1, 0.0, 0.0))
-    assert "where 0.1000 m/s are allowed" in found.fault
-    assert found.num_periods < 60
+    verdict = followed(experiment, steady(), limit=(0.1, 0.0, 0.0))
+    assert "where 0.1000 m/s are allowed" in verdict.fault
+    assert verdict.num_periods < 60
 
 
 def test_a_time_that_is_too_short_is_said_and_what_held_until_then(experiment, shown):
-    found = followed(experiment, steady(), periods=20)
-    assert found.num_periods == 20
-    assert found.fault.startswith("the time is over")
-    np.testing.assert_array_equal(found.rows, shown.rows[shown.rows[:, 0] <= 20])
+    verdict = followed(experiment, steady(), periods=20)
+    assert verdict.num_periods == 20
+    assert verdict.fault.startswith("the time is over")
+    np.testing.assert_array_equal(verdict.rows, shown.rows[shown.rows[:, 0] <= 20])
 
 
 def test_between_samples_more_is_allowed_for_than_at_them():
@@ -127,7 +132,7 @@ SURFACE = surface_of(steady().systems[0], DEAD_BAND_N, MOST_N)
     seed=st.integers(0, 2**32 - 1),
 )
 def test_no_force_leaves_it(low, width, least, height, shear, seed):
-    box = Box(low, low + width, least, least + height, shear)
+    box = ReachableBox(low, low + width, least, least + height, shear)
     plane = SURFACE.plane(box)
     at = np.random.default_rng(seed).uniform(size=(2, 20))
     p, s = low + width * at[0], least + height * at[1]

@@ -168,11 +168,11 @@ def test_runs_of_the_same_question_beside_are_told(assured, evidence, tmp_path, 
     assert evidence["earlier"] == []
     other = ["+experiment=assure", *SMALL, "seed=2", f"hydra.run.dir={assured.parent / 'again'}"]
     assert main(other) == 0
-    told = capsys.readouterr().err
+    errors = capsys.readouterr().err
     again = artifacts.read_json(assured.parent / "again", artifacts.EVIDENCE)
     verdicts = {entry["id"]: entry["verdict"] for entry in evidence["requirements"]}
     assert again["earlier"] == [{"folder": "run", "seed": 1, "num_cases": 60, "verdicts": verdicts}]
-    for text in (told, (assured.parent / "again" / artifacts.EVIDENCE_PAGE).read_text(encoding="utf-8")):
+    for text in (errors, (assured.parent / "again" / artifacts.EVIDENCE_PAGE).read_text(encoding="utf-8")):
         assert (
             "An earlier run beside this one judged the same by other flights. run (seed 1, 60 cases)" in text
         )

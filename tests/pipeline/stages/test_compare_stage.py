@@ -31,7 +31,7 @@ def finished(tmp_path_factory):
 
 
 def rows_in(folder):
-    return [row_of(told) for told in artifacts.read_json(folder, artifacts.COMPARISON)["rows"]]
+    return [row_of(entry) for entry in artifacts.read_json(folder, artifacts.COMPARISON)["rows"]]
 
 
 def test_a_row_for_each_controller_sun_and_layer_and_the_papers(finished):
@@ -56,8 +56,10 @@ def test_all_fly_the_same_cases_and_each_as_alone(finished):
     for sun in ("fixed", "random"):
         scenarios = evaluation_scenarios(replace(experiment, sun=replace(experiment.sun, mode=sun)))
         for name in CONTROLLERS:
-            own = (episodes["sun"] == sun) & (episodes["controller"] == name) & (episodes["safety"] == "none")
-            part = {key: column[own] for key, column in episodes.items()}
+            is_same = (
+                (episodes["sun"] == sun) & (episodes["controller"] == name) & (episodes["safety"] == "none")
+            )
+            part = {key: column[is_same] for key, column in episodes.items()}
             np.testing.assert_array_equal(part["position_x_m"], [s.position_m[0] for s in scenarios])
             np.testing.assert_array_equal(part["sun_angle_rad"], [s.sun_angle_rad for s in scenarios])
             source = composed(f"controller={name}", experiment="evaluate").experiment.controller
@@ -75,11 +77,11 @@ def test_the_table_as_csv(finished):
     assert tuple(lines[0]) == HEADER
     episodes = tables.read_parquet(folder, artifacts.COMPARISON_EPISODES)
     for line, row in zip(lines[1:], rows_in(folder)[1:], strict=True):
-        own = np.all([episodes[key] == line[key] for key in ("controller", "sun", "safety")], axis=0)
+        is_same = np.all([episodes[key] == line[key] for key in ("controller", "sun", "safety")], axis=0)
         assert row.summary["delta_v_m_s"]["mean"] == pytest.approx(
-            episodes["delta_v_m_s"][own].mean(), abs=1e-12
+            episodes["delta_v_m_s"][is_same].mean(), abs=1e-12
         )
-        assert row.summary["success"]["fraction"] == pytest.approx(episodes["success"][own].mean())
+        assert row.summary["success"]["fraction"] == pytest.approx(episodes["success"][is_same].mean())
         assert (line["controller"], line["sun"], line["safety"]) == (row.controller, row.sun, row.safety)
         for kind in ("mean", "standard_deviation"):
             assert float(line[f"delta_v_m_s_{kind}"]) == row.summary["delta_v_m_s"][kind]
@@ -88,16 +90,16 @@ def test_the_table_as_csv(finished):
 
 
 def test_what_is_said(tmp_path, capsys):
-    told = compared(tmp_path, capsys, "compare.suns=[random]")
-    assert "receding_horizon, Sun random, safety filter: 4 cases in" in told
-    assert "not beside plans of least fuel: duration_s is 300.0 here, and 3600.0 where" in told
-    table = told[told.index("\nSun random\n") :].splitlines()
+    output = compared(tmp_path, capsys, "compare.suns=[random]")
+    assert "receding_horizon, Sun random, safety filter: 4 cases in" in output
+    assert "not beside plans of least fuel: duration_s is 300.0 here, and 3600.0 where" in output
+    table = output[output.index("\nSun random\n") :].splitlines()
     assert table[2].split()[:3] == ["controller", "rules", "delta-v"]
     assert [line.split()[0] for line in table[3:8]] == ["the", *CONTROLLERS]
     for words in ("the paper*", "5.620 ± 0.715", "96.67 ± 3.92"):
         assert words in table[3]
-    assert "4 cases of seed 7; mean ± standard deviation; shares with 95 % Wilson intervals" in told
-    assert "Sun fixed" not in told
+    assert "4 cases of seed 7; mean ± standard deviation; shares with 95 % Wilson intervals" in output
+    assert "Sun fixed" not in output
 
 
 def compared(folder, capsys, *words):
@@ -108,8 +110,8 @@ def compared(folder, capsys, *words):
 
 def test_without_the_layer_or_with_it_alone(tmp_path, capsys):
     for layer in ("none", "filter"):
-        told = compared(tmp_path, capsys, f"compare.safety=[{layer}]")
-        assert ("layer: outside" in told) == (layer == "filter")
+        output = compared(tmp_path, capsys, f"compare.safety=[{layer}]")
+        assert ("layer: outside" in output) == (layer == "filter")
         assert {row.safety for row in rows_in(tmp_path)[1:]} == {layer}
 
 

@@ -232,8 +232,8 @@ BRIEF = (
 def test_training_never_hands_back_worse_than_it_was_given(kind, validation_cases, tmp_path, ran):
     step = () if kind == "paper" else ("optimizer.initial_step=1.0",)
     words = [*ASTRAY[kind].split(), *BRIEF, *step, f"optimizer.validation_cases={validation_cases}"]
-    told = ran(*words, f"hydra.run.dir={tmp_path}", code=4).err
-    last = told.strip().splitlines()[-1]
+    errors = ran(*words, f"hydra.run.dir={tmp_path}", code=4).err
+    last = errors.strip().splitlines()[-1]
     assert last.startswith("not improved: the given controller is handed back. From ")
     assert last.count("% succeed") == 2
     summary = artifacts.read_json(tmp_path, artifacts.TRAINED)

@@ -414,8 +414,8 @@ def test_a_premise_that_never_occurred_shows_nothing():
         judgement = verdicts.judge(margins, margins > 0, 0.99, 0.9, {fast: count})
         flown = gathered(judgement=judgement)
         assert judgement.verdict == verdict(flown).verdict == word
-        told = f"The premise {fast} occurred in {count or 'none'} of 1,000 flights"
-        assert told in sentence(flown, verdict(flown))
+        phrase = f"The premise {fast} occurred in {count or 'none'} of 1,000 flights"
+        assert phrase in sentence(flown, verdict(flown))
     idle = gathered(judgement=verdicts.judge(margins, margins > 0, 0.99, 0.9, {fast: 0}))
     assert "so they show nothing" in sentence(idle, verdict(idle))
     # one flight that fails has met it

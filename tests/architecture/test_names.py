@@ -1,0 +1,66 @@
+"""Names of the field: no binding that names nothing, and one meaning for each name of a class."""
+
+import ast
+from collections import defaultdict
+
+import pytest
+
+from tests.places import PROJECT
+
+#: words that fit anything: that it is somewhere, or that somebody found it or wanted it
+NAMELESS = {"place", "places", "found", "own", "asked", "told", "one"}
+PACKAGES = ("pipeline", "fis_tools", "telemetry")
+#: compiled code that protobuf writes
+GENERATED = "_pb2.py"
+#: rooms with names of this kind still in them
+UNCLEAN = ("fis_tools/compiled/",)
+
+
+def sources(*folders):
+    """The modules in some folders, by path, as syntax trees."""
+    for folder in folders:
+        for path in sorted((PROJECT / folder).rglob("*.py")):
+            if not path.name.endswith(GENERATED):
+                yield path.relative_to(PROJECT).as_posix(), ast.parse(path.read_text(encoding="utf-8"))
+
+
+def bindings(tree):
+    """The names that a module binds, with their lines."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+            yield node.id, node.lineno
+        elif isinstance(node, ast.arg):
+            yield node.arg, node.lineno
+        elif isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
+            yield node.name, node.lineno
+        elif isinstance(node, ast.alias) and node.asname:
+            yield node.asname, node.lineno
+
+
+@pytest.mark.parametrize("folder", [*PACKAGES, "tests"])
+def test_no_name_is_a_word_that_names_nothing(folder):
+    bad = [
+        f"{path}:{line} {name}"
+        for path, tree in sources(folder)
+        if not path.startswith(UNCLEAN)
+        for name, line in bindings(tree)
+        if name.strip("_") in NAMELESS
+    ]
+    assert bad == [], "name what it is: index, column, path, match, user_..., requested, reported, ..."
+
+
+def test_a_name_that_names_nothing_is_seen():
+    tree = ast.parse(
+        "import a as told\ndef f(place):\n    one = [found for found in place]\nclass _Own: asked: int"
+    )
+    names = [name for name, _ in bindings(tree)]
+    assert {"told", "place", "one", "found", "_Own", "asked", "f"} == set(names)
+
+
+def test_a_class_name_has_one_meaning():
+    where = defaultdict(list)
+    for path, tree in sources(*PACKAGES):
+        for node in tree.body:
+            if isinstance(node, ast.ClassDef):
+                where[node.name].append(path)
+    assert {name: paths for name, paths in where.items() if len(paths) > 1} == {}
