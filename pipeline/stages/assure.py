@@ -227,9 +227,9 @@ def _tube(experiment: Experiment, controller: Controller, folder: Path) -> TubeP
     wanted = {**json.loads(json.dumps(asdict(theorem))), "controller_sha256": fingerprint(controller.fuzzy)}
     if not isinstance(written, dict) or any(written.get(name) != value for name, value in wanted.items()):
         return TubeProof(f"{artifacts.THEOREM} is of other flights; repeat the stage prove")
-    if written.get("fault"):
-        return TubeProof(f"not proved: {written['fault']}")
-    fault, is_checked = _check(folder, written)
+    fault, is_checked = f"not proved: {written.get('fault')}", False
+    if not written.get("fault"):
+        fault, is_checked = _check(folder, written)
     if fault:
         return TubeProof(fault)
     return TubeProof(

@@ -178,7 +178,7 @@ def _named_here(path: Path) -> object:
 def _trained(path: Path) -> object:
     for name in ("train/champion.json", "champion.json"):
         (path.parent / name).parent.mkdir(exist_ok=True)
-        (path.parent / name).write_bytes(_one_as_json())
+        (path.parent / name).write_bytes(_single_as_json())
     return read_controller(path.parent)
 
 
@@ -349,7 +349,11 @@ def _single() -> Any:
     return replace(_champion(), systems=_champion().systems[:1])
 
 
-def _one_as_json() -> bytes:
+def _single_as_yaml() -> bytes:
+    return serialize.dump_yaml(_single()).encode()
+
+
+def _single_as_json() -> bytes:
     return serialize.dump_json(_single()).encode()
 
 
@@ -376,8 +380,8 @@ EVIDENCE: Final = {
 LOGBOOK: Final = (",".join(HISTORY_COLUMNS) + "\n" + "0,1.5,2.5,0.4,3,0,0\n" * 3).encode()
 FORCES: Final = b"time_s,force_x_n,force_y_n,force_z_n\n0,0.1,0,0\n10,0,0.1,0\n"
 READERS: Final[Mapping[str, Reader]] = {
-    "json": Reader(_in_file("controller.json", _controller), lambda _: [_one_as_json()], "tree", REFUSALS),
-    "yaml": Reader(_in_file("controller.yaml", _controller), lambda _: [serialize.dump_yaml(_single()).encode()],
+    "json": Reader(_in_file("controller.json", _controller), lambda _: [_single_as_json()], "tree", REFUSALS),
+    "yaml": Reader(_in_file("controller.yaml", _controller), lambda _: [_single_as_yaml()],
                    "text", REFUSALS),
     "fis": Reader(_in_file("controller.fis", _controller), _whole(EXAMPLES / "tipper.fis"), "text", REFUSALS),
     "fll": Reader(_in_file("controller.fll", _controller), _whole(EXAMPLES / "dimmer.fll"), "text", REFUSALS),
@@ -429,7 +433,7 @@ READERS: Final[Mapping[str, Reader]] = {
     "theorem": Reader(_in_proof("theorem.json"), _of_proof("theorem.json"), "tree"),
     "proved_controller": Reader(_in_proof("controller.json"), _of_proof("controller.json"), "tree"),
     "tube": Reader(_in_proof("tube.parquet"), _of_proof("tube.parquet"), "table"),
-    "analyses": Reader(_in_file("controller.json", _analyses), lambda _: [_one_as_json()], "tree", REFUSALS),
+    "analyses": Reader(_in_file("controller.json", _analyses), lambda _: [_single_as_json()], "tree", REFUSALS),
 }  # fmt: skip
 
 
