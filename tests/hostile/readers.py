@@ -433,7 +433,8 @@ READERS: Final[Mapping[str, Reader]] = {
     "theorem": Reader(_in_proof("theorem.json"), _of_proof("theorem.json"), "tree"),
     "proved_controller": Reader(_in_proof("controller.json"), _of_proof("controller.json"), "tree"),
     "tube": Reader(_in_proof("tube.parquet"), _of_proof("tube.parquet"), "table"),
-    "analyses": Reader(_in_file("controller.json", _analyses), lambda _: [_single_as_json()], "tree", REFUSALS),
+    "analyses": Reader(_in_file("controller.json", _analyses), lambda _: [_single_as_json()], "tree",
+                       REFUSALS),
 }  # fmt: skip
 
 
