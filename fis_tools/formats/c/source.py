@@ -44,9 +44,9 @@ def defuzzifiers_of(system: FuzzySystem) -> dict[str, str]:
     """Return the names of the C functions of a system's defuzzifiers."""
     if not system.is_sampled:
         return DEFUZZIFIERS
-    own = {"matlab": ("bisector", "som", "lom"), "fuzzylite": ("bisector",), "fcl": ("bisector",)}
+    ways_of_tools = {"matlab": ("bisector", "som", "lom"), "fuzzylite": ("bisector",), "fcl": ("bisector",)}
     return {
-        way: f"sampled_{name}" + (f"_{system.semantics}" if way in own[system.semantics] else "")
+        way: f"sampled_{name}" + (f"_{system.semantics}" if way in ways_of_tools[system.semantics] else "")
         for way, name in DEFUZZIFIERS.items()
     }
 
@@ -432,7 +432,7 @@ class _System:
             system=self.system,
             inputs=self.inputs,
             outputs=self.outputs,
-            asked=self._asked,
+            asked=self._wanted_terms,
             about=_comment(list(self._about())),
             rules=list(self._rules()),
             defuzzifiers=defuzzifiers_of(self.system),
@@ -445,7 +445,7 @@ class _System:
         )
         return "\n".join(broken for line in text.split("\n") for broken in _broken(line))
 
-    def _asked(self, input_: _Signal) -> list[int]:
+    def _wanted_terms(self, input_: _Signal) -> list[int]:
         """Return the indices of an input's terms that rules ask for."""
         used = model.used_terms(self.system.rules)
         return [n for n, term in enumerate(input_.terms) if (input_.variable.name, term.name) in used]

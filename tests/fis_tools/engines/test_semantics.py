@@ -124,8 +124,8 @@ def test_where_no_rule_fires_an_output_may_be_no_number():
     (y,) = system.outputs
     silent = replace(system, semantics="fuzzylite", outputs=(replace(y, default=None),))
     assert np.isnan(outputs_of(silent, 9.0)).all()
-    (found,) = output_ranges(silent, "x in [0, 9]")
-    assert 0.0 <= found.outer.low < found.outer.high <= 1.0
+    (bounds,) = output_ranges(silent, "x in [0, 9]")
+    assert 0.0 <= bounds.outer.low < bounds.outer.high <= 1.0
 
 
 @pytest.mark.parametrize("tool", TOOLS)

@@ -55,9 +55,9 @@ def test_a_file_means_what_jfuzzylogic_makes_of_it():
     assert food.terms[0].membership == Polyline((0.0, 5.0), (1.0, 0.0))
     assert [term.membership for term in service.terms] == [Gaussian(0.0, 2.0), Cosine(5.0, 2.0)]
     assert system.outputs[0].default is None
-    told = " ".join(reading.assumptions)
-    assert "tip keeps its last value" in told
-    assert "numbers are those of jFuzzyLogic" in told
+    assumptions = " ".join(reading.assumptions)
+    assert "tip keeps its last value" in assumptions
+    assert "numbers are those of jFuzzyLogic" in assumptions
     # one precedence, from left to right
     first = system.rules[0].antecedent
     assert first == And((Or((Is("food", "bad"), Is("service", "poor"))), Not(Is("food", "fine"))))
