@@ -27,6 +27,8 @@ PACKAGES = ("fis_tools", "telemetry", "pipeline")
 ELSEWHERE = {
     "CHANGELOG.md": "changes.md",
     "CONTRIBUTING.md": "contributing.md",
+    "SECURITY.md": "security.md",
+    "SUPPORT.md": "support.md",
     "telemetry/README.md": "reference/recordings.md",
 }
 #: folders that serve the commands, and the twins behind a flight: nothing to import
@@ -89,7 +91,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add what the folder of pages does not hold."""
     for path, uri in ELSEWHERE.items():
         text = (PROJECT / path).read_text(encoding="utf-8")
-        files.append(File.generated(config, uri, content=relinked(text, path, uri)))
+        files.append(File.generated(config, uri, content=relinked(_without_dead_links(text), path, uri)))
     for _, uri, text in api_pages():
         files.append(File.generated(config, uri, content=text))
     for path in sorted(path for path in MADE.rglob("*") if path.suffix in {".html", ".md", ".png"}):
@@ -141,6 +143,17 @@ def messages() -> str:
         elif field := re.fullmatch(r"  ((?:repeated |optional )?\w+) (\w+) = \d+;", line):
             lines.append(f"| `{field[2]}` | {field[1]} | {words} |")
     return "\n".join(lines)
+
+
+def _without_dead_links(text: str) -> str:
+    """Return a page of the repository's root without links to files that the site does not hold."""
+
+    def kept(link: re.Match[str]) -> str:
+        target = link[2]
+        is_held = "://" in target or target in ELSEWHERE or target.endswith((".md", ".png"))
+        return link[0] if is_held or target.startswith("#") else link[1]
+
+    return re.sub(r"\[([^\]]+)\]\(([^)\s]+)\)", kept, text)
 
 
 def relinked(text: str, path: str, uri: str) -> str:
