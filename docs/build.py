@@ -4,6 +4,7 @@ Makes the pages that come from real runs (a champion evaluated, reported and rev
 reviewed; the help of every command), then the site, in ``build/site``. Nothing is fetched from a network.
 """
 
+import json
 import os
 import re
 import shutil
@@ -17,8 +18,17 @@ PROJECT = Path(__file__).resolve().parents[1]
 BUILD = PROJECT / "build"
 #: what the site takes over, as `docs.hooks` finds it
 MADE = BUILD / "docs"
-CHAMPION = ("+experiment=evaluate", "controller=champion_any_sun", "sun=random", "monte_carlo.num_cases=50")
+CHAMPION = ("+experiment=evaluate", "controller=champion_27", "sun=random", "monte_carlo.num_cases=50")
 COMMANDS = ("pipeline", "fis_tools", "telemetry")
+#: what readers search for, and the page that must answer
+SEARCHES = {
+    "licence": "support.html",
+    "cite": "support.html",
+    "Windows": "support.html",
+    "delta-v": "reference/results.html",
+    "export C": "how-to/run-in-a-simulator.html",
+    "how long does training take": "how-to/train-a-controller.html",
+}
 
 
 def main() -> None:
@@ -48,7 +58,26 @@ def main() -> None:
     code = subprocess.run(mkdocs, cwd=PROJECT, env=quiet, check=False).returncode  # noqa: S603
     if code == 0:
         write_home(BUILD / "site")
+        check_searches(BUILD / "site")
     sys.exit(code)
+
+
+def check_searches(site: Path) -> None:
+    """Check that the search knows every word of what readers look for on the page that answers.
+
+    Raises
+    ------
+    SystemExit
+        Where a page lacks one.
+    """
+    index = json.loads((site / "search" / "search_index.json").read_text(encoding="utf-8"))["docs"]
+    for words, page in SEARCHES.items():
+        parts = (f"{part['title']} {part['text']}" for part in index if part["location"].startswith(page))
+        text = " ".join(parts).lower()
+        if missing := [
+            word for word in words.lower().split() if not re.search(rf"\b{re.escape(word)}\b", text)
+        ]:
+            sys.exit(f"a search for {words!r} misses {page}: no {', '.join(missing)} there")
 
 
 def write_home(site: Path) -> None:

@@ -1,4 +1,4 @@
-"""The first page: one file with a flight, its rules and its compiled code, which works from disk too."""
+"""The first page, one file with a flight, its rules and its compiled code: ``python -m docs.home``."""
 
 import base64
 import gzip
@@ -62,11 +62,31 @@ def page() -> str:
         STYLE=style,
         STYLE_HASH=hash_of(style),
         FRAME=(VIEW / "frame.html").read_text(encoding="utf-8"),
+        MOTION=picture("motion"),
+        SLICE=picture("slice_of_rules"),
         NUM_OTHERS=table["num_starts"] - 1,
         FACTS="".join(f'<li><a href="{link}"><b>{number}</b></a>{text}</li>' for number, text, link in FACTS),
     )
 
 
+def picture(name: str) -> str:
+    """Return one of the drawings as an address that holds it."""
+    drawn = (PROJECT / "docs" / "images" / "drawings" / f"{name}.svg").read_bytes()
+    return f"data:image/svg+xml;base64,{base64.b64encode(drawn).decode()}"
+
+
 def hash_of(text: str) -> str:
     """Return what the content policy calls a script or style by."""
     return f"sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}"
+
+
+def main() -> None:
+    """Write the page, and say where it is."""
+    path = PROJECT / "build" / "home.html"
+    path.parent.mkdir(exist_ok=True)
+    path.write_text(page(), encoding="utf-8")
+    print(path.relative_to(PROJECT))
+
+
+if __name__ == "__main__":
+    main()
