@@ -16,9 +16,9 @@ FRAME_MS = 220
 SIZE = (860, 610)
 #: only the flight, larger, as in a film
 SET = """() => {
-    const flight = document.getElementById("flight");
+    const flight = document.getElementById("scene");
     document.body.replaceChildren(flight);
-    flight.querySelector(".bar").style.display = "none";
+    flight.querySelector(".playback").style.display = "none";
     flight.querySelector("canvas").style.height = "470px";
     flight.style.fontSize = "17px";
 }"""

@@ -319,7 +319,7 @@ function asYaml() {
 // for whoever looks from the console, and the tests
 globalThis.flightPage = { flights, systems, flown, flyAll, asYaml, shares, mostMoving, isLit };
 
-const view = new FlightView($("flight"), flown, { touch: startFrom, onTime: writeAddress });
+const view = new FlightView($("scene"), flown, { touch: startFrom, onTime: writeAddress });
 globalThis.flightPage.view = view;
 for (const name of Object.keys(SLIDERS)) {
   $(name).addEventListener("input", event => { chosen[name] = +event.target.value; showSliders(); flyOwn(); });

@@ -2,6 +2,7 @@
 
 import base64
 import hashlib
+from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
 from typing import Any
@@ -10,6 +11,16 @@ from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 from markupsafe import Markup, escape
 
 from fis_tools.document import Document, Heading
+
+
+@dataclass(frozen=True)
+class ScriptedPanel:
+    """A part of a page that runs a script of its own: its title, style, body and script."""
+
+    title: str
+    style: Markup
+    body: Markup
+    script: Markup
 
 
 def policy(style: str = "", script: str = "") -> Markup:

@@ -44,6 +44,7 @@ def write(
     part: str | None = None,
     evidence: Path | str | None = None,
     all_periods: bool = False,
+    panel: html.ScriptedPanel | None = None,
 ) -> str:
     """Write the review page of a controller.
 
@@ -60,6 +61,8 @@ def write(
         A file that tells what became of the requirements.
     all_periods : bool
         Count every inference along flights, not only those whose force was fired.
+    panel : ScriptedPanel, optional
+        Shown before the findings by a caller that can draw what the controller controls.
 
     Returns
     -------
@@ -117,6 +120,7 @@ def write(
     }
     return _assemble(
         data,
+        panel,
         controller=controller,
         facts=content.facts(controller.provenance),
         constants=content.constants(controller, meanings),
@@ -141,9 +145,9 @@ def write(
     )
 
 
-def _assemble(data: object, **words: object) -> str:
+def _assemble(data: object, panel: html.ScriptedPanel | None, **words: object) -> str:
     """Render the template with words, data, style sheet and scripts."""
-    style = read("style.css", __package__) + content.level_styles()
+    style = read("style.css", __package__) + content.level_styles() + (panel.style if panel else "")
     script = _script()
     return template("fis_tools", "review", "page.html").render(
         words,
@@ -151,7 +155,8 @@ def _assemble(data: object, **words: object) -> str:
         script=Markup(script),  # noqa: S704 - files of this package
         data=Markup(carried.as_json(data)),  # noqa: S704 - no character of it ends a script element
         style_hash=source_hash(style),
-        script_hash=source_hash(script),
+        panel=panel,
+        script_hashes=[source_hash(each) for each in (script, *([panel.script] if panel else []))],
     )
 
 

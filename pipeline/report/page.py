@@ -16,7 +16,7 @@ from pipeline.recording.events import points_in_words
 from pipeline.report import comparisons
 from pipeline.report.contents import Contents, FlightSet, ShownFlight
 from pipeline.report.figures.style import MOST_POINTS, Illustration, caption_of
-from pipeline.report.scene import scene_of
+from pipeline.report.scene import scene_of_run
 from pipeline.run import artifacts
 from pipeline.settings.experiment import Mission
 from pipeline.settings.start_table import POSITION
@@ -48,9 +48,7 @@ def write(contents: Contents, illustrations: Mapping[str, Illustration]) -> str:
         heading = Heading(experiment.report.title, 1)
         return page(Document([heading, *_towards_goal(contents, illustrations)]), COLOURS)
     has_unseen = any(sees_less(flights.summary) for _, flights, _ in contents.sets)
-    scene = None
-    if contents.shown and contents.controller:
-        scene = scene_of(contents.shown[0], contents.controller, mission)
+    scene = scene_of_run(contents)
     return template("pipeline.report", "templates", "report.html").render(
         policy=policy(script=scene.script if scene else ""),
         scene=scene,

@@ -2,14 +2,13 @@
 
 import base64
 import json
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from markupsafe import Markup
 
 from fis_tools.analysis import shapley
-from fis_tools.document.html import read
+from fis_tools.document.html import ScriptedPanel, read
 from fis_tools.engines.compiler import compile
 from fis_tools.model.thrust import COMPONENTS, REASONS
 from fis_tools.words.text import sentence
@@ -20,7 +19,7 @@ from pipeline.flight.world.pack import pack_world
 from pipeline.physics.motion import state_transition
 from pipeline.recording.firing import delay_of, is_fired
 from pipeline.recording.points import lit_and_seen
-from pipeline.report.contents import ShownFlight
+from pipeline.report.contents import Contents, ShownFlight
 from pipeline.settings.experiment import Mission
 
 PACKAGE = "pipeline.report.flight_view"
@@ -30,17 +29,15 @@ NUM_COASTED = 97
 HILL = "hill"
 
 
-@dataclass(frozen=True)
-class FlightScene:
-    """A scene as the page needs it: its style and script, which the page's policy names."""
-
-    title: str
-    style: Markup
-    frame: Markup
-    script: Markup
+def scene_of_run(contents: Contents) -> ScriptedPanel | None:
+    """Return the scene of the first flight that a report shows in detail; None without one."""
+    mission = contents.experiment.mission
+    if not contents.shown or contents.controller is None or mission.problem.kind != "inspection":
+        return None
+    return scene_of(contents.shown[0], contents.controller, mission)
 
 
-def scene_of(flight: ShownFlight, controller: Controller, mission: Mission) -> FlightScene:
+def scene_of(flight: ShownFlight, controller: Controller, mission: Mission) -> ScriptedPanel:
     """Return the scene of a flight that inspects.
 
     Parameters
@@ -55,7 +52,7 @@ def scene_of(flight: ShownFlight, controller: Controller, mission: Mission) -> F
     # files of this package, and JSON that cannot end a script
     script = Markup(f"{{\n{code}\nshowRecorded({table});\n}}")  # noqa: S704
     style, frame = (Markup(read(name, PACKAGE)) for name in ("view.css", "frame.html"))  # noqa: S704 - likewise
-    return FlightScene(flight.title, style, frame, script)
+    return ScriptedPanel(flight.title, style, frame, script)
 
 
 def _table(log: FlightLog, controller: Controller, mission: Mission) -> dict[str, Any]:

@@ -8,6 +8,7 @@ from fis_tools.review import page as review
 from pipeline.report.contents import Contents, gather
 from pipeline.report.page import write
 from pipeline.report.pictures import OWN_FILES, draw
+from pipeline.report.scene import scene_of_run
 from pipeline.run import artifacts, writing
 from pipeline.settings.experiment import Experiment
 
@@ -44,7 +45,8 @@ def _write_review(contents: Contents, folder: Path) -> None:
         path.unlink(missing_ok=True)
         return
     try:
-        page = review.write(fuzzy, [folder / name for name in contents.recordings])
+        recordings = [folder / name for name in contents.recordings]
+        page = review.write(fuzzy, recordings, panel=scene_of_run(contents))
     except ControllerFileError as error:
         raise artifacts.ArtifactError(f"{error}; repeat the stage record") from error
     writing.write_atomically(path, page)

@@ -17,7 +17,7 @@ function showRecorded(table) {
     const axis = [x, y, z].map(part => -sign * part), side = cross(axis, vector).map(part => 2 * part);
     return plus(plus(vector, scaled(side, w)), cross(axis, side));
   };
-  const view = new FlightView(document.getElementById("flight"), {
+  const view = new FlightView(document.getElementById("scene"), {
     numSamples, periodS: table.periodS, radius: table.radius, limits: table.limits, isSphere: table.isSphere, points: held,
     pointsAt: arrays.attitude.length ? k => held.map(point => turned(quaternion(k), turned(quaternion(0), point, 1), -1)) : null,
     position: k => three(arrays.position, k),

@@ -34,7 +34,6 @@ export class FlightView {
     this.said = "";
     this.part("time").max = flight.numSamples - 1;
     this.listen();
-    this.readColours();
   }
 
   // --- time ---
@@ -75,7 +74,8 @@ export class FlightView {
       this.show(+event.target.value);
       this.onTime(this.sample);
     });
-    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { this.readColours(); this.draw(); });
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.draw());
+    document.getElementById("theme")?.addEventListener("change", () => this.draw());
     new ResizeObserver(() => this.draw()).observe(canvas);
     let held = null;
     const where = event => { const box = canvas.getBoundingClientRect(); return [event.clientX - box.left, event.clientY - box.top]; };
@@ -130,9 +130,13 @@ export class FlightView {
 
   // --- the picture ---
 
+  /** Read the colours as the scheme has them now. */
   readColours() {
-    const style = getComputedStyle(this.canvas);
-    this.colour = Object.fromEntries(COLOURS.map(name => [name, style.getPropertyValue(`--${name}`).trim()]));
+    const { canvas } = this;
+    this.colour = Object.fromEntries(COLOURS.map(name => {
+      canvas.style.color = `var(--${name})`;
+      return [name, getComputedStyle(canvas).color];
+    }));
   }
 
   draw() {
@@ -189,6 +193,7 @@ export class FlightView {
   }
 
   paint() {
+    this.readColours();
     const { canvas, pen, flight, colour } = this, ratio = devicePixelRatio || 1;
     const width = canvas.clientWidth, height = canvas.clientHeight;
     if (!width) return;

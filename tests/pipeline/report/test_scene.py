@@ -89,7 +89,7 @@ def test_a_push_names_the_rule_that_recordings_give_the_largest_share(flown, tmp
 def test_a_page_shows_it(flown, opened, axe, width):
     log, scene = flown[2].log, flown[3]
     head = f"<html lang=en><title>A flight</title><style>{scene.style}</style>"
-    body = f"<main><h1>A flight</h1>{scene.frame}</main><script>{scene.script}</script>"
+    body = f"<main><h1>A flight</h1>{scene.body}</main><script>{scene.script}</script>"
     page = opened(head + body, width, reduced_motion="reduce")
     page.locator(".time").fill("30")
     page.wait_for_function("() => document.querySelector('.count').textContent.includes('points')")
