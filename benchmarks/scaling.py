@@ -47,6 +47,8 @@ WORLDS = {
 }
 #: processor time over which flights are measured, s
 MEASURED_S = 5.0
+#: flights that fill the vectors in which they fly side by side
+FEWEST = 64
 DAY_S = 86_400.0
 
 
@@ -59,7 +61,7 @@ def words_of(controller: str) -> tuple[str, ...]:
 def seconds_a_flight(controller: str) -> float:
     """Return the processor time of a flight in one thread, s, over flights that take some seconds."""
     experiment = compose_experiment(["+experiment=evaluate", *words_of(controller)]).experiment
-    loaded, first, num_cases = load(experiment.controller, experiment.mission), 0, 1
+    loaded, first, num_cases = load(experiment.controller, experiment.mission), 0, FEWEST
     fly_all(experiment.mission, loaded, evaluation_scenarios(experiment, [0]), 1)  # compiles if necessary
     while True:
         scenarios = evaluation_scenarios(experiment, range(first, first + num_cases))
