@@ -30,7 +30,7 @@ from fis_tools.model.validate import InvalidSystem
 from fis_tools.review.content import read_evidence
 from fis_tools.review.flown import evaluations
 from fis_tools.source import named, read_controller
-from pipeline.command_line.arguments import folders_with, read_arguments
+from pipeline.command_line.arguments import folders_with, parse_arguments
 from pipeline.command_line.config import compose_experiment, read_starts
 from pipeline.command_line.guide import help_text
 from pipeline.controllers.played import read_played
@@ -188,7 +188,7 @@ def _surroundings(path: Path) -> object:
 
 def _own_configs(path: Path) -> object:
     folder = path.parents[1]
-    read_arguments(["--config-dir", str(folder), "+experiment=fly"])
+    parse_arguments(["--config-dir", str(folder), "+experiment=fly"])
     return help_text(folders_with(folder))
 
 
