@@ -13,6 +13,7 @@ import yaml
 
 from docs import hooks
 from pipeline.command_line.config import compose_experiment
+from pipeline.settings.controllers import PLANNED
 from pipeline.settings.experiment import STAGES, Safety, SettingError, Sun
 from pipeline.settings.keys import value_at
 from pipeline.settings.schema import commented, completed, descriptions, experiment_from, schema, tables
@@ -72,7 +73,7 @@ CASES = [
     ("stages", ["report", "evaluate"], f"name each once in the order {', '.join(STAGES)}"),
     ("stages", ["train"], "a controller of kind coast has nothing to train"),
     ("controller", {}, "controller is neither written out (systems) nor a file (path) nor of a kind"),
-    ("controller", {"kind": "cost"}, "natural_motion, lqr, receding_horizon; did you mean coast?"),
+    ("controller", {"kind": "cost"}, f"{', '.join(PLANNED)}; did you mean coast?"),
     ("controller", {"kind": "coast", "path": "x"}, "one of kind coast has kind"),
     ("controller", {"path": "x", "name": "y"}, "one of kind file has path"),
     ("safety.keep_out_margin_m", 0.0, "safety.keep_out_margin_m is 0.0; it must be at least 0.001 (m)"),
