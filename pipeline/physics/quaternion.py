@@ -30,7 +30,7 @@ def axes_of(q: Quaternion) -> tuple[Three, Three, Three]:
 
 @compiled(error_model="numpy", forceinline=True)
 def to_hill(q: Quaternion, a: Three) -> Three:
-    """Return vectors in body axes in Hill axes."""
+    """Transform vectors from body to Hill axes."""
     x, y, z = axes_of(q)
     return Three(
         x.x * a.x + (y.x * a.y + z.x * a.z),  # in this order, so that recorded flights stay as they are
@@ -41,7 +41,7 @@ def to_hill(q: Quaternion, a: Three) -> Three:
 
 @compiled(error_model="numpy", forceinline=True)
 def to_body(q: Quaternion, a: Three) -> Three:
-    """Return vectors in Hill axes in body axes."""
+    """Transform vectors from Hill to body axes."""
     x, y, z = axes_of(q)
     return Three(dot(x, a), dot(y, a), dot(z, a))
 
@@ -67,7 +67,7 @@ def dcm_b_from_h(quaternion_b_from_h: Floats) -> Floats:
 
 
 def seen_from_hill(quaternions_b_from_h: Floats, vector_b: Floats) -> Floats:
-    """Return a body's vector, (3,), in Hill components at each of its attitudes, (K, 4): shape (K, 3)."""
+    """Transform a vector from body to Hill axes at each of K attitudes, (K, 4); return shape (K, 3)."""
     return np.array([dcm_b_from_h(quaternion).T @ vector_b for quaternion in quaternions_b_from_h])
 
 

@@ -19,13 +19,13 @@ from pipeline.physics.orbit import Course, ahead, velocity_at_end
 
 @compiled(error_model="numpy", forceinline=True)
 def to_inertial(course: Course, row: int, hill: Three) -> Three:
-    """Return a vector in Hill axes in axes of the course."""
+    """Transform a vector from Hill axes to axes of the course."""
     return times(course.axes[row].T, hill)
 
 
 @compiled(error_model="numpy", forceinline=True)
 def entered(course: Course, row: int, position: Three, velocity: Three) -> tuple[Three, Three]:
-    """Return a position and velocity in rotating Hill axes in axes of the course."""
+    """Transform a position and velocity from rotating Hill axes to axes of the course."""
     (x, y, z), (u, v, w) = position, velocity
     wx, wz = course.turning[row, 0], course.turning[row, 2]
     moving = Three(u - wz * y, v + wz * x - wx * z, w + wx * y)
@@ -34,7 +34,7 @@ def entered(course: Course, row: int, position: Three, velocity: Three) -> tuple
 
 @compiled(error_model="numpy", forceinline=True)
 def left(course: Course, row: int, position: Three, velocity: Three) -> tuple[Three, Three]:
-    """Return a position and velocity in axes of the course in rotating Hill axes."""
+    """Transform a position and velocity from axes of the course to rotating Hill axes."""
     x, y, z = times(course.axes[row], position)
     u, v, w = times(course.axes[row], velocity)
     wx, wz = course.turning[row, 0], course.turning[row, 2]

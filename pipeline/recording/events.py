@@ -34,7 +34,7 @@ class Event:
 def events(
     mission: Mission, log: FlightLog, near_limit_m: float, controller: Controller | None = None
 ) -> list[Event]:
-    """Tell a flight's events, in the order of time.
+    """Return a flight's events in the order of time.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ def events(
 
 
 def _approach(mission: Mission, log: FlightLog) -> Iterator[Event]:
-    """Say where a flight towards a goal was too fast, and how it ended."""
+    """Yield where a flight towards a goal was too fast, and how it ended."""
     distance, speed = np.linalg.norm(log.position_m, axis=1), np.linalg.norm(log.velocity_m_s, axis=1)
     last, fault = ended(mission, log)
     over = speed - limit_at(mission.problem, distance)
@@ -83,7 +83,7 @@ def _approach(mission: Mission, log: FlightLog) -> Iterator[Event]:
 
 
 def _rehearsed(mission: Mission, log: FlightLog, controller: Controller) -> Iterator[Event]:
-    """Say which first push, and which tours, rehearsals chose."""
+    """Yield which first push and which tours rehearsals chose."""
     if num_rehearsed := len(rehearsed_pushes(controller)):
         per_force = 1000.0 * mission.control_period_s / mission.deputy.mass_kg
         x, y, z = (per_force * log.force_asked_n[0]).tolist()
@@ -99,7 +99,7 @@ def _rehearsed(mission: Mission, log: FlightLog, controller: Controller) -> Iter
 
 
 def _progress(mission: Mission, log: FlightLog) -> Iterator[Event]:
-    """Say when enough points were inspected, and when all were."""
+    """Yield when enough points were inspected, and when all were."""
     count = log.is_inspected.sum(axis=1)
     inspectable = int(log.is_inspectable.sum())
     threshold = mission.inspection_threshold_percent
@@ -119,7 +119,7 @@ def _progress(mission: Mission, log: FlightLog) -> Iterator[Event]:
 
 
 def _limits(mission: Mission, log: FlightLog, near_limit_m: float) -> Iterator[Event]:
-    """Say when the deputy comes near a distance limit, goes beyond it and comes back."""
+    """Yield when the deputy comes near a distance limit, goes beyond it and comes back."""
     low, high = mission.deputy.min_distance_m or -math.inf, mission.deputy.max_distance_m
     least, greatest = f"the least distance allowed ({low:g} m)", f"the greatest distance allowed ({high:g} m)"
     is_warned = is_outside = False
@@ -141,7 +141,7 @@ def _limits(mission: Mission, log: FlightLog, near_limit_m: float) -> Iterator[E
 
 
 def _coasting(mission: Mission, log: FlightLog, logic: ThrustLogic) -> Iterator[Event]:
-    """Say when the controller begins and ceases to coast, and what coasting to the end would come to."""
+    """Yield when the controller begins and ceases to coast, and what coasting to the end would come to."""
     num_points, margin = int(log.is_inspectable.sum()), logic.coast_margin_m
     low, high = mission.deputy.min_distance_m + margin, mission.deputy.max_distance_m - margin
     was_coasting = False
@@ -165,7 +165,7 @@ def _coasting(mission: Mission, log: FlightLog, logic: ThrustLogic) -> Iterator[
 
 
 def _safety(mission: Mission, log: FlightLog) -> Iterator[Event]:
-    """Say when the safety layer begins and ceases to change the force, for which limits and by how much."""
+    """Yield when the safety layer begins and ceases to change the force, for which limits and by how much."""
     acted = np.flatnonzero(log.safety_limit)
     for spell in np.split(acted, np.flatnonzero(np.diff(acted) > REST_PERIODS) + 1) if acted.size else ():
         first, last = int(spell[0]), int(spell[-1])

@@ -175,7 +175,7 @@ class FlightRecorder:
         return {**description.to_metadata(), "inspection_radius_m": radius, "num_points": count}
 
     def _rehearsals(self, log: FlightLog) -> dict[str, dict[str, str]]:
-        """Tell what each of the first pushes, and of the images of the tour, would have cost."""
+        """Return what each of the first pushes, and of the images of the tour, would have cost."""
         pushes = (1e3 * rehearsed_pushes(self.controller)).tolist()
         ways = [f"{x:.0f} mm/s radially, {y:.0f} along the track, {z:.0f} across" for x, y, z in pushes]
         period, names = self.mission.control_period_s, tour_names(self.controller)
@@ -320,7 +320,7 @@ def stl_of(corners: Floats) -> bytes:
 
 
 def describe(compiled: CompiledSystem, force_axes: str) -> FisDescription:
-    """Say what the numbers of a system's topic mean, and along which axes its output is."""
+    """Return what the numbers of a system's topic mean, and along which axes its output is."""
     system = compiled.system
     output = system.outputs[0]
     return FisDescription(

@@ -20,7 +20,7 @@ def _kmeans() -> tuple[Any, Any]:
 
 
 def centres_by_sklearn(clusters: Clusters, position_h: Floats, num_centres: int) -> int:
-    """Do as `pipeline.flight.period.look.guidance.cluster_centres`, by scikit-learn."""
+    """Return what `pipeline.flight.period.look.guidance.cluster_centres` does, computed by scikit-learn."""
     wanted = start_centres(clusters, position_h, num_centres)
     kmeans, threads = _kmeans()
     # with so few points one thread is fastest
@@ -38,7 +38,7 @@ def is_interpreted(mission: Mission) -> bool:
 
 
 def as_asked(mission: Mission) -> AbstractContextManager[None]:
-    """Let flights inside, on this thread, be those of `is_interpreted` if a mission asks for them."""
+    """Run flights inside the block, on this thread, in plain Python if `is_interpreted` says so."""
     if is_interpreted(mission):
         return plainly("pipeline", {cluster_centres: centres_by_sklearn})
     return nullcontext()

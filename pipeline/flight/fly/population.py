@@ -45,9 +45,9 @@ def flights_of(
     wanted: Bytes | None = None,
     note: Callable[..., None] = note_inspectable,
 ) -> tuple[Parts, FlightBatch, NDArray[np.uint8]]:
-    """Return what is to fly from some starts, and the points that its outcomes call inspectable.
+    """Return flights from some starts as compiled code takes them, and the points that can be inspected.
 
-    See `fly_population`; a function notes those that are lit in a flight.
+    See `fly_population`; `note` marks the points that are lit in a flight.
     """
     inspectable, counted = points_of_cases(world, cases.starts, note) if wanted is None else (wanted, wanted)
     values, rules = numbers.values[:, np.newaxis], numbers.rules

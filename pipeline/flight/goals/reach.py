@@ -37,7 +37,7 @@ def limit_at(problem: Problem, distance: Floats) -> Floats:
 
 
 def flight_ends(problem: Problem, distance: Floats, speed: Floats) -> tuple[Floats, Booleans, Floats]:
-    """Return of flights where they end, whether they are at the goal there, and the excesses so far.
+    """Return the samples at which flights end, whether at the goal, and the excesses summed so far.
 
     Distances from the chief (m), speeds relative to Hill (m/s) and the sums of excesses (m/s) have the shape
     (n, K+1), the samples of the end, from 0, and whether they are at the goal (n,).

@@ -46,9 +46,10 @@ class EstimateErrors:
     response: Floats  # to a constant error of the fixes, (K+1, 6, 3)
 
     def bound(self, rows: Floats, constant_m: float, risk: float) -> float:
-        """Return what the length of rows times the error stays below in a flight, but for a risk.
+        """Return a bound on ``|A e|`` over a flight that holds with probability 1 - risk.
 
-        The risk is the sum over all samples; an error along any direction is taken for the greatest one.
+        A are the rows, (n, 6), e is the error of the estimate. The risk is the sum over all samples; an error
+        along any direction is taken for the greatest one.
         """
         from scipy.optimize import brentq  # noqa: PLC0415 - slow to import, used only here
         from scipy.special import chdtrc, chdtri  # noqa: PLC0415 - as above
@@ -179,7 +180,7 @@ def error_bounds(mission: Mission, known: EstimateErrors) -> ErrorBounds:
 
 @cache
 def largest_share(scale: float, turn: float, probability: float) -> float:
-    """Return what ``|(I + S) R - I|`` stays below, of normal scales and a normal rotation, rad.
+    """Return a bound on ``|(I + S) R - I|``, for normal scales and a normal rotation, rad, at a probability.
 
     A quantile of at least 200,000 draws, 25 of them beyond it, at the upper end of its 99.9 % interval.
     """
@@ -219,9 +220,9 @@ def process_noise(mission: Mission) -> float:
 
 
 def estimate_errors(mission: Mission) -> EstimateErrors:
-    """Return how far estimates may be off; not at all where navigation is perfect.
+    """Return covariances of the errors of estimates; zero where navigation is perfect.
 
-    Fixes are from the farthest place; smaller forces and nearer places give smaller covariances.
+    Fixes are taken from the farthest position; smaller forces and nearer positions give smaller covariances.
     """
     from scipy.linalg import block_diag  # noqa: PLC0415 - slow to import, used only here
 
@@ -280,7 +281,7 @@ def norm(matrix: Floats) -> float:
 
 
 def dip(radius: float, length: float) -> float:
-    """Return how far a chord between two places outside a sphere may dip into it."""
+    """Return how far a chord between two points outside a sphere may dip into it."""
     return radius - sqrt(max(0.0, radius**2 - 0.25 * length**2))
 
 

@@ -90,7 +90,7 @@ class Picture:
 def grid(
     figure: Figure, rows: int, columns: int, margins: Sequence[float], between: Sequence[float], **ratios: Any
 ) -> GridSpec:
-    """Part a figure into places for axes, for labels of a known size: to measure them takes long.
+    """Divide a figure into cells for axes, with given room for labels: measuring them takes long.
 
     Parameters
     ----------

@@ -22,7 +22,7 @@ def move(world: World, state: FlightState, force: Three) -> None:
 
 @compiled(error_model="numpy", forceinline=True)
 def suns(state: FlightState) -> Three:
-    """Return the directions towards the Suns of all lanes, axes of the course."""
+    """Return the unit vectors towards the Sun in all lanes, axes of the course."""
     cosine, sine = load_pair(state.lanes.sun_at_start)
     flat, high = load_pair(state.lanes.height_at_start)
     return Three(flat * cosine, flat * sine, high)
