@@ -121,7 +121,7 @@ def write_outcomes(now: Moment, flight: int, outcomes: Floats) -> None:
 
 @compiled(error_model="numpy")
 def write_known(now: Moment, lane: int, row: Floats) -> None:
-    """Write a deputy's estimate of position (m) and velocity (m/s), and 1 for each point not yet inspected."""
+    """Write a deputy's estimate, position (m) and velocity (m/s), and 1 for each point left to inspect."""
     belief = now.state.belief
     write_row(row[:3], belief.position, lane)
     write_row(row[3:6], belief.velocity, lane)
