@@ -13,6 +13,7 @@ from pipeline.command_line.groups import options
 from pipeline.command_line.overrides import first_run, read_overrides, search_folders
 from pipeline.command_line.sweeps import resume_words
 from pipeline.run import artifacts
+from pipeline.run.lock import held
 from pipeline.run.sweep import SWEEP
 from pipeline.settings.schema import commented
 
@@ -60,7 +61,8 @@ def _resume(command: CommandLine, folder: Path, overrides: Sequence[Override]) -
     """Resume a run, or the unfinished runs of a sweep; return the exit code."""
     if not (folder / SWEEP).exists():
         return runs.resume(folder, overrides)
-    words = resume_words(folder, overrides)
+    with held(folder):  # also where nothing is left: a killed process may have left its lock
+        words = resume_words(folder, overrides)
     options = [option for option in command.hydra_options if option != "--multirun"]
     return (
         application.run_application(["--multirun", *options, *words], (), resumes=True) if words else runs.OK

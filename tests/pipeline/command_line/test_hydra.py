@@ -16,6 +16,7 @@ from pipeline.command_line.cli import main
 from pipeline.command_line.config import compose_experiment
 from pipeline.report import sweep as report
 from pipeline.run import artifacts, configuration, sweep, tables
+from pipeline.run.lock import LOCK
 from pipeline.settings.places import conf_folder
 from pipeline.settings.schema import completed
 from tests.pipeline.command_line.cases import EVALUATE, FLY, use_stages
@@ -112,9 +113,13 @@ def test_a_sweep_with_a_deleted_run_goes_on(monkeypatch, ran):
     assert "drop seed=5" in ran("resume=s", "seed=5", code=2).err
     assert "drop sun=random" in ran("resume=s", "sun=random", code=2).err
     called = use_stages(monkeypatch)
+    (Path("s") / LOCK).write_text("")  # of a process that was killed
     ran("resume=s")
     assert [experiment.seed for _, experiment, _ in called] == [2]
     assert configuration.read(Path("s/seed=2")) == before
+    (Path("s") / LOCK).write_text("")
+    assert "nothing is left to do" in ran("resume=s").err
+    assert not (Path("s") / LOCK).exists()
 
 
 def test_a_sweep_is_extended_and_what_is_finished_stays(monkeypatch, ran):
