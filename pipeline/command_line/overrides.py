@@ -12,7 +12,7 @@ from hydra.core.override_parser.types import Glob, Override, OverrideType
 from hydra.errors import HydraException
 
 from pipeline.command_line.arguments import EXPERIMENT, ConfigError
-from pipeline.settings.keys import KNOWN, choices_of, did_you_mean, is_key, nearest, renamed, unknown
+from pipeline.settings.keys import KNOWN, choices_of, did_you_mean, is_key, nearest_key, renamed, unknown
 from pipeline.settings.places import conf_folder
 
 #: groups of options, to the names of these
@@ -146,7 +146,7 @@ def check_overrides(overrides: Sequence[Override], groups: Groups) -> None:
         elif renamed(key) is not None:
             raise ConfigError(unknown(key))
         elif not is_key(key):
-            likely = nearest(key, {*KNOWN, *groups})
+            likely = nearest_key(key, {*KNOWN, *groups})
             plus = "+" if likely == EXPERIMENT else ""
             raise ConfigError(
                 f"there is no key {key}" + (f"; did you mean {plus}{likely}?" if likely else "")

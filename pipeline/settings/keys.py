@@ -141,7 +141,7 @@ def unit_of(key: str) -> str:
 COMMON = 3
 
 
-def nearest(word: str, known: Iterable[str]) -> str | None:
+def nearest_key(word: str, known: Iterable[str]) -> str | None:
     """Return the known word most like an unknown one, or None if none is similar.
 
     In a group that exists, its keys come first; else a dotted key is also compared by its last name, so that
@@ -172,5 +172,5 @@ def choices_of(word: str, known: Sequence[str], plural: str = "choices") -> str:
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
     """Return ``; did you mean …?``, or nothing if no known word is similar."""
-    match = nearest(word, known)
+    match = nearest_key(word, known)
     return f"; did you mean {match}?" if match else ""
