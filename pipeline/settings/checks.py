@@ -428,6 +428,15 @@ def ends_of(limits: Mapping[str, float]) -> tuple[float | None, float]:
 GROUPS: list[tuple[str, type[Any], tuple[Only, ...]]] = []
 
 
+#: of classes of settings: built when first needed, as most commands need few groups; the text below a field
+#: describes it
+CONFIG = ConfigDict(extra="forbid", defer_build=True, use_attribute_docstrings=True)
+
+
+#: by class of settings, the texts below its fields
+DESCRIPTIONS: dict[type[Any], dict[str, str]] = {}
+
+
 @dataclass_transform(kw_only_default=True, frozen_default=True, field_specifiers=(field, Field))
 def settings(group: str, *only: Only) -> Callable[[type[Kind]], type[Kind]]:
     """Make a class a frozen dataclass that checks its values, with the keys of a group in its errors.
@@ -447,9 +456,14 @@ def settings(group: str, *only: Only) -> Callable[[type[Kind]], type[Kind]]:
     """
 
     def checked(plain: type[Kind]) -> type[Kind]:
-        # built when first needed: most commands need few groups
-        config = ConfigDict(extra="forbid", defer_build=True)
-        made: Any = checked_dataclass(plain, config=config, frozen=True, kw_only=True)
+        made: Any = checked_dataclass(plain, config=CONFIG, frozen=True, kw_only=True)
+        # kept now: pydantic forgets them when it builds the class
+        DESCRIPTIONS[made] = {
+            name: " ".join(entry.description.split())
+            for owner in reversed(made.__mro__)
+            for name, entry in getattr(owner, "__pydantic_fields__", {}).items()
+            if entry.description
+        }
         build = made.__init__
 
         @wraps(build)

@@ -2,12 +2,13 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from typing import Annotated, Any, Literal
 
 from pydantic import Field
+from pydantic.dataclasses import dataclass as checked_dataclass
 
-from pipeline.settings.checks import Count, NotNegative, Number, Positive, SettingError, settings
+from pipeline.settings.checks import CONFIG, Count, NotNegative, Number, Positive, SettingError, settings
 from pipeline.settings.keys import FREE, did_you_mean
 
 Angle = Annotated[Number, Field(ge=-math.pi, le=math.pi)]
@@ -35,7 +36,7 @@ class NaturalMotion:
             )
 
 
-@dataclass(frozen=True, kw_only=True)
+@checked_dataclass(config=CONFIG, frozen=True, kw_only=True)
 class Ring:
     """An ellipse of free motion that follows the Sun, with its cross-track amplitude; or a route instead."""
 

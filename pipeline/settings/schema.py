@@ -3,25 +3,21 @@
 Settings that no result depends on belong to the command that gives them, and may be given to a resumed run.
 
 The tables on the site, the help on a group, and comments in YAML come from the classes of settings: a key's
-meaning is the text below its field, and its range is in the field's type.
+meaning is the text below its field, which pydantic keeps, and its range is in the field's type.
 """
 
-import ast
 import inspect
 import math
-import sys
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import MISSING, asdict, dataclass, fields, is_dataclass, replace
 from functools import cache
-from itertools import chain, pairwise
-from pathlib import Path
+from itertools import chain
 from typing import Any, Final, Literal, get_args, get_origin, get_type_hints
 
 import yaml
 
-from fis_tools.file_access import read_shipped
 from pipeline.settings import checks, keys
-from pipeline.settings.checks import GROUPS, Freely, Only, SettingError, names_of
+from pipeline.settings.checks import DESCRIPTIONS, GROUPS, Freely, Only, SettingError, names_of
 from pipeline.settings.controllers import PLANNED
 from pipeline.settings.dispersions import IN_TIME
 from pipeline.settings.experiment import Experiment, Mission
@@ -338,28 +334,13 @@ def _commented(node: Mapping[str, Any], above: str, indent: str) -> Iterator[str
 
 @cache
 def descriptions() -> dict[str, str]:
-    """Return the meaning of each key, and of each group, from the sources of their classes."""
+    """Return the meaning of each key, and of each group: the text below its field or class."""
     texts: dict[str, str] = {}
     for group, kind, _ in GROUPS:
         # controllers that plan have a group each
         named = next((f"{keys.FREE} ({name})" for name, planned in PLANNED.items() if planned is kind), group)
         prefix = f"{named}." if group else ""
         texts[prefix.rstrip(".")] = (inspect.getdoc(kind) or "").partition("\n")[0]
-        for owner in inspect.getmro(kind)[:-1]:
-            path = sys.modules[owner.__module__].__file__ or ""
-            for name, text in _meanings(path).get(owner.__name__, {}).items():
-                texts.setdefault(prefix + name, text)
+        for name, text in DESCRIPTIONS[kind].items():
+            texts.setdefault(prefix + name, text)
     return texts
-
-
-@cache
-def _meanings(path: str) -> dict[str, dict[str, str]]:
-    """Return the texts below the fields of each class in a source file."""
-    classes = ast.parse(read_shipped(Path(path))).body
-    meanings: dict[str, dict[str, str]] = {}
-    for node in (node for node in classes if isinstance(node, ast.ClassDef)):
-        for pair in pairwise(node.body):
-            match pair:
-                case ast.AnnAssign(target=ast.Name(id=name)), ast.Expr(value=ast.Constant(value=str(text))):
-                    meanings.setdefault(node.name, {})[name] = " ".join(text.split())
-    return meanings
