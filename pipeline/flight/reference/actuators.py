@@ -18,7 +18,8 @@ EMPTY = 1e-12
 class Thrust:
     """A control period's thrust: N along Hill's axes, where it acts, m, and its torque, N m, body axes.
 
-    `total` is the sum of all thrusters' forces, N.
+    `total` is the sum of all thrusters' forces, N, `reported` what those of a layout report, before errors
+    that nobody knows, and `share` what the tank held of the burn.
     """
 
     commanded: Floats
@@ -26,6 +27,8 @@ class Thrust:
     total: float
     arm: Floats = field(default_factory=lambda: np.zeros(3))
     twist: Floats = field(default_factory=lambda: np.zeros(3))
+    reported: Floats = field(default_factory=lambda: np.zeros(3))
+    share: float = 1.0
 
 
 def in_impulses(flight: ReferenceFlight, force: Floats) -> Floats:
@@ -57,15 +60,17 @@ def fired(
     left = np.inf if law.specific_impulse_s is None else mass - (full - law.propellant_kg)
     if k < delay or left <= EMPTY * full:
         return Thrust(commanded, np.zeros(3), 0.0, arm)
-    wanted = flight.errors.thrust(k) @ commands[k - delay]
+    errors, command = flight.errors.thrust(k), commands[k - delay]
     if law.thrusters is None:
-        force = np.clip(in_impulses(flight, wanted), -limit, limit)
+        force = np.clip(in_impulses(flight, errors @ command), -limit, limit)
         thrust = Thrust(commanded, force, float(np.abs(force).sum()), arm)
     else:
-        thrust = divided(flight, commanded, attitude, wanted)
+        thrust = divided(flight, commanded, attitude, command)
     used = mass - mass_after(flight, thrust, mass)
     share = left / used if used > left else 1.0
-    return Thrust(commanded, share * thrust.fired, share * thrust.total, arm, share * thrust.twist)
+    force = share * thrust.fired
+    fired = force if law.thrusters is None else errors @ force
+    return Thrust(commanded, fired, share * thrust.total, arm, share * thrust.twist, force, share)
 
 
 def divided(flight: ReferenceFlight, commanded: Floats, attitude: Rotation, wanted: Floats) -> Thrust:
@@ -82,18 +87,24 @@ def divided(flight: ReferenceFlight, commanded: Floats, attitude: Rotation, want
     )
 
 
-def believed(flight: ReferenceFlight, command: Floats, fired: Floats) -> tuple[Floats, Booleans]:
-    """Return what a command amounts to, as far as thrusters tell, and along which axes they fired.
+def believed(
+    flight: ReferenceFlight, command: Floats, thrust: Thrust, sensed_from_true: Rotation, mass: float
+) -> tuple[Floats, Booleans]:
+    """Return what a command amounts to, as far as thrusters report, and along which axes they fired.
 
-    Those of a layout tell nothing.
+    Those of a layout report each force, which is turned with the attitude as it is sensed. A force is that on
+    the mass at the start.
     """
-    law = flight.mission.actuators
-    if law.kind == "ideal" or law.thrusters is not None:
+    law, full = flight.mission.actuators, flight.mission.deputy.mass_kg
+    if law.kind == "ideal":
         return command, np.ones(3, dtype=np.bool_)
+    per_mass = 1.0 if law.specific_impulse_s is None else full / mass
+    if law.thrusters is not None:
+        return sensed_from_true.apply(thrust.reported) * per_mass, np.ones(3, dtype=np.bool_)
     least = max(law.impulse_step_n_s, law.least_impulse_n_s) / flight.mission.control_period_s
     known = in_impulses(flight, command)
-    force = np.where((known == 0.0) & (fired != 0.0), least * np.sign(command), known)
-    return force, np.asarray(fired != 0.0)
+    force = np.where((known == 0.0) & (thrust.fired != 0.0), least * np.sign(command), known)
+    return force * thrust.share * per_mass, np.asarray(thrust.fired != 0.0)
 
 
 def mass_after(flight: ReferenceFlight, thrust: Thrust, mass: float) -> float:

@@ -96,7 +96,7 @@ def act(
         commanded, limit = SafetyLayer(mission, flight.errors.margins).assured(seen.known, requested)
     remember_command(flight, k, state, seen, commanded)
     thrust = actuators.fired(flight, k, commanded, state.commands, seen.attitude, state.mass)
-    remember_fired(flight, k, state, thrust.fired)
+    remember_fired(flight, k, state, seen, thrust, state.mass)
     state.attitude = seen.attitude
     turn = turn_through_period(flight, k, state, seen.known, seen.y, thrust)
     state.attitude, state.rate, state.y, instants = turn
@@ -131,8 +131,12 @@ def remember_command(
     state.commands.append(meant)
 
 
-def remember_fired(flight: ReferenceFlight, k: int, state: ReferenceState, fired: Floats) -> None:
-    """Note for the filter what thrusters tell of what they fired."""
+def remember_fired(
+    flight: ReferenceFlight, k: int, state: ReferenceState, seen: Look, thrust: actuators.Thrust, mass: float
+) -> None:
+    """Note for the filter what thrusters report of what they fired; `mass` is that before."""
     belief = state.belief
     if belief is not None:
-        belief.acting[k], belief.has_fired[k] = actuators.believed(flight, belief.acting[k], fired)
+        sensed = seen.sensed * seen.attitude.inv()
+        force = actuators.believed(flight, belief.acting[k], thrust, sensed, mass)
+        belief.acting[k], belief.has_fired[k] = force

@@ -64,7 +64,8 @@ def assert_as_written(mission: Mission, controller: Controller, scenario: Scenar
         if differences(flight, k, result, log):
             result = on_a_knifes_edge(flight, k, state, log)
         if result[2] is not None:
-            state = followed(flight, k, result, log)
+            command = None if state.belief is None else state.belief.acting[k].copy()
+            state = followed(flight, k, result, log, command)
     return log
 
 
@@ -78,9 +79,12 @@ def assert_throughout(flight, log):
         assert abs(share - share_of_sun(flight.mission, sun_direction(*expected))) < 1e3 * SUN_RAD
 
 
-def followed(flight, k, result, log):
-    """The state after a period, with truth, command and estimate where the log has them."""
-    seen, _, state = result
+def followed(flight, k, result, log, command):
+    """The state after a period, with truth, command and estimate where the log has them.
+
+    `command` is what the filter knows of a command from before, which acts in this period.
+    """
+    seen, act, state = result
     limit = flight.mission.deputy.max_force_n
     sensed = Rotation.from_quat(log.sensed_quaternion_b_from_h[k])
     wanted = np.clip(sensed.apply(log.force_body_n[k]), -limit, limit)
@@ -88,8 +92,11 @@ def followed(flight, k, result, log):
         state.belief.state = log.estimate[k].copy()
         state.belief.covariance[:6, :6] = log.estimate_covariance[k]
     state.commands.pop()
+    if state.belief is not None:
+        state.belief.acting[k] = command
     remember_command(flight, k, state, seen, wanted + log.safety_force_hill_n[k])
-    remember_fired(flight, k, state, log.force_hill_n[k])
+    thrust = replace(act.thrust, fired=log.force_hill_n[k])
+    remember_fired(flight, k, state, seen, thrust, log.mass_kg[k])
     state.truth = np.concatenate((log.position_m[k + 1], log.velocity_m_s[k + 1]))
     state.attitude = Rotation.from_quat(log.quaternion_b_from_h[k + 1])
     state.rate = log.angular_velocity_b_rad_s[k + 1]

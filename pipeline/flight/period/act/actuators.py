@@ -25,7 +25,14 @@ from fis_tools.compiled.vectors import Vector, least, load, most, select, splat,
 from pipeline.array_types import Floats
 from pipeline.flight.state.arrays import FlightState, Moment, World
 from pipeline.flight.state.errors import Firing, ModelErrors, ThrustErrors, Thrusters
-from pipeline.flight.state.lanes import attitude_of, clip_three, flight_of, load_row, write_attitude
+from pipeline.flight.state.lanes import (
+    attitude_of,
+    clip_three,
+    flight_of,
+    load_quaternion,
+    load_row,
+    write_attitude,
+)
 from pipeline.physics.quaternion import to_body, to_hill, turned
 
 #: propellant, as a share of the mass at the start, that counts as none: what rounding leaves
@@ -42,9 +49,7 @@ def carry_out(now: Moment, aims: Any, errors: ModelErrors) -> None:
             for lane in range(width_of(state.lanes)):
                 turn_with_body(now, aims, lane)
     if errors.firing.is_on:
-        fire(now, errors.firing)
-        if errors.fixes.is_on and len(thrusters.table) == 0:
-            store_fired(state, thrusters, now.k)
+        fire(now, errors.firing, errors.fixes.is_on)
 
 
 @compiled(error_model="numpy")
@@ -71,8 +76,12 @@ def turn_with_body(now: Moment, aims: Any, lane: int) -> None:
 
 
 @compiled(error_model="numpy")
-def fire(now: Moment, firing: Firing) -> None:
-    """Turn the commands of all lanes into the forces fired: delayed, turned, rounded and limited."""
+def fire(now: Moment, firing: Firing, is_reporting: bool) -> None:
+    """Turn the commands of all lanes into the forces fired: delayed, turned, rounded and limited.
+
+    The forces of a layout's thrusters are turned after they are rounded, as those are bolted on; what they
+    fired is reported to the filter before.
+    """
     state, thrusters, k = now.state, firing.thrusters, now.k
     width, lanes = width_of(state.lanes), state.lanes
     load_errors(now, firing.errors)
@@ -80,16 +89,24 @@ def fire(now: Moment, firing: Firing) -> None:
     command = same(0.0, width)
     if k - now.world.first >= thrusters.delay:
         command = load_at(state.commands, k - thrusters.delay, 0, 0, width)
-    force = with_errors(state.thrusters.errors, command)
-    if len(thrusters.table) == 0:
-        force = clip_three(in_impulses(thrusters, force), now.world.max_force)
+    is_layout, force = len(thrusters.table) > 0, command
+    if not is_layout:
+        force = in_impulses(thrusters, with_errors(state.thrusters.errors, command))
+        force = clip_three(force, now.world.max_force)
     has_left = load_row(state.thrusters.mass) - thrusters.dry > EMPTY
     store_three(lanes.force, 0, chosen(has_left, force, same(0.0, width)))
-    if len(thrusters.table) > 0:
+    if is_layout:
         for lane in range(width):
             fire_layout(state, thrusters, lane)
+    share = splat(1.0, width)
     if burns(firing):
-        stop_when_empty(now.world, thrusters, state)
+        share = stop_when_empty(now.world, thrusters, state)
+    if is_reporting and is_layout:
+        report_layout(state, thrusters, k)
+    elif is_reporting:
+        report_axes(state, thrusters, k, share)
+    if is_layout:
+        store_three(lanes.force, 0, with_errors(state.thrusters.errors, load_three(lanes.force, 0)))
 
 
 @compiled(error_model="numpy")
@@ -172,8 +189,8 @@ def sums_of_thrusts(thrusters: Thrusters, state: FlightState) -> tuple[Vector, V
 
 
 @compiled(error_model="numpy")
-def stop_when_empty(world: World, thrusters: Thrusters, state: FlightState) -> None:
-    """Shorten the last burn to what the tank holds: the force held over the period is that much weaker."""
+def stop_when_empty(world: World, thrusters: Thrusters, state: FlightState) -> Vector:
+    """Shorten the last burn to what the tank holds, and return by which shares the forces are weaker."""
     lanes, width = state.lanes, width_of(state.lanes)
     used = sums_of_thrusts(thrusters, state)[0] * (world.delta_v_per_force / thrusters.exhaust_speed)
     left = load_row(state.thrusters.mass) - thrusters.dry
@@ -182,20 +199,39 @@ def stop_when_empty(world: World, thrusters: Thrusters, state: FlightState) -> N
     store_three(lanes.twist, 0, share * load_three(lanes.twist, 0))
     for i in range(len(thrusters.table)):
         store(state.thrust, i, share * load(state.thrust, i, width))
+    return share
 
 
 @compiled(error_model="numpy")
-def store_fired(state: FlightState, thrusters: Thrusters, k: int) -> None:
-    """Correct stored commands by whether thrusters fired along each axis, which they tell.
+def report_layout(state: FlightState, thrusters: Thrusters, k: int) -> None:
+    """Store what a layout's thrusters report to have fired, as the force on the mass at the start.
 
-    A command along whose axis nothing was fired is kept: turned, it pushes along the other axes.
+    It is in Hill axes by the sensed attitude.
+    """
+    force_b = to_body(load_quaternion(state.truth.attitude), load_three(state.lanes.force, 0))
+    force = to_hill(load_quaternion(state.belief.attitude), force_b)
+    if thrusters.exhaust_speed < np.inf:
+        force = force / load_row(state.thrusters.mass)
+    store_three(state.acting[k], 0, force)
+    store_three(state.has_fired[k], 0, same(1.0, width_of(state.lanes)))
+
+
+@compiled(error_model="numpy")
+def report_axes(state: FlightState, thrusters: Thrusters, k: int, share: Vector) -> None:
+    """Correct stored commands by whether thrusters fired along each axis, which they report.
+
+    A command along whose axis nothing was fired is kept: turned, it pushes along the other axes. Forces are
+    those on the mass at the start; `share` is that of the burn which the tank held.
     """
     width, smallest = width_of(state.lanes), max(thrusters.step, thrusters.least)
     for axis in range(3):
         command, fired = load(state.acting[k], axis, width), load(state.lanes.force, axis, width)
         force = in_whole_impulses(thrusters, command)
         impulse = select(command > 0.0, smallest, select(command < 0.0, -smallest, 0.0))
-        store(state.acting[k], axis, select((force == 0.0) & (fired != 0.0), impulse, force))
+        force = select((force == 0.0) & (fired != 0.0), impulse, force)
+        if thrusters.exhaust_speed < np.inf:
+            force = share * force / load_row(state.thrusters.mass)
+        store(state.acting[k], axis, force)
         store(state.has_fired[k], axis, select(fired == 0.0, 0.0, 1.0))
 
 
