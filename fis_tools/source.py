@@ -8,7 +8,7 @@ import re
 import runpy
 import sys
 import tomllib
-from contextlib import suppress
+from contextlib import redirect_stdout, suppress
 from pathlib import Path
 
 from fis_tools.analysis import flights
@@ -161,7 +161,8 @@ def is_program(path: Path | str) -> bool:
 def read_object(path: Path | str) -> object:
     """Run a Python program and return an object of it; a function is called, its result returned.
 
-    The program runs as if it were imported, with its folder on the path.
+    The program runs as if it were imported, with its folder on the path. What it prints goes to standard
+    error.
 
     Parameters
     ----------
@@ -179,11 +180,13 @@ def read_object(path: Path | str) -> object:
     file, name = Path(written[1]), written[2]
     sys.path.insert(0, str(file.resolve().parent))
     try:
-        held = runpy.run_path(str(file), run_name=file.stem)
+        with redirect_stdout(sys.stderr):  # standard output is the command's own
+            held = runpy.run_path(str(file), run_name=file.stem)
         if not name or name not in held:
             names = [each for each in held if not each.startswith("_")]
             raise ControllerFileError(f"{file} has no object {name or ''!r}; {nearest(name or '', names)}")
-        return held[name]() if callable(held[name]) else held[name]
+        with redirect_stdout(sys.stderr):
+            return held[name]() if callable(held[name]) else held[name]
     except ControllerFileError:
         raise
     except (Exception, SystemExit) as error:

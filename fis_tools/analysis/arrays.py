@@ -281,11 +281,13 @@ def distinguishability(variable: Variable) -> Distinguishability:
     """
     points = np.union1d(variable.universe, crossings(variable.universe, variable.memberships))
     fine = np.stack([np.interp(points, variable.universe, function) for function in variable.memberships])
-    lower = np.minimum(fine[:, np.newaxis], fine)
-    higher = np.maximum(fine[:, np.newaxis], fine)
-    shared, joint = np.trapezoid(lower, points), np.trapezoid(higher, points)
+    shared, joint, highest = np.empty((3, len(fine), len(fine)))
+    for index, function in enumerate(fine):  # a row at a time: all pairs at once would fill the memory
+        lower = np.minimum(function, fine)
+        shared[index], highest[index] = np.trapezoid(lower, points), lower.max(axis=1)
+        joint[index] = np.trapezoid(np.maximum(function, fine), points)
     similarity = np.divide(shared, joint, out=np.zeros_like(shared), where=joint > 0)
-    return Distinguishability(similarity, lower.max(axis=2))
+    return Distinguishability(similarity, highest)
 
 
 def crossings(universe: Floats, functions: Floats) -> Floats:

@@ -31,6 +31,7 @@ from fis_tools.processors import num_processors
 #: Inputs that are identified by column names; see `fis_tools.engines.inference.columns_of`.
 TableLike = Any
 OnNoFire = Literal["default", "nan", "hold", "raise"]
+OnNan = Literal["raise", "nan"]
 
 #: From this many samples on an additional thread pays.
 SAMPLES_A_THREAD = 10_000
@@ -101,10 +102,16 @@ class CompiledSystem:
     threads: int
 
     @overload
-    def __call__(self, inputs: Floats, *, on_no_fire: OnNoFire = "default") -> Floats: ...
+    def __call__(
+        self, inputs: Floats, *, on_no_fire: OnNoFire = "default", on_nan: OnNan = "raise"
+    ) -> Floats: ...
     @overload
-    def __call__(self, inputs: TableLike, *, on_no_fire: OnNoFire = "default") -> dict[str, Floats]: ...
-    def __call__(self, inputs: Any, *, on_no_fire: OnNoFire = "default") -> Floats | dict[str, Floats]:
+    def __call__(
+        self, inputs: TableLike, *, on_no_fire: OnNoFire = "default", on_nan: OnNan = "raise"
+    ) -> dict[str, Floats]: ...
+    def __call__(
+        self, inputs: Any, *, on_no_fire: OnNoFire = "default", on_nan: OnNan = "raise"
+    ) -> Floats | dict[str, Floats]:
         """Return the outputs for many samples.
 
         Parameters
@@ -116,6 +123,8 @@ class CompiledSystem:
         on_no_fire : {"default", "nan", "hold", "raise"}
             The output where no rule that concludes on it fires: its default, NaN, the value of the
             row before (the default before the first row in which one fires), or an error.
+        on_nan : {"raise", "nan"}
+            Of a row in which an input is NaN: an error, or NaN for all of its outputs.
 
         Returns
         -------
@@ -125,20 +134,25 @@ class CompiledSystem:
         Raises
         ------
         ValueError
-            If the shape is wrong, an input is missing or unknown, or a value is NaN.
+            If the shape is wrong, an input is missing or unknown, or a value is NaN and `on_nan` is "raise".
         NoRuleFired
             If no rule fires and `on_no_fire` is "raise".
         """
-        if on_no_fire != "default":
-            return self.infer(inputs, on_no_fire=on_no_fire).outputs
+        if on_no_fire != "default" or on_nan != "raise":
+            return self.infer(inputs, on_no_fire=on_no_fire, on_nan=on_nan).outputs
         rows, shape = self._read(inputs)
         return self._by_name(self._infer(rows), shape)
 
-    def infer(self, inputs: Any, *, on_no_fire: OnNoFire = "default") -> Answers:
+    def infer(self, inputs: Any, *, on_no_fire: OnNoFire = "default", on_nan: OnNan = "raise") -> Answers:
         """Return the outputs, and where no rule fired; same parameters and errors as a call."""
         if on_no_fire not in get_args(OnNoFire):
             raise ValueError(f"on_no_fire is {on_no_fire!r}; use one of {', '.join(get_args(OnNoFire))}")
-        rows, shape = self._read(inputs)
+        if on_nan not in get_args(OnNan):
+            raise ValueError(f"on_nan is {on_nan!r}; use one of {', '.join(get_args(OnNan))}")
+        rows, shape = self._read(inputs, on_nan)
+        is_missing: Booleans = np.asarray(np.isnan(rows).any(axis=1))
+        if is_missing.any():
+            return self._without(rows, is_missing, shape, on_no_fire)
         unfired = self._unfired(rows)
         if on_no_fire == "raise" and unfired.any():
             raise NoRuleFired(_where_unfired(self.system, rows, unfired))
@@ -151,13 +165,23 @@ class CompiledSystem:
         count = {v.name: int(n) for v, n in zip(self.system.outputs, unfired.sum(axis=0), strict=True)}
         return Answers(self._by_name(outputs, shape), self._by_name(unfired, shape), count)
 
-    def _read(self, inputs: Any) -> tuple[Floats, tuple[int, ...] | None]:
+    def _without(
+        self, rows: Floats, is_missing: Booleans, shape: tuple[int, ...] | None, on_no_fire: OnNoFire
+    ) -> Answers:
+        """Return answers with NaN for rows in which an input is NaN."""
+        known = self.infer(rows[~is_missing], on_no_fire=on_no_fire)
+        outputs = np.full((len(rows), len(self.system.outputs)), np.nan)
+        unfired = np.zeros(outputs.shape, dtype=np.bool_)
+        outputs[~is_missing], unfired[~is_missing] = known.outputs, known.no_rule_fired
+        return Answers(self._by_name(outputs, shape), self._by_name(unfired, shape), known.count)
+
+    def _read(self, inputs: Any, on_nan: OnNan = "raise") -> tuple[Floats, tuple[int, ...] | None]:
         """Return inputs as rows, and the shape of their columns where they have names."""
         names = columns_of(inputs)
         if names is None:
-            return self._rows(inputs), None
+            return self._rows(inputs, on_nan), None
         columns = pick(self.system, inputs, names)
-        return self._rows(np.stack([column.ravel() for column in columns], axis=1)), columns[0].shape
+        return self._rows(np.stack([column.ravel() for column in columns], axis=1), on_nan), columns[0].shape
 
     def _by_name(self, rows: NDArray[Any], shape: tuple[int, ...] | None) -> Any:
         """Return outputs as rows, or as columns of a shape by their names."""
@@ -236,7 +260,7 @@ class CompiledSystem:
         with ThreadPoolExecutor(threads) as pool:
             return np.concatenate(list(pool.map(work, np.array_split(rows, threads))))
 
-    def _rows(self, inputs: Any) -> Floats:
+    def _rows(self, inputs: Any, on_nan: OnNan = "raise") -> Floats:
         rows = np.ascontiguousarray(as_rows(self.system, inputs))
         variables = self.system.inputs
         if rows.ndim != 2 or rows.shape[1] != len(variables):
@@ -246,8 +270,8 @@ class CompiledSystem:
             )
         if np.isfinite(rows).all():
             return rows
-        if np.isnan(rows).any():
-            raise ValueError("an input is NaN; pass numbers, or take on_nan='nan'")
+        if on_nan == "raise" and np.isnan(rows).any():
+            raise ValueError("an input is NaN; pass numbers, or on_nan='nan'")
         limits = self.program.limits
         return np.clip(rows, limits[:, 0], limits[:, 1])
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from fis_tools.analysis.arrays import evaluate, firing, rule_usage
+from fis_tools.analysis.arrays import evaluate, firing, rule_usage, spread_inputs
 from fis_tools.analysis.contribution import importance
 from fis_tools.analysis.measures import Measures
 from fis_tools.array_types import Floats
@@ -13,20 +13,52 @@ from fis_tools.words.text import NEGLIGIBLE, amount, listed, percent, point_word
 
 #: About how many points of the input ranges are evaluated.
 NUM_POINTS = 20_000
+#: Most inputs whose ranges a grid of so many points covers; of more, lines along each input are evaluated.
+MOST_AXES = 14
+#: Points of such a line.
+LINE = 9
 
 
 def find(system: FuzzySystem, measures: Measures, thresholds: Thresholds) -> Findings:
     """Yield the findings on the outputs of a system, over the whole ranges of its inputs."""
     yield from _complete(system, measures, thresholds)
-    num_points = max(2, min(201, int(NUM_POINTS ** (1.0 / len(system.inputs)))))
-    axes = [np.linspace(variable.minimum, variable.maximum, num_points) for variable in system.inputs]
-    grid = np.stack([part.ravel() for part in np.meshgrid(*axes, indexing="ij")], axis=1)
-    answers = evaluate(system, grid)
-    for place_of_output in range(len(system.outputs)):
-        values = answers[:, place_of_output].reshape([len(axis) for axis in axes])
-        yield from _reach(system, place_of_output, values, thresholds)
-        for axis in range(len(axes)):
-            yield from _ways_back(system, place_of_output, axis, axes, values, thresholds)
+    inputs = _lines(system)
+    answers = evaluate(system, inputs.reshape(-1, len(system.inputs)))
+    answers = answers.reshape(*inputs.shape[:-1], len(system.outputs))
+    for output in range(len(system.outputs)):
+        yield from _reach(system, output, answers[..., output], thresholds)
+        for axis in range(len(system.inputs)):
+            along = axis if len(system.inputs) <= MOST_AXES else 0
+            row = slice(None) if len(system.inputs) <= MOST_AXES else axis
+            lines, values = inputs[row], answers[row][..., output]
+            yield from _ways_back(
+                system,
+                output,
+                axis,
+                np.moveaxis(lines, along, -2).reshape(-1, lines.shape[along], len(system.inputs)),
+                np.moveaxis(values, along, -1).reshape(-1, lines.shape[along]),
+                thresholds,
+            )
+
+
+def _lines(system: FuzzySystem) -> Floats:
+    """Return inputs on lines along each input, the last axis an input.
+
+    Of few inputs they are a grid over all ranges, whose first axes are the inputs. Of many, of which a grid
+    would never end, they have the shape (num_inputs, LINE, num_lines, num_inputs): lines along each input
+    through points spread over the ranges.
+    """
+    num_inputs = len(system.inputs)
+    if num_inputs <= MOST_AXES:
+        num_points = max(2, min(201, int(NUM_POINTS ** (1.0 / num_inputs))))
+        axes = [np.linspace(variable.minimum, variable.maximum, num_points) for variable in system.inputs]
+        return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+    base = spread_inputs(system, max(2, NUM_POINTS // (num_inputs * LINE)))
+    lines = np.empty((num_inputs, LINE, *base.shape))
+    lines[:] = base
+    for axis, variable in enumerate(system.inputs):
+        lines[axis, :, :, axis] = np.linspace(variable.minimum, variable.maximum, LINE)[:, np.newaxis]
+    return lines
 
 
 def _complete(system: FuzzySystem, measures: Measures, thresholds: Thresholds) -> Findings:
@@ -61,7 +93,9 @@ def _complete(system: FuzzySystem, measures: Measures, thresholds: Thresholds) -
 
 def _reach(system: FuzzySystem, which: int, values: Floats, thresholds: Thresholds) -> Findings:
     output = system.outputs[which]
-    low, high = float(values.min()), float(values.max())
+    if np.isnan(values).all():
+        return
+    low, high = float(np.nanmin(values)), float(np.nanmax(values))
     part = (high - low) / output.span
     if part >= thresholds.reach:
         return
@@ -83,23 +117,23 @@ def _reach(system: FuzzySystem, which: int, values: Floats, thresholds: Threshol
 
 
 def _ways_back(
-    system: FuzzySystem, which: int, axis: int, axes: list[Floats], values: Floats, thresholds: Thresholds
+    system: FuzzySystem, which: int, axis: int, inputs: Floats, lines: Floats, thresholds: Thresholds
 ) -> Findings:
+    """Yield where an output, on (m, n) points of lines along an input, goes against its usual direction."""
     variable, output = system.inputs[axis], system.outputs[which]
-    lines = np.moveaxis(values, axis, -1)
     changes = np.diff(lines, axis=-1)
     up, down = float(changes[changes > 0].sum()), float(-changes[changes < 0].sum())
     if not min(up, down) > 0 or min(up, down) / (up + down) > thresholds.against:
         return
     way = 1.0 if up >= down else -1.0
-    back = np.maximum.accumulate(way * lines, axis=-1) - way * lines
+    back = np.nan_to_num(np.fmax.accumulate(way * lines, axis=-1) - way * lines)
     worst = np.unravel_index(int(np.argmax(back)), back.shape)
     if back[worst] < thresholds.reversal * output.span:
         return
-    line, end = way * lines[worst[:-1]], int(worst[-1])
-    start = int(end - np.argmax(line[: end + 1][::-1] == line[: end + 1].max()))
-    others = [other for other in range(len(axes)) if other != axis]
-    held = [(system.inputs[o], float(axes[o][i])) for o, i in zip(others, worst[:-1], strict=True)]
+    line, end = way * lines[worst[0]], int(worst[-1])
+    start = int(end - np.argmax(line[: end + 1][::-1] == np.nanmax(line[: end + 1])))
+    points = inputs[worst[0]]
+    held = [(v, float(points[0, n])) for n, v in enumerate(system.inputs) if n != axis]
     where = ", ".join(f"{other.name} = {amount(other, value)}" for other, value in held)
     ways = ("rises", "falls") if way > 0 else ("falls", "rises")
     by = f"{amount(output, float(back[worst]))} ({percent(float(back[worst]) / output.span)} of its range)"
@@ -107,14 +141,14 @@ def _ways_back(
         "monotonicity-surface",
         Severity.WARNING,
         f"{output.name} mostly {ways[0]} with {variable.name}, but {ways[1]} by {by} from {variable.name} = "
-        f"{amount(variable, axes[axis][start])} to {amount(variable, axes[axis][end])}"
+        f"{amount(variable, points[start, axis])} to {amount(variable, points[end, axis])}"
         + (f", where {where}." if held else "."),
         "Look at the output surface there; the rules for these terms work against the others.",
         variable.name,
         evidence={
             "back": float(back[worst]),
-            "from": float(axes[axis][start]),
-            "to": float(axes[axis][end]),
+            "from": float(points[start, axis]),
+            "to": float(points[end, axis]),
             "held": {other.name: value for other, value in held},
             "rising": up,
             "falling": down,

@@ -338,3 +338,15 @@ def test_a_file_can_be_imported_as_another_program_infers_it(run, tmp_path):
         len({fis_tools.compile(with_semantics(system, tool))([[2.0, 1.0]])[0, 0] for tool in ALL_SEMANTICS})
         == 4
     )
+
+
+def test_what_a_program_prints_does_not_stand_before_the_json(run, tmp_path):
+    program = tmp_path / "chatty.py"
+    tipper = str(PROJECT / "docs" / "examples" / "tipper.fis")
+    lines = ["import fis_tools", "print('tip', 12.5)", "def make():", "    print('made')"]
+    lines.append(f"    return fis_tools.read_controller({tipper!r}).systems[0]")
+    program.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    printed = run("audit", f"{program}:make", "--trust", "--json")
+    assert json.loads(printed.out)["systems"][0]["name"] == "tipper"
+    assert "tip 12.5" in printed.err
+    assert "made" in printed.err

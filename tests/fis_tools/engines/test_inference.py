@@ -239,3 +239,21 @@ def test_threads_change_nothing(system, monkeypatch):
     firing = alone.firing_strengths(rows)
     np.testing.assert_array_equal(alone.conclude(firing), together.conclude(firing))
     np.testing.assert_array_equal(alone.conclude(firing), interpreter.evaluate(alone.program, rows))
+
+
+def test_rows_with_nan_are_an_error_or_nan_by_choice():
+    compiled = compile(FORCE_X)
+    low, high = step_by_step.ends(FORCE_X)
+    rows = np.array([low, 0.5 * (low + high), high])
+    expected = compiled(rows)
+    rows[1, 0] = np.nan
+    with pytest.raises(ValueError, match="on_nan='nan'"):
+        compiled(rows)
+    outputs = compiled(rows, on_nan="nan")
+    np.testing.assert_array_equal(outputs[[0, 2]], expected[[0, 2]])
+    assert np.isnan(outputs[1]).all()
+    by_name = compiled({v.name: rows[:, n] for n, v in enumerate(FORCE_X.inputs)}, on_nan="nan")
+    np.testing.assert_array_equal(by_name[FORCE_X.outputs[0].name], outputs[:, 0])
+    assert not compiled.infer(rows, on_nan="nan").no_rule_fired.any()
+    with pytest.raises(ValueError, match="on_nan is 'drop'"):
+        compiled(rows, on_nan="drop")

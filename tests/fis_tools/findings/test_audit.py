@@ -1,6 +1,7 @@
 """Audits: a clean system is left alone, and each defect is found by the finding that is made for it."""
 
 import json
+import tracemalloc
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import product
@@ -349,3 +350,23 @@ def test_the_command_prints_and_sets_the_exit_status(tmp_path, paper, run):
         printed = run("audit", *words, code=code).out
         assert words_expected in printed
     assert json.loads(printed)["controller"] == "paper-like"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("count", [21, 64])
+def test_many_inputs_and_many_terms_take_little_memory(count):
+    """A grid of two points along each of 21 inputs would have two million; along 64 none would end."""
+    sides = terms(low=Triangular(0.0, 0.0, 1.0), high=Triangular(0.0, 1.0, 1.0))
+    inputs = tuple(Variable(f"x{n}", "", 0.0, 1.0, sides, 11) for n in range(count))
+    many = terms(**{f"t{n}": Gaussian(n / 300.0, 0.01) for n in range(300)})
+    y = Variable("y", "", 0.0, 1.0, many, 201, default=0.0)
+    rules = [
+        Rule(Is(f"x{n}", side), (Consequent("y", f"t{n * 4 + k}"),))
+        for n in range(count)
+        for k, side in enumerate(("low", "high"))
+    ]
+    tracemalloc.start()
+    found = audit(FuzzyController("many", (FuzzySystem("many", inputs, (y,), tuple(rules)),)))
+    assert tracemalloc.get_traced_memory()[1] < 400e6
+    tracemalloc.stop()
+    assert found.findings
