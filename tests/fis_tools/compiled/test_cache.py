@@ -3,6 +3,7 @@
 import os
 import stat
 import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -164,7 +165,7 @@ def test_a_folder_that_cannot_be_made_is_reported_once_and_ends_nothing(package)
 def mounting(package: Package, mount: str, variables: str) -> subprocess.CompletedProcess[str]:
     """Call the functions of a package after something is mounted, for these processes alone."""
     (package.folder / "call.py").write_text(CALL)
-    words = f"{mount} && {variables} exec python call.py"
+    words = f"{mount} && {variables} exec {sys.executable} call.py"
     command = [program("unshare", "util-linux"), "--map-root-user", "--mount", "sh", "-c", words]
     environment = os.environ | package.variables
     done = subprocess.run(  # noqa: S603
