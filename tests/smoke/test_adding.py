@@ -20,6 +20,8 @@ MOST = {"signal": 4, "force": 5, "shape": 2, "controller": 4, "stage": 4, "forma
 #: what a patch may be applied to, without what no patch needs
 TREE = ("conf", "docs", "fis_tools", "pipeline", "telemetry", "tests", "pyproject.toml")
 LEFT_OUT = shutil.ignore_patterns("__pycache__", "images", "results", "hostile", "*.ipynb")
+#: folders of tests that know what there is of all that a patch adds; they run on top of all patches
+SUITE = ("architecture", "fis_tools/formats", "pipeline/command_line", "pipeline/run", "pipeline/settings")
 
 
 def patch_of(what: str) -> Path:
@@ -57,6 +59,35 @@ def test_the_site_shows_patches_keys_signals_and_constants() -> None:
         assert f"| `{name}` | {constant.description} |" in rows
 
 
+def apply_all(folder: Path) -> None:
+    """Apply all patches to a copy of the tree."""
+    outside = os.environ | {"GIT_CEILING_DIRECTORIES": os.fspath(folder.parent)}  # of any repository
+    patches = [os.fspath(patch_of(what)) for what in MOST]
+    subprocess.run(["git", "apply", *patches], cwd=folder, env=outside, check=True)  # noqa: S603, S607
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("suite", SUITE)
+def test_on_top_of_all_patches_the_tests_still_pass(suite: str, tmp_path: Path) -> None:
+    """No test holds a second list of what can be added."""
+    left_out = shutil.ignore_patterns(".git", ".venv", ".*_cache", "__pycache__", "build", "outputs")
+    shutil.copytree(PROJECT, tmp_path / "copy", ignore=left_out)
+    apply_all(tmp_path / "copy")
+    words = (
+        "-m",
+        "pytest",
+        "-q",
+        "-p",
+        "no:cacheprovider",
+        "-p",
+        "no:xdist",
+        "-m",
+        "not slow",
+        f"tests/{suite}",
+    )
+    run_python(*words, folder=tmp_path / "copy", path=tmp_path / "copy", NUMBA_DISABLE_JIT="1")
+
+
 @pytest.mark.slow
 def test_what_the_patches_add_works(tmp_path: Path) -> None:
     for name in TREE:
@@ -64,9 +95,7 @@ def test_what_the_patches_add_works(tmp_path: Path) -> None:
             shutil.copytree(PROJECT / name, tmp_path / name, ignore=LEFT_OUT)
         else:
             shutil.copy(PROJECT / name, tmp_path)
-    outside = os.environ | {"GIT_CEILING_DIRECTORIES": os.fspath(tmp_path.parent)}  # of any repository
-    patches = [os.fspath(patch_of(what)) for what in MOST]
-    subprocess.run(["git", "apply", *patches], cwd=tmp_path, env=outside, check=True)  # noqa: S603, S607
+    apply_all(tmp_path)
     tests = [path for what in MOST for path in touched(what) if Path(path).name.startswith("test_")]
     for what in MOST:
         for code in blocks(patch_of(what).with_suffix(".md"), "python"):
