@@ -27,12 +27,12 @@ export default {
     show(tables) { this.tables = Object.freeze(tables); },
     fire(strengths) { this.strengths = strengths; },
     select(rule) { this.selected = rule; this.$emit("select", { rule }); },
-    turn(event, { rule, side, place }) {
+    turn(event, { rule, side, index }) {
       const step = { click: event.shiftKey ? -1 : 1, ArrowDown: -1, ArrowUp: 1 }[event.key || event.type];
       if (!step) return;
       event.preventDefault();
       if (rule !== this.selected) this.select(rule);
-      this.$emit("turn", { rule, side, place, step });
+      this.$emit("turn", { rule, side, index, step });
     },
   },
 };

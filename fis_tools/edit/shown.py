@@ -112,7 +112,7 @@ def _row(inputs: tuple[str, ...], tones: tuple[Any, ...], rule: Rule, index: int
 
     def shown(side: str, n: int, part: Is | Consequent, text: str, **more: str) -> dict[str, Any]:
         label = f"rule {index + 1}: {words}; {part.variable} is {part.term}{changed and ', changed'}; turn"
-        return {"rule": index, "side": side, "place": n, "words": breakable(text), "label": label} | more
+        return {"rule": index, "side": side, "index": n, "words": breakable(text), "label": label} | more
 
     parts = rule.antecedent.operands if isinstance(rule.antecedent, And) else (rule.antecedent,)
     questions = {}

@@ -64,6 +64,11 @@ def _not_in_configuration(key: str) -> str:
             "the controller that is chosen has no path; for a fuzzy controller write controller=PATH, for a "
             "table of forces controller=open_loop controller.path=PATH"
         )
+    if key == "controller.attributes":
+        return (
+            "the attributes of this controller stand in its file; to give one another value write "
+            "+controller.attributes.NAME=..., with a plus"
+        )
     if name != key and name in CONSTANTS:
         return (
             f"{key} is not in the configuration: the controller's file sets it, or leaves it at its default; "

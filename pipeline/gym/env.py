@@ -366,6 +366,7 @@ class ReachEnv(InspectionEnv):
         is_cut = is_far or is_late or self._used > problem.most_excess_m_s
         is_success = is_docked and self._used <= problem.most_excess_m_s
         progress = {"is_success": float(is_success), "excess_m_s": excess, "excess_used_m_s": self._used}
+        self._is_over = is_there or is_cut
         return observation, reward, is_there, is_cut, info | progress
 
     def _state(self) -> tuple[float, float, float]:

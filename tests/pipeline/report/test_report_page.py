@@ -21,6 +21,7 @@ from pipeline.flight.fly.simulation import fly_logged
 from pipeline.report.contents import command_of, gather, read_evaluation, tracks_of
 from pipeline.report.page import write
 from pipeline.report.pictures import draw
+from pipeline.report.scene import scene_of_run
 from pipeline.run import artifacts, manifests, tables
 from pipeline.run.artifacts import ArtifactError
 from pipeline.run.writing import write_json
@@ -109,22 +110,27 @@ def test_numbers_are_those_of_the_summary(trained, copied):
 
 @pytest.mark.slow
 def test_the_controller_is_reviewed_on_a_page_of_its_own(trained):
-    folder, _, _, page = trained
+    folder, experiment, _, page = trained
     champion = serialize.load(folder / artifacts.CHAMPION)
     assert artifacts.REVIEW in [link.get("href") for link in page.all("a")]
     for system in champion.systems:
         assert summary(system) in page.text["controller"]
-    assert (folder / artifacts.REVIEW).read_text() == review.write(champion)
+    panel = scene_of_run(gather(experiment, folder))
+    assert (folder / artifacts.REVIEW).read_text() == review.write(champion, panel=panel)
 
 
 @pytest.mark.slow
 def test_the_review_is_along_the_recorded_flights_and_goes_with_its_controller(tmp_path):
     overrides = ("+experiment=fly", "controller=file", f"controller.path={small_controller(tmp_path)}")
-    run_of(tmp_path, ("record", "report"), *overrides)
+    experiment = run_of(tmp_path, ("record", "report"), *overrides)
     path = tmp_path / artifacts.REVIEW
     recordings = sorted((tmp_path / artifacts.RECORDINGS).glob("*.mcap"))
     assert "along the flight" in path.read_text()
-    assert path.read_text() == review.write(serialize.load(tmp_path / "one_axis.json"), recordings)
+    panel = scene_of_run(gather(experiment, tmp_path))
+    one_axis = serialize.load(tmp_path / "one_axis.json")
+    assert path.read_text() == review.write(one_axis, recordings, panel=panel)
+        serialize.load(tmp_path / "one_axis.json"), recordings, panel=panel
+    )
     (tmp_path / artifacts.CONTROLLER).unlink()
     run_of(tmp_path, ("report",), "+experiment=fly", "controller=coast")
     assert not path.exists()
