@@ -77,7 +77,7 @@ def column(page: Page, index: int) -> list[str]:
 
 def in_words(means) -> list[str]:
     """Means of the metrics, as the page puts them."""
-    return [f"{mean:.{metric.places}f} {metric.unit}" for metric, mean in zip(METRICS, means, strict=True)]
+    return [f"{mean:.{metric.decimals}f} {metric.unit}" for metric, mean in zip(METRICS, means, strict=True)]
 
 
 def flown(cases, controller) -> list[str]:

@@ -43,7 +43,7 @@ def test_episodes_pass_as_in_afrls_environment(flown):
                 positions.append(seen[:3])
             assert (is_terminated or is_truncated) == (step == len(episode.actions))
         assert status_of(info, is_terminated, len(episode.actions)) == episode.status
-        np.testing.assert_allclose(positions, episode.places, rtol=0.0, atol=CLOSE_M)
+        np.testing.assert_allclose(positions, episode.positions, rtol=0.0, atol=CLOSE_M)
         np.testing.assert_allclose(paid, episode.rewards, rtol=0.0, atol=1e-6)
     assert {episode.status for episode in flown} == {"Success", "Crash", "Timeout", "Max Velocity Violation"}
 

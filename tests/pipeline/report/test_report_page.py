@@ -129,8 +129,6 @@ def test_the_review_is_along_the_recorded_flights_and_goes_with_its_controller(t
     panel = scene_of_run(gather(experiment, tmp_path))
     one_axis = serialize.load(tmp_path / "one_axis.json")
     assert path.read_text() == review.write(one_axis, recordings, panel=panel)
-        serialize.load(tmp_path / "one_axis.json"), recordings, panel=panel
-    )
     (tmp_path / artifacts.CONTROLLER).unlink()
     run_of(tmp_path, ("report",), "+experiment=fly", "controller=coast")
     assert not path.exists()

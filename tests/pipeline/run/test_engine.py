@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from pipeline.command_line.cli import main
+from pipeline.command_line.runs import UNIMPROVED
 from pipeline.run import artifacts, engine, maker, tables
 from pipeline.run.engine import HERE, SUBMITTED_PER_WORKER, EngineError, check_engine, open_pool
 from pipeline.settings.experiment import Engine, SettingError
@@ -230,7 +231,7 @@ def test_a_lost_scheduler_is_told_and_what_is_done_is_kept(tmp_path, monkeypatch
         (
             """+experiment=assure controller=paper_champion assurance.num_cases=20 assurance.searches=3
             assurance.search_starts=8 assurance.search_population=6 assurance.search_generations=2
-            assurance.domain_cases=8 duration_s=600 assurance.workers=2""",
+            assurance.domain_cases=8 assurance.workers=2""",
             [artifacts.ASSURED_CASES, artifacts.SEARCHED],
         ),
         (
@@ -244,8 +245,12 @@ def test_a_lost_scheduler_is_told_and_what_is_done_is_kept(tmp_path, monkeypatch
     ids=["optimum", "compare", "assure", "train"],
 )
 def test_other_stages_write_the_same_tables(words, names, tmp_path):
-    for kind in ("local", "dask"):
-        assert main([*words.split(), f"engine.kind={kind}", f"hydra.run.dir={tmp_path / kind}"]) == 0
+    codes = [
+        main([*words.split(), f"engine.kind={kind}", f"hydra.run.dir={tmp_path / kind}"])
+        for kind in ("local", "dask")
+    ]
+    # so short a training need not improve on the controller that it was given
+    assert codes in ([0, 0], [UNIMPROVED, UNIMPROVED])
     for name in names:
         assert content(tmp_path / "dask", name) == content(tmp_path / "local", name)
 
