@@ -4,6 +4,7 @@ Objects of Python programs are written ``module.py:object``; reading one runs th
 """
 
 import json
+import os
 import re
 import runpy
 import sys
@@ -49,7 +50,7 @@ def read_controller(path: Path | str, trust: bool = False) -> FuzzyController:
             raise ControllerFileError(
                 f"{path / MANIFEST} names a champion outside the folder, {champion}; give that file itself"
             )
-        if not champion.is_file():
+        if not os.path.isfile(champion):  # also where its name is none that a file can have
             raise ControllerFileError(
                 f"{path} is a folder without {CHAMPION}; give the folder of a run that has trained, or a file"
             )

@@ -35,6 +35,7 @@ from pipeline.command_line.config import compose_experiment, read_starts
 from pipeline.command_line.guide import help_text
 from pipeline.controllers.played import read_played
 from pipeline.controllers.policies import read_policy
+from pipeline.evaluation.assurance import repeats
 from pipeline.evaluation.assurance.requirements import load_requirements
 from pipeline.evaluation.trials import trials
 from pipeline.flight.fly.stepping import NUM_SEEN
@@ -49,6 +50,7 @@ from pipeline.settings import mesh, start_table
 from pipeline.settings.experiment import HparamsSearch, Mission
 from pipeline.settings.places import conf_folder, requirements_path
 from pipeline.settings.schema import experiment_from
+from pipeline.stages import assure
 from pipeline.training.evolution.state import CheckpointError, load
 from telemetry.file.recover import recover
 from telemetry.file.summary import in_words, summarize
@@ -203,8 +205,23 @@ def _solved(path: Path) -> object:
 def _parts(path: Path) -> object:
     with contextlib.suppress(pa.ArrowException, OSError, ValueError):
         tables.join_parquet(path.with_name("joined.parquet"), [path])
-        return [column.sum() for column in tables.Columns([path]).values()]
+        return [
+            np.max(column) if column.dtype.kind in "biuf" else column
+            for column in tables.Columns([path]).values()
+        ]
     return tables.read_parquet(path.parent, path.name)
+
+
+#: evidence of a run beside another
+EARLIER = {
+    "controller": "one", "sha256": {artifacts.REQUIREMENTS: "0"}, "conditions": {"seed": 2, "num_cases": 9},
+    "requirements": [{"id": "R1", "verdict": "shown"}],
+}  # fmt: skip
+
+
+def _earlier(path: Path) -> object:
+    (folder := path.parents[2] / "this").mkdir(exist_ok=True)
+    return repeats.earlier_runs(folder, EARLIER | {"conditions": {"seed": 1, "num_cases": 9}})
 
 
 def _run_files(path: Path) -> object:
@@ -432,7 +449,12 @@ READERS: Final[Mapping[str, Reader]] = {
                         REFUSALS),
     "theorem": Reader(_in_proof("theorem.json"), _of_proof("theorem.json"), "tree"),
     "proved_controller": Reader(_in_proof("controller.json"), _of_proof("controller.json"), "tree"),
-    "tube": Reader(_in_proof("tube.parquet"), _of_proof("tube.parquet"), "table"),
+    "tube": Reader(_in_proof("tube.parquet"), _of_proof("tube.parquet"), "table", (*OR_VALUES, OSError)),
+    "quoted_theorem": Reader(_in_file(artifacts.THEOREM, lambda path: assure._theorem(path.parents[1])),
+                             lambda _: [b'{"goal": [0.5], "num_periods": 200}'], "tree",
+                             (ValueError, RecursionError)),
+    "earlier_runs": Reader(_in_file(f"other/{artifacts.EVIDENCE}", _earlier),
+                           lambda _: [json.dumps(EARLIER).encode()], "tree", REFUSALS),
     "analyses": Reader(_in_file("controller.json", _analyses), lambda _: [_single_as_json()], "tree",
                        REFUSALS),
 }  # fmt: skip

@@ -119,7 +119,7 @@ CORNERS = b"v 0 0 0\nv 1 0 0\nv 0 1 0\n"
         ("a.stl", bytes(80) + (40_000).to_bytes(4, "little") + bytes(50 * 40_000), "more than 20,000"),
         ("a.stl", b"solid x\n" + b"facet\nendfacet\n" * 20_001, "more than 20,000 triangles"),
         ("a.stl", bytes(80) + (2**31).to_bytes(4, "little") + bytes(100), "0 triangles|cannot be read"),
-        ("b.obj", bytes(17 << 20), "no file of at most 16 MiB"),
+        ("b.obj", bytes(17 << 20), "larger than 16777216 bytes"),
     ],
 )  # fmt: skip
 def test_meshes_are_counted_before_they_are_loaded(name, content, message, tmp_path, little_memory):

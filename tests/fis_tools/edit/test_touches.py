@@ -1,5 +1,6 @@
 """Touches and sessions, without a page."""
 
+import os
 from dataclasses import replace
 
 import pytest
@@ -132,12 +133,11 @@ def test_a_disk_that_is_full_leaves_the_controller_that_was_there(session, tmp_p
     before = target.read_bytes()
     target.chmod(0o600)
 
-    def break_off(path, _):
-        path.touch()
+    def break_off(_):
         raise OSError(28, "No space left on device")
 
     with monkeypatch.context() as full:
-        full.setattr(type(target), "write_bytes", break_off)
+        full.setattr(os, "fsync", break_off)
         with pytest.raises(OSError, match="No space"):
             session.save(target, replaces=True)
     assert target.read_bytes() == before
