@@ -13,6 +13,7 @@ from lark.exceptions import UnexpectedEOF, UnexpectedInput
 
 from fis_tools import model
 from fis_tools.errors import ControllerFileError, told_as
+from fis_tools.file_access import read_shipped
 from fis_tools.formats.exchange import antecedents, foreign
 from fis_tools.formats.exchange.antecedents import FUZZYLITES, with_any
 from fis_tools.formats.exchange.dialect import OUTPUT_POINTS
@@ -87,7 +88,7 @@ class _Contents:
 
 @cache
 def _parser() -> Lark:
-    grammar = Path(__file__).with_name("fcl.lark").read_text(encoding="utf-8")
+    grammar = read_shipped(Path(__file__).with_name("fcl.lark"))
     return Lark(grammar, parser="lalr", propagate_positions=True)
 
 
