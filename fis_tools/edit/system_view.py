@@ -38,7 +38,7 @@ class SystemView:
     Parameters
     ----------
     session : Session
-    place : int
+    index : int
         Which of its systems.
     touch : callable
         Takes a step, as `Session.touch` does, and shows what came of it.

@@ -68,7 +68,7 @@ COLUMNS: Final = (
 class ReceivedProof(NamedTuple):
     """A certificate, each part of which is read for itself; whether they fit together is checked later.
 
-    Parameters
+    Attributes
     ----------
     theorem : dict
         With the keys of `THEOREM`.

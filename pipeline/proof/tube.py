@@ -142,7 +142,7 @@ class Axis:
 
     Parameters
     ----------
-    own : (2, 3)
+    position_effect : (2, 3)
         Effect of its own position, velocity and force on its position and velocity after a period.
     others : (2, 9)
         Effect of the positions, velocities and forces along the other axes.

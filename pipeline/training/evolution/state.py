@@ -170,9 +170,20 @@ def load(path: Path, fingerprint: Mapping[str, Any]) -> EvolutionState:
         raise _damaged(path) from error
 
 
+#: of a checkpoint: that of a thousand individuals over a thousand generations takes some 20 MB
+MOST_UNPACKED = 256 * 1024**2
 #: errors that NumPy raises for a damaged archive; it parses array headers as Python
 _UNREADABLE = (
-    *(OSError, ValueError, KeyError, EOFError, RuntimeError, SyntaxError),
+    *(
+        OSError,
+        ValueError,
+        KeyError,
+        EOFError,
+        RuntimeError,
+        SyntaxError,
+        AttributeError,
+        NotImplementedError,
+    ),
     *(zipfile.BadZipFile, zlib.error, tokenize.TokenError),
 )
 
@@ -190,6 +201,10 @@ def _read(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
     if not content.startswith(b"PK"):  # not an archive; numpy's message would be about pickles
         raise _damaged(path)
     try:
+        with zipfile.ZipFile(io.BytesIO(content)) as members:
+            unpacked = sum(member.file_size for member in members.infolist())
+        if unpacked > MOST_UNPACKED:
+            raise CheckpointError(f"{path} unpacks to {unpacked} bytes; at most {MOST_UNPACKED} are read")
         with np.load(io.BytesIO(content), allow_pickle=False) as archive:
             note = json.loads(archive["note"].tobytes())
             learnt = [name for name in archive.files if name.startswith(_STRATEGY)]
