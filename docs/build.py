@@ -28,6 +28,7 @@ SEARCHES = {
     "delta-v": "reference/results.html",
     "export C": "how-to/run-in-a-simulator.html",
     "how long does training take": "how-to/train-a-controller.html",
+    "docker": "how-to/run-in-a-container.html",
 }
 
 
