@@ -11,7 +11,7 @@ from docs import home
 from docs.screenshot import browser_found
 
 #: every so many samples is a frame; in most of the second half the deputy coasts
-SAMPLES = (*range(0, 150, 3), *range(150, 361, 9))
+SAMPLES = (*range(0, 150, 3), *range(150, 361, 12))
 FRAME_MS = 220
 SIZE = (860, 610)
 #: only the flight, larger, as in a film
@@ -51,4 +51,4 @@ def film(output: Path) -> None:
             frames.append(Image.open(io.BytesIO(page.screenshot())).convert("RGB"))
         browser.close()
     first, *others = frames
-    first.save(output, save_all=True, append_images=others, duration=FRAME_MS, loop=0, quality=42, method=4)
+    first.save(output, save_all=True, append_images=others, duration=FRAME_MS, loop=0, quality=36, method=4)
