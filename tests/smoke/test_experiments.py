@@ -117,7 +117,8 @@ def test_the_same_seed_finds_the_same_champion_on_any_number_of_workers(tmp_path
     for count in (1, 2):
         folder = tmp_path / str(count)
         workers = (f"optimizer.workers={count}", f"monte_carlo.workers={count}")
-        assert main([*training, *workers, f"hydra.run.dir={folder}"]) == 0
+        # so short a training may hand back what it was given
+        assert main([*training, *workers, f"hydra.run.dir={folder}"]) in (0, 4)
         files = [(folder / name).read_bytes() for name in (artifacts.LOGBOOK, artifacts.EPISODES)]
         results.append((artifacts.read_json(folder, artifacts.CHAMPION)["systems"], files))
     assert results[0] == results[1]

@@ -15,6 +15,7 @@ from fis_tools.engines.compiler import compile
 from fis_tools.findings.explanation import Explanation, Flip, explain, flips, missed, shares
 from fis_tools.formats.serialize import load
 from fis_tools.model import FuzzySystem, Triangular
+from fis_tools.model.systems import with_semantics
 from tests.fis_tools.control_systems import ReferenceEngine
 from tests.fis_tools.sample_controllers import EXAMPLES, FORCE_X, FORCE_Z, ROOM, SHIPPED, ramp_system, terms
 
@@ -162,7 +163,11 @@ STARTS = {
     "force_x to a value": (FORCE_X, 0.021),
     "force_z": (FORCE_Z, 0.0),
     "room": (ROOM, 0.6),
-    **{name: (load(EXAMPLES / name).systems[0], value) for name, value in FOREIGN.items()},
+    # as scikit-fuzzy means them
+    **{
+        name: (with_semantics(load(EXAMPLES / name).systems[0], "scikit-fuzzy"), value)
+        for name, value in FOREIGN.items()
+    },
 }
 
 

@@ -13,6 +13,7 @@ from fis_tools.findings.simplification.draft import Merger, merged, rounded, uni
 from fis_tools.formats.serialize import dump_yaml, load, loads
 from fis_tools.model import And, Consequent, FuzzyController, FuzzySystem, Is, Or, Rule, Term, Variable
 from fis_tools.model.shapes import Gaussian, Trapezoidal, Triangular
+from fis_tools.model.systems import with_semantics
 from fis_tools.model.validate import controller_problems
 from tests.fis_tools import sample_controllers
 from tests.fis_tools.analysis.test_flights import log_flight
@@ -70,7 +71,8 @@ CASES = {
     "dead": with_dead_rule(),
     "alike": with_look_alike(),
     "room": ROOM,
-    **{path.name: load(path).systems[0] for path in FOREIGN},
+    # as scikit-fuzzy means them
+    **{path.name: with_semantics(load(path).systems[0], "scikit-fuzzy") for path in FOREIGN},
 }
 
 

@@ -209,7 +209,7 @@ def test_files_that_are_none_are_refused(tmp_path: Path) -> None:
         read_policy(path)
     for content, message in (
         (b"\xff" * 100, "it is no ONNX file; give one"),
-        (bytes(1 << 25), "it is larger than 16 MiB"),
+        (bytes(1 << 25), "larger than 16777216 bytes"),
         (outside.SerializeToString(), "its weights are in another file"),
         (bare.SerializeToString(), "its operator Mul does not take the numbers of the one before"),
     ):
