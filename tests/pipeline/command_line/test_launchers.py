@@ -79,6 +79,8 @@ def test_files_are_equal_under_every_launcher(launcher, basic, cluster, tmp_path
     assert "2 of 2 runs are done" in done.stderr
     assert kills.differences(tmp_path / "sweep", basic) == []
     first, second = (manifests.read(folder / "seed=1")["makers"] for folder in (tmp_path / "sweep", basic))
+    for maker in (*first, *second):  # tests beside one another have fewer threads than a job of their own
+        maker["processor"].pop("blas")
     assert first == second
 
 
