@@ -168,6 +168,25 @@ def test_a_start_is_dragged(shown):
     assert np.linalg.norm(np.subtract(after, before)) > 5.0
 
 
+def test_the_sun_is_dragged_to_where_the_pointer_is(shown):
+    shown.wait_for_timeout(100)
+    box = shown.locator("canvas").bounding_box()
+    x, y, _ = shown.evaluate("() => flightPage.view.sunAt")
+    before = shown.evaluate("() => flightPage.flown.sun(0)")
+    shown.mouse.move(box["x"] + x, box["y"] + y)
+    shown.mouse.down()
+    shown.mouse.move(box["x"] + x + 50, box["y"] + y + 30, steps=3)
+    shown.mouse.up()
+    after = shown.evaluate("() => flightPage.flown.sun(0)")
+    assert np.linalg.norm(after) == pytest.approx(1.0)
+    assert np.dot(before, after) < 0.999
+    # the direction under the pointer, though the length drawn may differ
+    centre, drawn = shown.evaluate("() => [flightPage.view.on([0, 0, 0]), flightPage.view.sunAt]")
+    wanted = np.array([x + 50, y + 30]) - centre[:2]
+    shown_at = np.array(drawn[:2]) - centre[:2]
+    assert np.arctan2(*wanted) == pytest.approx(np.arctan2(*shown_at), abs=0.02)
+
+
 def test_the_keyboard_reaches_everything(shown):
     shown.locator("canvas").focus()
     turned = shown.evaluate("() => flightPage.view.angles.yaw")
