@@ -15,7 +15,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from io import BufferedReader
 from pathlib import Path
-from typing import BinaryIO, Final, TextIO
+from typing import TYPE_CHECKING, BinaryIO, Final, TextIO
+
+if TYPE_CHECKING:
+    from importlib.resources.abc import Traversable
 
 #: the end of a hidden name, which a file has until it is complete
 UNFINISHED: Final = ".unfinished"
@@ -102,7 +105,7 @@ def read_text(path: Path | str, most_bytes: int = MAX_BYTES, encoding: str = "ut
     return read_bytes(path, most_bytes).decode(encoding)
 
 
-def read_shipped(path: Path) -> str:
+def read_shipped(path: "Path | Traversable") -> str:
     """Return the text of a file that is part of the program; an installer may have made it a link."""
     return path.read_text(encoding="utf-8")
 
@@ -129,17 +132,19 @@ def _too_large(path: Path | str, most_bytes: int) -> RefusedFileError:
 
 
 @contextmanager
-def replacing(path: Path) -> Iterator[BinaryIO]:
+def replacing(path: Path, mode: int | None = None) -> Iterator[BinaryIO]:
     """Yield a new file that takes a path once the block is over and its content is safely on disk.
 
-    At every moment the path holds the old content or the new, never a part.
+    At every moment the path holds the old content or the new, never a part. It keeps the permissions of what
+    it replaces, unless a mode is given.
 
     Raises
     ------
     OSError
         If the disk is full, the folder may not be written to, or the path is a link or no file.
     """
-    mode = _mode_to_keep(path)
+    kept = _mode_to_keep(path)
+    mode = kept if mode is None else mode
     unfinished = path.with_name(f".{path.name[:100]}.{secrets.token_hex(4)}{UNFINISHED}")
     try:
         with create(unfinished) as stream:
@@ -177,9 +182,31 @@ def create(path: Path) -> BinaryIO:
     return path.open("xb")
 
 
-def write_bytes(path: Path, content: bytes) -> None:
+def rename(path: Path, name: Path) -> None:
+    """Give a complete file another name in its folder, replacing what has it; a power cut keeps the name."""
+    path.replace(name)
+    if os.name != "nt":  # where folders cannot be opened
+        descriptor = open_folder(name.parent)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
+
+
+def open_folder(path: Path) -> int:
+    """Return a descriptor of a folder."""
+    return os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+
+
+def open_lock(path: Path) -> TextIO:
+    """Open a file that is locked, and says by whom, for reading and appending; it is made if missing."""
+    flags = os.O_RDWR | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW
+    return os.fdopen(os.open(path, flags, 0o666), "a+", encoding="utf-8")
+
+
+def write_bytes(path: Path, content: bytes, mode: int | None = None) -> None:
     """Write a file as `replacing` does."""
-    with replacing(path) as stream:
+    with replacing(path, mode) as stream:
         stream.write(content)
 
 

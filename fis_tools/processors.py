@@ -5,8 +5,12 @@ from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path, PurePosixPath
 
+from fis_tools.file_access import read_text
+
 #: of a control group, microseconds of processor time in a period, and the period: of version 2, of version 1
 QUOTAS = (("cpu.max",), ("cpu.cfs_quota_us", "cpu.cfs_period_us"))
+#: of a file of the kernel
+MOST_BYTES = 16 * 1024
 
 
 def num_processors(root: Path = Path("/")) -> int:
@@ -33,7 +37,9 @@ def _quotas(root: Path) -> Iterator[int]:
         for names in QUOTAS:
             # "max", or -1, where there is no limit
             with suppress(OSError, ValueError):
-                quota, period = (int(word) for name in names for word in (folder / name).read_text().split())
+                quota, period = (
+                    int(word) for name in names for word in read_text(folder / name, MOST_BYTES).split()
+                )
                 if quota > 0:
                     yield -(-quota // period)
 
@@ -41,7 +47,7 @@ def _quotas(root: Path) -> Iterator[int]:
 def _control_groups(root: Path) -> Iterator[Path]:
     """Yield the folders of the control groups of this process, each with those above it."""
     with suppress(OSError, ValueError):
-        for line in (root / "proc/self/cgroup").read_text().splitlines():
+        for line in read_text(root / "proc/self/cgroup", MOST_BYTES).splitlines():
             _, controllers, path = line.split(":", 2)
             if not controllers or "cpu" in controllers.split(","):
                 mounted = root / "sys/fs/cgroup" / (controllers and "cpu")

@@ -21,6 +21,8 @@ from fis_tools.model import FuzzyController, FuzzySystem
 MANIFEST = "manifest.json"
 #: where a folder whose manifest names no champion has it
 CHAMPION = "champion.json"
+#: of a project's file, and the folders of controllers that it may name
+MOST_BYTES, MOST_FOLDERS = 1024**2, 100
 
 
 def read_controller(path: Path | str, trust: bool = False) -> FuzzyController:
@@ -74,7 +76,7 @@ def named(name: str) -> Path:
     files = [
         path
         for folder in _folders()
-        for path in sorted(folder.glob("*"))
+        for path in _content(folder)
         if path.suffix in serialize.ENDINGS and path.is_file()
     ]
     matches = [path for path in files if path.stem == name]
@@ -94,9 +96,17 @@ def _folders() -> list[Path]:
     """Return the folders of controllers of the project that contains the current folder."""
     here = Path.cwd()
     for project in (here, *here.parents):
-        with suppress(OSError, ValueError, KeyError, TypeError):
-            settings = tomllib.loads(read_text(project / "pyproject.toml"))
-            return [project / str(folder) for folder in settings["tool"]["fis_tools"]["controllers"]]
+        with suppress(OSError, ValueError, KeyError, TypeError, RecursionError):
+            settings = tomllib.loads(read_text(project / "pyproject.toml", MOST_BYTES))
+            folders = settings["tool"]["fis_tools"]["controllers"][:MOST_FOLDERS]
+            return [project / str(folder) for folder in folders]
+    return []
+
+
+def _content(folder: Path) -> list[Path]:
+    """Return the paths in a folder, sorted; none if it cannot be read."""
+    with suppress(OSError, ValueError):
+        return sorted(folder.iterdir())
     return []
 
 
@@ -179,6 +189,7 @@ def read_object(path: Path | str) -> object:
     if written is None or not Path(written[1]).is_file():
         raise ControllerFileError(f"{path}: there is no such file; write FILE.py:NAME")
     file, name = Path(written[1]), written[2]
+    before = list(sys.path)
     sys.path.insert(0, str(file.resolve().parent))
     try:
         with redirect_stdout(sys.stderr):  # standard output is the command's own
@@ -195,4 +206,4 @@ def read_object(path: Path | str) -> object:
             f"{path} cannot be run ({type(error).__name__}: {error}); correct the program"
         ) from error
     finally:
-        sys.path.pop(0)
+        sys.path[:] = before

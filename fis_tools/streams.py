@@ -79,7 +79,7 @@ class Notices(Output):
 def guarded() -> Iterator[None]:
     """Replace the standard streams during the block by those that end no work."""
     before = sys.stdout, sys.stderr
-    with open(os.devnull, "w", encoding="utf-8") as nowhere:
+    with open(os.devnull, "w", encoding="utf-8") as nowhere:  # file: the null device
         if not isinstance(sys.stdout, Output):
             sys.stdout = Output(nowhere if sys.stdout is None else sys.stdout)
         if not isinstance(sys.stderr, Notices):
@@ -118,7 +118,7 @@ def run_program(main: Callable[[], int]) -> NoReturn:
         try:
             os.fstat(number)
         except OSError:
-            os.open(os.devnull, os.O_RDWR)  # takes the lowest number that is free: this one
+            os.open(os.devnull, os.O_RDWR)  # file: the null device, of the lowest free number: this one
     atexit.register(gc.freeze)  # taking apart in the end what is loaded takes a fifth of a second
     if sys.flags.optimize > 1 and (not sys.argv[1:] or {"-h", "--help"} & set(sys.argv[1:])):
         _keep_docstrings()
@@ -134,5 +134,5 @@ def run_program(main: Callable[[], int]) -> NoReturn:
             try:
                 stream.flush()
             except OSError:  # told above; what is held back would fail again at the end
-                os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+                os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())  # file: the null device
     sys.exit(code)

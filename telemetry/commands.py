@@ -318,12 +318,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     -------
     int
         0; 1 if compared flights differ; 2 after a usage error, which has been explained on the standard error
-        stream; 130 after Ctrl-C.
-
-    Raises
-    ------
-    SystemExit
-        With 143 after SIGTERM.
+        stream; 130 after Ctrl-C; 143 after SIGTERM.
     """
     with guarded():
         return _main(list(sys.argv[1:] if arguments is None else arguments))
@@ -336,6 +331,8 @@ def _main(words: Sequence[str]) -> int:
                 words or ["--help"], exit_on_error=False, print_error=False, result_action="return_value"
             )
         sys.stdout.flush()
+    except _Terminated:
+        return TERMINATED
     except CycloptsError as error:
         fault = f"{words[0]} is gone: {GONE[words[0]]}" if words[0] in GONE else error
         print(f"telemetry: {fault} `python -m telemetry --help` tells more.", file=sys.stderr)
@@ -354,23 +351,33 @@ def _main(words: Sequence[str]) -> int:
     return int(status or 0) if words else MISTAKE
 
 
+class _Terminated(BaseException):
+    """SIGTERM came; no library catches it."""
+
+
 @contextmanager
 def _ended_in_order() -> Iterator[None]:
     """Let SIGTERM unwind the block as Ctrl-C does, so that viewers end and temporary files go."""
 
     def end(_number: int, _frame: object) -> None:
-        sys.unraisablehook = lambda _unraisable: None  # what libraries have half made complains as it goes
+        silence_finalizers()
         os.write(2, b"telemetry: ended by SIGTERM\n")  # not by print, which may be at work
-        raise SystemExit(TERMINATED)
+        raise _Terminated
 
     if threading.current_thread() is not threading.main_thread():  # which alone may handle signals
         yield
         return
-    before = signal.signal(signal.SIGTERM, end)
+    before = signal.signal(signal.SIGTERM, end), sys.unraisablehook
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, before)
+        signal.signal(signal.SIGTERM, before[0])
+        sys.unraisablehook = before[1]
+
+
+def silence_finalizers() -> None:
+    """Print no more of what cannot be raised: what libraries have half made complains as it goes."""
+    sys.unraisablehook = lambda _unraisable: None
 
 
 def command_line() -> App:

@@ -8,13 +8,13 @@ what compiles: code is then compiled anew, and a line on standard error says why
 import hashlib
 import os
 import stat
-import tempfile
 from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from fis_tools.compiled.fingerprint import UnknownPartError, fingerprint
+from fis_tools.file_access import read_bytes, read_text, write_bytes, write_text
 
 CACHE_NAME = "fis-tools"
 #: What is kept at most; what has not been used for the longest time is removed first.
@@ -23,6 +23,8 @@ LIMIT_BYTES = 1 << 30
 ROOT_USER = 0
 #: Bytes of the hash at the head of each file.
 HEAD = 32
+#: Of a number of seconds.
+MOST_DIGITS = 64
 
 
 class NotKeptError(Exception):
@@ -56,7 +58,7 @@ def path_for(compiled: Any, kinds: Iterable[Any]) -> Path:
 def read(path: Path) -> bytes | None:
     """Return what a file of the cache holds; None if it is missing, cannot be read, or is damaged."""
     with suppress(OSError):
-        content = path.read_bytes()
+        content = read_bytes(path, LIMIT_BYTES)
         if content[:HEAD] == hashlib.sha256(content[HEAD:]).digest():
             with suppress(OSError):  # a cache may be read-only
                 os.utime(path)
@@ -75,14 +77,7 @@ def write(path: Path, data: bytes) -> None:
     try:
         path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         trusted_root()
-        number, name = tempfile.mkstemp(dir=path.parent)
-        try:
-            with os.fdopen(number, "wb") as file:
-                file.write(hashlib.sha256(data).digest() + data)
-            os.replace(name, path)
-        except BaseException:
-            os.unlink(name)
-            raise
+        write_bytes(path, hashlib.sha256(data).digest() + data, mode=0o600)
         _remove_oldest(path.parent, path)
     except OSError as error:
         sentence = f"{path} cannot be written ({error.strerror}); {_remedy()}"
@@ -112,7 +107,7 @@ def _remove_oldest(root: Path, latest: Path) -> None:
 def plain_s(path: Path) -> float:
     """Return the seconds for which a function has run as plain Python, as far as it is kept."""
     with suppress(OSError, ValueError):  # it was never written, or never whole
-        return sum(map(float, path.with_suffix(".plain_s").read_text(encoding="ascii").split()))
+        return float(read_text(path.with_suffix(".plain_s"), MOST_DIGITS))
     return 0.0
 
 
@@ -120,8 +115,7 @@ def add_plain_s(path: Path, seconds: float) -> None:
     """Add to the seconds for which a function has run as plain Python, if it can be kept."""
     with suppress(OSError):
         path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-        with path.with_suffix(".plain_s").open("a", encoding="ascii") as file:
-            file.write(f"{seconds}\n")
+        write_text(path.with_suffix(".plain_s"), f"{plain_s(path) + seconds}\n")
 
 
 def cache_root() -> Path:

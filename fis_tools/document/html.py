@@ -11,6 +11,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 from markupsafe import Markup, escape
 
 from fis_tools.document import Document, Heading
+from fis_tools.file_access import read_shipped
 
 
 @dataclass(frozen=True)
@@ -52,7 +53,7 @@ def environment(package: str, folder: str, **options: Any) -> Environment:
 
 def read(name: str, package: str = "fis_tools.document") -> str:
     """Return a text file of a package."""
-    return (files(package) / name).read_text(encoding="utf-8")
+    return read_shipped(files(package) / name)
 
 
 def source_hash(source: str) -> str:

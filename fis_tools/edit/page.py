@@ -170,4 +170,4 @@ class Editor:
                 ui.button("Cancel", on_click=dialog.close).props(PLAIN)
                 ui.button("Save", on_click=save).props("unelevated no-caps")
         dialog.on("hide", dialog.delete)
-        dialog.open()
+        dialog.open()  # file: none, a dialog

@@ -92,7 +92,7 @@ def serve(page: Callable[[], object], title: str, port: int = 0, opens: bool = T
         print(address, flush=True)  # noqa: T201
         sys.stderr.write("the editor is at this address until Ctrl-C\n")
         if opens:
-            webbrowser.open(address)
+            webbrowser.open(address)  # file: none, a browser
 
     pages.on_startup(tell)
     guarded = _guarded(outer, port, token)

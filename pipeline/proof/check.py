@@ -241,8 +241,11 @@ def check(folder: Path, report: Callable[[str], object] = lambda text: None) -> 
     OSError
         If a file is missing, too large or no regular file.
     """
-    ctx.prec = 100
-    proof = read_proof(folder)
+    with ctx.workprec(100):
+        return _check(read_proof(folder), report)
+
+
+def _check(proof: ReceivedProof, report: Callable[[str], object]) -> str:
     theorem = proof.theorem
     matrix, greatest = effects(theorem), arb(theorem["max_force_n"])
     start = list(zip(theorem["start_low"], theorem["start_high"], strict=True))

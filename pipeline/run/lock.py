@@ -15,6 +15,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import IO, Final
 
+from fis_tools.file_access import open_folder, open_lock, open_text
 from pipeline.run import artifacts, writing
 
 LOCK: Final = ".lock"
@@ -71,7 +72,7 @@ def held(folder: Path) -> Iterator[None]:
 @contextmanager
 def _folder_locked(path: Path) -> Iterator[None]:
     """Lock the folder of a lock file too, since the file may be deleted while it is held."""
-    descriptor = os.open(path.parent, os.O_RDONLY | os.O_DIRECTORY)
+    descriptor = open_folder(path.parent)
     try:
         _lock(descriptor, path)
         yield
@@ -82,7 +83,7 @@ def _folder_locked(path: Path) -> Iterator[None]:
 def _locked(path: Path) -> IO[str]:
     """Open and lock a file, and check that it still has this name."""
     while True:
-        stream = open(path, "a+", encoding="utf-8", opener=_open_itself)  # noqa: SIM115 - held on to
+        stream = open_lock(path)
         try:
             _lock(stream.fileno(), path)
         except HeldError:
@@ -101,18 +102,13 @@ def _lock(descriptor: int, path: Path) -> None:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError as error:
         holder = "another process"
-        with suppress(OSError), open(path, encoding="utf-8", opener=_open_itself) as stream:
+        with suppress(OSError, UnicodeDecodeError), open_text(path) as stream:
             holder = _holder(stream) or holder
         raise HeldError(
             f"{path.parent} is held by {holder}; wait for it, stop it, or choose another folder"
         ) from error
     except OSError:
         _LOG.info("%s cannot be locked by its file system", path.parent)
-
-
-def _open_itself(path: str, flags: int) -> int:
-    """Open a file without following a link."""
-    return os.open(path, flags | os.O_NOFOLLOW, 0o666)
 
 
 def _is_at(stream: IO[str], path: Path) -> bool:

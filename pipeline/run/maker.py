@@ -208,19 +208,28 @@ def require_reproducible() -> None:
 
 
 def run_anew(words: Sequence[str]) -> int:
-    """Run Python with the `environment` in a child process; return its exit code.
+    """Run Python with the `environment` in a child process; see `run_child`."""
+    return run_child(words, environment(), sys.stdout, sys.stderr)
 
-    What it prints goes to this process's `sys.stdout` and `sys.stderr`. An interrupt is passed on to it.
+
+def run_child(words: Sequence[str], variables: Mapping[str, str], output: Any, errors: Any) -> int:
+    """Run Python in a child process; return its exit code, below zero after a signal.
+
+    An interrupt is passed on to it.
 
     Parameters
     ----------
     words : sequence of str
         The command line after Python's own name.
+    variables : mapping of str to str
+        Added to its environment.
+    output, errors : text streams
+        Receive the lines that it prints.
     """
     path = os.pathsep.join(filter(None, (str(SOURCES), os.environ.get("PYTHONPATH"))))
     child = subprocess.Popen(  # noqa: S603
         [sys.executable, *words],
-        env={**os.environ, **environment(), "PYTHONPATH": path},
+        env={**os.environ, **variables, "PYTHONPATH": path},
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
@@ -232,7 +241,7 @@ def run_anew(words: Sequence[str]) -> int:
     with child:
         copies = [
             threading.Thread(target=_copy, args=(pipe, stream), daemon=True)
-            for pipe, stream in ((child.stdout, sys.stdout), (child.stderr, sys.stderr))
+            for pipe, stream in ((child.stdout, output), (child.stderr, errors))
         ]
         for copy in copies:
             copy.start()

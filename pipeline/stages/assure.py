@@ -48,6 +48,7 @@ from pipeline.flight.cases.dispersions import drawn
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.goals.flights import fly_logged
 from pipeline.flight.state.log import Scenario
+from pipeline.proof.apart import check_apart, is_installed
 from pipeline.proof.verdict import NotProvable, theorem_of
 from pipeline.recording.recorder import FlightRecorder
 from pipeline.report.board import render_board
@@ -256,17 +257,11 @@ def _check(folder: Path, written: Mapping[str, Any]) -> tuple[str, bool]:
     count = written.get("num_periods")
     if not isinstance(count, int) or count < 1:
         return f"{artifacts.THEOREM} has no number of control periods; repeat the stage prove", False
-    try:
-        from pipeline.proof.check import check  # noqa: PLC0415 - an extra
-    except ModuleNotFoundError:
+    if not is_installed():
         return "", False
     sys.stderr.write("  checking the proof\n")
-    try:
-        check((folder / artifacts.THEOREM).parent, lambda text: sys.stderr.write(f"  {text}\n"))
-    except (
-        *(ArithmeticError, AttributeError, LookupError, MemoryError, OSError, TypeError, ValueError),
-    ) as error:
-        return f"the checker refuses the proof in this run ({error}); repeat the stage prove", False
+    if refusal := check_apart(folder):
+        return f"the checker refuses the proof in this run ({refusal}); repeat the stage prove", False
     if _theorem(folder) != written:
         return f"{artifacts.THEOREM} was changed while it was checked; repeat the stage prove", False
     return "", True

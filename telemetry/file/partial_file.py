@@ -44,22 +44,10 @@ class PartialFile:
             self.abandon()
             raise
         self.stream.close()
-        self.partial_path.replace(self.path)
-        _sync_folder(self.path.parent)
+        file_access.rename(self.partial_path, self.path)
 
     def abandon(self) -> None:
         """Close the file and leave it under its provisional name."""
         # closing writes what is buffered; the first error is the one to report
         with suppress(OSError):
             self.stream.close()
-
-
-def _sync_folder(folder: Path) -> None:
-    """Make a rename survive a power cut, where folders can be opened (not on Windows)."""
-    if os.name == "nt":
-        return
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)

@@ -1,5 +1,6 @@
 """Pictures of scenes, drawn by the viewer without a display."""
 
+import io
 import subprocess
 import tempfile
 import time
@@ -12,7 +13,7 @@ from typing import IO, Final
 from PIL import Image, ImageChops
 from rerun.experimental import ViewerClient
 
-from fis_tools.file_access import replacing
+from fis_tools.file_access import read_bytes, replacing
 from telemetry.file import RecordingError, explained
 from telemetry.scene import blueprint, campaign, replay, viewer
 
@@ -105,7 +106,7 @@ def headless() -> Iterator[ViewerClient]:
     """
     size = "x".join(str(pixels) for pixels in SIZE)
     with (
-        tempfile.TemporaryFile() as log,
+        tempfile.TemporaryFile() as log,  # file: one without a name
         viewer.started("--headless", "--window-size", size, log=log) as (process, url),
     ):
         try:
@@ -140,7 +141,7 @@ def load(client: ViewerClient, file: Path) -> None:
     RecordingError
         If it does not load in time.
     """
-    client.open(str(file))
+    client.open(str(file))  # file: a scene in a folder of its own
     end = time.monotonic() + _PATIENCE_S
     while time.monotonic() < end:
         state = client.get_state()
@@ -168,8 +169,8 @@ def _draw(client: ViewerClient, instant_s: float, file: Path) -> Image.Image:
     before: Image.Image | None = None
     while time.monotonic() < end:
         time.sleep(_PAUSE_S)
-        client.save_screenshot(str(file))
-        with Image.open(file) as shot:
+        client.save_screenshot(str(file))  # file: in a folder of its own
+        with Image.open(io.BytesIO(read_bytes(file))) as shot:
             now = shot.convert("RGB")
         if before is not None and ImageChops.difference(before, now).getbbox() is None:
             return now

@@ -27,6 +27,7 @@ from fis_tools.formats import serialize
 from fis_tools.formats.c import source
 from fis_tools.learning import table
 from fis_tools.model.validate import InvalidSystem
+from fis_tools.processors import num_processors
 from fis_tools.review.content import read_evidence
 from fis_tools.review.flown import evaluations
 from fis_tools.source import named, read_controller
@@ -259,6 +260,13 @@ def _in_proof(name: str) -> Read:
     return read_content
 
 
+def _processors(path: Path) -> int:
+    root = path.parents[2]
+    (root / "sys/fs/cgroup/a/b").mkdir(parents=True, exist_ok=True)
+    (root / "sys/fs/cgroup/a/b/cpu.max").write_bytes(path.read_bytes())
+    return num_processors(root)
+
+
 def _mesh(path: Path) -> object:
     return surface.spread_points(mesh.read_mesh(str(path)), 20)
 
@@ -455,6 +463,8 @@ READERS: Final[Mapping[str, Reader]] = {
                              (ValueError, RecursionError)),
     "earlier_runs": Reader(_in_file(f"other/{artifacts.EVIDENCE}", _earlier),
                            lambda _: [json.dumps(EARLIER).encode()], "tree", REFUSALS),
+    "processors": Reader(_in_file("proc/self/cgroup", _processors),
+                         lambda _: [b"0::/a/b\n7:cpu,cpuacct:/a\n"], "text", ()),
     "analyses": Reader(_in_file("controller.json", _analyses), lambda _: [_single_as_json()], "tree",
                        REFUSALS),
 }  # fmt: skip

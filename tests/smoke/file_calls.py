@@ -1,8 +1,9 @@
 """Where the program's source opens files: through `fis_tools.file_access`, or otherwise."""
 
 import ast
+import re
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Final
 
@@ -12,8 +13,12 @@ PACKAGES: Final = ("fis_tools", "telemetry", "pipeline")
 #: the module that opens and writes files, and its functions by what they do
 DOOR: Final = "fis_tools.file_access"
 READERS: Final = frozenset({"open_regular", "open_text", "read_bytes", "read_text"})
-WRITERS: Final = frozenset({"replacing", "create", "write_bytes", "write_text"})
+WRITERS: Final = frozenset(
+    {"replacing", "create", "write_bytes", "write_text", "rename", "open_folder", "open_lock"}
+)
 SHIPPED: Final = "read_shipped"
+#: why a call opens something by itself: no file, or none that another person could have put there
+REASON: Final = re.compile(r"# file: (\S.+)")
 
 #: methods of paths that open a file, make one or give it another name
 OF_PATHS: Final = frozenset(
@@ -36,12 +41,16 @@ STREAMS: Final = READERS | WRITERS | {"BytesIO", "StringIO", "BufferReader", "be
 
 @dataclass(frozen=True)
 class Call:
-    """A call that opens or writes a file: what is called, and in which function of which module."""
+    """A call that opens or writes a file: what is called, and in which function of which module.
+
+    The reason why it does so by itself stands in a comment on its line, if at all.
+    """
 
     name: str
     module: str
     function: str
     line: int
+    reason: str = ""
 
     @property
     def site(self) -> str:
@@ -57,7 +66,12 @@ def calls() -> tuple[Call, ...]:
         for path in sorted((PROJECT / package).rglob("*.py")):
             module = ".".join(path.relative_to(PROJECT).with_suffix("").parts).removesuffix(".__init__")
             if module != DOOR:
-                all_calls += calls_of(ast.parse(path.read_text(encoding="utf-8")), module)
+                source = path.read_text(encoding="utf-8")
+                lines = source.splitlines()
+                all_calls += (
+                    replace(each, reason="".join(REASON.findall(lines[each.line - 1])))
+                    for each in calls_of(ast.parse(source), module)
+                )
     return tuple(all_calls)
 
 

@@ -4,38 +4,23 @@ import ast
 
 import pytest
 
-from tests.smoke.file_calls import READERS, SHIPPED, WRITERS, calls, calls_of
-
-#: functions that open something else, or nothing that another person could have put there
-ELSEWHERE = {
-    "fis_tools.compiled.cache": "its own folder, whose owner and permissions it checks",
-    "fis_tools.document.html.read": "a part of the program",
-    "fis_tools.edit.page.Editor": "a dialog",
-    "fis_tools.edit.server": "a browser",
-    "fis_tools.formats.c.fmu._compiled": "a folder of its own that is removed",
-    "fis_tools.processors": "files of the kernel",
-    "fis_tools.streams": "the null device",
-    "pipeline.run.lock": "locks, of which no link is followed",
-    "telemetry.file.partial_file.PartialFile.commit": "gives a file that `create` made its name",
-    "telemetry.file.partial_file._sync_folder": "a folder",
-    "telemetry.scene.screenshot": "a viewer, and a folder of its own that is removed",
-}
+from tests.places import PROJECT
+from tests.smoke.file_calls import PACKAGES, READERS, REASON, SHIPPED, WRITERS, calls, calls_of
 
 
 def test_every_file_is_opened_by_one_module():
     allowed = READERS | WRITERS | {SHIPPED}
     others = [each for each in calls() if each.name.rpartition("file_access.")[2] not in allowed]
-    strays = [
-        f"{each.module}:{each.line} calls {each.name}"
-        for each in others
-        if not any(each.site == site or each.site.startswith(f"{site}.") for site in ELSEWHERE)
-    ]
+    strays = [f"{each.module}:{each.line} calls {each.name}" for each in others if not each.reason]
     assert strays == []
 
 
-def test_no_exception_is_out_of_date():
-    sites = [each.site for each in calls()]
-    assert [site for site in ELSEWHERE if not any(each.startswith(site) for each in sites)] == []
+def test_no_reason_is_out_of_date():
+    sources = (
+        path.read_text(encoding="utf-8") for name in PACKAGES for path in (PROJECT / name).rglob("*.py")
+    )
+    lines = {(each.module, each.line) for each in calls() if each.reason}
+    assert sum(len(REASON.findall(source)) for source in sources) == len(lines)
 
 
 @pytest.mark.parametrize(

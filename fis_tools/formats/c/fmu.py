@@ -13,6 +13,7 @@ import tempfile
 import zipfile
 from pathlib import Path
 
+from fis_tools.file_access import read_bytes, write_bytes
 from fis_tools.formats import rendered
 from fis_tools.formats.c.source import function_name, write
 from fis_tools.model import FuzzyController
@@ -78,9 +79,9 @@ def _compiled(files: dict[str, bytes]) -> bytes | None:
     with tempfile.TemporaryDirectory() as folder:
         sources = [Path(folder) / Path(path).name for path in files if path.startswith("sources/")]
         for path in sources:
-            path.write_bytes(files[f"sources/{path.name}"])
+            write_bytes(path, files[f"sources/{path.name}"])
         words = [gcc, *options, *(path.name for path in sources), "-o", "library.so", "-lm"]
         done = subprocess.run(words, cwd=folder, capture_output=True, text=True, check=False)  # noqa: S603
         if done.returncode != 0:
             raise RuntimeError(f"gcc refuses the source: {done.stderr.strip()}")
-        return (Path(folder) / "library.so").read_bytes()
+        return read_bytes(Path(folder) / "library.so")

@@ -66,7 +66,7 @@ def test_a_requirement_is_shown_by_the_checked_proof_of_its_run_alone(
         assert words_of_flights not in text
     # a proof that nobody checks is none
     with monkeypatch.context() as patch:
-        patch.setitem(sys.modules, "pipeline.proof.check", None)
+        patch.setitem(sys.modules, "flint", None)
         assert repeated(3) == missing
         assert verdict()[0] == "not shown"
         assert verdict()[1].startswith("the proof is stated by the run, not checked: ")
@@ -90,6 +90,10 @@ def test_a_requirement_is_shown_by_the_checked_proof_of_its_run_alone(
     pq.write_table(boxes.slice(0, len(boxes) - 1), tube)
     assert repeated(3) == missing
     assert "the checker refuses the proof" in verdict()[1]
+    with monkeypatch.context() as patch:  # a process that dies refuses, too
+        patch.setattr(sys, "executable", "/bin/false")
+        assert repeated(3) == missing
+        assert "(it ended with code 1)" in verdict()[1]
     pq.write_table(boxes, tube)
     assert main([*words, "stages=[assure]"]) == 0
     assert verdict()[0] == "shown"
