@@ -119,9 +119,9 @@ def tables_of_keys() -> str:
     parts = []
     for group, keys in tables().items():
         about = descriptions().get(group, "") if group else "The run, and the clocks of its flights."
-        shared = [mark for mark in of_group(group) if not mark.is_of_stages]
-        if shared:
-            about += f" Keys other than `{'`, `'.join(shared[0].keys)}` only with {in_code(shared)}."
+        shared = of_group(group)
+        if shared and not shared.is_of_stages:
+            about += f" Keys other than `{'`, `'.join(shared.keys)}` only with {in_code([shared])}."
         table = ["key|default|range|meaning", "---|---|---|---", *map("|".join, rows_of(group, keys))]
         parts.append(f"## {group or 'At the top'}\n\n{about}\n\n" + "\n".join(table) + "\n")
     return "\n".join(parts)

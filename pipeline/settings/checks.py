@@ -2,8 +2,8 @@
 
 Groups are frozen dataclasses whose values pydantic checks, and whose errors are sentences. A key whose number
 has no effect is no key: it is not in a run's configuration, and giving it is a mistake.
-``Only("navigation.mode=fixes")`` among the annotations of a key, or for all keys of a group given to
-`settings`, says so once, for the check, the help and the reference page.
+``Only("navigation.mode=fixes")`` among the annotations of a key, or given to the class for all keys of its
+group, says so once, for the check, the help and the reference page.
 
 Every error states the fact, what is expected and how to get there. Checks of single values are run by
 pydantic; in their messages ``{key}`` stands for the setting's key and ``{unit}`` for its unit in brackets.
@@ -12,10 +12,9 @@ Comparisons are written so that NaN, which compares false with everything, never
 
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
-from functools import wraps
-from typing import Annotated, Any, TypeVar, dataclass_transform, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, dataclass_transform, get_args, get_origin, get_type_hints
 
 from pydantic import (
     AfterValidator,
@@ -260,8 +259,6 @@ def in_unit(unit: str) -> str:
     return f" ({unit})" if unit else ""
 
 
-Kind = TypeVar("Kind")
-
 #: the key whose value is a list, in which one must be
 STAGES = "stages"
 
@@ -425,61 +422,61 @@ def ends_of(limits: Mapping[str, float]) -> tuple[float | None, float]:
 
 
 #: each class of settings with its group, "" for keys at the top, and what holds for all its keys
-GROUPS: list[tuple[str, type[Any], tuple[Only, ...]]] = []
-
+GROUPS: list[tuple[str, type[Any], Only | None]] = []
 
 #: of classes of settings: built when first needed, as most commands need few groups; the text below a field
 #: describes it
 CONFIG = ConfigDict(extra="forbid", defer_build=True, use_attribute_docstrings=True)
 
-
 #: by class of settings, the texts below its fields
 DESCRIPTIONS: dict[type[Any], dict[str, str]] = {}
 
 
+class SettingsType(type):
+    """The type of classes of settings, whose calls check values and refuse them in sentences."""
+
+    group = ""
+
+    def __call__(cls, *args: Any, **values: Any) -> Any:
+        """Return an instance.
+
+        Raises
+        ------
+        SettingError
+            For unknown and missing keys, and for values of the wrong type or beyond their limits.
+        """
+        try:
+            return super().__call__(*args, **values)
+        except ValidationError as error:
+            raise SettingError(sentence(cls, cls.group, error)) from error
+
+
 @dataclass_transform(kw_only_default=True, frozen_default=True, field_specifiers=(field, Field))
-def settings(group: str, *only: Only) -> Callable[[type[Kind]], type[Kind]]:
-    """Make a class a frozen dataclass that checks its values, with the keys of a group in its errors.
+class Settings(metaclass=SettingsType):
+    """A group of settings: its subclasses are frozen dataclasses whose values pydantic checks.
 
     Parameters
     ----------
-    group : str
-        Such as ``optimizer.penalty``; empty for keys at the top of the configuration.
-    *only : Only
-        Where its keys exist, except for those that the conditions are about.
-
-    Returns
-    -------
-    callable
-        A decorator. The class that it returns raises a `SettingError` for unknown and missing keys and for
-        values of the wrong type or beyond their limits.
+    group : str, optional
+        Such as ``optimizer.penalty``; empty for keys at the top of the configuration. A class without one
+        holds what others share.
+    only : Only, optional
+        Where its keys exist, except for those that the condition is about.
     """
 
-    def checked(plain: type[Kind]) -> type[Kind]:
-        made: Any = checked_dataclass(plain, config=CONFIG, frozen=True, kw_only=True)
+    def __init_subclass__(cls, *, group: str | None = None, only: Only | None = None) -> None:
+        """Make a subclass a dataclass, and enter its keys among those that are known."""
+        checked_dataclass(cls, config=CONFIG, frozen=True, kw_only=True)
         # kept now: pydantic forgets them when it builds the class
-        DESCRIPTIONS[made] = {
+        DESCRIPTIONS[cls] = {
             name: " ".join(entry.description.split())
-            for owner in reversed(made.__mro__)
+            for owner in reversed(cls.__mro__)
             for name, entry in getattr(owner, "__pydantic_fields__", {}).items()
             if entry.description
         }
-        build = made.__init__
-
-        @wraps(build)
-        def check_and_build(self: Any, **values: Any) -> None:
-            try:
-                build(self, **values)
-            except ValidationError as error:
-                raise SettingError(sentence(made, group, error)) from error
-            finally:
-                # classes built when needed get pydantic's __init__ again
-                made.__init__ = check_and_build
-
-        made.__init__ = check_and_build
+        if group is None:
+            return
+        cls.group = group
         if group != FREE:
-            KNOWN.update(dotted(group, (name,)) for name in names_of(made))
-        GROUPS.append((group, made, only))
-        return made
-
-    return checked
+            KNOWN.update(dotted(group, (name,)) for name in names_of(cls))
+        GROUPS.append((group, cls, only))

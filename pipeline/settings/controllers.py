@@ -6,16 +6,14 @@ from dataclasses import fields
 from typing import Annotated, Any, Literal
 
 from pydantic import Field
-from pydantic.dataclasses import dataclass as checked_dataclass
 
-from pipeline.settings.checks import CONFIG, Count, NotNegative, Number, Positive, SettingError, settings
+from pipeline.settings.checks import Count, NotNegative, Number, Positive, SettingError, Settings
 from pipeline.settings.keys import FREE, did_you_mean
 
 Angle = Annotated[Number, Field(ge=-math.pi, le=math.pi)]
 
 
-@settings(FREE)
-class NaturalMotion:
+class NaturalMotion(Settings, group=FREE):
     """One burn at the start onto an ellipse of free motion around the chief."""
 
     points: Count
@@ -36,8 +34,7 @@ class NaturalMotion:
             )
 
 
-@checked_dataclass(config=CONFIG, frozen=True, kw_only=True)
-class Ring:
+class Ring(Settings):
     """An ellipse of free motion that follows the Sun, with its cross-track amplitude; or a route instead."""
 
     follows: Literal["ring", "route"]
@@ -52,8 +49,7 @@ class Ring:
     """How far the swing along the normal is ahead of one that starts at rest."""
 
 
-@settings(FREE)
-class Lqr(Ring):
+class Lqr(Ring, group=FREE):
     """A linear-quadratic regulator that tracks a ring; errors at their tolerance are weighted equally."""
 
     position_tolerance_m: Positive
@@ -68,8 +64,7 @@ class Lqr(Ring):
     """A component smaller than this is not fired."""
 
 
-@settings(FREE)
-class RecedingHorizon(Ring):
+class RecedingHorizon(Ring, group=FREE):
     """Model predictive control: solves a linear program repeatedly to reach a ring with minimum fuel."""
 
     first_horizon_s: Positive

@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from pipeline.settings import checks, start_table
-from pipeline.settings.checks import Only, SettingError, settings
+from pipeline.settings.checks import Only, SettingError, Settings
 from pipeline.settings.controllers import check_controller
 from pipeline.settings.keys import choices_of
 from pipeline.settings.mission import Mission, Safety, Sun
@@ -32,8 +32,7 @@ STAGES = (
 SHIPPED = "shipped"
 
 
-@settings("monte_carlo")
-class MonteCarlo:
+class MonteCarlo(Settings, group="monte_carlo"):
     """The evaluation: flights from starts drawn, isotropic and uniform in distance, or from a given table."""
 
     num_cases: Annotated[
@@ -65,8 +64,9 @@ class MonteCarlo:
         start_table.check_count("monte_carlo", self.num_cases, self.table)
 
 
-@settings("optimum", Only("stages=optimum", "stages=evaluate", "stages=compare", is_told=True))
-class Optimum:
+class Optimum(
+    Settings, group="optimum", only=Only("stages=optimum", "stages=evaluate", "stages=compare", is_told=True)
+):
     """Minimum-fuel plans, computed with the whole flight known in advance."""
 
     cases: Literal["evaluation", "start"] = "evaluation"
@@ -85,16 +85,14 @@ class Optimum:
     """Cases that evaluations are measured by: `shipped`, a run's folder, or null."""
 
 
-@settings("prove", Only("stages=prove"))
-class Prove:
+class Prove(Settings, group="prove", only=Only("stages=prove")):
     """A proof that all starts of monte_carlo.box reach the goal within the speed limit."""
 
     cells: Annotated[checks.Whole, Field(ge=8, le=1000)] = 96
     """Cells into which the range of a position is divided; more make a tighter tube, and take longer."""
 
 
-@settings("engine")
-class Engine:
+class Engine(Settings, group="engine"):
     """Where flights and plans are computed, and how a campaign is cut into parts."""
 
     kind: Annotated[Literal["local", "dask"], checks.Freely()] = "local"
@@ -103,16 +101,14 @@ class Engine:
     """Flights of a part, which are kept as a file once they are flown."""
 
 
-@settings("logger", Only("stages=train", is_told=True))
-class Logger:
+class Logger(Settings, group="logger", only=Only("stages=train", is_told=True)):
     """Where each generation of a training is logged besides its logbook."""
 
     kind: Annotated[Literal["none", "tensorboard"], checks.Freely()] = "none"
     """Nowhere else, or in train/tensorboard for TensorBoard."""
 
 
-@settings("hparams_search", Only("stages=search", is_told=True))
-class HparamsSearch:
+class HparamsSearch(Settings, group="hparams_search", only=Only("stages=search", is_told=True)):
     """Settings that Optuna tries, and the flights on which trials compete."""
 
     space: dict[str, Any] = field(default_factory=dict, hash=False)
@@ -133,8 +129,7 @@ class HparamsSearch:
         dimensions(self.space)
 
 
-@settings("compare", Only("stages=compare", is_told=True))
-class Compare:
+class Compare(Settings, group="compare", only=Only("stages=compare", is_told=True)):
     """Comparison of controllers: which fly, and under which conditions."""
 
     controllers: checks.Texts = ("coast", "natural_motion", "lqr", "receding_horizon", "paper_champion")
@@ -156,8 +151,7 @@ class Compare:
                 )
 
 
-@settings("assurance", Only("stages=assure", is_told=True))
-class Assurance:
+class Assurance(Settings, group="assurance", only=Only("stages=assure", is_told=True)):
     """Evidence for requirements: which, and how thoroughly they are tested."""
 
     requirements: checks.Text = "inspection"
@@ -180,8 +174,9 @@ class Assurance:
     """Threads that fly; null: one a processor."""
 
 
-@settings("telemetry", Only("stages=record", "stages=assure", "stages=scenario", is_told=True))
-class Telemetry:
+class Telemetry(
+    Settings, group="telemetry", only=Only("stages=record", "stages=assure", "stages=scenario", is_told=True)
+):
     """Which flights are recorded, and the distances that the log calls near."""
 
     record_training: checks.Flag = True
@@ -194,8 +189,7 @@ class Telemetry:
     """The log warns when a distance limit is nearer."""
 
 
-@settings("report", Only("stages=report", is_told=True))
-class Report:
+class Report(Settings, group="report", only=Only("stages=report", is_told=True)):
     """Appearance of the report."""
 
     title: checks.Text = "Spacecraft inspection by fuzzy control"
@@ -206,8 +200,7 @@ class Report:
     """The training scenario that is drawn, from 0."""
 
 
-@settings("")
-class Experiment:
+class Experiment(Settings, group=""):
     """Everything a run depends on.
 
     Attributes

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, Strict
 
 from pipeline.settings import checks
-from pipeline.settings.checks import Only, SettingError, settings
+from pipeline.settings.checks import Only, SettingError, Settings
 from pipeline.settings.dispersions import Distribution, distributions, processes
 
 #: beyond this many points a flight fills a computer's memory
@@ -20,8 +20,7 @@ UNIT_INERTIA = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 START_M = (43.30127018922194, 43.30127018922194, 43.30127018922194)
 
 
-@settings("orbit")
-class OrbitSettings:
+class OrbitSettings(Settings, group="orbit"):
     """The chief's orbit: the paper's low Earth orbit."""
 
     #: the densest planets allow 0.0015 rad/s
@@ -33,8 +32,7 @@ class OrbitSettings:
     """Radius about the Earth's centre; null: that of the mean motion."""
 
 
-@settings("dynamics", Only("dynamics.model=two_body"))
-class Dynamics:
+class Dynamics(Settings, group="dynamics", only=Only("dynamics.model=two_body")):
     """The deputy's true motion: Clohessy and Wiltshire's equations, or an orbit about the Earth."""
 
     model: Literal["cw", "two_body"] = "cw"
@@ -60,8 +58,7 @@ IS_FLOWN = Only("telemetry.record_start=true", "optimum.cases=start", is_told=Tr
 NO_CASE = Only("case=null", "optimum.cases=start", is_told=True)
 
 
-@settings("deputy")
-class DeputySettings:
+class DeputySettings(Settings, group="deputy"):
     """The inspecting spacecraft, its start (Hill axes) and its limits."""
 
     mass_kg: checks.Positive = 12.0
@@ -102,8 +99,7 @@ class DeputySettings:
             )
 
 
-@settings("chief")
-class ChiefSettings:
+class ChiefSettings(Settings, group="chief"):
     """The inspected spacecraft and the points on it."""
 
     inertia_kg_m2: Annotated[checks.Inertia, Only("chief.initial_angular_velocity_rad_s")] = UNIT_INERTIA
@@ -124,8 +120,7 @@ class ChiefSettings:
     """File of the mesh, STL or OBJ, chief axes, m; null: the satellite that ships."""
 
 
-@settings("problem", Only("problem.kind=reach"))
-class Problem:
+class Problem(Settings, group="problem", only=Only("problem.kind=reach")):
     """What a flight is for: to inspect points, or to reach the chief without ever being too fast."""
 
     kind: Literal["inspection", "reach"] = "inspection"
@@ -144,8 +139,7 @@ class Problem:
     """Sum over samples of what the speed is above the limit; beyond it a flight has failed."""
 
 
-@settings("sensor")
-class Sensor:
+class Sensor(Settings, group="sensor"):
     """The deputy's camera."""
 
     half_angle_deg: Annotated[checks.Positive, Field(le=180)] = 15.0
@@ -163,8 +157,7 @@ class Sensor:
 REFLECTED = Only("light.reflection=blinn_phong")
 
 
-@settings("light")
-class Light:
+class Light(Settings, group="light"):
     """Shadow on the chief, and how its surface reflects."""
 
     shadow: Literal["none", "conical"] = "none"
@@ -192,8 +185,7 @@ class Light:
 GIVEN_ELEVATION = Only("sun.mode=fixed", "sun.mode=mixed", "sun.elevation_range_deg=null")
 
 
-@settings("sun")
-class Sun:
+class Sun(Settings, group="sun"):
     """The Sun's initial direction: one angle for every case, one drawn for each, or both alternately."""
 
     mode: Literal["fixed", "random", "mixed"] = "fixed"
@@ -221,8 +213,7 @@ class Sun:
 FLOWN = Only("attitude.mode=flown")
 
 
-@settings("attitude")
-class Attitude:
+class Attitude(Settings, group="attitude"):
     """How the deputy points its camera."""
 
     mode: Literal["flown", "ideal"] = "flown"
@@ -235,8 +226,7 @@ class Attitude:
     """Whether the camera's roll is carried along near the poles, not flipped."""
 
 
-@settings("guidance")
-class Guidance:
+class Guidance(Settings, group="guidance"):
     """How the target direction is chosen among the points that are lit and not yet inspected."""
 
     kind: Literal["centroid", "clusters"] = "centroid"
@@ -245,8 +235,7 @@ class Guidance:
     """What computes clusters; sklearn, the reference, flies one flight at a time."""
 
 
-@settings("safety", Only("safety.kind=filter"))
-class Safety:
+class Safety(Settings, group="safety", only=Only("safety.kind=filter")):
     """Run-time assurance around any controller: the smallest change of force that keeps the deputy safe."""
 
     kind: Literal["none", "filter"] = "none"
@@ -281,8 +270,7 @@ class Safety:
 RANGED = Only("navigation.measures=range_bearing")
 
 
-@settings("navigation", Only("navigation.mode=fixes"))
-class Navigation:
+class Navigation(Settings, group="navigation", only=Only("navigation.mode=fixes")):
     """The deputy's knowledge of its own state: the truth, or a filter's estimate from fixes."""
 
     mode: Literal["perfect", "fixes"] = "perfect"
@@ -322,8 +310,7 @@ class Navigation:
     """Standard deviation of the sensed attitude, drawn anew, each axis."""
 
 
-@settings("actuators", Only("actuators.kind=real"))
-class Actuators:
+class Actuators(Settings, group="actuators", only=Only("actuators.kind=real")):
     """How the thrusters deviate from their commands."""
 
     kind: Literal["ideal", "real"] = "ideal"
@@ -363,8 +350,7 @@ SHARED = (
 )
 
 
-@settings("")
-class Mission:
+class Mission(Settings, group=""):
     """One flight: everything the simulation depends on except the start and the controller."""
 
     problem: Problem = field(default_factory=Problem)

@@ -64,14 +64,14 @@ def schema() -> dict[str, Key]:
     return {key.name: key for key in chain.from_iterable(sections)}
 
 
-def keys_of(group: str, kind: Any, only: tuple[Only, ...] = ()) -> Iterator[Key]:
+def keys_of(group: str, kind: Any, only: Only | None = None) -> Iterator[Key]:
     """Yield the keys of a class of settings, without those that are groups."""
     hints, names = get_type_hints(kind, include_extras=True), names_of(kind)
     for field in fields(kind):
         hint, name = hints[field.name], keys.dotted(group, (field.name,))
         if field.name in names and field.name != keys.FREE and not is_dataclass(hint):
             default = field.default if field.default_factory is MISSING else field.default_factory()
-            marks = [mark for mark in only if name not in mark.keys]
+            marks = [only] if only and name not in only.keys else []
             marks += [mark for mark in getattr(hint, "__metadata__", ()) if isinstance(mark, Only)]
             yield Key(name, hint, _plain(default), tuple(marks))
 
@@ -252,15 +252,15 @@ def rows_of(group: str, shown: list[Key]) -> Iterator[tuple[str, str, str, str]]
     for key in shown:
         name = key.name.rpartition(".")[2]
         default = "" if key.default is MISSING else f"`{as_yaml(key.default)}` {keys.unit_of(name)}".strip()
-        conditions = [mark for mark in key.only if not mark.is_of_stages and mark not in of_group(group)]
+        conditions = [mark for mark in key.only if not mark.is_of_stages and mark is not of_group(group)]
         meaning = descriptions().get(f"{group}.{name}".lstrip("."), "")
         only = f" Only with {in_code(conditions)}." if conditions else ""
         yield f"`{name}`{marks_of(key)}", default, range_of(key), meaning + only
 
 
-def of_group(group: str) -> tuple[Only, ...]:
-    """Return the conditions that hold for all keys of a group."""
-    return next((only for name, _, only in GROUPS if group and name == group), ())
+def of_group(group: str) -> Only | None:
+    """Return the condition that holds for all keys of a group."""
+    return next((only for name, _, only in GROUPS if group and name == group), None)
 
 
 def in_code(marks: list[Only]) -> str:

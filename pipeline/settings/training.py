@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from pipeline.settings import checks, start_table
-from pipeline.settings.checks import Only, SettingError, settings
+from pipeline.settings.checks import Only, SettingError, Settings
 from pipeline.settings.keys import is_key, leaves, unknown
 
 #: of a population, or a tournament
@@ -21,8 +21,7 @@ DRAWS = Only("stages=scenario", "stages=train", "stages=search", is_told=True)
 TRAINS = Only("stages=train", "stages=search", is_told=True)
 
 
-@settings("starts", DRAWS)
-class Starts:
+class Starts(Settings, group="starts", only=DRAWS):
     """Starts of training flights: at rest on the octants' diagonals, drawn in a shell, or from a table."""
 
     kind: Literal["octants", "random", "file"] = "octants"
@@ -72,8 +71,7 @@ class Starts:
             )
 
 
-@settings("optimizer.encoding", TRAINS)
-class Encoding:
+class Encoding(Settings, group="optimizer.encoding", only=TRAINS):
     """Range of the genes; a constant with bounds is tuned, null keeps the controller's."""
 
     mean_window: Annotated[checks.Positive, Field(le=0.99)] = 0.9
@@ -132,8 +130,7 @@ class Encoding:
             checks.within("optimizer.encoding.urgency_time_s[0]", self.urgency_time_s[0], 1.0, math.inf, "s")
 
 
-@settings("optimizer.penalty", TRAINS)
-class Penalty:
+class Penalty(Settings, group="optimizer.penalty", only=TRAINS):
     """Prices in the fitness besides delta-v; see `pipeline.training.fitness`.
 
     With 8 starts and 900 m/s, the most that 1 N can spend in a flight, the defaults make a point short of 95
@@ -166,8 +163,7 @@ class Penalty:
 GENETIC = Only("optimizer.algorithm=genetic")
 
 
-@settings("optimizer", TRAINS)
-class Optimizer:
+class Optimizer(Settings, group="optimizer", only=TRAINS):
     """The evolutionary algorithm: by default the paper's genetic algorithm."""
 
     population_size: Annotated[checks.Whole, Field(ge=2, le=MOST_INDIVIDUALS)] = 200
