@@ -13,7 +13,7 @@ from contextlib import redirect_stdout, suppress
 from pathlib import Path
 
 from fis_tools.analysis import flights
-from fis_tools.errors import ControllerFileError, nearest, told_as
+from fis_tools.errors import ControllerFileError, suggestion, told_as
 from fis_tools.file_access import read_text
 from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController, FuzzySystem
@@ -85,7 +85,7 @@ def named(name: str) -> Path:
     if matches:
         raise ControllerFileError(f"{name} may be {' or '.join(map(str, matches))}; give one of these paths")
     known = sorted({path.stem for path in files})
-    cure = f"; {nearest(name, known)}" if known else ""
+    cure = f"; {suggestion(name, known)}" if known else ""
     raise ControllerFileError(
         f"{name}: no such file or folder, and no controller of that name; give the path of a controller "
         f"file, of a run's folder or of a logged flight (.mcap){cure}"
@@ -196,7 +196,7 @@ def read_object(path: Path | str) -> object:
             held = runpy.run_path(str(file), run_name=file.stem)
         if not name or name not in held:
             names = [each for each in held if not each.startswith("_")]
-            raise ControllerFileError(f"{file} has no object {name or ''!r}; {nearest(name or '', names)}")
+            raise ControllerFileError(f"{file} has no object {name or ''!r}; {suggestion(name or '', names)}")
         with redirect_stdout(sys.stderr):
             return held[name]() if callable(held[name]) else held[name]
     except ControllerFileError:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.array_types import Floats
-from fis_tools.errors import ControllerFileError, MissingExtra, nearest
+from fis_tools.errors import ControllerFileError, MissingExtra, suggestion
 from fis_tools.file_access import open_regular, open_text
 
 CSV, PARQUET = ".csv", ".parquet"
@@ -95,7 +95,7 @@ def _wanted(
         split = name_and_unit(labels.get(name, name))
         columns = [column for column in held if column == name or splits[column] == split]
         if len(columns) != 1:
-            fault = f"it has no {name!r}; {nearest(name, held)}"
+            fault = f"it has no {name!r}; {suggestion(name, held)}"
             if columns:
                 fault = f"it has {' and '.join(map(repr, columns))} for {name!r}; leave out one"
             raise ControllerFileError(

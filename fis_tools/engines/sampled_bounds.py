@@ -44,7 +44,7 @@ def _bounds(conclusion: Conclusion, low: Floats, high: Floats) -> tuple[float, f
     x = conclusion.universe
     if conclusion.defuzzifier == codes.CENTROID:
         slack = 4 * EPSILON * (len(x) + 4) * max(abs(x[0]), abs(x[-1]))
-        return _least_mean(x, low, high) - slack, _greatest_mean(x, low, high) + slack
+        return _extreme_mean(x, low, high, 1) - slack, _extreme_mean(x, low, high, -1) + slack
     if conclusion.defuzzifier == codes.BISECTOR:
         return _bisectors(x, low, high)
     candidates = x[high >= low.max() * (1.0 - 2.0 * TIE)]
@@ -53,29 +53,20 @@ def _bounds(conclusion: Conclusion, low: Floats, high: Floats) -> tuple[float, f
 
 
 @compiled(error_model="numpy", nogil=True)
-def _least_mean(x: Floats, low: Floats, high: Floats) -> float:
-    """Return the least mean of points whose weights lie between bounds, every switch tried."""
-    area, moment = low.sum(), (low * x).sum()
-    least = x[-1]
-    for point in range(len(x)):
+def _extreme_mean(x: Floats, low: Floats, high: Floats, sign: int) -> float:
+    """Return the least (1) or the greatest (-1) mean of points whose weights lie between bounds.
+
+    Every switch from the lower to the upper bounds is tried.
+    """
+    area, moment, extreme = low.sum(), (low * x).sum(), np.inf
+    for step in range(len(x)):
+        point = step if sign > 0 else len(x) - 1 - step
         area += high[point] - low[point]
         moment += (high[point] - low[point]) * x[point]
         if area > 0.0:
-            least = min(least, moment / area)
-    return float(least)
-
-
-@compiled(error_model="numpy", nogil=True)
-def _greatest_mean(x: Floats, low: Floats, high: Floats) -> float:
-    """Return the greatest mean of points whose weights lie between bounds, every switch tried."""
-    area, moment = low.sum(), (low * x).sum()
-    greatest = x[0]
-    for point in range(len(x) - 1, -1, -1):
-        area += high[point] - low[point]
-        moment += (high[point] - low[point]) * x[point]
-        if area > 0.0:
-            greatest = max(greatest, moment / area)
-    return float(greatest)
+            extreme = min(extreme, sign * (moment / area))
+    # without weights any point may be the mean
+    return float(sign * min(extreme, sign * (x[-1] if sign > 0 else x[0])))
 
 
 @compiled(error_model="numpy", nogil=True)

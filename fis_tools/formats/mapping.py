@@ -17,7 +17,7 @@ from types import MappingProxyType
 from typing import Any, TypeVar
 
 from fis_tools import model
-from fis_tools.errors import ControllerFileError, nearest, require_known, told_as
+from fis_tools.errors import ControllerFileError, require_known, suggestion, told_as
 from fis_tools.model.operators import HEDGES
 from fis_tools.model.shapes import SHAPES
 from fis_tools.model.validate import MAX_NESTING, MOST_MEMBERSHIPS, InvalidSystem, controller_problems
@@ -383,5 +383,5 @@ def _expression(value: Any, where: str, depth: int = 0) -> model.Expression:
         )
         return model.And(tuple(operands)) if word == "and" else model.Or(tuple(operands))
     raise ControllerFileError(
-        f"{where}: unknown word {word!r}; {nearest(str(word), ('is', 'not', 'and', 'or', *HEDGES))}"
+        f"{where}: unknown word {word!r}; {suggestion(str(word), ('is', 'not', 'and', 'or', *HEDGES))}"
     )

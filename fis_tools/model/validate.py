@@ -9,7 +9,7 @@ from weakref import WeakValueDictionary
 
 import numpy as np
 
-from fis_tools.errors import Mistake, nearest
+from fis_tools.errors import Mistake, suggestion
 from fis_tools.model import operators
 from fis_tools.model.numbers import Formula, Linear, NotAFormula, Number
 from fis_tools.model.operators import HEDGES, WEIGHING
@@ -425,7 +425,7 @@ def _expression_problems(inputs: Vocabulary, expression: Expression, depth: int)
             yield from _expression_problems(inputs, operand, depth + 1)
         case Hedged(hedge, operand):
             if hedge not in HEDGES:
-                yield f"the hedge {hedge!r} is not known; {nearest(str(hedge), HEDGES)}"
+                yield f"the hedge {hedge!r} is not known; {suggestion(str(hedge), HEDGES)}"
             yield from _expression_problems(inputs, operand, depth + 1)
         case And(operands) | Or(operands):
             if not operands:
@@ -438,6 +438,6 @@ def _expression_problems(inputs: Vocabulary, expression: Expression, depth: int)
 
 def _reference_problems(known: Vocabulary, kind: str, variable: str, term: str) -> Iterator[str]:
     if variable not in known:
-        yield f"{kind} {variable!r} does not exist; {nearest(variable, known)}"
+        yield f"{kind} {variable!r} does not exist; {suggestion(variable, known)}"
     elif term not in known[variable]:
-        yield f"{kind} {variable!r} has no term {term!r}; {nearest(term, known[variable])}"
+        yield f"{kind} {variable!r} has no term {term!r}; {suggestion(term, known[variable])}"

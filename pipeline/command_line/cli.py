@@ -84,7 +84,7 @@ def _command_of(arguments: Sequence[str]) -> Callable[[], int]:
         module = import_module(f"pipeline.command_line.{MODULES[arguments[0]]}")
         function: Callable[[Sequence[str]], int] = getattr(module, arguments[0])
         if {"--help", "-h"} & set(arguments[1:]):
-            return partial(_print, cleandoc(function.__doc__ or "").partition("\n\nReturns")[0] + "\n")
+            return partial(_print, cleandoc(function.__doc__ or "").partition("\n\nRaises")[0] + "\n")
         return partial(function, arguments[1:])
     command = parse_arguments(arguments)
     if command.version:
@@ -116,11 +116,6 @@ def warm(given: Sequence[str]) -> int:
     Usage: python -m pipeline warm
 
     Some short runs are run in a folder of their own. `python -m pipeline warm &` does it in the background.
-
-    Returns
-    -------
-    int
-        The exit code of the first run that fails, else 0.
 
     Raises
     ------

@@ -20,11 +20,6 @@ def edit(arguments: Sequence[str]) -> int:
     Keys are those of +experiment=evaluate, such as controller=champion_27, world=leo or sun=random. Ctrl-C
     ends it. Nothing is written but the copy that you save.
 
-    Returns
-    -------
-    int
-        The exit code.
-
     Raises
     ------
     ValueError, OSError

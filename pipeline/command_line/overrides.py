@@ -12,7 +12,7 @@ from hydra.core.override_parser.types import Glob, Override, OverrideType
 from hydra.errors import HydraException
 
 from pipeline.command_line.arguments import EXPERIMENT, ConfigError
-from pipeline.settings.keys import KNOWN, choices_of, did_you_mean, is_key, nearest_key, renamed, unknown
+from pipeline.settings.keys import KNOWN, choices_of, did_you_mean, is_key, suggested
 from pipeline.settings.places import conf_folder
 
 #: groups of options, to the names of these
@@ -143,14 +143,10 @@ def check_overrides(overrides: Sequence[Override], groups: Groups) -> None:
             _check_hydra_key(key)
         elif key in groups and not isinstance(override.value(), dict):
             _check_choice(override, groups[key], plain)
-        elif renamed(key) is not None:
-            raise ConfigError(unknown(key))
         elif not is_key(key):
-            likely = nearest_key(key, {*KNOWN, *groups})
-            plus = "+" if likely == EXPERIMENT else ""
-            raise ConfigError(
-                f"there is no key {key}" + (f"; did you mean {plus}{likely}?" if likely else "")
-            )
+            likely = suggested(key, {*KNOWN, *groups})
+            likely = f"+{likely}" if likely == EXPERIMENT else likely
+            raise ConfigError(f"there is no key {key}" + (f"; did you mean {likely}?" if likely else ""))
         elif override.type == OverrideType.ADD and key in KNOWN:
             raise ConfigError(f"the key {key} exists already; write {plain} without the +")
 

@@ -35,11 +35,6 @@ def verify(given: Sequence[str]) -> int:
 
     The exit code is 0 if all is well, and 1 if something differs, is missing or cannot be read.
 
-    Returns
-    -------
-    int
-        The exit code.
-
     Raises
     ------
     ConfigError, pipeline.run.artifacts.ArtifactError
@@ -165,11 +160,6 @@ def summary(given: Sequence[str]) -> int:
 
     The folder of a sweep, python -m pipeline -m ..., is outputs/NAME-sweep/TIME. Any other folder of runs
     will do, such as that of a job array.
-
-    Returns
-    -------
-    int
-        The exit code.
 
     Raises
     ------

@@ -2,8 +2,9 @@
 
 import copy
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from difflib import get_close_matches
 from typing import Any
+
+from fis_tools.errors import nearest
 
 #: the group whose keys depend on its kind; they are checked when the controller is read
 FREE = "controller"
@@ -53,18 +54,8 @@ def is_key(key: str) -> bool:
     return key in KNOWN or key.startswith((FREE + ".", DISPERSIONS + ".", SPACE + "."))
 
 
-def renamed(key: str) -> str | None:
-    """Return the present name of a key or group of an earlier version; None for any other."""
-    for old, new in RENAMED.items():
-        if key == old or key.startswith(f"{old}."):
-            return new + key.removeprefix(old)
-    return None
-
-
 def unknown(key: str) -> str:
     """Return a message that there is no such key, with the key that may be meant."""
-    if (new := renamed(key)) is not None:
-        return f"there is no key {key} any more; write {new}"
     return f"there is no key {key}{did_you_mean(key, KNOWN)}"
 
 
@@ -137,40 +128,21 @@ def unit_of(key: str) -> str:
     return next((unit for end, unit in UNITS.items() if name.endswith(end)), "")
 
 
-#: this many equal letters at the beginning count as similar
-COMMON = 3
-
-
-def nearest_key(word: str, known: Iterable[str]) -> str | None:
-    """Return the known word most like an unknown one, or None if none is similar.
-
-    In a group that exists, its keys come first; else a dotted key is also compared by its last name, so that
-    a key in the wrong group finds the right one.
-    """
-    candidates = sorted(known)
-    group, dot, last = word.lower().rpartition(".")
-    names = {key: key.lower().rpartition(".") for key in candidates}
-    siblings = {name[2]: key for key, name in names.items() if dot and name[0] == group}
-    if matches := get_close_matches(last, siblings, n=1):
-        return siblings[matches[0]]
-    for name, key in siblings.items():
-        if len(last) >= COMMON and name[:COMMON] == last[:COMMON]:
-            return key
-    lower = {key.lower(): key for key in candidates}
-    if matches := get_close_matches(word.lower(), lower, n=1):
-        return lower[matches[0]]
-    lasts = {name[2]: key for key, name in names.items()}
-    matches = get_close_matches(last, lasts, n=1)
-    return lasts[matches[0]] if matches else None
-
-
 def choices_of(word: str, known: Sequence[str], plural: str = "choices") -> str:
     """Return ``; did you mean …? The choices are …``; `plural` is the word for the choices."""
     guess = did_you_mean(word, known)
     return (f"{guess} The" if guess else "; the") + f" {plural} are {', '.join(known)}"
 
 
+def suggested(word: str, known: Iterable[str]) -> str | None:
+    """Return the known word that may be meant, perhaps by its earlier name; None if none is similar."""
+    renamed = (
+        new + word.removeprefix(old) for old, new in RENAMED.items() if f"{word}.".startswith(f"{old}.")
+    )
+    return next(renamed, None) or nearest(word, sorted(known))
+
+
 def did_you_mean(word: str, known: Iterable[str]) -> str:
     """Return ``; did you mean …?``, or nothing if no known word is similar."""
-    match = nearest_key(word, known)
+    match = suggested(word, known)
     return f"; did you mean {match}?" if match else ""

@@ -13,7 +13,7 @@ from typing import TypeVar
 import numpy as np
 
 from fis_tools import model
-from fis_tools.errors import ControllerFileError, nearest
+from fis_tools.errors import ControllerFileError, suggestion
 from fis_tools.formats.exchange.dialect import INPUT_POINTS, OUTPUT_POINTS, input_universe
 from fis_tools.formats.exchange.vocabulary import HEDGES
 from fis_tools.formats.mapping import MOST_POINTS
@@ -66,7 +66,7 @@ def choice(known: Mapping[str, _Choice], word: str, where: str, cure: str = "") 
     """
     if word not in known:
         raise ControllerFileError(
-            f"{where} {word[:40]!r} cannot be read; {nearest(word[:40], known)} {cure}".rstrip()
+            f"{where} {word[:40]!r} cannot be read; {suggestion(word[:40], known)} {cure}".rstrip()
         )
     return known[word]
 

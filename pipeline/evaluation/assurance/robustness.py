@@ -59,7 +59,7 @@ def holds(formula: Formula, quantities: Samples, period_s: float) -> NDArray[np.
     return _evaluate(formula, quantities, period_s, _truth)[:, 0] > 0.0
 
 
-def idle_window(formula: Formula, duration_s: float, period_s: float, now: int = 0) -> Window | None:
+def idle_window(formula: Formula, duration_s: float, period_s: float) -> Window | None:
     """Return the first window of a formula that contains no sample of a flight, None without one.
 
     Parameters
@@ -69,53 +69,46 @@ def idle_window(formula: Formula, duration_s: float, period_s: float, now: int =
         Of the flight.
     period_s : float
         Between two samples.
-    now : int
-        The first sample at which the formula is evaluated.
-    """
-    match formula:
-        case Negation(part):
-            parts = [(part, now)]
-        case Conjunction(left, right) | Disjunction(left, right):
-            parts = [(left, now), (right, now)]
-        case Always(window, part) | Eventually(window, part) | Until(window, _, part):
-            first, last = _in_samples(window, period_s)
-            if (last is not None and last < first) or now + first > round(duration_s / period_s):
-                return window
-            parts = [(part, now + first), *([(formula.left, now)] if isinstance(formula, Until) else [])]
-        case _:
-            parts = []
-    idle = (idle_window(part, duration_s, period_s, begins) for part, begins in parts)
-    return next((window for window in idle if window is not None), None)
-
-
-def late_window(formula: Formula, duration_s: float, period_s: float, latest: int = 0) -> Window | None:
-    """Return the first window of a formula that can end after a flight, None without one.
-
-    Parameters
-    ----------
-    formula : Formula
-    duration_s : float
-        Of the flight.
-    period_s : float
-        Between two samples.
-    latest : int
-        The last sample at which the formula is evaluated.
     """
     num_periods = round(duration_s / period_s)
-    parts: list[tuple[Formula, int]] = []
+    for window, earliest, _ in _windows(formula, period_s):
+        first, last = _in_samples(window, period_s)
+        if (last is not None and last < first) or earliest + first > num_periods:
+            return window
+    return None
+
+
+def late_window(formula: Formula, duration_s: float, period_s: float) -> Window | None:
+    """Return the first window of a formula that can end after a flight, as `idle_window`."""
+    num_periods = round(duration_s / period_s)
+    for window, _, latest in _windows(formula, period_s, num_periods):
+        _, last = _in_samples(window, period_s)
+        if last is not None and latest + last > num_periods:
+            return window
+    return None
+
+
+def _windows(
+    formula: Formula, period_s: float, num_periods: int = 0, earliest: int = 0, latest: int = 0
+) -> Iterator[tuple[Window, int, int]]:
+    """Yield the windows of a formula, each with the earliest and the latest sample at which it begins.
+
+    One without an end ends with the flight, after `num_periods`.
+    """
+    parts: list[tuple[Formula, int, int]] = []
     match formula:
         case Negation(part):
-            parts = [(part, latest)]
+            parts = [(part, earliest, latest)]
         case Conjunction(left, right) | Disjunction(left, right):
-            parts = [(left, latest), (right, latest)]
+            parts = [(left, earliest, latest), (right, earliest, latest)]
         case Always(window, part) | Eventually(window, part) | Until(window, _, part):
-            _, last = _in_samples(window, period_s)
-            if last is not None and latest + last > num_periods:
-                return window
+            yield window, earliest, latest
+            first, last = _in_samples(window, period_s)
             end = num_periods if last is None else latest + last
-            parts = [(part, end), *([(formula.left, end)] if isinstance(formula, Until) else [])]
-    late = (late_window(part, duration_s, period_s, end) for part, end in parts)
-    return next((window for window in late if window is not None), None)
+            parts = [(part, earliest + first, end)]
+            parts += [(formula.left, earliest, end)] if isinstance(formula, Until) else []
+    for inner, begins, ends in parts:
+        yield from _windows(inner, period_s, num_periods, begins, ends)
 
 
 def premises(formula: Formula, quantities: Samples, period_s: float) -> dict[Formula, NDArray[np.bool_]]:

@@ -22,7 +22,10 @@ MISTAKES = [
     ([*FLY, "+optimizer.popp=3"], "did you mean optimizer.population_size?"),
     ([*FLY, "++optimiser.population_size=3"], "did you mean optimizer.population_size?"),
     ([*FLY, "population_size=3"], "did you mean optimizer.population_size?"),
-    ([*FLY, "optimizer.penalty.c_d=3"], "there is no key optimizer.penalty.c_d any more; write"),
+    (
+        [*FLY, "optimizer.penalty.c_d=3"],
+        "no key optimizer.penalty.c_d; did you mean optimizer.penalty.outside_m_s?",
+    ),
     ([*FLY, "deputy.mass=3"], "did you mean deputy.mass_kg?"),
     ([*FLY, "monte_carlo.cases=3"], "did you mean monte_carlo.num_cases?"),
     ([*FLY, "xyzzy=3"], "there is no key xyzzy\n"),

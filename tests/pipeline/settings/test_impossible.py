@@ -178,7 +178,7 @@ def test_keys_of_earlier_versions_are_read_but_not_beside_todays():
     assert experiment_from(config) == expected
     assert "c_d" in prices
     prices["outside_m_s"] = 1.0
-    with pytest.raises(SettingError, match=r"no key optimizer.penalty.c_d any more; write .*outside_m_s"):
+    with pytest.raises(SettingError, match=r"no key optimizer.penalty.c_d; did you mean .*outside_m_s"):
         experiment_from(config)
 
 
