@@ -15,8 +15,10 @@ jobs = Path(os.environ["SLURM_STAND_IN"])
 if sys.argv[1] == "--run":
     script, number, indices, is_requeued = sys.argv[2], sys.argv[3], sys.argv[4], sys.argv[5] == "1"
     for index in indices.split(","):
-        state = jobs / f"{number}_{index}"
-        given = {"JOB_ID": number, "ARRAY_JOB_ID": number, "ARRAY_TASK_ID": index, "LOCALID": "0"}
+        name = f"{number}_{index}" if index else number
+        state = jobs / name
+        given = {"ARRAY_JOB_ID": number, "ARRAY_TASK_ID": index} if index else {}
+        given |= {"JOB_ID": number, "LOCALID": "0"}
         given |= {"PROCID": "0", "NTASKS": "1", "NODEID": "0", "NNODES": "1", "JOB_NODELIST": "here"}
         given |= {"JOB_NUM_NODES": "1"}
         environment = os.environ | {f"SLURM_{name}": value for name, value in given.items()}
@@ -26,18 +28,18 @@ if sys.argv[1] == "--run":
             if 0 <= code < 128:
                 break
             with (jobs / "requeued").open("a") as stream:
-                stream.write(f"{number}_{index}\\n")
+                stream.write(f"{name}\\n")
         state.write_text("FAILED" if code else "COMPLETED")
 else:
     number = str(100 + len(list(jobs.glob("*.sh"))))
     script = jobs / f"{number}.sh"
     shutil.copy(sys.argv[-1], script)
     lines = re.findall(r"^#SBATCH (.*)$", script.read_text(), re.M)
-    (array,) = re.findall(r"--array=(\\d+-\\d+)", " ".join(lines))
-    first, last = map(int, array.split("-"))
-    indices = ",".join(map(str, range(first, last + 1)))
+    indices = ""  # a job that is no array
+    for first, last in re.findall(r"--array=(\\d+)-(\\d+)", " ".join(lines)):
+        indices = ",".join(map(str, range(int(first), int(last) + 1)))
     for index in indices.split(","):
-        (jobs / f"{number}_{index}").write_text("PENDING")
+        (jobs / (f"{number}_{index}" if index else number)).write_text("PENDING")
     is_requeued = any("--requeue" in line for line in lines)
     words = [sys.executable, __file__, "--run", str(script), number, indices, str(int(is_requeued))]
     with (jobs / f"{number}.out").open("w") as log:
@@ -48,7 +50,9 @@ SACCT = """
 import os
 from pathlib import Path
 print("JobID|State|NodeList")
-for path in sorted(Path(os.environ["SLURM_STAND_IN"]).glob("*_*")):
+for path in sorted(Path(os.environ["SLURM_STAND_IN"]).glob("*")):
+    if path.suffix or path.name == "requeued":
+        continue
     print(f"{path.name}|{path.read_text()}|here")
 """
 SRUN = """

@@ -88,3 +88,48 @@ SIGNALS: Final[Mapping[str, Callable[[int], None]]] = {
     "Ctrl-C": partial(send, signal.SIGINT),
     "no memory": take_memory,
 }
+
+
+#: made in the folder of `killed_at` as the process is killed
+KILLED: Final = "killed"
+_KILLER: Final = """
+import os, signal, sys
+
+left = [int(os.environ["KILLED_COUNT"])]
+
+def kill(event, arguments):
+    if event == "os.rename" and os.fsdecode(arguments[1]).endswith(os.environ["KILLED_AT"]):
+        left[0] -= 1
+        if left[0] == 0:
+            try:
+                os.close(os.open(os.environ["KILLED_MARK"], os.O_CREAT | os.O_EXCL))
+            except FileExistsError:
+                return
+            os.kill(os.getpid(), signal.SIGKILL)
+
+sys.addaudithook(kill)
+"""
+
+
+def killed_at(path: str, count: int, folder: Path) -> dict[str, str]:
+    """Return the environment in which one Python process is killed as it puts a file in its place.
+
+    Parameters
+    ----------
+    path : str
+        How the file's path ends.
+    count : int
+        Of the times that a process puts it there; before the last it is killed, once.
+    folder : Path
+        Made; holds what every Python process reads as it starts.
+    """
+    folder.mkdir(exist_ok=True)
+    (folder / KILLED).unlink(missing_ok=True)
+    (folder / "sitecustomize.py").write_text(_KILLER)
+    paths = filter(None, [str(folder), os.environ.get("PYTHONPATH", "")])
+    return {
+        "PYTHONPATH": os.pathsep.join(paths),
+        "KILLED_AT": path,
+        "KILLED_COUNT": str(count),
+        "KILLED_MARK": str(folder / KILLED),
+    }

@@ -1,41 +1,42 @@
 """The runs of a sweep under Hydra's launchers: equal files, whatever runs them, and where jobs are killed."""
 
-import json
-import os
 import re
 import shlex
-import signal
 import subprocess
 import sys
 import time
 from pathlib import Path
 
 import pytest
+import submitit
+from joblib.externals.loky import get_reusable_executor
 
 from pipeline.command_line.cli import main
 from pipeline.command_line.hydra_errors import LAUNCHERS
 from pipeline.command_line.runs import OK, UNIMPROVED
 from pipeline.run import artifacts, manifests, sweep, tables
-from pipeline.run.lock import LOCK
 from tests import slurm
-from tests.hostile import kills
+from tests.hostile import faults, kills
 from tests.places import PROJECT
 
-pytestmark = pytest.mark.slow
+pytestmark = [
+    pytest.mark.slow,
+    # submitit_local does not wait for a job whose result is there
+    pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning", "ignore::ResourceWarning"),
+]
 
 #: so short a training may not improve on what it was given
 DONE = (OK, UNIMPROVED)
 NAMES = [name.rpartition("/")[2] for name in LAUNCHERS]
 SMALL = [
+    "stages=[scenario,train,evaluate]",
     "optimizer.population_size=8",
     "optimizer.generations=6",
     "monte_carlo.num_cases=8",
     "duration_s=600",
 ]
-TRAIN = ["-m", "+experiment=train", "stages=[scenario,train,evaluate]", *SMALL, "seed=1,2"]
-#: the same for longer, so that it can be killed
-LONG = [word.replace("generations=6", "generations=150") for word in TRAIN]
-#: until a run must have begun, or ended
+TRAIN = ["-m", "+experiment=train", *SMALL, "seed=1,2"]
+#: until the jobs of SLURM's stand-in must have ended
 PATIENCE_S = 600.0
 PAGE = (PROJECT / "docs/how-to/run-on-a-cluster.md").read_text(encoding="utf-8")
 
@@ -49,69 +50,34 @@ def basic(tmp_path_factory) -> Path:
 
 
 @pytest.fixture
-def cluster(tmp_path) -> dict[str, str]:
-    """The environment of commands, with stand-ins for SLURM's."""
-    return kills.environment(**slurm.installed(tmp_path / "slurm"))
+def cluster(tmp_path, monkeypatch):
+    """Work in a folder with stand-ins for SLURM's commands; return what has a run killed, once."""
+    for name, value in kills.environment(**slurm.installed(tmp_path / "slurm")).items():
+        monkeypatch.setenv(name, value)
+    monkeypatch.chdir(tmp_path)
+    # no slow file system, on which the result of a lost job may yet appear
+    monkeypatch.setattr(submitit.Job, "_results_timeout_s", 0.0)
+
+    def kill_in(run: str) -> None:
+        path = f"{run}/{artifacts.CHECKPOINT}"
+        for name, value in faults.killed_at(path, 3, tmp_path / "killer").items():
+            monkeypatch.setenv(name, value)
+
+    yield kill_in
+    get_reusable_executor().shutdown(kill_workers=True)  # joblib's know this environment alone
 
 
-def run(words: list[str], env: dict[str, str], cwd: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(kills.command(words), env=env, cwd=cwd, capture_output=True, text=True, check=False)  # noqa: S603
-
-
-def until(is_so) -> None:
-    """Wait for something to become true."""
-    limit = time.monotonic() + PATIENCE_S
-    while not is_so():
-        assert time.monotonic() < limit
-        time.sleep(0.05)
-
-
-def kill_worker(folder: Path) -> None:
-    """Kill the process that is at work in a run's folder, once it has kept some of its work."""
-    until(lambda: (folder / artifacts.CHECKPOINT).exists() and (folder / LOCK).exists())
-    os.kill(json.loads((folder / LOCK).read_text())["process"], signal.SIGKILL)
-
-
-@pytest.mark.parametrize("launcher", NAMES)
-def test_files_are_equal_under_every_launcher(launcher, basic, cluster, tmp_path):
-    done = run([*TRAIN, f"hydra/launcher={launcher}", "hydra.sweep.dir=sweep"], cluster, tmp_path)
-    assert done.returncode in DONE, done.stderr
-    assert "2 of 2 runs are done" in done.stderr
-    assert kills.differences(tmp_path / "sweep", basic) == []
-    first, second = (manifests.read(folder / "seed=1")["makers"] for folder in (tmp_path / "sweep", basic))
-    for maker in (*first, *second):  # tests beside one another have fewer threads than a job of their own
-        maker["processor"].pop("blas")
-    assert first == second
-
-
-@pytest.fixture(scope="module")
-def long(tmp_path_factory) -> Path:
-    folder = tmp_path_factory.mktemp("long") / "sweep"
-    assert main([*LONG, f"hydra.sweep.dir={folder}"]) in DONE
-    return folder
-
-
-@pytest.mark.parametrize(("launcher", "then"), [("joblib", "submitit_slurm"), ("submitit_local", "joblib")])
-def test_a_sweep_whose_worker_is_killed_goes_on_under_another_launcher(
-    launcher, then, long, cluster, tmp_path
-):
-    words = [*LONG, f"hydra/launcher={launcher}", "hydra.sweep.dir=sweep"]
-    with subprocess.Popen(  # noqa: S603
-        kills.command(words), env=cluster, cwd=tmp_path, stderr=subprocess.PIPE, text=True
-    ) as process:
-        kill_worker(tmp_path / "sweep" / "seed=1")
-        stderr = process.communicate()[1]
-    assert process.returncode == 1, stderr
-    assert "the launcher lost a run" in stderr
-    assert "python -m pipeline resume=sweep" in stderr
-    done = run(["resume=sweep", f"hydra/launcher={then}"], cluster, tmp_path)
-    assert done.returncode in DONE, done.stderr
-    assert kills.differences(tmp_path / "sweep", long) == []
+def ended(words: list[str], capsys) -> tuple[int, str]:
+    """Run a command in this process; return its exit code and what it tells."""
+    capsys.readouterr()
+    return main(words), capsys.readouterr().err
 
 
 def miniature(words: list[str]) -> list[str]:
-    """Return a command of the page with sizes at which a training ends within seconds."""
-    return [*words, *SMALL, "stages=[scenario,train,evaluate]"] if "+experiment=train" in words else words
+    """Return a command of the page with fewer runs, of sizes at which a training ends within seconds."""
+    if "+experiment=train" not in words:
+        return words
+    return [*("seed=1,2" if word == "seed=1,2,3,4" else word for word in words), *SMALL]
 
 
 def commands_of_page() -> list[list[str]]:
@@ -121,33 +87,70 @@ def commands_of_page() -> list[list[str]]:
     return [words[3:] for words in results if words[:3] == ["python", "-m", "pipeline"]]
 
 
-def test_the_commands_of_the_cluster_page_work(cluster, tmp_path):
-    """In turn, in one folder, as its reader gives them."""
-    commands = commands_of_page()
-    assert any("hydra/launcher=submitit_slurm" in words for words in commands)
-    for words in commands:
-        done = run(miniature(words), cluster, tmp_path)
-        assert done.returncode in DONE, (words, done.stderr)
+def check_lost(code: int, told: str, folder: str) -> None:
+    """Check what a command says whose launcher has lost a run."""
+    assert code == 1, told
+    assert "the launcher lost a run" in told
+    assert f"python -m pipeline resume={folder}" in told
 
 
-def test_the_job_array_of_the_page_goes_on_where_a_job_was_killed_and_is_summarised(cluster, tmp_path):
+def test_the_commands_of_the_cluster_page_work_where_jobs_are_killed(basic, cluster, tmp_path, capsys):
+    """In turn, in one folder, as its reader gives them; what was lost goes on under any launcher."""
+    last = NAMES[-1]
+    (start, *others), (beside,) = (
+        [words for words in commands_of_page() if ("hydra/launcher=joblib" in words) == is_beside]
+        for is_beside in (False, True)
+    )
+    cluster("trained/seed=1")
+    check_lost(*ended(miniature(start), capsys), "trained")
+    for words in others:
+        code, told = ended(words, capsys)
+        assert code in DONE, (words, told)
+    assert "resume=trained" in others[-1]
+    assert "2 of 2 runs are done" in told
+    assert kills.differences(tmp_path / "trained", basic) == []
+
+    cluster("beside/seed=1")
+    check_lost(*ended(miniature(beside), capsys), "beside")
+    for launcher in (name for name in NAMES if name not in ("joblib", last)):
+        cluster("beside/seed=1")
+        check_lost(*ended(["resume=beside", f"hydra/launcher={launcher}"], capsys), "beside")
+    code, told = ended(["resume=beside", f"hydra/launcher={last}"], capsys)
+    assert code in DONE, told
+    # workers are set beside the other
+    assert kills.differences(tmp_path / "beside", basic) == [f"seed={seed}/config.yaml" for seed in (1, 2)]
+    for folder in ("trained", "beside"):
+        first, second = (manifests.read(path / "seed=1")["makers"] for path in (tmp_path / folder, basic))
+        for maker in (*first, *second):  # tests beside one another have fewer threads than a job of their own
+            maker["processor"].pop("blas")
+        assert all(maker == second[0] for maker in first)
+
+
+def test_the_job_array_of_the_page_goes_on_where_a_job_was_killed_and_is_summarised(
+    basic, cluster, tmp_path, capsys
+):
     (script,) = re.findall(r"```bash\n(.*?)```", PAGE, re.DOTALL)
-    small = " ".join(
-        [*SMALL[:1], "optimizer.generations=150", *SMALL[2:], "stages=[scenario,train,evaluate]"]
-    )
-    script = script.replace("+experiment=train", f"+experiment=train {small}").replace(
-        "--array=1-4", "--array=1-2"
-    )
-    (tmp_path / "seeds.sh").write_text(script.replace("exec python", f"exec {sys.executable}"))
-    subprocess.run(["sbatch", "seeds.sh"], env=cluster, cwd=tmp_path, check=True)  # noqa: S607
-    kill_worker(tmp_path / "seeds" / "1")
-    ended = {"COMPLETED", "FAILED"}
-    until(lambda: len(states := slurm.states(tmp_path / "slurm")) == 2 and set(states.values()) <= ended)
-    assert set(slurm.states(tmp_path / "slurm").values()) == {"COMPLETED"}
+    for written, flown in [
+        ("+experiment=train", f"+experiment=train {' '.join(SMALL)}"),
+        ("--array=1-4", "--array=1-2"),
+        ("exec python", f"exec {sys.executable}"),
+    ]:
+        assert written in script
+        script = script.replace(written, flown)
+    Path("seeds.sh").write_text(script)
+    cluster("seeds/1")
+    subprocess.run(["sbatch", "seeds.sh"], check=True)  # noqa: S607
+    limit = time.monotonic() + PATIENCE_S
+    ended_states = {"COMPLETED", "FAILED"}  # failed: did not improve
+    while not set(slurm.states(tmp_path / "slurm").values()) <= ended_states:
+        assert time.monotonic() < limit
+        time.sleep(0.05)
     assert slurm.requeued(tmp_path / "slurm") == ["100_1"]
-    done = run(["summary", "seeds"], cluster, tmp_path)
-    assert done.returncode in DONE, done.stderr
+    code, told = ended(["summary", "seeds"], capsys)
+    assert code in DONE, told
     assert tables.read_parquet(tmp_path / "seeds", "summary.parquet")["seed"].tolist() == ["1", "2"]
+    for seed in ("1", "2"):
+        assert kills.differences(tmp_path / "seeds" / seed, basic / f"seed={seed}") == []
 
 
 def test_a_launcher_that_is_not_installed_is_named_with_its_cure(monkeypatch, ran, tmp_path):
