@@ -20,7 +20,16 @@ from fis_tools import model
 from fis_tools.errors import ControllerFileError, require_known, suggestion, told_as
 from fis_tools.model.operators import HEDGES
 from fis_tools.model.shapes import SHAPES
-from fis_tools.model.validate import MAX_NESTING, MOST_MEMBERSHIPS, InvalidSystem, controller_problems
+from fis_tools.model.validate import (
+    MAX_NESTING,
+    MOST_INPUTS,
+    MOST_MEMBERSHIPS,
+    MOST_RULES,
+    MOST_SYSTEMS,
+    MOST_TERMS,
+    InvalidSystem,
+    controller_problems,
+)
 
 SCHEMA = "fuzzy-controller"
 SCHEMA_VERSION = 1
@@ -29,6 +38,8 @@ SCHEMA_VERSION = 1
 MOST_POINTS = MOST_MEMBERSHIPS
 #: Problems told when a file is refused.
 MOST_PROBLEMS = 8
+#: Letters of a text, such as a purpose.
+LONGEST_TEXT = 100_000
 
 #: Shapes that their keys alone tell.
 _KNOWN_BY_KEYS = ("gaussian", "triangular", "trapezoidal", "sampled")
@@ -157,7 +168,7 @@ def from_mapping(mapping: Mapping[str, Any]) -> model.FuzzyController:
     _check_keys(mapping, where, required, ("purpose", "attributes", "provenance"))
     controller = model.FuzzyController(
         name=_text(mapping["name"], f"{where}: name"),
-        systems=tuple(_items(mapping["systems"], "systems", _system)),
+        systems=tuple(_items(mapping["systems"], "systems", _system, MOST_SYSTEMS)),
         attributes=_facts(mapping.get("attributes", {}), "attributes"),
         provenance=_facts(mapping.get("provenance", {}), "provenance"),
         purpose=_text(mapping.get("purpose", ""), f"{where}: purpose"),
@@ -200,6 +211,8 @@ def _kind_of(value: object) -> str:
 def _text(value: Any, where: str) -> str:
     if not isinstance(value, str):
         raise ControllerFileError(f"{where} is {_kind_of(value)}; expected a word: quote it")
+    if len(value) > LONGEST_TEXT:
+        raise ControllerFileError(f"{where} has {len(value)} letters; at most {LONGEST_TEXT} are read")
     return value
 
 
@@ -226,14 +239,18 @@ def _count(value: Any, where: str) -> int:
     return value
 
 
-def _items(value: Any, where: str, read: Callable[[Any, str], _Item]) -> list[_Item]:
+def _items(value: Any, where: str, read: Callable[[Any, str], _Item], most: int = MOST_POINTS) -> list[_Item]:
     if isinstance(value, str) or not isinstance(value, Sequence):
         raise ControllerFileError(f"{where} is {_kind_of(value)}; expected a list")
+    if len(value) > most:
+        raise ControllerFileError(f"{where} has {len(value)} entries; at most {most} are read")
     return [read(item, f"{where}[{index}]") for index, item in enumerate(value)]
 
 
-def _each(read: Callable[[Any, str], _Item]) -> Callable[[Any, str], tuple[_Item, ...]]:
-    return lambda value, where: tuple(_items(value, where, read))
+def _each(
+    read: Callable[[Any, str], _Item], most: int = MOST_POINTS
+) -> Callable[[Any, str], tuple[_Item, ...]]:
+    return lambda value, where: tuple(_items(value, where, read, most))
 
 
 _numbers = _each(_number)
@@ -267,7 +284,7 @@ _METHODS: Readers = dict.fromkeys(("defuzzifier", "accumulation", "aggregation")
 
 
 def _system(value: Any, where: str) -> model.FuzzySystem:
-    variables: Readers = {"inputs": _each(_variable), "outputs": _each(_output)}
+    variables: Readers = {"inputs": _each(_variable, MOST_INPUTS), "outputs": _each(_output, MOST_TERMS)}
     required: Readers = {"name": _text, **variables, "rules": lambda rules, _: rules}
     content = _read(
         value, where, required, {**_OPERATORS, "defuzzifier": _text, "implication": _text, "semantics": _text}
@@ -282,7 +299,11 @@ def _output(value: Any, where: str) -> model.Variable:
 
 def _variable(value: Any, where: str, default: Readers = NO_KEYS, more: Readers = NO_KEYS) -> model.Variable:
     is_listed = isinstance(value, Mapping) and "universe" in value
-    required: Readers = {"name": _text, "universe" if is_listed else "range": _numbers, "terms": _each(_term)}
+    required: Readers = {
+        "name": _text,
+        "universe" if is_listed else "range": _numbers,
+        "terms": _each(_term, MOST_TERMS),
+    }
     optional: Readers = {"unit": _text, "points": _count, "description": _text, "clip": _flag}
     content = {"unit": "", **_read(value, where, {**required, **default}, {**optional, **more})}
     content["is_clipped"] = content.pop("clip", False)
@@ -340,7 +361,9 @@ def _rules(
     value: Any, where: str, inputs: tuple[model.Variable, ...], outputs: tuple[model.Variable, ...]
 ) -> tuple[model.Rule, ...]:
     if not isinstance(value, Sequence) or not value or not all(isinstance(rule, str) for rule in value):
-        return tuple(_items(value, where, _rule))
+        return tuple(_items(value, where, _rule, MOST_RULES))
+    if len(value) > MOST_RULES:
+        raise ControllerFileError(f"{where} has {len(value)} entries; at most {MOST_RULES} are read")
     if len(outputs) != 1:
         raise ControllerFileError(
             f"{where} is a table of terms but the system has {len(outputs)} outputs; write each rule as "

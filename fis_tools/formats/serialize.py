@@ -159,6 +159,11 @@ def _number_or_text(text: str) -> float | str:
     return text
 
 
+def kind_of(path: Path | str) -> Kind | None:
+    """Return the kind of file that a name's ending says; None for one that is not read."""
+    return _KINDS.get(Path(path).suffix.lower())
+
+
 def load(path: Path | str) -> FuzzyController:
     """Read a controller from a file, by the ending of its name (`ENDINGS`).
 
@@ -179,7 +184,7 @@ def read(path: Path | str) -> Reading:
         As `load` does.
     """
     path = Path(path)
-    kind = _KINDS.get(path.suffix.lower())
+    kind = kind_of(path)
     most = notation.MAX_JSON_BYTES if kind == "json" else notation.MAX_FILE_BYTES
     try:
         content = read_bytes(path, most)

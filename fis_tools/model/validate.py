@@ -30,6 +30,8 @@ MOST_PROBLEMS = 200
 #: Most inputs of a system, terms of a variable and rules: beyond, pages are unreadable and analyses never
 #: end.
 MOST_INPUTS, MOST_TERMS, MOST_RULES = 64, 20_000, 50_000
+#: Letters of a name.
+LONGEST_NAME = 1000
 #: Most systems of a controller.
 MOST_SYSTEMS = 50
 #: Most memberships, of all terms at all points of a system.
@@ -156,7 +158,9 @@ def _at(where: str, problems: Iterable[str]) -> Iterator[str]:
 
 
 def _name_problems(what: str, name: str) -> Iterator[str]:
-    if not name or not name.isprintable() or name != name.strip():
+    if len(name) > LONGEST_NAME:
+        yield f"{what} has a name of {len(name)} letters, {name[:40]!r}...; at most {LONGEST_NAME} are read"
+    elif not name or not name.isprintable() or name != name.strip():
         yield (
             f"{what} is called {name!r}; a name is printable text without blanks at its ends: "
             "choose another one"

@@ -8,15 +8,15 @@ from typing import Any, Final
 
 import yaml
 
+from fis_tools import plain_yaml
 from fis_tools.file_access import read_bytes
 from fis_tools.plain_text import plain
 from pipeline.run.artifacts import CONFIG, ArtifactError, explained, require
 from pipeline.run.writing import write_atomically
 from pipeline.settings.schema import only_results
 
-#: limits of a configuration that is read: bytes, and nesting levels of groups and lists
+#: of a configuration that is read
 MOST_CONFIG_BYTES: Final = 2 * 1024 * 1024
-MOST_DEEP: Final = 64
 
 
 def config_hash(config: Mapping[str, Any]) -> str:
@@ -54,17 +54,6 @@ def text(config: Mapping[str, Any]) -> str:
     )
 
 
-def _check_events(content: bytes, loader: Any) -> None:
-    """Raise ValueError for aliases, by which a small file grows to gigabytes, and for deep nesting."""
-    depth = 0
-    for event in yaml.parse(content, loader):
-        if isinstance(event, yaml.AliasEvent):
-            raise ValueError("it has an alias (*), and none is written")
-        depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
-        if depth > MOST_DEEP:
-            raise ValueError(f"it is nested more than {MOST_DEEP} deep")
-
-
 def parse(content: bytes) -> Any:
     """Parse the output of `text` into plain data.
 
@@ -73,27 +62,7 @@ def parse(content: bytes) -> Any:
     ValueError
         If it is larger, deeper or of another kind than `text` writes.
     """
-    if len(content) > MOST_CONFIG_BYTES:
-        raise ValueError(f"it has {len(content)} bytes, and at most {MOST_CONFIG_BYTES} are read")
-    loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # the first is ten times as fast
-    try:
-        _check_events(content, loader)
-        parsed = plain(yaml.load(content, loader))  # noqa: S506 - a safe one
-    except yaml.YAMLError as error:
-        raise ValueError(str(error)) from error
-    _check_keys(parsed)
-    return parsed
-
-
-def _check_keys(value: Any) -> None:
-    """Raise ValueError for a key that is not text: JSON, and so the hash, has no others."""
-    if isinstance(value, dict):
-        for key in value:
-            if not isinstance(key, str):
-                raise ValueError(f"the key {key!r} is no text; write it in quotes")
-        value = list(value.values())
-    for item in value if isinstance(value, list) else ():
-        _check_keys(item)
+    return plain(plain_yaml.parse(content, MOST_CONFIG_BYTES))
 
 
 def write(folder: Path, config: Mapping[str, Any]) -> None:

@@ -239,12 +239,10 @@ def _surroundings(folder: Path) -> Surroundings:
     path = file_of(folder, "configuration")
     if not path.exists():
         return Surroundings()
-    import yaml  # noqa: PLC0415 - only runs have a configuration
+    from fis_tools import plain_yaml  # noqa: PLC0415 - only runs have a configuration
 
-    refused = ValueError, RecursionError, yaml.YAMLError
-    with explained(f"{path} cannot be read", "restore it, or remove it", *refused):
-        loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # the first is ten times as fast
-        config = yaml.load(read_text(path, MOST_CONFIG_BYTES), loader)  # noqa: S506 - a safe one
+    with explained(f"{path} cannot be read", "restore it, or remove it", ValueError):
+        config = plain_yaml.parse(read_text(path, MOST_CONFIG_BYTES), MOST_CONFIG_BYTES)
 
     def number(*keys: str) -> float | None:
         value = config

@@ -15,7 +15,18 @@ import pyarrow.parquet as pq
 
 SIZE: Final = 10_000_000
 #: readers of text in lines
-LINES: Final = ("fis", "fll", "yaml", "conditions", "run", "starts", "requirements")
+LINES: Final = (
+    "fis",
+    "fll",
+    "fcl",
+    "yaml",
+    "conditions",
+    "run",
+    "starts",
+    "requirements",
+    "surroundings",
+    "project",
+)
 
 
 def _filled(before: bytes, piece: bytes, after: bytes = b"") -> bytes:
@@ -76,6 +87,9 @@ GIANTS: Final[Mapping[tuple[str, str], Callable[[bytes], bytes]]] = {
     ("yaml", "flow lists"): lambda _sample: _filled(b"systems: [", b"[],", b"[]]"),
     ("run", "flow lists"): lambda _sample: _filled(b"systems: [", b"[],", b"[]]"),
     ("forces", "rows"): lambda sample: _filled(sample, b"1e3,0,0,0\n"),
+    **{("fcl", name): lambda sample, piece=piece: _filled(sample, piece)
+       for name, piece in {"remarks": b"(* *) ", "no ends": b"/* ", "lines of remarks": b"//\n",
+                           "nested": b"RULE 1 : IF (((((("}.items()},
     ("conditions", "and"): lambda _sample: _filled(b"distance > 1", b" and distance > 1"),
     ("conditions", "not"): lambda _sample: _filled(b"", b"not ", b"distance > 1"),
     ("checkpoint", "sparse"): lambda _sample: _sparse_archive(),

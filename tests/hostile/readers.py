@@ -382,6 +382,10 @@ def _single_as_json() -> bytes:
     return serialize.dump_json(_single()).encode()
 
 
+def _as_fcl() -> bytes:
+    return serialize.writer("fcl")(serialize.load(EXAMPLES / "tipper.fis")).text.encode()
+
+
 def _config() -> bytes:
     return json.dumps(compose_experiment(["+experiment=train"]).config).encode()
 
@@ -410,6 +414,7 @@ READERS: Final[Mapping[str, Reader]] = {
                    "text", REFUSALS),
     "fis": Reader(_in_file("controller.fis", _controller), _whole(EXAMPLES / "tipper.fis"), "text", REFUSALS),
     "fll": Reader(_in_file("controller.fll", _controller), _whole(EXAMPLES / "dimmer.fll"), "text", REFUSALS),
+    "fcl": Reader(_in_file("controller.fcl", _controller), lambda _: [_as_fcl()], "text", REFUSALS),
     "starts": Reader(_in_file("starts.csv", _starts), _whole(EXAMPLES / "starts.csv"), "text"),
     "requirements": Reader(_in_file("requirements.yaml", lambda path: load_requirements(str(path))),
                            _whole(requirements_path("inspection")), "text"),

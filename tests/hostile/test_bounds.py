@@ -24,7 +24,7 @@ from pipeline.flight.control.controller import ControllerError
 from pipeline.flight.fly.stepping import NUM_SEEN
 from pipeline.settings import mesh
 from pipeline.settings.experiment import SettingError
-from tests.fis_tools.sample_controllers import PAPER_LIKE
+from tests.fis_tools.sample_controllers import EXAMPLES, PAPER_LIKE
 from tests.hostile.readers import network
 
 MOST_BYTES = 400e6
@@ -101,6 +101,38 @@ def zipped(content: bytes) -> bytes:
     with zipfile.ZipFile(sink, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("a.obj", content)
     return sink.getvalue()
+
+
+#: more rules than are read, which are no rules, so that whoever looks at them says so
+MANY_RULES = {
+    "fis": lambda text: text + "\nx" * 50_001,
+    "fll": lambda text: text.partition("# end of file")[0] + "\nrule: x" * 50_001,
+    "fcl": lambda text: text.replace("END_RULEBLOCK", "RULE " * 50_001),
+    "json": lambda text: text.replace('"rules": [', '"rules": [' + "0, " * 50_001),
+    "yaml": lambda text: text.partition("rules:")[0] + f"rules: [{'0,' * 50_001}]\n...",
+}
+
+
+def tipper(kind: str) -> str:
+    controller = serialize.load(EXAMPLES / "tipper.fis")
+    dumped = {"json": serialize.dump_json, "yaml": serialize.dump_yaml}
+    return dumped[kind](controller) if kind in dumped else serialize.writer(kind)(controller).text
+
+
+KINDS = sorted({serialize.kind_of(f"x{ending}") for ending in serialize.ENDINGS})
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_rules_are_counted_before_they_are_read(kind):
+    with pytest.raises(ControllerFileError, match=r"(more than|at most) 50000"):
+        serialize.loads(MANY_RULES[kind](tipper(kind)), kind)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_long_word_is_refused(kind):
+    with pytest.raises(ControllerFileError, match=r"(more than|at most) 1000") as error:
+        serialize.loads(tipper(kind).replace("poor", "p" * 1001), kind)
+    assert len(str(error.value)) < 1000
 
 
 CORNERS = b"v 0 0 0\nv 1 0 0\nv 0 1 0\n"

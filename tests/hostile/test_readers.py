@@ -2,6 +2,7 @@
 
 import pytest
 
+from fis_tools.formats import serialize
 from tests.hostile.attack import assert_survives_apart, attack
 from tests.hostile.giants import GIANTS, SIZE
 from tests.hostile.readers import READERS
@@ -25,6 +26,10 @@ def test_every_function_that_opens_a_file_has_a_reader(tmp_path):
                 (folder := tmp_path / f"{name}-{index}").mkdir()
                 reader.read(sample, folder)
     assert reading_sites() - reached == set()
+
+
+def test_every_kind_of_controller_has_a_reader():
+    assert {serialize.kind_of(f"x{ending}") for ending in serialize.ENDINGS} <= READERS.keys()
 
 
 CORPUS = sorted((PROJECT / "tests" / "hostile" / "corpus").iterdir())

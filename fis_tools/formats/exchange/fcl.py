@@ -5,7 +5,6 @@ dual and OR sets AND, so the last one counts; ACCU is SUM where a block does not
 RANGE has that of its terms; DEFAULT := NC keeps the last value. The grammar is in `fcl.lark`.
 """
 
-import re
 from dataclasses import replace
 from typing import Any
 
@@ -23,7 +22,9 @@ from fis_tools.formats.exchange.fcl_blocks import (
     RESOLUTION,
     parse,
     read_block,
+    without_comments,
 )
+from fis_tools.formats.exchange.foreign import require_short_words
 from fis_tools.formats.exchange.writing import term_words, understand, written
 from fis_tools.formats.serialize import Reading, Written
 from fis_tools.model import Expression, Semantics
@@ -103,11 +104,8 @@ def read(text: str) -> Reading:
     fis_tools.errors.ControllerFileError
         If it is damaged or says what a fuzzy system of ours cannot; with the line.
     """
-    text = text.lstrip("\ufeff")
-    comments = [
-        (text.count("\n", 0, match.start()) + 1, match[0].strip("/* \n()"))
-        for match in re.finditer(r"//[^\n]*|/\*.*?\*/", text, re.DOTALL)
-    ]
+    require_short_words(text)
+    text, comments = without_comments(text.lstrip("\ufeff"))
     semantics: Semantics = "fcl"
     if any("generated with fuzzylite" in words for _, words in comments):
         semantics = "fuzzylite"

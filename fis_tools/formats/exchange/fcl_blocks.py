@@ -21,10 +21,13 @@ from fis_tools.model import Expression, FuzzySystem, MembershipFunction, Rule, S
 from fis_tools.model.operators import WEIGHING
 from fis_tools.model.shapes import words_of
 from fis_tools.model.systems import Named, NotResolvable, said_once, unchained
+from fis_tools.model.validate import MAX_NESTING, MOST_RULES
 
 #: A node of the tree that the parser makes: a rule's name and children, or a word.
 Node = Any
 
+#: Of a file: its parser, written in Python, takes seconds for so much.
+MAX_BYTES = 2 * 1024 * 1024
 #: Intervals into which jFuzzyLogic cuts an output's range.
 RESOLUTION = 1000
 
@@ -92,8 +95,44 @@ def _parser() -> Lark:
     return Lark(grammar, parser="lalr", propagate_positions=True)
 
 
+_COMMENT = re.compile(r"//|/\*|\(\*")
+_RULE = re.compile(r"\brule\b", re.IGNORECASE)
+
+
+def without_comments(text: str) -> tuple[str, list[tuple[int, str]]]:
+    """Return a text with blanks for its comments, and these, each with its line.
+
+    Raises
+    ------
+    ControllerFileError
+        If one does not end.
+    """
+    parts, comments = list[str](), list[tuple[int, str]]()
+    position, line, counted = 0, 1, 0
+    while comment := _COMMENT.search(text, position):
+        start, opening = comment.start(), comment[0]
+        line, counted = line + text.count("\n", counted, start), start
+        if opening == "//":
+            end = closed if (closed := text.find("\n", start)) >= 0 else len(text)
+        else:
+            closing = text.find("*/" if opening == "/*" else "*)", start + 2)
+            if closing < 0:
+                raise ControllerFileError(f"line {line}: the comment does not end; get a whole copy")
+            end = closing + 2
+        comments.append((line, text[start:end].strip("/* \n()")))
+        parts += [text[position:start], " ", "\n" * text.count("\n", start, end)]
+        position = end
+    return "".join([*parts, text[position:]]), comments
+
+
 def parse(text: str) -> Node:
-    """Parse a file; its children are the function blocks."""
+    """Parse a file without comments; its children are the function blocks."""
+    if len(text) > MAX_BYTES:
+        raise ControllerFileError(
+            f"it is longer than {MAX_BYTES} characters, comments apart; keep so much as JSON"
+        )
+    if sum(1 for _ in _RULE.finditer(text)) > MOST_RULES:
+        raise ControllerFileError(f"it has more than {MOST_RULES} rules; make it smaller")
     try:
         return _parser().parse(text)
     except UnexpectedEOF as error:
@@ -391,11 +430,15 @@ def _is_word(child: object) -> bool:
     return isinstance(child, Token) and child.type in {"THEN", "CONNECTIVE"}
 
 
-def _antecedent(tree: Node, semantics: Semantics) -> Expression:
+def _antecedent(tree: Node, semantics: Semantics, depth: int = 0) -> Expression:
     """Return a condition; in jFuzzyLogic `and` and `or` bind alike, in fuzzylite `and` binds first."""
+    if depth > MAX_NESTING:
+        raise ControllerFileError(
+            f"line {tree.meta.line}: nested more than {MAX_NESTING} deep; split the rule"
+        )
     match str(tree.data):
         case "denied":
-            return model.Not(_antecedent(tree.children[-1], semantics))
+            return model.Not(_antecedent(tree.children[-1], semantics, depth + 1))
         case "statement":
             variable, *words = map(str, tree.children)
             is_denied = words[0].lower() == "not"
@@ -406,7 +449,7 @@ def _antecedent(tree: Node, semantics: Semantics) -> Expression:
             return model.Not(said) if is_denied else said
     first, *others = [each for each in tree.children if isinstance(each, Tree)]
     words = [str(each).lower() for each in tree.children if isinstance(each, Token)]
-    operands = [_antecedent(each, semantics) for each in (first, *others)]
+    operands = [_antecedent(each, semantics, depth + 1) for each in (first, *others)]
     if semantics == "fuzzylite":
         return _joined_by_or(operands, words)
     joined = operands[0]

@@ -101,6 +101,7 @@ def read(text: str) -> Reading:
     fis_tools.errors.ControllerFileError
         If it is damaged or says what a fuzzy system of ours cannot; with the line.
     """
+    foreign.require_short_words(text)
     notes: list[str] = []
     sections, comments = sections_of(text, notes)
     is_fuzzylites = any("generated with fuzzylite" in words for _, words in comments)
@@ -359,22 +360,28 @@ def _take(section: FileBlock, line: int, content: str, notes: list[str]) -> None
     """Add a line to a section: a setting where it has keys."""
     known = next((keys for start, keys in _KEYS.items() if section.kind.startswith(start)), None)
     if known is None:
-        section.listed.append((line, content))
+        section.add(line, content)
         return
     key, equals, value = (part.strip() for part in content.partition("="))
     if not equals:
         raise ControllerFileError(f"line {line}: {content[:40]!r} is not key=value; correct it")
     if key in section.settings and key.startswith("MF"):  # MathWorks' own slcp1.fis counts MF1, MF2, MF2
         twice, key = key, f"MF{1 + sum(other.startswith('MF') for other in section.settings)}"
+        if len(notes) > MOST_TWICE:
+            raise ControllerFileError(
+                f"line {line}: {twice} and others appear twice; number them from MF1 on"
+            )
         notes.append(f"line {line}: {section.kind} has {twice} twice; the second is taken as {key}")
     if key in section.settings:
         raise ControllerFileError(f"line {line}: {key} appears twice in {section.kind}; keep one of them")
     if key not in known and not (key.startswith("MF") and "MF" in known):
         where = f"line {line}: in {section.kind} the key"
         foreign.choice(dict.fromkeys(known), key, where, "or drop the line if it says nothing needed")
-    section.settings[key] = (line, value)
+    section.set(line, key, value)
 
 
+#: terms of one number that are numbered anew
+MOST_TWICE = 100
 #: what is in quotes, or a mark that begins a remark
 _QUOTED = re.compile(r"""'[^']*(?:'|$)|"[^"]*(?:"|$)|(?P<mark>[%#]|//)""")
 

@@ -89,6 +89,7 @@ def read(text: str) -> Reading:
     fis_tools.errors.ControllerFileError
         If it is damaged or says what a fuzzy system of ours cannot; with the line.
     """
+    foreign.require_short_words(text)
     comments: list[tuple[int, str]] = []
     blocks: list[FileBlock] = []
     for line, raw in enumerate(text.splitlines(), start=1):
@@ -123,11 +124,11 @@ def _take(blocks: list[FileBlock], line: int, content: str) -> None:
     known = _KEYS[block.kind]
     foreign.choice(dict.fromkeys(known), key, f"line {line}: in {block.kind} the key")
     if key == known[-1]:
-        block.listed.append((line, value))
+        block.add(line, value)
     elif key in block.settings:
         raise ControllerFileError(f"line {line}: {key} appears twice in one {block.kind}; keep one of them")
     else:
-        block.settings[key] = (line, value)
+        block.set(line, key, value)
 
 
 def _system(blocks: Sequence[FileBlock]) -> FuzzySystem:

@@ -9,8 +9,11 @@ from fis_tools.errors import ControllerFileError
 from fis_tools.formats.exchange import foreign
 from fis_tools.formats.exchange.antecedents import ANY, FUZZYLITES, hedged, joined
 from fis_tools.model import Consequent, Expression, Hedge, Rule
+from fis_tools.model.systems import MOST_STATEMENTS
 from fis_tools.model.validate import MAX_NESTING
 
+#: Of a rule: those of as many statements as an antecedent may have.
+MOST_WORDS = 4 * MOST_STATEMENTS
 #: The operators of a block of rules; None where it has none.
 Operators = tuple[model.AndOperator | None, model.OrOperator | None]
 #: What a rule concludes: the hedges before the term, the variable, the term.
@@ -67,6 +70,8 @@ def read_rules(
         If it is not a rule, or says what one of ours cannot.
     """
     words = _Words(re.findall(r"[()]|[^\s()]+", text), where, hedges)
+    if len(words.words) > MOST_WORDS:
+        raise ControllerFileError(f"{where}: the rule has more than {MOST_WORDS} words; split it")
     words.take("if")
     antecedent = _disjunction(words, operators, 0)
     words.take("then")

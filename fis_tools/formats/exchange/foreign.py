@@ -20,9 +20,30 @@ from fis_tools.formats.mapping import MOST_POINTS
 from fis_tools.model import MembershipFunction, Term, Trapezoidal, Variable, with_universe
 from fis_tools.model.numbers import FUNCTIONS, NotAFormula, linear
 from fis_tools.model.shapes import Format, words_of
+from fis_tools.model.validate import LONGEST_NAME, MOST_RULES, MOST_TERMS
 from fis_tools.words.text import antecedent_words, before
 
 _Choice = TypeVar("_Choice")
+
+_TOO_LONG = re.compile(rf"(?<![^\s,;:=|()\[\]{{}}'\"])[^\s,;:=|()\[\]{{}}'\"]{{{LONGEST_NAME + 1}}}")
+#: Settings of a block: the terms of a variable, and a few more.
+MOST_SETTINGS = MOST_TERMS + 20
+
+
+def require_short_words(text: str) -> None:
+    """Refuse a file with a word of more letters than any name has.
+
+    Raises
+    ------
+    ControllerFileError
+        With its line.
+    """
+    if word := _TOO_LONG.search(text):
+        line = text.count("\n", 0, word.start()) + 1
+        raise ControllerFileError(
+            f"line {line}: {word[0][:40]!r}... has more than {LONGEST_NAME} letters; give a shorter name"
+        )
+
 
 _NUMBER = re.compile(r"[-+]?(\d+(\.\d*)?|\.\d+)([eE][-+]?\d+)?")
 
@@ -163,6 +184,20 @@ class FileBlock:
     line: int
     settings: dict[str, tuple[int, str]] = field(default_factory=dict)
     listed: list[tuple[int, str]] = field(default_factory=list)
+
+    def add(self, line: int, content: str) -> None:
+        """List something; refuse more than any system has, before the rest is read."""
+        if len(self.listed) >= MOST_RULES:
+            raise ControllerFileError(
+                f"line {line}: the block lists more than {MOST_RULES} rules or terms; make it smaller"
+            )
+        self.listed.append((line, content))
+
+    def set(self, line: int, key: str, value: str) -> None:
+        """Set something; refuse more than any variable has, before the rest is read."""
+        if len(self.settings) >= MOST_SETTINGS:
+            raise ControllerFileError(f"line {line}: the block has more than {MOST_SETTINGS} terms")
+        self.settings[key] = line, value
 
     def entry(self, key: str, usual: str | None = None) -> tuple[str, str]:
         """Return a setting's location and text, or the default where it is missing."""

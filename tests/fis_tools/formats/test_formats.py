@@ -198,8 +198,8 @@ def test_of_very_many_problems_the_first_are_told():
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (controller([variable(f"x{i}") for i in range(80)], ["low"]), "has 80 inputs; at most 64 are read"),
-        (controller([variable("x", terms=terms(20_001))], ["low"] * 20_001), "20001 terms of one variable"),
+        (controller([variable(f"x{i}") for i in range(80)], ["low"]), "has 80 entries; at most 64 are read"),
+        (controller([variable("x", terms=terms(20_001))], ["low"] * 20_001), "20001 entries; at most 20000"),
         (controller([MANY_TERMS], ["low"] * 1000), "memberships, terms times points; at most"),
     ],
     ids=["inputs", "terms", "memberships"],
