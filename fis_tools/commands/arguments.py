@@ -57,7 +57,7 @@ class ControllerArguments:
     Parameters
     ----------
     controller
-        a controller file (.json, .yaml), a file of another program (.fis, .fll, .fcl), the folder of a
+        a controller file (.json, .yaml), a file of another program (such as .fis), the folder of a
         run (its champion.json), a logged flight (.mcap), or, with --trust, FILE.py:NAME: a scikit-fuzzy
         ControlSystem, or a system of fis_tools
     system

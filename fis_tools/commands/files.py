@@ -43,8 +43,8 @@ def export(
 
     - markdown, csv, text, html, latex: terms and rules to read
     - json, yaml: a controller file, which holds everything
-    - fis, fll, fcl: MATLAB and Octave, fuzzylite, jFuzzyLogic: a file a system; what the form has no place
-      for is listed, and carried in a comment that `import` reads
+    - fis (MATLAB and Octave) and other programs' forms: a file a system; what the form has no place for is
+      listed, and carried in a comment that `import` reads
     - c: C99 source that stands alone: for a controller that commands a force step(), which has its thrust
       logic; else a function a system
     - fmu: FMI 2.0 for co-simulation (Simulink, Dymola, OpenModelica): a file a system, its inference alone;
@@ -125,8 +125,7 @@ def import_(
     Parameters
     ----------
     files
-        files to read, ours or of other programs (such as .yaml, .fis, .fll, .fcl; with --trust,
-        FILE.py:NAME)
+        files to read, ours or of other programs (such as .yaml, .fis; with --trust, FILE.py:NAME)
     trust
         run the Python program that a controller is read from
     output

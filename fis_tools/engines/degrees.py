@@ -19,7 +19,8 @@ EPSILON = float(np.finfo(np.float64).eps)
 #: Rounding of a formula as a share of its value: an exponential of -670 errs by its power's last digits.
 ROUNDING = 4096 * EPSILON
 
-#: Kinds of shapes, in the order of their codes, by their names in our own files; both last are tables.
+#: Kinds of shapes, in the order of their codes, by their names in our own files. Both last are tables, and so is
+#: a shape that is none of them.
 _NAMES = (
     *("gaussian", "triangular", "trapezoidal", "two_sided_gaussian", "generalized_bell", "sigmoid"),
     *("sigmoid_difference", "sigmoid_product", "s_shape", "z_shape", "pi_shape", "spike", "cosine"),
@@ -58,7 +59,7 @@ def shapes_of(variables: Sequence[model.Variable]) -> Shapes:
     for variable in variables:
         for term in variable.terms:
             shape = term.membership
-            kinds.append(KINDS[shape.entry.name])
+            kinds.append(KINDS.get(shape.entry.name, TABLE))
             if kinds[-1] == TABLE:
                 points = shape.x if isinstance(shape, model.Polyline) else variable.universe
                 values = shape.y if isinstance(shape, model.Polyline) else model.sample(variable, term)

@@ -223,7 +223,7 @@ def loads(text: str, kind: Kind) -> FuzzyController:
     text : str
         The whole file.
     kind : str
-        Which kind of file it is: "json", "yaml", "fis", "fll" or "fcl".
+        Which kind of file it is: "json", "yaml", or one of `FORMS`.
 
     Raises
     ------

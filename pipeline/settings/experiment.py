@@ -229,9 +229,7 @@ class Experiment(Settings, group=""):
     """Names the run's folder: letters, digits, _ - and . only."""
     seed: checks.Seed = 1
     """Of everything random."""
-    stages: checks.Texts
-    """What is done, in this order: scenario, search, train, evaluate, record, optimum, compare, prove,
-    assure, report."""
+    stages: Annotated[checks.Texts, Field(description=f"What is done, in this order: {', '.join(STAGES)}.")]
     mission: Mission = field(default_factory=Mission)
     sun: Sun = field(default_factory=Sun)
     starts: Starts = field(default_factory=Starts)

@@ -18,7 +18,15 @@ from hypothesis import strategies as st
 
 from fis_tools.formats import notation, serialize
 from fis_tools.formats.exchange import fis, fll
-from fis_tools.formats.serialize import ControllerFileError, dump_json, dump_yaml, from_mapping, load, loads
+from fis_tools.formats.serialize import (
+    ENDINGS,
+    ControllerFileError,
+    dump_json,
+    dump_yaml,
+    from_mapping,
+    load,
+    loads,
+)
 from fis_tools.model import And, Consequent, FuzzyController, Is, Rule, Term, Variable, shapes, systems
 from fis_tools.model.validate import InvalidSystem
 from fis_tools.plain_text import plain
@@ -323,7 +331,7 @@ def test_files_are_read_by_their_ending(tmp_path, name):
 
 def test_files_that_cannot_be_read_are_named(tmp_path):
     for name, content, words in (
-        ("c.txt", b"", "ends in .json, .yaml, .yml, .fis, .fll or .fcl"),
+        ("c.txt", b"", f"ends in {', '.join(ENDINGS[:-1])} or {ENDINGS[-1]}"),
         ("latin.json", b'{"a": "\xe9"}', "not UTF-8"),
         ("large.yaml", b" " * (10 * 1024 * 1024 + 1), "larger than"),
         ("cut.json", b'{"schema": "fuzzy-', "line 1"),

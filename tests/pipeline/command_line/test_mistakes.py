@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.command_line.cli import COMMANDS
+from pipeline.settings.experiment import STAGES
 from pipeline.settings.places import conf_folder
 from tests.pipeline.command_line.cases import EVALUATE, FLY, use_stages
 
@@ -39,7 +40,7 @@ MISTAKES = [
     (["+experiment=train,trian", "-m"], "there is no experiment=trian; did you mean train?"),
     ([*FLY, "sun=randm"], "there is no sun=randm; did you mean random? The choices are fixed, mixed, random"),
     ([*FLY, "sun=qqqqqq"], "there is no sun=qqqqqq; the choices are fixed, mixed, random\n"),
-    ([*FLY, "stages=[qqqqqq]"], "stages has 'qqqqqq'; the stages are scenario, search, train, evaluate"),
+    ([*FLY, "stages=[qqqqqq]"], f"stages has 'qqqqqq'; the stages are {', '.join(STAGES)}"),
     ([*FLY, "+sun=random"], "sun is chosen already; write sun=random without the +"),
     ([*FLY, "++sun=randm"], "did you mean random?"),
     (["+experiment=fly", "controller=cost"], "there is no controller=cost; did you mean coast?"),

@@ -13,10 +13,10 @@ from pipeline.flight.control.controller import PlanningController
 from pipeline.flight.reference.motion import transition
 from pipeline.flight.state.log import Scenario
 from pipeline.scenarios import evaluation_scenarios
-from pipeline.settings.controllers import planned_settings
+from pipeline.settings.controllers import PLANNED, planned_settings
 from pipeline.settings.experiment import Mission
 
-KINDS = ("natural_motion", "lqr", "receding_horizon")
+KINDS = tuple(PLANNED)
 MEAN_MOTION, MASS, PERIOD = 0.0011068, 12.0, 10.0
 
 
