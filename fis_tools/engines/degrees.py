@@ -19,8 +19,8 @@ EPSILON = float(np.finfo(np.float64).eps)
 #: Rounding of a formula as a share of its value: an exponential of -670 errs by its power's last digits.
 ROUNDING = 4096 * EPSILON
 
-#: Kinds of shapes, in the order of their codes, by their names in our own files. Both last are tables, and so is
-#: a shape that is none of them.
+#: Kinds of shapes, in the order of their codes, by their names in our own files. Both last, and shapes
+#: that are not among these, are tables.
 _NAMES = (
     *("gaussian", "triangular", "trapezoidal", "two_sided_gaussian", "generalized_bell", "sigmoid"),
     *("sigmoid_difference", "sigmoid_product", "s_shape", "z_shape", "pi_shape", "spike", "cosine"),

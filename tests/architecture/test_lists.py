@@ -1,4 +1,4 @@
-"""What can be added to stands in one list: no other file enumerates stages, signals, shapes, forms or kinds."""
+"""What can be added to stands in one list: no other file has all stages, signals, shapes, forms or kinds."""
 
 import re
 from collections.abc import Collection, Iterator
@@ -30,10 +30,10 @@ FOLDERS = ("pipeline", "fis_tools", "telemetry", "tests", "benchmarks", "docs")
 WORDS = re.compile(r"[A-Za-z_][\w.]*")
 
 
-def enumerations(text: str, names: Collection[str]) -> Iterator[set[str]]:
+def enumerations(words: list[str], names: Collection[str]) -> Iterator[set[str]]:
     """Yield names that follow one another without other words between: three fifths of them all, or more."""
     row: set[str] = set()
-    for word in [*WORDS.findall(text), ""]:
+    for word in [*words, ""]:
         if word in names:
             row.add(word)
         elif word not in {"and", "or"}:
@@ -43,24 +43,28 @@ def enumerations(text: str, names: Collection[str]) -> Iterator[set[str]]:
 
 
 @pytest.fixture(scope="module")
-def texts() -> dict[str, str]:
-    """The sources, by their paths."""
+def sources() -> dict[str, list[str]]:
+    """The words of the sources, by their paths."""
     files = (path for folder in FOLDERS for path in (PROJECT / folder).rglob("*.py"))
-    return {path.relative_to(PROJECT).as_posix(): path.read_text(encoding="utf-8") for path in files}
+    return {
+        path.relative_to(PROJECT).as_posix(): WORDS.findall(path.read_text(encoding="utf-8"))
+        for path in files
+    }
 
 
 @pytest.mark.parametrize("what", LISTS)
-def test_nothing_is_listed_twice(what: str, texts: dict[str, str]) -> None:
+def test_nothing_is_listed_twice(what: str, sources: dict[str, list[str]]) -> None:
     names, allowed = LISTS[what]
-    again = {path: next(enumerations(text, names), None) for path, text in texts.items()}
+    again = {path: next(enumerations(words, names), None) for path, words in sources.items()}
     assert {path for path, row in again.items() if row} <= allowed, what
 
 
 def test_a_second_list_would_be_noticed() -> None:
     for names, _ in LISTS.values():
-        quoted = ", ".join(f'"{name}"' for name in list(names)[: max(3, -(-len(names) * 3 // 4))])
-        assert list(enumerations(f"x = ({quoted})\nif x: pass", names))
-        assert not list(enumerations(quoted.replace(",", " is"), names))
+        most = list(names)[: max(3, -(-len(names) * 3 // 4))]
+        listed = ", ".join(f'"{name}"' for name in most)
+        assert list(enumerations(WORDS.findall(f"x = ({listed})\nif x: pass"), names))
+        assert not list(enumerations(WORDS.findall(" is ".join(most)), names))
 
 
 def test_the_stages_are_the_modules_of_their_folder() -> None:

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 from packaging.requirements import Requirement
 
+import build_backend
 from fis_tools.formats.serialize import load
 from pipeline.run import maker, manifests
 from tests.places import PROJECT
@@ -94,6 +95,23 @@ telemetry: {record_training: false, record_ranked: false, record_start: true}
     assert (folder / "episodes" / "start.mcap").is_file()
     assert manifests.read(folder)["versions"]["product"] == maker.product_version()
     assert "Drift for ten minutes." in run_python(*pipeline, "--help", **installed).stdout
+
+
+@pytest.mark.parametrize("kind", ["wheel", "editable"])
+def test_an_installer_finds_the_toolkit_in_the_sources_and_by_its_version_elsewhere(
+    kind, tmp_path, monkeypatch
+):
+    prepare = getattr(build_backend, f"prepare_metadata_for_build_{kind}")
+    monkeypatch.chdir(PROJECT)
+
+    def required() -> str:
+        metadata = tmp_path / prepare(str(tmp_path)) / "METADATA"
+        names = Parser().parsestr(metadata.read_text(encoding="utf-8")).get_all("Requires-Dist")
+        return next(name for name in names if name.startswith("fis-tools"))
+
+    assert Requirement(required()).url == (PROJECT / "fis_tools").as_uri()
+    monkeypatch.setattr(build_backend, "TOOLKIT", tmp_path)  # as in a source distribution, which has none
+    assert Requirement(required()).specifier == f"=={maker.product_version()}"
 
 
 class Alone:
