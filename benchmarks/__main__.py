@@ -14,6 +14,7 @@ from benchmarks import commands, inference, learning, recording, start, steps, t
 
 #: comparisons and attacks rather than timings, each with its own options
 CAMPAIGNS = (
+    "additions",
     "adversaries",
     "consistency",
     "edit",

@@ -20,6 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks import rivals
 from benchmarks.rivals import environment
 from fis_tools.analysis.arrays import spread_inputs
 from fis_tools.engines.compiler import compile
@@ -32,7 +33,7 @@ from fis_tools.model.shapes import words_of
 RESOLUTION = 20_000
 SAMPLES = 50
 TOLERANCE = 1e-4
-WORKER = Path(__file__).parent / "answers.py"
+WORKER = rivals.FOLDER / "answers.py"
 
 
 @dataclass

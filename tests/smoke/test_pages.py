@@ -144,6 +144,26 @@ def test_studies(name, monkeypatch):
         assert set(getattr(parsed.value.args[0], "names", [])) <= set(getattr(module, "VARIANTS", []))
 
 
+def test_every_benchmark_is_on_a_page_or_serves_one_that_is():
+    text = "".join(page.read_text(encoding="utf-8") for page in PAGES)
+    folder = Path(benchmarks.__file__).parent
+    files = {path.stem: path for path in folder.glob("*.py")}
+    files |= {path.parent.name: path for path in folder.glob("*/__init__.py")}
+    # without a name all parts are run
+    waiting = {
+        "__init__",
+        "__main__",
+        *(name for name in files if re.search(rf"benchmarks[ ./]{name}\b", text)),
+    }
+    needed: set[str] = set()
+    while waiting:
+        needed |= waiting
+        source = "".join(files[name].read_text(encoding="utf-8") for name in waiting)
+        imported = re.findall(r"^from benchmarks(?: import (.+)|\.(\w+) import)", source, re.MULTILINE)
+        waiting = set(re.findall(r"\w+", str(imported))) & files.keys() - needed
+    assert files.keys() - needed == set()
+
+
 def test_every_module_of_a_command_is_there():
     modules = {words[2] for page in PAGES for words in commands(page)}
     assert {"venv", "pipeline", "telemetry", "fis_tools", "benchmarks", "pytest", "docs.build"} <= modules

@@ -1,6 +1,7 @@
 """Other inference programs, timed in separate processes.
 
-All get the same system, and return their outputs with the time.
+The other files of this folder are run by a Python that has them. All get the same system, and return their
+outputs with the time.
 """
 
 import json
