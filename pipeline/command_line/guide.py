@@ -59,6 +59,8 @@ OFTEN = (
 )
 MOST_OFTEN = 10
 INDENT = 6 * " "
+#: how the purpose of a controller begins that is not flown for results
+TEMPLATE = "A start for searches"
 
 
 def help_text(folders: Sequence[Path]) -> str:
@@ -84,6 +86,7 @@ def help_text(folders: Sequence[Path]) -> str:
     constants = [
         (name, kind.description) for name, kind in CONSTANTS.items() if name not in TOUR_COEFFICIENTS
     ]
+    controllers, templates = _described(folders, "controller", groups), _templates(folders, groups)
     shown = ("experiment", "controller")
     others = [(name, ", ".join(groups[name])) for name in groups if name not in shown and "/" not in name]
     return "\n".join(
@@ -92,7 +95,9 @@ def help_text(folders: Sequence[Path]) -> str:
             "experiments (+experiment=NAME)",
             *_table(_described(folders, "experiment", groups)),
             "\ncontrollers (controller=NAME, or the path of a .json or .yaml file)",
-            *_table(_described(folders, "controller", groups)),
+            *_table([row for row in controllers if row[0] not in templates]),
+            "\ncontrollers from which searches start, and which nobody flies for results (controller=NAME)",
+            *_table([row for row in controllers if row[0] in templates]),
             "\nsignals that an input of a fuzzy system may sense, with their units",
             *_table(signals),
             "\nconstants that a controller may set as attributes; 0 switches what they do off",
@@ -133,12 +138,24 @@ def _experiment(name: str, about: str) -> str:
     lines = [f"+experiment={name}: {about}", f"  stages={schema.as_yaml(value_at(config, 'stages'))}"]
     for key in [key for key in OFTEN if key in groups or key not in unread][:MOST_OFTEN]:
         if key in groups:
-            names = ", ".join(option for option in groups[key] if "/" not in option)
-            lines += [f"  {key}=NAME", f"{INDENT}One of {names}."]
+            names = [option for option in groups[key] if "/" not in option]
+            if key == "controller" and "train" not in value_at(config, "stages"):
+                names = [name for name in names if name not in _templates([conf_folder()], groups)]
+            lines += [f"  {key}=NAME", f"{INDENT}One of {', '.join(names)}."]
         else:
             value = schema.as_yaml(value_at(config, key))
             lines += [f"  {key}={value}", f"{INDENT}{schema.descriptions()[key]}"]
     return "\n".join([*lines, "--cfg job prints all keys, --help GROUP those of a group."])
+
+
+def _templates(folders: Sequence[Path], groups: dict[str, list[str]]) -> set[str]:
+    """Return the names of controllers from which searches start."""
+    names = set()
+    for name in groups["controller"]:
+        files = [path for folder in folders if (path := folder / "controller" / f"{name}.yaml").is_file()]
+        if files and f'purpose: "{TEMPLATE}' in read_text(files[-1]):
+            names.add(name)
+    return names
 
 
 def _described(folders: Sequence[Path], group: str, groups: dict[str, list[str]]) -> list[tuple[str, str]]:

@@ -8,10 +8,12 @@ from subprocess import CompletedProcess
 import pytest
 import yaml
 
+from fis_tools.formats import serialize
 from pipeline.command_line import cli, overrides
 from pipeline.command_line.arguments import parse_arguments
 from pipeline.command_line.config import compose_experiment, conf_folder
 from pipeline.command_line.groups import options
+from pipeline.command_line.guide import TEMPLATE
 from pipeline.flight.state.signals import SIGNALS
 from pipeline.run import maker
 from pipeline.settings.keys import value_at
@@ -81,6 +83,18 @@ def test_help_lists_experiments_controllers_and_signals(arguments, code, capsys,
         assert re.search(rf"^  {name} +\[{re.escape(signal.unit)}\] \w", text, re.MULTILINE), name
     assert "random" in text
     assert list(tmp_path.iterdir()) == []
+
+
+def test_controllers_that_searches_start_from_are_listed_apart(ran):
+    files = (conf_folder() / "controller").glob("*.yaml")
+    fuzzy = [serialize.load(path) for path in files if "\nsystems:" in path.read_text(encoding="utf-8")]
+    starts = {each.name for each in fuzzy if each.purpose.startswith(TEMPLATE)}
+    _, flown, apart, _ = re.split(r"^controllers |^signals ", ran("--help").out, flags=re.MULTILINE)
+    assert set(re.findall(r"^  (\w+)", apart, re.MULTILINE)) == starts != set()
+    assert {each.name for each in fuzzy} - starts <= set(re.findall(r"^  (\w+)", flown, re.MULTILINE))
+    for experiment, are_named in (("train", True), ("evaluate", False)):
+        choices = re.search(r"controller=NAME\n +One of (.*)\.", ran("--help", experiment).out)[1].split(", ")
+        assert (starts <= set(choices)) == are_named == (not starts.isdisjoint(choices))
 
 
 def test_help_on_a_group_a_key_and_what_is_no_key(ran):
