@@ -185,8 +185,13 @@ def create(path: Path) -> BinaryIO:
 def rename(path: Path, name: Path) -> None:
     """Give a complete file another name in its folder, replacing what has it; a power cut keeps the name."""
     path.replace(name)
+    sync_folder(name.parent)
+
+
+def sync_folder(path: Path) -> None:
+    """Have the names in a folder survive a power cut."""
     if os.name != "nt":  # where folders cannot be opened
-        descriptor = open_folder(name.parent)
+        descriptor = open_folder(path)
         try:
             os.fsync(descriptor)
         finally:

@@ -179,10 +179,6 @@ class ManyFlights(Panel):
         pressed = "(event) => event.target.dataset.case && emit(Number(event.target.dataset.case))"
         self._below.on("click", lambda event: self._choose(event.args), js_handler=pressed)
 
-    def check(self, controller: FuzzyController) -> None:
-        """Raise ControllerError for a controller that cannot fly."""
-        self._cases.ready(controller)
-
     def answers(self, controller: FuzzyController) -> Iterator[Show]:
         """Fly some, then all."""
         if not self._before:
@@ -367,19 +363,7 @@ def _forces(log: FlightLog, k: int, period_s: float) -> Options:
     return chart(axis("time (s)", max=float(times[-1])), axis("force (N)", 42), lines)
 
 
-def panels(
-    controller: FuzzyController, experiment: Experiment, requirements: Sequence[Requirement]
-) -> Sequence[Panel]:
-    """Return the panels of a window: the mission and the cases of an experiment are flown.
-
-    Parameters
-    ----------
-    controller : FuzzyController
-        As it was opened.
-    experiment : Experiment
-    requirements : sequence of Requirement
-        Judged by these cases.
-    """
-    cases = EditorCases(experiment, requirements)
+def panels(cases: EditorCases, controller: FuzzyController) -> Sequence[Panel]:
+    """Return the panels of a page: cases are flown by a controller as it was opened, and as edited."""
     single = OneFlight(cases, controller)
     return ManyFlights(cases, controller, single.choose), single

@@ -18,10 +18,10 @@ expect.set_options(timeout=PATIENCE_MS)
 
 
 @contextmanager
-def served(*words: str, folder: Path) -> Iterator[str]:
-    """Start an editor in a folder; yield the address that it prints."""
-    command = [sys.executable, "-m", *words, "--no-browser"]
-    environment = {**os.environ, "PYTHONPATH": str(PROJECT)}
+def served(*words: str, folder: Path, browser: Path | None = None) -> Iterator[str]:
+    """Start an editor in a folder, with a program as its browser or none; yield its printed address."""
+    command = [sys.executable, "-m", *words, *([] if browser else ["--no-browser"])]
+    environment = {**os.environ, "PYTHONPATH": str(PROJECT), "BROWSER": f"{browser} %s &"}
     with subprocess.Popen(  # noqa: S603
         command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=folder, env=environment
     ) as process:
@@ -52,9 +52,17 @@ def open_page(window: BrowserContext) -> Iterator[Callable[..., Page]]:
         page = window.new_page()
         page.set_viewport_size({"width": width, "height": 900})
         page.set_default_timeout(PATIENCE_MS)
-        page.on("console", lambda message: complaints.append(f"{message.type}: {message.text}"))
+        page.on(
+            "console",
+            # the framework says so where a connection was lost for long
+            lambda message: (
+                message.text.startswith("reloading because")
+                or complaints.append(f"{message.type}: {message.text}")
+            ),
+        )
         page.on("pageerror", lambda error: complaints.append(f"error: {error}"))
-        origins = (address, address.replace("http:", "ws:"), "data:")
+        base = address.partition("?")[0]
+        origins = (base, base.replace("http:", "ws:"), "data:")
         page.on(
             "request",
             lambda request: request.url.startswith(origins) or complaints.append(f"request: {request.url}"),

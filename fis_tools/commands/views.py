@@ -290,5 +290,7 @@ def edit(
     controller = args.read()
     from fis_tools.edit.server import serve  # noqa: PLC0415, I001 - says first what is not installed
     from fis_tools.edit.page import Editor  # noqa: PLC0415 - the other commands do without a server
+    from fis_tools.edit.session import Session  # noqa: PLC0415 - as above
 
-    serve(lambda: Editor(Path(args.controller), controller), controller.name, port, not no_browser)
+    path = Path(args.controller)
+    serve(lambda: Session(path, controller), Editor, controller.name, port, not no_browser)

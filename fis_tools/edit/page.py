@@ -18,14 +18,13 @@ from fis_tools.model import FuzzyController
 from fis_tools.review.content import constants
 
 PLAIN = "flat no-caps"
-#: Ctrl+Z and Ctrl+Y, which fields of text keep for themselves; leaving asks while changes are not saved
+#: Ctrl+Z and Ctrl+Y, which fields of text keep for themselves
 SCRIPT = """<script>
 document.addEventListener("keydown", (event) => {
   const by = { z: event.shiftKey ? 1 : -1, y: 1 }[event.key.toLowerCase()];
   const isText = event.target.matches("input:not([type=range]), textarea, select");
   if (by && (event.ctrlKey || event.metaKey) && !isText) emitEvent("step", by);
 });
-addEventListener("beforeunload", (event) => window.isUnsaved && event.preventDefault());
 </script>"""
 
 
@@ -34,9 +33,8 @@ class Editor:
 
     Parameters
     ----------
-    path : Path
-        What the controller was read from; copies are proposed beside it.
-    controller : FuzzyController
+    session : Session
+        As it stands: a page that is loaded again goes on where it was.
     panels : sequence of Panel
         Those of whoever opened it, shown first.
     meanings : mapping of str to str
@@ -45,12 +43,11 @@ class Editor:
 
     def __init__(
         self,
-        path: Path,
-        controller: FuzzyController,
+        session: Session,
         panels: Sequence[Panel] = (),
         meanings: Mapping[str, str] = MappingProxyType({}),
     ) -> None:
-        self.session, self._meanings = Session(path, controller, [panel.check for panel in panels]), meanings
+        self.session, self._meanings = session, meanings
         self._fields: dict[str, ui.input] = {}
         ui.colors(primary="#1f5fa8")
         ui.add_css(read("style.css") + read("style.css", "fis_tools.edit"))
@@ -62,12 +59,16 @@ class Editor:
             self._left = ui.element("div").classes("side")
         with beside:
             self._surface = ui.element("div")
-        notes = (Told("Findings", findings), Told("Changes", partial(changes, controller)))
+        notes = (Told("Findings", findings), Told("Changes", partial(changes, session.original)))
         self._answers = PanelAnswers(
             [*((sides[1], panel) for panel in panels), *((beside, panel) for panel in notes)]
         )
         self._choose(0)
-        self._answers.ask(self.session.controller)
+        self._client, self._shown = ui.context.client, session.controller
+        self._client.on_connect(self._refresh)
+        self._client.on_delete(lambda: session.views.remove(self._refresh))
+        session.views.append(self._refresh)
+        self._answers.ask(session.controller)
 
     def _build_head(self) -> None:
         with ui.element("header").classes("head"):
@@ -120,7 +121,7 @@ class Editor:
             self._view.forget()
             self._show()
             return
-        self._answer()
+        self._tell()
 
     def _set(self, name: str, value: str) -> None:
         def change(controller: FuzzyController) -> FuzzyController:
@@ -131,10 +132,22 @@ class Editor:
 
     def _step(self, by: int) -> None:
         self.session.step(by)
+        self._tell()
+
+    def _tell(self) -> None:
+        """Show what holds now, on each page of this window."""
         self._answer()
+        for refresh in self.session.views:
+            refresh()
+
+    def _refresh(self) -> None:
+        """Show what was changed on another page of this window, or while the connection was lost."""
+        if self._client.has_socket_connection and self.session.controller is not self._shown:
+            self._answer()
 
     def _answer(self) -> None:
         """Show what holds now, and ask all panels about it."""
+        self._shown = self.session.controller
         self._status.set_text("")
         self._show()
         self._answers.ask(self.session.controller)
@@ -145,7 +158,6 @@ class Editor:
             self._fields[constant.name].set_value(constant.exact)
         self._undo.set_enabled(self.session.can_step(-1))
         self._redo.set_enabled(self.session.can_step(1))
-        self._status.client.run_javascript(f"window.isUnsaved = {str(self.session.is_unsaved).lower()}")
 
     def _ask_to_save(self) -> None:
         with ui.dialog() as dialog, ui.card().classes("save"):

@@ -52,10 +52,6 @@ class Panel(Protocol):
     def build(self, again: Callable[[], None]) -> None:
         """Put its elements on the page; ``again`` asks it anew, for what it was told in another way."""
 
-    def check(self, controller: FuzzyController) -> None:
-        """Raise ValueError for a controller that it has no answer for, which is refused then."""
-        return
-
     def answers(self, controller: FuzzyController) -> Iterator[Show]:
         """Compute an answer in parts, in a thread; the parts of an answer that is stale are not asked for."""
 

@@ -1,13 +1,13 @@
 """What one page edits: a controller, its history, and what changed since it was opened."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from itertools import chain, count
 from pathlib import Path
 
-from fis_tools.file_access import write_bytes
+from fis_tools.file_access import sync_folder, write_bytes
 from fis_tools.findings.difference import Difference, difference
 from fis_tools.findings.difference.report import TO, headline, shape_change
-from fis_tools.formats.files import written
+from fis_tools.formats.files import file_name, written
 from fis_tools.formats.serialize import checked, fingerprint
 from fis_tools.model import FuzzyController
 from fis_tools.model.validate import InvalidSystem, controller_problems
@@ -17,6 +17,8 @@ from fis_tools.words.text import listed, sentence
 EDITED_FROM = "edited_from"
 #: changes of a kind that a saved copy tells one by one
 MOST_TOLD = 4
+#: of a controller's name in a proposed file's, whose most are 255
+MOST_NAME_BYTES = 150
 
 
 class Session:
@@ -28,14 +30,16 @@ class Session:
         What it was read from.
     original : FuzzyController
         Without problems.
-    checks : sequence of callable
-        Each raises ValueError for a controller that is refused, though it has no problems.
+    check : callable, optional
+        Raises ValueError for a controller that is refused, though it has no problems.
     """
 
     def __init__(
-        self, path: Path, original: FuzzyController, checks: Sequence[Callable[[FuzzyController], None]] = ()
+        self, path: Path, original: FuzzyController, check: Callable[[FuzzyController], object] | None = None
     ) -> None:
-        self.path, self.original, self._checks = path, original, checks
+        self.path, self.original, self._check = path, original, check
+        #: called by whoever changes it: the pages that show it
+        self.views: list[Callable[[], None]] = []
         self._history, self._place = [original], 0
         self._gesture: object = None
         self._saved = original
@@ -72,15 +76,17 @@ class Session:
             raise InvalidSystem(problems[0])
         if changed == self.controller:
             return
-        for check in self._checks:
-            check(changed)
+        if self._check is not None:
+            self._check(changed)
         keep = self._place + (0 if gesture is not None and gesture == self._gesture else 1)
         self._history[keep:] = [changed]
         self._place, self._gesture = keep, gesture
 
     def proposed(self) -> Path:
         """Return a place for a copy where no file is."""
-        folder, stem = self.path if self.path.is_dir() else self.path.parent, f"{self.original.name}-edited"
+        folder = self.path if self.path.is_dir() else self.path.parent
+        # the name of a controller is any text
+        stem = file_name(self.original.name).encode()[:MOST_NAME_BYTES].decode(errors="ignore") + "-edited"
         names = chain([stem], (f"{stem}-{number}" for number in count(2)))
         return next(path for name in names if not (path := folder / f"{name}.yaml").exists())
 
@@ -108,6 +114,8 @@ class Session:
         for path, file in files.items():
             path.parent.mkdir(parents=True, exist_ok=True)
             write_bytes(path, file.content)
+        for folder in {path.parent for path in files}:
+            sync_folder(folder)
         self._saved = self.controller
         return [f"wrote {path}" for path in files] + [loss for file in files.values() for loss in file.losses]
 

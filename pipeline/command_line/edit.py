@@ -44,19 +44,26 @@ def edit(arguments: Sequence[str]) -> int:
     except MissingExtra as error:
         raise ConfigError(str(error)) from error
     from fis_tools.edit.page import Editor  # noqa: PLC0415
-    from pipeline.edit import panels  # noqa: PLC0415 - compiled code
+    from fis_tools.edit.session import Session  # noqa: PLC0415
+    from pipeline.edit import EditorCases, panels  # noqa: PLC0415 - compiled code
     from pipeline.evaluation.assurance.requirements import load_requirements  # noqa: PLC0415 - compiled code
     from pipeline.flight.state.signals import CONSTANTS  # noqa: PLC0415
 
     controller = load(experiment.controller, experiment.mission).fuzzy
     if controller is None:
         raise ConfigError("this controller has no rules to edit; choose one that has, such as champion_27")
-    requirements = load_requirements(experiment.assurance.requirements)
+    cases = EditorCases(experiment, load_requirements(experiment.assurance.requirements))
     path = Path(str(experiment.controller.get("path", f"{controller.name}.yaml")))
     meanings = {name: kind.description for name, kind in CONSTANTS.items()}
 
-    def page() -> None:
-        Editor(path, controller, panels(controller, experiment, requirements), meanings)
+    def page(session: Session) -> None:
+        Editor(session, panels(cases, controller), meanings)
 
-    serve(page, controller.name, chosen.port, not chosen.no_browser)
+    serve(
+        lambda: Session(path, controller, cases.ready),
+        page,
+        controller.name,
+        chosen.port,
+        not chosen.no_browser,
+    )
     return runs.OK

@@ -4,8 +4,10 @@ import http.client
 import re
 import shutil
 import socket
+import stat
+import time
 from collections.abc import Iterator
-from contextlib import closing
+from contextlib import closing, suppress
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -188,28 +190,6 @@ def test_what_is_no_number_is_refused(page) -> None:
         expect(status(page)).to_have_text("")
 
 
-def test_leaving_asks_while_changes_are_not_saved(page, tmp_path) -> None:
-    dialogs = []
-
-    def answer(dialog) -> None:
-        dialogs.append(dialog.type)
-        dialog.accept()
-
-    def turn() -> None:
-        page.get_by_label("rule 2:").click()
-        expect(page.get_by_text("1 of 9 rules changed")).to_be_visible()
-
-    page.on("dialog", answer)
-    turn()
-    page.reload()
-    assert dialogs == ["beforeunload"]
-    turn()
-    save(page, str(tmp_path / "copy.json"))
-    expect(page.get_by_role("dialog")).to_have_count(0)
-    page.reload()
-    assert dialogs == ["beforeunload"]
-
-
 def test_everybody_can_use_it(open_page, address, axe) -> None:
     page = open_page(address, 400)
     expect(page.get_by_text("nothing found")).to_be_visible()
@@ -237,6 +217,7 @@ def test_an_answer_leaves_what_is_being_typed(page) -> None:
 
 
 SLOW = """
+import sys
 import time
 from functools import partial
 from pathlib import Path
@@ -244,6 +225,7 @@ from nicegui import ui
 from fis_tools.edit.page import Editor
 from fis_tools.edit.panels import Panel
 from fis_tools.edit.server import serve
+from fis_tools.edit.session import Session
 from fis_tools.source import read_controller
 
 class Slow(Panel):
@@ -257,19 +239,101 @@ class Slow(Panel):
         time.sleep(2.0)
 
 path = Path("champion_27.yaml")
-serve(lambda: Editor(path, read_controller(path), [Slow()]), "slow", 0, False)
+serve(
+    lambda: Session(path, read_controller(path)),
+    lambda session: Editor(session, [Slow()]),
+    "slow",
+    opens="--no-browser" not in sys.argv,
+    reconnect_s=0.2,
+)
+"""
+
+#: a browser that stays open while the file is there that it was given
+BROWSER = """#!/bin/sh
+echo "$1" > "$0.arguments"
+path="${1#file://}"
+while test -e "$path"; do sleep 0.1; done
 """
 
 
-def test_a_touch_at_the_end_of_an_answer_is_answered_too(open_page, folder) -> None:
+@pytest.fixture(scope="module")
+def slow(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, Path]]:
+    """An editor with a slow panel that opened a browser: its address, and the file that this was given."""
+    folder = tmp_path_factory.mktemp("slow")
+    shutil.copy(PROJECT / "conf/controller/champion_27.yaml", folder)
     (folder / "slow.py").write_text(SLOW, encoding="utf-8")
-    with served("slow", folder=folder) as address:
-        page = open_page(address)
-        said = page.get_by_role("region", name="Slow")
-        expect(said.get_by_text("4.1 m")).to_be_visible()
-        entered(page.get_by_label("coast_margin_m"), "5")
-        expect(said.get_by_text("5 m")).to_be_visible()
-        expect(said.locator(".state")).to_have_text("")
+    browser = folder / "browser"
+    browser.write_text(BROWSER, encoding="utf-8")
+    browser.chmod(0o755)
+    with served("slow", folder=folder, browser=browser) as address:
+        arguments = folder / "browser.arguments"
+        while not arguments.exists() or not arguments.read_text(encoding="utf-8").endswith("\n"):
+            time.sleep(0.05)
+        url = urlsplit(arguments.read_text(encoding="utf-8").strip())
+        assert url.scheme == "file"
+        yield address, Path(url.path)
+    assert not Path(url.path).parent.exists()
+
+
+def test_a_touch_at_the_end_of_an_answer_is_answered_too(open_page, slow) -> None:
+    page = open_page(slow[0])
+    said = page.get_by_role("region", name="Slow")
+    expect(said.get_by_text("4.1 m")).to_be_visible()
+    entered(page.get_by_label("coast_margin_m"), "5")
+    expect(said.get_by_text("5 m")).to_be_visible()
+    expect(said.locator(".state")).to_have_text("")
+
+
+def test_no_command_line_holds_the_address_that_a_browser_is_led_to(window, slow) -> None:
+    address, redirect = slow
+    assert stat.S_IMODE(redirect.stat().st_mode) == 0o600
+    assert stat.S_IMODE(redirect.parent.stat().st_mode) == 0o700
+    commands = {}
+    for path in Path("/proc").glob("[0-9]*/cmdline"):
+        with suppress(OSError):  # a process that ended
+            commands[path] = path.read_bytes()
+    token = urlsplit(address).path.strip("/")
+    assert any(redirect.as_uri().encode() in command for command in commands.values())
+    assert not [path for path, command in commands.items() if token.encode() in command]
+    with closing(window.new_page()) as page:
+        page.goto(redirect.as_uri())
+        expect(page.get_by_role("heading", name="champion_27")).to_be_visible()
+        assert page.url.startswith(address)
+
+
+def test_changes_outlast_a_page_and_its_connection(open_page, slow) -> None:
+    address, _ = slow
+    page = open_page(address)
+    entered(page.get_by_label("coast_margin_m"), "5")
+    expect(page.get_by_role("row", name="coast_margin_m")).to_be_visible()
+    page.reload()
+    constant = page.get_by_label("coast_margin_m")
+    expect(constant).to_have_value("5")
+    # another page of the same window shows the same
+    mirror = open_page(page.url)
+    entered(mirror.get_by_label("coast_margin_m"), "6")
+    expect(constant).to_have_value("6")
+    mirror.close()
+    page.get_by_role("button", name="Undo").click()
+    expect(constant).to_have_value("5")
+    # away for longer than the server keeps a page
+    page.evaluate("window.isBefore = true; window.socket.disconnect()")
+    page.wait_for_timeout(1_000)
+    page.evaluate("window.socket.connect()")
+    page.wait_for_function("!window.isBefore")
+    expect(constant).to_have_value("5")
+    page.get_by_role("button", name="Undo").click()
+    expect(constant).to_have_value("4.1")
+    page.get_by_role("button", name="Redo").click()
+    expect(constant).to_have_value("5")
+    # a closed window's changes are offered where the address is opened again
+    page.close()
+    new = open_page(address)
+    expect(new.get_by_label("coast_margin_m")).to_have_value("4.1")
+    if not new.get_by_role("link", name="Show them").count():  # the server had not noticed yet
+        new.reload()
+    new.get_by_role("link", name="Show them").click()
+    expect(new.get_by_label("coast_margin_m")).to_have_value("5")
 
 
 QUERY = "?EIO=4&transport=websocket"

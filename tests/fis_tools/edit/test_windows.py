@@ -1,0 +1,78 @@
+"""Windows whose changes outlast their pages, the names of their copies, and how these are written."""
+
+import os
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import pytest
+
+from fis_tools.edit.session import Session
+from fis_tools.edit.windows import Windows
+from tests.fis_tools.sample_controllers import PAPER_LIKE
+
+
+@dataclass
+class Tab:
+    """A page in a browser, as far as windows know."""
+
+    has_socket_connection: bool = True
+
+
+def renamed(controller):
+    return replace(controller, purpose="Another.")
+
+
+def test_a_page_has_its_window_again_and_a_closed_one_is_offered() -> None:
+    windows = Windows(lambda: Session(Path("sample.yaml"), PAPER_LIKE))
+    tab = Tab()
+    name = windows.connect("", tab)
+    assert windows.num_unsaved == 0
+    windows[name].touch(renamed)
+    assert windows.connect(name, tab) == name
+    other = windows.connect("unheard-of", Tab())
+    assert other not in (name, "unheard-of")
+    assert windows[other].controller == PAPER_LIKE
+    assert (windows.num_unsaved, windows.abandoned()) == (1, "")
+    tab.has_socket_connection = False
+    assert windows.abandoned() == name
+    windows[name].step(-1)
+    assert windows.abandoned() == ""
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["/etc/abs", "../../x", "..", "", "a/b", "x" * 400, "\u00e9" * 400, "a\nb\x1b[2J", "a\x00b", "-rf *"],
+)
+def test_a_proposed_name_stays_in_the_folder_and_can_be_written(name, tmp_path) -> None:
+    session = Session(tmp_path / "sample.yaml", replace(PAPER_LIKE, name=name))
+    proposed = session.proposed()
+    assert proposed.parent == tmp_path
+    assert all(letter.isprintable() and letter not in "/\\" for letter in proposed.name)
+    proposed.touch()
+    assert session.proposed() != proposed
+    assert os.listdir(tmp_path) == [proposed.name]
+
+
+def test_a_copy_is_on_disk_with_its_folder_before_it_counts_as_saved(tmp_path, monkeypatch) -> None:
+    session = Session(tmp_path / "sample.yaml", PAPER_LIKE)
+    session.touch(renamed)
+    synced, sync = [], os.fsync
+
+    def record(descriptor: int) -> None:
+        synced.append((Path(os.readlink(f"/proc/self/fd/{descriptor}")), session.is_unsaved))
+        sync(descriptor)
+
+    monkeypatch.setattr(os, "fsync", record)
+    session.save(tmp_path / "copy.yaml", replaces=False)
+    assert [(path.parent, is_unsaved) for path, is_unsaved in synced[:-1]] == [(tmp_path, True)]
+    assert synced[-1] == (tmp_path, True)
+    assert not session.is_unsaved
+
+
+def test_no_copy_follows_a_link(tmp_path) -> None:
+    (tmp_path / "kept.yaml").write_text("kept")
+    (tmp_path / "copy.yaml").symlink_to(tmp_path / "kept.yaml")
+    session = Session(tmp_path / "sample.yaml", PAPER_LIKE)
+    with pytest.raises(OSError, match="a link to"):
+        session.save(tmp_path / "copy.yaml", replaces=True)
+    assert (tmp_path / "kept.yaml").read_text() == "kept"
