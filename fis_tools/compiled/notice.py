@@ -4,6 +4,7 @@ Only our own functions are announced, and only what takes longer than half a sec
 cache is not.
 """
 
+import os
 import sys
 import threading
 from collections.abc import Iterator
@@ -52,7 +53,9 @@ class _Notice(event.Listener):
 
     def _show(self, dispatcher: Any) -> None:
         """Tell what is compiled: with the seconds in a terminal, until compilation ends; else as a line."""
-        line = f"compiling {_name(dispatcher)}: about {expected_s(dispatcher):.0f} s, once"
+        line = (
+            f"compiling {_name(dispatcher)}: about {expected_s(dispatcher):.0f} s, once{_advice(dispatcher)}"
+        )
         if sys.stderr is None or not sys.stderr.isatty():
             _write(line)
             return
@@ -72,7 +75,17 @@ def expected_s(compiled: Any) -> float:
 def report_plain(compiled: Any) -> None:
     """Report once that a function runs in plain Python for now, if compiling it takes long."""
     if (seconds := expected_s(compiled)) >= LONG_S:
-        _write(f"{_name(compiled)} runs as plain Python for now: compiling takes about {seconds:.0f} s, once")
+        line = f"{_name(compiled)} runs as plain Python for now: compiling takes about {seconds:.0f} s, once"
+        _write(line + _advice(compiled))
+
+
+def _advice(compiled: Any) -> str:
+    """Return the command that compiles a package beforehand, if it has one and this takes long, in words."""
+    package = sys.modules.get(_name(compiled).partition(".")[0])
+    command = getattr(package, "COMPILE_COMMAND", "")
+    # that command itself compiles at once
+    is_needed = expected_s(compiled) >= LONG_S and os.environ.get("COMPILE_AT_ONCE") != "1"
+    return f", or beforehand by {command}" if command and is_needed else ""
 
 
 def announce(dispatcher: Any) -> None:
