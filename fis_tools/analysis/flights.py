@@ -453,7 +453,7 @@ def _read(path: Path | str, topics: tuple[str, ...]) -> "Recording":
         raise MissingExtra(
             "reading recorded flights (.mcap)",
             "the package telemetry" if error.name == "telemetry" else str(error.name),
-            "./fis_tools . (in a copy of this project's sources)",
+            ". (in a copy of this project's sources)",
         ) from error
     with _understood():
         return reader.read(path, topics)

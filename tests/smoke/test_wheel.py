@@ -239,7 +239,7 @@ def test_the_toolkit_alone_says_what_to_install(alone, tmp_path):
     *drawn, shown = alone.tools(*drawing, ("show", flight), code=2)
     cure = " needs {}, which is not installed; install it: python -m pip install {}\n"
     assert all(printed.endswith(cure.format("matplotlib", "matplotlib")) for printed in drawn)
-    whole = "./fis_tools . (in a copy of this project's sources)"
+    whole = ". (in a copy of this project's sources)"
     assert shown.endswith(cure.format("the package telemetry", whole))
     assert shown.count("\n") == 1
     compiling = "import fis_tools\ntry: fis_tools.compile(1)\nexcept fis_tools.MissingExtra as e: print(e)"
