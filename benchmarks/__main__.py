@@ -17,6 +17,7 @@ CAMPAIGNS = (
     "additions",
     "adversaries",
     "consistency",
+    "dialects",
     "edit",
     "examples",
     "field",

@@ -26,7 +26,7 @@ def answers(job: dict[str, Any]) -> Any:
     """Return the outputs, (n, num_outputs)."""
     engine = fuzzylite.FllImporter().from_string(Path(job["engine"]).read_text(encoding="utf-8"))
     for output in engine.output_variables:
-        if hasattr(output.defuzzifier, "resolution"):
+        if "resolution" in job and hasattr(output.defuzzifier, "resolution"):
             output.defuzzifier.resolution = job["resolution"]
     rows = np.load(job["inputs"])
     outputs = np.empty((len(rows), len(engine.output_variables)))

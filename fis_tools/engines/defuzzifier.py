@@ -232,19 +232,15 @@ def weigh_rows(  # noqa: PLR0912 - a branch for each kind of conclusion
     rules, weights, parameters, is_constant = weighing[:4]
     kinds, accumulation = weighing.kinds, weighing.accumulation
     num_inputs = values.shape[1]
-    constants = parameters[:, num_inputs]
     clipped = np.empty(num_inputs)
+    room = 0 if accumulation == codes.UNBOUNDED_SUM else len(rules)
+    numbers, strengths = np.empty(room), np.empty(room)
     for sample in range(len(firing)):
         for column in range(num_inputs):
             clipped[column] = min(max(values[sample, column], universes[column, 0]), universes[column, 1])
-        total, moment, held, is_first = 0.0, 0.0, 0.0, True
+        total, moment, count = 0.0, 0.0, 0
         for index in range(len(rules)):
             strength = firing[sample, rules[index]] * weights[index]
-            if accumulation != codes.UNBOUNDED_SUM:  # neighbours that conclude the same number count once
-                held = strength if is_first else combine(accumulation, held, strength)
-                last = min(index + 1, len(rules) - 1)
-                is_first = last == index or constants[index] != constants[last]
-                strength = held if is_first else 0.0
             if strength == 0.0:
                 continue
             if is_constant:
@@ -259,12 +255,35 @@ def weigh_rows(  # noqa: PLR0912 - a branch for each kind of conclusion
                 number = invert(kinds[index], parameters[index, 0], parameters[index, 1], min(strength, 1.0))
                 if np.isinf(number):
                     number = weighing.high if number > 0.0 else weighing.low
-            total += strength
-            moment += strength * number
+            if accumulation == codes.UNBOUNDED_SUM:
+                total += strength
+                moment += strength * number
+            else:
+                count = _join(accumulation, numbers, strengths, count, number, strength)
+        for index in range(count):
+            total += strengths[index]
+            moment += strengths[index] * numbers[index]
         if total == 0.0:
             out[sample] = weighing.default
         else:
             out[sample] = moment if weighing.defuzzifier == codes.WEIGHTED_SUM else moment / total
+
+
+@compiled(error_model="numpy")
+def _join(
+    accumulation: int, numbers: Floats, strengths: Floats, count: int, number: float, strength: float
+) -> int:
+    """Put a number among those before it, ascending, or join its strength with that of an equal one."""
+    slot = count
+    while slot > 0 and numbers[slot - 1] > number:
+        slot -= 1
+    if slot > 0 and numbers[slot - 1] == number:
+        strengths[slot - 1] = combine(accumulation, strengths[slot - 1], strength)
+        return count
+    for later in range(count, slot, -1):
+        numbers[later], strengths[later] = numbers[later - 1], strengths[later - 1]
+    numbers[slot], strengths[slot] = number, strength
+    return count + 1
 
 
 @compiled(error_model="numpy")

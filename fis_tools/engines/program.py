@@ -210,7 +210,7 @@ class Weighing(NamedTuple):
     low, high : float
         The ends of the range.
     accumulation : int
-        Of `OPERATORS`: how the strengths of neighbouring rules that conclude the same number combine.
+        Of `OPERATORS`: how the strengths of rules that conclude the same number combine.
     formulas : tuple of Formula
         Those that rules conclude.
     names : tuple of str
@@ -393,8 +393,6 @@ def _weighing(system: model.FuzzySystem, output: model.Variable) -> Weighing:
         for rule, consequent in system.conclusions_on(output)
     ]
     accumulation = output.accumulation if system.joins_numbers(output) else "unbounded_sum"
-    if accumulation != "unbounded_sum":  # rules that conclude the same number are neighbours
-        concluded.sort(key=lambda each: getattr(each[2], "value", 0.0))
     before = system.outputs[: system.outputs.index(output)]
     parameters = np.zeros((len(concluded), max(len(system.inputs) + 1, 2)))
     kinds = np.full(len(concluded), NUMBER)

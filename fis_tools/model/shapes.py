@@ -261,7 +261,7 @@ class TwoSidedGaussian(MembershipFunction):
     "bell, half width {width}, slope {slope}, centre {centre}",
     fis=("gbellmf",),
     fll=("Bell", "centre", "width", "slope"),
-    fcl=("GBELL", "centre", "width", "slope"),
+    fcl=("GBELL",),
 )
 class GeneralizedBell(MembershipFunction):
     """``1 / (1 + |(x - centre) / width|^(2 slope))``: one half at `width` from the `centre`."""

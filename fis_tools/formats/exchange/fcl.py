@@ -2,16 +2,17 @@
 
 What jFuzzyLogic does, beyond the standard: `and` and `or` bind alike, from left to right; AND sets OR to its
 dual and OR sets AND, so the last one counts; ACCU is SUM where a block does not say; a variable without a
-RANGE has that of its terms; DEFAULT := NC keeps the last value. The grammar is in `fcl.lark`.
+RANGE has that of its terms; DEFAULT := NC keeps the last value. Each function block becomes a system of one
+controller. The grammar is in `fcl.lark`.
 """
 
 from dataclasses import replace
+from itertools import chain
 from typing import Any
 
 from lark import Tree
 
 from fis_tools import model
-from fis_tools.errors import ControllerFileError
 from fis_tools.formats.exchange.antecedents import NotExpressible
 from fis_tools.formats.exchange.dialect import Dialect, Expressed
 from fis_tools.formats.exchange.fcl_blocks import (
@@ -26,6 +27,7 @@ from fis_tools.formats.exchange.fcl_blocks import (
 )
 from fis_tools.formats.exchange.foreign import require_short_words
 from fis_tools.formats.exchange.writing import term_words, understand, written
+from fis_tools.formats.mapping import refuse_problems
 from fis_tools.formats.serialize import Reading, Written
 from fis_tools.model import Expression, Semantics
 
@@ -48,14 +50,19 @@ def write(controller: model.FuzzyController) -> Written:
 
 def _facts(expressed: Expressed) -> dict[str, Any]:
     system = expressed.system
-    if DUALS[system.and_operator] != system.or_operator:
+    if DUALS.get(system.and_operator) != system.or_operator:
         raise NotExpressible(
             f"rules combine by {system.and_operator} and {system.or_operator}, which are no duals, and "
             "jFuzzyLogic sets one by the other; export as fll or json"
         )
-    for word, known in ((system.implication, {"min", "product"}), (system.and_operator, set(AND.values()))):
-        if word not in known:
-            raise NotExpressible(f"FCL has no word for the operator {word}; export as fll or json")
+    if system.implication not in {"min", "product"}:
+        raise NotExpressible(f"FCL has no word for the operator {system.implication}; export as fll or json")
+    joins = {o.accumulation if system.weighs(o) else o.aggregation for o in system.outputs}
+    if len(joins) > 1 or not joins <= set(ACCUMULATIONS.values()):
+        raise NotExpressible(
+            f"conclusions are joined by {', '.join(sorted(joins))}, and FCL has one word for all outputs, of "
+            f"{', '.join(sorted(set(ACCUMULATIONS.values())))}; export as fll or json"
+        )
     for output in system.weighed:
         if any(not isinstance(term.membership, model.Number) for term in output.terms):
             raise NotExpressible(
@@ -74,7 +81,7 @@ def _facts(expressed: Expressed) -> dict[str, Any]:
         "condition": _condition,
         "method": {way: word for word, way in reversed(METHODS.items())},
         "and_word": {operator: word for word, operator in reversed(AND.items())},
-        "accumulation": {operator: word for word, operator in reversed(ACCUMULATIONS.items())},
+        "accumulation": next(word for word, join in ACCUMULATIONS.items() if {join} == joins),
     }
 
 
@@ -111,10 +118,18 @@ def read(text: str) -> Reading:
         semantics = "fuzzylite"
     tree = parse(text)
     blocks = [part for part in tree.children if isinstance(part, Tree)]
-    if len(blocks) != 1:
-        raise ControllerFileError(
-            f"the file has {len(blocks)} function blocks, and one is read; give each a file of its own"
-        )
-    system, notes = read_block(blocks[0], semantics)
-    reading = understand(system, comments, DIALECT)
-    return replace(reading, assumptions=(*reading.assumptions, *notes))
+    readings = []
+    for block in blocks:
+        system, notes = read_block(block, semantics)
+        reading = understand(system, comments if len(blocks) == 1 else (), DIALECT)
+        readings.append(replace(reading, assumptions=(*reading.assumptions, *notes)))
+    if len(readings) == 1:
+        return readings[0]
+    systems = tuple(reading.controller.systems[0] for reading in readings)
+    controller = model.FuzzyController(systems[0].name, systems)
+    refuse_problems(controller)
+    said, about_points = (
+        tuple(chain(*(getattr(reading, field) for reading in readings)))
+        for field in ("assumptions", "about_points")
+    )
+    return Reading(controller, said, about_points)

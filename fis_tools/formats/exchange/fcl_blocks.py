@@ -17,6 +17,7 @@ from fis_tools.file_access import read_shipped
 from fis_tools.formats.exchange import antecedents, foreign
 from fis_tools.formats.exchange.antecedents import FUZZYLITES, with_any
 from fis_tools.formats.exchange.dialect import OUTPUT_POINTS
+from fis_tools.formats.exchange.fll_rules import hedged_rules
 from fis_tools.model import Expression, FuzzySystem, MembershipFunction, Rule, Semantics, Variable
 from fis_tools.model.operators import WEIGHING
 from fis_tools.model.shapes import words_of
@@ -31,6 +32,7 @@ MAX_BYTES = 2 * 1024 * 1024
 #: Intervals into which jFuzzyLogic cuts an output's range.
 RESOLUTION = 1000
 
+#: Words of jFuzzyLogic.
 AND: dict[str, model.AndOperator] = {
     "MIN": "min",
     "PROD": "product",
@@ -38,6 +40,10 @@ AND: dict[str, model.AndOperator] = {
     "DMIN": "drastic_product",
     "NIPMIN": "nilpotent_minimum",
     "HAMACHER": "hamacher_product",
+}
+#: Words of fuzzylite, besides.
+FUZZYLITES_AND: dict[str, model.AndOperator] = {
+    **AND,
     "HPROD": "hamacher_product",
     "EPROD": "einstein_product",
     "NMIN": "nilpotent_minimum",
@@ -49,6 +55,9 @@ OR: dict[str, model.OrOperator] = {
     "DMAX": "drastic_sum",
     "NIPMAX": "nilpotent_maximum",
     "EINSTEIN": "einstein_sum",
+}
+FUZZYLITES_OR: dict[str, model.OrOperator] = {
+    **OR,
     "ESUM": "einstein_sum",
     "HSUM": "hamacher_sum",
     "DSUM": "drastic_sum",
@@ -62,10 +71,15 @@ DUALS: dict[model.AndOperator, model.OrOperator] = {
     "bounded_difference": "bounded_sum",
     "drastic_product": "drastic_sum",
     "nilpotent_minimum": "nilpotent_maximum",
-    "einstein_product": "einstein_sum",
-    "hamacher_product": "hamacher_sum",
+    "hamacher_product": "einstein_sum",
 }
-ACCUMULATIONS: dict[str, model.Aggregation] = {"SUM": "unbounded_sum", "PROBOR": "probabilistic_sum", **OR}
+ACCUMULATIONS: dict[str, model.Aggregation] = {
+    "MAX": "max",
+    "BSUM": "bounded_sum",
+    "NSUM": "bounded_sum",
+    "PROBOR": "probabilistic_sum",
+    "SUM": "unbounded_sum",
+}
 METHODS: dict[str, model.Defuzzifier] = {
     "COG": "centroid",
     "COGS": "weighted_average",
@@ -150,6 +164,8 @@ def read_block(block: Node, semantics: Semantics) -> tuple[FuzzySystem, list[str
     for part in block.children:
         if isinstance(part, Tree):
             _take(contents, part)
+    name = str(names[0]) if names else "unnamed"
+    _require_finished(contents, name)
     inputs = [_input(contents, name, semantics, notes) for name in dict.fromkeys(contents.inputs)]
     accumulation = "SUM" if semantics == "fcl" else "MAX"
     rules: list[Rule] = []
@@ -163,7 +179,7 @@ def read_block(block: Node, semantics: Semantics) -> tuple[FuzzySystem, list[str
             word: Any = entry.children[1]
             match str(entry.children[0]).upper():
                 case "ACT":
-                    implication = _choice(AND, word, "ACT")
+                    implication = _choice(AND if semantics == "fcl" else FUZZYLITES_AND, word, "ACT")
                 case "ACCU":
                     accumulation = str(word).upper()
                 case key:
@@ -174,7 +190,7 @@ def read_block(block: Node, semantics: Semantics) -> tuple[FuzzySystem, list[str
         with told_as(ControllerFileError, NotResolvable):
             rules = unchained(named, {output.name: output for output in outputs})
     system = FuzzySystem(
-        str(names[0]) if names else "unnamed",
+        name,
         with_any(inputs, rules),
         tuple(outputs),
         tuple(rules),
@@ -186,16 +202,31 @@ def read_block(block: Node, semantics: Semantics) -> tuple[FuzzySystem, list[str
     return said_once(system), notes
 
 
+def _require_finished(contents: _Contents, name: str) -> None:
+    """Refuse a block that declares terms but no system, such as a file of membership functions."""
+    rules = (entry for part in contents.blocks for entry in part.children if isinstance(entry, Tree))
+    parts: dict[str, list[Any]] = {
+        "inputs": contents.inputs,
+        "outputs": contents.outputs,
+        "terms of outputs": [output for output in contents.outputs if contents.terms.get(output)],
+        "rules": [rule for rule in rules if rule.data == "rule"],
+    }
+    foreign.require_finished(f"the function block {name!r}", parts)
+
+
 def _operators(
     key: str, word: Any, operators: tuple[model.AndOperator, model.OrOperator], semantics: Semantics
 ) -> tuple[model.AndOperator, model.OrOperator]:
     """Return the operators of a block after a setting; in jFuzzyLogic it sets both."""
+    if semantics == "fuzzylite":
+        if key == "AND":
+            return _choice(FUZZYLITES_AND, word, "AND"), operators[1]
+        return operators[0], _choice(FUZZYLITES_OR, word, "OR")
     if key == "AND":
         conjunction: model.AndOperator = _choice(AND, word, "AND")
-        return conjunction, DUALS[conjunction] if semantics == "fcl" else operators[1]
+        return conjunction, DUALS[conjunction]
     disjunction: model.OrOperator = _choice(OR, word, "OR")
-    dual = next(each for each, of in DUALS.items() if of == disjunction)
-    return dual if semantics == "fcl" else operators[0], disjunction
+    return next(each for each, of in DUALS.items() if of == disjunction), disjunction
 
 
 def _take(contents: _Contents, part: Node) -> None:
@@ -240,10 +271,13 @@ def _input(contents: _Contents, name: str, semantics: Semantics, notes: list[str
     terms = [(term, _membership(tree, semantics)) for term, tree in contents.terms.get(name, {}).items()]
     if name in contents.outputs:
         raise ControllerFileError(f"{name!r} is an input and an output; declare it once")
-    extent = _extent(
+    low, high = _extent(
         contents, name, [shape for _, (shape, _) in terms], [end for _, (_, end) in terms], notes
     )
-    return foreign.variable(name, extent, [(term, shape) for term, (shape, _) in terms], is_output=False)
+    if low == high:  # jFuzzyLogic uses no range of an input
+        low, high = low - 0.5, high + 0.5
+        notes.append(f"the terms of {name} stand at one point: its range becomes {low:g} to {high:g}")
+    return foreign.variable(name, (low, high), [(term, shape) for term, (shape, _) in terms], is_output=False)
 
 
 def _output(
@@ -258,9 +292,8 @@ def _output(
     method: model.Defuzzifier = "centroid"
     if "METHOD" in settings:
         method = _choice(METHODS, settings["METHOD"], "METHOD")
-    accumulation = foreign.choice(
-        ACCUMULATIONS, str(settings.get("ACCU", usual_accumulation)).upper(), "ACCU"
-    )
+    known = ACCUMULATIONS if semantics == "fcl" else {**ACCUMULATIONS, **FUZZYLITES_OR}
+    accumulation = foreign.choice(known, str(settings.get("ACCU", usual_accumulation)).upper(), "ACCU")
     weighs = method in WEIGHING
     terms, ends = [], []
     for term, tree in trees.items():
@@ -275,6 +308,10 @@ def _output(
             terms.append((term, shape))
             ends.append(end)
     extent = _extent(contents, name, [shape for _, shape in terms], ends, notes)
+    if extent[0] == extent[1] and not weighs:
+        raise ControllerFileError(
+            f"the terms of the output {name!r} stand at one point, and it has no RANGE to sum over; give one"
+        )
     points = (OUTPUT_POINTS if semantics == "fuzzylite" else RESOLUTION + 1) if not weighs else None
     variable = foreign.variable(name, extent, terms, is_output=True, num_points=points)
     default = settings.get("DEFAULT")
@@ -411,19 +448,21 @@ def _rules(
     weight = 1.0
     if isinstance(rest[-1], Token):
         weight = foreign.number(str(rest.pop()), where)
-    consequents = []
+    said = []
     for concluded in rest:
         assert isinstance(concluded, Tree)  # noqa: S101 - the grammar has nothing else here
-        words = [str(word) for word in concluded.children]
-        if len(words) == 3:
-            raise ControllerFileError(
-                f"{where}: the rule concludes 'not {words[2]}'; conclude a term made for it"
-            )
-        consequents.append(model.Consequent(words[0], words[1], weight))
+        variable, *hedges, term = map(str, concluded.children)
+        if hedges and hedges[0].lower() == "not":
+            raise ControllerFileError(foreign.denied_conclusion(where, f"not {term}", semantics))
+        if hedges and semantics == "fcl":
+            raise ControllerFileError(f"{where}: {hedges[0][:40]!r} is no hedge of jFuzzyLogic's; drop it")
+        for hedge in hedges:
+            foreign.choice(FUZZYLITES, hedge, f"{where}: the hedge on a conclusion")
+        said.append((tuple(FUZZYLITES[hedge] for hedge in hedges), variable, term))
     assert isinstance(condition, Tree)  # noqa: S101 - likewise
-    antecedent = _antecedent(condition, semantics)
     label = str(number) if isinstance(number, Token) and number.type == "NAME" else ""
-    return [Rule(antecedent, tuple(consequents), label, *operators)]
+    rules = hedged_rules(_antecedent(condition, semantics), said, weight, where)
+    return [replace(rule, label=label, and_operator=operators[0], or_operator=operators[1]) for rule in rules]
 
 
 def _is_word(child: object) -> bool:

@@ -22,7 +22,7 @@ from fis_tools.formats.exchange.foreign import FileBlock
 from fis_tools.formats.exchange.vocabulary import AGGREGATIONS, AND, DEFUZZIFIERS, OR, meanings
 from fis_tools.formats.exchange.writing import term_words, understand, written
 from fis_tools.formats.serialize import Reading, Written
-from fis_tools.model import Expression, FuzzySystem, Hedge, Rule, Variable
+from fis_tools.model import Expression, FuzzySystem, Hedge, Rule, Semantics, Term, Variable
 from fis_tools.model.operators import WEIGHING
 from fis_tools.model.systems import said_once
 
@@ -167,6 +167,7 @@ def _system(sections: dict[str, FileBlock], fractions: Fractions, notes: list[st
     aggregation = foreign.choice(_AGGREGATIONS, *quoted_word(head, "AggMethod"))
     implication = foreign.choice(_AND, *quoted_word(head, "ImpMethod"))
     name = (quoted_word(head, "Name")[0] if "Name" in head.settings else "") or "unnamed"
+    outputs = [_with_complements(output, rules) for output in outputs]
     joined = tuple(o if o.aggregation != "max" else replace(o, aggregation=aggregation) for o in outputs)
     methods = (and_operator, or_operator, defuzzifier)
     read = FuzzySystem(name, antecedents.with_any(inputs, rules), joined, rules, *methods)
@@ -255,11 +256,11 @@ def _rules(
     if not conditions or not concluded:
         raise ControllerFileError(f"{where}: the rule asks or concludes nothing; give it a term on each side")
     for is_negated, hedges, statement in concluded:
-        if is_negated or statement.term == antecedents.ANY:
+        tool: Semantics = "fuzzylite" if fractions is antecedents.FUZZYLITES_FRACTIONS else "matlab"
+        (output,) = (output for output in outputs if output.name == statement.variable)
+        if statement.term == antecedents.ANY or (is_negated and (tool == "fuzzylite" or not output.has_sets)):
             what = "not" if is_negated else antecedents.ANY
-            raise ControllerFileError(
-                f"{where}: the rule concludes {what!r}; conclude a term, made for it if need be"
-            )
+            raise ControllerFileError(foreign.denied_conclusion(where, what, tool))
         if hedges and fractions is not antecedents.FUZZYLITES_FRACTIONS:
             raise ControllerFileError(
                 f"{where}: the hedge on {statement.term!r}, which the rule concludes, is none of MATLAB's, "
@@ -269,8 +270,24 @@ def _rules(
     kind = model.Or if parts["join"] == "2" else model.And
     antecedent = leaves[0] if len(leaves) == 1 else kind(tuple(leaves))
     return hedged_rules(
-        antecedent, [(hedges, s.variable, s.term) for _, hedges, s in concluded], weight, where
+        antecedent,
+        [(hedges, s.variable, f"{_DENIED * is_negated}{s.term}") for is_negated, hedges, s in concluded],
+        weight,
+        where,
     )
+
+
+#: What the name of a term begins with that MATLAB makes of another by its complement.
+_DENIED = "not "
+
+
+def _with_complements(output: Variable, rules: Sequence[Rule]) -> Variable:
+    """Give an output the complements that rules conclude of its terms, exact at its points."""
+    used = {term for owner, term in model.used_terms(rules) if owner == output.name}
+    terms = [term for term in output.terms if _DENIED + term.name in used]
+    complements = (model.Sampled(tuple((1.0 - model.sample(output, term)).tolist())) for term in terms)
+    denied = (Term(_DENIED + term.name, shape) for term, shape in zip(terms, complements, strict=True))
+    return replace(output, terms=(*output.terms, *denied))
 
 
 #: What a rule says of a variable: whether it is denied, the hedges before the term, and the statement.
@@ -416,6 +433,8 @@ def quoted_word(section: FileBlock, key: str) -> tuple[str, str]:
 def whole_number(section: FileBlock, key: str, least: int = 1) -> int:
     """Return a whole number of at least 1, or of `least`."""
     where, value = section.entry(key)
+    if value == "0" and least > 0:
+        raise ControllerFileError(f"{where} is 0: the file is unfinished; add what is missing")
     return 0 if least == 0 and value == "0" else foreign.count(value, where, 100_000)
 
 

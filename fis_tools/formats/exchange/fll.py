@@ -6,7 +6,7 @@ universe. Rules are sentences, ``if a is low and (b is high or c is not low) the
 """
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import chain
 
@@ -103,11 +103,24 @@ def read(text: str) -> Reading:
             f"the last line '# {END}' is missing, so the file may be cut; get a whole copy, or add the line "
             "if it is whole"
         )
-    reading = understand(_system(blocks), comments, DIALECT)
+    system = _system(blocks)
+    reading = understand(system, comments, DIALECT)
     kept = (
         block.name for block in blocks if any(block.settings.get(key, (0, ""))[1] == "true" for key in _KEPT)
     )
-    return replace(reading, assumptions=(*reading.assumptions, *map(foreign.kept_words, kept)))
+    notes = (*map(foreign.kept_words, kept), *_inverted_words(system))
+    return replace(reading, assumptions=(*reading.assumptions, *notes))
+
+
+def _inverted_words(system: FuzzySystem) -> Iterator[str]:
+    """Yield notes on what fuzzylite 6 concludes otherwise than fuzzylite 8, which is followed here."""
+    for output in system.weighed:
+        kinds = {term.membership.entry.name for term in output.terms}
+        for name in sorted(kinds & {"s_shape", "z_shape", "concave"}):
+            yield (
+                f"{output.name}: where a {name} has the strength of a rule is that of fuzzylite 8; version 6 "
+                "misplaces it"
+            )
 
 
 def _take(blocks: list[FileBlock], line: int, content: str) -> None:
@@ -164,6 +177,8 @@ def _system(blocks: Sequence[FileBlock]) -> FuzzySystem:
             )
         )
     rules = [rule for _, group in groups for rule in group]
+    parts = {"inputs": inputs, "outputs": outputs, "rules": rules}
+    foreign.require_finished(f"the engine {engines[0].name!r}", parts)
     weighed = {output.name for output in outputs if output.defuzzifier in WEIGHING}
     for block in blocks:
         if block.kind == "OutputVariable" and block.name in weighed:

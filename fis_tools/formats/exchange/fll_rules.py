@@ -160,7 +160,5 @@ def _conclusion(words: _Words) -> Concluded:
     while words.peek() in words.hedges:
         hedges.append(words.hedges[words.take()])
     if words.peek() in {"not", ANY}:
-        raise ControllerFileError(
-            f"{words.where}: the rule concludes {words.peek()!r}; conclude a term, made for it if need be"
-        )
+        raise ControllerFileError(foreign.denied_conclusion(words.where, words.peek(), "fuzzylite"))
     return tuple(hedges), variable, words.take()

@@ -5,7 +5,7 @@ Everything that is wrong in a file is reported with the place where it stands.
 
 import math
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence, Sized
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import TypeVar
@@ -17,7 +17,7 @@ from fis_tools.errors import ControllerFileError, suggestion
 from fis_tools.formats.exchange.dialect import INPUT_POINTS, OUTPUT_POINTS, input_universe
 from fis_tools.formats.exchange.vocabulary import HEDGES
 from fis_tools.formats.mapping import MOST_POINTS
-from fis_tools.model import MembershipFunction, Term, Trapezoidal, Variable, with_universe
+from fis_tools.model import MembershipFunction, Semantics, Term, Trapezoidal, Variable, with_universe
 from fis_tools.model.numbers import FUNCTIONS, NotAFormula, linear
 from fis_tools.model.shapes import Format, words_of
 from fis_tools.model.validate import LONGEST_NAME, MOST_RULES, MOST_TERMS
@@ -376,6 +376,22 @@ FUZZYLITES = TermWords(
 
 #: The word of a format for a ramp, which elsewhere is read as a trapezoid.
 RAMPS: Mapping[Format, str] = {"fll": "Ramp", "fis": "rampmf", "fcl": "Ramp"}
+
+
+def require_finished(what: str, parts: Mapping[str, Sized]) -> None:
+    """Refuse a file that declares terms but no system, naming the parts that are empty."""
+    missing = [name for name, listed in parts.items() if not len(listed)]
+    if missing:
+        raise ControllerFileError(f"{what} is unfinished: it has no {', no '.join(missing)}; add them")
+
+
+def denied_conclusion(where: str, words: str, semantics: Semantics) -> str:
+    """Return why a rule cannot conclude `not` or `any`."""
+    fact = {
+        "fcl": "jFuzzyLogic reads no such rule",
+        "fuzzylite": "fuzzylite changes the rule's strength by it, unless that is zero, which jumps",
+    }.get(semantics, "a number has no complement")
+    return f"{where}: the rule concludes {words!r}, and {fact}; conclude a term made for it"
 
 
 def kept_words(output: str) -> str:

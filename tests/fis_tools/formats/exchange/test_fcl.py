@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from fis_tools.engines.compiler import compile
+from fis_tools.engines.inference import infer
 from fis_tools.errors import ControllerFileError
 from fis_tools.formats import serialize
 from fis_tools.formats.exchange import fcl
@@ -136,13 +137,54 @@ def test_formulas_and_numbers_that_are_equal():
         ("END_RULEBLOCK\nEND_FUNCTION_BLOCK", "", "is not FCL here|the file ends"),
         ("AND : MIN;", "AND : MIN; AND", "line 2"),
         ("gauss 0 2", "gauss 0", "has 1 numbers; expected 2"),
-        ("END_FUNCTION_BLOCK", "END_FUNCTION_BLOCK FUNCTION_BLOCK b END_FUNCTION_BLOCK", "2 function blocks"),
+        (
+            "END_FUNCTION_BLOCK",
+            "END_FUNCTION_BLOCK FUNCTION_BLOCK b END_FUNCTION_BLOCK",
+            "'b' is unfinished: it",
+        ),
+        ("tip IS small", "tip IS very small", "'very' is no hedge of jFuzzyLogic's"),
     ],
 )
 def test_what_cannot_be_read_is_refused(old, new, words):
     assert old in TIP
     with pytest.raises(ControllerFileError, match=words):
         read(TIP.replace(old, new, 1))
+
+
+def test_function_blocks_become_systems_of_one_controller():
+    second = TIP.replace("FUNCTION_BLOCK tip\n", "FUNCTION_BLOCK more\n", 1)
+    reading = serialize.reads(TIP + second, "fcl")
+    assert [system.name for system in reading.controller.systems] == ["tip", "more"]
+    assert reading.controller.systems[0] == read(TIP)
+    assert len(reading.assumptions) == 2 * len(serialize.reads(TIP, "fcl").assumptions)
+    with pytest.raises(ControllerFileError, match="2 systems called 'tip'"):
+        serialize.loads(TIP + TIP, "fcl")
+
+
+def test_formulas_of_equal_value_join_by_the_accumulation():
+    """Rules 1 and 3 conclude 0.5 * food by different terms, with a number between them."""
+    terms = "TERM small := FUNCTION 0.5 * food; TERM big := 12; TERM same := FUNCTION food * 0.5;"
+    third = "RULE 3 : IF food IS NOT fine THEN tip IS same;\nEND_RULEBLOCK"
+    text = TIP.replace("TERM small := 4;\n  TERM big := 12;", terms).replace("END_RULEBLOCK", third)
+    system = read(text.replace("METHOD : COGS;", "METHOD : COGF; ACCU : MAX;"))
+    expected = (1.0 * 1.0 + 12.0 * 0.2) / 1.2  # strengths 0.6, 0.2 and 1; of 0.6 and 1 the greater counts
+    assert compile(system)(np.array([[2.0, 30.0]]))[0, 0] == pytest.approx(expected, rel=1e-14)
+    assert infer(system, np.array([2.0, 30.0])).values[0] == pytest.approx(expected, rel=1e-14)
+
+
+def test_hedges_on_conclusions_of_fuzzylites_files_change_strengths():
+    hedged = TIP.replace("tip IS big WITH 0.5", "tip IS very big").replace("gauss 0 2", "Gaussian 0 2")
+    text = "// Code automatically generated with fuzzylite 6.0.\n" + hedged.replace(
+        "COSINE 1 5", "Cosine 5 2"
+    )
+    strengths = compile(read(text)).firing_strengths(np.array([[2.0, 30.0]]))
+    np.testing.assert_allclose(strengths, [[0.6, 0.16]], atol=1e-12)
+
+
+def test_what_declares_memberships_alone_is_unfinished():
+    text = TIP[: TIP.index("RULEBLOCK")] + "END_FUNCTION_BLOCK"
+    with pytest.raises(ControllerFileError, match=r"'tip' is unfinished: it has no rules; add"):
+        read(text)
 
 
 @pytest.mark.parametrize("text", [TIP, SETS, TIP.replace("AND : MIN", "OR : ASUM")])

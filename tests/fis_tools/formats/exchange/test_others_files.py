@@ -8,6 +8,7 @@ import pytest
 
 from fis_tools.analysis.arrays import spread_inputs
 from fis_tools.engines.compiler import compile
+from fis_tools.engines.inference import infer
 from fis_tools.errors import ControllerFileError
 from fis_tools.formats import serialize
 from fis_tools.formats.exchange import fis, fll
@@ -60,6 +61,18 @@ def test_slips_of_fis_files_are_put_right_and_told():
         serialize.loads(text.replace("pi/4]", "pi/0]"), "fis")
     (system,) = serialize.loads(text.replace("1, 1 1 (1) : 1", "1, 1e-10 1 (1) : 1"), "fis").systems
     assert [consequent.variable for consequent in system.rules[0].consequents] == ["z"]
+
+
+def test_a_rule_of_matlab_concludes_the_complement_of_a_term():
+    """Octave's `evalfis` of the file `denied.fis`: 5.78062451, 5.40011083, 6.22964483."""
+    (system,) = serialize.load(HERE / "denied.fis").systems
+    assert [term.name for term in system.outputs[0].terms] == ["small", "large", "not small"]
+    answers = []
+    for x in (0.1, 0.5, 0.8):
+        (output,) = infer(system, np.array([x])).outputs
+        weights = np.r_[0.5, np.ones(99), 0.5] * output.aggregated  # Octave's ends count by half
+        answers.append((weights * output.universe).sum() / weights.sum())
+    np.testing.assert_allclose(answers, [5.78062451, 5.40011083, 6.22964483], atol=5e-9)
 
 
 def test_hedges_in_a_fis_file_of_fuzzylites_are_fuzzylites():

@@ -56,7 +56,7 @@ def line_of(kind: Kind, words: str) -> int:
         ("fis", "2 0, 2 (1) : 1", "1.25 0, 2 (1) : 1", "has a hedge"),
         ("fis", "2 0, 2 (1) : 1", "4 0, 2 (1) : 1", "service has 3 terms, and none numbered 4"),
         ("fis", "2 0, 2 (1) : 1", "0.2 0, 2 (1) : 1", "service has 3 terms, and none numbered 0.2"),
-        ("fis", "2 0, 2 (1) : 1", "2 0, -2 (1) : 1", "concludes 'not'"),
+        ("fis", "NumRules=3", "NumRules=0", "is 0: the file is unfinished"),
         ("fis", "2 0, 2 (1) : 1", "0 0, 2 (1) : 1", "asks or concludes nothing"),
         ("fis", "2 0, 2 (1) : 1", "2 0 2 (1) : 1", "is not a rule"),
         ("fis", "2 0, 2 (1) : 1", "2 0 1, 2 (1) : 1", "3 term numbers for 2 variables"),

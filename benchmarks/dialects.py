@@ -1,0 +1,235 @@
+"""Compare files with the programs that they are of: ``python -m benchmarks dialects FOLDER``.
+
+Octave evaluates `.fis`, fuzzylite and pyfuzzylite `.fll`, jFuzzyLogic `.fcl`, as each samples by itself, a
+third of the samples outside of the inputs' ranges (Octave takes none). Octave halves the weight of an
+output's ends, MATLAB does not; fuzzylite 6 ignores strengths up to 1e-6, later versions do not: they are
+compared with our heights weighed so, and with strengths left out. ``--attack N`` draws N inputs in boxes of
+random systems that are sampled, and compares them with their bounds.
+
+Programs are left out where they are missing; jFuzzyLogic is compiled Java, ``--jfuzzylogic CLASSPATH``.
+"""
+
+import argparse
+import json
+import shutil
+import subprocess
+import tempfile
+import time
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.rivals import Missing, environment
+from fis_tools.analysis.bounds import output_ranges
+from fis_tools.array_types import Floats
+from fis_tools.engines.compiler import compile
+from fis_tools.engines.inference import infer
+from fis_tools.formats import serialize
+from fis_tools.model import FuzzySystem
+from tests.fis_tools.engines.random_systems import inputs_beyond, sampled_systems
+
+FOLDER = Path(__file__).parent
+#: Samples of each file.
+SAMPLES = 40
+#: Attacks in a box.
+ROWS = 5000
+#: What counts as equal, and as near, of an output's range.
+EQUAL, NEAR = 1e-12, 1e-9
+
+#: From a file, its system and samples to outputs, (n, num_outputs).
+Program = Callable[[Path, FuzzySystem, Floats], Floats]
+
+
+def octave(path: Path, system: FuzzySystem, inputs: Floats) -> Floats:
+    """Evaluate a `.fis` file with Octave's toolkit."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        np.savetxt(folder / "inputs", inputs, fmt="%.17g")
+        script = (
+            "pkg load fuzzy-logic-toolkit\n"
+            "function y = probor (x)\n  y = algebraic_sum (x);\nendfunction\n"
+            f"y = evalfis (load ('{folder}/inputs'), readfis ('{path}'), 101);\n"
+            f"dlmwrite ('{folder}/outputs', y, 'delimiter', ' ', 'precision', '%.17g');\n"
+        )
+        (folder / "run.m").write_text(script, encoding="utf-8")
+        _run("octave", "--no-gui", "--quiet", "--no-init-file", folder / "run.m")
+        return np.loadtxt(folder / "outputs", ndmin=2)
+
+
+def fuzzylite(path: Path, system: FuzzySystem, inputs: Floats) -> Floats:
+    """Evaluate a file with fuzzylite's own program."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        np.savetxt(folder / "inputs.fld", inputs, fmt="%.17g")
+        files = ["-i", path, "-o", folder / "outputs.fld", "-d", folder / "inputs.fld"]
+        _run("fuzzylite", *files, *["-dinputs", "false", "-dheader", "false", "-decimals", "17"])
+        return np.loadtxt(folder / "outputs.fld", ndmin=2)
+
+
+def pyfuzzylite(path: Path, system: FuzzySystem, inputs: Floats) -> Floats:
+    """Evaluate an `.fll` file with pyfuzzylite."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        np.save(folder / "inputs.npy", inputs)
+        job = {"engine": str(path), "inputs": f"{folder}/inputs.npy", "outputs": f"{folder}/outputs.npy"}
+        (folder / "jobs").write_text(json.dumps([job]), encoding="utf-8")
+        said = _run(str(environment()), FOLDER / "answers.py", folder / "jobs")
+        if not Path(job["outputs"]).exists():
+            raise Missing(said.strip()[-100:])
+        answers: Floats = np.load(job["outputs"])
+        return answers
+
+
+def jfuzzylogic(classpath: str) -> Program:
+    """Return what evaluates an `.fcl` file with jFuzzyLogic, given its classes and jars."""
+
+    def evaluate(path: Path, system: FuzzySystem, inputs: Floats) -> Floats:
+        with tempfile.TemporaryDirectory() as name:
+            folder = Path(name)
+            head = "\n".join(" ".join(v.name for v in side) for side in (system.inputs, system.outputs))
+            np.savetxt(folder / "inputs", inputs, fmt="%.17g", header=head, comments="")
+            words = ["-Djava.awt.headless=true", "-cp", classpath, FOLDER / "jfuzzylogic.java"]
+            _run("java", *words, path, system.name, folder / "inputs", folder / "outputs")
+            return np.loadtxt(folder / "outputs", ndmin=2)
+
+    return evaluate
+
+
+def _run(*words: object) -> str:
+    program = shutil.which(str(words[0]))
+    if program is None:
+        raise Missing(f"{words[0]} is not installed")
+    done = subprocess.run([program, *map(str, words[1:])], check=False, capture_output=True, text=True)  # noqa: S603
+    if done.returncode:
+        lines = [line for line in (done.stderr or done.stdout).split("\n") if line.strip()]
+        raise Missing(next((line for line in lines if "error" in line), "it fails")[-120:])
+    return done.stdout
+
+
+def ours(system: FuzzySystem, inputs: Floats) -> Floats:
+    """Return our answers, (n, num_outputs)."""
+    return compile(system)(inputs)
+
+
+def as_octave(system: FuzzySystem, inputs: Floats) -> Floats:
+    """Return our answers with half the weight for both ends of an output, and NaN where no rule fires."""
+    rows = []
+    for row in inputs:
+        answers = []
+        for output in infer(system, row).outputs:
+            value, heights, x = output.value, output.aggregated, output.universe
+            if len(x) and system.defuzzifier_of(output.variable) == "centroid" and heights.any():
+                area, moment = np.trapezoid(heights, x), np.trapezoid(x * heights, x)
+                value = float(moment / area) if area > 0.0 else np.nan
+            answers.append(np.nan if output.is_default else value)
+        rows.append(answers)
+    return np.array(rows)
+
+
+def as_fuzzylite(system: FuzzySystem, inputs: Floats) -> Floats:
+    """Return our answers where rules of a strength up to 1e-6 do not fire, as in fuzzylite 6."""
+    compiled = compile(system)
+    firing = compiled.firing_strengths(inputs)
+    weights = np.array([max(c.weight for c in rule.consequents) for rule in system.rules])
+    firing[firing * weights <= 1e-6] = 0.0
+    return compiled.conclude(firing, inputs)
+
+
+def difference(system: FuzzySystem, answers: Floats, others: Floats) -> float:
+    """Return the largest difference, of the outputs' ranges; where another has no number we fire no rule."""
+    spans = np.array([output.maximum - output.minimum for output in system.outputs])
+    known = np.isfinite(others) & np.isfinite(answers)
+    return float(np.max(np.abs(answers - others) / spans, initial=0.0, where=known))
+
+
+def samples(system: FuzzySystem, count: int, *, is_inside: bool) -> Floats:
+    """Return inputs, (n, num_inputs), a third outside of the ranges unless they must be inside."""
+    rows = inputs_beyond(system, np.random.default_rng(7), count)
+    low, high = ([getattr(v, end) for v in system.inputs] for end in ("minimum", "maximum"))
+    return np.clip(rows, low, high) if is_inside else rows
+
+
+def compare(folder: Path, programs: Mapping[str, tuple[str, Program]], count: int) -> int:
+    """Print a row for each file and program, then how many are equal; return how many differ."""
+    tally: dict[str, list[float]] = {name: [] for name in programs}
+    refused = imported = 0
+    for path in sorted(path for path in folder.rglob("*") if path.suffix in serialize.ENDINGS):
+        try:
+            system = serialize.load(path).systems[0]
+        except serialize.ControllerFileError as error:
+            refused += 1
+            print(f"refused {path.relative_to(folder)}: {str(error).removeprefix(f'{path}: ')}")
+            continue
+        imported += 1
+        for name, (suffix, program) in programs.items():
+            if suffix != path.suffix or (suffix == ".fcl") != (system.semantics == "fcl"):
+                continue
+            is_octave = program is octave
+            answers_as = {octave: as_octave, fuzzylite: as_fuzzylite}.get(program, ours)
+            rows = samples(system, 3 if is_octave else count, is_inside=is_octave)
+            try:
+                others = program(path, system, rows)
+                answers = answers_as(system, rows)
+                worst = difference(system, answers, others)
+            except (Missing, ValueError) as error:
+                print(f"{name} {path.relative_to(folder)}: not compared, {error}")
+                continue
+            tally[name].append(worst)
+            print(f"{name} {path.relative_to(folder)}: {worst:.1e}", flush=True)
+    print(f"{imported} of {imported + refused} files are imported")
+    for name, worst_of in tally.items():
+        counts = [sum(w <= share for w in worst_of) for share in (EQUAL, NEAR)]
+        print(f"{name}: of {len(worst_of)} files {counts[0]} to {EQUAL:g}, {counts[1]} to {NEAR:g}")
+    return sum(w > NEAR for worst_of in tally.values() for w in worst_of)
+
+
+def attack(count: int, seed: int) -> int:
+    """Compare inputs with the bounds of boxes that they lie in; return how many are outside."""
+    broken = tried = boxes = 0
+    started = time.monotonic()
+    for number in range(10**9):
+        if tried >= count:
+            break
+        (system,) = sampled_systems(seed + number, 1)
+        generator = np.random.default_rng([seed, number])
+        if any(output.minimum == output.maximum for output in system.outputs):
+            continue
+        ends = np.sort(inputs_beyond(system, generator, 2), axis=0)
+        region = " and ".join(
+            f"{v.name} in [{low!r}, {high!r}]"
+            for v, low, high in zip(system.inputs, *ends.tolist(), strict=True)
+        )
+        bounded = output_ranges(system, region)
+        rows = generator.uniform(*ends, (ROWS, len(system.inputs)))
+        rows[::3] = np.where(generator.random(rows[::3].shape) < 0.5, ends[0], ends[1])
+        answers = compile(system)(rows)
+        for column, bound in zip(answers.T, bounded, strict=True):
+            inside = (column >= bound.outer.low) & (column <= bound.outer.high)
+            broken += int((~inside & np.isfinite(column)).sum())
+        tried, boxes = tried + answers.size, boxes + 1
+    seconds = time.monotonic() - started
+    print(f"{tried} attacks on bounds of {boxes} boxes of random systems: {broken} broken ({seconds:.0f} s)")
+    return broken
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Compare the files of a folder, or attack bounds."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks dialects", description=__doc__)
+    parser.add_argument("folder", type=Path, nargs="?", help="looked through with all folders below it")
+    parser.add_argument("--jfuzzylogic", metavar="CLASSPATH", help="its classes and jars")
+    parser.add_argument("--samples", type=int, default=SAMPLES, help="of each file")
+    parser.add_argument("--attack", type=int, default=0, metavar="N", help="inputs in boxes with bounds")
+    parser.add_argument("--seed", type=int, default=0, help="of the attacks")
+    options = parser.parse_args(arguments)
+    broken = attack(options.attack, options.seed) if options.attack else 0
+    if options.folder is None:
+        return int(broken > 0)
+    programs: dict[str, tuple[str, Program]] = {
+        "octave": (".fis", octave),
+        "fuzzylite": (".fll", fuzzylite),
+        "pyfuzzylite": (".fll", pyfuzzylite),
+    }
+    if options.jfuzzylogic:
+        programs["jfuzzylogic"] = ".fcl", jfuzzylogic(options.jfuzzylogic)
+    return int(broken + compare(options.folder, programs, options.samples) > 0)
