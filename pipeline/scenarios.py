@@ -20,8 +20,8 @@ from pipeline.settings.start_table import POSITION, VELOCITY, numbers
 from pipeline.settings.training import Starts
 
 #: first part of the spawn key: evaluation; training round r as ``TRAINING + r``; the candidates for its hard
-#: starts, ``HARD + r``; and those on which the champion is chosen
-EVALUATION, TRAINING, HARD, VALIDATION = 0, 1, 1 << 20, 1 << 21
+#: starts, ``HARD + r``; those on which the champion is chosen; and rung r of a fit as ``FITTING + r``
+EVALUATION, TRAINING, HARD, VALIDATION, FITTING = 0, 1, 1 << 20, 1 << 21, 1 << 22
 
 #: places in the spawn key of the random numbers for a start's velocity and for its points' priority
 SPEED, PRIORITY = 3, 1 << 10
@@ -101,6 +101,21 @@ def hard_candidates(experiment: Experiment, round_index: int) -> list[Scenario]:
 def validation_scenarios(experiment: Experiment, num_cases: int) -> list[Scenario]:
     """Return the starts on which the champion is chosen: drawn like those of training, but others."""
     return _drawn(experiment, experiment.starts, VALIDATION, range(num_cases))
+
+
+def fitting_scenarios(
+    experiment: Experiment, rung: int, num_cases: int, *, is_unseen: bool = False
+) -> list[Scenario]:
+    """Return the starts of a rung of a fit, drawn like those of the evaluation.
+
+    Of starts that are given in a file, those of training in turn; all of the evaluation's where none may have
+    been flown before.
+    """
+    cases, starts = experiment.monte_carlo, experiment.starts
+    if starts.table is None or cases.table is None:
+        return _drawn(experiment, cases, FITTING + rung, range(num_cases))
+    given = _given(cases.table if is_unseen else starts.table, experiment.seed, FITTING + rung)
+    return given if is_unseen else [given[case % len(given)] for case in range(num_cases)]
 
 
 def given_start(experiment: Experiment) -> Scenario:

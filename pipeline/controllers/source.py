@@ -111,7 +111,7 @@ def controller_of_run(experiment: Experiment, folder: Path) -> Controller:
     pipeline.run.artifacts.ArtifactError
         If the run trains but has no champion yet.
     """
-    if "train" in experiment.stages or (folder / artifacts.CHAMPION).exists():
+    if {"fit", "train"} & set(experiment.stages) or (folder / artifacts.CHAMPION).exists():
         return from_fuzzy(serialize.load(artifacts.require(folder, artifacts.CHAMPION)))
     kept = folder / artifacts.CONTROLLER
     if kept.exists():

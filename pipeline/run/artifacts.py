@@ -26,6 +26,11 @@ VALIDATION: Final = "train/validation.csv"
 TRAINED: Final = "train/summary.json"
 CHECKPOINT: Final = "train/checkpoint.npz"
 TENSORBOARD: Final = "train/tensorboard"
+FIT_CANDIDATES: Final = "fit/candidates.csv"
+FIT_CONTROLLER: Final = "fit/controller.yaml"
+FIT_CHECKPOINT: Final = "fit/checkpoint.npz"
+FIT: Final = "fit/summary.json"
+FIT_PAGE: Final = "fit/fit.html"
 CHAMPION: Final = "champion.json"
 CONTROLLER: Final = "controller.json"
 EPISODES: Final = "evaluate/episodes.parquet"
@@ -169,7 +174,7 @@ def list_artifacts(folder: Path) -> list[str]:
         is_log = path.suffix in (".log", ".partial") or relative.is_relative_to(TENSORBOARD)
         if path.is_file() and not path.is_symlink() and not is_hidden and not is_log:
             names.append(relative.as_posix())
-    return [name for name in names if name not in (MANIFEST, CHECKPOINT)]
+    return [name for name in names if name not in (MANIFEST, CHECKPOINT, FIT_CHECKPOINT)]
 
 
 def holds_run(folder: Path) -> bool:

@@ -38,6 +38,10 @@ class Freely:
     """Marks settings that no result depends on, such as how a command shares out its work."""
 
 
+class Follows:
+    """Marks settings that may be null, and are then what the mission asks for."""
+
+
 @dataclass(frozen=True)
 class Cure:
     """End of the message about a number that is too small, such as that null is allowed."""
@@ -149,6 +153,7 @@ def _principal_moments(rows: tuple[tuple[float, ...], ...]) -> Sequence[float]:
 REACHES: Mapping[str, tuple[float, float]] = {
     "": (1e-9, 1e12),
     "1/s": (1e-9, 1e3),
+    "1e6 s^2": (1e-9, 1e12),
     "1/s^2": (1e-12, 1e3),
     "N": (1e-9, 1e6),
     "N m": (1e-9, 1e6),

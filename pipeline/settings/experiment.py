@@ -24,7 +24,7 @@ __all__ = ["Experiment", "Mission", "Optimizer", "Safety", "SettingError", "Sun"
 
 #: in the order in which they run: each reads the files of those before it
 STAGES = (
-    *("scenario", "search", "train", "evaluate", "record"),
+    *("scenario", "search", "fit", "train", "evaluate", "record"),
     *("optimum", "compare", "prove", "assure", "report"),
 )
 
@@ -41,10 +41,10 @@ class MonteCarlo(Settings, group="monte_carlo"):
         Only(*(f"stages={stage}" for stage in STAGES if stage != "assure")),
     ] = 1000
     """Flights."""
-    min_distance_m: checks.Positive = 50.0
-    """Least distance of a start from the chief."""
-    max_distance_m: checks.Number = 100.0
-    """Greatest distance of a start from the chief."""
+    min_distance_m: Annotated[checks.Positive, checks.Follows()] = 50.0
+    """Least distance of a start from the chief; null: 50, or what fits the limits and the camera."""
+    max_distance_m: Annotated[checks.Number, checks.Follows()] = 100.0
+    """Greatest distance of a start from the chief; null: 100, or what fits the limits and the camera."""
     confidence_percent: Annotated[checks.Number, Field(ge=80, le=99.99)] = 95.0
     """Confidence of the intervals in the summary."""
     workers: checks.Workers = None
@@ -129,6 +129,37 @@ class HparamsSearch(Settings, group="hparams_search", only=Only("stages=search",
         dimensions(self.space)
 
 
+class FitSettings(Settings, group="fit", only=Only("stages=fit", is_told=True)):
+    """A controller from champions that are scaled to the mission; see `pipeline.evaluation.fitting`."""
+
+    bases: checks.Texts = ("champion_27", "champion_81", "champion_leo", "champion_any_sun")
+    """Champions that compete, as shipped and scaled; names as in controller=NAME, or paths."""
+    draws: checks.Count = 18
+    """Sizes and tempos that each is scaled to."""
+    cases: tuple[checks.Count, ...] = (12, 40, 150)
+    """Flights of each competitor in the first round, the second, and so on."""
+    kept: tuple[checks.Count, ...] = (16, 5)
+    """Competitors that stay after each round but the last."""
+    num_cases: checks.Count = 300
+    """Starts that no competitor has flown, on which the result is judged."""
+    goal_percent: Annotated[checks.Number, Field(ge=0, le=100)] = 95.0
+    """Lower bound of the success aimed at; where it is missed, the safety layer and tuning are tried."""
+    tunes: Literal["needed", "always", "never"] = "needed"
+    """Whether the best is tuned by the optimizer: where it misses the goal, always, or never."""
+    workers: checks.Workers = None
+    """Threads that fly; null: one a processor."""
+
+    def __post_init__(self) -> None:
+        """Check that there is a base, and a number of competitors kept after each round but the last."""
+        if not self.bases or len(set(self.bases)) != len(self.bases):
+            raise SettingError(f"fit.bases is [{', '.join(self.bases)}]; name at least one, and each once")
+        if len(self.cases) != len(self.kept) + 1:
+            raise SettingError(
+                f"fit.cases has {len(self.cases)} numbers and fit.kept {len(self.kept)}; the second must "
+                "have one less than the first: after the last round the best is left"
+            )
+
+
 class Compare(Settings, group="compare", only=Only("stages=compare", is_told=True)):
     """Comparison of controllers: which fly, and under which conditions."""
 
@@ -211,7 +242,7 @@ class Experiment(Settings, group=""):
         Of all randomness.
     stages : tuple of str
         The stages to run, in order.
-    mission, sun, starts, optimizer, monte_carlo, optimum, compare, assurance, telemetry, report, engine,
+    mission, sun, starts, optimizer, monte_carlo, optimum, fit, compare, assurance, telemetry, report, engine,
     hparams_search, logger
         The groups of the configuration.
     controller : mapping
@@ -237,6 +268,7 @@ class Experiment(Settings, group=""):
     monte_carlo: MonteCarlo = field(default_factory=MonteCarlo)
     optimum: Optimum = field(default_factory=Optimum)
     prove: Prove = field(default_factory=Prove)
+    fit: Fit = field(default_factory=Fit)
     compare: Compare = field(default_factory=Compare)
     assurance: Assurance = field(default_factory=Assurance)
     telemetry: Telemetry = field(default_factory=Telemetry)
@@ -324,6 +356,11 @@ class Experiment(Settings, group=""):
             raise SettingError(
                 "stages has search, and hparams_search.space is empty; say what may be chosen, as in "
                 "'+hparams_search.space.optimizer.initial_step={low: 0.01, high: 0.3, log: true}'"
+            )
+        if "fit" in self.stages and self.mission.problem.kind != "inspection":
+            raise SettingError(
+                f"stages has fit and problem.kind is {self.mission.problem.kind}; the champions that are "
+                "scaled inspect: train one, or drop the stage"
             )
         if "train" in self.stages and self.mission.dispersions:
             raise SettingError(

@@ -13,6 +13,7 @@ DISPERSIONS = "dispersions"
 #: suffixes of keys to their units; the first that fits counts
 UNITS: Mapping[str, str] = {
     "_kg_m2": "kg m^2",
+    "_ks2": "1e6 s^2",
     "_rad_s": "rad/s",
     "_n_m": "N m",
     "_n_s": "N s",

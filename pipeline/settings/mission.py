@@ -65,8 +65,9 @@ class DeputySettings(Settings, group="deputy"):
     """Mass."""
     inertia_kg_m2: checks.Inertia = UNIT_INERTIA
     """Inertia matrix, body axes."""
-    initial_position_m: Annotated[checks.Vector, IS_FLOWN, NO_CASE] = START_M
-    """Where a single flight starts, relative to the chief, Hill axes."""
+    initial_position_m: Annotated[checks.Vector, IS_FLOWN, NO_CASE, checks.Follows()] = START_M
+    """Where a single flight starts, relative to the chief, Hill axes; null: 75 m along (1, 1, 1), or the
+    middle of the starts of monte_carlo."""
     initial_velocity_m_s: Annotated[checks.Vector, IS_FLOWN, NO_CASE] = (0.0, 0.0, 0.0)
     """Its velocity there, relative to the chief, Hill axes."""
     max_force_n: Annotated[checks.Positive, Field(le=1000)] = 1.0

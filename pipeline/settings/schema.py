@@ -17,11 +17,12 @@ from typing import Any, Final, Literal, get_args, get_origin, get_type_hints
 import yaml
 
 from pipeline.settings import checks, keys
-from pipeline.settings.checks import DESCRIPTIONS, GROUPS, Freely, Only, SettingError, names_of
+from pipeline.settings.checks import DESCRIPTIONS, GROUPS, Follows, Freely, Only, SettingError, names_of
 from pipeline.settings.controllers import PLANNED
 from pipeline.settings.dispersions import IN_TIME
 from pipeline.settings.experiment import Experiment, Mission
 from pipeline.settings.mission import SHARED
+from pipeline.settings.shells import given_starts
 
 #: characters of a value in a message
 MOST_SHOWN = 60
@@ -72,7 +73,10 @@ def keys_of(group: str, kind: Any, only: Only | None = None) -> Iterator[Key]:
         if field.name in names and field.name != keys.FREE and not is_dataclass(hint):
             default = field.default if field.default_factory is MISSING else field.default_factory()
             marks = [only] if only and name not in only.keys else []
-            marks += [mark for mark in getattr(hint, "__metadata__", ()) if isinstance(mark, Only)]
+            metadata = getattr(hint, "__metadata__", ())
+            marks += [mark for mark in metadata if isinstance(mark, Only)]
+            if any(isinstance(mark, Follows) for mark in metadata):
+                default = None
             yield Key(name, hint, _plain(default), tuple(marks))
 
 
@@ -105,7 +109,8 @@ def completed(config: Mapping[str, Any]) -> dict[str, Any]:
     """Return a configuration with missing defaults filled in, without keys that do not exist in it."""
     absent = (key for key in schema().values() if keys.value_at(config, key.name, ABSENT) is ABSENT)
     whole = keys.with_values(config, {key.name: key.default for key in absent if key.default is not MISSING})
-    return keys.without(whole, [key.name for key in schema().values() if not key.exists(whole)])
+    whole = keys.without(whole, [key.name for key in schema().values() if not key.exists(whole)])
+    return keys.with_values(whole, given_starts(whole))
 
 
 def present(config: Mapping[str, Any]) -> dict[str, Any]:

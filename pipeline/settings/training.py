@@ -17,8 +17,8 @@ MOST_INDIVIDUALS = 100_000
 MOST_PRICE = 1e15
 
 
-DRAWS = Only("stages=scenario", "stages=train", "stages=search", is_told=True)
-TRAINS = Only("stages=train", "stages=search", is_told=True)
+DRAWS = Only("stages=scenario", "stages=train", "stages=search", "stages=fit", is_told=True)
+TRAINS = Only("stages=train", "stages=search", "stages=fit", is_told=True)
 
 
 class Starts(Settings, group="starts", only=DRAWS):
@@ -28,10 +28,10 @@ class Starts(Settings, group="starts", only=DRAWS):
     """The octants' diagonals, drawn in a shell, or the rows of a file."""
     num_cases: Annotated[checks.Count, checks.Cure("; without scenarios nothing can be trained")] = 8
     """Training scenarios."""
-    min_distance_m: checks.Positive = 75.0
-    """Least distance from the chief; equal to the greatest for the octants."""
-    max_distance_m: checks.Number = 75.0
-    """Greatest distance from the chief."""
+    min_distance_m: Annotated[checks.Positive, checks.Follows()] = 75.0
+    """Least distance from the chief; null: as in monte_carlo, for the octants the mean of both."""
+    max_distance_m: Annotated[checks.Number, checks.Follows()] = 75.0
+    """Greatest distance from the chief; null: as in monte_carlo, for the octants the mean of both."""
     redraw: Annotated[checks.Flag, Only("starts.kind=random", "starts.kind=octants")] = False
     """Whether each round of training draws its own."""
     num_hard: checks.Natural = 0

@@ -147,11 +147,15 @@ def bounds_around(value: float, low: float, high: float) -> tuple[float, float]:
 
 
 def _bounds_of(name: str, settings: Encoding) -> tuple[float, ...] | None:
-    """Return the bounds of a constant; some share a key."""
+    """Return the bounds of a constant."""
+    return getattr(settings, bounds_key(name))
+
+
+def bounds_key(name: str) -> str:
+    """Return the key of `Encoding` that has the bounds of a constant, which some share."""
     if name in TOUR_COEFFICIENTS:
-        return settings.tour_m
-    key = "dead_band_n" if name.startswith("dead_band") else name
-    return getattr(settings, key)
+        return "tour_m"
+    return "dead_band_n" if name.startswith("dead_band") else name
 
 
 def _systems_of(

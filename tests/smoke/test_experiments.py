@@ -23,6 +23,7 @@ MINIATURE = (
     *("assurance.num_cases=3", "assurance.searches=1", "assurance.search_starts=3"),
     *("assurance.search_population=5", "assurance.search_generations=1", "assurance.domain_cases=1"),
     *("optimum.restarts=1", "optimum.kicks=0", "duration_s=600.0", "report.dots_per_inch=50"),
+    *("fit.bases=[champion_27]", "fit.draws=1", "fit.cases=[2,3]", "fit.kept=[1]", "fit.num_cases=3"),
     "monte_carlo.num_cases=3",
 )
 #: and with so few kinds of flight that compiling them does
@@ -49,8 +50,9 @@ def finished(request, tmp_path_factory) -> tuple[str, Path, list[str]]:
     if experiment == "assure":  # which has flights of its own, judged after an hour
         small = [word for word in small if word not in ("monte_carlo.num_cases=3", "duration_s=600.0")]
     code = main([f"+experiment={experiment}", *small, f"hydra.run.dir={folder}"])
-    if (folder / artifacts.TRAINED).exists():
-        is_improved = artifacts.read_json(folder, artifacts.TRAINED)["improved"]
+    summary = artifacts.FIT if experiment == "fit_mission" else artifacts.TRAINED
+    if (folder / summary).exists():
+        is_improved = artifacts.read_json(folder, summary)["improved"]
         assert code == (OK if is_improved else UNIMPROVED)
     else:
         assert code == (UNPROVED if experiment in PROVE_NOTHING else OK)
@@ -74,8 +76,8 @@ def test_all_stages_finish_leave_their_files_and_the_manifest_knows_them(finishe
         path = folder / name
         assert path.exists(), name
         assert list(path.iterdir()) if path.is_dir() else path.stat().st_size > 0, name
-    for stage, name in {"train": artifacts.CHAMPION, "evaluate": "evaluate"}.items():
-        assert (folder / name).exists() == (stage in stages)
+    for makers, name in ({"train", "fit"}, artifacts.CHAMPION), ({"evaluate"}, "evaluate"):
+        assert (folder / name).exists() == bool(makers.intersection(stages))
 
 
 def test_files_hold_every_generation_case_sample_and_flight(finished):

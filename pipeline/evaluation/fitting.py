@@ -1,0 +1,281 @@
+"""A first controller for any mission: champions scaled to it compete by successive halving.
+
+Each base flies as shipped, and at sizes and tempos drawn around those that the mission's lengths suggest. All
+fly from a few starts, the better ones from more, until the best is left (K. Jamieson and A. Talwalkar,
+Non-stochastic best arm identification and hyperparameter optimization, AISTATS 2016).
+"""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any, Final
+
+import numpy as np
+
+from fis_tools.model import FuzzyController
+from pipeline.evaluation.statistics import Fraction, fraction
+from pipeline.flight.control.controller import ControllerError, from_fuzzy
+from pipeline.flight.control.law import law_of
+from pipeline.flight.goals.flights import fly_all
+from pipeline.flight.state.log import Scenario, inspectable_rate
+from pipeline.flight.state.signals import CONSTANTS
+from pipeline.scenarios import fitting_scenarios
+from pipeline.settings.experiment import Experiment, Mission
+from pipeline.training.genome import bounds_key
+from pipeline.training.similarity import Similarity, longest_time, sizes_worth_trying
+
+#: tempos that are drawn, the orbit's own more often than others
+TEMPOS: Final = (0.7, 1.0, 1.0, 1.0, 1.6, 2.5, 4.0)
+#: of three controllers drawn, one decides in every control period
+CLOCKS: Final = (False, False, True)
+#: part of the spawn key of the draws of sizes and tempos
+DRAWS: Final = 1 << 24
+#: what an exit costs beyond the success that it is none of, what sight of all points is worth below this
+#: share, and a factor e in delta-v: so that controllers that fail alike are told apart
+EXIT, SIGHT, ENOUGH, SPENT = 0.3, 0.4, 0.97, 0.03
+#: prices of the optimizer that follow what a flight spends
+PRICES: Final = ("outside_m_s", "short_point_m_s", "missed_point_m_s")
+
+
+@dataclass(frozen=True)
+class Variant:
+    """A champion, as shipped or scaled.
+
+    Parameters
+    ----------
+    base : str
+        Its name.
+    size, tempo : float
+        See `Similarity`.
+    decides_always : bool
+    is_shipped : bool
+        Whether it flies with its own numbers.
+    """
+
+    base: str
+    size: float = 1.0
+    tempo: float = 1.0
+    decides_always: bool = False
+    is_shipped: bool = False
+
+    def controller(self, base: FuzzyController, mission: Mission) -> FuzzyController:
+        """Return it for a mission."""
+        if self.is_shipped:
+            return base
+        return Similarity(mission, self.size, self.tempo, self.decides_always).controller(base)
+
+    @property
+    def words(self) -> str:
+        """It in words."""
+        if self.is_shipped:
+            return f"{self.base} as shipped"
+        clock = ", deciding in every control period" if self.decides_always else ""
+        return f"{self.base} at {self.size:.2f} times its size and {self.tempo:g} times its tempo{clock}"
+
+
+@dataclass(frozen=True)
+class FlightTally:
+    """How flights ended.
+
+    Parameters
+    ----------
+    num_cases : int
+    success, exits, misses : Fraction
+        Inside the limits with enough points seen; outside the limits; inside, with too few points.
+    seen : float
+        Mean share of the points that can be inspected.
+    delta_v : float
+        Mean, m/s.
+    """
+
+    num_cases: int
+    success: Fraction
+    exits: Fraction
+    misses: Fraction
+    seen: float
+    delta_v: float
+
+    @property
+    def score(self) -> float:
+        """What halving ranks by: mostly success; see the module's constants."""
+        value = self.success.fraction - EXIT * self.exits.fraction + SIGHT * min(self.seen, ENOUGH)
+        return value - SPENT * math.log(max(self.delta_v, 1e-6))
+
+    @property
+    def sentence(self) -> str:
+        """The tally in words."""
+        rate = self.success
+        return (
+            f"{100 * rate.fraction:.1f} % of {self.num_cases} flights succeed ({100 * rate.low:.1f} to "
+            f"{100 * rate.high:.1f}), {self.exits.count} leave the limits, {self.misses.count} miss points, "
+            f"delta-v {self.delta_v:.3f} m/s"
+        )
+
+
+def tally_of(
+    mission: Mission,
+    controller: FuzzyController,
+    scenarios: list[Scenario],
+    confidence_percent: float,
+    workers: int | None,
+) -> FlightTally:
+    """Fly a controller from some starts and tally the flights.
+
+    Raises
+    ------
+    ControllerError
+        If it cannot fly this mission.
+    """
+    outcomes = fly_all(mission, from_fuzzy(controller), scenarios, workers)
+    is_out = outcomes.is_violated
+    is_seen = outcomes.is_success(mission.inspection_threshold_percent)
+    shares = inspectable_rate(outcomes.inspected_count, outcomes.inspectable_count) / 100.0
+    ends = (is_seen & ~is_out, is_out, ~is_seen & ~is_out)
+    success, exits, misses = (fraction(end, confidence_percent) for end in ends)
+    means = float(shares.mean()), float(outcomes.delta_v_m_s.mean())
+    return FlightTally(len(scenarios), success, exits, misses, *means)
+
+
+def drawn_variants(experiment: Experiment, bases: Mapping[str, FuzzyController]) -> list[Variant]:
+    """Return what competes: each base as shipped, and at sizes drawn evenly in their logarithm.
+
+    Those that cannot fly the mission, such as for decisions between control periods, are left out.
+    """
+    mission, draws = experiment.mission, experiment.fit.draws
+    low, high = sizes_worth_trying(mission)
+    variants = []
+    for number, name in enumerate(bases):
+        generator = np.random.default_rng(np.random.SeedSequence(experiment.seed, spawn_key=(DRAWS, number)))
+        variants.append(Variant(name, is_shipped=True))
+        for draw in range(draws):
+            size = low * (high / low) ** ((draw + generator.uniform()) / draws)
+            tempo, clock = float(generator.choice(TEMPOS)), bool(generator.choice(CLOCKS))
+            variants.append(Variant(name, float(f"{size:.3g}"), tempo, clock))
+    return [
+        variant for variant in variants if _flies(variant.controller(bases[variant.base], mission), mission)
+    ]
+
+
+def _flies(controller: FuzzyController, mission: Mission) -> bool:
+    """Return whether a controller can fly a mission."""
+    try:
+        law_of(from_fuzzy(controller), mission)
+    except ControllerError:
+        return False
+    return True
+
+
+#: returns how a variant flies in a rung
+Judge = Callable[[int, Variant], FlightTally]
+
+
+def halve(
+    experiment: Experiment, variants: Sequence[Variant], judge: Judge
+) -> list[tuple[Variant, FlightTally]]:
+    """Return the variants of the last rung, best first.
+
+    The best of those as shipped flies in every rung, so that scaling replaces none that flies better.
+    """
+    left, judged = list(variants), list[tuple[Variant, FlightTally]]()
+    for rung, (_, kept) in enumerate(rungs_of(experiment)):
+        judged = [(variant, judge(rung, variant)) for variant in left]
+        judged.sort(key=lambda pair: -pair[1].score)
+        order = [variant for variant, _ in judged]
+        shipped = [variant for variant in order if variant.is_shipped][:1]
+        left = order[:kept] + [variant for variant in shipped if variant not in order[:kept]]
+    return judged
+
+
+def num_flights(experiment: Experiment, num_variants: int) -> int:
+    """Return how many flights halving takes, at most."""
+    total = 0
+    for cases, kept in rungs_of(experiment):
+        total += num_variants * cases
+        num_variants = min(num_variants, kept + 1)
+    return total
+
+
+def rungs_of(experiment: Experiment) -> list[tuple[int, int]]:
+    """Return of each rung the flights of a variant, and how many variants are kept."""
+    settings = experiment.fit
+    return list(zip(settings.cases, (*settings.kept, 1), strict=True))
+
+
+def rung_scenarios(experiment: Experiment, rung: int) -> list[Scenario]:
+    """Return the starts of a rung; those after the last rung are of the validation."""
+    cases = (*experiment.fit.cases, experiment.fit.num_cases)
+    return fitting_scenarios(experiment, rung, cases[rung], is_unseen=rung == len(cases) - 1)
+
+
+def tuning_of(experiment: Experiment, controller: FuzzyController, tally: FlightTally) -> Experiment:
+    """Return the experiment with which a controller is tuned.
+
+    Its constants move between half and twice their values, and prices, which are of a mission in which a
+    flight spends 1 m/s, follow what its flights spend.
+    """
+    settings = experiment.optimizer
+    numbers = {name: float(text) for name, text in controller.attributes if name in CONSTANTS}
+    bounds: dict[str, Any] = {}
+    for field in fields(settings.encoding):
+        values = [abs(numbers[name]) for name in numbers if bounds_key(name) == field.name and numbers[name]]
+        if values and field.name in ("tour_m", "ring_lead_rad"):
+            bounds[field.name] = (-1.5 * max(values), 1.5 * max(values))
+        elif values:
+            longest = longest_time(experiment.mission, field.name)
+            bounds[field.name] = (0.5 * min(values), min(2.0 * max(values), longest))
+        elif any(bounds_key(name) == field.name for name in CONSTANTS):
+            bounds[field.name] = None
+    prices: dict[str, Any] = {name: getattr(settings.penalty, name) * tally.delta_v for name in PRICES}
+    encoding, penalty = replace(settings.encoding, **bounds), replace(settings.penalty, **prices)
+    return replace(experiment, optimizer=replace(settings, encoding=encoding, penalty=penalty))
+
+
+def with_filter(experiment: Experiment) -> Mission:
+    """Return the mission with the safety layer on.
+
+    Raises
+    ------
+    SettingError
+        If its margins do not fit the limits.
+    """
+    mission = experiment.mission
+    return replace(mission, safety=replace(mission.safety, kind="filter"))
+
+
+COLUMNS: Final = (
+    *("rung", "base", "size", "tempo", "decides_always", "is_shipped", "num_cases", "successes", "exits"),
+    *("misses", "seen", "delta_v_m_s", "score"),
+)
+
+
+def row_of(rung: int, variant: Variant, tally: FlightTally) -> list[Any]:
+    """Return the row of `COLUMNS` of a variant in a rung."""
+    flags = str(variant.decides_always).lower(), str(variant.is_shipped).lower()
+    counts = tally.success.count, tally.exits.count, tally.misses.count
+    means = tally.seen, tally.delta_v, tally.score
+    return [rung, variant.base, variant.size, variant.tempo, *flags, tally.num_cases, *counts, *means]
+
+
+def read_row(row: Mapping[str, str], confidence_percent: float) -> tuple[tuple[int, Variant], FlightTally]:
+    """Return what a row of `row_of` was made from.
+
+    Raises
+    ------
+    KeyError, ValueError
+        If it is something else.
+    """
+    variant = Variant(
+        row["base"],
+        float(row["size"]),
+        float(row["tempo"]),
+        row["decides_always"] == "true",
+        row["is_shipped"] == "true",
+    )
+    num_cases = int(row["num_cases"])
+    success, exits, misses = (
+        fraction(np.arange(num_cases) < int(row[name]), confidence_percent)
+        for name in ("successes", "exits", "misses")
+    )
+    means = float(row["seen"]), float(row["delta_v_m_s"])
+    tally = FlightTally(num_cases, success, exits, misses, *means)
+    return (int(row["rung"]), variant), tally

@@ -1,0 +1,69 @@
+"""The page of a fit: what limits the mission, how the controllers fly, and what to do next."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from fis_tools.document import Block, Code, Document, Heading, Items, Paragraph, Table
+from fis_tools.document.html import page, read
+from pipeline.run import artifacts
+
+#: rows of the table of flights, by their keys in the summary
+ROWS = {"shipped": "", "fitted": "fitted", "layered": "with safety=filter", "tuned": "tuned"}
+HEADS = ("", "flights", "success", "outside", "points missed", "delta-v (m/s)")
+
+
+def render_fit(name: str, folder: str, result: Mapping[str, Any]) -> str:
+    """Render the page.
+
+    Parameters
+    ----------
+    name : str
+        Of the controller.
+    folder : str
+        Of the run.
+    result : mapping
+        Of `fit/summary.json`.
+    """
+    return page(
+        Document(list(_blocks(name, folder, result))), read("templates/report.css", "pipeline.report")
+    )
+
+
+def _blocks(name: str, folder: str, result: Mapping[str, Any]) -> Iterator[Block]:
+    last, is_layered = result["last"], result["safety"] != "none"
+    yield Heading(name, 1)
+    tuned = ", tuned" if result["tuned"] else ""
+    yield Paragraph(
+        f"{_percent(last['success'])} of {last['num_cases']} flights succeed, from starts that chose "
+        f"nothing. {last['exits']['count']} left the limits, {last['misses']['count']} missed points inside "
+        f"them. It is {result['words']}{tuned}{', under the safety layer' if is_layered else ''}."
+    )
+    yield Heading("What limits the mission")
+    yield Items([limit["sentence"] for limit in result["limits"]])
+    yield Heading("How they fly")
+    yield _table([(what, result[key]) for key, what in ROWS.items() if result[key]])
+    if result["layer_refused"]:
+        yield Paragraph(f"The safety layer could not be tried: {result['layer_refused']}.")
+    yield Heading("Fly it")
+    layer = f" safety={'filter' if is_layered else 'none'}"
+    yield Code(
+        f"python -m pipeline +experiment=evaluate controller={folder}/{artifacts.FIT_CONTROLLER}{layer} ..."
+    )
+    yield Paragraph("For the dots put the settings of the mission, or world=NAME.")
+    yield Heading("The last round of the competition")
+    yield _table([("", rival) for rival in result["rivals"]])
+
+
+def _table(rows: Sequence[tuple[str, Mapping[str, Any]]]) -> Table:
+    """Return a table of tallies, each with what it is."""
+    cells = [[": ".join(filter(None, (what, row["words"]))), *_cells(row)] for what, row in rows]
+    return Table(HEADS, cells, numbers=range(1, len(HEADS)))
+
+
+def _cells(tally: Mapping[str, Any]) -> list[str]:
+    ends = (tally[end] for end in ("success", "exits", "misses"))
+    return [str(tally["num_cases"]), *(_percent(end) for end in ends), f"{tally['delta_v']:.3f}"]
+
+
+def _percent(share: Mapping[str, Any]) -> str:
+    return f"{100 * share['fraction']:.1f} % ({100 * share['low']:.1f} to {100 * share['high']:.1f})"

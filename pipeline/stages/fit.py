@@ -1,0 +1,279 @@
+"""Fit a controller to any mission: champions scaled to it, the best tuned and judged: fit/, champion.json."""
+
+import csv
+import io
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from fis_tools.document import plain
+from fis_tools.formats import serialize
+from fis_tools.model import FuzzyController
+from pipeline.controllers import source
+from pipeline.evaluation import fitting
+from pipeline.evaluation.fitting import FlightTally, Variant, tally_of
+from pipeline.evaluation.selection import select
+from pipeline.flight.control.controller import ControllerError, from_fuzzy
+from pipeline.flight.state.log import Scenario
+from pipeline.report.fit import render_fit
+from pipeline.run import artifacts, configuration, maker, tables, writing
+from pipeline.run.progress import Progress
+from pipeline.run.runner import Unimproved
+from pipeline.settings.checks import SettingError
+from pipeline.settings.experiment import Experiment, Mission
+from pipeline.training.genome import genome_of
+from pipeline.training.judging import evolved
+from pipeline.training.progress import TrainingProgress
+from pipeline.training.similarity import HOME, limitations
+
+#: the table of the competition is written at most once in this many seconds: each time waits for the disk
+WRITE_EVERY_S: Final = 1.0
+
+
+@dataclass(frozen=True)
+class Standing:
+    """What a fit has reached: a controller, the mission it flies in, and its flights from unseen starts."""
+
+    words: str
+    controller: FuzzyController
+    mission: Mission
+    tally: FlightTally
+
+
+def run(experiment: Experiment, folder: Path) -> Unimproved | None:
+    """Fit a controller to the mission, and say beforehand what limits it.
+
+    Returns
+    -------
+    Unimproved, optional
+        Where nothing scaled or tuned flies better than the best champion as shipped.
+    """
+    bases = load_bases(experiment)
+    unseen = fitting.rung_scenarios(experiment, len(experiment.fit.cases))
+    limits = limitations(experiment.mission, np.array([np.linalg.norm(start.position_m) for start in unseen]))
+    for limit in limits:
+        sys.stderr.write(f"  {'' if limit.is_kept else 'limited by the '}{limit.sentence}\n")
+    rivals = _halved(experiment, folder, bases)
+    shipped = next((rival for rival in rivals if rival[0].is_shipped), None)
+    _report("as shipped", shipped and shipped[1])
+
+    def stand(what: str, words: str, controller: FuzzyController, mission: Mission) -> Standing:
+        tally = _tally(experiment, mission, controller, unseen)
+        _report(f"{what}, {words}", tally)
+        return Standing(words, controller, mission, tally)
+
+    best = rivals[0][0]
+    fitted = last = stand(
+        "fitted", best.words, _named(experiment, best, bases[best.base]), experiment.mission
+    )
+    layered, refusal = None, ""
+    if not _reaches_goal(experiment, last) and last.tally.exits.count > last.tally.misses.count:
+        try:
+            mission = fitting.with_filter(experiment)
+        except SettingError as error:
+            refusal = str(error)
+        else:
+            rival = _best_with_layer(experiment, mission, [variant for variant, _ in rivals], bases)
+            controller = _named(experiment, rival, bases[rival.base])
+            layered = stand("with safety=filter", rival.words, controller, mission)
+            last = layered if layered.tally.success.count > last.tally.success.count else last
+    tuned = None
+    if _is_tuned(experiment, last) and (champion := _tuned(experiment, folder, last)) is not None:
+        tuned = last = stand("tuned", last.words, champion, last.mission)
+    is_improved = not (last is fitted and best.is_shipped)
+    result = {
+        "improved": is_improved,
+        "words": last.words,
+        "safety": last.mission.safety.kind,
+        "goal_percent": experiment.fit.goal_percent,
+        "limits": [vars(limit) | {"kept": limit.is_kept, "sentence": limit.sentence} for limit in limits],
+        "shipped": shipped and _row(shipped[0].words, shipped[1]),
+        "fitted": _row(fitted.words, fitted.tally),
+        "layered": layered and _row(layered.words, layered.tally),
+        "layer_refused": refusal,
+        "tuned": tuned and _row(tuned.words, tuned.tally),
+        "last": _row(last.words, last.tally),
+        "rivals": [_row(variant.words, tally) for variant, tally in rivals],
+    }
+    _write(experiment, folder, last.controller, result)
+    if is_improved:
+        return None
+    return Unimproved(f"not improved: {best.words} is handed back, none flies better; {last.tally.sentence}")
+
+
+def _tally(
+    experiment: Experiment, mission: Mission, controller: FuzzyController, starts: list[Scenario]
+) -> FlightTally:
+    confidence_percent, workers = experiment.monte_carlo.confidence_percent, experiment.fit.workers
+    return tally_of(mission, controller, starts, confidence_percent, workers)
+
+
+def _row(words: str, tally: FlightTally) -> dict[str, Any]:
+    """Return a tally as plain data."""
+    row: dict[str, Any] = plain(tally)
+    return {"words": words, **row}
+
+
+def _reaches_goal(experiment: Experiment, standing: Standing) -> bool:
+    """Return whether the success is above the goal, at the confidence of the evaluation."""
+    return standing.tally.success.low >= experiment.fit.goal_percent / 100.0
+
+
+def _best_with_layer(
+    experiment: Experiment,
+    mission: Mission,
+    variants: Sequence[Variant],
+    bases: Mapping[str, FuzzyController],
+) -> Variant:
+    """Return which variant of the last round flies best under the safety layer, from the round's starts."""
+    starts = fitting.rung_scenarios(experiment, len(experiment.fit.cases) - 1)
+
+    def score(variant: Variant) -> float:
+        controller = variant.controller(bases[variant.base], experiment.mission)
+        return _tally(experiment, mission, controller, starts).score
+
+    return max(variants, key=score)
+
+
+def load_bases(experiment: Experiment) -> dict[str, FuzzyController]:
+    """Return the controllers that compete, by name: of `fit.bases`, and the configured one if it has rules.
+
+    Raises
+    ------
+    ControllerError
+        If one of `fit.bases` has no rules.
+    """
+    bases = {}
+    for name in experiment.fit.bases:
+        base = source.named(name, HOME).fuzzy
+        if base is None:
+            raise ControllerError(
+                f"fit.bases has {name}, which has no rules to scale; name fuzzy controllers"
+            )
+        bases[name] = base
+    configured = source.load(experiment.controller, HOME).fuzzy
+    if configured is not None and configured.name not in bases:
+        bases[configured.name] = configured
+    return bases
+
+
+def _report(what: str, tally: FlightTally | None) -> None:
+    sys.stderr.write(f"  {what}: {tally.sentence if tally else 'none can fly this mission'}\n")
+
+
+def _halved(
+    experiment: Experiment, folder: Path, bases: Mapping[str, FuzzyController]
+) -> list[tuple[Variant, FlightTally]]:
+    """Fly the competition, or what of it is left; return those of the last round, best first."""
+    mission, settings = experiment.mission, experiment.fit
+    variants = fitting.drawn_variants(experiment, bases)
+    if not variants:
+        raise ControllerError(
+            "none of fit.bases can fly this mission at any size; see their decision_period_s and tour_time_s"
+        )
+    starts = [fitting.rung_scenarios(experiment, rung) for rung in range(len(settings.cases))]
+    table = CompetitionTable(experiment, folder)
+    total, done = fitting.num_flights(experiment, len(variants)), 0
+    with Progress("flight", total, 0) as progress:
+
+        def judge(rung: int, variant: Variant) -> FlightTally:
+            nonlocal done
+            if (rung, variant) not in table.tallies:
+                controller = variant.controller(bases[variant.base], mission)
+                table.add(rung, variant, _tally(experiment, mission, controller, starts[rung]))
+            done += settings.cases[rung]
+            progress.show(done, f"round {rung + 1}, {variant.words}")
+            return table.tallies[rung, variant]
+
+        try:
+            return fitting.halve(experiment, variants, judge)
+        finally:
+            table.write()
+
+
+class CompetitionTable:
+    """The flights of the competition, which a resumed run goes on from."""
+
+    def __init__(self, experiment: Experiment, folder: Path) -> None:
+        self.tallies: dict[tuple[int, Variant], FlightTally] = {}
+        self._path, self._due = folder / artifacts.FIT_CANDIDATES, time.monotonic()
+        text = artifacts.text_of(folder, artifacts.FIT_CANDIDATES) if experiment.resume else ""
+        with artifacts.explained(f"{self._path} cannot be read", "delete it, then resume again", csv.Error):
+            for row in csv.DictReader(io.StringIO(text)):
+                key, tally = fitting.read_row(row, experiment.monte_carlo.confidence_percent)
+                self.tallies[key] = tally
+
+    def add(self, rung: int, variant: Variant, tally: FlightTally) -> None:
+        """Add the flights of a variant; write the table if the last time is some time ago."""
+        self.tallies[rung, variant] = tally
+        if time.monotonic() >= self._due:
+            self.write()
+            self._due = time.monotonic() + WRITE_EVERY_S
+
+    def write(self) -> None:
+        """Write the table whole."""
+        rows = [fitting.row_of(rung, variant, tally) for (rung, variant), tally in self.tallies.items()]
+        tables.write_csv(self._path, fitting.COLUMNS, rows)
+
+
+def _is_tuned(experiment: Experiment, standing: Standing) -> bool:
+    """Return whether a controller is tuned; training does not fly dispersions."""
+    tunes = experiment.fit.tunes
+    is_wanted = tunes == "always" or (tunes == "needed" and not _reaches_goal(experiment, standing))
+    return is_wanted and not experiment.mission.dispersions
+
+
+def _tuned(experiment: Experiment, folder: Path, standing: Standing) -> FuzzyController | None:
+    """Return a controller tuned from one; None if none flies better."""
+    given = standing.controller
+    moved = replace(experiment, mission=standing.mission)
+    tuning = fitting.tuning_of(moved, given, standing.tally)
+    genome = genome_of(from_fuzzy(given), tuning.optimizer.encoding)
+    with TrainingProgress(tuning.optimizer) as progress:
+        result = evolved(
+            tuning,
+            genome,
+            checkpoint=folder / artifacts.FIT_CHECKPOINT,
+            resume=experiment.resume,
+            on_generation=lambda history: progress.show_generation(history[-1]),
+        )
+    if result.interrupted:
+        raise KeyboardInterrupt
+    selection = select(tuning, genome, result.history, given)
+    name = f"{given.name.removesuffix(f'_{experiment.name}')}_{experiment.name}"
+    return replace(selection.controller, name=name) if selection.is_improved else None
+
+
+def _named(experiment: Experiment, variant: Variant, base: FuzzyController) -> FuzzyController:
+    """Return a variant's controller under its own name, with what it comes from in its purpose."""
+    controller = variant.controller(base, experiment.mission)
+    if variant.is_shipped:
+        return controller
+    purpose = f"The rules of {variant.words}, for another mission. There: {base.purpose}"
+    return replace(controller, name=f"{base.name}_{experiment.name}", purpose=purpose)
+
+
+def _write(
+    experiment: Experiment, folder: Path, controller: FuzzyController, result: Mapping[str, Any]
+) -> None:
+    """Write the controller, for flights and for people, the summary, and the page."""
+    facts = {
+        "experiment": experiment.name,
+        "seed": str(experiment.seed),
+        "config_hash": configuration.config_hash(configuration.read(folder)),
+        "product_version": maker.product_version(),
+        "git_revision": maker.git_revision() or "none",
+        "fitted_from": str(result["words"]),
+    }
+    if result["improved"]:
+        controller = serialize.described(controller, facts)
+    writing.write_atomically(folder / artifacts.CHAMPION, serialize.dump_json(controller) + "\n")
+    writing.write_atomically(folder / artifacts.FIT_CONTROLLER, serialize.dump_yaml(controller))
+    writing.write_json(folder / artifacts.FIT, {"controller": controller.name, **result})
+    page = render_fit(controller.name, folder.as_posix(), result)
+    writing.write_atomically(folder / artifacts.FIT_PAGE, page)

@@ -1,0 +1,179 @@
+"""A controller fitted to a mission, in miniature."""
+
+from dataclasses import replace
+
+import pytest
+
+from fis_tools.formats import serialize
+from fis_tools.model import Triangular
+from pipeline.command_line.config import compose_experiment
+from pipeline.evaluation import fitting
+from pipeline.evaluation.fitting import FlightTally, Variant
+from pipeline.evaluation.statistics import Fraction
+from pipeline.flight.control.controller import ControllerError
+from pipeline.run import artifacts, configuration
+from pipeline.run.runner import Unimproved
+from pipeline.settings.checks import SettingError
+from pipeline.settings.places import conf_folder
+from pipeline.stages import fit
+
+SHIPPED = conf_folder() / "controller" / "champion_27.yaml"
+#: a chief of 2 m, seen in half an hour
+MISSION = ("chief.inspection_radius_m=2", "deputy.min_distance_m=5", "deputy.max_distance_m=60")
+SMALL = ("fit.bases=[champion_27]", "fit.draws=3", "fit.cases=[3,4]", "fit.kept=[2]", "fit.num_cases=5")
+SMALL += ("duration_s=1800", "attitude=ideal", "optimizer.population_size=5", "optimizer.generations=1")
+SMALL += ("starts.num_cases=4", "optimizer.validation_cases=4", "optimizer.workers=1")
+
+
+def composed(*overrides: str):
+    return compose_experiment(["+experiment=fit_mission", *MISSION, *SMALL, *overrides])
+
+
+def fitted(folder, *overrides: str, resume: bool = False):
+    run = composed(*overrides)
+    configuration.write(folder, run.config)
+    return fit.run(replace(run.experiment, resume=resume), folder)
+
+
+@pytest.fixture(scope="module")
+def done(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("fitted")
+    return fitted(folder, "fit.workers=1"), folder
+
+
+def test_a_fit_hands_back_a_controller_that_flies_and_says_how(done):
+    unimproved, folder = done
+    summary = artifacts.read_json(folder, artifacts.FIT)
+    assert (unimproved is None) == summary["improved"]
+    champion = serialize.load(folder / artifacts.CHAMPION)
+    readable = serialize.load(folder / artifacts.FIT_CONTROLLER)
+    assert (champion.systems, dict(champion.attributes).keys()) == (
+        readable.systems,
+        dict(readable.attributes).keys(),
+    )
+    assert [system.rules for system in champion.systems] == [
+        system.rules for system in serialize.load(SHIPPED).systems
+    ]
+    for tally in filter(None, (summary[name] for name in ("fitted", "layered", "tuned", "last"))):
+        assert sum(tally[end]["count"] for end in ("success", "exits", "misses")) == tally["num_cases"] == 5
+    page = (folder / artifacts.FIT_PAGE).read_text(encoding="utf-8")
+    for limit in summary["limits"]:
+        assert limit["formula"] in page
+    assert len(summary["limits"]) == 4
+
+
+def test_threads_and_interruptions_change_nothing(done, tmp_path):
+    _, folder = done
+    names = artifacts.FIT_CANDIDATES, artifacts.FIT_CONTROLLER
+    expected = [(folder / name).read_bytes() for name in names]
+    lines = expected[0].decode().splitlines(keepends=True)
+    path = tmp_path / artifacts.FIT_CANDIDATES
+    path.parent.mkdir()
+    path.write_text("".join(lines[: len(lines) // 2]), encoding="utf-8")
+    fitted(tmp_path, "fit.workers=2", resume=True)
+    systems = [serialize.load(part / artifacts.CHAMPION).systems for part in (folder, tmp_path)]
+    assert systems[0] == systems[1]
+    assert path.read_bytes() == expected[0]
+
+
+def test_a_table_that_cannot_be_read_is_explained(tmp_path):
+    path = tmp_path / artifacts.FIT_CANDIDATES
+    path.parent.mkdir()
+    path.write_text("rung,base\n0,champion_27\n", encoding="utf-8")
+    with pytest.raises(artifacts.ArtifactError, match=r"candidates.csv cannot be read .* delete it"):
+        fitted(tmp_path, resume=True)
+
+
+def test_a_champion_that_nothing_betters_is_handed_back(tmp_path, monkeypatch):
+    monkeypatch.setattr(fitting, "sizes_worth_trying", lambda mission: (30.0, 40.0))
+    words = fitted(
+        tmp_path,
+        *("chief.inspection_radius_m=10", "deputy.min_distance_m=15", "deputy.max_distance_m=200"),
+        *("duration_s=3600", "fit.tunes=never"),
+    )
+    assert isinstance(words, Unimproved)
+    assert words.startswith("not improved: champion_27 as shipped is handed back")
+    assert not artifacts.read_json(tmp_path, artifacts.FIT)["improved"]
+    assert serialize.load(tmp_path / artifacts.CHAMPION) == serialize.load(SHIPPED)
+
+
+def tally(success: float, exits: float = 0.0, seen: float = 1.0, delta_v: float = 0.4) -> FlightTally:
+    shares = success, exits, 1.0 - success - exits
+    ends = (Fraction(round(100 * share), share, share, share) for share in shares)
+    return FlightTally(100, *ends, seen, delta_v)
+
+
+def test_success_counts_first_then_exits_then_fuel():
+    order = [tally(1.0, delta_v=2.0), tally(0.9), tally(0.9, delta_v=0.5), tally(0.9, exits=0.1, delta_v=0.5)]
+    scores = [each.score for each in order]
+    assert scores == sorted(scores, reverse=True)
+
+
+def test_halving_keeps_the_best_as_shipped():
+    experiment = composed().experiment
+    variants = [Variant("champion_27", size, is_shipped=size == 0) for size in range(4)]
+    rates = dict(zip(variants, (0.1, 0.5, 0.9, 0.8), strict=True))
+    flown = []
+
+    def judge(rung, variant):
+        flown.append((rung, variant))
+        return tally(rates[variant])
+
+    last = [variant for variant, _ in fitting.halve(experiment, variants, judge)]
+    assert last == [variants[2], variants[3], variants[0]]
+    assert [rung for rung, _ in flown] == [0] * 4 + [1] * 3
+    assert fitting.num_flights(experiment, 4) == 4 * 3 + 3 * 4
+
+
+def test_rows_of_the_table_are_read_as_they_were_written():
+    variant = Variant("champion_27", 0.37, 1.6, decides_always=True)
+    experiment = composed().experiment
+    base = serialize.load(SHIPPED)
+    flown = fitting.tally_of(experiment.mission, base, fitting.rung_scenarios(experiment, 0), 95.0, 1)
+    row = dict(zip(fitting.COLUMNS, map(str, fitting.row_of(1, variant, flown)), strict=True))
+    assert fitting.read_row(row, 95.0) == ((1, variant), flown)
+
+
+def test_no_start_of_the_judgement_was_flown_before():
+    experiment = composed().experiment
+    rungs = [fitting.rung_scenarios(experiment, rung) for rung in range(3)]
+    assert [len(starts) for starts in rungs] == [3, 4, 5]
+    positions = [tuple(start.position_m) for starts in rungs for start in starts]
+    assert len(set(positions)) == len(positions)
+
+
+@pytest.mark.parametrize(
+    ("override", "words"),
+    [
+        ("fit.kept=[2,1]", "the second must have one less than the first"),
+        ("fit.bases=[]", "name at least one, and each once"),
+        ("problem=docking", "the champions that are scaled inspect"),
+    ],
+)
+def test_impossible_settings_are_refused(override, words):
+    with pytest.raises(SettingError, match=words):
+        composed(override)
+
+
+def test_bases_without_rules_are_refused(tmp_path):
+    with pytest.raises(ControllerError, match=r"fit\.bases has coast, which has no rules"):
+        fitted(tmp_path, "fit.bases=[coast]")
+
+
+def test_tuning_moves_the_constants_of_the_controller_alone():
+    experiment, given = composed().experiment, serialize.load(SHIPPED)
+    tuning = fitting.tuning_of(experiment, given, tally(0.5, delta_v=0.2))
+    encoding = tuning.optimizer.encoding
+    assert encoding.urgency_time_s == (145.0, 580.0)
+    assert encoding.tour_m is None
+    assert encoding.ring_size_m is None
+    assert encoding.dead_band_n == (0.5 * 0.0013, 2 * 0.023)
+    assert tuning.optimizer.penalty.outside_m_s == 0.2 * experiment.optimizer.penalty.outside_m_s
+
+
+def test_the_shapes_of_a_fitted_controller_stay_readable(done):
+    champion = serialize.load(done[1] / artifacts.CHAMPION)
+    for system in champion.systems:
+        for variable in (*system.inputs, *system.outputs):
+            assert float(f"{variable.maximum:.3g}") == variable.maximum
+            assert all(isinstance(term.membership, Triangular) for term in variable.terms)
