@@ -268,7 +268,7 @@ class Experiment(Settings, group=""):
     monte_carlo: MonteCarlo = field(default_factory=MonteCarlo)
     optimum: Optimum = field(default_factory=Optimum)
     prove: Prove = field(default_factory=Prove)
-    fit: Fit = field(default_factory=Fit)
+    fit: FitSettings = field(default_factory=FitSettings)
     compare: Compare = field(default_factory=Compare)
     assurance: Assurance = field(default_factory=Assurance)
     telemetry: Telemetry = field(default_factory=Telemetry)

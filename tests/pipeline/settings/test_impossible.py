@@ -264,7 +264,7 @@ def test_what_counts_for_nothing_is_left_out_and_told_if_a_file_says_it(tmp_path
 def test_keys_of_other_stages_are_told_or_refused_where_they_mislead(tmp_path, monkeypatch, ran):
     monkeypatch.chdir(tmp_path)
     output = ran("+experiment=assure", "controller=coast", "monte_carlo.num_cases=500", code=2)
-    assert "monte_carlo.num_cases counts in the stages scenario, search, train," in output.err
+    assert "monte_carlo.num_cases counts in the stages scenario, search, fit, train," in output.err
     words = ["optimizer.generations=5", "assurance.num_cases=5", "seed=3"]
     output = ran(*FLY, *words, "--cfg", "job")
     assert output.err == "note: no stage of this run reads optimizer.generations, assurance.num_cases\n"
