@@ -251,7 +251,7 @@ def test_the_extras_of_the_toolkit_bring_what_they_say(alone, tmp_path):
     extras.mkdir()
     assert alone.install("all", extras).keys() > alone.distributions.keys()
     alone.tools(("plot", EXAMPLES / "tipper.fis", "-o", figures), beside=extras)
-    assert len(list(figures.glob("*.png"))) >= 3
+    assert list(figures.glob("*.png"))
     code = (
         f"import sys; sys.path.insert(0, {str(EXAMPLES)!r})\nimport fis_tools\n"
         "from tipping import build_tipping\n"

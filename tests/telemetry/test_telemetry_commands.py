@@ -57,7 +57,8 @@ def test_recover_warns_where_no_step_is_left_and_info_tells_the_rest(short_file,
     assert f"`python -m telemetry recover '{path}'`" in ran("info", path, code=2).err
     captured = ran("recover", path)
     assert "holds 0 messages; " in captured.out
-    assert captured.err.startswith(f"warning: no step of the flight could be rescued from {path}")
+    assert captured.err.startswith("warning: no step of the flight")
+    assert str(path) in captured.err
     text = ran("info", tmp_path / "cut it.recovered.mcap").out
     assert "KiB, no messages" in text
     assert re.search(r"scenario_id +circle-0", text)

@@ -110,7 +110,7 @@ def test_what_is_weighed_is_reviewed_and_what_needs_fuzzy_sets_says_so(name, sav
     for words in (*map(sentence, system.rules), *map(shape_words, system.outputs[0].terms)):
         assert words in text
     audited = " ".join(run("audit", weighed).out.split())  # as wide as the terminal is
-    assert "y is a weighted average: how its terms cover the range, overlap and are ordered" in audited
+    assert "y is a weighted average" in audited
     assert "y_0 and y_1" not in audited
 
 
@@ -131,7 +131,7 @@ def test_where_a_formula_has_no_value_is_left_out(tmp_path, saved, run, refused)
     before = saved(with_formula("log(x0 - 5)"), "before.yaml")
     after = saved(with_formula("log(x0 - 5) + 1"), "after.yaml")
     complaint = refused("explain", before, "--inputs", "x0=4,x1=5")
-    assert "y is nan there: a formula that a rule concludes has no value" in complaint
+    assert "y is nan there" in complaint
     difference = run("diff", before, after).out
     assert re.search(r"y_0 +log\(x0 - 5\) → log\(x0 - 5\) \+ 1", difference)
     assert re.search(r"\n +y +the ranges, \d+ inputs +0\.", difference)

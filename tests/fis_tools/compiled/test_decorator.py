@@ -211,7 +211,7 @@ def test_a_value_changed_in_a_running_process_poisons_no_cache(package):
     )
     done = package.run(change)
     assert done.stdout.split() == ["7", "8"]
-    assert "kernels.callee.step, or a value that it uses, has changed; start Python anew" in done.stderr
+    assert re.search(r"kernels\.callee\.step.* has changed", done.stderr)
     after = "from kernels import callee, more\ncallee.STEP = {}\nprint(more.thrice(5))"
     assert [package.run(after.format(step)).stdout.strip() for step in (2, 1)] == ["11", "8"]
 

@@ -231,7 +231,7 @@ def test_what_is_simple_stays_as_it_is(merged_once):
     twice = simplify(merged_once.simplified, budget=EXACTLY)
     assert twice.systems[0].simplified == merged_once.simplified
     assert twice.systems[0].steps == ()
-    assert "nothing can be made simpler within the budget" in twice.text()
+    assert "nothing can be made simpler" in twice.text()
 
 
 def test_an_output_keeps_a_rule_however_large_the_budget():
@@ -293,7 +293,7 @@ def test_the_command_keeps_to_flights_alone_on_demand(tmp_path, run):
     flight = log_flight(tmp_path / "flight.mcap", PAPER_LIKE)
     words = ("simplify", flight, "--system", "force_x")
     everywhere, alone = (run(*words, *more).out for more in ((), ("--flights-only",)))
-    assert "along the logs and at points over the ranges of the inputs" in everywhere
+    assert "along the logs and at points" in everywhere
     assert "on average, along the logs force_x: force_x departs" in " ".join(alone.split())
     rules = [int(text.split()[4].rstrip(",")) for text in (alone, everywhere)]
     assert rules[0] < rules[1] <= 25

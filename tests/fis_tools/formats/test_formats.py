@@ -288,7 +288,7 @@ def test_a_project_says_where_its_controllers_are(tmp_path: Path, monkeypatch: p
     (folder / "below").mkdir(parents=True)
     (folder / "fan.yaml").write_text(CHAMPION.read_text())
     monkeypatch.chdir(folder / "below")
-    with pytest.raises(ControllerFileError, match="no controller of that name; give the path"):
+    with pytest.raises(ControllerFileError, match="no controller of that name"):
         read_controller("fan")
     (tmp_path / "pyproject.toml").write_text('[tool.fis_tools]\ncontrollers = ["mine"]\n')
     assert named("fan") == folder / "fan.yaml"

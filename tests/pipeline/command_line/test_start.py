@@ -48,7 +48,7 @@ sys.meta_path.insert(0, Stopping())
 sys.exit(main())
 """
     done = run_python("-c", code, folder=tmp_path, code=130)
-    assert done.stderr == "\ninterrupted before anything was done; nothing to keep\n"
+    assert "nothing to keep" in done.stderr.strip().splitlines()[-1]
 
 
 def test_to_warm_experiments_are_compiled_at_once_in_new_folders_and_a_failure_ends_it(monkeypatch, ran):

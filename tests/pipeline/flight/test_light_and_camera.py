@@ -70,7 +70,7 @@ def tumbling(rate, **changes):
 
 def test_a_slow_chief_is_turned_by_the_second_and_one_too_fast_to_be_followed_is_refused():
     assert num_chief_steps(tumbling((0.0005, 0.0, 0.002))) == 10
-    with pytest.raises(SettingError, match=r"to turn the chief truly for so long takes .* steps"):
+    with pytest.raises(SettingError, match=r"takes .* steps"):
         num_chief_steps(tumbling((3.0, 4.0, 5.0), duration_s=36_000.0))
 
 

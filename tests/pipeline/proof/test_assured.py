@@ -69,7 +69,7 @@ def test_a_requirement_is_shown_by_the_checked_proof_of_its_run_alone(
         patch.setitem(sys.modules, "flint", None)
         assert repeated(3) == missing
         assert verdict()[0] == "not shown"
-        assert verdict()[1].startswith("the proof is stated by the run, not checked: ")
+        assert "stated by the run, not checked" in verdict()[1]
         assert "tube-figure_1" not in page.read_text()
     theorem, tube = folder / "prove" / "theorem.json", folder / "prove" / "tube.parquet"
     written, boxes = json.loads(theorem.read_text()), pq.read_table(tube)

@@ -169,14 +169,14 @@ def test_a_repeated_command_flies_no_controller_that_its_file_no_longer_holds(mo
 def test_a_folder_that_holds_no_run_is_refused(finished, monkeypatch, ran):
     """Stages alone are for one that does, and none is put where the files of another lie."""
     called, repeat = use_stages(monkeypatch), ["stages=[report]", "hydra.run.dir=typo"]
-    assert "error: typo holds no run; give the folder of a run to repeat stages" in ran(*repeat, code=2).err
+    assert "error: typo holds no run" in ran(*repeat, code=2).err
     assert not Path("typo").exists()
     Path("typo").mkdir()
     assert main(repeat) == 2
     assert list(Path("typo").iterdir()) == []
     (finished / "config.yaml").unlink()
     printed = ran(*FLY, f"hydra.run.dir={finished}", code=2).err
-    assert "has no config.yaml; choose the folder of a run" in printed
+    assert "has no config.yaml" in printed
     assert called == []
 
 
@@ -187,7 +187,7 @@ def test_the_jobs_of_a_sweep_leave_another_sweeps_runs_alone(monkeypatch, ran):
     before = {path: path.read_bytes() for path in Path("sweep").glob("seed=?/[a-z]*.*")}
     called = use_stages(monkeypatch)
     printed = ran(*sweep, "seed=2,3", "duration_s=1800", code=2).err
-    assert f"{Path('sweep', 'seed=2')} holds another run; choose another hydra.run.dir" in printed
+    assert f"{Path('sweep', 'seed=2')} holds another run" in printed
     assert f"resume={Path('sweep', 'seed=2')}" in printed
     assert called == []
     assert not Path("sweep/seed=3").exists()

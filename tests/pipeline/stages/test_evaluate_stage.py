@@ -82,7 +82,7 @@ def test_a_champion_in_the_folder_flies_instead_of_the_configured_controller(tmp
 
 
 def test_a_run_that_trains_is_not_evaluated_without_its_champion(tmp_path):
-    with pytest.raises(ArtifactError, match=r"has no champion.json; the stage train writes it, run that"):
+    with pytest.raises(ArtifactError, match=r"has no champion.json; the stage train writes it"):
         evaluate.run(prepared(tmp_path).experiment, tmp_path)
     assert not (tmp_path / artifacts.EPISODES).exists()
 

@@ -157,7 +157,7 @@ def test_a_rescue_on_a_full_disk_leaves_the_source_alone(short_file, written, tm
 def test_a_rescue_overwrites_nothing(short_file, written):
     path, kept = written(short_file.read_bytes()[:60_000])
     kept.write_bytes(b"precious")
-    with pytest.raises(RecordingError, match="exists; remove it or choose another name with -o"):
+    with pytest.raises(RecordingError, match=r"exists; .* -o"):
         recover(path, kept)
     assert kept.read_bytes() == b"precious"
 
