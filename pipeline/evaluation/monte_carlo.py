@@ -17,7 +17,7 @@ from pipeline.flight.world.pack import inspection_points
 from pipeline.scenarios import columns_of
 from pipeline.settings.dispersions import distributions
 from pipeline.settings.experiment import Mission
-from pipeline.settings.mission import STANDARD_GRAVITY_M_S2
+from pipeline.settings.mission import STANDARD_GRAVITY_M_S2, RealActuators
 
 #: what a summary calls the share of flights that succeed; its ``success`` counts those outside the limits too
 SUCCESS = "success_and_within_limits"
@@ -91,7 +91,7 @@ def episode_columns(mission: Mission, scenarios: list[Scenario], outcomes: Outco
 def _propellant(mission: Mission, settings: list[dict[str, float]], outcomes: Outcomes) -> dict[str, Column]:
     """Return the propellant used in each case, by the rocket equation, as a column, if the mass falls."""
     actuators = mission.actuators
-    if actuators.kind != "real" or actuators.specific_impulse_s is None:
+    if not isinstance(actuators, RealActuators) or actuators.specific_impulse_s is None:
         return {}
     impulse, mass = actuators.specific_impulse_s, mission.deputy.mass_kg
     impulses = np.array([of.get("actuators.specific_impulse_s", impulse) for of in settings])

@@ -47,6 +47,7 @@ from pipeline.recording.firing import delay_of, is_fired
 from pipeline.recording.points import lit_and_seen, note_lit_and_seen, parts_of_points, sensed_of_points
 from pipeline.run import configuration, maker
 from pipeline.settings.experiment import Experiment, Mission
+from pipeline.settings.mission import FilteredNavigation
 from pipeline.settings.schema import only_results
 from telemetry import EpisodeWriter
 from telemetry.file import topics
@@ -206,7 +207,7 @@ class FlightRecorder:
             angular_velocity_rad_s=log.angular_velocity_b_rad_s,
         )
         writer.points(times, self._points, self._point_states(log))
-        if self.mission.navigation.mode == "fixes":
+        if isinstance(self.mission.navigation, FilteredNavigation):
             deviation = np.sqrt(np.diagonal(log.estimate_covariance, axis1=1, axis2=2))
             writer.record(
                 topics.NAVIGATION,

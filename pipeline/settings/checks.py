@@ -12,20 +12,32 @@ Comparisons are written so that NaN, which compares false with everything, never
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
-from typing import Annotated, Any, dataclass_transform, get_args, get_origin, get_type_hints
+from functools import cache
+from typing import (
+    Annotated,
+    Any,
+    ClassVar,
+    Literal,
+    dataclass_transform,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
 from pydantic import (
     AfterValidator,
     BeforeValidator,
     ConfigDict,
     Field,
+    GetCoreSchemaHandler,
     Strict,
     ValidationError,
     ValidationInfo,
 )
 from pydantic.dataclasses import dataclass as checked_dataclass
+from pydantic_core import CoreSchema, core_schema
 
 from pipeline.settings.keys import FREE, KNOWN, did_you_mean, dotted, unit_of, unknown, value_at
 
@@ -284,6 +296,17 @@ class Only:
         self.conditions, self.is_told = conditions, is_told
         self.keys = tuple(re.split("[=>]", condition)[0] for condition in conditions)
 
+    def __eq__(self, other: object) -> bool:
+        """Return whether the other has the same conditions."""
+        return isinstance(other, Only) and (self.conditions, self.is_told) == (
+            other.conditions,
+            other.is_told,
+        )
+
+    def __hash__(self) -> int:
+        """Return a hash of the conditions."""
+        return hash(self.conditions)
+
     @property
     def is_of_stages(self) -> bool:
         """Whether the conditions are about the stages of a run, which may change, not about the flight."""
@@ -347,15 +370,13 @@ def names_of(kind: Any) -> list[str]:
     return [field.name for field in fields(kind) if field.name not in NOT_CONFIGURED]
 
 
-def sentence(kind: Any, group: str, error: ValidationError) -> str:
+def sentence(kind: Any, error: ValidationError) -> str:
     """Describe the first error: unknown keys before missing ones, and those before invalid values.
 
     Parameters
     ----------
     kind : type
-        The dataclass that was to be built.
-    group : str
-        Prefix of its keys.
+        The class of settings that was to be built.
     error : ValidationError
     """
     order = {"unexpected_keyword_argument": 0, "missing": 1}
@@ -363,7 +384,10 @@ def sentence(kind: Any, group: str, error: ValidationError) -> str:
     cause = fault.get("ctx", {}).get("error")
     if isinstance(cause, SettingError):
         return str(cause)
-    key = dotted(group, fault["loc"])
+    key = dotted(kind.group, fault["loc"])
+    if fault["type"] == "unexpected_keyword_argument" and key in KNOWN:
+        where = " and ".join(map(str, conditions_of(kind.root, str(fault["loc"][-1]))))
+        return f"{key} counts only with {where}; set that, or leave {key} out"
     if fault["type"] == "unexpected_keyword_argument":
         return unknown(key)
     if fault["type"] == "missing":
@@ -391,8 +415,7 @@ def _refused(key: str, fault: Mapping[str, Any], hint: Any) -> str:
         case "dataclass_type":
             return f"{value!r}; it must be a group of keys: {', '.join(names_of(kind))}"
         case "literal_error":
-            choices = get_args(kind)
-            return f"{value!r}; it must be one of {', '.join(choices)}{did_you_mean(str(value), choices)}"
+            return _no_choice(value, get_args(kind))
         case "finite_number":
             return f"{value}; it must be a finite number"
         case name if name in TYPES:
@@ -407,6 +430,10 @@ def _refused(key: str, fault: Mapping[str, Any], hint: Any) -> str:
         cures = [mark.words for mark in marks if isinstance(mark, Cure)]
         words = f"a whole number of at least {limits['ge']}{''.join(cures)}"
     return f"{shown}; it must be {words}"
+
+
+def _no_choice(value: Any, choices: Sequence[str]) -> str:
+    return f"{value!r}; it must be one of {', '.join(choices)}{did_you_mean(str(value), choices)}"
 
 
 def opened(hint: Any) -> tuple[Any, dict[str, float], list[Any]]:
@@ -440,34 +467,40 @@ DESCRIPTIONS: dict[type[Any], dict[str, str]] = {}
 class SettingsType(type):
     """The type of classes of settings, whose calls check values and refuse them in sentences."""
 
-    group = ""
-
     def __call__(cls, *args: Any, **values: Any) -> Any:
-        """Return an instance.
+        """Return an instance; of a class with variants that which the tags among the values name.
 
         Raises
         ------
         SettingError
             For unknown and missing keys, and for values of the wrong type or beyond their limits.
         """
+        kind: Any = variant_of(cls, values) if cls.__subclasses__() else cls
         try:
-            return super().__call__(*args, **values)
+            return type.__call__(kind, *args, **values)
         except ValidationError as error:
-            raise SettingError(sentence(cls, cls.group, error)) from error
+            raise SettingError(sentence(kind, error)) from error
 
 
 @dataclass_transform(kw_only_default=True, frozen_default=True, field_specifiers=(field, Field))
 class Settings(metaclass=SettingsType):
     """A group of settings: its subclasses are frozen dataclasses whose values pydantic checks.
 
+    A group whose keys depend on a tag, such as ``navigation.mode``, is a class with variants: subclasses that
+    narrow the tag to one value. Calling the class returns the variant that the values name.
+
     Parameters
     ----------
     group : str, optional
         Such as ``optimizer.penalty``; empty for keys at the top of the configuration. A class without one
-        holds what others share.
+        is a variant, or holds what others share.
     only : Only, optional
         Where its keys exist, except for those that the condition is about.
     """
+
+    #: of its keys, and the class that the group is entered with
+    group: ClassVar[str] = ""
+    root: ClassVar[type[Any] | None] = None
 
     def __init_subclass__(cls, *, group: str | None = None, only: Only | None = None) -> None:
         """Make a subclass a dataclass, and enter its keys among those that are known."""
@@ -479,9 +512,74 @@ class Settings(metaclass=SettingsType):
             for name, entry in getattr(owner, "__pydantic_fields__", {}).items()
             if entry.description
         }
-        if group is None:
-            return
-        cls.group = group
-        if group != FREE:
-            KNOWN.update(dotted(group, (name,)) for name in names_of(cls))
-        GROUPS.append((group, cls, only))
+        if group is not None:
+            cls.group, cls.root = group, cls
+            GROUPS.append((group, cls, only))
+        if cls.root is not None and cls.group != FREE:
+            KNOWN.update(dotted(cls.group, (name,)) for name in names_of(cls))
+
+    @classmethod
+    def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        """Let a class with variants choose, where it is the type of a field."""
+        if not cls.__subclasses__():
+            return handler(source)
+
+        def built(value: Any) -> Any:
+            if isinstance(value, cls):
+                return value
+            if isinstance(value, Mapping):
+                return cls(**{str(name): inside for name, inside in value.items()})
+            raise ValueError(f"{{key}} is {value!r}; it must be a group of keys: {', '.join(names_of(cls))}")
+
+        return core_schema.no_info_plain_validator_function(built)
+
+
+def variants_of(kind: type[Any]) -> list[type[Any]]:
+    """Return the variants of a class of settings: its subclasses without subclasses, or itself."""
+    return [leaf for inner in kind.__subclasses__() for leaf in variants_of(inner)] or [kind]
+
+
+def descendants_of(kind: type[Any]) -> Iterator[type[Any]]:
+    """Yield all subclasses of a class, each before its own."""
+    for inner in kind.__subclasses__():
+        yield inner
+        yield from descendants_of(inner)
+
+
+@cache
+def tags_of(kind: type[Any]) -> Mapping[str, Mapping[type[Any], str]]:
+    """Return the keys that name a variant: by key, its one value in each variant that has it."""
+    tags: dict[str, dict[type[Any], str]] = {}
+    for variant in variants_of(kind):
+        for name, hint in get_type_hints(variant).items():
+            if get_origin(hint) is Literal and len(get_args(hint)) == 1:
+                tags.setdefault(name, {})[variant] = get_args(hint)[0]
+    return tags
+
+
+def variant_of(kind: Any, values: Mapping[str, Any]) -> type[Any]:
+    """Return the variant that the tags among some values name; of a tag that is left out the first counts.
+
+    Raises
+    ------
+    SettingError
+        If there is none.
+    """
+    variants = variants_of(kind)
+    for tag, value_of in tags_of(kind).items():
+        choices = list(dict.fromkeys(value_of[variant] for variant in variants if variant in value_of))
+        value = values.get(tag, choices[0] if choices else None)
+        if choices and value not in choices:
+            key = dotted(getattr(kind, "group", ""), (tag,))
+            raise SettingError(f"{key} is {_no_choice(value, choices)}")
+        variants = [variant for variant in variants if value_of.get(variant, value) == value]
+    return variants[0]
+
+
+def conditions_of(kind: Any, name: str) -> Iterator[Only]:
+    """Yield where a key exists, by the variants that have it: a condition for each tag that decides."""
+    having = [variant for variant in variants_of(kind) if name in variant.__dataclass_fields__]
+    for tag, value_of in tags_of(kind).items():
+        values = list(dict.fromkeys(value_of[variant] for variant in having if variant in value_of))
+        if tag != name and 0 < len(values) < len({*value_of.values()}):
+            yield Only(*(f"{dotted(kind.group, (tag,))}={value}" for value in values))

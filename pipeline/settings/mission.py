@@ -32,11 +32,23 @@ class OrbitSettings(Settings, group="orbit"):
     """Radius about the Earth's centre; null: that of the mean motion."""
 
 
-class Dynamics(Settings, group="dynamics", only=Only("dynamics.model=two_body")):
+class Dynamics(Settings, group="dynamics"):
     """The deputy's true motion: Clohessy and Wiltshire's equations, or an orbit about the Earth."""
 
     model: Literal["cw", "two_body"] = "cw"
     """Clohessy and Wiltshire's equations, or two bodies about the Earth."""
+
+
+class ClohessyWiltshire(Dynamics):
+    """Clohessy and Wiltshire's equations."""
+
+    model: Literal["cw"] = "cw"
+
+
+class TwoBody(Dynamics):
+    """Two bodies about the Earth."""
+
+    model: Literal["two_body"] = "two_body"
     eccentricity: Annotated[checks.NotNegative, Field(lt=1)] = 0.0
     """Eccentricity of the chief's orbit at the start; 0: a circle."""
     true_anomaly_deg: checks.Number = 0.0
@@ -268,20 +280,27 @@ class Safety(Settings, group="safety", only=Only("safety.kind=filter")):
     """How long free drift stays inside the keep-in sphere; 0: off."""
 
 
-RANGED = Only("navigation.measures=range_bearing")
-
-
-class Navigation(Settings, group="navigation", only=Only("navigation.mode=fixes")):
+class Navigation(Settings, group="navigation"):
     """The deputy's knowledge of its own state: the truth, or a filter's estimate from fixes."""
 
     mode: Literal["perfect", "fixes"] = "perfect"
     """The truth, or what a Kalman filter makes of fixes."""
+
+
+class PerfectNavigation(Navigation):
+    """The truth."""
+
+    mode: Literal["perfect"] = "perfect"
+
+
+class FilteredNavigation(Navigation):
+    """What a Kalman filter makes of fixes."""
+
+    mode: Literal["fixes"] = "fixes"
     fix_period_s: checks.Positive = 10.0
     """Time between two fixes; a multiple of control_period_s."""
     delay_s: checks.NotNegative = 0.0
     """Time from a fix to its use; a multiple of control_period_s."""
-    noise_m: Annotated[checks.Positive, Only("navigation.measures=position")] = 1.0
-    """Standard deviation of a fix along each axis."""
     bias_m: checks.NotNegative = 0.0
     """Standard deviation of a flight's constant error along each axis."""
     outlier_share: checks.Share = 0.0
@@ -301,21 +320,47 @@ class Navigation(Settings, group="navigation", only=Only("navigation.mode=fixes"
     """Standard deviation of the first estimate of the velocity, each axis."""
     measures: Literal["position", "range_bearing"] = "position"
     """What a fix is: a place, or range and bearing."""
-    range_noise_m: Annotated[checks.Positive, RANGED] = 0.1
-    """Standard deviation of a range."""
-    bearing_noise_deg: Annotated[checks.Positive, Field(le=10), RANGED] = 0.1
-    """Standard deviation of a bearing along each of two angles."""
     attitude_bias_deg: Annotated[checks.NotNegative, Field(le=30)] = 0.0
     """Standard deviation of the sensed attitude's constant error, each axis."""
     attitude_noise_deg: Annotated[checks.NotNegative, Field(le=30)] = 0.0
     """Standard deviation of the sensed attitude, drawn anew, each axis."""
 
 
-class Actuators(Settings, group="actuators", only=Only("actuators.kind=real")):
+class PositionFixes(FilteredNavigation):
+    """Fixes of the place."""
+
+    measures: Literal["position"] = "position"
+    noise_m: checks.Positive = 1.0
+    """Standard deviation of a fix along each axis."""
+
+
+class RangeBearingFixes(FilteredNavigation):
+    """Fixes of range and bearing."""
+
+    measures: Literal["range_bearing"] = "range_bearing"
+    range_noise_m: checks.Positive = 0.1
+    """Standard deviation of a range."""
+    bearing_noise_deg: Annotated[checks.Positive, Field(le=10)] = 0.1
+    """Standard deviation of a bearing along each of two angles."""
+
+
+class Actuators(Settings, group="actuators"):
     """How the thrusters deviate from their commands."""
 
     kind: Literal["ideal", "real"] = "ideal"
     """Thrusters that fire as commanded, or with errors."""
+
+
+class IdealActuators(Actuators):
+    """Thrusters that fire as commanded."""
+
+    kind: Literal["ideal"] = "ideal"
+
+
+class RealActuators(Actuators):
+    """Thrusters with errors."""
+
+    kind: Literal["real"] = "real"
     delay_s: checks.NotNegative = 0.0
     """Time from a command to its force; a multiple of control_period_s."""
     scale_error: Annotated[checks.NotNegative, Field(le=1)] = 0.05
@@ -416,10 +461,10 @@ class Mission(Settings, group=""):
         """Raise SettingError for fixes and delays that do not fall on samples."""
         period, navigation = self.control_period_s, self.navigation
         clocks = {}
-        if navigation.mode == "fixes":
+        if isinstance(navigation, FilteredNavigation):
             clocks["navigation.fix_period_s"] = navigation.fix_period_s
             clocks["navigation.delay_s"] = navigation.delay_s
-        if self.actuators.kind == "real":
+        if isinstance(self.actuators, RealActuators):
             clocks["actuators.delay_s"] = self.actuators.delay_s
         for key, time in clocks.items():
             if abs(time / period - round(time / period)) > 1e-9 * max(1.0, time / period):
@@ -432,7 +477,7 @@ class Mission(Settings, group=""):
     def _check_propellant(self) -> None:
         """Raise SettingError unless the mass exceeds the propellant plus a control period at full thrust."""
         actuators, deputy = self.actuators, self.deputy
-        if actuators.kind != "real" or actuators.specific_impulse_s is None:
+        if not isinstance(actuators, RealActuators) or actuators.specific_impulse_s is None:
             return
         speed = STANDARD_GRAVITY_M_S2 * actuators.specific_impulse_s
         most = deputy.mass_kg - 3.0 * deputy.max_force_n * self.control_period_s / speed
@@ -528,6 +573,11 @@ class Mission(Settings, group=""):
     def varying(self) -> dict[str, Distribution]:
         """The distributions that vary within a flight, by key."""
         return processes(self.dispersions)
+
+    @property
+    def filtered(self) -> FilteredNavigation:
+        """The filter's settings: defaults where navigation is perfect, and nothing reads them."""
+        return self.navigation if isinstance(self.navigation, FilteredNavigation) else PositionFixes()
 
     @property
     def rate_at_start_rad_s(self) -> tuple[float, ...]:

@@ -66,14 +66,20 @@ def schema() -> dict[str, Key]:
 
 
 def keys_of(group: str, kind: Any, only: Only | None = None) -> Iterator[Key]:
-    """Yield the keys of a class of settings, without those that are groups."""
-    hints, names = get_type_hints(kind, include_extras=True), names_of(kind)
-    for field in fields(kind):
-        hint, name = hints[field.name], keys.dotted(group, (field.name,))
-        if field.name in names and field.name != keys.FREE and not is_dataclass(hint):
+    """Yield the keys of a class of settings and of its variants, without those that are groups."""
+    met: set[str] = set()
+    for owner in (kind, *checks.descendants_of(kind)):
+        hints, names = get_type_hints(owner, include_extras=True), names_of(owner)
+        for field in fields(owner):
+            hint, name = hints[field.name], keys.dotted(group, (field.name,))
+            is_group = field.name == keys.FREE or is_dataclass(hint)
+            if field.name in met or field.name not in names or is_group:
+                continue
+            met.add(field.name)
             default = field.default if field.default_factory is MISSING else field.default_factory()
             marks = [only] if only and name not in only.keys else []
             metadata = getattr(hint, "__metadata__", ())
+            marks += checks.conditions_of(kind, field.name)
             marks += [mark for mark in metadata if isinstance(mark, Only)]
             if any(isinstance(mark, Follows) for mark in metadata):
                 default = None
@@ -186,17 +192,17 @@ def in_world(experiment: Experiment, name: str) -> Experiment:
     for group, values in changes.items():
         current = there.get(group)
         there[group] = current | values if isinstance(current, dict) and isinstance(values, dict) else values
-    parts = dict(there)
-    try:
-        made = replace(experiment, sun=parts.pop("sun"), mission=Mission(**parts))
-    except SettingError as error:
-        raise SettingError(f"compare.worlds.{name}: {error}") from error
-    for key, mark in idle(there).items():
+    unmet = idle(there)
+    for key, mark in unmet.items():
         group, _, last = key.rpartition(".")
         # the Sun's mode is that of compare.suns
         if group != "sun" and last in changes.get(group, {}):
             raise SettingError(f"compare.worlds.{name}: {mark.refusal(key, there)}")
-    return made
+    parts = keys.without(there, unmet)
+    try:
+        return replace(experiment, sun=parts.pop("sun"), mission=Mission(**parts))
+    except SettingError as error:
+        raise SettingError(f"compare.worlds.{name}: {error}") from error
 
 
 def differences(
@@ -257,7 +263,7 @@ def rows_of(group: str, shown: list[Key]) -> Iterator[tuple[str, str, str, str]]
     for key in shown:
         name = key.name.rpartition(".")[2]
         default = "" if key.default is MISSING else f"`{as_yaml(key.default)}` {keys.unit_of(name)}".strip()
-        conditions = [mark for mark in key.only if not mark.is_of_stages and mark is not of_group(group)]
+        conditions = [mark for mark in key.only if not mark.is_of_stages and mark != of_group(group)]
         meaning = descriptions().get(f"{group}.{name}".lstrip("."), "")
         only = f" Only with {in_code(conditions)}." if conditions else ""
         yield f"`{name}`{marks_of(key)}", default, range_of(key), meaning + only
@@ -265,7 +271,11 @@ def rows_of(group: str, shown: list[Key]) -> Iterator[tuple[str, str, str, str]]
 
 def of_group(group: str) -> Only | None:
     """Return the condition that holds for all keys of a group."""
-    return next((only for name, _, only in GROUPS if group and name == group), None)
+    marks = [mark for key in tables()[group] for mark in key.only]
+    shared = (
+        mark for mark in marks if all(mark in key.only or key.name in mark.keys for key in tables()[group])
+    )
+    return next(shared, None) if group else None
 
 
 def in_code(marks: list[Only]) -> str:
@@ -346,6 +356,7 @@ def descriptions() -> dict[str, str]:
         named = next((f"{keys.FREE} ({name})" for name, planned in PLANNED.items() if planned is kind), group)
         prefix = f"{named}." if group else ""
         texts[prefix.rstrip(".")] = (inspect.getdoc(kind) or "").partition("\n")[0]
-        for name, text in DESCRIPTIONS[kind].items():
-            texts.setdefault(prefix + name, text)
+        for owner in (kind, *checks.descendants_of(kind)):
+            for name, text in DESCRIPTIONS[owner].items():
+                texts.setdefault(prefix + name, text)
     return texts

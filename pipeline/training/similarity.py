@@ -22,6 +22,7 @@ from pipeline.flight.state.signals import CONSTANTS
 from pipeline.flight.world.pack import inspection_points
 from pipeline.settings.experiment import Mission
 from pipeline.settings.keys import unit_of
+from pipeline.settings.mission import RealActuators
 from pipeline.settings.shells import sight_shell
 
 #: where the shipped controllers fly: the defaults of all settings
@@ -248,7 +249,8 @@ def limitations(mission: Mission, distances_m: Floats) -> list[Limitation]:
     radius = float(np.linalg.norm(inspection_points(mission), axis=1).max())
     near, far = sight_shell(deputy, mission.sensor, radius)
     outside = float(np.mean((distances_m < near) | (distances_m > far)))
-    least = mission.actuators.least_impulse_n_s if mission.actuators.kind == "real" else 0.0
+    thrusters = mission.actuators
+    least = thrusters.least_impulse_n_s if isinstance(thrusters, RealActuators) else 0.0
     return [
         Limitation(
             f"thrust over what holds the deputy {farthest:.0f} m above the chief",

@@ -23,6 +23,7 @@ from pipeline.flight.world.bounds import ROUNDING_M, SafetyBounds, bounds_of, is
 from pipeline.flight.world.pack import pack_world
 from pipeline.settings.experiment import Mission
 from pipeline.settings.keys import choices_of
+from pipeline.settings.mission import RangeBearingFixes, RealActuators
 
 
 @dataclass(frozen=True)
@@ -176,21 +177,22 @@ def _follows(formula: Formula, distances_m: tuple[float, float]) -> bool:
 
 def premises(mission: Mission, bounds: SafetyBounds) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Return, in words, the failing premises of the proof for inexact flights, and the assumed ones."""
-    actuators, navigation, errors = mission.actuators, mission.navigation, bounds.errors
-    is_real, is_fixed = actuators.kind == "real", navigation.mode == "fixes"
+    errors, is_fixed, navigation = bounds.errors, mission.navigation.mode == "fixes", mission.filtered
+    real = mission.actuators if isinstance(mission.actuators, RealActuators) else None
     failing = {
         "no bounds are asked for (safety.probability)": mission.safety.probability is None,
         "settings are dispersed": bool(mission.dispersions),
-        "commands are late (actuators.delay_s)": is_real and actuators.delay_s > 0.0,
-        "thrusters form a layout (actuators.thrusters)": is_real and actuators.thrusters is not None,
-        "mass changes (actuators.specific_impulse_s)": is_real and actuators.specific_impulse_s is not None,
+        "commands are late (actuators.delay_s)": bool(real and real.delay_s > 0.0),
+        "thrusters form a layout (actuators.thrusters)": bool(real and real.thrusters is not None),
+        "mass changes (actuators.specific_impulse_s)": real is not None
+        and real.specific_impulse_s is not None,
         "fixes have outliers (navigation.outlier_share)": is_fixed and navigation.outlier_share > 0.0,
         "the thrusters cannot make good for such errors": not bounds.does_close,
     }
     estimate = f"the filter's errors stay within {errors.position_m:.3g} m and {errors.speed_m_s:.2g} m/s"
     sight = "errors of bearings stand still in Hill axes"
     motion = "neglected accelerations stay below their estimate"
-    is_tilted = navigation.measures == "range_bearing" and navigation.attitude_bias_deg > 0.0
+    is_tilted = isinstance(navigation, RangeBearingFixes) and navigation.attitude_bias_deg > 0.0
     assumed = {estimate: is_fixed, sight: is_fixed and is_tilted, motion: mission.dynamics.model != "cw"}
     return tuple(premise for premise in failing if failing[premise]), tuple(
         premise for premise in assumed if assumed[premise]

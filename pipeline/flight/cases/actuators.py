@@ -14,7 +14,7 @@ from pipeline.flight.cases.processes import in_time, varies
 from pipeline.flight.state.errors import Firing, ThrustErrors, Thrusters
 from pipeline.flight.state.log import Scenario
 from pipeline.settings.experiment import Mission
-from pipeline.settings.mission import STANDARD_GRAVITY_M_S2
+from pipeline.settings.mission import STANDARD_GRAVITY_M_S2, RealActuators
 
 #: part of the spawn key of the random numbers for the thrusters, after the case
 THRUSTERS = 2
@@ -28,7 +28,7 @@ NO_FIRING = Firing(
 
 def firing_of(mission: Mission, scenarios: list[Scenario]) -> Firing:
     """Return how the deputies of some flights fire."""
-    if mission.actuators.kind != "real":
+    if not isinstance(mission.actuators, RealActuators):
         return NO_FIRING
     return Firing(True, thrusters_of(mission), thrust_errors(mission, scenarios))
 
@@ -36,6 +36,8 @@ def firing_of(mission: Mission, scenarios: list[Scenario]) -> Firing:
 def thrusters_of(mission: Mission) -> Thrusters:
     """Return the thrusters of a mission, with settings converted to forces held over a control period."""
     actuators, period = mission.actuators, mission.control_period_s
+    if not isinstance(actuators, RealActuators):
+        return NO_FIRING.thrusters
     impulse = actuators.specific_impulse_s
     return Thrusters(
         round(actuators.delay_s / period),
@@ -83,6 +85,8 @@ def thrust_errors(mission: Mission, scenarios: list[Scenario]) -> ThrustErrors:
     from scipy.spatial.transform import Rotation  # noqa: PLC0415 - slow to import, used only here
 
     actuators, keys = mission.actuators, ("actuators.scale_error", "actuators.misalignment_deg")
+    if not isinstance(actuators, RealActuators):
+        return NO_FIRING.errors
     num_matrices = mission.num_controls if varies(mission, *keys) else 1
     matrices, arms = np.empty((len(scenarios), num_matrices, 3, 3)), np.empty((len(scenarios), 3))
     for case, scenario in enumerate(scenarios):

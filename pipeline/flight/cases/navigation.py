@@ -22,7 +22,14 @@ from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.bounds import process_noise
 from pipeline.physics.motion import motion_over
 from pipeline.settings.experiment import Mission
-from pipeline.settings.mission import Actuators, Dynamics, Navigation
+from pipeline.settings.mission import (
+    Actuators,
+    Dynamics,
+    Navigation,
+    PositionFixes,
+    RangeBearingFixes,
+    RealActuators,
+)
 
 #: part of the spawn key of the random numbers for navigation, after the case
 FIXES = 1
@@ -40,14 +47,18 @@ def fixes_of(mission: Mission, scenarios: list[Scenario]) -> Fixes:
 
 def filter_of(mission: Mission) -> Filter:
     """Return the filter of a mission."""
-    navigation, period = mission.navigation, mission.control_period_s
+    navigation, period = mission.filtered, mission.control_period_s
     control = motion_over(mission.orbit, mission.deputy, (period,)).control[0]
     unit = control @ control.T
-    is_seen = navigation.measures == "range_bearing"
-    angles = navigation.bearing_noise_deg, navigation.attitude_noise_deg, navigation.attitude_bias_deg
+    seen = navigation if isinstance(navigation, RangeBearingFixes) else None
+    angles = (
+        seen.bearing_noise_deg if seen else 0.0,
+        navigation.attitude_noise_deg,
+        navigation.attitude_bias_deg,
+    )
     bearing, tilt, bias = np.square(np.radians(angles))
     variances = considered(mission)
-    actuators, is_real = mission.actuators, mission.actuators.kind == "real"
+    actuators = mission.actuators
     start = [navigation.initial_position_m] * 3 + [navigation.initial_velocity_m_s] * 3
     return Filter(
         round(navigation.fix_period_s / period),
@@ -55,24 +66,24 @@ def filter_of(mission: Mission) -> Filter:
         np.diag(np.square(start)),
         unit * (process_noise(mission) * mission.deputy.mass_kg) ** 2,
         unit * (navigation.execution_error**2 + tilt),
-        round(actuators.delay_s / period) if is_real else 0,
+        round(actuators.delay_s / period) if isinstance(actuators, RealActuators) else 0,
         np.flatnonzero(variances),
         variances[variances > 0.0],
-        0.0 if is_seen else navigation.noise_m**2,
+        navigation.noise_m**2 if isinstance(navigation, PositionFixes) else 0.0,
         np.inf if navigation.gate_sigma is None else navigation.gate_sigma**2,
-        is_seen,
-        navigation.range_noise_m**2 if is_seen else 0.0,
-        float(bearing + tilt) if is_seen else 0.0,
+        seen is not None,
+        seen.range_noise_m**2 if seen else 0.0,
+        float(bearing + tilt) if seen else 0.0,
         # two of three turns shorten a vector, each by half its square
         float(1.0 - tilt - bias),
-        float(1.0 - bearing - tilt - bias) if is_seen else 1.0,
+        float(1.0 - bearing - tilt - bias) if seen else 1.0,
     )
 
 
 def considered(mission: Mission) -> Floats:
     """Return the variances of the constant errors that the filter may consider, shape (MOST_CONSTANT,)."""
-    navigation, actuators, variances = mission.navigation, mission.actuators, np.zeros(errors.MOST_CONSTANT)
-    if actuators.kind == "real":
+    navigation, actuators, variances = mission.filtered, mission.actuators, np.zeros(errors.MOST_CONSTANT)
+    if isinstance(actuators, RealActuators):
         variances[: errors.OF_ROTATION] = actuators.scale_error**2
         variances[errors.OF_ROTATION : errors.OF_ATTITUDE] = np.radians(actuators.misalignment_deg) ** 2
     tilt = np.radians(navigation.attitude_bias_deg) ** 2
@@ -85,16 +96,16 @@ def considered(mission: Mission) -> Floats:
 
 def errors_of(mission: Mission, scenarios: list[Scenario]) -> NavigationErrors:
     """Draw the errors of some flights, each from the noise seed of its start."""
-    navigation, num_samples = mission.navigation, mission.num_controls + 1
+    navigation, num_samples = mission.filtered, mission.num_controls + 1
     stride = round(navigation.fix_period_s / mission.control_period_s)
     num_fixes = mission.num_controls // stride + 1
-    is_seen = navigation.measures == "range_bearing"
+    seen = navigation if isinstance(navigation, RangeBearingFixes) else None
     has_tilt = navigation.attitude_bias_deg > 0.0 or navigation.attitude_noise_deg > 0.0
     has_tilt = has_tilt or varies(mission, "navigation.attitude_bias_deg", "navigation.attitude_noise_deg")
     drawn = NavigationErrors(
         np.empty((len(scenarios), 6)),
         np.empty((len(scenarios), num_fixes, 3)),
-        np.empty((len(scenarios), num_fixes if is_seen else 0, 4)),
+        np.empty((len(scenarios), num_fixes if seen else 0, 4)),
         np.empty((len(scenarios), num_samples if has_tilt else 0, 3)),
     )
     for case, scenario in enumerate(scenarios):
@@ -107,14 +118,17 @@ def errors_of(mission: Mission, scenarios: list[Scenario]) -> NavigationErrors:
         drawn.at_start[case, 3:] = navigation.initial_velocity_m_s * generator.standard_normal(3)
         bias = series("bias_m", navigation.bias_m * generator.standard_normal(3))[::stride]
         noise = generator.standard_normal((num_fixes, 3))
-        noise *= 0.0 if is_seen else series("noise_m", navigation.noise_m)[::stride]
+        if isinstance(navigation, PositionFixes):
+            noise *= series("noise_m", navigation.noise_m)[::stride]
+        else:
+            noise *= 0.0
         is_outlier = generator.uniform(size=(num_fixes, 1)) < navigation.outlier_share
         outliers = navigation.outlier_m * generator.standard_normal((num_fixes, 3))
         drawn.of_fixes[case] = bias + noise + is_outlier * outliers
-        if is_seen:
+        if seen:
             sight = generator.standard_normal((num_fixes, 4))
-            turn = series("bearing_noise_deg", np.radians(navigation.bearing_noise_deg))
-            sight[:, :1] *= series("range_noise_m", navigation.range_noise_m)[::stride]
+            turn = series("bearing_noise_deg", np.radians(seen.bearing_noise_deg))
+            sight[:, :1] *= series("range_noise_m", seen.range_noise_m)[::stride]
             sight[:, 1:] *= turn[::stride]
             drawn.of_sight[case] = sight
         if has_tilt:

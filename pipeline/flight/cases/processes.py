@@ -23,6 +23,7 @@ from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.chief import chief_course
 from pipeline.settings.dispersions import IN_TIME, Distribution
 from pipeline.settings.experiment import Mission
+from pipeline.settings.mission import TwoBody
 
 #: place in the spawn key of the first of `IN_TIME`, after the case; fixes, thrusters and the start's
 #: velocity have the places before
@@ -75,13 +76,13 @@ def drag_in_time(mission: Mission, scenarios: list[Scenario]) -> Floats:
 
     It is held along Hill axes; no rows where drag is constant.
     """
-    if not varies(mission, DRAG):
+    dynamics = mission.dynamics
+    if not varies(mission, DRAG) or not isinstance(dynamics, TwoBody):
         return np.zeros((0, 0, 3))
-    constant = mission.dynamics.drag_m_s2
+    constant = dynamics.drag_m_s2
     more = [in_time(mission, DRAG, scenario, constant)[:-1] - constant for scenario in scenarios]
     with_drag, without = (
-        chief_course(replace(mission, dynamics=replace(mission.dynamics, drag_m_s2=drag)))
-        for drag in (1.0, 0.0)
+        chief_course(replace(mission, dynamics=replace(dynamics, drag_m_s2=drag))) for drag in (1.0, 0.0)
     )
     middles = slice(with_drag.num_steps, None, 2 * with_drag.num_steps)
     pushes = with_drag.common[middles] - without.common[middles]

@@ -28,6 +28,7 @@ from pipeline.flight.state.log import FlightLog, Outcomes, Scenario, empty_log
 from pipeline.flight.world.bounds import bounds_of, process_noise, spheres_of
 from pipeline.flight.world.surface import surface_of
 from pipeline.settings.experiment import Mission
+from pipeline.settings.mission import FilteredNavigation, RealActuators, TwoBody
 
 #: names of limits in the order of `pipeline.flight.state.log.LIMITS`; None where none is exceeded
 LIMIT_NAMES = (None, "keep_out", "keep_in", "speed", "passive_safety")
@@ -40,7 +41,7 @@ def reference_of(mission: Mission, controller: Controller, scenario: Scenario) -
     """
     mission, surface = mission_of_case(mission, scenario), surface_of(mission)
     errors: dict[str, Any] = {}
-    if mission.navigation.mode == "fixes":
+    if isinstance(mission.navigation, FilteredNavigation):
         drawn = errors_of(mission, [scenario])
         errors |= {name: values[0] for name, values in drawn._asdict().items()}
         filtered = replace(mission.navigation, process_noise_m_s2=process_noise(mission))
@@ -53,7 +54,7 @@ def reference_of(mission: Mission, controller: Controller, scenario: Scenario) -
         planned = min(bounds.planned_force_n, mission.deputy.max_force_n)
         braking = min(bounds.braking_force_n, mission.braking_force_n)
         errors["margins"] = (*spheres_of(mission, bounds), planned, braking, bounds.step_back_n)
-    if "dynamics.drag_m_s2" in mission.varying:
+    if "dynamics.drag_m_s2" in mission.varying and isinstance(mission.dynamics, TwoBody):
         drag = mission.dynamics.drag_m_s2
         errors["more_drag"] = in_time(mission, "dynamics.drag_m_s2", scenario, drag)[:, 0] - drag
     parts = surface.points, surface.normals, surface.corners
@@ -106,11 +107,11 @@ def fly_by_reference(
     if any(name.startswith(("urgent", "aim", "tour_push", "see_push")) for name in _senses(controller)):
         log.last_light_s[:] = np.where(flight.is_counted, flight.last_lit, 0.0)
     log.reason[:] = log.command_reason
-    actuators, is_real = mission.actuators, mission.actuators.kind == "real"
-    if is_real or mission.navigation.mode == "fixes" or flight.orbit is not None:
-        is_burnt = is_real and actuators.specific_impulse_s is not None
-        dry = 1.0 - actuators.propellant_kg / mission.deputy.mass_kg if is_burnt else -1.0
-        log.reason[:] = firing_reasons(log, flight.periods(actuators.delay_s) if is_real else 0, dry)
+    actuators = mission.actuators if isinstance(mission.actuators, RealActuators) else None
+    if actuators or mission.navigation.mode == "fixes" or flight.orbit is not None:
+        is_burnt = actuators and actuators.specific_impulse_s is not None
+        dry = 1.0 - actuators.propellant_kg / mission.deputy.mass_kg if actuators and is_burnt else -1.0
+        log.reason[:] = firing_reasons(log, flight.periods(actuators.delay_s) if actuators else 0, dry)
     return log
 
 

@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.array_types import Booleans, Floats
 from pipeline.flight.reference.flight import ReferenceFlight
+from pipeline.settings.mission import RealActuators
 
 STANDARD_GRAVITY = 9.80665
 #: propellant that rounding leaves, as a share of the mass at the start
@@ -31,13 +32,18 @@ class Thrust:
     share: float = 1.0
 
 
-def in_impulses(flight: ReferenceFlight, force: Floats) -> Floats:
-    """Return forces in whole impulses, zero below the least."""
-    law, period = flight.mission.actuators, flight.mission.control_period_s
+def in_impulses(law: RealActuators, period: float, force: Floats) -> Floats:
+    """Return forces, held over a period, in whole impulses, zero below the least."""
     if law.impulse_step_n_s > 0.0:
         step = law.impulse_step_n_s / period
         force = np.rint(force / step) * step
     return np.where(np.abs(force) >= law.least_impulse_n_s / period, force, 0.0)
+
+
+def delay_periods(flight: ReferenceFlight) -> int:
+    """Return the control periods from a command to its force."""
+    law = flight.mission.actuators
+    return flight.periods(law.delay_s) if isinstance(law, RealActuators) else 0
 
 
 def fired(
@@ -53,19 +59,19 @@ def fired(
     The last burn is weakened to what the tank still holds.
     """
     law, limit = flight.mission.actuators, flight.mission.deputy.max_force_n
-    if law.kind == "ideal":
+    if not isinstance(law, RealActuators):
         return Thrust(commanded, commands[-1], float(np.abs(commands[-1]).sum()))
-    arm, delay = flight.errors.arm, flight.periods(law.delay_s)
+    arm, delay, period = flight.errors.arm, flight.periods(law.delay_s), flight.mission.control_period_s
     full = flight.mission.deputy.mass_kg
     left = np.inf if law.specific_impulse_s is None else mass - (full - law.propellant_kg)
     if k < delay or left <= EMPTY * full:
         return Thrust(commanded, np.zeros(3), 0.0, arm)
     errors, command = flight.errors.thrust(k), commands[k - delay]
     if law.thrusters is None:
-        force = np.clip(in_impulses(flight, errors @ command), -limit, limit)
+        force = np.clip(in_impulses(law, period, errors @ command), -limit, limit)
         thrust = Thrust(commanded, force, float(np.abs(force).sum()), arm)
     else:
-        thrust = divided(flight, commanded, attitude, command)
+        thrust = divided(flight, law, commanded, attitude, command)
     used = mass - mass_after(flight, thrust, mass)
     share = left / used if used > left else 1.0
     force = share * thrust.fired
@@ -73,14 +79,16 @@ def fired(
     return Thrust(commanded, fired, share * thrust.total, arm, share * thrust.twist, force, share)
 
 
-def divided(flight: ReferenceFlight, commanded: Floats, attitude: Rotation, wanted: Floats) -> Thrust:
+def divided(
+    flight: ReferenceFlight, law: RealActuators, commanded: Floats, attitude: Rotation, wanted: Floats
+) -> Thrust:
     """Return the thrust of a layout: shares by a table, all reduced where one thruster is not enough."""
-    rows = np.array(flight.mission.actuators.thrusters)
+    rows = np.array(law.thrusters)
     directions, most = rows[:, 3:6], rows[:, 6]
     body = attitude.inv().apply(wanted)
     needed = flight.errors.table @ np.concatenate((np.maximum(body, 0.0), np.maximum(-body, 0.0)))
     share = min(1.0, float(np.min(most / np.maximum(needed, most))))
-    forces = in_impulses(flight, needed * share)
+    forces = in_impulses(law, flight.mission.control_period_s, needed * share)
     twist = forces @ np.cross(rows[:, :3], directions)
     return Thrust(
         commanded, attitude.apply(forces @ directions), float(forces.sum()), flight.errors.arm, twist
@@ -96,13 +104,14 @@ def believed(
     the mass at the start.
     """
     law, full = flight.mission.actuators, flight.mission.deputy.mass_kg
-    if law.kind == "ideal":
+    if not isinstance(law, RealActuators):
         return command, np.ones(3, dtype=np.bool_)
     per_mass = 1.0 if law.specific_impulse_s is None else full / mass
     if law.thrusters is not None:
         return sensed_from_true.apply(thrust.reported) * per_mass, np.ones(3, dtype=np.bool_)
-    least = max(law.impulse_step_n_s, law.least_impulse_n_s) / flight.mission.control_period_s
-    known = in_impulses(flight, command)
+    period = flight.mission.control_period_s
+    least = max(law.impulse_step_n_s, law.least_impulse_n_s) / period
+    known = in_impulses(law, period, command)
     force = np.where((known == 0.0) & (thrust.fired != 0.0), least * np.sign(command), known)
     return force * thrust.share * per_mass, np.asarray(thrust.fired != 0.0)
 
@@ -110,7 +119,7 @@ def believed(
 def mass_after(flight: ReferenceFlight, thrust: Thrust, mass: float) -> float:
     """Return the mass after a control period: propellant leaves at the specific impulse (Tsiolkovsky)."""
     law = flight.mission.actuators
-    if law.kind == "ideal" or law.specific_impulse_s is None:
+    if not isinstance(law, RealActuators) or law.specific_impulse_s is None:
         return mass
     speed = STANDARD_GRAVITY * law.specific_impulse_s
     return mass - thrust.total * flight.mission.control_period_s / speed

@@ -21,6 +21,7 @@ from pipeline.flight.reference.turning import chief_attitudes
 from pipeline.flight.reference.two_body import Earth, chief_orbit, hill_axes
 from pipeline.flight.state.log import Scenario
 from pipeline.settings.experiment import Mission
+from pipeline.settings.mission import TwoBody
 
 
 @dataclass(frozen=True)
@@ -79,7 +80,8 @@ class ReferenceFlight:
     @cached_property
     def earth(self) -> Earth | None:
         """The Earth that attracts both craft; None where motion is linear."""
-        return Earth(self.mission) if self.mission.dynamics.model == "two_body" else None
+        dynamics = self.mission.dynamics
+        return Earth(self.mission, dynamics) if isinstance(dynamics, TwoBody) else None
 
     @cached_property
     def orbit(self) -> Floats | None:

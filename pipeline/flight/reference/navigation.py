@@ -6,10 +6,11 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from pipeline.array_types import Booleans, Floats
+from pipeline.flight.reference.actuators import delay_periods
 from pipeline.flight.reference.flight import ReferenceFlight
 from pipeline.flight.reference.motion import transition
 from pipeline.settings.experiment import Mission
-from pipeline.settings.mission import Navigation
+from pipeline.settings.mission import FilteredNavigation, PositionFixes, RangeBearingFixes, RealActuators
 
 #: factor by which a rejected fix widens the covariance
 WIDER = 4.0
@@ -57,7 +58,7 @@ class Belief:
 
 def first_belief(flight: ReferenceFlight, state: Floats) -> Belief:
     """Return the first estimate and its covariance, from the true state."""
-    law = flight.mission.navigation
+    law = flight.mission.filtered
     spread = [law.initial_position_m] * 3 + [law.initial_velocity_m_s] * 3
     shape = flight.mission.num_controls, 3
     covariance = np.diag(np.concatenate((np.square(spread), considered(flight.mission))))
@@ -66,13 +67,13 @@ def first_belief(flight: ReferenceFlight, state: Floats) -> Belief:
 
 def considered(mission: Mission) -> Floats:
     """Return the variances of the constant errors, (15,)."""
-    law, thrusters, is_real = mission.navigation, mission.actuators, mission.actuators.kind == "real"
+    law, real = mission.filtered, mission.actuators if isinstance(mission.actuators, RealActuators) else None
     deviations = (
-        thrusters.scale_error * is_real,
-        np.radians(thrusters.misalignment_deg) * is_real,
+        real.scale_error if real else 0.0,
+        np.radians(real.misalignment_deg) if real else 0.0,
         np.radians(law.attitude_bias_deg),
         law.bias_m,
-        np.sqrt(2.0) * np.radians(law.attitude_bias_deg) ** 2 * (law.measures == "range_bearing"),
+        np.sqrt(2.0) * np.radians(law.attitude_bias_deg) ** 2 * isinstance(law, RangeBearingFixes),
     )
     return np.square(np.repeat(deviations, 3))
 
@@ -82,11 +83,11 @@ def fix(flight: ReferenceFlight, k: int, position: Floats, attitude: Rotation) -
 
     It is the position, or found by range and bearing with the sensed attitude.
     """
-    stride = flight.periods(flight.mission.navigation.fix_period_s)
+    stride = flight.periods(flight.mission.filtered.fix_period_s)
     if k % stride:
         return None
     errors = flight.errors
-    if flight.mission.navigation.measures == "position":
+    if isinstance(flight.mission.filtered, PositionFixes):
         return position + errors.of_fixes[k // stride]
     error = errors.of_sight[k // stride]
     seen = position + np.cross(error[1:] + attitude.apply(flight.tilt_angles(k)), position)
@@ -98,7 +99,7 @@ def estimate(
     flight: ReferenceFlight, k: int, belief: Belief, measured: Floats | None, sensed: Rotation
 ) -> tuple[Floats, Floats]:
     """Take a fix in, once its delay has passed; return the estimate of the state now, and its covariance."""
-    law = flight.mission.navigation
+    law = flight.mission.filtered
     stride, delay = flight.periods(law.fix_period_s), flight.periods(law.delay_s)
     belief.sensed.append(sensed.apply(np.eye(3)))
     belief.innovation = None
@@ -122,7 +123,7 @@ def predicted(
 
     ``x <- Phi x + Gamma f``, ``P <- Phi P Phi' + Q``.
     """
-    mission, law = flight.mission, flight.mission.navigation
+    mission, law = flight.mission, flight.mission.filtered
     force = belief.has_fired[period] * belief.acting[period]
     phi, gamma = transition(mission.orbit.mean_motion_rad_s, mission.control_period_s, mission.deputy.mass_kg)
     tilt = np.radians(law.attitude_noise_deg)
@@ -138,9 +139,8 @@ def predicted(
 
 def pushes(flight: ReferenceFlight, belief: Belief, period: int) -> Floats:
     """Return the forces that unit constant errors add, (3, 15): thrusters turn with the body sensed askew."""
-    force, delay = belief.acting[period], flight.periods(flight.mission.actuators.delay_s)
-    delay *= flight.mission.actuators.kind == "real"
-    axes = belief.sensed[max(0, period - delay)]
+    force = belief.acting[period]
+    axes = belief.sensed[max(0, period - delay_periods(flight))]
     forces = (np.diag(force), np.cross(np.eye(3), force).T, np.cross(force, axes).T, np.zeros((3, 6)))
     return belief.has_fired[period][:, np.newaxis] * np.hstack(forces)
 
@@ -150,10 +150,10 @@ def correct(flight: ReferenceFlight, belief: Belief, at: int) -> None:
 
     Beyond the gate the fix is left out and P widens.
     """
-    law, position = flight.mission.navigation, belief.state[:3]
+    law, position = flight.mission.filtered, belief.state[:3]
     shifts = np.zeros((3, 15))
     shifts[:, 9:12] = np.eye(3)
-    if law.measures == "range_bearing":
+    if isinstance(law, RangeBearingFixes):
         shifts[:, 6:9] = np.cross(belief.sensed[at], position).T
         shifts[:, 12:] = np.linalg.norm(position) * belief.sensed[at].T
     seen, noise = np.hstack((np.eye(3, 6), shifts)), fix_covariance(law, position)
@@ -172,21 +172,22 @@ def correct(flight: ReferenceFlight, belief: Belief, at: int) -> None:
     belief.covariance = kept @ belief.covariance @ kept.T + gain @ noise @ gain.T
 
 
-def expected_fix(law: Navigation, position: Floats) -> Floats:
+def expected_fix(law: FilteredNavigation, position: Floats) -> Floats:
     """Return the mean of fixes of a position: turned about two axes it is shorter by half of each square."""
-    if law.measures == "position":
+    if not isinstance(law, RangeBearingFixes):
         return position
     turns = np.radians([law.bearing_noise_deg, law.attitude_noise_deg, law.attitude_bias_deg])
     return (1.0 - turns @ turns) * position
 
 
-def fix_covariance(law: Navigation, position: Floats) -> Floats:
+def fix_covariance(law: FilteredNavigation, position: Floats) -> Floats:
     """Return R: of a position, or of a range and a bearing along and across the predicted line of sight.
 
     Bordonaro, Willett and Bar-Shalom, IEEE Transactions on Aerospace and Electronic Systems 50, 2014.
     """
-    if law.measures == "position":
+    if isinstance(law, PositionFixes):
         return law.noise_m**2 * np.eye(3)
+    assert isinstance(law, RangeBearingFixes)  # noqa: S101 - the only other kind
     turns = np.radians([law.bearing_noise_deg, law.attitude_noise_deg])
     square = position @ position
     along = np.outer(position, position) / square

@@ -102,11 +102,13 @@ def act(
     state.attitude, state.rate, state.y, instants = turn
     mass = actuators.mass_after(flight, thrust, state.mass)
     mean_mass, duration = 0.5 * (state.mass + mass), mission.control_period_s
-    if flight.orbit is not None:
+    if flight.earth is not None and flight.orbit is not None:
         more_drag = float(flight.errors.more_drag[k]) if len(flight.errors.more_drag) else 0.0
         sun = sun_direction(flight.scenario.sun_angle_rad, flight.scenario.sun_elevation_rad)
         push = thrust.fired / mean_mass
-        state.truth = two_body.moved(mission, flight.orbit[k], sun, state.truth, push, more_drag)
+        state.truth = two_body.moved(
+            flight.earth, mission, flight.orbit[k], sun, state.truth, push, more_drag
+        )
     else:
         force = thrust.fired * mission.deputy.mass_kg / mean_mass
         state.truth = pushed(mission, state.truth, force, duration)
@@ -123,7 +125,7 @@ def remember_command(
     """Note a command for the thrusters, which turn with the body whatever it senses, and for the filter."""
     mission, meant = flight.mission, commanded
     if state.belief is not None:
-        acts = k + (flight.periods(mission.actuators.delay_s) if mission.actuators.kind == "real" else 0)
+        acts = k + actuators.delay_periods(flight)
         if acts < mission.num_controls:
             state.belief.acting[acts] = commanded
         meant = seen.attitude.apply(seen.sensed.inv().apply(commanded))

@@ -12,6 +12,7 @@ from scipy.integrate import solve_ivp
 from pipeline.array_types import Floats
 from pipeline.flight.reference.light import EARTH_RADIUS_M, orbit_radius, visible_share
 from pipeline.settings.experiment import Mission
+from pipeline.settings.mission import TwoBody
 
 TOLERANCES: dict[str, Any] = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-11}
 
@@ -19,8 +20,8 @@ TOLERANCES: dict[str, Any] = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-11}
 class Earth:
     """The Earth's attraction and drag, in Hill axes of the start, held fixed."""
 
-    def __init__(self, mission: Mission) -> None:
-        orbit, self.dynamics = mission.orbit, mission.dynamics
+    def __init__(self, mission: Mission, dynamics: TwoBody) -> None:
+        orbit, self.dynamics = mission.orbit, dynamics
         self.axis = orbit_radius(mission)
         self.gravity = orbit.mean_motion_rad_s**2 * self.axis**3
         slope, latitude = np.radians([self.dynamics.inclination_deg, self.dynamics.latitude_argument_deg])
@@ -75,12 +76,13 @@ def chief_orbit(earth: Earth, mission: Mission) -> Floats:
 
 
 def moved(
-    mission: Mission, chief: Floats, sun: Floats, state: Floats, push: Floats, more_drag: float
+    earth: Earth, mission: Mission, chief: Floats, sun: Floats, state: Floats, push: Floats, more_drag: float
 ) -> Floats:
     """Return the deputy's state after a control period.
 
     Parameters
     ----------
+    earth : Earth
     mission : Mission
     chief : (6,)
         The chief's state at the beginning.
@@ -93,7 +95,7 @@ def moved(
     more_drag : float
         Beyond its constant, m/s^2; held along Hill axes of the period's middle.
     """
-    earth, dynamics, period = Earth(mission), mission.dynamics, mission.control_period_s
+    dynamics, period = earth.dynamics, mission.control_period_s
     varied = np.zeros(3)
 
     def rates(_time: float, s: Floats) -> Floats:

@@ -17,6 +17,13 @@ from pipeline.flight.state.arrays import Guard
 from pipeline.physics.illumination import EARTH_RADIUS_M, orbit_radius
 from pipeline.physics.motion import joined, motion_over, stop_of, stopped
 from pipeline.settings.experiment import Mission, SettingError
+from pipeline.settings.mission import (
+    FilteredNavigation,
+    PositionFixes,
+    RangeBearingFixes,
+    RealActuators,
+    TwoBody,
+)
 
 SQRT_3 = sqrt(3.0)
 #: what the neglected acceleration amounts to as white noise, as a share of its bound: with it, errors are
@@ -154,14 +161,14 @@ def error_bounds(mission: Mission, known: EstimateErrors) -> ErrorBounds:
     """
     from scipy.special import chdtri  # noqa: PLC0415 - slow to import, used only here
 
-    navigation, actuators = mission.navigation, mission.actuators
-    is_fixed, is_real = navigation.mode == "fixes", actuators.kind == "real"
+    navigation, actuators = mission.filtered, mission.actuators
+    is_fixed, is_real = mission.navigation.mode == "fixes", actuators.kind == "real"
     is_biased = is_fixed and (navigation.bias_m > 0.0 or navigation.attitude_bias_deg > 0.0)
     parts = 5.0 * is_fixed + 4.0 * is_real + 1.0 * is_biased
     part = (1.0 - (mission.safety.probability or 0.0)) / max(1.0, parts)
     period, mass = mission.control_period_s, mission.deputy.mass_kg
     share, force = 0.0, mass * unknown_acceleration(mission)
-    if is_real:
+    if isinstance(actuators, RealActuators):
         share = largest_share(actuators.scale_error, radians(actuators.misalignment_deg), 1.0 - 4.0 * part)
         force += SQRT_3 * (actuators.least_impulse_n_s + 0.5 * actuators.impulse_step_n_s) / period
     if not is_fixed:
@@ -171,7 +178,7 @@ def error_bounds(mission: Mission, known: EstimateErrors) -> ErrorBounds:
     constant, noise = sqrt(chdtri(3, 0.5 * part)), sqrt(chdtri(3, part_risk / (mission.num_controls + 1)))
     tilt = radians(constant * navigation.attitude_bias_deg)
     off = constant * navigation.bias_m
-    off += tilt * mission.deputy.max_distance_m if navigation.measures == "range_bearing" else 0.0
+    off += tilt * mission.deputy.max_distance_m if isinstance(navigation, RangeBearingFixes) else 0.0
     position, speed = (known.bound(rows, off, part_risk) for rows in np.split(np.eye(6), 2))
     turn = tilt + radians(noise * navigation.attitude_noise_deg)  # it changes as the body turns
     force += (1.0 + share) * turn * SQRT_3 * mission.deputy.max_force_n
@@ -202,7 +209,7 @@ def unknown_acceleration(mission: Mission) -> float:
     eccentricity changes in rate and attraction; distance and speed at their greatest.
     """
     dynamics, n = mission.dynamics, mission.orbit.mean_motion_rad_s
-    if dynamics.model == "cw":
+    if not isinstance(dynamics, TwoBody):
         return 0.0
     radius, distance = orbit_radius(n), mission.deputy.max_distance_m
     speed = SQRT_3 * mission.deputy.max_force_n * mission.control_period_s / mission.deputy.mass_kg
@@ -215,7 +222,7 @@ def unknown_acceleration(mission: Mission) -> float:
 
 def process_noise(mission: Mission) -> float:
     """Return the standard deviation of the accelerations that the filter allows for, m/s^2."""
-    given = mission.navigation.process_noise_m_s2
+    given = mission.filtered.process_noise_m_s2
     return SHARE_OF_UNKNOWN * unknown_acceleration(mission) if given is None else given
 
 
@@ -227,18 +234,21 @@ def estimate_errors(mission: Mission) -> EstimateErrors:
     from scipy.linalg import block_diag  # noqa: PLC0415 - slow to import, used only here
 
     navigation, safety, period = mission.navigation, mission.safety, mission.control_period_s
-    if navigation.mode == "perfect":
+    actuators = mission.actuators
+    if not isinstance(navigation, FilteredNavigation):
         return EstimateErrors(np.zeros((1, 6, 6)), np.zeros((1, 6, 3)))
     motion = motion_over(mission.orbit, mission.deputy, (period,))
     phi, gamma = motion.transition[0], motion.control[0]
     tilts = np.radians((navigation.attitude_bias_deg, navigation.attitude_noise_deg))
     per_force = navigation.execution_error**2 + float(tilts @ tilts)
-    if mission.actuators.kind == "real":
-        per_force += max(mission.actuators.scale_error, radians(mission.actuators.misalignment_deg)) ** 2
+    if isinstance(actuators, RealActuators):
+        per_force += max(actuators.scale_error, radians(actuators.misalignment_deg)) ** 2
     square = 3.0 * safety.planned_force_n**2 * per_force
     process = gamma @ gamma.T * (square + (process_noise(mission) * mission.deputy.mass_kg) ** 2)
-    noise, constant = navigation.noise_m**2, navigation.bias_m**2
-    if navigation.measures == "range_bearing":
+    noise, constant = 0.0, navigation.bias_m**2
+    if isinstance(navigation, PositionFixes):
+        noise = navigation.noise_m**2
+    elif isinstance(navigation, RangeBearingFixes):
         far = mission.deputy.max_distance_m
         across = far * sqrt(radians(navigation.bearing_noise_deg) ** 2 + float(tilts[1]) ** 2)
         noise = max(navigation.range_noise_m, across) ** 2

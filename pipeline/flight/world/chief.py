@@ -9,7 +9,7 @@ from pipeline.physics.attitude import longest_tumbling_step, tumble
 from pipeline.physics.illumination import EARTH_RADIUS_M, orbit_radius
 from pipeline.physics.orbit import NO_COURSE, Course, Elements, course_of
 from pipeline.settings.experiment import Mission, SettingError
-from pipeline.settings.mission import Light, OrbitSettings
+from pipeline.settings.mission import Light, OrbitSettings, TwoBody
 
 
 def chief_course(mission: Mission) -> Course:
@@ -21,7 +21,7 @@ def chief_course(mission: Mission) -> Course:
         If the orbit intersects the Earth.
     """
     orbit, dynamics = mission.orbit, mission.dynamics
-    if dynamics.model == "cw":
+    if not isinstance(dynamics, TwoBody):
         return NO_COURSE
     check_perigee(mission)
     elements = Elements(**{name: getattr(dynamics, name) for name in Elements._fields})
@@ -54,9 +54,11 @@ def shadowing_radius(orbit: OrbitSettings, light: Light) -> float:
 
 def check_perigee(mission: Mission) -> None:
     """Raise SettingError if an orbit intersects the Earth."""
-    dynamics, axis = mission.dynamics, semi_major_axis(mission.orbit)
-    perigee = axis * (1.0 - dynamics.eccentricity)
-    if dynamics.model != "cw" and not perigee > EARTH_RADIUS_M:
+    dynamics = mission.dynamics
+    if not isinstance(dynamics, TwoBody):
+        return
+    perigee = semi_major_axis(mission.orbit) * (1.0 - dynamics.eccentricity)
+    if not perigee > EARTH_RADIUS_M:
         raise SettingError(
             f"the orbit's perigee is {perigee:,.0f} m from the Earth's centre, inside the Earth about which "
             f"dynamics.model={dynamics.model} flies; it must be greater than {EARTH_RADIUS_M:,.0f} m: lower "

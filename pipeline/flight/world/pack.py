@@ -15,7 +15,7 @@ from pipeline.physics.motion import motion_over, orbit_parts
 from pipeline.physics.quaternion import dcm_b_from_h
 from pipeline.physics.sight import HEIGHT, NORMAL, NUM_SURFACE, SQUARE, Optics, sight_of
 from pipeline.settings.experiment import Mission
-from pipeline.settings.mission import Light
+from pipeline.settings.mission import Light, RealActuators
 
 RIGHT_ANGLE_DEG, STRAIGHT_ANGLE_DEG = 90.0, 180.0
 
@@ -131,7 +131,7 @@ def pack_world(mission: Mission) -> World:
     patches[:] = placed[:, :, order]
     inertia = np.array(deputy.inertia_kg_m2, dtype=np.float64)
     start_dcm = dcm_b_from_h(np.array(deputy.initial_quaternion, dtype=np.float64))
-    actuators, real = mission.actuators, mission.actuators.kind == "real"
+    actuators = mission.actuators
     instants = mission.attitude_period_s * np.arange(mission.num_attitude_steps)
     stride, look = max(1, round(PREVIEW_PERIOD_S / period)), max(1, round(LOOK_PERIOD_S / period))
     return World(
@@ -175,7 +175,8 @@ def pack_world(mission: Mission) -> World:
         max_force=deputy.max_force_n,
         min_distance=deputy.min_distance_m,
         max_distance=deputy.max_distance_m,
-        turns_by_thrust=real and (actuators.thrust_arm_m > 0.0 or actuators.thrusters is not None),
+        turns_by_thrust=isinstance(actuators, RealActuators)
+        and (actuators.thrust_arm_m > 0.0 or actuators.thrusters is not None),
         is_attitude_ideal=mission.attitude.mode == "ideal",
         has_pole_blending=mission.attitude.pole_blending,
         has_clusters=mission.guidance.kind == "clusters",

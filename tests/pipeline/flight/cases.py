@@ -1,6 +1,6 @@
 """Missions, controllers and starts that the fast flight is tried with."""
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
@@ -19,7 +19,7 @@ def mission(**changes: Any) -> Mission:
     """The paper's mission with its centroid, but for some settings; those of a group come as a dict."""
     paper = replace(PAPER, guidance=replace(PAPER.guidance, kind="centroid"))
     groups = {
-        name: replace(getattr(paper, name), **settings)
+        name: asdict(getattr(paper, name)) | settings
         for name, settings in changes.items()
         if isinstance(settings, dict)
     }

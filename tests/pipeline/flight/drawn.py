@@ -5,7 +5,7 @@ own or anywhere in their whole range, unless the mission would be refused: with 
 every mission would be, and in most others nothing would be seen.
 """
 
-from dataclasses import fields, replace
+from dataclasses import asdict, fields, replace
 from math import inf, log10
 from typing import Any, Literal, get_args, get_origin
 
@@ -17,9 +17,10 @@ from pipeline.flight.control.controller import Controller
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.state.signals import CONSTANTS, SIGNALS
 from pipeline.flight.world.bounds import bounds_of, spheres_of
-from pipeline.settings.checks import REACHES, SettingError
+from pipeline.settings.checks import REACHES, SettingError, variant_of
 from pipeline.settings.experiment import Mission
 from pipeline.settings.keys import unit_of
+from pipeline.settings.mission import FilteredNavigation, RealActuators
 from tests.pipeline.flight.cases import controller, leaning_system
 
 #: beyond these a flight takes long, by any means: radians of the orbit, points, attitudes, periods ahead, and
@@ -67,7 +68,8 @@ def limits_of(annotation: Any, metadata: Any = ()) -> dict[str, float]:
 @st.composite
 def setting(draw: Any, kind: Any, name: str, value: Any) -> Any:
     """A value for a setting of a group."""
-    field = kind.__pydantic_fields__[name]
+    tags = kind.root.__pydantic_fields__
+    field = tags.get(name, kind.__pydantic_fields__[name])
     simple = {bool: st.booleans(), int: st.integers(1, MOST_POINTS)}
     special = {
         "inertia_kg_m2": inertia(),
@@ -118,6 +120,13 @@ def layout(draw: Any) -> Any:
     return tuple(rows)
 
 
+def with_value(group: Any, name: str, value: Any) -> Any:
+    """A group of settings with one changed; another variant keeps what it has in common."""
+    values = asdict(group) | {name: value}
+    names = {field.name for field in fields(variant_of(group.root, values))}
+    return group.root(**{key: value for key, value in values.items() if key in names})
+
+
 @st.composite
 def mission(draw: Any, base: Mission, fixed: tuple[str, ...]) -> Mission:
     """A mission like another, but for settings of some groups, and of all but those that are fixed."""
@@ -133,9 +142,11 @@ def mission(draw: Any, base: Mission, fixed: tuple[str, ...]) -> Mission:
     drawn_mission = clocked(draw, base)
     for group, name in draw(st.lists(st.sampled_from(names), max_size=10)):
         old = getattr(drawn_mission, group)
+        if not hasattr(old, name):  # another variant was drawn before
+            continue
         value = draw(setting(type(old), name, getattr(old, name)))
         try:
-            changed = replace(drawn_mission, **{group: replace(old, **{name: value})})
+            changed = replace(drawn_mission, **{group: with_value(old, name, value)})
         except SettingError:
             continue
         if is_bearable(changed):
@@ -152,14 +163,13 @@ def clocked(draw: Any, base: Mission) -> Mission:
         "control_period_s": period,
         "attitude_period_s": period / ticks,
         "duration_s": count * period,
-        "navigation": replace(
-            base.navigation,
-            fix_period_s=draw(st.integers(1, 2)) * period,
-            delay_s=draw(st.integers(0, 2)) * period,
-        ),
-        "actuators": replace(base.actuators, delay_s=draw(st.integers(0, 2)) * period),
         "safety": replace(base.safety, passive_horizon_s=30 * period, keep_in_horizon_s=45 * period),
     }
+    stride, late, slow = (draw(st.integers(least, 2)) * period for least in (1, 0, 0))
+    if isinstance(base.navigation, FilteredNavigation):
+        clocks["navigation"] = replace(base.navigation, fix_period_s=stride, delay_s=late)
+    if isinstance(base.actuators, RealActuators):
+        clocks["actuators"] = replace(base.actuators, delay_s=slow)
     try:
         return replace(base, **clocks)
     except SettingError:  # an attitude law too strong for so slow a clock
@@ -177,7 +187,8 @@ def is_bearable(mission: Mission) -> bool:
     rate = mission.chief.initial_angular_velocity_rad_s
     turns = np.linalg.norm(rate) * mission.duration_s if rate else 0.0
     deputy = mission.deputy
-    torque = deputy.max_torque_n_m + 2.0 * mission.actuators.thrust_arm_m * deputy.max_force_n
+    arm = mission.actuators.thrust_arm_m if isinstance(mission.actuators, RealActuators) else 0.0
+    torque = deputy.max_torque_n_m + 2.0 * arm * deputy.max_force_n
     faster = torque / np.linalg.eigvalsh(deputy.inertia_kg_m2)[0] * mission.duration_s
     return bool(
         mission.orbit.mean_motion_rad_s * (mission.duration_s + ahead) <= MOST_RADIANS

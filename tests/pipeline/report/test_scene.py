@@ -11,6 +11,7 @@ from fis_tools.words.text import sentences
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers import source
 from pipeline.flight.fly.simulation import fly_logged
+from pipeline.recording.firing import delay_of
 from pipeline.recording.recorder import FlightRecorder
 from pipeline.report.contents import ShownFlight
 from pipeline.report.scene import scene_of
@@ -75,9 +76,7 @@ def test_a_push_names_the_rule_that_recordings_give_the_largest_share(flown, tmp
             # of what was not fired a recording has no shares
             if not shares.any():
                 continue
-            k = round(time_s / mission.control_period_s) + round(
-                mission.actuators.delay_s / mission.control_period_s
-            )
+            k = round(time_s / mission.control_period_s) + delay_of(mission)
             force = log.force_hill_n[k, axis]
             if force and texts[k][axis].startswith("If "):
                 assert texts[k][axis] == f"{words[int(np.argmax(shares * np.sign(force)))]}."
