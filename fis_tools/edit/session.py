@@ -10,6 +10,7 @@ from fis_tools.findings.difference.report import TO, headline, shape_change
 from fis_tools.formats.files import file_name, written
 from fis_tools.formats.serialize import checked, fingerprint
 from fis_tools.model import FuzzyController
+from fis_tools.model.intervals import require_type_1
 from fis_tools.model.validate import InvalidSystem, controller_problems
 from fis_tools.words.text import listed, sentence
 
@@ -37,6 +38,7 @@ class Session:
     def __init__(
         self, path: Path, original: FuzzyController, check: Callable[[FuzzyController], object] | None = None
     ) -> None:
+        require_type_1(original.systems, "the editor")
         self.path, self.original, self._check = path, original, check
         #: called by whoever changes it: the pages that show it
         self.views: list[Callable[[], None]] = []

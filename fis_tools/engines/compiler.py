@@ -23,7 +23,7 @@ from fis_tools.engines import interpreter, kernel, packing
 from fis_tools.engines import program as codes
 from fis_tools.engines.inference import as_rows, columns_of, pick
 from fis_tools.engines.packing import NotCompilable, Packed
-from fis_tools.engines.program import Conclusion, Program, Weighing, assemble
+from fis_tools.engines.program import Conclusion, Interval, Program, Weighing, assemble
 from fis_tools.model import FuzzySystem
 from fis_tools.model.validate import validate
 from fis_tools.processors import num_processors
@@ -210,6 +210,8 @@ class CompiledSystem:
     def firing_strengths(self, inputs: Any) -> Floats:
         """Return each rule's firing strength, before weights: (n, num_rules), in the rules' order.
 
+        Of interval type-2 systems (n, 2 num_rules): all lower strengths, then all upper ones.
+
         Same parameters and errors as a call; columns of a mapping or table must have one dimension.
         """
         return interpreter.fire(self.program, self._rows(inputs))
@@ -328,7 +330,9 @@ def compile(
     return compiled
 
 
-def _marked(conclusion: Conclusion | Weighing) -> Conclusion | Weighing:
+def _marked(conclusion: Conclusion | Weighing | Interval) -> Conclusion | Weighing | Interval:
+    if isinstance(conclusion, Interval):
+        return conclusion._replace(upper=conclusion.upper._replace(default=np.nan))
     if isinstance(conclusion, Conclusion):
         return conclusion._replace(defuzzifier=codes.CENTROID, default=np.nan)
     is_formula = conclusion.kinds == codes.FORMULA

@@ -6,7 +6,7 @@ case.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import reduce
 from typing import Any
 
@@ -16,6 +16,7 @@ from fis_tools import model
 from fis_tools.array_types import Floats, Integers
 from fis_tools.errors import require_known
 from fis_tools.model import TOOLS, Expression, FuzzySystem, Rule, Variable, memberships_at
+from fis_tools.model.intervals import has_intervals, twin
 from fis_tools.model.operators import ACCUMULATIONS, AGGREGATIONS, AND_OPERATORS, HEDGES, OR_OPERATORS
 
 #: scikit-fuzzy divides by the larger of the area and this.
@@ -97,6 +98,8 @@ class Inference:
         Degree to which each antecedent holds, before weights.
     outputs : tuple of OutputInference
         In the order of the system's outputs.
+    lower_strengths : (num_rules,) or None
+        Of interval type-2 systems, of which the other fields have upper memberships, strengths and heights.
     """
 
     system: FuzzySystem
@@ -105,6 +108,7 @@ class Inference:
     memberships: tuple[Floats, ...]
     firing_strengths: Floats
     outputs: tuple[OutputInference, ...]
+    lower_strengths: Floats | None = None
 
     @property
     def values(self) -> Floats:
@@ -137,11 +141,45 @@ def infer(system: FuzzySystem, inputs: Any) -> Inference:
         raise ValueError("an input is NaN; pass numbers, those out of range are clipped")
     limits = np.array([system.limits_of(variable) for variable in system.inputs])
     clipped = np.clip(values, limits[:, 0], limits[:, 1])
+    if has_intervals(system):
+        return _infer_intervals(system, values, clipped)
     fuzzify = _evaluate_formulas if system.is_sampled else _fuzzify
     memberships = tuple(map(fuzzify, system.inputs, clipped))
     firing = _fire(system, memberships)
     outputs = tuple(infer_outputs(system, firing, clipped))
     return Inference(system, values, clipped, memberships, firing, outputs)
+
+
+def _infer_intervals(system: FuzzySystem, values: Floats, clipped: Floats) -> Inference:
+    """Infer an interval type-2 system by its type-1 twin, whose rules are all lower ones, then all upper."""
+    bounds, count = twin(system), len(system.rules)
+    memberships = tuple(map(_evaluate_formulas, bounds.inputs, clipped))
+    firing = _fire(bounds, memberships)
+    named = {variable.name: x for variable, x in zip(system.inputs, clipped, strict=True)}
+    inferred = [_infer_output(bounds, output, firing, named) for output in bounds.outputs]
+    outputs = []
+    for variable, lower, upper in zip(system.outputs, inferred[::2], inferred[1::2], strict=True):
+        x, low, high = upper.universe, lower.aggregated, upper.aggregated
+        if upper.weighing is not None and lower.weighing is not None:
+            order = np.argsort(upper.weighing.numbers)[: np.count_nonzero(upper.weighing.strengths)]
+            x = upper.weighing.numbers[order]
+            low, high = lower.weighing.strengths[order], upper.weighing.strengths[order]
+        value = upper.value if upper.is_default else _reduced(system, x, low, high)
+        outputs.append(replace(upper, variable=variable, value=value))
+    uppers = tuple(degrees[1::2] for degrees in memberships)
+    return Inference(system, values, clipped, uppers, firing[count:], tuple(outputs), firing[:count])
+
+
+def _reduced(system: FuzzySystem, x: Floats, low: Floats, high: Floats) -> float:
+    """Return the number of ascending points whose weights lie between bounds; every switch is tried."""
+    if system.type_reduction == "nie-tan":
+        return float((x * (low + high)).sum() / (low + high).sum())
+    ends = []
+    for before, beyond, extreme in ((high, low, np.min), (low, high, np.max)):
+        area = np.append(0.0, np.cumsum(before)) + np.append(np.cumsum(beyond[::-1])[::-1], 0.0)
+        moment = np.append(0.0, np.cumsum(before * x)) + np.append(np.cumsum((beyond * x)[::-1])[::-1], 0.0)
+        ends.append(extreme(moment[area > 0.0] / area[area > 0.0]))
+    return float(np.mean(ends))
 
 
 def _fuzzify(variable: Variable, value: float) -> Floats:

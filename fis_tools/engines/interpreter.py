@@ -17,7 +17,8 @@ from fis_tools.compiled.vectors import borrowed, gather, least, load, most, sele
 from fis_tools.engines import program as codes
 from fis_tools.engines.defuzzifier import conclude_by_rule, conclude_by_term, weigh, weigh_rows
 from fis_tools.engines.degrees import degree
-from fis_tools.engines.program import Antecedents, Program, Weighing, combine
+from fis_tools.engines.intervals import conclude_interval, weigh_interval
+from fis_tools.engines.program import Antecedents, Conclusion, Interval, Program, Weighing, combine
 from fis_tools.engines.sampling import conclude_sampled
 
 #: samples whose rules are evaluated side by side: a constant, so that the compiler vectorises
@@ -139,7 +140,9 @@ def _concluding(program: Program, firing: Floats, inputs: Floats, columns: Float
     """
     for index, conclusion in enumerate(program.conclusions):
         out = columns[index]
-        if isinstance(conclusion, Weighing) and conclusion.formulas:
+        if isinstance(conclusion, Interval):
+            yield _reducing(conclusion, firing, inputs, program.limits, out)
+        elif isinstance(conclusion, Weighing) and conclusion.formulas:
             yield partial(weigh, conclusion, firing, inputs, program.limits, columns[:index], out)
         elif isinstance(conclusion, Weighing):
             none = np.empty((len(inputs), 0))
@@ -150,6 +153,15 @@ def _concluding(program: Program, firing: Floats, inputs: Floats, columns: Float
             yield partial(conclude_by_term, conclusion, firing, out)
         else:
             yield partial(conclude_by_rule, conclusion, firing, out)
+
+
+def _reducing(pair: Interval, firing: Floats, inputs: Floats, limits: Floats, out: Floats) -> partial[None]:
+    lower, upper = pair.lower, pair.upper
+    if isinstance(lower, Weighing) and isinstance(upper, Weighing):
+        lower, upper = (part._replace(formulas=(), names=()) for part in (lower, upper))
+        return partial(weigh_interval, lower, upper, pair.is_mean, firing, inputs, limits, out)
+    assert isinstance(lower, Conclusion) and isinstance(upper, Conclusion)  # noqa: S101, PT018 - of one kind
+    return partial(conclude_interval, lower, upper, pair.is_mean, firing, out)
 
 
 @compiled(error_model="numpy", forceinline=True)

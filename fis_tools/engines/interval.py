@@ -17,9 +17,11 @@ from fis_tools.engines import program as codes
 from fis_tools.engines.defuzzifier import invert
 from fis_tools.engines.degrees import degree_bounds
 from fis_tools.engines.inference import SMALLEST_AREA
-from fis_tools.engines.program import Antecedents, Conclusion, Program, Weighing, assemble, combine
+from fis_tools.engines.intervals import bound_interval, bound_weighed
+from fis_tools.engines.program import Antecedents, Conclusion, Interval, Program, Weighing, assemble, combine
 from fis_tools.engines.sampled_bounds import bound_sampled
-from fis_tools.model import Concave, Formula, FuzzySystem, Sigmoid, Variable
+from fis_tools.model import Concave, Constant, Formula, FuzzySystem, Sigmoid, Variable
+from fis_tools.model.intervals import has_intervals
 from fis_tools.model.validate import validate
 
 EPSILON = float(np.finfo(np.float64).eps)
@@ -58,7 +60,7 @@ def pack(system: FuzzySystem) -> Program:
     return assemble(system)
 
 
-def _obstacle(system: FuzzySystem, output: Variable) -> str:
+def _obstacle(system: FuzzySystem, output: Variable) -> str:  # noqa: PLR0911 - one for each
     """Return why an output cannot be bounded, or nothing."""
     if system.defuzzifier_of(output) == "bisector" and not system.is_sampled:
         return (
@@ -72,7 +74,10 @@ def _obstacle(system: FuzzySystem, output: Variable) -> str:
         )
     if system.joins_numbers(output) and output.accumulation != "unbounded_sum":
         return f"jFuzzyLogic joins rules that conclude one number by {output.accumulation}; take ACCU : SUM"
-    for term in output.terms if system.weighs(output) else ():
+    terms = output.terms if system.weighs(output) else ()
+    if has_intervals(system) and not all(isinstance(term.membership, Constant) for term in terms):
+        return "bounds of interval type-2 are for sets and constants, and its rules conclude other numbers"
+    for term in terms:
         shape = term.membership
         if isinstance(shape, Formula):
             words = "and bounds are for numbers linear in the inputs"
@@ -108,7 +113,9 @@ def bound(program: Program, low: Floats, high: Floats) -> tuple[Floats, Floats, 
     limits = np.empty((len(program.conclusions), len(low), 2))
     low, high = (np.clip(end, program.limits[:, 0], program.limits[:, 1]) for end in (low, high))
     for conclusion, column in zip(program.conclusions, limits, strict=True):
-        if isinstance(conclusion, Weighing):
+        if isinstance(conclusion, Interval):
+            _reduce(conclusion, strengths, column)
+        elif isinstance(conclusion, Weighing):
             _weigh(conclusion, low, high, strengths, column)
             variation += _steepness(conclusion, low.shape[1]) * (high - low)
         elif conclusion.sampling != codes.POLYGON:
@@ -116,6 +123,16 @@ def bound(program: Program, low: Floats, high: Floats) -> tuple[Floats, Floats, 
         else:
             _conclude(conclusion, strengths, column)
     return limits[:, :, 0].T, limits[:, :, 1].T, variation
+
+
+def _reduce(pair: Interval, strengths: Floats, out: Floats) -> None:
+    """Bound an output of interval type-2."""
+    lower, upper = pair.lower, pair.upper
+    if isinstance(lower, Weighing) and isinstance(upper, Weighing):
+        lower, upper = (part._replace(formulas=(), names=()) for part in (lower, upper))
+        bound_weighed(lower, upper, pair.is_mean, strengths, out)
+    elif isinstance(lower, Conclusion) and isinstance(upper, Conclusion):
+        bound_interval(lower, upper, pair.is_mean, strengths, out)
 
 
 @compiled(error_model="numpy", nogil=True)

@@ -11,6 +11,7 @@ from fis_tools import model
 from fis_tools.array_types import Floats, Integers
 from fis_tools.compiled.decorator import compiled
 from fis_tools.engines.degrees import Shapes, shapes_of
+from fis_tools.model.intervals import has_intervals, twin
 
 #: Operations as numbers, since compiled functions have no strings.
 AND_CODES = range(7)
@@ -231,6 +232,22 @@ class Weighing(NamedTuple):
     names: tuple[str, ...]
 
 
+class Interval(NamedTuple):
+    """One output of an interval type-2 system: what its lower and its upper rules conclude.
+
+    Attributes
+    ----------
+    lower, upper : Conclusion or Weighing
+        For strengths of rules of which the first half are lower ones.
+    is_mean : bool
+        Whether the type reduction is Nie and Tan's rather than Karnik and Mendel's.
+    """
+
+    lower: Conclusion | Weighing
+    upper: Conclusion | Weighing
+    is_mean: bool
+
+
 @dataclass(frozen=True)
 class Program:
     """A fuzzy system as numbers.
@@ -238,12 +255,12 @@ class Program:
     Parameters
     ----------
     antecedents : Antecedents
-    conclusions : tuple of Conclusion or Weighing
+    conclusions : tuple of Conclusion, Weighing or Interval
         One for each output.
     """
 
     antecedents: Antecedents
-    conclusions: tuple[Conclusion | Weighing, ...]
+    conclusions: tuple[Conclusion | Weighing | Interval, ...]
 
     @property
     def is_sampled(self) -> bool:
@@ -270,10 +287,11 @@ class Program:
     @property
     def asks_for_inputs(self) -> bool:
         """Whether a rule concludes a number that depends on the inputs."""
+        parts = (c.upper if isinstance(c, Interval) else c for c in self.conclusions)
         return any(
             bool(c.formulas)
             or bool((c.parameters[c.kinds == NUMBER, : len(self.antecedents.inputs)] != 0.0).any())
-            for c in self.conclusions
+            for c in parts
             if isinstance(c, Weighing)
         )
 
@@ -284,11 +302,20 @@ MANY_RULES = 20
 
 def assemble(system: model.FuzzySystem) -> Program:
     """Return a valid system as a program."""
-    conclusions = (
+    if not has_intervals(system):
+        return Program(_antecedents(system), _concluded(system))
+    bounds = twin(system)
+    lower, upper = _concluded(bounds)[::2], _concluded(bounds)[1::2]
+    is_mean = system.type_reduction == "nie-tan"
+    pairs = (Interval(*pair, is_mean) for pair in zip(lower, upper, strict=True))
+    return Program(_antecedents(bounds), tuple(pairs))
+
+
+def _concluded(system: model.FuzzySystem) -> tuple[Conclusion | Weighing, ...]:
+    return tuple(
         _weighing(system, output) if system.weighs(output) else _conclusion(system, output)
         for output in system.outputs
     )
-    return Program(_antecedents(system), tuple(conclusions))
 
 
 def _antecedents(system: model.FuzzySystem) -> Antecedents:

@@ -12,6 +12,7 @@ from fis_tools.array_types import Floats
 from fis_tools.compiled.decorator import compiled
 from fis_tools.engines import program as codes
 from fis_tools.engines.inference import TIE
+from fis_tools.engines.intervals import extreme_mean
 from fis_tools.engines.program import Conclusion
 from fis_tools.engines.sampling import aggregate
 
@@ -44,29 +45,12 @@ def _bounds(conclusion: Conclusion, low: Floats, high: Floats) -> tuple[float, f
     x = conclusion.universe
     if conclusion.defuzzifier == codes.CENTROID:
         slack = 4 * EPSILON * (len(x) + 4) * max(abs(x[0]), abs(x[-1]))
-        return _extreme_mean(x, low, high, 1) - slack, _extreme_mean(x, low, high, -1) + slack
+        return extreme_mean(x, low, high, 1) - slack, extreme_mean(x, low, high, -1) + slack
     if conclusion.defuzzifier == codes.BISECTOR:
         return _bisectors(x, low, high)
     candidates = x[high >= low.max() * (1.0 - 2.0 * TIE)]
     slack = 4 * EPSILON * len(x) * max(abs(x[0]), abs(x[-1]))
     return candidates[0] - slack, candidates[-1] + slack
-
-
-@compiled(error_model="numpy", nogil=True)
-def _extreme_mean(x: Floats, low: Floats, high: Floats, sign: int) -> float:
-    """Return the least (1) or the greatest (-1) mean of points whose weights lie between bounds.
-
-    Every switch from the lower to the upper bounds is tried.
-    """
-    area, moment, extreme = low.sum(), (low * x).sum(), np.inf
-    for step in range(len(x)):
-        point = step if sign > 0 else len(x) - 1 - step
-        area += high[point] - low[point]
-        moment += (high[point] - low[point]) * x[point]
-        if area > 0.0:
-            extreme = min(extreme, sign * (moment / area))
-    # without weights any point may be the mean
-    return float(sign * min(extreme, sign * (x[-1] if sign > 0 else x[0])))
 
 
 @compiled(error_model="numpy", nogil=True)

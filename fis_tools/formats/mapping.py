@@ -4,8 +4,9 @@ The mapping has ``schema: fuzzy-controller``, ``schema_version: 1``, ``name``, m
 ``attributes``, ``provenance`` and ``systems``. A system has ``name``, ``inputs``, ``outputs`` and
 ``rules``. A variable has ``name``, ``unit``, ``range`` and ``points`` (or ``universe``, every point of
 it), ``terms``, maybe a ``description``, and, for an output, ``default`` and maybe ``defuzzifier``,
-``accumulation`` and ``aggregation``. The keys of a term tell its shape, where ``shape`` does not. A
-system may have an ``implication``, and ``semantics``: the program whose inference it means. A full rule
+``accumulation`` and ``aggregation``. The keys of a term tell its shape, where ``shape`` does not; the
+``lower`` and ``upper`` of an interval type-2 set are shapes. A system may have an ``implication``, a
+``type_reduction``, and ``semantics``: the program whose inference it means. A full rule
 table is the list of its output terms, the last
 input changing fastest; any other rule base is a list of ``{if: ..., then: [...]}`` with ``is``, ``and``,
 ``or``, ``not`` nested, and maybe a ``label``, an ``and_operator`` and an ``or_operator``.
@@ -73,7 +74,7 @@ def to_mapping(controller: model.FuzzyController) -> dict[str, Any]:
 def _system_mapping(system: model.FuzzySystem) -> dict[str, Any]:
     return {
         **{key: getattr(system, key) for key in ("name", "and_operator", "or_operator", "defuzzifier")},
-        **_unusual(system, "implication", "semantics"),
+        **_unusual(system, "implication", "semantics", "type_reduction"),
         "inputs": [_variable_mapping(variable) for variable in system.inputs],
         "outputs": [_variable_mapping(variable) for variable in system.outputs],
         "rules": _rules_list(system),
@@ -88,6 +89,8 @@ def _unusual(thing: Any, *keys: str) -> dict[str, Any]:
 
 def _plain(value: Any) -> Any:
     """Return a number as a float, and numbers as a list of them."""
+    if isinstance(value, model.MembershipFunction):
+        return _membership_mapping(value)
     if isinstance(value, tuple):
         return [float(number) for number in value]
     return value if isinstance(value, str) else float(value)
@@ -287,7 +290,10 @@ def _system(value: Any, where: str) -> model.FuzzySystem:
     variables: Readers = {"inputs": _each(_variable, MOST_INPUTS), "outputs": _each(_output, MOST_TERMS)}
     required: Readers = {"name": _text, **variables, "rules": lambda rules, _: rules}
     content = _read(
-        value, where, required, {**_OPERATORS, "defuzzifier": _text, "implication": _text, "semantics": _text}
+        value,
+        where,
+        required,
+        {**_OPERATORS, **dict.fromkeys(("defuzzifier", "implication", "semantics", "type_reduction"), _text)},
     )
     rules = _rules(content.pop("rules"), f"{where}.rules", content["inputs"], content["outputs"])
     return model.FuzzySystem(rules=rules, **content)
@@ -324,8 +330,19 @@ def _variable(value: Any, where: str, default: Readers = NO_KEYS, more: Readers 
 
 
 def _term(value: Any, where: str) -> model.Term:
+    membership = _membership(value, where, ("name",))
+    return model.Term(_text(value["name"], f"{where}.name"), membership)
+
+
+def _membership(value: Any, where: str, more: Sequence[str] = ()) -> model.MembershipFunction:
+    """Read a shape, whose mapping has the keys of its numbers, and more."""
     shape = _shape_of(value, where)
-    _check_keys(value, where, ("name", *_keys(shape)), ("shape",))
+    _check_keys(value, where, (*more, *_keys(shape)), ("shape",))
+    if shape == "between" and more:
+        bounds = (_membership(value[key], f"{where}.{key}") for key in _keys(shape))
+        return model.Between(*bounds)
+    if shape == "between":
+        raise ControllerFileError(f"{where} is an interval type-2 set inside of one; write a shape")
     readers: dict[str, Any] = {
         "values": _numbers,
         "coefficients": _numbers,
@@ -334,7 +351,7 @@ def _term(value: Any, where: str) -> model.Term:
         "y": _numbers,
     }
     parameters = {key: readers.get(key, _number)(value[key], f"{where}.{key}") for key in _keys(shape)}
-    return model.Term(_text(value["name"], f"{where}.name"), SHAPES[shape](**parameters))
+    return SHAPES[shape](**parameters)
 
 
 def _shape_of(value: Any, where: str) -> str:

@@ -25,6 +25,7 @@ from fis_tools.engines import packing
 from fis_tools.engines.packing import Packed, pack
 from fis_tools.errors import MissingExtra
 from fis_tools.model import FuzzySystem, Gaussian, Term, Variable, rule_table, table_cells, table_rules
+from fis_tools.model.intervals import require_type_1
 from fis_tools.model.shapes import gaussian
 from fis_tools.model.systems import require_mamdani
 
@@ -107,6 +108,7 @@ class SystemEncoding(Genes):
     def __post_init__(self) -> None:
         """Raise ValueError for systems that cannot be tuned in this way."""
         require_mamdani(self.systems, "tuning by these genes")
+        require_type_1(self.systems, "tuning by these genes")
         for system in self.systems:
             _full_table(system, "only those can be tuned")
             output = system.outputs[0]

@@ -1,10 +1,19 @@
 """The model of a fuzzy system: variables, terms, rules, systems; their shapes, operators and checks."""
 
 from fis_tools.model.numbers import Constant, Formula, Linear, Number
-from fis_tools.model.operators import Accumulation, Aggregation, AndOperator, Defuzzifier, Hedge, OrOperator
+from fis_tools.model.operators import (
+    Accumulation,
+    Aggregation,
+    AndOperator,
+    Defuzzifier,
+    Hedge,
+    OrOperator,
+    TypeReduction,
+)
 from fis_tools.model.semantics import ALL_SEMANTICS, TOOLS, Semantics
 from fis_tools.model.shapes import (
     Arc,
+    Between,
     Concave,
     Cosine,
     Gaussian,

@@ -13,6 +13,8 @@ import numpy as np
 
 from fis_tools.array_types import Floats
 
+#: How an interval type-2 output becomes a number; see `fis_tools.model.intervals`.
+TypeReduction = Literal["karnik-mendel", "nie-tan"]
 Defuzzifier = Literal["centroid", "bisector", "mom", "som", "lom", "weighted_average", "weighted_sum"]
 AndOperator = Literal[
     "min",

@@ -13,6 +13,7 @@ from typing import Annotated, ClassVar, Literal, TypeVar, dataclass_transform, g
 import numpy as np
 
 from fis_tools.array_types import Floats
+from fis_tools.errors import Mistake
 
 #: A file format of other programs that names shapes.
 Format = Literal["fis", "fll", "fcl"]
@@ -109,8 +110,8 @@ def shape(
 
     def enter(kind: type[_Shape]) -> type[_Shape]:
         kind = dataclass(frozen=True, slots=True)(kind)
-        marks = {each.name: get_args(each.type)[1] for each in fields(kind)}
-        kinds = {key: mark for key, mark in marks.items() if isinstance(mark, str)}
+        marks = {each.name: get_args(each.type)[1:] for each in fields(kind)}
+        kinds = {key: mark[0] for key, mark in marks.items() if mark and isinstance(mark[0], str)}
         kind.entry = Entry(name, phrase, kinds, ascending, flanks, corners, words)
         SHAPES[name] = kind
         return kind
@@ -445,6 +446,21 @@ class Polyline(MembershipFunction):
     def corners(self) -> tuple[float, ...]:
         """Its points."""
         return self.x
+
+
+@shape("between", "between {lower} and {upper}")
+class Between(MembershipFunction):
+    """An interval type-2 set: memberships anywhere between a lower and an upper function."""
+
+    lower: MembershipFunction
+    upper: MembershipFunction
+
+    def at(self, x: Floats) -> Floats:
+        """Refuse: there is no one membership; see `fis_tools.model.intervals`."""
+        raise Mistake(
+            "an interval type-2 set has two memberships at a point, and this is for type-1 sets; show, "
+            "surface, bounds, compile and YAML take it"
+        )
 
 
 def _rising(x: Floats, foot: float, top: float, *, is_open: bool) -> Floats:

@@ -17,7 +17,7 @@ import numpy as np
 from fis_tools.array_types import Floats, Integers
 from fis_tools.errors import Mistake
 from fis_tools.model.numbers import Formula, Number
-from fis_tools.model.operators import WEIGHING, AndOperator, Defuzzifier, Hedge, OrOperator
+from fis_tools.model.operators import WEIGHING, AndOperator, Defuzzifier, Hedge, OrOperator, TypeReduction
 from fis_tools.model.semantics import TOOLS, Semantics, sampling_points
 from fis_tools.model.variables import Variable
 from fis_tools.plain_text import plain
@@ -272,6 +272,8 @@ class FuzzySystem:
         no effect on weighted outputs.
     semantics : str
         The program whose inference the system means, see `fis_tools.model.semantics`.
+    type_reduction : str
+        How interval type-2 sets become a number, see `fis_tools.model.intervals`.
     """
 
     name: str
@@ -283,6 +285,7 @@ class FuzzySystem:
     defuzzifier: Defuzzifier = "centroid"
     implication: AndOperator = "min"
     semantics: Semantics = "scikit-fuzzy"
+    type_reduction: TypeReduction = "karnik-mendel"
 
     @property
     def is_sampled(self) -> bool:

@@ -3,6 +3,7 @@
 import math
 from collections import Counter
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from itertools import islice, pairwise
 from typing import get_args
 from weakref import WeakValueDictionary
@@ -11,10 +12,11 @@ import numpy as np
 
 from fis_tools.errors import Mistake, suggestion
 from fis_tools.model import operators
-from fis_tools.model.numbers import Formula, Linear, NotAFormula, Number
+from fis_tools.model.intervals import has_intervals
+from fis_tools.model.numbers import Constant, Formula, Linear, NotAFormula, Number
 from fis_tools.model.operators import HEDGES, WEIGHING
 from fis_tools.model.semantics import ALL_SEMANTICS, TOOLS
-from fis_tools.model.shapes import SHAPES, MembershipFunction, MonotoneFunction, Polyline, Sampled
+from fis_tools.model.shapes import SHAPES, Between, MembershipFunction, MonotoneFunction, Polyline, Sampled
 from fis_tools.model.systems import And, Expression, FuzzyController, FuzzySystem, Hedged, Is, Not, Or, Rule
 from fis_tools.model.variables import Term, Variable, shape_values
 
@@ -130,6 +132,8 @@ def _problems(system: FuzzySystem) -> Iterator[str]:
         yield from _at(f"{where}, ", _variable_problems(variable))
     yield from _at(f"{where}, ", _output_problems(system))
     yield from _at(f"{where}, ", _rule_base_problems(system))
+    if has_intervals(system):
+        yield from _at(f"{where}, ", _interval_problems(system))
 
 
 _CHOICES = {
@@ -140,6 +144,7 @@ _CHOICES = {
     "aggregation": get_args(operators.Aggregation),
     "implication": get_args(operators.AndOperator),
     "semantics": ALL_SEMANTICS,
+    "type_reduction": get_args(operators.TypeReduction),
 }
 
 
@@ -224,6 +229,12 @@ def shape_problems(shape: MembershipFunction, num_points: int) -> Iterator[str]:
         yield f"{type(shape).__name__} is not a known shape; choose one of {known}"
     elif isinstance(shape, Sampled):
         yield from _value_problems(shape, num_points)
+    elif isinstance(shape, Between):
+        for bound in (shape.lower, shape.upper):
+            if isinstance(bound, Between | Sampled | Number):
+                yield f"the bound {type(bound).__name__} of an interval type-2 set is no shape; take another"
+            else:
+                yield from shape_problems(bound, num_points)
     elif isinstance(shape, Polyline):
         yield from _polyline_problems(shape)
     else:
@@ -282,7 +293,36 @@ def _polyline_problems(shape: Polyline) -> Iterator[str]:
         yield "a y of a polyline lies outside [0, 1] or is not a number; scale them to [0, 1]"
 
 
+def _between_problems(variable: Variable, term: Term, shape: Between) -> Iterator[str]:
+    for bound in (shape.lower, shape.upper):
+        yield from _sample_problems(variable, replace(term, membership=bound))
+    lower, upper = (shape_values(variable.universe, bound) for bound in (shape.lower, shape.upper))
+    if np.any(lower > upper + ROUNDING):
+        x = variable.universe[int(np.argmax(lower - upper))]
+        yield f"the lower membership is above the upper one at {x:g}; exchange or change them"
+
+
+def _interval_problems(system: FuzzySystem) -> Iterator[str]:
+    """Yield what interval type-2 systems cannot have."""
+    if system.semantics != "matlab":
+        yield (
+            "interval type-2 sets are inferred at evenly spaced points as MATLAB does, and the semantics are "
+            f"{system.semantics}; set semantics to matlab"
+        )
+    for output in system.outputs:
+        way = system.defuzzifier_of(output)
+        if way not in {"centroid", "weighted_average"}:
+            yield f"output {output.name!r} of interval type-2 is {way}; take centroid or weighted_average"
+        if way == "weighted_average" and not all(
+            isinstance(term.membership, Constant | Linear) for term in output.terms
+        ):
+            yield f"output {output.name!r} of interval type-2 concludes no number; take constant or linear"
+
+
 def _sample_problems(variable: Variable, term: Term) -> Iterator[str]:
+    if isinstance(term.membership, Between):
+        yield from _between_problems(variable, term, term.membership)
+        return
     values = shape_values(variable.universe, term.membership)
     if not np.all(np.isfinite(values)):
         yield "a sampled membership is not a number; the parameters are too extreme, so change them"

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from fis_tools.array_types import Floats
 from fis_tools.engines.inference import Inference, OutputInference
 from fis_tools.model import And, Expression, FuzzySystem, Hedged, Is, Not, Or, Rule, Variable, peak, sample
+from fis_tools.model.intervals import require_type_1
 from fis_tools.model.operators import AND_OPERATORS
 from fis_tools.model.systems import require_mamdani
 from fis_tools.render import lettering
@@ -225,6 +226,7 @@ def inference_figure(inference: Inference, *, most_rules: int = 6, theme: Theme 
     system, strengths = inference.system, inference.firing_strengths
     order = [int(p) for p in np.argsort(-strengths, kind="stable") if strengths[p] >= SHOWN_FROM]
     require_mamdani((system,), "the picture of an inference")
+    require_type_1((system,), "the picture of an inference")
     columns = len(system.inputs) + len(system.outputs)
     width = _LEFT + columns * _WIDTH + (columns - 1) * _GAP + _RIGHT
     rules = {

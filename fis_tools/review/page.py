@@ -15,6 +15,7 @@ from fis_tools.errors import MissingExtra
 from fis_tools.findings.audit import Audit, audit, report
 from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController, FuzzySystem
+from fis_tools.model.intervals import require_type_1
 from fis_tools.review import carried, content, flown
 from fis_tools.words.text import sentences, shape_words, summary
 
@@ -77,6 +78,7 @@ def write(
         cannot be read, or is about another controller.
     """
     systems = controller.systems
+    require_type_1(systems, "a review page")
     paths = flown.recordings(flight_paths)
     logged = flown.read_flights(paths, controller, all_periods)
     is_flight = [flights.is_flight(path) for path in paths]

@@ -12,6 +12,7 @@ from fis_tools.document import Block, Document, Heading, Paragraph, Table
 from fis_tools.document.text import aligned
 from fis_tools.engines.inference import Inference, OutputInference
 from fis_tools.model import TOOLS, Consequent, Expression, FuzzyController, FuzzySystem, Rule, Term, Variable
+from fis_tools.model.intervals import has_intervals
 
 BAR_LENGTH = 20
 #: Memberships and firing strengths below this are left out.
@@ -114,6 +115,9 @@ def shape_words(term: Term) -> str:
         return f"sampled at {len(shape.values)} points"
     if isinstance(shape, model.Formula):
         return shape.text
+    if isinstance(shape, model.Between):
+        lower, upper = (shape_words(model.Term(term.name, bound)) for bound in (shape.lower, shape.upper))
+        return f"interval type-2, between {lower} and {upper}"
     if isinstance(shape, model.Linear):
         factors = ", ".join(map(number, shape.coefficients))
         return f"({factors}) times the inputs, plus {number(shape.constant)}"
@@ -162,6 +166,8 @@ def summary(system: FuzzySystem) -> str:
     ]
     if system.is_sampled:
         exceptions.append(f", inferred as {TOOLS[system.semantics].title} does")
+    if has_intervals(system):
+        exceptions.append(f", interval type-2, reduced by {system.type_reduction.title()}")
     return (
         f"{len(system.rules)} rules from {inputs} to {outputs}; and: {system.and_operator}, "
         f"or: {system.or_operator}, defuzzifier: {system.defuzzifier}{''.join(exceptions)}"

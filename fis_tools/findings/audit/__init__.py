@@ -13,6 +13,7 @@ from fis_tools.findings.audit import answers, rules, terms
 from fis_tools.findings.audit.report import Audit, AuditedSystem, Finding, Findings, Severity, Thresholds
 from fis_tools.formats.serialize import edited
 from fis_tools.model import FuzzyController, FuzzySystem
+from fis_tools.model.intervals import require_type_1
 from fis_tools.model.validate import validate
 
 __all__ = ["Audit", "AuditedSystem", "Finding", "Severity", "Thresholds", "audit"]
@@ -43,6 +44,7 @@ def audit(
         If samples are given for an unknown system, or their number of columns is not its number of inputs.
     """
     systems = (controller,) if isinstance(controller, FuzzySystem) else controller.systems
+    require_type_1(systems, "an audit")
     thresholds = thresholds or Thresholds()
     check_samples(systems, samples or {})
     name, findings = "", list[Finding]()

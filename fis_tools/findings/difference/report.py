@@ -11,6 +11,7 @@ from fis_tools.findings.difference import comparison
 from fis_tools.findings.difference.comparison import Fact, Pair, Source, SystemDifference, VariableChange
 from fis_tools.formats.serialize import fingerprint
 from fis_tools.model import Formula, FuzzyController, FuzzySystem, Linear, Rule, Sampled, Term, with_terms
+from fis_tools.model.intervals import require_type_1
 from fis_tools.model.validate import validate
 from fis_tools.source import as_controller
 from fis_tools.words import text
@@ -355,6 +356,7 @@ def difference(
         old = {after.name: before}
     for system in (*old.values(), *new.values()):
         validate(system)
+    require_type_1((*old.values(), *new.values()), "a comparison")
     first, other = (Source(*side) for side in zip(sides, files, strict=True))
     compared = [_compare(old.pop(name, None), system, samples) for name, system in new.items()]
     gone = [SystemDifference(system, None) for system in old.values()]

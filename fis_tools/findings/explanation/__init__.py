@@ -17,6 +17,7 @@ from fis_tools.findings.explanation.flips import ClassFlip, Flip, class_flips, f
 from fis_tools.findings.explanation.points import made_of, missed, plain_parts, rehearsed
 from fis_tools.findings.explanation.shares import shares
 from fis_tools.model import FuzzySystem, Variable
+from fis_tools.model.intervals import require_type_1
 from fis_tools.words.text import NEGLIGIBLE, amount, listed, percent, sentence, signed
 
 __all__ = ["Explanation", "Flip", "explain", "flips", "missed", "rehearsed", "shares"]
@@ -344,6 +345,7 @@ def explain(
         If inputs are missing, unknown or NaN, `crossing` is not finite, or a formula has no value there.
     """
     compiled = compile(system)
+    require_type_1((compiled.system,), "an explanation")
     inference = infer(compiled.system, inputs)
     given = inference.inputs
     for output in inference.outputs:

@@ -20,6 +20,7 @@ from fis_tools.findings.simplification.report import (
 )
 from fis_tools.formats.serialize import SIMPLIFIED, checked
 from fis_tools.model import FuzzyController, FuzzySystem
+from fis_tools.model.intervals import require_type_1
 from fis_tools.model.systems import require_mamdani
 from fis_tools.model.validate import validate
 from fis_tools.source import as_controller
@@ -210,6 +211,7 @@ def simplify(
     """
     controller = as_controller(controller)
     require_mamdani(controller.systems, "simplification")
+    require_type_1(controller.systems, "simplification")
     budget, samples = budget or Budget(), samples or {}
     check_samples(controller.systems, samples)
     results = []

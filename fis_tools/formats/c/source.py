@@ -26,6 +26,7 @@ from fis_tools.engines.program import Conclusion, assemble
 from fis_tools.file_access import read_shipped
 from fis_tools.formats import rendered
 from fis_tools.model import FuzzyController, FuzzySystem, Term, Variable, memberships_at, sample, thrust
+from fis_tools.model.intervals import require_type_1
 from fis_tools.model.thrust import ThrustLogic
 from fis_tools.plain_text import distinct
 from fis_tools.words.text import number, sentence, shape_words, summary, with_unit
@@ -224,6 +225,7 @@ def write(controller: FuzzyController, bare: bool = False) -> str:
     ValueError
         If an attribute of the thrust logic is no number, or a rule concludes a formula.
     """
+    require_type_1(controller.systems, "C")
     logic = thrust.thrust_logic(controller)
     has_step = logic is not None and not bare
     prefix = "infer" if logic is None or has_step else "bare_infer"

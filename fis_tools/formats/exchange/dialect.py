@@ -18,6 +18,7 @@ from fis_tools.formats.exchange import antecedents
 from fis_tools.formats.exchange.antecedents import NotExpressible, is_leaf, with_plain_not
 from fis_tools.formats.exchange.vocabulary import HEDGES, Names
 from fis_tools.model import Consequent, FuzzySystem, MembershipFunction, Rule, Term, Variable, with_universe
+from fis_tools.model.intervals import has_intervals
 from fis_tools.model.shapes import Format
 from fis_tools.model.systems import renamed, said_once
 from fis_tools.words.text import before
@@ -115,6 +116,8 @@ def express(system: FuzzySystem, dialect: Dialect) -> Expressed:
     NotExpressible
         If the format cannot say it without changing what it computes.
     """
+    if has_intervals(system):
+        raise NotExpressible(f"{dialect.title} has no interval type-2 sets; export as yaml or json")
     refuse_joined(system)
     for output in system.outputs:
         if output.accumulation != "max" and not (dialect.semantics == "fcl" and system.joins_numbers(output)):

@@ -92,6 +92,9 @@ def _rule_numbers(system: FuzzySystem, rule: Rule) -> tuple[list[int], list[int]
 
 # Reading.
 
+#: What files of interval type-2 systems have.
+_TYPE_2 = re.compile(r"(?im)^\s*(MF\d+[UL]\s*=|Type\w*Red\w*\s*=|Type\s*=\s*['\"]\w*type-?2)")
+
 
 def read(text: str) -> Reading:
     """Read a `.fis` file.
@@ -103,6 +106,11 @@ def read(text: str) -> Reading:
     """
     foreign.require_short_words(text)
     notes: list[str] = []
+    if _TYPE_2.search(text):
+        raise ControllerFileError(
+            "the file has interval type-2 sets, which no two programs write alike; they are read from YAML, "
+            "as shape: between"
+        )
     sections, comments = sections_of(text, notes)
     is_fuzzylites = any("generated with fuzzylite" in words for _, words in comments)
     fractions = antecedents.FUZZYLITES_FRACTIONS if is_fuzzylites else antecedents.FRACTIONS

@@ -21,10 +21,18 @@ from fis_tools.model import (
     Semantics,
     shapes,
 )
-from fis_tools.model.operators import WEIGHING, Accumulation, AndOperator, Defuzzifier, Hedge, OrOperator
+from fis_tools.model.operators import (
+    WEIGHING,
+    Accumulation,
+    AndOperator,
+    Defuzzifier,
+    Hedge,
+    OrOperator,
+    TypeReduction,
+)
 from fis_tools.model.shapes import MembershipFunction
 from fis_tools.model.systems import table_rules
-from fis_tools.model.variables import Term, Variable
+from fis_tools.model.variables import Term, Variable, sample
 
 DEFUZZIFIERS: tuple[Defuzzifier, ...] = tuple(way for way in get_args(Defuzzifier) if way not in WEIGHING)
 AND_OPERATORS: tuple[AndOperator, ...] = get_args(AndOperator)
@@ -284,3 +292,21 @@ def inputs_beyond(system: FuzzySystem, generator: np.random.Generator, count: in
     low = np.array([variable.minimum for variable in system.inputs])
     span = np.array([variable.span for variable in system.inputs])
     return low + span * generator.uniform(-0.2, 1.2, (count, len(low)))
+
+
+def uncertain(system: FuzzySystem, share: float = 0.6) -> FuzzySystem:
+    """Return a system of MATLAB's as an interval type-2 one: sets from a share of their heights to all."""
+
+    def between(variable: Variable, term: Term) -> Term:
+        x, heights = tuple(variable.universe.tolist()), sample(variable, term)
+        lower, upper = (shapes.Polyline(x, tuple((part * heights).tolist())) for part in (share, 1.0))
+        return replace(term, membership=shapes.Between(lower, upper))
+
+    def changed(variable: Variable, way: Defuzzifier | None) -> Variable:
+        terms = tuple(between(variable, term) for term in variable.terms)
+        return replace(variable, terms=terms, defuzzifier=way)
+
+    inputs = tuple(changed(variable, None) for variable in system.inputs)
+    outputs = tuple(changed(variable, "centroid") for variable in system.outputs)
+    reduction: TypeReduction = "nie-tan" if len(system.rules) % 2 else "karnik-mendel"
+    return replace(system, inputs=inputs, outputs=outputs, type_reduction=reduction)
