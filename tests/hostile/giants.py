@@ -13,12 +13,12 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from fis_tools.formats.serialize import FORMS
+
 SIZE: Final = 10_000_000
 #: readers of text in lines
 LINES: Final = (
-    "fis",
-    "fll",
-    "fcl",
+    *(name for name, form in FORMS.items() if form.is_read),
     "yaml",
     "conditions",
     "run",
