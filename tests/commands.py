@@ -2,6 +2,8 @@
 
 from typing import NamedTuple
 
+from tests.state import unchanged
+
 
 class Told(NamedTuple):
     """What a command prints, and what it says besides."""
@@ -11,11 +13,12 @@ class Told(NamedTuple):
 
 
 def running(main, capsys):
-    """Return a function that runs a command, which must end with a code and without a traceback."""
+    """Return a function that runs a command: it returns a code, prints no traceback and changes no state."""
 
     def run(*words, code=0, slips=False):
         capsys.readouterr()
-        assert main([str(word) for word in words]) == code
+        with unchanged():
+            assert main([str(word) for word in words]) == code
         streams = Told(*capsys.readouterr())
         assert ("Traceback" in streams.err) == slips
         return streams

@@ -18,6 +18,8 @@ CSV, PARQUET = ".csv", ".parquet"
 WORDS = ("string", "large_string", "binary", "large_binary")
 #: cells of a Parquet file that are read, a few bytes of which may stand for millions
 MOST_CELLS = 10_000_000
+#: letters of a cell
+LONGEST_WORD = 1000
 #: of a table's file
 MOST_BYTES = 256 * 1024**2
 #: a column of this name holds the time of each row, in seconds
@@ -176,7 +178,7 @@ def read_parquet(path: Path, choose: Callable[[Sequence[str]], Sequence[str]]) -
                     f"{MOST_CELLS:,} cells are read: give fewer rows"
                 )
             table = file.read(names, use_threads=False)
-        return {name: _column(table[name]) for name in names}
+        return {name: _column(f"{path}: its column {name!r}", table[name]) for name in names}
     except (OSError, ValueError, pyarrow.ArrowException) as error:
         if isinstance(error, ControllerFileError):
             raise
@@ -184,13 +186,16 @@ def read_parquet(path: Path, choose: Callable[[Sequence[str]], Sequence[str]]) -
         raise ControllerFileError(f"{path}: {problem}; give a CSV or Parquet file") from error
 
 
-def _column(column: Any) -> NDArray[Any]:
+def _column(where: str, column: Any) -> NDArray[Any]:
     """Return a column as an array; text is stored once per distinct word."""
     if not hasattr(column.type, "value_type"):
         return column.to_numpy()
     parts = [np.empty(0, dtype=object)]
     for chunk in column.chunks:
-        words = np.append(np.array(chunk.dictionary.to_pylist(), dtype=object), [None])
+        distinct = chunk.dictionary.to_pylist()
+        if any(word is not None and len(word) > LONGEST_WORD for word in distinct):
+            raise ControllerFileError(f"{where} has a word of more than {LONGEST_WORD} letters; leave it out")
+        words = np.append(np.array(distinct, dtype=object), [None])
         parts.append(words[chunk.indices.cast("int64").fill_null(len(words) - 1).to_numpy()])
     return np.concatenate(parts)
 

@@ -173,6 +173,10 @@ def read_csv(path: Path | str) -> dict[str, list[str]]:
     if len(set(names)) != len(names) or not all(names):
         raise UnreadableTable(f"{path}: two columns have one name, or one has none; name each in line 1")
     for number, cells in lines:
+        if any(len(cell) > tables.LONGEST_WORD for cell in cells):
+            raise UnreadableTable(
+                f"{path}, line {number} has a cell of more than {tables.LONGEST_WORD} letters; leave it out"
+            )
         if len(cells) != len(names):
             raise UnreadableTable(
                 f"{path}, line {number} has {len(cells)} cells, but line 1 names {len(names)} columns; make "

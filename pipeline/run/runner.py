@@ -87,6 +87,7 @@ def _run_stages(
                 _LOG.info("stage %s interrupted", name)
                 raise Interrupted(_kept(folder, name, manifest["finished_stages"])) from error
             except Exception:  # raised again below: here the run's own log records it too
+                _check_there(folder)
                 _LOG.exception("stage %s failed", name)
                 raise
             _check_there(folder)
@@ -107,7 +108,8 @@ def _check_there(folder: Path) -> None:
     """Raise WriteError if the run's folder has been deleted or moved."""
     if not (folder / artifacts.CONFIG).exists():
         raise writing.WriteError(
-            f"{folder} has been deleted or moved while the run was at work; start the run again"
+            f"{folder} has been deleted or moved while the run was at work; start the run again, or go on "
+            "where it is now, resume=FOLDER"
         )
 
 

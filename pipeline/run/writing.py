@@ -1,7 +1,9 @@
 """Files of a run that are written whole or not at all."""
 
+import errno
 import json
 import math
+import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -45,7 +47,7 @@ def beside(path: Path) -> Iterator[BinaryIO]:
         As `write_atomically`.
     """
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
+        _make_folder_of(path)
         with replacing(path) as stream:
             yield stream
     except OSError as error:
@@ -53,6 +55,15 @@ def beside(path: Path) -> Iterator[BinaryIO]:
             f"{path} cannot be written: {error.strerror or error}; make room, or choose a folder that may be "
             "written to"
         ) from error
+
+
+def _make_folder_of(path: Path) -> None:
+    """Make the missing folder of a file, but no run's folder anew, which somebody has moved."""
+    folder = path.parent
+    missing = [each for each in path.parents if not each.exists()]
+    if len(missing) > 1 and path.name != CONFIG and not (missing[-1].parent / CONFIG).exists():
+        raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(missing[-1]))
+    folder.mkdir(parents=True, exist_ok=True)
 
 
 def drop_unfinished(folder: Path) -> None:

@@ -1,4 +1,4 @@
-"""Kills runs at random moments, resumes them, and compares their files with those of undisturbed runs."""
+"""Kills runs at random moments or file operations, resumes them, and compares them with undisturbed ones."""
 
 import os
 import random
@@ -56,6 +56,8 @@ KINDS: Final[Mapping[str, Sequence[str]]] = {kind: words.split() for kind, words
 SIGNALS: Final = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT)
 #: who is signalled: the process, or its whole group
 PROCESS, GROUP = "process", "group"
+#: what makes a process end at one of its file operations
+HOOK: Final = Path(__file__).with_name("hook")
 #: longest time to an end that must come, s
 LONGEST_S: Final = 1200.0
 
@@ -95,6 +97,19 @@ def environment(**more: str) -> dict[str, str]:
 def environment_of(kind: str, root: Path) -> dict[str, str]:
     """Return the environment of a kind of run, with stand-ins for SLURM's commands if it needs them."""
     return environment(**(slurm.installed(root / "slurm") if kind == "submitit_slurm" else {}))
+
+
+def hooked(env: Mapping[str, str], folder: Path, counts: Path, **more: object) -> dict[str, str]:
+    """Return an environment in which processes count their file operations in a folder; see the hook."""
+    path = os.pathsep.join(filter(None, [str(HOOK), env.get("PYTHONPATH", "")]))
+    words = {name: str(value) for name, value in more.items()}
+    return {**env, "PYTHONPATH": path, "KILL_UNDER": str(folder), "KILL_COUNTS": str(counts), **words}
+
+
+def num_operations(counts: Path) -> int:
+    """Return the file operations of the process that had most of them; none if nothing was counted."""
+    lines = counts.read_text(encoding="utf-8").splitlines() if counts.exists() else []
+    return max((int(line) for line in lines if line.isdigit()), default=0)
 
 
 def run_alone(words: Sequence[str], env: Mapping[str, str], cwd: Path | None = None) -> float:
@@ -142,24 +157,46 @@ def killed_after(
 
 
 def survive(
-    kind: str, folder: Path, seconds: float, rng: random.Random, tally: Tally, root: Path, *, is_cold: bool
+    kind: str,
+    folder: Path,
+    seconds: float,
+    rng: random.Random,
+    tally: Tally,
+    root: Path,
+    *,
+    is_cold: bool = False,
+    operations: int = 0,
 ) -> None:
-    """Start a run, kill it once to three times, and let it finish; its folder may be relative to `root`."""
+    """Start a run, kill it once to three times, and let it finish; its folder may be relative to `root`.
+
+    With a number of file operations it is killed at one of the first so many, else at some time.
+    """
     left = rng.choice((1, 1, 2, 3))
+    counts = root / "operations"
     tally.runs += 1
     with tempfile.TemporaryDirectory(prefix="kills-cache-") as cache:
         env = environment_of(kind, root) | ({"NUMBA_CACHE_DIR": cache} if is_cold else {})
         while True:
             words = [f"resume={folder}"] if is_begun(root / folder) else words_of(kind, folder)
-            limit = rng.uniform(0.0, seconds * (3.0 if is_cold else 1.0)) if left > 0 else LONGEST_S
             how = rng.choice(SIGNALS), rng.choice((PROCESS, GROUP))
-            is_killed, code, said = killed_after(words, limit, how, env, root)
+            at = ""
+            if left > 0 and operations:
+                counts.unlink(missing_ok=True)
+                settings = {"KILL_AT": rng.randint(1, operations), "KILL_BY": int(how[0])}
+                settings |= {"KILL_GROUP": ""} if how[1] == GROUP else {}
+                at_operation = hooked(env, root / folder, counts, **settings)
+                _, code, said = killed_after(words, LONGEST_S, how, at_operation, root)
+                at = operation_of(counts)
+                is_killed, left = bool(at), left - (not at)
+            else:
+                limit = rng.uniform(0.0, seconds * (3.0 if is_cold else 1.0)) if left > 0 else LONGEST_S
+                is_killed, code, said = killed_after(words, limit, how, env, root)
             if said.endswith("did not end") or "Traceback" in said:
                 tally.lost.append(f"{kind} {folder.name}: {said.strip()[-300:]}")
                 return
             if is_killed:
                 left -= 1
-                tally.kills[f"{how[0].name} {how[1]}"] += 1
+                tally.kills[f"{how[0].name} {how[1]}{at}"] += 1
             if code in (OK, UNPROVED, UNIMPROVED):
                 return
             if not is_killed and "is held by process" in said:
@@ -168,6 +205,12 @@ def survive(
             if not is_killed:
                 tally.lost.append(f"{kind} {folder.name}: {said.strip().splitlines()[-1:]}")
                 return
+
+
+def operation_of(counts: Path) -> str:
+    """Return at which operation a process was killed, in words; empty if none was."""
+    lines = counts.read_text(encoding="utf-8").splitlines() if counts.exists() else []
+    return next((f" at {line.split()[1]}" for line in lines if line.startswith("killed")), "")
 
 
 def differences(folder: Path, other: Path) -> list[str]:

@@ -16,7 +16,7 @@ from pyarrow import parquet
 
 from fis_tools.__main__ import main
 from fis_tools.analysis import arrays, tables
-from fis_tools.errors import ControllerFileError
+from fis_tools.errors import ControllerFileError, Mistake
 from fis_tools.formats import serialize
 from fis_tools.learning import table
 from pipeline.controllers.policies import policy_of
@@ -88,6 +88,17 @@ def test_a_table_that_unpacks_to_gigabytes(columns, tmp_path, little_memory):
     with pytest.raises(ControllerFileError, match="at most 10,000,000 cells"):
         tables.read(path, ["x"])
     assert pa.total_allocated_bytes() - before < MOST_BYTES
+
+
+@pytest.mark.parametrize("form", [".csv", ".parquet"])
+def test_a_long_word_in_a_table_is_refused_before_it_is_tried_as_a_number(form, tmp_path):
+    path, word = tmp_path / f"x{form}", "x" * 1001
+    if form == ".csv":
+        path.write_text(f"x,y\n{word},1\n")
+    else:
+        parquet.write_table(pa.table({"x": pa.repeat(word, 1000), "y": np.arange(1000.0)}), path)
+    with pytest.raises(Mistake, match="more than 1000 letters"):
+        table.read(path)
 
 
 def test_lists_and_groups_in_a_table_are_refused(tmp_path):

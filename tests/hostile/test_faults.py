@@ -141,7 +141,7 @@ def test_a_killed_run_ends_as_an_undisturbed_one(kind, is_relative, seed, tmp_pa
     seconds = kills.run_alone(kills.words_of(kind, tmp_path / "alone"), env)
     folder = Path("run") if is_relative else tmp_path / "run"
     tally = kills.Tally()
-    kills.survive(kind, folder, seconds, random.Random(seed), tally, tmp_path, is_cold=False)  # noqa: S311
+    kills.survive(kind, folder, seconds, random.Random(seed), tally, tmp_path)  # noqa: S311
     assert tally.lost == []
     assert kills.differences(tmp_path / "run", tmp_path / "alone") == []
 

@@ -13,6 +13,7 @@ from pipeline.command_line.runs import OK, UNIMPROVED, UNPROVED
 from pipeline.run import artifacts, configuration, manifests
 from tests.places import PROJECT
 from tests.policies import Page, check_policy
+from tests.state import unchanged
 
 pytestmark = pytest.mark.slow
 
@@ -49,7 +50,8 @@ def finished(request, tmp_path_factory) -> tuple[str, Path, list[str]]:
     folder, small = tmp_path_factory.mktemp(experiment) / "run", [*MINIATURE, *FEW.get(experiment, ())]
     if experiment == "assure":  # which has flights of its own, judged after an hour
         small = [word for word in small if word not in ("monte_carlo.num_cases=3", "duration_s=600.0")]
-    code = main([f"+experiment={experiment}", *small, f"hydra.run.dir={folder}"])
+    with unchanged():
+        code = main([f"+experiment={experiment}", *small, f"hydra.run.dir={folder}"])
     summary = artifacts.FIT if experiment == "fit_mission" else artifacts.TRAINED
     if (folder / summary).exists():
         is_improved = artifacts.read_json(folder, summary)["improved"]

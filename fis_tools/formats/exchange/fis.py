@@ -406,7 +406,7 @@ def _take(section: FileBlock, line: int, content: str, notes: list[str]) -> None
 
 
 #: terms of one number that are numbered anew
-MOST_TWICE = 100
+MOST_TWICE = 1000
 #: what is in quotes, or a mark that begins a remark
 _QUOTED = re.compile(r"""'[^']*(?:'|$)|"[^"]*(?:"|$)|(?P<mark>[%#]|//)""")
 

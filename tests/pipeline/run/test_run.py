@@ -41,6 +41,22 @@ def finished(monkeypatch) -> Path:
     return run_folder("evaluate")
 
 
+def test_a_run_whose_folder_is_renamed_is_refused_and_goes_on_there(monkeypatch, ran):
+    def move(_experiment, folder):
+        folder.rename("elsewhere")
+        writing.write_atomically(folder / artifacts.CHECKPOINT, "of the next generation")
+
+    with monkeypatch.context() as patch:
+        use_stages(patch, scenario=move)
+        refusal = ran(*EVALUATE, "hydra.run.dir=run", code=2).err
+    assert "run has been deleted or moved while the run was at work" in refusal
+    assert not Path("run").exists()
+    use_stages(monkeypatch)
+    ran("resume=elsewhere")
+    assert manifests.read(Path("elsewhere"))["finished_stages"] == STAGES
+    assert not list(Path("elsewhere").rglob(".*"))
+
+
 def test_a_run_calls_its_stages_in_order_in_a_folder_of_its_own(monkeypatch, capsys):
     called = use_stages(monkeypatch)
     assert main([*EVALUATE, "seed=5", "monte_carlo.num_cases=12"]) == 0
