@@ -170,7 +170,12 @@ SOURCES: dict[str, tuple[str, ...]] = {
     "field": (f"{FIGURES}/comparison.py", f"{FIGURES}/style.py", FIELD),
     "safety": (f"{FIGURES}/trajectories.py", f"{FIGURES}/style.py", f"{CONTROLLERS}/paper_octants.yaml"),
     "tour": ("benchmarks/champion.py", f"{FIGURES}/trajectories.py", f"{CONTROLLERS}/champion_leo.yaml"),
-    "edit": ("fis_tools/edit", "pipeline/edit.py", f"{CONTROLLERS}/champion_27.yaml"),
+    "edit": (
+        "fis_tools/edit",
+        "pipeline/edit",
+        "pipeline/report/flight_view",
+        f"{CONTROLLERS}/champion_27.yaml",
+    ),
     "review": ("fis_tools/review", f"{CONTROLLERS}/paper_champion.yaml"),
 }
 

@@ -17,7 +17,7 @@ from fis_tools.formats.files import ENDINGS
 from fis_tools.model import FuzzyController
 from fis_tools.review.content import constants
 
-PLAIN = "flat no-caps"
+PLAIN, MAIN = "flat no-caps", "unelevated no-caps"
 #: Ctrl+Z and Ctrl+Y, which fields of text keep for themselves
 SCRIPT = """<script>
 document.addEventListener("keydown", (event) => {
@@ -49,7 +49,6 @@ class Editor:
     ) -> None:
         self.session, self._meanings = session, meanings
         self._fields: dict[str, ui.input] = {}
-        ui.colors(primary="#1f5fa8")
         ui.add_css(read("style.css") + read("style.css", "fis_tools.edit"))
         self._build_head()
         with ui.element("div").classes("editor"):
@@ -81,7 +80,7 @@ class Editor:
                     ui.button(word, on_click=partial(self._step, by)).props(PLAIN)
                     for word, by in (("Undo", -1), ("Redo", 1))
                 )
-                ui.button("Save a copy", on_click=self._ask_to_save).props("unelevated no-caps")
+                ui.button("Save a copy", on_click=self._ask_to_save, color=None).props(MAIN).classes("main")
         ui.add_body_html(SCRIPT)
         ui.on("step", lambda event: self._step(event.args))
 
@@ -180,6 +179,6 @@ class Editor:
             target.on("keydown.enter", save)
             with ui.row().classes("w-full justify-end"):
                 ui.button("Cancel", on_click=dialog.close).props(PLAIN)
-                ui.button("Save", on_click=save).props("unelevated no-caps")
+                ui.button("Save", on_click=save, color=None).props(MAIN).classes("main")
         dialog.on("hide", dialog.delete)
         dialog.open()  # file: none, a dialog

@@ -88,7 +88,7 @@ class PanelAnswers:
     def _ask(self, *panels: Panel) -> None:
         for panel in panels:
             self._asked[panel] = object()
-            tell(self._states[panel], textContent="…")
+            tell(self._states[panel], textContent="computing …")
         if not self._is_busy and self._controller is not None:
             self._is_busy = True
             background_tasks.create(self._answer())

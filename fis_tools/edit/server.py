@@ -128,6 +128,7 @@ def serve(
         outer,
         root=lambda: page(windows.open_page()),
         title=title,
+        dark=None,
         mount_path=f"/{token}",
         language="en-US",
         show_welcome_message=False,

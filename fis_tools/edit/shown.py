@@ -1,4 +1,4 @@
-"""What the parts of the page are given, as plain data: variables, rules, charts (of Apache ECharts)."""
+"""What the parts of the page are given, as plain data: variables and rules."""
 
 from collections.abc import Iterator
 from contextlib import suppress
@@ -6,10 +6,7 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from nicegui import ui
 
-from fis_tools.analysis.arrays import Surface
-from fis_tools.array_types import Floats
 from fis_tools.edit.touches import numbers_of, said
 from fis_tools.model import And, Consequent, FuzzySystem, Is, MembershipFunction, Rule, Term, Variable
 from fis_tools.model.shapes import SHAPES
@@ -19,7 +16,7 @@ from fis_tools.words import text
 #: what a row of a table shows
 Cells = list[dict[str, Any]]
 #: from the lowest term over the middle one to the highest
-LOW, MIDDLE, HIGH = "#1f5fa8", "#626973", "#be5014"
+LOW, MIDDLE, HIGH = "var(--low)", "var(--middle)", "var(--high)"
 #: shapes that any term of a set may take
 SETS = [name for name, kind in SHAPES.items() if kind.entry.kinds and name not in ("constant", "linear")]
 
@@ -151,66 +148,3 @@ def sentence(system: FuzzySystem, rule: int) -> str | None:
         if said(system, rule, words) == system:
             return words
     return None
-
-
-Options = dict[str, Any]
-
-#: of a surface, from its lowest to its highest
-RAMP = ("#1f5fa8", "#8fb3d9", "#f1f2f4", "#e9ab86", "#be5014")
-
-
-def draw(chart_element: ui.echart, options: Options) -> None:
-    """Draw a chart, again and again: past the page's own state, which would watch every point."""
-    if chart_element.options["series"]:
-        chart_element.run_chart_method("setOption", options)
-    else:
-        chart_element.options.update(options)
-
-
-def axis(name: str, gap: int = 26, **more: Any) -> Options:
-    """Return an axis with its name beside it."""
-    options = {"type": "value", "name": name, "nameLocation": "middle", "nameGap": gap}
-    return options | {"axisTick": {"show": False}} | more
-
-
-def chart(x: Options, y: Options, series: list[Options], **more: Any) -> Options:
-    """Return a chart; several named series have a legend."""
-    names = [entry["name"] for entry in series if "name" in entry]
-    legend = {"type": "scroll", "top": 0, "itemHeight": 9, "data": names} if names else {"show": False}
-    grid = {"left": 58, "right": 14, "top": 28 if names else 10, "bottom": 42}
-    options: Options = {"animation": False, "grid": grid, "legend": legend}
-    return options | {"xAxis": x, "yAxis": y, "series": series} | more
-
-
-def line(points: Floats, colour: str, **more: Any) -> Options:
-    """Return a line through points of shape (n, 2)."""
-    return {"type": "line", "showSymbol": False, "color": colour, "data": points.round(6).tolist()} | more
-
-
-def dots(points: Floats, colour: str, size: int, **more: Any) -> Options:
-    """Return points of shape (n, 2)."""
-    options = {"type": "scatter", "symbolSize": size, "silent": True, "color": colour}
-    return options | {"data": points.round(6).tolist()} | more
-
-
-def surface(heights: Surface) -> Options:
-    """Return an output over two inputs."""
-    rows, columns = np.indices(heights.values.shape)
-    values = np.round(np.nan_to_num(heights.values), 9)
-    points = np.stack([columns.ravel(), rows.ravel(), values.ravel()], axis=1).tolist()
-    x, y = (
-        axis(text.with_unit(shown_axis), gap, type="category", data=[f"{point:.3g}" for point in at])
-        | {"axisLabel": {"interval": (len(at) - 1) // 4 - 1}}
-        for shown_axis, at, gap in ((heights.x_variable, heights.x, 26), (heights.y_variable, heights.y, 40))
-    )
-    ends = {"min": heights.output.minimum, "max": heights.output.maximum}
-    colours = {**ends, "show": False, "inRange": {"color": list(RAMP)}}
-    still = {"progressive": 0, "silent": True, "emphasis": {"disabled": True}}
-    return chart(x, y, [{"type": "heatmap", "data": points, **still}], visualMap=colours)
-
-
-def curve(system: FuzzySystem, points: Floats, values: Floats) -> Options:
-    """Return an output over the only input."""
-    only, output = system.inputs[0], system.outputs[0]
-    x = axis(text.with_unit(only), min=only.minimum, max=only.maximum)
-    return chart(x, axis(text.with_unit(output), 40), [line(np.stack([points, values], axis=1), RAMP[0])])

@@ -9,8 +9,8 @@ import numpy as np
 from nicegui import ui
 
 from fis_tools.analysis import arrays
-from fis_tools.edit import shown, touches
-from fis_tools.edit.panels import ENTERED, card, heading, tell
+from fis_tools.edit import charts, shown, touches
+from fis_tools.edit.panels import ENTERED, card, document, heading, tell
 from fis_tools.edit.session import Session
 from fis_tools.engines.inference import infer
 from fis_tools.model import FuzzySystem, Variable
@@ -101,10 +101,14 @@ class SystemView:
         with ui.element("div").classes("card-head"):
             heading(2, f"Surface of {system.outputs[0].name}")
             shown_names = names[:2] if len(names) > 2 else []
-            self._axes = [ui.select(names, value=name, on_change=self._show_surface) for name in shown_names]
+            self._axes = [
+                ui.select(names, value=name, label=label, on_change=self._show_surface)
+                for name, label in zip(shown_names, ("to the right:", "upwards:"), strict=False)
+            ]
             for choice in self._axes:
-                choice.props("dense options-dense borderless")
-        self._surface = ui.echart({"series": []}).classes("surface")
+                choice.props("dense options-dense stack-label borderless")
+        self._surface = charts.Chart("surface")
+        self._scale = document().classes("scale")
 
     # what a hand does
 
@@ -163,7 +167,10 @@ class SystemView:
         if self._rule is not None and self._rule >= len(rules):
             self._rule = None
         words = None if self._rule is None else shown.sentence(self.system, self._rule)
-        tell(self._sentence, value=words or "", disabled=words is None)
+        hint = (
+            "press a rule to change it in words" if self._rule is None else "this rule has no words to change"
+        )
+        tell(self._sentence, value=words or "", disabled=words is None, placeholder=hint)
 
     def _infer(self) -> None:
         inference = infer(self.system, np.array(self._values))
@@ -180,10 +187,16 @@ class SystemView:
         axes = [entry.value for entry in self._axes] or names[:2]
         if len(set(axes)) == 2:
             fixed = {name: x for name, x in zip(names, self._values, strict=True) if name not in axes}
-            options = shown.surface(arrays.surface(system, *axes, fixed=fixed, num_points=FINE))
+            options = charts.surface(arrays.surface(system, *axes, fixed=fixed, num_points=FINE))
+            self._show_scale(charts.scale(system.outputs[0]))
         elif len(names) == 1:
             points = np.linspace(system.inputs[0].minimum, system.inputs[0].maximum, 8 * FINE)
-            options = shown.curve(system, points, arrays.evaluate(system, points[:, np.newaxis])[:, 0])
+            options = charts.curve(system, points, arrays.evaluate(system, points[:, np.newaxis])[:, 0])
         else:
             return
-        shown.draw(self._surface, options)
+        self._surface.draw(options)
+
+    def _show_scale(self, scale: str) -> None:
+        if self._told.get((self._scale, "scale")) != (scale,):
+            self._told[self._scale, "scale"] = (scale,)
+            tell(self._scale, innerHTML=scale)

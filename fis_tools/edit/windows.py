@@ -51,7 +51,7 @@ class Windows:
         if abandoned:
             with ui.element("p").classes("notice"):
                 ui.label("A window that was closed holds changes that are not saved.")
-                ui.link("Show them", f"?{KEY}={abandoned}")
+                ui.link("Show them", f"?{KEY}={abandoned}")  # file: none, of the page
         return self._sessions[name]
 
     def connect(self, stated: str, connection: Connection) -> str:

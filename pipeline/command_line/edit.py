@@ -45,7 +45,8 @@ def edit(arguments: Sequence[str]) -> int:
         raise ConfigError(str(error)) from error
     from fis_tools.edit.page import Editor  # noqa: PLC0415
     from fis_tools.edit.session import Session  # noqa: PLC0415
-    from pipeline.edit import EditorCases, panels  # noqa: PLC0415 - compiled code
+    from pipeline.edit.cases import EditorCases  # noqa: PLC0415 - compiled code
+    from pipeline.edit.panels import panels  # noqa: PLC0415
     from pipeline.evaluation.assurance.requirements import load_requirements  # noqa: PLC0415 - compiled code
     from pipeline.flight.state.signals import CONSTANTS  # noqa: PLC0415
 

@@ -2,6 +2,7 @@
 
 import base64
 import json
+import re
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,8 @@ from pipeline.report.contents import Contents, ShownFlight
 from pipeline.settings.experiment import Mission
 
 PACKAGE = "pipeline.report.flight_view"
+#: what makes modules of scripts
+MODULE = re.compile(r"\n(?:import .*\n|export )")
 #: samples of one orbit of free motion
 NUM_COASTED = 97
 #: what was asked for along these axes is what was fired there
@@ -47,31 +50,35 @@ def scene_of(flight: ShownFlight, controller: Controller, mission: Mission) -> S
         That was flown.
     mission : Mission
     """
-    table = json.dumps(_table(flight.log, controller, mission), separators=(",", ":")).replace("<", "\\u003c")
-    code = read("view.js", PACKAGE).replace("\nexport ", "\n") + read("recorded.js", PACKAGE)
+    texts, of_sample = _reasons(flight.log, controller, delay_of(mission))
+    is_linear = mission.dynamics.model == "cw"
+    coast = _floats(_free_motion(mission.orbit.mean_motion_rad_s)) if is_linear else ""
+    numbers = flight_table(flight.log, mission) | {"coast": coast, "texts": texts, "reasons": of_sample}
+    table = json.dumps(numbers, separators=(",", ":")).replace("<", "\\u003c")
+    code = MODULE.sub("\n", read("view.js", PACKAGE) + read("recorded.js", PACKAGE))
     # files of this package, and JSON that cannot end a script
     script = Markup(f"{{\n{code}\nshowRecorded({table});\n}}")  # noqa: S704
     style, frame = (Markup(read(name, PACKAGE)) for name in ("view.css", "frame.html"))  # noqa: S704 - likewise
     return ScriptedPanel(flight.title, style, frame, script)
 
 
-def _table(log: FlightLog, controller: Controller, mission: Mission) -> dict[str, Any]:
-    """Return the numbers and texts of a flight; arrays as base64 of float32, of bits, or of bytes."""
+def flight_table(log: FlightLog, mission: Mission) -> dict[str, Any]:
+    """Return the numbers of a flight; arrays as base64 of float32, of bits, or of bytes."""
     world = pack_world(mission)
-    points = world.points[0, :, : world.num_points].T
+    inspects = mission.problem.kind == "inspection"
+    num_points = world.num_points if inspects else 0
+    points = world.points[0, :, :num_points].T
     is_lit, _ = lit_and_seen(world, log)
     angle, elevation = log.sun_angle_rad, log.sun_elevation_rad
     level = np.cos(elevation)
     sun = np.stack([level * np.cos(angle), level * np.sin(angle), np.sin(elevation)], axis=1)
-    texts, of_sample = _reasons(log, controller, delay_of(mission))
-    is_linear = mission.dynamics.model == "cw"
     deputy = mission.deputy
     return {
         "periodS": mission.control_period_s,
-        "radius": float(np.linalg.norm(points, axis=1).max()),
+        "radius": float(np.linalg.norm(points, axis=1).max()) if inspects else mission.problem.goal_radius_m,
         "isSphere": mission.chief.shape == "sphere",
-        "limits": [deputy.min_distance_m, deputy.max_distance_m],
-        "numPoints": world.num_points,
+        "limits": [deputy.min_distance_m, deputy.max_distance_m] if inspects else [],
+        "numPoints": num_points,
         "points": _floats(points),
         "attitude": _floats(log.quaternion_c_from_h) if len(world.points) > 1 else "",
         "position": _floats(log.position_m),
@@ -79,11 +86,8 @@ def _table(log: FlightLog, controller: Controller, mission: Mission) -> dict[str
         "force": _floats(log.force_hill_n),
         "sun": _floats(sun),
         "spent": _floats(log.delta_v_m_s),
-        "isSeen": _bits(log.is_inspected),
-        "isLit": _bits(is_lit),
-        "coast": _floats(_free_motion(mission.orbit.mean_motion_rad_s)) if is_linear else "",
-        "texts": texts,
-        "reasons": of_sample,
+        "isSeen": _bits(log.is_inspected[:, :num_points]),
+        "isLit": _bits(is_lit[:, :num_points]),
     }
 
 

@@ -1,10 +1,12 @@
+// A flight as the product flew it, from the arrays of a page, see pipeline/report/scene.py.
+import { FlightView, cross, plus, pushText, scaled } from "./view.js";
 
-// A flight as the product flew it, from the arrays of a report's page.
-function showRecorded(table) {
+/** Return what FlightView shows. */
+export function recordedFlight(table) {
   const bytes = text => Uint8Array.from(atob(text), letter => letter.charCodeAt(0));
   const floats = text => new Float32Array(bytes(text).buffer);
   const arrays = Object.fromEntries(["points", "attitude", "position", "velocity", "force", "sun", "spent", "coast"]
-    .map(name => [name, floats(table[name])]));
+    .map(name => [name, floats(table[name] ?? "")]));
   const isSeen = bytes(table.isSeen), isLitThen = bytes(table.isLit);
   const bit = (array, index) => (array[index >> 3] >> (index & 7) & 1) > 0;
   const three = (array, row) => [array[3 * row], array[3 * row + 1], array[3 * row + 2]];
@@ -17,7 +19,7 @@ function showRecorded(table) {
     const axis = [x, y, z].map(part => -sign * part), side = cross(axis, vector).map(part => 2 * part);
     return plus(plus(vector, scaled(side, w)), cross(axis, side));
   };
-  const view = new FlightView(document.getElementById("scene"), {
+  return {
     numSamples, periodS: table.periodS, radius: table.radius, limits: table.limits, isSphere: table.isSphere, points: held,
     pointsAt: arrays.attitude.length ? k => held.map(point => turned(quaternion(k), turned(quaternion(0), point, 1), -1)) : null,
     position: k => three(arrays.position, k),
@@ -38,7 +40,12 @@ function showRecorded(table) {
       rows.sort((a, b) => b.size - a.size);
       return rows.length ? rows : [{ text: "No push.", detail: texts.find((text, axis) => texts.indexOf(text) !== axis) ?? texts[0] }];
     },
-  });
-  if (matchMedia("(prefers-reduced-motion: reduce)").matches) view.show(Math.round(numSamples / 3));
+  };
+}
+
+/** Show a flight in the only scene of a page. */
+export function showRecorded(table) {
+  const flight = recordedFlight(table), view = new FlightView(document.getElementById("scene"), flight);
+  if (matchMedia("(prefers-reduced-motion: reduce)").matches) view.show(Math.round(flight.numSamples / 3));
   else view.show(0);
 }

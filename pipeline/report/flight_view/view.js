@@ -3,9 +3,9 @@
 const TURN = 2 * Math.PI, AXES = [["down", "up"], ["back", "ahead"], ["south", "north"]];
 const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 const norm = a => Math.sqrt(dot(a, a));
-const scaled = (a, s) => a.map(x => x * s);
-const plus = (a, b) => a.map((x, i) => x + b[i]);
-const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+export const scaled = (a, s) => a.map(x => x * s);
+export const plus = (a, b) => a.map((x, i) => x + b[i]);
+export const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
 const unit = a => scaled(a, 1 / (norm(a) || 1));
 const COLOURS = ["ink", "muted", "grid", "paper", "seen", "lit", "dark", "push", "body", "shade"];
 const SPEED = 18; // samples a second
@@ -16,7 +16,7 @@ const SPEED = 18; // samples a second
  * `flight` has numSamples, periodS, radius, limits, points and, of a sample k, position, velocity, force, sun (a
  * direction), isSeen(k, point), spent, coast(k) (positions of free motion), and reasons(k) (lists of {text, detail}).
  * It may have pointsAt(k) where the chief turns, isLit(k, point) where light is more than facing the Sun, and
- * isSphere false where the chief is none.
+ * isSphere false where the chief is none, and before, the positions of another flight from the same start.
  * `touch(kind, direction)`, where given, hears of a start or a Sun that is dragged.
  */
 export class FlightView {
@@ -34,6 +34,14 @@ export class FlightView {
     this.said = "";
     this.part("time").max = flight.numSamples - 1;
     this.listen();
+  }
+
+  /** Show another flight, at the same time and from the same angle. */
+  replace(flight) {
+    this.flight = flight;
+    this.farthest = null;
+    this.part("time").max = flight.numSamples - 1;
+    this.show(this.sample);
   }
 
   // --- time ---
@@ -213,9 +221,14 @@ export class FlightView {
     for (const { path, isOutside } of this.others) this.line(path, isOutside ? colour.push : colour.ink, 1);
     pen.globalAlpha = 1;
     const centre = this.on([0, 0, 0]);
-    flight.limits.forEach(limit => this.ring(centre, this.scale * limit, colour.muted, [2, 4]));
+    flight.limits.forEach(limit => {
+      this.ring(centre, this.scale * limit, colour.muted, [2, 4]);
+      const reach = 0.71 * this.scale * limit;
+      if (reach > 60) this.word(`${limit} m`, centre[0] + reach, centre[1] + reach, colour.muted);
+    });
     const path = Array.from({ length: flight.numSamples }, (_, sample) => flight.position(sample));
     this.line(path, colour.grid, 2);
+    if (flight.before) this.line(flight.before, colour.muted, 2, [7, 5]);
     const coast = flight.coast(k);
     if (coast) this.line(coast, colour.muted, 1.5, [5, 5]);
     this.half(path, k, true);
@@ -232,20 +245,21 @@ export class FlightView {
     if (size > 0) {
       force.forEach((part, axis) => {
         if (!part) return;
-        const end = here.slice(); end[axis] += Math.sign(part) * (26 + 450 * Math.abs(part)) / this.scale;
+        const end = here.slice(); end[axis] += Math.sign(part) * (26 + Math.min(130, 450 * Math.abs(part))) / this.scale;
         this.arrow(at, this.on(end), colour.push, 3.5, AXES[axis][+(part > 0)]);
       });
     }
     pen.fillStyle = colour.ink; pen.beginPath(); pen.arc(at[0], at[1], 6, 0, TURN); pen.fill();
     this.triad(isNarrow);
-    this.closeUp(k, sun, here, isNarrow);
+    if (flight.points.length) this.closeUp(k, sun, here, isNarrow);
     this.say(k);
   }
 
   /** Return the distance that the picture must hold, m. */
   reach() {
     if (!this.farthest) {
-      const distances = Array.from({ length: this.flight.numSamples }, (_, k) => norm(this.flight.position(k)));
+      const { flight } = this, positions = Array.from({ length: flight.numSamples }, (_, k) => flight.position(k));
+      const distances = [...positions, ...(flight.before ?? [])].map(norm);
       this.farthest = Math.min(260, Math.max(70, ...distances));
     }
     return this.farthest;
@@ -316,10 +330,10 @@ export class FlightView {
   say(k) {
     const { flight } = this, minutes = Math.floor(k * flight.periodS / 60);
     const seen = flight.points.filter((_, index) => flight.isSeen(k, index)).length;
-    const total = `${seen} of ${flight.points.length} points`;
-    this.part("count").textContent = `${minutes} min · ${total} · ${flight.spent(k).toFixed(2)} m/s`;
+    const total = flight.points.length ? `${seen} of ${flight.points.length} points` : "";
+    this.part("count").textContent = [`${minutes} min`, total, `${flight.spent(k).toFixed(2)} m/s`].filter(Boolean).join(" · ");
     this.part("time").value = k;
-    this.part("time").setAttribute("aria-valuetext", `${minutes} minutes, ${total} inspected`);
+    this.part("time").setAttribute("aria-valuetext", total ? `${minutes} minutes, ${total} inspected` : `${minutes} minutes`);
     const reasons = flight.reasons(k), text = reasons.map(({ text: fact, detail }) => `${fact} ${detail}`).join("\n");
     if (text === this.said) return;
     this.said = text;

@@ -202,6 +202,33 @@ def test_everybody_can_use_it(open_page, address, axe) -> None:
     assert set(changes.locator("th, td").evaluate_all(wraps)) == {"normal"}
     assert page.evaluate("document.documentElement.scrollWidth") <= 400
     assert serious_violations(page, axe) == []
+    page.emulate_media(color_scheme="dark")
+    assert serious_violations(page, axe) == []
+
+
+#: the colour of the numbers at an axis of a chart once it is that of the page's small print
+LABELS = """() => {
+    const chart = getElement(Number(document.querySelector(".surface").id.slice(1))).chart;
+    const label = chart.getOption().xAxis[0].axisLabel.color;
+    return label === getComputedStyle(document.querySelector(".about")).color && label;
+}"""
+
+
+def test_a_surface_has_a_scale_and_the_colours_of_the_page(page) -> None:
+    surface = page.get_by_role("region", name="surface")
+    expect(surface.locator(".scale")).to_have_text("-0.22-0.1100.110.22force_x (N)")
+    colours = set()
+    for scheme in ("light", "dark"):
+        page.emulate_media(color_scheme=scheme)
+        colours.add(page.wait_for_function(LABELS).json_value())
+    assert len(colours) == 2
+
+
+def test_a_field_that_is_empty_says_what_for(page) -> None:
+    words = page.get_by_label("the rule in words")
+    expect(words).to_have_attribute("placeholder", "press a rule to change it in words")
+    page.get_by_label("rule 2:").focus()
+    expect(words).to_have_value(re.compile("^If "))
 
 
 def test_an_answer_leaves_what_is_being_typed(page) -> None:

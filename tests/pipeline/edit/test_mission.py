@@ -17,11 +17,12 @@ from fis_tools.source import read_controller
 from pipeline.command_line.cli import main
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers.source import load
-from pipeline.edit import FIRST, EditorCases, most_changed
+from pipeline.edit.cases import FIRST, EditorCases, most_changed
 from pipeline.evaluation.assurance.requirements import parse_requirements
 from pipeline.evaluation.monte_carlo import fly_cases
 from pipeline.evaluation.statistics import METRICS, succeeds
 from pipeline.settings.places import requirements_path
+from tests.browser import serious_violations
 from tests.editors import served
 from tests.places import PROJECT
 
@@ -106,6 +107,18 @@ def test_the_flights_that_changed_most_come_first(cases) -> None:
     assert lost[cases_in_order[0]] == lost[ends != ended].max()
 
 
+def test_the_worst_of_the_flights_that_fail_come_first(cases) -> None:
+    flown = list(cases.fly(pressed(0, 2)))[-1]
+    (inspect,) = (requirement for requirement in cases.requirements if requirement.id == "R3")
+    rates, num_failed = (
+        flown.episodes["inspection_rate_percent"],
+        int((flown.episodes["inspection_rate_percent"] < 95.0).sum()),
+    )
+    assert 3 < num_failed < NUM_CASES
+    np.testing.assert_array_equal(rates[flown.failing(inspect, 3)], np.sort(rates)[:3])
+    assert len(flown.failing(inspect, NUM_CASES)) == num_failed
+
+
 def test_a_saved_copy_flies_to_the_numbers_shown(open_page, address, folder, cases) -> None:
     page = open_page(address)
     assert column(page, 2) == column(page, 1) == flown(cases, CHAMPION)
@@ -142,13 +155,44 @@ def test_one_flight_says_which_rule_made_a_force(open_page, address) -> None:
     flight = page.get_by_role("region", name="One flight")
     expect(flight.get_by_text("0 s: ")).to_be_visible()
     expect(flight.get_by_text("force_x: asked for")).to_contain_text("Rule")
-    flight.get_by_role("slider", name="time in the flight").focus()
+    flight.get_by_role("slider", name="Time of the flight").focus()
     page.keyboard.press("ArrowRight")
     expect(flight.get_by_text("between two decisions").first).to_be_visible()
     page.get_by_label("rule 2:").click()
     page.get_by_role("button").filter(has_text="m/s,").first.click()
     expect(flight.get_by_label("case")).not_to_have_value("0")
     assert 0 < int(flight.get_by_label("case").input_value()) < NUM_CASES
+
+
+#: collects the words and dashes that are drawn on canvases from now on
+DRAWN = """() => {
+    window.drawn = new Set();
+    const pen = CanvasRenderingContext2D.prototype, { fillText, setLineDash } = pen;
+    pen.fillText = function (words, ...at) { drawn.add(words); return fillText.call(this, words, ...at); };
+    pen.setLineDash = function (dashes) { drawn.add(dashes.join()); return setLineDash.call(this, dashes); };
+}"""
+
+
+def test_a_flight_shows_limits_sun_and_the_path_as_opened_in_light_and_dark(open_page, address, axe) -> None:
+    page = open_page(address)
+    page.get_by_label("rule 2:").click()
+    flights, flight = (page.get_by_role("region", name=name) for name in ("Flights", "One flight"))
+    refuted = flights.locator(".requirement").filter(has_text="R3 Inspect: refuted")
+    expect(refuted).to_contain_text("It is required of 95 % of flights; a failure means a failed mission.")
+    case = refuted.get_by_role("button").first
+    case.click()
+    expect(flight.get_by_label("case")).to_have_value(case.inner_text().removeprefix("flight "))
+    expect(flights.locator(".state")).to_have_text("")
+    expect(flight.locator(".state")).to_have_text("")
+    page.evaluate(DRAWN)
+    flight.get_by_role("slider", name="Time of the flight").press("ArrowRight")
+    expect(flight.get_by_text("10 s: ")).to_be_visible()
+    drawn = page.evaluate("[...drawn]")
+    assert {"Sun", "200 m", "start", "7,5"} <= set(drawn)
+    expect(flight.get_by_text("limits 15, 200 m")).to_be_visible()
+    assert serious_violations(page, axe) == []
+    page.emulate_media(color_scheme="dark")
+    assert serious_violations(page, axe) == []
 
 
 @pytest.mark.parametrize(
