@@ -16,12 +16,15 @@ from pyarrow import parquet
 
 from fis_tools.__main__ import main
 from fis_tools.analysis import arrays, tables
+from fis_tools.analysis.condition import read_region
 from fis_tools.errors import ControllerFileError, Mistake
 from fis_tools.formats import serialize
 from fis_tools.learning import table
 from pipeline.controllers.policies import policy_of
+from pipeline.evaluation.assurance.requirements import parse_requirements
 from pipeline.flight.control.controller import ControllerError
 from pipeline.flight.fly.stepping import NUM_SEEN
+from pipeline.run import configuration
 from pipeline.settings import mesh
 from pipeline.settings.experiment import SettingError
 from tests.fis_tools.sample_controllers import EXAMPLES, PAPER_LIKE
@@ -112,6 +115,52 @@ def zipped(content: bytes) -> bytes:
     with zipfile.ZipFile(sink, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("a.obj", content)
     return sink.getvalue()
+
+
+MIB = 1024**2
+#: the greatest size that is read, and its reader
+LARGEST = {
+    **{f"x.{kind}": (10 * MIB, serialize.load) for kind in ("fis", "fll", "fcl", "yaml")},
+    "x.json": (128 * MIB, serialize.load),
+    "config.yaml": (2 * MIB, lambda path: configuration.read(path.parent)),
+    "requirements.yaml": (2 * MIB, lambda path: parse_requirements(path.read_text(), "x")),
+    "x.onnx": (16 * MIB, lambda path: policy_of("p", path.read_bytes(), "p.onnx")),
+}
+
+
+@pytest.mark.parametrize("name", LARGEST)
+def test_a_file_larger_than_is_read(name, tmp_path):
+    largest, read = LARGEST[name]
+    with (tmp_path / name).open("wb") as stream:
+        stream.truncate(largest + 1)
+    with pytest.raises((ValueError, OSError), match=f"larger|longer|{largest + 1} bytes"):
+        read(tmp_path / name)
+
+
+@pytest.mark.parametrize(
+    ("read", "most"),
+    [
+        (lambda text: serialize.loads(text, "yaml"), 256 * 1024),
+        (lambda text: serialize.loads(text, "fcl"), 2 * MIB),
+        (lambda text: read_region(PAPER_LIKE.systems[0], text), 10_000),
+    ],
+    ids=["yaml", "fcl", "conditions"],
+)
+def test_a_text_longer_than_is_read(read, most):
+    with pytest.raises(ValueError, match=r"longer than|characters"):
+        read("a " * (most // 2) + "a")
+
+
+@pytest.mark.parametrize("kind", ["json", "yaml"])
+def test_what_is_nested_too_deep(kind):
+    with pytest.raises(ControllerFileError, match="nested more than 64 deep"):
+        serialize.loads("[" * 5000 + "]" * 5000, kind)
+
+
+def test_systems_are_counted_before_they_are_read():
+    content = json.loads(serialize.dump_json(PAPER_LIKE)) | {"systems": [0] * 51}
+    with pytest.raises(ControllerFileError, match="has 51 entries; at most 50"):
+        serialize.loads(json.dumps(content), "json")
 
 
 #: more rules than are read, which are no rules, so that whoever looks at them says so
