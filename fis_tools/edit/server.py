@@ -65,7 +65,7 @@ def _guarded(inside: Any, port: int, token: str) -> Any:
     return answer
 
 
-class _Server(uvicorn.Server):
+class Server(uvicorn.Server):
     """A server that Ctrl-C ends, the second time where windows hold changes that nobody saved."""
 
     def __init__(self, config: uvicorn.Config, windows: Windows) -> None:
@@ -118,7 +118,10 @@ def serve(
     ------
     OSError
         If the port is taken.
+    Mistake
+        If the controller cannot be edited.
     """
+    session()
     windows, token = Windows(session), secrets.token_urlsafe(24)
     listening = socket.create_server((HOST, port))
     port = listening.getsockname()[1]
@@ -148,7 +151,7 @@ def serve(
     )
     config.ws_per_message_deflate = False  # nothing leaves this machine
     sys.setswitchinterval(5e-4)  # an answer that is computed does not hold up what is sent
-    server = _Server(config, windows)
+    server = Server(config, windows)
     for number in (signal.SIGTERM, signal.SIGHUP):  # the folder goes however the program ends
         if signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, lambda *_: sys.exit(1))

@@ -1,13 +1,19 @@
 """Windows whose changes outlast their pages, the names of their copies, and how these are written."""
 
 import os
+import signal
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pytest
+from uvicorn import Config
 
+from fis_tools.edit.server import Server, serve
 from fis_tools.edit.session import Session
 from fis_tools.edit.windows import Windows
+from fis_tools.errors import Mistake
+from fis_tools.model import FuzzyController
+from tests.fis_tools.engines.test_intervals import tipper
 from tests.fis_tools.sample_controllers import PAPER_LIKE
 
 
@@ -67,6 +73,28 @@ def test_a_copy_is_on_disk_with_its_folder_before_it_counts_as_saved(tmp_path, m
     assert [(path.parent, is_unsaved) for path, is_unsaved in synced[:-1]] == [(tmp_path, True)]
     assert synced[-1] == (tmp_path, True)
     assert not session.is_unsaved
+
+
+def test_what_cannot_be_edited_is_refused_before_anything_is_served() -> None:
+    controller = FuzzyController("tipper", (tipper(),))
+    with pytest.raises(Mistake, match="the editor is for type-1 sets"):
+        serve(lambda: Session(Path("tipper.yaml"), controller), lambda _: None, "tipper", opens=False)
+
+
+def test_the_first_interrupt_warns_of_changes_that_are_not_saved(capsys) -> None:
+    windows = Windows(lambda: Session(Path("sample.yaml"), PAPER_LIKE))
+    windows[windows.connect("", Tab())].touch(renamed)
+
+    def ended_by(*signals: int) -> bool:
+        server = Server(Config(lambda: None), windows)
+        for number in signals:
+            server.handle_exit(number, None)
+        return server.should_exit
+
+    assert not ended_by(signal.SIGINT)
+    assert capsys.readouterr().err.startswith("changes in 1 window are not saved")
+    assert ended_by(signal.SIGINT, signal.SIGINT)
+    assert ended_by(signal.SIGTERM)
 
 
 def test_no_copy_follows_a_link(tmp_path) -> None:
