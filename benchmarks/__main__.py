@@ -1,6 +1,7 @@
 """Print the figures quoted in the README: ``python -m benchmarks``; or run a campaign, see `CAMPAIGNS`."""
 
 import argparse
+import ast
 import os
 import platform
 import sys
@@ -46,12 +47,27 @@ def processor() -> str:
     return names[0] if names else platform.machine()
 
 
+def programs() -> list[str]:
+    """Return a line for each program of this folder: its name, and what it does."""
+    lines = []
+    for path in sorted(Path(__file__).parent.glob("[a-z]*.py")):
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        if any(isinstance(node, ast.FunctionDef) and node.name in ("main", "run") for node in tree.body):
+            lines.append(f"  {path.stem:12} {(ast.get_docstring(tree) or '').splitlines()[0]}")
+    return lines
+
+
 def main() -> int:
     """Run a campaign, or the chosen parts."""
     if sys.argv[1:2] and sys.argv[1] in CAMPAIGNS:
         run: Callable[[Sequence[str]], int] = import_module(f"benchmarks.{sys.argv[1]}").main
         return run(sys.argv[2:])
-    parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks",
+        description=__doc__,
+        epilog="\n".join(["programs:", *programs()]),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
     parser.add_argument("parts", nargs="*", metavar="PART", help=f"of {', '.join(PARTS)}; all unless given")
     parser.add_argument("--controller", default="paper_champion", help="an option of conf/controller")
     parser.add_argument("--generations", type=int, help="of the training; 500 unless given")
