@@ -20,7 +20,6 @@ CAMPAIGNS = (
     "consistency",
     "dialects",
     "edit",
-    "examples",
     "field",
     "flights",
     "forge",

@@ -21,7 +21,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.rivals import Missing, environment
+from benchmarks.rivals import FOLDER, Missing, environment
 from fis_tools.analysis.bounds import output_ranges
 from fis_tools.array_types import Floats
 from fis_tools.engines.compiler import compile
@@ -30,7 +30,6 @@ from fis_tools.formats import serialize
 from fis_tools.model import FuzzySystem
 from tests.fis_tools.engines.random_systems import inputs_beyond, sampled_systems, uncertain
 
-FOLDER = Path(__file__).parent
 #: Samples of each file.
 SAMPLES = 40
 #: Attacks in a box.
