@@ -44,15 +44,15 @@ def read_controller(path: Path | str, trust: bool = False) -> FuzzyController:
     if is_program(path):
         return _of_program(path, trust)
     path = Path(path)
-    if not path.suffix and not path.exists():
+    if not path.suffix and not os.path.exists(path):  # also where its name is none that a file can have
         path = named(str(path))
-    if path.is_dir():
+    if os.path.isdir(path):
         champion = path / _champion_of(path)
         if not champion.resolve().is_relative_to(path.resolve()):
             raise ControllerFileError(
                 f"{path / MANIFEST} names a champion outside the folder, {champion}; give that file itself"
             )
-        if not os.path.isfile(champion):  # also where its name is none that a file can have
+        if not os.path.isfile(champion):
             raise ControllerFileError(
                 f"{path} is a folder without {CHAMPION}; give the folder of a run that has trained, or a file"
             )

@@ -8,6 +8,9 @@ import pytest
 
 from fis_tools import file_access
 from fis_tools.edit.session import Session
+from fis_tools.errors import ControllerFileError
+from fis_tools.formats import serialize
+from fis_tools.source import read_controller
 from telemetry.commands import main as telemetry_main
 from telemetry.file.partial_file import PARTIAL_SUFFIX
 from tests.fis_tools.sample_controllers import PAPER_LIKE
@@ -113,3 +116,9 @@ def test_links_where_a_flight_is_rescued_or_exported_are_not_followed(tmp_path, 
     assert "a link to" in capsys.readouterr().err
     assert secret.read_bytes() == SECRET
     shutil.rmtree(folder)
+
+
+@pytest.mark.parametrize("ending", ["", *serialize.ENDINGS])
+def test_a_name_that_no_file_can_have_is_refused_as_one_that_is_not_there(ending):
+    with pytest.raises(ControllerFileError, match=r"no such file|cannot be read"):
+        read_controller("a" * 5000 + ending)

@@ -29,6 +29,7 @@ Node = Any
 
 #: Of a file: its parser, written in Python, takes seconds for so much.
 MAX_BYTES = 2 * 1024 * 1024
+MOST_COMMENTS = 100_000
 #: Intervals into which jFuzzyLogic cuts an output's range.
 RESOLUTION = 1000
 
@@ -134,6 +135,8 @@ def without_comments(text: str) -> tuple[str, list[tuple[int, str]]]:
                 raise ControllerFileError(f"line {line}: the comment does not end; get a whole copy")
             end = closing + 2
         comments.append((line, text[start:end].strip("/* \n()")))
+        if len(comments) > MOST_COMMENTS:
+            raise ControllerFileError(f"line {line}: it has more than {MOST_COMMENTS} comments; drop some")
         parts += [text[position:start], " ", "\n" * text.count("\n", start, end)]
         position = end
     return "".join([*parts, text[position:]]), comments

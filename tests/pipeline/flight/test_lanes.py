@@ -1,6 +1,7 @@
 """A flight is the same to the last bit alone, in any company, in any order, on any number of threads."""
 
 from dataclasses import replace
+from typing import Annotated, NamedTuple
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from pipeline.flight.control.controller import open_loop
 from pipeline.flight.control.law import law_of
 from pipeline.flight.fly.population import fly_population, lanes_for
 from pipeline.flight.fly.simulation import fly_all, fly_logged
+from pipeline.flight.state import arrays
 from pipeline.flight.world.pack import pack_world
 from tests.pipeline.flight import cases
 from tests.pipeline.flight.cases import STEERING, mission, random_starts
@@ -101,3 +103,17 @@ def test_a_population_flies_from_few_starts_as_one_controller_does():
 @pytest.mark.parametrize("workers", [1, 3])
 def test_without_starts_there_are_no_outcomes(workers):
     assert fly(*CASES["paper"], [], workers)[0].shape == (0, 9)
+
+
+def test_elements_of_arrays_are_told_by_our_own_table(monkeypatch):
+    """NumPy's aliases of array types tell them in one way before version 2.5, and in another since."""
+
+    class Alias:
+        """Tells nothing."""
+
+    class Kind(NamedTuple):
+        values: Annotated[Alias, "P", 2]
+
+    monkeypatch.setitem(arrays.ELEMENTS, Alias, np.int64)
+    values = arrays.allocated(Kind, {"P": 3}).values
+    assert (values.shape, values.dtype) == ((3, 2), np.int64)
