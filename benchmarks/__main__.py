@@ -26,6 +26,7 @@ CAMPAIGNS = (
     "fuzz",
     "imitated",
     "kills",
+    "missions",
     "networks",
     "policies",
     "scaling",

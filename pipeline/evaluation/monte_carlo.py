@@ -17,7 +17,8 @@ from pipeline.flight.world.pack import inspection_points
 from pipeline.scenarios import columns_of
 from pipeline.settings.dispersions import distributions
 from pipeline.settings.experiment import Mission
-from pipeline.settings.mission import STANDARD_GRAVITY_M_S2, RealActuators
+from pipeline.settings.mission import RealActuators
+from pipeline.settings.relations import STANDARD_GRAVITY_M_S2
 
 #: what a summary calls the share of flights that succeed; its ``success`` counts those outside the limits too
 SUCCESS = "success_and_within_limits"

@@ -10,6 +10,7 @@ from pydantic import Field, Strict
 from pipeline.settings import checks
 from pipeline.settings.checks import Only, SettingError, Settings
 from pipeline.settings.dispersions import Distribution, distributions, processes
+from pipeline.settings.relations import check_relations
 
 #: beyond this many points a flight fills a computer's memory
 MOST_POINTS = 10_000
@@ -119,7 +120,7 @@ class ChiefSettings(Settings, group="chief"):
     """Inertia matrix, chief axes."""
     initial_angular_velocity_rad_s: checks.Vector | None = None
     """Inertial angular velocity at the start, chief axes; null: aligned with Hill."""
-    inspection_radius_m: checks.Positive = 10.0
+    inspection_radius_m: Annotated[checks.Positive, Only("chief.shape=sphere")] = 10.0
     """Radius of the sphere of inspection points."""
     num_points: Annotated[checks.Count, Field(le=MOST_POINTS)] = 100
     """Inspection points asked for; Deserno's placement makes 99 of 100."""
@@ -381,14 +382,6 @@ class RealActuators(Actuators):
     """Part of the deputy's mass; without any left nothing is fired."""
 
 
-#: standard gravity: the exhaust speed is the specific impulse times this
-STANDARD_GRAVITY_M_S2 = 9.80665
-
-#: beyond these a flight fills a computer's memory
-MOST_CONTROLS, MOST_POINTS_SAMPLED, MOST_ATTITUDES = 100_000, 20_000_000, 5_000_000
-#: beyond this many control periods of free drift the safety layer takes longer than the flight
-MOST_HORIZONS = 10_000
-
 #: numbers that all flights of an evaluation share, since samples and decisions depend on them
 SHARED = (
     *("attitude_period_s", "control_period_s", "duration_s"),
@@ -427,22 +420,9 @@ class Mission(Settings, group=""):
     """What flies: compiled code, or the reference in plain NumPy, slowly."""
 
     def __post_init__(self) -> None:
-        """Check that clocks, gains and safety layer fit together."""
-        checks.divides("attitude_period_s", self.attitude_period_s, "control_period_s", self.control_period_s)
-        checks.divides("control_period_s", self.control_period_s, "duration_s", self.duration_s)
-        if self.num_controls > MOST_CONTROLS:
-            raise SettingError(
-                f"duration_s is {self.duration_s:g} and control_period_s {self.control_period_s:g}, which "
-                f"makes {self.num_controls} control periods; there must be at most {MOST_CONTROLS}: shorten "
-                "the first or lengthen the second"
-            )
+        """Check that its settings fit together, by the table of `pipeline.settings.relations`."""
         self._check_dispersions()
-        self._check_clocks()
-        self._check_size()
-        self._check_gains()
-        self._check_propellant()
-        if self.safety.kind == "filter":
-            self._check_safety()
+        check_relations(self)
 
     def _check_dispersions(self) -> None:
         """Raise SettingError for distributions of anything other than a number of a single flight."""
@@ -456,118 +436,6 @@ class Mission(Settings, group=""):
                     "be a key of the mission with a decimal number, and no clock or delay, as in "
                     "+dispersions.deputy.mass_kg={kind:normal,mean:12.0,std:0.1}"
                 )
-
-    def _check_clocks(self) -> None:
-        """Raise SettingError for fixes and delays that do not fall on samples."""
-        period, navigation = self.control_period_s, self.navigation
-        clocks = {}
-        if isinstance(navigation, FilteredNavigation):
-            clocks["navigation.fix_period_s"] = navigation.fix_period_s
-            clocks["navigation.delay_s"] = navigation.delay_s
-        if isinstance(self.actuators, RealActuators):
-            clocks["actuators.delay_s"] = self.actuators.delay_s
-        for key, time in clocks.items():
-            if abs(time / period - round(time / period)) > 1e-9 * max(1.0, time / period):
-                raise SettingError(
-                    f"{key} is {time:g} s and control_period_s {period:g} s; the first must be a multiple of "
-                    f"the second, as {period * max(1, round(time / period)):g} s is"
-                )
-            checks.within(key, time, 0.0, self.duration_s, "s")
-
-    def _check_propellant(self) -> None:
-        """Raise SettingError unless the mass exceeds the propellant plus a control period at full thrust."""
-        actuators, deputy = self.actuators, self.deputy
-        if not isinstance(actuators, RealActuators) or actuators.specific_impulse_s is None:
-            return
-        speed = STANDARD_GRAVITY_M_S2 * actuators.specific_impulse_s
-        most = deputy.mass_kg - 3.0 * deputy.max_force_n * self.control_period_s / speed
-        if not actuators.propellant_kg < most:
-            raise SettingError(
-                f"actuators.propellant_kg is {actuators.propellant_kg:g} and deputy.mass_kg "
-                f"{deputy.mass_kg:g}, of which actuators.specific_impulse_s={actuators.specific_impulse_s:g} "
-                f"may use {deputy.mass_kg - most:.3g} in a control period; the first must be less than "
-                f"{most:.3g}: lower it, or raise one of the others (kg)"
-            )
-
-    def _check_size(self) -> None:
-        """Raise SettingError for flights whose log exceeds memory, and points beyond the deputy's reach."""
-        num_points, period_s = self.chief.num_points, self.attitude_period_s
-        for key, value, per_control, most in (
-            ("chief.num_points", num_points, num_points, MOST_POINTS_SAMPLED),
-            ("attitude_period_s", period_s, self.num_attitude_steps, MOST_ATTITUDES),
-        ):
-            count = self.num_controls * per_control
-            if count > most:
-                raise SettingError(
-                    f"duration_s is {self.duration_s:g}, control_period_s {self.control_period_s:g} and "
-                    f"{key} {value:g}, which makes {count:.2g} values of "
-                    f"a flight; there may be at most {most:,}: shorten the flight, or make it coarser"
-                )
-        if not self.chief.inspection_radius_m < self.deputy.max_distance_m:
-            raise SettingError(
-                f"chief.inspection_radius_m is {self.chief.inspection_radius_m:g} and deputy.max_distance_m "
-                f"{self.deputy.max_distance_m:g}; the first must be less than the second, or all points lie "
-                "beyond the deputy (m)"
-            )
-
-    def _check_gains(self) -> None:
-        """Raise SettingError for gains with which the sampled attitude law is unstable."""
-        if self.attitude.mode != "flown":
-            return
-        damping = self.attitude.derivative_gain * self.attitude_period_s
-        # a torque held over a period turns a rate w into (1 - damping) w
-        if not damping < 2.0:
-            raise SettingError(
-                f"attitude.derivative_gain is {self.attitude.derivative_gain:g} and attitude_period_s "
-                f"{self.attitude_period_s:g}, with the product {damping:g}; it must be less than 2, or every "
-                f"period turns an error in rate into one {abs(1.0 - damping):.3g} times as great: lower one "
-                "of them"
-            )
-        # for an error of half a turn the rate is the ratio of the gains, rad/s
-        proportional, derivative = self.attitude.proportional_gain, self.attitude.derivative_gain
-        turned = proportional / derivative * self.attitude_period_s
-        if not turned < 2.0:
-            raise SettingError(
-                f"attitude.proportional_gain is {proportional:g}, attitude.derivative_gain {derivative:g} "
-                f"and attitude_period_s {self.attitude_period_s:g}, with which the deputy turns by "
-                f"{turned:.3g} rad in a period; it must be less than 2, for the law acts once a period: "
-                "lower the first or the last, or raise the second"
-            )
-
-    def _check_safety(self) -> None:
-        """Raise SettingError for spheres without room between them, and stops that need too much force."""
-        safety, deputy = self.safety, self.deputy
-        near = "deputy.min_distance_m plus safety.keep_out_margin_m"
-        far = "deputy.max_distance_m less safety.keep_in_margin_m"
-        checks.ascending(near, self.keep_out_m, far, self.keep_in_m)
-        if self.problem.kind == "reach" and self.problem.goal_radius_m < self.keep_out_m:
-            raise SettingError(
-                f"the safety layer keeps the deputy {self.keep_out_m:g} m from the chief, but its goal lies "
-                f"within {self.problem.goal_radius_m:g} m (problem.goal_radius_m); choose safety=none"
-            )
-        checks.within("safety.braking_force_n", self.braking_force_n, 0.0, deputy.max_force_n, "N")
-        standing = 3.0 * self.orbit.mean_motion_rad_s**2 * self.keep_in_m * deputy.mass_kg
-        braking = {"braking_force_n": self.braking_force_n}
-        if safety.probability is not None:
-            braking["planned_braking_n"] = safety.planned_braking_n
-        for name, force in braking.items():
-            if not standing <= force:
-                raise SettingError(
-                    f"safety.{name} is {force:g}, but to stand still {self.keep_in_m:g} m above the chief "
-                    f"takes {standing:.3g} N; raise it, or lower deputy.max_distance_m"
-                )
-        beyond = self.keep_out_m - safety.speed_distance_m
-        slowest = safety.speed_limit_m_s + safety.speed_slope_per_s * beyond
-        if not slowest >= 0.0:
-            raise SettingError(
-                f"safety.speed_limit_m_s and safety.speed_slope_per_s allow {slowest:.3g} m/s at the "
-                f"keep-out sphere ({self.keep_out_m:g} m); it must be at least 0: raise the first, or lower "
-                "the second or safety.speed_distance_m"
-            )
-        for name in ("passive_horizon_s", "keep_in_horizon_s"):
-            horizon = getattr(safety, name)
-            most = MOST_HORIZONS * self.control_period_s
-            checks.within(f"safety.{name}", horizon, 0.0, most, "s")
 
     @cached_property
     def varying(self) -> dict[str, Distribution]:

@@ -12,8 +12,8 @@ from pipeline.settings.experiment import Mission, SettingError
 from pipeline.settings.mission import Light, OrbitSettings, TwoBody
 
 
-def chief_course(mission: Mission) -> Course:
-    """Return the course of a mission's chief, over the whole flight.
+def chief_course(mission: Mission, **changes: float) -> Course:
+    """Return the course of a mission's chief, over the whole flight, with some of its `Elements` changed.
 
     Raises
     ------
@@ -24,7 +24,7 @@ def chief_course(mission: Mission) -> Course:
     if not isinstance(dynamics, TwoBody):
         return NO_COURSE
     check_perigee(mission)
-    elements = Elements(**{name: getattr(dynamics, name) for name in Elements._fields})
+    elements = Elements(**{name: getattr(dynamics, name) for name in Elements._fields})._replace(**changes)
     chief = orbit.mean_motion_rad_s, semi_major_axis(orbit), elements
     return course_of(*chief, mission.light.shadow != "none", mission.control_period_s, mission.num_controls)
 

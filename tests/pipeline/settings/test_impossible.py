@@ -62,7 +62,7 @@ CASES = [
     ("report.training_case", 8, "but there are 8 training scenarios; choose one from 0 to 7"),
     ("orbit.mean_motion_rad_s", 1e100, "mean_motion_rad_s is 1e+100; it must be at most 10 (rad/s)"),
     ("chief.inspection_radius_m", 300.0, "the first must be less than the second, or all points lie beyond"),
-    ("chief.inspection_radius_m", 50.0, "is 50.0, and chief.inspection_radius_m is 50; the first"),
+    ("chief.inspection_radius_m", 50.0, "a flight through the chief keeps its limits"),
     ("chief.initial_angular_velocity_rad_s", [0.0, 0.0, 11.0], "rad_s[2] is 11.0; it must be at most 10"),
     ("seed", 10**400, "seed is 1000000"),
     ("seed", -1, "seed is -1; it must be a whole number of at least 0"),
