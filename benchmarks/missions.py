@@ -132,7 +132,7 @@ MISSIONS: dict[str, tuple[str, list[str]]] = {
     "navigation_satellite": (
         "20,200 km, chief of 6 m, 60 kg, half a day",
         [
-            *(*KNOWN, "duration_s=43200", "control_period_s=30", "attitude_period_s=2"),
+            *(*KNOWN, "duration_s=43200", "control_period_s=60", "attitude_period_s=4"),
             *("orbit.mean_motion_rad_s=1.4585e-4", elevation(-40, 40), *chief(6, 20, 300)),
             *(*deputy(60, 0.5, 0.05, 4), *camera(18, 72, 200), "actuators.least_impulse_n_s=0.02"),
             "navigation.fix_period_s=60",
