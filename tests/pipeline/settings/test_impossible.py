@@ -135,7 +135,7 @@ def test_unusual_values_that_can_be():
         "sensor.half_angle_deg": (180.0,),
         "attitude.derivative_gain": (1.99,),
         "deputy.inertia_kg_m2": ([[2.0, 0.1, 0.0], [0.1, 3.0, -0.2], [0.0, -0.2, 4.0]],),
-        "deputy.min_distance_m": (0.0,),
+        "deputy.min_distance_m": (10.0,),
         "chief.initial_angular_velocity_rad_s": (None,),
         "optimizer.population_size": (1e3,),
         "optimizer.elitism_rate": (0.0,),

@@ -59,7 +59,7 @@ def breaks(settings: dict) -> str:
     ):
         return "disturbances"
     actuators = plain["actuators"]
-    if actuators["kind"] == "real" and actuators["specific_impulse_s"] is not None:
+    if actuators.get("specific_impulse_s") is not None:
         spent = 3 * force * period / (STANDARD_GRAVITY_M_S2 * actuators["specific_impulse_s"])
         if actuators["propellant_kg"] + spent >= mass:
             return "propellant"
