@@ -80,9 +80,9 @@ def _drawn(
 def training_scenarios(experiment: Experiment, round_index: int = 0) -> list[Scenario]:
     """Return the starts of a round of training: its own with `starts.redraw`, else those of the first."""
     starts = experiment.starts
-    if starts.table is not None:
-        return _given(starts.table, experiment.seed, TRAINING)
-    stage = TRAINING + (round_index if starts.redraw else 0)
+    if starts.rows is not None:
+        return _given(starts.rows, experiment.seed, TRAINING)
+    stage = TRAINING + (round_index if starts.is_redrawn else 0)
     drawn = _drawn(experiment, starts, stage, range(starts.num_cases))
     if starts.kind == "random":
         return drawn
@@ -112,9 +112,9 @@ def fitting_scenarios(
     been flown before.
     """
     cases, starts = experiment.monte_carlo, experiment.starts
-    if starts.table is None or cases.table is None:
+    if starts.rows is None or cases.table is None:
         return _drawn(experiment, cases, FITTING + rung, range(num_cases))
-    given = _given(cases.table if is_unseen else starts.table, experiment.seed, FITTING + rung)
+    given = _given(cases.table if is_unseen else starts.rows, experiment.seed, FITTING + rung)
     return given if is_unseen else [given[case % len(given)] for case in range(num_cases)]
 
 

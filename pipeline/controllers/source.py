@@ -17,7 +17,7 @@ from pipeline.controllers.policies import read_policy
 from pipeline.flight.control.controller import Controller, ControllerError, PilotController, coast, from_fuzzy
 from pipeline.flight.control.law import decision_stride
 from pipeline.run import artifacts, configuration, writing
-from pipeline.settings.controllers import PLANNED, Planned, check_controller, planned_settings
+from pipeline.settings.controllers import PLANNED, Planned, check_controller
 from pipeline.settings.experiment import Experiment, Mission
 from pipeline.settings.keys import choices_of
 from pipeline.settings.places import conf_folder
@@ -57,7 +57,7 @@ def load(source: Mapping[str, Any], mission: Mission) -> Controller:
     if kind == "coast":
         return coast()
     if kind in PLANNED:
-        return controller_of_kind(kind, planned_settings(source), mission)
+        return controller_of_kind(kind, Planned(**source), mission)
     if kind == "open_loop":
         return read_played(Path(str(source["path"])), mission)
     if kind == "policy":

@@ -169,7 +169,7 @@ def select(
     if given is not None:
         candidates.insert(0, Candidate(GIVEN))
     scenarios = validation_scenarios(experiment, settings.validation_cases or GUARD_CASES)
-    if experiment.starts.table is not None:
+    if experiment.starts.rows is not None:
         scenarios = training_scenarios(experiment)
 
     def judge(some: Sequence[Candidate], starts: list[Scenario]) -> list[SelectionJudgement]:

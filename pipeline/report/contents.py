@@ -155,7 +155,7 @@ def gather(experiment: Experiment, folder: Path) -> Contents:
     # the last round that the logbook tells of; the first without one
     last = int(logbook["round"][-1]) if logbook else 0
     starts = training_scenarios(experiment, last) if controller and (has_trained or has_starts) else []
-    training_round = last + 1 if logbook and experiment.starts.redraw else None
+    training_round = last + 1 if logbook and experiment.starts.is_redrawn else None
     manifest = manifests.read_if_any(folder)
     recordings = sorted((folder / artifacts.RECORDINGS).glob("*.mcap"))
     return Contents(

@@ -385,16 +385,23 @@ def sentence(kind: Any, error: ValidationError) -> str:
     if isinstance(cause, SettingError):
         return str(cause)
     key = dotted(kind.group, fault["loc"])
-    if fault["type"] == "unexpected_keyword_argument" and key in KNOWN:
-        where = " and ".join(map(str, conditions_of(kind.root, str(fault["loc"][-1]))))
-        return f"{key} counts only with {where}; set that, or leave {key} out"
     if fault["type"] == "unexpected_keyword_argument":
-        return unknown(key)
+        return _unexpected(kind, key)
     if fault["type"] == "missing":
         return f"the key {key} is missing; give it a value, {key}=..."
     if cause is not None:
         return str(cause).replace("{key}", key).replace("{unit}", in_unit(unit_of(key)))
     return f"{key} is {_refused(key, fault, _hint_at(kind, fault['loc']))}"
+
+
+def _unexpected(kind: Any, key: str) -> str:
+    """Return a message about a key that a class does not have: a variant's, or one that does not exist."""
+    if kind.group == FREE:
+        return f"there is no key {key} with {FREE}.kind={kind.kind}; its keys are {', '.join(names_of(kind))}"
+    if key not in KNOWN:
+        return unknown(key)
+    where = " and ".join(map(str, conditions_of(kind.root, key.rpartition(".")[2])))
+    return f"{key} counts only with {where}; set that, or leave {key} out"
 
 
 def _hint_at(kind: Any, location: tuple[int | str, ...]) -> Any:

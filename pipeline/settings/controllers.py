@@ -2,20 +2,73 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import field
 from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from pipeline.settings.checks import Count, NotNegative, Number, Positive, SettingError, Settings
-from pipeline.settings.keys import FREE, did_you_mean
+from pipeline.settings.checks import (
+    Count,
+    NotNegative,
+    Number,
+    Positive,
+    SettingError,
+    Settings,
+    Text,
+    tags_of,
+)
+from pipeline.settings.keys import FREE
 
 Angle = Annotated[Number, Field(ge=-math.pi, le=math.pi)]
 
 
-class NaturalMotion(Settings, group=FREE):
+class ControllerSettings(Settings, group=FREE):
+    """A controller that is not written out, by its kind."""
+
+    kind: str = "file"
+    """What it is."""
+
+
+class FuzzyFile(ControllerSettings):
+    """A fuzzy controller in a file, perhaps with other constants."""
+
+    kind: Literal["file"] = "file"
+    path: Text
+    """The file."""
+    attributes: dict[str, Any] = field(default_factory=dict, hash=False)
+    """Constants instead of the file's."""
+
+
+class ForceTable(ControllerSettings):
+    """A table of forces that is played."""
+
+    kind: Literal["open_loop"] = "open_loop"
+    path: Text
+    """The file."""
+
+
+class NetworkFile(ControllerSettings):
+    """A trained network."""
+
+    kind: Literal["policy"] = "policy"
+    path: Text
+    """The file."""
+
+
+class Coast(ControllerSettings):
+    """No force."""
+
+    kind: Literal["coast"] = "coast"
+
+
+class Planned(ControllerSettings):
+    """A controller that computes forces from the state."""
+
+
+class NaturalMotion(Planned):
     """One burn at the start onto an ellipse of free motion around the chief."""
 
+    kind: Literal["natural_motion"] = "natural_motion"
     points: Count
     """Points to be inspected, for a camera that looks at the chief."""
     margin_m: NotNegative
@@ -34,7 +87,7 @@ class NaturalMotion(Settings, group=FREE):
             )
 
 
-class Ring(Settings):
+class Ring(Planned):
     """An ellipse of free motion that follows the Sun, with its cross-track amplitude; or a route instead."""
 
     follows: Literal["ring", "route"]
@@ -49,9 +102,10 @@ class Ring(Settings):
     """How far the swing along the normal is ahead of one that starts at rest."""
 
 
-class Lqr(Ring, group=FREE):
+class Lqr(Ring):
     """A linear-quadratic regulator that tracks a ring; errors at their tolerance are weighted equally."""
 
+    kind: Literal["lqr"] = "lqr"
     position_tolerance_m: Positive
     """Error of the position in the orbit plane that weighs one."""
     height_tolerance_m: Positive
@@ -64,9 +118,10 @@ class Lqr(Ring, group=FREE):
     """A component smaller than this is not fired."""
 
 
-class RecedingHorizon(Ring, group=FREE):
+class RecedingHorizon(Ring):
     """Model predictive control: solves a linear program repeatedly to reach a ring with minimum fuel."""
 
+    kind: Literal["receding_horizon"] = "receding_horizon"
     first_horizon_s: Positive
     """How far the first solution looks ahead; its end stays until horizon_s is farther."""
     horizon_s: Positive
@@ -95,23 +150,8 @@ class RecedingHorizon(Ring, group=FREE):
             )
 
 
-Planned = NaturalMotion | Lqr | RecedingHorizon
-
 #: settings of the planning kinds
-PLANNED: Mapping[str, type[Planned]] = {
-    "natural_motion": NaturalMotion,
-    "lqr": Lqr,
-    "receding_horizon": RecedingHorizon,
-}
-
-#: the keys of a controller that is not written out, by its kind
-CONTROLLER_KEYS: Mapping[str, set[str]] = {
-    "file": {"path"},
-    "open_loop": {"kind", "path"},
-    "policy": {"kind", "path"},
-    "coast": {"kind"},
-    **{kind: {"kind", *(field.name for field in fields(settings))} for kind, settings in PLANNED.items()},
-}
+PLANNED: Mapping[str, type[Any]] = {kind: variant for variant, kind in tags_of(Planned)["kind"].items()}
 
 
 def check_controller(source: Mapping[str, Any]) -> None:
@@ -121,36 +161,11 @@ def check_controller(source: Mapping[str, Any]) -> None:
     ------
     SettingError
     """
-    keys = set(source)
-    if "systems" in keys:
+    if "systems" in source:
         return
-    if "kind" not in keys and "path" not in keys:
+    if "kind" not in source and "path" not in source:
         raise SettingError(
             "controller is neither written out (systems) nor a file (path) nor of a kind; choose one of "
             "the group, controller=NAME, or a file, controller=PATH"
         )
-    kind = source.get("kind", "file")
-    if not isinstance(kind, str) or kind not in CONTROLLER_KEYS:
-        known = [name for name in CONTROLLER_KEYS if name != "file"]
-        guess = did_you_mean(str(kind), known)
-        raise SettingError(f"controller.kind is {kind!r}; it must be one of {', '.join(known)}{guess}")
-    if kind == "file" and isinstance(source.get("attributes"), Mapping):
-        keys.discard("attributes")  # constants set on the command line
-    if keys != CONTROLLER_KEYS[kind]:
-        raise SettingError(
-            f"controller has the keys {', '.join(sorted(keys))}; one of kind {kind} has "
-            f"{', '.join(sorted(CONTROLLER_KEYS[kind]))}"
-        )
-    if kind in PLANNED:
-        planned_settings(source)
-
-
-def planned_settings(source: Mapping[str, Any]) -> Planned:
-    """Return the settings of a planning controller.
-
-    Raises
-    ------
-    SettingError
-        If a value is not allowed.
-    """
-    return PLANNED[source["kind"]](**{key: value for key, value in source.items() if key != "kind"})
+    ControllerSettings(**source)

@@ -17,7 +17,7 @@ from pipeline.settings.checks import Only, SettingError, Settings
 from pipeline.settings.controllers import check_controller
 from pipeline.settings.keys import choices_of
 from pipeline.settings.mission import Mission, Safety, Sun
-from pipeline.settings.training import Optimizer, Starts, dimensions
+from pipeline.settings.training import Optimizer, Starts, StartsOfFile, dimensions
 
 #: names of other modules that are imported from here
 __all__ = ["Experiment", "Mission", "Optimizer", "Safety", "SettingError", "Sun"]
@@ -294,9 +294,10 @@ class Experiment(Settings, group=""):
         check_controller(self.controller)
         limits = self.mission.deputy.min_distance_m, self.mission.deputy.max_distance_m
         self._check_start()
-        for table in (self.starts.table, self.monte_carlo.table):
+        path = self.starts.path if isinstance(self.starts, StartsOfFile) else None
+        for table in (self.starts.rows, self.monte_carlo.table):
             if table is not None:
-                start_table.check_within(table, f"the starts of {self.starts.path}", limits)
+                start_table.check_within(table, f"the starts of {path}", limits)
         for group, shell in (("starts", self.starts), ("monte_carlo", self.monte_carlo)):
             for key in ("min_distance_m", "max_distance_m"):
                 value = getattr(shell, key)

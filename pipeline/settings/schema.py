@@ -351,11 +351,12 @@ def _commented(node: Mapping[str, Any], above: str, indent: str) -> Iterator[str
 def descriptions() -> dict[str, str]:
     """Return the meaning of each key, and of each group: the text below its field or class."""
     texts: dict[str, str] = {}
-    for group, kind, _ in GROUPS:
-        # controllers that plan have a group each
-        named = next((f"{keys.FREE} ({name})" for name, planned in PLANNED.items() if planned is kind), group)
-        prefix = f"{named}." if group else ""
-        texts[prefix.rstrip(".")] = (inspect.getdoc(kind) or "").partition("\n")[0]
+    # controllers that plan have a group each
+    planned = ((f"{keys.FREE} ({name})", kind) for name, kind in PLANNED.items())
+    groups = ((group, kind) for group, kind, _ in GROUPS if group != keys.FREE)
+    for group, kind in (*planned, *groups):
+        prefix = f"{group}." if group else ""
+        texts[group] = (inspect.getdoc(kind) or "").partition("\n")[0]
         for owner in (kind, *checks.descendants_of(kind)):
             for name, text in DESCRIPTIONS[owner].items():
                 texts.setdefault(prefix + name, text)

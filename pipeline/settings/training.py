@@ -32,8 +32,6 @@ class Starts(Settings, group="starts", only=DRAWS):
     """Least distance from the chief; null: as in monte_carlo, for the octants the mean of both."""
     max_distance_m: Annotated[checks.Number, checks.Follows()] = 75.0
     """Greatest distance from the chief; null: as in monte_carlo, for the octants the mean of both."""
-    redraw: Annotated[checks.Flag, Only("starts.kind=random", "starts.kind=octants")] = False
-    """Whether each round of training draws its own."""
     num_hard: checks.Natural = 0
     """More starts, from the second round on: of hard_from, the champion's worst."""
     hard_from: Annotated[checks.Natural, Only("starts.num_hard>0")] = 0
@@ -44,31 +42,73 @@ class Starts(Settings, group="starts", only=DRAWS):
     """Directions of starts and speeds: even on the sphere, or by even angles, denser at the poles (AFRL)."""
     box: checks.Box | None = None
     """Least and greatest x, y, z, x', y', z' of starts drawn evenly between them; null: the shell."""
-    path: Annotated[checks.Text | None, Only("starts.kind=file")] = None
-    """The CSV file that the table came from."""
-    table: Annotated[checks.Text | None, Only("starts.kind=file")] = None
-    """The rows of that file, as CSV text."""
 
     def __post_init__(self) -> None:
-        """Check the shell's bounds, that the hard starts are a subset, and that there are eight octants."""
+        """Check the shell's bounds, and that the hard starts are a subset."""
         checks.shell("starts", self.min_distance_m, self.max_distance_m)
         if self.num_hard > self.hard_from:
             raise SettingError(
                 f"starts.num_hard is {self.num_hard} and starts.hard_from {self.hard_from}; the hard starts "
                 "are the worst of so many, which must be more"
             )
-        if (self.kind == "file") != (self.table is not None):
-            given = "null" if self.table is None else "given"
-            raise SettingError(
-                f"starts.kind is {self.kind} and starts.table is {given}; choose a file by starts=PATH.csv"
-            )
-        start_table.check_count("starts", self.num_cases, self.table)
-        if self.kind == "octants" and (self.num_cases != 8 or self.min_distance_m != self.max_distance_m):
+
+    @property
+    def is_redrawn(self) -> bool:
+        """Whether each round of training draws its own."""
+        return isinstance(self, DrawnStarts) and self.redraw
+
+    @property
+    def rows(self) -> str | None:
+        """The rows of a file, as CSV text; None of starts that are not given."""
+        return self.table if isinstance(self, StartsOfFile) else None
+
+
+class DrawnStarts(Starts):
+    """Starts that a round may draw anew."""
+
+    redraw: checks.Flag = False
+    """Whether each round of training draws its own."""
+
+
+class OctantStarts(DrawnStarts):
+    """Starts at rest on the octants' diagonals."""
+
+    kind: Literal["octants"] = "octants"
+
+    def __post_init__(self) -> None:
+        """Check that there are eight at one distance."""
+        super().__post_init__()
+        if self.num_cases != 8 or self.min_distance_m != self.max_distance_m:
             raise SettingError(
                 f"starts.kind is octants with {self.num_cases} cases from {self.min_distance_m} to "
                 f"{self.max_distance_m} m; octants are eight starts at one distance: set "
                 "starts.num_cases=8 and equal distances, or choose starts=random"
             )
+
+
+class RandomStarts(DrawnStarts):
+    """Starts drawn in a shell."""
+
+    kind: Literal["random"] = "random"
+
+
+class StartsOfFile(Starts):
+    """The rows of a file."""
+
+    kind: Literal["file"] = "file"
+    path: checks.Text | None = None
+    """The CSV file that the table came from."""
+    table: checks.Text | None = None
+    """The rows of that file, as CSV text."""
+
+    def __post_init__(self) -> None:
+        """Check that there is a table with as many starts."""
+        super().__post_init__()
+        if self.table is None:
+            raise SettingError(
+                "starts.kind is file and starts.table is null; choose a file by starts=PATH.csv"
+            )
+        start_table.check_count("starts", self.num_cases, self.table)
 
 
 class Encoding(Settings, group="optimizer.encoding", only=TRAINS):
@@ -160,9 +200,6 @@ class Penalty(Settings, group="optimizer.penalty", only=TRAINS):
         return replace(self, short_point_m_s=short, missed_point_m_s=missed)
 
 
-GENETIC = Only("optimizer.algorithm=genetic")
-
-
 class Optimizer(Settings, group="optimizer", only=TRAINS):
     """The evolutionary algorithm: by default the paper's genetic algorithm."""
 
@@ -170,14 +207,6 @@ class Optimizer(Settings, group="optimizer", only=TRAINS):
     """Individuals in a generation."""
     generations: checks.Count = 500
     """Generations after the first, in each round."""
-    tournament_size: Annotated[checks.Count, Field(le=MOST_INDIVIDUALS), GENETIC] = 4
-    """Individuals in a tournament, whose best becomes a parent."""
-    crossover_rate: Annotated[checks.Share, GENETIC] = 0.8
-    """Share of a generation that are children of two parents."""
-    elitism_rate: Annotated[checks.Number, Field(ge=0, le=0.9), GENETIC] = 0.1
-    """Share that passes unchanged into the next."""
-    split: Annotated[Literal["whole", "rest"], GENETIC] = "whole"
-    """What crossover_rate counts: the whole generation, or the rest without elite."""
     stall_generations: Annotated[
         checks.Whole | None, Field(ge=1, le=checks.MOST), checks.Cure(", or null for none")
     ] = None
@@ -190,10 +219,6 @@ class Optimizer(Settings, group="optimizer", only=TRAINS):
     """Threads that fly; null: one a processor."""
     algorithm: Literal["genetic", "cma_es"] = "genetic"
     """Crossover and mutation, or an adapting normal distribution."""
-    mutation: Annotated[Literal["adaptive_feasible", "local"], GENETIC] = "adaptive_feasible"
-    """MATLAB's, all genes along one direction, or few genes by small normal steps."""
-    first_population: Annotated[Literal["random", "near"], GENETIC] = "random"
-    """Besides the controller: drawn anywhere, or its local mutants."""
     next_round: Annotated[Literal["afresh", "carried"], Only("optimizer.rounds>1")] = "afresh"
     """How a later round begins: a new population and the champion, or the one it finds."""
     initial_step: Annotated[
@@ -202,13 +227,11 @@ class Optimizer(Settings, group="optimizer", only=TRAINS):
         Only("optimizer.algorithm=cma_es", "optimizer.mutation=local", "optimizer.first_population=near"),
     ] = 0.1
     """Standard deviation of local mutation, and of CMA-ES's first sample, in genes."""
-    cooling: Annotated[checks.Number, Field(ge=0.1, le=1), Only("optimizer.mutation=local")] = 1.0
-    """Factor on the steps of local mutation from round to round."""
     validation_cases: checks.Natural = 0
     """Starts on which the best of all generations is chosen; 0: the last, if it betters the given one."""
 
     def __post_init__(self) -> None:
-        """Check that rates leave room for one another and the population suits the algorithm."""
+        """Check that the population suits the algorithm, and that prices stay numbers."""
         least = 5 if self.algorithm == "cma_es" else 2
         checks.within("optimizer.population_size", self.population_size, least, math.inf)
         prices = self.penalty.short_point_m_s, self.penalty.missed_point_m_s
@@ -218,8 +241,35 @@ class Optimizer(Settings, group="optimizer", only=TRAINS):
                 f"optimizer.penalty.growth is {self.penalty.growth:g} and optimizer.rounds {self.rounds}, by "
                 f"which prices grow to 1e{digits:.0f} m/s; they may grow to {MOST_PRICE:g}: lower one of them"
             )
-        is_too_much = self.split == "whole" and self.crossover_rate + self.elitism_rate > 1.0 + 1e-9
-        if self.algorithm == "genetic" and is_too_much:
+
+    def step_of_round(self, round_index: int) -> float:
+        """Return the step with which a round begins, counted from 0, in genes."""
+        return self.initial_step
+
+
+class GeneticAlgorithm(Optimizer):
+    """The paper's genetic algorithm: crossover and mutation."""
+
+    algorithm: Literal["genetic"] = "genetic"
+    tournament_size: Annotated[checks.Count, Field(le=MOST_INDIVIDUALS)] = 4
+    """Individuals in a tournament, whose best becomes a parent."""
+    crossover_rate: checks.Share = 0.8
+    """Share of a generation that are children of two parents."""
+    elitism_rate: Annotated[checks.Number, Field(ge=0, le=0.9)] = 0.1
+    """Share that passes unchanged into the next."""
+    split: Literal["whole", "rest"] = "whole"
+    """What crossover_rate counts: the whole generation, or the rest without elite."""
+    mutation: Literal["adaptive_feasible", "local"] = "adaptive_feasible"
+    """MATLAB's, all genes along one direction, or few genes by small normal steps."""
+    first_population: Literal["random", "near"] = "random"
+    """Besides the controller: drawn anywhere, or its local mutants."""
+    cooling: Annotated[checks.Number, Field(ge=0.1, le=1), Only("optimizer.mutation=local")] = 1.0
+    """Factor on the steps of local mutation from round to round."""
+
+    def __post_init__(self) -> None:
+        """Check that rates leave room for one another."""
+        super().__post_init__()
+        if self.split == "whole" and self.crossover_rate + self.elitism_rate > 1.0 + 1e-9:
             raise SettingError(
                 f"optimizer.crossover_rate is {self.crossover_rate} and optimizer.elitism_rate "
                 f"{self.elitism_rate}, together more than the whole population; lower one of them, or choose "
@@ -229,6 +279,12 @@ class Optimizer(Settings, group="optimizer", only=TRAINS):
     def step_of_round(self, round_index: int) -> float:
         """Return the step with which a round begins, counted from 0, in genes."""
         return 1.0 if self.mutation == "adaptive_feasible" else self.initial_step * self.cooling**round_index
+
+
+class CmaEs(Optimizer):
+    """CMA-ES: an adapting normal distribution."""
+
+    algorithm: Literal["cma_es"] = "cma_es"
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from pipeline.settings.start_table import COLUMNS, EVALUATION, TRAINING
 
 def run(experiment: Experiment, folder: Path) -> None:
     """Draw and write the starts of each round of training and of the evaluation."""
-    rounds = experiment.optimizer.rounds if experiment.starts.redraw else 1
+    rounds = experiment.optimizer.rounds if experiment.starts.is_redrawn else 1
     sets: dict[str, list[Scenario]] = {}
     if "train" in experiment.stages or experiment.telemetry.record_training:
         for index in range(rounds):

@@ -9,7 +9,8 @@ import pytest
 from fis_tools.formats.serialize import FORMS
 from fis_tools.model.shapes import SHAPES
 from pipeline.flight.state.signals import CONSTANTS, SIGNALS
-from pipeline.settings.controllers import CONTROLLER_KEYS, PLANNED
+from pipeline.settings.checks import tags_of
+from pipeline.settings.controllers import PLANNED, ControllerSettings
 from pipeline.settings.experiment import STAGES
 from tests.places import PROJECT
 
@@ -22,7 +23,7 @@ LISTS: dict[str, tuple[Collection[str], set[str]]] = {
     "shapes": (SHAPES, {"fis_tools/engines/degrees.py"}),
     # the second is the type of their names
     "forms": (FORMS, {"fis_tools/formats/serialize.py", "fis_tools/model/shapes.py"}),
-    "kinds of controllers": (CONTROLLER_KEYS, set()),
+    "kinds of controllers": (tags_of(ControllerSettings)["kind"].values(), set()),
     # the first has names of options, which happen to be these
     "planning kinds": (PLANNED, {"pipeline/settings/experiment.py"}),
 }

@@ -21,7 +21,7 @@ import numpy as np
 from deap import cma
 
 from pipeline.array_types import Floats
-from pipeline.settings.experiment import Optimizer
+from pipeline.settings.training import GeneticAlgorithm, Optimizer
 from pipeline.training.evolution.operators import (
     Individual,
     adapt_step_size,
@@ -41,7 +41,7 @@ class Split(NamedTuple):
     mutants: int
 
 
-def split_population(settings: Optimizer) -> Split:
+def split_population(settings: GeneticAlgorithm) -> Split:
     """Convert rates into numbers of individuals.
 
     With `split` = ``whole`` the crossover rate applies to the whole population (of 200 at 0.1 and 0.8: 20,
@@ -63,7 +63,7 @@ def drawing(state: EvolutionState) -> Iterator[random.Random]:
     state.python_state = generator.getstate()
 
 
-def breed(state: EvolutionState, settings: Optimizer) -> Floats:
+def breed(state: EvolutionState, settings: GeneticAlgorithm) -> Floats:
     """Return a generation's children, first by crossover, then mutants; shape (children, num_genes).
 
     With the local mutation, crossover children mutate as well: parents near one another differ little.
@@ -146,7 +146,7 @@ def begin(
     if before:
         state.evaluations, state.history = before.evaluations, before.history
     is_carried = before is not None and settings.next_round == "carried"
-    if settings.algorithm == "cma_es":
+    if not isinstance(settings, GeneticAlgorithm):
         initial = _carried(_strategy(seeds[-1], settings.initial_step, settings))
         state.strategy = before.strategy if before and is_carried else initial
         _sample_generation(state, evaluate, settings)
@@ -165,7 +165,7 @@ def begin(
 def advance(state: EvolutionState, evaluate: Evaluate, settings: Optimizer) -> None:
     """Replace a population by the next generation."""
     state.generation += 1
-    if settings.algorithm == "cma_es":
+    if not isinstance(settings, GeneticAlgorithm):
         _sample_generation(state, evaluate, settings)
         return
     if settings.mutation == "adaptive_feasible" and state.generation > 1:

@@ -13,7 +13,7 @@ from pipeline.flight.control.controller import PlanningController
 from pipeline.flight.reference.motion import transition
 from pipeline.flight.state.log import Scenario
 from pipeline.scenarios import evaluation_scenarios
-from pipeline.settings.controllers import PLANNED, planned_settings
+from pipeline.settings.controllers import PLANNED, Planned
 from pipeline.settings.experiment import Mission
 
 KINDS = tuple(PLANNED)
@@ -33,7 +33,7 @@ def starts(controller: str, *overrides: str) -> tuple[Mission, list[Scenario]]:
 
 def planner(controller: str, *overrides: str, **changes: Any) -> Any:
     experiment = composed(controller, *overrides).experiment
-    settings = planned_settings({**experiment.controller, **changes})
+    settings = Planned(**{**experiment.controller, **changes})
     controller = controller_of_kind(controller, replace(settings), experiment.mission)
     return controller.planner if isinstance(controller, PlanningController) else controller.regulator
 

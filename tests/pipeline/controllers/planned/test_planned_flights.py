@@ -16,7 +16,7 @@ from pipeline.flight.reference.motion import transition
 from pipeline.flight.state.log import points_needed
 from pipeline.flight.world.pack import pack_world
 from pipeline.recording.recorder import controller_text
-from pipeline.settings.controllers import planned_settings
+from pipeline.settings.controllers import Planned
 from pipeline.settings.experiment import SettingError
 from tests.pipeline.controllers.planned import cases
 from tests.pipeline.controllers.planned.cases import MEAN_MOTION, flown
@@ -71,7 +71,7 @@ def test_under_the_safety_layer_the_law_answers_to_where_it_led():
     np.testing.assert_allclose(log.force_hill_n - log.safety_force_hill_n, force, atol=1e-6)
 
 
-SETTINGS = planned_settings(cases.composed("lqr").experiment.controller)
+SETTINGS = Planned(**cases.composed("lqr").experiment.controller)
 MISSION, STARTS = cases.starts("lqr", "sun=random")
 TRANSITION, CONTROL = transition(MEAN_MOTION, cases.PERIOD, cases.MASS)
 
