@@ -7,7 +7,8 @@ Information Theory 28(2), 1982).
 
 `cluster_centres` follows scikit-learn's ``KMeans(init=..., n_init=1, max_iter=50, tol=0, algorithm="lloyd")``
 move by move, relocation of empty clusters included; `pipeline.flight.fly.plain` calls that one: the two
-agree to rounding unless two distances tie. Clustering is warm-started from the centres of the step
+agree to rounding unless two distances tie, or a cluster gives its last member away, whose centre then stays.
+Clustering is warm-started from the centres of the step
 before.
 
 Positions are in m, Hill axes. Compiled functions allocate only what they return.
@@ -150,30 +151,14 @@ def _relocate_empty_clusters(clusters: Clusters, labels: Floats, wanted: int) ->
 
 
 @compiled
-def _average(clusters: Clusters, wanted: int, has_empty: bool) -> None:
-    """Put each centre at the mean of its cluster.
-
-    scikit-learn puts an empty cluster where the largest one is at that moment: at its mean if that comes
-    earlier, at its sum relative to the mean of all candidates if it comes later.
-    """
-    candidates, sums, centres = clusters.candidates, clusters.sums, clusters.centres
+def _average(clusters: Clusters, wanted: int) -> None:
+    """Put each centre at the mean of its cluster; that of an empty one stays."""
+    sums, centres = clusters.sums, clusters.centres
     for j in range(wanted):
         if sums[j, 3] > 0.0:
             share = 1.0 / sums[j, 3]
             for axis in range(3):
                 centres[j, axis] = sums[j, axis] * share
-    if not has_empty:
-        return
-    largest = int(sums[:wanted, 3].argmax())
-    for j in range(wanted):
-        if sums[j, 3] > 0.0:
-            continue
-        for axis in range(3):
-            if j > largest:
-                centres[j, axis] = centres[largest, axis]
-            else:
-                mean = candidates[axis, : clusters.num_candidates].mean()
-                centres[j, axis] = sums[largest, axis] - (sums[largest, 3] - 1.0) * mean
 
 
 @compiled
@@ -190,7 +175,7 @@ def cluster_centres(clusters: Clusters, position_h: Floats, num_centres: int) ->
     if wanted == 1:  # the mean, wherever it starts
         labels[0, :num_candidates] = 0
         _sum_up(clusters, labels[0], 1)
-        _average(clusters, 1, False)
+        _average(clusters, 1)
         return 1
     start_centres(clusters, position_h, num_centres)
     for iteration in range(MAX_ITERATIONS):
@@ -199,10 +184,9 @@ def cluster_centres(clusters: Clusters, position_h: Floats, num_centres: int) ->
         _assign(clusters, 0, wanted, now)
         if iteration > 0 and _is_same(now, labels[1 - iteration % 2], num_candidates):
             break
-        has_empty = _sum_up(clusters, now, wanted)
-        if has_empty:
+        if _sum_up(clusters, now, wanted):
             _relocate_empty_clusters(clusters, now, wanted)
-        _average(clusters, wanted, has_empty)
+        _average(clusters, wanted)
     return wanted
 
 
