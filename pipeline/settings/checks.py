@@ -39,7 +39,7 @@ from pydantic import (
 from pydantic.dataclasses import dataclass as checked_dataclass
 from pydantic_core import CoreSchema, core_schema
 
-from pipeline.settings.keys import FREE, KNOWN, did_you_mean, dotted, unit_of, unknown, value_at
+from pipeline.settings.keys import FREE, KNOWN, choices_of, did_you_mean, dotted, unit_of, unknown, value_at
 
 
 class SettingError(ValueError):
@@ -397,7 +397,8 @@ def sentence(kind: Any, error: ValidationError) -> str:
 def _unexpected(kind: Any, key: str) -> str:
     """Return a message about a key that a class does not have: a variant's, or one that does not exist."""
     if kind.group == FREE:
-        return f"there is no key {key} with {FREE}.kind={kind.kind}; its keys are {', '.join(names_of(kind))}"
+        choices = choices_of(key.rpartition(".")[2], names_of(kind), "keys")
+        return f"there is no key {key} with {FREE}.kind={kind.kind}{choices}"
     if key not in KNOWN:
         return unknown(key)
     where = " and ".join(map(str, conditions_of(kind.root, key.rpartition(".")[2])))

@@ -31,7 +31,7 @@ MIXED = Sun(mode="mixed", angle_deg=30.0)
 SHELL = {"min_distance_m": 50.0, "max_distance_m": 100.0}
 CASES = MonteCarlo(num_cases=400, confidence_percent=95.0, workers=1, **SHELL)
 DRAWN = Starts(kind="random", num_cases=16, redraw=True, num_hard=0, hard_from=0, **SHELL)
-OCTANTS = replace(DRAWN, kind="octants", num_cases=8, min_distance_m=75.0, max_distance_m=75.0, redraw=False)
+OCTANTS = Starts(kind="octants", num_cases=8, min_distance_m=75.0, max_distance_m=75.0)
 
 
 def under(sun: Sun, **changes: object) -> Experiment:
