@@ -8,11 +8,12 @@ The box that promises most is split next, at the middle of the input whose membe
 Nothing is random, and ties go to the older box, so that the same search always takes the same way.
 """
 
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from heapq import heappop, heappush
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -77,6 +78,7 @@ def subdivide(
     goal: float = np.inf,
     tolerance: float = -np.inf,
     max_boxes: int,
+    max_seconds: float = np.inf,
     progress: Progress | None = None,
 ) -> Subdivision:
     """Search a region for the input whose outputs have the greatest value.
@@ -97,9 +99,12 @@ def subdivide(
         Boxes that promise no more than this above the best input are given up.
     max_boxes : int
         The search ends when this many boxes have been bounded.
+    max_seconds : float
+        The search ends after this time.
     progress : callable, optional
         Told how it goes on.
     """
+    ends = time.monotonic() + max_seconds
     low, high = region.low[np.newaxis], region.high[np.newaxis]
     best, best_inputs, closed, num_boxes, order = -np.inf, region.low, -np.inf, 0, 0
     waiting: list[tuple[float, int, Floats, Floats, Floats]] = []
@@ -118,7 +123,7 @@ def subdivide(
         is_below = promises < floor
         closed = max(closed, promises[is_below].max(initial=-np.inf))
         refuted.append((low[is_below], high[is_below]))
-        if best >= goal or num_boxes >= max_boxes:
+        if best >= goal or num_boxes >= max_boxes or time.monotonic() > ends:
             break
         unsplit = max((promised for promised, _, _ in whole), default=-np.inf)
         if tolerance > -np.inf and waiting and unsplit >= -waiting[0][0]:
@@ -143,7 +148,7 @@ def subdivide(
     shape = (len(left), len(region.low))
     opened = [np.array([entry[end] for entry in left]).reshape(shape) for end in (1, 2)]
     promises = np.array([value for value, _, _ in left])
-    below = [np.concatenate(ends) for ends in zip(*refuted, strict=True)]
+    below = [np.concatenate(side) for side in zip(*refuted, strict=True)]
     boxes = (opened[0], opened[1], promises, below[0], below[1])
     return Subdivision(best, best_inputs, num_boxes, closed, *boxes)
 
@@ -277,6 +282,8 @@ class Range(Result):
         How many boxes were bounded.
     where : Region
         Where the inputs lie.
+    num_open : int
+        How many boxes were left that might have narrowed it.
     """
 
     output: Variable
@@ -286,6 +293,7 @@ class Range(Result):
     greatest_at: dict[str, float]
     num_boxes: int
     where: Region = field(repr=False, compare=False)
+    num_open: int = 0
 
     @property
     def sentence(self) -> str:
@@ -297,6 +305,8 @@ class Range(Result):
         ] or ["no input that meets all conditions was found"]
         outer = f"{number(self.outer.low)} to {quantity(self.output, self.outer.high)}"
         proved = f"{self.output.name} goes from {outer} at most, proved with {self.num_boxes} boxes"
+        if self.num_open:
+            proved += f" (stopped with {self.num_open} left, which might narrow it)"
         return "; ".join((proved, *ends, *self.where.notes)) + "."
 
     def document(self) -> Document:
@@ -310,6 +320,7 @@ def ask(
     region: str = "",
     *,
     max_boxes: int = NUM_BOXES,
+    max_seconds: float = np.inf,
     progress: Progress | None = None,
 ) -> Answer:
     """Answer whether the outputs can meet conditions while the inputs meet others.
@@ -325,6 +336,8 @@ def ask(
         inputs together are about values inside their universes.
     max_boxes : int
         How many boxes to bound before giving up.
+    max_seconds : float
+        How long to go on before giving up.
     progress : callable, optional
         Called now and then with the number of boxes bounded, and of those still open.
 
@@ -353,7 +366,8 @@ def ask(
 
     where = read_region(system, region)
     packed = interval.pack(system)
-    search = subdivide(packed, where, promise, floor=0.0, goal=0.0, max_boxes=max_boxes, progress=progress)
+    limits: dict[str, Any] = {"max_boxes": max_boxes, "max_seconds": max_seconds, "progress": progress}
+    search = subdivide(packed, where, promise, floor=0.0, goal=0.0, **limits)
     words = ", ".join(condition.text for condition in conditions)
     answer = partial(Answer, words, where.text, num_boxes=search.num_boxes)
     answer = partial(answer, conditions=(*where.conditions, *conditions), notes=where.notes)
@@ -376,6 +390,7 @@ def output_ranges(
     region: str = "",
     *,
     max_boxes: int = NUM_BOXES,
+    max_seconds: float = np.inf,
     tolerance: float = RANGE_TOLERANCE,
     progress: Progress | None = None,
 ) -> tuple[Range, ...]:
@@ -389,6 +404,8 @@ def output_ranges(
         Conditions on inputs, as for `ask`; empty for all inputs.
     max_boxes : int
         How many boxes to bound, for each end of each output.
+    max_seconds : float
+        How long to go on, for each end of each output; what is left then is told.
     tolerance : float
         The gap allowed between proved and attained ends, as a fraction of the output's range.
     progress : callable, optional
@@ -403,6 +420,7 @@ def output_ranges(
     """
     where = read_region(system, region)
     packed = interval.pack(system)
+    limits: dict[str, Any] = {"max_boxes": max_boxes, "max_seconds": max_seconds, "progress": progress}
     ranges = []
     for index, output in enumerate(system.outputs):
         gap, ends = tolerance * output.span, []
@@ -411,7 +429,7 @@ def output_ranges(
             def promise(least: Floats, greatest: Floats, index: int = index, sign: float = sign) -> Floats:
                 return greatest[:, index] if sign > 0.0 else -least[:, index]
 
-            search = subdivide(packed, where, promise, tolerance=gap, max_boxes=max_boxes, progress=progress)
+            search = subdivide(packed, where, promise, tolerance=gap, **limits)
             if not len(search.open_promises) and search.best == -np.inf:
                 raise ValueError(f"no inputs meet all conditions of {region!r}; relax one of them")
             ends.append(search)
@@ -432,7 +450,8 @@ def _range(
     greatest, greatest_at = attained[-1] if attained else (-np.inf, {})
     outer = Interval(-_most(low), _most(high))
     inner = Interval(least, greatest)
-    return Range(output, outer, inner, least_at, greatest_at, low.num_boxes + high.num_boxes, where)
+    num_open = len(low.open_promises) + len(high.open_promises)
+    return Range(output, outer, inner, least_at, greatest_at, low.num_boxes + high.num_boxes, where, num_open)
 
 
 def _most(search: Subdivision) -> float:

@@ -9,7 +9,7 @@ from fis_tools.engines import interpreter
 from fis_tools.engines.compiler import CompiledSystem
 from fis_tools.engines.defuzzifier import formula_values
 from fis_tools.engines.inference import infer_outputs
-from fis_tools.engines.program import FORMULA, INVERTED, NUMBER, Interval, Program, Weighing
+from fis_tools.engines.program import FORMULA, INVERTED, NUMBER, IntervalOutput, Program, Weighing
 from fis_tools.model import Formula, FuzzySystem, Linear
 from fis_tools.model.intervals import require_type_1
 
@@ -55,7 +55,7 @@ def _can_matter(compiled: CompiledSystem, firing: Floats) -> Booleans:
     """Return which firing rules determine the cut of an output term; where rules add up, all do."""
     matters = np.zeros(firing.shape, dtype=np.bool_)
     for conclusion, output in zip(compiled.program.conclusions, compiled.system.outputs, strict=True):
-        assert not isinstance(conclusion, Interval)  # noqa: S101 - refused above
+        assert not isinstance(conclusion, IntervalOutput)  # noqa: S101 - refused above
         if isinstance(conclusion, Weighing) or not conclusion.cuts:
             matters[:, conclusion.rules] = True
             continue

@@ -22,6 +22,7 @@ def bounds(
     where: str = "",
     question: Annotated[str | None, Parameter(name="--ask")] = None,
     boxes: Annotated[int, expected("a whole number above 0", lambda count: count > 0)] = NUM_BOXES,
+    seconds: Annotated[float, expected("a number above 0", lambda seconds: seconds > 0)] = 600.0,
     expect: Literal["yes", "no"] | None = None,
 ) -> int:
     """Prove what the outputs can and cannot be in a region.
@@ -47,6 +48,8 @@ def bounds(
         conditions on outputs: can they hold? [default: how far the outputs go]
     boxes
         give up after so many boxes
+    seconds
+        give up after so long
     expect
         with --ask: end with status 1 at any other answer
     """
@@ -64,10 +67,10 @@ def bounds(
 
         for system in systems:
             if question is None:
-                ranges = output_ranges(system, where, max_boxes=boxes, progress=progress)
+                ranges = output_ranges(system, where, max_boxes=boxes, max_seconds=seconds, progress=progress)
                 sentences += [output_range.sentence for output_range in ranges]
             else:
-                answer = ask(system, question, where, max_boxes=boxes, progress=progress)
+                answer = ask(system, question, where, max_boxes=boxes, max_seconds=seconds, progress=progress)
                 sentences, verdict = [answer.sentence], answer.verdict
     print("\n".join(sentences))
     return int(expect not in (None, verdict))

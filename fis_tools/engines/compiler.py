@@ -23,7 +23,7 @@ from fis_tools.engines import interpreter, kernel, packing
 from fis_tools.engines import program as codes
 from fis_tools.engines.inference import as_rows, columns_of, pick
 from fis_tools.engines.packing import NotCompilable, Packed
-from fis_tools.engines.program import Conclusion, Interval, Program, Weighing, assemble
+from fis_tools.engines.program import Conclusion, IntervalOutput, Program, Weighing, assemble
 from fis_tools.model import FuzzySystem
 from fis_tools.model.validate import validate
 from fis_tools.processors import num_processors
@@ -330,8 +330,8 @@ def compile(
     return compiled
 
 
-def _marked(conclusion: Conclusion | Weighing | Interval) -> Conclusion | Weighing | Interval:
-    if isinstance(conclusion, Interval):
+def _marked(conclusion: Conclusion | Weighing | IntervalOutput) -> Conclusion | Weighing | IntervalOutput:
+    if isinstance(conclusion, IntervalOutput):
         return conclusion._replace(upper=conclusion.upper._replace(default=np.nan))
     if isinstance(conclusion, Conclusion):
         return conclusion._replace(defuzzifier=codes.CENTROID, default=np.nan)

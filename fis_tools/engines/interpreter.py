@@ -18,7 +18,7 @@ from fis_tools.engines import program as codes
 from fis_tools.engines.defuzzifier import conclude_by_rule, conclude_by_term, weigh, weigh_rows
 from fis_tools.engines.degrees import degree
 from fis_tools.engines.intervals import conclude_interval, weigh_interval
-from fis_tools.engines.program import Antecedents, Conclusion, Interval, Program, Weighing, combine
+from fis_tools.engines.program import Antecedents, Conclusion, IntervalOutput, Program, Weighing, combine
 from fis_tools.engines.sampling import conclude_sampled
 
 #: samples whose rules are evaluated side by side: a constant, so that the compiler vectorises
@@ -140,7 +140,7 @@ def _concluding(program: Program, firing: Floats, inputs: Floats, columns: Float
     """
     for index, conclusion in enumerate(program.conclusions):
         out = columns[index]
-        if isinstance(conclusion, Interval):
+        if isinstance(conclusion, IntervalOutput):
             yield _reducing(conclusion, firing, inputs, program.limits, out)
         elif isinstance(conclusion, Weighing) and conclusion.formulas:
             yield partial(weigh, conclusion, firing, inputs, program.limits, columns[:index], out)
@@ -155,7 +155,9 @@ def _concluding(program: Program, firing: Floats, inputs: Floats, columns: Float
             yield partial(conclude_by_rule, conclusion, firing, out)
 
 
-def _reducing(pair: Interval, firing: Floats, inputs: Floats, limits: Floats, out: Floats) -> partial[None]:
+def _reducing(
+    pair: IntervalOutput, firing: Floats, inputs: Floats, limits: Floats, out: Floats
+) -> partial[None]:
     lower, upper = pair.lower, pair.upper
     if isinstance(lower, Weighing) and isinstance(upper, Weighing):
         lower, upper = (part._replace(formulas=(), names=()) for part in (lower, upper))

@@ -1,4 +1,4 @@
-"""Interval inference, compiled: the possible outputs of a system for all inputs in a box.
+"""IntervalOutput inference, compiled: the possible outputs of a system for all inputs in a box.
 
 Each number of an inference becomes a lower and an upper bound: memberships over an interval, strengths of
 rules, the cut of each output term. The least and the greatest centroid possible with cuts inside these bounds
@@ -18,7 +18,15 @@ from fis_tools.engines.defuzzifier import invert
 from fis_tools.engines.degrees import degree_bounds
 from fis_tools.engines.inference import SMALLEST_AREA
 from fis_tools.engines.intervals import bound_interval, bound_weighed
-from fis_tools.engines.program import Antecedents, Conclusion, Interval, Program, Weighing, assemble, combine
+from fis_tools.engines.program import (
+    Antecedents,
+    Conclusion,
+    IntervalOutput,
+    Program,
+    Weighing,
+    assemble,
+    combine,
+)
 from fis_tools.engines.sampled_bounds import bound_sampled
 from fis_tools.model import Concave, Constant, Formula, FuzzySystem, Sigmoid, Variable
 from fis_tools.model.intervals import has_intervals
@@ -113,7 +121,7 @@ def bound(program: Program, low: Floats, high: Floats) -> tuple[Floats, Floats, 
     limits = np.empty((len(program.conclusions), len(low), 2))
     low, high = (np.clip(end, program.limits[:, 0], program.limits[:, 1]) for end in (low, high))
     for conclusion, column in zip(program.conclusions, limits, strict=True):
-        if isinstance(conclusion, Interval):
+        if isinstance(conclusion, IntervalOutput):
             _reduce(conclusion, strengths, column)
         elif isinstance(conclusion, Weighing):
             _weigh(conclusion, low, high, strengths, column)
@@ -125,7 +133,7 @@ def bound(program: Program, low: Floats, high: Floats) -> tuple[Floats, Floats, 
     return limits[:, :, 0].T, limits[:, :, 1].T, variation
 
 
-def _reduce(pair: Interval, strengths: Floats, out: Floats) -> None:
+def _reduce(pair: IntervalOutput, strengths: Floats, out: Floats) -> None:
     """Bound an output of interval type-2."""
     lower, upper = pair.lower, pair.upper
     if isinstance(lower, Weighing) and isinstance(upper, Weighing):

@@ -232,7 +232,7 @@ class Weighing(NamedTuple):
     names: tuple[str, ...]
 
 
-class Interval(NamedTuple):
+class IntervalOutput(NamedTuple):
     """One output of an interval type-2 system: what its lower and its upper rules conclude.
 
     Attributes
@@ -255,12 +255,12 @@ class Program:
     Parameters
     ----------
     antecedents : Antecedents
-    conclusions : tuple of Conclusion, Weighing or Interval
+    conclusions : tuple of Conclusion, Weighing or IntervalOutput
         One for each output.
     """
 
     antecedents: Antecedents
-    conclusions: tuple[Conclusion | Weighing | Interval, ...]
+    conclusions: tuple[Conclusion | Weighing | IntervalOutput, ...]
 
     @property
     def is_sampled(self) -> bool:
@@ -287,7 +287,7 @@ class Program:
     @property
     def asks_for_inputs(self) -> bool:
         """Whether a rule concludes a number that depends on the inputs."""
-        parts = (c.upper if isinstance(c, Interval) else c for c in self.conclusions)
+        parts = (c.upper if isinstance(c, IntervalOutput) else c for c in self.conclusions)
         return any(
             bool(c.formulas)
             or bool((c.parameters[c.kinds == NUMBER, : len(self.antecedents.inputs)] != 0.0).any())
@@ -307,7 +307,7 @@ def assemble(system: model.FuzzySystem) -> Program:
     bounds = twin(system)
     lower, upper = _concluded(bounds)[::2], _concluded(bounds)[1::2]
     is_mean = system.type_reduction == "nie-tan"
-    pairs = (Interval(*pair, is_mean) for pair in zip(lower, upper, strict=True))
+    pairs = (IntervalOutput(*pair, is_mean) for pair in zip(lower, upper, strict=True))
     return Program(_antecedents(bounds), tuple(pairs))
 
 

@@ -3,6 +3,7 @@
 from collections import defaultdict
 from dataclasses import dataclass
 from itertools import combinations, product
+from math import prod
 
 import numpy as np
 
@@ -35,6 +36,14 @@ class CellStep:
     change: float
 
 
+#: Cells of a rule table that are looked through.
+MOST_CELLS = 1_000_000
+
+
+def _num_cells(system: FuzzySystem) -> int:
+    return prod(len(variable.terms) for variable in system.inputs)
+
+
 def find(system: FuzzySystem, measures: Measures, thresholds: Thresholds) -> Findings:
     """Yield the findings on the rules of a system."""
     yield from _weightless(system)
@@ -46,6 +55,14 @@ def find(system: FuzzySystem, measures: Measures, thresholds: Thresholds) -> Fin
             yield from _jumps(system, axis, steps, thresholds)
             yield from _turns(system, axis, steps, thresholds)
         yield from _symmetry(system, table, thresholds)
+    elif _num_cells(system) > MOST_CELLS and conjunctions(system) is not None:
+        yield Finding(
+            "neighbours-not-compared",
+            Severity.NOTE,
+            f"Neighbouring rules are not compared: with {len(system.inputs)} inputs a table has "
+            f"{_num_cells(system):.3g} cells, and up to {MOST_CELLS} are looked through.",
+            "Look at the answers along single inputs instead, which the audit has.",
+        )
     yield from _consistency(system, measures, thresholds)
     yield from _many(measures, thresholds)
 
@@ -139,7 +156,7 @@ def _table(system: FuzzySystem) -> _Table | None:
         The centre of its consequent as a fraction of the output's range.
     """
     table = conjunctions(system)
-    if table is None:
+    if table is None or _num_cells(system) > MOST_CELLS:
         return None
     cells, consequents = table
     if system.weighed and not all(isinstance(t.membership, Constant) for t in system.outputs[0].terms):

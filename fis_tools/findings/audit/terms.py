@@ -99,6 +99,10 @@ def _on_scale(words: list[str], scale: list[str]) -> NameRank | None:
     return NameRank(outwards * (2.0 * scale.index(rest[0]) / (len(scale) - 1) - 1.0))
 
 
+#: Terms of a variable whose pairs are looked at.
+MOST_COMPARED = 300
+
+
 def find(system: FuzzySystem, measures: Measures, thresholds: Thresholds) -> Findings:
     """Yield the findings on the variables of a system."""
     yield from _unused(system)
@@ -114,13 +118,22 @@ def _of_sets(system: FuzzySystem, variable: Variable, measures: Measures, thresh
     """Yield the findings on a variable whose terms are fuzzy sets, without its name."""
     yield from _low(variable)
     yield from _covered(system, variable, measures, thresholds)
+    yield from _many(variable, thresholds)
+    if len(variable.terms) > MOST_COMPARED:
+        yield Finding(
+            "terms-not-compared",
+            Severity.NOTE,
+            f"The {len(variable.terms)} terms of {variable.name} are not compared with one another, nor are "
+            f"their names and order: up to {MOST_COMPARED} are.",
+            "Use fewer terms, or look at a part of the rules.",
+        )
+        return
     yield from _alike(variable, thresholds)
     yield from _ordered(variable)
     readings = read_names([term.name for term in variable.terms])
     yield from _named(variable, readings)
     yield from _signs(variable, readings)
     yield from _zero(variable, readings, thresholds)
-    yield from _many(variable, thresholds)
 
 
 def _weighed(system: FuzzySystem) -> Findings:

@@ -297,6 +297,16 @@ def test_a_search_that_ends_early_still_bounds_all(max_boxes):
         assert alone.outer.low <= alone.inner.low <= alone.inner.high <= alone.outer.high
 
 
+def test_a_search_that_is_stopped_says_what_is_left():
+    (stopped,) = output_ranges(FORCE_X, max_seconds=0.0)
+    assert stopped.num_boxes == 2
+    assert "(stopped with 2 left, which might narrow it)" in stopped.sentence
+    answer = ask(FORCE_X, "force_x > 0.001", max_seconds=0.0)
+    assert answer.verdict in {"yes", "undecided"}
+    (whole,) = output_ranges(FORCE_X)
+    assert "stopped" not in whole.sentence
+
+
 def test_conditions_on_several_inputs_keep_them_inside_their_universes():
     # at (600, 0.25) the condition holds too, with other outputs than where a distance of 200 meets it
     region = read_region(FORCE_X, "distance - 1000 velocity_body_x >= 350")

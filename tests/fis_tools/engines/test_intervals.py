@@ -114,11 +114,11 @@ def test_equal_bounds_are_a_type_1_system(system):
         terms = (replace(t, membership=u) for t, u in zip(variable.terms, uppers, strict=True))
         return replace(variable, terms=tuple(terms))
 
-    one, other = (
+    pinned, type_1 = (
         replace(system, inputs=tuple(map(change, system.inputs)), outputs=tuple(map(change, system.outputs)))
         for change in (pinched, plain)
     )
-    np.testing.assert_allclose(compile(one)(ROWS), compile(other)(ROWS), rtol=1e-14)
+    np.testing.assert_allclose(compile(pinned)(ROWS), compile(type_1)(ROWS), rtol=1e-14)
 
 
 def test_a_denied_set_exchanges_its_bounds_and_where_nothing_fires_is_the_default():

@@ -9,6 +9,7 @@ from itertools import product
 import numpy as np
 import pytest
 
+from fis_tools.analysis.arrays import coverage
 from fis_tools.document import as_json, text
 from fis_tools.findings.audit import Finding, Severity, Thresholds, audit
 from fis_tools.findings.audit.report import SCHEMA, SCHEMA_VERSION
@@ -350,6 +351,29 @@ def test_the_command_prints_and_sets_the_exit_status(tmp_path, paper, run):
         printed = run("audit", *words, code=code).out
         assert words_expected in printed
     assert json.loads(printed)["controller"] == "paper-like"
+
+
+def test_what_is_left_out_of_many_inputs_and_many_terms_is_told():
+    sides = terms(low=Triangular(0.0, 0.0, 1.0), high=Triangular(0.0, 1.0, 1.0))
+    inputs = tuple(Variable(f"x{n}", "", 0.0, 1.0, sides, 3) for n in range(64))
+    many = terms(**{f"t{n}": Triangular(n / 400.0 - 0.1, n / 400.0, n / 400.0 + 0.1) for n in range(401)})
+    y = Variable("y", "", 0.0, 1.0, many, 11, default=0.0)
+    rules = tuple(Rule(Is(f"x{n}", "low"), (Consequent("y", f"t{n}"),)) for n in range(64))
+    findings = audit(FuzzySystem("many", inputs, (y,), rules)).findings
+    kinds = {finding.id: finding.sentence for finding in findings}
+    assert "with 64 inputs a table has 1.84e+19 cells" in kinds["neighbours-not-compared"]
+    assert "The 401 terms of y are not compared" in kinds["terms-not-compared"]
+
+
+def test_coverage_of_many_terms_is_where_their_highest_is_lowest():
+    generator = np.random.default_rng(4)
+    centres = np.sort(generator.uniform(0.0, 1.0, 320))
+    many = terms(**{f"t{n}": Triangular(x - 0.01, x, x + 0.02) for n, x in enumerate(centres)})
+    variable = Variable("x", "", 0.0, 1.0, many, 41)
+    fine = np.linspace(0.0, 1.0, 40_001)
+    highest = np.max([np.interp(fine, variable.universe, row) for row in variable.memberships], axis=0)
+    assert coverage(variable).least == pytest.approx(highest.min(), abs=1e-3)
+    assert coverage(variable).least <= highest.min()
 
 
 @pytest.mark.slow

@@ -69,7 +69,7 @@ def _as_jfuzzylogic_knows(system: FuzzySystem) -> FuzzySystem:
     return replace(joined, rules=rules, outputs=outputs, implication=implication)
 
 
-def _asked(kind: str, program: dialects.Program) -> list[dict[str, Any]]:
+def _evaluated(kind: str, program: dialects.Program) -> list[dict[str, Any]]:
     cases: list[dict[str, Any]] = []
     path = Path(tempfile.mkdtemp()) / f"stored.{kind}"
     for text in texts(kind):
@@ -110,7 +110,7 @@ def main() -> None:
         "jFuzzyLogic": ("fcl", dialects.jfuzzylogic(sys.argv[1])),
     }
     for name, (kind, program) in programs.items():
-        stored[name]["cases"] = _asked(kind, program)
+        stored[name]["cases"] = _evaluated(kind, program)
     FILE.write_text(json.dumps(stored, indent=1, allow_nan=True) + "\n", encoding="utf-8")
 
 
