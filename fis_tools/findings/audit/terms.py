@@ -10,7 +10,7 @@ from fis_tools.analysis.arrays import distinguishability
 from fis_tools.analysis.measures import Measures, centre
 from fis_tools.array_types import Floats
 from fis_tools.findings.audit.report import Finding, Findings, Severity, Thresholds
-from fis_tools.model import FuzzySystem, Variable, used_terms
+from fis_tools.model import FuzzySystem, Variable, memberships_at, used_terms
 from fis_tools.words.text import amount, listed, number, percent
 
 #: Words of a magnitude, from little to much.
@@ -116,7 +116,7 @@ def find(system: FuzzySystem, measures: Measures, thresholds: Thresholds) -> Fin
 
 def _of_sets(system: FuzzySystem, variable: Variable, measures: Measures, thresholds: Thresholds) -> Findings:
     """Yield the findings on a variable whose terms are fuzzy sets, without its name."""
-    yield from _low(variable)
+    yield from _low(system, variable)
     yield from _covered(system, variable, measures, thresholds)
     yield from _many(variable, thresholds)
     if len(variable.terms) > MOST_COMPARED:
@@ -175,15 +175,18 @@ def _unused(system: FuzzySystem) -> Findings:
             )
 
 
-def _low(variable: Variable) -> Findings:
-    for term, highest in zip(variable.terms, variable.memberships.max(axis=1), strict=True):
-        if highest < 0.5:
+def _low(system: FuzzySystem, variable: Variable) -> Findings:
+    is_sampled = system.is_sampled and variable in system.outputs
+    points = system.points_of(variable) if is_sampled else variable.universe
+    for index, term in enumerate(variable.terms):
+        values = memberships_at(variable, term, points) if is_sampled else variable.memberships[index]
+        if (highest := float(values.max())) < 0.5:
             yield Finding(
                 "term-height",
                 Severity.SERIOUS if highest == 0 else Severity.WARNING,
                 f"No value of {variable.name} belongs to {term.name} with a degree above "
                 f"{number(round(highest, 3))}: its peak lies outside the range or between the "
-                f"{variable.num_points} points of the universe.",
+                f"{len(points)} points of the universe.",
                 "Move the peak into the range, widen the term, or give the universe more points.",
                 terms=(term.name,),
                 evidence={"highest": float(highest)},

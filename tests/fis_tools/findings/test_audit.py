@@ -353,6 +353,20 @@ def test_the_command_prints_and_sets_the_exit_status(tmp_path, paper, run):
     assert json.loads(printed)["controller"] == "paper-like"
 
 
+@pytest.mark.parametrize(("semantics", "off"), [("matlab", 0.123), ("fuzzylite", 0.5), ("fcl", 0.0005)])
+def test_a_singleton_off_the_points_of_its_program_is_named(semantics, off):
+    """MATLAB takes both ends of 100 intervals, fuzzylite their middles, jFuzzyLogic their left edges."""
+    sides = terms(low=Triangular(0.0, 0.0, 1.0), high=Triangular(0.0, 1.0, 1.0))
+    x = Variable("x", "", 0.0, 1.0, sides)
+    on = {"matlab": 0.25, "fuzzylite": 0.255, "fcl": 0.0}[semantics]
+    y = Variable(
+        "y", "", 0.0, 1.0, terms(on=Triangular(on, on, on), off=Triangular(off, off, off)), default=0.0
+    )
+    rules = tuple(Rule(Is("x", a), (Consequent("y", b),)) for a, b in (("low", "on"), ("high", "off")))
+    findings = audit(FuzzySystem("spikes", (x,), (y,), rules, semantics=semantics)).findings
+    assert [finding.terms for finding in findings if finding.id == "term-height"] == [("off",)]
+
+
 def test_what_is_left_out_of_many_inputs_and_many_terms_is_told():
     sides = terms(low=Triangular(0.0, 0.0, 1.0), high=Triangular(0.0, 1.0, 1.0))
     inputs = tuple(Variable(f"x{n}", "", 0.0, 1.0, sides, 3) for n in range(64))

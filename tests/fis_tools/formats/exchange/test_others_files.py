@@ -63,6 +63,43 @@ def test_slips_of_fis_files_are_put_right_and_told():
     assert [consequent.variable for consequent in system.rules[0].consequents] == ["z"]
 
 
+def test_the_sign_of_a_width_changes_nothing():
+    """Trained systems have deviations below zero, whose square the formulas take."""
+    text = (HERE / "denied.fis").read_text(encoding="utf-8").replace("'trimf',[-1 0 1]", "'gaussmf',[0.3 0]")
+    systems = [serialize.loads(t, "fis").systems[0] for t in (text, text.replace("[0.3 0]", "[-0.3 0]"))]
+    rows = np.array([[-0.4], [0.2], [0.7]])
+    np.testing.assert_array_equal(*(compile(system)(rows) for system in systems))
+
+
+def test_files_of_fuzzylite_5_are_read():
+    """Version 5 called aggregation accumulation, implication activation, and lock-previous lock-valid."""
+    new = "aggregation: Maximum", "implication: Minimum", "lock-previous: false"
+    old = "accumulation: Maximum", "activation: Minimum", "lock-valid: false"
+    text = """Engine: dim
+InputVariable: ambient
+  range: 0 1
+  term: dark Triangle 0 0.25 0.5
+  term: bright Triangle 0.5 0.75 1
+OutputVariable: power
+  range: 0 1
+  aggregation: Maximum
+  defuzzifier: Centroid 200
+  default: nan
+  lock-previous: false
+  term: low Triangle 0 0.25 0.5
+  term: high Triangle 0.5 0.75 1
+RuleBlock:
+  implication: Minimum
+  rule: if ambient is dark then power is high
+  rule: if ambient is bright then power is low
+"""
+    older = text
+    for now, then in zip(new, old, strict=True):
+        assert now in older
+        older = older.replace(now, then)
+    assert serialize.loads(older, "fll") == serialize.loads(text, "fll")
+
+
 def test_a_rule_of_matlab_concludes_the_complement_of_a_term():
     """Octave's `evalfis` of the file `denied.fis`: 5.78062451, 5.40011083, 6.22964483."""
     (system,) = serialize.load(HERE / "denied.fis").systems
