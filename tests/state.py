@@ -73,7 +73,10 @@ PARTS: Mapping[str, Callable[[], Any]] = {
 }
 #: of libraries, once they are loaded
 OF_LIBRARIES: Mapping[str, Callable[[Any], Any]] = {
-    "numba": lambda numba: (numba.get_num_threads(), numba.config.CACHE_DIR, numba.config.DISABLE_JIT),
+    # not numba.get_num_threads, which starts them
+    "numba": lambda numba: [
+        getattr(numba.config, name) for name in ("NUM_THREADS", "CACHE_DIR", "DISABLE_JIT")
+    ],
     "matplotlib": lambda matplotlib: {
         key: value
         for key, value in dict.items(matplotlib.rcParams)
