@@ -19,11 +19,11 @@ from pipeline.command_line.config import compose_experiment
 from pipeline.controllers.source import load, named
 from pipeline.evaluation.statistics import fraction
 from pipeline.flight.cases.starts import starts_of
+from pipeline.flight.fly.foresight import lit_at_samples
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.state.log import FlightLog, Scenario, points_needed
 from pipeline.flight.world.pack import inspection_points, pack_world
 from pipeline.gym.episodes import nearest_in_orbit, priority_weights
-from pipeline.optimum.problem import lit_at_samples
 from pipeline.scenarios import PRIORITY, direction_of, evaluation_scenarios
 from pipeline.settings.experiment import Mission
 

@@ -61,6 +61,7 @@ PAIR = ("champion_27", "paper_champion")
 FOLLOWING = (
     *("force_commanded_n", "reason", "is_missed", "is_candidate", "looks", "last_light_s"),
     *("push_costs_m_s", "tour_costs_m_s", "fix_m", "innovation_m", "innovation_square"),
+    *("ahead_delta_v_m_s", "foresight_at", "foresight_plans", "foresight_prices_m_s", "foresight_ends_m_s"),
 )
 KNOWN_AS = {"command_reason": "reason"}
 

@@ -108,8 +108,7 @@ def fly_linearly(
             decide(now, work, optics, pushes, control)
             if is_decision(law, k):
                 command_linearly(now, control, work.signals)
-            if k == 0 and len(flights.openings) > 0:
-                open_with(now, flights.openings)
+            open_with(now, flights.openings)
             act(now, work, guard, errors, law.plans)
             for lane in range(num_lanes if len(tracks) > 0 else 0):
                 write_fired(state, lane, tracks[flight + lane, k])

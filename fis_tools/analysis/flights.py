@@ -336,7 +336,9 @@ def read_rehearsals(path: Path | str, time_s: float) -> dict[str, list[tuple[flo
     with _understood():
         rehearsals = recording.rehearsals
     return {
-        what: sorted(zip(rehearsal.costs_m_s, rehearsal.names, strict=True))
+        what if rehearsal.num_tried is None else f"{what}, best of {rehearsal.num_tried:,}": sorted(
+            zip(rehearsal.costs_m_s, rehearsal.names, strict=True)
+        )
         for what, rehearsal in rehearsals.items()
         if rehearsal.from_s <= time_s < rehearsal.until_s
     }

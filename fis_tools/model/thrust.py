@@ -23,7 +23,7 @@ REASONS: Final = {
     "complete": "every point is inspected: nothing was inferred or fired",
     "clipped": "it was fired as far as the greatest force goes",
     "safety": "the safety layer commanded something else",
-    "rehearsed": "it was chosen by flying the rules ahead: nothing was inferred",
+    "rehearsed": "it was chosen by flights ahead: nothing was inferred",
     "below_least_impulse": "less than the thrusters' least impulse, it was not fired",
     "delayed": "the thrusters had yet to fire it",
     "empty_tank": "the tank was empty, it was not fired",
@@ -62,6 +62,8 @@ class ThrustLogic:
     force_axes : str
         The axes of the components. Commands in ``body`` axes are rotated to the axes in which the
         force is fired; any others are those axes. Each component there is clipped; a safety layer may follow.
+    plans_ahead : bool
+        Whether pushes that are planned ahead, and not inferred, come first.
     """
 
     decision_period_s: float
@@ -69,6 +71,7 @@ class ThrustLogic:
     coast_margin_m: float
     dead_bands_n: tuple[float, float, float]
     force_axes: str
+    plans_ahead: bool = False
 
     @property
     def is_turned(self) -> bool:
@@ -108,4 +111,5 @@ def thrust_logic(controller: FuzzyController) -> ThrustLogic | None:
         coast_margin_m=number("coast_margin_m"),
         dead_bands_n=(x, y, z),
         force_axes=attributes["force_axes"],
+        plans_ahead=number("foresight_pushes") > 0.0,
     )

@@ -44,7 +44,13 @@ FLOWN, PUBLISHED, PLANNED = "flown", "published", "plans of least fuel"
 #: columns of ``compare/table.csv``: of a row itself, of its times the optimum, of parts of its summary
 OWN = ("controller", "source", "world", "sun", "safety", "num_cases", "rules")
 TIMES = ("times_optimum_mean", "times_optimum_as_seen_mean", "solved_cases")
-MEANS = ("delta_v_m_s", "inspection_rate_percent", "mean_distance_m", "safety_delta_v_m_s")
+MEANS = (
+    "delta_v_m_s",
+    "inspection_rate_percent",
+    "mean_distance_m",
+    "safety_delta_v_m_s",
+    "ahead_delta_v_m_s",
+)
 SHARES = ("success", SUCCESS, "violated", "safety_acted")
 HEADER = (
     *(*OWN, *TIMES),

@@ -77,6 +77,7 @@ def episode_columns(mission: Mission, scenarios: list[Scenario], outcomes: Outco
         "violated": outcomes.is_violated,
         "safety_periods": outcomes.safety_periods,
         "safety_delta_v_m_s": outcomes.safety_delta_v_m_s,
+        "ahead_delta_v_m_s": outcomes.ahead_delta_v_m_s,
         "sun_elevation_rad": np.array([scenario.sun_elevation_rad for scenario in scenarios]),
         "inspectable_count": outcomes.inspectable_count,
         "inspectable_rate_percent": inspectable_rate(counts, outcomes.inspectable_count),
@@ -108,6 +109,8 @@ def summarise(episodes: Columns, confidence_percent: float) -> dict[str, Any]:
     if "safety_periods" in episodes:  # missing in those of earlier versions
         names += ["safety_periods", "safety_delta_v_m_s"]
         shares["safety_acted"] = episodes["safety_periods"] > 0
+    if "ahead_delta_v_m_s" in episodes:
+        names.append("ahead_delta_v_m_s")
     if "end_s" in episodes:
         names += OF_REACHED
         shares["held"] = episodes["excess_m_s"] == 0.0

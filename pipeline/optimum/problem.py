@@ -10,51 +10,24 @@ by the Sun, are evaluated along a path.
 """
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.three import lane_of, three_of, times
-from pipeline.array_types import Bytes, Floats
-from pipeline.flight.cases.starts import StartRows, starts_of
+from pipeline.array_types import Floats
+from pipeline.flight.cases.starts import starts_of
 from pipeline.flight.control.controller import open_loop
+from pipeline.flight.fly.foresight import geometry_of, lit_at_samples, sight_along
 from pipeline.flight.fly.simulation import fly_logged
-from pipeline.flight.fly.workspace import make_workspace, optics_in_use
-from pipeline.flight.period.look.optics import beam_of_case, note_lit, want_all
-from pipeline.flight.state.arrays import Beyond, Workspace, World
 from pipeline.flight.state.log import FlightLog, Scenario
 from pipeline.flight.world.pack import pack_world
 from pipeline.physics.illumination import sun_angle, sun_direction_h
-from pipeline.physics.motion import free_path, repeated
+from pipeline.physics.motion import free_path
 from pipeline.physics.quaternion import seen_from_hill
-from pipeline.physics.sight import NORMAL, Occlusion, cell_of
+from pipeline.physics.sight import Occlusion, cell_of
 from pipeline.settings.experiment import Mission, SettingError
-
-#: margin of the camera's pointing error for a slightly different flight
-ERROR_SHARE = 0.2
-
-
-def lit_at_samples(world: World, starts: StartRows) -> NDArray[np.bool_]:
-    """Return which points are lit at each sample of one case's flight, shape (K+1, P)."""
-    is_lit = np.empty((world.num_controls + 1, world.points.shape[2]), dtype=np.uint8)
-    note_lit_at_samples(
-        world, optics_in_use(world, starts.sun_elevation), make_workspace(world), starts, is_lit
-    )
-    return np.ascontiguousarray(is_lit[:, : world.num_points] > 0)
-
-
-@compiled(nogil=True, error_model="numpy")
-def note_lit_at_samples(
-    world: World, optics: Beyond | None, work: Workspace, cases: Any, is_lit: Bytes
-) -> None:
-    """Set `is_lit`, (K+1, P padded), to 1 where a point is lit at a sample of the first case's flight."""
-    for k in range(len(is_lit)):
-        want_all(world, work.ahead)
-        note_lit(world, optics, work.ahead, work.lit, beam_of_case(world, optics, cases[0], k))
-        for j in range(len(work.lit)):
-            is_lit[k, j] = work.lit[j] > 0.0
 
 
 @compiled(nogil=True, error_model="numpy")
@@ -167,31 +140,23 @@ def problem_of(mission: Mission, scenario: Scenario) -> PlanningProblem:
     """
     check_light(mission)
     world = pack_world(mission)
-    num_controls, radius = world.num_controls, mission.chief.inspection_radius_m
+    num_controls, geometry = world.num_controls, geometry_of(mission, world)
     start = np.r_[scenario.position_m, scenario.velocity_m_s]
     free = free_path(world.motion, start, num_controls + 1)[:, :3].copy()
-    gain = np.zeros((num_controls + 1, 3, 3))
-    gain[1:] = repeated(world.motion, num_controls).control[:, :3]
     times = np.arange(num_controls + 1) * world.control_period
     angles = [sun_angle(scenario.sun_angle_rad, world.mean_motion, time) for time in times.tolist()]
-    shape, num_points = (num_controls + 1, 3, world.num_points), world.num_points
-    points = np.ascontiguousarray(np.broadcast_to(world.points[:, :, :num_points], shape))
-    is_sphere, optics = mission.chief.shape == "sphere", world.optics
-    normals = np.broadcast_to(world.surface[:, NORMAL : NORMAL + 3, :num_points], shape)
-    if not is_sphere:
-        radius = float(np.linalg.norm(points[0], axis=0).max())
     problem = PlanningProblem(
         mission=mission,
         scenario=scenario,
         free=free,
-        gain=gain,
-        points=points,
-        normals=points / radius if is_sphere else np.ascontiguousarray(normals),
-        heights=np.full(num_points, radius) if is_sphere else np.sum(points[0] * normals[0], axis=0),
-        radius=radius,
-        cos_incidence=float(np.sqrt(optics.incidence_squared)),
-        max_range=float(np.sqrt(optics.range_squared)),
-        most_sunward=optics.most_sunward,
+        gain=geometry.gain,
+        points=geometry.points,
+        normals=geometry.normals,
+        heights=geometry.heights,
+        radius=geometry.radius,
+        cos_incidence=geometry.cos_incidence,
+        max_range=geometry.max_range,
+        most_sunward=world.optics.most_sunward,
         suns=np.array([sun_direction_h(angle, scenario.sun_elevation_rad) for angle in angles]),
         occlusion=world.occlusion,
         chief_axes=world.chief_axes,
@@ -218,15 +183,8 @@ def flown(problem: PlanningProblem, forces: Floats) -> FlightLog:
 def seen_as(problem: PlanningProblem, log: FlightLog) -> PlanningProblem:
     """Return the problem with the camera pointing as it did in a flight."""
     axes = seen_from_hill(log.quaternion_b_from_h, np.array(problem.mission.sensor.boresight))
-    inward = -log.position_m / np.linalg.norm(log.position_m, axis=1)[:, np.newaxis]
-    error = np.arctan2(np.linalg.norm(np.cross(axes, inward), axis=1), np.sum(axes * inward, axis=1))
-    left = np.radians(problem.mission.sensor.half_angle_deg) - (1.0 + ERROR_SHARE) * error
-    # a camera with less than a tenth of a degree to spare cannot be relied on
-    is_useful = left > np.radians(0.1)
-    # a field of view of a right angle or more covers everything above the horizon
-    angle = np.minimum(np.where(is_useful, left, 1.0), 0.5 * np.pi)
-    sight = np.where(is_useful, problem.radius / np.sin(angle), np.inf)
-    return replace(problem, sight=sight)
+    radius, half_angle = problem.radius, problem.mission.sensor.half_angle_deg
+    return replace(problem, sight=sight_along(log.position_m, axes, radius, half_angle))
 
 
 def margins_along(problem: PlanningProblem, path: Floats) -> Floats:

@@ -9,11 +9,12 @@ import numpy as np
 
 from fis_tools.model.thrust import ThrustLogic, thrust_logic
 from pipeline.array_types import Floats
-from pipeline.flight.control.controller import Controller
-from pipeline.flight.control.law import rehearsed_pushes
+from pipeline.flight.control.controller import Controller, RuleController
+from pipeline.flight.fly.outlooks import finishing
 from pipeline.flight.fly.tours import rehearsal_samples, tour_names
 from pipeline.flight.goals.reach import ended, limit_at
-from pipeline.flight.state.log import LIMITS, FlightLog, inspectable_rate, points_needed
+from pipeline.flight.state.log import LIMITS, REHEARSED, FlightLog, inspectable_rate, points_needed
+from pipeline.recording.foresight import decisions_in_words, is_planned
 from pipeline.settings.experiment import Mission
 
 Level = Literal["info", "warning", "error"]
@@ -57,7 +58,10 @@ def events(
         happened += _rehearsed(mission, log, controller)
     happened += _progress(mission, log) if inspects else ()
     happened += [*_limits(mission, log, near_limit_m), *_safety(mission, log)]
-    logic = thrust_logic(controller.fuzzy) if controller and controller.fuzzy else None
+    flown = controller
+    if isinstance(controller, RuleController) and is_planned(log):
+        flown = finishing(controller)
+    logic = thrust_logic(flown.fuzzy) if flown and flown.fuzzy else None
     happened += _coasting(mission, log, logic) if logic is not None and inspects else ()
     if inspects:
         happened.append(_summary(mission, log))
@@ -83,8 +87,8 @@ def _approach(mission: Mission, log: FlightLog) -> Iterator[Event]:
 
 
 def _rehearsed(mission: Mission, log: FlightLog, controller: Controller) -> Iterator[Event]:
-    """Yield which first push and which tours rehearsals chose."""
-    if num_rehearsed := len(rehearsed_pushes(controller)):
+    """Yield which pushes foresight chose, and which first push and which tours rehearsals chose."""
+    if num_rehearsed := len(log.push_costs_m_s):
         per_force = 1000.0 * mission.control_period_s / mission.deputy.mass_kg
         x, y, z = (per_force * log.force_asked_n[0]).tolist()
         text = (
@@ -92,6 +96,10 @@ def _rehearsed(mission: Mission, log: FlightLog, controller: Controller) -> Iter
             f"cheapest: {x:.0f} mm/s radially, {y:.0f} along the track, {z:.0f} across"
         )
         yield Event(0, "info", text)
+    for sample, words in decisions_in_words(mission, log):
+        yield Event(sample, "info", words)
+    if not len(log.push_costs_m_s) and not len(log.tour_costs_m_s):
+        return
     names, samples = tour_names(controller), rehearsal_samples(controller, mission)
     for sample, costs in zip(samples, log.tour_costs_m_s, strict=False):
         text = "rehearsed: of the tours, each flown to the end by the rules, one ends cheapest: "
@@ -145,7 +153,8 @@ def _coasting(mission: Mission, log: FlightLog, logic: ThrustLogic) -> Iterator[
     num_points, margin = int(log.is_inspectable.sum()), logic.coast_margin_m
     low, high = mission.deputy.min_distance_m + margin, mission.deputy.max_distance_m - margin
     was_coasting = False
-    for sample in np.flatnonzero(np.isfinite(log.foreseen[:, 0])).tolist():
+    is_given = (log.command_reason == REHEARSED).all(axis=1)
+    for sample in np.flatnonzero(np.isfinite(log.foreseen[:, 0]) & ~is_given).tolist():
         missed, nearest, farthest = log.foreseen[sample].tolist()
         unseen = f"{missed:.0f} of {num_points} points unseen"
         is_coasting = not log.is_decided[sample]

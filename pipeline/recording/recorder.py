@@ -44,6 +44,7 @@ from pipeline.flight.world.pack import pack_world
 from pipeline.flight.world.surface import surface_of
 from pipeline.recording.events import events
 from pipeline.recording.firing import delay_of, is_fired
+from pipeline.recording.foresight import recorded_decisions
 from pipeline.recording.points import lit_and_seen, note_lit_and_seen, parts_of_points, sensed_of_points
 from pipeline.run import configuration, maker
 from pipeline.settings.experiment import Experiment, Mission
@@ -176,22 +177,25 @@ class FlightRecorder:
         return {**description.to_metadata(), "inspection_radius_m": radius, "num_points": count}
 
     def _rehearsals(self, log: FlightLog) -> dict[str, dict[str, str]]:
-        """Return what each of the first pushes, and of the images of the tour, would have cost."""
+        """Return what each of the first pushes, the images of the tour and the plans would have cost."""
         pushes = (1e3 * rehearsed_pushes(self.controller)).tolist()
         ways = [f"{x:.0f} mm/s radially, {y:.0f} along the track, {z:.0f} across" for x, y, z in pushes]
         period, names = self.mission.control_period_s, tour_names(self.controller)
-        rehearsals = {"first push": (ways, log.push_costs_m_s, 0.0, period)} if ways else {}
+        is_rehearsed = len(log.push_costs_m_s) > 0
+        rehearsals = {"first push": (ways, log.push_costs_m_s, 0.0, period)} if is_rehearsed else {}
         begins = [period * sample for sample in rehearsal_samples(self.controller, self.mission)]
         ends = [*begins[1:], self.mission.duration_s]
         for costs, begin, end in zip(log.tour_costs_m_s, begins, ends, strict=False):
             what = "image of the tour" + (f" from {begin:g} s" if begin else "")
             is_flown = np.isfinite(costs)
             rehearsals[what] = (list(compress(names, is_flown)), costs[is_flown], begin, end)
-        return {
-            topics.REHEARSAL_METADATA_PREFIX + what: Rehearsal(
-                names=tuple(names), costs_m_s=tuple(costs.tolist()), until_s=end, from_s=begin
-            ).to_metadata()
+        records = {
+            what: Rehearsal(names=tuple(names), costs_m_s=tuple(costs.tolist()), until_s=end, from_s=begin)
             for what, (names, costs, begin, end) in rehearsals.items()
+        }
+        records |= recorded_decisions(self.mission, log)
+        return {
+            topics.REHEARSAL_METADATA_PREFIX + what: record.to_metadata() for what, record in records.items()
         }
 
     def _write(self, writer: EpisodeWriter, log: FlightLog) -> None:

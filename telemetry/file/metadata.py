@@ -20,10 +20,10 @@ WORDS: Final = ("input_names", "input_units", "rules", "names")
 #: keys with a list of numbers, and how many; None for any number
 NUMBERS_OF: Final[Mapping[str, int | None]] = {
     **dict.fromkeys(("position_m", "velocity_m_s", "boresight", "noise"), 3),
-    **dict.fromkeys(("settings", "costs_m_s", "holding")),
+    **dict.fromkeys(("settings", "costs_m_s", "holding", "paths_m")),
 }
 #: keys with whole numbers
-WHOLE: Final = ("seed", "noise", "holding")
+WHOLE: Final = ("seed", "noise", "holding", "num_tried")
 #: the greatest magnitudes of whole and of other numbers
 MOST_WHOLE: Final = 2**63 - 1
 MOST: Final = sys.float_info.max
@@ -191,19 +191,31 @@ class Rehearsal(Description):
         Simulation time until which the choice tells what is done.
     from_s : float
         Simulation time of the choice.
+    num_tried : int
+        How many were compared, if these are the best of them alone.
+    paths_m : tuple of float
+        Positions, Hill axes, to which each way leads, evenly spaced in time from the choice on: those of the
+        first way, then those of the others, as many of each.
     """
 
     names: tuple[str, ...]
     costs_m_s: tuple[float, ...]
     until_s: float
     from_s: float = 0.0
+    num_tried: int | None = None
+    paths_m: tuple[float, ...] | None = None
 
     def __post_init__(self) -> None:
-        """Raise RecordingError if there is not one cost for each name."""
+        """Raise RecordingError if there is not one cost, and one path, for each name."""
         if not 0 < len(self.names) == len(self.costs_m_s):
             raise RecordingError(
                 f"metadata 'costs_m_s' has {len(self.costs_m_s)} numbers for {len(self.names)} names, but "
                 f"one for each name, and at least one, is expected; {CURE}"
+            )
+        if self.paths_m is not None and (not self.paths_m or len(self.paths_m) % (3 * len(self.names))):
+            raise RecordingError(
+                f"metadata 'paths_m' has {len(self.paths_m)} numbers for {len(self.names)} names, but as "
+                f"many positions of three numbers for each are expected; {CURE}"
             )
 
 

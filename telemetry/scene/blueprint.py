@@ -39,6 +39,10 @@ _ROOM_FOR_END: Final = 1.06
 _EYE_DIRECTION: Final = np.array([0.70, -0.80, 0.42])
 
 
+#: path of the plans that a flight's choices were between
+PLANS: Final = f"{SCENE}/plans"
+
+
 def trail_path(index: int) -> str:
     """Return the path of the trail of a flight; the first flight is 0."""
     return f"{SCENE}/flights/{index}/trail"

@@ -19,6 +19,9 @@ from telemetry.scene.viewer import Scene
 SUN_COLOUR: Final = (255, 214, 64)
 TARGET_COLOUR: Final = (0, 210, 230)
 FORCE_COLOUR: Final = (255, 130, 60)
+#: of the plans that a choice was between, and how many are drawn at most
+PLAN_COLOUR: Final = (190, 190, 200)
+MOST_PLANS: Final = 5
 CAMERA_COLOUR: Final = (150, 190, 255, 110)
 COMPANION_COLOURS: Final[tuple[curves.Colour, ...]] = (
     (255, 160, 90),
@@ -64,6 +67,7 @@ def scene(paths: Sequence[Path]) -> Scene:
     def send_all(stream: Stream) -> None:
         blueprint.send_curves(stream, (*mission, *effort, *fis))
         _send_flight(stream, recordings[0])
+        _send_plans(stream, recordings[0])
         _send_inferences(stream, recordings[0])
         _send_words(stream, recordings, names)
         for index, name in enumerate(names):
@@ -207,6 +211,20 @@ def _send_trail(stream: Stream, recording: Recording, entity: str, colour: curve
     stream.log(entity, style, static=True)
     segments = np.stack((position[:-1], position[1:]), axis=1)
     send(stream, entity, state.time_s[1:], rr.LineStrips3D.columns(strips=segments))
+
+
+def _send_plans(stream: Stream, recording: Recording) -> None:
+    """Draw where the plans would lead that a choice was between, as ghosts, the chosen one brighter."""
+    colours = [(*PLAN_COLOUR, 200), *[(*PLAN_COLOUR, 70)] * (MOST_PLANS - 1)]
+    style = rr.LineStrips3D.from_fields(colors=colours, radii=rr.Radius.ui_points(0.8))
+    stream.log(blueprint.PLANS, style, static=True)
+    for rehearsal in recording.rehearsals.values():
+        if rehearsal.paths_m is None:
+            continue
+        strips = np.array(rehearsal.paths_m, dtype=np.float32).reshape(len(rehearsal.names), -1, 3)
+        columns = rr.LineStrips3D.columns(strips=strips[:MOST_PLANS])
+        columns = columns.partition([min(MOST_PLANS, len(strips))])
+        send(stream, blueprint.PLANS, np.array([rehearsal.from_s]), columns)
 
 
 def _send_inferences(stream: Stream, recording: Recording) -> None:

@@ -123,7 +123,7 @@ def rehearsed(what: str, ways: Sequence[tuple[float, str]], everything: bool = F
     if len(ways) > len(shown):
         most = f"{ways[len(shown)][0]:.4f} to {ways[-1][0]:.4f} m/s"
         rows.append(["", "", f"{len(ways) - len(shown)} more, of {most}"])
-    words = f"{what}: of {len(ways)} flown ahead the cheapest was taken:"
+    words = f"{what}: of {len(ways)} compared the cheapest was taken:"
     return Document([Paragraph(words), Table(["cost", "more", what], rows, numbers=(0, 1))])
 
 

@@ -65,8 +65,10 @@ def pack(controller: FuzzyController, fingerprint: str) -> tuple[bytes, list[str
     losses = []
     if library is None:
         losses.append("it holds the source alone: a library is made where gcc is, on Linux and x86-64")
-    if thrust_logic(controller) is not None:
-        losses.append("it holds inference alone, without the thrust logic of the controller")
+    logic = thrust_logic(controller)
+    if logic is not None:
+        ahead = " and the pushes that it plans ahead" if logic.plans_ahead else ""
+        losses.append(f"it holds inference alone, without the thrust logic of the controller{ahead}")
     return archive.getvalue(), losses
 
 

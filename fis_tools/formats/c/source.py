@@ -223,11 +223,17 @@ def write(controller: FuzzyController, bare: bool = False) -> str:
     Raises
     ------
     ValueError
-        If an attribute of the thrust logic is no number, or a rule concludes a formula.
+        If an attribute of the thrust logic is no number, a rule concludes a formula, or the controller plans
+        its pushes ahead.
     """
     require_type_1(controller.systems, "C")
     logic = thrust.thrust_logic(controller)
     has_step = logic is not None and not bare
+    if has_step and logic is not None and logic.plans_ahead:
+        raise ValueError(
+            f"controller {controller.name!r} plans its pushes ahead (foresight_pushes), which C source does "
+            "not; write its rules alone with --bare, or leave foresight_pushes out"
+        )
     prefix = "infer" if logic is None or has_step else "bare_infer"
     identifiers = _identifiers(system.name for system in controller.systems)
     systems = [_System(name, system) for name, system in zip(identifiers, controller.systems, strict=True)]

@@ -285,11 +285,20 @@ def _constants_of(controller: RuleController) -> Floats:
             raise ControllerError(
                 f"controller {controller.name!r} has {name} {attributes[name]!r}; give a whole number"
             )
-    if values[constant("rehearsal_reach_m_s")] > 0.0 and controller.force_axes != "hill":
+    if values[constant("foresight_pushes")] not in (0.0, 2.0, 3.0):
         raise ControllerError(
-            f"controller {controller.name!r} rehearses its first push with force_axes "
-            f"{controller.force_axes}; set the attribute force_axes to hill, which the pushes are along"
+            f"controller {controller.name!r} has foresight_pushes {attributes['foresight_pushes']!r}; give 2 "
+            "or 3, or leave it out"
         )
+    for name, what in (
+        ("rehearsal_reach_m_s", "rehearses its first push"),
+        ("foresight_pushes", "plans pushes"),
+    ):
+        if values[constant(name)] > 0.0 and controller.force_axes != "hill":
+            raise ControllerError(
+                f"controller {controller.name!r} {what} with force_axes "
+                f"{controller.force_axes}; set the attribute force_axes to hill, which the pushes are along"
+            )
     return values
 
 

@@ -65,7 +65,8 @@ def law_of(controller: Controller, mission: Mission) -> Law:
         slots = [slot(variable.name) for variable in system.inputs]
         row[:] = (slots + [slots[-1]] * 3)[:3]
     check_tour(controller, mission)
-    rehearsal_stride(controller, mission)  # its rehearsals must fit its decisions
+    for period in ("rehearsal_period_s", "foresight_period_s"):
+        ahead_stride(controller, mission, period)  # what it flies ahead must fit its decisions
     return Law(
         axes=np.array([AXES[system.outputs[0].name] for system in controller.systems], dtype=np.int64),
         signals=signals,
@@ -113,22 +114,24 @@ def decision_stride(controller: Controller, mission: Mission) -> int:
     return max(1, round(periods))
 
 
-def rehearsal_stride(controller: Controller, mission: Mission) -> int:
-    """Return the control periods from one rehearsal of tours to the next; 0 without ``rehearsal_period_s``.
+def ahead_stride(controller: Controller, mission: Mission, name: str) -> int:
+    """Return the control periods from one look ahead to the next; 0 for one at the start alone.
+
+    The constant of that name, ``rehearsal_period_s`` or ``foresight_period_s``, is the time between them.
 
     Raises
     ------
     ControllerError
-        If ``rehearsal_period_s`` is not a whole number of times from one decision to the next.
+        If it is not a whole number of times from one decision to the next.
     """
-    period = float(controller.constants[constant("rehearsal_period_s")])
+    period = float(controller.constants[constant(name)])
     stride = decision_stride(controller, mission)
     decision_period = stride * mission.control_period_s
     decisions = period / decision_period
     if abs(decisions - round(decisions)) > 1e-6:
         raise ControllerError(
-            f"controller {controller.name!r} has rehearsal_period_s {period:g}; give a multiple of the "
-            f"{decision_period:g} s from one decision to the next, or leave it out to rehearse once"
+            f"controller {controller.name!r} has {name} {period:g}; give a multiple of the "
+            f"{decision_period:g} s from one decision to the next, or leave it out to look ahead once"
         )
     return round(decisions) * stride
 

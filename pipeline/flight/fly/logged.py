@@ -8,7 +8,7 @@ import numpy as np
 from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.three import Three, lane_of, write_three
 from fis_tools.model.thrust import SILENT_N
-from pipeline.array_types import Bytes, Floats, Integers
+from pipeline.array_types import Booleans, Bytes, Floats, Integers
 from pipeline.flight.period.act.actuators import EMPTY, burns
 from pipeline.flight.period.act.attitude import relative_rate, write_instants
 from pipeline.flight.period.decide.motion import ETA_U, LAMBDA_U, sense_angles
@@ -124,21 +124,21 @@ def write_points(now: Moment, work: Workspace, law: Law, log: FlightLog) -> None
 
 
 def write_reasons(
-    world: World, law: Law, errors: ModelErrors | None, log: FlightLog, num_counted: int, is_opened: bool
+    world: World, law: Law, errors: ModelErrors | None, log: FlightLog, num_counted: int, is_given: Booleans
 ) -> None:
     """Fill in `FlightLog.command_reason` and `FlightLog.reason` from what else was logged.
 
-    The flight counts so many points; it is opened where the first force was given instead of inferred.
+    The flight counts so many points; `is_given`, (K,), tells where the force was given instead of inferred.
     """
     if not len(log.reason):
         return
-    log.command_reason[:] = _of_commands(world, law, log, num_counted, is_opened)
+    log.command_reason[:] = _of_commands(world, law, log, num_counted, is_given)
     log.reason[:] = log.command_reason
     if errors is not None:
         log.reason[:] = firing_reasons(log, errors.firing.thrusters.delay, errors.firing.thrusters.dry)
 
 
-def _of_commands(world: World, law: Law, log: FlightLog, num_counted: int, is_opened: bool) -> Integers:
+def _of_commands(world: World, law: Law, log: FlightLog, num_counted: int, is_given: Booleans) -> Integers:
     """Return why each component was, or was not, commanded; later steps override earlier ones."""
     sensed = log.sensed_quaternion_b_from_h[:-1]
     wanted_h = np.array([dcm_b_from_h(q).T @ body for q, body in zip(sensed, log.force_body_n, strict=True)])
@@ -153,8 +153,7 @@ def _of_commands(world: World, law: Law, log: FlightLog, num_counted: int, is_op
         reasons[~is_decision] = logs.WAITING
         if world.coasts_when_complete:
             reasons[log.is_inspected[:-1].sum(axis=1) == num_counted] = logs.COMPLETE
-    if is_opened:
-        reasons[0] = logs.REHEARSED
+    reasons[is_given] = logs.REHEARSED
     for is_changed, reason in (
         (np.abs(wanted_h) > world.max_force + LEAST_CHANGE_N, logs.CLIPPED),
         (np.abs(log.safety_force_hill_n) > LEAST_CHANGE_N, logs.SAFETY),

@@ -11,7 +11,6 @@ from fis_tools.compiled.three import (
     Three,
     lane_of,
     length,
-    load_three,
     same,
     store_three,
     three_of,
@@ -22,8 +21,8 @@ from fis_tools.compiled.vectors import borrowed, splat, store, width_of
 from pipeline.array_types import Bytes, Floats, Integers
 from pipeline.flight.fly.logged import write_period, write_sample
 from pipeline.flight.period.act.attitude import relative_rate
-from pipeline.flight.period.decide.thrust import command_given
 from pipeline.flight.period.decide.urgency import note_deadlines
+from pipeline.flight.period.look.navigation import update_covariance
 from pipeline.flight.period.steps import act, decide, look
 from pipeline.flight.state import arrays
 from pipeline.flight.state.arrays import Beyond, Control, FlightState, Guard, Law, Moment, Workspace, World
@@ -43,7 +42,9 @@ class FlightBatch(NamedTuple):
     changes: Integers  # (S-1,) samples at which the next stretch begins
     cases: Any  # (m,) starts, of `CASE`
     counted: Bytes  # (m or 1, P padded) 1 for the points that a flight counts, 0 for those it leaves out
-    openings: Floats  # (m, 3) first forces, N, Hill axes; no rows where the rules decide them
+    # (m, n, 4) of the first n control periods: a force, N, Hill axes, and 1 where it is given, 0 where the
+    # rules decide it
+    openings: Floats
 
 
 NO_TRACKS = np.empty((0, 0, 3), dtype=np.float32)
@@ -120,13 +121,20 @@ def write_outcomes(now: Moment, flight: int, outcomes: Floats) -> None:
 
 
 @compiled(error_model="numpy")
-def write_known(now: Moment, lane: int, row: Floats) -> None:
-    """Write a deputy's estimate, position (m) and velocity (m/s), and 1 for each point left to inspect."""
-    belief = now.state.belief
+def write_known(now: Moment, lane: int, errors: ModelErrors | None, row: Floats) -> None:
+    """Write a deputy's estimate, position (m) and velocity (m/s), and 1 for each point left to inspect.
+
+    If the row has room, the estimate's covariance follows, row by row.
+    """
+    belief, end = now.state.belief, 6 + now.world.num_points
     write_row(row[:3], belief.position, lane)
     write_row(row[3:6], belief.velocity, lane)
     for j in range(now.world.num_points):
         row[6 + j] = now.state.unseen[lane, j]
+    if errors is not None and len(row) > end:
+        update_covariance(now, errors.fixes.law)
+        for i in range(6):
+            write_row(row[end + 6 * i : end + 6 * i + 6], now.state.estimate.now[i], lane)
 
 
 @compiled(error_model="numpy", inline="always")
@@ -154,12 +162,23 @@ def write_fired(state: FlightState, lane: int, row: NDArray[np.float32]) -> None
 
 
 @compiled(error_model="numpy")
+def is_given(now: Moment, openings: Floats) -> bool:
+    """Return whether the force of every lane is given in this control period."""
+    given = now.k < openings.shape[1]
+    for lane in range(width_of(now.state.lanes) if given else 0):
+        given &= openings[flight_of(now, lane), now.k, 3] > 0.0
+    return given
+
+
+@compiled(error_model="numpy")
 def open_with(now: Moment, openings: Floats) -> None:
-    """Command forces given for each start instead of the inferred ones."""
-    requested = now.state.lanes.asked
-    for lane in range(width_of(now.state.lanes)):
-        write_lane(requested, 0, lane, three_of(openings[flight_of(now, lane)]))
-    command_given(now, load_three(requested, 0))
+    """Command the forces that are given for each start instead of the inferred ones."""
+    lanes, limit = now.state.lanes, now.world.max_force
+    for lane in range(width_of(lanes) if now.k < openings.shape[1] else 0):
+        row = openings[flight_of(now, lane), now.k]
+        for axis in range(3 if row[3] > 0.0 else 0):
+            lanes.asked[axis, lane] = row[axis]
+            lanes.commanded[axis, lane] = min(limit, max(-limit, row[axis]))
 
 
 @compiled(nogil=True, error_model="numpy")
@@ -204,15 +223,15 @@ def fly_many(
             if k == world.last:
                 write_outcomes(now, flight, results.outcomes)
                 for lane in range(num_lanes if len(results.known) > 0 else 0):
-                    write_known(now, lane, results.known[flight + lane])
+                    write_known(now, lane, errors, results.known[flight + lane])
                 break
             if stretch < len(flights.changes) and k == flights.changes[stretch]:
                 stretch += 1
             control = Control(law, flights.values[row, stretch], flights.rules[row])
-            decide(now, work, optics, pushes, control)
-            is_opened = k == 0 and len(flights.openings) > 0
-            if is_opened:
-                open_with(now, flights.openings)
+            is_opened = is_given(now, flights.openings)
+            if is_logged or not is_opened:
+                decide(now, work, optics, pushes, control)
+            open_with(now, flights.openings)
             act(now, work, guard, errors, law.plans)
             for lane in range(num_lanes if len(tracks) > 0 else 0):
                 write_fired(state, lane, tracks[flight + lane, k])

@@ -53,7 +53,7 @@ def flights_of(
     values, rules = numbers.values[:, np.newaxis], numbers.rules
     if len(changes):
         values, rules = numbers.values[np.newaxis], numbers.rules[:1]
-    opened = np.zeros((0, 3)) if openings is None else openings
+    opened = np.zeros((0, 0, 4)) if openings is None else openings
     samples = np.array(changes, dtype=np.int64)
     flights = FlightBatch(world, law, values, rules, samples, cases.starts, counted, opened)
     return parts_in_use(world, law, cases), flights, inspectable
@@ -81,16 +81,17 @@ def fly_population(
     ----------
     tracks : (n * m, K+1, 3 or 15) float32, optional
         Filled with positions, m, Hill axes, or all columns of a track, see `pipeline.flight.state.arrays`.
-    openings : (m, 3) array, optional
-        Fired in the first control period instead of what the rules decide, N, Hill axes.
+    openings : (m, n, 4) array, optional
+        Forces of the first n control periods, N, Hill axes, and 1 for each that is fired instead of what the
+        rules decide.
     changes : sequence of int, optional
         Samples at which flights go over to the next row of `numbers`. These are then not a population but
         one controller, in so many stretches and one more.
     wanted : (m, P padded) array, optional
         1 for the points that flights are about, instead of those that are lit in them.
-    known : (n * m, 6+P) array, optional
-        Filled with what the deputies know at the end: position, m, velocity, m/s, Hill axes, and 1 for
-        each point that is still to be inspected.
+    known : (n * m, 6+P or 42+P) array, optional
+        Filled with what the deputies know at the end: position, m, velocity, m/s, Hill axes, 1 for each
+        point that is still to be inspected, and the covariance, where they navigate by fixes.
 
     Raises
     ------
@@ -117,7 +118,10 @@ def fly_population(
     works = [make_workspace(world, lanes) for _ in range(workers)]
     in_threads(fly_shares, states, works, workers=workers)
     rows = outcomes.reshape(num_controllers, len(cases), NUM_OUTCOMES)
-    return outcomes_of(rows, inspectable[:, : world.num_points].sum(axis=1, dtype=np.int64))
+    num_inspectable = inspectable[:, : world.num_points].sum(axis=1, dtype=np.int64)
+    forces = np.abs(flights.openings[..., :3]) * (flights.openings[..., 3:] > 0.0)
+    ahead = np.minimum(forces, world.max_force).sum(axis=(1, 2)) * world.delta_v_per_force
+    return outcomes_of(rows, num_inspectable, ahead if len(ahead) else np.zeros(len(cases)))
 
 
 def _shares(num_flights: int, whole: int, workers: int) -> list[tuple[int, int]]:
@@ -131,13 +135,18 @@ def _shares(num_flights: int, whole: int, workers: int) -> list[tuple[int, int]]
     return shares
 
 
-def outcomes_of(rows: Floats, inspectable_count: NDArray[np.int64]) -> Outcomes:
-    """Return rows of the kernel as outcomes, if all are finite."""
+def outcomes_of(rows: Floats, inspectable_count: NDArray[np.int64], ahead_delta_v: Floats) -> Outcomes:
+    """Return rows of the kernel as outcomes, if all are finite.
+
+    The points that can be inspected, and what is fired as chosen ahead (m/s), are those of each start.
+    """
     check_finite(rows)
     spent, inspected, mean, nearest, farthest, outside, periods, corrected = np.moveaxis(rows, -1, 0)
     inspected, periods = np.rint(inspected).astype(np.int64), np.rint(periods).astype(np.int64)
-    inspectable, distances = np.broadcast_to(inspectable_count, rows.shape[:-1]), (mean, nearest, farthest)
-    return Outcomes(spent, inspected, inspectable, *distances, outside, periods, corrected)
+    inspectable = np.broadcast_to(inspectable_count, rows.shape[:-1])
+    ahead = np.broadcast_to(ahead_delta_v, rows.shape[:-1])
+    distances = mean, nearest, farthest
+    return Outcomes(spent, inspected, inspectable, *distances, outside, periods, corrected, ahead)
 
 
 def check_finite(*numbers: Floats) -> None:

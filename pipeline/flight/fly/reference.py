@@ -24,7 +24,7 @@ from pipeline.flight.reference.see_push import sought_looks
 from pipeline.flight.reference.state import Look, ReferenceState
 from pipeline.flight.reference.thrust import Decision
 from pipeline.flight.state import arrays
-from pipeline.flight.state.log import FlightLog, Outcomes, Scenario, empty_log
+from pipeline.flight.state.log import REHEARSED, FlightLog, Outcomes, Scenario, empty_log
 from pipeline.flight.world.bounds import bounds_of, process_noise, spheres_of
 from pipeline.flight.world.surface import surface_of
 from pipeline.settings.experiment import Mission
@@ -71,14 +71,14 @@ def stretches(flight: ReferenceFlight) -> Iterator[tuple[int, ReferenceFlight]]:
 
 
 def fly_by_reference(
-    mission: Mission, controller: Controller, scenario: Scenario, opening: NDArray[np.float64] | None = None
+    mission: Mission, controller: Controller, scenario: Scenario, given: NDArray[np.float64] | None = None
 ) -> FlightLog:
     """Fly one episode by the reference and log everything.
 
-    A controller that rehearses is given with its tours chosen, and with the first force, N, Hill axes, of the
-    push that it has chosen.
+    A controller that rehearses comes with its tours chosen, and with the forces that it has chosen, see
+    `ReferenceFlight.given`.
     """
-    flight = replace(reference_of(mission, controller, scenario), opening=opening)
+    flight = replace(reference_of(mission, controller, scenario), given=given)
     mission, num_points = flight.mission, len(flight.points)
     num_systems = len(controller.systems)
     log = empty_log(mission.num_controls, mission.num_attitude_steps, num_points, num_systems)
@@ -188,6 +188,9 @@ def outcomes_of_logs(mission: Mission, logs: Sequence[FlightLog]) -> Outcomes:
         mission.deputy.min_distance_m - distance[:, 1:], distance[:, 1:] - mission.deputy.max_distance_m
     )
     changes = np.array([np.abs(log.safety_force_hill_n).sum() for log in logs])
+    limit, is_ahead = mission.deputy.max_force_n, [log.command_reason == REHEARSED for log in logs]
+    requested = [np.minimum(np.abs(log.force_asked_n), limit) for log in logs]
+    ahead = np.array([forces[chosen].sum() for forces, chosen in zip(requested, is_ahead, strict=True)])
     return Outcomes(
         delta_v_m_s=np.array([log.delta_v_m_s[-1] for log in logs]),
         inspected_count=np.array([log.is_inspected[-1].sum() for log in logs], dtype=np.int64),
@@ -198,6 +201,7 @@ def outcomes_of_logs(mission: Mission, logs: Sequence[FlightLog]) -> Outcomes:
         outside_m=np.maximum(beyond.max(axis=1), 0.0),
         safety_periods=np.array([np.count_nonzero(log.safety_limit) for log in logs], dtype=np.int64),
         safety_delta_v_m_s=changes * mission.control_period_s / mission.deputy.mass_kg,
+        ahead_delta_v_m_s=ahead * mission.control_period_s / mission.deputy.mass_kg,
     )
 
 

@@ -43,8 +43,8 @@ def rehearsed_openings(
 
     Returns
     -------
-    openings : (m, 3)
-        N, Hill axes; None for a controller that does not rehearse.
+    openings : (m, 1, 4)
+        As `fly_population` takes them; None for a controller that does not rehearse.
     costs : (m, pushes)
         Of each push, m/s.
     """
@@ -52,6 +52,7 @@ def rehearsed_openings(
     if not len(pushes):
         return None, np.empty((len(scenarios), 0))
     forces = pushes * mission.deputy.mass_kg / mission.control_period_s
+    openings = np.insert(forces, 3, 1.0, axis=1)[:, np.newaxis]
     known, starts = as_believed(mission, scenarios)
     world, cases = pack_world(known)._replace(guard=guard_of(mission)), cases_of(known, starts)
     ends = fly_population(
@@ -60,10 +61,10 @@ def rehearsed_openings(
         controller.numbers,
         cases.repeated(len(forces)),
         workers,
-        openings=np.tile(forces, (len(cases), 1)),
+        openings=np.tile(openings, (len(cases), 1, 1)),
     )
-    costs = _rehearsed_costs(controller, ends).reshape(len(cases), len(forces))
-    return np.asarray(forces[costs.argmin(axis=1)]), costs
+    costs = rehearsed_costs(controller, ends).reshape(len(cases), len(forces))
+    return openings[costs.argmin(axis=1)], costs
 
 
 class Rehearsals(NamedTuple):
@@ -211,12 +212,12 @@ class _Ahead:
                 lanes=self.lanes,
                 wanted=None if self.left is None else self.left[flights],
             )
-            return np.asarray(_rehearsed_costs(self.controller, ends)[0])
+            return np.asarray(rehearsed_costs(self.controller, ends)[0])
 
         return costs_of
 
 
-def _rehearsed_costs(controller: Controller, ends: Outcomes) -> Floats:
+def rehearsed_costs(controller: Controller, ends: Outcomes) -> Floats:
     """Return the costs by which rehearsals are compared, m/s, of the shape of the outcomes."""
     constants = controller.constants
     price = constants[constant("rehearsal_point_m_s")] or POINT_M_S

@@ -14,14 +14,17 @@ from pipeline.flight.control.controller import (
     PilotController,
     PlanningController,
     RegulatorController,
+    RuleController,
     open_loop,
 )
 from pipeline.flight.control.law import law_of, planned, rehearsed_pushes
 from pipeline.flight.fly.logged import write_reasons
 from pipeline.flight.fly.many import Results, fly_many
+from pipeline.flight.fly.outlooks import finishing, rehearsing
 from pipeline.flight.fly.plain import as_asked, is_interpreted
 from pipeline.flight.fly.population import check_finite, flights_of, fly_population, lanes_of_group
 from pipeline.flight.fly.rehearsals import by_tours, rehearse_tours, rehearsed_openings
+from pipeline.flight.fly.replanning import Decision, Foreseen, foresee, foresees, foresight_fields
 from pipeline.flight.fly.tours import following, tour_images
 from pipeline.flight.fly.workspace import make_state, make_workspace
 from pipeline.flight.period.look.optics import note_inspectable
@@ -32,6 +35,9 @@ from pipeline.flight.world.pack import pack_world, sun_shares
 from pipeline.settings.dispersions import distributions
 from pipeline.settings.experiment import Mission
 from pipeline.threads import in_threads
+
+#: flights with foresight that are planned side by side, as a task of one thread
+NUM_PLANNED = 4 * LANES
 
 
 def fly_all(
@@ -55,6 +61,13 @@ def fly_all(
         ]
         return _fly_groups(groups, scenarios, workers, tracks)
     check_flown_ahead(mission, controller)
+    if isinstance(controller, RuleController) and foresees(controller):
+        if len(scenarios) > NUM_PLANNED:
+            parts = range(0, len(scenarios), NUM_PLANNED)
+            each = [list(range(first, min(first + NUM_PLANNED, len(scenarios)))) for first in parts]
+            groups = [(mission, controller, flights) for flights in each]
+            return _fly_groups(groups, scenarios, workers, tracks, lanes)
+        return _fly_foreseen(mission, controller, scenarios, tracks, lanes)
     if tour_images(controller):
         followed = rehearse_tours(mission, controller, scenarios, workers, lanes).followed
         groups = [
@@ -71,6 +84,35 @@ def fly_all(
             world, law, numbers, cases, workers, tracks, openings, lanes, changes=controller.changes
         )
     return many.each(lambda values: values[0])
+
+
+def _fly_foreseen(
+    mission: Mission,
+    controller: RuleController,
+    scenarios: list[Scenario],
+    tracks: NDArray[np.float32] | None,
+    lanes: int,
+) -> Outcomes:
+    """Fly a few starts by a controller with foresight, on this thread."""
+    foreseen = foresee(mission, controller, scenarios, lanes)
+    parts, flown = [], finishing(controller)
+    by_rehearsal = np.flatnonzero(foreseen.is_rehearsed)
+    if len(by_rehearsal):
+        group = mission, rehearsing(controller), by_rehearsal.tolist()
+        parts.append(_fly_groups([group], scenarios, 1, tracks, lanes))
+    by_plan = np.flatnonzero(~foreseen.is_rehearsed)
+    if len(by_plan):
+        cases = cases_of(mission, [scenarios[flight] for flight in by_plan])
+        group_tracks = None if tracks is None else tracks[by_plan]
+        many = fly_population(
+            *(pack_world(mission), law_of(flown, mission), flown.numbers, cases, 1, group_tracks),
+            *(foreseen.openings[by_plan], lanes),
+        )
+        if tracks is not None and group_tracks is not None:
+            tracks[by_plan] = group_tracks
+        parts.append(many.each(lambda values: values[0]))
+    order = np.argsort(np.concatenate([by_rehearsal, by_plan]))
+    return combined(parts).each(lambda values: values[order])
 
 
 def _fly_all_by_reference(
@@ -161,20 +203,30 @@ def fly_logged(
     """
     mission = mission_of_case(mission, scenario)
     check_flown_ahead(mission, controller)
-    of_tours = np.empty((0, 0))
+    of_tours, decisions = np.empty((0, 0)), list[Decision]()
+    foreseen: Foreseen | None = None
+    if isinstance(controller, RuleController) and foresees(controller):
+        foreseen = foresee(mission, controller, [scenario], records=True)
+        decisions = foreseen.decisions
+        controller = rehearsing(controller) if foreseen.is_rehearsed[0] else finishing(controller)
     if tour_images(controller):
         (of_tours,), (followed,) = rehearse_tours(mission, controller, [scenario], 1)
         controller = following(controller, mission, followed.tolist())
     openings, of_pushes = rehearsed_openings(mission, controller, [scenario], 1)
+    if foreseen is not None and not foreseen.is_rehearsed[0]:
+        openings = foreseen.openings
+    ahead = {"push_costs_m_s": of_pushes[0], "tour_costs_m_s": of_tours}
+    if decisions:
+        ahead |= foresight_fields(decisions)
     if mission.flight == "reference":
         from pipeline.flight.fly import reference  # noqa: PLC0415 - as above
 
         if isinstance(controller, PilotController):
             controller = open_loop(controller.name, controller.pilot(mission, [scenario], 1).forces[0])
-        opening = None if openings is None else openings[0]
-        log = reference.fly_by_reference(mission, controller, scenario, opening)
+        given = None if openings is None else openings[0]
+        log = reference.fly_by_reference(mission, controller, scenario, given)
         check_finite(log.position_m, log.velocity_m_s, log.quaternion_b_from_h, log.force_hill_n)
-        return log._replace(push_costs_m_s=of_pushes[0], tour_costs_m_s=of_tours)
+        return log._replace(**ahead)
     world, cases = pack_world(mission), cases_of(mission, [scenario])
     law, numbers = law_for(controller, mission, [scenario], 1), controller.numbers
     log = empty_log(mission.num_controls, mission.num_attitude_steps, world.num_points, len(law.axes))
@@ -189,10 +241,12 @@ def fly_logged(
         fly = fly_many if is_one_of_many or is_interpreted(mission) else sparingly(fly_many)
         fly(*parts, flights, state, work, results, 0, 1)
     num_counted = int(flights.counted[0, : world.num_points].sum())
-    write_reasons(world, law, parts[-1], log, num_counted, openings is not None)
+    given = np.zeros(mission.num_controls, dtype=np.bool_)
+    given[: flights.openings.shape[1]] = flights.openings[0, :, 3] > 0.0 if openings is not None else False
+    write_reasons(world, law, parts[-1], log, num_counted, given)
     log.quaternion_c_from_h[:] = chief_attitudes(mission)
     log.visible_sun_share[:] = sun_shares(mission, log.sun_angle_rad, log.sun_elevation_rad)
     log.is_inspectable[:] = inspectable[0, : world.num_points] > 0
     attitudes = log.quaternion_b_from_h, log.quaternion_c_from_h
     check_finite(log.position_m, log.velocity_m_s, *attitudes, log.force_hill_n)
-    return log._replace(push_costs_m_s=of_pushes[0], tour_costs_m_s=of_tours)
+    return log._replace(**ahead)

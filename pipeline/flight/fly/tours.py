@@ -17,7 +17,7 @@ import numpy as np
 
 from fis_tools.model import FuzzyController
 from pipeline.flight.control.controller import Controller, RuleController, from_fuzzy
-from pipeline.flight.control.law import rehearsal_stride
+from pipeline.flight.control.law import ahead_stride
 from pipeline.flight.state.signals import TOUR_COEFFICIENTS, constant
 from pipeline.settings.experiment import Mission
 
@@ -114,5 +114,5 @@ def following(controller: Controller, mission: Mission, tours: Sequence[int]) ->
 
 def rehearsal_samples(controller: Controller, mission: Mission) -> list[int]:
     """Return the samples at which a controller rehearses its tours, from 0."""
-    stride = rehearsal_stride(controller, mission)
+    stride = ahead_stride(controller, mission, "rehearsal_period_s")
     return list(range(0, mission.num_controls, stride)) if stride else [0]

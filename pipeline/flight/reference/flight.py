@@ -28,7 +28,8 @@ from pipeline.settings.mission import TwoBody
 class ReferenceFlight:
     """A mission, a controller, a start, and a surface: points and normals, (P, 3), and triangles, (T, 3, 3).
 
-    `opening` is a force, N, fired in the first control period in place of the rules'.
+    `given`, (n, 4), are forces of the first n control periods, N, Hill axes, and 1 for each that is fired in
+    place of the rules'.
     """
 
     mission: Mission
@@ -38,7 +39,7 @@ class ReferenceFlight:
     normals: Floats
     corners: Floats
     errors: DrawnErrors = field(default_factory=DrawnErrors)
-    opening: Floats | None = None
+    given: Floats | None = None
 
     def flown_by(self, controller: Controller) -> "ReferenceFlight":
         """Return the same flight with another controller, with what is known of the chief and its light."""

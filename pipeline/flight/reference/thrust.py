@@ -54,8 +54,8 @@ def decide(flight: ReferenceFlight, k: int, look: Look, state: ReferenceState) -
         is_missed, nearest, farthest = preview(flight, k, look.known, look.is_inspected)
         ahead = np.array([is_missed.sum(), nearest, farthest])
         resting = "coasting" if is_enough(flight, ahead) else None
-    if k == 0 and flight.opening is not None:
-        requested, resting = flight.opening, "rehearsed"
+    if flight.given is not None and k < len(flight.given) and flight.given[k, 3] > 0.0:
+        requested, resting = flight.given[k, :3], "rehearsed"
     elif flight.has_plan:
         requested = planned(flight, k, look.known, state)
     elif resting is None:

@@ -111,6 +111,12 @@ class FlightLog(NamedTuple):
     # costs by which the first push was chosen, and the tour in each rehearsal, m/s; none without a rehearsal
     push_costs_m_s: Annotated[Floats, "R"]
     tour_costs_m_s: Annotated[Floats, "R", "R"]
+    # decisions of foresight, see `pipeline.flight.fly.replanning.Decision`: sample, plans priced and points
+    # that coasting would miss; plans, of pushes as sample and force; prices; and costs of flights ahead
+    foresight_at: Annotated[Floats, "R", 3]
+    foresight_plans: Annotated[Floats, "R", 5, 3, 4]
+    foresight_prices_m_s: Annotated[Floats, "R", 5]
+    foresight_ends_m_s: Annotated[Floats, "R", 4]
 
 
 def empty_log(num_controls: int, num_attitude_steps: int, num_points: int, num_systems: int) -> FlightLog:
@@ -143,6 +149,8 @@ class Outcomes:
     # of its changes, ``sum |applied - asked| T/m`` over Hill components; their net effect on `delta_v_m_s`
     # may be less, or negative
     safety_delta_v_m_s: Floats
+    # of pushes chosen ahead, before the safety layer; the rules command the rest of `delta_v_m_s`
+    ahead_delta_v_m_s: Floats
 
     @property
     def is_violated(self) -> Booleans:

@@ -254,6 +254,16 @@ CONSTANTS = {
     "rehearsal_period_s": Chosen(
         "the tours are flown ahead again after each such time, whole decision periods, s"
     ),
+    "foresight_pushes": Chosen("2 or 3: so many pushes are planned together by geometry, and fired"),
+    "foresight_points": Chosen(
+        "their plan misses fewer points than this; as coast_below_points unless given"
+    ),
+    "foresight_coast_points": Chosen(
+        "after them, coast with fewer points than this missed; as coast_below_points unless given"
+    ),
+    "foresight_period_s": Chosen(
+        "where a flight deviates from its plan, plan again after each such time, whole decision periods, s"
+    ),
 }
 
 

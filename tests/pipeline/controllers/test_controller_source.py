@@ -119,7 +119,7 @@ def test_their_audit_finds_nothing(name: str, num_rules: int) -> None:
 
 
 def test_the_rehearsing_champion_is_champion_27_but_for_its_rehearsal() -> None:
-    plain, rehearsing = shipped("champion_27"), shipped("champion_27_rehearsed")
+    plain, rehearsing = shipped("champion_27"), shipped("champion_27_one_push")
     attributes = tuple(sorted((*plain.attributes, ("rehearsal_reach_m_s", "0.15"))))
     renamed = replace(rehearsing, name=plain.name, provenance=plain.provenance)
     assert renamed == replace(plain, attributes=attributes)

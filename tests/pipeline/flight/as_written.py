@@ -54,8 +54,8 @@ def assert_as_written(mission: Mission, controller: Controller, scenario: Scenar
     log = fly_logged(mission, controller, scenario)
     flight = reference_of(mission, controller, scenario)
     assert_throughout(flight, log)
-    if (log.command_reason[0] == list(REASONS).index("rehearsed")).any():
-        flight = replace(flight, opening=log.force_asked_n[0])
+    is_rehearsed = (log.command_reason == list(REASONS).index("rehearsed")).any(axis=1)
+    flight = replace(flight, given=np.insert(log.force_asked_n, 3, is_rehearsed, axis=1))
     flight.__dict__["chief"] = [Rotation.from_quat(q) for q in log.quaternion_c_from_h]
     flight.__dict__["suns"] = list(zip(log.sun_angle_rad, log.sun_elevation_rad, strict=True))
     state = start(flight)

@@ -60,7 +60,7 @@ def test_the_push_that_ends_cheapest_is_fired_and_the_rules_go_on() -> None:
     forces = rehearsed_pushes(controller) * 12.0 / 10.0
     flown = fly_all(MISSION, controller, STARTS)
     world, law, numbers = pack_world(MISSION), law_of(SEEING, MISSION), SEEING.numbers
-    openings = [np.repeat(force[np.newaxis], len(STARTS), axis=0) for force in forces]
+    openings = [np.tile([*force, 1.0], (len(STARTS), 1, 1)) for force in forces]
     drawn = cases_of(MISSION, STARTS)
     ends = [fly_population(world, law, numbers, drawn, 1, openings=each) for each in openings]
     # two points missed cost nothing, as the controller puts up with them

@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
+from pipeline.flight.fly.foresight import NEVER, PLANS, PRICE_OF_DISTANCE, PRICE_OF_HEIGHT
 from pipeline.optimum import bound, polish
 from pipeline.optimum.bound import can_cover, delta_v_bound, price_pair, sample_costs, slopes_of, unavoidable
 from pipeline.optimum.plan import num_agreeing, solve
 from pipeline.optimum.problem import flown, margins_along, path_of, seen_as
-from pipeline.optimum.search import NEVER, PLANS, PRICE_OF_DISTANCE, PRICE_OF_HEIGHT, priced
+from pipeline.optimum.search import priced
 from pipeline.scenarios import evaluation_scenarios
 from tests.pipeline.optimum.cases import composed, problem, random_forces
 

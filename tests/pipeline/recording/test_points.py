@@ -150,7 +150,7 @@ def test_what_coasting_would_miss_is_not_seen_by_coasting() -> None:
 
 
 def test_a_recording_holds_what_rehearsals_cost(tmp_path: Path) -> None:
-    flying = FUZZY["champion_27_rehearsed"]
+    flying = FUZZY["champion_27_one_push"]
     log, recording = recorded(tmp_path / "x.mcap", TEN_MINUTES, flying, STARTS[0])
     (rehearsal,) = recording.rehearsals.values()
     assert rehearsal.costs_m_s == tuple(log.push_costs_m_s.tolist())

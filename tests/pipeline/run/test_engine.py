@@ -235,7 +235,7 @@ def test_a_lost_scheduler_is_told_and_what_is_done_is_kept(tmp_path, monkeypatch
             [artifacts.ASSURED_CASES, artifacts.SEARCHED],
         ),
         (
-            """+experiment=train_readable optimizer=tour controller=champion_27_rehearsed
+            """+experiment=train_readable optimizer=tour controller=champion_27_one_push
             optimizer.generations=2 optimizer.population_size=6 optimizer.rounds=1 starts.num_cases=4
             starts.num_hard=0 optimizer.validation_cases=4 duration_s=600 stages=[train]
             optimizer.workers=2""",

@@ -36,7 +36,8 @@ def test_episodes_have_a_row_a_case_and_the_promised_columns(evaluated):
     kinds = {name: pa.int64() for name in whole} | dict.fromkeys(("success", "violated"), pa.bool_())
     names = """case position_x_m position_y_m position_z_m sun_angle_rad delta_v_m_s inspected_count
         inspection_rate_percent mean_distance_m min_distance_m max_distance_m success violated
-        safety_periods safety_delta_v_m_s sun_elevation_rad inspectable_count inspectable_rate_percent"""
+        safety_periods safety_delta_v_m_s ahead_delta_v_m_s sun_elevation_rad inspectable_count
+        inspectable_rate_percent"""
     assert table.column_names == names.split()
     assert all(field.type == kinds.get(field.name, pa.float64()) for field in table.schema)
     assert table["case"].to_pylist() == [0, 1, 2, 3, 4]
@@ -55,9 +56,9 @@ def test_the_summary_tells_what_flew_and_how_well(evaluated, capsys):
     evaluate.run(run.experiment, folder)
     summary = artifacts.read_json(folder, artifacts.SUMMARY)
     names = """controller controller_sha256 sun num_cases seed confidence_percent delta_v_m_s
-        inspection_rate_percent mean_distance_m safety_periods safety_delta_v_m_s inspectable_count
-        inspectable_rate_percent success violated success_and_within_limits safety_acted percentiles
-        optimum"""
+        inspection_rate_percent mean_distance_m safety_periods safety_delta_v_m_s ahead_delta_v_m_s
+        inspectable_count inspectable_rate_percent success violated success_and_within_limits safety_acted
+        percentiles optimum"""
     assert list(summary) == names.split()
     assert (summary["controller"], summary["sun"], summary["seed"]) == ("paper", "random", 1)
     assert (summary["num_cases"], summary["confidence_percent"]) == (5, 90.0)

@@ -296,14 +296,21 @@ def write_estimate(now: Moment, law: Filter, log: FlightLog) -> None:
         write_row(log.fix_m[k], now.state.fixes[(k - law.delay) // law.stride], 0)
         write_row(log.innovation_m[k], estimate.innovation, 0)
         log.innovation_square[k] = estimate.innovation[3, 0]
-    for row in range(6):
-        for column in range(6 + len(law.constants)):
-            store(estimate.now, (row, column, 0), entry(estimate.covariance, row, column))
-    for period in range(max(k - law.delay, now.world.first), k):
-        propagate_covariance(now, law, estimate.now, period)
+    update_covariance(now, law)
     write_row(log.estimate[k], estimate.known, 0)
     for row in range(6):
         write_row(log.estimate_covariance[k, row], estimate.now[row], 0)
+
+
+@compiled(error_model="numpy")
+def update_covariance(now: Moment, law: Filter) -> None:
+    """Bring the covariance of the last fix in use up to this sample, in `estimate.now`."""
+    estimate = now.state.estimate
+    for row in range(6):
+        for column in range(6 + len(law.constants)):
+            store(estimate.now, (row, column, 0), entry(estimate.covariance, row, column))
+    for period in range(max(now.k - law.delay, now.world.first), now.k):
+        propagate_covariance(now, law, estimate.now, period)
 
 
 @compiled(error_model="numpy")

@@ -1,0 +1,226 @@
+"""What a plan of a few pushes would come to, by geometry alone: its price, without a flight.
+
+Clohessy-Wiltshire motion is linear: the position at sample k is ``free_k + sum_i gain_(k-i) force_i``. The
+Sun's motion is known, and so is what is lit when. A point is seen from beyond its tangent plane, or from
+inside the cone and the sphere that limits on incidence and range bend it into, once the deputy is as far
+away as its camera needs to cover the chief (`sight`). Parts of the chief that hide others, a blinded camera
+and how bright a point is are left to the flight that every plan is tried in before it is fired.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fis_tools.compiled.decorator import compiled
+from fis_tools.compiled.vectors import least, load, most, store
+from pipeline.array_types import Bytes, Floats
+from pipeline.flight.cases.starts import StartRows
+from pipeline.flight.fly.workspace import make_workspace, optics_in_use
+from pipeline.flight.period.look.optics import beam_of_case, note_lit, want_all
+from pipeline.flight.state.arrays import Beyond, Workspace, World
+from pipeline.physics.motion import repeated
+from pipeline.physics.sight import NORMAL
+from pipeline.settings.experiment import Mission
+
+#: price of a metre by which a point falls short, and of a metre outside the limits, m/s
+PRICE_OF_HEIGHT, PRICE_OF_DISTANCE = 0.01, 0.05
+#: shortfall of a point that is never lit while the camera works, m
+NEVER = -1e3
+#: margin of the camera's pointing error for a slightly different flight
+ERROR_SHARE = 0.2
+#: plans that are evaluated side by side
+PLANS = 16
+
+
+class Outlook(NamedTuple):
+    """What the price of a plan depends on, at S samples from where it begins, evenly apart; P points."""
+
+    free: Floats  # (S, 3) positions without force, m, Hill axes
+    gain: Floats  # (S, 3, 3) effect of 1 N held over a control period on the position that much later, m/N
+    points: Floats  # (S, 3, P) m, Hill axes
+    normals: Floats  # (S, 3, P) unit vectors out of the surface
+    heights: Floats  # (P,) of the points' tangent planes over the chief's centre, m
+    is_lit: NDArray[np.bool_]  # (S, P) and still to be seen
+    sight: Floats  # (S,) distance from which the camera covers all, m; infinite if it points away
+    cos_incidence: float  # of the greatest incidence; 0 for any
+    max_range: float  # m; infinite for any
+    nearest: float  # least distance, m
+    farthest: float  # greatest distance, m
+    least_force: float  # a component smaller than this is not fired, N
+    delta_v_per_force: float  # of 1 N held over a control period, m/s
+    price_of_height: float  # of a metre by which a point falls short, m/s
+
+
+class Geometry(NamedTuple):
+    """A chief with P points and a deputy's motion and camera at K+1 samples, in a mission."""
+
+    drift: Floats  # (K+1, 3, 6) from position and velocity at the start to positions without force
+    gain: Floats  # (K+1, 3, 3) as of an `Outlook`, like the next three
+    points: Floats  # (K+1, 3, P)
+    normals: Floats  # (K+1, 3, P)
+    heights: Floats  # (P,)
+    radius: float  # of the sphere that contains all points, m
+    cos_incidence: float
+    max_range: float
+
+
+def geometry_of(mission: Mission, world: World) -> Geometry:
+    """Return the geometry of a mission, whose world is given too."""
+    num_controls, num_points = world.num_controls, world.num_points
+    motion = repeated(world.motion, num_controls)
+    drift = np.concatenate([np.eye(6)[np.newaxis, :3], motion.transition[:, :3]])
+    gain = np.concatenate([np.zeros((1, 3, 3)), motion.control[:, :3]])
+    shape = (num_controls + 1, 3, num_points)
+    points = np.ascontiguousarray(np.broadcast_to(world.points[:, :, :num_points], shape))
+    normals = np.broadcast_to(world.surface[:, NORMAL : NORMAL + 3, :num_points], shape)
+    radius, is_sphere = mission.chief.inspection_radius_m, mission.chief.shape == "sphere"
+    if not is_sphere:
+        radius = float(np.linalg.norm(points[0], axis=0).max())
+    return Geometry(
+        drift=drift,
+        gain=gain,
+        points=points,
+        normals=points / radius if is_sphere else np.ascontiguousarray(normals),
+        heights=np.full(num_points, radius) if is_sphere else np.sum(points[0] * normals[0], axis=0),
+        radius=radius,
+        cos_incidence=float(np.sqrt(world.optics.incidence_squared)),
+        max_range=float(np.sqrt(world.optics.range_squared)),
+    )
+
+
+def sight_along(positions: Floats, boresights: Floats, radius: float, half_angle_deg: float) -> Floats:
+    """Return the distances from which a camera covers everything above the horizon, (n,), m.
+
+    Infinite where it points away; positions (m) and boresights, (n, 3), are in the same axes, and `radius` is
+    that of the sphere that contains all points.
+    """
+    inward = -positions / np.linalg.norm(positions, axis=1)[:, np.newaxis]
+    off = np.arctan2(
+        np.linalg.norm(np.cross(boresights, inward), axis=1), np.sum(boresights * inward, axis=1)
+    )
+    left = np.radians(half_angle_deg) - (1.0 + ERROR_SHARE) * off
+    # a camera with less than a tenth of a degree to spare cannot be relied on
+    is_useful = left > np.radians(0.1)
+    # a field of view of a right angle or more covers everything above the horizon
+    angle = np.minimum(np.where(is_useful, left, 1.0), 0.5 * np.pi)
+    return np.where(is_useful, radius / np.sin(angle), np.inf)
+
+
+def lit_at_samples(world: World, starts: StartRows) -> NDArray[np.bool_]:
+    """Return which points are lit at each sample of one case's flight, shape (K+1, P)."""
+    is_lit = np.empty((world.num_controls + 1, world.points.shape[2]), dtype=np.uint8)
+    note_lit_at_samples(
+        world, optics_in_use(world, starts.sun_elevation), make_workspace(world), starts, is_lit
+    )
+    return np.ascontiguousarray(is_lit[:, : world.num_points] > 0)
+
+
+@compiled(nogil=True, error_model="numpy")
+def note_lit_at_samples(
+    world: World, optics: Beyond | None, work: Workspace, cases: Any, is_lit: Bytes
+) -> None:
+    """Set `is_lit`, (K+1, P padded), to 1 where a point is lit at a sample of the first case's flight."""
+    for k in range(len(is_lit)):
+        want_all(world, work.ahead)
+        note_lit(world, optics, work.ahead, work.lit, beam_of_case(world, optics, cases[0], k))
+        for j in range(len(work.lit)):
+            is_lit[k, j] = work.lit[j] > 0.0
+
+
+@compiled(error_model="numpy")
+def lead_along(genes: Floats, num_pushes: int, outlook: Outlook, effects: Floats, path: Floats) -> float:
+    """Write the positions of a plan at all samples into `path`; return the sum of its forces, N.
+
+    Parameters
+    ----------
+    genes : (4 num_pushes - 1,)
+        The plan.
+    num_pushes : int
+    outlook : Outlook
+    effects : (3, 3 S)
+        Effect of 1 N along each axis from the sample at which it is fired on, m/N.
+    path : (3 S,)
+        Filled, m.
+    """
+    path[:] = outlook.free.ravel()
+    spent = 0.0
+    for push in range(num_pushes):
+        begin = 0 if push == 0 else int(genes[3 * num_pushes + push - 1])
+        f, g, h = genes[3 * push], genes[3 * push + 1], genes[3 * push + 2]
+        f = f if abs(f) >= outlook.least_force else 0.0
+        g = g if abs(g) >= outlook.least_force else 0.0
+        h = h if abs(h) >= outlook.least_force else 0.0
+        spent = spent + abs(f) + abs(g) + abs(h)
+        after = path[3 * begin :]
+        for i in range(len(after)):
+            after[i] = after[i] + effects[0, i] * f + effects[1, i] * g + effects[2, i] * h
+    return spent
+
+
+@compiled(error_model="numpy")
+def shortfall(best: Floats, needed: int) -> float:
+    """Return by how much the `needed` points nearest to being seen fall short, in all, m."""
+    short = 0.0
+    shortfalls = np.sort(-best)
+    for j in range(needed):
+        short += max(0.0, shortfalls[j])
+    return short
+
+
+@compiled(nogil=True, error_model="numpy")
+def price_pushes(genes: Floats, num_pushes: int, needed: int, outlook: Outlook, costs: Floats) -> None:
+    """Compute the price of each of n plans, m/s.
+
+    It is a plan's delta-v, plus a price for each metre by which points fall short of being seen, summed over
+    the nearest ones, plus one for each metre outside the distance limits.
+
+    Parameters
+    ----------
+    genes : (4 num_pushes - 1, n)
+        Forces in N, push by push, then the samples of all pushes but the first; one column per plan.
+    num_pushes, needed : int
+        Number of pushes, the first at the first sample, and of points to see.
+    outlook : Outlook
+    costs : (n,)
+        Filled.
+    """
+    free, normals, points, heights = outlook.free, outlook.normals, outlook.points, outlook.heights
+    is_lit, sight, cos_incidence, max_range = (
+        outlook.is_lit,
+        outlook.sight,
+        outlook.cos_incidence,
+        outlook.max_range,
+    )
+    num_samples, num_points, num_plans = len(free), normals.shape[2], genes.shape[1]
+    effects = np.ascontiguousarray(outlook.gain.transpose(2, 0, 1)).reshape(3, -1)
+    path, spent, outside = np.empty(3 * num_samples), np.empty(PLANS), np.empty(PLANS)
+    positions, best = np.empty((num_samples, 3, PLANS)), np.empty((num_points, PLANS))
+    is_flat = cos_incidence == 0.0 and max_range == np.inf
+    for first in range(0, num_plans, PLANS):
+        for lane in range(PLANS):
+            # spare lanes repeat the last plan
+            plan = min(first + lane, num_plans - 1)
+            spent[lane] = lead_along(genes[:, plan], num_pushes, outlook, effects, path)
+            positions[:, :, lane] = path.reshape(-1, 3)
+        best[:], outside[:] = NEVER, 0.0
+        for k in range(num_samples):
+            x, y = load(positions, (k, 0, 0), PLANS), load(positions, (k, 1, 0), PLANS)
+            z = load(positions, (k, 2, 0), PLANS)
+            distance = np.sqrt(x * x + y * y + z * z)
+            if k > 0:
+                beyond = most(outlook.nearest - distance, distance - outlook.farthest)
+                store(outside, 0, most(beyond, load(outside, 0, PLANS)))
+            room = distance - sight[k]
+            for j in range(num_points if sight[k] < np.inf else 0):
+                if is_lit[k, j]:
+                    height = normals[k, 0, j] * x + normals[k, 1, j] * y + normals[k, 2, j] * z - heights[j]
+                    if not is_flat:
+                        dx, dy, dz = x - points[k, 0, j], y - points[k, 1, j], z - points[k, 2, j]
+                        apart = np.sqrt(dx * dx + dy * dy + dz * dz)
+                        height = least(height - cos_incidence * apart, max_range - apart)
+                    store(best, (j, 0), most(least(height, room), load(best, (j, 0), PLANS)))
+        for lane in range(min(PLANS, num_plans - first)):
+            cost = spent[lane] * outlook.delta_v_per_force
+            cost = cost + outlook.price_of_height * shortfall(best[:, lane], needed)
+            costs[first + lane] = cost + PRICE_OF_DISTANCE * outside[lane]

@@ -1,0 +1,288 @@
+"""What deputies know of the rest of their flights when they plan pushes."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+
+import numpy as np
+
+from fis_tools.engines.kernel import LANES
+from pipeline.array_types import Booleans, Bytes, Floats, Integers
+from pipeline.flight.cases.navigation import filter_of
+from pipeline.flight.cases.starts import cases_of, starts_of
+from pipeline.flight.control.controller import RuleController, from_fuzzy
+from pipeline.flight.control.law import law_of
+from pipeline.flight.fly.foresight import (
+    PRICE_OF_HEIGHT,
+    Geometry,
+    Outlook,
+    geometry_of,
+    lit_at_samples,
+    sight_along,
+)
+from pipeline.flight.fly.population import fly_population
+from pipeline.flight.state.arrays import NUM_TRACKED, TRACK_BORESIGHT, World
+from pipeline.flight.state.log import Outcomes, Scenario
+from pipeline.flight.state.signals import constant
+from pipeline.flight.world.bounds import guard_of
+from pipeline.flight.world.pack import pack_world
+from pipeline.settings.experiment import Mission
+
+#: time between the samples at which plans are priced, s, by the number of pushes
+LOOK_S = {2: 30.0, 3: 20.0}
+#: by how much plans see points beyond their horizons, and keep inside the limits besides what the rules keep:
+#: for what happens between two samples, m, and for what is not known, in standard deviations of the position
+MARGIN_M, SPREADS = 0.3, 1.0
+#: a component of a push smaller than this is not fired, m/s
+LEAST_M_S = 3e-4
+
+
+@lru_cache(maxsize=32)
+def finishing(controller: RuleController) -> RuleController:
+    """Return a controller as it flies after its plan: it may coast sooner, and looks ahead no more."""
+    attributes = _without(controller, "foresight", "rehearsal")
+    points = controller.constants[constant("foresight_coast_points")]
+    if points > 0.0:
+        attributes["coast_below_points"] = repr(float(points))
+    return _with(controller, attributes)
+
+
+@lru_cache(maxsize=32)
+def rehearsing(controller: RuleController) -> RuleController:
+    """Return a controller without its foresight: what it rehearses is left."""
+    return _with(controller, _without(controller, "foresight"))
+
+
+@lru_cache(maxsize=32)
+def rehearsing_once(controller: RuleController) -> RuleController:
+    """Return the same, of a controller that rehearses at the start alone."""
+    return _with(controller, _without(controller, "foresight", "rehearsal_period_s"))
+
+
+def _without(controller: RuleController, *prefixes: str) -> dict[str, str]:
+    attributes = controller.fuzzy.attributes if controller.fuzzy is not None else ()
+    return {name: value for name, value in attributes if not name.startswith(prefixes)}
+
+
+def _with(controller: RuleController, attributes: dict[str, str]) -> RuleController:
+    if controller.fuzzy is None:
+        return controller
+    return from_fuzzy(replace(controller.fuzzy, attributes=tuple(attributes.items())))
+
+
+@lru_cache(maxsize=8)
+def _geometry(mission: Mission) -> Geometry:
+    return geometry_of(mission, pack_world(mission))
+
+
+@lru_cache(maxsize=32)
+def _strided(mission: Mission, sample: int, step: int) -> Geometry:
+    """Return the geometry at every so many samples from one on; motion begins there."""
+    geometry = _geometry(mission)
+    ahead, after = slice(None, mission.num_controls + 1 - sample, step), slice(sample, None, step)
+    return geometry._replace(
+        drift=np.ascontiguousarray(geometry.drift[ahead]),
+        gain=np.ascontiguousarray(geometry.gain[ahead]),
+        points=np.ascontiguousarray(geometry.points[after]),
+        normals=np.ascontiguousarray(geometry.normals[after]),
+    )
+
+
+def spread_after(mission: Mission, covariances: Floats, seconds: float) -> Floats:
+    """Return how far positions may be off after a time of free motion, (m,), m: a standard deviation.
+
+    It is the largest along any direction, of covariances of position and velocity, (m, 6, 6).
+    """
+    world = pack_world(mission)
+    periods = round(seconds / world.control_period)
+    phi = np.linalg.matrix_power(world.motion.transition[0], periods)[:3]
+    return np.asarray(np.sqrt(np.linalg.eigvalsh(phi @ covariances @ phi.T)[:, -1].clip(0.0)))
+
+
+@dataclass(frozen=True)
+class Deputies:
+    """Deputies of a controller with foresight at a sample of their flights, m of them.
+
+    Parameters
+    ----------
+    mission, known : Mission
+        As it is, and as they know it.
+    controller : RuleController
+    believed : sequence of Scenario
+        Their starts, with positions and velocities as they believe them to be now.
+    spreads_m : (m,)
+        How far these may be off by the next decision, standard deviations.
+    sample : int
+    lit : sequence of (K+1, P)
+        Which points are lit when in each flight.
+    left : (m, P padded) or None
+        1 for points still to be inspected; None at the start.
+    lanes : int
+    """
+
+    mission: Mission
+    known: Mission
+    controller: RuleController
+    believed: Sequence[Scenario]
+    spreads_m: Floats
+    sample: int
+    lit: Sequence[Booleans]
+    left: Bytes | None = None
+    lanes: int = LANES
+    world: World = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Prepare what they share."""
+        world = pack_world(self.known)._replace(first=self.sample, guard=guard_of(self.mission))
+        object.__setattr__(self, "world", world)
+
+    def constant(self, name: str) -> float:
+        """Return a constant of the controller."""
+        return float(self.controller.constants[constant(name)])
+
+    @property
+    def num_pushes(self) -> int:
+        """How many pushes they plan together."""
+        return round(self.constant("foresight_pushes"))
+
+    @property
+    def step(self) -> int:
+        """The control periods between the samples at which plans are priced."""
+        return max(1, round(LOOK_S[self.num_pushes] / self.mission.control_period_s))
+
+    def only(self, flights: Integers) -> "Deputies":
+        """Return some of them."""
+        left = None if self.left is None else self.left[flights]
+        believed, lit = ([of[flight] for flight in flights] for of in (self.believed, self.lit))
+        return replace(self, believed=believed, spreads_m=self.spreads_m[flights], lit=lit, left=left)
+
+    def fly(
+        self,
+        controller: RuleController,
+        openings: Floats | None = None,
+        tracks: np.ndarray[tuple[int, int, int], np.dtype[np.float32]] | None = None,
+    ) -> Outcomes:
+        """Fly ahead from here to the end as they know the mission, and their safety layer; arrays (m,)."""
+        ends = fly_population(
+            self.world,
+            law_of(controller, self.known),
+            controller.numbers,
+            cases_of(self.known, list(self.believed)),
+            1,
+            tracks,
+            openings,
+            self.lanes,
+            wanted=self.left,
+        )
+        return ends.each(lambda values: values[0])
+
+    def coasting(self) -> Floats:
+        """Return openings that fire nothing, (m, K, 4)."""
+        openings = np.zeros((len(self.believed), self.world.num_controls, 4))
+        openings[..., 3] = 1.0
+        return openings
+
+    def outlooks(self) -> list[tuple[Outlook, int]]:
+        """Return what the plans of each flight are priced by, and how many points they need to see."""
+        return [self._outlook(flight, sight) for flight, sight in enumerate(self._sights())]
+
+    def _sights(self) -> Sequence[Floats]:
+        """Return the distances from which each camera covers all, (K+1 - sample,), coasting from here."""
+        count, num_samples = len(self.believed), self.world.num_controls + 1 - self.sample
+        radius, half_angle = _geometry(self.known).radius, self.known.sensor.half_angle_deg
+        if self.known.attitude.mode == "ideal":
+            inward = np.tile([1.0, 0.0, 0.0], (num_samples, 1))
+            return [sight_along(-inward, inward, radius, half_angle)] * count
+        tracks = np.empty((count, num_samples, NUM_TRACKED), dtype=np.float32)
+        self.fly(finishing(self.controller), self.coasting(), tracks)
+        positions = tracks[..., :3].astype(np.float64)
+        boresights = tracks[..., TRACK_BORESIGHT : TRACK_BORESIGHT + 3].astype(np.float64)
+        return [sight_along(*each, radius, half_angle) for each in zip(positions, boresights, strict=True)]
+
+    def _outlook(self, flight: int, sight: Floats) -> tuple[Outlook, int]:
+        world, scenario, geometry = self.world, self.believed[flight], _geometry(self.known)
+        parts = _strided(self.known, self.sample, self.step)
+        is_lit, needed = self._points(flight)
+        margin = MARGIN_M + SPREADS * float(self.spreads_m[flight])
+        inside = self.constant("coast_margin_m") + margin
+        nearest, farthest = world.min_distance + inside, world.max_distance - inside
+        if world.guard.is_on:
+            nearest = max(nearest, world.guard.keep_out + margin)
+            farthest = min(farthest, world.guard.keep_in - margin)
+        outlook = Outlook(
+            free=parts.drift @ np.r_[scenario.position_m, scenario.velocity_m_s],
+            gain=parts.gain,
+            points=parts.points,
+            normals=parts.normals,
+            heights=geometry.heights + margin,
+            is_lit=np.ascontiguousarray(is_lit[:: self.step]),
+            sight=np.ascontiguousarray(sight[:: self.step] + margin),
+            cos_incidence=geometry.cos_incidence,
+            max_range=geometry.max_range - margin,
+            nearest=nearest,
+            farthest=farthest,
+            least_force=LEAST_M_S / world.delta_v_per_force,
+            delta_v_per_force=world.delta_v_per_force,
+            price_of_height=PRICE_OF_HEIGHT,
+        )
+        return outlook, needed
+
+    def _points(self, flight: int) -> tuple[Booleans, int]:
+        """Return which points left are lit when, (K+1 - sample, P), and how many of them a plan must see."""
+        is_lit = self.lit[flight]
+        is_left = is_lit.any(axis=0)
+        if self.left is not None:
+            is_left &= self.left[flight, : is_lit.shape[1]] > 0
+        points = self.constant("foresight_points") or self.constant("coast_below_points")
+        needed = int(is_left.sum()) - max(0, int(np.ceil(points)) - 1)
+        is_lit = is_lit[self.sample :] & is_left
+        return is_lit, max(0, min(needed, int(is_lit[:: self.step].any(axis=0).sum())))
+
+
+def later(
+    deputies: Deputies, scenarios: list[Scenario], openings: Floats, sample: int, period: int
+) -> Deputies:
+    """Return deputies at a later sample, with their cameras aimed by then.
+
+    They fly from their starts with the openings so far, (m, K, 4); the next decision is due after so many
+    control periods.
+    """
+    mission, flown = deputies.mission, finishing(deputies.controller)
+    world = pack_world(mission)._replace(last=sample)
+    num_points, is_filtered = world.num_points, mission.navigation.mode == "fixes"
+    rows = np.empty((len(scenarios), 6 + num_points + 36 * is_filtered))
+    fly_population(
+        *(world, law_of(flown, mission), flown.numbers, cases_of(mission, scenarios), 1),
+        openings=openings[:, :sample],
+        lanes=deputies.lanes,
+        known=rows,
+    )
+    left = np.zeros((len(scenarios), world.points.shape[2]), dtype=np.uint8)
+    left[:, :num_points] = rows[:, 6 : 6 + num_points]
+    believed = [
+        replace(start, position_m=row[:3], velocity_m_s=row[3:6])
+        for start, row in zip(scenarios, rows, strict=True)
+    ]
+    spreads = np.zeros(len(scenarios))
+    if is_filtered:
+        covariances = rows[:, 6 + num_points :].reshape(-1, 6, 6)
+        spreads = spread_after(mission, covariances, period * mission.control_period_s)
+    known = replace(deputies.known, attitude=replace(mission.attitude, mode="ideal"))
+    return replace(deputies, known=known, believed=believed, spreads_m=spreads, sample=sample, left=left)
+
+
+def at_start(
+    mission: Mission,
+    known: Mission,
+    controller: RuleController,
+    believed: list[Scenario],
+    period: int,
+    lanes: int,
+) -> Deputies:
+    """Return the deputies at some starts, as they believe them to be; `period` as for `later`."""
+    spreads, world = np.zeros(len(believed)), pack_world(known)
+    if mission.navigation.mode == "fixes":
+        covariance = filter_of(mission).at_start[np.newaxis]
+        spreads[:] = spread_after(mission, covariance, period * mission.control_period_s)
+    lit = [lit_at_samples(world, starts_of([start])) for start in believed]
+    return Deputies(mission, known, controller, believed, spreads, 0, lit, lanes=lanes)

@@ -1,0 +1,294 @@
+"""Foresight: a few pushes planned together by geometry, each plan flown ahead before it is fired.
+
+The rules stay in charge of what is fired. A plan is flown ahead to the end as the deputy knows the mission,
+with coasting after its last push and with the rules after it, beside the rules alone; where coasting after it
+misses points or leaves the limits, harder searches and what the controller rehearses compete with it. The
+flight that ends cheapest is followed, see `rehearsed_costs`. Where flights deviate from their plans, pushes
+are planned again from what the deputy knows by then, with the last plan among the candidates.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from fis_tools.engines.kernel import LANES
+from pipeline.array_types import Booleans, Floats, Integers
+from pipeline.flight.cases.navigation import as_believed
+from pipeline.flight.control.controller import Controller, RuleController
+from pipeline.flight.control.law import ahead_stride
+from pipeline.flight.fly.foresight import price_pushes
+from pipeline.flight.fly.outlooks import (
+    LEAST_M_S,
+    Deputies,
+    at_start,
+    finishing,
+    later,
+    rehearsing,
+    rehearsing_once,
+)
+from pipeline.flight.fly.pushes import Effort, PushSearch, search_pushes
+from pipeline.flight.fly.rehearsals import rehearse_tours, rehearsed_costs, rehearsed_openings
+from pipeline.flight.fly.tours import tour_images
+from pipeline.flight.state.log import Scenario
+from pipeline.flight.state.signals import constant
+from pipeline.settings.experiment import Mission
+
+#: searches by the number of pushes: the first of a flight, and when it plans again
+FIRST = {2: (Effort(32, 74),) * 2, 3: (Effort(64, 234),) * 3}
+AGAIN = {2: (Effort(32, 37),), 3: (Effort(64, 40),)}
+#: further searches, of `MOST_PUSHES`, one after the other, where these see too little
+HARDER = {2: (Effort(32, 187),) * 2, 3: (Effort(64, 234),) * 2}
+MOST_PUSHES = 3
+#: how flights that are flown ahead go on, and what competes with plans
+ENDS = ("coasting after the plan", "the rules after the plan", "the rules alone", "rehearsed by the rules")
+COASTING, FINISHING, RULES, REHEARSED = range(len(ENDS))
+#: plans that are recorded: the one chosen, and the cheapest others that clearly differ
+NUM_RECORDED = 5
+
+
+def foresees(controller: Controller) -> bool:
+    """Return whether a controller plans its pushes by geometry."""
+    return bool(controller.constants[constant("foresight_pushes")] > 0.0)
+
+
+@dataclass(frozen=True)
+class Decision:
+    """What a deputy chose at a sample, and among what.
+
+    Parameters
+    ----------
+    sample : int
+    num_priced : int
+        Plans that were priced.
+    missed : int
+        Points that coasting from here would miss.
+    plans : (NUM_RECORDED, MOST_PUSHES, 4)
+        The cheapest plans that clearly differ, first the chosen one: of each push its sample, and its force
+        along Hill axes, N; a sample of -1 is none.
+    prices : (NUM_RECORDED,)
+        m/s; NaN of none.
+    ends : (len(ENDS),)
+        What the flights cost that were flown ahead, m/s; NaN of those that were not.
+    """
+
+    sample: int
+    num_priced: int
+    missed: int
+    plans: Floats
+    prices: Floats
+    ends: Floats
+
+
+@dataclass(frozen=True)
+class Foreseen:
+    """What flights from m starts fire by foresight.
+
+    Parameters
+    ----------
+    openings : (m, K, 4)
+        As `fly_population` takes them.
+    is_rehearsed : (m,)
+        Flights that go by what the controller rehearses instead.
+    decisions : list of Decision
+        Of the only flight, if they are recorded.
+    """
+
+    openings: Floats
+    is_rehearsed: Booleans
+    decisions: list[Decision] = field(default_factory=list)
+
+
+def foresee(
+    mission: Mission,
+    controller: RuleController,
+    scenarios: list[Scenario],
+    lanes: int = LANES,
+    *,
+    records: bool = False,
+) -> Foreseen:
+    """Plan the pushes of flights from some starts, each on its own; decisions are recorded of a single one.
+
+    Flights that stay as the deputies believe them to be are planned once.
+    """
+    known, believed = as_believed(mission, scenarios)
+    period = ahead_stride(controller, mission, "foresight_period_s")
+    samples = range(0, mission.num_controls, period) if period and known != mission else [0]
+    deputies = first = at_start(mission, known, controller, believed, period, lanes)
+    foreseen = Foreseen(deputies.coasting(), np.zeros(len(scenarios), dtype=np.bool_))
+    for sample in samples:
+        flights = np.flatnonzero(~foreseen.is_rehearsed)
+        if not len(flights):
+            break
+        before = foreseen.openings[flights]
+        if sample > 0:
+            starts = [scenarios[flight] for flight in flights]
+            deputies = later(first.only(flights), starts, before, sample, period)
+        choice = _Choice(deputies, before)
+        foreseen.openings[flights] = choice.openings
+        foreseen.is_rehearsed[flights] = choice.is_rehearsed
+        if records:
+            foreseen.decisions.append(choice.decision())
+    return foreseen
+
+
+class _Choice:
+    """What m deputies choose at a sample; `before` are their openings so far, (m, K, 4)."""
+
+    def __init__(self, deputies: Deputies, before: Floats) -> None:
+        count, num_pushes = len(deputies.believed), deputies.num_pushes
+        self._deputies, self._before = deputies, before
+        self._outlooks = deputies.outlooks()
+        self._searches: list[PushSearch] = []
+        self._num_priced = np.zeros(count, dtype=np.int64)
+        self.ends = np.full((len(ENDS), count), np.nan)
+        is_first = deputies.sample == 0
+        every, efforts = np.arange(count), (FIRST if is_first else AGAIN)[num_pushes]
+        self._searches = [self._search(flight, num_pushes, efforts) for flight in every.tolist()]
+        self.openings, self.ends[:2], is_short = self._ahead(every, self._searches)
+        if is_first:
+            alone = deputies.fly(rehearsing(deputies.controller))
+            self.ends[RULES] = rehearsed_costs(deputies.controller, alone)
+            is_short |= self.ends[RULES] < self._cheapest
+        short = np.flatnonzero(is_short)
+        for attempt, effort in enumerate(HARDER[num_pushes] if len(short) else ()):
+            self._try_harder(short, (effort,) if is_first else efforts, attempt)
+        if is_first and len(short):
+            self.ends[REHEARSED, short] = _rehearsed(deputies.only(short))
+
+    @property
+    def _cheapest(self) -> Floats:
+        """What the flights by plans cost, (m,), m/s."""
+        return np.asarray(self.ends[:2].min(axis=0))
+
+    @property
+    def is_rehearsed(self) -> Booleans:
+        """Whether the rules alone, or what they rehearse, are cheaper, (m,)."""
+        return np.asarray(np.fmin(self.ends[RULES], self.ends[REHEARSED]) < self._cheapest)
+
+    def decision(self) -> Decision:
+        """Return what the only deputy chose, and among what."""
+        deputies, search = self._deputies, self._searches[0]
+        coasted = deputies.fly(finishing(deputies.controller), deputies.coasting())
+        plans, prices = np.zeros((NUM_RECORDED, MOST_PUSHES, 4)), np.full(NUM_RECORDED, np.nan)
+        plans[..., 0] = -1.0
+        seconds = deputies.step * deputies.mission.control_period_s
+        distinct = search.distinct(NUM_RECORDED, deputies.world.delta_v_per_force, seconds)
+        for row, (genes, price) in enumerate(zip(*distinct, strict=True)):
+            pushes = _pushes_of(genes, deputies)
+            plans[row, : len(pushes)], prices[row] = pushes, price
+        missed = int(coasted.inspectable_count[0] - coasted.inspected_count[0])
+        num_priced = int(self._num_priced[0])
+        return Decision(deputies.sample, num_priced, missed, plans, prices, self.ends[:, 0])
+
+    def _search(
+        self, flight: int, num_pushes: int, efforts: Sequence[Effort], attempt: int = 0
+    ) -> PushSearch:
+        """Return the cheapest of some searches; the last plan alone where it still sees enough."""
+        deputies, (outlook, needed) = self._deputies, self._outlooks[flight]
+        last = self._last(flight, num_pushes)
+        held = np.zeros(4 * num_pushes - 1) if last is None else last
+        genes, costs = held[np.newaxis, :, np.newaxis], np.empty((1, 1))
+        price_pushes(genes[0], num_pushes, needed, outlook, costs[0])
+        spent = np.abs(held[: 3 * num_pushes]).sum() * outlook.delta_v_per_force
+        if costs[0, 0] <= spent * (1.0 + 1e-12):
+            return PushSearch(genes, costs)
+        start = deputies.believed[flight]
+        numbers = [*start.position_m, *start.velocity_m_s, start.sun_angle_rad, start.sun_elevation_rad]
+        words, most_force = np.array(numbers).view(np.uint32).tolist(), deputies.known.deputy.max_force_n
+        searches = []
+        for number, effort in enumerate(efforts):
+            key = deputies.sample, attempt, number
+            generator = np.random.default_rng(np.random.SeedSequence(words, spawn_key=key))
+            search = search_pushes(outlook, num_pushes, needed, effort, generator, most_force, last)
+            searches.append(search)
+        self._num_priced[flight] += sum(search.costs.size for search in searches)
+        return min(searches, key=lambda search: search.cost)
+
+    def _try_harder(self, short: Integers, efforts: Sequence[Effort], attempt: int) -> None:
+        """Search again for some flights, with most pushes, and go by what is cheaper."""
+        searches = [
+            self._search(flight, MOST_PUSHES, efforts, attempt=attempt + 1) for flight in short.tolist()
+        ]
+        openings, ends, _ = self._ahead(short, searches)
+        for row, flight in enumerate(short.tolist()):
+            if ends[:, row].min() < self._cheapest[flight]:
+                self.openings[flight], self.ends[:2, flight] = openings[row], ends[:, row]
+                self._searches[flight] = searches[row]
+
+    def _ahead(self, flights: Integers, searches: Sequence[PushSearch]) -> tuple[Floats, Floats, Booleans]:
+        """Fly the best plans of some flights ahead, with coasting and with the rules after them.
+
+        Returns
+        -------
+        openings : (m, K, 4)
+            Of the cheaper of both.
+        ends : (2, m)
+            What both cost, m/s.
+        is_short : (m,)
+            Where coasting after a plan misses more points than it may, or leaves the limits.
+        """
+        deputies = self._deputies.only(flights)
+        sample, controller = deputies.sample, finishing(deputies.controller)
+        coasting = deputies.coasting()
+        coasting[:, :sample] = self._before[flights, :sample]
+        for openings, search in zip(coasting, searches, strict=True):
+            for begin, *force in _pushes_of(search.best, deputies):
+                openings[int(begin), :3] += force
+        driven = coasting.copy()
+        for openings in driven:
+            fired = np.flatnonzero(np.any(openings[sample:, :3] != 0.0, axis=1))
+            openings[sample + (fired[-1] + 1 if len(fired) else 0) :, 3] = 0.0
+        flown = [deputies.fly(controller, openings) for openings in (coasting, driven)]
+        ends = np.array([rehearsed_costs(deputies.controller, end) for end in flown])
+        is_driven = ends[FINISHING] < ends[COASTING]
+        openings = np.where(is_driven[:, np.newaxis, np.newaxis], driven, coasting)
+        return openings, ends, ends[COASTING] > flown[COASTING].delta_v_m_s
+
+    def _last(self, flight: int, num_pushes: int) -> Floats | None:
+        """Return the genes of what the last plan would still fire; None at the start.
+
+        Pushes beyond one now and the next ones later are left out.
+        """
+        deputies = self._deputies
+        if deputies.sample == 0:
+            return None
+        forces, genes = self._before[flight, deputies.sample :, :3], np.zeros(4 * num_pushes - 1)
+        genes[:3] = forces[0]
+        later = [index for index in np.flatnonzero(np.any(forces != 0.0, axis=1)) if index > 0]
+        for push, index in enumerate(later[: num_pushes - 1], start=1):
+            genes[3 * push : 3 * push + 3] = forces[index]
+            genes[3 * num_pushes + push - 1] = index / deputies.step + 0.01
+        return genes
+
+
+def _pushes_of(genes: Floats, deputies: Deputies) -> Floats:
+    """Return a plan's pushes, (n, 4): their samples, and forces, N, Hill axes."""
+    num_pushes = (len(genes) + 1) // 4
+    begins = np.r_[0.0, np.floor(genes[3 * num_pushes :])]
+    forces = genes[: 3 * num_pushes].reshape(num_pushes, 3)
+    forces = np.where(np.abs(forces) >= LEAST_M_S / deputies.world.delta_v_per_force, forces, 0.0)
+    return np.column_stack([deputies.sample + deputies.step * begins, forces])
+
+
+def _rehearsed(deputies: Deputies) -> Floats:
+    """Return what the flights cost that controllers rehearse at the start, (m,), m/s; or infinity."""
+    mission, believed = deputies.mission, list(deputies.believed)
+    controller = rehearsing_once(deputies.controller)
+    if tour_images(controller):
+        rehearsals = rehearse_tours(mission, controller, believed, 1, deputies.lanes)
+        return np.asarray(rehearsals.costs[:, 0].min(axis=1))
+    openings, costs = rehearsed_openings(mission, controller, believed, 1)
+    return np.full(len(believed), np.inf) if openings is None else np.asarray(costs.min(axis=1))
+
+
+def foresight_fields(decisions: Sequence[Decision]) -> dict[str, Floats]:
+    """Return decisions by the names of a flight's log."""
+    return {
+        "foresight_at": np.array(
+            [[each.sample, each.num_priced, each.missed] for each in decisions], dtype=np.float64
+        ),
+        "foresight_plans": np.array([each.plans for each in decisions]),
+        "foresight_prices_m_s": np.array([each.prices for each in decisions]),
+        "foresight_ends_m_s": np.array([each.ends for each in decisions]),
+    }

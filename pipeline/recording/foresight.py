@@ -1,0 +1,115 @@
+"""What a deputy with foresight chose, and among what: in words, and as recordings keep it."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from pipeline.array_types import Floats
+from pipeline.flight.fly.replanning import COASTING, ENDS, FINISHING, REHEARSED, RULES
+from pipeline.flight.state.log import FlightLog
+from pipeline.flight.world.pack import pack_world
+from pipeline.physics.motion import repeated
+from pipeline.settings.experiment import Mission
+from telemetry.file.metadata import Rehearsal
+
+#: what pushes along the positive and the negative Hill axes are called
+WAYS = (("up", "down"), ("ahead", "back"), ("north", "south"))
+#: a component smaller than this is not told, mm/s
+LEAST_MM_S = 0.5
+#: seconds between the positions of a plan's path that are recorded
+PATH_PERIOD_S = 60.0
+
+
+def is_planned(log: FlightLog) -> bool:
+    """Return whether a flight went by plans of pushes, not by what its rules rehearse."""
+    return len(log.foresight_at) > 0 and not len(log.push_costs_m_s) and not len(log.tour_costs_m_s)
+
+
+def push_in_words(push_mm_s: Floats) -> str:
+    """Return a push, mm/s along Hill axes, in words, the largest component first."""
+    order = np.argsort(-np.abs(push_mm_s), kind="stable")
+    parts = [
+        f"{abs(push_mm_s[axis]):.0f} {WAYS[axis][int(push_mm_s[axis] < 0.0)]}"
+        for axis in order.tolist()
+        if abs(push_mm_s[axis]) >= LEAST_MM_S
+    ]
+    return ", ".join(parts).replace(" ", " mm/s ", 1)
+
+
+def plan_in_words(mission: Mission, plan: Floats, sample: int) -> str:
+    """Return a plan, (B, 4), from a sample on in words; see `replanning.Decision`."""
+    per_force, words = 1e3 * mission.control_period_s / mission.deputy.mass_kg, []
+    for begin, *force in plan[np.argsort(plan[:, 0], kind="stable")]:
+        push = push_in_words(per_force * np.array(force)) if begin >= 0.0 else ""
+        minutes = (begin - sample) * mission.control_period_s / 60.0
+        if push:
+            words.append(f"{push} {'now' if begin == sample else f'after {minutes:.1f} min'}")
+    return "; ".join(words) or "no push"
+
+
+def decisions_in_words(mission: Mission, log: FlightLog) -> Iterator[tuple[int, str]]:
+    """Yield the sample and a sentence for each decision of foresight."""
+    for at, plans, prices, ends in zip(
+        log.foresight_at, log.foresight_plans, log.foresight_prices_m_s, log.foresight_ends_m_s, strict=True
+    ):
+        sample, num_priced, missed = (int(number) for number in at)
+        plan = plan_in_words(mission, plans[0], sample)
+        told = f"planned: the last plan still sees enough, {plan}"
+        if num_priced:
+            told = f"planned: of {num_priced:,} plans, checked for light and sight, this is cheapest: {plan}"
+        if np.isfinite(prices[1]):
+            other, more = plan_in_words(mission, plans[1], sample), 1e3 * (prices[1] - prices[0])
+            told += f". The best other one, {other}, would cost {more:.0f} mm/s more"
+        best = int(np.nanargmin(ends))
+        then = {
+            COASTING: "coasting follows",
+            FINISHING: "the rules finish",
+            RULES: "but the rules alone are cheaper",
+            REHEARSED: "but what the rules rehearse is cheaper",
+        }[best]
+        yield sample, f"{told}; {then}. Firing nothing from here would leave {missed} points unseen"
+
+
+def recorded_decisions(mission: Mission, log: FlightLog) -> dict[str, Rehearsal]:
+    """Return what decisions were made among, by what was chosen."""
+    period, rehearsals = mission.control_period_s, {}
+    begins = log.foresight_at[:, 0] * period
+    for row, (begin, end) in enumerate(zip(begins, [*begins[1:], mission.duration_s], strict=True)):
+        sample, num_priced, _ = (int(number) for number in log.foresight_at[row])
+        later = f" from {begin:g} s" if begin else ""
+        is_plan, is_flown = (
+            np.isfinite(of[row]) for of in (log.foresight_prices_m_s, log.foresight_ends_m_s)
+        )
+        plans = log.foresight_plans[row][is_plan]
+        paths = [_path(mission, log, sample, plan) for plan in plans]
+        rehearsals[f"plan of pushes{later}"] = Rehearsal(
+            names=tuple(plan_in_words(mission, plan, sample) for plan in plans),
+            costs_m_s=tuple(log.foresight_prices_m_s[row][is_plan].tolist()),
+            num_tried=max(num_priced, len(plans)),
+            paths_m=tuple(np.round(np.array(paths), 1).ravel().tolist()),
+            from_s=float(begin),
+            until_s=float(end),
+        )
+        rehearsals[f"flight ahead{later}"] = Rehearsal(
+            names=tuple(name for name, was_flown in zip(ENDS, is_flown, strict=True) if was_flown),
+            costs_m_s=tuple(log.foresight_ends_m_s[row][is_flown].tolist()),
+            from_s=float(begin),
+            until_s=float(end),
+        )
+    return rehearsals
+
+
+def _path(mission: Mission, log: FlightLog, sample: int, plan: Floats) -> Floats:
+    """Return the positions to which a plan leads from a sample on, by linear motion, (n, 3), m."""
+    world = pack_world(mission)
+    known = np.r_[log.position_m[sample], log.velocity_m_s[sample]]
+    if mission.navigation.mode == "fixes":
+        known = log.estimate[sample]
+    count = world.num_controls - sample
+    motion = repeated(world.motion, max(1, count))
+    path = np.vstack([known[:3], motion.transition[:count, :3] @ known])
+    for begin, *force in plan:
+        after = int(begin) - sample
+        if begin >= 0.0 and after < count:
+            path[after + 1 :] += motion.control[: count - after, :3] @ np.array(force)
+    return path[:: max(1, round(PATH_PERIOD_S / mission.control_period_s))]

@@ -1,0 +1,219 @@
+"""Pushes planned by geometry: their price as the reference defines it, and flights of what is chosen."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fis_tools.compiled.decorator import plainly
+from fis_tools.formats import serialize
+from pipeline.flight.cases.starts import cases_of
+from pipeline.flight.control.controller import ControllerError, from_fuzzy, open_loop
+from pipeline.flight.control.law import law_of
+from pipeline.flight.fly import replanning
+from pipeline.flight.fly.foresight import price_pushes
+from pipeline.flight.fly.outlooks import at_start, finishing, later, rehearsing
+from pipeline.flight.fly.population import fly_population
+from pipeline.flight.fly.pushes import Effort, search_pushes
+from pipeline.flight.fly.reference import reference_of
+from pipeline.flight.fly.replanning import COASTING, NUM_RECORDED, REHEARSED, foresee
+from pipeline.flight.fly.simulation import fly_all, fly_logged
+from pipeline.flight.reference.plans import price
+from pipeline.flight.state.log import REHEARSED as CHOSEN_AHEAD
+from pipeline.flight.world.pack import pack_world
+from tests.fis_tools.sample_controllers import SHIPPED
+from tests.pipeline.flight.as_written import assert_as_written
+from tests.pipeline.flight.cases import SEEING, mission, random_starts, with_attributes
+
+pytestmark = pytest.mark.slow
+
+MISSION = mission(attitude={"mode": "ideal"})
+NOISY = replace(
+    MISSION,
+    navigation=replace(MISSION.navigation, mode="fixes"),
+    actuators=replace(MISSION.actuators, kind="real"),
+)
+STARTS = random_starts(3, seed=4)
+SHIPPED_FUZZY = {name: from_fuzzy(serialize.load(path)) for name, path in SHIPPED.items()}
+PLANNING = {name: each for name, each in SHIPPED_FUZZY.items() if replanning.foresees(each)}
+#: little effort, which is enough for what is tried here
+QUICK = {"FIRST": (Effort(16, 12),), "AGAIN": (Effort(16, 4),), "HARDER": (Effort(16, 6),)}
+
+
+@pytest.fixture(autouse=True)
+def quick(monkeypatch):
+    for name, efforts in QUICK.items():
+        monkeypatch.setattr(replanning, name, {2: efforts, 3: efforts})
+
+
+def foreseeing(**changes):
+    constants = {"foresight_pushes": "2", "foresight_coast_points": "4.5", "rehearsal_reach_m_s": "0.1"}
+    return with_attributes(SEEING, **(constants | changes))
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {},
+        {"sensor": {"max_incidence_deg": 70.0, "max_range_m": 90.0}, "light": {"shadow": "conical"}},
+        {"chief": {"initial_angular_velocity_rad_s": (0.01, 0.004, -0.006)}},
+    ],
+    ids=["paper", "camera and shadow", "tumbling"],
+)
+def test_a_plan_costs_what_the_reference_says(changes):
+    flown, generator = mission(attitude={"mode": "ideal"}, **changes), np.random.default_rng(2)
+    start, sample, count = replace(STARTS[0], sun_elevation_rad=0.2), 40, 5
+    controller = foreseeing(coast_margin_m="4.0")
+    deputies = at_start(flown, flown, controller, [start], 0, 8)
+    left = (generator.random(pack_world(flown).points.shape[2]) < 0.7).astype(np.uint8)
+    believed = replace(
+        start, position_m=np.array([40.0, -30.0, 20.0]), velocity_m_s=np.array([0.05, 0.0, 0.02])
+    )
+    deputies = replace(
+        deputies, believed=[believed], spreads_m=np.ones(1), sample=sample, left=left[np.newaxis]
+    )
+    ((outlook, needed),) = deputies.outlooks()
+    genes, costs = np.empty((7, count)), np.empty(count)
+    genes[:6], genes[6] = generator.normal(0.0, 0.08, (6, count)), generator.uniform(0.0, 80.0, count)
+    genes[0, 0] = 0.5 * outlook.least_force
+    price_pushes(genes, 2, needed, outlook, costs)
+    flight = reference_of(flown, SEEING, start)
+    margin, step = 0.3 + 1.0, 3
+    limits = (flown.deputy.min_distance_m + 4.0 + margin, flown.deputy.max_distance_m - 4.0 - margin)
+    sight = np.full(flown.num_controls + 1, 10.0 / np.sin(np.radians(flown.sensor.half_angle_deg)))
+    for plan, cost in zip(genes.T, costs, strict=True):
+        first, second = np.where(np.abs(plan[:6]) < outlook.least_force, 0.0, plan[:6]).reshape(2, 3)
+        pushes = {sample: first}
+        at = sample + step * int(plan[6])
+        pushes[at] = pushes.get(at, 0.0) + second
+        state, is_left = np.r_[believed.position_m, believed.velocity_m_s], left[: len(flight.points)] > 0
+        expected = price(flight, sample, state, is_left, pushes, needed, margin, limits, step, sight)
+        assert cost == pytest.approx(expected, rel=1e-9, abs=1e-9)
+        assert needed == (is_left & flight.is_inspectable).sum() - 1 or needed < is_left.sum()
+
+
+def test_a_search_has_the_same_bits_in_plain_python():
+    deputies = at_start(MISSION, MISSION, foreseeing(), STARTS[:1], 0, 8)
+    ((outlook, needed),) = deputies.outlooks()
+    outlook = outlook._replace(
+        **{name: np.ascontiguousarray(getattr(outlook, name)[::12]) for name in ("free", "gain", "sight")},
+        **{
+            name: np.ascontiguousarray(getattr(outlook, name)[::12])
+            for name in ("points", "normals", "is_lit")
+        },
+    )
+
+    def search():
+        generator, last = np.random.default_rng(1), np.full(7, 0.01)
+        return search_pushes(outlook, 2, needed, Effort(8, 3), generator, 1.0, last)
+
+    compiled = search()
+    with plainly("pipeline"):
+        plain = search()
+    np.testing.assert_array_equal(compiled.genes, plain.genes)
+    np.testing.assert_array_equal(compiled.costs, plain.costs)
+    genes, costs = compiled.distinct(4, outlook.delta_v_per_force, 360.0)
+    assert costs[0] == compiled.cost == compiled.costs.min()
+    np.testing.assert_array_equal(genes[0], compiled.best)
+    assert np.all(np.diff(costs) >= 0.0)
+
+
+def test_an_empty_plan_changes_no_bit():
+    world, law, drawn = pack_world(MISSION), law_of(SEEING, MISSION), cases_of(MISSION, STARTS)
+    plain = fly_population(world, law, SEEING.numbers, drawn, 1)
+    openings = np.zeros((len(STARTS), MISSION.num_controls, 4))
+    opened = fly_population(world, law, SEEING.numbers, drawn, 1, openings=openings)
+    for name, values in vars(plain).items():
+        np.testing.assert_array_equal(values, vars(opened)[name], err_msg=name)
+    assert not opened.ahead_delta_v_m_s.any()
+
+
+def test_what_is_chosen_flies_as_it_was_foreseen():
+    controller = foreseeing()
+    foreseen = foresee(MISSION, controller, STARTS[:1], records=True)
+    (decision,) = foreseen.decisions
+    log = fly_logged(MISSION, controller, STARTS[0])
+    np.testing.assert_array_equal(log.foresight_plans[0], decision.plans)
+    assert decision.plans.shape[0] == NUM_RECORDED
+    forces = np.zeros((MISSION.num_controls, 3))
+    for sample, *force in decision.plans[0]:
+        if sample >= 0:
+            forces[int(sample)] += force
+    coasted = fly_all(MISSION, open_loop("plan", forces), STARTS[:1])
+    missed = max(0, coasted.inspectable_count[0] - coasted.inspected_count[0] - 2)
+    expected = coasted.delta_v_m_s[0] + 0.15 * missed + 1e4 * coasted.is_violated[0]
+    assert decision.ends[COASTING] == pytest.approx(expected, rel=0, abs=1e-12)
+    if not foreseen.is_rehearsed[0] and decision.ends[:2].argmin() == COASTING:
+        np.testing.assert_allclose(log.force_hill_n, forces, rtol=0, atol=1e-15)
+    is_ahead = (log.command_reason == CHOSEN_AHEAD).all(axis=1)
+    fired = fly_all(MISSION, controller, STARTS[:1])
+    share = np.abs(log.force_asked_n[is_ahead]).sum() * MISSION.control_period_s / MISSION.deputy.mass_kg
+    assert fired.ahead_delta_v_m_s[0] == pytest.approx(share, rel=1e-12)
+    assert fired.delta_v_m_s[0] == log.delta_v_m_s[-1]
+
+
+def test_neither_threads_nor_company_nor_the_reference_change_it():
+    controller = foreseeing(foresight_period_s="900.0", decision_period_s="30.0")
+    starts = random_starts(40, seed=5)
+    short = replace(NOISY, duration_s=1200.0)
+    alone, shared = (fly_all(short, controller, starts, workers) for workers in (1, 2))
+    for name, values in vars(alone).items():
+        np.testing.assert_array_equal(values, vars(shared)[name], err_msg=name)
+    log = fly_logged(short, controller, starts[35])
+    assert log.delta_v_m_s[-1] == alone.delta_v_m_s[35]
+    assert log.foresight_at[:, 0].tolist() == [0.0, 90.0]
+    assert_as_written(replace(NOISY, duration_s=300.0), controller, starts[0])
+
+
+def test_where_no_plan_sees_enough_it_flies_as_rehearsed(monkeypatch):
+    monkeypatch.setattr("pipeline.flight.fly.pushes.REACH_M_S", 1e-4)
+    controller = foreseeing()
+    foreseen = foresee(MISSION, controller, STARTS, records=True)
+    assert foreseen.is_rehearsed.all()
+    assert np.isfinite(foreseen.decisions[0].ends[REHEARSED])
+    flown, expected = (fly_all(MISSION, each, STARTS) for each in (controller, rehearsing(controller)))
+    for name, values in vars(flown).items():
+        np.testing.assert_array_equal(values, vars(expected)[name], err_msg=name)
+    log = fly_logged(MISSION, controller, STARTS[0])
+    assert log.delta_v_m_s[-1] == flown.delta_v_m_s[0]
+    assert len(log.foresight_at) == 1
+
+
+def test_margins_follow_what_the_filter_knows():
+    controller = foreseeing(foresight_period_s="600.0", decision_period_s="30.0")
+    known = replace(NOISY, navigation=MISSION.navigation, actuators=MISSION.actuators)
+    first = at_start(NOISY, known, controller, STARTS, 60, 8)
+    # a metre, and a millimetre a second for ten minutes
+    assert np.all((first.spreads_m > np.hypot(1.0, 0.6)) & (first.spreads_m < 3.0))
+    then = later(first, STARTS, first.coasting(), 120, 60)
+    log = fly_logged(NOISY, open_loop("coast", np.zeros((0, 3))), STARTS[0])
+    phi = np.linalg.matrix_power(pack_world(NOISY).motion.transition[0], 60)[:3]
+    expected = np.sqrt(np.linalg.eigvalsh(phi @ log.estimate_covariance[120] @ phi.T)[-1])
+    assert then.spreads_m[0] == pytest.approx(expected, rel=1e-6)
+    np.testing.assert_allclose(then.believed[0].position_m, log.estimate[120, :3], rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", PLANNING)
+def test_after_its_plan_a_shipped_controller_is_that_of_its_rules(name):
+    controller = PLANNING[name]
+    assert not replanning.foresees(finishing(controller))
+    assert not replanning.foresees(rehearsing(controller))
+    assert finishing(controller).systems == rehearsing(controller).systems == controller.systems
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"foresight_pushes": "1"}, "foresight_pushes '1'; give 2 or 3"),
+        ({"force_axes": "body", "rehearsal_reach_m_s": None}, "plans pushes with force_axes body"),
+    ],
+)
+def test_what_cannot_be_planned_is_refused(changes, words):
+    with pytest.raises(ControllerError, match=words):
+        foreseeing(**changes)
+
+
+def test_times_of_plans_are_those_of_decisions():
+    controller = foreseeing(foresight_period_s="90.0", decision_period_s="60.0")
+    with pytest.raises(ControllerError, match="foresight_period_s 90; give a multiple of the 60 s from one"):
+        law_of(controller, MISSION)
