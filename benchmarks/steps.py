@@ -39,7 +39,7 @@ CONTROLLERS = (
     ("controller=paper_octants",),
     ("controller=champion_27", "sun=random"),
     ("controller=champion_27_fixed_sun",),
-    ("controller=champion_27_rehearsed", "sun=random"),
+    ("controller=champion_27_one_push", "sun=random"),
     ("controller=champion_81", "sun=random"),
     ("controller=champion_any_sun", "sun=random"),
     ("controller=champion_fixed_sun",),

@@ -75,7 +75,7 @@ PRICES_OF_ANY_SUN: Final = (
 STUDIES: Final[Mapping[str, tuple[Sequence[str], str, int]]] = {
     "champion_27": ((*READABLE, "sun=random"), "random", 15),
     "champion_27_fixed_sun": ((*READABLE, "sun=fixed"), "fixed", 15),
-    "champion_27_rehearsed": ((*READABLE, "sun=random"), "random", 15),
+    "champion_27_one_push": ((*READABLE, "sun=random"), "random", 15),
     "champion_81": ((*READABLE, "sun=random"), "random", 21),
     "champion_afrl": ((*READABLE, "world=afrl"), "random", 15),
     "champion_afrl_weighted": (

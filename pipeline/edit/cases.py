@@ -16,8 +16,10 @@ from pipeline.evaluation.assurance.requirements import CASES, Requirement, verif
 from pipeline.evaluation.assurance.verdicts import Evidence, judge, verdict
 from pipeline.evaluation.monte_carlo import episode_columns, fly_tracked
 from pipeline.evaluation.statistics import Column, Compared, compare, succeeds
-from pipeline.flight.control.controller import Controller, from_fuzzy
+from pipeline.flight.control.controller import RuleController, from_fuzzy
 from pipeline.flight.control.law import law_of
+from pipeline.flight.fly.outlooks import rules_alone
+from pipeline.flight.fly.replanning import foresees
 from pipeline.flight.goals.flights import fly_logged
 from pipeline.flight.state.log import FlightLog
 from pipeline.flight.world.pack import inspection_points
@@ -87,12 +89,16 @@ class EditorCases:
     def fly(self, fuzzy: FuzzyController) -> Iterator[Flown]:
         """Fly the first cases, then more, then all; what is yielded holds those before it.
 
+        A controller with foresight flies by its rules alone: its plans take longer than a touch may.
+
         Raises
         ------
         pipeline.flight.control.controller.ControllerError
             If the controller cannot fly.
         """
         controller = self.ready(fuzzy)
+        if foresees(controller):
+            controller = rules_alone(controller)
         flown: list[Flown] = []
         ends = [*range(FIRST, len(self.scenarios), NEXT), len(self.scenarios)]
         for start, end in pairwise([0, *ends]):
@@ -100,7 +106,7 @@ class EditorCases:
             flown += in_threads(partial(self._share, controller), filter(len, shares), workers=self._threads)
             yield _joined(flown)
 
-    def ready(self, fuzzy: FuzzyController) -> Controller:
+    def ready(self, fuzzy: FuzzyController) -> RuleController:
         """Return a controller as it flies.
 
         Raises
@@ -112,7 +118,7 @@ class EditorCases:
         law_of(controller, self.mission)
         return controller
 
-    def _share(self, controller: Controller, cases: Integers) -> Flown:
+    def _share(self, controller: RuleController, cases: Integers) -> Flown:
         """Fly and judge some cases in one thread."""
         scenarios = [self.scenarios[case] for case in cases]
         outcomes, tracks = fly_tracked(self.mission, controller, scenarios, workers=1)

@@ -15,9 +15,11 @@ from pipeline.edit.one_flight import OneFlight
 from pipeline.evaluation.assurance.requirements import Requirement
 from pipeline.evaluation.assurance.verdicts import percent
 from pipeline.evaluation.statistics import Compared
+from pipeline.flight.fly.replanning import foresees
 
 #: bins of the histogram at most, and from one label to the next; flights that are shown
 BINS, LABELLED, MOST, MOST_FAILING = 40, 5, 6, 3
+RULES_ALONE = "Flown by the rules alone: foresight takes too long for so many. One flight has it."
 OPENED, NOW = "as opened", "now"
 
 
@@ -63,6 +65,8 @@ class ManyFlights(Panel):
         below = Markup().join(_judged(after, *judged) for judged in after.verdicts(self._cases.requirements))
         if controller != self._original:
             below = _changed_most(before, after) + below
+        if foresees(self._cases.ready(controller)):
+            below = html.element("p", RULES_ALONE) + below
         return partial(self._show, str(numbers), str(below), _histogram(before, after))
 
     def _show(self, numbers: str, below: str, bars: Options) -> None:

@@ -73,8 +73,9 @@ def decisions_in_words(mission: Mission, log: FlightLog) -> Iterator[tuple[int, 
 def recorded_decisions(mission: Mission, log: FlightLog) -> dict[str, Rehearsal]:
     """Return what decisions were made among, by what was chosen."""
     period, rehearsals = mission.control_period_s, {}
-    begins = log.foresight_at[:, 0] * period
-    for row, (begin, end) in enumerate(zip(begins, [*begins[1:], mission.duration_s], strict=True)):
+    begins = (log.foresight_at[:, 0] * period).tolist()
+    for row, begin in enumerate(begins):
+        end = begins[row + 1] if row + 1 < len(begins) else mission.duration_s
         sample, num_priced, _ = (int(number) for number in log.foresight_at[row])
         later = f" from {begin:g} s" if begin else ""
         is_plan, is_flown = (
@@ -87,14 +88,14 @@ def recorded_decisions(mission: Mission, log: FlightLog) -> dict[str, Rehearsal]
             costs_m_s=tuple(log.foresight_prices_m_s[row][is_plan].tolist()),
             num_tried=max(num_priced, len(plans)),
             paths_m=tuple(np.round(np.array(paths), 1).ravel().tolist()),
-            from_s=float(begin),
-            until_s=float(end),
+            from_s=begin,
+            until_s=end,
         )
         rehearsals[f"flight ahead{later}"] = Rehearsal(
             names=tuple(name for name, was_flown in zip(ENDS, is_flown, strict=True) if was_flown),
             costs_m_s=tuple(log.foresight_ends_m_s[row][is_flown].tolist()),
-            from_s=float(begin),
-            until_s=float(end),
+            from_s=begin,
+            until_s=end,
         )
     return rehearsals
 

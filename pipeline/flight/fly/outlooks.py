@@ -48,6 +48,12 @@ def finishing(controller: RuleController) -> RuleController:
 
 
 @lru_cache(maxsize=32)
+def rules_alone(controller: RuleController) -> RuleController:
+    """Return a controller that looks ahead in no way."""
+    return _with(controller, _without(controller, "foresight", "rehearsal"))
+
+
+@lru_cache(maxsize=32)
 def rehearsing(controller: RuleController) -> RuleController:
     """Return a controller without its foresight: what it rehearses is left."""
     return _with(controller, _without(controller, "foresight"))

@@ -57,6 +57,13 @@ def cases() -> EditorCases:
     return cases_of(WORDS[0])
 
 
+def test_many_flights_of_a_controller_with_foresight_are_those_of_its_rules(cases: EditorCases) -> None:
+    planning = read_controller(PATH.with_name("champion_27_rehearsed.yaml"))
+    flown, alone = (list(cases.fly(each))[-1].episodes for each in (planning, CHAMPION))
+    np.testing.assert_array_equal(flown["delta_v_m_s"], alone["delta_v_m_s"])
+    assert not flown["ahead_delta_v_m_s"].any()
+
+
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("mission")

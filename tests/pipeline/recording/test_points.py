@@ -13,6 +13,7 @@ from fis_tools.findings.explanation.points import rehearsed
 from fis_tools.formats import serialize
 from pipeline.flight.control.controller import Controller, coast, from_fuzzy
 from pipeline.flight.fly.reference import reference_of
+from pipeline.flight.fly.replanning import foresees
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.fly.tours import following, tour_names
 from pipeline.flight.reference.see_push import KS2, sought_looks
@@ -38,10 +39,12 @@ WORLDS = {
     "low orbit": mission(**HALF, **REAL),
 }
 TEN_MINUTES = replace(WORLDS["the paper's"], duration_s=600.0)
-#: the fuzzy controllers, and those that sense what is made of points
+#: the fuzzy controllers, and those that infer from what is made of points, not by foresight
 FUZZY = {name: from_fuzzy(serialize.load(path)) for name, path in SHIPPED.items()}
 PAPER = pack_world(WORLDS["the paper's"])
-OF_POINTS = {name: flying for name, flying in FUZZY.items() if sensed_of_points(PAPER, flying)}
+OF_POINTS = {
+    name: flying for name, flying in FUZZY.items() if sensed_of_points(PAPER, flying) and not foresees(flying)
+}
 TARGETING = controller((leaning_system("force_x", 0.02, ("target_radial", "", 1.0)),), "hill")
 
 
@@ -162,6 +165,24 @@ def test_a_recording_holds_what_rehearsals_cost(tmp_path: Path) -> None:
     words = rehearsed("first push", first).blocks[1]
     assert len(words.rows) == 6
     assert words.rows[5][2].startswith("100 more, of ")
+
+
+def test_a_recording_holds_the_plans_that_foresight_chose_among(tmp_path: Path) -> None:
+    ideal = replace(WORLDS["the paper's"], duration_s=1800.0)
+    log, recording = recorded(tmp_path / "x.mcap", ideal, FUZZY["champion_27_rehearsed"], STARTS[0])
+    plan, ahead = recording.rehearsals["plan of pushes"], recording.rehearsals["flight ahead"]
+    assert 1 < len(plan.names) <= 5 < plan.num_tried
+    assert list(plan.costs_m_s) == sorted(plan.costs_m_s)
+    paths = np.array(plan.paths_m).reshape(len(plan.names), -1, 3)
+    assert np.abs(paths[1:, -1] - paths[0, -1]).max(axis=1).min() > 1.0  # they clearly differ
+    (event,) = (text for text in recording["/log"]["message"] if text.startswith("planned"))
+    assert plan.names[0] in event
+    assert plan.names[1] in event
+    if min(ahead.costs_m_s) == ahead.costs_m_s[0]:  # it coasts after the plan
+        np.testing.assert_allclose(paths[0], log.position_m[::6], rtol=0, atol=0.06)
+        assert "coasting follows" in event
+    (compared,) = (ways for what, ways in read_rehearsals(tmp_path / "x.mcap", 0.0).items() if "plan" in what)
+    assert [name for _, name in compared] == list(plan.names)
 
 
 def test_a_recording_holds_what_later_rehearsals_cost(tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ The README names every topic, and it or the schema every field, with its unit an
 import json
 import re
 import zlib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -77,7 +78,10 @@ def test_sealed_entries_come_back_and_changed_ones_do_not(name, entries):
 def test_a_rehearsal_is_read_as_it_was_written_and_has_a_cost_for_each_name():
     rehearsal = Rehearsal(names=("up", "down"), costs_m_s=(0.25, 1e4), until_s=10.0)
     assert Rehearsal.from_metadata(rehearsal.to_metadata()) == rehearsal
-    odd = ({"costs_m_s": "[0.25]"}, {"names": "[]", "costs_m_s": "[]"}, {"costs_m_s": "1"}, {"until_s": "x"})
+    drawn = replace(rehearsal, num_tried=64, paths_m=(0.0, 1.5, -2.0, 3.0, 4.0, 5.0))
+    assert Rehearsal.from_metadata(drawn.to_metadata()) == drawn
+    odd = ({"paths_m": "[0, 1, 2]"}, {"paths_m": "[]"}, {"num_tried": "1.5"})
+    odd += ({"costs_m_s": "[0.25]"}, {"names": "[]", "costs_m_s": "[]"}, {"costs_m_s": "1"}, {"until_s": "x"})
     for wrong in odd:
         with pytest.raises(RecordingError, match=r"expected; write it with telemetry\.file\.metadata"):
             Rehearsal.from_metadata({**rehearsal.to_metadata(), **wrong})
