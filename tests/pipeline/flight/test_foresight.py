@@ -28,11 +28,7 @@ from tests.pipeline.flight.cases import SEEING, mission, random_starts, with_att
 pytestmark = pytest.mark.slow
 
 MISSION = mission(attitude={"mode": "ideal"})
-NOISY = replace(
-    MISSION,
-    navigation=replace(MISSION.navigation, mode="fixes"),
-    actuators=replace(MISSION.actuators, kind="real"),
-)
+NOISY = mission(attitude={"mode": "ideal"}, navigation={"mode": "fixes"}, actuators={"kind": "real"})
 STARTS = random_starts(3, seed=4)
 SHIPPED_FUZZY = {name: from_fuzzy(serialize.load(path)) for name, path in SHIPPED.items()}
 PLANNING = {name: each for name, each in SHIPPED_FUZZY.items() if replanning.foresees(each)}
