@@ -1,16 +1,20 @@
 """A campaign: how its memory grows with the flights, and what it costs.
 
 ``python -m benchmarks scaling`` measures the memory, ``python -m benchmarks scaling --prices`` the processor
-time of a flight of each champion in its world, and what millions of them take.
+time of a flight of each champion in its world, and what millions of them take. ``--engine`` measures the
+processor time that a part of a second costs in this process and on workers of Dask, all of them included: the
+least of some campaigns of many parts, less the least of those of few, which start up alike.
 """
 
 import argparse
 import math
 import os
+import resource
 import subprocess
 import tempfile
 import time
 from collections.abc import Sequence
+from itertools import product
 from pathlib import Path
 
 from benchmarks.timing import line
@@ -22,18 +26,45 @@ from pipeline.settings.places import conf_folder
 from tests.hostile.kills import command
 
 
-def memory_of(cases: int, part_cases: int, folder: Path) -> float:
-    """Fly a campaign of `cases` flights; return the peak memory of its process, MB."""
+def used_by(cases: int, part_cases: int, folder: Path, *more: str) -> resource.struct_rusage:
+    """Fly a campaign of `cases` flights; return what its process, and those that it waited for, used."""
     words = [
-        "+experiment=evaluate", "controller=coast", "stages=[evaluate]", "duration_s=60",
-        f"monte_carlo.num_cases={cases}", f"engine.part_cases={part_cases}", "optimum.reference=null",
-        f"hydra.run.dir={folder}",
+        "+experiment=evaluate", "stages=[evaluate]", "optimum.reference=null", f"hydra.run.dir={folder}",
+        f"monte_carlo.num_cases={cases}", f"engine.part_cases={part_cases}", *more,
     ]  # fmt: skip
     process = subprocess.Popen(command(words), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)  # noqa: S603
     _, status, used = os.wait4(process.pid, 0)
     if status:
         raise RuntimeError(f"the campaign of {cases} flights ended with {status}")
-    return used.ru_maxrss / 1024.0
+    return used
+
+
+def memory_of(cases: int, part_cases: int, folder: Path) -> float:
+    """Fly a campaign of `cases` flights; return the peak memory of its process, MB."""
+    return used_by(cases, part_cases, folder, "controller=coast", "duration_s=60").ru_maxrss / 1024.0
+
+
+#: flights of `ENGINE_CONTROLLER` that take a part of a second
+SECOND_CASES, ENGINE_CONTROLLER = 8000, "paper_champion"
+#: parts of the campaigns that are compared, and campaigns of each
+FEW_PARTS, MANY_PARTS, REPEATS = 2, 26, 4
+
+
+def print_engines(scratch: Path) -> None:
+    """Print the processor time of a part, and of the rest of a campaign, with each engine."""
+    spent: dict[tuple[str, int], list[float]] = {}
+    for repeat, kind, num_parts in product(range(REPEATS), ("local", "dask"), (FEW_PARTS, MANY_PARTS)):
+        words = f"controller={ENGINE_CONTROLLER}", f"engine.kind={kind}", "monte_carlo.workers=2"
+        folder = scratch / f"{kind}-{num_parts}-{repeat}"
+        used = used_by(SECOND_CASES * num_parts, SECOND_CASES, folder, *words)
+        spent.setdefault((kind, num_parts), []).append(used.ru_utime + used.ru_stime)
+    parts = {}
+    for kind in ("local", "dask"):
+        few, many = (min(spent[kind, count]) for count in (FEW_PARTS, MANY_PARTS))
+        parts[kind] = (many - few) / (MANY_PARTS - FEW_PARTS)
+        line(f"{kind}: processor time of a part, s", f"{parts[kind]:.3f}")
+        line(f"{kind}: processor time of the rest, s", f"{few - FEW_PARTS * parts[kind]:.1f}")
+    line("Dask: more processor time a part, %", f"{100.0 * (parts['dask'] / parts['local'] - 1.0):.1f}")
 
 
 #: worlds for which champions were trained, by parts of their names, of which the first that fits counts
@@ -90,11 +121,15 @@ def main(arguments: Sequence[str]) -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks scaling", description=__doc__)
     parser.add_argument("--cases", type=int, nargs="*", default=[100_000, 200_000, 400_000])
     parser.add_argument("--prices", action="store_true", help="print what flights cost instead")
+    parser.add_argument("--engine", action="store_true", help="print what Dask costs instead")
     options = parser.parse_args(arguments)
     if options.prices:
         print_prices()
         return 0
     with tempfile.TemporaryDirectory() as name:
+        if options.engine:
+            print_engines(Path(name))
+            return 0
         held = [memory_of(cases, 10_000, Path(name) / str(cases)) for cases in options.cases]
     for cases, megabytes in zip(options.cases, held, strict=True):
         line(f"{cases:,} flights, MB at most", f"{megabytes:.0f}")

@@ -13,16 +13,15 @@ import numpy as np
 from fis_tools.model import FuzzyController
 from pipeline.array_types import Floats
 from pipeline.evaluation.statistics import Fraction, fraction
-from pipeline.flight.control.controller import from_fuzzy
-from pipeline.flight.goals.flights import fly_all
-from pipeline.flight.state.log import Outcomes, Scenario
+from pipeline.flight.state.log import Outcomes, Scenario, inspectable_rate
 from pipeline.run.engine import HERE, TaskPool
 from pipeline.scenarios import training_scenarios, validation_scenarios
 from pipeline.settings.experiment import Experiment
+from pipeline.training.evolution.front import Front
 from pipeline.training.evolution.state import Generation
-from pipeline.training.fitness import costs
+from pipeline.training.fitness import costs, objectives
 from pipeline.training.genome import Genome
-from pipeline.training.judging import flights_from, named_after
+from pipeline.training.judging import flights_from, fly_fuzzy, named_after
 
 #: starts on which the last champion is compared with the given controller where no validation starts are set
 GUARD_CASES: Final = 400
@@ -33,6 +32,8 @@ FIRST_SHARE: Final = 4
 SAME: Final = 1e-9
 #: of the given controller, as it is or as genes, which clips numbers outside their bounds
 GIVEN, START = "given", "start"
+#: of the best of a generation, and of the controllers of a front
+CHAMPION, MEMBER = "champion", "front"
 
 COLUMNS: Final = (
     *("candidate", "round", "generation", "training_fitness", "num_cases", "cost_m_s", "delta_v_m_s"),
@@ -47,16 +48,24 @@ class Candidate:
     Parameters
     ----------
     name : str
-        `GIVEN`, `START`, or ``champion`` of a generation.
+        `GIVEN`, `START`, `CHAMPION` or `MEMBER`.
     genome : (num_genes,) array, optional
         None for the given controller itself.
     generation : Generation, optional
         Of a champion.
+    training_fitness : float, optional
+        Of what was trained.
     """
 
     name: str
     genome: Floats | None = None
     generation: Generation | None = None
+    training_fitness: float | None = None
+
+    @property
+    def is_trained(self) -> bool:
+        """Whether the training made it."""
+        return self.name in (CHAMPION, MEMBER)
 
 
 @dataclass(frozen=True)
@@ -73,6 +82,10 @@ class SelectionJudgement:
         Mean, m/s.
     success : Fraction
         Successes inside the limits.
+    spent : float
+        Of the cost, the first objective of a front, m/s.
+    rate_percent, outside_percent : float
+        Mean inspection rate, and flights that leave the limits.
     """
 
     candidate: Candidate
@@ -80,6 +93,9 @@ class SelectionJudgement:
     cost: float
     delta_v: float
     success: Fraction
+    spent: float
+    rate_percent: float
+    outside_percent: float
 
     @property
     def sentence(self) -> str:
@@ -94,6 +110,8 @@ class SelectionJudgement:
     def where(self) -> str:
         """The candidate in words."""
         generation = self.candidate.generation
+        if self.candidate.name == MEMBER:
+            return "of the front"
         if generation is None:
             return "the given controller" + (" within the bounds" if self.candidate.name == START else "")
         return f"round {generation.round + 1}, generation {generation.generation}"
@@ -108,9 +126,9 @@ class SelectionJudgement:
     def row(self) -> list[Any]:
         """Return the row of `COLUMNS`; empty where there is no generation."""
         generation, rate = self.candidate.generation, self.success
-        at = (
-            ["", "", ""] if generation is None else [generation.round, generation.generation, generation.best]
-        )
+        fitness = self.candidate.training_fitness
+        at: list[Any] = ["", ""] if generation is None else [generation.round, generation.generation]
+        at.append("" if fitness is None else fitness)
         numbers = [self.num_cases, self.cost, self.delta_v, rate.fraction, rate.low, rate.high]
         return [self.candidate.name, *at, *numbers]
 
@@ -124,7 +142,7 @@ class Selection:
     controller : FuzzyController
     chosen : Judgement
     best_champion : Judgement
-        The best of the generations, whether or not it was chosen.
+        The best that the training made, whether or not it was chosen.
     given : Judgement, optional
         None if there was nothing to compare with.
     judged : tuple of Judgement
@@ -149,6 +167,7 @@ def select(
     history: Sequence[Generation],
     given: FuzzyController | None = None,
     pool: TaskPool = HERE,
+    front: Front | None = None,
 ) -> Selection:
     """Return the controller that a training hands back.
 
@@ -162,10 +181,12 @@ def select(
         The controller that was trained.
     pool : TaskPool
         Where controllers that rehearse are flown.
+    front : Front, optional
+        Its controllers are the candidates, in place of the champions, and all fly from all starts.
     """
     settings = experiment.optimizer
-    champions = list(_distinct(history if settings.validation_cases else history[-1:]))
-    candidates = [Candidate(START, genome.encode()), *champions]
+    trained = _members(front) if front else _distinct(history if settings.validation_cases else history[-1:])
+    candidates = [Candidate(START, genome.encode()), *trained]
     if given is not None:
         candidates.insert(0, Candidate(GIVEN))
     scenarios = validation_scenarios(experiment, settings.validation_cases or GUARD_CASES)
@@ -176,7 +197,7 @@ def select(
         return _judged(experiment, genome, some, starts, history[-1].round, given, pool)
 
     first: list[SelectionJudgement] = []
-    if len(candidates) > FINALISTS:
+    if len(candidates) > FINALISTS and front is None:
         first = judge(candidates, scenarios[: -(-len(scenarios) // FIRST_SHARE)])
         # the given controller and the last champion always fly from all starts
         finalists = [*ranked(first)[:FINALISTS], first[0], first[-1]]
@@ -191,7 +212,7 @@ def select(
     if chosen.candidate.genome is not None:
         controller = named_after(experiment, genome, chosen.candidate.genome)
     assert controller is not None  # noqa: S101 - only the given one has no genome
-    best_champion = next(judgement for judgement in order if judgement.candidate.generation is not None)
+    best_champion = next(judgement for judgement in order if judgement.candidate.is_trained)
     earlier = [judgement for judgement in first if judgement.candidate not in candidates]
     return Selection(controller, chosen, best_champion, of_given, (*final, *earlier))
 
@@ -216,12 +237,17 @@ def _is_no_better(chosen: SelectionJudgement, given: SelectionJudgement) -> bool
     return chosen.success.count <= given.success.count and given.cost <= chosen.cost + SAME * abs(chosen.cost)
 
 
+def _members(front: Front) -> Iterator[Candidate]:
+    for genes, fitness in zip(front.genomes, front.fitness.tolist(), strict=True):
+        yield Candidate(MEMBER, genes, training_fitness=fitness)
+
+
 def _distinct(history: Sequence[Generation]) -> Iterator[Candidate]:
     """Yield the champions of generations, each genome once, where it came last."""
     last = {generation.champion.tobytes(): generation for generation in history}
     for generation in history:
         if last[generation.champion.tobytes()] is generation:
-            yield Candidate("champion", generation.champion, generation)
+            yield Candidate(CHAMPION, generation.champion, generation, generation.best)
 
 
 def _judged(
@@ -242,7 +268,7 @@ def _judged(
     judged = _judgements(experiment, as_genes, flown, round_index)
     if given is None or len(as_genes) == len(candidates):
         return judged
-    outcomes = fly_all(mission, from_fuzzy(given), scenarios, workers)
+    (outcomes,) = pool.map(fly_fuzzy, [(mission, given, scenarios, pool.threads(workers))])
     in_one_row = outcomes.each(lambda values: values[np.newaxis])
     return _judgements(experiment, candidates[:1], in_one_row, round_index) + judged
 
@@ -254,10 +280,16 @@ def _judgements(
     mission, penalty = experiment.mission, experiment.optimizer.penalty.of_round(round_index)
     success = outcomes.is_success(mission.inspection_threshold_percent) & ~outcomes.is_violated
     rates = (fraction(row, experiment.monte_carlo.confidence_percent) for row in success)
-    means = costs(outcomes, penalty, mission).mean(axis=-1), outcomes.delta_v_m_s.mean(axis=-1)
-    rows = zip(candidates, *(values.tolist() for values in means), rates, strict=True)
-    num_cases = success.shape[-1]
+    inspected = inspectable_rate(outcomes.inspected_count, outcomes.inspectable_count)
+    means = (
+        costs(outcomes, penalty, mission).mean(axis=-1),
+        outcomes.delta_v_m_s.mean(axis=-1),
+        objectives(outcomes, penalty, mission)["spent"],
+        inspected.mean(axis=-1),
+        100.0 * outcomes.is_violated.mean(axis=-1),
+    )
+    rows = zip(candidates, rates, *(values.tolist() for values in means), strict=True)
     return [
-        SelectionJudgement(candidate, num_cases, cost, delta_v, rate)
-        for candidate, cost, delta_v, rate in rows
+        SelectionJudgement(candidate, success.shape[-1], cost, delta_v, rate, spent, inspected, outside)
+        for candidate, rate, cost, delta_v, spent, inspected, outside in rows
     ]

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from fis_tools.file_access import open_text, read_bytes
 from pipeline.controllers.source import controller_of_run
 from pipeline.evaluation.comparison import PAPER_TEST, PAPER_TRAINING, ComparisonRow, Reported
+from pipeline.evaluation.front import COLUMNS as FRONT_COLUMNS
 from pipeline.evaluation.monte_carlo import SUCCESS, fly_cases, rank, summarise
 from pipeline.evaluation.statistics import Columns, Fraction, Statistic
 from pipeline.flight.control.controller import Controller
@@ -91,6 +92,8 @@ class Contents:
     shown : sequence of ShownFlight
     logbook : mapping of str to (n,) array, optional
         One entry a generation.
+    front : mapping of str to (n,) array, optional
+        One entry a controller.
     manifest : mapping
         Empty where there is none.
     config_text : str
@@ -113,6 +116,7 @@ class Contents:
     without_safety: comparisons.Without | None
     shown: Sequence[ShownFlight]
     logbook: Columns | None
+    front: Columns | None
     manifest: Mapping[str, Any]
     config_text: str
     command: str
@@ -144,7 +148,7 @@ def gather(experiment: Experiment, folder: Path) -> Contents:
         If a file is there and cannot be read.
     """
     has_trained = "train" in experiment.stages or (folder / artifacts.LOGBOOK).exists()
-    logbook = read_logbook(folder) if (folder / artifacts.LOGBOOK).exists() else None
+    logbook = read_numbers(folder, artifacts.LOGBOOK, HISTORY_COLUMNS)
     is_untrained = has_trained and not (folder / artifacts.CHAMPION).exists()
     controller = None if is_untrained else controller_of_run(experiment, folder)
     evaluation = read_evaluation(folder, experiment.monte_carlo.confidence_percent)
@@ -171,6 +175,7 @@ def gather(experiment: Experiment, folder: Path) -> Contents:
         without_safety=comparisons.fly_without(experiment, controller, episodes) if controller else None,
         shown=fly_shown(experiment, controller, starts, episodes, training_round) if controller else (),
         logbook=logbook,
+        front=read_numbers(folder, artifacts.FRONT, FRONT_COLUMNS),
         manifest=manifest,
         config_text=artifacts.text_of(folder, artifacts.CONFIG),
         command=command_of(folder, manifest),
@@ -276,19 +281,21 @@ def fly_shown(
     ]
 
 
-def read_logbook(folder: Path) -> dict[str, NDArray[np.float64]] | None:
-    """Read the logbook of the training; None while no generation is in it.
+def read_numbers(folder: Path, name: str, names: Sequence[str]) -> dict[str, NDArray[np.float64]] | None:
+    """Read columns of a CSV table of the training; None where there is none, or no row in it.
 
     Raises
     ------
     pipeline.run.artifacts.ArtifactError
         If it cannot be read.
     """
-    path = artifacts.require(folder, artifacts.LOGBOOK)
+    if not (folder / name).exists():
+        return None
+    path = artifacts.require(folder, name)
     with artifacts.explained(f"{path} cannot be read", "repeat the stage train", csv.Error):
         with open_text(path) as stream:
             rows = list(csv.DictReader(stream))
-        columns = {name: np.array([float(row[name]) for row in rows]) for name in HISTORY_COLUMNS}
+        columns = {name: np.array([float(row[name]) for row in rows]) for name in names}
     return columns if rows else None
 
 

@@ -11,6 +11,7 @@ from fis_tools.document.html import page, policy, template
 from fis_tools.words.text import summary
 from pipeline.evaluation import comparison
 from pipeline.evaluation.monte_carlo import SUCCESS
+from pipeline.evaluation.statistics import Columns
 from pipeline.flight.state.log import inspectable_rate, points_needed
 from pipeline.recording.events import points_in_words
 from pipeline.report import comparisons
@@ -73,6 +74,7 @@ def write(contents: Contents, illustrations: Mapping[str, Illustration]) -> str:
         comparison=comparisons.tables_of(rows),
         worlds=comparison.matrices(rows) if comparison.worlds_of(rows) else [],
         optimum_cases=comparisons.optimum_rows(contents.beside),
+        front=front_rows(contents.front),
         has_crowd=bool(contents.training and contents.training.summary["num_cases"] > MOST_POINTS),
         summary=summary,
         illustrations=illustrations,
@@ -124,6 +126,34 @@ def case_rows(training: FlightSet | None) -> list[list[str]]:
     return [[cell.replace("-", "−") for cell in row] for row in rows]
 
 
+#: of a front's table on the page: heading, and how a value is written
+FRONT_HEADINGS: Mapping[str, str] = {
+    "NN": "{controller:02.0f}",
+    "Δv (m/s)": "{delta_v_m_s:.3f}",
+    "rate (%)": "{inspection_rate_percent:.2f}",
+    "success (%)": "{success_percent:.1f}",
+    "outside (%)": "{outside_percent:.2f}",
+    "cost (m/s)": "{fitness_m_s:.3f}",
+}
+
+
+def front_rows(front: Columns | None) -> list[list[str]]:
+    """Return the headings of a front's table, and a row for each controller; nothing without a front."""
+    if front is None:
+        return []
+    rows = [dict(zip(front, values, strict=True)) for values in zip(*front.values(), strict=True)]
+    return [
+        [*FRONT_HEADINGS, "standing"],
+        *(
+            [
+                *(cell.format(**row) for cell in FRONT_HEADINGS.values()),
+                "handed back" if row["handed_back"] else "" if row["stands"] else "beaten by another",
+            ]
+            for row in rows
+        ),
+    ]
+
+
 def _signed(value: float, decimals: int) -> str:
     """Format a number with a true minus sign."""
     return f"{value:.{decimals}f}".replace("-", "−")
@@ -159,6 +189,10 @@ def _towards_goal(contents: Contents, illustrations: Mapping[str, Illustration])
         heads, *rows = ([line[column] for column in OF_TABLE] for line in (comparison.HEADINGS, *lines))
         words = " ".join(comparison.describe_columns(experiment))
         yield Table(heads, rows, caption=f"Controllers from the same starts: {words}", numbers=(1, 2, 3, 4))
+    if rows := front_rows(contents.front):
+        yield Table(
+            rows[0], rows[1:], caption=caption_of("front_of_training"), numbers=range(len(FRONT_HEADINGS))
+        )
     if contents.recordings:
         yield Heading("Recorded flights", id="recordings")
         yield Paragraph("Watch one, from the folder of the run:")

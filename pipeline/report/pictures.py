@@ -20,6 +20,7 @@ from pipeline.report.figures.comparison import (
     by_world,
     compared,
     flight_endings,
+    front_of_runs,
 )
 from pipeline.report.figures.flights import METRICS, Sample, approach, controls, distributions
 from pipeline.report.figures.training import convergence
@@ -78,6 +79,23 @@ def _drawn(contents: Contents) -> Iterator[Drawn]:
         yield _captioned("distributions", distributions(samples, num_points), "distributions")
     if contents.logbook is not None:
         yield _captioned("convergence", convergence(contents.logbook, num_points, needed), "convergence")
+    yield from _front(contents)
+
+
+def _front(contents: Contents) -> Iterator[Drawn]:
+    """Draw the front of a training: how well flights end, over what is spent."""
+    if (front := contents.front) is None:
+        return
+    is_reach = contents.experiment.mission.problem.kind == "reach"
+    measure, label = (
+        ("success_percent", "success rate (%)")
+        if is_reach
+        else ("inspection_rate_percent", "mean inspection rate (%)")
+    )
+    names = [f"{number:02.0f}" for number in front["controller"]]
+    spent, rates = (np.repeat(front[name][:, np.newaxis], 3, axis=1) for name in ("delta_v_m_s", measure))
+    figure = front_of_runs(names, spent, rates, front["stands"] == 1, label)
+    yield _captioned("front", figure, "front_of_training")
 
 
 def _comparison(rows: Sequence[ComparisonRow], threshold: float) -> Drawn:
@@ -111,6 +129,7 @@ def _approach(contents: Contents) -> Iterator[Drawn]:
     """Draw speed over distance of the first flights of an evaluation."""
     experiment, controller = contents.experiment, contents.controller
     mission = experiment.mission
+    yield from _front(contents)
     if contents.evaluation is None or controller is None:
         return
     shown = range(min(MOST_DRAWN, experiment.monte_carlo.num_cases))

@@ -217,14 +217,17 @@ class Optimizer(Settings, group="optimizer", only=TRAINS):
     penalty: Penalty = field(default_factory=Penalty)
     workers: checks.Workers = None
     """Threads that fly; null: one a processor."""
-    algorithm: Literal["genetic", "cma_es"] = "genetic"
-    """Crossover and mutation, or an adapting normal distribution."""
+    algorithm: Literal["genetic", "cma_es", "nsga2"] = "genetic"
+    """Crossover and mutation; an adapting normal distribution; a front of two objectives."""
     next_round: Annotated[Literal["afresh", "carried"], Only("optimizer.rounds>1")] = "afresh"
     """How a later round begins: a new population and the champion, or the one it finds."""
     initial_step: Annotated[
         checks.Number,
         Field(ge=1e-6, le=1),
-        Only("optimizer.algorithm=cma_es", "optimizer.mutation=local", "optimizer.first_population=near"),
+        Only(
+            *("optimizer.algorithm=cma_es", "optimizer.algorithm=nsga2"),
+            *("optimizer.mutation=local", "optimizer.first_population=near"),
+        ),
     ] = 0.1
     """Standard deviation of local mutation, and of CMA-ES's first sample, in genes."""
     validation_cases: checks.Natural = 0
@@ -232,7 +235,7 @@ class Optimizer(Settings, group="optimizer", only=TRAINS):
 
     def __post_init__(self) -> None:
         """Check that the population suits the algorithm, and that prices stay numbers."""
-        least = 5 if self.algorithm == "cma_es" else 2
+        least = {"cma_es": 5, "nsga2": 4}.get(self.algorithm, 2)
         checks.within("optimizer.population_size", self.population_size, least, math.inf)
         prices = self.penalty.short_point_m_s, self.penalty.missed_point_m_s
         digits = (self.rounds - 1) * math.log10(self.penalty.growth) + math.log10(max(*prices, 1.0))
@@ -285,6 +288,20 @@ class CmaEs(Optimizer):
     """CMA-ES: an adapting normal distribution."""
 
     algorithm: Literal["cma_es"] = "cma_es"
+
+
+class Nsga2(Optimizer):
+    """NSGA-II: a front of two objectives, near a controller, by crossover and local mutation."""
+
+    algorithm: Literal["nsga2"] = "nsga2"
+    crossover_rate: checks.Share = 0.3
+    """Share of children of two parents."""
+    cooling: Annotated[checks.Number, Field(ge=0.1, le=1)] = 1.0
+    """Factor on the steps of local mutation from round to round."""
+
+    def step_of_round(self, round_index: int) -> float:
+        """Return the step with which a round begins, counted from 0, in genes."""
+        return self.initial_step * self.cooling**round_index
 
 
 @dataclass(frozen=True)

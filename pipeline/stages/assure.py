@@ -138,10 +138,10 @@ def _gather(
     controller = controller_of_run(experiment, folder)
     check_questions(requirements.requirements, controller)
     scenarios = _scenarios(experiment, settings.num_cases)
-    campaign = Campaign(mission, controller, settings.workers)
+    campaign = Campaign(mission, controller, pool.threads(settings.workers))
     campaign.tracks(scenarios[:1])  # compiles if necessary
     started = time.perf_counter()
-    outcomes = campaign.judge(scenarios, requirements.requirements)
+    outcomes = campaign.judge(scenarios, requirements.requirements, pool, experiment.engine.part_cases)
     sys.stderr.write(
         f"  {len(scenarios):,} cases flown and judged in {time.perf_counter() - started:.1f} s\n"
     )

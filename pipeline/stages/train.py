@@ -12,6 +12,7 @@ import numpy as np
 
 from fis_tools.formats import serialize
 from pipeline.controllers import source
+from pipeline.evaluation.front import write_front
 from pipeline.evaluation.selection import COLUMNS, Selection, select
 from pipeline.flight.fly.tours import tour_images
 from pipeline.run import artifacts, configuration, maker, tables, writing
@@ -43,7 +44,7 @@ def run(experiment: Experiment, folder: Path) -> Unimproved | None:
         sys.stderr.write(f"  the bounds of optimizer.encoding clip {words}\n")
     with logged(experiment.logger, folder) as log, _open_pool(experiment, genome) as pool:
         result = _evolved(experiment, folder, genome, log, pool)
-        selection = select(experiment, genome, result.history, template.fuzzy, pool)
+        selection = select(experiment, genome, result.history, template.fuzzy, pool, result.front)
         write_selection(folder, experiment, genome, selection, result)
         if result.interrupted:
             raise KeyboardInterrupt
@@ -96,7 +97,7 @@ def write_selection(
     folder: Path, experiment: Experiment, genome: Genome, selection: Selection, result: Evolution
 ) -> None:
     """Write the controller that is handed back, with its provenance, and what it was compared with."""
-    generation = selection.chosen.candidate.generation
+    training_fitness = selection.chosen.candidate.training_fitness
     facts = {
         "experiment": experiment.name,
         "seed": str(experiment.seed),
@@ -105,11 +106,15 @@ def write_selection(
         "git_revision": maker.git_revision() or "none",
         "generations": str(len(result.history)),
         "interrupted": str(result.interrupted).lower(),
+    }
+    if result.front is not None:
+        write_front(folder, experiment, genome, selection, facts)
+    facts |= {
         "improved": str(selection.is_improved).lower(),
         "validation_fitness": repr(selection.chosen.cost),
     }
-    if generation is not None:
-        facts["training_fitness"] = repr(generation.best)
+    if training_fitness is not None:
+        facts["training_fitness"] = repr(training_fitness)
     judged = [judgement.row() for judgement in selection.judged]
     tables.write_csv(folder / artifacts.VALIDATION, COLUMNS, judged)
     given = selection.given

@@ -10,6 +10,10 @@ for a success: 95 of 99 at a threshold of 95 %. The distance limits are tightene
 that a champion keeps clear of them; at most `outside_most_m` of
 the metres outside are priced, so that a search for few exits is not dominated by the largest one
 (Choi, Kim and Leeghim, AAS 25-727, leave zeta's form open).
+
+For a front the fitness is the sum of two objectives: what is spent, delta-v, and what is missed, the price of
+all points that are not inspected. Faults, leaving the limits or missing the threshold, are charged half to
+each, so that neither is bought by them.
 """
 
 import numpy as np
@@ -49,8 +53,21 @@ def fitness_parts(outcomes: Outcomes, penalty: Penalty, mission: Mission) -> dic
     }
 
 
+def objectives(outcomes: Outcomes, penalty: Penalty, mission: Mission) -> dict[str, Floats]:
+    """Return the two objectives ``spent`` and ``missed`` of a population, means over the flights, m/s."""
+    faults, missed = _prices(outcomes, penalty, mission)
+    spent = outcomes.delta_v_m_s + 0.5 * faults
+    return {"spent": spent.mean(axis=-1), "missed": (missed + 0.5 * faults).mean(axis=-1)}
+
+
 def costs(outcomes: Outcomes, penalty: Penalty, mission: Mission) -> Floats:
     """Return delta-v plus zeta of each flight, m/s, in the shape of the outcomes; see the module."""
+    faults, missed = _prices(outcomes, penalty, mission)
+    return np.asarray(outcomes.delta_v_m_s + (faults + missed))
+
+
+def _prices(outcomes: Outcomes, penalty: Penalty, mission: Mission) -> tuple[Floats, Floats]:
+    """Return the prices of each flight's faults, and of the points that it misses, m/s."""
     points = outcomes.inspected_count
     outside_m = outcomes.outside_m
     if penalty.near_margin_m > 0.0 or penalty.far_margin_m > 0.0:
@@ -62,5 +79,4 @@ def costs(outcomes: Outcomes, penalty: Penalty, mission: Mission) -> Floats:
     num_short = np.maximum(0, points_needed(inspectable, mission.inspection_threshold_percent) - points)
     outside = penalty.outside_m_s * (outside_m > 0.0) * (1.0 + paid_m)
     short = penalty.short_point_m_s * num_short
-    missed = penalty.missed_point_m_s * (inspectable - points)
-    return np.asarray(outcomes.delta_v_m_s + (outside + short + missed))
+    return np.asarray(outside + short), np.asarray(penalty.missed_point_m_s * (inspectable - points))

@@ -20,9 +20,10 @@ from pipeline.flight.world.pack import pack_world
 from pipeline.run.engine import HERE, TaskPool
 from pipeline.scenarios import hard_candidates, training_scenarios
 from pipeline.settings.experiment import Experiment, Mission
+from pipeline.training.evolution.front import OBJECTIVE
 from pipeline.training.evolution.generations import Evaluate
 from pipeline.training.evolution.rounds import Evolution, evolve_rounds
-from pipeline.training.fitness import costs, fitness_parts
+from pipeline.training.fitness import costs, fitness_parts, objectives
 from pipeline.training.genome import Genome
 
 
@@ -63,7 +64,16 @@ def fitness_from(
     """Return the function that flies genomes from some starts and evaluates them with a round's prices."""
     penalty = experiment.optimizer.penalty.of_round(round_index)
     fly = flights_from(experiment, genome, scenarios, pool)
-    return lambda genomes: fitness_parts(fly(genomes), penalty, experiment.mission)
+
+    def evaluate(genomes: Floats) -> dict[str, Floats]:
+        outcomes = fly(genomes)
+        parts = fitness_parts(outcomes, penalty, experiment.mission)
+        if experiment.optimizer.algorithm == "nsga2":
+            of_front = objectives(outcomes, penalty, experiment.mission)
+            parts |= {OBJECTIVE + name: values for name, values in of_front.items()}
+        return parts
+
+    return evaluate
 
 
 def costs_of(
@@ -94,7 +104,7 @@ def flights_from(
         def fly_ahead(genomes: Floats) -> Outcomes:
             threads = pool.threads(workers)
             tasks = [(mission, genome.decode(genes), scenarios, threads) for genes in genomes]
-            return combined(pool.map(fly_rehearsed, tasks), np.stack)
+            return combined(pool.map(fly_fuzzy, tasks), np.stack)
 
         return fly_ahead
     world, law, cases = pack_world(mission), law_of(genome.template, mission), cases_of(mission, scenarios)
@@ -102,10 +112,10 @@ def flights_from(
     return lambda genomes: fly_genomes(mission, world, law, genome.pack(genomes), cases, workers, lanes)
 
 
-def fly_rehearsed(
+def fly_fuzzy(
     mission: Mission, fuzzy: FuzzyController, scenarios: list[Scenario], workers: int | None
 ) -> Outcomes:
-    """Fly a controller that rehearses from some starts."""
+    """Fly a fuzzy controller, which may rehearse, from some starts."""
     return fly_all(mission, from_fuzzy(fuzzy), scenarios, workers)
 
 

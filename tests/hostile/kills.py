@@ -42,6 +42,8 @@ _WORDS: Final = {
     **{name: f"{_LAUNCHED} hydra/launcher={name}" for name in ("basic", "joblib")},
     **{name: f"{_LAUNCHED} hydra/launcher={name}" for name in ("submitit_local", "submitit_slurm")},
     "parts": f"{CHAMPION} stages=[evaluate] engine.part_cases=7",
+    "dask": f"""{CHAMPION} stages=[evaluate] engine.part_cases=200 monte_carlo.num_cases=8000 engine.kind=dask
+        monte_carlo.workers=3""",
     "assure": """+experiment=assure controller=paper_champion assurance.num_cases=20 assurance.searches=1
         assurance.search_starts=8 assurance.search_population=6 assurance.search_generations=2
         assurance.domain_cases=8 duration_s=3600""",
@@ -54,8 +56,9 @@ _WORDS: Final = {
 #: kinds of runs, small; a sweep begins with ``-m``
 KINDS: Final[Mapping[str, Sequence[str]]] = {kind: words.split() for kind, words in _WORDS.items()}
 SIGNALS: Final = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT)
-#: who is signalled: the process, or its whole group
-PROCESS, GROUP = "process", "group"
+#: who is signalled: the process, its whole group, or the workers of Dask that it started
+PROCESS, GROUP, WORKERS = "process", "group", "workers"
+TARGETS: Final[Mapping[str, Sequence[str]]] = {"dask": (PROCESS, GROUP, WORKERS)}
 #: what makes a process end at one of its file operations
 HOOK: Final = Path(__file__).with_name("hook")
 #: longest time to an end that must come, s
@@ -143,8 +146,7 @@ def killed_after(
                 process.wait(seconds)
             if process.returncode is None:
                 with suppress(ProcessLookupError):
-                    (os.killpg if how[1] == GROUP else os.kill)(process.pid, how[0])
-                    is_signalled = True
+                    is_signalled = _signal(process.pid, *how) > 0
             process.wait(LONGEST_S)
         except subprocess.TimeoutExpired:
             stream.write("\ndid not end")
@@ -154,6 +156,28 @@ def killed_after(
             process.wait()
         stream.seek(0)
         return is_signalled, process.returncode, stream.read()
+
+
+def _signal(process: int, number: signal.Signals, target: str) -> int:
+    """Send a signal to a process, its group or its workers; return to how many."""
+    if target == GROUP:
+        os.killpg(process, number)
+        return 1
+    ids = workers_of(process) if target == WORKERS else [process]
+    for each in ids:
+        os.kill(each, number)
+    return len(ids)
+
+
+def workers_of(process: int) -> list[int]:
+    """Return the processes of Dask's workers that a process started."""
+    workers = []
+    for path in Path("/proc").glob("[0-9]*"):
+        with suppress(OSError):  # has ended meanwhile
+            parent = int((path / "stat").read_text().rpartition(")")[2].split()[1])
+            if parent == process and b"spawn_main" in (path / "cmdline").read_bytes():
+                workers.append(int(path.name))
+    return workers
 
 
 def survive(
@@ -178,7 +202,10 @@ def survive(
         env = environment_of(kind, root) | ({"NUMBA_CACHE_DIR": cache} if is_cold else {})
         while True:
             words = [f"resume={folder}"] if is_begun(root / folder) else words_of(kind, folder)
-            how = rng.choice(SIGNALS), rng.choice((PROCESS, GROUP))
+            targets = (PROCESS, GROUP) if operations else TARGETS.get(kind, (PROCESS, GROUP))
+            how = rng.choice(SIGNALS), rng.choice(targets)
+            if how[1] == WORKERS:
+                how = signal.SIGKILL, WORKERS
             at = ""
             if left > 0 and operations:
                 counts.unlink(missing_ok=True)
@@ -198,6 +225,9 @@ def survive(
                 left -= 1
                 tally.kills[f"{how[0].name} {how[1]}{at}"] += 1
             if code in (OK, UNPROVED, UNIMPROVED):
+                return
+            if how[1] == WORKERS and is_killed:
+                tally.lost.append(f"{kind} {folder.name}: {said.strip().splitlines()[-1:]}")
                 return
             if not is_killed and "is held by process" in said:
                 time.sleep(1.0)  # jobs that a launcher started may outlive the command that was killed

@@ -44,7 +44,7 @@ from pipeline.flight.world import surface
 from pipeline.optimum.solved import read_solved
 from pipeline.proof.certificate import read_proof
 from pipeline.recording.reflight import fly_again
-from pipeline.report.contents import command_of, read_logbook
+from pipeline.report.contents import command_of, read_numbers
 from pipeline.report.figures.training import HISTORY_COLUMNS
 from pipeline.run import artifacts, configuration, manifests, sweep, tables
 from pipeline.settings import mesh, start_table
@@ -183,6 +183,10 @@ def _trained(path: Path) -> object:
         (path.parent / name).parent.mkdir(exist_ok=True)
         (path.parent / name).write_bytes(_single_as_json())
     return read_controller(path.parent)
+
+
+def _logbook(path):
+    return read_numbers(path.parents[1], artifacts.LOGBOOK, HISTORY_COLUMNS)
 
 
 def _surroundings(path: Path) -> object:
@@ -450,7 +454,7 @@ READERS: Final[Mapping[str, Reader]] = {
     "configs": Reader(_in_file("experiment/fly.yaml", _own_configs),
                       _whole(conf_folder() / "experiment" / "fly.yaml"), "text"),
     "surroundings": Reader(_in_file("config.yaml", _surroundings), lambda _: [_config()], "text", REFUSALS),
-    "logbook": Reader(_in_file(artifacts.LOGBOOK, lambda path: read_logbook(path.parents[1])),
+    "logbook": Reader(_in_file(artifacts.LOGBOOK, _logbook),
                       lambda _: [LOGBOOK], "text", REFUSALS),
     "hydra": Reader(_in_file(".hydra/overrides.yaml", lambda path: command_of(path.parents[1], {})),
                     lambda _: [b"- +experiment=train\n- seed=4\n"], "text", REFUSALS),

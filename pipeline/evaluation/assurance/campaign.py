@@ -23,6 +23,7 @@ from pipeline.evaluation.monte_carlo import fly_tracked
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.pack import inspection_points
+from pipeline.run.engine import HERE, TaskPool
 from pipeline.settings.dispersions import Distribution, distributions
 from pipeline.settings.experiment import Experiment, Mission, MonteCarlo, Sun
 from pipeline.training.evolution.generations import Evaluate
@@ -82,27 +83,44 @@ class Campaign:
         self._num_points = len(inspection_points(mission))
 
     def judge(
-        self, scenarios: Sequence[Scenario], requirements: Sequence[Requirement]
+        self,
+        scenarios: Sequence[Scenario],
+        requirements: Sequence[Requirement],
+        pool: TaskPool = HERE,
+        part_cases: int = PART,
     ) -> dict[str, FormulaResult]:
         """Fly scenarios; return the result of each requirement that has a formula, by its id.
+
+        Parameters
+        ----------
+        scenarios : sequence of Scenario
+        requirements : sequence of Requirement
+        pool : TaskPool
+            Where parts of the flights are flown.
+        part_cases : int
+            Flights of a part; at most `PART` are.
 
         Raises
         ------
         RequirementError
             If flights of this mission do not determine a formula.
         """
-        mission = self._mission
-        check_formulas(requirements, mission)
+        check_formulas(requirements, self._mission)
         formulas = {
             requirement.id: requirement.formula
             for requirement in requirements
             if requirement.formula is not None
         }
-        parts: list[dict[str, FormulaResult]] = []
-        for first in range(0, len(scenarios), PART):
-            tracks, points = self.tracks(list(scenarios[first : first + PART]))
-            parts.append(evaluate_formulas(tracks, points, formulas, mission.control_period_s))
+        size = min(PART, part_cases)
+        starts = range(0, len(scenarios), size)
+        tasks = [(self, list(scenarios[first : first + size]), formulas) for first in starts]
+        parts = pool.map(judge_part, tasks)
         return {name: concatenate([part[name] for part in parts]) for name in formulas}
+
+    @property
+    def control_period_s(self) -> float:
+        """Time between the samples of tracks."""
+        return self._mission.control_period_s
 
     def tracks(self, scenarios: list[Scenario]) -> tuple[NDArray[np.float32], PointCounts]:
         """Return the tracks of flights, (n, K+1, 15), and their points, see `quantities`."""
@@ -110,6 +128,14 @@ class Campaign:
         workers = 1 if len(scenarios) < FEW else self._workers
         outcomes, tracks = fly_tracked(self._mission, self._controller, scenarios, workers)
         return tracks, PointCounts(self._num_points, outcomes.inspectable_count)
+
+
+def judge_part(
+    campaign: Campaign, scenarios: list[Scenario], formulas: Mapping[str, Formula]
+) -> dict[str, FormulaResult]:
+    """Fly some scenarios; return the results of formulas, by name."""
+    tracks, points = campaign.tracks(scenarios)
+    return evaluate_formulas(tracks, points, formulas, campaign.control_period_s)
 
 
 def evaluate_formulas(

@@ -141,8 +141,14 @@ def _draw_squares(ax: Axes, rows: Sequence[ComparisonRow], names: list[str], wor
 NAMES_APART = 0.06
 
 
-def front_of_runs(names: Sequence[str], spent: Floats, rates: Floats, is_on_front: Booleans) -> Figure:
-    """Draw mean inspection rate over mean delta-v with their intervals, a point a setting, and the front.
+def front_of_runs(
+    names: Sequence[str],
+    spent: Floats,
+    rates: Floats,
+    is_on_front: Booleans,
+    label: str = "mean inspection rate (%)",
+) -> Figure:
+    """Draw a rate over mean delta-v with their intervals, a point a setting, and the front.
 
     Parameters
     ----------
@@ -150,18 +156,20 @@ def front_of_runs(names: Sequence[str], spent: Floats, rates: Floats, is_on_fron
     spent, rates : (n, 3) arrays
         Mean and ends of the interval, of delta-v (m/s) and of the rate (%).
     is_on_front : (n,) array of bool
+    label : str
+        Of the rates.
     """
     figure = Figure(figsize=(9.6, 4.8), layout="constrained")
     ax = figure.subplots()
     across, up = (np.abs(values[:, 1:] - values[:, :1]).T for values in (spent, rates))
     order = np.argsort(spent[:, 0], kind="stable")
     looks = {False: ("o", style.MUTED, "beaten by another in both"), True: ("o-", style.BLUE, "on the front")}
-    for kind, (line, colour, label) in looks.items():
+    for kind, (line, colour, words) in looks.items():
         rows = order[is_on_front[order] == kind]
         if rows.size:
             at = spent[rows, 0], rates[rows, 0], up[:, rows], across[:, rows]
-            ax.errorbar(*at, line, color=colour, markersize=5.5, elinewidth=0.8, linewidth=0.8, label=label)
-    ax.set(xlabel="mean Δv (m/s)", ylabel="mean inspection rate (%)")
+            ax.errorbar(*at, line, color=colour, markersize=5.5, elinewidth=0.8, linewidth=0.8, label=words)
+    ax.set(xlabel="mean Δv (m/s)", ylabel=label)
     ax.margins(x=0.08, y=0.12)
     means = np.column_stack([spent[:, 0], rates[:, 0]])[is_on_front]
     _name_front(ax, [name for name, stands in zip(names, is_on_front, strict=True) if stands], means)

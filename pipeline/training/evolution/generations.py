@@ -1,7 +1,8 @@
 """Generations of one population: the first of a round, and each from the one before.
 
 Smaller fitness is better. The genetic algorithm keeps each generation's elite as it is and fills the rest
-with children, first by crossover, then by mutation, whose parents are chosen in tournaments; CMA-ES draws
+with children, first by crossover, then by mutation, whose parents are chosen in tournaments; NSGA-II keeps
+the best of parents and children by several objectives (`pipeline.training.evolution.front`); CMA-ES draws
 each generation anew.
 
 Operators are in `pipeline.training.evolution.operators`, rates those of Choi, Kim and Leeghim (AAS 25-727).
@@ -13,15 +14,15 @@ The normal numbers are ours, as DEAP would draw them from NumPy's global generat
 """
 
 import random
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from deap import cma
 
 from pipeline.array_types import Floats
-from pipeline.settings.training import GeneticAlgorithm, Optimizer
+from pipeline.settings.training import CmaEs, GeneticAlgorithm, Nsga2, Optimizer
+from pipeline.training.evolution import front
 from pipeline.training.evolution.operators import (
     Individual,
     adapt_step_size,
@@ -30,7 +31,7 @@ from pipeline.training.evolution.operators import (
     scattered_crossover,
     select_parents,
 )
-from pipeline.training.evolution.state import EvolutionState, Generation
+from pipeline.training.evolution.state import EvolutionState, Generation, drawing
 
 
 class Split(NamedTuple):
@@ -52,15 +53,6 @@ def split_population(settings: GeneticAlgorithm) -> Split:
     counted = size if settings.split == "whole" else size - elite
     crossover = min(size - elite, round(settings.crossover_rate * counted))
     return Split(elite, crossover, size - elite - crossover)
-
-
-@contextmanager
-def drawing(state: EvolutionState) -> Iterator[random.Random]:
-    """Yield the generator of a state, in which it is stored again at the end."""
-    generator = random.Random()  # noqa: S311
-    generator.setstate(state.python_state)
-    yield generator
-    state.python_state = generator.getstate()
 
 
 def breed(state: EvolutionState, settings: GeneticAlgorithm) -> Floats:
@@ -146,14 +138,14 @@ def begin(
     if before:
         state.evaluations, state.history = before.evaluations, before.history
     is_carried = before is not None and settings.next_round == "carried"
-    if not isinstance(settings, GeneticAlgorithm):
+    if isinstance(settings, CmaEs):
         initial = _carried(_strategy(seeds[-1], settings.initial_step, settings))
         state.strategy = before.strategy if before and is_carried else initial
         _sample_generation(state, evaluate, settings)
         return state
     if before and is_carried:
         genomes = before.genomes
-    elif settings.first_population == "near":
+    elif not isinstance(settings, GeneticAlgorithm) or settings.first_population == "near":
         genomes = scatter(seeds, settings, state)
     else:
         genomes = state.generator.random((settings.population_size, seeds.shape[1]))
@@ -165,6 +157,9 @@ def begin(
 def advance(state: EvolutionState, evaluate: Evaluate, settings: Optimizer) -> None:
     """Replace a population by the next generation."""
     state.generation += 1
+    if isinstance(settings, Nsga2):
+        _select_generation(state, evaluate, settings)
+        return
     if not isinstance(settings, GeneticAlgorithm):
         _sample_generation(state, evaluate, settings)
         return
@@ -198,6 +193,18 @@ def record(state: EvolutionState) -> None:
             champion=state.genomes[best].copy(),
         )
     )
+
+
+def _select_generation(state: EvolutionState, evaluate: Evaluate, settings: Nsga2) -> None:
+    """Evaluate as many children as there are parents, and keep the best of both by their objectives."""
+    children = front.breed_for_front(state, settings)
+    fitness, parts = _evaluated_once(evaluate, children, state)
+    fitness = np.concatenate((state.fitness, fitness))
+    parts = {name: np.concatenate((old, parts[name])) for name, old in state.parts.items()}
+    kept = front.survivors(front.objectives_of(parts), fitness, settings.population_size)
+    state.genomes = np.concatenate((state.genomes, children))[kept]
+    state.fitness, state.parts = fitness[kept], {name: values[kept] for name, values in parts.items()}
+    state.evaluations += len(children)
 
 
 def _sample_generation(state: EvolutionState, evaluate: Evaluate, settings: Optimizer) -> None:

@@ -11,7 +11,7 @@ Those with a `random.Random` draw exactly as DEAP's `selTournament`, `cxUniform`
 import math
 from collections.abc import Sequence
 from random import Random
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 from deap import base
@@ -19,6 +19,8 @@ from deap import base
 from pipeline.array_types import Floats
 
 GENE_SWAP_PROBABILITY = 0.5
+#: of the first of two that are equally good and crowded
+EITHER_PROBABILITY = 0.5
 
 #: a local mutant moves each gene with one of these probabilities, by one of these multiples of the step: most
 #: steps are fine, some are bold
@@ -46,6 +48,36 @@ def select_parents(
     """Choose parents, each the best of `tournament_size` drawn with replacement."""
     drawn = ([generator.choice(population) for _ in range(tournament_size)] for _ in range(num_parents))
     return [max(aspirants, key=lambda individual: individual.fitness) for aspirants in drawn]
+
+
+def select_uncrowded(population: Sequence[Any], generator: Random) -> list[Any]:
+    """Choose parents in tournaments of two: what dominates wins, else what is less crowded, else either.
+
+    As many as there are individuals, to a multiple of four; none more than twice.
+
+    Parameters
+    ----------
+    population : sequence
+        At least four; their ``fitness`` has a crowding distance.
+    generator : random.Random
+    """
+    orders = [generator.sample(population, len(population)) for _ in range(2)]
+    chosen = []
+    for index in range(0, len(population) - 3, 4):
+        for order in orders:
+            chosen.append(_less_crowded(order[index], order[index + 1], generator))
+            chosen.append(_less_crowded(order[index + 2], order[index + 3], generator))
+    return chosen
+
+
+def _less_crowded(first: Any, second: Any, generator: Random) -> Any:
+    for better, worse in ((first, second), (second, first)):
+        if better.fitness.dominates(worse.fitness):
+            return better
+    distances = first.fitness.crowding_dist, second.fitness.crowding_dist
+    if distances[0] != distances[1]:
+        return first if distances[0] > distances[1] else second
+    return first if generator.random() <= EITHER_PROBABILITY else second
 
 
 def scattered_crossover(first: Sequence[float], second: Sequence[float], generator: Random) -> Individual:

@@ -15,6 +15,7 @@ import numpy as np
 from pipeline.array_types import Floats
 from pipeline.settings.experiment import Optimizer
 from pipeline.training.evolution import generations
+from pipeline.training.evolution.front import Front, front_of
 from pipeline.training.evolution.generations import EvaluateForRound
 from pipeline.training.evolution.state import EvolutionState, Generation, load, save
 
@@ -32,10 +33,13 @@ class Evolution:
         One for each generation of each round.
     interrupted : bool
         Whether it was interrupted from the keyboard.
+    front : Front, optional
+        Of the last population, where there are several objectives (NSGA-II).
     """
 
     history: tuple[Generation, ...]
     interrupted: bool
+    front: Front | None = None
 
 
 def _is_finished(state: EvolutionState, settings: Optimizer) -> bool:
@@ -145,4 +149,5 @@ def evolve_rounds(
         if not history:
             raise
         interrupted = True
-    return Evolution(tuple(history), interrupted)
+    front = front_of(state) if state and settings.algorithm == "nsga2" else None
+    return Evolution(tuple(history), interrupted, front)

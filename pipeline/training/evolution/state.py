@@ -9,7 +9,8 @@ import random
 import tokenize
 import zipfile
 import zlib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -93,6 +94,15 @@ class EvolutionState:
     parts: dict[str, Floats] = field(default_factory=dict)
     strategy: dict[str, Floats] = field(default_factory=dict)
     history: list[Generation] = field(default_factory=list)
+
+
+@contextmanager
+def drawing(state: EvolutionState) -> Iterator[random.Random]:
+    """Yield the generator of a state, in which it is stored again at the end."""
+    generator = random.Random()  # noqa: S311
+    generator.setstate(state.python_state)
+    yield generator
+    state.python_state = generator.getstate()
 
 
 VERSION = 2

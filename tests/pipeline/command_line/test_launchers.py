@@ -87,11 +87,11 @@ def commands_of_page() -> list[list[str]]:
     return [words[3:] for words in results if words[:3] == ["python", "-m", "pipeline"]]
 
 
-def check_lost(code: int, told: str, folder: str) -> None:
+def check_lost(code: int, errors: str, folder: str) -> None:
     """Check what a command says whose launcher has lost a run."""
-    assert code == 1, told
-    assert "the launcher lost a run" in told
-    assert f"python -m pipeline resume={folder}" in told
+    assert code == 1, errors
+    assert "the launcher lost a run" in errors
+    assert f"python -m pipeline resume={folder}" in errors
 
 
 def test_the_commands_of_the_cluster_page_work_where_jobs_are_killed(basic, cluster, tmp_path, capsys):
@@ -104,10 +104,10 @@ def test_the_commands_of_the_cluster_page_work_where_jobs_are_killed(basic, clus
     cluster("trained/seed=1")
     check_lost(*ended(miniature(start), capsys), "trained")
     for words in others:
-        code, told = ended(words, capsys)
-        assert code in DONE, (words, told)
+        code, errors = ended(words, capsys)
+        assert code in DONE, (words, errors)
     assert "resume=trained" in others[-1]
-    assert "2 of 2 runs are done" in told
+    assert "2 of 2 runs are done" in errors
     assert kills.differences(tmp_path / "trained", basic) == []
 
     cluster("beside/seed=1")
@@ -115,8 +115,8 @@ def test_the_commands_of_the_cluster_page_work_where_jobs_are_killed(basic, clus
     for launcher in (name for name in NAMES if name not in ("joblib", last)):
         cluster("beside/seed=1")
         check_lost(*ended(["resume=beside", f"hydra/launcher={launcher}"], capsys), "beside")
-    code, told = ended(["resume=beside", f"hydra/launcher={last}"], capsys)
-    assert code in DONE, told
+    code, errors = ended(["resume=beside", f"hydra/launcher={last}"], capsys)
+    assert code in DONE, errors
     # workers are set beside the other
     assert kills.differences(tmp_path / "beside", basic) == [f"seed={seed}/config.yaml" for seed in (1, 2)]
     for folder in ("trained", "beside"):
@@ -146,8 +146,8 @@ def test_the_job_array_of_the_page_goes_on_where_a_job_was_killed_and_is_summari
         assert time.monotonic() < limit
         time.sleep(0.05)
     assert slurm.requeued(tmp_path / "slurm") == ["100_1"]
-    code, told = ended(["summary", "seeds"], capsys)
-    assert code in DONE, told
+    code, errors = ended(["summary", "seeds"], capsys)
+    assert code in DONE, errors
     assert tables.read_parquet(tmp_path / "seeds", "summary.parquet")["seed"].tolist() == ["1", "2"]
     for seed in ("1", "2"):
         assert kills.differences(tmp_path / "seeds" / seed, basic / f"seed={seed}") == []

@@ -231,7 +231,7 @@ def test_a_lost_scheduler_is_told_and_what_is_done_is_kept(tmp_path, monkeypatch
         (
             """+experiment=assure controller=paper_champion assurance.num_cases=20 assurance.searches=3
             assurance.search_starts=8 assurance.search_population=6 assurance.search_generations=2
-            assurance.domain_cases=8 assurance.workers=2""",
+            assurance.domain_cases=8 assurance.workers=2 engine.part_cases=6""",
             [artifacts.ASSURED_CASES, artifacts.SEARCHED],
         ),
         (

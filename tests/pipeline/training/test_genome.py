@@ -12,7 +12,7 @@ from pipeline.flight.state.log import Outcomes, points_needed
 from pipeline.flight.state.signals import CONSTANTS
 from pipeline.settings.experiment import Mission
 from pipeline.settings.training import Encoding, Penalty
-from pipeline.training.fitness import fitness_parts
+from pipeline.training.fitness import fitness_parts, objectives
 from pipeline.training.genome import bounds_around, genome_of
 from tests.pipeline.training.evolution import cases
 from tests.places import PROJECT
@@ -127,7 +127,10 @@ def parts_of(*controllers: list[tuple[float, int, float]], penalty: Penalty = PE
     constant = {name: np.full(points.shape, value) for name, value in same.items()}
     counts = points.astype(np.int64)
     flown = Outcomes(delta_v_m_s=delta_v, inspected_count=counts, outside_m=outside, **constant)
-    return {name: values.tolist() for name, values in fitness_parts(flown, penalty, MISSION).items()}
+    parts = fitness_parts(flown, penalty, MISSION)
+    both = objectives(flown, penalty, MISSION)
+    np.testing.assert_allclose(both["spent"] + both["missed"], parts["fitness"], rtol=1e-12)
+    return {name: values.tolist() for name, values in (parts | both).items()}
 
 
 @pytest.mark.parametrize(
@@ -164,6 +167,9 @@ def test_the_fitness_of_a_controller_is_the_mean_over_its_flights_and_its_parts_
         "outside": [1.0, 0.0],
         "outside_m": [1.0, 0.0],
         "short": [1.0, 0.0],
+        # faults, 3000 and 10, fall half on either
+        "spent": pytest.approx([(1.0 + 3.0 + 1505.0) / 2, 0.3]),
+        "missed": pytest.approx([(2.5 + 1505.0) / 2, 0.75]),
     }
 
 

@@ -28,6 +28,7 @@ from pipeline.flight.state.log import FlightLog, Scenario
 from pipeline.physics.quaternion import dcm_b_from_h
 from pipeline.recording.recorder import FlightRecorder
 from pipeline.recording.reflight import fly_again
+from pipeline.run.engine import HERE, TaskPool
 from pipeline.scenarios import evaluation_scenarios
 from pipeline.settings.checks import SettingError
 from pipeline.settings.experiment import Mission
@@ -57,6 +58,11 @@ def test_margins_are_those_of_the_outcomes_and_parts_do_not_matter(monkeypatch: 
     for name, margins in wanted.items():  # tracks are in single precision
         np.testing.assert_allclose(results[name].margins, margins, rtol=0, atol=2e-5)
     np.testing.assert_array_equal(results["R3"].is_met, outcomes.inspected_count >= 95)
+    pool, counts = TaskPool(None, lambda: 1), []
+    monkeypatch.setattr(pool, "map", lambda *work: counts.append(len(work[1])) or HERE.map(*work))
+    for name, outcome in FLIGHTS.judge(flown, REQUIREMENTS, pool, part_cases=7).items():
+        np.testing.assert_array_equal(outcome.margins, results[name].margins)
+    assert counts == [6]  # the engine has them all
     monkeypatch.setattr(campaign, "PART", 3)
     for name, outcome in Campaign(MISSION, champion(), workers=1).judge(flown, REQUIREMENTS).items():
         np.testing.assert_array_equal(outcome.margins, results[name].margins)
