@@ -17,6 +17,8 @@ from fis_tools.engines.program import Conclusion
 from fis_tools.engines.sampling import aggregate
 
 EPSILON = float(np.finfo(np.float64).eps)
+#: The least strength that others are divided by.
+FAINTEST = 1e-280
 
 
 @compiled(error_model="numpy", nogil=True)
@@ -35,9 +37,53 @@ def bound_sampled(conclusion: Conclusion, strengths: Floats, out: Floats) -> Non
             out[box] = default, default
             continue
         least, greatest = _bounds(conclusion, low, high)
+        may_be_silent = low.max() == 0.0
+        if conclusion.defuzzifier == codes.CENTROID and _relate(conclusion, strengths[box], low, high):
+            low *= 1.0 - rounding
+            high *= 1.0 + rounding
+            narrowed = _bounds(conclusion, low, high)
+            least, greatest = max(least, narrowed[0]), min(greatest, narrowed[1])
         out[box] = max(least, x[0]), min(greatest, x[-1])
-        if low.max() == 0.0 and not np.isnan(default):  # perhaps no rule fires; NaN is no output to bound
+        if may_be_silent and not np.isnan(default):  # perhaps no rule fires; NaN is no output to bound
             out[box] = min(out[box, 0], default), max(out[box, 1], default)
+
+
+@compiled(error_model="numpy", nogil=True)
+def _relate(conclusion: Conclusion, strengths: Floats, low: Floats, high: Floats) -> bool:
+    """Bound heights divided by the strength of one rule, which leaves a centroid as it is.
+
+    Where all rules fire faintly their strengths vary by orders of magnitude, and so do heights; their ratios
+    hardly do. Return whether there are such bounds: not where each rule may have the strength zero, or
+    heights do not scale with strengths.
+    """
+    rules, weights, memberships = conclusion.rules, conclusion.weights, conclusion.memberships
+    implication, aggregation = conclusion.implication, conclusion.aggregation
+    if implication not in (codes.MIN, codes.PRODUCT) or aggregation not in (codes.MAX, codes.UNBOUNDED_SUM):
+        return False
+    surest = 0
+    for index in range(1, len(rules)):
+        if strengths[rules[index], 0] * weights[index] > strengths[rules[surest], 0] * weights[surest]:
+            surest = index
+    least, most = strengths[rules[surest], 0] * weights[surest], strengths[rules[surest], 1] * weights[surest]
+    if least < FAINTEST:
+        return False
+    low[:] = 0.0
+    high[:] = 0.0
+    for index in range(len(rules)):
+        ratio_low = strengths[rules[index], 0] * weights[index] / most
+        ratio_high = strengths[rules[index], 1] * weights[index] / least
+        if rules[index] == rules[surest]:
+            ratio_low = ratio_high = weights[index] / weights[surest]
+        for point in range(len(low)):
+            height = memberships[conclusion.terms[index], point]
+            height_low, height_high = ratio_low * height, ratio_high * height
+            if implication == codes.MIN:
+                height_low, height_high = min(ratio_low, height / most), min(ratio_high, height / least)
+            if aggregation == codes.MAX:
+                low[point], high[point] = max(low[point], height_low), max(high[point], height_high)
+            else:
+                low[point], high[point] = low[point] + height_low, high[point] + height_high
+    return bool(high.max() > 0.0)
 
 
 @compiled(error_model="numpy", nogil=True)
