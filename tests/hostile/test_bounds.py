@@ -120,7 +120,7 @@ def zipped(content: bytes) -> bytes:
 MIB = 1024**2
 #: the greatest size that is read, and its reader
 LARGEST = {
-    **{f"x.{kind}": (10 * MIB, serialize.load) for kind in ("fis", "fll", "fcl", "yaml")},
+    **{f"x{ending}": (10 * MIB, serialize.load) for ending in serialize.ENDINGS},
     "x.json": (128 * MIB, serialize.load),
     "config.yaml": (2 * MIB, lambda path: configuration.read(path.parent)),
     "requirements.yaml": (2 * MIB, lambda path: parse_requirements(path.read_text(), "x")),
