@@ -466,7 +466,7 @@ GROUPS: list[tuple[str, type[Any], Only | None]] = []
 
 #: of classes of settings: built when first needed, as most commands need few groups; the text below a field
 #: describes it
-CONFIG = ConfigDict(extra="forbid", defer_build=True, use_attribute_docstrings=True)
+CONFIG = ConfigDict(extra="forbid", defer_build=True)
 
 #: by class of settings, the texts below its fields
 DESCRIPTIONS: dict[type[Any], dict[str, str]] = {}
@@ -512,7 +512,11 @@ class Settings(metaclass=SettingsType):
 
     def __init_subclass__(cls, *, group: str | None = None, only: Only | None = None) -> None:
         """Make a subclass a dataclass, and enter its keys among those that are known."""
-        checked_dataclass(cls, config=CONFIG, frozen=True, kw_only=True)
+        hints = cls.__dict__.get("__annotations__", {}).values()
+        # reading texts takes a millisecond a class, and a tag has its text elsewhere
+        has_texts = not all(get_origin(hint) is Literal and len(get_args(hint)) == 1 for hint in hints)
+        config = ConfigDict(**CONFIG, use_attribute_docstrings=has_texts)
+        checked_dataclass(cls, config=config, frozen=True, kw_only=True)
         # kept now: pydantic forgets them when it builds the class
         DESCRIPTIONS[cls] = {
             name: " ".join(entry.description.split())

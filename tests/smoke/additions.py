@@ -9,7 +9,16 @@ from tests.places import PROJECT
 from tests.smoke.pages import DOCS, blocks
 
 #: what is added, and the most files that its patch touches
-MOST = {"signal": 4, "force": 5, "shape": 2, "controller": 4, "stage": 4, "format": 3, "problem": 1}
+MOST = {
+    "signal": 4,
+    "force": 5,
+    "shape": 2,
+    "controller": 4,
+    "stage": 4,
+    "format": 3,
+    "problem": 1,
+    "setting": 1,
+}
 LEFT_OUT = shutil.ignore_patterns(".git", ".venv", ".*_cache", "__pycache__", "build", "outputs", "images")
 
 
