@@ -10,6 +10,7 @@ pydantic; in their messages ``{key}`` stands for the setting's key and ``{unit}`
 Comparisons are written so that NaN, which compares false with everything, never passes.
 """
 
+import inspect
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -512,7 +513,7 @@ class Settings(metaclass=SettingsType):
 
     def __init_subclass__(cls, *, group: str | None = None, only: Only | None = None) -> None:
         """Make a subclass a dataclass, and enter its keys among those that are known."""
-        hints = cls.__dict__.get("__annotations__", {}).values()
+        hints: list[Any] = [*inspect.get_annotations(cls).values()]
         # reading texts takes a millisecond a class, and a tag has its text elsewhere
         has_texts = not all(get_origin(hint) is Literal and len(get_args(hint)) == 1 for hint in hints)
         config = ConfigDict(**CONFIG, use_attribute_docstrings=has_texts)
