@@ -75,7 +75,7 @@ PARTS: Mapping[str, Callable[[], Any]] = {
 OF_LIBRARIES: Mapping[str, Callable[[Any], Any]] = {
     # not numba.get_num_threads, which starts them
     "numba": lambda numba: [
-        getattr(numba.config, name, None) for name in ("NUM_THREADS", "CACHE_DIR", "DISABLE_JIT")
+        getattr(numba.config, name) for name in ("NUMBA_NUM_THREADS", "CACHE_DIR", "DISABLE_JIT")
     ],
     "matplotlib": lambda matplotlib: {
         key: value

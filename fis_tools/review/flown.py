@@ -152,6 +152,8 @@ def evaluations(paths: Sequence[Path | str], sha256: str) -> list[Evaluation]:
                 ControllerFileError, OSError, ValueError, RecursionError, where=f"{folder / SUMMARY}: "
             ):
                 summary = json.loads(read_text(folder / SUMMARY))
+            if not isinstance(summary, dict):
+                raise ControllerFileError(f"{folder / SUMMARY}: it is no summary of an evaluation")
             is_own = summary.get("controller_sha256") == sha256
             results.append(Evaluation(summary, _worst(folder / EPISODES), is_own))
     return results
