@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from fis_tools.array_types import Floats, Integers
 from fis_tools.compiled.vectors import ROW
-from fis_tools.model import FuzzySystem, Variable, conjunctions, is_unimodal
+from fis_tools.model import TOOLS, FuzzySystem, Variable, conjunctions, is_unimodal
 from fis_tools.model.validate import validate
 
 Layout = NDArray[np.void]
@@ -123,6 +123,8 @@ def _require_compilable(system: FuzzySystem) -> None:
             f"system {system.name!r} cannot be compiled: {fact}; evaluate it with fis_tools.engines.inference"
         )
 
+    if system.is_sampled:
+        refuse(f"it is inferred as {TOOLS[system.semantics].title} does, and the kernel as scikit-fuzzy does")
     if not 1 <= len(system.inputs) <= MAX_INPUTS:
         refuse(f"it has {len(system.inputs)} inputs, 1 to {MAX_INPUTS} are covered")
     if conjunctions(system) is None:

@@ -10,7 +10,7 @@ from fis_tools.engines.kernel import LANES, evaluate
 from fis_tools.engines.packing import NotCompilable, pack
 from fis_tools.genes import parameters
 from fis_tools.genes.parameters import GREATEST_GAIN, KeptRules, Planes, Stretches, SystemEncoding
-from fis_tools.model import FuzzySystem, Not, Term, Variable, rule_table, table_rules
+from fis_tools.model import FuzzySystem, Not, Term, Variable, rule_table, table_rules, with_semantics
 from fis_tools.model.shapes import Gaussian, Sampled, Sigmoid, Triangular
 from fis_tools.model.validate import InvalidSystem, problems
 from tests.fis_tools.engines.random_systems import full_table_system, inputs_for
@@ -42,6 +42,10 @@ FOUR = tuple(replace(MANY, name=name, terms=MANY.terms[:1]) for name in "abcd")
 @pytest.mark.parametrize(
     ("system", "fact"),
     [
+        (
+            with_semantics(GAPPED, "matlab"),
+            "it is inferred as MATLAB does, and the kernel as scikit-fuzzy does",
+        ),
         (replace(GAPPED, rules=(NEGATED,)), "its rules are not plain conjunctions"),
         (replace(GAPPED, defuzzifier="mom"), "only minimum, maximum and centroid are covered"),
         (replace(GAPPED, and_operator="product"), "only minimum, maximum and centroid are covered"),
