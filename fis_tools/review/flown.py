@@ -156,6 +156,13 @@ def evaluations(paths: Sequence[Path | str], sha256: str) -> list[Evaluation]:
                 raise ControllerFileError(f"{folder / SUMMARY}: it is no summary of an evaluation")
             is_own = summary.get("controller_sha256") == sha256
             results.append(Evaluation(summary, _worst(folder / EPISODES), is_own))
+            try:
+                failures(results[-1])
+                _evaluation_row(results[-1])
+            except (LookupError, TypeError, ValueError, ArithmeticError, AttributeError) as error:
+                raise ControllerFileError(
+                    f"{folder / SUMMARY}: it is no summary of an evaluation; repeat the stage evaluate"
+                ) from error
     return results
 
 

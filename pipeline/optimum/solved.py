@@ -67,10 +67,21 @@ class Solved:
         return starts_in(self.cases)
 
     def plan(self, row: int, mission: Mission) -> Floats:
-        """Return the forces of a row's case, one per control period, N, Hill axes."""
+        """Return the forces of a row's case, one per control period, N, Hill axes.
+
+        Raises
+        ------
+        pipeline.run.artifacts.ArtifactError
+            If the plan fires outside the flight.
+        """
         fired = self.fired[self.fired[:, 0] == self.cases["case"][row]]
         forces = np.zeros((mission.num_controls, 3))
-        forces[np.rint(fired[:, 1] / mission.control_period_s).astype(np.int64)] = fired[:, 2:]
+        periods = np.rint(fired[:, 1] / mission.control_period_s)
+        if not np.all((periods >= 0) & (periods < mission.num_controls)):  # nor of what is no number
+            raise artifacts.ArtifactError(
+                f"{self.folder} has a plan that fires outside its flight; repeat the stage optimum"
+            )
+        forces[periods.astype(np.int64)] = fired[:, 2:]
         return forces
 
 

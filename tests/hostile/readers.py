@@ -402,6 +402,16 @@ def _whole(path: Path) -> Callable[[Path], Sequence[bytes]]:
     return lambda _: [path.read_bytes()]
 
 
+MEAN: Final = {"mean": 1.0, "standard_deviation": 0.5}
+SHARE: Final = {"count": 2, "fraction": 0.5, "low": 0.1, "high": 0.9}
+SUMMARY: Final = {
+    "controller_sha256": "0",
+    "num_cases": 4,
+    "delta_v_m_s": MEAN,
+    "inspection_rate_percent": MEAN,
+    "success": SHARE,
+    "violated": SHARE,
+}
 EVIDENCE: Final = {
     "schema": "evidence",
     "controller": {"name": "paper_champion", "sha256": "0" * 64},
@@ -446,7 +456,7 @@ READERS: Final[Mapping[str, Reader]] = {
     "evidence": Reader(_in_file("evidence.json", lambda path: read_evidence(path, "0" * 64)),
                        lambda _: [json.dumps(EVIDENCE).encode()], "tree", REFUSALS),
     "summary": Reader(_in_file("evaluate/summary.json", lambda path: evaluations([path.parents[1]], "")),
-                      lambda _: [b'{"controller_sha256": "0", "num_cases": 3}'], "tree", REFUSALS),
+                      lambda _: [json.dumps(SUMMARY).encode()], "tree", REFUSALS),
     "manifest": Reader(_in_file("manifest.json", _trained),
                        lambda _: [b'{"files": {"champion": "train/champion.json"}}'], "tree", REFUSALS),
     "project": Reader(_in_file("pyproject.toml", _named_here),
