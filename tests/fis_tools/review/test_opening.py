@@ -83,6 +83,8 @@ def test_failures_are_counted_over_all_flights_of_the_run_of_a_recording(tmp_pat
         (tmp_path / name).mkdir()
     share = {"count": 1, "fraction": 0.25, "low": 0.0456, "high": 0.6994}
     summary = {"num_cases": 4, "success": {**share, "count": 3, "fraction": 0.75}, "violated": share}
+    mean = {"mean": 1.0, "standard_deviation": 0.1}
+    summary |= {"delta_v_m_s": mean, "inspection_rate_percent": mean}
     (tmp_path / "evaluate" / "summary.json").write_text(json.dumps(summary))
     columns = {
         "case": [0, 1, 2, 3],
