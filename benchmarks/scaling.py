@@ -2,69 +2,80 @@
 
 ``python -m benchmarks scaling`` measures the memory, ``python -m benchmarks scaling --prices`` the processor
 time of a flight of each champion in its world, and what millions of them take. ``--engine`` measures the
-processor time that a part of a second costs in this process and on workers of Dask, all of them included: the
-least of some campaigns of many parts, less the least of those of few, which start up alike.
+processor time of parts of a second, flown in turn by this process and on workers of Dask.
 """
 
 import argparse
 import math
 import os
-import resource
+import statistics
 import subprocess
 import tempfile
 import time
 from collections.abc import Sequence
-from itertools import product
 from pathlib import Path
 
 from benchmarks.timing import line
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers.source import load
 from pipeline.flight.goals.flights import fly_all
+from pipeline.run.engine import HERE, open_pool
 from pipeline.scenarios import evaluation_scenarios
+from pipeline.settings.experiment import Engine
 from pipeline.settings.places import conf_folder
-from tests.hostile.kills import command
+from pipeline.stages.evaluate import fly_part
+from tests.hostile.kills import command, workers_of
 
 
-def used_by(cases: int, part_cases: int, folder: Path, *more: str) -> resource.struct_rusage:
-    """Fly a campaign of `cases` flights; return what its process, and those that it waited for, used."""
+def memory_of(cases: int, part_cases: int, folder: Path) -> float:
+    """Fly a campaign of `cases` flights; return the peak memory of its process, MB."""
     words = [
-        "+experiment=evaluate", "stages=[evaluate]", "optimum.reference=null", f"hydra.run.dir={folder}",
-        f"monte_carlo.num_cases={cases}", f"engine.part_cases={part_cases}", *more,
+        "+experiment=evaluate", "controller=coast", "stages=[evaluate]", "duration_s=60",
+        f"monte_carlo.num_cases={cases}", f"engine.part_cases={part_cases}", "optimum.reference=null",
+        f"hydra.run.dir={folder}",
     ]  # fmt: skip
     process = subprocess.Popen(command(words), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)  # noqa: S603
     _, status, used = os.wait4(process.pid, 0)
     if status:
         raise RuntimeError(f"the campaign of {cases} flights ended with {status}")
-    return used
-
-
-def memory_of(cases: int, part_cases: int, folder: Path) -> float:
-    """Fly a campaign of `cases` flights; return the peak memory of its process, MB."""
-    return used_by(cases, part_cases, folder, "controller=coast", "duration_s=60").ru_maxrss / 1024.0
+    return used.ru_maxrss / 1024.0
 
 
 #: flights of `ENGINE_CONTROLLER` that take a part of a second
 SECOND_CASES, ENGINE_CONTROLLER = 8000, "paper_champion"
-#: parts of the campaigns that are compared, and campaigns of each
-FEW_PARTS, MANY_PARTS, REPEATS = 2, 26, 4
+#: parts that are flown in turn with each engine, and how often
+NUM_PARTS, REPEATS = 8, 4
 
 
-def print_engines(scratch: Path) -> None:
-    """Print the processor time of a part, and of the rest of a campaign, with each engine."""
-    spent: dict[tuple[str, int], list[float]] = {}
-    for repeat, kind, num_parts in product(range(REPEATS), ("local", "dask"), (FEW_PARTS, MANY_PARTS)):
-        words = f"controller={ENGINE_CONTROLLER}", f"engine.kind={kind}", "monte_carlo.workers=2"
-        folder = scratch / f"{kind}-{num_parts}-{repeat}"
-        used = used_by(SECOND_CASES * num_parts, SECOND_CASES, folder, *words)
-        spent.setdefault((kind, num_parts), []).append(used.ru_utime + used.ru_stime)
-    parts = {}
-    for kind in ("local", "dask"):
-        few, many = (min(spent[kind, count]) for count in (FEW_PARTS, MANY_PARTS))
-        parts[kind] = (many - few) / (MANY_PARTS - FEW_PARTS)
-        line(f"{kind}: processor time of a part, s", f"{parts[kind]:.3f}")
-        line(f"{kind}: processor time of the rest, s", f"{few - FEW_PARTS * parts[kind]:.1f}")
-    line("Dask: more processor time a part, %", f"{100.0 * (parts['dask'] / parts['local'] - 1.0):.1f}")
+def print_engines() -> None:
+    """Print the processor time of a part with each engine: of this process and of Dask's workers."""
+    words = ["+experiment=evaluate", f"controller={ENGINE_CONTROLLER}"]
+    experiment = compose_experiment(words).experiment
+    controller = load(experiment.controller, experiment.mission)
+    bounds = [(SECOND_CASES * part, SECOND_CASES * (part + 1)) for part in range(NUM_PARTS)]
+    tasks = [(experiment, controller, pair, 1) for pair in bounds]
+    spent: dict[str, list[float]] = {"local": [], "dask": []}
+    with open_pool(Engine(kind="dask"), 2) as dask:
+        for pool in (HERE, dask):
+            pool.map(fly_part, tasks[:4])  # compiles if necessary
+        for _ in range(REPEATS):
+            for kind, pool in (("local", HERE), ("dask", dask)):
+                before = _processor_time()
+                pool.map(fly_part, tasks)
+                spent[kind].append((_processor_time() - before) / NUM_PARTS)
+    for kind, seconds in spent.items():
+        line(f"{kind}: processor time of a part, s", " ".join(f"{each:.3f}" for each in seconds))
+    more = [dask / local - 1.0 for local, dask in zip(spent["local"], spent["dask"], strict=True)]
+    line("Dask: more processor time, median, %", f"{100.0 * statistics.median(more):.1f}")
+
+
+def _processor_time() -> float:
+    """Return the processor time of this process and of Dask's workers so far, s."""
+    ticks = [
+        sum(map(int, Path(f"/proc/{worker}/stat").read_text().rpartition(")")[2].split()[11:13]))
+        for worker in workers_of(os.getpid())
+    ]
+    return time.process_time() + sum(ticks) / os.sysconf("SC_CLK_TCK")
 
 
 #: worlds for which champions were trained, by parts of their names, of which the first that fits counts
@@ -126,10 +137,10 @@ def main(arguments: Sequence[str]) -> int:
     if options.prices:
         print_prices()
         return 0
+    if options.engine:
+        print_engines()
+        return 0
     with tempfile.TemporaryDirectory() as name:
-        if options.engine:
-            print_engines(Path(name))
-            return 0
         held = [memory_of(cases, 10_000, Path(name) / str(cases)) for cases in options.cases]
     for cases, megabytes in zip(options.cases, held, strict=True):
         line(f"{cases:,} flights, MB at most", f"{megabytes:.0f}")

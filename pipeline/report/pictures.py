@@ -94,7 +94,8 @@ def _front(contents: Contents) -> Iterator[Drawn]:
     )
     names = [f"{number:02.0f}" for number in front["controller"]]
     spent, rates = (np.repeat(front[name][:, np.newaxis], 3, axis=1) for name in ("delta_v_m_s", measure))
-    figure = front_of_runs(names, spent, rates, front["stands"] == 1, label)
+    beaten = "beaten by another, as faults have a price"
+    figure = front_of_runs(names, spent, rates, front["stands"] == 1, label, beaten)
     yield _captioned("front", figure, "front_of_training")
 
 

@@ -200,6 +200,10 @@ class Penalty(Settings, group="optimizer.penalty", only=TRAINS):
         return replace(self, short_point_m_s=short, missed_point_m_s=missed)
 
 
+#: where local mutation takes steps
+LOCAL_STEPS = Only("optimizer.mutation=local", "optimizer.algorithm=nsga2")
+
+
 class Optimizer(Settings, group="optimizer", only=TRAINS):
     """The evolutionary algorithm: by default the paper's genetic algorithm."""
 
@@ -266,7 +270,7 @@ class GeneticAlgorithm(Optimizer):
     """MATLAB's, all genes along one direction, or few genes by small normal steps."""
     first_population: Literal["random", "near"] = "random"
     """Besides the controller: drawn anywhere, or its local mutants."""
-    cooling: Annotated[checks.Number, Field(ge=0.1, le=1), Only("optimizer.mutation=local")] = 1.0
+    cooling: Annotated[checks.Number, Field(ge=0.1, le=1), LOCAL_STEPS] = 1.0
     """Factor on the steps of local mutation from round to round."""
 
     def __post_init__(self) -> None:
@@ -296,7 +300,7 @@ class Nsga2(Optimizer):
     algorithm: Literal["nsga2"] = "nsga2"
     crossover_rate: checks.Share = 0.3
     """Share of children of two parents."""
-    cooling: Annotated[checks.Number, Field(ge=0.1, le=1)] = 1.0
+    cooling: Annotated[checks.Number, Field(ge=0.1, le=1), LOCAL_STEPS] = 1.0
     """Factor on the steps of local mutation from round to round."""
 
     def step_of_round(self, round_index: int) -> float:

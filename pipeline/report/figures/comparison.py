@@ -147,6 +147,7 @@ def front_of_runs(
     rates: Floats,
     is_on_front: Booleans,
     label: str = "mean inspection rate (%)",
+    beaten: str = "beaten by another in both",
 ) -> Figure:
     """Draw a rate over mean delta-v with their intervals, a point a setting, and the front.
 
@@ -156,14 +157,14 @@ def front_of_runs(
     spent, rates : (n, 3) arrays
         Mean and ends of the interval, of delta-v (m/s) and of the rate (%).
     is_on_front : (n,) array of bool
-    label : str
-        Of the rates.
+    label, beaten : str
+        Of the rates, and of what is not on the front.
     """
     figure = Figure(figsize=(9.6, 4.8), layout="constrained")
     ax = figure.subplots()
     across, up = (np.abs(values[:, 1:] - values[:, :1]).T for values in (spent, rates))
     order = np.argsort(spent[:, 0], kind="stable")
-    looks = {False: ("o", style.MUTED, "beaten by another in both"), True: ("o-", style.BLUE, "on the front")}
+    looks = {False: ("o", style.MUTED, beaten), True: ("o-", style.BLUE, "on the front")}
     for kind, (line, colour, words) in looks.items():
         rows = order[is_on_front[order] == kind]
         if rows.size:

@@ -3,12 +3,16 @@
 import csv
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from fis_tools.formats import serialize
+from pipeline.evaluation.front import COLUMNS
 from pipeline.flight.control.controller import from_fuzzy
 from pipeline.flight.goals.flights import fly_all
+from pipeline.report import page, pictures
+from pipeline.report.contents import read_numbers
 from pipeline.run import artifacts, configuration
 from pipeline.scenarios import validation_scenarios
 from pipeline.stages import train
@@ -112,3 +116,21 @@ def test_a_training_goes_on_to_the_same_front_on_any_number_of_workers(trained, 
     train.run(first, tmp_path)
     train.run(replace(whole, resume=True), tmp_path)
     assert (tmp_path / artifacts.FRONT).read_bytes() == (folder / artifacts.FRONT).read_bytes()
+
+
+def test_the_report_draws_the_front_and_lists_its_controllers(trained):
+    job, folder, _, _ = trained
+    table = rows(folder)
+    columns = read_numbers(folder, artifacts.FRONT, COLUMNS)
+    contents = SimpleNamespace(front=columns, experiment=job.experiment)
+    ((name, caption, figure),) = pictures._front(contents)
+    assert name == "front"
+    assert artifacts.FRONT_CONTROLLERS in caption
+    drawn = [line.get_xdata() for line in figure.axes[0].lines if len(line.get_xdata())]
+    spent = {row["delta_v_m_s"] for row in table}
+    assert {float(value) for values in drawn for value in values} == spent
+    headings, *cells = page.front_rows(columns)
+    assert [cell[0] for cell in cells] == [f"{index:02d}" for index in range(len(table))]
+    assert all(len(cell) == len(headings) for cell in cells)
+    assert [bool(cell[-1] == "handed back") for cell in cells] == [row["handed_back"] == 1 for row in table]
+    assert page.front_rows(None) == []
