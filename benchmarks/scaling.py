@@ -50,6 +50,7 @@ NUM_PARTS, REPEATS = 8, 4
 def print_engines() -> None:
     """Print the processor time of a part with each engine: of this process and of Dask's workers."""
     words = ["+experiment=evaluate", f"controller={ENGINE_CONTROLLER}"]
+    words.append(f"monte_carlo.num_cases={SECOND_CASES * NUM_PARTS}")
     experiment = compose_experiment(words).experiment
     controller = load(experiment.controller, experiment.mission)
     bounds = [(SECOND_CASES * part, SECOND_CASES * (part + 1)) for part in range(NUM_PARTS)]
