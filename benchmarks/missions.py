@@ -9,7 +9,6 @@ for the picture of the pages.
 
 import argparse
 import json
-import sys
 import tempfile
 import time
 from collections.abc import Sequence
@@ -202,9 +201,7 @@ def main(given: Sequence[str]) -> int:
             print(f"    limited by the {limit['sentence']}")
         keys = ("shipped", "fitted", "layered", "tuned", "last", "seconds")
         stored[name] = {"words": MISSIONS[name][0]} | {key: summary[key] for key in keys}
-    if options.store:
-        STORED.write_text(
-            json.dumps({name: stored[name] for name in MISSIONS if name in stored}, indent=1) + "\n"
-        )
-        sys.stderr.write(f"stored in {STORED}\n")
+        if options.store:
+            ordered = {name: stored[name] for name in MISSIONS if name in stored}
+            STORED.write_text(json.dumps(ordered, indent=1) + "\n", encoding="utf-8")
     return 0

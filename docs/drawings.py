@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from docs import flown_drawings
+from docs import flown_drawings, mission_drawing
 from docs.drawing import Drawing
 from fis_tools.compiled.decorator import plainly
 from pipeline.command_line.config import compose_experiment
@@ -272,7 +272,8 @@ TOP_M, END_MIN = 80.0, 15.0
 #: a controller, and a case in which it passes the chief at arm's length
 STOPPED, STOPPED_CASE = "lqr", 369
 DRAWINGS: dict[str, Callable[[], Drawing]] = {
-    each.__name__: each for each in (motion, aim, axes, light, tour, stop, *flown_drawings.DRAWINGS)
+    each.__name__: each
+    for each in (motion, aim, axes, light, tour, stop, *flown_drawings.DRAWINGS, mission_drawing.missions)
 }
 
 

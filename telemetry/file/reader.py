@@ -83,15 +83,18 @@ class TopicColumns:
         # anything that accepts Arrow's stream protocol accepts a topic: polars.DataFrame(topic), duckdb
         return self.to_arrow().__arrow_c_stream__(requested_schema)
 
+    def __contains__(self, field: object) -> bool:
+        return field in self.columns
+
     def __getitem__(self, field: str) -> NDArray[np.generic]:
         if field not in self.columns:
             raise KeyError(f"topic {self.topic} has no field {field!r}; it has {', '.join(self.columns)}")
         return self.columns[field]
 
 
-@dataclass(frozen=True)
-class Recording:
-    """A recording, or the part of it that was read.
+@dataclass(frozen=True, eq=False)
+class Recording(Mapping[str, TopicColumns]):
+    """A recording, or the part of it that was read: a mapping from topics to their columns.
 
     Parameters
     ----------
@@ -113,6 +116,12 @@ class Recording:
         if topic not in self.topics:
             raise KeyError(f"{self.path} has no topic {topic!r} here; it has {', '.join(self.topics)}")
         return self.topics[topic]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.topics)
+
+    def __len__(self) -> int:
+        return len(self.topics)
 
     @property
     def fis_names(self) -> tuple[str, ...]:

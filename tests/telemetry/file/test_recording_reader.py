@@ -1,5 +1,6 @@
 """Reading by topic and by time, with units, and what a reader says of a bad file."""
 
+from collections.abc import Mapping
 from itertools import chain, groupby
 from math import inf, nan
 
@@ -98,6 +99,19 @@ def test_a_wrong_byte_in_the_index_is_noticed(short_file, tmp_path):
 def test_a_topic_on_which_nothing_happened_is_there_and_empty(tmp_path):
     path = synthetic_flight.record(synthetic_flight.fly(3), tmp_path / "flight.mcap")
     assert len(telemetry.read(path)["/log"]) == 0
+
+
+def test_a_recording_is_a_mapping_of_topics(flight_file):
+    recording = telemetry.read(flight_file)
+    assert isinstance(recording, Mapping)
+    assert list(recording) == list(recording.topics)
+    assert len(recording) == len(recording.topics) > 3
+    assert dict(recording.items()) == recording.topics
+    assert "/deputy/state" in recording
+    assert "/navigation/none" not in recording
+    assert recording.get("/navigation/none") is None
+    assert "position_m" in recording["/deputy/state"]
+    assert "height" not in recording["/deputy/state"]
 
 
 def test_a_topic_or_field_that_is_not_there_is_named(flight_file):
