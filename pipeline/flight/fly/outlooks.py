@@ -156,6 +156,12 @@ class Deputies:
         """The control periods between the samples at which plans are priced."""
         return max(1, round(LOOK_S[self.num_pushes] / self.mission.control_period_s))
 
+    @property
+    def most_force(self) -> float:
+        """The greatest force along an axis that is fired as planned, N; larger pushes take longer."""
+        guard = self.world.guard
+        return min(self.world.max_force, guard.planned_force) if guard.is_on else self.world.max_force
+
     def only(self, flights: Integers) -> "Deputies":
         """Return some of them."""
         left = None if self.left is None else self.left[flights]

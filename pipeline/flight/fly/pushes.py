@@ -156,16 +156,14 @@ def search_pushes(
     needed: int,
     effort: Effort,
     generator: np.random.Generator,
-    most_force: float,
     last: Floats | None = None,
 ) -> PushSearch:
     """Search for the cheapest plan that sees so many points.
 
     The genes of a `last` plan, those of plans near it, and doing nothing are among the first, if it is given.
-    No component of a push exceeds `most_force`, N.
     """
     num_samples, num_later = len(outlook.free), num_pushes - 1
-    reach = min(REACH_M_S / outlook.delta_v_per_force, most_force)
+    reach = REACH_M_S / outlook.delta_v_per_force
     latest = max(1.0, LATEST * (num_samples - 1))
     lowest = np.r_[np.full(3 * num_pushes, -reach), np.zeros(num_later)]
     highest = np.r_[np.full(3 * num_pushes, reach), np.full(num_later, latest)]

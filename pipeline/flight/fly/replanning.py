@@ -195,12 +195,12 @@ class _Choice:
             return PushSearch(genes, costs)
         start = deputies.believed[flight]
         numbers = [*start.position_m, *start.velocity_m_s, start.sun_angle_rad, start.sun_elevation_rad]
-        words, most_force = np.array(numbers).view(np.uint32).tolist(), deputies.known.deputy.max_force_n
+        words = np.array(numbers).view(np.uint32).tolist()
         searches = []
         for number, effort in enumerate(efforts):
             key = deputies.sample, attempt, number
             generator = np.random.default_rng(np.random.SeedSequence(words, spawn_key=key))
-            search = search_pushes(outlook, num_pushes, needed, effort, generator, most_force, last)
+            search = search_pushes(outlook, num_pushes, needed, effort, generator, last)
             searches.append(search)
         self._num_priced[flight] += sum(search.costs.size for search in searches)
         return min(searches, key=lambda search: search.cost)
@@ -234,7 +234,8 @@ class _Choice:
         coasting[:, :sample] = self._before[flights, :sample]
         for openings, search in zip(coasting, searches, strict=True):
             for begin, *force in _pushes_of(search.best, deputies):
-                openings[int(begin), :3] += force
+                count = max(1, int(np.ceil(np.abs(force).max() / deputies.most_force - 1e-9)))
+                openings[int(begin) : int(begin) + count, :3] += np.array(force) / count
         driven = coasting.copy()
         for openings in driven:
             fired = np.flatnonzero(np.any(openings[sample:, :3] != 0.0, axis=1))
@@ -248,17 +249,21 @@ class _Choice:
     def _last(self, flight: int, num_pushes: int) -> Floats | None:
         """Return the genes of what the last plan would still fire; None at the start.
 
-        Pushes beyond one now and the next ones later are left out.
+        Pushes beyond one now and the next ones later are left out; equal ones in a row are parts of one.
         """
         deputies = self._deputies
         if deputies.sample == 0:
             return None
         forces, genes = self._before[flight, deputies.sample :, :3], np.zeros(4 * num_pushes - 1)
-        genes[:3] = forces[0]
-        later = [index for index in np.flatnonzero(np.any(forces != 0.0, axis=1)) if index > 0]
-        for push, index in enumerate(later[: num_pushes - 1], start=1):
-            genes[3 * push : 3 * push + 3] = forces[index]
-            genes[3 * num_pushes + push - 1] = index / deputies.step + 0.01
+        push = 0
+        for index in np.flatnonzero(np.any(forces != 0.0, axis=1)).tolist():
+            is_part = index > 0 and np.array_equal(forces[index], forces[index - 1])
+            push += index > 0 and not is_part
+            if push == num_pushes:
+                break
+            genes[3 * push : 3 * push + 3] += forces[index]
+            if push > 0 and not is_part:
+                genes[3 * num_pushes + push - 1] = index / deputies.step + 0.01
         return genes
 
 

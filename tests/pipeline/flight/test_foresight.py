@@ -101,7 +101,7 @@ def test_a_search_has_the_same_bits_in_plain_python():
 
     def search():
         generator, last = np.random.default_rng(1), np.full(7, 0.01)
-        return search_pushes(outlook, 2, needed, Effort(8, 3), generator, 1.0, last)
+        return search_pushes(outlook, 2, needed, Effort(8, 3), generator, last)
 
     compiled = search()
     with plainly("pipeline"):
@@ -173,6 +173,19 @@ def test_where_no_plan_sees_enough_it_flies_as_rehearsed(monkeypatch):
     log = fly_logged(MISSION, controller, STARTS[0])
     assert log.delta_v_m_s[-1] == flown.delta_v_m_s[0]
     assert len(log.foresight_at) == 1
+
+
+def test_pushes_beyond_what_thrusters_fire_take_several_periods():
+    weak = mission(attitude={"mode": "ideal"}, deputy={"max_force_n": 0.02})
+    log = fly_logged(weak, foreseeing(rehearsal_reach_m_s=None), STARTS[0])
+    forces = np.abs(log.force_asked_n).max(axis=1)
+    assert forces.max() <= 0.02 * (1.0 + 1e-9)
+    planned = np.abs(log.foresight_plans[0][log.foresight_plans[0][:, 0, 0] >= 0.0][:, :, 1:]).max()
+    assert planned > 0.02
+    if (log.command_reason == CHOSEN_AHEAD).all():
+        chosen = log.foresight_plans[0][0]
+        total = chosen[chosen[:, 0] >= 0.0][:, 1:].sum(axis=0)
+        np.testing.assert_allclose(log.force_hill_n.sum(axis=0), total, rtol=1e-9, atol=1e-12)
 
 
 def test_margins_follow_what_the_filter_knows():
