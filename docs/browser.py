@@ -38,6 +38,7 @@ from pipeline.flight.cases.starts import cases_of
 from pipeline.flight.control.law import law_of
 from pipeline.flight.fly.many import Results, fly_many
 from pipeline.flight.fly.population import flights_of
+from pipeline.flight.fly.replanning import foresees
 from pipeline.flight.fly.workspace import make_state, make_workspace
 from pipeline.flight.state import arrays
 from pipeline.flight.state.arrays import NUM_OUTCOMES, NUM_TRACKED
@@ -242,6 +243,8 @@ def build(folder: Path) -> None:
     flown = experiment()
     mission, starts = flown.mission, evaluation_scenarios(flown)
     controller = source.named(CONTROLLER, mission)
+    if foresees(controller):
+        sys.exit(f"{CONTROLLER} plans its pushes ahead, which the page's flight does not; choose rules alone")
     world, cases = pack_world(mission), cases_of(mission, starts)
     law, numbers = law_of(controller, mission), controller.numbers
     parts, flights, _ = flights_of(world, law, numbers, cases)
