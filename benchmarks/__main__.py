@@ -28,6 +28,7 @@ CAMPAIGNS = (
     "kills",
     "missions",
     "networks",
+    "onboard",
     "policies",
     "scaling",
     "soak",

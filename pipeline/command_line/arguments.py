@@ -16,7 +16,7 @@ from pipeline.settings.places import conf_folder
 #: the group that experiments are chosen from
 EXPERIMENT: Final = "experiment"
 #: commands beside experiments
-COMMANDS: Final = ("edit", "summary", "verify", "warm")
+COMMANDS: Final = ("edit", "export_c", "summary", "verify", "warm")
 #: options of Hydra that this program lacks, and why
 REFUSED: Final = {
     "--config-path": "would replace our configuration; add to it with --config-dir",

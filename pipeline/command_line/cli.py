@@ -24,7 +24,13 @@ from pipeline.run.runner import Interrupted
 
 INTERRUPTED = 130
 #: modules with a function of a command's name, which few runs need; --help prints its text
-MODULES: Final = {"edit": "edit", "summary": "results", "verify": "results", "warm": "cli"}
+MODULES: Final = {
+    "edit": "edit",
+    "export_c": "export_c",
+    "summary": "results",
+    "verify": "results",
+    "warm": "cli",
+}
 #: what short runs are given
 FEW: Final = ("duration_s=600", "monte_carlo.num_cases=8")
 SMALL: Final = ("optimizer.population_size=8", "optimizer.generations=2")

@@ -14,7 +14,7 @@ from telemetry.file.metadata import Rehearsal
 
 #: what pushes along the positive and the negative Hill axes are called
 WAYS = (("up", "down"), ("ahead", "back"), ("north", "south"))
-#: a component smaller than this is not told, mm/s
+#: a component smaller than this is not sentence, mm/s
 LEAST_MM_S = 0.5
 #: seconds between the positions of a plan's path that are recorded
 PATH_PERIOD_S = 60.0
@@ -37,7 +37,7 @@ def push_in_words(push_mm_s: Floats) -> str:
 
 
 def plan_in_words(mission: Mission, plan: Floats, sample: int) -> str:
-    """Return a plan, (B, 4), from a sample on in words; see `replanning.Decision`."""
+    """Return a plan, (B, 4), from a sample on in words; see `replanning.PlannedDecision`."""
     per_force, words = 1e3 * mission.control_period_s / mission.deputy.mass_kg, []
     for begin, *force in plan[np.argsort(plan[:, 0], kind="stable")]:
         push = push_in_words(per_force * np.array(force)) if begin >= 0.0 else ""
@@ -54,12 +54,14 @@ def decisions_in_words(mission: Mission, log: FlightLog) -> Iterator[tuple[int, 
     ):
         sample, num_priced, missed = (int(number) for number in at)
         plan = plan_in_words(mission, plans[0], sample)
-        told = f"planned: the last plan still sees enough, {plan}"
+        sentence = f"planned: the last plan still sees enough, {plan}"
         if num_priced:
-            told = f"planned: of {num_priced:,} plans, checked for light and sight, this is cheapest: {plan}"
+            sentence = (
+                f"planned: of {num_priced:,} plans, checked for light and sight, this is cheapest: {plan}"
+            )
         if np.isfinite(prices[1]):
             other, more = plan_in_words(mission, plans[1], sample), 1e3 * (prices[1] - prices[0])
-            told += f". The best other one, {other}, would cost {more:.0f} mm/s more"
+            sentence += f". The best other one, {other}, would cost {more:.0f} mm/s more"
         best = int(np.nanargmin(ends))
         then = {
             COASTING: "coasting follows",
@@ -67,7 +69,7 @@ def decisions_in_words(mission: Mission, log: FlightLog) -> Iterator[tuple[int, 
             RULES: "but the rules alone are cheaper",
             REHEARSED: "but what the rules rehearse is cheaper",
         }[best]
-        yield sample, f"{told}; {then}. Firing nothing from here would leave {missed} points unseen"
+        yield sample, f"{sentence}; {then}. Firing nothing from here would leave {missed} points unseen"
 
 
 def recorded_decisions(mission: Mission, log: FlightLog) -> dict[str, Rehearsal]:

@@ -53,7 +53,7 @@ def foresees(controller: Controller) -> bool:
 
 
 @dataclass(frozen=True)
-class Decision:
+class PlannedDecision:
     """What a deputy chose at a sample, and among what.
 
     Parameters
@@ -90,13 +90,13 @@ class Foreseen:
         As `fly_population` takes them.
     is_rehearsed : (m,)
         Flights that go by what the controller rehearses instead.
-    decisions : list of Decision
+    decisions : list of PlannedDecision
         Of the only flight, if they are recorded.
     """
 
     openings: Floats
     is_rehearsed: Booleans
-    decisions: list[Decision] = field(default_factory=list)
+    decisions: list[PlannedDecision] = field(default_factory=list)
 
 
 def foresee(
@@ -166,7 +166,7 @@ class _Choice:
         """Whether the rules alone, or what they rehearse, are cheaper, (m,)."""
         return np.asarray(np.fmin(self.ends[RULES], self.ends[REHEARSED]) < self._cheapest)
 
-    def decision(self) -> Decision:
+    def decision(self) -> PlannedDecision:
         """Return what the only deputy chose, and among what."""
         deputies, search = self._deputies, self._searches[0]
         coasted = deputies.fly(finishing(deputies.controller), deputies.coasting())
@@ -179,7 +179,7 @@ class _Choice:
             plans[row, : len(pushes)], prices[row] = pushes, price
         missed = int(coasted.inspectable_count[0] - coasted.inspected_count[0])
         num_priced = int(self._num_priced[0])
-        return Decision(deputies.sample, num_priced, missed, plans, prices, self.ends[:, 0])
+        return PlannedDecision(deputies.sample, num_priced, missed, plans, prices, self.ends[:, 0])
 
     def _search(
         self, flight: int, num_pushes: int, efforts: Sequence[Effort], attempt: int = 0
@@ -287,7 +287,7 @@ def _rehearsed(deputies: Deputies) -> Floats:
     return np.full(len(believed), np.inf) if openings is None else np.asarray(costs.min(axis=1))
 
 
-def foresight_fields(decisions: Sequence[Decision]) -> dict[str, Floats]:
+def foresight_fields(decisions: Sequence[PlannedDecision]) -> dict[str, Floats]:
     """Return decisions by the names of a flight's log."""
     return {
         "foresight_at": np.array(

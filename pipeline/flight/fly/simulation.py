@@ -24,7 +24,7 @@ from pipeline.flight.fly.outlooks import finishing, rehearsing
 from pipeline.flight.fly.plain import as_asked, is_interpreted
 from pipeline.flight.fly.population import check_finite, flights_of, fly_population, lanes_of_group
 from pipeline.flight.fly.rehearsals import by_tours, rehearse_tours, rehearsed_openings
-from pipeline.flight.fly.replanning import Decision, Foreseen, foresee, foresees, foresight_fields
+from pipeline.flight.fly.replanning import Foreseen, PlannedDecision, foresee, foresees, foresight_fields
 from pipeline.flight.fly.tours import following, tour_images
 from pipeline.flight.fly.workspace import make_state, make_workspace
 from pipeline.flight.period.look.optics import note_inspectable
@@ -203,7 +203,7 @@ def fly_logged(
     """
     mission = mission_of_case(mission, scenario)
     check_flown_ahead(mission, controller)
-    of_tours, decisions = np.empty((0, 0)), list[Decision]()
+    of_tours, decisions = np.empty((0, 0)), list[PlannedDecision]()
     foreseen: Foreseen | None = None
     if isinstance(controller, RuleController) and foresees(controller):
         foreseen = foresee(mission, controller, [scenario], records=True)

@@ -111,7 +111,7 @@ class FlightLog(NamedTuple):
     # costs by which the first push was chosen, and the tour in each rehearsal, m/s; none without a rehearsal
     push_costs_m_s: Annotated[Floats, "R"]
     tour_costs_m_s: Annotated[Floats, "R", "R"]
-    # decisions of foresight, see `pipeline.flight.fly.replanning.Decision`: sample, plans priced and points
+    # decisions of foresight, see `replanning.PlannedDecision`: sample, plans priced and points
     # that coasting would miss; plans, of pushes as sample and force; prices; and costs of flights ahead
     foresight_at: Annotated[Floats, "R", 3]
     foresight_plans: Annotated[Floats, "R", 5, 3, 4]

@@ -61,7 +61,7 @@ MISTAKES = [
     ([*FLY, "--config-dir"], "expected one argument"),
     ([*FLY, "--config-dir=nowhere"], "--config-dir nowhere is no folder"),
     ([*FLY, "--experimental-rerun=x.pickle"], "would load a pickle"),
-    (["check", "x"], "there is no subcommand check (there are edit, summary, verify and warm)"),
+    (["check", "x"], "there is no subcommand check (there are edit, export_c, summary, verify and warm)"),
     # values
     ([*FLY, "deputy.mass_kg=-1"], "deputy.mass_kg is -1.0; it must be greater than 0 (kg)"),
     ([*FLY, "+dispersions.deputy.mass_kg={kind:uniform,low:-1,high:11}"], "draws what cannot be: deputy."),

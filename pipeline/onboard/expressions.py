@@ -1,0 +1,203 @@
+"""Expressions of Python: computed where all is known, else written down."""
+
+import ast
+import operator
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from fis_tools.compiled.decorator import Compiled
+from fis_tools.compiled.vectors import Three
+from pipeline.onboard.values import (
+    C_TYPES,
+    Accumulator,
+    Array,
+    Expression,
+    TranslationError,
+    is_known,
+    is_scalar,
+    kind_of,
+    range_of,
+    text_of,
+)
+from pipeline.onboard.writer import Frame, Writer
+
+OPERATORS: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+    ast.FloorDiv: operator.floordiv,
+    ast.Mod: operator.mod,
+    ast.BitAnd: operator.and_,
+    ast.BitOr: operator.or_,
+    ast.BitXor: operator.xor,
+}
+COMPARISONS: dict[type[ast.cmpop], Callable[[Any, Any], Any]] = {
+    ast.Lt: operator.lt,
+    ast.LtE: operator.le,
+    ast.Gt: operator.gt,
+    ast.GtE: operator.ge,
+    ast.Eq: operator.eq,
+    ast.NotEq: operator.ne,
+}
+
+
+class Expressions(Writer):
+    """Returns what expressions are."""
+
+    def invoked(self, function: Any, arguments: list[Any], named: dict[str, Any]) -> Any:
+        """Return what a compiled function returns; `Translator` writes it."""
+        raise NotImplementedError
+
+    def value(self, node: ast.expr, frame: Frame) -> Any:
+        """Return what an expression is."""
+        evaluate = getattr(self, f"_value_{type(node).__name__.lower()}", None)
+        if evaluate is None:
+            with self.located(frame, node):
+                raise TranslationError(f"{type(node).__name__} is not translated")
+        return evaluate(node, frame)
+
+    def _value_constant(self, node: ast.Constant, _: Frame) -> Any:
+        return node.value
+
+    def _value_name(self, node: ast.Name, frame: Frame) -> Any:
+        if node.id in frame.names:
+            return self._read(frame.names[node.id])
+        if node.id in frame.globals:
+            return self.wrapped(frame.globals[node.id], node.id)
+        builtins = frame.globals["__builtins__"]
+        names = builtins if isinstance(builtins, dict) else vars(builtins)
+        if node.id not in names:
+            raise TranslationError(f"{node.id} is not bound on every way here")
+        return names[node.id]
+
+    def _value_attribute(self, node: ast.Attribute, frame: Frame) -> Any:
+        owner = self.value(node.value, frame)
+        if isinstance(owner, Expression | Accumulator | np.ndarray) or (
+            isinstance(owner, Array) and node.attr not in ("shape", "ndim")
+        ):
+            raise TranslationError(f"attribute {node.attr} of {type(owner).__name__}")
+        return self.wrapped(getattr(owner, node.attr), node.attr)
+
+    def _value_tuple(self, node: ast.Tuple, frame: Frame) -> Any:
+        return tuple(self.value(item, frame) for item in node.elts)
+
+    def _value_list(self, node: ast.List, frame: Frame) -> Any:
+        return [self.value(item, frame) for item in node.elts]
+
+    def _value_binop(self, node: ast.BinOp, frame: Frame) -> Any:
+        if type(node.op) not in OPERATORS:
+            raise TranslationError(f"operator {type(node.op).__name__}")
+        left, right = self.value(node.left, frame), self.value(node.right, frame)
+        return self._combined(OPERATORS[type(node.op)], left, right)
+
+    def _combined(self, combine: Callable[[Any, Any], Any], left: Any, right: Any) -> Any:
+        for item in (left, right):
+            if isinstance(item, Array | np.ndarray | list):
+                raise TranslationError("arithmetic of whole arrays")
+        if isinstance(left, Three) and is_scalar(right):
+            right = self.stable(right, "factor")
+        if isinstance(right, Three) and is_scalar(left):
+            left = self.stable(left, "factor")
+        return combine(left, right)
+
+    def _value_unaryop(self, node: ast.UnaryOp, frame: Frame) -> Any:
+        item = self.value(node.operand, frame)
+        if isinstance(node.op, ast.Not):
+            return ~item if isinstance(item, Expression) else not item
+        if isinstance(item, Three):
+            raise TranslationError("the negative of three components")
+        if isinstance(node.op, ast.USub):
+            return -item
+        return ~item if isinstance(node.op, ast.Invert) else +item
+
+    def _value_boolop(self, node: ast.BoolOp, frame: Frame) -> Any:
+        is_and = isinstance(node.op, ast.And)
+        result: Any = None
+        for part in node.values:
+            item = self.value(part, frame)
+            if not isinstance(item, Expression):
+                if bool(item) != is_and:  # decides, but for what was to be computed before
+                    return not is_and if result is None else self._both(result, not is_and, is_and)
+                continue
+            result = item if result is None else self._both(result, item, is_and)
+        return is_and if result is None else result
+
+    @staticmethod
+    def _both(left: Any, right: Any, is_and: bool) -> Any:
+        return left & right if is_and else left | right
+
+    def _value_compare(self, node: ast.Compare, frame: Frame) -> Any:
+        left, result = self.value(node.left, frame), None
+        for symbol, part in zip(node.ops, node.comparators, strict=True):
+            right = self.value(part, frame)
+            if isinstance(symbol, ast.Is | ast.IsNot):
+                item: Any = (left is right) == isinstance(symbol, ast.Is)
+            else:
+                if type(symbol) not in COMPARISONS:
+                    raise TranslationError(f"comparison {type(symbol).__name__}")
+                item = COMPARISONS[type(symbol)](left, right)
+            result = item if result is None else self._both(result, item, True)
+            left = right
+        return result
+
+    def _value_ifexp(self, node: ast.IfExp, frame: Frame) -> Any:
+        condition = self.value(node.test, frame)
+        if not isinstance(condition, Expression):
+            return self.value(node.body if condition else node.orelse, frame)
+        return self.chosen(condition, self.value(node.body, frame), self.value(node.orelse, frame))
+
+    def chosen(self, condition: Expression, first: Any, second: Any) -> Any:
+        """Return the first where a condition holds, else the second."""
+        if isinstance(first, tuple):
+            items = [self.chosen(condition, a, b) for a, b in zip(first, second, strict=True)]
+            return type(first)(*items) if hasattr(first, "_fields") else tuple(items)
+        if not (is_scalar(first) and is_scalar(second)):
+            if first is second:
+                return first
+            raise TranslationError("a choice between what are no numbers")
+        kinds = {kind_of(first), kind_of(second)}
+        kind = "lane" if "lane" in kinds else kinds.pop() if len(kinds) == 1 else "double"
+        span = None
+        if kind == "int" and (a := range_of(first)) and (b := range_of(second)):
+            span = (min(a[0], b[0]), max(a[1], b[1]))
+        text = f"({condition.text} ? {text_of(first, C_TYPES[kind])} : {text_of(second, C_TYPES[kind])})"
+        return Expression(text, kind, range=span)
+
+    def _value_subscript(self, node: ast.Subscript, frame: Frame) -> Any:
+        return self.element(self.value(node.value, frame), self._key(node.slice, frame))
+
+    def _key(self, node: ast.expr, frame: Frame) -> Any:
+        if not isinstance(node, ast.Slice):
+            return self.value(node, frame)
+        if node.upper is not None or node.step is not None:
+            raise TranslationError("a slice with an end")
+        return slice(self.value(node.lower, frame) if node.lower else 0, None)
+
+    def _value_call(self, node: ast.Call, frame: Frame) -> Any:
+        function = self.value(node.func, frame)
+        arguments = [self.value(item, frame) for item in node.args]
+        named = {item.arg: self.value(item.value, frame) for item in node.keywords if item.arg}
+        if len(named) != len(node.keywords):
+            raise TranslationError("arguments by **")
+        with self.located(frame, node):
+            return self.call(function, arguments, named)
+
+    def call(self, function: Any, arguments: list[Any], named: dict[str, Any]) -> Any:
+        """Return what a call does: by what writes it down, by translating it, or by computing it."""
+        function = self.setting.instead.get(function, function) if callable(function) else function
+        try:
+            write = self.setting.operations.get(function)
+        except TypeError:
+            write = None
+        if write is not None:
+            return write(self, *arguments, **named)
+        if isinstance(function, Compiled):
+            return self.invoked(function, arguments, named)
+        if isinstance(function, type) and issubclass(function, tuple) and hasattr(function, "_fields"):
+            return function(*arguments, **named)
+        if all(is_known(item) for item in (*arguments, *named.values())):
+            return function(*arguments, **named)
+        raise TranslationError(f"a call of {getattr(function, '__name__', function)}")

@@ -1,0 +1,314 @@
+"""The flight's own `decide`, and what comes before it, translated for a mission and a controller."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple, get_args, get_type_hints
+
+import numpy as np
+
+from fis_tools.compiled.decorator import compiled
+from fis_tools.compiled.vectors import ROW, Three, least, load, width_of
+from fis_tools.engines import kernel, packing
+from pipeline.array_types import Floats, Integers
+from pipeline.flight.control.controller import Controller, RuleController
+from pipeline.flight.control.law import law_of
+from pipeline.flight.fly.tours import tour_images, tour_names
+from pipeline.flight.fly.workspace import optics_in_use
+from pipeline.flight.period import steps
+from pipeline.flight.period.decide.urgency import note_deadlines
+from pipeline.flight.period.look import optics as look_optics
+from pipeline.flight.period.look.optics import Beam, Eye
+from pipeline.flight.period.look.sight import inspect
+from pipeline.flight.state import lanes
+from pipeline.flight.state.arrays import Beyond, Control, FlightState, Law, Moment, Workspace, World
+from pipeline.flight.state.signals import CONSTANTS, SETTING, URGENCY
+from pipeline.flight.world.pack import pack_world
+from pipeline.onboard.operations import OPERATIONS
+from pipeline.onboard.translator import Translator
+from pipeline.onboard.values import Array, Expression, Record, TranslationError
+from pipeline.onboard.writer import Setting
+from pipeline.settings.experiment import Mission
+
+#: constants of a controller that are read from the state and can be changed in flight, unless they are zero:
+#: lengths, speeds, forces and angles, and all of a tour. Other times and counts decide how long loops are
+CHANGEABLE = tuple(
+    name
+    for name, constant in CONSTANTS.items()
+    if constant.is_tuned and (name.endswith(("_m", "_m_s", "_n", "_rad")) or name.startswith("tour_"))
+)
+#: signals of the target, which is the mean of the points that are lit and not inspected
+OF_TARGET = frozenset(
+    {*("lambda_u", "eta_u", "target_setting"), *("target_radial", "target_along_track", "target_cross_track")}
+)
+#: members into which only finite numbers are written, else zero: what inference is given, and the force
+GUARDED = frozenset({"scratch_inputs", "commanded"})
+
+
+#: loops over terms of which `Values` must know which term it is
+UNROLLED = frozenset({("find_crossings", "term")})
+
+
+class NotTranslatableError(TranslationError):
+    """A controller or a mission of which there is no on-board function; the text says why."""
+
+
+class Values:
+    """A controller's values as the flight indexes them.
+
+    Its changeable constants are read from the state. The terms of outputs stand among the values twice, term
+    by term and point by point; on board they do once, point by point.
+    """
+
+    ndim = 1
+
+    def __init__(self, values: Floats, law: Law, choices: Sequence[Floats]) -> None:
+        self._values, self._first, self._choices = values, law.constants, choices
+        self.used: list[str] = []
+        self._rows: list[_Row] = []
+        parts: list[Floats] = []
+        for first, end, by_points in _tables(law):
+            start = sum(map(len, parts))
+            if by_points is None:
+                self._rows.append(_Row(first, end, start, 1))
+                parts.append(values[first:end])
+            else:  # the terms of an output, whose table point by point is the part that was added last
+                terms = (end - first) // by_points
+                for term in range(terms):
+                    row = first + term * by_points
+                    self._rows.append(_Row(row, row + by_points, start - (end - first) + term, terms))
+        self._table = np.concatenate([*parts, np.zeros(ROW)])
+
+    def at(self, translator: Translator, index: Any) -> Any:
+        """Return the value at an index."""
+        if isinstance(index, Expression):
+            for row in self._rows:
+                if row.first <= index.offset < row.end:
+                    table = Array("values", self._table.shape, data=self._table)
+                    return translator.element(table, (index - row.first) * row.step + row.start)
+            raise TranslationError(f"an index of values that is in none of its tables: {index.text}")
+        value = float(self._values[index])
+        if not 0 <= self._first <= index:
+            return value
+        number = index - self._first
+        name = list(CONSTANTS)[number]
+        if name not in CHANGEABLE or not any(constants[number] for constants in self._choices):
+            return value
+        if name not in self.used:
+            self.used.append(name)
+        return Expression(f"state->parameters.{name}")
+
+
+class _Row(NamedTuple):
+    """Consecutive values, and where on board the first stands and how far apart they are."""
+
+    first: int
+    end: int
+    start: int
+    step: int
+
+
+def _tables(law: Law) -> Iterator[tuple[int, int, int | None]]:
+    """Return where a law's tables stand among its values: first index, the one after, points of a term.
+
+    Where there are points, the table stands term by term; the one before holds the same point by point.
+    """
+    for system in law.layout:
+        for column in range(system.num_inputs):
+            first = int(system.input_values[column]) + packing.HEADER
+            yield first, first + int(system.input_terms[column] * system.input_points[column]), None
+        terms, points = int(system.output_terms), int(system.output_points)
+        first = int(system.output_values) + packing.HEADER
+        yield first + terms * points, first + 2 * terms * points, None
+        yield first, first + terms * points, points
+        yield int(system.pieces), int(system.pieces) + 2 * terms * packing.num_pieces(points), None
+
+
+class Fields:
+    """The arrays of a flight's state or workspace as members of a structure of C, made when used."""
+
+    def __init__(self, translator: Translator, kind: Any, sizes: Mapping[str, int], **others: Any) -> None:
+        self._translator, self._sizes, self._others = translator, sizes, others
+        self._declared = get_type_hints(kind, include_extras=True)
+
+    def __getattr__(self, name: str) -> Any:
+        """Return an array or a record."""
+        if name.startswith("_") or name not in self._declared:
+            raise AttributeError(name)
+        if name in self._others:
+            return self._others[name]
+        array, *shape = get_args(self._declared[name])
+        record = shape.pop() if isinstance(shape[-1], dict) else None
+        lengths = tuple(self._sizes.get(length, length) for length in shape)
+        if record is not None:
+            return record_of(self._translator, "" if name == "lanes" else f"{name}_", record, lengths)
+        return self._translator.member(name, lengths, "int" if "int64" in str(array) else "double")
+
+
+def record_of(
+    translator: Translator, prefix: str, fields: Mapping[str, tuple[int, ...]], lengths: tuple[int, ...] = ()
+) -> Record:
+    """Return a record whose fields are members, with one lane."""
+
+    def member(name: str, indices: tuple[Any, ...]) -> Any:
+        is_whole = name == "cut_terms"
+        shape = (*lengths, *fields[name], *(() if is_whole else (1,)))
+        array = translator.member(prefix + name, shape, "int" if is_whole else "double")
+        return array.at(indices) if indices else array
+
+    return Record(member, tuple(fields))
+
+
+@compiled(error_model="numpy")
+def strongest_rule(rules: Integers, layout: Any, index: int, scratch: Any) -> int:
+    """Return which rule of a system fires most strongly, in the order of `Packed.rules`; -1 for none."""
+    system, room = layout[index], scratch[0]
+    terms, inputs = system.output_terms, system.num_inputs
+    bounds = system.rules + terms
+    slots = bounds + terms + 1
+    strongest, leading = 0.0, -1
+    for rule in range(rules[bounds + terms]):
+        strength = load(room.memberships, rules[slots + inputs * rule], width_of(room))
+        for column in range(1, inputs):
+            membership = load(room.memberships, rules[slots + inputs * rule + column], width_of(room))
+            strength = least(membership, strength)
+        if strength > strongest:
+            strongest, leading = strength, rule
+    return leading
+
+
+def without_camera(
+    _: Translator, world: World, optics: Beyond | None, beam: Beam, position: Three, boresight: Three
+) -> Eye:
+    """Return a camera that sees nothing: which points are inspected is told to the controller."""
+    return Eye(position, boresight, beam, 0.0, 0.0, 0.0, False, True)
+
+
+@dataclass(frozen=True)
+class OnboardProgram:
+    """A controller's on-board function as C.
+
+    Parameters
+    ----------
+    translator : Translator
+        With the functions `start_deadlines`, `find_target` (each if needed) and `decide`.
+    controller, mission, world, law
+        What it is of.
+    parameters : sequence of str
+        Constants that it reads and that may be changed.
+    choices : sequence of (str, mapping of str to float)
+        What may be chosen in flight: what it is called, and its constants; first what it was designed with.
+    """
+
+    translator: Translator
+    controller: RuleController
+    mission: Mission
+    world: World
+    law: Law
+    parameters: Sequence[str]
+    choices: Sequence[tuple[str, Mapping[str, float]]]
+
+
+def bounds(world: World) -> dict[tuple[str, str], Any]:
+    """Return how often those loops run at most whose length is not known."""
+    return {
+        ("preview", "while"): lambda names: -(-world.num_controls // world.preview_stride) + 1,
+        ("note_deadlines", "while"): lambda names: world.num_controls,
+        ("count_ranks", "while"): lambda names: int(names["terms"]),
+        ("grid_sums", "rank"): lambda names: int(names["system"].output_terms),
+        ("cut_terms", "rule"): lambda names: int(names["rules"].at(names["bounds"] + names["terms"]).known),
+        ("neighbours", "other"): lambda names: 2 * 16,
+        ("crossing_triangles", "flank"): lambda names: 2 * int(names["terms"]),
+    }
+
+
+def translate(mission: Mission, controller: Controller) -> OnboardProgram:
+    """Return the on-board function of a controller in a mission.
+
+    Raises
+    ------
+    NotTranslatableError
+        If it has no rules, its mission's targets are clusters, or something has no translation.
+    """
+    if not isinstance(controller, RuleController):
+        raise NotTranslatableError(f"{controller.name!r} has no rules; choose a controller that has")
+    world, law = pack_world(mission), law_of(controller, mission)
+    sensed = {variable.name for system in controller.systems for variable in system.inputs}
+    if world.has_clusters and sensed & OF_TARGET:
+        raise NotTranslatableError(
+            f"{controller.name!r} senses the nearest cluster of points, which is found by a loop without a "
+            "constant bound; set guidance.kind=centroid"
+        )
+    numbers, optics = controller.numbers, optics_in_use(world, 0.0)
+    images = dict(zip(tour_names(controller), tour_images(controller), strict=False))
+    choices = images or {"as designed": controller}
+    constants = [choice.constants for choice in choices.values()]
+    parameters = Values(numbers.values[0], law, constants)
+    operations: dict[Any, Callable[..., Any]] = {
+        **OPERATIONS,
+        kernel.infer: _infer_and_note,
+        lanes.exponential: _exponential,
+    }
+    translator = Translator(Setting(operations, bounds=bounds(world), unrolled=UNROLLED, guarded=GUARDED))
+    now, work = moment(translator, world)
+    control = Control(law, parameters, numbers.rules[0])  # type: ignore[arg-type]
+    if law.needs & (URGENCY | SETTING):
+        translator.write(
+            "note_deadlines",
+            note_deadlines,
+            {"now": now, "optics": optics, "deadlines": work.deadlines, "lit_marks": work.lit},
+        )
+    if sensed & OF_TARGET:
+        translator.write(
+            "inspect",
+            inspect,
+            {
+                **{"now": now, "optics": optics, "lane": 0, "candidate": work.candidate},
+                **{"lit_marks": work.lit, "seen_marks": work.seen},
+            },
+            {look_optics.eye_at: without_camera},
+        )
+    pushes = True if law.needs & SETTING else None
+    arguments = {"now": now, "work": work, "optics": optics, "pushes": pushes, "control": control}
+    translator.write("decide", steps.decide, arguments)
+    named = [
+        (name, dict(zip(CONSTANTS, choice.constants.tolist(), strict=True)))
+        for name, choice in choices.items()
+    ]
+    return OnboardProgram(translator, controller, mission, world, law, parameters.used, named)
+
+
+def moment(translator: Translator, world: World) -> tuple[Moment, Any]:
+    """Return a flight at a sample that is known on board, as deputies know it, and its workspace."""
+    sizes = {"L": 1, "P": world.points.shape[2], "C": 1, "S": world.num_attitude_steps, "cuts": 1}
+    scratch = record_of(translator, "scratch_", {**kernel.SCRATCH, "cut_terms": (2 * packing.MAX_TERMS,)})
+    state = Fields(translator, FlightState, sizes)
+    state._others["truth"] = state.belief
+    work = Fields(translator, Workspace, sizes, scratch=Rooms(scratch))
+    k = Expression("k", "int", True, (0, world.num_controls - 1))
+    return Moment(world, state, 0, 1, k), work  # type: ignore[arg-type]
+
+
+@dataclass(frozen=True)
+class Rooms:
+    """The working space of inference: one record."""
+
+    room: Record
+
+    def __getitem__(self, _: int) -> Record:
+        """Return the record."""
+        return self.room
+
+
+def _exponential(translator: Translator, x: Any) -> Any:
+    """Write the exponential of what is limited to where it is finite; in flight, it is."""
+    limited = OPERATIONS[least](translator, x, -lanes.LEAST_EXPONENT)
+    return translator.invoked(lanes.exponential, [limited], {})
+
+
+def _infer_and_note(
+    translator: Translator, values: Any, rules: Any, layout: Any, index: int, scratch: Any
+) -> None:
+    """Write inference, and which rule fires most strongly."""
+    translator.invoked(kernel.infer, [values, rules, layout, index, scratch], {})
+    leading = translator.invoked(strongest_rule, [rules, layout, index, scratch], {})
+    translator.put(translator.member("leading", (3,), "int"), index, leading)

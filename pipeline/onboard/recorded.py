@@ -1,0 +1,157 @@
+"""Recorded flights as the inputs of the on-board function, and what it answers, by the C compiled here.
+
+A flight is the same in closed loop if every command is the same: from equal states equal forces lead to
+equal states. So commands are compared sample by sample, with the inputs that a flight recorded.
+"""
+
+import ctypes
+import os
+import shutil
+import subprocess
+from collections.abc import Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fis_tools.compiled.decorator import plainly
+from pipeline.array_types import Integers
+from pipeline.flight.cases.starts import cases_of
+from pipeline.flight.fly.rehearsals import rehearse_tours
+from pipeline.flight.fly.tours import rehearsal_samples, tour_images
+from pipeline.flight.fly.workspace import points_of_cases
+from pipeline.flight.period.look.optics import sun_after
+from pipeline.flight.state.log import REHEARSED, FlightLog, Scenario
+from pipeline.onboard.program import OnboardProgram
+
+#: what the comparison of bits rests on: no fused operations, no reordering
+FLAGS = ("-std=c99", "-O2", "-ffp-contract=off")
+
+
+class Recorded(NamedTuple):
+    """A flight as the on-board function is given it."""
+
+    start: Any  # one record of `start_type`
+    steps: Any  # (K,) records of `step_type`
+    choices: dict[int, int]  # from samples on, which of `OnboardProgram.choices` is followed
+    parameters: list[list[float]]  # of each choice
+
+
+def start_type(num_points: int) -> np.dtype[Any]:
+    """Return the layout of ``struct controller_start_input``."""
+    fields = [("sun_angle", "f8", 2), ("sun_elevation", "f8", 2), ("counts", "u1", num_points)]
+    return np.dtype(fields, align=True)
+
+
+def step_type(num_points: int) -> np.dtype[Any]:
+    """Return the layout of ``struct controller_step_input``."""
+    return np.dtype(
+        [
+            ("period", "i4"),
+            ("position_m", "f8", 3),
+            ("velocity_m_s", "f8", 3),
+            ("attitude", "f8", 4),
+            ("sun_angle", "f8", 2),
+            ("sun_elevation", "f8", 2),
+            ("unseen", "u1", num_points),
+        ],
+        align=True,
+    )
+
+
+#: the layout of ``struct controller_output``
+OUTPUT = np.dtype(
+    [
+        ("status", "i4"),
+        ("force_n", "f8", 3),
+        ("inferred_n", "f8", 3),
+        ("reason", "i4", 3),
+        ("leading_rule", "i4", 3),
+    ],
+    align=True,
+)
+
+
+def recorded(program: OnboardProgram, scenario: Scenario, log: FlightLog) -> Recorded:
+    """Return a logged flight as inputs of the on-board function."""
+    mission, world = program.mission, program.world
+    cases = cases_of(mission, [scenario])
+    _, counted = points_of_cases(world, cases.starts)
+    case, counts = cases.starts[0], counted[0, : world.num_points]
+    angle = np.cos(case.sun_angle), np.sin(case.sun_angle)
+    angle = float(angle[0]), float(angle[1])
+    elevation = float(np.cos(case.sun_elevation)), float(np.sin(case.sun_elevation))
+    start = np.zeros((), start_type(world.num_points))
+    start["sun_angle"], start["sun_elevation"], start["counts"] = angle, elevation, counts
+    steps = np.zeros(world.num_controls, step_type(world.num_points))
+    steps["period"] = np.arange(world.num_controls)
+    is_exact = mission.navigation.mode == "perfect"
+    known = np.hstack([log.position_m, log.velocity_m_s]) if is_exact else log.estimate
+    steps["position_m"], steps["velocity_m_s"] = known[:-1, :3], known[:-1, 3:6]
+    steps["attitude"] = log.sensed_quaternion_b_from_h[:-1]
+    with plainly("pipeline"):
+        for k, step in enumerate(steps):
+            step["sun_angle"], step["sun_elevation"] = sun_after(world, angle, elevation, k)
+    steps["unseen"] = (counts > 0) & ~log.is_inspected[:-1]
+    rows = [[row[name] for name in program.parameters] for _, row in program.choices]
+    return Recorded(start, steps, _chosen(program, scenario), rows)
+
+
+def _chosen(program: OnboardProgram, scenario: Scenario) -> dict[int, int]:
+    """Return which tour a flight's controller chose by rehearsals, from samples on."""
+    controller, mission = program.controller, program.mission
+    if not tour_images(controller):
+        return {}
+    (followed,) = rehearse_tours(mission, controller, [scenario], 1).followed
+    return dict(zip(rehearsal_samples(controller, mission), followed.tolist(), strict=True))
+
+
+class Library:
+    """The C of an on-board function, compiled for this machine."""
+
+    def __init__(self, folder: Path, compiler: str = "gcc", flags: Sequence[str] = FLAGS) -> None:
+        path = shutil.which(compiler)
+        if path is None:
+            raise FileNotFoundError(f"{compiler} was not found; install it to compile what was written")
+        with TemporaryDirectory() as scratch:
+            library = Path(scratch) / "controller.so"
+            options: list[str | Path] = [
+                *flags,
+                "-fPIC",
+                "-shared",
+                "-o",
+                library,
+                folder / "controller.c",
+                "-lm",
+            ]
+            subprocess.run([path, *options], check=True)  # noqa: S603
+            self._functions = ctypes.CDLL(os.fspath(library))
+        self._state = (ctypes.c_double * (1 << 16))()
+
+    def answers(self, flight: Recorded) -> Any:
+        """Return what the on-board function answers to a flight's samples, (K,) records of `OUTPUT`."""
+        functions, state = self._functions, self._state
+        start, steps = np.ascontiguousarray(flight.start), np.ascontiguousarray(flight.steps)
+        outputs = np.zeros(len(steps), OUTPUT)
+        functions.controller_start(state, ctypes.c_void_p(start.ctypes.data))
+        for k in range(len(steps)):
+            if k in flight.choices:
+                for index, value in enumerate(flight.parameters[flight.choices[k]]):
+                    state[index] = value
+            functions.controller_step(
+                state,
+                ctypes.c_void_p(steps.ctypes.data + k * steps.itemsize),
+                ctypes.c_void_p(outputs.ctypes.data + k * outputs.itemsize),
+            )
+        return outputs
+
+
+def differing(outputs: Any, log: FlightLog) -> Integers:
+    """Return the samples at which a command differs in any bit from the logged one, or its reason does.
+
+    Samples with a rehearsed push are left out: it is chosen on the ground.
+    """
+    is_given = (log.command_reason == REHEARSED).any(axis=1)
+    differs = (outputs["force_n"] != log.force_commanded_n).any(axis=1)
+    return np.flatnonzero(differs & ~is_given)

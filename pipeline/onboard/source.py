@@ -1,0 +1,306 @@
+"""A program as C99: a header and a source, which call nothing but ``math.h``."""
+
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from textwrap import wrap
+from typing import Any
+
+import numpy as np
+
+from fis_tools.document.html import environment, read
+from fis_tools.model import conjunctions
+from fis_tools.model.thrust import LOGIC_REASONS, REASONS, SILENT_N
+from fis_tools.words.text import sentence
+from pipeline.flight.state.signals import AXES, BODY, CONSTANTS
+from pipeline.onboard.program import OnboardProgram
+from pipeline.onboard.values import Array, bare, number_text
+from pipeline.onboard.writer import Function, Line, pruned
+
+WIDTH = 110
+#: what the source compiles with, as C99 and as C++
+WARNINGS = (
+    *("-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wshadow", "-Wdouble-promotion", "-Wundef"),
+    *("-Wcast-qual", "-Werror"),
+)
+#: members of the state that the entries write or read
+OF_ENTRIES = frozenset({"asked", "commanded", "coasts", "outputs", "leading", "num_unseen"})
+#: positions are taken up to so many times the greatest distance allowed, speeds up to that within a time, s
+REACH, PASSAGE_S = 50.0, 2.0
+#: lanes of vectors are bytes of a double; of whole numbers there are four
+BYTES = {"double": 8, "int": 4}
+
+
+@dataclass(frozen=True)
+class Sources:
+    """The source of a program.
+
+    Parameters
+    ----------
+    header, code : str
+    origins : sequence of (int, str, int)
+        Line of the code, and file and line of the Python that it was translated from.
+    tables : mapping of str to int
+        Bytes of each constant table.
+    state_bytes : int
+        Of ``struct controller``, without its parameters.
+    """
+
+    header: str
+    code: str
+    origins: Sequence[tuple[int, str, int]]
+    tables: Mapping[str, int]
+    state_bytes: int
+
+
+def sources(program: OnboardProgram) -> Sources:
+    """Return the source of a program."""
+    functions = without_dead_stores(program.translator.functions)
+    lines = [line for function in functions for line in function.lines]
+    tables = [
+        table for each in program.translator.tables.values() if (table := ConstantTable(each, lines)).is_used
+    ]
+    for function in functions:
+        for table in tables:
+            function.lines = [table.renamed(line) for line in function.lines]
+    read_members = {name for line in lines for name in re.findall(r"state->(\w+)", line.text)}
+    members = {
+        name: member
+        for name, member in program.translator.members.items()
+        if name in OF_ENTRIES | read_members
+    }
+    members.setdefault("num_unseen", ((1,), "double"))
+    code = [Line(text) for text in _opening(program)]
+    code += [Line(text) for table in tables for text in table.definition()]
+    code += [Line(text) for text in _helpers(lines)]
+    for function in functions:
+        code += _definition(function)
+    facts = _facts(program, members, {function.name for function in functions})
+    code += [Line(text) for text in rendered("entries.c.jinja", **facts).splitlines()]
+    header = {name: _declared(name, *member) for name, member in members.items()}
+    return Sources(
+        rendered("controller.h.jinja", **facts | {"members": header.values()}),
+        "".join(f"{line.text}\n" for line in code),
+        [(number, line.file, line.number) for number, line in enumerate(code, start=1) if line.file],
+        {table.name: table.num_bytes for table in tables},
+        sum(int(np.prod(shape)) * BYTES[kind] for shape, kind in members.values()),
+    )
+
+
+@cache
+def _environment() -> Any:
+    forms = environment("pipeline.onboard", "templates", keep_trailing_newline=True)
+    forms.filters |= {"exact": number_text}
+    return forms
+
+
+def rendered(template: str, **facts: Any) -> str:
+    """Render a template of this folder; the filter `exact` writes a double of C."""
+    return str(_environment().get_template(template).render(facts))
+
+
+def _facts(program: OnboardProgram, members: Mapping[str, Any], functions: set[str]) -> dict[str, Any]:
+    """Return what the templates ask for."""
+    world, law, parameters = program.world, program.law, program.parameters
+    systems = program.controller.systems
+    orders = [_rule_order(system) for system in systems]
+    longest = max(map(len, orders), default=0)
+    bands = (f"dead_band_{component}_n" for component in AXES)
+    reach = REACH * world.max_distance
+    return {
+        "name": program.controller.name,
+        "world": world,
+        "law": law,
+        "functions": functions,
+        "members": {name: int(np.prod(shape)) for name, (shape, _) in members.items()},
+        "parameters": {name: CONSTANTS[name].description for name in parameters},
+        "choices": [name for name, _ in program.choices],
+        "rows": [[row[name] for name in parameters] or [0.0] for _, row in program.choices],
+        "rule_order": [[*order, *[0] * (longest - len(order))] for order in orders],
+        "systems": [int(axis) for axis in law.axes],
+        "dead_bands": [f"state->parameters.{name}" if name in parameters else "0.0" for name in bands],
+        "reasons": {reason: REASONS[reason] for reason in LOGIC_REASONS},
+        "silent_n": SILENT_N,
+        "is_body": law.force_axes == BODY,
+        "axes": "body" if law.force_axes == BODY else "Hill",
+        "reach_m": reach,
+        "speed_m_s": reach / PASSAGE_S,
+    }
+
+
+def _rule_order(system: Any) -> list[int]:
+    """Return the numbers of a system's rules, from 1 on, in the order of `Packed.rules`."""
+    _, consequents = conjunctions(system) or ((), ())
+    return [int(index) + 1 for index in np.argsort(consequents, kind="stable")]
+
+
+def _declared(name: str, shape: tuple[int, ...], kind: str) -> str:
+    return f"{kind} {name}{''.join(f'[{length}]' for length in shape if length != 1)};"
+
+
+class ConstantTable:
+    """A constant table; where the last indices are always known, it holds only what is read.
+
+    Parameters
+    ----------
+    table : Array
+    lines : iterable of Line
+        All that may read it.
+    """
+
+    def __init__(self, table: Array, lines: Iterable[Line]) -> None:
+        self.name, self.kind = table.name, table.kind
+        index = r"\[[^\[\]]*(?:\[[^\[\]]*\][^\[\]]*)*\]"
+        accesses = re.compile(rf"(?<![\w>.]){self.name}((?:{index})+)")
+        texts = [text for line in lines for text in accesses.findall(line.text)]
+        data = np.asarray(table.data)
+        self.data = data.reshape([length for length in data.shape if length != 1] or [1])
+        self.is_used, self._columns, self._pattern = bool(texts), [], None
+        strides = [re.match(r"\[(\d+) \* (\w+)\]", text) for text in texts]
+        self._stride = 1
+        if (
+            self.data.ndim > 1
+            and texts
+            and all(strides)
+            and len({match[1] for match in strides if match}) == 1
+        ):
+            self._stride = int(strides[0][1])  # type: ignore[index]
+            self.data = self.data[:: self._stride]
+        if self.data.ndim == 1:
+            return
+        last = r"\[(\d+)\]" * (self.data.ndim - 1)
+        keys = [re.fullmatch(rf"(?:{index}){last}", text) for text in texts]
+        if texts and all(keys):
+            self._columns = sorted({tuple(map(int, key.groups())) for key in keys if key})
+            self._pattern = re.compile(rf"(?<![\w>.]){self.name}({index}){last}")
+            columns = [self.data[(slice(None), *column)] for column in self._columns]  # type: ignore[arg-type]
+            self.data = np.stack(columns, axis=1)
+
+    @property
+    def num_bytes(self) -> int:
+        """What it takes."""
+        return int(self.data.size) * BYTES[self.kind]
+
+    def renamed(self, line: Line) -> Line:
+        """Return a line that reads the columns that are kept."""
+        if self._pattern is None:
+            return line
+
+        def rename(match: re.Match[str]) -> str:
+            column = self._columns.index(tuple(map(int, match.groups()[1:])))
+            return f"{self.name}{self._row(match[1])}[{column}]"
+
+        text = self._pattern.sub(rename, line.text)
+        return Line(text, line.file, line.number)
+
+    def _row(self, index: str) -> str:
+        """Return a first index, of the rows that are kept."""
+        return index.replace(f"[{self._stride} * ", "[") if self._stride > 1 else index
+
+    def definition(self) -> list[str]:
+        """Return its definition in C."""
+
+        def rows(part: Any) -> str:
+            if np.ndim(part):
+                return "{" + ", ".join(map(rows, part)) + "}"
+            return str(int(part)) if self.kind == "int" else bare(number_text(float(part)))
+
+        lengths = "".join(f"[{length}]" for length in self.data.shape)
+        text = f"static const {self.kind} {self.name}{lengths} = {rows(self.data)};"
+        return wrap(text, WIDTH, subsequent_indent="    ", break_long_words=False, break_on_hyphens=False)
+
+
+_STORE = re.compile(r"\s*state->(\w+(?:\[\d+\])*) = (.*);")
+
+
+def without_dead_stores(functions: Iterable[Function]) -> list[Function]:
+    """Leave out what is written to elements of the state that nothing reads, and what that alone needs."""
+    functions = list(functions)
+    while True:
+        elements, wholes = _read(line for function in functions for line in function.lines)
+        is_changed = False
+        for function in functions:
+            kept = []
+            for line in function.lines:
+                match = _STORE.fullmatch(line.text)
+                name = match[1].partition("[")[0] if match else ""
+                if match is None or match[1] in elements or name in wholes | OF_ENTRIES:
+                    kept.append(line)
+            kept = pruned(kept)
+            is_changed |= len(kept) < len(function.lines)
+            function.lines = kept
+        if not is_changed:
+            return functions
+
+
+def _read(lines: Iterable[Line]) -> tuple[set[str], set[str]]:
+    """Return the elements of the state that lines read, and the arrays of which they read some element."""
+    elements, wholes = set(), set()
+    for line in lines:
+        match = _STORE.fullmatch(line.text)
+        text = match[2] if match else line.text
+        for name, indices in re.findall(r"state->(\w+)((?:\[\d+\])*)", text):
+            elements.add(name + indices)
+        wholes |= set(re.findall(r"state->(\w+)(?:\[\d+\])*\[[^\]\d]", text))
+    return elements, wholes
+
+
+def _helpers(lines: Sequence[Line]) -> Iterator[str]:
+    """Return those functions of the source that do not depend on the flight, as far as they are called."""
+    text = read("templates/helpers.c", "pipeline.onboard")
+    all_lines = "\n".join(line.text for line in lines)
+    for part in re.split(r"\n\n(?=/\*|struct)", text.rstrip("\n")):
+        name = re.search(r"(?:double |struct )(\w+)", part)
+        if name and re.search(rf"\b{name[1]}\b", all_lines):
+            yield from ("", *part.splitlines())
+
+
+def _definition(function: Function) -> Iterator[Line]:
+    """Return a function of C with a comment that says what it does and where its formula stands."""
+    source, text = function.source, "\n".join(line.text for line in function.lines)
+    yield Line("")
+    for comment in _comment(f"{source.summary} {source.file}: {source.name}."):
+        yield Line(comment)
+    yield Line(f"static {function.signature}", source.file, source.line)
+    yield Line("{")
+    for name in re.findall(r"(\w+)(?=,|\))", function.signature.partition("(")[2]):
+        if not re.search(rf"(?<![\w>.]){name}\b", text):
+            yield Line(f"    (void){name};")
+    for line in function.lines:
+        indent = " " * (len(line.text) - len(line.text.lstrip()) + 8)
+        pieces = wrap(
+            line.text, WIDTH, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False
+        )
+        for piece in pieces:
+            yield Line(piece, line.file, line.number)
+    yield Line("}")
+
+
+def _comment(text: str) -> list[str]:
+    plain = text.replace("*/", "* /").replace("/*", "/ *").replace("``", "")
+    if len(plain) <= WIDTH - 6:
+        return [f"/* {plain} */"]
+    return ["/*", *(f" * {line}" for line in wrap(plain, WIDTH - 3)), " */"]
+
+
+def _opening(program: OnboardProgram) -> Iterator[str]:
+    """Return what stands above the tables: what this is, its rules in words, and what it includes."""
+    lines = [
+        f"The on-board function of {program.controller.name}: each formula is translated from the "
+        "Python that flies; its file and name stand above it. Compile with -ffp-contract=off and without "
+        "-ffast-math: results depend on the order of operations.",
+        "",
+        "Its rules; the tables values and rules hold them as numbers.",
+    ]
+    for system in program.controller.systems:
+        lines += ["", f"{system.name}:"]
+        lines += [f"{number:3d}. {sentence(rule)}" for number, rule in enumerate(system.rules, start=1)]
+    yield "/*"
+    for line in lines:
+        for piece in wrap(line.replace("*/", "* /"), WIDTH - 3, subsequent_indent="") or [""]:
+            yield f" * {piece}".rstrip()
+    yield from (
+        *(" */", '#include "controller.h"', "", "#include <math.h>", "#include <stdbool.h>", ""),
+        *("#ifdef __FAST_MATH__", '#error "compile without -ffast-math"', "#endif", ""),
+    )

@@ -1,0 +1,396 @@
+"""What a translation has written so far: functions of C, their lines and variables, tables and members."""
+
+import ast
+import re
+from collections.abc import Callable, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+
+from pipeline.onboard.values import (
+    C_TYPES,
+    Accumulator,
+    Array,
+    Expression,
+    LaneConstant,
+    Record,
+    TranslationError,
+    bare,
+    is_known,
+    is_scalar,
+    kind_of,
+    leaves,
+    map_leaves,
+    text_of,
+)
+
+PROJECT = Path(__file__).resolve().parents[2]
+#: words of C, and names of its library, that no variable may have
+RESERVED = frozenset(
+    {
+        *("auto", "bool", "break", "case", "char", "const", "continue", "default", "do", "double", "else"),
+        *("enum", "extern", "false", "float", "for", "goto", "if", "inline", "int", "long", "register"),
+        *("restrict", "return", "short", "signed", "sizeof", "static", "struct", "switch", "true", "typedef"),
+        *(
+            "union",
+            "unsigned",
+            "void",
+            "volatile",
+            "while",
+            "abs",
+            "j0",
+            "j1",
+            "jn",
+            "y0",
+            "y1",
+            "yn",
+            "gamma",
+        ),
+        *("sin", "cos", "tan", "sqrt", "floor", "ceil", "rint", "exp", "log", "pow", "least", "most"),
+        *("total", "s", "near", "far", "time", "index", "signal"),
+    }
+)
+#: loops of known length up to this are written out
+MOST_UNROLLED = 4
+
+
+@runtime_checkable
+class Readable(Protocol):
+    """What says itself what stands at an index."""
+
+    ndim: int
+    #: marks it: arrays have no such method
+    used: list[str]
+
+    def at(self, writer: "Writer", index: Any) -> Any:
+        """Return what stands at an index."""
+
+
+@dataclass(frozen=True)
+class FunctionSource:
+    """A Python function as it is read: where it stands, and its statements without early exits."""
+
+    file: str
+    line: int
+    name: str
+    summary: str
+    body: tuple[ast.stmt, ...]
+
+
+@dataclass
+class Line:
+    """A line of C, and the line of Python that it comes from."""
+
+    text: str
+    file: str = ""
+    number: int = 0
+
+
+@dataclass(frozen=True)
+class Loop:
+    """A loop of the C, and how often it runs at most."""
+
+    function: str
+    variable: str
+    most: int
+    file: str
+    line: int
+
+
+@dataclass
+class Function:
+    """A function of C while it is written."""
+
+    name: str
+    source: FunctionSource
+    lines: list[Line] = field(default_factory=list)
+    depth: int = 1
+    names: set[str] = field(default_factory=set)
+    #: the variable that counts points, inside a loop over vectors of them
+    lane: str | None = None
+    #: and how many it counts
+    lanes: int = 0
+    signature: str = ""
+
+
+@dataclass
+class Frame:
+    """What a function of Python sees: its names, of which `variables` are variables of C."""
+
+    names: dict[str, Any]
+    globals: Mapping[str, Any]
+    source: FunctionSource
+    variables: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What a translation is told besides the functions and their arguments.
+
+    Parameters
+    ----------
+    operations : mapping of a function to what writes it down
+        It is called with the translator and the arguments.
+    instead : mapping of a compiled function to another
+        Which stands in its place.
+    bounds : mapping of (function, loop) to a function of the names in it
+        How often a loop runs at most whose length is not known: by the name that it counts with, "while".
+    unrolled : frozenset of (function, loop)
+        Loops that are written out however long they are.
+    guarded : frozenset of str
+        Members of the state into which only what is finite is written, else zero.
+    """
+
+    operations: Mapping[Any, Callable[..., Any]]
+    instead: Mapping[Any, Any] = field(default_factory=dict)
+    bounds: Mapping[tuple[str, str], Callable[[Mapping[str, Any]], int]] = field(default_factory=dict)
+    unrolled: frozenset[tuple[str, str]] = frozenset()
+    guarded: frozenset[str] = frozenset()
+
+
+class Writer:
+    """Writes lines of C, and notes the tables and members of the state that they use."""
+
+    def __init__(self, setting: Setting) -> None:
+        self.setting = setting
+        self.functions: list[Function] = []
+        self.members: dict[str, tuple[tuple[int, ...], str]] = {}
+        self.tables: dict[int, Array] = {}
+        self.loops: list[Loop] = []
+        self.sources: dict[Any, FunctionSource] = {}
+        self._names: set[str] = set()
+        self._inlined: set[Any] = set()
+        self._function: Function | None = None
+        self._line: tuple[str, int] = ("", 0)
+
+    # --- lines and names
+
+    @property
+    def function(self) -> Function:
+        """The function that is written."""
+        if self._function is None:
+            raise TranslationError("no function is written")
+        return self._function
+
+    def emit(self, text: str) -> None:
+        """Write a line."""
+        self.function.lines.append(Line("    " * self.function.depth + text, *self._line))
+
+    def fresh(self, name: str) -> str:
+        """Return a name for a variable that the function does not use yet, such as a given one."""
+        name = re.sub(r"\W", "_", name) or "value"
+        if name in RESERVED or name in self._names or name[0].isdigit():
+            name = f"the_{name}"
+        candidate, number = name, 2
+        while candidate in self.function.names:
+            candidate, number = f"{name}_{number}", number + 1
+        self.function.names.add(candidate)
+        return candidate
+
+    @contextmanager
+    def located(self, frame: Frame, node: ast.AST) -> Any:
+        """Note the line of Python that is translated, and name it in what is refused."""
+        before, number = self._line, frame.source.line + getattr(node, "lineno", 1) - 1
+        self._line = (frame.source.file, number)
+        try:
+            yield
+        except (TranslationError, TypeError, AttributeError, IndexError, KeyError, ValueError) as error:
+            if isinstance(error, TranslationError) and re.match(r"\S+\.py:\d+: ", str(error)):
+                raise
+            fact = f"{frame.source.file}:{number}: {error}, in {frame.source.name}"
+            raise TranslationError(fact) from error
+        self._line = before
+
+    # --- arrays
+
+    def member(self, name: str, shape: tuple[int, ...], kind: str) -> Array:
+        """Return a member of the state."""
+        self.members.setdefault(name, (shape, kind))
+        return Array(f"state->{name}", shape, "int" if kind == "int" else "double")
+
+    def wrapped(self, value: Any, name: str) -> Any:
+        """Return an array of numbers as a table; anything else as it is."""
+        if not isinstance(value, np.ndarray) or value.dtype == object or value.dtype.names:
+            return value
+        if value.dtype.kind not in "iufb":
+            raise TranslationError(f"{name} is an array of {value.dtype}")
+        return Array(name, value.shape, "double" if value.dtype.kind == "f" else "int", value)
+
+    def element(self, array: Any, key: Any) -> Any:
+        """Return what stands at an index, or the part of an array that it leads to."""
+        if isinstance(array, Record | Readable):
+            return array.at(key) if isinstance(array, Record) else array.at(self, key)
+        if isinstance(array, np.ndarray) and array.dtype == object:
+            keys = key if isinstance(key, tuple) else (key,)
+            if any(isinstance(index, Expression) for index in keys):
+                raise TranslationError("an index that is not known, into values that are")
+            return array[key]
+        if isinstance(array, np.ndarray):
+            array = self.wrapped(array, "table")
+        if not isinstance(array, Array):
+            if isinstance(key, Expression):
+                raise TranslationError(f"an index that is not known, into {type(array).__name__}")
+            return array[key]
+        part = array.at(key)
+        if not part.is_element:
+            return part
+        known = part.known
+        if known is not None:
+            return known
+        span = None
+        if part.kind == "int" and part.data is not None:
+            span = (int(np.min(part.data)), int(np.max(part.data)))
+        return Expression(self.array_text(part), part.kind, range=span)
+
+    def array_text(self, array: Array) -> str:
+        """Return an array, or an element of it, as C."""
+        name = array.name
+        if array.data is not None:
+            name = self._table_name(array)
+        text = name
+        for index, length in zip(array.indices, array.shape_whole, strict=False):
+            if length != 1:
+                text += f"[{bare(text_of(index, 'int'))}]"
+        return text
+
+    def _table_name(self, array: Array) -> str:
+        key = array.data.__array_interface__["data"][0], array.shape_whole, array.data.strides
+        number = hash(key)
+        if number not in self.tables:
+            names = {table.name for table in self.tables.values()}
+            name, count = array.name, 2
+            while name in names or name in RESERVED:
+                name, count = f"{array.name}_{count}", count + 1
+            self.tables[number] = Array(name, array.shape_whole, array.kind, array.data)
+        return self.tables[number].name
+
+    def put(self, array: Any, key: Any, value: Any) -> None:
+        """Write a number into an array."""
+        if isinstance(array, np.ndarray) and array.dtype == object:
+            array[key] = self.stable(value, "value")
+            return
+        if not isinstance(array, Array) or array.data is not None:
+            raise TranslationError(f"writing into {type(array).__name__}")
+        part = array.at(key)
+        if not part.is_element:
+            raise TranslationError(f"writing into a part of {part.name}")
+        text = bare(text_of(value, "int" if part.kind == "int" else "double"))
+        if part.name.removeprefix("state->") in self.setting.guarded:
+            text = f"finite_or_zero({text})"
+        self.emit(f"{self.array_text(part)} = {text};")
+
+    # --- variables
+
+    def stable(self, value: Any, name: str) -> Any:
+        """Return a value whose expressions are constants of the function."""
+
+        def settle(leaf: Any, leaf_name: str) -> Any:
+            if isinstance(leaf, np.ndarray) and leaf.dtype == object:
+                settled = leaf.copy()
+                for index in np.ndindex(leaf.shape):
+                    settled[index] = settle(leaf[index], leaf_name)
+                return settled
+            if not isinstance(leaf, Expression) or leaf.is_name:
+                return leaf
+            variable = self.fresh(leaf_name)
+            self.emit(f"const {C_TYPES[leaf.kind]} {variable} = {bare(leaf.text)};")
+            return Expression(variable, leaf.kind, True, leaf.range, offset=leaf.offset)
+
+        return map_leaves(value, settle, name)
+
+    def declared(self, value: Any, name: str) -> Any:
+        """Declare variables of C that begin with a value, in its shape."""
+
+        def declare(leaf: Any, leaf_name: str) -> Any:
+            if isinstance(leaf, LaneConstant) and self.function.lane is None:
+                variable = self.fresh(leaf_name)
+                if float(leaf) != 0.0:
+                    raise TranslationError(f"sums of a vector that begin with {float(leaf)}")
+                self.emit(f"double {variable}[8] = {{0.0}};")
+                return Accumulator(variable)
+            if not is_scalar(leaf):
+                return leaf
+            kind = kind_of(leaf)
+            variable = self.fresh(leaf_name)
+            self.emit(f"{C_TYPES[kind]} {variable} = {bare(text_of(leaf, C_TYPES[kind]))};")
+            return Expression(variable, kind)
+
+        return map_leaves(value, declare, name)
+
+    def assign(self, frame: Frame, name: str, value: Any) -> None:
+        """Bind a name, or write into its variables of C."""
+        if name not in frame.variables:
+            frame.names[name] = self.stable(value, name)
+            return
+        if len(leaves(value)) > 1:  # all are read before one is written
+            value = self.stable(value, name)
+        self._write(frame.variables[name], value)
+        frame.names[name] = frame.variables[name]
+
+    def _write(self, target: Any, value: Any) -> None:
+        if isinstance(target, tuple):
+            for part, item in zip(target, value, strict=True):
+                self._write(part, item)
+        elif isinstance(target, Accumulator):
+            if self.function.lane is None:
+                raise TranslationError("a vector of points outside a loop over them")
+            self.emit(f"{target.name}[{self.function.lane} % 8] = {bare(text_of(value, 'double'))};")
+        elif isinstance(target, Expression):
+            if target.kind == "int" and kind_of(value) in ("double", "lane"):
+                raise TranslationError(f"{target.text} is a whole number that becomes a double")
+            c_type = C_TYPES[target.kind]
+            if isinstance(value, Expression) and value.mask:
+                raise TranslationError("a count that is no sum")
+            text = text_of(value, c_type)
+            if text != target.text:
+                self.emit(f"{target.text} = {bare(text)};")
+        elif target is not value and not (is_known(target) and is_known(value) and target == value):
+            raise TranslationError(f"{target!r:.60} changes")
+
+    def make_variable(self, frame: Frame, name: str) -> None:
+        """Let a name stand for variables of C from here on, if it stands for numbers."""
+        if name not in frame.variables and all(is_scalar(leaf) for leaf in leaves(frame.names[name])):
+            frame.variables[name] = frame.names[name] = self.declared(frame.names[name], name)
+
+    def _read(self, value: Any) -> Any:
+        """Return a value in which sums over vectors are those of the lane."""
+        lane = self.function.lane
+        if lane is None:
+            return value
+        return map_leaves(
+            value,
+            lambda leaf, _: (
+                Expression(f"{leaf.name}[{lane} % 8]", "lane") if isinstance(leaf, Accumulator) else leaf
+            ),
+        )
+
+
+_DECLARATION = re.compile(r"\s*(?:const )?(?:double|int|bool) (\w+)(?: = (.*))?;")
+#: what changes nothing but the state, and what reads alone
+_PURE_CALLS = frozenset(
+    {
+        *("sqrt", "fabs", "floor", "cos", "sin", "atan", "atan2"),
+        *("least", "most", "total", "nearest_whole", "power_of_two"),
+    }
+)
+
+
+def pruned(lines: list[Line]) -> list[Line]:
+    """Leave out declarations of what nothing reads."""
+    while True:
+        uses: dict[str, int] = {}
+        for line in lines:
+            for word in re.findall(r"[A-Za-z_]\w*", line.text):
+                uses[word] = uses.get(word, 0) + 1
+        kept = []
+        for line in lines:
+            match = _DECLARATION.fullmatch(line.text)
+            calls = set(re.findall(r"([A-Za-z_]\w*)\(", match[2] or "")) if match else set()
+            if match is None or uses[match[1]] > 1 or calls - _PURE_CALLS:
+                kept.append(line)
+        if len(kept) == len(lines):
+            return lines
+        lines = kept

@@ -1,0 +1,2 @@
+/* Of Basilisk: the logger of a module. */
+typedef struct BSKLogger BSKLogger;

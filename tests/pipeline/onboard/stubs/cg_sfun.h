@@ -1,0 +1,1 @@
+/* Of the code generator: nothing that a check of names needs. */

@@ -1,0 +1,20 @@
+/* Names and types of Simulink's header that the S-function uses; what they do is left out. */
+typedef int int_T;
+typedef struct SimStruct SimStruct;
+enum { SS_UINT8 = 3, SS_INT32 = 6 };
+void ssSetNumSFcnParams(SimStruct *block, int count);
+int ssSetNumInputPorts(SimStruct *block, int count);
+void ssSetInputPortWidth(SimStruct *block, int port, int width);
+void ssSetInputPortRequiredContiguous(SimStruct *block, int port, int is_required);
+void ssSetInputPortDirectFeedThrough(SimStruct *block, int port, int feeds);
+int ssSetNumOutputPorts(SimStruct *block, int count);
+void ssSetOutputPortWidth(SimStruct *block, int port, int width);
+void ssSetNumSampleTimes(SimStruct *block, int count);
+void ssSetNumDWork(SimStruct *block, int count);
+void ssSetDWorkWidth(SimStruct *block, int index, int width);
+void ssSetDWorkDataType(SimStruct *block, int index, int type);
+void ssSetSampleTime(SimStruct *block, int index, double period);
+void ssSetOffsetTime(SimStruct *block, int index, double offset);
+void *ssGetDWork(SimStruct *block, int index);
+const void *ssGetInputPortSignal(SimStruct *block, int port);
+double *ssGetOutputPortRealSignal(SimStruct *block, int port);

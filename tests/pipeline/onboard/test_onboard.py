@@ -1,0 +1,160 @@
+"""The on-board function in C commands what the flight commanded, bit for bit, and refuses bad input."""
+
+import shutil
+import subprocess
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fis_tools.formats import serialize
+from pipeline.controllers.source import named
+from pipeline.flight.control.controller import from_fuzzy
+from pipeline.flight.fly.simulation import fly_logged
+from pipeline.flight.fly.tours import tour_images
+from pipeline.flight.period.decide import urgency
+from pipeline.flight.state.log import REHEARSED
+from pipeline.onboard.export import export
+from pipeline.onboard.program import NotTranslatableError, translate
+from pipeline.onboard.recorded import Library, differing, recorded
+from pipeline.onboard.source import WARNINGS, sources
+from tests.fis_tools.sample_controllers import SHIPPED
+from tests.pipeline.flight.cases import mission, random_starts
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc compiles what is written"),
+]
+STUBS = Path(__file__).parent / "stubs"
+SHORT = mission(duration_s=1200.0)
+
+
+@cache
+def controller(name):
+    """A shipped controller; one that rehearses tours follows its first."""
+    whole = from_fuzzy(serialize.load(SHIPPED[name]))
+    return (tour_images(whole) or (whole,))[0]
+
+
+def written(program, folder):
+    source = sources(program)
+    (folder / "controller.h").write_text(source.header)
+    (folder / "controller.c").write_text(source.code)
+    return Library(folder)
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_c_commands_what_was_commanded_and_for_the_same_reason(name, tmp_path):
+    program = translate(SHORT, controller(name))
+    library = written(program, tmp_path)
+    (start,) = random_starts(1, seed=sorted(SHIPPED).index(name))
+    log = fly_logged(SHORT, controller(name), start, is_one_of_many=True)
+    answers = library.answers(recorded(program, start, log))
+    assert len(differing(answers, log)) == 0
+    is_given = (log.command_reason == REHEARSED).any(axis=1)  # chosen by flights flown ahead, on the ground
+    is_same = (answers["reason"] == log.command_reason).all(axis=1) | (answers["status"] != 0)
+    assert np.all(is_same | is_given)
+    assert np.any(answers["leading_rule"] > 0)
+
+
+@pytest.fixture(scope="module")
+def exported(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("exported")
+    program = translate(SHORT, controller("champion_27"))
+    return folder, program, export(program, random_starts(2, seed=1), folder)
+
+
+def test_an_export_is_compared_and_compiles_without_warnings_as_c_and_cpp(exported):
+    folder, _, result = exported
+    assert (result.num_different, result.num_commands) == (0, 240)
+    strict = ["-Wstrict-prototypes", "-Wmissing-prototypes"]
+    for compiler in (["gcc", "-std=c99", *strict], ["g++", "-std=c++17", "-x", "c++"]):
+        command = [*compiler, *WARNINGS, "-fsyntax-only", folder / "controller.c"]
+        subprocess.run(command, check=True, timeout=120)  # noqa: S603
+    script = ["/bin/sh", folder / "evidence" / "check.sh"]
+    subprocess.run(script, check=True, timeout=600, env={"PATH": gcc_alone(folder)})  # noqa: S603
+
+
+@pytest.fixture(scope="module")
+def library(exported):
+    return Library(exported[0])
+
+
+def gcc_alone(folder):
+    """A path with the programs of a check, but for the slow ones."""
+    programs = folder.parent / "programs"
+    programs.mkdir()
+    for name in ("gcc", "as", "ld", "collect2", "sh", "rm", "dirname"):
+        if path := shutil.which(name):
+            (programs / name).symlink_to(path)
+    return str(programs)
+
+
+@pytest.mark.parametrize(
+    ("source", "language"),
+    [
+        ("cfs/inspection_app.c", "c"),
+        ("basilisk/inspectionController.c", "c"),
+        ("simulink/controller_sfun.c", "c"),
+    ],
+)
+def test_a_wrapper_fits_the_names_and_types_of_its_host(exported, source, language):
+    folder, _, _ = exported
+    path = folder / "wrappers" / source
+    command = ["gcc", "-Wall", "-Wextra", "-Werror", "-fsyntax-only", path]
+    folders = [f"-I{each}" for each in (STUBS, folder, path.parent)]
+    subprocess.run([*command, *folders], check=True, timeout=120)  # noqa: S603
+
+
+BAD = {
+    "period": (1, (-1, 120, 2**31 - 1)),
+    "position_m": (2, (np.nan, np.inf, -1e9)),
+    "velocity_m_s": (4, (np.nan, -np.inf, 1e6)),
+    "attitude": (8, (np.nan, 2.0)),
+    "sun_angle": (16, (np.nan, 2.0)),
+    "sun_elevation": (16, (np.nan, np.inf)),
+}
+
+
+@pytest.mark.parametrize("field", BAD)
+def test_an_input_out_of_range_fires_nothing_and_says_which(exported, library, field):
+    _, program, _ = exported
+    (start,) = random_starts(1, seed=2)
+    flight = recorded(program, start, fly_logged(SHORT, program.controller, start, is_one_of_many=True))
+    bit, values = BAD[field]
+    for value in values:
+        steps = flight.steps[:3].copy()
+        steps[field][0] = value
+        answers = library.answers(flight._replace(steps=steps))
+        assert answers["status"][0] == bit
+        assert not np.any(answers["force_n"][0])
+        # the next step is as if nothing had been
+        assert not np.any(answers["status"][1:])
+
+
+def test_constants_may_be_changed_in_flight(exported, library):
+    _, program, _ = exported
+    (start,) = random_starts(1, seed=3)
+    log = fly_logged(SHORT, program.controller, start, is_one_of_many=True)
+    flight = recorded(program, start, log)
+    (_, designed), *_ = program.choices
+    parameters = [1e3 if "dead_band" in name else designed[name] for name in program.parameters]
+    deaf = library.answers(flight._replace(choices={0: 0}, parameters=[parameters]))
+    assert np.any(log.force_commanded_n)
+    assert not np.any(deaf["force_n"])
+
+
+def test_what_has_no_rules_or_no_bound_is_refused():
+    with pytest.raises(NotTranslatableError, match="no rules"):
+        translate(SHORT, named("lqr", SHORT))
+    with pytest.raises(NotTranslatableError, match=r"guidance\.kind=centroid"):
+        translate(mission(guidance={"kind": "clusters"}), controller("paper_champion"))
+
+
+def test_the_translation_reads_the_formula_that_flies(exported, monkeypatch):
+    folder, program, _ = exported
+    monkeypatch.setattr(urgency, "MIN_PROJECTION_M", 3.25e-7)
+    changed = sources(translate(SHORT, program.controller)).code
+    assert "3.25e-07" in changed
+    assert "3.25e-07" not in (folder / "controller.c").read_text()
