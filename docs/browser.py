@@ -384,9 +384,12 @@ def tables(memory: Memory, mission: Any, num_points: int, scratch: Any) -> dict[
 def edited_file() -> str:
     """Return the file that a page saves: the controller's under a name of its own, without its history."""
     text = FILE.read_text(encoding="utf-8").partition("---\n")[2]
-    text = re.sub(r"^name: .*$", f"name: {CONTROLLER}_edited", text, flags=re.MULTILINE)
+    text = re.sub(r"^name: .*$", f'name: "{CONTROLLER}, edited"', text, flags=re.MULTILINE)
     text = re.sub(
-        r"^purpose: .*$", f'purpose: "{CONTROLLER} with rules edited on a page"', text, flags=re.MULTILINE
+        r"^purpose: .*$",
+        f'purpose: "{CONTROLLER} with rules edited on a page; not measured"',
+        text,
+        flags=re.MULTILINE,
     )
     return re.sub(r"^provenance:\n(?:  .*\n)+", "", text, flags=re.MULTILINE)
 

@@ -306,7 +306,10 @@ function asYaml() {
   const terms = systems.flatMap(system => [...system.inputs, system.output].flatMap(variable => variable.terms));
   const consequents = systems.flatMap(system => system.rules.map(rule => system.output.terms[rule.then].name));
   const real = value => Number.isInteger(value) ? value.toFixed(1) : String(value).includes("e") ? value.toFixed(12) : String(value);
-  return TABLE.file
+  const file = isEdited() ? TABLE.file : TABLE.file
+    .replace(/^name: .*$/m, () => `name: ${TABLE.controller}`)
+    .replace(/^purpose: .*$/m, () => `purpose: ${JSON.stringify(TABLE.purpose)}`);
+  return file
     .replace(/\{name: (\w+), left: [^,]+, peak: [^,]+, right: [^}]+\}/g, (_, name) => {
       const { left, peak, right } = terms.shift();
       return `{name: ${name}, left: ${real(left)}, peak: ${real(peak)}, right: ${real(right)}}`;
@@ -334,7 +337,7 @@ $("reset").addEventListener("click", () => {
   showRules(); askGuess(); flyAll();
 });
 $("save").addEventListener("click", () => {
-  const link = element("a", { href: URL.createObjectURL(new Blob([asYaml()], { type: "application/yaml" })), download: `${TABLE.controller}_edited.yaml` });
+  const link = element("a", { href: URL.createObjectURL(new Blob([asYaml()], { type: "application/yaml" })), download: `${TABLE.controller}${isEdited() ? "-edited" : ""}.yaml` });
   link.click();
   URL.revokeObjectURL(link.href);
 });

@@ -72,7 +72,7 @@ class Editor:
     def _build_head(self) -> None:
         with ui.element("header").classes("head"):
             with ui.element("div"):
-                heading(1, self.session.controller.name)
+                self._title = heading(1, self.session.title)
                 ui.label(str(self.session.path)).classes("about")
             self._status = ui.label().classes("status").props('role="status" aria-live="polite"')
             with ui.element("div").classes("buttons"):
@@ -152,6 +152,7 @@ class Editor:
         self._answers.ask(self.session.controller)
 
     def _show(self) -> None:
+        self._title.set_text(self.session.title)
         self._view.show()
         for constant in constants(self.session.controller, self._meanings):
             self._fields[constant.name].set_value(constant.exact)

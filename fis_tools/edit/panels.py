@@ -23,10 +23,10 @@ ENTERED = "(event) => emit(event.target.value)"
 UNDERSCORE = re.compile("_(?=[^<>]*<)")
 
 
-def heading(level: int, words: str) -> None:
-    """Put a heading on the page."""
+def heading(level: int, words: str) -> ui.label:
+    """Put a heading on the page; return its words."""
     with ui.element(f"h{level}"):
-        ui.label(words)
+        return ui.label(words)
 
 
 def card(title: str) -> ui.element:

@@ -8,7 +8,7 @@ from fis_tools.file_access import sync_folder, write_bytes
 from fis_tools.findings.difference import Difference, difference
 from fis_tools.findings.difference.report import TO, headline, shape_change
 from fis_tools.formats.files import file_name, written
-from fis_tools.formats.serialize import checked, fingerprint
+from fis_tools.formats.serialize import checked, fingerprint, original_name, renamed
 from fis_tools.model import FuzzyController
 from fis_tools.model.intervals import require_type_1
 from fis_tools.model.validate import InvalidSystem, controller_problems
@@ -33,13 +33,19 @@ class Session:
         Without problems.
     check : callable, optional
         Raises ValueError for a controller that is refused, though it has no problems.
+    describe : callable, optional
+        Returns a controller that was changed with descriptions that follow what it became.
     """
 
     def __init__(
-        self, path: Path, original: FuzzyController, check: Callable[[FuzzyController], object] | None = None
+        self,
+        path: Path,
+        original: FuzzyController,
+        check: Callable[[FuzzyController], object] | None = None,
+        describe: Callable[[FuzzyController], FuzzyController] = lambda controller: controller,
     ) -> None:
         require_type_1(original.systems, "the editor")
-        self.path, self.original, self._check = path, original, check
+        self.path, self.original, self._check, self._describe = path, original, check, describe
         #: called by whoever changes it: the pages that show it
         self.views: list[Callable[[], None]] = []
         self._history, self._place = [original], 0
@@ -78,6 +84,7 @@ class Session:
             raise InvalidSystem(problems[0])
         if changed == self.controller:
             return
+        changed = self._describe(changed)
         if self._check is not None:
             self._check(changed)
         keep = self._place + (0 if gesture is not None and gesture == self._gesture else 1)
@@ -88,7 +95,10 @@ class Session:
         """Return a place for a copy where no file is."""
         folder = self.path if self.path.is_dir() else self.path.parent
         # the name of a controller is any text
-        stem = file_name(self.original.name).encode()[:MOST_NAME_BYTES].decode(errors="ignore") + "-edited"
+        stem = (
+            file_name(original_name(self.original)).encode()[:MOST_NAME_BYTES].decode(errors="ignore")
+            + "-edited"
+        )
         names = chain([stem], (f"{stem}-{number}" for number in count(2)))
         return next(path for name in names if not (path := folder / f"{name}.yaml").exists())
 
@@ -97,7 +107,12 @@ class Session:
         if self.controller == self.original:
             return self.original
         edit = f"{fingerprint(self.original)}: {changes_in_words(difference(self.original, self.controller))}"
-        return checked(self.controller.with_provenance({EDITED_FROM: edit}))
+        return renamed(checked(self.controller.with_provenance({EDITED_FROM: edit})))
+
+    @property
+    def title(self) -> str:
+        """Name of the controller as it stands."""
+        return (self.original if self.controller == self.original else renamed(self.controller)).name
 
     def save(self, target: Path, replaces: bool) -> list[str]:
         """Write a copy, in the form that its ending says; return what was written, and what was lost.

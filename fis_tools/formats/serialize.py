@@ -22,6 +22,7 @@ from fis_tools.file_access import read_bytes
 from fis_tools.formats import mapping, notation
 from fis_tools.formats.mapping import to_mapping
 from fis_tools.model import FuzzyController
+from fis_tools.model.validate import LONGEST_NAME
 from fis_tools.plain_text import as_number
 
 
@@ -256,6 +257,8 @@ CONTENT_HASH: Final = "controller_hash"
 EDITED: Final = "edited"
 #: the fact that tells of a change by `fis_tools.findings.simplification`
 SIMPLIFIED: Final = "simplified_from"
+#: how the name of a controller ends that was changed
+EDITED_NAME, SIMPLIFIED_NAME = ", edited", ", simplified"
 
 
 def content_hash(controller: FuzzyController) -> str:
@@ -279,10 +282,29 @@ def checked(controller: FuzzyController) -> FuzzyController:
     expected = provenance.get(CONTENT_HASH)
     if expected is None or expected == content_hash(controller):
         return controller
-    who = "by simplify" if SIMPLIFIED in provenance else "by hand"
-    return controller.with_provenance(
+    is_simplified = SIMPLIFIED in provenance
+    who = "by simplify" if is_simplified else "by hand"
+    return renamed(controller, SIMPLIFIED_NAME if is_simplified else EDITED_NAME).with_provenance(
         {EDITED: f"{who} after training; fitness and figures are of hash {expected}"}
     )
+
+
+def renamed(controller: FuzzyController, ending: str = EDITED_NAME) -> FuzzyController:
+    """Return a changed controller whose name and purpose say so, once."""
+    name, words = original_name(controller), ending.removeprefix(", ")
+    if name != controller.name:
+        return controller
+    purpose = f"{name}, {words}. Before that, its purpose was: {controller.purpose}"
+    return replace(
+        controller,
+        name=f"{name[: LONGEST_NAME - len(ending)].rstrip()}{ending}",
+        purpose=purpose if controller.purpose else "",
+    )
+
+
+def original_name(controller: FuzzyController) -> str:
+    """Return a controller's name without the ending that says that it was changed."""
+    return controller.name.removesuffix(EDITED_NAME).removesuffix(SIMPLIFIED_NAME) or controller.name
 
 
 def edited(controller: FuzzyController) -> str | None:

@@ -48,6 +48,7 @@ def edit(arguments: Sequence[str]) -> int:
     from pipeline.edit.cases import EditorCases  # noqa: PLC0415 - compiled code
     from pipeline.edit.panels import panels  # noqa: PLC0415
     from pipeline.evaluation.assurance.requirements import load_requirements  # noqa: PLC0415 - compiled code
+    from pipeline.flight.state.descriptions import with_descriptions  # noqa: PLC0415
     from pipeline.flight.state.signals import CONSTANTS  # noqa: PLC0415
 
     controller = load(experiment.controller, experiment.mission).fuzzy
@@ -61,7 +62,7 @@ def edit(arguments: Sequence[str]) -> int:
         Editor(session, panels(cases, controller), meanings)
 
     serve(
-        lambda: Session(path, controller, cases.ready),
+        lambda: Session(path, controller, cases.ready, with_descriptions),
         page,
         controller.name,
         chosen.port,

@@ -16,6 +16,7 @@ from pipeline.controllers.played import read_played
 from pipeline.controllers.policies import read_policy
 from pipeline.flight.control.controller import Controller, ControllerError, PilotController, coast, from_fuzzy
 from pipeline.flight.control.law import decision_stride
+from pipeline.flight.state.descriptions import with_descriptions
 from pipeline.run import artifacts, configuration, writing
 from pipeline.settings.controllers import PLANNED, Planned, check_controller
 from pipeline.settings.experiment import Experiment, Mission
@@ -67,8 +68,9 @@ def load(source: Mapping[str, Any], mission: Mission) -> Controller:
     else:
         fuzzy = serialize.load(Path(str(source["path"])))
         given = {name: str(value) for name, value in source.get("attributes", {}).items()}
-        fuzzy = replace(fuzzy, attributes=tuple(sorted((dict(fuzzy.attributes) | given).items())))
-    controller = from_fuzzy(fuzzy)
+        attributes = tuple(sorted((dict(fuzzy.attributes) | given).items()))
+        fuzzy = serialize.checked(replace(fuzzy, attributes=attributes))
+    controller = from_fuzzy(with_descriptions(fuzzy))
     decision_stride(controller, mission)  # its decisions must fit the mission's clock
     return controller
 
@@ -112,10 +114,11 @@ def controller_of_run(experiment: Experiment, folder: Path) -> Controller:
         If the run trains but has no champion yet.
     """
     if {"fit", "train"} & set(experiment.stages) or (folder / artifacts.CHAMPION).exists():
-        return from_fuzzy(serialize.load(artifacts.require(folder, artifacts.CHAMPION)))
+        champion = serialize.load(artifacts.require(folder, artifacts.CHAMPION))
+        return from_fuzzy(with_descriptions(champion))
     kept = folder / artifacts.CONTROLLER
     if kept.exists():
-        return from_fuzzy(serialize.load(kept))
+        return from_fuzzy(with_descriptions(serialize.load(kept)))
     controller = load(experiment.controller, experiment.mission)
     if controller.fuzzy is not None and "path" in experiment.controller:
         writing.write_atomically(kept, serialize.dump_json(controller.fuzzy) + "\n")
@@ -137,7 +140,10 @@ def require_kept(experiment: Experiment, folder: Path) -> None:
     ControllerError, fis_tools.formats.serialize.ControllerFileError
     """
     kept = folder / artifacts.CONTROLLER
-    if kept.exists() and load(experiment.controller, experiment.mission).fuzzy != serialize.load(kept):
+    if not kept.exists():
+        return
+    configured = load(experiment.controller, experiment.mission).fuzzy
+    if configured != with_descriptions(serialize.load(kept)):
         raise ControllerError(
             f"{experiment.controller.get('path')} has changed since {kept}, which this run flies, was copied "
             "from it; restore it, or start a new run"

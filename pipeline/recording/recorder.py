@@ -241,7 +241,7 @@ class FlightRecorder:
         )
         self._write_control(writer, times[: len(log.force_hill_n)], log)
         if (fuzzy := self.controller.fuzzy) is not None and (how := serialize.edited(fuzzy)) is not None:
-            writer.log(times[0], "warning", f"{fuzzy.name} was edited {how}")
+            writer.log(times[0], "warning", f"{serialize.original_name(fuzzy)} was edited {how}")
         for event in events(self.mission, log, self._near_limit_m, self.controller):
             writer.log(times[event.sample], event.level, event.text)
 

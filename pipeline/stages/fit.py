@@ -19,6 +19,7 @@ from pipeline.evaluation import fitting
 from pipeline.evaluation.fitting import FlightTally, Variant, tally_of
 from pipeline.evaluation.selection import select
 from pipeline.flight.control.controller import ControllerError, from_fuzzy
+from pipeline.flight.state.descriptions import with_descriptions
 from pipeline.flight.state.log import Scenario
 from pipeline.report.fit import render_fit
 from pipeline.run import artifacts, configuration, maker, tables, writing
@@ -271,7 +272,7 @@ def _write(
         "fitted_from": str(result["words"]),
     }
     if result["improved"]:
-        controller = serialize.described(controller, facts)
+        controller = serialize.described(with_descriptions(controller), facts)
     writing.write_atomically(folder / artifacts.CHAMPION, serialize.dump_json(controller) + "\n")
     writing.write_atomically(folder / artifacts.FIT_CONTROLLER, serialize.dump_yaml(controller))
     writing.write_json(folder / artifacts.FIT, {"controller": controller.name, **result})

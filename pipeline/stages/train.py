@@ -15,6 +15,7 @@ from pipeline.controllers import source
 from pipeline.evaluation.front import write_front
 from pipeline.evaluation.selection import COLUMNS, Selection, select
 from pipeline.flight.fly.tours import tour_images
+from pipeline.flight.state.descriptions import with_descriptions
 from pipeline.run import artifacts, configuration, maker, tables, writing
 from pipeline.run.engine import TaskPool, open_pool
 from pipeline.run.runner import Unimproved
@@ -128,7 +129,7 @@ def write_selection(
         "clipped": genome.clipped(),
     }
     writing.write_json(folder / artifacts.TRAINED, summary)
-    champion = serialize.described(selection.controller, facts)
+    champion = serialize.described(with_descriptions(selection.controller), facts)
     writing.write_atomically(folder / artifacts.CHAMPION, serialize.dump_json(champion) + "\n")
 
 

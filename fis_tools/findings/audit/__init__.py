@@ -11,7 +11,7 @@ from fis_tools.analysis.measures import measure
 from fis_tools.array_types import Floats
 from fis_tools.findings.audit import answers, rules, terms
 from fis_tools.findings.audit.report import Audit, AuditedSystem, Finding, Findings, Severity, Thresholds
-from fis_tools.formats.serialize import edited
+from fis_tools.formats.serialize import edited, original_name
 from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.model.intervals import require_type_1
 from fis_tools.model.validate import validate
@@ -70,7 +70,7 @@ def _edited(controller: FuzzyController) -> Findings:
         yield Finding(
             "edited",
             Severity.WARNING,
-            f"{controller.name} was edited {how}.",
+            f"{original_name(controller)} was edited {how}.",
             "Measure it anew, or take the controller that the figures are of.",
             system=controller.name,
         )

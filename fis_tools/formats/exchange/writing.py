@@ -259,7 +259,7 @@ def understand(visible: FuzzySystem, comments: Iterable[tuple[int, str]], dialec
     if expressed.system == complete:
         return Reading(carried, ())
     note = "the file was changed after it was written: what it shows counts, and its comment is left out"
-    edited = FuzzyController(visible.name, (complete,), provenance=(EDITED,))
+    edited = serialize.renamed(FuzzyController(visible.name, (complete,), provenance=(EDITED,)))
     return Reading(edited, (note, *assumed), about_points)
 
 

@@ -171,6 +171,14 @@ def test_changed_attributes_are_told(tmp_path) -> None:
         lambda controller: replace(controller, attributes=(*controller.attributes, ("zz_gain", "2")))
     )
     assert dict(session.copy().provenance)["edited_from"].endswith(": zz_gain none → 2")
+    assert session.copy().name == session.title == f"{GENERAL.name}, edited"
+    session.save(tmp_path / "copy.yaml", replaces=False)
+    again = Session(tmp_path / "copy.yaml", serialize.load(tmp_path / "copy.yaml"))
+    again.touch(lambda controller: replace(controller, attributes=()))
+    assert again.copy().name == again.title == session.title  # once is enough
+    assert again.proposed().name == f"{GENERAL.name}-edited.yaml"
+    session.step(-1)
+    assert session.title == session.copy().name == GENERAL.name
 
 
 def test_a_changed_factor_of_a_takagi_sugeno_term_is_told(tmp_path) -> None:

@@ -239,7 +239,10 @@ def test_a_controller_edited_by_hand_says_so(change) -> None:
     words = f"by hand after training; fitness and figures are of hash {original}"
     controller = serialize.loads(text.replace(*change, 1), "yaml")
     assert serialize.edited(controller) == words
-    assert serialize.edited(serialize.loads(serialize.dump_json(controller), "json")) == words
+    again = serialize.loads(serialize.dump_json(controller), "json")
+    assert serialize.edited(again) == words
+    assert again.name == controller.name == "champion_27, edited"
+    assert again.purpose.startswith("champion_27, edited. Before that, its purpose was: Pushes towards")
     (finding,) = [edited for edited in audit(controller).findings if edited.id == "edited"]
     assert finding.sentence == f"champion_27 was edited {words}."
 
