@@ -6,6 +6,7 @@ becomes zero or no longer is.
 
 from collections.abc import Callable, Iterable
 from dataclasses import replace
+from functools import partial
 from itertools import chain, combinations
 
 from fis_tools.model import FuzzyController, FuzzySystem
@@ -58,7 +59,7 @@ FOLLOWING: dict[str, tuple[tuple[str, ...], Callable[[Callable[[str], bool]], st
     "ring_error_along_track": (("ring_size_m",), _ring_along_track),
     "predicted_centre_along_track": (("prediction_time_s",), _predicted_centre),
     **{
-        f"{name}_{axis}": (constants, lambda is_set, words=words, along=along: words(along, is_set))
+        f"{name}_{axis}": (constants, partial(words, along))
         for name, constants, words in (
             ("see_push", ("see_horizon_s",), _see_push),
             ("aim", ("see_horizon_s", "aim_urgent_m_s"), _aim),
