@@ -14,6 +14,7 @@ from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 
+from pipeline.command_line import choosing
 from pipeline.flight.state.signals import CONSTANTS, SIGNALS
 from pipeline.settings.schema import descriptions, in_code, of_group, rows_of, tables
 
@@ -55,6 +56,7 @@ TABLES: dict[str, tuple[tuple[str, ...], list[tuple[str, ...]]]] = {
             for name, each in SIGNALS.items()
         ],
     ),
+    "choices": (choosing.HEADINGS, [(f"`{name}`", *figures) for name, *figures in choosing.rows()]),
     "constants": (
         ("constant", "meaning"),
         [(f"`{name}`", each.description) for name, each in CONSTANTS.items()],

@@ -18,8 +18,8 @@ usage: python -m pipeline +experiment=NAME [controller=NAME_OR_PATH] [key=value 
   python -m fis_tools show CONTROLLER                              read a controller
 
 options: --help, --help EXPERIMENT (what people change in it), --help GROUP (its keys), --version, -m (sweep),
-         --config-dir DIR (experiments and controllers of your own), --cfg job (print the configuration,
-         each key with its meaning, and stop)
+         --help controller (which champion to take), --config-dir DIR (your experiments and controllers),
+         --cfg job (print the configuration, each key with its meaning, and stop)
 """
 
 from collections.abc import Sequence
@@ -32,6 +32,7 @@ from omegaconf import OmegaConf
 from fis_tools.document.text import aligned
 from fis_tools.file_access import read_text
 from pipeline.command_line.arguments import ConfigError
+from pipeline.command_line.choosing import choosing
 from pipeline.command_line.config import compose_node, without_hydra
 from pipeline.command_line.groups import options
 from pipeline.settings import schema
@@ -124,6 +125,8 @@ def help_on(topics: Sequence[str], folders: Sequence[Path]) -> str:
     texts = []
     for topic in topics:
         text = _experiment(topic, experiments[topic]) if topic in experiments else schema.help_on(topic)
+        if topic == "controller":
+            text = f"{choosing()}\n\n{text}".rstrip()
         if not text:
             raise ConfigError(unknown(topic))
         texts.append(f"{text}\n")
