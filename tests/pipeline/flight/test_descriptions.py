@@ -108,8 +108,8 @@ def height(log: FlightLog, values: Sensed) -> None:
 
 def from_the_ring(log: FlightLog, values: Sensed) -> None:
     angle = log.sun_angle_rad[:-1] - VALUES["ring_lead_rad"]
-    place = VALUES["ring_size_m"] * np.array([np.cos(angle), np.sin(angle)])
-    close(values["ring_error"].T, ellipse(states(log)) - place)
+    ring = VALUES["ring_size_m"] * np.array([np.cos(angle), np.sin(angle)])
+    close(values["ring_error"].T, ellipse(states(log)) - ring)
 
 
 def centre_after(time_s: float, log: FlightLog, values: Sensed) -> None:
@@ -227,10 +227,10 @@ def test_shipped_controllers_say_what_their_signals_mean_to_them(path):
 
 def test_what_is_loaded_follows_its_constants_and_keeps_words_of_its_own(tmp_path):
     text = (conf_folder() / "controller" / "champion_27.yaml").read_text(encoding="utf-8")
-    own = text.replace("description: velocity relative to Hill along k", "description: my own words")
-    assert own != text
+    worded = text.replace("description: velocity relative to Hill along k", "description: my own words")
+    assert worded != text
     path = tmp_path / "given.yaml"
-    path.write_text(own)
+    path.write_text(worded)
     source = {"path": str(path), "attributes": {"ring_size_m": 20.0}}
     controller = load(source, mission())
     meant = {
