@@ -259,6 +259,8 @@ EDITED: Final = "edited"
 SIMPLIFIED: Final = "simplified_from"
 #: how the name of a controller ends that was changed
 EDITED_NAME, SIMPLIFIED_NAME = ", edited", ", simplified"
+#: what stands in its purpose before the earlier one
+_EARLIER: Final = "Before that, its purpose was: "
 
 
 def content_hash(controller: FuzzyController) -> str:
@@ -294,12 +296,18 @@ def renamed(controller: FuzzyController, ending: str = EDITED_NAME) -> FuzzyCont
     name, words = original_name(controller), ending.removeprefix(", ")
     if name != controller.name:
         return controller
-    purpose = f"{name}, {words}. Before that, its purpose was: {controller.purpose}"
+    purpose = f"{name}, {words}. {_EARLIER}{controller.purpose}"
     return replace(
         controller,
         name=f"{name[: LONGEST_NAME - len(ending)].rstrip()}{ending}",
         purpose=purpose if controller.purpose else "",
     )
+
+
+def unmarked(controller: FuzzyController) -> FuzzyController:
+    """Return a controller, such as one trained anew, with the name and the purpose before it was changed."""
+    purpose = controller.purpose.partition(_EARLIER)[2] or controller.purpose
+    return replace(controller, name=original_name(controller), purpose=purpose)
 
 
 def original_name(controller: FuzzyController) -> str:

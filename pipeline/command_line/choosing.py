@@ -43,7 +43,7 @@ CHOICES: Final = (
            "0.452 m/s, 0.0 % outside", "the same, fewer failures"),
     Choice("champion_leo", 15, "leo", "any", "0.796", "97.7 %", "0.3 %", "0.797 m/s, 98.0 %, 0.0 % outside",
            "a low orbit: flights ahead choose one of 4 tours"),
-    Choice("champion_leo_tours", 15, "leo", "any", "", "", "", "0.583 m/s, 98.6 %, 0.0 % outside",
+    Choice("champion_leo_rehearsed", 15, "leo", "any", "", "", "", "0.583 m/s, 98.6 %, 0.0 % outside",
            "less fuel: flights ahead choose one of 240 tours"),
     Choice("champion_afrl", 27, "afrl", "any", "0.470", "99.9 %", "0.0 %", "",
            "AFRL's inspection", "results/field.md"),

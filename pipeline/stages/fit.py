@@ -272,7 +272,7 @@ def _write(
         "fitted_from": str(result["words"]),
     }
     if result["improved"]:
-        controller = serialize.described(with_descriptions(controller), facts)
+        controller = serialize.described(with_descriptions(serialize.unmarked(controller)), facts)
     writing.write_atomically(folder / artifacts.CHAMPION, serialize.dump_json(controller) + "\n")
     writing.write_atomically(folder / artifacts.FIT_CONTROLLER, serialize.dump_yaml(controller))
     writing.write_json(folder / artifacts.FIT, {"controller": controller.name, **result})

@@ -129,7 +129,7 @@ def write_selection(
         "clipped": genome.clipped(),
     }
     writing.write_json(folder / artifacts.TRAINED, summary)
-    champion = serialize.described(with_descriptions(selection.controller), facts)
+    champion = serialize.described(with_descriptions(serialize.unmarked(selection.controller)), facts)
     writing.write_atomically(folder / artifacts.CHAMPION, serialize.dump_json(champion) + "\n")
 
 

@@ -242,6 +242,8 @@ def test_a_controller_edited_by_hand_says_so(change) -> None:
     again = serialize.loads(serialize.dump_json(controller), "json")
     assert serialize.edited(again) == words
     assert again.name == controller.name == "champion_27, edited"
+    given, unmarked = serialize.load(CHAMPION), serialize.unmarked(again)
+    assert (unmarked.name, unmarked.purpose) == (given.name, given.purpose)
     assert again.purpose.startswith("champion_27, edited. Before that, its purpose was: Pushes towards")
     (finding,) = [edited for edited in audit(controller).findings if edited.id == "edited"]
     assert finding.sentence == f"champion_27 was edited {words}."
