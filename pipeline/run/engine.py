@@ -208,7 +208,9 @@ def _local_cluster(distributed: Any, num_workers: int) -> Any:
         threads_per_worker=1,
         processes=True,
         memory_limit=None,
-        dashboard_address=None,
+        # its pages are left out, but not the port that they would have
+        dashboard_address="127.0.0.1:0",
+        scheduler_kwargs={"dashboard": False},
         silence_logs=logging.CRITICAL,
         security=distributed.Security.temporary(),
         preload=[__name__],
