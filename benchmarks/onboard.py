@@ -40,9 +40,12 @@ CHAMPIONS: tuple[tuple[str, ...], ...] = (
 FAULTS: tuple[tuple[str, str], ...] = (
     (r"for \(int j = 0; j < 104;", "for (int j = 0; j < 105;"),
     (r"most\(least\(state->asked|most\(least\(force_x, 1\.0\), -1\.0\)", "(2.0 * force_x)"),
-    (r"status \+= CONTROLLER_BAD_PERIOD;", "status += 0;"),
+    (
+        r"\(output->status != 0\) \|\| \(period < 0\) \|\| \(period >= CONTROLLER_NUM_PERIODS\)",
+        "output->status != 0",
+    ),
     (r"finite_or_zero\(state->signals", "(state->signals"),
-    (r"least\(([^;]*), 700\.0\)", r"(\1)"),
+    (r"state->leading\[system\] >= 0", "state->leading[system] >= -1"),
 )
 
 
