@@ -7,7 +7,7 @@ worst of them. Every flight counts.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -26,6 +26,7 @@ from pipeline.flight.world.pack import inspection_points
 from pipeline.run.engine import HERE, TaskPool
 from pipeline.settings.dispersions import Distribution, distributions
 from pipeline.settings.experiment import Experiment, Mission, MonteCarlo, Sun
+from pipeline.settings.training import CmaEs, Optimizer
 from pipeline.training.evolution.generations import Evaluate
 from pipeline.training.evolution.rounds import evolve_rounds
 
@@ -348,14 +349,17 @@ def search(
     def fitness(_round: int, _champion: Floats | None) -> Evaluate:
         return lambda genomes: {"fitness": margins_of(genomes, centred)}
 
-    strategy = replace(
-        experiment.optimizer,
-        algorithm="cma_es",
-        population_size=settings.search_population,
-        generations=settings.search_generations,
-        initial_step=settings.search_step,
-        stall_generations=None,
-        rounds=1,
+    common = {each.name: getattr(experiment.optimizer, each.name) for each in fields(Optimizer)}
+    strategy = CmaEs(
+        **common
+        | {
+            "algorithm": "cma_es",
+            "population_size": settings.search_population,
+            "generations": settings.search_generations,
+            "initial_step": settings.search_step,
+            "stall_generations": None,
+            "rounds": 1,
+        }
     )
     evolution_seed = int(generator.integers(2**31))
     evolve_rounds(fitness, len(space.genes), strategy, evolution_seed, initial=worst[np.newaxis])
