@@ -107,7 +107,7 @@ def _remove_oldest(root: Path, latest: Path) -> None:
 def plain_s(path: Path) -> float:
     """Return the seconds for which a function has run as plain Python, as far as it is kept."""
     with suppress(OSError, ValueError):  # it was never written, or never whole
-        return float(read_text(path.with_suffix(".plain_s"), MOST_DIGITS))
+        return float(read_text(path.with_suffix(".plain_s"), MOST_DIGITS))  # file: our own count
     return 0.0
 
 

@@ -102,7 +102,7 @@ def _lock(descriptor: int, path: Path) -> None:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError as error:
         holder = "another process"
-        with suppress(OSError, UnicodeDecodeError), open_text(path) as stream:
+        with suppress(OSError, UnicodeDecodeError), open_text(path) as stream:  # file: a lock, shown alone
             holder = _holder(stream) or holder
         raise HeldError(
             f"{path.parent} is held by {holder}; wait for it, stop it, or choose another folder"

@@ -33,6 +33,7 @@ DIGITS: Final = 3
 UNCHANGED: Final = ("rad", "")
 COUNTS: Final = (
     *("coast_below_points", "rehearsal_tours", "rehearsal_smallest", "rehearsal_shapes", "rehearsal_draws"),
+    *("foresight_pushes", "foresight_points", "foresight_coast_points"),
 )
 #: times that must be whole control periods, and those that must stay below half an orbit
 CLOCKS: Final = ("decision_period_s", "rehearsal_period_s")

@@ -170,7 +170,7 @@ def _draw(client: ViewerClient, instant_s: float, file: Path) -> Image.Image:
     while time.monotonic() < end:
         time.sleep(_PAUSE_S)
         client.save_screenshot(str(file))  # file: in a folder of its own
-        with Image.open(io.BytesIO(read_bytes(file))) as shot:
+        with Image.open(io.BytesIO(read_bytes(file))) as shot:  # file: drawn by our own viewer
             now = shot.convert("RGB")
         if before is not None and ImageChops.difference(before, now).getbbox() is None:
             return now

@@ -13,8 +13,15 @@ _hooked: list[bool] = []
 
 
 def reading_sites() -> frozenset[str]:
-    """Return every function of the three packages that opens a file for reading, by the source."""
-    return frozenset(each.site for each in calls() if each.name.rpartition("file_access.")[2] in READERS)
+    """Return every function of the three packages that opens a file for reading, by the source.
+
+    Without those whose line says that the program wrote the file itself.
+    """
+    return frozenset(
+        each.site
+        for each in calls()
+        if each.name.rpartition("file_access.")[2] in READERS and not each.reason
+    )
 
 
 @contextmanager

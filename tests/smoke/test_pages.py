@@ -31,7 +31,10 @@ from tests.smoke.pages import DOCS, FOLLOWED, PAGES, calls_of, commands, name_of
 #: what the site makes when it is built: no page of the repository
 GENERATED = ("live", "classics.md", "reference/commands.md", "reference/api")
 #: words of commands that work on what an earlier one made, or the reader has, and one that takes long
-NEED_A_FOLDER = ("resume=", "compare=", "hydra.run.dir=", "--config-dir", "verify", "summary", "edit", "warm")
+NEED_A_FOLDER = (
+    *("resume=", "compare=", "hydra.run.dir=", "--config-dir"),
+    *("verify", "summary", "edit", "warm", "export_c"),
+)
 
 
 #: those of the README; a developer does not wait for all others

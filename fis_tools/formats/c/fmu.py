@@ -86,4 +86,4 @@ def _compiled(files: dict[str, bytes]) -> bytes | None:
         done = subprocess.run(words, cwd=folder, capture_output=True, text=True, check=False)  # noqa: S603
         if done.returncode != 0:
             raise RuntimeError(f"gcc refuses the source: {done.stderr.strip()}")
-        return read_bytes(Path(folder) / "library.so")
+        return read_bytes(Path(folder) / "library.so")  # file: the library that gcc just made

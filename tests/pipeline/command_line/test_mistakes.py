@@ -33,7 +33,7 @@ MISTAKES = [
     ([*FLY, "+deputy={mas_kg:3}"], "the key deputy exists already"),
     ([*FLY, "++deputy={mas_kg:3}"], "there is no key deputy.mas_kg; did you mean deputy.mass_kg?"),
     ([*FLY, "hydra.runn.dir=x"], "there is no key hydra.runn.dir; did you mean hydra.run.dir?"),
-    ([*FLY, "+controller.knd=x"], "no key controller.knd with controller.kind=coast; the keys are kind"),
+    ([*FLY, "+controller.knd=x"], "no key controller.knd with controller.kind=coast; did you mean kind?"),
     ([*FLY[:1], "controller=aim", "controller.attributes.skirt_distance=9"], "mean skirt_distance_m?"),
     # options
     (["+experiment=trian"], "there is no experiment=trian; did you mean train?"),

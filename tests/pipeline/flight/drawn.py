@@ -222,7 +222,7 @@ def flown(draw: Any, mission: Mission) -> Controller:
     needed = [name for name, kind in CONSTANTS.items() if kind.needed_for and name not in constants]
     constants |= {name: draw(number(name, {"gt": 0.0}, 300.0)) for name in needed}
     for name in draw(st.lists(st.sampled_from(list(CONSTANTS)), unique=True)):
-        if name not in constants and not name.startswith("rehearsal"):
+        if name not in constants and not name.startswith(("rehearsal", "foresight")):
             signed = {} if CONSTANTS[name].is_signed else {"ge": 0.0}
             constants[name] = draw(number(name, signed, 30.0 if name.endswith("_m") else 0.05))
     return controller(tuple(systems), draw(st.sampled_from(["hill", "body"])), **constants)

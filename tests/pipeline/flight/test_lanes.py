@@ -1,6 +1,6 @@
 """A flight is the same to the last bit alone, in any company, in any order, on any number of threads."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -13,6 +13,7 @@ from pipeline.flight.control.law import law_of
 from pipeline.flight.fly.population import fly_population, lanes_for
 from pipeline.flight.fly.simulation import fly_all, fly_logged
 from pipeline.flight.state import arrays
+from pipeline.flight.state.log import Outcomes
 from pipeline.flight.world.pack import pack_world
 from tests.pipeline.flight import cases
 from tests.pipeline.flight.cases import STEERING, mission, random_starts
@@ -52,7 +53,7 @@ CASES = {
 
 
 def fly(what, controller, starts, workers=1):
-    """Outcomes as rows of shape (n, 9), and tracks."""
+    """Outcomes as rows, a column for each of their fields, and tracks."""
     tracks = np.full((len(starts), what.num_controls + 1, 3), np.nan, dtype=np.float32)
     outcomes = fly_all(what, controller, starts, workers, tracks)
     return np.column_stack([values.astype(np.float64) for values in vars(outcomes).values()]), tracks
@@ -102,7 +103,7 @@ def test_a_population_flies_from_few_starts_as_one_controller_does():
 
 @pytest.mark.parametrize("workers", [1, 3])
 def test_without_starts_there_are_no_outcomes(workers):
-    assert fly(*CASES["paper"], [], workers)[0].shape == (0, 9)
+    assert fly(*CASES["paper"], [], workers)[0].shape == (0, len(fields(Outcomes)))
 
 
 def test_elements_of_arrays_are_told_by_our_own_table(monkeypatch):

@@ -97,7 +97,7 @@ def test_any_forces_from_any_start(seed: int, strength: float, hold: int, early:
     assert not outcomes.is_violated.any()
 
 
-@pytest.mark.parametrize("limits", [(0.0, 60.0), (15.0, 50.0), (40.0, 45.0)])
+@pytest.mark.parametrize("limits", [(10.0, 60.0), (15.0, 50.0), (40.0, 45.0)])
 def test_other_limits_masses_and_clocks(limits: tuple[float, float]) -> None:
     deputy = {"min_distance_m": limits[0], "max_distance_m": limits[1], "mass_kg": 40.0, "max_force_n": 0.5}
     narrow = replace(EARLY, keep_out_margin_m=0.5, keep_in_margin_m=0.5, braking_force_n=0.3)

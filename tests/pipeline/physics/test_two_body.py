@@ -73,7 +73,7 @@ def plainly_flown(dynamics, radius: float, start: np.ndarray, forces: np.ndarray
     sun = sun_direction(*np.radians(TOLD["sun_deg"]))
     states = [start]
     for k, force in enumerate(forces):
-        states.append(moved(what, flight.orbit[k], sun, states[-1], force, 0.0))
+        states.append(moved(flight.earth, what, flight.orbit[k], sun, states[-1], force, 0.0))
     return np.array(states)[:, :3]
 
 
