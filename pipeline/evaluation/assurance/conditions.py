@@ -10,6 +10,7 @@ from pipeline.settings.checks import names_of
 from pipeline.settings.dispersions import distributions
 from pipeline.settings.experiment import Experiment, Mission, MonteCarlo
 from pipeline.settings.keys import value_at
+from pipeline.settings.mission import START_M
 from pipeline.settings.schema import present, schema
 
 #: coordinates of a start and their units
@@ -88,4 +89,6 @@ def changed_settings(config: Mapping[str, Any]) -> dict[str, Any]:
     config, groups = present(config), {*names_of(Mission), "sun"}
     keys = [key for key in schema().values() if key.name.partition(".")[0] in groups]
     values = [(key, value_at(config, key.name, key.default)) for key in keys]
-    return {key.name: value for key, value in values if value != key.default}
+    # a start that is left to the mission is the paper's in the paper's
+    defaults = {"deputy.initial_position_m": list(START_M)}
+    return {key.name: value for key, value in values if value not in (key.default, defaults.get(key.name))}
