@@ -497,14 +497,6 @@ class Settings(metaclass=SettingsType):
 
     A group whose keys depend on a tag, such as ``navigation.mode``, is a class with variants: subclasses that
     narrow the tag to one value. Calling the class returns the variant that the values name.
-
-    Parameters
-    ----------
-    group : str, optional
-        Such as ``optimizer.penalty``; empty for keys at the top of the configuration. A class without one
-        is a variant, or holds what others share.
-    only : Only, optional
-        Where its keys exist, except for those that the condition is about.
     """
 
     #: of its keys, and the class that the group is entered with
@@ -512,7 +504,16 @@ class Settings(metaclass=SettingsType):
     root: ClassVar[type[Any] | None] = None
 
     def __init_subclass__(cls, *, group: str | None = None, only: Only | None = None) -> None:
-        """Make a subclass a dataclass, and enter its keys among those that are known."""
+        """Make a subclass a dataclass, and enter its keys among those that are known.
+
+        Parameters
+        ----------
+        group : str, optional
+            Such as ``optimizer.penalty``; empty for keys at the top of the configuration. A class without one
+            is a variant, or holds what others share.
+        only : Only, optional
+            Where its keys exist, except for those that the condition is about.
+        """
         hints: list[Any] = [*inspect.get_annotations(cls).values()]
         # reading texts takes a millisecond a class, and a tag has its text elsewhere
         has_texts = not all(get_origin(hint) is Literal and len(get_args(hint)) == 1 for hint in hints)

@@ -50,6 +50,9 @@ class PushSearch:
         Of each generation, see `price_pushes`.
     costs : (G+1, plans)
         Prices, m/s.
+
+    Attributes
+    ----------
     best : (4 pushes - 1,)
         Genes of the cheapest plan.
     """
