@@ -396,7 +396,7 @@ def test_many_inputs_and_many_terms_take_little_memory():
     count = 21
     sides = terms(low=Triangular(0.0, 0.0, 1.0), high=Triangular(0.0, 1.0, 1.0))
     inputs = tuple(Variable(f"x{n}", "", 0.0, 1.0, sides, 11) for n in range(count))
-    many = terms(**{f"t{n}": Gaussian(n / 300.0, 0.01) for n in range(300)})
+    many = terms(**{f"t{n}": Gaussian(n / 120.0, 0.01) for n in range(120)})
     y = Variable("y", "", 0.0, 1.0, many, 201, default=0.0)
     rules = [
         Rule(Is(f"x{n}", side), (Consequent("y", f"t{n * 4 + k}"),))

@@ -1,7 +1,7 @@
 """Flights are flown as they are written: of every kind, by name and with any settings, constants and signals.
 
 `DRAWN_FLIGHTS=1000 python -m pytest tests/pipeline/flight/test_as_written.py -k any` draws that many of
-each kind; six are drawn by default, the same each time.
+each kind; four are drawn by default, the same each time.
 """
 
 import os
@@ -36,7 +36,7 @@ from tests.pipeline.flight.missions import FULL_INERTIA, MEAN_MOTION
 from tests.programs import run_python
 
 #: how many flights of a kind are drawn
-DRAWN = int(os.environ.get("DRAWN_FLIGHTS", "6"))
+DRAWN = int(os.environ.get("DRAWN_FLIGHTS", "4"))
 #: no two of these can be drawn at a time, or their kinds would be compiled apart
 UNDRAWN = ("guidance", "chief.shape", "path", "light.reflection", "actuators.kind")
 

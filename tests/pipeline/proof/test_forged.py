@@ -6,7 +6,7 @@ pytest.importorskip("flint", reason="the checker needs python-flint")
 from tests.pipeline.proof.forged import STARTS, forge
 
 #: mutants of each certificate; each takes up to half a second where it is accepted
-QUICK, LONG = 40, 100
+QUICK, LONG = 40, 60
 
 
 def count_false(name: str, number: int, folder) -> tuple[int, int]:
