@@ -58,7 +58,7 @@ def path_for(compiled: Any, kinds: Iterable[Any]) -> Path:
 def read(path: Path) -> bytes | None:
     """Return what a file of the cache holds; None if it is missing, cannot be read, or is damaged."""
     with suppress(OSError):
-        content = read_bytes(path, LIMIT_BYTES)
+        content = read_bytes(path, LIMIT_BYTES)  # file: compiled by us
         if content[:HEAD] == hashlib.sha256(content[HEAD:]).digest():
             with suppress(OSError):  # a cache may be read-only
                 os.utime(path)
