@@ -98,7 +98,7 @@ def row(words: Sequence[str], num_flights: int, *, is_proved: bool) -> str:
 def faults_found() -> int:
     """Return how many faults the analyser finds, of those that are put into the C of `champion_27`."""
     job = compose_experiment(["+experiment=evaluate", "controller=champion_27"])
-    mission, found = job.experiment.mission, 0
+    mission, num_found = job.experiment.mission, 0
     program = translate(mission, source.load(job.config["controller"], mission))
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
@@ -109,8 +109,8 @@ def faults_found() -> int:
             (folder / "controller.c").write_text(faulty, encoding="utf-8")
             alarms, _, _ = proved(folder)
             sys.stdout.write(f"{fault}: {number} place, {alarms} alarms\n")
-            found += number > 0 and alarms > 0
-    return found
+            num_found += number > 0 and alarms > 0
+    return num_found
 
 
 def main(arguments: Sequence[str]) -> None:

@@ -95,16 +95,24 @@ def folders_with(config_dir: Path | None) -> list[Path]:
     return [conf_folder(), *([config_dir] if config_dir else [])]
 
 
-class _ArgumentParser(argparse.ArgumentParser):
+class CommandParser(argparse.ArgumentParser):
+    """Parses options; what is wrong is told in a sentence."""
+
     def error(self, message: str) -> NoReturn:
         """Raise ConfigError; the program exits only through `pipeline.command_line.cli.main`."""
-        raise ConfigError(f"{message}; see python -m pipeline --help")
+        raise ConfigError(f"{message}; see {self.prog} --help")
 
 
-def _parser() -> _ArgumentParser:
+def _parser() -> CommandParser:
     """Return a parser of Hydra's options, whose version is this program's."""
     hydra = get_args_parser()
-    parser = _ArgumentParser(add_help=False, allow_abbrev=False, parents=[hydra], conflict_handler="resolve")
+    parser = CommandParser(
+        prog="python -m pipeline",
+        add_help=False,
+        allow_abbrev=False,
+        parents=[hydra],
+        conflict_handler="resolve",
+    )
     parser.add_argument("--version", action="store_true")
     parser.add_argument("--config-dir", "-cd", type=Path)
     return parser

@@ -1,15 +1,12 @@
 """The command ``edit``: a page on which a controller is edited, and flown anew at each touch."""
 
-import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
 from fis_tools.errors import MissingExtra
 from pipeline.command_line import runs
-from pipeline.command_line.arguments import EXPERIMENT, ConfigError, parse_arguments
-from pipeline.command_line.config import compose_experiment
-from pipeline.command_line.groups import options
-from pipeline.command_line.overrides import read_overrides
+from pipeline.command_line.arguments import CommandParser, ConfigError
+from pipeline.command_line.evaluations import parse_evaluation
 
 
 def edit(arguments: Sequence[str]) -> int:
@@ -25,17 +22,10 @@ def edit(arguments: Sequence[str]) -> int:
     ValueError, OSError
         User errors.
     """
-    parser = argparse.ArgumentParser(prog="python -m pipeline edit", allow_abbrev=False, add_help=False)
+    parser = CommandParser(prog="python -m pipeline edit", allow_abbrev=False, add_help=False)
     parser.add_argument("--port", type=int, default=0, choices=range(1 << 16), metavar="PORT")
     parser.add_argument("--no-browser", action="store_true")
-    chosen, words = parser.parse_known_args(list(arguments))
-    command = parse_arguments(words)
-    overrides = read_overrides(command.overrides, options(command.folders), is_multirun=command.multirun)
-    words = [override.input_line or "" for override in overrides]
-    if EXPERIMENT not in {override.key_or_group for override in overrides}:
-        words.insert(0, f"+{EXPERIMENT}=evaluate")
-    experiment = compose_experiment(words, command.config_dir).experiment
-    runs.check_before(experiment)
+    chosen, experiment = parse_evaluation(parser, arguments)
 
     from pipeline.controllers.source import load  # noqa: PLC0415 - compiled code, needed once the rest is right
 

@@ -1,15 +1,12 @@
 """The command ``export_c``: the whole on-board function of a controller as C."""
 
-import argparse
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 from pipeline.command_line import runs
-from pipeline.command_line.arguments import EXPERIMENT, ConfigError, parse_arguments
-from pipeline.command_line.config import compose_experiment
-from pipeline.command_line.groups import options
-from pipeline.command_line.overrides import read_overrides
+from pipeline.command_line.arguments import CommandParser, ConfigError
+from pipeline.command_line.evaluations import parse_evaluation
 
 
 def export_c(arguments: Sequence[str]) -> int:
@@ -31,17 +28,10 @@ def export_c(arguments: Sequence[str]) -> int:
     ValueError, OSError
         User errors.
     """
-    parser = argparse.ArgumentParser(prog="python -m pipeline export_c", allow_abbrev=False, add_help=False)
+    parser = CommandParser(prog="python -m pipeline export_c", allow_abbrev=False, add_help=False)
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="FOLDER")
     parser.add_argument("--flights", type=int, default=3, choices=range(1, 10001), metavar="N")
-    chosen, words = parser.parse_known_args(list(arguments))
-    command = parse_arguments(words)
-    overrides = read_overrides(command.overrides, options(command.folders), is_multirun=command.multirun)
-    words = [override.input_line or "" for override in overrides]
-    if EXPERIMENT not in {override.key_or_group for override in overrides}:
-        words.insert(0, f"+{EXPERIMENT}=evaluate")
-    experiment = compose_experiment(words, command.config_dir).experiment
-    runs.check_before(experiment)
+    chosen, experiment = parse_evaluation(parser, arguments)
     folder: Path = chosen.output
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise ConfigError(

@@ -2,6 +2,7 @@
 
 import ast
 import operator
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import Any
 
@@ -44,12 +45,12 @@ COMPARISONS: dict[type[ast.cmpop], Callable[[Any, Any], Any]] = {
 }
 
 
-class Expressions(Writer):
+class Expressions(Writer, ABC):
     """Returns what expressions are."""
 
+    @abstractmethod
     def invoked(self, function: Any, arguments: list[Any], named: dict[str, Any]) -> Any:
-        """Return what a compiled function returns; `Translator` writes it."""
-        raise NotImplementedError
+        """Return what a compiled function returns, having written it."""
 
     def value(self, node: ast.expr, frame: Frame) -> Any:
         """Return what an expression is."""
