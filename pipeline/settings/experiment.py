@@ -12,9 +12,11 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from pipeline.settings import checks, start_table
-from pipeline.settings.checks import Only, SettingError, Settings
+from pipeline.settings import checks, start_table, types
+from pipeline.settings.checks import SettingError
+from pipeline.settings.conditions import Only
 from pipeline.settings.controllers import check_controller
+from pipeline.settings.groups import Settings
 from pipeline.settings.keys import choices_of
 from pipeline.settings.mission import Mission, Safety, Sun
 from pipeline.settings.training import Optimizer, Starts, StartsOfFile, dimensions
@@ -36,26 +38,26 @@ class MonteCarlo(Settings, group="monte_carlo"):
     """The evaluation: flights from starts drawn, isotropic and uniform in distance, or from a given table."""
 
     num_cases: Annotated[
-        checks.Cases,
-        checks.Cure("; without scenarios there is nothing to fly"),
+        types.Cases,
+        types.Cure("; without scenarios there is nothing to fly"),
         Only(*(f"stages={stage}" for stage in STAGES if stage != "assure")),
     ] = 1000
     """Flights."""
-    min_distance_m: Annotated[checks.Positive, checks.Follows()] = 50.0
+    min_distance_m: Annotated[types.Positive, types.Follows()] = 50.0
     """Least distance of a start from the chief; null: 50, or what fits the limits and the camera."""
-    max_distance_m: Annotated[checks.Number, checks.Follows()] = 100.0
+    max_distance_m: Annotated[types.Number, types.Follows()] = 100.0
     """Greatest distance of a start from the chief; null: 100, or what fits the limits and the camera."""
-    confidence_percent: Annotated[checks.Number, Field(ge=80, le=99.99)] = 95.0
+    confidence_percent: Annotated[types.Number, Field(ge=80, le=99.99)] = 95.0
     """Confidence of the intervals in the summary."""
-    workers: checks.Workers = None
+    workers: types.Workers = None
     """Threads that fly; null: one a processor."""
-    max_speed_m_s: Annotated[checks.NotNegative, Field(le=100)] = 0.0
+    max_speed_m_s: Annotated[types.NotNegative, Field(le=100)] = 0.0
     """Greatest speed of a start, in any direction; 0: rest."""
     directions: Literal["even", "angles"] = "even"
     """Directions of starts and speeds: even on the sphere, or by even angles, denser at the poles (AFRL)."""
-    box: checks.Box | None = None
+    box: types.Box | None = None
     """Least and greatest x, y, z, x', y', z' of starts drawn evenly between them; null: the shell."""
-    table: Annotated[checks.Text | None, Only("starts.kind=file")] = None
+    table: Annotated[types.Text | None, Only("starts.kind=file")] = None
     """Starts in place of drawn ones, as CSV text."""
 
     def __post_init__(self) -> None:
@@ -71,40 +73,40 @@ class Optimum(
 
     cases: Literal["evaluation", "start"] = "evaluation"
     """What is solved: the cases of the evaluation, or the start that the deputy is given."""
-    points: checks.Count | None = None
+    points: types.Count | None = None
     """Points to be inspected; null: those that make a success in each case."""
-    restarts: checks.Count = 24
+    restarts: types.Count = 24
     """Most beginnings of the global search; it ends when three find the same."""
-    burns: Annotated[checks.Whole, Field(ge=2, le=5)] = 3
+    burns: Annotated[types.Whole, Field(ge=2, le=5)] = 3
     """Most burns of the global search, the first at the start."""
-    kicks: checks.Natural = 12
+    kicks: types.Natural = 12
     """Disturbances of the best plan in a row that better nothing, to the end."""
-    workers: checks.Workers = None
+    workers: types.Workers = None
     """Threads that solve cases; null: one a processor."""
-    reference: checks.Text | None = SHIPPED
+    reference: types.Text | None = SHIPPED
     """Cases that evaluations are measured by: `shipped`, a run's folder, or null."""
 
 
 class Prove(Settings, group="prove", only=Only("stages=prove")):
     """A proof that all starts of monte_carlo.box reach the goal within the speed limit."""
 
-    cells: Annotated[checks.Whole, Field(ge=8, le=1000)] = 96
+    cells: Annotated[types.Whole, Field(ge=8, le=1000)] = 96
     """Cells into which the range of a position is divided; more make a tighter tube, and take longer."""
 
 
 class Engine(Settings, group="engine"):
     """Where flights and plans are computed, and how a campaign is cut into parts."""
 
-    kind: Annotated[Literal["local", "dask"], checks.Freely()] = "local"
+    kind: Annotated[Literal["local", "dask"], types.Freely()] = "local"
     """This process, or Dask's workers: of this machine, or of the scheduler that Dask's settings name."""
-    part_cases: Annotated[checks.Count, checks.Freely()] = 10000
+    part_cases: Annotated[types.Count, types.Freely()] = 10000
     """Flights of a part, which are kept as a file once they are flown."""
 
 
 class Logger(Settings, group="logger", only=Only("stages=train", is_told=True)):
     """Where each generation of a training is logged besides its logbook."""
 
-    kind: Annotated[Literal["none", "tensorboard"], checks.Freely()] = "none"
+    kind: Annotated[Literal["none", "tensorboard"], types.Freely()] = "none"
     """Nowhere else, or in train/tensorboard for TensorBoard."""
 
 
@@ -113,15 +115,15 @@ class HparamsSearch(Settings, group="hparams_search", only=Only("stages=search",
 
     space: dict[str, Any] = field(default_factory=dict, hash=False)
     """Keys, each with {low: 0.1, high: 10.0, log: true} or {choices: [a, b]}."""
-    trials: checks.Count = 40
+    trials: types.Count = 40
     """How many are tried."""
-    num_cases: checks.Count = 400
+    num_cases: types.Count = 400
     """Starts of a trial, flown by no training."""
-    block_cases: checks.Count = 40
+    block_cases: types.Count = 40
     """Of them, those flown before a trial is compared with the best."""
-    prune_below: Annotated[checks.NotNegative, Field(le=1)] = 0.1
+    prune_below: Annotated[types.NotNegative, Field(le=1)] = 0.1
     """The p of Wilcoxon's test below which a trial ends; 0: never."""
-    trains: checks.Flag = False
+    trains: types.Flag = False
     """Whether each trial trains its controller, or flies the configured one."""
 
     def __post_init__(self) -> None:
@@ -132,21 +134,21 @@ class HparamsSearch(Settings, group="hparams_search", only=Only("stages=search",
 class FitSettings(Settings, group="fit", only=Only("stages=fit", is_told=True)):
     """A controller from champions that are scaled to the mission; see `pipeline.evaluation.fitting`."""
 
-    bases: checks.Texts = ("champion_27", "champion_81", "champion_leo", "champion_any_sun")
+    bases: types.Texts = ("champion_27", "champion_81", "champion_leo", "champion_any_sun")
     """Champions that compete, as shipped and scaled; names as in controller=NAME, or paths."""
-    draws: checks.Count = 18
+    draws: types.Count = 18
     """Sizes and tempos that each is scaled to."""
-    cases: tuple[checks.Count, ...] = (12, 40, 150)
+    cases: tuple[types.Count, ...] = (12, 40, 150)
     """Flights of each competitor in the first round, the second, and so on."""
-    kept: tuple[checks.Count, ...] = (16, 5)
+    kept: tuple[types.Count, ...] = (16, 5)
     """Competitors that stay after each round but the last."""
-    num_cases: checks.Count = 300
+    num_cases: types.Count = 300
     """Starts that no competitor has flown, on which the result is judged."""
-    goal_percent: Annotated[checks.Number, Field(ge=0, le=100)] = 95.0
+    goal_percent: Annotated[types.Number, Field(ge=0, le=100)] = 95.0
     """Lower bound of the success aimed at; where it is missed, the safety layer and tuning are tried."""
     tunes: Literal["needed", "always", "never"] = "needed"
     """Whether the best is tuned by the optimizer: where it misses the goal, always, or never."""
-    workers: checks.Workers = None
+    workers: types.Workers = None
     """Threads that fly; null: one a processor."""
 
     def __post_init__(self) -> None:
@@ -163,7 +165,7 @@ class FitSettings(Settings, group="fit", only=Only("stages=fit", is_told=True)):
 class Compare(Settings, group="compare", only=Only("stages=compare", is_told=True)):
     """Comparison of controllers: which fly, and under which conditions."""
 
-    controllers: checks.Texts = ("coast", "natural_motion", "lqr", "receding_horizon", "paper_champion")
+    controllers: types.Texts = ("coast", "natural_motion", "lqr", "receding_horizon", "paper_champion")
     """Names as in controller=NAME, or paths of controllers and tables."""
     suns: tuple[Literal["fixed", "random", "mixed"], ...] = ("fixed", "random")
     """Sun settings under which each flies: fixed, random, mixed."""
@@ -185,23 +187,23 @@ class Compare(Settings, group="compare", only=Only("stages=compare", is_told=Tru
 class Assurance(Settings, group="assurance", only=Only("stages=assure", is_told=True)):
     """Evidence for requirements: which, and how thoroughly they are tested."""
 
-    requirements: checks.Text = "inspection"
+    requirements: types.Text = "inspection"
     """Those that ship, by name, or the path of a file."""
-    num_cases: Annotated[checks.Count, checks.Cure("; without flights nothing is shown")] = 10000
+    num_cases: Annotated[types.Count, types.Cure("; without flights nothing is shown")] = 10000
     """Flights on which claims are judged."""
-    searches: checks.Count = 24
+    searches: types.Count = 24
     """Searches for the worst case of each requirement."""
-    search_starts: checks.Count = 32
+    search_starts: types.Count = 32
     """Random flights that a search begins with."""
-    search_population: Annotated[checks.Whole, Field(ge=5)] = 16
+    search_population: Annotated[types.Whole, Field(ge=5)] = 16
     """Flights in each generation of a search (CMA-ES)."""
-    search_generations: checks.Count = 20
+    search_generations: types.Count = 20
     """Generations after the first flights."""
-    search_step: Annotated[checks.Positive, Field(le=1)] = 0.1
+    search_step: Annotated[types.Positive, Field(le=1)] = 0.1
     """First spread of a search, as a share of what is chosen."""
-    domain_cases: checks.Count = 200
+    domain_cases: types.Count = 200
     """Flights that make the operational domain, and as many that try it."""
-    workers: checks.Workers = None
+    workers: types.Workers = None
     """Threads that fly; null: one a processor."""
 
 
@@ -210,24 +212,24 @@ class Telemetry(
 ):
     """Which flights are recorded, and the distances that the log calls near."""
 
-    record_training: checks.Flag = True
+    record_training: types.Flag = True
     """The flights of the training scenarios."""
-    record_ranked: checks.Flag = True
+    record_ranked: types.Flag = True
     """Of the evaluation: the worst, the median and the best flight."""
-    record_start: checks.Flag = False
+    record_start: types.Flag = False
     """The flight from deputy.initial_position_m, or of a case of the evaluation."""
-    near_limit_m: checks.NotNegative = 5.0
+    near_limit_m: types.NotNegative = 5.0
     """The log warns when a distance limit is nearer."""
 
 
 class Report(Settings, group="report", only=Only("stages=report", is_told=True)):
     """Appearance of the report."""
 
-    title: checks.Text = "Spacecraft inspection by fuzzy control"
+    title: types.Text = "Spacecraft inspection by fuzzy control"
     """Heading of the page."""
-    dots_per_inch: Annotated[checks.Whole, Field(ge=20, le=1200)] = 150
+    dots_per_inch: Annotated[types.Whole, Field(ge=20, le=1200)] = 150
     """Of the PNG files."""
-    training_case: checks.Natural = 0
+    training_case: types.Natural = 0
     """The training scenario that is drawn, from 0."""
 
 
@@ -256,11 +258,11 @@ class Experiment(Settings, group=""):
         Whether to go on from a checkpoint in the run's folder; not part of the configuration.
     """
 
-    name: checks.Text = "pipeline"
+    name: types.Text = "pipeline"
     """Names the run's folder: letters, digits, _ - and . only."""
-    seed: checks.Seed = 1
+    seed: types.Seed = 1
     """Of everything random."""
-    stages: Annotated[checks.Texts, Field(description=f"What is done, in this order: {', '.join(STAGES)}.")]
+    stages: Annotated[types.Texts, Field(description=f"What is done, in this order: {', '.join(STAGES)}.")]
     mission: Mission = field(default_factory=Mission)
     sun: Sun = field(default_factory=Sun)
     starts: Starts = field(default_factory=Starts)
@@ -278,9 +280,9 @@ class Experiment(Settings, group=""):
     engine: Engine = field(default_factory=Engine)
     hparams_search: HparamsSearch = field(default_factory=HparamsSearch)
     logger: Logger = field(default_factory=Logger)
-    reproducible: checks.Flag = False
+    reproducible: types.Flag = False
     """Whether libraries compute alike on all x86-64 processors."""
-    case: Annotated[checks.Natural | None, Only("telemetry.record_start=true")] = None
+    case: Annotated[types.Natural | None, Only("telemetry.record_start=true")] = None
     """Case of the evaluation that telemetry.record_start flies; null: the given start."""
     resume: bool = False
 

@@ -46,7 +46,7 @@ GONE = (
 )
 #: the group whose keys are those of the configuration
 SPACE = "hparams_search.space"
-#: every dotted key and group of the configuration, as `pipeline.settings.checks.settings` finds them
+#: every dotted key and group of the configuration, as `pipeline.settings.groups` enters them
 KNOWN: set[str] = set()
 
 

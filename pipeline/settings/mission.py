@@ -7,15 +7,17 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, Strict
 
-from pipeline.settings import checks
-from pipeline.settings.checks import Only, SettingError, Settings
+from pipeline.settings import checks, types
+from pipeline.settings.checks import SettingError
+from pipeline.settings.conditions import Only
 from pipeline.settings.dispersions import Distribution, distributions, processes
+from pipeline.settings.groups import Settings
 from pipeline.settings.relations import check_relations
 
 #: beyond this many points a flight fills a computer's memory
 MOST_POINTS = 10_000
 #: the least is beyond the accumulated rounding of a flight
-Margin = Annotated[checks.Number, Field(ge=0.001)]
+Margin = Annotated[types.Number, Field(ge=0.001)]
 UNIT_INERTIA = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 #: 75 m along (1, 1, 1)
 START_M = (43.30127018922194, 43.30127018922194, 43.30127018922194)
@@ -25,7 +27,7 @@ class OrbitSettings(Settings, group="orbit"):
     """The chief's orbit: the paper's low Earth orbit."""
 
     #: the densest planets allow 0.0015 rad/s
-    mean_motion_rad_s: Annotated[checks.Positive, Field(le=0.1)] = 0.0011068
+    mean_motion_rad_s: Annotated[types.Positive, Field(le=0.1)] = 0.0011068
     """Mean motion of the chief."""
     radius_m: Annotated[
         float | None, Strict(), Field(gt=0, le=1e9), Only("light.shadow=conical", "dynamics.model=two_body")
@@ -50,19 +52,19 @@ class TwoBody(Dynamics):
     """Two bodies about the Earth."""
 
     model: Literal["two_body"] = "two_body"
-    eccentricity: Annotated[checks.NotNegative, Field(lt=1)] = 0.0
+    eccentricity: Annotated[types.NotNegative, Field(lt=1)] = 0.0
     """Eccentricity of the chief's orbit at the start; 0: a circle."""
-    true_anomaly_deg: checks.Number = 0.0
+    true_anomaly_deg: types.Number = 0.0
     """The chief's angle from the perigee at the start."""
-    inclination_deg: Annotated[checks.Number, Field(ge=0, le=180)] = 51.6
+    inclination_deg: Annotated[types.Number, Field(ge=0, le=180)] = 51.6
     """Inclination of the orbit to the Earth's equator."""
-    latitude_argument_deg: checks.Number = 0.0
+    latitude_argument_deg: types.Number = 0.0
     """The chief's angle from the ascending node at the start."""
-    j2: Annotated[checks.NotNegative, Field(le=0.02)] = 0.0
+    j2: Annotated[types.NotNegative, Field(le=0.02)] = 0.0
     """Coefficient of the Earth's oblateness; 0: a sphere."""
-    drag_m_s2: checks.Number = 0.0
+    drag_m_s2: types.Number = 0.0
     """Acceleration by which drag slows the deputy more than the chief."""
-    radiation_m_s2: checks.Number = 0.0
+    radiation_m_s2: types.Number = 0.0
     """Acceleration by which sunlight pushes the deputy more than the chief."""
 
 
@@ -74,26 +76,26 @@ NO_CASE = Only("case=null", "optimum.cases=start", is_told=True)
 class DeputySettings(Settings, group="deputy"):
     """The inspecting spacecraft, its start (Hill axes) and its limits."""
 
-    mass_kg: checks.Positive = 12.0
+    mass_kg: types.Positive = 12.0
     """Mass."""
-    inertia_kg_m2: checks.Inertia = UNIT_INERTIA
+    inertia_kg_m2: types.Inertia = UNIT_INERTIA
     """Inertia matrix, body axes."""
-    initial_position_m: Annotated[checks.Vector, IS_FLOWN, NO_CASE, checks.Follows()] = START_M
+    initial_position_m: Annotated[types.Vector, IS_FLOWN, NO_CASE, types.Follows()] = START_M
     """Where a single flight starts, relative to the chief, Hill axes; null: 75 m along (1, 1, 1), or the
     middle of the starts of monte_carlo."""
-    initial_velocity_m_s: Annotated[checks.Vector, IS_FLOWN, NO_CASE] = (0.0, 0.0, 0.0)
+    initial_velocity_m_s: Annotated[types.Vector, IS_FLOWN, NO_CASE] = (0.0, 0.0, 0.0)
     """Its velocity there, relative to the chief, Hill axes."""
-    max_force_n: Annotated[checks.Positive, Field(le=1000)] = 1.0
+    max_force_n: Annotated[types.Positive, Field(le=1000)] = 1.0
     """Greatest force along each Hill axis."""
-    max_torque_n_m: checks.Positive = 0.01
+    max_torque_n_m: types.Positive = 0.01
     """Greatest torque about each body axis."""
-    min_distance_m: checks.NotNegative = 15.0
+    min_distance_m: types.NotNegative = 15.0
     """Least distance from the chief; the limit itself is inside."""
-    max_distance_m: checks.Number = 200.0
+    max_distance_m: types.Number = 200.0
     """Greatest distance from the chief; the limit itself is inside."""
-    initial_quaternion: checks.Quaternion = (0.0, 0.0, 0.0, 1.0)
+    initial_quaternion: types.Quaternion = (0.0, 0.0, 0.0, 1.0)
     """Attitude at the start, from Hill to body axes, scalar last."""
-    initial_angular_velocity_rad_s: checks.Vector | None = None
+    initial_angular_velocity_rad_s: types.Vector | None = None
     """Angular velocity at the start, relative to Hill, body axes; null: the mean motion about k."""
 
     def __post_init__(self) -> None:
@@ -116,13 +118,13 @@ class DeputySettings(Settings, group="deputy"):
 class ChiefSettings(Settings, group="chief"):
     """The inspected spacecraft and the points on it."""
 
-    inertia_kg_m2: Annotated[checks.Inertia, Only("chief.initial_angular_velocity_rad_s")] = UNIT_INERTIA
+    inertia_kg_m2: Annotated[types.Inertia, Only("chief.initial_angular_velocity_rad_s")] = UNIT_INERTIA
     """Inertia matrix, chief axes."""
-    initial_angular_velocity_rad_s: checks.Vector | None = None
+    initial_angular_velocity_rad_s: types.Vector | None = None
     """Inertial angular velocity at the start, chief axes; null: aligned with Hill."""
-    inspection_radius_m: Annotated[checks.Positive, Only("chief.shape=sphere")] = 10.0
+    inspection_radius_m: Annotated[types.Positive, Only("chief.shape=sphere")] = 10.0
     """Radius of the sphere of inspection points."""
-    num_points: Annotated[checks.Count, Field(le=MOST_POINTS)] = 100
+    num_points: Annotated[types.Count, Field(le=MOST_POINTS)] = 100
     """Inspection points asked for; Deserno's placement makes 99 of 100."""
     placement: Annotated[Literal["deserno", "fibonacci"], Only("chief.shape=sphere")] = "deserno"
     """How points are spread over the sphere."""
@@ -130,7 +132,7 @@ class ChiefSettings(Settings, group="chief"):
     """What points count: alike, or, in pipeline.gym, by their angle from a direction of each episode."""
     shape: Literal["sphere", "mesh"] = "sphere"
     """Points on a sphere, or on the faces of a mesh."""
-    path: Annotated[checks.Text | None, Only("chief.shape=mesh")] = None
+    path: Annotated[types.Text | None, Only("chief.shape=mesh")] = None
     """File of the mesh, STL or OBJ, chief axes, m; null: the satellite that ships."""
 
 
@@ -139,32 +141,32 @@ class Problem(Settings, group="problem", only=Only("problem.kind=reach")):
 
     kind: Literal["inspection", "reach"] = "inspection"
     """To inspect the chief's points, or to reach the chief within a limit on the speed."""
-    goal_radius_m: checks.Positive = 0.5
+    goal_radius_m: types.Positive = 0.5
     """Distance from the chief's centre at which a flight ends."""
-    goal_speed_m_s: checks.Positive = 0.2
+    goal_speed_m_s: types.Positive = 0.2
     """Greatest speed there; faster is a crash."""
-    limit_base_m_s: checks.NotNegative = 0.2
+    limit_base_m_s: types.NotNegative = 0.2
     """Limit on the speed at limit_offset_m from the chief."""
-    limit_slope_per_s: checks.NotNegative = 0.0
+    limit_slope_per_s: types.NotNegative = 0.0
     """How much the limit grows with each metre farther out."""
-    limit_offset_m: checks.Number = 0.0
+    limit_offset_m: types.Number = 0.0
     """Distance from the chief at which the limit is limit_base_m_s."""
-    most_excess_m_s: checks.NotNegative = 0.0
+    most_excess_m_s: types.NotNegative = 0.0
     """Sum over samples of what the speed is above the limit; beyond it a flight has failed."""
 
 
 class Sensor(Settings, group="sensor"):
     """The deputy's camera."""
 
-    half_angle_deg: Annotated[checks.Positive, Field(le=180)] = 15.0
+    half_angle_deg: Annotated[types.Positive, Field(le=180)] = 15.0
     """Half angle of the field of view."""
-    boresight: checks.UnitVector = (-1.0, 0.0, 0.0)
+    boresight: types.UnitVector = (-1.0, 0.0, 0.0)
     """Where the camera looks, body axes."""
-    max_incidence_deg: Annotated[checks.Positive, Field(le=90)] = 90.0
+    max_incidence_deg: Annotated[types.Positive, Field(le=90)] = 90.0
     """Greatest angle between a point's normal and the direction to the deputy."""
-    max_range_m: checks.Positive | None = None
+    max_range_m: types.Positive | None = None
     """Greatest range from which a point is resolved; null: any."""
-    min_sun_angle_deg: Annotated[checks.NotNegative, Field(le=180)] = 0.0
+    min_sun_angle_deg: Annotated[types.NotNegative, Field(le=180)] = 0.0
     """Least angle between boresight and Sun; nearer to it the camera is blind."""
 
 
@@ -176,23 +178,23 @@ class Light(Settings, group="light"):
 
     shadow: Literal["none", "conical"] = "none"
     """The Earth's shadow."""
-    min_fraction: Annotated[checks.Share, Only("light.shadow=conical")] = 0.5
+    min_fraction: Annotated[types.Share, Only("light.shadow=conical")] = 0.5
     """Share of the Sun's disc, with less of which visible nothing is lit."""
-    past_terminator_deg: Annotated[checks.Number, Field(gt=-90, le=10)] = 0.0
+    past_terminator_deg: Annotated[types.Number, Field(gt=-90, le=10)] = 0.0
     """Angle by which the Sun may be below a point's horizon; negative: by which it must be above it."""
     reflection: Literal["none", "blinn_phong"] = "none"
     """Law by which a point must reflect enough to be seen."""
-    ambient: Annotated[checks.Vector, REFLECTED] = (0.4,) * 3
+    ambient: Annotated[types.Vector, REFLECTED] = (0.4,) * 3
     """Reflected whatever the direction, [red, green, blue]."""
-    diffuse: Annotated[checks.Vector, REFLECTED] = (0.1,) * 3
+    diffuse: Annotated[types.Vector, REFLECTED] = (0.1,) * 3
     """Reflected evenly of light that falls on it, [red, green, blue]."""
-    specular: Annotated[checks.Vector, REFLECTED] = (1.0,) * 3
+    specular: Annotated[types.Vector, REFLECTED] = (1.0,) * 3
     """Mirrored, [red, green, blue]."""
-    specular_exponent: Annotated[checks.Count, Field(le=1000), REFLECTED] = 25
+    specular_exponent: Annotated[types.Count, Field(le=1000), REFLECTED] = 25
     """How closely the surface mirrors: a quarter of AFRL's shininess."""
-    least_intensity: Annotated[checks.Vector, REFLECTED] = (0.8,) * 3
+    least_intensity: Annotated[types.Vector, REFLECTED] = (0.8,) * 3
     """Intensity that a point must exceed to be seen, [red, green, blue]."""
-    greatest_intensity: Annotated[checks.Vector, REFLECTED] = (0.9, 2.0, 2.0)
+    greatest_intensity: Annotated[types.Vector, REFLECTED] = (0.9, 2.0, 2.0)
     """Intensity that it must stay below, of at most 1, [red, green, blue]."""
 
 
@@ -204,11 +206,11 @@ class Sun(Settings, group="sun"):
 
     mode: Literal["fixed", "random", "mixed"] = "fixed"
     """One angle for all cases, one drawn for each, or every other one drawn."""
-    angle_deg: Annotated[checks.Number, Only("sun.mode=fixed", "sun.mode=mixed")] = 0.0
+    angle_deg: Annotated[types.Number, Only("sun.mode=fixed", "sun.mode=mixed")] = 0.0
     """Angle of the fixed Sun at the start, from +i towards +j."""
-    elevation_deg: Annotated[checks.Number, Field(ge=-90, le=90), GIVEN_ELEVATION] = 0.0
+    elevation_deg: Annotated[types.Number, Field(ge=-90, le=90), GIVEN_ELEVATION] = 0.0
     """Elevation of the Sun over the orbit plane, towards +k."""
-    elevation_range_deg: Annotated[checks.Interval | None, Only("sun.mode=random", "sun.mode=mixed")] = None
+    elevation_range_deg: Annotated[types.Interval | None, Only("sun.mode=random", "sun.mode=mixed")] = None
     """Elevations [low, high] from which a drawn Sun has its own; null: elevation_deg."""
 
     def __post_init__(self) -> None:
@@ -232,11 +234,11 @@ class Attitude(Settings, group="attitude"):
 
     mode: Literal["flown", "ideal"] = "flown"
     """Turned by a torque-limited law, or pointing perfectly."""
-    proportional_gain: Annotated[checks.Positive, FLOWN] = 0.08
+    proportional_gain: Annotated[types.Positive, FLOWN] = 0.08
     """Torque for a unit quaternion error, times the inertia matrix."""
-    derivative_gain: Annotated[checks.Positive, FLOWN] = 0.32
+    derivative_gain: Annotated[types.Positive, FLOWN] = 0.32
     """Torque for a unit rate, times the inertia matrix."""
-    pole_blending: checks.Flag = False
+    pole_blending: types.Flag = False
     """Whether the camera's roll is carried along near the poles, not flipped."""
 
 
@@ -258,26 +260,26 @@ class Safety(Settings, group="safety", only=Only("safety.kind=filter")):
     """By which the keep-out sphere is greater than deputy.min_distance_m."""
     keep_in_margin_m: Margin = 2.0
     """By which the keep-in sphere is less than deputy.max_distance_m."""
-    speed_limit_m_s: checks.NotNegative = 0.2
+    speed_limit_m_s: types.NotNegative = 0.2
     """Greatest speed at speed_distance_m."""
     #: four times the mean motion
-    speed_slope_per_s: checks.NotNegative = 0.0044272
+    speed_slope_per_s: types.NotNegative = 0.0044272
     """Growth of the greatest speed with the distance."""
-    speed_distance_m: checks.NotNegative = 15.0
+    speed_distance_m: types.NotNegative = 15.0
     """Distance at which the greatest speed is speed_limit_m_s."""
-    braking_force_n: checks.Positive | None = None
+    braking_force_n: types.Positive | None = None
     """Greatest force along each Hill axis to stop within a control period; null: 0.8 of the thrusters'."""
     #: rarer errors of thrusters are not drawn: pipeline.flight.world.bounds
-    probability: Annotated[checks.Number, Field(gt=0, le=0.9999)] | None = None
+    probability: Annotated[types.Number, Field(gt=0, le=0.9999)] | None = None
     """Of a flight, that the bounds hold on its errors, for which margins are kept; null: none are."""
     #: this and the next: a compromise between fuel and success of champion_leo in world=leo, as tried
-    planned_force_n: Annotated[checks.Positive, Only("safety.probability")] = 0.085
+    planned_force_n: Annotated[types.Positive, Only("safety.probability")] = 0.085
     """Greatest force along each Hill axis that is passed on where anything is inexact."""
-    planned_braking_n: Annotated[checks.Positive, Only("safety.probability")] = 0.22
+    planned_braking_n: Annotated[types.Positive, Only("safety.probability")] = 0.22
     """Greatest force of such a stop where anything is inexact, if less than braking_force_n."""
-    passive_horizon_s: checks.NotNegative = 600.0
+    passive_horizon_s: types.NotNegative = 600.0
     """How long free drift stays outside the keep-out sphere; 0: off."""
-    keep_in_horizon_s: checks.NotNegative = 0.0
+    keep_in_horizon_s: types.NotNegative = 0.0
     """How long free drift stays inside the keep-in sphere; 0: off."""
 
 
@@ -298,32 +300,32 @@ class FilteredNavigation(Navigation):
     """What a Kalman filter makes of fixes."""
 
     mode: Literal["fixes"] = "fixes"
-    fix_period_s: checks.Positive = 10.0
+    fix_period_s: types.Positive = 10.0
     """Time between two fixes; a multiple of control_period_s."""
-    delay_s: checks.NotNegative = 0.0
+    delay_s: types.NotNegative = 0.0
     """Time from a fix to its use; a multiple of control_period_s."""
-    bias_m: checks.NotNegative = 0.0
+    bias_m: types.NotNegative = 0.0
     """Standard deviation of a flight's constant error along each axis."""
-    outlier_share: checks.Share = 0.0
+    outlier_share: types.Share = 0.0
     """Share of fixes that are outliers."""
-    outlier_m: checks.NotNegative = 20.0
+    outlier_m: types.NotNegative = 20.0
     """Standard deviation of an outlier along each axis."""
-    gate_sigma: checks.Positive | None = 5.0
+    gate_sigma: types.Positive | None = 5.0
     """Standard deviations beyond which a fix is not believed; null: all are."""
-    process_noise_m_s2: checks.NotNegative | None = None
+    process_noise_m_s2: types.NotNegative | None = None
     """Standard deviation of accelerations unknown to the filter; null: 0.06 of the bound on those of
     `dynamics` that Clohessy and Wiltshire's equations neglect."""
-    execution_error: Annotated[checks.NotNegative, Field(le=1)] = 0.0
+    execution_error: Annotated[types.NotNegative, Field(le=1)] = 0.0
     """Standard deviation that the filter allows for in forces, a share, besides the thrusters' errors."""
-    initial_position_m: Annotated[checks.Positive, Field(le=1e4)] = 1.0
+    initial_position_m: Annotated[types.Positive, Field(le=1e4)] = 1.0
     """Standard deviation of the first estimate of the position, each axis."""
-    initial_velocity_m_s: Annotated[checks.Positive, Field(le=1e3)] = 0.001
+    initial_velocity_m_s: Annotated[types.Positive, Field(le=1e3)] = 0.001
     """Standard deviation of the first estimate of the velocity, each axis."""
     measures: Literal["position", "range_bearing"] = "position"
     """What a fix is: a place, or range and bearing."""
-    attitude_bias_deg: Annotated[checks.NotNegative, Field(le=30)] = 0.0
+    attitude_bias_deg: Annotated[types.NotNegative, Field(le=30)] = 0.0
     """Standard deviation of the sensed attitude's constant error, each axis."""
-    attitude_noise_deg: Annotated[checks.NotNegative, Field(le=30)] = 0.0
+    attitude_noise_deg: Annotated[types.NotNegative, Field(le=30)] = 0.0
     """Standard deviation of the sensed attitude, drawn anew, each axis."""
 
 
@@ -331,7 +333,7 @@ class PositionFixes(FilteredNavigation):
     """Fixes of the place."""
 
     measures: Literal["position"] = "position"
-    noise_m: checks.Positive = 1.0
+    noise_m: types.Positive = 1.0
     """Standard deviation of a fix along each axis."""
 
 
@@ -339,9 +341,9 @@ class RangeBearingFixes(FilteredNavigation):
     """Fixes of range and bearing."""
 
     measures: Literal["range_bearing"] = "range_bearing"
-    range_noise_m: checks.Positive = 0.1
+    range_noise_m: types.Positive = 0.1
     """Standard deviation of a range."""
-    bearing_noise_deg: Annotated[checks.Positive, Field(le=10)] = 0.1
+    bearing_noise_deg: Annotated[types.Positive, Field(le=10)] = 0.1
     """Standard deviation of a bearing along each of two angles."""
 
 
@@ -362,23 +364,23 @@ class RealActuators(Actuators):
     """Thrusters with errors."""
 
     kind: Literal["real"] = "real"
-    delay_s: checks.NotNegative = 0.0
+    delay_s: types.NotNegative = 0.0
     """Time from a command to its force; a multiple of control_period_s."""
-    scale_error: Annotated[checks.NotNegative, Field(le=1)] = 0.05
+    scale_error: Annotated[types.NotNegative, Field(le=1)] = 0.05
     """Standard deviation of each Hill axis' scale, of a flight, a share."""
-    misalignment_deg: Annotated[checks.NotNegative, Field(le=90)] = 2.0
+    misalignment_deg: Annotated[types.NotNegative, Field(le=90)] = 2.0
     """Standard deviation of the thrust's turn about each Hill axis, of a flight."""
-    impulse_step_n_s: checks.NotNegative = 0.0
+    impulse_step_n_s: types.NotNegative = 0.0
     """Of which impulses along each axis are multiples; 0: any."""
-    least_impulse_n_s: checks.NotNegative = 0.04
+    least_impulse_n_s: types.NotNegative = 0.04
     """Least impulse along an axis in a control period; less is not fired."""
-    thrust_arm_m: checks.NotNegative = 0.0
+    thrust_arm_m: types.NotNegative = 0.0
     """Standard deviation of where thrust acts, from the centre of mass, each body axis, of a flight."""
-    specific_impulse_s: checks.Positive | None = None
+    specific_impulse_s: types.Positive | None = None
     """Specific impulse with which propellant is used up; null: the mass stays."""
-    thrusters: checks.Thrusters | None = None
+    thrusters: types.Thrusters | None = None
     """A row each: place (m), direction of force, greatest force (N), body axes; null: one an axis."""
-    propellant_kg: Annotated[checks.Positive, Only("actuators.specific_impulse_s")] = 1.0
+    propellant_kg: Annotated[types.Positive, Only("actuators.specific_impulse_s")] = 1.0
     """Part of the deputy's mass; without any left nothing is fired."""
 
 
@@ -403,15 +405,15 @@ class Mission(Settings, group=""):
     navigation: Navigation = field(default_factory=Navigation)
     actuators: Actuators = field(default_factory=Actuators)
     dynamics: Dynamics = field(default_factory=Dynamics)
-    attitude_period_s: checks.Positive = 1.0
+    attitude_period_s: types.Positive = 1.0
     """Time between two torques; must divide control_period_s."""
-    control_period_s: checks.Positive = 10.0
+    control_period_s: types.Positive = 10.0
     """Time over which a force is held."""
-    duration_s: checks.Positive = 3600.0
+    duration_s: types.Positive = 3600.0
     """Length of a flight; a multiple of control_period_s."""
-    coast_when_complete: checks.Flag = True
+    coast_when_complete: types.Flag = True
     """Whether no force follows once every point is inspected."""
-    inspection_threshold_percent: Annotated[checks.Number, Field(ge=0, le=100)] = 95.0
+    inspection_threshold_percent: Annotated[types.Number, Field(ge=0, le=100)] = 95.0
     """Share of the points from which on a flight is a success."""
     light: Light = field(default_factory=Light)
     dispersions: dict[str, Any] = field(default_factory=dict, hash=False)

@@ -16,13 +16,17 @@ from typing import Any, Final, Literal, get_args, get_origin, get_type_hints
 
 import yaml
 
-from pipeline.settings import checks, keys
-from pipeline.settings.checks import DESCRIPTIONS, GROUPS, Follows, Freely, Only, SettingError, names_of
+from pipeline.settings import checks, keys, types, variants
+from pipeline.settings.checks import SettingError
+from pipeline.settings.conditions import Only
 from pipeline.settings.controllers import PLANNED
 from pipeline.settings.dispersions import IN_TIME
 from pipeline.settings.experiment import Experiment, Mission
+from pipeline.settings.groups import DESCRIPTIONS, GROUPS
 from pipeline.settings.mission import SHARED
 from pipeline.settings.shells import given_starts
+from pipeline.settings.types import Follows, Freely
+from pipeline.settings.variants import names_of
 
 #: characters of a value in a message
 MOST_SHOWN = 60
@@ -68,7 +72,7 @@ def schema() -> dict[str, Key]:
 def keys_of(group: str, kind: Any, only: Only | None = None) -> Iterator[Key]:
     """Yield the keys of a class of settings and of its variants, without those that are groups."""
     met: set[str] = set()
-    for owner in (kind, *checks.descendants_of(kind)):
+    for owner in (kind, *variants.descendants_of(kind)):
         hints, names = get_type_hints(owner, include_extras=True), names_of(owner)
         for field in fields(owner):
             hint, name = hints[field.name], keys.dotted(group, (field.name,))
@@ -79,7 +83,7 @@ def keys_of(group: str, kind: Any, only: Only | None = None) -> Iterator[Key]:
             default = field.default if field.default_factory is MISSING else field.default_factory()
             marks = [only] if only and name not in only.keys else []
             metadata = getattr(hint, "__metadata__", ())
-            marks += checks.conditions_of(kind, field.name)
+            marks += variants.conditions_of(kind, field.name)
             marks += [mark for mark in metadata if isinstance(mark, Only)]
             if any(isinstance(mark, Follows) for mark in metadata):
                 default = None
@@ -293,15 +297,15 @@ def marks_of(key: Key) -> str:
 
 def range_of(key: Key) -> str:
     """Return the values that a key may have."""
-    kind, limits, _ = checks.opened(key.hint)
+    kind, limits, _ = types.opened(key.hint)
     if get_origin(kind) is Literal:
         return ", ".join(f"`{value}`" for value in get_args(kind))
     if kind is bool:
         return "`true`, `false`"
     if kind not in (int, float):
         return ""
-    low, high = checks.ends_of(limits)
-    if kind is int and high >= checks.MOST:
+    low, high = types.ends_of(limits)
+    if kind is int and high >= types.MOST:
         high = math.inf
     words = "" if low is None and high == math.inf else checks.expected(low, high)
     if "gt" in limits and high == math.inf:
@@ -357,7 +361,7 @@ def descriptions() -> dict[str, str]:
     for group, kind in (*planned, *groups):
         prefix = f"{group}." if group else ""
         texts[group] = (inspect.getdoc(kind) or "").partition("\n")[0]
-        for owner in (kind, *checks.descendants_of(kind)):
+        for owner in (kind, *variants.descendants_of(kind)):
             for name, text in DESCRIPTIONS[owner].items():
                 texts.setdefault(prefix + name, text)
     return texts

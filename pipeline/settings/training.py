@@ -7,8 +7,10 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from pipeline.settings import checks, start_table
-from pipeline.settings.checks import Only, SettingError, Settings
+from pipeline.settings import checks, start_table, types
+from pipeline.settings.checks import SettingError
+from pipeline.settings.conditions import Only
+from pipeline.settings.groups import Settings
 from pipeline.settings.keys import is_key, leaves, unknown
 
 #: of a population, or a tournament
@@ -26,21 +28,21 @@ class Starts(Settings, group="starts", only=DRAWS):
 
     kind: Literal["octants", "random", "file"] = "octants"
     """The octants' diagonals, drawn in a shell, or the rows of a file."""
-    num_cases: Annotated[checks.Count, checks.Cure("; without scenarios nothing can be trained")] = 8
+    num_cases: Annotated[types.Count, types.Cure("; without scenarios nothing can be trained")] = 8
     """Training scenarios."""
-    min_distance_m: Annotated[checks.Positive, checks.Follows()] = 75.0
+    min_distance_m: Annotated[types.Positive, types.Follows()] = 75.0
     """Least distance from the chief; null: as in monte_carlo, for the octants the mean of both."""
-    max_distance_m: Annotated[checks.Number, checks.Follows()] = 75.0
+    max_distance_m: Annotated[types.Number, types.Follows()] = 75.0
     """Greatest distance from the chief; null: as in monte_carlo, for the octants the mean of both."""
-    num_hard: checks.Natural = 0
+    num_hard: types.Natural = 0
     """More starts, from the second round on: of hard_from, the champion's worst."""
-    hard_from: Annotated[checks.Natural, Only("starts.num_hard>0")] = 0
+    hard_from: Annotated[types.Natural, Only("starts.num_hard>0")] = 0
     """Starts among which the hard ones are sought."""
-    max_speed_m_s: Annotated[checks.NotNegative, Field(le=100)] = 0.0
+    max_speed_m_s: Annotated[types.NotNegative, Field(le=100)] = 0.0
     """Greatest speed of starts that are drawn, any direction; 0: rest."""
     directions: Literal["even", "angles"] = "even"
     """Directions of starts and speeds: even on the sphere, or by even angles, denser at the poles (AFRL)."""
-    box: checks.Box | None = None
+    box: types.Box | None = None
     """Least and greatest x, y, z, x', y', z' of starts drawn evenly between them; null: the shell."""
 
     def __post_init__(self) -> None:
@@ -66,7 +68,7 @@ class Starts(Settings, group="starts", only=DRAWS):
 class DrawnStarts(Starts):
     """Starts that a round may draw anew."""
 
-    redraw: checks.Flag = False
+    redraw: types.Flag = False
     """Whether each round of training draws its own."""
 
 
@@ -96,9 +98,9 @@ class StartsOfFile(Starts):
     """The rows of a file."""
 
     kind: Literal["file"] = "file"
-    path: checks.Text | None = None
+    path: types.Text | None = None
     """The CSV file that the table came from."""
-    table: checks.Text | None = None
+    table: types.Text | None = None
     """The rows of that file, as CSV text."""
 
     def __post_init__(self) -> None:
@@ -114,47 +116,47 @@ class StartsOfFile(Starts):
 class Encoding(Settings, group="optimizer.encoding", only=TRAINS):
     """Range of the genes; a constant with bounds is tuned, null keeps the controller's."""
 
-    mean_window: Annotated[checks.Positive, Field(le=0.99)] = 0.9
+    mean_window: Annotated[types.Positive, Field(le=0.99)] = 0.9
     """Window of an inner mean, in spacings of evenly spaced terms."""
-    standard_deviation_fraction: checks.PositiveInterval = (0.04, 0.3)
+    standard_deviation_fraction: types.PositiveInterval = (0.04, 0.3)
     """Bounds of standard deviations, in widths of a variable's range."""
-    output_range_n: checks.PositiveInterval = (0.01, 0.3)
+    output_range_n: types.PositiveInterval = (0.01, 0.3)
     """Bounds of the half-width of the output's range."""
     rules: Literal["free", "planes", "fixed"] = "free"
     """A gene for the term of each rule; rule tables as planes; or rules kept."""
-    stretch: checks.PositiveInterval | None = None
+    stretch: types.PositiveInterval | None = None
     """Bounds of factors on ranges with all their terms, in place of means and widths."""
-    digits: Annotated[checks.Whole | None, Field(ge=1, le=17), checks.Cure(", or null for all")] = None
+    digits: Annotated[types.Whole | None, Field(ge=1, le=17), types.Cure(", or null for all")] = None
     """Significant digits of stretched ranges and of constants; null: all."""
-    ring_size_m: checks.NotNegativeInterval | None = None
+    ring_size_m: types.NotNegativeInterval | None = None
     """Height of the ring."""
-    ring_lead_rad: checks.Interval | None = None
+    ring_lead_rad: types.Interval | None = None
     """How far the Sun is ahead of the place on the ring."""
-    dead_band_n: checks.NotNegativeInterval | None = None
+    dead_band_n: types.NotNegativeInterval | None = None
     """A smaller force is not fired; a gene for each axis."""
-    prediction_time_s: checks.NotNegativeInterval | None = None
+    prediction_time_s: types.NotNegativeInterval | None = None
     """How far ahead predicted_centre_along_track looks."""
-    coast_below_points: checks.NotNegativeInterval | None = None
+    coast_below_points: types.NotNegativeInterval | None = None
     """With fewer points missed by coasting, it coasts."""
-    coast_margin_m: checks.NotNegativeInterval | None = None
+    coast_margin_m: types.NotNegativeInterval | None = None
     """Unless that comes nearer to a distance limit."""
-    urgency_time_s: checks.NotNegativeInterval | None = None
+    urgency_time_s: types.NotNegativeInterval | None = None
     """Time before its last light within which a point becomes urgent."""
-    skirt_distance_m: checks.NotNegativeInterval | None = None
+    skirt_distance_m: types.NotNegativeInterval | None = None
     """Nearer to the chief, directions turn aside from it."""
-    see_horizon_s: checks.NotNegativeInterval | None = None
+    see_horizon_s: types.NotNegativeInterval | None = None
     """Points that go dark for good within this time count in see_push_* and aim_*."""
-    see_damping_ks2: checks.PositiveInterval | None = None
+    see_damping_ks2: types.PositiveInterval | None = None
     """What keeps that push small, 1e6 s^2."""
-    aim_urgent_m_s: checks.NotNegativeInterval | None = None
+    aim_urgent_m_s: types.NotNegativeInterval | None = None
     """Speed that the urgent direction adds to it in aim_*."""
-    tour_time_s: checks.PositiveInterval | None = None
+    tour_time_s: types.PositiveInterval | None = None
     """Time in which a place on the tour is to be reached."""
-    tour_wait_s: checks.NotNegativeInterval | None = None
+    tour_wait_s: types.NotNegativeInterval | None = None
     """Longest wait for the end of a shadow over the tour."""
-    tour_lean_m: checks.NotNegativeInterval | None = None
+    tour_lean_m: types.NotNegativeInterval | None = None
     """How far the tour leans towards what is urgent."""
-    tour_m: checks.Interval | None = None
+    tour_m: types.Interval | None = None
     """Each mean and wave of the tour that the controller sets."""
 
     def __post_init__(self) -> None:
@@ -178,19 +180,19 @@ class Penalty(Settings, group="optimizer.penalty", only=TRAINS):
     and any delta-v (1e7/8 > 900 + 95e4).
     """
 
-    outside_m_s: checks.NotNegative = 1.0e7
+    outside_m_s: types.NotNegative = 1.0e7
     """For a flight outside the distance limits, and again for each metre outside."""
-    outside_most_m: checks.NotNegative | None = None
+    outside_most_m: types.NotNegative | None = None
     """Metres outside that are paid for at most; null: all."""
-    short_point_m_s: checks.NotNegative = 1.0e4
+    short_point_m_s: types.NotNegative = 1.0e4
     """For each point short of a success."""
-    missed_point_m_s: checks.NotNegative = 0.05
+    missed_point_m_s: types.NotNegative = 0.05
     """For each point that is not inspected."""
-    growth: Annotated[checks.Number, Field(ge=1, le=10), Only("optimizer.rounds>1")] = 1.0
+    growth: Annotated[types.Number, Field(ge=1, le=10), Only("optimizer.rounds>1")] = 1.0
     """Factor on the prices of points from one round to the next."""
-    near_margin_m: checks.NotNegative = 0.0
+    near_margin_m: types.NotNegative = 0.0
     """By which training draws the least distance in."""
-    far_margin_m: checks.NotNegative = 0.0
+    far_margin_m: types.NotNegative = 0.0
     """By which training draws the greatest distance in."""
 
     def of_round(self, round_index: int) -> "Penalty":
@@ -207,26 +209,26 @@ LOCAL_STEPS = Only("optimizer.mutation=local", "optimizer.algorithm=nsga2")
 class Optimizer(Settings, group="optimizer", only=TRAINS):
     """The evolutionary algorithm: by default the paper's genetic algorithm."""
 
-    population_size: Annotated[checks.Whole, Field(ge=2, le=MOST_INDIVIDUALS)] = 200
+    population_size: Annotated[types.Whole, Field(ge=2, le=MOST_INDIVIDUALS)] = 200
     """Individuals in a generation."""
-    generations: checks.Count = 500
+    generations: types.Count = 500
     """Generations after the first, in each round."""
     stall_generations: Annotated[
-        checks.Whole | None, Field(ge=1, le=checks.MOST), checks.Cure(", or null for none")
+        types.Whole | None, Field(ge=1, le=types.MOST), types.Cure(", or null for none")
     ] = None
     """Without improvement, after which a round ends; null: none."""
-    rounds: checks.Count = 1
+    rounds: types.Count = 1
     """Times that training starts from the last champion."""
     encoding: Encoding = field(default_factory=Encoding)
     penalty: Penalty = field(default_factory=Penalty)
-    workers: checks.Workers = None
+    workers: types.Workers = None
     """Threads that fly; null: one a processor."""
     algorithm: Literal["genetic", "cma_es", "nsga2"] = "genetic"
     """Crossover and mutation; an adapting normal distribution; a front of two objectives."""
     next_round: Annotated[Literal["afresh", "carried"], Only("optimizer.rounds>1")] = "afresh"
     """How a later round begins: a new population and the champion, or the one it finds."""
     initial_step: Annotated[
-        checks.Number,
+        types.Number,
         Field(ge=1e-6, le=1),
         Only(
             *("optimizer.algorithm=cma_es", "optimizer.algorithm=nsga2"),
@@ -234,7 +236,7 @@ class Optimizer(Settings, group="optimizer", only=TRAINS):
         ),
     ] = 0.1
     """Standard deviation of local mutation, and of CMA-ES's first sample, in genes."""
-    validation_cases: checks.Natural = 0
+    validation_cases: types.Natural = 0
     """Starts on which the best of all generations is chosen; 0: the last, if it betters the given one."""
 
     def __post_init__(self) -> None:
@@ -258,11 +260,11 @@ class GeneticAlgorithm(Optimizer):
     """The paper's genetic algorithm: crossover and mutation."""
 
     algorithm: Literal["genetic"] = "genetic"
-    tournament_size: Annotated[checks.Count, Field(le=MOST_INDIVIDUALS)] = 4
+    tournament_size: Annotated[types.Count, Field(le=MOST_INDIVIDUALS)] = 4
     """Individuals in a tournament, whose best becomes a parent."""
-    crossover_rate: checks.Share = 0.8
+    crossover_rate: types.Share = 0.8
     """Share of a generation that are children of two parents."""
-    elitism_rate: Annotated[checks.Number, Field(ge=0, le=0.9)] = 0.1
+    elitism_rate: Annotated[types.Number, Field(ge=0, le=0.9)] = 0.1
     """Share that passes unchanged into the next."""
     split: Literal["whole", "rest"] = "whole"
     """What crossover_rate counts: the whole generation, or the rest without elite."""
@@ -270,7 +272,7 @@ class GeneticAlgorithm(Optimizer):
     """MATLAB's, all genes along one direction, or few genes by small normal steps."""
     first_population: Literal["random", "near"] = "random"
     """Besides the controller: drawn anywhere, or its local mutants."""
-    cooling: Annotated[checks.Number, Field(ge=0.1, le=1), LOCAL_STEPS] = 1.0
+    cooling: Annotated[types.Number, Field(ge=0.1, le=1), LOCAL_STEPS] = 1.0
     """Factor on the steps of local mutation from round to round."""
 
     def __post_init__(self) -> None:
@@ -298,9 +300,9 @@ class Nsga2(Optimizer):
     """NSGA-II: a front of two objectives, near a controller, by crossover and local mutation."""
 
     algorithm: Literal["nsga2"] = "nsga2"
-    crossover_rate: checks.Share = 0.3
+    crossover_rate: types.Share = 0.3
     """Share of children of two parents."""
-    cooling: Annotated[checks.Number, Field(ge=0.1, le=1), LOCAL_STEPS] = 1.0
+    cooling: Annotated[types.Number, Field(ge=0.1, le=1), LOCAL_STEPS] = 1.0
     """Factor on the steps of local mutation from round to round."""
 
     def step_of_round(self, round_index: int) -> float:
