@@ -4,6 +4,7 @@ What a controller does at inputs that no evaluated flight sensed is not covered 
 flights. A domain says where that begins, and a monitor says when a flight was there.
 """
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -123,7 +124,7 @@ def from_mapping(mapping: Any, source: str) -> tuple[Box, ...]:
         if (mapping["schema"], mapping["schema_version"]) != (SCHEMA, SCHEMA_VERSION):
             raise KeyError("schema")
         return tuple(_box(entry) for entry in mapping["systems"])
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise ControllerFileError(
             f"{source} holds no operational domain; give the domain.json that the stage assure writes"
         ) from error
@@ -133,4 +134,6 @@ def _box(mapping: Mapping[str, Any]) -> Box:
     names, units, low, high = (
         tuple(kind(row[key]) for row in mapping["inputs"]) for key, kind in _COLUMNS.items()
     )
+    if not all(-math.inf < least <= greatest < math.inf for least, greatest in zip(low, high, strict=True)):
+        raise ValueError("no range")
     return Box(str(mapping["system"]), names, units, low, high, int(mapping["num_samples"]))

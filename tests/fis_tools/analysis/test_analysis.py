@@ -4,6 +4,7 @@ Shares of rules against every coalition enumerated, the axioms that define them,
 """
 
 import json
+import math
 from dataclasses import replace
 from itertools import combinations
 from math import comb
@@ -181,7 +182,18 @@ def test_a_domain_is_what_its_file_says():
     assert from_mapping(mapping, "domain.json") == (BOX,)
 
 
-@pytest.mark.parametrize("mapping", [{}, [], {"schema": "operational-domain", "schema_version": 2}, None])
+@pytest.mark.parametrize(
+    "mapping",
+    [
+        {},
+        [],
+        {"schema": "operational-domain", "schema_version": 2},
+        None,
+        as_mapping([replace(BOX, low=(math.nan, *BOX.low[1:]))]),
+        as_mapping([replace(BOX, low=BOX.high, high=BOX.low)]),
+        as_mapping([replace(BOX, high=(10**400, *BOX.high[1:]))]),
+    ],
+)
 def test_something_else_is_refused(mapping):
     with pytest.raises(ControllerFileError, match=r"that\.json holds no operational domain"):
         from_mapping(mapping, "that.json")
