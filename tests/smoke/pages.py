@@ -43,3 +43,13 @@ def calls_of(module: str) -> list[list[str]]:
     pages = [page for page in PAGES if page != FOLLOWED]
     calls = {tuple(words[3:]): None for page in pages for words in commands(page) if words[2] == module}
     return [list(words) for words in calls]
+
+
+def sentences(page: Path) -> list[str]:
+    """The sentences of a page, and those of its tables' cells; code in a line counts as a word."""
+    text = re.sub(
+        r"^( *)```.*?^\1```|^---\n.*?^---\n|<!--.*?-->", "\n\n", page.read_text("utf-8"), flags=re.M | re.S
+    )
+    text = re.sub(r"!?\[((?:[^\]\[]|\[[^\]]*\])*)\]\([^)]*\)", r"\1", re.sub(r"`[^`]*`", "X", text))
+    parts = re.split(r"\n\s*\n|\n(?= *(?:[-*>]|\d+\.|#|\|) )|\n(?=\|| {4})|(?<=\S) \| ", text)
+    return [each for part in parts for each in re.split(r"(?<=[.!?:;])[\")*_]*\s+(?=[A-Z0-9\"*(_])", part)]

@@ -26,7 +26,7 @@ from pipeline.command_line.overrides import check_overrides, parse, rewrite_path
 from telemetry import commands as telemetry_commands
 from tests.fis_tools.review.cases import log_flight
 from tests.places import PROJECT
-from tests.smoke.pages import DOCS, FOLLOWED, PAGES, calls_of, commands, name_of
+from tests.smoke.pages import DOCS, FOLLOWED, PAGES, calls_of, commands, name_of, sentences
 
 #: what the site makes when it is built: no page of the repository
 GENERATED = ("live", "classics.md", "reference/commands.md", "reference/api")
@@ -180,6 +180,12 @@ def test_links_and_named_tests_lead_somewhere(page):
     named = re.findall(r"`([\w/]*test_\w+\.py)`", text)
     made_by_the_reader = page.parent.name == "how-to"
     assert made_by_the_reader or [name for name in named if not (PROJECT / name).is_file()] == []
+
+
+def test_no_sentence_is_longer_than_a_breath():
+    counts = {each: len(each.split()) for page in PAGES for each in sentences(page)}
+    assert len(counts) > 2000
+    assert {each: count for each, count in counts.items() if count > 45} == {}
 
 
 def test_a_picture_is_stale_once_what_draws_it_has_changed(tmp_path, monkeypatch):
