@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from fis_tools.engines.compiler import CompiledSystem, compile
     from fis_tools.errors import MissingExtra
     from fis_tools.learning.learner import imitate, learn
-    from fis_tools.model import FuzzyController
+    from fis_tools.model import FuzzyController, Inferable
     from fis_tools.source import read_controller
 
 __all__ = [
@@ -69,6 +69,12 @@ def _controller(thing: object) -> "FuzzyController":
     return as_controller(thing)
 
 
+def _whole(thing: object) -> "Inferable":
+    from fis_tools.model import FuzzyTree, whole  # noqa: PLC0415
+
+    return thing if isinstance(thing, FuzzyTree) else whole(_controller(thing), "pass one of them")
+
+
 def audit(thing: object) -> Any:
     """List what a reviewer should know; see `fis_tools.findings.audit.audit`."""
     from fis_tools.findings import audit as findings  # noqa: PLC0415
@@ -80,14 +86,14 @@ def explain(thing: object, inputs: Mapping[str, float]) -> Any:
     """Tell which rules moved the outputs; see `fis_tools.findings.explanation.explain`."""
     from fis_tools.findings import explanation  # noqa: PLC0415
 
-    return explanation.explain(_controller(thing).only_system("pass one of them"), inputs)
+    return explanation.explain(_whole(thing), inputs)
 
 
 def surface(thing: object, x: str | None = None, y: str | None = None, **options: Any) -> Any:
     """Evaluate an output over two inputs; see `fis_tools.analysis.arrays.surface`."""
     from fis_tools.analysis import arrays  # noqa: PLC0415
 
-    return arrays.surface(_controller(thing).only_system("pass one of them"), x, y, **options)
+    return arrays.surface(_whole(thing), x, y, **options)
 
 
 def plot(thing: object, folder: Path | str = "figures", form: str = "png") -> list[Path]:

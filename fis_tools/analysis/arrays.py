@@ -15,7 +15,7 @@ import numpy as np
 from fis_tools.array_types import Floats
 from fis_tools.engines.compiler import compile
 from fis_tools.errors import require_known
-from fis_tools.model import FuzzySystem, Variable
+from fis_tools.model import FuzzySystem, Inferable, Variable
 
 #: Points and statements gone through for samples spread over ranges, a few seconds' worth.
 MOST_WORK = 200_000_000
@@ -107,13 +107,13 @@ def check_samples(systems: Sequence[FuzzySystem], samples: Mapping[str, Floats])
             )
 
 
-def evaluate(system: FuzzySystem, inputs: Floats) -> Floats:
+def evaluate(system: Inferable, inputs: Floats) -> Floats:
     """Return the outputs of a valid system for many samples.
 
     Parameters
     ----------
-    system : FuzzySystem
-        A system without problems.
+    system : FuzzySystem or FuzzyTree
+        Without problems.
     inputs : (n, num_inputs)
         One row per sample; clipped to the universes.
 
@@ -180,7 +180,7 @@ def _primes(number: int) -> list[int]:
 
 
 def surface(
-    system: FuzzySystem,
+    system: Inferable,
     x: str | None = None,
     y: str | None = None,
     *,
@@ -192,8 +192,8 @@ def surface(
 
     Parameters
     ----------
-    system : FuzzySystem
-        A system without problems, with two inputs or more.
+    system : FuzzySystem or FuzzyTree
+        Without problems, with two inputs or more.
     x, y : str, optional
         The inputs along the axes; by default the first two that are free.
     fixed : mapping, optional
@@ -226,7 +226,7 @@ def surface(
     return Surface(x_variable, y_variable, concluded, x_points, y_points, values, held)
 
 
-def output_named(system: FuzzySystem, name: str | None = None) -> Variable:
+def output_named(system: Inferable, name: str | None = None) -> Variable:
     """Return the index of a named output, or of the first output if no name is given.
 
     Raises
@@ -241,7 +241,7 @@ def output_named(system: FuzzySystem, name: str | None = None) -> Variable:
     return system.outputs[names.index(name)]
 
 
-def _axes(system: FuzzySystem, x: str | None, y: str | None, held: dict[str, float]) -> tuple[str, str]:
+def _axes(system: Inferable, x: str | None, y: str | None, held: dict[str, float]) -> tuple[str, str]:
     names = [variable.name for variable in system.inputs]
     inputs_named = (*held, *(axis for axis in (x, y) if axis is not None))
     require_known(inputs_named, names, f"system {system.name!r} has no input", ValueError)

@@ -20,9 +20,10 @@ import numpy as np
 from fis_tools.analysis.condition import Condition, Region, linear_bounds, read_conditions, read_region
 from fis_tools.array_types import Floats
 from fis_tools.document import Document, Paragraph, Result
-from fis_tools.engines import interpreter, interval
+from fis_tools.engines import trees
 from fis_tools.engines.program import Program
-from fis_tools.model import FuzzySystem, Variable
+from fis_tools.engines.trees import SMALLEST_VARIATION, TreeProgram
+from fis_tools.model import Inferable, Variable
 from fis_tools.words.text import number, quantity
 
 #: From least and greatest outputs, (n, num_outputs), to the most that they may be worth, (n,).
@@ -32,8 +33,6 @@ Progress = Callable[[int, int], None]
 
 #: Boxes that are split together.
 BATCH = 128
-#: An input is not split where the memberships in its terms vary less than this, summed over the terms.
-SMALLEST_VARIATION = 1e-9
 
 
 @dataclass(frozen=True)
@@ -70,7 +69,7 @@ class Subdivision:
 
 
 def subdivide(
-    system: Program,
+    system: Program | TreeProgram,
     region: Region,
     promise: Promise,
     *,
@@ -86,7 +85,7 @@ def subdivide(
     Parameters
     ----------
     system : Program
-        What `fis_tools.engines.interval.pack` returns.
+        What `fis_tools.engines.trees.pack` returns.
     region : Region
         Where to search.
     promise : callable
@@ -111,7 +110,7 @@ def subdivide(
     whole: list[tuple[float, Floats, Floats]] = []
     refuted: list[tuple[Floats, Floats]] = []
     while len(low) or waiting:
-        least, greatest, variation = interval.bound(system, low, high)
+        least, greatest, variation = trees.bound(system, low, high)
         promises = np.nan_to_num(promise(least, greatest), nan=-np.inf)  # no rule fires: nothing is promised
         num_boxes += len(low)
         worth, inputs = _try(system, region, promise, low, high)
@@ -130,15 +129,15 @@ def subdivide(
             break  # a box that cannot be split promises more than all others: no split lowers the result
         if progress is not None:
             progress(num_boxes, len(waiting))
-        chosen: list[tuple[Floats, Floats, Floats]] = []
+        chosen: list[tuple[Floats, Floats, int]] = []
         while waiting and len(chosen) < BATCH:
             negated, _, one_low, one_high, varies = heappop(waiting)
             if -negated <= best + tolerance:
                 closed = max(closed, -negated)
-            elif _place_to_split(one_low, one_high, varies) is None:
+            elif (index := _index_to_split(one_low, one_high, varies)) is None:
                 whole.append((-negated, one_low, one_high))
             else:
-                chosen.append((one_low, one_high, varies))
+                chosen.append((one_low, one_high, index))
         low, high = _halves(chosen, low.shape[1])
         meets = region.may_meet(low, high)
         low, high = low[meets], high[meets]
@@ -154,31 +153,32 @@ def subdivide(
 
 
 def _try(
-    system: Program, region: Region, promise: Promise, low: Floats, high: Floats
+    system: Program | TreeProgram, region: Region, promise: Promise, low: Floats, high: Floats
 ) -> tuple[float, Floats]:
     """Evaluate the middle and two corners of each box; return the best worth, and where it is."""
     tried = np.concatenate([0.5 * low + 0.5 * high, low, high])
     tried = tried[region.holds(tried)]
     if not len(tried):
         return -np.inf, region.low
-    outputs = interpreter.evaluate(system, tried)
+    outputs = trees.evaluate(system, tried)
     worth = np.nan_to_num(promise(outputs, outputs), nan=-np.inf)
     best = int(np.argmax(worth))
     return float(worth[best]), tried[best]
 
 
-def _place_to_split(low: Floats, high: Floats, variation: Floats) -> int | None:
-    """Return the input to split: the one along which the outputs vary most, if any of them can be split."""
-    index = int(np.argmax(variation))
-    middle = 0.5 * low[index] + 0.5 * high[index]
-    return index if variation[index] > SMALLEST_VARIATION and low[index] < middle < high[index] else None
+def _index_to_split(low: Floats, high: Floats, variation: Floats) -> int | None:
+    """Return the input to split: of those that can be split, the one along which the outputs vary most."""
+    middle = 0.5 * low + 0.5 * high
+    varies = np.where((low < middle) & (middle < high), variation, 0.0)
+    index = int(np.argmax(varies))
+    return index if varies[index] > SMALLEST_VARIATION else None
 
 
-def _halves(boxes: list[tuple[Floats, Floats, Floats]], num_inputs: int) -> tuple[Floats, Floats]:
+def _halves(boxes: list[tuple[Floats, Floats, int]], num_inputs: int) -> tuple[Floats, Floats]:
     """Split boxes into halves."""
     low = np.array([box[0] for box in boxes]).reshape(-1, num_inputs)
     high = np.array([box[1] for box in boxes]).reshape(-1, num_inputs)
-    indices = np.array([np.argmax(box[2]) for box in boxes], dtype=np.int64)
+    indices = np.array([box[2] for box in boxes], dtype=np.int64)
     rows = np.arange(len(boxes))
     middle = 0.5 * low[rows, indices] + 0.5 * high[rows, indices]
     left_high, right_low = high.copy(), low.copy()
@@ -315,7 +315,7 @@ class Range(Result):
 
 
 def ask(
-    system: FuzzySystem,
+    system: Inferable,
     question: str,
     region: str = "",
     *,
@@ -327,8 +327,8 @@ def ask(
 
     Parameters
     ----------
-    system : FuzzySystem
-        A system without problems.
+    system : FuzzySystem or FuzzyTree
+        Without problems.
     question : str
         Conditions on outputs that must all hold, such as ``force_x > 0``, ``force_x in [-0.1, 0.1]``.
     region : str
@@ -365,7 +365,7 @@ def ask(
         return np.asarray((np.minimum(high - lowest, highest - low) / widths).min(axis=1))
 
     where = read_region(system, region)
-    packed = interval.pack(system)
+    packed = trees.pack(system)
     limits: dict[str, Any] = {"max_boxes": max_boxes, "max_seconds": max_seconds, "progress": progress}
     search = subdivide(packed, where, promise, floor=0.0, goal=0.0, **limits)
     words = ", ".join(condition.text for condition in conditions)
@@ -373,7 +373,7 @@ def ask(
     answer = partial(answer, conditions=(*where.conditions, *conditions), notes=where.notes)
     if search.best >= 0.0:
         inputs = np.clip(search.best_inputs, where.asked_low, where.asked_high)
-        outputs = interpreter.evaluate(packed, inputs[np.newaxis])[0]
+        outputs = trees.evaluate(packed, inputs[np.newaxis])[0]
         return answer("yes", example=_named(system.inputs, inputs) | _named(system.outputs, outputs))
     if not len(search.open_promises):
         return answer("no", refuted_low=search.refuted_low, refuted_high=search.refuted_high)
@@ -386,7 +386,7 @@ def ask(
 
 
 def output_ranges(
-    system: FuzzySystem,
+    system: Inferable,
     region: str = "",
     *,
     max_boxes: int = NUM_BOXES,
@@ -398,8 +398,8 @@ def output_ranges(
 
     Parameters
     ----------
-    system : FuzzySystem
-        A system without problems.
+    system : FuzzySystem or FuzzyTree
+        Without problems.
     region : str
         Conditions on inputs, as for `ask`; empty for all inputs.
     max_boxes : int
@@ -419,7 +419,7 @@ def output_ranges(
         As `ask`.
     """
     where = read_region(system, region)
-    packed = interval.pack(system)
+    packed = trees.pack(system)
     limits: dict[str, Any] = {"max_boxes": max_boxes, "max_seconds": max_seconds, "progress": progress}
     ranges = []
     for index, output in enumerate(system.outputs):
@@ -437,9 +437,7 @@ def output_ranges(
     return tuple(ranges)
 
 
-def _range(
-    system: FuzzySystem, output: Variable, where: Region, low: Subdivision, high: Subdivision
-) -> Range:
+def _range(system: Inferable, output: Variable, where: Region, low: Subdivision, high: Subdivision) -> Range:
     """Combine the searches for the minimum and the maximum of an output into its range."""
     attained = [
         (value, _named(system.inputs, np.clip(search.best_inputs, where.asked_low, where.asked_high)))

@@ -8,7 +8,7 @@ import numpy as np
 
 from fis_tools.array_types import Booleans, Floats
 from fis_tools.errors import require_known
-from fis_tools.model import TOOLS, FuzzySystem
+from fis_tools.model import TOOLS, Inferable
 from fis_tools.words.text import number, quantity
 
 GRAMMAR = "write conditions as NAME > NUMBER, 2 NAME - OTHER <= NUMBER or NAME in [NUMBER, NUMBER]"
@@ -103,12 +103,12 @@ def linear_bounds(coefficients: Floats, low: Floats, high: Floats) -> tuple[Floa
     return low @ positive + high @ negative, high @ positive + low @ negative
 
 
-def read_region(system: FuzzySystem, text: str) -> Region:
+def read_region(system: Inferable, text: str) -> Region:
     """Read conditions on the inputs of a system.
 
     Parameters
     ----------
-    system : FuzzySystem
+    system : FuzzySystem or FuzzyTree
         Whose inputs they are about.
     text : str
         As ``distance > 150, velocity_body_x - 0.001 distance <= 0.1``; empty for all that the universes hold.
@@ -152,7 +152,7 @@ def read_region(system: FuzzySystem, text: str) -> Region:
     return region
 
 
-def _notes(system: FuzzySystem, asked_low: Floats, asked_high: Floats) -> tuple[str, ...]:
+def _notes(system: Inferable, asked_low: Floats, asked_high: Floats) -> tuple[str, ...]:
     """Return notes on a region: whose inference counts, and what values beyond a range count as."""
     tool = (f"numbers are those of {TOOLS[system.semantics].title}",) if system.is_sampled else ()
     return tool + tuple(
@@ -164,7 +164,7 @@ def _notes(system: FuzzySystem, asked_low: Floats, asked_high: Floats) -> tuple[
     )
 
 
-def _box(system: FuzzySystem, asked_low: Floats, asked_high: Floats) -> tuple[Floats, Floats]:
+def _box(system: Inferable, asked_low: Floats, asked_high: Floats) -> tuple[Floats, Floats]:
     """Return the box in which to search: an open side ends with the range; inputs are clipped as usual."""
     ranges = np.array([(variable.minimum, variable.maximum) for variable in system.inputs])
     limits = np.array([system.limits_of(variable) for variable in system.inputs])

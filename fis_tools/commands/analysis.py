@@ -14,6 +14,7 @@ from fis_tools.analysis.domain import Box, Departure, departures, from_mapping
 from fis_tools.commands.arguments import ControllerArguments, analysing, expected
 from fis_tools.errors import ControllerFileError, Mistake, told_as
 from fis_tools.file_access import read_text
+from fis_tools.model import whole
 
 
 def bounds(
@@ -30,7 +31,8 @@ def bounds(
     Conditions are written NAME > NUMBER, NAME in [NUMBER, NUMBER] or 2 NAME - OTHER <= NUMBER; several, with
     commas between, hold together. An input beyond its range is taken as the end of it; conditions on several
     inputs together are about values inside their ranges. A yes comes with inputs and outputs that were
-    evaluated. A no is proved: no inputs of the region, of any number, can do it.
+    evaluated. A no is proved: no inputs of the region, of any number, can do it. Wired systems are bounded as
+    a whole, from the bounds of each.
 
     The exit status is 0; with --expect it is 1 where the answer is another one; a mistake gives 2.
 
@@ -56,9 +58,8 @@ def bounds(
     if expect is not None and question is None:
         raise Mistake("--expect is about the answer to a question; add --ask")
     controller = args.read()
-    systems = (
-        (controller.only_system("add --system"),) if where or question is not None else controller.systems
-    )
+    is_one = bool(controller.wires or where or question is not None)
+    systems = (whole(controller, "add --system"),) if is_one else controller.systems
     sentences, verdict = [], None
     with told_as(Mistake, ValueError), analysing(controller) as tell:
 

@@ -1,9 +1,9 @@
 """Arguments that commands share: a controller, flights, inputs, and a file to write."""
 
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import KW_ONLY, dataclass, replace
+from dataclasses import KW_ONLY, dataclass
 from math import isfinite
 from pathlib import Path
 from typing import Annotated, Any
@@ -13,11 +13,13 @@ from cyclopts import Parameter
 
 from fis_tools.analysis import flights
 from fis_tools.array_types import Floats
-from fis_tools.errors import Mistake, require_known
+from fis_tools.engines.trees import infer_tree
+from fis_tools.errors import Mistake, require_known, told_as
 from fis_tools.file_access import write_bytes
 from fis_tools.formats import serialize
-from fis_tools.model import FuzzyController, FuzzySystem
+from fis_tools.model import FuzzyController, FuzzySystem, FuzzyTree, tree
 from fis_tools.model.thrust import COUNTED, REASONS, UNKNOWN
+from fis_tools.model.trees import require_unwired
 from fis_tools.plain_text import as_number
 from fis_tools.source import read_controller
 from fis_tools.waiting import waiting
@@ -129,6 +131,7 @@ def flown_inputs(
     """
     if not paths:
         return None
+    require_unwired([controller], "a log of inputs")
     sensed = flights.inputs_along(paths, all_periods, controller)
     if flights.is_flight(paths[0]):
         flights.require_same_inputs(paths[0], flights.read_controller(paths[0]).systems, controller)
@@ -141,8 +144,7 @@ def chosen(controller: FuzzyController, name: str | None) -> FuzzyController:
         return controller
     names = [system.name for system in controller.systems]
     require_known([name], names, f"controller {controller.name!r} has no system", Mistake)
-    systems = tuple(system for system in controller.systems if system.name == name)
-    return replace(controller, systems=systems)
+    return controller.only([name])
 
 
 def assignments(words: str) -> dict[str, float]:
@@ -220,6 +222,7 @@ class Instant:
     Parameters
     ----------
     system : FuzzySystem
+        A system of its own, or one that others are wired to.
     inputs : (num_inputs,), optional
         None where nothing was fired, and there is nothing to tell about.
     note : str
@@ -240,6 +243,7 @@ def instants(args: InstantArguments, controller: FuzzyController) -> Iterator[In
         yield from (Instant(system, inputs) for system, inputs in _given(args.inputs or "", controller))
         return
     paths = args.paths
+    require_unwired([controller], "--time")
     if len(paths) != 1:
         raise Mistake("--time is for one file of logged data; give a flight (.mcap), or add --flights FILE")
     periods = flights.read_periods(paths[0], args.time, controller)
@@ -287,8 +291,34 @@ def _in_words(period: flights.Period) -> str:
     return words
 
 
+def given_to(inputs: str, whole: FuzzyTree) -> Floats:
+    """Return the inputs of wired systems that are given by hand, in their order."""
+    return _row(assignments(inputs), whole)
+
+
+def _row(values: Mapping[str, float], whole: FuzzyTree) -> Floats:
+    known = [variable.name for variable in whole.inputs]
+    require_known(values, known, "there is no input", Mistake)
+    if missing := [name for name in known if name not in values]:
+        raise Mistake(
+            f"the inputs {', '.join(missing)} of {whole.name} are not given; add --inputs NAME=NUMBER,…, or "
+            "name one of its systems with --system"
+        )
+    return np.array([values[name] for name in known])
+
+
+def _given_to_tree(values: Mapping[str, float], whole: FuzzyTree) -> Iterator[tuple[FuzzySystem, Floats]]:
+    """Yield each of wired systems with what comes to it."""
+    with told_as(Mistake, ValueError):
+        inference = infer_tree(whole, _row(values, whole))
+    yield from ((part.system, part.inputs) for part in inference.parts)
+
+
 def _given(inputs: str, controller: FuzzyController) -> Iterator[tuple[FuzzySystem, Floats]]:
     values = assignments(inputs)
+    if controller.wires:
+        yield from _given_to_tree(values, tree(controller))
+        return
     known = list(dict.fromkeys(v.name for system in controller.systems for v in system.inputs))
     require_known(values, known, "there is no input", Mistake)
     complete = [s for s in controller.systems if all(variable.name in values for variable in s.inputs)]

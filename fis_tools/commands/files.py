@@ -15,7 +15,7 @@ from fis_tools.commands.arguments import ControllerArguments, Output, write
 from fis_tools.errors import Mistake, told_as
 from fis_tools.formats import serialize
 from fis_tools.formats.c import source
-from fis_tools.formats.files import ONE_SYSTEM, WHOLE, File, in_files_of_one, of_one_system
+from fis_tools.formats.files import ONE_SYSTEM, WHOLE, File, in_files_of_one, of_one_system, wires_lost
 from fis_tools.formats.mapping import MOST_POINTS
 from fis_tools.learning.learner import Recipe, cross_validated, learn_table
 from fis_tools.learning.table import TrainingTable, as_table, read
@@ -25,6 +25,7 @@ from fis_tools.model import (
     Sampled,
     Semantics,
     Variable,
+    Wire,
     with_semantics,
     with_variables,
 )
@@ -98,6 +99,8 @@ def _write_each(controller: FuzzyController, form: str, output: str | None) -> N
             arguments.write_file(path, file.content)
         for loss in file.losses:
             print(f"{name}: {loss}", file=sys.stderr)
+    for loss in wires_lost(controller):
+        print(loss, file=sys.stderr)
 
 
 def import_(
@@ -109,6 +112,7 @@ def import_(
     name: str | None = None,
     points: Annotated[int | None, arguments.whole_number(2, MOST_POINTS)] = None,
     as_: Annotated[Semantics | None, Parameter(name="--as")] = None,
+    wire: tuple[tuple[str, str], ...] = (),
 ) -> None:
     """Make one controller file from files of other programs, such as MATLAB or fuzzylite.
 
@@ -121,6 +125,7 @@ def import_(
         python -m fis_tools import tipping.py:build_tipping --trust -o tipping.yaml
         python -m fis_tools import tipper.fis --as fuzzylite -o tipper.yaml
         python -m fis_tools import exchange/*.fis --name returned -o returned.yaml
+        python -m fis_tools import a.fis b.fis --wire a/out b/in -o tree.yaml
 
     Parameters
     ----------
@@ -136,6 +141,8 @@ def import_(
         points of every evenly spaced universe
     as_
         the program whose inference the systems mean [default: that of which each is a file]
+    wire
+        pass an output on to an input, as in MATLAB's fistree: --wire SYSTEM/OUTPUT SYSTEM/INPUT
     """
     form = arguments.form_of(output) or serialize.dump_json
     readings = [_reading(path, trust) for path in files]
@@ -158,10 +165,15 @@ def import_(
     purposes, unlike = _merged(
         (("purpose", controller.purpose),) for controller in controllers if controller.purpose
     )
+    wires = (
+        *(each for controller in controllers for each in controller.wires),
+        *(Wire(*ends) for ends in wire),
+    )
     left_out = [*unlike, *(f"provenance {key}" for key in contradicted)]
     names = list(dict.fromkeys(controller.name for controller in controllers))
     name = name or (names[0] if len(names) == 1 else Path(files[0]).stem)
-    controller = FuzzyController(name, systems, attributes, provenance, **dict(purposes))
+    purpose = dict(purposes).get("purpose", "")
+    controller = FuzzyController(name, systems, attributes, provenance, purpose, wires)
     write(output, form(controller))
     for sentence in assumed:
         print(f"assumed: {sentence}", file=sys.stderr)

@@ -22,7 +22,8 @@ from fis_tools.findings import explanation, simplification
 from fis_tools.findings.audit import Severity, Thresholds, report
 from fis_tools.findings.difference import difference
 from fis_tools.findings.simplification import Budget
-from fis_tools.model import FuzzyController
+from fis_tools.model import FuzzyController, tree
+from fis_tools.model.trees import require_unwired
 from fis_tools.plain_text import as_number
 from fis_tools.source import read_controller
 from fis_tools.words import text as wording
@@ -122,7 +123,8 @@ def explain(
     nothing where others say the same), and the smallest change of one input that flips the output's sign.
     With --flights (or a flight as CONTROLLER) it tells the shares over them. Of a flight it tells about
     forces that were fired; where none was, it says why. --all-periods tells about every inference. Where a
-    flight says so, --time also tells which points the inputs come from, and what was flown ahead.
+    flight says so, --time also tells which points the inputs come from, and what was flown ahead. Of wired
+    systems it tells about the whole, through the wires, then about each.
 
     For example:
 
@@ -148,12 +150,29 @@ def explain(
     if steps and (json or crossing is not None):
         raise Mistake("--steps go without --json and --crossing; drop one of them")
     controller = args.read()
+    if controller.wires and not steps and args.time is None:
+        print(_of_chain(args, controller, crossing or 0.0, all, json), end="")
+        return
     if args.is_instant or not args.paths:
         print(_of_instants(args, controller, crossing or 0.0, steps, all, json), end="")
         return
     if steps or crossing is not None:
         raise Mistake("--steps and --crossing are about one inference; add --time SECONDS or --inputs")
     print(_over_flights(args, controller, all, json), end="")
+
+
+def _of_chain(
+    args: InstantArguments, controller: FuzzyController, crossing: float, all: bool, json: bool
+) -> str:
+    require_unwired([controller] if args.paths else [], "the share of rules along a log")
+    whole = tree(controller)
+    with told_as(Mistake, ValueError), analysing(controller):
+        explained = explanation.explain(whole, arguments.given_to(args.inputs or "", whole), crossing)
+    return (
+        as_json(*EXPLANATION, {"explanations": [explained.plain()]})
+        if json
+        else explained.text(everything=all)
+    )
 
 
 def _of_instants(

@@ -18,7 +18,7 @@ from fis_tools.engines.inference import infer
 from fis_tools.errors import Mistake, told_as
 from fis_tools.formats.csv import rows_as_text
 from fis_tools.formats.files import file_name
-from fis_tools.model import FuzzyController, FuzzySystem
+from fis_tools.model import FuzzyController, FuzzySystem, Inferable, tree, whole
 from fis_tools.source import read_controller
 from fis_tools.words.text import outline
 
@@ -117,7 +117,7 @@ def _pictures(
     kinds: Sequence[str],
     inferences: list[tuple[FuzzySystem, Floats]],
     theme: "Theme",
-) -> "Iterator[tuple[FuzzySystem, str, Figure]]":
+) -> "Iterator[tuple[Inferable, str, Figure]]":
     from fis_tools import render  # noqa: PLC0415 - as above
 
     sensed = args.flown(controller) or {}
@@ -130,6 +130,9 @@ def _pictures(
             flown = sensed.get(system.name)
             drawn = render.surface_figures(system, in_space=in_space, samples=flown, theme=theme)
             yield from ((system, *named) for named in drawn)
+    if controller.wires and "surfaces" in kinds:
+        wired = tree(controller)
+        yield from ((wired, *named) for named in render.surface_figures(wired, theme=theme))
     for system, inputs in inferences:
         yield system, "inference", render.inference_figure(infer(system, inputs), theme=theme)
     for path in args.paths if "firing" in kinds else ():
@@ -190,7 +193,7 @@ def surface(
         .png, .svg, .pdf, or CSV [default: CSV, printed]
     """
     controller = read_controller(args.controller, args.trust)
-    system = arguments.chosen(controller, args.system).only_system("add --system")
+    system = whole(arguments.chosen(controller, args.system), "add --system")
     ending = Path(output or "").suffix.lower()
     if ending not in (*PICTURES, ".csv") and output is not None:
         raise Mistake(f"{output} ends in none of {', '.join(PICTURES)}, .csv; name the file so")

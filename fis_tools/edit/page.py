@@ -16,6 +16,7 @@ from fis_tools.edit.touches import number
 from fis_tools.formats.files import ENDINGS
 from fis_tools.model import FuzzyController
 from fis_tools.review.content import constants
+from fis_tools.words.text import wires_in_words
 
 PLAIN, MAIN = "flat no-caps", "unelevated no-caps"
 #: Ctrl+Z and Ctrl+Y, which fields of text keep for themselves
@@ -94,6 +95,11 @@ class Editor:
                 for n, name in enumerate(names if len(names) > 1 else []):
                     button = ui.button(name, on_click=lambda _, n=n: self._choose(n)).props(PLAIN)
                     button.props["aria-pressed"] = str(n == index).lower()
+            if wires := [*wires_in_words(self.session.controller)]:
+                with card("wires"):
+                    heading(2, "Wires")
+                    for words in wires:
+                        ui.label(words).classes("about")
             self._view = SystemView(self.session, index, self.touch, self._surface)
             self._build_constants()
         self._show()

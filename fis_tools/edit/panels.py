@@ -160,5 +160,6 @@ def changes(before: FuzzyController, after: FuzzyController) -> str:
     pairs = list(zip(before.systems, after.systems, strict=True))
     changed = [pair for pair in pairs if pair[0] != pair[1]] or pairs[:1]
     olds, news = (tuple(side) for side in zip(*changed, strict=True))
-    differences = difference(replace(before, systems=olds), replace(after, systems=news))
+    old, new = (replace(side, systems=kept, wires=()) for side, kept in ((before, olds), (after, news)))
+    differences = difference(old, new)
     return UNDERSCORE.sub("_<wbr>", html.body(Document(differences.blocks())))

@@ -24,8 +24,9 @@ from fis_tools.engines import program as codes
 from fis_tools.engines.inference import as_rows, columns_of, pick
 from fis_tools.engines.packing import NotCompilable, Packed
 from fis_tools.engines.program import Conclusion, IntervalOutput, Program, Weighing, assemble
-from fis_tools.model import FuzzySystem
-from fis_tools.model.validate import validate
+from fis_tools.engines.trees import CompiledTree
+from fis_tools.model import FuzzyController, FuzzySystem, FuzzyTree, Inferable, whole
+from fis_tools.model.validate import require_valid, validate
 from fis_tools.processors import num_processors
 
 #: Inputs that are identified by column names; see `fis_tools.engines.inference.columns_of`.
@@ -282,16 +283,26 @@ class CompiledSystem:
         return f"<compiled {self.system.name!r}: {self.program.num_rules} rules, {' -> '.join(names)}>"
 
 
+@overload
+def compile(system: FuzzySystem | CompiledSystem, *, threads: int | None = None) -> CompiledSystem: ...
+@overload
+def compile(system: FuzzyTree | CompiledTree, *, threads: int | None = None) -> CompiledTree: ...  # type: ignore[overload-overlap]
+@overload
+def compile(system: Inferable, *, threads: int | None = None) -> CompiledSystem | CompiledTree: ...  # type: ignore[overload-overlap]
+@overload
 def compile(
     system: object, *, defaults: Mapping[str, float] | None = None, threads: int | None = None
-) -> CompiledSystem:
+) -> CompiledSystem: ...
+def compile(
+    system: object, *, defaults: Mapping[str, float] | None = None, threads: int | None = None
+) -> CompiledSystem | CompiledTree:
     """Compile a fuzzy system into a function of whole arrays.
 
     Parameters
     ----------
-    system : FuzzySystem, or scikit-fuzzy's ControlSystem or ControlSystemSimulation
-        The system to compile. It is read once: later changes of a control system have no effect. A compiled
-        system is returned as it is.
+    system : FuzzySystem, FuzzyTree, or scikit-fuzzy's ControlSystem or ControlSystemSimulation
+        The system to compile, or a controller of one or of wired ones. It is read once: later changes of a
+        control system have no effect. A compiled system is returned as it is.
     defaults : mapping, optional
         For a control system: an output's value when no rule fires, by its name. Others get zero, or the end
         of their universe nearest to zero. A FuzzySystem declares its own.
@@ -308,9 +319,15 @@ def compile(
     ValueError
         If defaults are given for a FuzzySystem.
     """
-    if isinstance(system, CompiledSystem):
+    if isinstance(system, CompiledSystem | CompiledTree):
         return system
+    if isinstance(system, FuzzyController):
+        require_valid(system)
+        system = whole(system, "compile one of them")
     threads = threads or num_processors()
+    if isinstance(system, FuzzyTree):
+        parts = tuple(compile(part, threads=threads) for part in system.systems)
+        return CompiledTree(system, parts)
     for recent in tuple(_RECENT):
         if recent.system is system and recent.threads == threads and defaults is None:
             return recent

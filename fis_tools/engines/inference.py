@@ -15,7 +15,7 @@ import numpy as np
 from fis_tools import model
 from fis_tools.array_types import Floats, Integers
 from fis_tools.errors import require_known
-from fis_tools.model import TOOLS, Expression, FuzzySystem, Rule, Variable, memberships_at
+from fis_tools.model import TOOLS, Expression, FuzzySystem, Inferable, Rule, Variable, memberships_at
 from fis_tools.model.intervals import has_intervals, twin
 from fis_tools.model.operators import ACCUMULATIONS, AGGREGATIONS, AND_OPERATORS, HEDGES, OR_OPERATORS
 
@@ -469,7 +469,7 @@ def columns_of(inputs: Any) -> tuple[str, ...] | None:
     return names
 
 
-def pick(system: FuzzySystem, inputs: Any, names: tuple[str, ...]) -> list[Floats]:
+def pick(system: Inferable, inputs: Any, names: tuple[str, ...]) -> list[Floats]:
     """Return each input of a system by its name, broadcast to one shape.
 
     A table may have other columns; a mapping is written for this call, so unknown names are
@@ -490,7 +490,7 @@ def pick(system: FuzzySystem, inputs: Any, names: tuple[str, ...]) -> list[Float
     return list(np.broadcast_arrays(*(np.asarray(inputs[name], dtype=np.float64) for name in wanted)))
 
 
-def as_rows(system: FuzzySystem, inputs: Any) -> Floats:
+def as_rows(system: Inferable, inputs: Any) -> Floats:
     """Return inputs as an array, the last axis in the order of the system's inputs.
 
     A plain array is returned unchanged; a mapping or table as (n, num_inputs), or (num_inputs,) for numbers.

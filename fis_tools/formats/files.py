@@ -58,7 +58,7 @@ def in_files_of_one(controller: FuzzyController, ending: str) -> dict[str, Fuzzy
         name = file_name(system.name) + ending
         if any(name.casefold() == other.casefold() for other in files):
             raise ValueError(f"two systems would both be written as {name}; rename {system.name!r}")
-        files[name] = replace(controller, systems=(system,))
+        files[name] = controller.only([system.name])
     return files
 
 
@@ -78,11 +78,18 @@ def written(controller: FuzzyController, path: Path) -> dict[Path, File]:
     (form,) = (name for name, written in ONE_SYSTEM.items() if written == ending)
     if len(controller.systems) == 1:
         return {path: of_one_system(controller, form)}
-    alone = in_files_of_one(controller, ending)
-    return {
-        path.with_name(f"{path.stem}-{name}"): of_one_system(controller, form)
-        for name, controller in alone.items()
+    files = {
+        path.with_name(f"{path.stem}-{name}"): of_one_system(alone, form)
+        for name, alone in in_files_of_one(controller, ending).items()
     }
+    last = next(reversed(files))
+    return {**files, last: replace(files[last], losses=(*files[last].losses, *wires_lost(controller)))}
+
+
+def wires_lost(controller: FuzzyController) -> list[str]:
+    """Return a sentence on wires, which files of one system cannot hold."""
+    words = ", ".join(f"{wire.source} {wire.target}" for wire in controller.wires)
+    return [f"the wires are in no file ({words}); import --wire takes them again"] if words else []
 
 
 def of_one_system(controller: FuzzyController, form: str) -> File:

@@ -1,7 +1,8 @@
 """A controller as plain data: dicts, lists, strings and numbers, the common ground of its JSON and YAML.
 
 The mapping has ``schema: fuzzy-controller``, ``schema_version: 1``, ``name``, maybe a ``purpose``,
-``attributes``, ``provenance`` and ``systems``. A system has ``name``, ``inputs``, ``outputs`` and
+``attributes``, ``provenance`` and ``systems``, and maybe ``wires`` between them, each ``{from:
+SYSTEM/OUTPUT, to: SYSTEM/INPUT}``. A system has ``name``, ``inputs``, ``outputs`` and
 ``rules``. A variable has ``name``, ``unit``, ``range`` and ``points`` (or ``universe``, every point of
 it), ``terms``, maybe a ``description``, and, for an output, ``default`` and maybe ``defuzzifier``,
 ``accumulation`` and ``aggregation``. The keys of a term tell its shape, where ``shape`` does not; the
@@ -28,8 +29,8 @@ from fis_tools.model.validate import (
     MOST_RULES,
     MOST_SYSTEMS,
     MOST_TERMS,
-    InvalidSystem,
     controller_problems,
+    require_valid,
 )
 
 SCHEMA = "fuzzy-controller"
@@ -39,6 +40,8 @@ SCHEMA_VERSION = 1
 MOST_POINTS = MOST_MEMBERSHIPS
 #: Problems told when a file is refused.
 MOST_PROBLEMS = 8
+#: Wires: one for each input.
+MOST_WIRES = MOST_SYSTEMS * MOST_INPUTS
 #: Letters of a text, such as a purpose.
 LONGEST_TEXT = 100_000
 
@@ -57,9 +60,8 @@ def to_mapping(controller: model.FuzzyController) -> dict[str, Any]:
     InvalidSystem
         If something is wrong with the controller: what is written can be read again.
     """
-    problems = controller_problems(controller)
-    if problems:
-        raise InvalidSystem("\n".join(problems))
+    require_valid(controller)
+    wires = [{"from": wire.source, "to": wire.target} for wire in controller.wires]
     return {
         "schema": SCHEMA,
         "schema_version": SCHEMA_VERSION,
@@ -68,6 +70,7 @@ def to_mapping(controller: model.FuzzyController) -> dict[str, Any]:
         "attributes": dict(controller.attributes),
         "provenance": dict(controller.provenance),
         "systems": [_system_mapping(system) for system in controller.systems],
+        **({"wires": wires} if wires else {}),
     }
 
 
@@ -168,13 +171,14 @@ def from_mapping(mapping: Mapping[str, Any]) -> model.FuzzyController:
         )
     where = "the controller"
     required = ("schema", "schema_version", "name", "systems")
-    _check_keys(mapping, where, required, ("purpose", "attributes", "provenance"))
+    _check_keys(mapping, where, required, ("purpose", "attributes", "provenance", "wires"))
     controller = model.FuzzyController(
         name=_text(mapping["name"], f"{where}: name"),
         systems=tuple(_items(mapping["systems"], "systems", _system, MOST_SYSTEMS)),
         attributes=_facts(mapping.get("attributes", {}), "attributes"),
         provenance=_facts(mapping.get("provenance", {}), "provenance"),
         purpose=_text(mapping.get("purpose", ""), f"{where}: purpose"),
+        wires=tuple(_items(mapping.get("wires", ()), "wires", _wire, MOST_WIRES)),
     )
     refuse_problems(controller)
     return controller
@@ -279,6 +283,10 @@ def _fact(value: Any, where: str) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     return repr(value) if isinstance(value, int | float) else _text(value, where)
+
+
+def _wire(value: Any, where: str) -> model.Wire:
+    return model.Wire(*_read(value, where, {"from": _text, "to": _text}).values())
 
 
 #: Words that name an operator or a method; `controller_problems` refuses unknown ones.

@@ -267,8 +267,9 @@ def content_hash(controller: FuzzyController) -> str:
     """Return the SHA-256 of what a controller does: its attributes and systems without descriptions."""
     numbers = {name: as_number(text) for name, text in controller.attributes}
     facts = {name: text if numbers[name] is None else numbers[name] for name, text in controller.attributes}
-    systems = _without_descriptions(to_mapping(controller)["systems"])
-    content = {"attributes": facts, "systems": systems}
+    mapped = to_mapping(controller)
+    content = {"attributes": facts, "systems": _without_descriptions(mapped["systems"])}
+    content |= {key: mapped[key] for key in ("wires",) if key in mapped}
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 

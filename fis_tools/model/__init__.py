@@ -46,6 +46,7 @@ from fis_tools.model.systems import (
     Not,
     Or,
     Rule,
+    Wire,
     canonical,
     conjunctions,
     parts_of,
@@ -60,6 +61,7 @@ from fis_tools.model.systems import (
     with_terms,
     with_variables,
 )
+from fis_tools.model.trees import FuzzyTree, Inferable, tree, whole
 from fis_tools.model.variables import (
     Term,
     Variable,

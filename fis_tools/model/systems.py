@@ -405,6 +405,22 @@ def with_semantics(system: FuzzySystem, semantics: Semantics) -> FuzzySystem:
     return replace(target, inputs=inputs, outputs=tuple(outputs))
 
 
+@dataclass(frozen=True, slots=True)
+class Wire:
+    """A connection of two systems, whose ends are written ``system/variable``.
+
+    Parameters
+    ----------
+    source : str
+        An output whose value is passed on, or an input that shares its value.
+    target : str
+        The input that takes it.
+    """
+
+    source: str
+    target: str
+
+
 @dataclass(frozen=True)
 class FuzzyController:
     """A set of fuzzy systems, with further data for their user.
@@ -421,6 +437,8 @@ class FuzzyController:
         Origin of the controller; passed on without interpretation, sorted by key.
     purpose : str
         What it is for and how it acts, in sentences for the person who uses it.
+    wires : tuple of Wire
+        Which inputs take the values of outputs, see `fis_tools.model.trees`.
     """
 
     name: str
@@ -428,6 +446,7 @@ class FuzzyController:
     attributes: tuple[tuple[str, str], ...] = ()
     provenance: tuple[tuple[str, str], ...] = ()
     purpose: str = ""
+    wires: tuple[Wire, ...] = ()
 
     def __post_init__(self) -> None:
         """Clean the facts."""
@@ -443,7 +462,13 @@ class FuzzyController:
 
     def acts_like(self, other: "FuzzyController") -> bool:
         """Return whether both have the same systems and attributes, whatever they are called and are for."""
-        return (self.systems, self.attributes) == (other.systems, other.attributes)
+        ours, theirs = ((each.systems, each.wires, each.attributes) for each in (self, other))
+        return ours == theirs
+
+    def only(self, names: Iterable[str]) -> "FuzzyController":
+        """Return it with the systems of these names alone, each for itself: without wires."""
+        kept = frozenset(names)
+        return replace(self, systems=tuple(s for s in self.systems if s.name in kept), wires=())
 
     def with_provenance(self, facts: Mapping[str, str]) -> "FuzzyController":
         """Return it with more facts in its provenance; they replace those of the same keys."""

@@ -18,6 +18,7 @@ from fis_tools.model.operators import HEDGES, WEIGHING
 from fis_tools.model.semantics import ALL_SEMANTICS, TOOLS
 from fis_tools.model.shapes import SHAPES, Between, MembershipFunction, MonotoneFunction, Polyline, Sampled
 from fis_tools.model.systems import And, Expression, FuzzyController, FuzzySystem, Hedged, Is, Not, Or, Rule
+from fis_tools.model.trees import wire_problems
 from fis_tools.model.variables import Term, Variable, shape_values
 
 #: Kinds of numbers that must be positive; see `fis_tools.model.shapes`.
@@ -68,6 +69,12 @@ def validate(system: FuzzySystem) -> None:
     _VALID[id(system)] = system
 
 
+def require_valid(controller: FuzzyController) -> None:
+    """Raise InvalidSystem for a controller with problems, one line for each."""
+    if sentences := controller_problems(controller):
+        raise InvalidSystem("\n".join(sentences))
+
+
 def controller_problems(controller: FuzzyController) -> list[str]:
     """Return the problems of a controller and its systems, one sentence each; empty if there are none."""
     sentences = list(_name_problems("a controller", controller.name))
@@ -85,7 +92,7 @@ def controller_problems(controller: FuzzyController) -> list[str]:
         ]
     for system in controller.systems:
         sentences += problems(system)
-    return sentences
+    return sentences or [*_at(f"controller {controller.name!r}: ", wire_problems(controller))]
 
 
 def problems(system: FuzzySystem) -> list[str]:

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from fis_tools.analysis.arrays import Surface, output_named, surface
 from fis_tools.array_types import Floats
 from fis_tools.file_access import write_bytes
-from fis_tools.model import FuzzySystem, Term, Variable, peak, sample
+from fis_tools.model import FuzzySystem, Inferable, Term, Variable, peak, sample
 from fis_tools.render import lettering, surfaces
 from fis_tools.render.inference import memberships
 from fis_tools.render.rules import firing_map, rule_cells, rule_matrix
@@ -67,7 +67,7 @@ def rules_figures(system: FuzzySystem, *, theme: Theme = LIGHT) -> Iterator[tupl
 
 
 def surface_figures(
-    system: FuzzySystem, *, in_space: bool = False, samples: Floats | None = None, theme: Theme = LIGHT
+    system: Inferable, *, in_space: bool = False, samples: Floats | None = None, theme: Theme = LIGHT
 ) -> Iterator[tuple[str, Figure]]:
     """Draw every output with `surface_figure`; over a single input as a curve, and that only once.
 
@@ -90,7 +90,7 @@ def surface_figures(
 
 
 def surface_figure(
-    system: FuzzySystem,
+    system: Inferable,
     output: str | None = None,
     *,
     samples: Floats | None = None,
@@ -105,8 +105,8 @@ def surface_figure(
 
     Parameters
     ----------
-    system : FuzzySystem
-        A system without problems, with two inputs or more.
+    system : FuzzySystem or FuzzyTree
+        Without problems, with two inputs or more.
     output : str, optional
         Which output; by default the first.
     samples : (n, num_inputs), optional
@@ -162,7 +162,7 @@ def system_figures(system: FuzzySystem, *, theme: Theme = LIGHT) -> Iterator[tup
     yield from surface_figures(system, theme=theme)
 
 
-def _outer_terms(system: FuzzySystem) -> list[dict[str, Term]]:
+def _outer_terms(system: Inferable) -> list[dict[str, Term]]:
     """Return every combination of terms of the inputs before the last two (the outer inputs)."""
     outer = system.inputs[:-2]
     return [
@@ -171,13 +171,13 @@ def _outer_terms(system: FuzzySystem) -> list[dict[str, Term]]:
     ]
 
 
-def _slice(system: FuzzySystem, terms: Mapping[str, Term], output: Variable) -> Surface:
+def _slice(system: Inferable, terms: Mapping[str, Term], output: Variable) -> Surface:
     fixed = {name: peak(system.variable(name), term) for name, term in terms.items()}
     x, y = system.inputs[-1].name, system.inputs[-2].name
     return surface(system, x, y, fixed=fixed, output=output.name, num_points=81)
 
 
-def _belonging(system: FuzzySystem, terms: Mapping[str, Term], samples: Floats) -> Floats:
+def _belonging(system: Inferable, terms: Mapping[str, Term], samples: Floats) -> Floats:
     """Return the samples whose outer inputs belong most to these terms."""
     keep = np.ones(len(samples), dtype=bool)
     for index, variable in enumerate(system.inputs):

@@ -12,7 +12,7 @@ from matplotlib.ticker import MaxNLocator
 
 from fis_tools.analysis.arrays import Surface, evaluate, output_named, surface
 from fis_tools.array_types import Floats
-from fis_tools.model import FuzzySystem
+from fis_tools.model import FuzzySystem, Inferable
 from fis_tools.render import lettering
 from fis_tools.render.theme import BRIGHTNESS_MAP, LIGHT, MEDIUM, SMALL, Theme, dress, readable_on
 from fis_tools.words.text import number, quantity, with_unit
@@ -21,12 +21,12 @@ from fis_tools.words.text import number, quantity, with_unit
 _SAME = 1e-9
 
 
-def held_words(system: FuzzySystem, fixed: Mapping[str, float]) -> str:
+def held_words(system: Inferable, fixed: Mapping[str, float]) -> str:
     """Format the inputs held, with units: ``distance = 80 m, eta_u = 0 rad``."""
     return ", ".join(f"{name} = {quantity(system.variable(name), value)}" for name, value in fixed.items())
 
 
-def over_axes(system: FuzzySystem, result: Surface, samples: Floats | None) -> Floats | None:
+def over_axes(system: Inferable, result: Surface, samples: Floats | None) -> Floats | None:
     """Project samples, if any, onto the two inputs of a surface, clipped to their universes, (n, 2).
 
     Raises
@@ -86,7 +86,7 @@ def entitle(ax: Any, words: str) -> None:
 
 
 def output_curve(
-    system: FuzzySystem,
+    system: Inferable,
     ax: Axes,
     *,
     output: str | None = None,

@@ -14,10 +14,11 @@ from fis_tools.engines.compiler import compile
 from fis_tools.errors import MissingExtra
 from fis_tools.findings.audit import Audit, audit, report
 from fis_tools.formats import serialize
-from fis_tools.model import FuzzyController, FuzzySystem
+from fis_tools.model import FuzzyController, FuzzySystem, Inferable, tree
 from fis_tools.model.intervals import require_type_1
+from fis_tools.model.trees import require_unwired
 from fis_tools.review import carried, content, flown
-from fis_tools.words.text import sentences, shape_words, summary
+from fis_tools.words.text import sentences, shape_words, summary, wires_in_words
 
 #: what the reviewer ticks before signing, by key
 CHECKS = {
@@ -79,6 +80,7 @@ def write(
     """
     systems = controller.systems
     require_type_1(systems, "a review page")
+    require_unwired([controller] if flight_paths else [], "a review along a log")
     paths = flown.recordings(flight_paths)
     logged = flown.read_flights(paths, controller, all_periods)
     is_flight = [flights.is_flight(path) for path in paths]
@@ -99,6 +101,7 @@ def write(
         *content.rules(controller),
         Heading("Inputs", 3),
         content.inputs(controller, samples),
+        *_wired(controller),
         Heading(title, id="logged"),
         *(Paragraph(flown.failures(evaluation)) for evaluation in evaluated),
         *flown.flown_table(evaluated, names, went),
@@ -131,6 +134,7 @@ def write(
         opening=html.body(Document(opening_blocks)),
         sections=[block for block in opening_blocks if isinstance(block, Heading) and block.id],
         part=part,
+        has_pictures=bool(controller.wires),
         fingerprint=fingerprint,
         checks=checks,
         noun=noun,
@@ -249,7 +253,17 @@ def _share(share: float) -> str:
     return "< 0.01 %" if words == "0.00" and share > 0 else f"{words} %"
 
 
-def _pictures(system: FuzzySystem) -> Iterator[Block]:
+def _wired(controller: FuzzyController) -> Iterator[Block]:
+    """Yield how the systems of a controller are wired, and the surfaces of the whole."""
+    if not controller.wires:
+        return
+    yield Heading("Wires", 3)
+    yield Items([*wires_in_words(controller)])
+    yield Paragraph("Below, each system stands by itself: what a wire passes on is set there by hand.")
+    yield Fold("Surfaces of the whole", [*_pictures(tree(controller))])
+
+
+def _pictures(system: Inferable) -> Iterator[Block]:
     try:
         from fis_tools import render  # noqa: PLC0415 - the page is made without matplotlib
     except MissingExtra as error:

@@ -8,11 +8,12 @@ import numpy as np
 
 from fis_tools import model
 from fis_tools.array_types import Floats
-from fis_tools.document import Block, Document, Heading, Paragraph, Table
+from fis_tools.document import Block, Document, Heading, Items, Paragraph, Table
 from fis_tools.document.text import aligned
 from fis_tools.engines.inference import Inference, OutputInference
 from fis_tools.model import TOOLS, Consequent, Expression, FuzzyController, FuzzySystem, Rule, Term, Variable
 from fis_tools.model.intervals import has_intervals
+from fis_tools.model.trees import tree
 
 BAR_LENGTH = 20
 #: Memberships and firing strengths below this are left out.
@@ -312,6 +313,7 @@ def outline(controller: FuzzyController) -> Document:
     blocks += [Paragraph(_on_one_line(controller.purpose))] if controller.purpose else []
     facts = [[key, _on_one_line(value)] for key, value in (*controller.attributes, *controller.provenance)]
     blocks += [Table([], facts)] if facts else []
+    blocks += [Heading("Wires"), Items([*wires_in_words(controller)])] if controller.wires else []
     for system in controller.systems:
         blocks += [Heading(system.name), Paragraph(f"{summary(system)}.")]
         for kind, variables in (("Input", system.inputs), ("Output", system.outputs)):
@@ -319,6 +321,30 @@ def outline(controller: FuzzyController) -> Document:
                 blocks += _variable(kind, variable)
         blocks += _rules(system)
     return Document(blocks)
+
+
+def wires_in_words(controller: FuzzyController) -> Iterator[str]:
+    """Yield what each wire of a controller passes on, and what goes into and comes out of the whole."""
+    if not controller.wires:
+        return
+    whole = tree(controller)
+    carried = {
+        f"{system.name}/{variable.name}": (system, variable)
+        for system in controller.systems
+        for variable in system.variables
+    }
+    for wire in controller.wires:
+        (_, source), (system, target) = carried[wire.source], carried[wire.target]
+        words = f"{wire.source} feeds {wire.target}"
+        if source.minimum < target.minimum or source.maximum > target.maximum:
+            is_clipped = np.isfinite(system.limits_of(target)).all()
+            words += (
+                f", defined from {number(target.minimum)} to {quantity(target, target.maximum)}; what lies "
+                f"beyond is {'taken as the end' if is_clipped else 'used as it is'}"
+            )
+        yield words
+    names = [listed([with_unit(variable) for variable in side], 64) for side in (whole.inputs, whole.outputs)]
+    yield f"the whole takes {names[0]} and gives {names[1]}"
 
 
 def rule_list(controller: FuzzyController) -> Document:

@@ -371,6 +371,12 @@ def _facts(before: FuzzyController, after: FuzzyController) -> Iterator[Fact]:
     names = [[system.name for system in side.systems] for side in (before, after)]
     if names[0] != names[1] and set(names[0]) == set(names[1]):
         yield Fact("order of systems", *map(", ".join, names))
+    wires = [
+        ", ".join(sorted(f"{wire.source} to {wire.target}" for wire in side.wires))
+        for side in (before, after)
+    ]
+    if wires[0] != wires[1]:
+        yield Fact("wires", *(words or "none" for words in wires))
 
 
 def _said(controller: FuzzyController) -> tuple[dict[str, str], ...]:

@@ -1,375 +1,62 @@
 """Explanations: the share of each rule in an output, what would flip it, and the shares over a flight."""
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Mapping
+from typing import overload
 
-import numpy as np
 from numpy.typing import ArrayLike
 
-from fis_tools.analysis import shapley
-from fis_tools.analysis.contribution import contributions, holding_back
 from fis_tools.analysis.flights import Points
-from fis_tools.document import Block, Document, Heading, Items, Paragraph, Result, Table, plain
-from fis_tools.engines.compiler import compile
-from fis_tools.engines.inference import infer
-from fis_tools.findings.explanation.flips import ClassFlip, Flip, class_flips, flips, is_classifier
-from fis_tools.findings.explanation.points import made_of, missed, plain_parts, rehearsed
+from fis_tools.engines.compiler import CompiledSystem, compile
+from fis_tools.engines.trees import CompiledTree
+from fis_tools.findings.explanation.chain import ChainExplanation, explain_chain
+from fis_tools.findings.explanation.flips import Flip, flips
+from fis_tools.findings.explanation.one_system import Explanation, explain_system
+from fis_tools.findings.explanation.points import missed, rehearsed
 from fis_tools.findings.explanation.shares import shares
-from fis_tools.model import FuzzySystem, Variable
-from fis_tools.model.intervals import require_type_1
-from fis_tools.words.text import NEGLIGIBLE, amount, listed, percent, sentence, signed
+from fis_tools.model import FuzzyTree
 
-__all__ = ["Explanation", "Flip", "explain", "flips", "missed", "rehearsed", "shares"]
-
-#: Rules that moved an output by less than this fraction of its range, or beyond so many, are told on demand.
-WORTH_TELLING = 0.01
-MOST_RULES = 8
-#: What rounding may add to a part of a whole.
-SURPLUS = 1e-9
-#: An output that changes by more than this share of its range at a flip jumps there.
-JUMP = 1e-3
-#: A change of less than this share of an input's range is any change at all.
-ANY_CHANGE = 1e-7
-
-#: what is said in place of a class where the defaults alone, which may be equal, decide
-BY_DEFAULT = "the default, as no rule fires"
+__all__ = ["ChainExplanation", "Explanation", "Flip", "explain", "flips", "missed", "rehearsed", "shares"]
 
 
-@dataclass(frozen=True)
-class Move:
-    """The effect of one rule on one output.
-
-    Parameters
-    ----------
-    rule : int
-        The rule's number, from 1 as in every listing.
-    strength : float
-        How strongly it fires, before weights.
-    share : float
-        Its part of the output's way from its default, in the output's unit; the parts of all rules add up.
-    needed : float
-        What would be missing without it: the output minus the output without the rule, in the output's unit.
-    """
-
-    rule: int
-    strength: float
-    share: float
-    needed: float
-
-
-@dataclass(frozen=True)
-class ExplainedOutput:
-    """Why one output is what it is.
-
-    Parameters
-    ----------
-    variable : Variable
-    value : float
-    is_default : bool
-        Whether no rule that concludes on it fires.
-    moves : tuple of Move
-        The rules that fire and conclude on it, the largest share first.
-    error : float
-        The largest standard error of the shares; 0 where they are exact.
-    holding : frozenset of int
-        The numbers of the rules that conclude the default, and so hold back whatever their shares.
-    crossing : float
-        The value that the flips are about.
-    flips : tuple of Flip
-        The smallest changes first.
-    """
-
-    variable: Variable
-    value: float
-    is_default: bool
-    moves: tuple[Move, ...]
-    error: float
-    holding: frozenset[int]
-    crossing: float
-    flips: tuple[Flip, ...]
-
-
-@dataclass(frozen=True, repr=False)
-class Explanation(Result):
-    """Why a system gives its outputs.
-
-    Parameters
-    ----------
-    system : FuzzySystem
-    inputs : tuple of float
-        As given, in the order of the system's inputs.
-    outputs : tuple of ExplainedOutput
-    class_flips : tuple of ClassFlip
-        What flips the class that a classifier says, the smallest changes first.
-    points : Points, optional
-        Which points the inputs are made of, where that is known.
-    """
-
-    system: FuzzySystem
-    inputs: tuple[float, ...]
-    outputs: tuple[ExplainedOutput, ...]
-    class_flips: tuple[ClassFlip, ...] = ()
-    points: Points | None = None
-
-    def document(self, *, everything: bool = False) -> Document:
-        """Render the explanation, what matters most first; `everything` adds rules with hardly any effect."""
-        blocks: list[Block] = [Heading(f"{self.system.name} at {self._inputs_in_words()}")]
-        for output in self.outputs:
-            rows, rest = self._moves(output, everything)
-            blocks += [Paragraph(_value(output)), Items(self.conclusions(output))]
-            blocks += (
-                [Table(["share", "needed", "strength", "rule"], rows, numbers=(0, 1, 2))] if rows else []
-            )
-            blocks += [Paragraph(rest)] if rest else []
-            if not is_classifier(self.system) and _can_cross(output):
-                blocks += [Paragraph(f"{_question(output)}:"), Items(list(_flip_words(output)))]
-        if is_classifier(self.system):
-            blocks += self._class_words()
-        if self.points is not None:
-            blocks += made_of(self.points, self.system, self.inputs, everything)
-        return Document([block for block in blocks if block != Items([])])
-
-    def _class_words(self) -> Iterator[Block]:
-        """Yield which class wins, and what would flip it."""
-        said = max(self.outputs, key=lambda output: output.value).variable.name
-        if all(output.is_default for output in self.outputs):
-            said = BY_DEFAULT
-        if not self.class_flips:
-            yield Paragraph(f"Class: {said}. No change of one input alone flips it.")
-            return
-        yield Paragraph(f"Class: {said}. What would flip it, one input changed alone:")
-        yield Items(
-            [
-                f"{BY_DEFAULT if flip.takes_default else flip.other.name}: {flip.input.name} "
-                f"{'above' if flip.first > flip.given else 'below'} {amount(flip.input, flip.first)}, "
-                f"a change of {percent(flip.share)} of its range"
-                for flip in self.class_flips
-            ]
-        )
-
-    def plain(self) -> dict[str, Any]:
-        """Return the explanation as plain JSON data; numbers are in the units of their variables.
-
-        Keys are ``system``, ``inputs`` (by name, as given) and ``outputs``; of each ``output`` its ``unit``,
-        ``value``, whether that is its ``default``, the ``rules`` that fire, the greatest share first (number,
-        ``sentence``, ``strength``, ``share``, ``needed``, and whether it concludes the default and so
-        ``holds_back``), the ``error`` of the shares (0 where they are exact), the ``silent`` value that they
-        count from, and what takes it across ``crossing``: ``flips``, an entry for each ``input`` and ``way``
-        (``up``, ``down``), the smallest first, with the ``change``,
-        the inputs ``last`` before and ``first`` after it and the outputs there (null where no value does it),
-        and whether no rule fires there (``takes_default``). Where inputs are made of points, ``points`` says
-        what each adds to them.
-        """
-        names = [variable.name for variable in self.system.inputs]
-        class_flips = [
-            {"input": flip.input.name, "first": flip.first, "class": flip.other.name}
-            | {"takes_default": flip.takes_default}
-            for flip in self.class_flips
-        ]
-        return {
-            "system": self.system.name,
-            "inputs": dict(zip(names, self.inputs, strict=True)),
-            "outputs": [
-                {
-                    "output": output.variable.name,
-                    "unit": output.variable.unit,
-                    "value": output.value,
-                    "default": output.is_default,
-                    "rules": [
-                        plain(move)
-                        | {"sentence": sentence(self.system.rules[move.rule - 1])}
-                        | {"holds_back": move.rule in output.holding}
-                        for move in output.moves
-                    ],
-                    "error": output.error,
-                    "silent": output.variable.default,
-                    "crossing": output.crossing,
-                    "flips": [_plain_flip(flip) for flip in output.flips],
-                }
-                for output in self.outputs
-            ],
-            **({"class_flips": class_flips} if class_flips else {}),
-            **({"points": plain_parts(self.points, self.system)} if self.points is not None else {}),
-        }
-
-    def _inputs_in_words(self) -> str:
-        words = []
-        for variable, given in zip(self.system.inputs, self.inputs, strict=True):
-            end = min(max(given, variable.minimum), variable.maximum)
-            note = f" (taken as {amount(variable, end)}, the end of its range)" if end != given else ""
-            words.append(f"{variable.name} = {amount(variable, given)}{note}")
-        return ", ".join(words)
-
-    def conclusions(self, output: ExplainedOutput) -> list[str]:
-        """Return a sentence for each conclusion: what it adds, which part of the whole that is, its rules."""
-        name = output.variable.name
-        groups: dict[str, list[Move]] = {}
-        for move in output.moves:
-            consequents = self.system.rules[move.rule - 1].consequents
-            terms = dict.fromkeys(c.term for c in consequents if c.variable == name and c.weight > 0.0)
-            groups.setdefault(" and ".join(terms), []).append(move)
-        whole = output.value - (output.variable.default or 0.0)
-        shared = {term: sum(move.share for move in moves) for term, moves in groups.items()}
-        # where conclusions pull apart, a part of the whole can be negative or more than all of it
-        are_parts = whole != 0.0 and all(0.0 <= share / whole <= 1.0 + SURPLUS for share in shared.values())
-        sentences = []
-        for term in sorted(groups, key=lambda term: -abs(shared[term])):
-            least = NEGLIGIBLE * output.variable.span
-            who = [str(move.rule) for move in groups[term] if abs(move.share) > least]
-            if who:
-                holds = all(move.rule in output.holding for move in groups[term])
-                words = f"rule {who[0]} {'holds back' if holds else 'says so'}"
-                if len(who) > 1:
-                    does = "hold back" if holds else "say so"
-                    words = f"rules {listed(who, MOST_RULES)} {does} together"
-                of_all = f" ({percent(min(1.0, shared[term] / whole))})" if are_parts else ""
-                sentences.append(f"{term}, {signed(output.variable, shared[term])}{of_all}: {words}")
-        return sentences
-
-    def _moves(self, output: ExplainedOutput, everything: bool) -> tuple[list[list[str]], str]:
-        """Return the listed rules as cells, and a sentence on the others."""
-        variable, moves = output.variable, output.moves
-        shown = [move for move in moves if abs(move.share) >= WORTH_TELLING * variable.span][:MOST_RULES]
-        shown = list(moves) if everything else shown or list(moves[:1])
-        rows = []
-        for move in shown:
-            amounts = [signed(variable, part) for part in (move.share, move.needed)]
-            words = f"{move.rule}. {sentence(self.system.rules[move.rule - 1])}"
-            rows.append([*amounts, f"{move.strength:.2f}", words])
-        rest = moves[len(shown) :]
-        if not rest:
-            return rows, ""
-        fire = "1 more rule fires, with" if len(rest) == 1 else f"{len(rest)} more rules fire, each with"
-        most = abs(rest[0].share)
-        share = f"{amount(variable, most)} at most" if most > NEGLIGIBLE * variable.span else "no share"
-        return rows, f"{fire} {share}"
-
-
-def _can_cross(output: ExplainedOutput) -> bool:
-    """Return whether to tell of flips: not of a sign that the output cannot have."""
-    is_inside = output.variable.minimum < output.crossing < output.variable.maximum
-    return is_inside or output.crossing != 0.0 or any(flip.change is not None for flip in output.flips)
-
-
-def _question(output: ExplainedOutput) -> str:
-    name, side = output.variable.name, output.flips[0].side
-    value = amount(output.variable, output.crossing)
-    if side == 0:
-        does = f"move {name} away from {value}"
-    elif output.crossing == 0.0:
-        does = f"make {name} {'negative' if side > 0 else 'positive'}"
-    else:
-        does = f"take {name} {'below' if side > 0 else 'above'} {value}"
-    return f"What would {does}, one input changed alone"
-
-
-def _value(output: ExplainedOutput) -> str:
-    value = f"{output.variable.name} = {amount(output.variable, output.value)}"
-    if output.is_default:
-        return f"{value}, its default: no rule that concludes on it fires"
-    variable, silent = output.variable, output.variable.default or 0.0
-    way = f"{signed(variable, output.value - silent)} from {amount(variable, silent)}, where no rule fires"
-    sampled = f", sampled with a standard error of {amount(variable, output.error)} at most"
-    return f"{value}: {way}. By shares{sampled if output.error else ''}:"
-
-
-def _flip_words(output: ExplainedOutput) -> Iterator[str]:
-    """Yield the flips in words, the smallest change first, then the inputs that cannot cause one."""
-    variable, crossing = output.variable, output.crossing
-    if not variable.minimum < crossing < variable.maximum and all(f.change is None for f in output.flips):
-        yield (
-            f"nothing can: {variable.name} lies between {amount(variable, variable.minimum)} and "
-            f"{amount(variable, variable.maximum)}, on one side of {amount(variable, crossing)}"
-        )
-        return
-    if all(flip.change is None for flip in output.flips):
-        yield "no value of any one input does"
-        return
-    for flip in output.flips:
-        if flip.change is None or flip.first is None:
-            continue
-        far = f"{amount(flip.input, abs(flip.change))}, to {amount(flip.input, flip.first)}"
-        by = "any change" if flip.share <= ANY_CHANGE else f"{far} ({percent(flip.share)} of its range)"
-        yield f"{flip.input.name} {flip.direction} by {by}{_landing(flip)}"
-    for name in dict.fromkeys(flip.input.name for flip in output.flips):
-        stuck = [flip for flip in output.flips if flip.input.name == name and flip.change is None]
-        if len(stuck) == 2:
-            variable = stuck[0].input
-            extent = f"from {amount(variable, variable.minimum)} to {amount(variable, variable.maximum)}"
-            yield f"{name} alone cannot: no value {extent} does"
-
-
-def _landing(flip: Flip) -> str:
-    if flip.output_at_first is None or flip.output_at_last is None:
-        return ""
-    if flip.takes_default:
-        return f"; there no rule fires, and it takes its default, {amount(flip.output, flip.output_at_first)}"
-    if abs(flip.output_at_first - flip.output_at_last) > JUMP * flip.output.span:
-        jump = f"{amount(flip.output, flip.output_at_last)} to {amount(flip.output, flip.output_at_first)}"
-        return f"; there it jumps from {jump}"
-    return ""
-
-
-def _plain_flip(flip: Flip) -> dict[str, Any]:
-    keys = ("last", "first", "output_at_last", "output_at_first", "takes_default", "change")
-    return {
-        "input": flip.input.name,
-        "unit": flip.input.unit,
-        "way": flip.direction,
-        **{name: getattr(flip, name) for name in keys},
-    }
-
-
+@overload
+def explain(  # type: ignore[overload-overlap]
+    system: FuzzyTree | CompiledTree, inputs: ArrayLike | Mapping[str, float], crossing: float = 0.0
+) -> ChainExplanation: ...
+@overload
 def explain(
     system: object,
     inputs: ArrayLike | Mapping[str, float],
     crossing: float = 0.0,
     points: Points | None = None,
-) -> Explanation:
+) -> Explanation: ...
+def explain(
+    system: object,
+    inputs: ArrayLike | Mapping[str, float],
+    crossing: float = 0.0,
+    points: Points | None = None,
+) -> Explanation | ChainExplanation:
     """Explain one inference: the share of each rule in the outputs, and what would flip them.
 
     Parameters
     ----------
-    system : FuzzySystem, CompiledSystem, or what `fis_tools.engines.compiler.compile` takes
+    system : FuzzySystem, FuzzyTree, or what `fis_tools.engines.compiler.compile` takes
     inputs : (num_inputs,) array, or mapping of names to numbers
-        Clipped to the universes.
+        Clipped to the universes, where the system's program does so.
     crossing : float
         The value to be crossed, in the unit of the outputs; 0 asks for the sign.
     points : Points, optional
         Which points the inputs are made of, to be told with the explanation.
+
+    Returns
+    -------
+    Explanation, or ChainExplanation of a tree
 
     Raises
     ------
     ValueError
         If inputs are missing, unknown or NaN, `crossing` is not finite, or a formula has no value there.
     """
-    compiled = compile(system)
-    require_type_1((compiled.system,), "an explanation")
-    inference = infer(compiled.system, inputs)
-    given = inference.inputs
-    for output in inference.outputs:
-        if not np.isfinite(output.value):
-            raise ValueError(
-                f"{output.variable.name} is {output.value} there: a formula that a rule concludes has no "
-                "value; ask at other inputs"
-            )
-    shared, error = shapley.shares(compiled, given[np.newaxis])
-    needed = contributions(compiled, given[np.newaxis])
-    found_flips = flips(compiled, given, crossing)
-    outputs = []
-    for index, output in enumerate(inference.outputs):
-        strengths = inference.firing_strengths
-        concluding_rules = {
-            rule for rule, c in compiled.system.conclusions_on(output.variable) if c.weight > 0.0
-        }
-        concluding = [number for number in sorted(concluding_rules) if strengths[number] > 0.0]
-        numbers = np.column_stack([strengths, shared[0, :, index], needed[0, :, index]])
-        moves = [Move(number + 1, *numbers[number].tolist()) for number in concluding]
-        moves.sort(key=lambda move: (-abs(move.share), -move.strength))
-        of_output = tuple(flip for flip in found_flips if flip.output == output.variable)
-        reasons = (tuple(moves), float(error[0, index]), frozenset(holding_back(compiled.system, index)))
-        value = (output.variable, output.value, output.is_default)
-        outputs.append(ExplainedOutput(*value, *reasons, float(crossing), of_output))
-    turned = class_flips(compiled, given) if is_classifier(compiled.system) else ()
-    return Explanation(compiled.system, tuple(given.tolist()), tuple(outputs), turned, points)
+    compiled: CompiledSystem | CompiledTree = compile(system)
+    if isinstance(compiled, CompiledTree):
+        return explain_chain(compiled, inputs, crossing)
+    return explain_system(compiled, inputs, crossing, points)

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 from fis_tools.array_types import Booleans, Floats
 from fis_tools.engines.compiler import CompiledSystem, compile
 from fis_tools.engines.inference import infer
+from fis_tools.engines.trees import CompiledTree, infer_whole
 from fis_tools.model import FuzzySystem, Variable
 
 #: Steps of the search from one point of a universe to the next.
@@ -76,7 +77,7 @@ def flips(system: object, inputs: ArrayLike | Mapping[str, float], value: float 
 
     Parameters
     ----------
-    system : FuzzySystem, CompiledSystem, or what `fis_tools.engines.compiler.compile` takes
+    system : FuzzySystem, FuzzyTree, or what `fis_tools.engines.compiler.compile` takes
     inputs : (num_inputs,) array, or mapping of names to numbers
         Where to start; clipped to the universes.
     value : float
@@ -92,8 +93,8 @@ def flips(system: object, inputs: ArrayLike | Mapping[str, float], value: float 
     ValueError
         If inputs are missing, unknown or NaN, or the value is not finite.
     """
-    compiled = compile(system)
-    given = infer(compiled.system, inputs).inputs
+    compiled: CompiledSystem | CompiledTree = compile(system)
+    given = infer_whole(compiled.system, inputs).inputs
     if not np.isfinite(value):
         raise ValueError(f"the value to cross is {value}; give a finite number")
     all_flips: list[Flip] = []
@@ -107,7 +108,7 @@ def flips(system: object, inputs: ArrayLike | Mapping[str, float], value: float 
         for index, way, side, ends in _searched(compiled, given, side_of):
             flip = Flip(output, compiled.system.inputs[index], way, float(given[index]), int(side))
             if ends is not None:
-                before, after = (infer(compiled.system, end).outputs[number] for end in ends)
+                before, after = (infer_whole(compiled.system, end).outputs[number] for end in ends)
                 numbers = (float(ends[0][index]), float(ends[1][index]), before.value, after.value)
                 flip = Flip(output, flip.input, way, flip.given, flip.side, *numbers, after.is_default)
             of_output.append(flip)
@@ -166,7 +167,7 @@ def class_flips(compiled: CompiledSystem, given: Floats) -> tuple[ClassFlip, ...
 
 
 def _searched(
-    compiled: CompiledSystem, given: Floats, side_of: Callable[[Floats], Floats]
+    compiled: CompiledSystem | CompiledTree, given: Floats, side_of: Callable[[Floats], Floats]
 ) -> Iterator[tuple[int, int, float, tuple[Floats, Floats] | None]]:
     """Yield each input, each way, the side where it starts, and inputs before and after it is left.
 
@@ -186,7 +187,7 @@ def _searched(
         yield index, way, float(sides[0]), ends
 
 
-def _ways(compiled: CompiledSystem, given: Floats) -> Iterator[tuple[int, int, Floats]]:
+def _ways(compiled: CompiledSystem | CompiledTree, given: Floats) -> Iterator[tuple[int, int, Floats]]:
     """Yield each input, each way, and the rows to look at from where the system takes it to that end."""
     variables = compiled.system.inputs
     start = np.clip(given, [v.minimum for v in variables], [v.maximum for v in variables])

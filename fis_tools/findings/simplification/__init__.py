@@ -22,6 +22,7 @@ from fis_tools.formats.serialize import SIMPLIFIED, checked
 from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.model.intervals import require_type_1
 from fis_tools.model.systems import require_mamdani
+from fis_tools.model.trees import require_unwired
 from fis_tools.model.validate import validate
 from fis_tools.source import as_controller
 from fis_tools.words.text import listed
@@ -212,6 +213,7 @@ def simplify(
     controller = as_controller(controller)
     require_mamdani(controller.systems, "simplification")
     require_type_1(controller.systems, "simplification")
+    require_unwired([controller], "simplification")
     budget, samples = budget or Budget(), samples or {}
     check_samples(controller.systems, samples)
     results = []

@@ -28,6 +28,7 @@ from fis_tools.formats import rendered
 from fis_tools.model import FuzzyController, FuzzySystem, Term, Variable, memberships_at, sample, thrust
 from fis_tools.model.intervals import require_type_1
 from fis_tools.model.thrust import ThrustLogic
+from fis_tools.model.trees import require_unwired
 from fis_tools.plain_text import distinct
 from fis_tools.words.text import number, sentence, shape_words, summary, with_unit
 
@@ -227,6 +228,7 @@ def write(controller: FuzzyController, bare: bool = False) -> str:
         its pushes ahead.
     """
     require_type_1(controller.systems, "C")
+    require_unwired([controller], "C")
     logic = thrust.thrust_logic(controller)
     has_step = logic is not None and not bare
     if has_step and logic is not None and logic.plans_ahead:

@@ -202,6 +202,11 @@ def from_fuzzy(fuzzy: FuzzyController) -> RuleController:
         )
     if not fuzzy.systems:
         raise ControllerError(f"controller {fuzzy.name!r} has no system; give one to three")
+    if fuzzy.wires:
+        raise ControllerError(
+            f"controller {fuzzy.name!r} has wires between its systems, which flights do not have; "
+            "give systems that take signals alone"
+        )
     driven: dict[str, str] = {}
     for system in fuzzy.systems:
         for variable in system.inputs:
