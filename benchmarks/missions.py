@@ -63,7 +63,7 @@ MISSIONS: dict[str, tuple[str, list[str]]] = {
         [
             *("light=shadow", "navigation=range_bearing", "actuators=real", "dynamics=low_orbit"),
             *("duration_s=7200", "orbit.radius_m=6928137", "orbit.mean_motion_rad_s=0.00109483"),
-            *("dynamics.inclination_deg=97.6", elevation(10, 30), *chief(4, 8, 120)),
+            *("orbit.inclination_deg=97.6", elevation(10, 30), *chief(4, 8, 120)),
             *("deputy.mass_kg=24", "deputy.max_force_n=0.2", "deputy.max_torque_n_m=0.004"),
             "deputy.inertia_kg_m2=[[0.9,0.03,-0.02],[0.03,0.7,0.01],[-0.02,0.01,1.1]]",
             *(*camera(20, 65, 60), "sensor.min_sun_angle_deg=20", *shell(40, 90)),
@@ -107,7 +107,7 @@ MISSIONS: dict[str, tuple[str, list[str]]] = {
     "eccentric": (
         "eccentricity 0.1, two bodies",
         [
-            *(*KNOWN, "light=shadow", "dynamics=two_body", "dynamics.eccentricity=0.1", elevation(-20, 20)),
+            *(*KNOWN, "light=shadow", "dynamics=two_body", "orbit.eccentricity=0.1", elevation(-20, 20)),
             *("orbit.mean_motion_rad_s=0.001", "duration_s=6280"),
         ],
     ),

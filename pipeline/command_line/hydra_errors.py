@@ -12,7 +12,7 @@ from pipeline.command_line.arguments import ConfigError
 from pipeline.command_line.groups import options
 from pipeline.command_line.overrides import first_line
 from pipeline.flight.state.signals import CONSTANTS
-from pipeline.settings.keys import did_you_mean
+from pipeline.settings.keys import RENAMED, did_you_mean
 
 #: launchers of Hydra that are packages of their own
 LAUNCHERS = {
@@ -78,4 +78,5 @@ def _not_in_configuration(key: str) -> str:
         return f"the controller sets no attribute {name}{did_you_mean(name, CONSTANTS)}"
     if key.partition(".")[0] == "dispersions":
         return "nothing is dispersed until you say so; write +dispersions..., with a plus"
-    return f"there is no key {key} in the configuration; if something else reads it, write +{key}=..."
+    cure = f"it is {RENAMED[key]} now" if key in RENAMED else f"if something else reads it, write +{key}=..."
+    return f"there is no key {key} in the configuration; {cure}"

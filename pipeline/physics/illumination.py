@@ -11,7 +11,6 @@ from pipeline.array_types import Floats
 
 ASTRONOMICAL_UNIT_M = 149_597_870_700.0
 SUN_RADIUS_M, EARTH_RADIUS_M = 695_700_000.0, 6_378_137.0
-EARTH_GRAVITY_M3_S2 = 3.986004418e14
 
 
 @compiled
@@ -30,21 +29,16 @@ def sun_direction_h(angle: float, elevation: float = 0.0) -> Floats:
     return np.array([cos(elevation) * cos(angle), cos(elevation) * sin(angle), sin(elevation)])
 
 
-def orbit_radius(mean_motion: float) -> float:
-    """Return the radius of the circular orbit about the Earth with a mean motion in rad/s, m (Kepler)."""
-    return float((EARTH_GRAVITY_M3_S2 / mean_motion**2) ** (1.0 / 3.0))
-
-
 @compiled
-def visible_share(sun_height: float, orbit_radius: float) -> float:
+def visible_share(sun_height: float, radius: float) -> float:
     """Return the share of the Sun's disc that the Earth leaves visible from the chief, 0 to 1.
 
     Two circles in the sky: the Sun's about its direction, the Earth's about -i (O. Montenbruck and E. Gill,
     Satellite Orbits, 2000, section 3.4.2). Both bodies are spheres, the Sun is one astronomical unit away;
-    its height is the component along i of the unit vector towards it. The radius, m, is greater than the
-    Earth's.
+    its height is the component along i of the unit vector towards it. The radius, the chief's distance from
+    the Earth's centre, m, is greater than the Earth's.
     """
-    sun, earth = asin(SUN_RADIUS_M / ASTRONOMICAL_UNIT_M), asin(EARTH_RADIUS_M / orbit_radius)
+    sun, earth = asin(SUN_RADIUS_M / ASTRONOMICAL_UNIT_M), asin(EARTH_RADIUS_M / radius)
     apart = acos(max(-1.0, min(1.0, -sun_height)))
     if apart >= sun + earth:
         return 1.0
@@ -57,21 +51,21 @@ def visible_share(sun_height: float, orbit_radius: float) -> float:
     return min(1.0, max(0.0, 1.0 - hidden / (pi * sun * sun)))
 
 
-def least_sun_height(orbit_radius: float, min_share: float) -> float:
+def least_sun_height(radius: float, min_share: float) -> float:
     """Return the lowest Sun at which a share of its disc is visible, as the cosine of its zenith angle.
 
     The higher the Sun stands over the chief's horizon, the more of its disc is visible, so that one number
     separates light from shadow; found by bisection of `visible_share`. For a share of 0 there is no shadow:
     -2, which that cosine always exceeds.
     """
-    if visible_share(-1.0, orbit_radius) >= min_share:
+    if visible_share(-1.0, radius) >= min_share:
         return -2.0
     dark, lit = pi, 0.5 * pi
     while True:  # to the last bit
         middle = 0.5 * (dark + lit)
         if middle in (dark, lit):
             return cos(lit)
-        share = visible_share(cos(middle), orbit_radius)
+        share = visible_share(cos(middle), radius)
         dark, lit = (dark, middle) if share >= min_share else (middle, lit)
 
 

@@ -161,7 +161,8 @@ def fits_from(sight: Sight) -> float:
 class Optics(NamedTuple):
     """Further parameters of sight in a world whose light or camera are not the paper's."""
 
-    least_height: float  # of the Sun's direction along i; below it the Earth's shadow begins
+    # of the Sun's direction along i, below which the Earth's shadow begins; at the semi-major axis
+    least_height: float
     cos_squared: float  # ``c |c|`` of the cosine c of the field of view's half angle, up to 180 deg
     incidence_squared: float  # of the cosine of the largest angle from a point's normal to the deputy
     range_squared: float  # of the range limit, m^2; infinite for none
@@ -170,10 +171,12 @@ class Optics(NamedTuple):
 
 
 @compiled(inline="always")
-def sunlight(optics: Optics, sun_x: float, sun_y: float, cos_elevation: float, sin_elevation: float) -> Three:
+def sunlight(
+    least_height: float, sun_x: float, sun_y: float, cos_elevation: float, sin_elevation: float
+) -> Three:
     """Return the direction to the Sun, Hill axes, from that of its angle in the plane; zeros in shadow."""
     x = cos_elevation * sun_x
-    shines = 1.0 if x >= optics.least_height else 0.0
+    shines = 1.0 if x >= least_height else 0.0
     return Three(shines * x, shines * cos_elevation * sun_y, shines * sin_elevation)
 
 

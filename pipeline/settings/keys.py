@@ -17,6 +17,7 @@ UNITS: Mapping[str, str] = {
     "_rad_s": "rad/s",
     "_n_m": "N m",
     "_n_s": "N s",
+    "_m3_s2": "m^3/s^2",
     "_m_s2": "m/s^2",
     "_m_s": "m/s",
     "_per_s": "1/s",
@@ -32,6 +33,10 @@ UNITS: Mapping[str, str] = {
 }
 #: keys and groups of earlier versions to their present names
 RENAMED: Mapping[str, str] = {
+    **{
+        f"dynamics.{name}": f"orbit.{name}"
+        for name in ("eccentricity", "true_anomaly_deg", "inclination_deg", "latitude_argument_deg")
+    },
     "optimizer.penalty.c_d": "optimizer.penalty.outside_m_s",
     "optimizer.penalty.c_95": "optimizer.penalty.short_point_m_s",
     "optimizer.penalty.c_99": "optimizer.penalty.missed_point_m_s",
@@ -72,10 +77,10 @@ def in_todays_words(config: Mapping[str, Any]) -> dict[str, Any]:
     """Return a configuration with the keys of earlier versions under their present names."""
     renamed = copy.deepcopy(dict(config))
     for old, new in RENAMED.items():
-        (group, _, was), name = old.rpartition("."), new.rpartition(".")[2]
-        node = value_at(renamed, group)
-        if isinstance(node, dict) and was in node and name not in node:
-            node[name] = node.pop(was)
+        (group, _, was), (new_group, _, name) = old.rpartition("."), new.rpartition(".")
+        node, new_node = value_at(renamed, group), value_at(renamed, new_group)
+        if isinstance(node, dict) and was in node and isinstance(new_node, dict) and name not in new_node:
+            new_node[name] = node.pop(was)
     logger = renamed.get("logger")
     if isinstance(logger, dict) and logger.get("kind") == "mlflow":
         # a sink that is no more: such a run is read and goes on without

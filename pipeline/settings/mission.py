@@ -5,13 +5,14 @@ from dataclasses import field
 from functools import cached_property
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, Strict
+from pydantic import Field
 
 from pipeline.settings import checks, types
 from pipeline.settings.checks import SettingError
 from pipeline.settings.conditions import Only
 from pipeline.settings.dispersions import Distribution, distributions, processes
 from pipeline.settings.groups import Settings
+from pipeline.settings.orbit import OrbitSettings
 from pipeline.settings.relations import check_relations
 
 #: beyond this many points a flight fills a computer's memory
@@ -21,18 +22,6 @@ Margin = Annotated[types.Number, Field(ge=0.001)]
 UNIT_INERTIA = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 #: 75 m along (1, 1, 1)
 START_M = (43.30127018922194, 43.30127018922194, 43.30127018922194)
-
-
-class OrbitSettings(Settings, group="orbit"):
-    """The chief's orbit: the paper's low Earth orbit."""
-
-    #: the densest planets allow 0.0015 rad/s
-    mean_motion_rad_s: Annotated[types.Positive, Field(le=0.1)] = 0.0011068
-    """Mean motion of the chief."""
-    radius_m: Annotated[
-        float | None, Strict(), Field(gt=0, le=1e9), Only("light.shadow=conical", "dynamics.model=two_body")
-    ] = None
-    """Radius about the Earth's centre; null: that of the mean motion."""
 
 
 class Dynamics(Settings, group="dynamics"):
@@ -52,14 +41,6 @@ class TwoBody(Dynamics):
     """Two bodies about the Earth."""
 
     model: Literal["two_body"] = "two_body"
-    eccentricity: Annotated[types.NotNegative, Field(lt=1)] = 0.0
-    """Eccentricity of the chief's orbit at the start; 0: a circle."""
-    true_anomaly_deg: types.Number = 0.0
-    """The chief's angle from the perigee at the start."""
-    inclination_deg: Annotated[types.Number, Field(ge=0, le=180)] = 51.6
-    """Inclination of the orbit to the Earth's equator."""
-    latitude_argument_deg: types.Number = 0.0
-    """The chief's angle from the ascending node at the start."""
     j2: Annotated[types.NotNegative, Field(le=0.02)] = 0.0
     """Coefficient of the Earth's oblateness; 0: a sphere."""
     drag_m_s2: types.Number = 0.0
@@ -206,10 +187,10 @@ class Sun(Settings, group="sun"):
 
     mode: Literal["fixed", "random", "mixed"] = "fixed"
     """One angle for all cases, one drawn for each, or every other one drawn."""
-    angle_deg: Annotated[types.Number, Only("sun.mode=fixed", "sun.mode=mixed")] = 0.0
-    """Angle of the fixed Sun at the start, from +i towards +j."""
-    elevation_deg: Annotated[types.Number, Field(ge=-90, le=90), GIVEN_ELEVATION] = 0.0
-    """Elevation of the Sun over the orbit plane, towards +k."""
+    angle_deg: Annotated[types.Number, Only("sun.mode=fixed", "sun.mode=mixed"), types.Follows()] = 0.0
+    """Angle of the fixed Sun at the start, from +i towards +j; null: that of the orbit's epoch, or 0."""
+    elevation_deg: Annotated[types.Number, Field(ge=-90, le=90), GIVEN_ELEVATION, types.Follows()] = 0.0
+    """Elevation of the Sun over the orbit plane, towards +k; null: that of the orbit's epoch, or 0."""
     elevation_range_deg: Annotated[types.Interval | None, Only("sun.mode=random", "sun.mode=mixed")] = None
     """Elevations [low, high] from which a drawn Sun has its own; null: elevation_deg."""
 
@@ -431,7 +412,8 @@ class Mission(Settings, group=""):
         for distribution in distributions(self.dispersions):
             node: Any = self
             for name in distribution.key.split("."):
-                node = getattr(node, name, None) if name != "dispersions" else None
+                is_key = name != "dispersions" and name in getattr(node, "__dataclass_fields__", ())
+                node = getattr(node, name) if is_key else None
             if not isinstance(node, float) or distribution.key in SHARED:
                 raise SettingError(
                     f"dispersions.{distribution.key} is no number that a flight can have its own of; it must "

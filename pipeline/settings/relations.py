@@ -10,6 +10,7 @@ from typing import Any, Final
 
 from pipeline.settings import checks
 from pipeline.settings.checks import SettingError
+from pipeline.settings.orbit import FASTEST_RAD_S, GRAVITY_TOLERANCE, SLOWEST_RAD_S, MeanMotionOrbit
 
 #: `pipeline.settings.mission.Mission`, which imports this module
 Mission = Any
@@ -18,6 +19,8 @@ Mission = Any
 STANDARD_GRAVITY_M_S2: Final = 9.80665
 #: beyond these a flight fills a computer's memory
 MOST_CONTROLS, MOST_POINTS_SAMPLED, MOST_ATTITUDES = 100_000, 20_000_000, 5_000_000
+#: greatest eccentricity beside which Clohessy and Wiltshire's equations, with its mean motion, are of use
+MOST_CIRCULAR = 0.02
 #: beyond this many control periods of free drift the safety layer takes longer than the flight
 MOST_HORIZONS = 10_000
 
@@ -68,6 +71,85 @@ def check_relations(mission: Mission) -> None:
     for row in RELATIONS:
         for words in row.refusals(mission):
             raise SettingError(words)
+
+
+@relation(
+    "A mean motion and a radius, where both are given, are those of one planet.",
+    *("orbit.mean_motion_rad_s", "orbit.radius_m", "orbit.gravity_m3_s2"),
+)
+def _gravity(mission: Mission) -> Iterator[str]:
+    orbit = mission.orbit
+    if not isinstance(orbit, MeanMotionOrbit) or orbit.radius_m is None:
+        return
+    gravity = orbit.mean_motion_rad_s**2 * orbit.radius_m**3
+    if not abs(gravity / orbit.gravity_m3_s2 - 1.0) <= GRAVITY_TOLERANCE:
+        yield (
+            f"orbit.radius_m is {orbit.radius_m:g} and orbit.mean_motion_rad_s {orbit.mean_motion_rad_s:g}, "
+            f"an orbit about {gravity / orbit.gravity_m3_s2:.4g} of orbit.gravity_m3_s2="
+            f"{orbit.gravity_m3_s2:g}; give one of them, as with orbit=radius, or name the planet's gravity"
+        )
+
+
+@relation(
+    "A size of an orbit, and its planet's gravity, make a mean motion that orbits have.",
+    *("orbit.kind", "orbit.radius_m", "orbit.semi_major_axis_m", "orbit.altitude_m", "orbit.gravity_m3_s2"),
+)
+def _motion(mission: Mission) -> Iterator[str]:
+    motion, kind = mission.orbit.mean_motion_rad_s, mission.orbit.kind
+    if not SLOWEST_RAD_S <= motion <= FASTEST_RAD_S:
+        yield (
+            f"orbit.kind is {kind}, and what it gives makes a mean motion of {motion:.3g} rad/s; it must be "
+            f"from {SLOWEST_RAD_S:g} to {FASTEST_RAD_S:g}: check the size, in m, and orbit.gravity_m3_s2"
+        )
+
+
+@relation(
+    "Shadow, oblateness and the Sun at an epoch are the Earth's.",
+    *("orbit.gravity_m3_s2", "light.shadow", "dynamics.j2", "orbit.epoch"),
+)
+def _earth(mission: Mission) -> Iterator[str]:
+    orbit, dynamics = mission.orbit, mission.dynamics
+    if orbit.is_of_earth:
+        return
+    of_earth = {
+        f"light.shadow={mission.light.shadow}": mission.light.shadow != "none",
+        "dynamics.j2 above 0": dynamics.model == "two_body" and dynamics.j2 > 0.0,
+        "orbit.epoch": orbit.epoch is not None,
+    }
+    for words, is_set in of_earth.items():
+        if is_set:
+            yield (
+                f"orbit.gravity_m3_s2 is {orbit.gravity_m3_s2:g}, another planet's, and {words} is about the "
+                "Earth; leave one of them out"
+            )
+
+
+@relation(
+    "Clohessy and Wiltshire's equations fly beside an orbit that is nearly a circle.",
+    *("orbit.tle", "dynamics.model"),
+)
+def _circle(mission: Mission) -> Iterator[str]:
+    if mission.orbit.kind == "tle" and mission.dynamics.model == "cw":
+        eccentricity = mission.orbit.elements.eccentricity
+        if not eccentricity <= MOST_CIRCULAR:
+            yield (
+                f"orbit.tle is an orbit of eccentricity {eccentricity:.3g}, and dynamics.model=cw is about a "
+                f"circle, up to {MOST_CIRCULAR:g}; choose dynamics=two_body"
+            )
+
+
+@relation(
+    "Where the Sun follows from the epoch, the orbit's plane is that of every flight.",
+    *("orbit.epoch", "orbit.inclination_deg", "orbit.raan_deg", "orbit.latitude_argument_deg"),
+)
+def _plane(mission: Mission) -> Iterator[str]:
+    angles = ("inclination_deg", "raan_deg", "latitude_argument_deg")
+    dispersed = [name for name in angles if name in mission.dispersions.get("orbit", {})]
+    if mission.orbit.epoch is not None and dispersed:
+        yield (
+            f"dispersions.orbit.{dispersed[0]} is given, but the Sun follows from orbit.epoch and the plane "
+            "given by orbit; leave one of them out"
+        )
 
 
 @relation(

@@ -24,6 +24,7 @@ from pipeline.settings.dispersions import IN_TIME
 from pipeline.settings.experiment import Experiment, Mission
 from pipeline.settings.groups import DESCRIPTIONS, GROUPS
 from pipeline.settings.mission import SHARED
+from pipeline.settings.orbit import FOLLOWING, given_sun
 from pipeline.settings.shells import given_starts
 from pipeline.settings.types import Follows, Freely
 from pipeline.settings.variants import names_of
@@ -120,7 +121,7 @@ def completed(config: Mapping[str, Any]) -> dict[str, Any]:
     absent = (key for key in schema().values() if keys.value_at(config, key.name, ABSENT) is ABSENT)
     whole = keys.with_values(config, {key.name: key.default for key in absent if key.default is not MISSING})
     whole = keys.without(whole, [key.name for key in schema().values() if not key.exists(whole)])
-    return keys.with_values(whole, given_starts(whole))
+    return keys.with_values(whole, given_starts(whole) | given_sun(whole))
 
 
 def present(config: Mapping[str, Any]) -> dict[str, Any]:
@@ -196,6 +197,10 @@ def in_world(experiment: Experiment, name: str) -> Experiment:
     for group, values in changes.items():
         current = there.get(group)
         there[group] = current | values if isinstance(current, dict) and isinstance(values, dict) else values
+    if there["orbit"].get("epoch") is not None and "orbit" in changes:
+        unset = {key: None for key in FOLLOWING if keys.value_at(changes, key) is None}
+        there = keys.with_values(there, unset)
+        there = keys.with_values(there, given_sun(keys.without(there, idle(there))))
     unmet = idle(there)
     for key, mark in unmet.items():
         group, _, last = key.rpartition(".")

@@ -139,6 +139,7 @@ REACHES: Mapping[str, tuple[float, float]] = {
     "N m": (1e-9, 1e6),
     "N s": (1e-9, 1e6),
     "m/s^2": (1e-15, 1e3),
+    "m^3/s^2": (1e6, 1e21),
     "deg": (1e-6, 360.0),
     "kg": (1e-3, 1e6),
     "kg m^2": (1e-9, 1e9),

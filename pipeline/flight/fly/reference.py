@@ -88,7 +88,10 @@ def fly_by_reference(
     # counted on from the start's, which may be any
     log.sun_angle_rad[:] = np.unwrap([scenario.sun_angle_rad, *angles])[1:]
     log.sun_elevation_rad[:] = elevations
-    log.visible_sun_share[:] = [share_of_sun(mission, sun_direction(*sun)) for sun in flight.suns]
+    log.visible_sun_share[:] = [
+        share_of_sun(mission, sun_direction(*sun), distance)
+        for sun, distance in zip(flight.suns, flight.distances, strict=True)
+    ]
     log.is_inspectable[:] = flight.is_inspectable
     state: ReferenceState | None = start(flight)
     for k, now in stretches(flight):

@@ -15,7 +15,7 @@ from pipeline.flight.control.controller import (
     RuleController,
 )
 from pipeline.flight.reference.errors import DrawnErrors
-from pipeline.flight.reference.light import SunAngles, faces_sun, later, sun_direction
+from pipeline.flight.reference.light import SunAngles, faces_sun, later, semi_major_axis, sun_direction
 from pipeline.flight.reference.mesh import Mesh
 from pipeline.flight.reference.turning import chief_attitudes
 from pipeline.flight.reference.two_body import Earth, chief_orbit, hill_axes
@@ -97,6 +97,13 @@ class ReferenceFlight:
         return [hill_axes(self.earth, chief)[0] for chief in self.orbit]
 
     @cached_property
+    def distances(self) -> Floats:
+        """The chief's distance from the Earth's centre at each sample, m, (K+1,); of a circle, its radius."""
+        if self.orbit is None or self.mission.orbit.elements.eccentricity == 0.0:
+            return np.full(self.mission.num_controls + 1, semi_major_axis(self.mission))
+        return np.linalg.norm(self.orbit[:, :3], axis=1)
+
+    @cached_property
     def suns(self) -> list[SunAngles]:
         """The Sun at each sample: at ``theta_0 - n t``, or as a true orbit turns Hill axes."""
         samples = range(self.mission.num_controls + 1)
@@ -147,7 +154,7 @@ class ReferenceFlight:
     def lit_at(self, k: int, sun: SunAngles) -> Booleans:
         """Return which points a Sun lights at a sample: it is above them, and nothing hides it, (P,)."""
         direction, (points, normals) = sun_direction(*sun), self.surface_at(k)
-        is_lit = faces_sun(self.mission, points, normals, direction)
+        is_lit = faces_sun(self.mission, points, normals, direction, self.distances[k])
         return is_lit & self.free_towards(np.tile(direction, (len(points), 1)), is_lit, k)
 
     def time(self, k: int) -> float:

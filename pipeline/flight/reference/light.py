@@ -4,6 +4,7 @@ import numpy as np
 
 from pipeline.array_types import Booleans, Floats
 from pipeline.settings.experiment import Mission
+from pipeline.settings.orbit import MeanMotionOrbit, PlanetOrbit
 
 ASTRONOMICAL_UNIT_M, SUN_RADIUS_M = 149_597_870_700.0, 695_700_000.0
 EARTH_RADIUS_M, EARTH_GRAVITY = 6_378_137.0, 3.986004418e14
@@ -23,10 +24,13 @@ def later(mission: Mission, sun: SunAngles, periods: float) -> SunAngles:
     return sun[0] - mission.orbit.mean_motion_rad_s * periods * mission.control_period_s, sun[1]
 
 
-def orbit_radius(mission: Mission) -> float:
-    """Return the chief's semi-major axis, m: by default Kepler's for the mean motion."""
-    given, n = mission.orbit.radius_m, mission.orbit.mean_motion_rad_s
-    return float((EARTH_GRAVITY / n**2) ** (1.0 / 3.0)) if given is None else given
+def semi_major_axis(mission: Mission) -> float:
+    """Return the chief's semi-major axis, m: Kepler's for the mean motion, unless the radius is given."""
+    orbit, n = mission.orbit, mission.orbit.mean_motion_rad_s
+    if isinstance(orbit, MeanMotionOrbit) and orbit.radius_m is not None:
+        return orbit.radius_m
+    gravity = orbit.gravity_m3_s2 if isinstance(orbit, PlanetOrbit) else EARTH_GRAVITY
+    return float((gravity / n**2) ** (1.0 / 3.0))
 
 
 def visible_share(sun_height: float, radius: float) -> float:
@@ -48,17 +52,20 @@ def visible_share(sun_height: float, radius: float) -> float:
     return float(np.clip(1.0 - hidden / (np.pi * sun**2), 0.0, 1.0))
 
 
-def share_of_sun(mission: Mission, sun: Floats) -> float:
-    """Return the visible share of the Sun's disc from the chief, by the unit vector towards the Sun."""
-    return visible_share(sun[0], orbit_radius(mission)) if mission.light.shadow != "none" else 1.0
+def share_of_sun(mission: Mission, sun: Floats, distance: float) -> float:
+    """Return the visible share of the Sun's disc, by the unit vector towards the Sun.
+
+    `distance` is the chief's from the Earth's centre, m.
+    """
+    return visible_share(sun[0], distance) if mission.light.shadow != "none" else 1.0
 
 
-def faces_sun(mission: Mission, points: Floats, normals: Floats, sun: Floats) -> Booleans:
+def faces_sun(mission: Mission, points: Floats, normals: Floats, sun: Floats, distance: float) -> Booleans:
     """Return which points have the Sun above their tangent planes, outside the Earth's shadow, (P,).
 
-    What other parts of the chief hide is the matter of `mesh`.
+    What other parts of the chief hide is the matter of `mesh`; the distance is as in `share_of_sun`.
     """
-    if share_of_sun(mission, sun) < mission.light.min_fraction:
+    if share_of_sun(mission, sun, distance) < mission.light.min_fraction:
         return np.zeros(len(points), dtype=np.bool_)
     # n . (p - r_s) < 0, for a sphere p . (p - r_s) < 0
     height = normals @ sun - np.sum(normals * points, axis=1) / ASTRONOMICAL_UNIT_M

@@ -6,7 +6,7 @@ import numpy as np
 
 from pipeline.array_types import Floats
 from pipeline.flight.reference.flight import ReferenceFlight
-from pipeline.flight.reference.light import share_of_sun, sun_direction
+from pipeline.flight.reference.light import semi_major_axis, share_of_sun, sun_direction
 from pipeline.flight.reference.motion import transition
 from pipeline.flight.reference.urgency import turned_aside
 
@@ -45,7 +45,8 @@ def time_ahead(flight: ReferenceFlight, angle: float, elevation: float) -> float
 
     def is_dark(after: float) -> bool:
         sun = sun_direction(angle - n * after, elevation)
-        return share_of_sun(flight.mission, sun) < flight.mission.light.min_fraction
+        share = share_of_sun(flight.mission, sun, semi_major_axis(flight.mission))
+        return share < flight.mission.light.min_fraction
 
     if wait == 0.0 or not is_dark(time):
         return time

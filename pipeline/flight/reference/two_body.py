@@ -10,7 +10,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from pipeline.array_types import Floats
-from pipeline.flight.reference.light import EARTH_RADIUS_M, orbit_radius, visible_share
+from pipeline.flight.reference.light import EARTH_RADIUS_M, semi_major_axis, visible_share
 from pipeline.settings.experiment import Mission
 from pipeline.settings.mission import TwoBody
 
@@ -21,10 +21,10 @@ class Earth:
     """The Earth's attraction and drag, in Hill axes of the start, held fixed."""
 
     def __init__(self, mission: Mission, dynamics: TwoBody) -> None:
-        orbit, self.dynamics = mission.orbit, dynamics
-        self.axis = orbit_radius(mission)
-        self.gravity = orbit.mean_motion_rad_s**2 * self.axis**3
-        slope, latitude = np.radians([self.dynamics.inclination_deg, self.dynamics.latitude_argument_deg])
+        self.elements, self.dynamics = mission.orbit.elements, dynamics
+        self.axis = semi_major_axis(mission)
+        self.gravity = mission.orbit.mean_motion_rad_s**2 * self.axis**3
+        slope, latitude = np.radians([self.elements.inclination_deg, self.elements.latitude_argument_deg])
         self.pole = np.array(
             [np.sin(slope) * np.sin(latitude), np.sin(slope) * np.cos(latitude), np.cos(slope)]
         )
@@ -32,7 +32,7 @@ class Earth:
     @property
     def fastest(self) -> float:
         """The rate of a circular orbit through the perigee, rad/s."""
-        return float(np.sqrt(self.gravity / (self.axis * (1.0 - self.dynamics.eccentricity)) ** 3))
+        return float(np.sqrt(self.gravity / (self.axis * (1.0 - self.elements.eccentricity)) ** 3))
 
     def attraction(self, position: Floats) -> Floats:
         """Return the attraction at a position from the Earth's centre, m, in m/s^2."""
@@ -43,7 +43,7 @@ class Earth:
 
     def start(self) -> Floats:
         """Return the chief's position and velocity at the start, of Kepler's ellipse."""
-        e, anomaly = self.dynamics.eccentricity, np.radians(self.dynamics.true_anomaly_deg)
+        e, anomaly = self.elements.eccentricity, np.radians(self.elements.true_anomaly_deg)
         parameter = self.axis * (1.0 - e * e)
         radius, speed = parameter / (1.0 + e * np.cos(anomaly)), np.sqrt(self.gravity / parameter)
         return np.array(

@@ -81,6 +81,8 @@ class World(NamedTuple):
     sight: Sight
     has_optics: bool  # whether light or camera are not the paper's, whatever the Sun's elevation
     optics: Optics
+    # (K+1,) `Optics.least_height` at the chief's true distance on an eccentric orbit; none on a circle
+    least_heights: Floats
     reflection: Reflection
     surface: Floats  # (K+1 or 1, NUM_SURFACE, P padded) surface at points, Hill axes; zeros in the padding
     occlusion: Occlusion  # without cells where nothing is hidden

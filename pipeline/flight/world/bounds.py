@@ -14,7 +14,7 @@ import numpy as np
 from pipeline.array_types import Floats
 from pipeline.flight.period.act.safety import STANDING
 from pipeline.flight.state.arrays import Guard
-from pipeline.physics.illumination import EARTH_RADIUS_M, orbit_radius
+from pipeline.physics.illumination import EARTH_RADIUS_M
 from pipeline.physics.motion import joined, motion_over, stop_of, stopped
 from pipeline.settings.experiment import Mission, SettingError
 from pipeline.settings.mission import (
@@ -211,9 +211,10 @@ def unknown_acceleration(mission: Mission) -> float:
     dynamics, n = mission.dynamics, mission.orbit.mean_motion_rad_s
     if not isinstance(dynamics, TwoBody):
         return 0.0
-    radius, distance = orbit_radius(n), mission.deputy.max_distance_m
+    elements, distance = mission.orbit.elements, mission.deputy.max_distance_m
+    radius, eccentricity = elements.semi_major_axis_m, elements.eccentricity
     speed = SQRT_3 * mission.deputy.max_force_n * mission.control_period_s / mission.deputy.mass_kg
-    faster: float = (1.0 + dynamics.eccentricity) ** 2 / (1.0 - dynamics.eccentricity**2) ** 1.5 - 1.0
+    faster: float = (1.0 + eccentricity) ** 2 / (1.0 - eccentricity**2) ** 1.5 - 1.0
     oblate = dynamics.j2 * (EARTH_RADIUS_M / radius) ** 2
     gradient = 6.0 * distance / radius + 40.0 * oblate + 8.0 * faster * (2.0 + faster)
     pull = n**2 * distance * gradient + 2.0 * n * speed * (faster + 10.0 * oblate)

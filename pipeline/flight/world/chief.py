@@ -6,10 +6,10 @@ import numpy as np
 
 from pipeline.array_types import Floats
 from pipeline.physics.attitude import longest_tumbling_step, tumble
-from pipeline.physics.illumination import EARTH_RADIUS_M, orbit_radius
+from pipeline.physics.illumination import EARTH_RADIUS_M
 from pipeline.physics.orbit import NO_COURSE, Course, Elements, course_of
 from pipeline.settings.experiment import Mission, SettingError
-from pipeline.settings.mission import Light, OrbitSettings, TwoBody
+from pipeline.settings.mission import TwoBody
 
 
 def chief_course(mission: Mission, **changes: float) -> Course:
@@ -24,45 +24,51 @@ def chief_course(mission: Mission, **changes: float) -> Course:
     if not isinstance(dynamics, TwoBody):
         return NO_COURSE
     check_perigee(mission)
-    elements = Elements(**{name: getattr(dynamics, name) for name in Elements._fields})._replace(**changes)
-    chief = orbit.mean_motion_rad_s, semi_major_axis(orbit), elements
+    given = vars(dynamics) | orbit.elements._asdict()
+    elements = Elements(**{name: given[name] for name in Elements._fields})._replace(**changes)
+    chief = orbit.mean_motion_rad_s, orbit.elements.semi_major_axis_m, elements
     return course_of(*chief, mission.light.shadow != "none", mission.control_period_s, mission.num_controls)
 
 
-def semi_major_axis(orbit: OrbitSettings) -> float:
-    """Return the semi-major axis of an orbit, the radius of a circular one, m."""
-    return orbit_radius(orbit.mean_motion_rad_s) if orbit.radius_m is None else orbit.radius_m
+def chief_distances(mission: Mission, course: Course) -> Floats:
+    """Return the chief's distances from the Earth's centre at all samples of an eccentric orbit, m, (K+1,).
+
+    None of a circle, whose radius is the semi-major axis, though oblateness moves it by some kilometres.
+    """
+    if not course.is_on or mission.orbit.elements.eccentricity == 0.0:
+        return np.zeros(0)
+    return np.asarray(np.linalg.norm(course.positions[:: 2 * course.num_steps], axis=1))
 
 
-def shadowing_radius(orbit: OrbitSettings, light: Light) -> float:
-    """Return the radius of the orbit on which the chief passes through the Earth's shadow, m.
+def shadowing_radius(mission: Mission) -> float:
+    """Return the semi-major axis of the orbit on which the chief passes through the Earth's shadow, m.
 
     Raises
     ------
     SettingError
         If the orbit lies inside the Earth.
     """
-    radius = semi_major_axis(orbit)
+    radius = mission.orbit.elements.semi_major_axis_m
     if not radius > EARTH_RADIUS_M:
         raise SettingError(
             f"the orbit's radius is {radius:,.0f} m, inside the Earth whose shadow light.shadow="
-            f"{light.shadow} asks for; it must be greater than {EARTH_RADIUS_M:,.0f} m: lower "
-            "orbit.mean_motion_rad_s, or set orbit.radius_m"
+            f"{mission.light.shadow} asks for; it must be greater than {EARTH_RADIUS_M:,.0f} m: give a "
+            "higher orbit"
         )
     return radius
 
 
 def check_perigee(mission: Mission) -> None:
     """Raise SettingError if an orbit intersects the Earth."""
-    dynamics = mission.dynamics
-    if not isinstance(dynamics, TwoBody):
+    dynamics, elements = mission.dynamics, mission.orbit.elements
+    if not isinstance(dynamics, TwoBody) or not mission.orbit.is_of_earth:
         return
-    perigee = semi_major_axis(mission.orbit) * (1.0 - dynamics.eccentricity)
+    perigee = elements.semi_major_axis_m * (1.0 - elements.eccentricity)
     if not perigee > EARTH_RADIUS_M:
         raise SettingError(
             f"the orbit's perigee is {perigee:,.0f} m from the Earth's centre, inside the Earth about which "
-            f"dynamics.model={dynamics.model} flies; it must be greater than {EARTH_RADIUS_M:,.0f} m: lower "
-            "orbit.mean_motion_rad_s or dynamics.eccentricity, or set orbit.radius_m"
+            f"dynamics.model={dynamics.model} flies; it must be greater than {EARTH_RADIUS_M:,.0f} m: "
+            "give a higher orbit, or a lower orbit.eccentricity"
         )
 
 

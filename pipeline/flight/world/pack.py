@@ -8,10 +8,11 @@ from pipeline.array_types import Floats
 from pipeline.flight.period.look.guidance import POINTS
 from pipeline.flight.state.arrays import World
 from pipeline.flight.world.bounds import guard_of
-from pipeline.flight.world.chief import chief_attitudes, chief_course, shadowing_radius
+from pipeline.flight.world.chief import chief_attitudes, chief_course, chief_distances, shadowing_radius
 from pipeline.flight.world.surface import ChiefSurface, surface_of
 from pipeline.physics.illumination import Reflection, least_sun_height, sun_direction_h, visible_share
 from pipeline.physics.motion import motion_over, orbit_parts
+from pipeline.physics.orbit import Course
 from pipeline.physics.quaternion import dcm_b_from_h
 from pipeline.physics.sight import HEIGHT, NORMAL, NUM_SURFACE, SQUARE, Optics, sight_of
 from pipeline.settings.experiment import Mission
@@ -44,12 +45,13 @@ def reflection_of(light: Light) -> Reflection:
 
 
 def sun_shares(mission: Mission, angles: Floats, elevations: Floats) -> Floats:
-    """Return the share of the Sun's disc visible from the chief, for n angles and elevations (rad), (n,)."""
+    """Return the visible share of the Sun's disc at the K+1 samples, by the Sun's angles (rad), (K+1,)."""
     if mission.light.shadow == "none":
         return np.ones(len(angles))
-    radius = shadowing_radius(mission.orbit, mission.light)
-    directions = zip(angles.tolist(), elevations.tolist(), strict=True)
-    return np.array([visible_share(sun_direction_h(*direction)[0], radius) for direction in directions])
+    circle = np.full(len(angles), shadowing_radius(mission))
+    distances = chief_distances(mission, chief_course(mission))
+    seen = zip(angles.tolist(), elevations.tolist(), distances if len(distances) else circle, strict=True)
+    return np.array([visible_share(sun_direction_h(*sun)[0], distance) for *sun, distance in seen])
 
 
 #: between the positions at which a preview looks what coasting would show; the Sun turns by 8 deg meanwhile
@@ -71,7 +73,7 @@ def optics_of(mission: Mission) -> Optics:
     sunward = float(np.cos(np.radians(sensor.min_sun_angle_deg)))
     lowest = -2.0
     if light.shadow != "none":
-        lowest = least_sun_height(shadowing_radius(mission.orbit, light), light.min_fraction)
+        lowest = least_sun_height(shadowing_radius(mission), light.min_fraction)
     return Optics(
         least_height=lowest,
         # a whole sphere of view, with room for rounding
@@ -81,6 +83,14 @@ def optics_of(mission: Mission) -> Optics:
         most_sunward=sunward if sensor.min_sun_angle_deg else np.inf,
         past_terminator=float(np.sin(np.radians(light.past_terminator_deg))),
     )
+
+
+def least_heights_of(mission: Mission, course: Course) -> Floats:
+    """Return `World.least_heights`."""
+    if mission.light.shadow == "none":
+        return np.zeros(0)
+    distances, least = chief_distances(mission, course).tolist(), mission.light.min_fraction
+    return np.array([least_sun_height(distance, least) for distance in distances], dtype=np.float64)
 
 
 def surface_rows(surface: ChiefSurface, axes: Floats) -> Floats:
@@ -132,6 +142,7 @@ def pack_world(mission: Mission) -> World:
     inertia = np.array(deputy.inertia_kg_m2, dtype=np.float64)
     start_dcm = dcm_b_from_h(np.array(deputy.initial_quaternion, dtype=np.float64))
     actuators = mission.actuators
+    course = chief_course(mission)
     instants = mission.attitude_period_s * np.arange(mission.num_attitude_steps)
     stride, look = max(1, round(PREVIEW_PERIOD_S / period)), max(1, round(LOOK_PERIOD_S / period))
     return World(
@@ -158,6 +169,7 @@ def pack_world(mission: Mission) -> World:
         sight=sight_of(mission.chief.inspection_radius_m, float(np.radians(mission.sensor.half_angle_deg))),
         has_optics=not sees_as_in_the_paper(mission),
         optics=optics_of(mission),
+        least_heights=least_heights_of(mission, course),
         reflection=reflection_of(mission.light),
         surface=surface_rows(surface, axes),
         occlusion=surface.occlusion,
@@ -182,5 +194,5 @@ def pack_world(mission: Mission) -> World:
         has_clusters=mission.guidance.kind == "clusters",
         coasts_when_complete=mission.coast_when_complete,
         guard=guard_of(mission),
-        course=chief_course(mission),
+        course=course,
     )

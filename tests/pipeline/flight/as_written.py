@@ -74,9 +74,10 @@ def assert_throughout(flight, log):
     for k, chief in enumerate(flight.chief):
         assert (chief.inv() * Rotation.from_quat(log.quaternion_c_from_h[k])).magnitude() < CHIEF_RAD
     logged = zip(log.sun_angle_rad, log.sun_elevation_rad, strict=True)
-    for sun, expected, share in zip(logged, flight.suns, log.visible_sun_share, strict=True):
+    suns = zip(logged, flight.suns, log.visible_sun_share, flight.distances, strict=True)
+    for sun, expected, share, distance in suns:
         np.testing.assert_allclose(sun_direction(*sun), sun_direction(*expected), rtol=0, atol=SUN_RAD)
-        assert abs(share - share_of_sun(flight.mission, sun_direction(*expected))) < 1e3 * SUN_RAD
+        assert abs(share - share_of_sun(flight.mission, sun_direction(*expected), distance)) < 1e3 * SUN_RAD
 
 
 def followed(flight, k, result, log, command):

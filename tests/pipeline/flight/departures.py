@@ -34,15 +34,9 @@ LAYOUT = {
     "impulse_step_n_s": 0.005,
 }
 
-LOW_ORBIT = {
-    "model": "two_body",
-    "eccentricity": 0.02,
-    "inclination_deg": 51.6,
-    "latitude_argument_deg": 30.0,
-    "j2": 1.08262668e-3,
-    "drag_m_s2": 3e-7,
-    "radiation_m_s2": 1e-7,
-}
+LOW_ORBIT = {"model": "two_body", "j2": 1.08262668e-3, "drag_m_s2": 3e-7, "radiation_m_s2": 1e-7}
+
+ELLIPSE = {"eccentricity": 0.02, "inclination_deg": 51.6, "latitude_argument_deg": 30.0}
 
 #: what may vary within a flight: none stays constant or normal alone
 VARYING = {

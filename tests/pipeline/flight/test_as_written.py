@@ -23,6 +23,7 @@ from tests.pipeline.flight.as_written import assert_as_written
 from tests.pipeline.flight.cases import STARTS, STEERING, mission
 from tests.pipeline.flight.departures import (
     DRAGGED,
+    ELLIPSE,
     FIXES,
     LAYOUT,
     LOW_ORBIT,
@@ -124,10 +125,10 @@ FLIGHTS = {
         dispersions=VARYING,
     ),
     "about the oblate Earth, in and out of its shadow": flight(
-        attitude=IDEAL, dynamics=LOW_ORBIT, light={"shadow": "conical"}, dispersions=DRAGGED
+        attitude=IDEAL, dynamics=LOW_ORBIT, orbit=ELLIPSE, light={"shadow": "conical"}, dispersions=DRAGGED
     ),
     "on an ellipse, past the perigee": flight(
-        attitude=IDEAL, dynamics=LOW_ORBIT | {"eccentricity": 0.05, "true_anomaly_deg": 40.0}
+        attitude=IDEAL, dynamics=LOW_ORBIT, orbit=ELLIPSE | {"eccentricity": 0.05, "true_anomaly_deg": 40.0}
     ),
     "Hill axes, weak thruster, slow clocks, narrow camera": flight(
         cases.RESTORING,

@@ -22,7 +22,7 @@ from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.state.log import FlightLog, Scenario
 from pipeline.settings.experiment import Mission, SettingError
 from tests.pipeline.flight.cases import STARTS, STEERING, mission
-from tests.pipeline.flight.departures import ASKEW, FIXES, LOW_ORBIT, REAL, SIGHTED
+from tests.pipeline.flight.departures import ASKEW, ELLIPSE, FIXES, LOW_ORBIT, REAL, SIGHTED
 from tests.pipeline.flight.guarded import LAST_MOMENT
 
 #: thrusters that do as they are told, flown by the code of those that do not
@@ -146,7 +146,7 @@ def test_a_misaligned_thrust_is_turned_and_not_stretched(degrees):
         np.testing.assert_allclose(matrix @ turn, turn, rtol=0, atol=1e-14)
 
 
-NOISY = mission(navigation=FIXES, actuators=REAL, dynamics=LOW_ORBIT, duration_s=490.0)
+NOISY = mission(navigation=FIXES, actuators=REAL, dynamics=LOW_ORBIT, orbit=ELLIPSE, duration_s=490.0)
 CASES = [Scenario(np.ones(3), np.zeros(3), 0.0, noise=(5, 0, case)) for case in range(2000)]
 
 
@@ -158,6 +158,7 @@ def test_beyond_the_limits_the_filter_allows_for_what_its_equations_neglect() ->
     what = mission(
         navigation=KNOWN | {"gate_sigma": None, "process_noise_m_s2": None},
         dynamics=LOW_ORBIT,
+        orbit=ELLIPSE,
         attitude={"mode": "ideal"},
         duration_s=1200.0,
     )
@@ -252,7 +253,7 @@ def test_what_varies_is_what_errors_are_made_of():
 
 def test_drag_that_varies_pushes_as_so_much_thrust_would():
     """And one that hardly varies as one that does not."""
-    calm = mission(attitude={"mode": "ideal"}, dynamics=LOW_ORBIT, light={"shadow": "conical"})
+    calm = mission(attitude={"mode": "ideal"}, dynamics=LOW_ORBIT, orbit=ELLIPSE, light={"shadow": "conical"})
     slippery = replace(calm, dynamics=replace(calm.dynamics, drag_m_s2=0.0))
     start = replace(STARTS[0], noise=(5, 0, 1))
     what = varying(calm, "dynamics.drag_m_s2", mean=3e-6, std=2e-6)

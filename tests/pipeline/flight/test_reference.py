@@ -11,7 +11,7 @@ from pipeline.flight.state.arrays import NUM_TRACKED
 from pipeline.settings.experiment import SettingError
 from tests.pipeline.flight import cases
 from tests.pipeline.flight.cases import STARTS, STEERING, mission
-from tests.pipeline.flight.departures import FIXES, LOW_ORBIT, REAL
+from tests.pipeline.flight.departures import ELLIPSE, FIXES, LOW_ORBIT, REAL
 
 IDEAL = {"mode": "ideal"}
 #: of each thing that the log holds, one flight of a few periods, in which rounding cannot grow much
@@ -20,7 +20,7 @@ FLIGHTS = {
     "what points make": (mission(attitude=IDEAL), cases.SEEING),
     "what coasting shows": (mission(attitude=IDEAL), cases.FORESEEING),
     "errors": (mission(attitude=IDEAL, navigation=FIXES, actuators=REAL), cases.MIXED),
-    "about the Earth": (mission(attitude=IDEAL, dynamics=LOW_ORBIT), cases.RESTORING),
+    "about the Earth": (mission(attitude=IDEAL, dynamics=LOW_ORBIT, orbit=ELLIPSE), cases.RESTORING),
 }
 
 

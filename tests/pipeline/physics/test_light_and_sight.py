@@ -48,7 +48,7 @@ def test_from_afar_the_whole_chief_fits_into_the_field_of_view():
     assert np.sqrt(fits_from(sight_of(RADIUS, half_angle))) == pytest.approx(RADIUS / np.sin(half_angle))
 
 
-ORBIT_M = illumination.orbit_radius(MEAN_MOTION)
+ORBIT_M = (3.986004418e14 / MEAN_MOTION**2) ** (1.0 / 3.0)
 
 
 def integrated_share(sun_h: np.ndarray) -> float:

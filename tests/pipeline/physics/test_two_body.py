@@ -12,33 +12,38 @@ from scipy.integrate import solve_ivp
 from fis_tools.compiled.decorator import plainly
 from pipeline.flight.control.controller import coast
 from pipeline.flight.fly.reference import reference_of
-from pipeline.flight.fly.workspace import make_state, make_workspace
+from pipeline.flight.fly.workspace import make_state, make_workspace, optics_in_use
 from pipeline.flight.period.decide.motion import CLOSEST_APPROACH, sense_approach
-from pipeline.flight.reference.light import sun_direction
+from pipeline.flight.period.look.optics import beam_of_case
+from pipeline.flight.reference.light import share_of_sun, sun_direction
 from pipeline.flight.reference.two_body import moved
 from pipeline.flight.state.arrays import Moment
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.pack import pack_world
-from pipeline.physics.illumination import EARTH_GRAVITY_M3_S2, orbit_radius, sun_direction_h
+from pipeline.physics.illumination import sun_direction_h
 from pipeline.physics.orbit import Course, course_of
+from pipeline.settings.orbit import OrbitSettings
 from tests.pipeline.flight.cases import mission
 from tests.pipeline.flight.missions import MEAN_MOTION, PAPER
 from tests.pipeline.physics.what_flies import motion_over, move_beside, propagate
 
 TOLD = json.loads((Path(__file__).parent / "basilisk" / "trajectories.json").read_text(encoding="utf-8"))
 TOLD_MOTION, PERIOD = TOLD["mean_motion_rad_s"], 10.0
-RADIUS = orbit_radius(TOLD_MOTION)
+#: of the Earth, m^3/s^2
+GRAVITY = 3.986004418e14
+RADIUS = (GRAVITY / TOLD_MOTION**2) ** (1.0 / 3.0)
 SUN = sun_direction_h(*(radians(degrees) for degrees in TOLD["sun_deg"]))
 #: about which a chief flies in a circle
 ANGLES = ("true_anomaly_deg", "inclination_deg", "latitude_argument_deg")
-ROUND = dict.fromkeys(("eccentricity", *ANGLES, "j2", "drag_m_s2", "radiation_m_s2"), 0.0)
+SHAPE = ("eccentricity", *ANGLES)
+ROUND = dict.fromkeys((*SHAPE, "j2", "drag_m_s2", "radiation_m_s2"), 0.0)
 TILTED = {"eccentricity": 0.3} | dict(zip(ANGLES, (-50.0, 63.0, 110.0), strict=True))
 OBLATE = {"j2": 1.08262668e-3, "drag_m_s2": 3e-7, "radiation_m_s2": 1e-7}
 
 
 def course(dynamics, num_periods: int, has_shadow: bool = False, radius: float = RADIUS) -> Course:
     settings = SimpleNamespace(**(ROUND | dynamics))
-    motion = float(np.sqrt(EARTH_GRAVITY_M3_S2 / radius**3))
+    motion = float(np.sqrt(GRAVITY / radius**3))
     return course_of(motion, radius, settings, has_shadow, PERIOD, num_periods)
 
 
@@ -60,12 +65,38 @@ def test_basilisk_flies_the_same_hour(name):
     np.testing.assert_allclose(path[samples, :3], case["path_m"], rtol=0.0, atol=1e-3)
 
 
+@pytest.mark.parametrize("name", TOLD["eclipses"])
+def test_basilisk_sees_the_same_shadow(name):
+    """To a sample, on ellipses too, by both flights."""
+    orbit = dict(TOLD["eclipses"][name])
+    duration, turns, is_dark = (orbit.pop(key) for key in ("duration_s", "turns_s", "is_dark_at_start"))
+    what = mission(
+        orbit=OrbitSettings(kind="elements", **orbit),
+        dynamics={"model": "two_body"},
+        light={"shadow": "conical"},
+        duration_s=duration,
+    )
+    angle, elevation = np.radians(TOLD["sun_deg"])
+    world, case = pack_world(what), SimpleNamespace(sun_angle=angle, sun_elevation=elevation)
+    optics, samples = optics_in_use(world, np.array([elevation])), range(what.num_controls + 1)
+    with plainly("pipeline"):
+        shines = [beam_of_case(world, optics, case, k).shines for k in samples]
+    flight = reference_of(what, coast(), Scenario(np.array([75.0, 0, 0]), np.zeros(3), angle, elevation))
+    seen = zip(flight.suns, flight.distances, strict=True)
+    shares = [share_of_sun(what, sun_direction(*sun), distance) for sun, distance in seen]
+    for is_lit in (np.array(shines), np.array(shares) >= 0.5):
+        assert is_lit[0] != is_dark
+        changes = PERIOD * (np.flatnonzero(np.diff(is_lit.astype(int))) + 1)
+        np.testing.assert_allclose(changes, turns, rtol=0.0, atol=PERIOD)
+
+
 def plainly_flown(dynamics, radius: float, start: np.ndarray, forces: np.ndarray) -> np.ndarray:
     """The places, Hill axes, at the beginning and after each force, held for a minute, of the reference."""
-    motion = float(np.sqrt(EARTH_GRAVITY_M3_S2 / radius**3))
+    motion = float(np.sqrt(GRAVITY / radius**3))
     what = mission(
-        orbit={"mean_motion_rad_s": motion, "radius_m": radius},
-        dynamics={"model": "two_body"} | dynamics,
+        orbit={"mean_motion_rad_s": motion, "radius_m": radius}
+        | {key: value for key, value in dynamics.items() if key in SHAPE},
+        dynamics={"model": "two_body"} | {key: value for key, value in dynamics.items() if key not in SHAPE},
         control_period_s=6.0 * PERIOD,
         duration_s=6.0 * PERIOD * len(forces),
     )

@@ -205,7 +205,7 @@ def test_a_flight_is_no_larger_than_memory_and_prices_no_greater_than_all_number
 IDLE = [
     ("sun.angle_deg=60 world=leo", "sun.angle_deg counts only with sun.mode=fixed or sun.mode=mixed, and"),
     ("sun.elevation_deg=20 world=leo", "counts only with sun.mode=fixed or sun.mode=mixed or"),
-    ("dynamics.eccentricity=0.3", "dynamics.eccentricity counts only with dynamics.model=two_body, and"),
+    ("orbit.eccentricity=0.3", "orbit.eccentricity counts only with dynamics.model=two_body, and"),
     ("dynamics.j2=0.001", "dynamics.j2 counts only with dynamics.model=two_body"),
     ("navigation.noise_m=50", "navigation.noise_m counts only with navigation.mode=fixes, and"),
     ("navigation.noise_m=50 navigation=range_bearing", "noise_m counts only with navigation.measures=pos"),
@@ -238,7 +238,7 @@ def test_a_key_that_counts_for_nothing_is_refused(words, message):
 COUNTING = [
     ("navigation.mode=fixes", "navigation.noise_m=5"),
     ("sun=random", "sun.elevation_range_deg=[-10,10]"),
-    ("light=shadow", "orbit.radius_m=7000000"),
+    ("light=shadow", "orbit.radius_m=6878000"),
     ("safety.kind=filter", "safety.braking_force_n=0.5"),
     ("optimizer.rounds=2", "optimizer.next_round=carried"),
 ]

@@ -91,12 +91,18 @@ def cell_towards(world: World, sample: int, direction: Three) -> int:
 
 
 @compiled(error_model="numpy", forceinline=True)
+def least_height_at(world: World, k: int) -> float:
+    """Return the least component of the Sun's direction along i with which it shines at sample k."""
+    return float(world.least_heights[k]) if len(world.least_heights) > 0 else world.optics.least_height
+
+
+@compiled(error_model="numpy", forceinline=True)
 def beam_from(world: World, optics: Beyond | None, k: int, sun: Pair, height: Pair) -> Beam:
     """Return the sunlight at sample k from cosines and sines of the Sun's angle and elevation."""
     sample, cell = (k if len(world.points) > 1 else 0), 0
     if optics is None:
         return Beam(Three(sun[0], sun[1], 0.0), True, cell, sample)
-    towards = sunlight(world.optics, sun[0], sun[1], height[0], height[1])
+    towards = sunlight(least_height_at(world, k), sun[0], sun[1], height[0], height[1])
     if optics.closely is not None and world.occlusion.edge > 0:
         cell = cell_towards(world, sample, towards)
     return Beam(towards, dot(towards, towards) > 0.0, cell, sample)

@@ -56,6 +56,12 @@ CASES: dict[str, tuple[dict[str, float], bool, tuple[list[float], list[float]]]]
     "everything": (ROUND | J2 | DRAG | RADIATION, True, ELLIPSE),
 }
 SUN_DEG = (150.0, 10.0)
+#: orbits in whose shadow the chief is timed: eccentricity, true anomaly at the start (deg), semi-major axis
+ECLIPSES = {
+    "a circle": (0.0, 0.0, SEMI_MAJOR_AXIS),
+    "eccentricity 0.1, from the apogee": (0.1, 180.0, 1.2 * SEMI_MAJOR_AXIS),
+    "eccentricity 0.3, from the perigee": (0.3, 0.0, 1.6 * SEMI_MAJOR_AXIS),
+}
 
 
 def earth_of(j2: float, folder: Path) -> Any:
@@ -177,6 +183,47 @@ def flown(dynamics: dict[str, float], has_shadow: bool, start: Any, folder: Path
     }
 
 
+def eclipsed(eccentricity: float, true_anomaly_deg: float, axis: float) -> dict[str, Any]:
+    """Return when the chief enters and leaves the dark in an orbit, s: where half of the Sun is hidden."""
+    elements = orbitalMotion.ClassicElements()
+    elements.a, elements.e, elements.i = axis, eccentricity, radians(ROUND["inclination_deg"])
+    elements.Omega, elements.omega, elements.f = 0.0, 0.0, radians(true_anomaly_deg)
+    position, velocity = map(np.array, orbitalMotion.elem2rv(GRAVITY, elements))
+    angle, elevation = (radians(degrees) for degrees in SUN_DEG)
+    flat = np.cos(elevation)
+    sun = [flat * np.cos(angle), flat * np.sin(angle), np.sin(elevation)]
+    simulation = SimulationBaseClass.SimBaseClass()
+    simulation.CreateNewProcess("process").addTask(simulation.CreateNewTask("task", macros.sec2nano(STEP_S)))
+    simulation.kept, factory = [], simIncludeGravBody.gravBodyFactory()
+    factory.createCustomGravObject("earth", GRAVITY, radEquator=EARTH_RADIUS_M).isCentralBody = True
+    craft, shadow = spacecraft.Spacecraft(), eclipse.Eclipse()
+    craft.hub.mHub, craft.hub.r_CN_NInit, craft.hub.v_CN_NInit = MASS, list(position), list(velocity)
+    factory.addBodiesTo(craft)
+    axes = orbitalMotion.hillFrame(position, velocity)
+    messages = [message_of("sun", ASTRONOMICAL_UNIT_M * axes.T @ sun), message_of("earth", np.zeros(3))]
+    shadow.sunInMsg.subscribeTo(messages[0])
+    shadow.addPlanetToModel(messages[1])
+    shadow.addSpacecraftToModel(craft.scStateOutMsg)
+    recorder = shadow.eclipseOutMsgs[0].recorder()
+    for model in (craft, shadow, recorder):
+        add(simulation, model)
+    simulation.InitializeSimulation()
+    duration = 10.0 * np.ceil(0.2 * np.pi * np.sqrt(axis**3 / GRAVITY))
+    simulation.ConfigureStopTime(macros.sec2nano(duration))
+    simulation.ExecuteSimulation()
+    # nothing is written before the first update
+    share, times = np.array(recorder.illuminationFactor)[1:], recorder.times()[1:] * macros.NANO2SEC
+    turns = np.flatnonzero(np.diff((share < 0.5).astype(int)))
+    return {
+        "eccentricity": eccentricity,
+        "true_anomaly_deg": true_anomaly_deg,
+        "semi_major_axis_m": axis,
+        "duration_s": duration,
+        "turns_s": [round(float(times[turn] + 0.5 * STEP_S), 1) for turn in turns],
+        "is_dark_at_start": bool(share[0] < 0.5),
+    }
+
+
 def main() -> None:
     """Fly all cases."""
     with tempfile.TemporaryDirectory() as folder:
@@ -186,6 +233,7 @@ def main() -> None:
         "mean_motion_rad_s": MEAN_MOTION,
         "sun_deg": SUN_DEG,
         "cases": cases,
+        "eclipses": {name: eclipsed(*orbit) for name, orbit in ECLIPSES.items()},
     }
     text = json.dumps(tables, indent=1)
     Path(__file__).with_name("trajectories.json").write_text(text + "\n", encoding="utf-8")

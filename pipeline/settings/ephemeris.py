@@ -1,0 +1,45 @@
+"""The Sun's direction at a time, by the low-precision formula of the Astronomical Almanac (section C).
+
+It is good to 0.01 deg from 1950 to 2050; times are of UTC, which differ from the formula's by a minute.
+"""
+
+from datetime import UTC, datetime
+from math import asin, atan2, cos, degrees, radians, sin
+from typing import Final
+
+#: Julian date of 2000 January 1, 12 h
+J2000: Final = 2_451_545.0
+MOST_DAYS: Final = 50 * 365.25
+
+
+def days_of(epoch: str) -> float:
+    """Return the days from J2000 to a time of UTC in ISO 8601.
+
+    Raises
+    ------
+    ValueError
+        For other texts.
+    """
+    time = datetime.fromisoformat(epoch)
+    time = time.replace(tzinfo=UTC) if time.tzinfo is None else time
+    return (time - datetime(2000, 1, 1, 12, tzinfo=UTC)).total_seconds() / 86_400.0
+
+
+def sun_direction(days: float) -> tuple[float, float, float]:
+    """Return the unit vector to the Sun some days after J2000, equator and equinox of date."""
+    mean_longitude, anomaly = 280.460 + 0.9856474 * days, radians(357.528 + 0.9856003 * days)
+    longitude = radians(mean_longitude + 1.915 * sin(anomaly) + 0.020 * sin(2.0 * anomaly))
+    obliquity = radians(23.439 - 0.0000004 * days)
+    return cos(longitude), cos(obliquity) * sin(longitude), sin(obliquity) * sin(longitude)
+
+
+def sun_in_hill_deg(
+    days: float, inclination_deg: float, raan_deg: float, latitude_argument_deg: float
+) -> tuple[float, float]:
+    """Return the Sun's angle in the orbit plane, from +i towards +j, and its elevation over it, deg."""
+    x, y, z = sun_direction(days)
+    slope, node = radians(inclination_deg), radians(raan_deg)
+    level, across = x * cos(node) + y * sin(node), y * cos(node) - x * sin(node)
+    ahead, up = across * cos(slope) + z * sin(slope), z * cos(slope) - across * sin(slope)
+    angle = degrees(atan2(ahead, level)) - latitude_argument_deg
+    return angle % 360.0, degrees(asin(up))

@@ -1,0 +1,297 @@
+"""The chief's orbit: given once, by one of its sizes or by a two-line element set, and how it lies in space.
+
+Angles are to the equator and the equinox of date. With `orbit.epoch` the Sun's direction follows from them.
+"""
+
+import math
+from collections.abc import Mapping
+from functools import cached_property
+from typing import Annotated, Any, Final, Literal, NamedTuple
+
+from pydantic import AfterValidator, Field, Strict
+
+from pipeline.settings import ephemeris, keys, types
+from pipeline.settings.checks import SettingError
+from pipeline.settings.conditions import Only
+from pipeline.settings.groups import Settings
+
+#: WGS 84
+EARTH_RADIUS_M, EARTH_GRAVITY_M3_S2 = 6_378_137.0, 3.986004418e14
+#: relative difference within which two values of a planet's gravity agree
+GRAVITY_TOLERANCE = 1e-3
+#: the least and the greatest mean motion; the densest planets allow 0.0015 rad/s
+SLOWEST_RAD_S, FASTEST_RAD_S = 1e-8, 0.1
+#: keys that may be left to the epoch, and decimal places of their angles
+FOLLOWING: Final = ("sun.angle_deg", "sun.elevation_deg")
+DIGITS: Final = 6
+
+Length = Annotated[float, Strict(), Field(gt=0, le=1e9)]
+Inclination = Annotated[types.Number, Field(ge=0, le=180)]
+#: where the deputy's motion, or the Sun's direction, depends on how the orbit lies
+ORIENTED = Only("dynamics.model=two_body", "orbit.epoch")
+ABOUT_A_PLANET = ("dynamics.model=two_body", "light.shadow=conical")
+
+
+def _epoch(text: str) -> str:
+    try:
+        days = ephemeris.days_of(text)
+    except ValueError:
+        raise ValueError(
+            f"{{key}} is {text!r}; it must be a date and time of UTC, as 2026-11-26T12:00:00"
+        ) from None
+    if not abs(days) <= ephemeris.MOST_DAYS:
+        raise ValueError(f"{{key}} is {text!r}; it must be from 1950 to 2050, where the Sun's formula holds")
+    return text
+
+
+def _two_lines(lines: tuple[str, ...]) -> tuple[str, ...]:
+    if len(lines) != 2:
+        raise ValueError(f"{{key}} has {len(lines)} lines; it must have two, ['1 ...', '2 ...']")
+    for number, line in enumerate(lines, start=1):
+        if len(line) != 69 or not line.startswith(f"{number} ") or not line[68].isdigit():
+            raise ValueError(
+                f"{{key}}[{number - 1}] is {line!r}; it must be line {number} of a set, of 69 characters"
+            )
+        total = sum(int(letter) if letter.isdigit() else letter == "-" for letter in line[:68]) % 10
+        if total != int(line[68]):
+            raise ValueError(
+                f"{{key}}[{number - 1}] ends in {line[68]}, and its digits give the checksum {total}; copy "
+                "the line anew"
+            )
+    return lines
+
+
+class KeplerElements(NamedTuple):
+    """Osculating elements at the start of a flight."""
+
+    semi_major_axis_m: float
+    eccentricity: float
+    inclination_deg: float
+    raan_deg: float  # right ascension of the ascending node
+    latitude_argument_deg: float  # from the ascending node
+    true_anomaly_deg: float  # from the perigee
+
+
+class OrbitSettings(Settings, group="orbit"):
+    """The chief's orbit about the Earth."""
+
+    kind: Literal["mean_motion", "elements", "radius", "altitude", "tle"] = "mean_motion"
+    """What gives it: mean motion, Kepler's elements, the radius or the altitude of a circle, or a TLE."""
+    epoch: Annotated[types.Text, AfterValidator(_epoch)] | None = None
+    """Time of the start, UTC, from which the Sun's direction follows; null: unknown."""
+
+    @property
+    def mean_motion_rad_s(self) -> float:
+        """Mean motion of the chief, rad/s."""
+        return float(math.sqrt(EARTH_GRAVITY_M3_S2 / self.elements.semi_major_axis_m**3))
+
+    @property
+    def elements(self) -> KeplerElements:
+        """The elements at the start."""
+        raise NotImplementedError
+
+    @property
+    def is_of_earth(self) -> bool:
+        """Whether it is about a planet with the Earth's gravity."""
+        return True
+
+    @property
+    def sun_at_epoch_deg(self) -> tuple[float, float] | None:
+        """The Sun's angle in the orbit plane and its elevation over it; None without an epoch."""
+        if self.epoch is None:
+            return None
+        _, _, *angles, _ = self.elements
+        return ephemeris.sun_in_hill_deg(ephemeris.days_of(self.epoch), *angles)
+
+
+class OrientedOrbit(OrbitSettings):
+    """An orbit whose plane is given by angles."""
+
+    inclination_deg: Annotated[Inclination, ORIENTED] = 51.6
+    """Inclination of the orbit to the equator."""
+    latitude_argument_deg: Annotated[types.Number, ORIENTED] = 0.0
+    """The chief's angle from the ascending node at the start."""
+    raan_deg: Annotated[types.Number, Only("orbit.epoch")] = 0.0
+    """Right ascension of the ascending node, equinox of date."""
+
+    def lying(
+        self, semi_major_axis_m: float, eccentricity: float = 0.0, anomaly_deg: float = 0.0
+    ) -> KeplerElements:
+        """Return the elements of an orbit of a size and a shape."""
+        angles = self.inclination_deg, self.raan_deg, self.latitude_argument_deg
+        return KeplerElements(semi_major_axis_m, eccentricity, *angles, anomaly_deg)
+
+
+class PlanetOrbit(OrientedOrbit):
+    """An orbit about any planet."""
+
+    gravity_m3_s2: Annotated[
+        types.Positive, Only(*ABOUT_A_PLANET, "orbit.kind=radius", "orbit.kind=elements")
+    ] = EARTH_GRAVITY_M3_S2
+    """Gravity of the planet, mu; the Earth's unless given."""
+
+    @property
+    def is_of_earth(self) -> bool:
+        """Whether it is about a planet with the Earth's gravity."""
+        return abs(self.gravity_m3_s2 / EARTH_GRAVITY_M3_S2 - 1.0) <= GRAVITY_TOLERANCE
+
+
+class EllipticOrbit(PlanetOrbit):
+    """An orbit that may be an ellipse."""
+
+    eccentricity: Annotated[types.NotNegative, Field(lt=1), Only("dynamics.model=two_body")] = 0.0
+    """Eccentricity of the orbit at the start; 0: a circle."""
+    true_anomaly_deg: Annotated[types.Number, Only("dynamics.model=two_body")] = 0.0
+    """The chief's angle from the perigee at the start."""
+
+
+class MeanMotionOrbit(EllipticOrbit):
+    """An orbit of a mean motion."""
+
+    kind: Literal["mean_motion"] = "mean_motion"
+    mean_motion_rad_s: Annotated[types.Positive, Field(le=FASTEST_RAD_S)] = 0.0011068
+    """Mean motion of the chief."""
+    radius_m: Annotated[Length | None, Only(*ABOUT_A_PLANET, "orbit.kind=radius")] = None
+    """Radius of the orbit, the semi-major axis of an ellipse; null: that of the mean motion."""
+
+    @property
+    def elements(self) -> KeplerElements:
+        """The elements at the start."""
+        size = self.radius_m
+        if size is None:
+            size = float((self.gravity_m3_s2 / self.mean_motion_rad_s**2) ** (1.0 / 3.0))
+        return self.lying(size, self.eccentricity, self.true_anomaly_deg)
+
+
+class ElementsOrbit(EllipticOrbit):
+    """An orbit given by Kepler's elements."""
+
+    kind: Literal["elements"] = "elements"
+    semi_major_axis_m: Length = 6_878_137.0
+    """Semi-major axis."""
+
+    @property
+    def mean_motion_rad_s(self) -> float:
+        """Mean motion of the chief, rad/s."""
+        return math.sqrt(self.gravity_m3_s2 / self.semi_major_axis_m**3)
+
+    @property
+    def elements(self) -> KeplerElements:
+        """The elements at the start."""
+        return self.lying(self.semi_major_axis_m, self.eccentricity, self.true_anomaly_deg)
+
+
+class RadiusOrbit(PlanetOrbit):
+    """A circle of a radius."""
+
+    kind: Literal["radius"] = "radius"
+    radius_m: Length = 6_878_137.0
+
+    @property
+    def mean_motion_rad_s(self) -> float:
+        """Mean motion of the chief, rad/s."""
+        return math.sqrt(self.gravity_m3_s2 / self.radius_m**3)
+
+    @property
+    def elements(self) -> KeplerElements:
+        """The elements at the start."""
+        return self.lying(self.radius_m)
+
+
+class AltitudeOrbit(OrientedOrbit):
+    """A circle at an altitude."""
+
+    kind: Literal["altitude"] = "altitude"
+    altitude_m: Length = 500_000.0
+    """Altitude of a circular orbit over the Earth's equator."""
+
+    @property
+    def elements(self) -> KeplerElements:
+        """The elements at the start."""
+        return self.lying(EARTH_RADIUS_M + self.altitude_m)
+
+
+class TwoLineOrbit(OrbitSettings):
+    """The orbit of an element set."""
+
+    kind: Literal["tle"] = "tle"
+    tle: Annotated[types.Texts, AfterValidator(_two_lines)] = ()
+    """Two lines, of which SGP4 makes the orbit at orbit.epoch; its epoch null: that of the lines."""
+
+    @cached_property
+    def osculating(self) -> tuple[KeplerElements, float]:
+        """The elements at the start, and the days from J2000 to it.
+
+        Raises
+        ------
+        SettingError
+            Without the package sgp4, or if the satellite has decayed by then.
+        """
+        try:
+            from sgp4.api import Satrec  # noqa: PLC0415 - optional
+        except ImportError as error:
+            raise SettingError(
+                "orbit.kind is tle, which needs the package sgp4; install it, python -m pip install sgp4, or "
+                "give the elements, orbit.kind=elements"
+            ) from error
+        satellite = Satrec.twoline2rv(*self.tle)
+        julian = satellite.jdsatepoch, satellite.jdsatepochF
+        if self.epoch is not None:
+            julian = ephemeris.J2000, ephemeris.days_of(self.epoch)
+        fault, position_km, velocity_km_s = satellite.sgp4(*julian)
+        if fault:
+            raise SettingError(
+                f"orbit.tle cannot be flown at the epoch, SGP4's error {fault}; give a newer element set"
+            )
+        state = [1e3 * value for value in (*position_km, *velocity_km_s)]
+        return elements_of(state), julian[0] - ephemeris.J2000 + julian[1]
+
+    @property
+    def elements(self) -> KeplerElements:
+        """The elements at the start."""
+        return self.osculating[0]
+
+    @property
+    def sun_at_epoch_deg(self) -> tuple[float, float] | None:
+        """The Sun's angle in the orbit plane and its elevation, at the epoch or that of the element set."""
+        _, _, *angles, _ = self.elements
+        return ephemeris.sun_in_hill_deg(self.osculating[1], *angles)
+
+
+def given_sun(config: Mapping[str, Any]) -> dict[str, float]:
+    """Return the angles of the Sun that a configuration leaves to its orbit's epoch, deg, by dotted key.
+
+    Raises
+    ------
+    SettingError
+        If the orbit is not allowed.
+    """
+    absent = object()
+    left = [key for key in FOLLOWING if keys.value_at(config, key, absent) is None]
+    orbit = keys.value_at(config, "orbit")
+    if not left or not isinstance(orbit, Mapping):
+        return {}
+    angles = OrbitSettings(**orbit).sun_at_epoch_deg or (0.0, 0.0)
+    by_key = dict(zip(FOLLOWING, angles, strict=True))
+    return {key: round(by_key[key], DIGITS) for key in left}
+
+
+def elements_of(state: list[float]) -> KeplerElements:
+    """Return the elements that a position (m) and velocity (m/s) about the Earth osculate.
+
+    Vallado, Fundamentals of Astrodynamics and Applications, 4th edition, algorithm 9; of a circle the anomaly
+    is counted from the ascending node.
+    """
+    x, y, z, u, v, w = state
+    radius, along = math.hypot(x, y, z), (x * u + y * v + z * w)
+    momentum = (y * w - z * v, z * u - x * w, x * v - y * u)
+    square = sum(part * part for part in momentum)
+    energy = 0.5 * (u * u + v * v + w * w) - EARTH_GRAVITY_M3_S2 / radius
+    axis, parameter = -0.5 * EARTH_GRAVITY_M3_S2 / energy, square / EARTH_GRAVITY_M3_S2
+    slope = math.acos(momentum[2] / math.sqrt(square))
+    node = math.atan2(momentum[0], -momentum[1])
+    level = x * math.cos(node) + y * math.sin(node)
+    across = (y * math.cos(node) - x * math.sin(node)) * math.cos(slope) + z * math.sin(slope)
+    sine, cosine = math.sqrt(parameter / EARTH_GRAVITY_M3_S2) * along / radius, parameter / radius - 1.0
+    angles = slope, node, math.atan2(across, level), math.atan2(sine, cosine)
+    return KeplerElements(axis, math.hypot(sine, cosine), *(math.degrees(angle) for angle in angles))
