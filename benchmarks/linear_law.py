@@ -16,7 +16,7 @@ from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.three import load_three, same, store_three
 from fis_tools.compiled.vectors import borrowed, load, select, splat, store, width_of
 from fis_tools.engines.packing import Packed
-from fis_tools.genes.parameters import plane_gains
+from fis_tools.genes.planes import plane_gains
 from fis_tools.model import rule_table
 from pipeline.array_types import Floats
 from pipeline.flight.control.controller import Controller, has_constants

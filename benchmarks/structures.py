@@ -16,7 +16,8 @@ from pathlib import Path
 import numpy as np
 
 from fis_tools.formats import serialize
-from fis_tools.genes.parameters import GREATEST_GAIN, Bounds, Planes, SystemEncoding
+from fis_tools.genes.parameters import Bounds, SystemEncoding
+from fis_tools.genes.planes import GREATEST_GAIN, Planes
 from fis_tools.model import FuzzyController, FuzzySystem, Gaussian, Term, Variable, table_rules
 from pipeline.evaluation.monte_carlo import SUCCESS
 from pipeline.flight.state.signals import SIGNALS

@@ -18,7 +18,7 @@ import numpy as np
 
 from benchmarks.linear_law import LinearLaw, flying
 from benchmarks.structures import WORDS
-from fis_tools.genes.parameters import plane_gains
+from fis_tools.genes.planes import plane_gains
 from fis_tools.model import Gaussian, Term, Triangular, Variable, rule_table, table_rules
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers.source import named

@@ -6,10 +6,11 @@ import numpy as np
 
 from fis_tools.array_types import Booleans, Floats
 from fis_tools.engines import interpreter
+from fis_tools.engines.codes import FORMULA, INVERTED, NUMBER
 from fis_tools.engines.compiler import CompiledSystem
 from fis_tools.engines.defuzzifier import formula_values
 from fis_tools.engines.inference import infer_outputs
-from fis_tools.engines.program import FORMULA, INVERTED, NUMBER, IntervalOutput, Program, Weighing
+from fis_tools.engines.program import IntervalOutput, Program, Weighing
 from fis_tools.model import Formula, FuzzySystem, Linear
 from fis_tools.model.intervals import require_type_1
 

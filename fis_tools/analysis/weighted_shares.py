@@ -20,7 +20,8 @@ import numpy as np
 from fis_tools.analysis.contribution import concluded_numbers
 from fis_tools.analysis.quadrature import quadrature
 from fis_tools.array_types import Booleans, Floats
-from fis_tools.engines.program import WEIGHTED_SUM, Program, Weighing
+from fis_tools.engines.codes import WEIGHTED_SUM
+from fis_tools.engines.program import Program, Weighing
 
 #: Step of the trapezoidal rule in the logarithm of t: its error is about ``exp(-pi^2 / STEP)``.
 STEP = 0.3

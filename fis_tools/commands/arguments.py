@@ -12,6 +12,7 @@ import numpy as np
 from cyclopts import Parameter
 
 from fis_tools.analysis import flights
+from fis_tools.analysis.flight_data import Period, Points
 from fis_tools.array_types import Floats
 from fis_tools.engines.trees import infer_tree
 from fis_tools.errors import Mistake, require_known, told_as
@@ -234,7 +235,7 @@ class Instant:
     system: FuzzySystem
     inputs: Floats | None
     note: str = ""
-    points: flights.Points | None = None
+    points: Points | None = None
 
 
 def instants(args: InstantArguments, controller: FuzzyController) -> Iterator[Instant]:
@@ -255,7 +256,7 @@ def instants(args: InstantArguments, controller: FuzzyController) -> Iterator[In
             yield _instant(period, args.all_periods)
 
 
-def _instant(period: flights.Period, all_periods: bool) -> Instant:
+def _instant(period: Period, all_periods: bool) -> Instant:
     flown, row = period.flown, period.row
     if row is None:
         return Instant(flown.system, None, _in_words(period))
@@ -268,7 +269,7 @@ def _instant(period: flights.Period, all_periods: bool) -> Instant:
     return Instant(flown.system, inputs, note, points)
 
 
-def _in_words(period: flights.Period) -> str:
+def _in_words(period: Period) -> str:
     """Describe whether the force that a system commanded was fired, and when before and after."""
     flown, row = period.flown, period.row
     words = f"{flown.system.name}: at {period.time_s:g} s "

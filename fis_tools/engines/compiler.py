@@ -19,11 +19,10 @@ from numpy.typing import NDArray
 
 from fis_tools.array_types import Booleans, Floats
 from fis_tools.compiled.decorator import advise_numba
-from fis_tools.engines import interpreter, kernel, packing
-from fis_tools.engines import program as codes
+from fis_tools.engines import codes, interpreter, kernel, packing
 from fis_tools.engines.inference import as_rows, columns_of, pick
 from fis_tools.engines.packing import NotCompilable, Packed
-from fis_tools.engines.program import Conclusion, IntervalOutput, Program, Weighing, assemble
+from fis_tools.engines.program import MANY_RULES, Conclusion, IntervalOutput, Program, Weighing, assemble
 from fis_tools.engines.trees import CompiledTree
 from fis_tools.model import FuzzyController, FuzzySystem, FuzzyTree, Inferable, whole
 from fis_tools.model.validate import require_valid, validate
@@ -340,7 +339,7 @@ def compile(
         from fis_tools.scikit_fuzzy.read import read_control_system  # noqa: PLC0415 - imports scikit-fuzzy
 
         read = read_control_system(system, defaults=defaults)
-    if len(read.rules) >= codes.MANY_RULES:
+    if len(read.rules) >= MANY_RULES:
         advise_numba()
     compiled = CompiledSystem(read, assemble(read), _packed(read), threads)
     _RECENT.append(compiled)

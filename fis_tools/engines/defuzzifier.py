@@ -7,9 +7,10 @@ import numpy as np
 
 from fis_tools.array_types import Floats, Integers
 from fis_tools.compiled.decorator import compiled
-from fis_tools.engines import program as codes
+from fis_tools.engines import codes
+from fis_tools.engines.codes import combine
 from fis_tools.engines.inference import SMALLEST_AREA
-from fis_tools.engines.program import Conclusion, Weighing, combine
+from fis_tools.engines.program import Conclusion, Weighing
 
 #: The smallest positive number: a cut of zero crosses where memberships become positive.
 SMALLEST = float(np.nextafter(0.0, 1.0))
@@ -288,7 +289,7 @@ def _join(
 
 @compiled(error_model="numpy")
 def invert(kind: int, first: float, second: float, degree: float) -> float:
-    """Return where one of `fis_tools.engines.program.INVERTED` has a degree, like its own `inverse`."""
+    """Return where one of `fis_tools.engines.codes.INVERTED` has a degree, like its own `inverse`."""
     x: float
     if kind == codes.RAMP:
         x = first + (second - first) * degree

@@ -14,11 +14,12 @@ import numpy as np
 from fis_tools.array_types import Floats
 from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.vectors import borrowed, gather, least, load, most, select, some, splat, store
-from fis_tools.engines import program as codes
+from fis_tools.engines import codes
+from fis_tools.engines.codes import combine
 from fis_tools.engines.defuzzifier import conclude_by_rule, conclude_by_term, weigh, weigh_rows
 from fis_tools.engines.degrees import degree
 from fis_tools.engines.intervals import conclude_interval, weigh_interval
-from fis_tools.engines.program import Antecedents, Conclusion, IntervalOutput, Program, Weighing, combine
+from fis_tools.engines.program import Antecedents, Conclusion, IntervalOutput, Program, Weighing
 from fis_tools.engines.sampling import conclude_sampled
 
 #: samples whose rules are evaluated side by side: a constant, so that the compiler vectorises

@@ -5,13 +5,8 @@ standard deviations are tuned; for the output also the half-width of its symmetr
 of every rule. Each inner mean moves inside its own window around its evenly spaced place, so that terms keep
 their order and stay apart whatever the genes are.
 
-Searches that need few genes have reduced genomes, short vectors that represent whole ones. `Planes` describes
-each system by a gain for each input, which makes its rule table a plane, a width for each variable's terms,
-and the output's reach; terms are evenly spaced. `KeptRules` keeps the rules and tunes the rest.
-
-`Stretches` keeps a controller readable: the range of every variable is stretched about zero with all its
-terms, so that their shapes, order and overlap stay as drawn. For instance, terms that cross at one half and
-are each one at their own peak only, stay so for all genes. Rule tables are planes or stay as they are.
+Searches that need few genes have reduced genomes, short vectors that represent whole ones: `KeptRules` here,
+`fis_tools.genes.planes` and `fis_tools.genes.stretches`.
 """
 
 from abc import ABC, abstractmethod
@@ -22,8 +17,7 @@ import numpy as np
 
 from fis_tools.array_types import Booleans, Floats, Integers
 from fis_tools.engines import packing
-from fis_tools.engines.packing import Packed, pack
-from fis_tools.errors import MissingExtra
+from fis_tools.engines.packing import Packed
 from fis_tools.model import FuzzySystem, Gaussian, Term, Variable, rule_table, table_cells, table_rules
 from fis_tools.model.intervals import require_type_1
 from fis_tools.model.shapes import gaussian
@@ -110,7 +104,7 @@ class SystemEncoding(Genes):
         require_mamdani(self.systems, "tuning by these genes")
         require_type_1(self.systems, "tuning by these genes")
         for system in self.systems:
-            _full_table(system, "only those can be tuned")
+            full_table(system, "only those can be tuned")
             output = system.outputs[0]
             if output.minimum != -output.maximum:
                 raise ValueError(
@@ -155,7 +149,7 @@ class SystemEncoding(Genes):
         for system, slices in zip(self.systems, self.gene_slices(), strict=True):
             numbers_of = zip(system.variables, self._taken(genomes, system, slices), strict=True)
             *inputs, output = (self._decoded(variable, *numbers) for variable, numbers in numbers_of)
-            words = [output.terms[index].name for index in _terms(genomes[:, slices.rules], output)[0]]
+            words = [output.terms[index].name for index in chosen_terms(genomes[:, slices.rules], output)[0]]
             rules = table_rules(inputs, output, words)
             systems.append(replace(system, inputs=tuple(inputs), outputs=(output,), rules=rules))
         return tuple(systems)
@@ -175,7 +169,7 @@ class SystemEncoding(Genes):
             sampled = _memberships(low, high, output.num_points, means, widths)
             default = np.full(len(genomes), 0.0 if output.default is None else output.default)
             packing.fill_output(values, rules, row, low, high, default, sampled)
-            chosen = _terms(genomes[:, slices.rules], output)
+            chosen = chosen_terms(genomes[:, slices.rules], output)
             packing.fill_rules(rules, row, table_cells(system.inputs), chosen)
         return Packed(layout, values, rules)
 
@@ -198,7 +192,7 @@ class SystemEncoding(Genes):
             shortest, longest = self.bounds.output_reach
             reach = system.outputs[0].maximum
             genes.append(float(np.log(reach / shortest) / np.log(longest / shortest)))
-            table = _full_table(system, "it has no genome")
+            table = full_table(system, "it has no genome")
             genes += list((table + 0.5) / len(system.outputs[0].terms))
         if len(genes) != self.num_genes:
             raise ValueError(
@@ -243,13 +237,13 @@ class SystemEncoding(Genes):
         return replace(variable, minimum=float(low[0]), maximum=float(high[0]), terms=terms)
 
 
-def _terms(genes: Floats, output: Variable) -> Integers:
+def chosen_terms(genes: Floats, output: Variable) -> Integers:
     """Return the output term of each rule by its gene, of the same shape."""
     chosen = np.floor(len(output.terms) * genes).astype(np.int64)
     return np.minimum(chosen, len(output.terms) - 1)
 
 
-def _full_table(system: FuzzySystem, why: str) -> Integers:
+def full_table(system: FuzzySystem, why: str) -> Integers:
     """Return the consequents of a full rule table; a ValueError says why one is needed."""
     table = rule_table(system)
     if table is None:
@@ -276,58 +270,6 @@ def _memberships(low: Floats, high: Floats, points: int, means: Floats, widths: 
 def _gaussians(variable: Variable) -> tuple[Floats, Floats]:
     shapes = [term.membership for term in variable.terms if isinstance(term.membership, Gaussian)]
     return np.array([s.mean for s in shapes]), np.array([s.standard_deviation for s in shapes])
-
-
-#: a gain of one takes the output from one end to the other as its input goes from end to end
-GREATEST_GAIN = 3.0
-
-
-@dataclass(frozen=True)
-class Planes(Genes):
-    """Planar rule tables: for each system gains, widths and the reach, all in [0, 1].
-
-    Parameters
-    ----------
-    encoding : SystemEncoding
-        Of the whole genomes.
-    """
-
-    encoding: SystemEncoding
-
-    def gene_names(self) -> list[str]:
-        """Return the name of what each gene tunes."""
-        names = []
-        for system in self.encoding.systems:
-            inputs, output = [v.name for v in system.inputs], system.outputs[0].name
-            names += [f"{system.name}.{name}.gain" for name in inputs]
-            names += [f"{system.name}.{name}.width" for name in (*inputs, output)]
-            names.append(f"{system.name}.{output}.reach")
-        return names
-
-    def expand(self, genes: Floats) -> Floats:
-        """Return the genomes, shape (n, encoding.num_genes), of short ones of shape (n, k)."""
-        genomes = np.full((len(genes), self.encoding.num_genes), 0.5)
-        at = 0
-        for system, slices in zip(self.encoding.systems, self.encoding.gene_slices(), strict=True):
-            count = len(system.inputs)
-            gains = GREATEST_GAIN * (2.0 * genes[:, at : at + count] - 1.0)
-            for index, widths in enumerate(slices.widths):
-                genomes[:, widths] = genes[:, [at + count + index]]
-            genomes[:, slices.reach] = genes[:, at + 2 * count + 1]
-            num_terms = len(system.outputs[0].terms)
-            genomes[:, slices.rules] = (plane_terms(system, gains) + 0.5) / num_terms
-            at += 2 * count + 2
-        return genomes
-
-    def reduce(self, genome: Floats) -> Floats:
-        """Return the short vector of planes fitted to the tables of a genome, shape (encoding.num_genes,)."""
-        genes: list[float] = []
-        for system, slices in zip(self.encoding.systems, self.encoding.gene_slices(), strict=True):
-            terms = _terms(genome[slices.rules], system.outputs[0])
-            genes += list(0.5 + 0.5 * plane_gains(system, terms) / GREATEST_GAIN)
-            genes += [float(genome[widths].mean()) for widths in slices.widths]
-            genes.append(float(genome[slices.reach]))
-        return np.clip(np.array(genes, dtype=np.float64), 0.0, 1.0)
 
 
 @dataclass(frozen=True)
@@ -366,153 +308,3 @@ class KeptRules(Genes):
         for slices in self.encoding.gene_slices():
             is_tuned[slices.rules] = False
         return is_tuned
-
-
-def plane_terms(system: FuzzySystem, gains: Floats) -> Integers:
-    """Return the output term of each rule of planar tables with gains, shape (n, inputs), as (n, rules)."""
-    last = len(system.outputs[0].terms) - 1
-    chosen = np.clip(np.rint(0.5 * last * (1.0 + gains @ _cells(system).T)), 0, last)
-    return np.asarray(chosen, dtype=np.int64)
-
-
-def plane_gains(system: FuzzySystem, terms: Integers) -> Floats:
-    """Return the gains, shape (inputs,), that best fit the output terms of a table, shape (rules,).
-
-    This works even if much of the plane is clipped at the ends.
-    """
-    try:
-        from scipy.optimize import least_squares  # noqa: PLC0415 - large, and used only here
-    except ModuleNotFoundError as error:
-        raise MissingExtra("fitting planes to rule tables", "scipy", "scipy") from error
-
-    cells, levels = _cells(system), 2.0 * terms / (len(system.outputs[0].terms) - 1) - 1.0
-
-    def misfit(gains: Floats) -> Floats:
-        return np.asarray(np.clip(cells @ gains, -1.0, 1.0) - levels)
-
-    return np.asarray(least_squares(misfit, np.linalg.lstsq(cells, levels, rcond=None)[0]).x)
-
-
-def _cells(system: FuzzySystem) -> Floats:
-    """Return the position of each rule's terms in their ranges, from -1 to 1, shape (rules, inputs)."""
-    axes = [np.linspace(-1.0, 1.0, len(variable.terms)) for variable in system.inputs]
-    return np.stack([grid.ravel() for grid in np.meshgrid(*axes, indexing="ij")], axis=1)
-
-
-#: with a larger gain, a step from one input term to the next would move the output by more than half its
-#: range
-READABLE_GAIN = 1.0
-#: further digits of the terms' own numbers, which are fractions of the rounded range
-MORE_DIGITS = 2
-
-
-@dataclass(frozen=True)
-class Stretches(Genes):
-    """The mapping from genes to stretches in the systems of one controller; all genes are in [0, 1].
-
-    Genes run system by system: a gain for each input if tables are planes, then the stretch of each input
-    and of the output.
-
-    Parameters
-    ----------
-    systems : tuple of FuzzySystem
-        Each a full rule table, with ranges symmetric about zero.
-    factors : (float, float)
-        The least and the greatest stretch; the gene is logarithmic.
-    has_planes : bool
-        Whether tables are planes; else they are kept.
-    digits : int or None
-        Significant digits to which ranges are rounded.
-    """
-
-    systems: tuple[FuzzySystem, ...]
-    factors: tuple[float, float]
-    has_planes: bool
-    digits: int | None = None
-
-    def __post_init__(self) -> None:
-        """Raise ValueError for systems that cannot be tuned in this way."""
-        for system in self.systems:
-            _full_table(system, "only those can be tuned")
-            for variable in system.variables:
-                if variable.minimum != -variable.maximum or variable.points is not None:
-                    raise ValueError(
-                        f"variable {variable.name!r} ranges from {variable.minimum} to {variable.maximum}; "
-                        "make it symmetric about zero and evenly spaced to stretch it"
-                    )
-
-    def gene_names(self) -> list[str]:
-        """Return the name of what each gene tunes."""
-        names = []
-        for system in self.systems:
-            if self.has_planes:
-                names += [f"{system.name}.{variable.name}.gain" for variable in system.inputs]
-            names += [f"{system.name}.{v.name}.stretch" for v in system.variables]
-        return names
-
-    def decode(self, genome: Floats) -> tuple[FuzzySystem, ...]:
-        """Return the systems of one genome of shape (num_genes,)."""
-        low, high = self.factors
-        systems, at = [], 0
-        for system in self.systems:
-            count = len(system.inputs)
-            table = _full_table(system, "only those can be tuned")
-            if self.has_planes:
-                gains = READABLE_GAIN * (2.0 * genome[at : at + count] - 1.0)
-                table = plane_terms(system, gains[np.newaxis])[0]
-                at += count
-            factors = low * (high / low) ** genome[at : at + count + 1]
-            at += count + 1
-            inputs = tuple(self._stretched(v, f) for v, f in zip(system.inputs, factors, strict=False))
-            output = self._stretched(system.outputs[0], factors[-1])
-            words = [output.terms[index].name for index in table]
-            rules = table_rules(inputs, output, words)
-            systems.append(replace(system, inputs=inputs, outputs=(output,), rules=rules))
-        return tuple(systems)
-
-    def pack(self, genomes: Floats) -> Packed:
-        """Pack a population, shape (n, num_genes), as `engines.packing.pack` packs each decoded genome."""
-        packed = [pack(*self.decode(genome)) for genome in genomes]
-        values = np.concatenate([packed_system.values for packed_system in packed])
-        return replace(
-            packed[0], values=values, rules=np.concatenate([packed_system.rules for packed_system in packed])
-        )
-
-    def encode(self, systems: tuple[FuzzySystem, ...]) -> Floats:
-        """Return the genome, shape (num_genes,), of systems of this structure; clipped to the bounds."""
-        return np.clip(self.encode_unclipped(systems), 0.0, 1.0)
-
-    def encode_unclipped(self, systems: tuple[FuzzySystem, ...]) -> Floats:
-        """Return the same outside [0, 1] where a number is beyond its bounds."""
-        low, high = self.factors
-        genes: list[float] = []
-        for reference, system in zip(self.systems, systems, strict=True):
-            table = _full_table(system, "it has no genome")
-            if self.has_planes:
-                gains = plane_gains(system, table)
-                genes += list(0.5 + 0.5 * gains / READABLE_GAIN)
-            for before, now in zip(reference.variables, system.variables, strict=True):
-                genes.append(float(np.log(now.maximum / before.maximum / low) / np.log(high / low)))
-        return np.array(genes, dtype=np.float64)
-
-    def _stretched(self, variable: Variable, factor: float) -> Variable:
-        """Return a variable with its range and all its terms stretched about zero."""
-        reach = rounded(variable.maximum * factor, self.digits)
-        factor = reach / variable.maximum
-        terms = tuple(self._stretched_term(term, factor) for term in variable.terms)
-        return replace(variable, minimum=-reach, maximum=reach, terms=terms)
-
-    def _stretched_term(self, term: Term, factor: float) -> Term:
-        shape = term.membership
-        powers = {"place": 1, "width": 1, "deviation": 1, "slope": -1, "exponent": 0}
-        digits = None if self.digits is None else self.digits + MORE_DIGITS
-        numbers = {
-            name: rounded(getattr(shape, name) * factor ** powers[kind], digits)
-            for name, kind in shape.entry.kinds.items()
-        }
-        return Term(term.name, replace(shape, **numbers))
-
-
-def rounded(value: float, digits: int | None) -> float:
-    """Return a number rounded to significant digits; unchanged for None."""
-    return float(value) if digits is None else float(f"{value:.{digits}g}")

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from fis_tools.analysis import arrays
-from fis_tools.analysis.flights import FlownSystem
+from fis_tools.analysis.flight_data import FlownSystem
 from fis_tools.analysis.quadrature import quadrature
 from fis_tools.array_types import Floats
 from fis_tools.findings.explanation.points import in_short

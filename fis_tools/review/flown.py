@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from fis_tools.analysis import arrays, flights, tables
+from fis_tools.analysis.flight_data import FlightOutcome, FlownSystem
 from fis_tools.array_types import Floats
 from fis_tools.document import Table
 from fis_tools.errors import ControllerFileError, told_as
@@ -26,14 +27,14 @@ class Flight:
     Parameters
     ----------
     name : str
-    flown : mapping of str to flights.FlownSystem
+    flown : mapping of str to FlownSystem
         What each system did on it, by the system's name.
     is_own : bool
         Whether the reviewed controller flew it: with systems and attributes as they are now.
     """
 
     name: str
-    flown: Mapping[str, flights.FlownSystem]
+    flown: Mapping[str, FlownSystem]
     is_own: bool
 
     @property
@@ -204,7 +205,7 @@ def failures(evaluation: Evaluation) -> str:
 
 
 def flown_table(
-    evaluations: Sequence[Evaluation], names: Sequence[str], flown: Sequence[flights.FlightOutcome]
+    evaluations: Sequence[Evaluation], names: Sequence[str], flown: Sequence[FlightOutcome]
 ) -> list[Table]:
     """Tabulate the outcomes of flights, with the columns of inspecting or of reaching a goal.
 
@@ -254,7 +255,7 @@ def _share(statistic: Mapping[str, float] | None, count: int) -> str:
     )
 
 
-def _flight_row(name: str, outcome: flights.FlightOutcome) -> list[str]:
+def _flight_row(name: str, outcome: FlightOutcome) -> list[str]:
     def number(key: str, digits: int) -> str:
         return f"{outcome.came_to[key]:.{digits}f}" if key in outcome.came_to else UNKNOWN
 

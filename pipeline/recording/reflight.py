@@ -25,7 +25,7 @@ from pipeline.settings.experiment import Experiment
 from pipeline.settings.schema import experiment_from
 from telemetry import RecordingError
 from telemetry.file.compare import Comparison, compare
-from telemetry.file.reader import Recording
+from telemetry.file.recording import Recording
 from telemetry.file.topics import DEPUTY_CONTROL
 
 #: of attitude, which a recording may ask for however little it holds

@@ -5,7 +5,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fis_tools.engines.packing import Packed
-from fis_tools.genes.parameters import Bounds, KeptRules, Planes, Stretches, SystemEncoding, rounded
+from fis_tools.genes.parameters import Bounds, KeptRules, SystemEncoding
+from fis_tools.genes.planes import Planes
+from fis_tools.genes.stretches import Stretches, rounded
 from fis_tools.model import FuzzyController
 from pipeline.array_types import Floats
 from pipeline.flight.control.controller import Controller, ControllerError, from_fuzzy, has_constants

@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from fis_tools.genes.parameters import rounded
+from fis_tools.genes.stretches import rounded
 from fis_tools.model import FuzzyController, FuzzySystem, Term, Variable
 from fis_tools.model.numbers import Linear
 from fis_tools.model.shapes import MembershipFunction, Polyline, Sampled

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from telemetry.array_types import Floats, Integers
 from telemetry.file import RecordingError, topics
-from telemetry.file.reader import Recording, TopicColumns
+from telemetry.file.recording import Recording, TopicColumns
 from telemetry.file.summary import aligned
 
 Indices = Integers

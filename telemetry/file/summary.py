@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from telemetry.file import topics
-from telemetry.file.reader import Recording
+from telemetry.file.recording import Recording
 
 
 def aligned(rows: Iterable[Sequence[str]]) -> list[str]:

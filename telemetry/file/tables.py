@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from fis_tools.file_access import replacing
 from telemetry.file import RecordingError, explained, topics
 from telemetry.file.columns import arrow_table
-from telemetry.file.reader import Recording, TopicColumns
+from telemetry.file.recording import Recording, TopicColumns
 
 if TYPE_CHECKING:
     import pyarrow as pa

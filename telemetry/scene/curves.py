@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from telemetry.array_types import Floats
 from telemetry.file import topics
-from telemetry.file.reader import Recording
+from telemetry.file.recording import Recording
 
 #: replaces a character without a glyph; it is in both fonts
 MISSING_SIGN: Final = "□"

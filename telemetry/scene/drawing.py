@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from telemetry.array_types import Bytes, Floats
 from telemetry.file import topics
 from telemetry.file.metadata import FisDescription
-from telemetry.file.reader import Recording, TopicColumns
+from telemetry.file.recording import Recording, TopicColumns
 from telemetry.file.summary import ending
 from telemetry.scene.curves import drawable, table
 

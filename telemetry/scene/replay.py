@@ -11,7 +11,8 @@ from rerun.components import FillMode
 
 from telemetry.array_types import Floats
 from telemetry.file import RecordingError, topics
-from telemetry.file.reader import Recording, read
+from telemetry.file.reader import read
+from telemetry.file.recording import Recording
 from telemetry.scene import blueprint, curves, drawing
 from telemetry.scene.blueprint import Stream, send
 from telemetry.scene.viewer import Scene

@@ -5,7 +5,7 @@ from typing import overload
 
 from numpy.typing import ArrayLike
 
-from fis_tools.analysis.flights import Points
+from fis_tools.analysis.flight_data import Points
 from fis_tools.engines.compiler import CompiledSystem, compile
 from fis_tools.engines.trees import CompiledTree
 from fis_tools.findings.explanation.chain import ChainExplanation, explain_chain

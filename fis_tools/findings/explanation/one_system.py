@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from fis_tools.analysis import shapley
 from fis_tools.analysis.contribution import contributions, holding_back
-from fis_tools.analysis.flights import Points
+from fis_tools.analysis.flight_data import Points
 from fis_tools.document import Block, Document, Heading, Items, Paragraph, Result, Table, plain
 from fis_tools.engines.compiler import CompiledSystem
 from fis_tools.engines.inference import infer

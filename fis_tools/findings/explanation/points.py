@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from fis_tools.analysis.flights import Points
+from fis_tools.analysis.flight_data import Points
 from fis_tools.array_types import Floats
 from fis_tools.document import Block, Code, Document, Paragraph, Table
 from fis_tools.model import FuzzySystem

@@ -16,7 +16,7 @@ from pipeline.array_types import Floats, Integers
 from pipeline.flight.state import arrays
 from pipeline.flight.state.log import inspectable_rate
 from pipeline.physics.quaternion import seen_from_hill
-from telemetry.file.reader import Recording
+from telemetry.file.recording import Recording
 from telemetry.file.topics import DEPUTY_CONTROL, DEPUTY_STATE, MISSION
 
 _BORESIGHT = slice(arrays.TRACK_BORESIGHT, arrays.TRACK_BORESIGHT + 3)

@@ -10,9 +10,10 @@ import pytest
 from benchmarks.by_hand import work_out
 from fis_tools.analysis.shapley import shares
 from fis_tools.engines import inference, interpreter, interval
+from fis_tools.engines.codes import INVERTED
 from fis_tools.engines.compiler import compile
 from fis_tools.engines.defuzzifier import invert
-from fis_tools.engines.program import INVERTED, assemble
+from fis_tools.engines.program import assemble
 from fis_tools.formats import serialize
 from fis_tools.formats.c import source
 from fis_tools.formats.exchange import fll

@@ -9,7 +9,7 @@ import pytest
 from scipy.optimize import brentq
 
 from fis_tools.analysis.arrays import spread_inputs
-from fis_tools.analysis.flights import Points
+from fis_tools.analysis.flight_data import Points
 from fis_tools.document import text
 from fis_tools.engines.compiler import compile
 from fis_tools.findings.explanation import Explanation, Flip, explain, flips, missed, shares

@@ -10,7 +10,7 @@ from benchmarks import linear_law
 from fis_tools.analysis.measures import measure
 from fis_tools.findings.audit import audit
 from fis_tools.formats import serialize
-from fis_tools.genes.parameters import rounded
+from fis_tools.genes.stretches import rounded
 from fis_tools.model import FuzzyController
 from pipeline.command_line.arguments import ConfigError
 from pipeline.command_line.config import compose_experiment

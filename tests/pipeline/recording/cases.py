@@ -13,7 +13,7 @@ from pipeline.flight.state.log import FlightLog, Scenario
 from pipeline.recording.recorder import FlightRecorder
 from pipeline.scenarios import given_start
 from pipeline.settings.experiment import Mission
-from telemetry.file.reader import Recording
+from telemetry.file.recording import Recording
 from tests.pipeline.stages.cases import carried_out
 
 #: twelve points on a chief that shows all sides to the Sun: complete after 200 s, then adrift over the limit

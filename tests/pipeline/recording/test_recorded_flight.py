@@ -24,7 +24,7 @@ from pipeline.flight.state.log import FlightLog, Scenario
 from pipeline.flight.world.pack import inspection_points
 from pipeline.recording.recorder import directions
 from pipeline.run import maker
-from telemetry.file.reader import Recording
+from telemetry.file.recording import Recording
 from tests.fis_tools import step_by_step
 from tests.pipeline.recording import cases
 

@@ -5,13 +5,13 @@ import ctypes
 import numpy as np
 import pytest
 
-from fis_tools.formats.c import source
+from fis_tools.formats.c import source, step
 from fis_tools.model import FuzzyController
 from fis_tools.model.thrust import LOGIC_REASONS, ThrustLogic, thrust_logic
 from pipeline.controllers.source import named
 from pipeline.flight.control.controller import Controller
 from pipeline.settings.experiment import Mission
-from telemetry.file.reader import Recording
+from telemetry.file.recording import Recording
 from tests.fis_tools.formats.test_c import loaded
 from tests.pipeline.flight.cases import STEERING, mission, random_starts, with_attributes
 from tests.pipeline.recording import cases
@@ -50,7 +50,7 @@ FORCE = structure(
 
 
 def signals_of(controller: FuzzyController, logic: ThrustLogic) -> type[ctypes.Structure]:
-    doubles = [(word, ctypes.c_double) for word, _, _ in source.members(controller, logic).values()]
+    doubles = [(word, ctypes.c_double) for word, _, _ in step.members(controller, logic).values()]
     attitude = [("attitude", ctypes.c_double * 4)] if logic.force_axes == "body" else []
     return structure(*doubles, *attitude, ("is_complete", ctypes.c_int))
 
@@ -72,7 +72,7 @@ def stepped(
     """What C fires, asks for and says, told what a recording holds and NaN for everything else."""
     logic = thrust_logic(controller)
     assert logic is not None
-    words = {name: member for name, (member, _, _) in source.members(controller, logic).items()}
+    words = {name: member for name, (member, _, _) in step.members(controller, logic).items()}
     kind, world = signals_of(controller, logic), mission_of(logic, what)
     state, force = STATE(99), FORCE()
     library.start(ctypes.byref(state))

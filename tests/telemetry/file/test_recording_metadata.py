@@ -23,11 +23,11 @@ from docs.hooks import messages
 from fis_tools.model.thrust import COMPONENTS, COUNTED, REASONS, UNKNOWN
 from telemetry import RecordingError
 from telemetry.file import topics
+from telemetry.file.messages import encode
 from telemetry.file.metadata import EpisodeDescription, FisDescription, Rehearsal, plain, sealed, unsealed
 from telemetry.file.schema import inspection_pb2
 from telemetry.file.schema.inspection_pb2 import Control, MissionStatus
 from telemetry.file.topics import FIRED, FORCE_COMPONENTS, Reason
-from telemetry.file.writer import encode
 
 SCHEMA, PROTO = Path(inspection_pb2.__file__).parent, "inspection.proto"
 

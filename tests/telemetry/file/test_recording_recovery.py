@@ -14,7 +14,7 @@ from mcap.writer import CompressionType
 import telemetry
 from telemetry import EpisodeWriter, RecordingError
 from telemetry.file import claims
-from telemetry.file.reader import Recording
+from telemetry.file.recording import Recording
 from telemetry.file.recover import recover
 from tests.telemetry import synthetic_flight
 from tests.telemetry.odd_files import fill_disk, plain_file

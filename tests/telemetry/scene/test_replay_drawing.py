@@ -11,7 +11,7 @@ import telemetry
 from telemetry import EpisodeWriter
 from telemetry.file import topics
 from telemetry.file.metadata import FisDescription
-from telemetry.file.reader import Recording
+from telemetry.file.recording import Recording
 from telemetry.scene import drawing
 from telemetry.scene.curves import drawable, flight_names
 

@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 import telemetry
 from fis_tools import file_access
 from telemetry import EpisodeWriter, RecordingError
-from telemetry.file.reader import TopicColumns
+from telemetry.file.recording import TopicColumns
 from telemetry.scene import replay, viewer
 from tests.telemetry import synthetic_flight
 from tests.telemetry.scene.rrd_content import saved, views

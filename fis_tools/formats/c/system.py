@@ -1,0 +1,259 @@
+"""One fuzzy system as C: its tables, and the function that infers it."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import reduce
+from math import isfinite
+from typing import Literal
+
+import numpy as np
+
+from fis_tools import model
+from fis_tools.array_types import Floats, Integers
+from fis_tools.engines.program import Conclusion, assemble
+from fis_tools.formats import rendered
+from fis_tools.formats.c.library import conclude, defuzzifiers_of
+from fis_tools.formats.c.text import broken, comment, identifiers, numbers
+from fis_tools.model import FuzzySystem, Term, Variable, memberships_at, sample
+from fis_tools.words.text import number, sentence, shape_words, summary, with_unit
+
+#: a membership is on a straight line if it differs from it by less: by rounding
+STRAIGHT = 1e-14
+
+
+def _bends(variable: Variable) -> Integers:
+    """Return the indices of the points of a universe where some term bends.
+
+    All places, if bends that are too slight to see next to rounding add up.
+    """
+    universe = variable.universe
+    rows = np.array([sample(variable, term) for term in variable.terms])
+    middle = (universe[1:-1] - universe[:-2]) / (universe[2:] - universe[:-2])
+    straight = rows[:, :-2] + middle * (rows[:, 2:] - rows[:, :-2])
+    is_bent = (np.abs(rows[:, 1:-1] - straight) > STRAIGHT).any(axis=0)
+    kept = np.flatnonzero([True, *is_bent, True])
+    again = np.array([np.interp(universe, universe[kept], row[kept]) for row in rows])
+    return kept if np.abs(again - rows).max() < 10.0 * STRAIGHT else np.arange(len(universe))
+
+
+Kind = Literal["input", "formula", "weighed", "cut", "implied", "silent"]
+
+
+@dataclass(frozen=True)
+class _Signal:
+    """An input or output as C needs it.
+
+    Parameters
+    ----------
+    variable : Variable
+    word : str
+        What it is called.
+    kind : {"input", "formula", "weighed", "cut", "implied", "silent"}
+        Of an input whether it has a table or formulas; of an output what becomes of its terms: numbers are
+        weighed, sets are cut, or changed by another implication, or concluded by no rule.
+    terms : sequence of Term
+        In the rows of its table; of an output those that some rule concludes.
+    bends : Integers
+        The points of its universe that the table holds.
+    points : Floats, optional
+        What the table holds instead, where an output is a sum over points.
+    """
+
+    variable: Variable
+    word: str
+    kind: Kind
+    terms: Sequence[Term]
+    bends: Integers
+    points: Floats | None = None
+
+    @property
+    def universe(self) -> list[float]:
+        """The points that its table holds."""
+        if self.points is not None:
+            return self.points.tolist()
+        return self.variable.universe[self.bends].tolist()
+
+    def values(self, term: Term) -> list[float]:
+        """Return a row of its table."""
+        if self.points is not None:
+            return memberships_at(self.variable, term, self.points).tolist()
+        return sample(self.variable, term)[self.bends].tolist()
+
+    @property
+    def tables(self) -> list[tuple[int, Term, list[float], list[float]]]:
+        """The terms without a formula, each with its number, its points and its values."""
+        return [
+            (number, term, *_table(self.variable, term))
+            for number, term in enumerate(self.terms)
+            if isinstance(term.membership, model.Polyline | model.Sampled)
+        ]
+
+    def formula(self, number: int, term: Term, name: str) -> str:
+        """Return the call that evaluates a term at ``x``."""
+        shape = term.membership
+        if isinstance(shape, model.Polyline | model.Sampled):
+            table = f"table_{name}__{self.word}_{number}"
+            return f"degree_table(x, {table}[0], {table}[1], {len(_table(self.variable, term)[0])})"
+        numbers = ", ".join(repr(float(getattr(shape, key))) for key in shape.entry.kinds)
+        return f"degree_{shape.entry.name}(x, {numbers})"
+
+    def row(self, term: str) -> int:
+        """Return which row of its table a term is."""
+        return [each.name for each in self.terms].index(term)
+
+
+def _table(variable: Variable, term: Term) -> tuple[list[float], list[float]]:
+    """Return the points of a term without a formula, and its values at these."""
+    if isinstance(term.membership, model.Polyline):
+        return list(map(float, term.membership.x)), list(map(float, term.membership.y))
+    return variable.universe.tolist(), sample(variable, term).tolist()
+
+
+class System:
+    """A system of a controller as C needs it."""
+
+    def __init__(self, name: str, system: FuzzySystem) -> None:
+        words = identifiers(variable.name for variable in system.variables)
+        self.name = name
+        self.system = system
+        self.inputs = [
+            _Signal(variable, word, "formula", variable.terms, np.arange(0))
+            if system.is_sampled
+            else _Signal(variable, word, "input", variable.terms, _bends(variable))
+            for variable, word in zip(system.inputs, words, strict=False)
+        ]
+        self.outputs = [
+            self._output(variable, word)
+            for variable, word in zip(system.outputs, words[len(system.inputs) :], strict=True)
+        ]
+        self.signals = {signal.variable.name: signal for signal in (*self.inputs, *self.outputs)}
+
+    def _output(self, variable: Variable, word: str) -> _Signal:
+        names = {consequent.term for _, consequent in self.system.conclusions_on(variable)}
+        terms = [term for term in variable.terms if term.name in names]
+        kind: Kind = "cut" if self.system.cuts(variable) else "implied"
+        if self.system.weighs(variable):
+            kind = "weighed"
+        indices, points = np.arange(variable.num_points), None
+        if self.system.is_sampled and kind != "weighed":
+            kind, points = "implied", self.system.points_of(variable)
+        return _Signal(variable, word, kind if terms else "silent", terms, indices, points)
+
+    def conclude(self, output: _Signal) -> tuple[str, str]:
+        """Return the name and text of the function that adds rules' implied sets where terms are not cut."""
+        return conclude(self.system.implication, output.variable.aggregation)
+
+    def text(self, signature: str) -> str:
+        """Render the tables, and the function: fuzzify the inputs, fire the rules, defuzzify the outputs."""
+        outputs = zip(self.outputs, assemble(self.system).conclusions, strict=True)
+        cut = [c for output, c in outputs if output.kind == "cut" and isinstance(c, Conclusion)]
+        text = rendered(
+            "c/system.c.jinja",
+            name=self.name,
+            signature=signature,
+            system=self.system,
+            inputs=self.inputs,
+            outputs=self.outputs,
+            asked=self._wanted_terms,
+            about=comment(list(self._about())),
+            rules=list(self._rules()),
+            defuzzifiers=defuzzifiers_of(self.system),
+            most_points=max((len(c.universe) + len(c.runs) for c in cut), default=0),
+            # gcc warns of moving within an array of one
+            most_crossings=max([2, *(len(c.runs) for c in cut)]),
+            numbers=numbers,
+            comment=comment,
+            shape_words=shape_words,
+        )
+        return "\n".join(part for line in text.split("\n") for part in broken(line))
+
+    def _wanted_terms(self, input_: _Signal) -> list[int]:
+        """Return the indices of an input's terms that rules ask for."""
+        used = model.used_terms(self.system.rules)
+        return [n for n, term in enumerate(input_.terms) if (input_.variable.name, term.name) in used]
+
+    def _about(self) -> Iterator[str]:
+        yield f"{self.system.name}: {summary(self.system)}."
+        for index, variable in enumerate(self.system.inputs):
+            yield f"inputs[{index}] is {_extent(variable)}."
+        for index, output in enumerate(self.system.outputs):
+            what = "The result" if len(self.outputs) == 1 else f"outputs[{index}]"
+            default = "NaN" if output.default is None else number(output.default)
+            yield f"{what} is {_extent(output)}; {default} when no rule fires."
+
+    def _rules(self) -> Iterator[tuple[str, str, list[str]]]:
+        """Yield each rule in words, its strength, and the statements by which it concludes."""
+        cut: set[str] = set()
+        for rule_number, rule in enumerate(self.system.rules, start=1):
+            label = f" [{rule.label}]" if rule.label else ""
+            concluded = [self._conclusion(consequent, cut) for consequent in rule.consequents]
+            about = comment([f"Rule {rule_number}{label}: {sentence(rule)}."], 4)
+            yield about, self._degree(rule, rule.antecedent), concluded
+
+    def _conclusion(self, consequent: model.Consequent, cut: set[str]) -> str:
+        """Render a rule's conclusion; `cut` are the heights that have been set before."""
+        output, weight = self.signals[consequent.variable], float(consequent.weight)
+        scaled = "strength" if weight == 1.0 else f"strength * {weight!r}"
+        row, word = output.row(consequent.term), output.word
+        if output.kind == "weighed":
+            strength = scaled if weight == 1.0 else f"({scaled})"
+            concluded = self._number(output.terms[row].membership, strength, output.variable)
+            return f"weigh({strength}, {concluded}, &total_{word}, &moment_{word})"
+        if output.kind == "implied":
+            return (
+                f"{self.conclude(output)[0]}(memberships_{self.name}__{word}[{row}], "
+                f"{len(output.universe)}, strength * {weight!r}, heights_{word})"
+            )
+        target = f"cuts_{word}[{row}]"
+        if target in cut:
+            return f"{target} = fuzzy_{output.variable.accumulation}({scaled}, {target})"
+        cut.add(target)
+        return f"{target} = {scaled}"
+
+    def _degree(self, rule: model.Rule, expression: model.Expression) -> str:
+        match expression:
+            case model.Is(variable, term):
+                return f"degrees_{self.signals[variable].word}[{self.signals[variable].row(term)}]"
+            case model.Not(operand):
+                return f"fuzzy_not({self._degree(rule, operand)})"
+            case model.Hedged(hedge, operand):
+                return f"fuzzy_{hedge}({self._degree(rule, operand)})"
+        is_and = isinstance(expression, model.And)
+        word = self.system.and_operator_of(rule) if is_and else self.system.or_operator_of(rule)
+        operands = [self._degree(rule, operand) for operand in expression.operands]
+        return reduce(lambda left, right: f"fuzzy_{word}({left}, {right})", operands)
+
+    def _number(self, shape: model.MembershipFunction, strength: str, output: Variable) -> str:
+        """Write the number that a rule of some strength concludes, an expression of doubles."""
+        if self.system.joins_numbers(output) and output.accumulation != "unbounded_sum":
+            raise ValueError(
+                f"output {output.name!r} joins rules that conclude one number by {output.accumulation}, "
+                "and C is written for those that add up; export as json"
+            )
+        if isinstance(shape, model.Formula):
+            raise ValueError(
+                f"output {output.name!r} concludes the formula {shape.text[:40]!r}, and C is written for "
+                "numbers linear in the inputs; export as fll or json"
+            )
+        inputs = self.system.inputs
+        if isinstance(shape, model.Number):
+            *coefficients, constant = shape.row(len(inputs))
+            terms = [repr(float(constant))]
+            for index, (factor, v) in enumerate(zip(coefficients, inputs, strict=True)):
+                if factor:
+                    low, high = self.system.limits_of(v)
+                    taken = f"inputs[{index}]"
+                    if isfinite(low):
+                        taken = f"inside({taken}, {low!r}, {high!r})"
+                    terms.append(f"{float(factor)!r} * {taken}")
+            return " + ".join(terms)
+        first, second = (repr(float(getattr(shape, name))) for name in shape.entry.kinds)
+        location = f"where_{shape.entry.name}({strength} < 1.0 ? {strength} : 1.0, {first}, {second})"
+        if isinstance(shape, model.Sigmoid):  # reaches one nowhere
+            end = output.maximum if shape.slope > 0.0 else output.minimum
+            return f"{strength} < 1.0 ? {location} : {float(end)!r}"
+        return location
+
+
+def _extent(variable: Variable) -> str:
+    return f"{with_unit(variable)}, {number(variable.minimum)} to {number(variable.maximum)}"
