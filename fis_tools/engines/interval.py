@@ -19,7 +19,15 @@ from fis_tools.engines.bounded_centroid import conclude
 from fis_tools.engines.degrees import degree_bounds
 from fis_tools.engines.intervals import bound_interval, bound_weighed
 from fis_tools.engines.outward import EPSILON, INTERPOLATION_ERROR, combine_bounds
-from fis_tools.engines.program import Antecedents, Conclusion, IntervalOutput, Program, Weighing, assemble
+from fis_tools.engines.program import (
+    MANY_RULES,
+    Antecedents,
+    Conclusion,
+    IntervalOutput,
+    Program,
+    Weighing,
+    assemble,
+)
 from fis_tools.engines.sampled_bounds import bound_sampled
 from fis_tools.model import Concave, Constant, Formula, FuzzySystem, Sigmoid, Variable
 from fis_tools.model.intervals import has_intervals
