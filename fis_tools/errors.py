@@ -1,4 +1,4 @@
-"""Errors that a person can put right, each with a sentence that says how."""
+"""Errors that the user can correct; their messages say how."""
 
 from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager
@@ -35,7 +35,7 @@ class Mistake(ValueError):  # noqa: N818
 
 
 class ControllerFileError(Mistake):
-    """A controller file that cannot be read, told in a sentence."""
+    """A controller file that cannot be read; the message says why and how to correct it."""
 
 
 @contextmanager

@@ -1,4 +1,4 @@
-"""Standard streams that end no work: closed, full, or of an encoding that lacks a letter."""
+"""Standard streams whose errors end no work: they may be closed, full, or lack a character."""
 
 import atexit
 import gc

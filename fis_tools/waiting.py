@@ -26,7 +26,7 @@ def waiting(words: str) -> Iterator[Callable[[str], None]]:
 
 @cache
 def _spinners() -> Any:
-    """Return the process's spinner display: a terminal has room for one."""
+    """Return the process's only spinner display."""
     from rich.console import Console  # noqa: PLC0415 - takes long to import, and is seldom needed
     from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn  # noqa: PLC0415
 

@@ -175,7 +175,7 @@ def compare(first: Path, second: Path, /, *, tolerance: float = 0.0) -> int:
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Shown:
-    """Where to show a scene: in a window, unless one of these is given.
+    """Where to show a scene: in a window, unless a file or the browser is chosen.
 
     Parameters
     ----------
@@ -352,7 +352,7 @@ def _main(words: Sequence[str]) -> int:
 
 
 class _Terminated(BaseException):
-    """SIGTERM came; no library catches it."""
+    """Raised on SIGTERM; no library catches it, as it is no `Exception`."""
 
 
 @contextmanager
@@ -376,7 +376,7 @@ def _ended_in_order() -> Iterator[None]:
 
 
 def silence_finalizers() -> None:
-    """Print no more of what cannot be raised: what libraries have half made complains as it goes."""
+    """Silence errors in finalizers, which objects raise that libraries left half made."""
     sys.unraisablehook = lambda _unraisable: None
 
 

@@ -163,7 +163,7 @@ def spread(low: Floats, high: Floats, num_samples: int) -> Floats:
 
 
 def _radical_inverse(count: int, base: int) -> Floats:
-    """Return 1 to `count` with their digits in a base mirrored at the point: (count,), in [0, 1)."""
+    """Return the radical inverses of 1 to `count`, in [0, 1): their digits mirrored at the point."""
     rest = np.arange(1, count + 1)
     inverse, worth = np.zeros(count), 1.0 / base
     while rest.any():

@@ -155,7 +155,7 @@ def subdivide(
 def _try(
     system: Program | TreeProgram, region: Region, promise: Promise, low: Floats, high: Floats
 ) -> tuple[float, Floats]:
-    """Evaluate the middle and two corners of each box; return the best worth, and where it is."""
+    """Evaluate the middle and two corners of each box; return the greatest value and its input."""
     tried = np.concatenate([0.5 * low + 0.5 * high, low, high])
     tried = tried[region.holds(tried)]
     if not len(tried):

@@ -21,7 +21,7 @@ Leads = tuple[tuple[int, ...], ...]
 
 
 class PlayerBlock(NamedTuple):
-    """Players that cut terms which no others cut, strongest first, and the ways in which they can cut them.
+    """Rules that cut terms which no others cut, strongest first, and the ways in which they can.
 
     Attributes
     ----------
@@ -35,7 +35,7 @@ class PlayerBlock(NamedTuple):
 
 
 def blocks(activations: Sequence[Cuts], accumulate: Operator | None, most: int) -> list[PlayerBlock] | None:
-    """Divide players into blocks that share no term; None if all can be cut in more than `most` ways."""
+    """Divide players into blocks that share no term; None if all can cut terms in more than `most` ways."""
     joined: list[tuple[set[int], list[int]]] = []
     for player, cuts in enumerate(activations):
         terms, players = {term for term, _ in cuts}, [player]
@@ -59,7 +59,7 @@ def blocks(activations: Sequence[Cuts], accumulate: Operator | None, most: int) 
 def _after(
     players: list[int], activations: Sequence[Cuts], accumulate: Operator | None, most: int
 ) -> Leads | None:
-    """Return the states to which a block's players lead; None if there are more than `most`."""
+    """Return where each player leads from every state before; None for more than `most` states."""
     state_of: dict[Hashable, int] = {frozenset(): 0}
     states: list[tuple[dict[int, float], list[int]]] = [({}, [])]
     after: list[tuple[int, ...]] = []
@@ -83,7 +83,7 @@ def _after(
 
 @cache
 def by_level(levels: tuple[int, ...]) -> Leads:
-    """Return the states to which players lead that cut the same term, where the highest cut counts.
+    """Return where players lead that cut the same term, of which the highest cut counts.
 
     Their levels count from 1, the highest; those at one level bring about the same.
     """

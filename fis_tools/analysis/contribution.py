@@ -53,7 +53,7 @@ def contributions(compiled: CompiledSystem, inputs: Floats) -> Floats:
 
 
 def _can_matter(compiled: CompiledSystem, firing: Floats) -> Booleans:
-    """Return which firing rules determine the cut of an output term; where rules add up, all do."""
+    """Return which firing rules affect an output: of a maximum the highest cut, else every cut."""
     matters = np.zeros(firing.shape, dtype=np.bool_)
     for conclusion, output in zip(compiled.program.conclusions, compiled.system.outputs, strict=True):
         assert not isinstance(conclusion, IntervalOutput)  # noqa: S101 - refused above
@@ -69,7 +69,7 @@ def _can_matter(compiled: CompiledSystem, firing: Floats) -> Booleans:
 
 
 def holding_back(system: FuzzySystem, output: int = 0) -> tuple[int, ...]:
-    """Return the numbers, from 1, of rules that only conclude what the output is when no rule fires.
+    """Return the numbers, from 1, of rules that conclude only what the output is when no rule fires.
 
     Whatever their share, such rules ask for nothing: they hold back what others ask for. `output` is the
     place of one of the system's outputs.

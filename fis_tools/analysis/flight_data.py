@@ -20,7 +20,7 @@ SAME_TIME_S = 1e-6
 
 @dataclass(frozen=True)
 class FlownSystem:
-    """What one fuzzy system did along one flight, one inference per row.
+    """The inferences of one fuzzy system along a flight or a table, one per row.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ class FlownSystem:
         return np.isin(self.reason, (*COUNTED, UNKNOWN))
 
     def at(self, rows: Booleans) -> "FlownSystem":
-        """Return what the system did at some of its inferences."""
+        """Return some of the inferences, by their indices."""
         columns = ("time_s", "inputs", "firing_strengths", "output", "reason")
         return replace(self, **{name: getattr(self, name)[rows] for name in columns})
 
@@ -162,7 +162,7 @@ class PointsAlong:
     names: tuple[str, ...]
 
     def at(self, time_s: float) -> Points | None:
-        """Return them in the control period of a time; None before the first."""
+        """Return the points in the control period that contains a time, s; None before the first."""
         cloud, period = self.cloud, int(np.searchsorted(self.start_s, time_s + SAME_TIME_S)) - 1
         row = int(np.searchsorted(cloud.time_s, self.start_s[period] + SAME_TIME_S)) - 1
         if period < 0 or row < 0:

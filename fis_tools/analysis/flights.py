@@ -204,7 +204,7 @@ def _topic(recording: "Recording", ending: str) -> "TopicColumns | None":
 
 
 def _points_of(recording: "Recording") -> PointsAlong | None:
-    """Return what each point adds to the inputs along a flight, where it is recorded."""
+    """Return what each point adds to the inputs along a flight; None where it is not recorded."""
     cloud, control = _topic(recording, "/pulls"), _topic(recording, "/control")
     if cloud is None or control is None or not len(cloud) or not len(control):
         return None
@@ -325,7 +325,7 @@ def _controller_of(recording: "Recording") -> FuzzyController:
 def _all_flown(
     path: Path | str, controller: FuzzyController | None
 ) -> tuple[list[FlownSystem], "Recording | None"]:
-    """Return every inference along a flight, and its recording; along a table, which has none, every row."""
+    """Return every inference along a flight and the recording; along a table every row, and None."""
     if tables.is_table(path):
         if controller is None:
             raise ControllerFileError(

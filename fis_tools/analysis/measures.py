@@ -23,7 +23,7 @@ MOST_POINTS = 50_000
 
 @dataclass(frozen=True)
 class Complexity:
-    """How much there is to read in a rule base.
+    """The size of a rule base: rules, premises and terms.
 
     Parameters
     ----------
@@ -189,7 +189,7 @@ def _grid(axes: list[Floats]) -> Floats | None:
 
 
 def _alone(system: model.FuzzySystem, strengths: Floats, grid: Floats, indices: Integers) -> Floats:
-    """Return each rule's output alone, at its point of a grid; NaN for outputs it does not conclude."""
+    """Return each rule's outputs alone, at its point of a grid; NaN for outputs it does not conclude."""
     alone = np.full((len(system.rules), len(system.outputs)), np.nan)
     alike = defaultdict(list)
     for number, rule in enumerate(system.rules):
@@ -206,7 +206,7 @@ def _alone(system: model.FuzzySystem, strengths: Floats, grid: Floats, indices: 
 
 
 def _meanings(system: model.FuzzySystem, number: int, answers: Floats, rule_answers: Floats) -> Floats:
-    """Return how far answers, (n, num_outputs), agree with a rule's consequents, shape (n,)."""
+    """Return how far outputs, (n, num_outputs), agree with a rule's consequents, from 0 to 1, (n,)."""
     meant = np.ones(len(answers))
     names = [variable.name for variable in system.outputs]
     for consequent in system.rules[number].consequents:

@@ -159,7 +159,7 @@ class _Match(NamedTuple):
 
 
 class _Game(NamedTuple):
-    """Samples whose players cut terms in the same ways.
+    """Samples whose players, which may be other rules in each, cut terms in the same ways.
 
     Attributes
     ----------
@@ -264,7 +264,7 @@ def _games(match: _Match) -> Iterator[_Game]:
 
 
 def _games_by_level(match: _Match) -> Iterator[_Game]:
-    """Yield, all samples of a structure at once, the games in which each rule cuts one term.
+    """Yield games of samples in which each rule cuts one term: one game for all of equal structure.
 
     What `blocks` finds for them is known: of each term the highest cut counts, and rules that cut it at the
     same height, as those that share their weakest statement do, bring about the same.
@@ -285,6 +285,7 @@ def _games_by_level(match: _Match) -> Iterator[_Game]:
     rule, block, keys = rule[order], block[order], keys[order]
     is_lower = np.ones(len(rule), np.bool_)
     is_lower[1:] = keys[1:] != keys[:-1]
+    # twice the block of each rule, plus one where a level begins
     pattern = (2 * block + is_lower).tobytes()
     ends = np.cumsum(np.count_nonzero(match.plays, axis=1))
     met: dict[bytes, list[int]] = defaultdict(list)
@@ -301,7 +302,7 @@ def _games_by_level(match: _Match) -> Iterator[_Game]:
 
 @lru_cache(maxsize=256)
 def _structure(pattern: bytes) -> tuple[tuple[Leads, ...], int]:
-    """Return the structure of players that are given as twice their block, and one where a level begins."""
+    """Return where players lead, block by block, and their number; see `pattern` in `_games_by_level`."""
     block, begins = np.divmod(np.frombuffer(pattern, np.int64), 2)
     levels = [np.cumsum(begins[block == number]).tolist() for number in np.unique(block)]
     return tuple(by_level(tuple(each)) for each in levels), len(block)
@@ -324,7 +325,7 @@ def _one_worth(match: _Match, game: _Game, members: Booleans) -> Floats:
 
 
 def _worth(match: _Match, samples: Integers, rules: Integers, members: Booleans) -> Floats:
-    """Return what coalitions, (c, num_players) of the rules, (g, num_players), are worth: (g, c)."""
+    """Return the outputs, (g, c), of coalitions, (c, num_players), of rules that play, (g, num_players)."""
     concluded = match.concluding(samples, rules, members)
     return np.where(
         members.any(axis=1), concluded, match.compiled.system.outputs[match.output_index].default or 0.0
@@ -345,7 +346,7 @@ def importance(compiled: CompiledSystem, inputs: Floats) -> Floats:
 
 
 def sampled(num_players: int, worth: Worth, num_orders: int) -> tuple[Floats, float]:
-    """Return the mean of what each player adds when it joins, over some orders, and the largest error.
+    """Return estimated Shapley values, from random orders of joining, and the largest standard error.
 
     Orders are drawn by a linear congruential generator of 32 bits, so that the review page draws the same.
     The standard error is estimated from pairs of an order and its reverse.

@@ -163,7 +163,7 @@ def assignments(words: str) -> dict[str, float]:
 
 
 def place_for(path: Path) -> Path:
-    """Create the folder of a file; return the file's path."""
+    """Return the path of a file, whose folder is created if it is missing."""
     path.parent.mkdir(parents=True, exist_ok=True)
     return path
 

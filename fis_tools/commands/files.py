@@ -222,7 +222,7 @@ def _merged(facts: Iterable[tuple[tuple[str, str], ...]]) -> tuple[tuple[tuple[s
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class AskedRecipe(Recipe):
-    """What a learned system may look like.
+    """The options of `learn`: what the learned system may look like.
 
     Parameters
     ----------

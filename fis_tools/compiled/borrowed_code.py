@@ -54,7 +54,7 @@ def _uncounted(context: Any, builder: Any, kind: Any, value: Any) -> Any:
 
 
 def _lent(context: Any, builder: Any, kind: Any, value: Any) -> Any:
-    """Return a value of the type `_borrowed_type`; a named tuple is stored where the pointer leads."""
+    """Return a borrowed array or tuple; a named tuple becomes a pointer to its values on the stack."""
     if isinstance(kind, types.BaseNamedTuple):
         stored = cgutils.alloca_once_value(builder, _uncounted(context, builder, kind, value))
         return builder.bitcast(stored, I8.as_pointer())

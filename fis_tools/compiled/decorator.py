@@ -183,7 +183,7 @@ def is_compiling() -> bool:
 
 @cached
 def advise_numba() -> None:
-    """Say once what numba would give, if it is not installed."""
+    """Print once, if numba is not installed, how much faster it makes this."""
     if find_spec("numba") is None and sys.stderr is not None:
         sys.stderr.write(
             "  plain Python computes this; compiled it takes a thousandth of the time, and has the same "

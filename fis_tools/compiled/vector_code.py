@@ -37,7 +37,7 @@ I1, I32, I64, F64 = (*map(ir.IntType, (1, 32, 64)), ir.DoubleType())
 
 
 class LanesType(types.Type):
-    """The same kind of element in each lane."""
+    """Base of the numba types of vectors: `width` lanes of one kind of element."""
 
     element: Any
 

@@ -52,7 +52,7 @@ def environment(package: str, folder: str, **options: Any) -> Environment:
 
 
 def read(name: str, package: str = "fis_tools.document") -> str:
-    """Return a text file of a package."""
+    """Return the content of a text file that is part of a package."""
     return read_shipped(files(package) / name)
 
 

@@ -30,7 +30,7 @@ document.addEventListener("keydown", (event) => {
 
 
 class Editor:
-    """One window's editor.
+    """The editor in one browser window: it shows a session, and applies what is touched to it.
 
     Parameters
     ----------
@@ -118,7 +118,7 @@ class Editor:
         holder.set_visibility(bool(attributes))
 
     def touch(self, change: Callable[[FuzzyController], FuzzyController], gesture: object = None) -> None:
-        """Take a step, or say why not; see `Session.touch`."""
+        """Apply a change, or show why it is refused; see `Session.touch`."""
         try:
             self.session.touch(change, gesture)
         except (ValueError, KeyError, IndexError) as refused:
@@ -140,18 +140,18 @@ class Editor:
         self._tell()
 
     def _tell(self) -> None:
-        """Show what holds now, on each page of this window."""
+        """Show the present controller on each page of this window."""
         self._answer()
         for refresh in self.session.views:
             refresh()
 
     def _refresh(self) -> None:
-        """Show what was changed on another page of this window, or while the connection was lost."""
+        """Show changes made on another page of this window, or while the connection was lost."""
         if self._client.has_socket_connection and self.session.controller is not self._shown:
             self._answer()
 
     def _answer(self) -> None:
-        """Show what holds now, and ask all panels about it."""
+        """Show the present controller, and start all panels on it."""
         self._shown = self.session.controller
         self._status.set_text("")
         self._show()

@@ -30,7 +30,7 @@ def heading(level: int, words: str) -> ui.label:
 
 
 def card(title: str) -> ui.element:
-    """Put a part of the page there."""
+    """Add a card, a bordered part of the page."""
     return ui.element("section").classes("card").props(f'aria-label="{title}"')
 
 
@@ -45,7 +45,7 @@ def tell(target: ui.element, **properties: object) -> None:
 
 
 class Panel(Protocol):
-    """Something that answers every change of a controller."""
+    """A part of the page that is computed anew after every change of the controller."""
 
     title: str
 
@@ -53,11 +53,11 @@ class Panel(Protocol):
         """Put its elements on the page; ``again`` asks it anew, for what it was told in another way."""
 
     def answers(self, controller: FuzzyController) -> Iterator[Show]:
-        """Compute an answer in parts, in a thread; the parts of an answer that is stale are not asked for."""
+        """Yield the answer in parts, computed in a thread; it is dropped once the controller has changed."""
 
 
 class PanelAnswers:
-    """Asks panels about the newest controller alone, one after the other, without holding the page up.
+    """Computes the panels one after the other in a thread, always for the newest controller.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ class PanelAnswers:
         return state
 
     def ask(self, controller: FuzzyController) -> None:
-        """Ask for all answers; one that is being computed is dropped after its present part."""
+        """Start all panels anew; an answer under way is dropped after its present part."""
         self._controller, self._asked = controller, {}
         self._ask(*self._states)
 
@@ -127,11 +127,11 @@ class Told(Panel):
         self.title, self._answer = title, answer
 
     def build(self, again: Callable[[], None]) -> None:
-        """Put a document on the page."""
+        """Add the document's element to the page."""
         self._shown = document().props("role=status")
 
     def answers(self, controller: FuzzyController) -> Iterator[Show]:
-        """Compute it."""
+        """Yield the answer's document."""
         yield partial(tell, self._shown, innerHTML=self._answer(controller))
 
 

@@ -48,7 +48,7 @@ HEADERS = [
 
 
 def _guarded(inside: Any, port: int, token: str) -> Any:
-    """Return an ASGI application that lets through to another what comes from this machine's own page."""
+    """Wrap an ASGI application so that it answers only requests of this machine's own page."""
     hosts, start = {f"{name}:{port}" for name in (HOST, "localhost")}, f"/{token}/".encode()
 
     def is_own(scope: Any) -> bool:
@@ -66,14 +66,14 @@ def _guarded(inside: Any, port: int, token: str) -> Any:
 
 
 class Server(uvicorn.Server):
-    """A server that Ctrl-C ends, the second time where windows hold changes that nobody saved."""
+    """A server that ends on Ctrl-C; with unsaved changes, on the second."""
 
     def __init__(self, config: uvicorn.Config, windows: Windows) -> None:
         super().__init__(config)
         self._windows, self._is_warned = windows, False
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
-        """Warn, or end."""
+        """End the server, or warn first of unsaved changes."""
         if sig == signal.SIGINT and not self._is_warned and (unsaved := self._windows.num_unsaved):
             self._is_warned = True
             windows = f"{unsaved} window{'s' if unsaved > 1 else ''}"

@@ -1,4 +1,4 @@
-"""What the parts of the page are given, as plain data: variables and rules."""
+"""Variables and rules as plain data, as the scripts of the page take them."""
 
 from collections.abc import Iterator
 from contextlib import suppress
@@ -60,7 +60,7 @@ def _term(shown: Variable, term: Term, colour: str) -> dict[str, Any]:
 
 
 def _handles(shape: MembershipFunction) -> Iterator[dict[str, Any]]:
-    """Yield what can be dragged: the places, and the widths that grow to the right of theirs."""
+    """Yield the handles of a term: its places, and its widths, to the right of their places."""
     kinds = shape.entry.kinds
     first = next((getattr(shape, key) for key, kind in kinds.items() if kind == "place"), 0.0)
     for key, kind in kinds.items():
@@ -74,7 +74,7 @@ def _handles(shape: MembershipFunction) -> Iterator[dict[str, Any]]:
 
 
 def rules(system: FuzzySystem, original: FuzzySystem | None, as_list: bool) -> list[dict[str, Any]]:
-    """Return the rules as tables of terms that a press turns: a full table as such, others as a list."""
+    """Return the rules as tables whose cells change at a click: a full table, or a list of rules."""
     inputs = tuple(entry.name for entry in system.inputs)
     terms = [(entry.name, [term.name for term in entry.terms]) for entry in system.outputs]
     tones = tuple((name, tuple(zip(held, colours(len(held)), strict=True))) for name, held in terms)
@@ -97,7 +97,7 @@ def rules(system: FuzzySystem, original: FuzzySystem | None, as_list: bool) -> l
 
 
 def breakable(name: str) -> str:
-    """Return a name that a line may break after an underscore of."""
+    """Return a name in which a line may break after underscores."""
     return name.replace("_", "_\u200b")
 
 

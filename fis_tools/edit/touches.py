@@ -1,4 +1,4 @@
-"""Touches: what a hand does to a system, as functions from one system to the next.
+"""Edits by hand, such as a dragged term, as functions from a system to the changed system.
 
 A result with problems is refused by `fis_tools.edit.session.Session`.
 """
@@ -23,7 +23,7 @@ _Named = TypeVar("_Named", FuzzySystem, Variable, Term)
 
 
 def _with(held: Sequence[_Named], name: str, *new: _Named) -> tuple[_Named, ...]:
-    """Return named things with one of them replaced by none, one or several."""
+    """Return a sequence in which the item of a name is replaced by some items, perhaps none."""
     return tuple(item for old in held for item in (new if old.name == name else (old,)))
 
 
@@ -115,7 +115,7 @@ def with_rule(system: FuzzySystem, index: int, *rules: Rule) -> FuzzySystem:
 
 
 def turned(system: FuzzySystem, rule: int, side: str, index: int, step: int) -> FuzzySystem:
-    """Return a system where a statement (``if``) or a conclusion (``then``) of a rule has the next term."""
+    """Return a system in which a rule's statement (``if``) or conclusion (``then``) has the next term."""
     held, seen = system.rules[rule], count()
 
     def following(variable: str, term: str) -> str:
@@ -136,7 +136,7 @@ def turned(system: FuzzySystem, rule: int, side: str, index: int, step: int) -> 
 
 
 def said(system: FuzzySystem, rule: int, text: str) -> FuzzySystem:
-    """Return a system whose rule is what a sentence says; it keeps its label and its operators.
+    """Return a system in which a rule is replaced by that of a sentence; its label and operators stay.
 
     Raises
     ------
@@ -150,7 +150,7 @@ def said(system: FuzzySystem, rule: int, text: str) -> FuzzySystem:
 
 
 def repeated(system: FuzzySystem, rule: int, times: int) -> FuzzySystem:
-    """Return a system that has a rule so many times; none removes it."""
+    """Return a system that holds a rule `count` times; 0 removes it."""
     return with_rule(system, rule, *[system.rules[rule]] * times)
 
 

@@ -123,7 +123,7 @@ def _of_maximum(
 
 @compiled(error_model="numpy", nogil=True)
 def _way_down(x: Floats, mu: Floats, point: int, other: int, height: float) -> float:
-    """Return how far towards its neighbour a membership function stays at a height or above."""
+    """Return the distance towards a neighbour over which a membership stays at a height or above."""
     if other < 0 or other == len(x) or mu[other] >= height:
         return 0.0
     return abs(x[other] - x[point]) * (mu[point] - height) / (mu[point] - mu[other])
@@ -141,7 +141,7 @@ def _is_crossed(conclusion: Conclusion, cuts: Floats, left: int) -> bool:
 
 @compiled(error_model="numpy", nogil=True)
 def _segments(conclusion: Conclusion, centre: float, cuts: Floats, heights: Floats, out: Floats) -> float:
-    """Write a function below and one above all possible aggregated sets, segment by segment.
+    """Write area and moment of a function below, and of one above, all possible aggregated sets, by segment.
 
     Where no cut can cross its membership function the aggregated set is a straight line between the points.
     In other segments, and next to them, points are inserted, with an error. Returns the area of the function

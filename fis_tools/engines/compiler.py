@@ -62,7 +62,7 @@ class NoRuleFired(ValueError):  # noqa: N818 - the sentence is the message
 
 @dataclass(frozen=True)
 class Answers:
-    """Outputs, and where no rule determined them.
+    """Outputs, and a mask of those for which no rule fired.
 
     Parameters
     ----------

@@ -19,7 +19,7 @@ def widened(low: float, high: float) -> tuple[float, float]:
 
 @compiled(error_model="numpy", nogil=True)
 def combine_bounds(operator: int, a: tuple[float, float], b: tuple[float, float]) -> tuple[float, float]:
-    """Bound the result of one step. Operators increase with either degree; those that round are widened."""
+    """Bound an operator applied to two bounded degrees: it increases with both; what rounds is widened."""
     if operator == codes.NOT:
         return max(0.0, 1.0 - a[1]), 1.0 - a[0]
     if operator in (codes.MIN, codes.MAX):

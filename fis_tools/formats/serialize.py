@@ -44,7 +44,7 @@ class Written:
 
 @dataclass(frozen=True)
 class Reading:
-    """A controller, and what was assumed to read it.
+    """A controller that was read, and the assumptions made for what the file does not state.
 
     Parameters
     ----------
@@ -317,7 +317,7 @@ def original_name(controller: FuzzyController) -> str:
 
 
 def edited(controller: FuzzyController) -> str | None:
-    """Return the note on a later change; None where there is none."""
+    """Return the note that a controller was changed after its provenance was written; None if it was not."""
     return dict(controller.provenance).get(EDITED)
 
 

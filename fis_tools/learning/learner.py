@@ -236,7 +236,7 @@ FOLDS = 5
 
 
 class Reached(NamedTuple):
-    """The error of a recipe on rows that it did not learn from.
+    """The cross-validated error of a recipe: on rows that it did not learn from.
 
     Attributes
     ----------
@@ -315,7 +315,7 @@ JUDGED_BY = 2_000
 
 
 class Imitation(NamedTuple):
-    """A system that imitates something.
+    """A system that imitates a function or a controller, and how closely it does.
 
     Attributes
     ----------

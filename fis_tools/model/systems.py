@@ -156,7 +156,7 @@ class NotResolvable(ValueError):  # noqa: N818 - the sentence is the message
 
 @dataclass(frozen=True)
 class Named:
-    """A rule, and its name in messages."""
+    """A rule with its name in error messages."""
 
     name: str
     rule: Rule
@@ -359,7 +359,7 @@ class FuzzySystem:
 
 
 def said_once(system: FuzzySystem) -> FuzzySystem:
-    """Move operators and defuzzifiers to the system, and leave to rules and outputs what differs from it.
+    """Return a system whose rules and outputs state only operators that differ from the system's.
 
     The system takes an operator from the first rule that uses it, and the defuzzifier of its first output.
     """
@@ -471,7 +471,7 @@ class FuzzyController:
         return replace(self, systems=tuple(s for s in self.systems if s.name in kept), wires=())
 
     def with_provenance(self, facts: Mapping[str, str]) -> "FuzzyController":
-        """Return it with more facts in its provenance; they replace those of the same keys."""
+        """Return the controller with facts added to its provenance, or replaced by key."""
         return replace(self, provenance=tuple(sorted({**dict(self.provenance), **facts}.items())))
 
 

@@ -43,7 +43,7 @@ class Refused(BaseException):
 
 @contextmanager
 def refusing() -> Iterator[None]:
-    """Raise errors as `Refused`, and interrupts that were lost."""
+    """Re-raise errors inside as `Refused`; at the end raise interrupts that a library swallowed."""
     try:
         with interrupts.heeded():
             yield

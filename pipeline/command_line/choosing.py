@@ -6,7 +6,7 @@ from typing import Final
 
 @dataclass(frozen=True)
 class Choice:
-    """A controller where it is the one to take, and what was measured there."""
+    """A recommended controller, the world and Sun it is for, and the results measured there."""
 
     controller: str
     rules: int
@@ -65,7 +65,7 @@ def rows() -> list[tuple[str, ...]]:
 
 
 def choosing() -> str:
-    """Return the choices as text, with what is a rule in the controllers of low orbits and what is not."""
+    """Return the recommendations as text, and which parts of the low-orbit controllers are no rules."""
     lines = ["which champion to take"]
     for each in CHOICES:
         alone = (f"{each.delta_v} m/s", f"success {each.success}", f"{each.outside} outside")

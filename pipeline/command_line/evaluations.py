@@ -14,7 +14,7 @@ from pipeline.settings.experiment import Experiment
 def parse_evaluation(
     parser: CommandParser, arguments: Sequence[str]
 ) -> tuple[argparse.Namespace, Experiment]:
-    """Return a command's own options, and the experiment of its keys; nothing is made yet.
+    """Parse a command about an evaluation: return its own options and the checked experiment of its keys.
 
     Raises
     ------

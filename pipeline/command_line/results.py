@@ -106,7 +106,7 @@ def _print_makers(folder: Path) -> bool:
 
 
 def _compare_files(folder: Path, other: Path) -> bool:
-    """Print how two runs differ, and whether that is to be expected; return whether they are equal."""
+    """Print how configurations, files and makers of two runs differ; return whether all files are equal."""
     both = [manifests.read(path) for path in (folder, other)]
     first, second = (manifest.get("sha256", {}) for manifest in both)
     names = sorted({*first, *second} - {artifacts.CONFIG})
@@ -129,7 +129,7 @@ def _print_unlike(what: str, differing: Sequence[str]) -> None:
 
 
 def _fly_again(folder: Path) -> bool:
-    """Fly the recorded flights again; return whether each agrees."""
+    """Fly all recorded flights of a run again; return whether each repeats, but for the last digits."""
     names = (artifacts.RECORDINGS, artifacts.WORST_FLIGHTS)
     paths = [path for name in names for path in sorted((folder / name).glob("*.mcap"))]
     if not paths:
@@ -141,7 +141,7 @@ def _fly_again(folder: Path) -> bool:
 
 
 def _flies_again(path: Path) -> bool:
-    """Print whether a recorded flight repeats, and return it."""
+    """Fly a recording again; print how far it repeats, and return whether it does but for the last digits."""
     from pipeline.recording.reflight import fly_again  # noqa: PLC0415 - compiled code, only if there are flights
 
     again = fly_again(path)

@@ -150,7 +150,7 @@ def resume(folder: Path, overrides: Sequence["Override"], command: Sequence[str]
 
 
 def _given_again(overrides: Sequence["Override"], name: str) -> dict[str, Any]:
-    """Return the settings that a command gives a resumed run, dotted key to value."""
+    """Return the settings that override those of a resumed run, by dotted key."""
     given = {}
     for override in overrides:
         if override.key_or_group in schema.free_keys():
@@ -233,7 +233,7 @@ def _experiment_of(folder: Path, config: dict[str, Any]) -> Experiment:
 
 
 def check_before(experiment: Experiment) -> None:
-    """Raise the errors that a stage would raise, before any folder is made."""
+    """Check whatever stages would refuse later, before any folder is made."""
     check_engine(experiment.engine)
     require_packages(experiment)
     # NumPy, needed once the settings are right
@@ -297,7 +297,7 @@ def check_before(experiment: Experiment) -> None:
 
 
 def most_telling(codes: Iterable[int]) -> int:
-    """Return the exit code of several runs: one that failed says more than one that showed nothing."""
+    """Return the exit code for several runs: a failure's, else that of one without proof or gain, else 0."""
     codes = list(codes)
     return max((code for code in codes if code not in (UNPROVED, UNIMPROVED)), default=OK) or max(
         codes, default=OK

@@ -149,11 +149,11 @@ class Sweep:
 
     @property
     def cure(self) -> str:
-        """The command that goes on with the sweep."""
+        """The command that resumes the sweep."""
         return f"python -m pipeline resume={runs.shown_path(self.folder)}"
 
     def end(self) -> int:
-        """Print the results of the sweep, and how to see its summary; return the exit code."""
+        """Print the sweep's results and the command for its summary; return the exit code."""
         known = sweep.read(self.folder)
         left = [run for run in known if state_of(self.folder, run) != DONE]
         for run in left:

@@ -32,7 +32,7 @@ class NetworkLayer:
 
 @dataclass
 class Chain:
-    """The layers so far, and the affine map after the last of them.
+    """A network under construction: its finished layers, and the affine map after them.
 
     `weights` is None where the map has none yet, and stands for the identity.
     """
@@ -45,11 +45,11 @@ class Chain:
 
     @property
     def width(self) -> int:
-        """How many numbers there are now."""
+        """Width of the present values."""
         return len(self.bias)
 
     def close(self, kind: int, low: float = 0.0, high: float = 0.0) -> None:
-        """End a layer."""
+        """Finish the present layer with an activation."""
         num_before = self.width if self.weights is None else len(self.weights)
         self._count(numbers=(num_before + 1) * self.width)
         weights = np.eye(self.width) if self.weights is None else self.weights
@@ -87,7 +87,7 @@ class Chain:
         self.bias = self.bias * factor + offset
 
     def _count(self, numbers: int = 0, steps: int = 0, largest: int = 0) -> None:
-        """Count what is about to be done, before it is."""
+        """Count the numbers and steps of an operation; refuse too many before anything is allocated."""
         self.num_numbers, self.num_steps = self.num_numbers + numbers, self.num_steps + steps
         if self.num_numbers + largest > MOST_NUMBERS or self.num_steps > MOST_STEPS:
             raise UnreadableError(
@@ -95,7 +95,7 @@ class Chain:
             )
 
     def network(self) -> Network:
-        """End the last layer, and return all as numbers."""
+        """Finish the last layer and return the network."""
         self.close(LINEAR)
         layers = self.layers
         if self.width != NUM_FORCES:

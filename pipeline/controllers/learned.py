@@ -38,7 +38,7 @@ class Network(NamedTuple):
 
 
 class Units(NamedTuple):
-    """What a network's numbers mean."""
+    """The units of a network's inputs and outputs."""
 
     #: outputs are shares of ``deputy.max_force_n``, clipped to -1 ... 1; else N
     forces_are_shares: bool = False
@@ -52,7 +52,7 @@ NEWTONS = Units()
 
 @compiled(error_model="numpy", forceinline=True)
 def activation(kind: int, x: float, low: float, high: float) -> float:
-    """Return what a kind of layer makes of a number."""
+    """Return a number after the activation function of a kind of layer."""
     y = x
     if kind == TANH:
         y = tanh(x)
@@ -133,7 +133,7 @@ class Policy:
         return played(forces)
 
     def _decide(self, mission: Mission, scenarios: list[Scenario], forces: Floats) -> None:
-        """Fly side by side, and fill in the forces decided on."""
+        """Fly all starts side by side and write the forces decided in each control period."""
         is_tilted = any(scenario.sun_elevation_rad != 0.0 for scenario in scenarios)
         flights = SteppedFlights(mission, len(scenarios), is_tilted=is_tilted)
         for flight, scenario in enumerate(scenarios):

@@ -33,7 +33,7 @@ FIRST, NEXT = 100, 300
 
 @dataclass(frozen=True, eq=False)
 class Flown:
-    """Some first cases, flown by one controller.
+    """The first n cases, flown and judged with one controller.
 
     Parameters
     ----------
@@ -107,7 +107,7 @@ class EditorCases:
             yield _joined(flown)
 
     def ready(self, fuzzy: FuzzyController) -> RuleController:
-        """Return a controller as it flies.
+        """Return an edited fuzzy controller as a controller that flies.
 
         Raises
         ------

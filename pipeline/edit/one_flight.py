@@ -105,7 +105,7 @@ class OneFlight(Panel):
         self._again()
 
     def _reasons(self, controller: FuzzyController, log: FlightLog, k: int) -> list[str]:
-        """Say what was so at a sample and, for each axis, what was fired, why, and by which rule most."""
+        """Describe a sample: its state and, for each axis, what was fired, why, and by which rule most."""
         distance, count = np.linalg.norm(log.position_m[k]), int(log.is_inspected[k].sum())
         points = f", {count} points" if self._inspects else ""
         sentences = [f"{k * self._period_s:g} s: {distance:.1f} m away{points}"]

@@ -1,4 +1,4 @@
-"""The panels of a mission: what all cases came to, and one flight."""
+"""The panels of a mission: the results of all cases, and one flight."""
 
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
@@ -24,7 +24,7 @@ OPENED, NOW = "as opened", "now"
 
 
 class ManyFlights(Panel):
-    """What all cases came to, beside those of the controller that was opened.
+    """The results of all cases, beside those of the controller as opened.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ class ManyFlights(Panel):
         self._below.on("click", lambda event: self._choose(event.args), js_handler=pressed)
 
     def answers(self, controller: FuzzyController) -> Iterator[Show]:
-        """Fly some, then all."""
+        """Yield the results of the first cases, then of more, then of all."""
         if not self._before:
             self._before = list(self._cases.fly(self._original))
         try:

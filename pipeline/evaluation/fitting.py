@@ -39,7 +39,7 @@ PRICES: Final = ("outside_m_s", "short_point_m_s", "missed_point_m_s")
 
 @dataclass(frozen=True)
 class Variant:
-    """A champion, as shipped or scaled.
+    """A competitor: a champion as shipped, or scaled to a size.
 
     Parameters
     ----------
@@ -59,14 +59,14 @@ class Variant:
     is_shipped: bool = False
 
     def controller(self, base: FuzzyController, mission: Mission) -> FuzzyController:
-        """Return it for a mission."""
+        """Return the variant's controller for a mission."""
         if self.is_shipped:
             return base
         return Similarity(mission, self.size, self.tempo, self.decides_always).controller(base)
 
     @property
     def words(self) -> str:
-        """It in words."""
+        """The variant in words, for tables and the terminal."""
         if self.is_shipped:
             return f"{self.base} as shipped"
         clock = ", deciding in every control period" if self.decides_always else ""
@@ -75,7 +75,7 @@ class Variant:
 
 @dataclass(frozen=True)
 class FlightTally:
-    """How flights ended.
+    """How many flights succeeded, missed points or left the limits, and their delta-v.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ class FlightTally:
 
     @property
     def score(self) -> float:
-        """What halving ranks by: mostly success; see the module's constants."""
+        """The score by which halving ranks variants, mostly success; see the module's constants."""
         value = self.success.fraction - EXIT * self.exits.fraction + SIGHT * min(self.seen, ENOUGH)
         return value - SPENT * math.log(max(self.delta_v, 1e-6))
 
@@ -137,7 +137,7 @@ def tally_of(
 
 
 def drawn_variants(experiment: Experiment, bases: Mapping[str, FuzzyController]) -> list[Variant]:
-    """Return what competes: each base as shipped, and at sizes drawn evenly in their logarithm.
+    """Return the competitors: each base as shipped, and scaled to sizes drawn log-uniformly.
 
     Those that cannot fly the mission, such as for decisions between control periods, are left out.
     """
@@ -196,7 +196,7 @@ def num_flights(experiment: Experiment, num_variants: int) -> int:
 
 
 def rungs_of(experiment: Experiment) -> list[tuple[int, int]]:
-    """Return of each rung the flights of a variant, and how many variants are kept."""
+    """Return, for each rung of the halving, the flights of a variant and how many variants are kept."""
     settings = experiment.fit
     return list(zip(settings.cases, (*settings.kept, 1), strict=True))
 
@@ -257,7 +257,7 @@ def row_of(rung: int, variant: Variant, tally: FlightTally) -> list[Any]:
 
 
 def read_row(row: Mapping[str, str], confidence_percent: float) -> tuple[tuple[int, Variant], FlightTally]:
-    """Return what a row of `row_of` was made from.
+    """Return the rung, variant and tally that `row_of` wrote into a row.
 
     Raises
     ------

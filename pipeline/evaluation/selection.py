@@ -108,7 +108,7 @@ class SelectionJudgement:
 
     @property
     def where(self) -> str:
-        """The candidate in words."""
+        """Where the candidate comes from, in words: the given controller, or a round and generation."""
         generation = self.candidate.generation
         if self.candidate.name == MEMBER:
             return "of the front"

@@ -207,7 +207,7 @@ class Metric:
         return 100.0 if self.unit == "%" else math.inf
 
     def of(self, episodes: Columns) -> Floats:
-        """Return its value per case; a share is 0 or 100 %."""
+        """Return the metric's value in each case, (n,); that of a share is 0 or 100 %."""
         column = succeeds(episodes) if self.name == "success" else episodes[self.name]
         return np.asarray(column * (100.0 if column.dtype == np.bool_ else 1.0), dtype=np.float64)
 
@@ -400,7 +400,7 @@ def effects(runs: Sequence[Flown], confidence_percent: float, *, pools_seeds: bo
 def _gained(
     of_seeds: Sequence[Sequence[tuple[Columns, Columns]]], metric: Metric, pools_seeds: bool
 ) -> tuple[Floats, str]:
-    """Return the differences per seed; per case if seeds are pooled, or there is one, and runs share cases.
+    """Return differences per seed, or per common case if seeds are pooled or there is one; and which.
 
     Pairs of runs of the same seed fly the same cases, so only their mean counts.
     """
@@ -413,7 +413,7 @@ def _gained(
 
 
 def _between(first: Columns, second: Columns, metric: Metric) -> Floats:
-    """Return the differences per common case, or that of the means if there is none."""
+    """Return the differences per common case; without common cases, the difference of the means."""
     rows, other_rows = common_cases(first, second)
     before, after = metric.of(first), metric.of(second)
     return after[other_rows] - before[rows] if len(rows) else np.array([after.mean() - before.mean()])

@@ -287,7 +287,7 @@ def require_episode(is_over: bool | None) -> None:
 
 @dataclass(frozen=True)
 class ReachReward:
-    """What flying towards a goal is paid; by default as in safe-autonomy-sims 4.2.3.
+    """The reward of flights towards a goal; by default that of safe-autonomy-sims 4.2.3.
 
     Parameters
     ----------

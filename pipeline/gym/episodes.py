@@ -41,7 +41,7 @@ MOST_SEED = 1 << 31
 
 @dataclass(frozen=True)
 class Reward:
-    """What a step is rewarded with.
+    """The reward of a step, by its parts.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ AFRL_WEIGHTED: Final = replace(AFRL, per_point=1.0)
 
 
 def priority_weights(points: Floats, priority: Floats) -> Floats:
-    """Return what points count, shape (P,), one in all: as their angle from the opposite of a direction."""
+    """Return weights of points, (P,), of sum one, proportional to their angles from ``-priority``."""
     cosines = points @ -priority / (np.linalg.norm(points, axis=1) * np.linalg.norm(priority))
     angles = np.arccos(np.clip(cosines, -1.0, 1.0))
     return np.asarray(angles / angles.sum())
@@ -110,7 +110,7 @@ class Task:
 
     @property
     def mission(self) -> Mission:
-        """What is flown."""
+        """The mission that is flown."""
         return self.experiment.mission
 
     @property
@@ -201,7 +201,7 @@ def task_of(
 
 
 class Episodes:
-    """Some episodes of a task, each at a step of its own.
+    """Episodes of a task side by side, each at its own step.
 
     Parameters
     ----------
@@ -289,7 +289,7 @@ class Episodes:
 
     @property
     def _inspected(self) -> Floats:
-        """How many points each has inspected, or their weight."""
+        """Points that each episode has inspected, as a number or as their weight."""
         if self._weights is None:
             return self.flights.observed[:, stepping.NUM_INSPECTED].copy()
         return np.asarray(np.sum(self._weights * self.flights.is_inspected, axis=1))
@@ -308,7 +308,7 @@ class Episodes:
 
     @property
     def facts(self) -> dict[str, NDArray[Any]]:
-        """What is told beside observations: see `pipeline.flight.fly.stepping`."""
+        """Facts beside the observations, by name, for Gymnasium's `info`."""
         now = self.flights.observed
         return {
             "delta_v_m_s": now[:, stepping.SPENT].copy(),

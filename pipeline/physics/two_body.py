@@ -25,7 +25,7 @@ def to_inertial(course: Course, row: int, hill: Three) -> Three:
 
 @compiled(error_model="numpy", forceinline=True)
 def entered(course: Course, row: int, position: Three, velocity: Three) -> tuple[Three, Three]:
-    """Transform a position and velocity from rotating Hill axes to axes of the course."""
+    """Transform position and velocity from rotating Hill axes to the inertial axes of a `Course`."""
     (x, y, z), (u, v, w) = position, velocity
     wx, wz = course.turning[row, 0], course.turning[row, 2]
     moving = Three(u - wz * y, v + wz * x - wx * z, w + wx * y)
@@ -34,7 +34,7 @@ def entered(course: Course, row: int, position: Three, velocity: Three) -> tuple
 
 @compiled(error_model="numpy", forceinline=True)
 def left(course: Course, row: int, position: Three, velocity: Three) -> tuple[Three, Three]:
-    """Transform a position and velocity from axes of the course to rotating Hill axes."""
+    """Transform position and velocity from the inertial axes of a `Course` to rotating Hill axes."""
     x, y, z = times(course.axes[row], position)
     u, v, w = times(course.axes[row], velocity)
     wx, wz = course.turning[row, 0], course.turning[row, 2]

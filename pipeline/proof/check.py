@@ -158,7 +158,7 @@ def hull(tube: Tube, greatest: Any) -> list[Any]:
 
 
 def require_led(matrix: Any, axis: int, box: TubeBox, now: list[Any], after: list[TubeBox]) -> None:
-    """Refuse the certificate unless a period leads from a box into those after it."""
+    """Refuse the certificate unless every flight from a box is in one of the next period's boxes."""
 
     def image(of_position: float, of_velocity: float) -> Any:
         line = [

@@ -166,11 +166,11 @@ class Axis:
         return self._dealt(partial(_leaning, ReachableBox(*part, low[1], high[1], 0.0)) for part in parts)
 
     def move(self, boxes: Enclosed, happens: Floats) -> dict[int, ReachableBox]:
-        """Return the boxes after a period, while intervals, (9, 2), happen along the other axes."""
+        """Return the boxes after a period; intervals, (9, 2), enclose the motion along all axes."""
         return self._dealt(partial(self.image, *pair, happens) for pair in boxes.values())
 
     def _dealt(self, images: Iterable[Callable[[float], ReachableBox]]) -> dict[int, ReachableBox]:
-        """Return the box of each cell around those that fall into it, given as functions of the shear."""
+        """Merge boxes, given as functions of the shear, into one box for each cell they fall into."""
         boxes: dict[int, ReachableBox] = {}
         for image in images:
             whole = image(0.0)
@@ -254,7 +254,7 @@ def axis_of(
 
 
 def _nominal(system: FuzzySystem, position_columns: Floats, position: float) -> Floats:
-    """Return the states, (n, 2), of a flight from rest while nothing happens along the other axes."""
+    """Return the states, (n, 2), of a flight from rest with the other axes at rest."""
     program, states = interval.pack(system), np.zeros((NOMINAL_PERIODS, 2))
     states[0, 0] = position
     for k in range(NOMINAL_PERIODS - 1):

@@ -117,7 +117,7 @@ COLUMNS = (
 
 @dataclass(frozen=True)
 class Verdict:
-    """What a tube shows.
+    """The result of following all starts: whether limit and goal are proved, and the tube.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What a deputy with foresight chose, and among what: in words, and as recordings keep it."""
+"""Decisions of foresight, with the plans they were made among: in words, and as recordings keep them."""
 
 from collections.abc import Iterator
 
@@ -73,7 +73,7 @@ def decisions_in_words(mission: Mission, log: FlightLog) -> Iterator[tuple[int, 
 
 
 def recorded_decisions(mission: Mission, log: FlightLog) -> dict[str, Rehearsal]:
-    """Return what decisions were made among, by what was chosen."""
+    """Return the candidates of each decision, and the flights ahead, by what was chosen."""
     period, rehearsals = mission.control_period_s, {}
     begins = (log.foresight_at[:, 0] * period).tolist()
     for row, begin in enumerate(begins):

@@ -1,4 +1,4 @@
-"""What a flight's log says of each point of the chief: what it adds to signals, and whether it was lit.
+"""Each point of the chief in a flight's log: what it adds to signals, and whether it was lit.
 
 Some signals are made of points. Their formulas are those of docs/reference/signals.md.
 """
@@ -75,7 +75,7 @@ def parts_of_points(
 
 @dataclass(frozen=True)
 class _Decisions:
-    """What decisions were made of: vectors are the parts of points, (n, P, 3), Hill axes."""
+    """The parts that points have in the signals of n decisions; vectors are (n, P, 3), Hill axes."""
 
     world: World
     constants: Floats

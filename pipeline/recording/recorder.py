@@ -311,7 +311,7 @@ class FlightRecorder:
 
 
 def _named(owner: object, *names: str) -> dict[str, Any]:
-    """Return what is called in a recording as it is elsewhere."""
+    """Return attributes that recordings call by the same name."""
     return {name: getattr(owner, name) for name in names}
 
 

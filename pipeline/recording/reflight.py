@@ -112,7 +112,7 @@ def _judged(path: Path, exact: Comparison, close: Comparison) -> Reflight:
 
 
 def _attached(recording: Recording, name: str, what: str, parse: Callable[[bytes], Any]) -> dict[str, Any]:
-    """Return what an attachment tells of a flight, as plain data."""
+    """Return the content of an attachment as plain data."""
     if name not in recording.attachments:
         raise RecordingError(f"{recording.path} has no attachment {name}; {CURE}")
     try:

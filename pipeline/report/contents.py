@@ -1,4 +1,4 @@
-"""What a report tells: the files of a run's folder, read, and the flights that its pictures need, flown."""
+"""The content of a report: a run's files, read, and the flights of its pictures, flown again."""
 
 import csv
 import re
@@ -65,7 +65,7 @@ class ShownFlight:
 
     @property
     def is_alone(self) -> bool:
-        """Whether it is the flight that was asked for, by a start or a case, and not one of many."""
+        """Whether the flight was requested by a start or a case, and is not one of many."""
         return self.name == "start" or self.name.startswith("case-")
 
 

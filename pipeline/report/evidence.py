@@ -94,7 +94,7 @@ def _drawings() -> Any:
 
 
 def contexts(evidence: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Return what the argument is about: each context in words, and where on the page more is said of it.
+    """Return the contexts of the argument: each in words, with a link to its part of the page.
 
     Flights argue from inputs that flights have met; a proof argues from its own set, which is larger.
     """

@@ -87,7 +87,7 @@ class RunResult(sweep.SweptRun):
 
     @property
     def setting(self) -> dict[str, str]:
-        """What it differs in, without the seed."""
+        """The settings in which the run differs from others, without the seed."""
         return {key: value for key, value in self.differs.items() if key != REPLICATE}
 
 
@@ -144,7 +144,7 @@ class SweepResults:
 
     @property
     def factors(self) -> list[str]:
-        """What the runs differ in, the seed included."""
+        """The keys in which the runs differ, the seed included."""
         return list(dict.fromkeys(key for run in self.runs for key in run.differs))
 
     @property

@@ -1,4 +1,4 @@
-"""The files of a run's folder: their names, and what is there."""
+"""The names of the files of a run's folder, and access to them."""
 
 import hashlib
 import json

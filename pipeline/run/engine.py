@@ -109,7 +109,7 @@ HERE: Final = TaskPool(None, lambda: 1)
 
 @contextmanager
 def open_pool(engine: Engine, workers: int | None, threads: int = 1) -> Iterator[TaskPool]:
-    """Open what does the tasks of a stage, and close it at the end.
+    """Open the task pool of a stage, and close it at the end.
 
     Parameters
     ----------
@@ -223,7 +223,7 @@ def dask_setup(_: object) -> None:
 
 
 def _product() -> Mapping[str, Any]:
-    """Return what the process that calls this runs: versions and sources."""
+    """Return versions and sources of this process, to compare workers by."""
     return maker.product()
 
 

@@ -1,4 +1,4 @@
-"""What produces a run's files: this product, its libraries, and the processor they are compiled for.
+"""The maker of a run's files: this product, its libraries, and the processor they are compiled for.
 
 Two equal makers produce the same files from the same configuration, bit for bit. Our compiled code
 rounds each operation separately (IEEE 754), and so gives the same bits on all processors.

@@ -54,7 +54,7 @@ class Ending(NamedTuple):
 
 
 def write_ending(folder: Path, ending: Ending) -> None:
-    """Keep in a run's folder how it ended; nothing of one that ended well."""
+    """Write how a run ended into its folder; nothing if it succeeded."""
     if ending.code:
         writing.write_json(folder / ENDING, ending._asdict())
     else:
@@ -62,7 +62,7 @@ def write_ending(folder: Path, ending: Ending) -> None:
 
 
 def read_ending(folder: Path) -> Ending:
-    """Read how a run ended; a file that is damaged tells nothing."""
+    """Read how a run ended; a damaged file counts as none."""
     try:
         content = artifacts.read_json(folder, ENDING)
         return Ending(int(content["code"]), str(content["failure"]))
@@ -111,7 +111,7 @@ def _run_folders(folder: Path) -> list[Path]:
 
 
 def _labels(config: Mapping[str, Any]) -> dict[str, str]:
-    """Return what a run may be told by, key to value: what results depend on, a controller as one value."""
+    """Return what may tell a run from others: keys that results depend on, a controller as one value."""
     counted = schema.only_results(config)
     controller = counted.pop(keys.FREE, {})
     counted.pop("name", None)

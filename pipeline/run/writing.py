@@ -39,7 +39,7 @@ def write_atomically(path: Path, content: bytes | str) -> None:
 
 @contextmanager
 def beside(path: Path) -> Iterator[BinaryIO]:
-    """Yield a file beside a path that takes its place once it is whole and safely on disk.
+    """Yield a temporary file that replaces a path once it is complete and on disk.
 
     Raises
     ------

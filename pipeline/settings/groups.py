@@ -35,7 +35,7 @@ class SettingsType(type):
     """The type of classes of settings, whose calls check values and refuse them in sentences."""
 
     def __call__(cls, *args: Any, **values: Any) -> Any:
-        """Return an instance; of a class with variants that which the tags among the values name.
+        """Return an instance; of a class with variants, of the variant that the values' tags name.
 
         Raises
         ------

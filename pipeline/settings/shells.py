@@ -1,4 +1,4 @@
-"""Distances that follow from a mission: from where the chief is seen, and where flights start unless told."""
+"""Distances that follow from a mission: from where the chief is seen, and where flights start by default."""
 
 import math
 from collections.abc import Mapping

@@ -58,7 +58,7 @@ def split(text: str, key: str) -> tuple[str, str]:
 
 
 def _check_cases(labels: Sequence[str], cases: Sequence[str], key: str) -> None:
-    """Raise SettingError unless the cases of each set are numbered as they are flown."""
+    """Raise SettingError unless the cases of each set are numbered 0, 1, 2, … in order."""
     counts: Counter[str] = Counter()
     for number, (label, case) in enumerate(zip(labels, cases, strict=True), 1):
         if case != str(counts[label]):

@@ -38,7 +38,7 @@ WRITE_EVERY_S: Final = 1.0
 
 @dataclass(frozen=True)
 class Standing:
-    """What a fit has reached: a controller, the mission it flies in, and its flights from unseen starts."""
+    """A result of the fit so far: a controller, its mission, and its flights from unseen starts."""
 
     words: str
     controller: FuzzyController
@@ -115,7 +115,7 @@ def _tally(
 
 
 def _row(words: str, tally: FlightTally) -> dict[str, Any]:
-    """Return a tally as plain data."""
+    """Return a tally and its name as plain data."""
     row: dict[str, Any] = plain(tally)
     return {"words": words, **row}
 
@@ -170,7 +170,7 @@ def _report(what: str, tally: FlightTally | None) -> None:
 def _halved(
     experiment: Experiment, folder: Path, bases: Mapping[str, FuzzyController]
 ) -> list[tuple[Variant, FlightTally]]:
-    """Fly the competition, or what of it is left; return those of the last round, best first."""
+    """Run the halving, or what is left of it; return the variants of the last round, best first."""
     mission, settings = experiment.mission, experiment.fit
     variants = fitting.drawn_variants(experiment, bases)
     if not variants:
@@ -198,7 +198,7 @@ def _halved(
 
 
 class CompetitionTable:
-    """The flights of the competition, which a resumed run goes on from."""
+    """The table of all variants flown so far, from which a resumed run continues."""
 
     def __init__(self, experiment: Experiment, folder: Path) -> None:
         self.tallies: dict[tuple[int, Variant], FlightTally] = {}
@@ -210,7 +210,7 @@ class CompetitionTable:
                 self.tallies[key] = tally
 
     def add(self, rung: int, variant: Variant, tally: FlightTally) -> None:
-        """Add the flights of a variant; write the table if the last time is some time ago."""
+        """Add a variant's tally; write the table unless it was written within `WRITE_EVERY_S`."""
         self.tallies[rung, variant] = tally
         if time.monotonic() >= self._due:
             self.write()
@@ -223,14 +223,14 @@ class CompetitionTable:
 
 
 def _is_tuned(experiment: Experiment, standing: Standing) -> bool:
-    """Return whether a controller is tuned; training does not fly dispersions."""
+    """Return whether to tune the best controller: never with dispersions, which training does not fly."""
     tunes = experiment.fit.tunes
     is_wanted = tunes == "always" or (tunes == "needed" and not _reaches_goal(experiment, standing))
     return is_wanted and not experiment.mission.dispersions
 
 
 def _tuned(experiment: Experiment, folder: Path, standing: Standing) -> FuzzyController | None:
-    """Return a controller tuned from one; None if none flies better."""
+    """Tune a controller by training; return None if no champion flies better."""
     given = standing.controller
     moved = replace(experiment, mission=standing.mission)
     tuning = fitting.tuning_of(moved, given, standing.tally)
@@ -251,7 +251,7 @@ def _tuned(experiment: Experiment, folder: Path, standing: Standing) -> FuzzyCon
 
 
 def _named(experiment: Experiment, variant: Variant, base: FuzzyController) -> FuzzyController:
-    """Return a variant's controller under its own name, with what it comes from in its purpose."""
+    """Return a variant's controller, named after base and experiment, with its origin in its purpose."""
     controller = variant.controller(base, experiment.mission)
     if variant.is_shipped:
         return controller

@@ -134,7 +134,7 @@ def write_selection(
 
 
 def _unimproved(selection: Selection) -> Unimproved:
-    """Return what is said last where the given controller is handed back."""
+    """Return the closing sentence of a training that hands back the given controller."""
     best = selection.best_champion
     return Unimproved(
         f"not improved: the given controller is handed back. From {best.num_cases:,} validation starts "

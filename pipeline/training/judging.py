@@ -1,4 +1,4 @@
-"""Evaluation in training: flights from a round's starts, and those by which the champion is chosen."""
+"""Fitness functions of a training: flights from a round's starts, and from those that choose the champion."""
 
 from collections.abc import Callable
 from dataclasses import replace

@@ -181,7 +181,7 @@ def scaled_shape(
 
 
 def sizes_worth_trying(mission: Mission) -> tuple[float, float]:
-    """Return the least and the greatest size that a search begins with."""
+    """Return the least and the greatest scale that are worth trying in a mission."""
     home, here = _lengths(HOME), _lengths(mission)
     ratios = [length / reference for length, reference in zip(here, home, strict=True)]
     return 0.7 * min(ratios), 1.5 * max(ratios)
@@ -236,7 +236,7 @@ class Limitation:
 
 
 def limitations(mission: Mission, distances_m: Floats) -> list[Limitation]:
-    """Return what limits a mission, as numbers that are known before anything flies.
+    """Return the numbers of a mission that limit every controller, known before any flight.
 
     Parameters
     ----------

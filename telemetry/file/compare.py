@@ -53,7 +53,7 @@ class Parting:
 
 @dataclass(frozen=True)
 class FieldComparison:
-    """Comparison of a field over all messages that both recordings have.
+    """How much a field differs over all messages that both recordings have.
 
     Parameters
     ----------
@@ -98,7 +98,7 @@ class LoneMessages:
 
 @dataclass(frozen=True)
 class Comparison:
-    """What two recordings have in common, and where they differ.
+    """Two recordings compared: what both have, what only one has, and where they differ.
 
     Parameters
     ----------

@@ -66,7 +66,7 @@ def _values(field: FieldDescriptor, column: Any, count: int) -> Iterable[Any]:
 
 
 def nanoseconds(time_s: ArrayLike) -> Integers:
-    """Return times, or one, as whole nanoseconds, (n,)."""
+    """Return a time or several, s, as whole nanoseconds, (n,)."""
     return np.rint(np.atleast_1d(np.asarray(time_s, dtype=np.float64)) * topics.NANOSECONDS).astype(np.int64)
 
 
@@ -97,7 +97,7 @@ def transform(parent: str, child: str, translation_m: Floats, quaternion: Floats
 
 
 def point_cloud(count: int, points_m: ArrayLike, states: ArrayLike) -> Columns:
-    """Return point clouds, (P, 3), chief axes, coloured by their states, a row of P for each.
+    """Return clouds of the same points, (P, 3), chief axes, coloured by states, (count, P).
 
     Raises
     ------
@@ -122,7 +122,7 @@ def point_cloud(count: int, points_m: ArrayLike, states: ArrayLike) -> Columns:
 
 
 def cloud_of(count: int, points_m: ArrayLike, columns: Mapping[str, NDArray[Any]]) -> Columns:
-    """Return point clouds, (P, 3), chief axes, with columns of a row of P for each, or one for all.
+    """Return clouds of the same points, (P, 3), chief axes, with columns of shape (count, P) or (P,).
 
     Columns of bytes or booleans are written as bytes, others as doubles.
     """

@@ -169,7 +169,7 @@ class FisDescription(Description):
     output_axes: str = "hill"
 
     def __post_init__(self) -> None:
-        """Raise RecordingError if a rule that holds back is none of them."""
+        """Raise RecordingError for the number of a rule that does not exist."""
         if not all(1 <= number <= len(self.rules) for number in self.holding):
             raise RecordingError(
                 f"metadata 'holding' is {list(self.holding)}, but numbers of rules, from 1 to "
@@ -206,7 +206,7 @@ class Rehearsal(Description):
     paths_m: tuple[float, ...] | None = None
 
     def __post_init__(self) -> None:
-        """Raise RecordingError if there is not one cost, and one path, for each name."""
+        """Raise RecordingError unless each name has a cost, and a path if any has."""
         if not 0 < len(self.names) == len(self.costs_m_s):
             raise RecordingError(
                 f"metadata 'costs_m_s' has {len(self.costs_m_s)} numbers for {len(self.names)} names, but "

@@ -146,13 +146,13 @@ class Recording(Mapping[str, TopicColumns]):
 
     @property
     def end_s(self) -> float:
-        """When the flight ends; infinite where it ends with its time."""
+        """When the flight ended, s; infinite where it went on to its full duration."""
         end_s = self.episode.end_s
         return np.inf if end_s is None else end_s
 
     @property
     def last_sample(self) -> int:
-        """The index on `/mission` of the last sample that counts."""
+        """Index on `/mission` of the last sample up to the end of the flight."""
         return max(0, int(np.searchsorted(self[topics.MISSION].time_s, self.end_s, side="right")) - 1)
 
     @property
@@ -180,7 +180,7 @@ class Recording(Mapping[str, TopicColumns]):
         return 0.0 if control is None else float(control["command_age_s"].max(initial=0.0))
 
     def fired_reasons(self, component: str, time_s: NDArray[np.float64]) -> NDArray[np.str_]:
-        """Return the reasons why thrust was, or was not, fired along an axis over control periods.
+        """Return why thrust was, or was not, fired along an axis in some control periods.
 
         Parameters
         ----------
@@ -211,7 +211,7 @@ class Recording(Mapping[str, TopicColumns]):
         return np.where(is_lost, topics.Reason.BELOW_LEAST_IMPULSE.name.lower(), reasons)
 
     def reasons(self, component: str, time_s: NDArray[np.float64], axes: str = "hill") -> NDArray[np.str_]:
-        """Return the reasons recorded for a force component commanded at some times.
+        """Return what became of a force component that was commanded at some times.
 
         The arguments and the words are those of `fired_reasons`: where it was commanded, the word is of the
         control period that fires it, ``delayed`` if the recording ends before that. Thrusters fire along Hill
@@ -234,15 +234,15 @@ class Recording(Mapping[str, TopicColumns]):
         return np.where(np.isin(commanded, topics.FIRED), fired, commanded)
 
     def _tells_of(self, component: str, time_s: NDArray[np.float64]) -> bool:
-        """Return whether every one of some times has a control period of a force component."""
+        """Return whether a name is a force component's, and a control period begins at all of some times."""
         return component in topics.FORCE_COMPONENTS and bool(np.all(np.isin(time_s, self.control_time_s)))
 
     def _due(self, time_s: NDArray[np.float64]) -> NDArray[np.intp]:
-        """Return the rows of the control periods that fire the commands of some times."""
+        """Return the rows on `/deputy/control` of the periods that fire what was commanded at some times."""
         return np.searchsorted(self.control_time_s, time_s + self.command_age_s - SAME_TIME_S)
 
     def fired(self, name: str) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-        """Return the inferences of a fuzzy system whose output was fired, as far as recorded.
+        """Return which inferences of a fuzzy system were fired, and when.
 
         Returns
         -------

@@ -103,7 +103,7 @@ def inference_in_words(recording: Recording, sample_time_s: Floats) -> list[str]
 
 
 def _rest_in_words(recording: Recording, sample_time_s: Floats) -> list[str]:
-    """Describe for each sample why nothing was fired, or why thrust was that no rule commanded."""
+    """Describe for each sample why nothing was fired, or why thrust was fired that no rule commanded."""
     control = recording[topics.DEPUTY_CONTROL]
     if not len(control) or not control["reason"].shape[1]:
         return [NO_INFERENCE] * len(sample_time_s)
@@ -131,7 +131,7 @@ def _one_inference(
 
 
 def _leading(strengths: Floats, shares: Floats) -> list[int]:
-    """Return the rules with the largest shares; where none are recorded, the strongest."""
+    """Return the rules with the largest recorded shares of an output, else those that fire most."""
     size = np.abs(shares) if np.any(shares) else strengths * (strengths >= _LEAST_STRENGTH_IN_WORDS)
     order = np.argsort(-size, kind="stable")[:NUM_RULES_IN_WORDS]
     return [int(rule) for rule in order if size[rule] > 0.0]

@@ -215,7 +215,7 @@ def _send_trail(stream: Stream, recording: Recording, entity: str, colour: curve
 
 
 def _send_plans(stream: Stream, recording: Recording) -> None:
-    """Draw where the plans would lead that a choice was between, as ghosts, the chosen one brighter."""
+    """Draw the paths of the plans compared before the flight, faintly; the chosen one is brighter."""
     colours = [(*PLAN_COLOUR, 200), *[(*PLAN_COLOUR, 70)] * (MOST_PLANS - 1)]
     style = rr.LineStrips3D.from_fields(colors=colours, radii=rr.Radius.ui_points(0.8))
     stream.log(blueprint.PLANS, style, static=True)

@@ -28,7 +28,7 @@ class Severity(IntEnum):
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that a reviewer should know.
+    """A finding: what a reviewer should know, how serious it is, and where it is seen.
 
     Parameters
     ----------

@@ -56,14 +56,14 @@ class Fact:
 
 @dataclass(frozen=True)
 class Pair(Generic[Thing]):
-    """A thing before and after a change; None where it did not exist, or no longer exists."""
+    """An item before and after a change; None before it was added, or after it was removed."""
 
     before: Thing | None
     after: Thing | None
 
     @property
     def present(self) -> Thing:
-        """The thing after the change, or before it if it was removed."""
+        """The item after the change; if it was removed, before it."""
         present = self.after or self.before
         assert present is not None  # noqa: S101 - one of them stands
         return present

@@ -169,7 +169,7 @@ def class_flips(compiled: CompiledSystem, given: Floats) -> tuple[ClassFlip, ...
 def _searched(
     compiled: CompiledSystem | CompiledTree, given: Floats, side_of: Callable[[Floats], Floats]
 ) -> Iterator[tuple[int, int, float, tuple[Floats, Floats] | None]]:
-    """Yield each input, each way, the side where it starts, and inputs before and after it is left.
+    """Yield each input, direction, the side at its start, and the inputs just before and after that changes.
 
     Sides of outputs are 1, -1, or 0 for neither; from neither, either is another side.
     """

@@ -76,7 +76,7 @@ def plain_parts(points: Points, system: FuzzySystem) -> dict[str, Any]:
 
 
 def missed(points: Points) -> Document | None:
-    """Tell which points would stay unseen if nothing more were fired: by name if few, else on a map.
+    """Describe which points would stay unseen if nothing more were fired: a few by number, many on a map.
 
     Return None if that is unknown.
     """

@@ -37,7 +37,7 @@ Progress = Callable[[str], None]
 
 
 class Search:
-    """The draft, and the steps taken so far.
+    """A greedy search: the present draft and the steps that led to it.
 
     Parameters
     ----------
@@ -163,7 +163,7 @@ class Search:
         self.steps.append(step)
 
     def _changes_more(self, step: SimplificationStep) -> bool:
-        """Return whether a step changes what the budget holds on, beyond what was changed before."""
+        """Return whether a step changes the deviations at the samples of the budget."""
         for name in self.bench.governing:
             now = (*step.changes[name].largest, *step.changes[name].mean)
             last = self.steps[-1].changes[name] if self.steps else None

@@ -103,7 +103,7 @@ def merged(system: FuzzySystem, merger: Merger, importance: Floats) -> tuple[Fuz
 
 
 def _said_once(system: FuzzySystem, rule: Rule) -> Rule:
-    """Return a rule without repeated statements, where that means the same."""
+    """Return a rule without repeated statements, unless repeating changes its strength."""
     plain = {model.And: system.and_operator_of(rule) == "min", model.Or: system.or_operator_of(rule) == "max"}
 
     def once(part: model.Expression) -> model.Expression:
@@ -117,7 +117,7 @@ def _said_once(system: FuzzySystem, rule: Rule) -> Rule:
 
 
 def _without_rivals(before: Sequence[Rule], after: Sequence[Rule], importance: Floats) -> list[int]:
-    """Return the indices of rules; of those whose antecedents became equal, only the most important."""
+    """Return the indices of the rules to keep: of rules with equal antecedents only the most important."""
     asking: dict[object, list[int]] = {}
     for index, rule in enumerate(after):
         concluded = tuple(consequent.variable for consequent in rule.consequents)

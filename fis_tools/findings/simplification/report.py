@@ -127,7 +127,7 @@ class Bench:
         return max(changes[name].cost(self.budget) for name in self.governing)
 
     def without_input(self, index: int) -> "Bench":
-        """Return the bench of a system that has one input less; what the original answered stays."""
+        """Return the same samples without one input, with the original's outputs."""
         fewer = {name: np.delete(rows, index, axis=1) for name, rows in self.samples.items()}
         return replace(self, samples=fewer)
 

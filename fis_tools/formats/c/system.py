@@ -41,7 +41,7 @@ Kind = Literal["input", "formula", "weighed", "cut", "implied", "silent"]
 
 @dataclass(frozen=True)
 class _Signal:
-    """An input or output as C needs it.
+    """An input or output of a system, prepared for C: its table, formulas and names.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ def _table(variable: Variable, term: Term) -> tuple[list[float], list[float]]:
 
 
 class System:
-    """A system of a controller as C needs it."""
+    """A fuzzy system, prepared for C; `text` renders it."""
 
     def __init__(self, name: str, system: FuzzySystem) -> None:
         words = identifiers(variable.name for variable in system.variables)

@@ -12,7 +12,7 @@ _Name = TypeVar("_Name", bound=str)
 
 
 class Words(NamedTuple):
-    """What the formats call one method."""
+    """The words for one method in each format."""
 
     fis: str
     fll: str

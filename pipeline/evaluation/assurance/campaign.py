@@ -64,7 +64,7 @@ class FormulaResult(NamedTuple):
 
     @property
     def num_occurred(self) -> dict[str, int]:
-        """In how many cases each premise occurs."""
+        """Number of cases in which each premise occurs."""
         return {text: int(np.count_nonzero(occurs)) for text, occurs in self.premises.items()}
 
 

@@ -88,7 +88,7 @@ def sensed(log: FlightLog, controller: Controller) -> dict[str, Floats]:
 
 
 def left_on(domain: Domain, log: FlightLog, controller: Controller, period_s: float) -> tuple[Departure, ...]:
-    """Return when a flight left a domain."""
+    """Return when the inputs of a flight were outside an operational domain, the earliest first."""
     times = np.flatnonzero(log.is_decided).astype(np.float64) * period_s
     inputs = sensed(log, controller)
     departed = [departure for box in domain.boxes for departure in departures(box, times, inputs[box.system])]

@@ -1,4 +1,4 @@
-"""What became of a requirement, in sentences: the claim and its reach, the flights, and missing proofs."""
+"""The verdict on a requirement in sentences: the claim and its scope, the flights, and missing proofs."""
 
 from pipeline.evaluation.assurance.formula import Always, Eventually, Predicate
 from pipeline.evaluation.assurance.quantities import EXTREMES, UNITS
@@ -73,7 +73,7 @@ def claimed_share(requirement: Requirement, result: MethodResult) -> str:
 
 
 def claimed_reach(evidence: Evidence, result: MethodResult) -> str:
-    """Return the times and flights that a claim is about, to follow its share; empty for systems."""
+    """Return the scope of a claim in words, to follow its share: times and flights; empty for systems."""
     if evidence.requirement.formula is None or not evidence.duration_s:
         return ""
     times = "at all times" if result.is_continuous else f"at samples {evidence.period_s:g} s apart"
@@ -90,7 +90,7 @@ def _premises(judgement: Judgement) -> str:
 
 
 def _missing(result: MethodResult) -> str:
-    """Return in a sentence why a proof that was asked for is none."""
+    """Return a sentence on why a requested proof does not prove the requirement."""
     if result.word == UNCHECKED:
         return f"{capitalised(result.why)}."
     return f"The proof asked for does not apply: {result.why}."

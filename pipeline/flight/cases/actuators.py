@@ -28,7 +28,7 @@ NO_FIRING = Firing(
 
 
 def firing_of(mission: Mission, scenarios: list[Scenario]) -> Firing:
-    """Return how the deputies of some flights fire."""
+    """Return the thrusters of some flights with their drawn errors."""
     if not isinstance(mission.actuators, RealActuators):
         return NO_FIRING
     return Firing(True, thrusters_of(mission), thrust_errors(mission, scenarios))

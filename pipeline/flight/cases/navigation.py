@@ -40,7 +40,7 @@ NO_ERRORS = NavigationErrors(np.zeros((0, 6)), np.zeros((0, 0, 3)), np.zeros((0,
 
 
 def fixes_of(mission: Mission, scenarios: list[Scenario]) -> Fixes:
-    """Return how the deputies of some flights know their state."""
+    """Return the navigation of some flights: exact, or fixes with their drawn errors and a filter."""
     is_on = mission.navigation.mode == "fixes"
     return Fixes(is_on, filter_of(mission), errors_of(mission, scenarios) if is_on else NO_ERRORS)
 
@@ -158,7 +158,7 @@ def as_believed(mission: Mission, scenarios: list[Scenario]) -> tuple[Mission, l
 
 
 def as_drawn(mission: Mission, believed: list[Scenario], draws: list[int]) -> list[Scenario]:
-    """Return where deputies may be that believe to be at some starts, each with the errors of a draw, from 1.
+    """Return possible true starts behind believed ones: each with the errors of one draw, from 1.
 
     The errors are drawn by the mission's settings from seeds of their own: they are not those of the flight.
     """

@@ -71,7 +71,7 @@ class Pilot(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class _WithoutRules:
-    """What controllers without fuzzy systems have in their place: none."""
+    """Base of controllers without fuzzy systems: everything about rules is empty."""
 
     name: str
 
@@ -97,7 +97,7 @@ class _WithoutRules:
 
     @property
     def changes(self) -> tuple[int, ...]:
-        """No samples: it stays the same."""
+        """Samples at which the controller changes: none."""
         return ()
 
 
@@ -133,7 +133,7 @@ class RuleController:
 
     @property
     def changes(self) -> tuple[int, ...]:
-        """The samples at which it becomes what it is `later`."""
+        """Samples at which the controller is replaced by those of `later`."""
         return tuple(sample for sample, _ in self.later)
 
 
@@ -182,7 +182,7 @@ Controller = RuleController | OpenLoopController | PlanningController | Regulato
 
 
 def stretches_of(controller: Controller) -> tuple[tuple[int, Controller], ...]:
-    """Return the samples at which a controller's stretches begin, from 0, and what it is in each."""
+    """Return the samples from which a flight has another controller, the first 0, and these controllers."""
     return (0, controller), *(controller.later if isinstance(controller, RuleController) else ())
 
 

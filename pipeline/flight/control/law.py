@@ -39,7 +39,7 @@ REHEARSED_PARTS = (
 
 
 def law_of(controller: Controller, mission: Mission) -> Law:
-    """Return what the compiled episode needs to know of a controller, apart from its numbers.
+    """Return the structure of a controller as compiled flights read it: everything but its numbers.
 
     It holds no plans of a planner, a regulator or a pilot yet.
 

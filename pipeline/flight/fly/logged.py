@@ -1,4 +1,4 @@
-"""The log of one flight: what lane 0 carries, at each sample and over each control period, and why."""
+"""The log of one flight: the values of lane 0 at each sample and in each control period, with reasons."""
 
 from math import atan2, floor, pi
 from typing import Any

@@ -52,7 +52,7 @@ NOTHING_KNOWN = np.empty((0, 6))
 
 
 class Results(NamedTuple):
-    """What flights fill in."""
+    """Arrays into which flights write their results."""
 
     outcomes: Floats  # (n m, NUM_OUTCOMES)
     log: FlightLog = NO_LOG  # of one flight alone

@@ -1,4 +1,4 @@
-"""What deputies know of the rest of their flights when they plan pushes."""
+"""What plans of pushes are priced by: the rest of a flight, as deputies know it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -61,7 +61,7 @@ def rehearsing(controller: RuleController) -> RuleController:
 
 @lru_cache(maxsize=32)
 def rehearsing_once(controller: RuleController) -> RuleController:
-    """Return the same, of a controller that rehearses at the start alone."""
+    """Return a controller without its foresight that rehearses at the start only, see `rehearsing`."""
     return _with(controller, _without(controller, "foresight", "rehearsal_period_s"))
 
 
@@ -163,7 +163,7 @@ class Deputies:
         return min(self.world.max_force, guard.planned_force) if guard.is_on else self.world.max_force
 
     def only(self, flights: Integers) -> "Deputies":
-        """Return some of them."""
+        """Return the deputies of some indices."""
         left = None if self.left is None else self.left[flights]
         believed, lit = ([of[flight] for flight in flights] for of in (self.believed, self.lit))
         return replace(self, believed=believed, spreads_m=self.spreads_m[flights], lit=lit, left=left)
@@ -195,7 +195,7 @@ class Deputies:
         return openings
 
     def outlooks(self) -> list[tuple[Outlook, int]]:
-        """Return what the plans of each flight are priced by, and how many points they need to see."""
+        """Return, for each flight, what prices its plans, and the number of points they must see."""
         return [self._outlook(flight, sight) for flight, sight in enumerate(self._sights())]
 
     def _sights(self) -> Sequence[Floats]:

@@ -119,7 +119,7 @@ def fly_by_reference(
 
 
 def sample_fields(flight: ReferenceFlight, seen: Look) -> dict[str, Any]:
-    """Return what is known at a sample, by the names of the log."""
+    """Return the log's fields of a sample, by name."""
     values = {
         "quaternion_b_from_h": seen.attitude.as_quat(),
         "sensed_quaternion_b_from_h": seen.sensed.as_quat(),
@@ -138,7 +138,7 @@ def sample_fields(flight: ReferenceFlight, seen: Look) -> dict[str, Any]:
 
 
 def period_fields(flight: ReferenceFlight, seen: Look, done: Act) -> dict[str, Any]:
-    """Return what is done in a control period, by the names of the log."""
+    """Return the log's fields of a control period, by name."""
     return inference_fields(flight, done.decision) | {
         "force_body_n": seen.sensed.inv().apply(done.decision.wanted),
         "force_hill_n": done.thrust.fired,
@@ -153,7 +153,7 @@ def period_fields(flight: ReferenceFlight, seen: Look, done: Act) -> dict[str, A
 
 
 def inference_fields(flight: ReferenceFlight, decision: Decision) -> dict[str, Any]:
-    """Return what inference came to, by the names of the log."""
+    """Return the log's fields of inference, by name."""
     count = len(flight.controller.systems)
     inputs, outputs = np.zeros((count, 3)), np.zeros(count)
     for system, (sensed, output) in enumerate(decision.inferred):
@@ -168,7 +168,7 @@ def inference_fields(flight: ReferenceFlight, decision: Decision) -> dict[str, A
 
 
 def point_fields(flight: ReferenceFlight, k: int, seen: Look, decision: Decision) -> dict[str, Any]:
-    """Return which points the signals of a decision were made of, by the names of the log."""
+    """Return the log's fields on the points that a decision's signals are made of, by name."""
     values: dict[str, Any] = {}
     if decision.is_missed is not None:
         values["is_missed"] = decision.is_missed

@@ -68,7 +68,7 @@ def rehearsed_openings(
 
 
 class Rehearsals(NamedTuple):
-    """What rehearsals of tours, S in a flight, tell about flights from m starts."""
+    """The results of rehearsing tours, S times in a flight, for flights from m starts."""
 
     costs: Floats  # (m, S, tours) m/s
     followed: Integers  # (m, S) the cheapest tour, which is followed up to the next rehearsal

@@ -54,7 +54,7 @@ def foresees(controller: Controller) -> bool:
 
 @dataclass(frozen=True)
 class PlannedDecision:
-    """What a deputy chose at a sample, and among what.
+    """A choice between plans at a sample: the candidates with their costs, and the chosen one.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ class PlannedDecision:
 
 @dataclass(frozen=True)
 class Foreseen:
-    """What flights from m starts fire by foresight.
+    """The forces planned by foresight for flights from m starts.
 
     Parameters
     ----------
@@ -158,7 +158,7 @@ class _Choice:
 
     @property
     def _cheapest(self) -> Floats:
-        """What the flights by plans cost, (m,), m/s."""
+        """Cost of each flight by its best plan, (m,), m/s."""
         return np.asarray(self.ends[:2].min(axis=0))
 
     @property
@@ -167,7 +167,7 @@ class _Choice:
         return np.asarray(np.fmin(self.ends[RULES], self.ends[REHEARSED]) < self._cheapest)
 
     def decision(self) -> PlannedDecision:
-        """Return what the only deputy chose, and among what."""
+        """Return the decision of the only deputy, for its log."""
         deputies, search = self._deputies, self._searches[0]
         coasted = deputies.fly(finishing(deputies.controller), deputies.coasting())
         plans, prices = np.zeros((NUM_RECORDED, MOST_PUSHES, 4)), np.full(NUM_RECORDED, np.nan)
@@ -206,7 +206,7 @@ class _Choice:
         return min(searches, key=lambda search: search.cost)
 
     def _try_harder(self, short: Integers, efforts: Sequence[Effort], attempt: int) -> None:
-        """Search again for some flights, with most pushes, and go by what is cheaper."""
+        """Search again for some flights with the most pushes allowed, and keep the cheaper plans."""
         searches = [
             self._search(flight, MOST_PUSHES, efforts, attempt=attempt + 1) for flight in short.tolist()
         ]
@@ -277,7 +277,7 @@ def _pushes_of(genes: Floats, deputies: Deputies) -> Floats:
 
 
 def _rehearsed(deputies: Deputies) -> Floats:
-    """Return what the flights cost that controllers rehearse at the start, (m,), m/s; or infinity."""
+    """Return the cost of the best flight rehearsed at the start, (m,), m/s; infinity without rehearsals."""
     mission, believed = deputies.mission, list(deputies.believed)
     controller = rehearsing_once(deputies.controller)
     if tour_images(controller):
@@ -288,7 +288,7 @@ def _rehearsed(deputies: Deputies) -> Floats:
 
 
 def foresight_fields(decisions: Sequence[PlannedDecision]) -> dict[str, Floats]:
-    """Return decisions by the names of a flight's log."""
+    """Return decisions as fields of a flight's log, by name."""
     return {
         "foresight_at": np.array(
             [[each.sample, each.num_priced, each.missed] for each in decisions], dtype=np.float64

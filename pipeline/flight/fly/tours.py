@@ -58,7 +58,7 @@ NUM_TIMES = 3
 
 
 def rehearsed_tours(controller: Controller) -> list[Tour]:
-    """Return the tours that a controller rehearses, first its own; none by default."""
+    """Return the tours that a controller rehearses, its own first; empty by default."""
     values = controller.constants
     tour_time, slowest = values[constant("tour_time_s")], values[constant("rehearsal_slowest_s")]
     smallest, num_images = values[constant("rehearsal_smallest")], round(values[constant("rehearsal_tours")])
@@ -70,7 +70,7 @@ def rehearsed_tours(controller: Controller) -> list[Tour]:
 
 
 def tour_names(controller: Controller) -> list[str]:
-    """Return what each tour that a controller rehearses is called."""
+    """Return the name of each tour that a controller rehearses."""
     tours = rehearsed_tours(controller)
     with_time, with_size = (len({tour[part] for tour in tours}) > 1 for part in (2, 1))
     return [

@@ -68,7 +68,7 @@ def _room(count: int, mission: Mission) -> NDArray[np.float32]:
 
 
 def achieved(mission: Mission, log: FlightLog) -> tuple[int, float]:
-    """Return what a logged flight counts for: points inspected, or 1 for the goal, and its delta-v, m/s."""
+    """Return a logged flight's result: points inspected (or 1 for a goal reached), and its delta-v, m/s."""
     if mission.problem.kind == "reach":
         last, fault = ended(mission, log)
         return int(not fault), float(np.float32(log.delta_v_m_s[last]))

@@ -1,4 +1,4 @@
-"""What signals mean to a controller: some mean something else where a constant is zero.
+"""Descriptions of signals, some of which depend on whether a controller sets a constant.
 
 Descriptions name constants, not their values: they stay true as a search or a hand changes values, until one
 becomes zero or no longer is.
@@ -78,7 +78,7 @@ def describe(signal: str, constants: Iterable[str]) -> str:
 
 
 def descriptions_of(signal: str) -> frozenset[str]:
-    """Return all that a signal may mean."""
+    """Return every description that a signal may have."""
     names = FOLLOWING[signal][0] if signal in FOLLOWING else ()
     choices = chain.from_iterable(combinations(names, size) for size in range(len(names) + 1))
     return frozenset(describe(signal, choice) for choice in choices) | {SIGNALS[signal].description}

@@ -74,7 +74,7 @@ class EstimateErrors:
 
 @dataclass(frozen=True)
 class SafetyBounds:
-    """What the safety layer keeps to spare where something is inexact; nothing where all is exact."""
+    """Margins that the safety layer keeps for errors of state, thrust and motion; zero where all is exact."""
 
     errors: ErrorBounds = ErrorBounds()
     keep_out_m: float = 0.0  # least distances to the limits, at samples, of what the layer plans
@@ -297,7 +297,7 @@ def dip(radius: float, length: float) -> float:
 
 
 class _Recursion:
-    """What becomes, from sample to sample, of a stop's place and force under bounded errors."""
+    """The recursion over samples of the position and force of a stop under bounded errors."""
 
     def __init__(self, mission: Mission, errors: ErrorBounds, known: EstimateErrors) -> None:
         motion = motion_over(mission.orbit, mission.deputy, (mission.control_period_s,))
