@@ -69,7 +69,7 @@ def main() -> None:
     )
     controller = source.named(options.controller, experiment.mission)
     if options.case is not None:
-        return tell_flight(experiment, controller, options.case, options.picture)
+        return print_flight(experiment, controller, options.case, options.picture)
     scenarios = evaluation_scenarios(replace(experiment, seed=options.seed))
     if options.flights is not None:
         return draw_flights(guarded.mission, controller, scenarios[: options.flights], options.picture)
@@ -302,7 +302,7 @@ def print_times(solved: Solved, spent: Floats) -> None:
         )
 
 
-def tell_flight(experiment: Experiment, controller: Controller, case: int, picture: Path | None) -> None:
+def print_flight(experiment: Experiment, controller: Controller, case: int, picture: Path | None) -> None:
     """Print a solved case's burns, force by force: when, how much, by which rule."""
     mission, solved = experiment.mission, solved_for(experiment)
     row = int(np.flatnonzero(solved.cases["case"] == case)[0])

@@ -57,7 +57,7 @@ def signals(seen: Floats, mean_motion: float) -> Mapping[str, Floats]:
     }
 
 
-def asked_along(
+def sensed_along(
     policy: Policy, mission: Mission, starts: list[Scenario], forces: Floats
 ) -> tuple[Floats, Floats]:
     """Return the observations in flights under forces, (m, K, 3), and the policy's actions, as rows."""
@@ -134,13 +134,13 @@ def main(arguments: Sequence[str]) -> int:
     starts = validation_scenarios(experiment, options.starts * (options.rounds + 1))
     for number in range(1, options.rounds + 1):
         chosen = starts[(number - 1) * options.starts : number * options.starts]
-        seen, done = asked_along(policy, mission, chosen, flown_forces(mission, flown, chosen))
+        seen, done = sensed_along(policy, mission, chosen, flown_forces(mission, flown, chosen))
         rows, answers = np.concatenate([rows, seen]), np.concatenate([answers, done])
         fuzzy = learned(rows, answers, mission, options.terms, f"imitated_{options.terms}")
         flown = from_fuzzy(fuzzy)
         last = starts[-options.starts :]
         share = explained(
-            fuzzy, *asked_along(policy, mission, last, flown_forces(mission, controller, last)), mission
+            fuzzy, *sensed_along(policy, mission, last, flown_forces(mission, controller, last)), mission
         )
         rules = sum(len(system.rules) for system in fuzzy.systems)
         label = f"{rules} rules, round {number}, variance explained {share:.2f}"

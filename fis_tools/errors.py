@@ -39,7 +39,7 @@ class ControllerFileError(Mistake):
 
 
 @contextmanager
-def told_as(kind: type[Exception], *causes: type[Exception], where: str = "") -> Iterator[None]:
+def raised_as(kind: type[Exception], *causes: type[Exception], where: str = "") -> Iterator[None]:
     """Re-raise errors of some kinds in a block as another kind; ``where`` begins the sentences."""
     try:
         yield

@@ -13,7 +13,7 @@ from contextlib import redirect_stdout, suppress
 from pathlib import Path
 
 from fis_tools.analysis import flights
-from fis_tools.errors import ControllerFileError, suggestion, told_as
+from fis_tools.errors import ControllerFileError, raised_as, suggestion
 from fis_tools.file_access import read_text
 from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController, FuzzySystem
@@ -121,7 +121,7 @@ def _of_program(path: Path | str, trust: bool) -> FuzzyController:
         raise ControllerFileError(
             f"{path} is the text {str(program_object)!r}; name a system or a controller"
         )
-    with told_as(ControllerFileError, ValueError, TypeError, where=f"{path}: "):
+    with raised_as(ControllerFileError, ValueError, TypeError, where=f"{path}: "):
         return as_controller(program_object, str(path).rpartition(":")[2])
 
 

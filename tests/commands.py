@@ -5,8 +5,8 @@ from typing import NamedTuple
 from tests.state import unchanged
 
 
-class Told(NamedTuple):
-    """What a command prints, and what it says besides."""
+class CommandOutput(NamedTuple):
+    """What a command prints on standard output and on standard error."""
 
     out: str
     err: str
@@ -19,7 +19,7 @@ def running(main, capsys):
         capsys.readouterr()
         with unchanged():
             assert main([str(word) for word in words]) == code
-        streams = Told(*capsys.readouterr())
+        streams = CommandOutput(*capsys.readouterr())
         assert ("Traceback" in streams.err) == slips
         return streams
 

@@ -14,7 +14,7 @@ from fis_tools.analysis import tables
 from fis_tools.analysis.arrays import firing
 from fis_tools.array_types import Floats
 from fis_tools.engines.compiler import compile as compiled
-from fis_tools.errors import ControllerFileError, MissingExtra, told_as
+from fis_tools.errors import ControllerFileError, MissingExtra, raised_as
 from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.model.thrust import UNKNOWN
@@ -308,7 +308,7 @@ def _understood() -> AbstractContextManager[None]:
     """Turn the errors of a faulty recording into a `ControllerFileError`."""
     from telemetry.file import reader  # noqa: PLC0415 - as in `_read`
 
-    return told_as(ControllerFileError, reader.RecordingError)
+    return raised_as(ControllerFileError, reader.RecordingError)
 
 
 def _controller_of(recording: "Recording") -> FuzzyController:
@@ -318,7 +318,7 @@ def _controller_of(recording: "Recording") -> FuzzyController:
             f"{recording.path} carries no {CONTROLLER_ATTACHMENT}; give the controller's file instead"
         )
     where = f"{recording.path}, {CONTROLLER_ATTACHMENT}: "
-    with told_as(ControllerFileError, ControllerFileError, UnicodeDecodeError, where=where):
+    with raised_as(ControllerFileError, ControllerFileError, UnicodeDecodeError, where=where):
         return serialize.loads(content.decode("utf-8"), "json")
 
 

@@ -12,7 +12,7 @@ from fis_tools.analysis import tables
 from fis_tools.analysis.bounds import NUM_BOXES, ask, output_ranges
 from fis_tools.analysis.domain import Box, Departure, departures, from_mapping
 from fis_tools.commands.arguments import ControllerArguments, analysing, expected
-from fis_tools.errors import ControllerFileError, Mistake, told_as
+from fis_tools.errors import ControllerFileError, Mistake, raised_as
 from fis_tools.file_access import read_text
 from fis_tools.model import whole
 
@@ -61,7 +61,7 @@ def bounds(
     is_one = bool(controller.wires or where or question is not None)
     systems = (whole(controller, "add --system"),) if is_one else controller.systems
     sentences, verdict = [], None
-    with told_as(Mistake, ValueError), analysing(controller) as tell:
+    with raised_as(Mistake, ValueError), analysing(controller) as tell:
 
         def progress(num_boxes: int, num_open: int) -> None:
             tell(f"{num_boxes} boxes, {num_open} open")

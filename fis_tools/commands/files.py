@@ -12,7 +12,7 @@ from cyclopts import Parameter
 
 from fis_tools.commands import arguments
 from fis_tools.commands.arguments import ControllerArguments, Output, write
-from fis_tools.errors import Mistake, told_as
+from fis_tools.errors import Mistake, raised_as
 from fis_tools.formats import serialize
 from fis_tools.formats.c import source
 from fis_tools.formats.files import ONE_SYSTEM, WHOLE, File, in_files_of_one, of_one_system, wires_lost
@@ -72,7 +72,7 @@ def export(
     if format in ONE_SYSTEM:
         _write_each(controller, format, output)
         return
-    with told_as(Mistake, ValueError):
+    with raised_as(Mistake, ValueError):
         write(output, source.write(controller, bare) if bare else WHOLE[format].write(controller))
 
 
@@ -83,11 +83,11 @@ def _write_each(controller: FuzzyController, form: str, output: str | None) -> N
         raise Mistake("an FMU is an archive and cannot be printed; add -o FILE.fmu or -o FOLDER")
     if path is None or path.suffix.lower() == ONE_SYSTEM[form]:  # a file of such a form holds one system
         controller.only_system("add --system, or -o FOLDER for a file each")
-    with told_as(Mistake, ValueError):
+    with raised_as(Mistake, ValueError):
         systems = in_files_of_one(controller, ONE_SYSTEM[form])
     files: dict[str, File] = {}
     for name, alone in systems.items():
-        with told_as(Mistake, ValueError, where=f"{alone.systems[0].name}: "):
+        with raised_as(Mistake, ValueError, where=f"{alone.systems[0].name}: "):
             files[name] = of_one_system(alone, form)
     for name, file in files.items():
         if path is None:
@@ -221,7 +221,7 @@ def _merged(facts: Iterable[tuple[tuple[str, str], ...]]) -> tuple[tuple[tuple[s
 
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
-class AskedRecipe(Recipe):
+class RecipeOptions(Recipe):
     """The options of `learn`: what the learned system may look like.
 
     Parameters
@@ -241,7 +241,7 @@ class AskedRecipe(Recipe):
     tune: Annotated[bool, Parameter(negative="--no-tuning")] = True
 
 
-DEFAULTS = AskedRecipe()
+DEFAULTS = RecipeOptions()
 
 
 def learn(
@@ -250,7 +250,7 @@ def learn(
     *,
     target: str,
     inputs: Annotated[tuple[str, ...], Parameter(consume_multiple=True)] = (),
-    recipe: AskedRecipe = DEFAULTS,
+    recipe: RecipeOptions = DEFAULTS,
     output: Output = None,
 ) -> None:
     """Make a fuzzy system from a table of numbers.

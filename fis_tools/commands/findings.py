@@ -16,7 +16,7 @@ from fis_tools.commands import arguments
 from fis_tools.commands.arguments import FlightArguments, InstantArguments, Output, analysing
 from fis_tools.document import as_json, text
 from fis_tools.engines.inference import infer
-from fis_tools.errors import Mistake, require_known, told_as
+from fis_tools.errors import Mistake, raised_as, require_known
 from fis_tools.findings import audit as faults
 from fis_tools.findings import explanation, simplification
 from fis_tools.findings.audit import Severity, Thresholds, report
@@ -187,7 +187,7 @@ def _of_instants(
             if instant.inputs is not None
         ]
         return "\n".join([*steps_of, *silent])
-    with told_as(Mistake, ValueError), analysing(controller):
+    with raised_as(Mistake, ValueError), analysing(controller):
         explained = [
             explanation.explain(instant.system, instant.inputs, crossing, instant.points)
             for instant in chosen
@@ -336,7 +336,7 @@ def simplify(
     samples = args.flown(controller)
     if samples is None and flights_only:
         raise Mistake("--flights-only needs flights; add --flights, or leave it out")
-    with told_as(Mistake, ValueError):
+    with raised_as(Mistake, ValueError):
         budget = Budget(max_change, mean_change, flights_only, look_alike)
     with analysing(controller) as tell:
         simplified = simplification.simplify(controller, samples, budget, tell)

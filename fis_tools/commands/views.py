@@ -15,7 +15,7 @@ from fis_tools.array_types import Floats
 from fis_tools.commands import arguments
 from fis_tools.document import text
 from fis_tools.engines.inference import infer
-from fis_tools.errors import Mistake, told_as
+from fis_tools.errors import Mistake, raised_as
 from fis_tools.formats.csv import rows_as_text
 from fis_tools.formats.files import file_name
 from fis_tools.model import FuzzyController, FuzzySystem, Inferable, tree, whole
@@ -202,7 +202,7 @@ def surface(
     elif in_space or args.flights:
         raise Mistake("--3d and --flights are for pictures; add -o FILE.png, .svg or .pdf")
     held = arguments.assignments(fixed)
-    with told_as(Mistake, ValueError):
+    with raised_as(Mistake, ValueError):
         result = arrays.surface(system, x, y, fixed=held, output=of, num_points=points)
     if output is None or ending not in PICTURES:
         arguments.write(output, _surface_csv(result))

@@ -9,7 +9,7 @@ from types import MappingProxyType
 from nicegui import ui
 
 from fis_tools.document.html import read
-from fis_tools.edit.panels import Panel, PanelAnswers, Told, card, changes, findings, heading
+from fis_tools.edit.panels import DocumentPanel, Panel, PanelAnswers, card, changes, findings, heading
 from fis_tools.edit.session import Session
 from fis_tools.edit.system_view import SystemView
 from fis_tools.edit.touches import number
@@ -59,7 +59,10 @@ class Editor:
             self._left = ui.element("div").classes("side")
         with beside:
             self._surface = ui.element("div")
-        notes = (Told("Findings", findings), Told("Changes", partial(changes, session.original)))
+        notes = (
+            DocumentPanel("Findings", findings),
+            DocumentPanel("Changes", partial(changes, session.original)),
+        )
         self._answers = PanelAnswers(
             [*((sides[1], panel) for panel in panels), *((beside, panel) for panel in notes)]
         )
@@ -126,7 +129,7 @@ class Editor:
             self._view.forget()
             self._show()
             return
-        self._tell()
+        self._show_controller()
 
     def _set(self, name: str, value: str) -> None:
         def change(controller: FuzzyController) -> FuzzyController:
@@ -137,9 +140,9 @@ class Editor:
 
     def _step(self, by: int) -> None:
         self.session.step(by)
-        self._tell()
+        self._show_controller()
 
-    def _tell(self) -> None:
+    def _show_controller(self) -> None:
         """Show the present controller on each page of this window."""
         self._answer()
         for refresh in self.session.views:

@@ -39,7 +39,7 @@ def document() -> ui.element:
     return ui.element("div").classes("document")
 
 
-def tell(target: ui.element, **properties: object) -> None:
+def set_properties(target: ui.element, **properties: object) -> None:
     """Set properties of an element in the page itself: its framework would go through the whole page anew."""
     target.client.run_javascript(f"Object.assign(getHtmlElement({target.id}), {json.dumps(properties)})")
 
@@ -88,7 +88,7 @@ class PanelAnswers:
     def _ask(self, *panels: Panel) -> None:
         for panel in panels:
             self._asked[panel] = object()
-            tell(self._states[panel], textContent="computing …")
+            set_properties(self._states[panel], textContent="computing …")
         if not self._is_busy and self._controller is not None:
             self._is_busy = True
             background_tasks.create(self._answer())
@@ -110,10 +110,10 @@ class PanelAnswers:
             show()
         if self._asked.get(panel) is request:  # a touch may come while the end is looked for
             del self._asked[panel]
-            tell(self._states[panel], textContent="")
+            set_properties(self._states[panel], textContent="")
 
 
-class Told(Panel):
+class DocumentPanel(Panel):
     """A panel whose answer is a document.
 
     Parameters
@@ -132,7 +132,7 @@ class Told(Panel):
 
     def answers(self, controller: FuzzyController) -> Iterator[Show]:
         """Yield the answer's document."""
-        yield partial(tell, self._shown, innerHTML=self._answer(controller))
+        yield partial(set_properties, self._shown, innerHTML=self._answer(controller))
 
 
 #: systems that did not change are not audited again

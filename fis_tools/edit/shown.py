@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from fis_tools.edit.touches import numbers_of, said
+from fis_tools.edit.touches import numbers_of, with_sentence
 from fis_tools.model import And, Consequent, FuzzySystem, Is, MembershipFunction, Rule, Term, Variable
 from fis_tools.model.shapes import SHAPES
 from fis_tools.model.variables import sample, shape_values
@@ -145,6 +145,6 @@ def sentence(system: FuzzySystem, rule: int) -> str | None:
     words = f"If {text.antecedent_words(held.antecedent)} then {concluded}"
     words += "" if weight == 1.0 else f" with {weight:.12g}"
     with suppress(ValueError):
-        if said(system, rule, words) == system:
+        if with_sentence(system, rule, words) == system:
             return words
     return None

@@ -10,7 +10,7 @@ from nicegui import ui
 
 from fis_tools.analysis import arrays
 from fis_tools.edit import charts, shown, touches
-from fis_tools.edit.panels import ENTERED, card, document, heading, tell
+from fis_tools.edit.panels import ENTERED, card, document, heading, set_properties
 from fis_tools.edit.session import Session
 from fis_tools.engines.inference import infer
 from fis_tools.model import FuzzySystem, Variable
@@ -78,7 +78,9 @@ class SystemView:
         self._rules.on("select", lambda event: self._select(event.args["rule"]))
         with ui.element("div").classes("rule-editor"):
             self._sentence = ui.element("input").props('aria-label="the rule in words"')
-            self._sentence.on("change", lambda event: self._say(touches.said, event.args), js_handler=ENTERED)
+            self._sentence.on(
+                "change", lambda event: self._say(touches.with_sentence, event.args), js_handler=ENTERED
+            )
             with ui.row().classes("rule-tools"):
                 for name, known in (("and_operator", AND_OPERATORS), ("or_operator", OR_OPERATORS)):
                     choice = ui.select(list(known), label=f"{name.removesuffix('_operator')}:")
@@ -148,16 +150,16 @@ class SystemView:
         """Show the system as it stands; only what changed is sent."""
         system = self.system
         for view, variable in zip((*self._inputs, *self._outputs), system.variables, strict=True):
-            self._tell(view, "show", shown.variable(variable), view.touches)
+            self._call_view(view, "show", shown.variable(variable), view.touches)
         for name, choice in self._operators.items():
             choice.set_value(getattr(system, name))
         before = {original.name: original for original in self._session.original.systems}.get(system.name)
-        self._tell(self._rules, "show", shown.rules(system, before, self._as_list.value))
+        self._call_view(self._rules, "show", shown.rules(system, before, self._as_list.value))
         self._show_sentence()
         self._show_surface()
         self._infer()
 
-    def _tell(self, view: ui.element, method: str, *arguments: object) -> None:
+    def _call_view(self, view: ui.element, method: str, *arguments: object) -> None:
         if self._told.get((view, method)) != arguments:
             self._told[view, method] = arguments
             view.run_method(method, *arguments)
@@ -170,16 +172,16 @@ class SystemView:
         hint = (
             "press a rule to change it in words" if self._rule is None else "this rule has no words to change"
         )
-        tell(self._sentence, value=words or "", disabled=words is None, placeholder=hint)
+        set_properties(self._sentence, value=words or "", disabled=words is None, placeholder=hint)
 
     def _infer(self) -> None:
         inference = infer(self.system, np.array(self._values))
         for view, degrees in zip(self._inputs, inference.memberships, strict=True):
-            self._tell(view, "infer", degrees.round(4).tolist())
+            self._call_view(view, "infer", degrees.round(4).tolist())
         for view, output in zip(self._outputs, inference.outputs, strict=True):
             cuts = output.cuts.round(4).tolist() if output.variable.has_sets else []
-            self._tell(view, "infer", cuts, float(output.value))
-        self._tell(self._rules, "fire", inference.firing_strengths.round(3).tolist())
+            self._call_view(view, "infer", cuts, float(output.value))
+        self._call_view(self._rules, "fire", inference.firing_strengths.round(3).tolist())
 
     def _show_surface(self) -> None:
         system = self.system
@@ -199,4 +201,4 @@ class SystemView:
     def _show_scale(self, scale: str) -> None:
         if self._told.get((self._scale, "scale")) != (scale,):
             self._told[self._scale, "scale"] = (scale,)
-            tell(self._scale, innerHTML=scale)
+            set_properties(self._scale, innerHTML=scale)

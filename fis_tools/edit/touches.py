@@ -135,7 +135,7 @@ def turned(system: FuzzySystem, rule: int, side: str, index: int, step: int) -> 
     return with_rule(system, rule, replace(held, consequents=tuple(concluded)))
 
 
-def said(system: FuzzySystem, rule: int, text: str) -> FuzzySystem:
+def with_sentence(system: FuzzySystem, rule: int, text: str) -> FuzzySystem:
     """Return a system in which a rule is replaced by that of a sentence; its label and operators stay.
 
     Raises

@@ -19,7 +19,7 @@ from types import MappingProxyType
 from typing import Any, TypeVar
 
 from fis_tools import model
-from fis_tools.errors import ControllerFileError, require_known, suggestion, told_as
+from fis_tools.errors import ControllerFileError, raised_as, require_known, suggestion
 from fis_tools.model.operators import HEDGES
 from fis_tools.model.shapes import SHAPES
 from fis_tools.model.validate import (
@@ -394,7 +394,7 @@ def _rules(
             f"{where} is a table of terms but the system has {len(outputs)} outputs; write each rule as "
             "{if: ..., then: [...]}"
         )
-    with told_as(ControllerFileError, ValueError, where=f"{where}: "):
+    with raised_as(ControllerFileError, ValueError, where=f"{where}: "):
         return model.table_rules(inputs, outputs[0], value)
 
 

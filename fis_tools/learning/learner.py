@@ -235,7 +235,7 @@ def _spread(count: int) -> Integers:
 FOLDS = 5
 
 
-class Reached(NamedTuple):
+class ValidationScore(NamedTuple):
     """The cross-validated error of a recipe: on rows that it did not learn from.
 
     Attributes
@@ -284,7 +284,7 @@ def learn_table(table: TrainingTable, recipe: Recipe) -> Learned:
     return learn_number(samples, target, table.values, recipe)
 
 
-def cross_validated(table: TrainingTable, recipe: Recipe) -> Reached | None:
+def cross_validated(table: TrainingTable, recipe: Recipe) -> ValidationScore | None:
     """Cross-validate a recipe in five folds; None for too few rows."""
     fold = np.arange(len(table.values)) % FOLDS
     if len(table.values) < 2 * FOLDS:
@@ -307,7 +307,7 @@ def cross_validated(table: TrainingTable, recipe: Recipe) -> Reached | None:
             wrong += float(np.square(answers[:, 0] - truth).sum())
             wrong_of_constant += float(np.square(part.values.mean() - truth).sum())
     errors = np.array([wrong, wrong_of_constant]) / len(table.values)
-    return Reached(*(errors if table.has_classes else np.sqrt(errors)).tolist())
+    return ValidationScore(*(errors if table.has_classes else np.sqrt(errors)).tolist())
 
 
 #: Samples that an imitation is judged by; none of them was learned from.

@@ -358,7 +358,7 @@ class FuzzySystem:
         return output.defuzzifier or self.defuzzifier
 
 
-def said_once(system: FuzzySystem) -> FuzzySystem:
+def with_joint_operators(system: FuzzySystem) -> FuzzySystem:
     """Return a system whose rules and outputs state only operators that differ from the system's.
 
     The system takes an operator from the first rule that uses it, and the defuzzifier of its first output.

@@ -15,7 +15,7 @@ from fis_tools.analysis import arrays, flights, tables
 from fis_tools.analysis.flight_data import FlightOutcome, FlownSystem
 from fis_tools.array_types import Floats
 from fis_tools.document import Table
-from fis_tools.errors import ControllerFileError, told_as
+from fis_tools.errors import ControllerFileError, raised_as
 from fis_tools.file_access import read_text
 from fis_tools.model import FuzzyController, FuzzySystem
 
@@ -149,7 +149,7 @@ def evaluations(paths: Sequence[Path | str], sha256: str) -> list[Evaluation]:
     results = []
     for folder in dict.fromkeys(folders):
         if (folder / SUMMARY).is_file():
-            with told_as(
+            with raised_as(
                 ControllerFileError, OSError, ValueError, RecursionError, where=f"{folder / SUMMARY}: "
             ):
                 summary = json.loads(read_text(folder / SUMMARY))

@@ -19,9 +19,9 @@ from skfuzzy.control.term import TermAggregate
 
 from fis_tools import model
 from fis_tools.array_types import Floats
-from fis_tools.errors import require_known, told_as
+from fis_tools.errors import raised_as, require_known
 from fis_tools.model.operators import ACCUMULATIONS, AND_OPERATORS, OR_OPERATORS
-from fis_tools.model.systems import Named, NotResolvable, said_once, unchained
+from fis_tools.model.systems import Named, NotResolvable, unchained, with_joint_operators
 from fis_tools.model.validate import MAX_NESTING, problems
 from fis_tools.scikit_fuzzy.recognition import recognise
 
@@ -92,7 +92,7 @@ def read_control_system(
     require_known(defaults, labels, "defaults name an unknown output", UnreadableControlSystem)
     outputs = tuple(_output(output, defaults) for output in source.consequents)
     inputs = tuple(map(_variable, source.antecedents))
-    read = said_once(model.FuzzySystem(name, inputs, outputs, _rules(rules, outputs)))
+    read = with_joint_operators(model.FuzzySystem(name, inputs, outputs, _rules(rules, outputs)))
     sentences = problems(read)
     if sentences:
         raise UnreadableControlSystem("\n".join(sentences))
@@ -170,7 +170,7 @@ def _defuzzifier(source: Any) -> model.Defuzzifier:
 def _rules(sources: Sequence[control.Rule], outputs: Sequence[model.Variable]) -> tuple[model.Rule, ...]:
     """Read rules in the order in which they are computed, and say those of a chain of the inputs alone."""
     named = [Named(_called(source), _rule(source)) for source in sources]
-    with told_as(UnreadableControlSystem, NotResolvable):
+    with raised_as(UnreadableControlSystem, NotResolvable):
         rules = unchained(named, {output.name: output for output in outputs})
     return _with_labels(sources, rules)
 

@@ -11,7 +11,7 @@ from nicegui import ui
 from fis_tools.document import html
 from fis_tools.document.html import read
 from fis_tools.edit.charts import AFTER, AXIS_COLOURS, Chart, Options, axis, chart, line
-from fis_tools.edit.panels import Panel, Show, document, tell
+from fis_tools.edit.panels import Panel, Show, document, set_properties
 from fis_tools.findings.explanation import explain
 from fis_tools.model import FuzzyController
 from fis_tools.model.thrust import REASONS
@@ -97,7 +97,7 @@ class OneFlight(Panel):
         self._forces.draw(forces)
 
     def _show_instant(self, words: str, mark: Options) -> None:
-        tell(self._words, innerHTML=words)
+        set_properties(self._words, innerHTML=words)
         self._forces.draw(mark)
 
     def _scrub(self, sample: int) -> None:

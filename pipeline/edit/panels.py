@@ -8,7 +8,7 @@ from markupsafe import Markup
 
 from fis_tools.document import Cell, Document, Mark, Table, html
 from fis_tools.edit.charts import AFTER, BEFORE, Chart, Options, axis, chart
-from fis_tools.edit.panels import Panel, Show, document, tell
+from fis_tools.edit.panels import Panel, Show, document, set_properties
 from fis_tools.model import FuzzyController
 from pipeline.edit.cases import EditorCases, Flown, most_changed
 from pipeline.edit.one_flight import OneFlight
@@ -58,7 +58,9 @@ class ManyFlights(Panel):
                 is_shown = before in (self._before[0], self._before[-1])
                 yield self._summary(controller, before, after) if is_shown else lambda: None
         except ValueError as refused:
-            yield partial(tell, self._numbers, innerHTML=html.element("p", str(refused), class_="worse"))
+            yield partial(
+                set_properties, self._numbers, innerHTML=html.element("p", str(refused), class_="worse")
+            )
 
     def _summary(self, controller: FuzzyController, before: Flown, after: Flown) -> Show:
         numbers = html.body(Document([_numbers(self._cases.compare(before, after))]))
@@ -70,8 +72,8 @@ class ManyFlights(Panel):
         return partial(self._show, str(numbers), str(below), _histogram(before, after))
 
     def _show(self, numbers: str, below: str, bars: Options) -> None:
-        tell(self._numbers, innerHTML=numbers)
-        tell(self._below, innerHTML=below)
+        set_properties(self._numbers, innerHTML=numbers)
+        set_properties(self._below, innerHTML=below)
         self._chart.draw(bars)
 
 

@@ -89,7 +89,7 @@ def run(experiment: Experiment, folder: Path) -> str:
     """
     text = requirements_text(experiment.assurance.requirements)
     requirements = parse_requirements(text, experiment.assurance.requirements)
-    _tell_needs(requirements.requirements, experiment.assurance.num_cases)
+    _print_needs(requirements.requirements, experiment.assurance.num_cases)
     for path in (folder / artifacts.WORST_FLIGHTS).glob("*.mcap"):
         path.unlink()
     writing.write_atomically(folder / artifacts.REQUIREMENTS, text)
@@ -112,7 +112,7 @@ def run(experiment: Experiment, folder: Path) -> str:
     return f"no proof was found, though one was asked for, of {', '.join(unproved)}" if unproved else ""
 
 
-def _tell_needs(requirements: Sequence[Requirement], num_cases: int) -> None:
+def _print_needs(requirements: Sequence[Requirement], num_cases: int) -> None:
     """Print before anything flies how many cases the claims need."""
     for requirement in requirements:
         if CASES in requirement.verified_by and requirement.probability == 1.0:

@@ -37,7 +37,7 @@ WRITE_EVERY_S: Final = 1.0
 
 
 @dataclass(frozen=True)
-class Standing:
+class FitResult:
     """A result of the fit so far: a controller, its mission, and its flights from unseen starts."""
 
     words: str
@@ -63,10 +63,10 @@ def run(experiment: Experiment, folder: Path) -> Unimproved | None:
     shipped = next((rival for rival in rivals if rival[0].is_shipped), None)
     _report("as shipped", shipped and shipped[1])
 
-    def stand(what: str, words: str, controller: FuzzyController, mission: Mission) -> Standing:
+    def stand(what: str, words: str, controller: FuzzyController, mission: Mission) -> FitResult:
         tally = _tally(experiment, mission, controller, unseen)
         _report(f"{what}, {words}", tally)
-        return Standing(words, controller, mission, tally)
+        return FitResult(words, controller, mission, tally)
 
     best = rivals[0][0]
     fitted = last = stand(
@@ -120,9 +120,9 @@ def _row(words: str, tally: FlightTally) -> dict[str, Any]:
     return {"words": words, **row}
 
 
-def _reaches_goal(experiment: Experiment, standing: Standing) -> bool:
+def _reaches_goal(experiment: Experiment, result: FitResult) -> bool:
     """Return whether the success is above the goal, at the confidence of the evaluation."""
-    return standing.tally.success.low >= experiment.fit.goal_percent / 100.0
+    return result.tally.success.low >= experiment.fit.goal_percent / 100.0
 
 
 def _best_with_layer(
@@ -222,18 +222,18 @@ class CompetitionTable:
         tables.write_csv(self._path, fitting.COLUMNS, rows)
 
 
-def _is_tuned(experiment: Experiment, standing: Standing) -> bool:
+def _is_tuned(experiment: Experiment, result: FitResult) -> bool:
     """Return whether to tune the best controller: never with dispersions, which training does not fly."""
     tunes = experiment.fit.tunes
-    is_wanted = tunes == "always" or (tunes == "needed" and not _reaches_goal(experiment, standing))
+    is_wanted = tunes == "always" or (tunes == "needed" and not _reaches_goal(experiment, result))
     return is_wanted and not experiment.mission.dispersions
 
 
-def _tuned(experiment: Experiment, folder: Path, standing: Standing) -> FuzzyController | None:
+def _tuned(experiment: Experiment, folder: Path, start: FitResult) -> FuzzyController | None:
     """Tune a controller by training; return None if no champion flies better."""
-    given = standing.controller
-    moved = replace(experiment, mission=standing.mission)
-    tuning = fitting.tuning_of(moved, given, standing.tally)
+    given = start.controller
+    moved = replace(experiment, mission=start.mission)
+    tuning = fitting.tuning_of(moved, given, start.tally)
     genome = genome_of(from_fuzzy(given), tuning.optimizer.encoding)
     with TrainingProgress(tuning.optimizer) as progress:
         result = evolved(

@@ -26,7 +26,7 @@ _KEY: Final = np.dtype([("time_s", np.float64), ("occurrence", np.int64)])
 
 
 @dataclass(frozen=True)
-class Parting:
+class FirstDifference:
     """Where two fields first differ by more than the tolerance.
 
     Parameters
@@ -63,7 +63,7 @@ class FieldComparison:
         lengths differ.
     greatest_time_s : float
         Time of the largest difference.
-    parting : Parting or None
+    first_difference : FirstDifference or None
         None if the field never differs by more than the tolerance.
     """
 
@@ -72,7 +72,7 @@ class FieldComparison:
     unit: str
     greatest: float
     greatest_time_s: float
-    parting: Parting | None
+    first_difference: FirstDifference | None
 
 
 @dataclass(frozen=True)
@@ -125,13 +125,13 @@ class Comparison:
     @property
     def is_equal(self) -> bool:
         """Whether nothing differs by more than the tolerance."""
-        return not self.lone and all(field.parting is None for field in self.fields)
+        return not self.lone and all(field.first_difference is None for field in self.fields)
 
     @property
-    def parting(self) -> Parting | LoneMessages | None:
+    def first_difference(self) -> FirstDifference | LoneMessages | None:
         """The first difference, None if there is none."""
-        partings = [field.parting for field in self.fields if field.parting is not None]
-        ways: list[Parting | LoneMessages] = [*self.lone, *partings]
+        differences = [field.first_difference for field in self.fields if field.first_difference is not None]
+        ways: list[FirstDifference | LoneMessages] = [*self.lone, *differences]
         return min(ways, key=lambda way: (way.sample, _flow(way.topic)), default=None)
 
 
@@ -223,15 +223,17 @@ def _compared_fields(
         # the tolerance does not apply to counts and states
         beyond = np.flatnonzero(greatest > (tolerance if first_value.dtype.kind == "f" else 0.0))
         unit = first.units.get(field, "")
-        parting = None
+        first_difference = None
         if beyond.size:
             row = int(beyond[0])
             sample, time_s = _sample(samples, times[row]), float(times[row])
             component, value, other_value = _values(first_value, other, apart, row)
-            parting = Parting(first.topic, field, unit, sample, time_s, component, value, other_value)
+            first_difference = FirstDifference(
+                first.topic, field, unit, sample, time_s, component, value, other_value
+            )
         most = float(greatest.max())
         when_s = float(times[greatest.argmax()])
-        yield FieldComparison(first.topic, field, unit, most, when_s, parting)
+        yield FieldComparison(first.topic, field, unit, most, when_s, first_difference)
 
 
 def _apart(first: NDArray[np.generic], other: NDArray[np.generic]) -> Floats:
@@ -269,13 +271,13 @@ def _sample(samples: Floats, time_s: float) -> int:
 def in_words(comparison: Comparison) -> list[str]:
     """Describe a comparison: the first difference, unmatched messages, each field that differs."""
     pair = f"{comparison.first} and {comparison.second}"
-    parting = comparison.parting
-    if parting is None:
+    first_difference = comparison.first_difference
+    if first_difference is None:
         extent = f"{comparison.num_samples} samples, {len(comparison.fields)} fields"
         within = f" to within {comparison.tolerance:g}" if comparison.tolerance else ""
         lines = [f"{pair} are the same{within}: {extent}"]
     else:
-        lines = [f"{pair} differ from {_parting_in_words(parting, comparison.num_samples)}"]
+        lines = [f"{pair} differ from {_first_difference_in_words(first_difference, comparison.num_samples)}"]
     for lone in comparison.lone:
         owner = "first" if lone.is_in_first else "second"
         lines.append(
@@ -286,15 +288,16 @@ def in_words(comparison: Comparison) -> list[str]:
     return lines + _table(comparison.fields)
 
 
-def _parting_in_words(parting: Parting | LoneMessages, num_samples: int) -> str:
-    instant = f"sample {parting.sample} of 0 to {num_samples - 1} ({parting.time_s:g} s): {parting.topic}"
-    if isinstance(parting, LoneMessages):
-        return f"{instant} has a message only in the {'first' if parting.is_in_first else 'second'}"
-    first, second, unit = parting.first, parting.second, _spaced(parting.unit)
-    index = f"[{', '.join(map(str, parting.component))}]" if parting.component else ""
-    sentence = (
-        f"{instant} {parting.field}{index} is {first!r}{unit} in the first and {second!r}{unit} in the second"
+def _first_difference_in_words(difference: FirstDifference | LoneMessages, num_samples: int) -> str:
+    instant = (
+        f"sample {difference.sample} of 0 to {num_samples - 1} ({difference.time_s:g} s): {difference.topic}"
     )
+    if isinstance(difference, LoneMessages):
+        return f"{instant} has a message only in the {'first' if difference.is_in_first else 'second'}"
+    first, second, unit = difference.first, difference.second, _spaced(difference.unit)
+    index = f"[{', '.join(map(str, difference.component))}]" if difference.component else ""
+    values = f"is {first!r}{unit} in the first and {second!r}{unit} in the second"
+    sentence = f"{instant} {difference.field}{index} {values}"
     if isinstance(first, str) or isinstance(second, str) or not np.isfinite(first - second):
         return sentence
     return f"{sentence}, {abs(first - second):.6g}{unit} apart"
@@ -310,7 +313,11 @@ def _table(fields: tuple[FieldComparison, ...]) -> list[str]:
     rows = [("field", "differs from", "largest difference", "at")]
     for field in fields:
         if field.greatest > 0.0:
-            since = "within the tolerance" if field.parting is None else f"{field.parting.time_s:g} s"
+            since = (
+                "within the tolerance"
+                if field.first_difference is None
+                else f"{field.first_difference.time_s:g} s"
+            )
             is_number = np.isfinite(field.greatest)
             most = f"{field.greatest:.6g}{_spaced(field.unit)}" if is_number else "differs"
             rows.append((f"{field.topic} {field.field}", since, most, f"{field.greatest_time_s:g} s"))

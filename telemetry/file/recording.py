@@ -196,7 +196,7 @@ class Recording(Mapping[str, TopicColumns]):
             before reasons were recorded, ``silent`` where no force was fired.
         """
         control = self.topics.get(topics.DEPUTY_CONTROL)
-        if control is None or not self._tells_of(component, time_s):
+        if control is None or not self._is_commanded_at(component, time_s):
             return np.full(len(time_s), topics.Reason.UNKNOWN.name.lower())
         rows = np.searchsorted(control.time_s, time_s)
         is_fired = np.any(control["force_hill_n"][rows], axis=1)
@@ -218,7 +218,7 @@ class Recording(Mapping[str, TopicColumns]):
         axes: a component along one of the axes ``body`` is fired if anything is.
         """
         control = self.topics.get(topics.DEPUTY_CONTROL)
-        if control is None or not len(time_s) or not self._tells_of(component, time_s):
+        if control is None or not len(time_s) or not self._is_commanded_at(component, time_s):
             return self.fired_reasons(component, time_s)
         due = self._due(time_s)
         due_s = control.time_s[np.minimum(due, len(control) - 1)]
@@ -233,7 +233,7 @@ class Recording(Mapping[str, TopicColumns]):
         commanded = control["command_reason"][rows, topics.FORCE_COMPONENTS.index(component)].astype(np.str_)
         return np.where(np.isin(commanded, topics.FIRED), fired, commanded)
 
-    def _tells_of(self, component: str, time_s: NDArray[np.float64]) -> bool:
+    def _is_commanded_at(self, component: str, time_s: NDArray[np.float64]) -> bool:
         """Return whether a name is a force component's, and a control period begins at all of some times."""
         return component in topics.FORCE_COMPONENTS and bool(np.all(np.isin(time_s, self.control_time_s)))
 

@@ -8,18 +8,18 @@ import pytest
 from fis_tools.__main__ import main
 from fis_tools.formats.serialize import dump_yaml
 from fis_tools.model import FuzzyController
-from tests.commands import Told, running
+from tests.commands import CommandOutput, running
 from tests.fis_tools.sample_controllers import PAPER_LIKE
 
 
 @pytest.fixture
-def run(capsys: pytest.CaptureFixture[str]) -> Callable[..., Told]:
+def run(capsys: pytest.CaptureFixture[str]) -> Callable[..., CommandOutput]:
     """Run a command of `fis_tools`, see `running`."""
     return running(main, capsys)
 
 
 @pytest.fixture
-def refused(run: Callable[..., Told]) -> Callable[..., str]:
+def refused(run: Callable[..., CommandOutput]) -> Callable[..., str]:
     """Run a command of `fis_tools` that is refused; return what it says."""
 
     def refused(*words: object) -> str:

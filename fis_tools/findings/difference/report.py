@@ -364,7 +364,7 @@ def difference(
 
 
 def _facts(before: FuzzyController, after: FuzzyController) -> Iterator[Fact]:
-    for old, new in zip(_said(before), _said(after), strict=True):
+    for old, new in zip(_facts_of(before), _facts_of(after), strict=True):
         for what in sorted({*old, *new}):
             if old.get(what) != new.get(what):
                 yield Fact(what, old.get(what, "none"), new.get(what, "none"))
@@ -379,7 +379,7 @@ def _facts(before: FuzzyController, after: FuzzyController) -> Iterator[Fact]:
         yield Fact("wires", *(words or "none" for words in wires))
 
 
-def _said(controller: FuzzyController) -> tuple[dict[str, str], ...]:
+def _facts_of(controller: FuzzyController) -> tuple[dict[str, str], ...]:
     """Return a controller's facts besides its systems."""
     said = {"name": controller.name, "purpose": controller.purpose or "none"}
     origin = {f"provenance {key}": value for key, value in controller.provenance}

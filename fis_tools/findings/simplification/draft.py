@@ -88,7 +88,7 @@ def merged(system: FuzzySystem, merger: Merger, importance: Floats) -> tuple[Fuz
         Places of the rules that are kept.
     """
     names = {(merger.variable, merger.dropped): merger.kept}
-    rules = tuple(_said_once(system, model.with_terms(rule, names)) for rule in system.rules)
+    rules = tuple(_without_repeats(system, model.with_terms(rule, names)) for rule in system.rules)
     kept = _without_rivals(system.rules, rules, importance)
 
     def shorter(variable: Variable) -> Variable:
@@ -102,7 +102,7 @@ def merged(system: FuzzySystem, merger: Merger, importance: Floats) -> tuple[Fuz
     return replace(simpler, rules=tuple(rules[index] for index in kept)), kept
 
 
-def _said_once(system: FuzzySystem, rule: Rule) -> Rule:
+def _without_repeats(system: FuzzySystem, rule: Rule) -> Rule:
     """Return a rule without repeated statements, unless repeating changes its strength."""
     plain = {model.And: system.and_operator_of(rule) == "min", model.Or: system.or_operator_of(rule) == "max"}
 

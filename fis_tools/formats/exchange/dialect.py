@@ -20,7 +20,7 @@ from fis_tools.formats.exchange.vocabulary import HEDGES, Names
 from fis_tools.model import Consequent, FuzzySystem, MembershipFunction, Rule, Term, Variable, with_universe
 from fis_tools.model.intervals import has_intervals
 from fis_tools.model.shapes import Format
-from fis_tools.model.systems import renamed, said_once
+from fis_tools.model.systems import renamed, with_joint_operators
 from fis_tools.words.text import before
 
 #: Points of an output's universe where a file states none: as many as MATLAB's evalfis takes.
@@ -158,7 +158,9 @@ def express(system: FuzzySystem, dialect: Dialect) -> Expressed:
         for variable in system.inputs
     )
     outputs = tuple(replace(o, defuzzifier=way) for o, way in zip(said, own_ways, strict=True))
-    expressed = said_once(replace(bare, inputs=inputs, outputs=outputs, semantics=dialect.semantics))
+    expressed = with_joint_operators(
+        replace(bare, inputs=inputs, outputs=outputs, semantics=dialect.semantics)
+    )
     if not dialect.has_rule_operators and any(rule.has_own_operators for rule in expressed.rules):
         raise NotExpressible(
             f"rules combine their statements in different ways, and {dialect.title} knows one way for all; "

@@ -9,7 +9,7 @@ from typing import Any
 from lark import Token, Tree
 
 from fis_tools import model
-from fis_tools.errors import ControllerFileError, told_as
+from fis_tools.errors import ControllerFileError, raised_as
 from fis_tools.formats.exchange import antecedents, foreign
 from fis_tools.formats.exchange.antecedents import FUZZYLITES, with_any
 from fis_tools.formats.exchange.dialect import OUTPUT_POINTS
@@ -18,7 +18,7 @@ from fis_tools.formats.exchange.fll_rules import hedged_rules
 from fis_tools.model import Expression, FuzzySystem, MembershipFunction, Rule, Semantics, Variable
 from fis_tools.model.operators import WEIGHING
 from fis_tools.model.shapes import words_of
-from fis_tools.model.systems import Named, NotResolvable, said_once, unchained
+from fis_tools.model.systems import Named, NotResolvable, unchained, with_joint_operators
 from fis_tools.model.validate import MAX_NESTING
 
 #: Intervals into which jFuzzyLogic cuts an output's range.
@@ -124,7 +124,7 @@ def read_block(block: Node, semantics: Semantics) -> tuple[FuzzySystem, list[str
     outputs = [_output(contents, name, inputs, accumulation, semantics, notes) for name in contents.outputs]
     if semantics == "fuzzylite":  # which passes on the height at which a term is cut
         named = [Named(f"rule {number}", rule) for number, rule in enumerate(rules, start=1)]
-        with told_as(ControllerFileError, NotResolvable):
+        with raised_as(ControllerFileError, NotResolvable):
             rules = unchained(named, {output.name: output for output in outputs})
     system = FuzzySystem(
         name,
@@ -136,7 +136,7 @@ def read_block(block: Node, semantics: Semantics) -> tuple[FuzzySystem, list[str
     )
     if len(system.weighed) == len(outputs):
         system = replace(system, implication="min")
-    return said_once(system), notes
+    return with_joint_operators(system), notes
 
 
 def _require_finished(contents: _Contents, name: str) -> None:

@@ -30,7 +30,7 @@ from fis_tools.formats.exchange.writing import term_words, understand, written
 from fis_tools.formats.serialize import Reading, Written
 from fis_tools.model import Expression, FuzzySystem, Hedge, Rule, Semantics, Term, Variable
 from fis_tools.model.operators import WEIGHING
-from fis_tools.model.systems import said_once
+from fis_tools.model.systems import with_joint_operators
 
 DIALECT = Dialect(
     title="a .fis file",
@@ -182,7 +182,9 @@ def _system(sections: dict[str, FileBlock], fractions: Fractions, notes: list[st
     methods = (and_operator, or_operator, defuzzifier)
     read = FuzzySystem(name, antecedents.with_any(inputs, rules), joined, rules, *methods)
     read = replace(read, semantics="matlab")
-    return said_once(read if weighs else replace(read, implication=implication))  # MATLAB asks for it always
+    return with_joint_operators(
+        read if weighs else replace(read, implication=implication)
+    )  # MATLAB asks for it always
 
 
 def _concludes_numbers(section: FileBlock) -> bool:

@@ -11,7 +11,7 @@ from dataclasses import replace
 from itertools import chain
 
 from fis_tools import model
-from fis_tools.errors import ControllerFileError, told_as
+from fis_tools.errors import ControllerFileError, raised_as
 from fis_tools.formats.exchange import foreign, vocabulary
 from fis_tools.formats.exchange.antecedents import with_any
 from fis_tools.formats.exchange.dialect import Dialect
@@ -24,7 +24,7 @@ from fis_tools.formats.serialize import Reading, Written
 from fis_tools.model import FuzzySystem, Rule, Variable
 from fis_tools.model.operators import WEIGHING
 from fis_tools.model.shapes import words_of
-from fis_tools.model.systems import Named, NotResolvable, said_once, unchained
+from fis_tools.model.systems import Named, NotResolvable, unchained, with_joint_operators
 
 #: Intervals where a defuzzifier states none: fuzzylite leaves its own number out, this one since version 8.
 RESOLUTION = 1000
@@ -184,12 +184,14 @@ def _system(blocks: Sequence[FileBlock]) -> FuzzySystem:
         if block.kind == "OutputVariable" and block.name in weighed:
             _refuse_joined(block, rules)
     named = [Named(f"rule {number}", rule) for number, rule in enumerate(rules, start=1)]
-    with told_as(ControllerFileError, NotResolvable):
+    with raised_as(ControllerFileError, NotResolvable):
         resolved = unchained(named, {output.name: output for output in outputs})
     name = engines[0].name or "unnamed"
     operators_of_all = (and_operator or "min", or_operator or "max")
     system = FuzzySystem(name, with_any(inputs, rules), outputs, tuple(resolved), *operators_of_all)
-    return said_once(replace(system, implication=_implication(groups, weighed), semantics="fuzzylite"))
+    return with_joint_operators(
+        replace(system, implication=_implication(groups, weighed), semantics="fuzzylite")
+    )
 
 
 def _implication(groups: Sequence[tuple[FileBlock, Sequence[Rule]]], weighed: set[str]) -> model.AndOperator:

@@ -18,7 +18,7 @@ from itertools import groupby
 from typing import Any
 
 from fis_tools import model
-from fis_tools.errors import ControllerFileError, told_as
+from fis_tools.errors import ControllerFileError, raised_as
 from fis_tools.formats import notation, rendered, serialize
 from fis_tools.formats.exchange import dialect as dialects
 from fis_tools.formats.exchange import vocabulary
@@ -244,7 +244,7 @@ def understand(visible: FuzzySystem, comments: Iterable[tuple[int, str]], dialec
         )
         complete = replace(visible, outputs=tuple(outputs))
     refuse_problems(FuzzyController(visible.name, (complete,)))
-    with told_as(ControllerFileError, NotExpressible):
+    with raised_as(ControllerFileError, NotExpressible):
         dialects.refuse_joined(complete)
     about_points = (_universes_words(visible, dialect), *jumps_between_points(visible))
     assumed = (*about_points, *_defaults_words(visible), *missing)

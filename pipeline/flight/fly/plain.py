@@ -37,7 +37,7 @@ def is_interpreted(mission: Mission) -> bool:
     return mission.guidance.kind == "clusters" and mission.guidance.engine == "sklearn"
 
 
-def as_asked(mission: Mission) -> AbstractContextManager[None]:
+def plain_if_interpreted(mission: Mission) -> AbstractContextManager[None]:
     """Run flights inside the block, on this thread, in plain Python if `is_interpreted` says so."""
     if is_interpreted(mission):
         return plainly("pipeline", {cluster_centres: centres_by_sklearn})

@@ -21,7 +21,7 @@ from pipeline.flight.control.law import law_of, planned, rehearsed_pushes
 from pipeline.flight.fly.logged import write_reasons
 from pipeline.flight.fly.many import Results, fly_many
 from pipeline.flight.fly.outlooks import finishing, rehearsing
-from pipeline.flight.fly.plain import as_asked, is_interpreted
+from pipeline.flight.fly.plain import is_interpreted, plain_if_interpreted
 from pipeline.flight.fly.population import check_finite, flights_of, fly_population, lanes_of_group
 from pipeline.flight.fly.rehearsals import by_tours, rehearse_tours, rehearsed_openings
 from pipeline.flight.fly.replanning import Foreseen, PlannedDecision, foresee, foresees, foresight_fields
@@ -79,7 +79,7 @@ def fly_all(
     law, numbers = law_for(controller, mission, scenarios, workers), controller.numbers
     openings, _ = rehearsed_openings(mission, controller, scenarios, workers)
     workers = 1 if is_interpreted(mission) else workers
-    with as_asked(mission):
+    with plain_if_interpreted(mission):
         many = fly_population(
             world, law, numbers, cases, workers, tracks, openings, lanes, changes=controller.changes
         )
@@ -237,7 +237,7 @@ def fly_logged(
     )
     results = Results(np.empty((1, NUM_OUTCOMES)), log)
     state, work = make_state(world, parts[-1]), make_workspace(world)
-    with as_asked(mission):
+    with plain_if_interpreted(mission):
         fly = fly_many if is_one_of_many or is_interpreted(mission) else sparingly(fly_many)
         fly(*parts, flights, state, work, results, 0, 1)
     num_counted = int(flights.counted[0, : world.num_points].sum())

@@ -106,7 +106,7 @@ def test_a_rule_is_read_in_words_with_all_our_hedges() -> None:
     velocity = next(term.name for term in FORCE_X.inputs[1].terms if " " not in term.name)
     force = FORCE_X.outputs[0].terms[0].name
     words = f"If velocity_body_x is not extremely {velocity} then force_x is {force} with 0.5"
-    rule = touches.said(FORCE_X, 0, words).rules[0]
+    rule = touches.with_sentence(FORCE_X, 0, words).rules[0]
     assert rule.consequents[0].weight == 0.5
     assert rule.antecedent == Not(Hedged("extremely", Is("velocity_body_x", velocity)))
 

@@ -317,7 +317,7 @@ def test_nothing_is_wider_than_a_narrow_screen(opened, text, hostile_text):
         assert opened(content, width=390).evaluate("document.documentElement.scrollWidth") <= 390
 
 
-def told_by(name: str, *arguments: str) -> str:
+def printed_by(name: str, *arguments: str) -> str:
     command = [program(name, "poppler-utils"), *arguments]
     return subprocess.run(command, capture_output=True, text=True, check=True).stdout  # noqa: S603
 
@@ -328,7 +328,7 @@ def test_it_prints_every_rule_and_no_control_where_all_is_asked_for(opened, text
     shown.locator("#s1-filter").fill("nothing has these words")
     path = tmp_path / "review.pdf"
     shown.pdf(path=path, format="A4")
-    printed = " ".join(told_by("pdftotext", "-raw", str(path), "-").split())
+    printed = " ".join(printed_by("pdftotext", "-raw", str(path), "-").split())
     for system in PAPER_LIKE.systems:
         for rule in system.rules:
             assert sentence(rule) in printed
@@ -342,7 +342,7 @@ def test_it_prints_every_rule_and_no_control_where_all_is_asked_for(opened, text
         assert control in shown.locator("body").inner_text()
         assert control not in printed
     # the heat maps are drawn although they were never in sight, and the screen is dark again
-    listed = told_by("pdfimages", "-list", str(path))
+    listed = printed_by("pdfimages", "-list", str(path))
     assert len(re.findall(r"^\s*\d+\s+\d+\s+image", listed, re.MULTILINE)) == 2
     assert shown.evaluate("getComputedStyle(document.body).backgroundColor") != "rgb(255, 255, 255)"
 
@@ -359,8 +359,8 @@ def test_the_summary_prints_on_two_pages_with_what_is_decided(opened, champion_t
     shown.evaluate("document.documentElement.toggleAttribute('data-summary')")
     path = tmp_path / "summary.pdf"
     shown.pdf(path=path, format="A4")
-    assert re.search(r"^Pages:\s+2$", told_by("pdfinfo", str(path)), re.MULTILINE)
-    printed = " ".join(told_by("pdftotext", "-raw", str(path), "-").split())
+    assert re.search(r"^Pages:\s+2$", printed_by("pdfinfo", str(path)), re.MULTILINE)
+    printed = " ".join(printed_by("pdftotext", "-raw", str(path), "-").split())
     assert "waived: the thrusters are larger than this" in printed
     assert "Notes without a decision, not printed: " in printed
     assert "Ada Lovelace" in printed

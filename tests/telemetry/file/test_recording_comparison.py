@@ -5,7 +5,7 @@ import pytest
 
 import telemetry
 from telemetry import EpisodeWriter
-from telemetry.file.compare import LoneMessages, Parting, compare, in_words
+from telemetry.file.compare import FirstDifference, LoneMessages, compare, in_words
 from tests.telemetry import synthetic_flight
 from tests.telemetry.synthetic_flight import SyntheticFlight
 
@@ -40,7 +40,7 @@ def compared(path, tmp_path):
 def test_a_flight_is_the_same_as_itself(path):
     recording = telemetry.read(path)
     comparison = compare(recording, recording)
-    assert (comparison.is_equal, comparison.parting, comparison.num_samples) == (True, None, 21)
+    assert (comparison.is_equal, comparison.first_difference, comparison.num_samples) == (True, None, 21)
     assert {field.greatest for field in comparison.fields} == {0.0}
     compared = {(field.topic, field.field) for field in comparison.fields}
     assert len(compared) == sum(len(topic.columns) for topic in recording.topics.values() if len(topic))
@@ -50,16 +50,18 @@ def test_the_first_number_that_differs_is_named_with_its_sample_and_its_size(com
     where = {"force_hill_n": ((slice(7, None), 1), 0.5), "torque_n_m": ((9, 3, 2), 1.0)}
     comparison = compared(changed(**where, delta_v_m_s=(8, -1.0)))
     assert not comparison.is_equal
-    first, force_n = comparison.parting, FLIGHT.force_hill_n[7:, 1]
-    assert first == Parting("/deputy/control", "force_hill_n", "N", 7, 70.0, (1,), force_n[0], 0.5)
-    (force,) = [field for field in comparison.fields if field.parting == first]
+    first, force_n = comparison.first_difference, FLIGHT.force_hill_n[7:, 1]
+    assert first == FirstDifference("/deputy/control", "force_hill_n", "N", 7, 70.0, (1,), force_n[0], 0.5)
+    (force,) = [field for field in comparison.fields if field.first_difference == first]
     expected = np.abs(force_n - 0.5)
     assert force.greatest == expected.max()
     assert force.greatest_time_s == 70.0 + 10.0 * expected.argmax()
-    partings = [field.parting for field in comparison.fields if field.parting is not None]
+    differences = [
+        field.first_difference for field in comparison.fields if field.first_difference is not None
+    ]
     assert {
         (difference.topic, difference.field, difference.sample, difference.component)
-        for difference in partings
+        for difference in differences
     } == {
         ("/deputy/control", "force_hill_n", 7, (1,)),
         ("/deputy/attitude", "torque_n_m", 9, (3, 2)),
@@ -69,7 +71,7 @@ def test_the_first_number_that_differs_is_named_with_its_sample_and_its_size(com
 
 def test_of_what_parts_at_once_the_cause_comes_first(compared):
     other = changed(force_hill_n=((5, 0), 0.5), fis_output_n=((1, 5), 0.5), force_body_n=((5, 1), 1.0))
-    first = compared(other).parting
+    first = compared(other).first_difference
     assert (first.topic, first.field) == ("/fis/force_y", "output_n")
 
 
@@ -87,7 +89,7 @@ def test_numbers_that_are_none_part_from_those_that_are(compared, tmp_path):
     comparison = compared(changed(lambda_u_rad=(6, np.nan)), 1e9)
     recorded = telemetry.read(tmp_path / "other.mcap")
     assert compare(recorded, recorded).is_equal
-    (angle,) = [field for field in comparison.fields if field.parting is not None]
+    (angle,) = [field for field in comparison.fields if field.first_difference is not None]
     assert (angle.field, angle.greatest, angle.greatest_time_s) == ("lambda_u_rad", np.inf, 60.0)
     assert in_words(comparison)[0].endswith("rad in the first and nan rad in the second")
 
@@ -105,8 +107,8 @@ def test_flights_of_different_lengths_and_topics(path, tmp_path):
     assert lone["/fis/force_x", True] == LoneMessages("/fis/force_x", True, 20, 0, 0.0)
     assert lone["/tf", True].num_messages == 18
     assert lone["/log", False] == LoneMessages("/log", False, 1, 11, 110.0)
-    assert all(field.parting is None for field in comparison.fields)
-    assert comparison.parting == lone["/fis/force_x", True]
+    assert all(field.first_difference is None for field in comparison.fields)
+    assert comparison.first_difference == lone["/fis/force_x", True]
     assert "/fis/force_x has a message only in the first" in in_words(comparison)[0]
 
 
@@ -120,8 +122,10 @@ def test_what_is_said_of_flights_tells_them_apart_but_does_not_count(compared):
 
 
 def test_another_number_of_rules_is_a_difference(compared):
-    first = compared(FLIGHT.but(firing_strengths=FLIGHT.firing_strengths[:, :, :9])).parting
-    assert first == Parting("/fis/force_x", "firing_strengths", "", 0, 0.0, (), "25 values", "9 values")
+    first = compared(FLIGHT.but(firing_strengths=FLIGHT.firing_strengths[:, :, :9])).first_difference
+    assert first == FirstDifference(
+        "/fis/force_x", "firing_strengths", "", 0, 0.0, (), "25 values", "9 values"
+    )
 
 
 def test_the_command_answers_by_its_exit_code(path, tmp_path, ran):
