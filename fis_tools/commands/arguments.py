@@ -15,7 +15,7 @@ from fis_tools.analysis import flights
 from fis_tools.analysis.flight_data import Period, Points
 from fis_tools.array_types import Floats
 from fis_tools.engines.trees import infer_tree
-from fis_tools.errors import Mistake, require_known, told_as
+from fis_tools.errors import Mistake, raised_as, require_known
 from fis_tools.file_access import write_bytes
 from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController, FuzzySystem, FuzzyTree, tree
@@ -310,7 +310,7 @@ def _row(values: Mapping[str, float], whole: FuzzyTree) -> Floats:
 
 def _given_to_tree(values: Mapping[str, float], whole: FuzzyTree) -> Iterator[tuple[FuzzySystem, Floats]]:
     """Yield each of wired systems with what comes to it."""
-    with told_as(Mistake, ValueError):
+    with raised_as(Mistake, ValueError):
         inference = infer_tree(whole, _row(values, whole))
     yield from ((part.system, part.inputs) for part in inference.parts)
 

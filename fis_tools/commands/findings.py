@@ -166,7 +166,7 @@ def _of_chain(
 ) -> str:
     require_unwired([controller] if args.paths else [], "the share of rules along a log")
     whole = tree(controller)
-    with told_as(Mistake, ValueError), analysing(controller):
+    with raised_as(Mistake, ValueError), analysing(controller):
         explained = explanation.explain(whole, arguments.given_to(args.inputs or "", whole), crossing)
     return (
         as_json(*EXPLANATION, {"explanations": [explained.plain()]})

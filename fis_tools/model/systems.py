@@ -461,7 +461,7 @@ class FuzzyController:
         return self.systems[0]
 
     def acts_like(self, other: "FuzzyController") -> bool:
-        """Return whether both have the same systems and attributes, whatever they are called and are for."""
+        """Return whether both have equal systems and attributes, names and purposes aside."""
         ours, theirs = ((each.systems, each.wires, each.attributes) for each in (self, other))
         return ours == theirs
 

@@ -188,7 +188,7 @@ def _searched(
 
 
 def _ways(compiled: CompiledSystem | CompiledTree, given: Floats) -> Iterator[tuple[int, int, Floats]]:
-    """Yield each input, each way, and the rows to look at from where the system takes it to that end."""
+    """Yield, for each input and direction, samples from the present value to that end of the range."""
     variables = compiled.system.inputs
     start = np.clip(given, [v.minimum for v in variables], [v.maximum for v in variables])
     for index, variable in enumerate(variables):

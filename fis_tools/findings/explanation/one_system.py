@@ -200,7 +200,7 @@ class Explanation(Result):
         return ", ".join(words)
 
     def conclusions(self, output: ExplainedOutput) -> list[str]:
-        """Return a sentence for each conclusion: what it adds, which part of the whole that is, its rules."""
+        """Return a sentence for each conclusion: its contribution, that as a share of all, and its rules."""
         name = output.variable.name
         groups: dict[str, list[Move]] = {}
         for move in output.moves:
@@ -245,7 +245,7 @@ class Explanation(Result):
 
 
 def can_cross(output: ExplainedOutput) -> bool:
-    """Return whether to tell of flips: not of a sign that the output cannot have."""
+    """Return whether flips are worth reporting: not of a sign that the output cannot have."""
     is_inside = output.variable.minimum < output.crossing < output.variable.maximum
     return is_inside or output.crossing != 0.0 or any(flip.change is not None for flip in output.flips)
 
