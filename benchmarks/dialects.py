@@ -2,20 +2,23 @@
 
 Octave evaluates `.fis`, fuzzylite and pyfuzzylite `.fll`, jFuzzyLogic `.fcl`, as each samples by itself, a
 third of the samples outside of the inputs' ranges (Octave takes none). Octave halves the weight of an
-output's ends, MATLAB does not; fuzzylite 6 ignores strengths up to 1e-6, later versions do not: they are
-compared with our heights weighed so, and with strengths left out. ``--attack N`` draws N inputs in boxes of
-random systems that are sampled, and compares them with their bounds.
+output's ends, MATLAB does not; fuzzylite 6 takes what is less than 1e-6 as nothing, later versions do not:
+they are compared with our heights weighed so, and with what is less left out. ``--attack N`` draws N inputs
+in boxes of random systems that are sampled, and compares them with their bounds.
 
-Programs are left out where they are missing; jFuzzyLogic is compiled Java, ``--jfuzzylogic CLASSPATH``.
+Programs are left out where they are missing; jFuzzyLogic is compiled Java, ``--jfuzzylogic CLASSPATH``. Its
+answers to public files are stored by their SHA-256 (``--store``), and compared without it (``--stored``).
 """
 
 import argparse
+import hashlib
 import json
 import shutil
 import subprocess
 import tempfile
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from itertools import chain
 from pathlib import Path
 
@@ -27,7 +30,7 @@ from fis_tools.array_types import Floats
 from fis_tools.engines.compiler import compile
 from fis_tools.engines.inference import infer
 from fis_tools.formats import serialize
-from fis_tools.model import FuzzySystem
+from fis_tools.model import And, FuzzySystem, Hedged, Or, Rule
 from tests.fis_tools.engines.random_systems import inputs_beyond, sampled_systems, uncertain
 
 #: Samples of each file.
@@ -36,8 +39,14 @@ SAMPLES = 40
 ROWS = 1000
 #: Boxes that prove a bound; with few of them it is looser, and as true.
 BOXES = 200
+#: What jFuzzyLogic answered.
+STORED = Path(__file__).with_name("jfuzzylogic.json")
 #: What counts as equal, and as near, of an output's range.
 EQUAL, NEAR = 1e-12, 1e-9
+#: Up to which numbers are equal to fuzzylite 6.
+ROUNDED = 1e-6
+#: What fuzzylite writes into its files, whose hedges then mean what it does.
+SIGNED = "generated with fuzzylite"
 
 #: From a file, its system and samples to outputs, (n, num_outputs).
 Program = Callable[[Path, FuzzySystem, Floats], Floats]
@@ -85,13 +94,15 @@ def pyfuzzylite(path: Path, system: FuzzySystem, inputs: Floats) -> Floats:
 
 def jfuzzylogic(classpath: str) -> Program:
     """Return what evaluates an `.fcl` file with jFuzzyLogic, given its classes and jars."""
+    classes = tempfile.TemporaryDirectory()
+    _run("javac", "-cp", classpath, "-d", classes.name, FOLDER / "jfuzzylogic.java")
 
     def evaluate(path: Path, system: FuzzySystem, inputs: Floats) -> Floats:
         with tempfile.TemporaryDirectory() as name:
             folder = Path(name)
             head = "\n".join(" ".join(v.name for v in side) for side in (system.inputs, system.outputs))
             np.savetxt(folder / "inputs", inputs, fmt="%.17g", header=head, comments="")
-            words = ["-Djava.awt.headless=true", "-cp", classpath, FOLDER / "jfuzzylogic.java"]
+            words = ["-Djava.awt.headless=true", "-cp", f"{classes.name}:{classpath}", "Answers"]
             _run("java", *words, path, system.name, folder / "inputs", folder / "outputs")
             return np.loadtxt(folder / "outputs", ndmin=2)
 
@@ -114,6 +125,13 @@ def ours(system: FuzzySystem, inputs: Floats) -> Floats:
     return compile(system)(inputs)
 
 
+def _as_octave_reads(path: Path) -> FuzzySystem:
+    """Return the system of a file whose hedges are Octave's, though fuzzylite may have written it."""
+    lines = path.read_text(encoding="utf-8").splitlines()
+    text = "\n".join(line for line in lines if SIGNED not in line)
+    return serialize.loads(text, path.suffix[1:]).systems[0]
+
+
 def as_octave(system: FuzzySystem, inputs: Floats) -> Floats:
     """Return our answers with half the weight for both ends of an output, and NaN where no rule fires."""
     rows = []
@@ -129,13 +147,46 @@ def as_octave(system: FuzzySystem, inputs: Floats) -> Floats:
     return np.array(rows)
 
 
-def as_fuzzylite(system: FuzzySystem, inputs: Floats) -> Floats:
-    """Return our answers where rules of a strength up to 1e-6 do not fire, as in fuzzylite 6."""
+def as_fuzzylite(system: FuzzySystem, inputs: Floats, *, is_hedged: bool = False) -> Floats:
+    """Return our answers as fuzzylite 6 rounds: to 1e-6 where it compares strengths and heights.
+
+    Rules of strengths up to 1e-6 do not fire, before hedges of their conclusions (`is_hedged`); a mean of
+    maximum is that of the first plateau, up to 1e-6 below the highest.
+    """
     compiled = compile(system)
     firing = compiled.firing_strengths(inputs)
     weights = np.array([max(c.weight for c in rule.consequents) for rule in system.rules])
-    firing[firing * weights <= 1e-6] = 0.0
-    return compiled.conclude(firing, inputs)
+    bare = tuple(_without_hedge(rule) for rule in system.rules) if is_hedged else system.rules
+    strengths = compile(replace(system, rules=bare)).firing_strengths(inputs) if is_hedged else firing
+    firing[strengths * weights <= ROUNDED] = 0.0
+    answers = compiled.conclude(firing, inputs)
+    for column, output in enumerate(system.outputs):
+        if system.defuzzifier_of(output) == "mom":
+            for row, values in enumerate(inputs):
+                step = infer(system, values).outputs[column]
+                if not step.is_default:
+                    answers[row, column] = _first_plateau(step.universe, step.aggregated)
+    return answers
+
+
+def _without_hedge(rule: Rule) -> Rule:
+    """Return a rule without the hedges around its whole condition, by which we say those of a conclusion."""
+    inside = rule.antecedent
+    while isinstance(inside, Hedged):
+        inside = inside.operand
+    return replace(rule, antecedent=inside) if isinstance(inside, And | Or) else rule
+
+
+def _first_plateau(x: Floats, y: Floats) -> float:
+    highest, ends, is_flat = -1.0, (x[0], x[-1]), False
+    for point, height in zip(x, y, strict=True):
+        if height > highest + ROUNDED:
+            highest, ends, is_flat = height, (point, point), True
+        elif is_flat and abs(height - highest) < ROUNDED:
+            ends = ends[0], point
+        elif height < highest:
+            is_flat = False
+    return float(0.5 * (ends[0] + ends[1]))
 
 
 def difference(system: FuzzySystem, answers: Floats, others: Floats) -> float:
@@ -152,18 +203,25 @@ def samples(system: FuzzySystem, count: int, *, is_inside: bool) -> Floats:
     return np.clip(rows, low, high) if is_inside else rows
 
 
-def compare(folder: Path, programs: Mapping[str, tuple[str, Program]], count: int) -> int:
-    """Print a row for each file and program, then how many are equal; return how many differ."""
-    tally: dict[str, list[float]] = {name: [] for name in programs}
+def _imported(folder: Path) -> Iterator[tuple[Path, tuple[FuzzySystem, ...]]]:
+    """Yield the files of a folder that are read, and their systems; print why others are not, and counts."""
     refused = imported = 0
     for path in sorted(path for path in folder.rglob("*") if path.suffix in serialize.ENDINGS):
         try:
-            system = serialize.load(path).systems[0]
+            systems = serialize.load(path).systems
         except serialize.ControllerFileError as error:
             refused += 1
             print(f"refused {path.relative_to(folder)}: {str(error).removeprefix(f'{path}: ')}")
             continue
         imported += 1
+        yield path, systems
+    print(f"{imported} of {imported + refused} files are imported")
+
+
+def compare(folder: Path, programs: Mapping[str, tuple[str, Program]], count: int) -> int:
+    """Print a row for each file and program, then how many are equal; return how many differ."""
+    tally: dict[str, list[float]] = {name: [] for name in programs}
+    for path, (system, *_) in _imported(folder):
         for name, (suffix, program) in programs.items():
             if suffix != path.suffix or (suffix == ".fcl") != (system.semantics == "fcl"):
                 continue
@@ -172,18 +230,66 @@ def compare(folder: Path, programs: Mapping[str, tuple[str, Program]], count: in
             rows = samples(system, 3 if is_octave else count, is_inside=is_octave)
             try:
                 others = program(path, system, rows)
-                answers = answers_as(system, rows)
+                answers = answers_as(_as_octave_reads(path) if is_octave else system, rows)
                 worst = difference(system, answers, others)
-            except (Missing, ValueError) as error:
+                if program is fuzzylite:  # a hedge around a condition may have stood there
+                    answers = as_fuzzylite(system, rows, is_hedged=True)
+                    worst = min(worst, difference(system, answers, others))
+            except (Missing, serialize.ControllerFileError, ValueError) as error:
                 print(f"{name} {path.relative_to(folder)}: not compared, {error}")
                 continue
             tally[name].append(worst)
             print(f"{name} {path.relative_to(folder)}: {worst:.1e}", flush=True)
-    print(f"{imported} of {imported + refused} files are imported")
     for name, worst_of in tally.items():
         counts = [sum(w <= share for w in worst_of) for share in (EQUAL, NEAR)]
         print(f"{name}: of {len(worst_of)} files {counts[0]} to {EQUAL:g}, {counts[1]} to {NEAR:g}")
     return sum(w > NEAR for worst_of in tally.values() for w in worst_of)
+
+
+def _sha256(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def store(folder: Path, program: Program, count: int) -> None:
+    """Ask jFuzzyLogic about all function blocks of a folder's files, and store its values."""
+    files = {}
+    for path, systems in _imported(folder):
+        blocks = {}
+        for system in systems if systems[0].semantics == "fcl" else ():
+            rows = samples(system, count, is_inside=False).round(3)
+            try:
+                blocks[system.name] = {
+                    "inputs": rows.tolist(),
+                    "outputs": program(path, system, rows).tolist(),
+                }
+            except (Missing, ValueError) as error:
+                print(f"{path.relative_to(folder)}, {system.name}: no values, {error}", flush=True)
+        if blocks:
+            files[_sha256(path)] = {"file": path.relative_to(folder).as_posix(), "blocks": blocks}
+    STORED.write_text(json.dumps(files, allow_nan=True).replace("}, ", "},\n") + "\n", encoding="utf-8")
+
+
+def compare_stored(folder: Path) -> int:
+    """Compare files with the values that jFuzzyLogic gave for them; return how many differ."""
+    stored = json.loads(STORED.read_text(encoding="utf-8"))
+    worst_of: list[float] = []
+    for path, systems in _imported(folder):
+        blocks = stored.get(_sha256(path), {"blocks": {}})["blocks"]
+        worst = [
+            difference(
+                system,
+                ours(system, np.array(blocks[system.name]["inputs"])),
+                np.array(blocks[system.name]["outputs"], dtype=np.float64),
+            )
+            for system in systems
+            if system.name in blocks
+        ]
+        worst_of += [max(worst)] if worst else []
+        if worst and worst_of[-1] > EQUAL:
+            print(f"{path.relative_to(folder)}: {worst_of[-1]:.1e}")
+    differ = sum(worst > EQUAL for worst in worst_of)
+    print(f"{len(worst_of) - differ} of {len(worst_of)} files have jFuzzyLogic's values to {EQUAL:g}")
+    return differ
 
 
 def attack(count: int, seed: int) -> int:
@@ -225,9 +331,16 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("--samples", type=int, default=SAMPLES, help="of each file")
     parser.add_argument("--attack", type=int, default=0, metavar="N", help="inputs in boxes with bounds")
     parser.add_argument("--seed", type=int, default=0, help="of the attacks")
+    parser.add_argument("--store", action="store_true", help="store what jFuzzyLogic answers")
+    parser.add_argument("--stored", action="store_true", help="compare with what it answered")
     options = parser.parse_args(arguments)
     broken = attack(options.attack, options.seed) if options.attack else 0
     if options.folder is None:
+        return int(broken > 0)
+    if options.stored:
+        return int(broken + compare_stored(options.folder) > 0)
+    if options.store:
+        store(options.folder, jfuzzylogic(options.jfuzzylogic), options.samples)
         return int(broken > 0)
     programs: dict[str, tuple[str, Program]] = {
         "octave": (".fis", octave),

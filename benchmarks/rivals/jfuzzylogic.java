@@ -13,7 +13,9 @@ class Answers {
         String[] outputs = lines.get(1).trim().split("\\s+");
         List<String> answers = new ArrayList<>();
         for (String line : lines.subList(2, lines.size())) {
-            FunctionBlock block = FIS.load(words[0], false).getFunctionBlock(words[1]);
+            FIS file = FIS.load(words[0], false);
+            FunctionBlock block = file.getFunctionBlock(words[1]);
+            if (block == null) block = file.getFunctionBlock(null);  // one without a name
             String[] values = line.trim().split("\\s+");
             for (int index = 0; index < inputs.length; index++)
                 block.setVariable(inputs[index], Double.parseDouble(values[index]));

@@ -87,6 +87,8 @@ class _Contents:
 
     def __init__(self) -> None:
         self.ranges: dict[str, tuple[float, float]] = {}
+        #: Of outputs, where they are declared: jFuzzyLogic does not look at them.
+        self.ignored: dict[str, tuple[float, float]] = {}
         self.terms: dict[str, dict[str, Node]] = {}
         self.settings: dict[str, dict[str, Token]] = {}
         self.inputs: list[str] = []
@@ -174,7 +176,7 @@ def _take(contents: _Contents, part: Node) -> None:
             name = str(declared.children[0])
             (contents.inputs if kind == "inputs" else contents.outputs).append(name)
             for each in declared.children[1:]:
-                contents.ranges[name] = _range(each)
+                (contents.ranges if kind == "inputs" else contents.ignored)[name] = _range(each)
     elif kind == "rules":
         contents.blocks.append(part)
     else:
@@ -283,7 +285,8 @@ def _extent(
     if not shapes:
         return 0.0, 1.0
     low, high = min(low for low, _ in ends), max(high for _, high in ends)
-    notes.append(f"{name} has no RANGE, and gets that of its terms, {low:g} to {high:g}, as in jFuzzyLogic")
+    where = " in DEFUZZIFY, where jFuzzyLogic looks for it," if name in contents.ignored else ","
+    notes.append(f"{name} has no RANGE{where} and gets that of its terms, {low:g} to {high:g}, as there")
     return low, high
 
 

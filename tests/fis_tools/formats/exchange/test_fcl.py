@@ -114,6 +114,22 @@ def test_accumulation_is_the_sum_at_the_left_edges_of_a_thousand_intervals(metho
     assert compile(system)(np.array([[2.0, 30.0]]))[0, 0] == pytest.approx(expected[method], abs=1e-11)
 
 
+def test_a_range_of_an_output_counts_where_it_is_defuzzified_alone():
+    """jFuzzyLogic sums to the ends of the terms whatever VAR_OUTPUT says; its values."""
+    ranged = """FUNCTION_BLOCK ranged
+    VAR_INPUT x : REAL; END_VAR
+    VAR_OUTPUT y : REAL; RANGE := (0 .. 40); END_VAR
+    FUZZIFY x TERM low := (0, 1) (10, 0); TERM high := (0, 0) (10, 1); END_FUZZIFY
+    DEFUZZIFY y TERM small := TRIAN -10 0 10; TERM large := TRIAN 10 20 30; METHOD : COG; END_DEFUZZIFY
+    RULEBLOCK one AND : MIN; ACCU : MAX;
+    RULE 1 : IF x IS low THEN y IS small; RULE 2 : IF x IS high THEN y IS large;
+    END_RULEBLOCK END_FUNCTION_BLOCK"""
+    reading = serialize.reads(ranged, "fcl")
+    answers = compile(reading.controller.systems[0])(np.array([[3.0], [8.5]]))[:, 0]
+    np.testing.assert_allclose(answers, [7.183098591549319, 15.577724798245816], rtol=1e-14)
+    assert any("y has no RANGE in DEFUZZIFY, where jFuzzyLogic looks" in note for note in reading.assumptions)
+
+
 def test_formulas_and_numbers_that_are_equal():
     text = TIP.replace("TERM big := 12;", "TERM big := FUNCTION 2 * food + LN(service); TERM same := 4;")
     system = read(text.replace("tip IS big WITH 0.5", "tip IS same"))
