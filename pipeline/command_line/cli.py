@@ -5,6 +5,7 @@ on standard error), 130 interrupted from the keyboard.
 """
 
 import os
+import signal
 import subprocess
 import sys
 import tempfile
@@ -73,7 +74,9 @@ def _main(arguments: Sequence[str], replaces_process: bool) -> int:
     except maker.NotInForce:
         if replaces_process:
             maker.start_anew(sys.orig_argv[1:])
-        return maker.run_anew(["-m", "pipeline", *arguments])
+        code = maker.run_anew(["-m", "pipeline", *arguments])
+        # so Python ends where an interrupt came while it ran a text, as imports of named tuples do
+        return INTERRUPTED if code == -signal.SIGINT else code
     except Interrupted as interrupt:
         sys.stderr.write(f"\n{interrupt}\n")
         return INTERRUPTED

@@ -120,10 +120,12 @@ def test_help_is_whole_without_docstrings(words):
 
 @pytest.mark.slow
 def test_flights_are_the_same_without_assertions_and_docstrings(tmp_path):
+    """The stripped ones in plain Python: compiled, each would be compiled for this test alone."""
     recordings = []
-    for option in ("-B", "-O", "-OO"):
+    for option, is_plain in (("-B", "0"), ("-O", "1"), ("-OO", "1")):
         folder = tmp_path / option
-        done = shell([FLIGHT[0], option, *FLIGHT[1:], f"hydra.run.dir={folder}"], "")
+        words = [FLIGHT[0], option, *FLIGHT[1:], f"hydra.run.dir={folder}"]
+        done = shell(words, "", NUMBA_DISABLE_JIT=is_plain)
         assert done.returncode == 0, done.stderr
         recordings.append((folder / "episodes" / "start.mcap").read_bytes())
     assert recordings[0] == recordings[1] == recordings[2]

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, Phase, given, reject, settings
 from hypothesis import strategies as st
+from hypothesis.internal.conjecture import providers
 
 from fis_tools.compiled.decorator import plainly
 from pipeline.flight.control.controller import ControllerError, open_loop
@@ -34,7 +35,6 @@ from tests.pipeline.flight.departures import (
 )
 from tests.pipeline.flight.guarded import EARLY, LAST_MOMENT, PASSIVE, guarded, pushing, starts_at_rest
 from tests.pipeline.flight.missions import FULL_INERTIA, MEAN_MOTION
-from tests.programs import run_python
 
 #: how many flights of a kind are drawn
 DRAWN = int(os.environ.get("DRAWN_FLIGHTS", "4"))
@@ -235,9 +235,11 @@ def fly_any(kind: str, data: st.DataObject) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
-def test_any_flight(kind: str) -> None:
-    """In a process of its own, for Hypothesis tries the numbers in all modules that are loaded, too."""
-    run_python("-c", f"from {__name__} import fly_any; fly_any(kind={kind!r})")
+def test_any_flight(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same flights whatever ran before: Hypothesis tries the numbers in loaded modules, too."""
+    monkeypatch.setattr(providers, "_get_local_constants", providers.Constants)
+    monkeypatch.setattr(providers, "CONSTANTS_CACHE", providers.LRUCache(1024))
+    fly_any(kind=kind)
 
 
 @pytest.mark.slow

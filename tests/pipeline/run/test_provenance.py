@@ -247,7 +247,9 @@ def test_in_a_script_it_runs_in_a_child_process_and_the_script_goes_on(tmp_path)
 @pytest.mark.slow
 def test_an_interrupt_comes_to_the_child_and_the_script_goes_on(tmp_path):
     folder = tmp_path / "run"
-    words = [*EVALUATE, "reproducible=true", "monte_carlo.num_cases=1000000", f"hydra.run.dir={folder}"]
+    # an hour of flights, of which nothing is compiled for the processor of reproducible runs
+    flights = ["flight=reference", "duration_s=60", "monte_carlo.num_cases=20000"]
+    words = [*EVALUATE, "reproducible=true", *flights, f"hydra.run.dir={folder}"]
     done = run_python("-c", SCRIPT, "[2/", *words, folder=tmp_path)
     assert done.stdout == "code 130\ngoes on True True\n"
     assert "interrupted" in done.stderr
