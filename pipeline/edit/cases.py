@@ -11,7 +11,7 @@ from fis_tools.model import FuzzyController
 from fis_tools.processors import num_processors
 from pipeline.array_types import Integers
 from pipeline.evaluation.assurance.campaign import FormulaResult, concatenate, evaluate_formulas
-from pipeline.evaluation.assurance.quantities import PointCounts
+from pipeline.evaluation.assurance.quantities import TrackFacts
 from pipeline.evaluation.assurance.requirements import CASES, Requirement, verified_by_method
 from pipeline.evaluation.assurance.verdicts import Evidence, judge, verdict
 from pipeline.evaluation.monte_carlo import episode_columns, fly_tracked
@@ -122,8 +122,9 @@ class EditorCases:
         """Fly and judge some cases in one thread."""
         scenarios = [self.scenarios[case] for case in cases]
         outcomes, tracks = fly_tracked(self.mission, controller, scenarios, workers=1)
-        points = PointCounts(len(inspection_points(self.mission)), outcomes.inspectable_count)
-        evaluated = evaluate_formulas(tracks, points, self._formulas, self.mission.control_period_s)
+        motion = self.mission.orbit.mean_motion_rad_s
+        facts = TrackFacts(len(inspection_points(self.mission)), outcomes.inspectable_count, motion)
+        evaluated = evaluate_formulas(tracks, facts, self._formulas, self.mission.control_period_s)
         return Flown(episode_columns(self.mission, scenarios, outcomes) | {"case": cases}, evaluated)
 
     def compare(self, before: Flown, after: Flown) -> list[Compared]:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from pipeline.array_types import Floats
 from pipeline.evaluation.assurance.formula import Formula, quantities_of, render, unit_of
-from pipeline.evaluation.assurance.quantities import UNITS, PointCounts, of_tracks
+from pipeline.evaluation.assurance.quantities import UNITS, TrackFacts, of_tracks
 from pipeline.evaluation.assurance.requirements import Requirement, RequirementError, check_formulas
 from pipeline.evaluation.assurance.robustness import Samples, deciding_units, holds, premises, robustness
 from pipeline.evaluation.monte_carlo import fly_tracked
@@ -123,28 +123,29 @@ class Campaign:
         """Time between the samples of tracks."""
         return self._mission.control_period_s
 
-    def tracks(self, scenarios: list[Scenario]) -> tuple[NDArray[np.float32], PointCounts]:
-        """Return the tracks of flights, (n, K+1, 15), and their points, see `quantities`."""
+    def tracks(self, scenarios: list[Scenario]) -> tuple[NDArray[np.float32], TrackFacts]:
+        """Return the tracks of flights, (n, K+1, 15), and what they do not hold."""
         # a few fly side by side in one thread: shared out, they would leave vectors half empty
         workers = 1 if len(scenarios) < FEW else self._workers
         outcomes, tracks = fly_tracked(self._mission, self._controller, scenarios, workers)
-        return tracks, PointCounts(self._num_points, outcomes.inspectable_count)
+        motion = self._mission.orbit.mean_motion_rad_s
+        return tracks, TrackFacts(self._num_points, outcomes.inspectable_count, motion)
 
 
 def judge_part(
     campaign: Campaign, scenarios: list[Scenario], formulas: Mapping[str, Formula]
 ) -> dict[str, FormulaResult]:
     """Fly some scenarios; return the results of formulas, by name."""
-    tracks, points = campaign.tracks(scenarios)
-    return evaluate_formulas(tracks, points, formulas, campaign.control_period_s)
+    tracks, facts = campaign.tracks(scenarios)
+    return evaluate_formulas(tracks, facts, formulas, campaign.control_period_s)
 
 
 def evaluate_formulas(
-    tracks: NDArray[np.floating], points: PointCounts, formulas: Mapping[str, Formula], period_s: float
+    tracks: NDArray[np.floating], facts: TrackFacts, formulas: Mapping[str, Formula], period_s: float
 ) -> dict[str, FormulaResult]:
     """Return the results of formulas, by name, on flights with these tracks, (n, K+1, 15)."""
     names = dict.fromkeys(name for formula in formulas.values() for name in quantities_of(formula))
-    quantities = of_tracks(tracks, points, names)
+    quantities = of_tracks(tracks, facts, names)
     results = {name: _evaluate(formula, quantities, period_s) for name, formula in formulas.items()}
     for name, result in results.items():
         if not np.all(np.isfinite(result.margins)):

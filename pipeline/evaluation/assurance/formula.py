@@ -8,6 +8,7 @@ sums of recorded quantities and numbers, these with or without units, and joins 
     always[0:3000] (distance > 150 m -> eventually[0:600] distance <= 150 m)
     not (speed > 0.3 m/s) until[0:600] distance < 60 m
     always (speed <= 0.2 m/s + 0.002 per_s * distance)
+    always (coasting_distance[3600] >= 15 m)
 
 ``->`` binds least, then ``or``, ``and``, ``until``, and closest ``not``, ``always``, ``eventually``. Windows
 are in seconds, from now, both ends included; without one the rest of the flight counts.
@@ -122,6 +123,21 @@ _TOKEN: Final = re.compile(
 _END: Final = "the end"
 #: the unit of a factor that makes a speed of a distance
 RATE: Final = "per_s"
+#: the quantity that may be of a time ahead, in brackets
+COASTING: Final = "coasting_distance"
+#: a day's free motion; beyond it the linear equations say nothing
+MOST_COASTED_S: Final = 86_400.0
+
+
+def seconds_of(name: str) -> float | None:
+    """Return the seconds in the brackets after a quantity's name; None without."""
+    _, bracket, rest = name.partition("[")
+    return float(rest.removesuffix("]")) if bracket else None
+
+
+def kind_of(name: str) -> str:
+    """Return a quantity's name without the brackets."""
+    return name.partition("[")[0]
 
 
 class FormulaError(ValueError):
@@ -276,7 +292,14 @@ class _RequirementParser:
             cure = did_you_mean(name, self._units) or f"; there are {', '.join(self._units)}"
             self.refuse(f"there is no quantity {name}{cure}")
         self._advance()
-        return name, self._units[name]
+        unit = self._units[name]
+        if name == COASTING and self._accept("["):
+            position, seconds = self._position, self._seconds()
+            if not 0.0 < seconds <= MOST_COASTED_S:
+                self.refuse(f"it looks ahead by more than 0 s and up to {MOST_COASTED_S:g} s", position)
+            self._expect("]")
+            name = f"{name}[{_number(seconds)}]"
+        return name, unit
 
     def _number(self) -> tuple[float, str, int]:
         """Read a number, its unit (empty without one) and the unit's position."""
@@ -365,7 +388,7 @@ def _rendered(predicate: Predicate, units: Mapping[str, str]) -> str:
         return f"{name} {'>' if factor > 0.0 else '<'}{strict} {_number(-predicate.constant * factor)}{unit}"
     terms = []
     for name, factor in predicate.factors:
-        rate = f" {RATE}" if units[name] != predicate.unit else ""
+        rate = f" {RATE}" if units[kind_of(name)] != predicate.unit else ""
         terms.append(f"{'-' if factor < 0.0 else '+'} {_number(abs(factor))}{rate} * {name}")
     total = " ".join(terms).removeprefix("+ ")
     return f"{total} >{strict} {_number(-predicate.constant)}{unit}"

@@ -13,6 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.array_types import Floats, Integers
+from pipeline.evaluation.assurance.coasting import coasting_distance
+from pipeline.evaluation.assurance.formula import COASTING, seconds_of
 from pipeline.flight.state import arrays
 from pipeline.flight.state.log import inspectable_rate
 from pipeline.physics.quaternion import seen_from_hill
@@ -22,15 +24,16 @@ from telemetry.file.topics import DEPUTY_CONTROL, DEPUTY_STATE, MISSION
 _BORESIGHT = slice(arrays.TRACK_BORESIGHT, arrays.TRACK_BORESIGHT + 3)
 
 
-class PointCounts(NamedTuple):
-    """The number of inspection points, and of those that can be inspected in each flight, (n,)."""
+class TrackFacts(NamedTuple):
+    """What tracks do not hold: the chief's mean motion, and points, in all and inspectable, (n,)."""
 
     number: int
     inspectable: Integers
+    mean_motion: float  # rad/s
 
 
-#: from tracks, (n, K+1, 15), and their points to (n, K+1)
-OfTracks = Callable[[Floats, PointCounts], Floats]
+#: from tracks, (n, K+1, 15), and what they do not hold to (n, K+1)
+OfTracks = Callable[[Floats, TrackFacts], Floats]
 
 
 @dataclass(frozen=True)
@@ -54,21 +57,31 @@ class Quantity:
 
 
 def _column(index: int) -> OfTracks:
-    return lambda tracks, points: tracks[..., index]
+    return lambda tracks, facts: tracks[..., index]
 
 
 def _length(first: int) -> OfTracks:
-    return lambda tracks, points: np.linalg.norm(tracks[..., first : first + 3], axis=-1)
+    return lambda tracks, facts: np.linalg.norm(tracks[..., first : first + 3], axis=-1)
 
 
-def _inspected(tracks: Floats, points: PointCounts) -> Floats:
-    return points.number - tracks[..., arrays.TRACK_LEFT]
+def _inspected(tracks: Floats, facts: TrackFacts) -> Floats:
+    return facts.number - tracks[..., arrays.TRACK_LEFT]
 
 
 def _degrees_between(first: Floats, second: Floats) -> Floats:
     """Return the angles between vectors, deg: by their tangents, which are accurate for small angles."""
     sines = np.linalg.norm(np.cross(first, second), axis=-1)
     return np.degrees(np.arctan2(sines, np.sum(first * second, axis=-1)))
+
+
+def _coasting(seconds: float | None) -> OfTracks:
+    """Return the quantity of `coasting_distance` over some seconds, an orbit unless given."""
+
+    def nearest(tracks: Floats, facts: TrackFacts) -> Floats:
+        duration = 2.0 * np.pi / facts.mean_motion if seconds is None else seconds
+        return coasting_distance(tracks[..., :6], facts.mean_motion, duration)
+
+    return nearest
 
 
 def _along(name: str, topic: str, unit: str, first: int) -> dict[str, Quantity]:
@@ -81,6 +94,12 @@ def _along(name: str, topic: str, unit: str, first: int) -> dict[str, Quantity]:
 
 QUANTITIES: Mapping[str, Quantity] = {
     "distance": Quantity("m", f"{MISSION}.distance_m", "from the chief's centre", _length(0)),
+    COASTING: Quantity(
+        "m",
+        f"{DEPUTY_STATE}.position_m",
+        "the least from the chief's centre if nothing more is fired, in the next orbit or so many seconds",
+        _coasting(None),
+    ),
     **_along("position", f"{DEPUTY_STATE}.position_m", "m", 0),
     "speed": Quantity(
         "m/s", f"{DEPUTY_STATE}.velocity_m_s", "relative to Hill, in any direction", _length(3)
@@ -92,15 +111,13 @@ QUANTITIES: Mapping[str, Quantity] = {
         "%",
         f"{MISSION}.inspection_rate_percent",
         "share of the points inspected so far",
-        lambda tracks, points: 100.0 * _inspected(tracks, points) / points.number,
+        lambda tracks, facts: 100.0 * _inspected(tracks, facts) / facts.number,
     ),
     "inspectable_rate": Quantity(
         "%",
         f"{MISSION}.inspected_count",
         "share, inspected so far, of the points that are lit at some sample of the flight",
-        lambda tracks, points: inspectable_rate(
-            _inspected(tracks, points), points.inspectable[:, np.newaxis]
-        ),
+        lambda tracks, facts: inspectable_rate(_inspected(tracks, facts), facts.inspectable[:, np.newaxis]),
     ),
     "force": Quantity(
         "N", f"{DEPUTY_CONTROL}.force_hill_n", "as fired, in any direction", _length(arrays.TRACK_FORCE)
@@ -110,19 +127,20 @@ QUANTITIES: Mapping[str, Quantity] = {
         "deg/s",
         f"{DEPUTY_STATE}.angular_velocity_rad_s",
         "of the deputy relative to Hill, about any axis",
-        lambda tracks, points: np.degrees(tracks[..., arrays.TRACK_TURN_RATE]),
+        lambda tracks, facts: np.degrees(tracks[..., arrays.TRACK_TURN_RATE]),
     ),
     "pointing_error": Quantity(
         "deg",
         f"{DEPUTY_STATE}.quaternion",
         "from the camera's boresight to the chief's centre",
-        lambda tracks, points: _degrees_between(tracks[..., _BORESIGHT], -tracks[..., :3]),
+        lambda tracks, facts: _degrees_between(tracks[..., _BORESIGHT], -tracks[..., :3]),
     ),
 }
 
 #: words for the flights with the least and with the greatest value, for which the braces stand
 EXTREMES: Mapping[str, tuple[str, str]] = {
     "distance": ("the nearest {} from its centre", "the farthest {} from its centre"),
+    COASTING: ("the nearest by coasting {} from its centre", "the farthest by coasting {} from its centre"),
     "speed": ("the slowest at {}", "the fastest at {}"),
     "delta_v": ("the cheapest at {}", "the most expensive at {}"),
     "inspection_rate": ("the least at {}", "the most at {}"),
@@ -132,14 +150,19 @@ EXTREMES: Mapping[str, tuple[str, str]] = {
 UNITS: Mapping[str, str] = {name: quantity.unit for name, quantity in QUANTITIES.items()}
 
 
-def of_tracks(tracks: NDArray[Any], points: PointCounts, names: Iterable[str]) -> dict[str, Floats]:
+def of_tracks(tracks: NDArray[Any], facts: TrackFacts, names: Iterable[str]) -> dict[str, Floats]:
     """Return quantities of flights, each (n, K+1), from their tracks, (n, K+1, 15)."""
     exact = np.asarray(tracks, dtype=np.float64)
-    return {name: QUANTITIES[name].of_tracks(exact, points) for name in names}
+    return {name: _of_name(name)(exact, facts) for name in names}
 
 
-def track_of(recording: Recording) -> tuple[Floats, PointCounts]:
-    """Return the track of a recorded flight, (1, K+1, 15), and its points."""
+def _of_name(name: str) -> OfTracks:
+    seconds = seconds_of(name)
+    return QUANTITIES[name].of_tracks if seconds is None else _coasting(seconds)
+
+
+def track_of(recording: Recording, mean_motion: float) -> tuple[Floats, TrackFacts]:
+    """Return the track of a recorded flight, (1, K+1, 15), and what it does not hold."""
     state, mission, control = recording[DEPUTY_STATE], recording[MISSION], recording[DEPUTY_CONTROL]
     num_points = int(np.asarray(mission["inspected_mask"]).shape[1])
     inspectable = np.asarray(mission["inspectable_count"][-1:], dtype=np.int64)
@@ -150,4 +173,6 @@ def track_of(recording: Recording) -> tuple[Floats, PointCounts]:
     turn_rates = np.linalg.norm(state["angular_velocity_rad_s"], axis=1)
     spent = mission["delta_v_m_s"]
     columns = [state["position_m"], state["velocity_m_s"], spent, left, fired, boresights, turn_rates]
-    return np.column_stack(columns)[np.newaxis].astype(np.float64), PointCounts(num_points, inspectable)
+    return np.column_stack(columns)[np.newaxis].astype(np.float64), TrackFacts(
+        num_points, inspectable, mean_motion
+    )

@@ -1,6 +1,6 @@
 """The verdict on a requirement in sentences: the claim and its scope, the flights, and missing proofs."""
 
-from pipeline.evaluation.assurance.formula import Always, Eventually, Predicate
+from pipeline.evaluation.assurance.formula import Always, Eventually, Predicate, kind_of
 from pipeline.evaluation.assurance.quantities import EXTREMES, UNITS
 from pipeline.evaluation.assurance.requirements import Requirement
 from pipeline.evaluation.assurance.verdicts import (
@@ -131,8 +131,8 @@ def describe_worst(requirement: Requirement, margin: float, unit: str = "") -> s
         case Always(_, Predicate(((name, factor),), constant)) | Eventually(
             _, Predicate(((name, factor),), constant)
         ):
-            if name in EXTREMES:
-                value = f"{(margin - constant) / factor:.4g} {UNITS[name]}"
-                return EXTREMES[name][factor < 0.0].format(value)
+            if kind_of(name) in EXTREMES:
+                value = f"{(margin - constant) / factor:.4g} {UNITS[kind_of(name)]}"
+                return EXTREMES[kind_of(name)][factor < 0.0].format(value)
     unit = f" {unit if requirement.unit == 'mixed' else requirement.unit}".rstrip()
     return f"the worst by {-margin:.4g}{unit}" if margin < 0.0 else f"the least margin {margin:.4g}{unit}"

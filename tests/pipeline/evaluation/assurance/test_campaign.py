@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from fis_tools.analysis.flights import read_outcome
 from pipeline.command_line.config import compose_experiment
@@ -18,8 +19,8 @@ from pipeline.evaluation.assurance.campaign import (
     case_space,
     evaluate_formulas,
 )
-from pipeline.evaluation.assurance.formula import parse
-from pipeline.evaluation.assurance.quantities import QUANTITIES, UNITS, PointCounts, track_of
+from pipeline.evaluation.assurance.formula import FormulaError, parse, render
+from pipeline.evaluation.assurance.quantities import QUANTITIES, UNITS, TrackFacts, track_of
 from pipeline.evaluation.assurance.requirements import Requirement, RequirementError, load_requirements
 from pipeline.flight.cases.dispersions import mission_of_case
 from pipeline.flight.fly.simulation import fly_all, fly_logged
@@ -111,7 +112,7 @@ def test_tracks_are_those_of_logs_and_of_recordings(tmp_path: Path):
         assert np.ptp(exact[:, TRACK_TURN_RATE]) > 0.0
         assert np.any(exact[:-1, TRACK_FORCE:TRACK_BORESIGHT])
     recording = recorded(tmp_path / "flight.mcap", MISSION, scenario, log)
-    np.testing.assert_array_equal(track_of(recording)[0][0], exact)
+    np.testing.assert_array_equal(track_of(recording, MISSION.orbit.mean_motion_rad_s)[0][0], exact)
     for quantity in QUANTITIES.values():
         topic, field = quantity.topic.split(".")
         assert len(recording[topic][field.partition("[")[0]]) >= MISSION.num_controls
@@ -122,6 +123,35 @@ def test_a_formula_about_what_is_never_flown_is_refused():
     late = Requirement(*("R9", *["late"] * 6), ("cases",), "", formula, 0.9, 0.9)
     with pytest.raises(RequirementError, match="R9: its part from 4000 to 5000 s says nothing"):
         FLIGHTS.judge(scenarios(1), [late])
+
+
+FACTS = TrackFacts(10, np.array([8]), 0.0011)
+
+
+def test_a_deputy_that_coasts_comes_as_near_as_scipy_brings_it():
+    generator, n = np.random.default_rng(3), FACTS.mean_motion
+    states = np.hstack([generator.normal(0.0, 50.0, (30, 3)), generator.normal(0.0, 0.08, (30, 3))])
+
+    def rates(_time, state):
+        x, _, z, u, v, w = state
+        return [u, v, w, 3.0 * n * n * x + 2.0 * n * v, -2.0 * n * u, -n * n * z]
+
+    for seconds, text in ((2.0 * np.pi / n, "coasting_distance"), (755.0, "coasting_distance[755 s]")):
+        times = np.linspace(0.0, seconds, 20_001)
+        paths = [
+            solve_ivp(rates, times[[0, -1]], s, "DOP853", times, rtol=1e-11, atol=1e-11).y for s in states
+        ]
+        nearest = [np.linalg.norm(path[:3], axis=0).min() for path in paths]
+        formula = {"all": parse(f"always ({text} >= 15 m)", UNITS)}
+        track = np.pad(states, ((0, 0), (0, 9)))[np.newaxis]
+        margins = [
+            evaluate_formulas(track[:, [k]], FACTS, formula, 10.0)["all"].margins[0] for k in range(30)
+        ]
+        np.testing.assert_allclose(margins, np.subtract(nearest, 15.0), rtol=0.0, atol=2e-3)
+    assert render(formula["all"], UNITS) == "always coasting_distance[755] >= 15 m"
+    assert parse(render(formula["all"], UNITS), UNITS) == formula["all"]
+    with pytest.raises(FormulaError, match="looks ahead by more than 0 s and up to 86400 s"):
+        parse("always (coasting_distance[1e6] >= 15)", UNITS)
 
 
 def test_quantities_of_a_flight_by_hand():
@@ -147,8 +177,7 @@ def test_quantities_of_a_flight_by_hand():
     }
     formulas = {text: parse(text, UNITS) for text in margins}
     computed = {
-        name: result.margins[0]
-        for name, result in evaluate_formulas(track, PointCounts(10, np.array([8])), formulas, 10.0).items()
+        name: result.margins[0] for name, result in evaluate_formulas(track, FACTS, formulas, 10.0).items()
     }
     assert computed == pytest.approx(margins)
 
