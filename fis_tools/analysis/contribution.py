@@ -7,12 +7,12 @@ import numpy as np
 from fis_tools.array_types import Booleans, Floats
 from fis_tools.engines import interpreter
 from fis_tools.engines.codes import FORMULA, INVERTED, NUMBER
-from fis_tools.engines.compiler import CompiledSystem
+from fis_tools.engines.compiler import CompiledSystem, compile
 from fis_tools.engines.defuzzifier import formula_values
 from fis_tools.engines.inference import infer_outputs
 from fis_tools.engines.program import IntervalOutput, Program, Weighing
 from fis_tools.model import Formula, FuzzySystem, Linear
-from fis_tools.model.intervals import require_type_1
+from fis_tools.model.intervals import has_intervals
 
 #: Samples, each with one rule silenced, that are concluded at a time.
 BATCH = 4096
@@ -39,32 +39,35 @@ def contributions(compiled: CompiledSystem, inputs: Floats) -> Floats:
         In units of the outputs. Where no other rule fires it is the output less its default; NaN if there is
         none.
     """
-    require_type_1((compiled.system,), "the share of rules")
     firing = compiled.firing_strengths(inputs)
     outputs = compiled.conclude(firing, inputs)
+    count = len(compiled.system.rules)
     samples, rules = np.nonzero(_can_matter(compiled, firing))
-    result = np.zeros((*firing.shape, outputs.shape[1]))
+    result = np.zeros((len(firing), count, outputs.shape[1]))
     for first in range(0, len(samples), BATCH):
         sample, rule = samples[first : first + BATCH], rules[first : first + BATCH]
         silenced = firing[sample]
-        silenced[np.arange(len(sample)), rule] = 0.0
+        # of interval type-2 systems a rule has two strengths
+        silenced.reshape(len(sample), -1, count)[np.arange(len(sample)), :, rule] = 0.0
         result[sample, rule] = outputs[sample] - compiled.conclude(silenced, inputs[sample])
     return result
 
 
 def _can_matter(compiled: CompiledSystem, firing: Floats) -> Booleans:
     """Return which firing rules affect an output: of a maximum the highest cut, else every cut."""
+    firing = firing[:, -len(compiled.system.rules) :]
     matters = np.zeros(firing.shape, dtype=np.bool_)
     for conclusion, output in zip(compiled.program.conclusions, compiled.system.outputs, strict=True):
-        assert not isinstance(conclusion, IntervalOutput)  # noqa: S101 - refused above
-        if isinstance(conclusion, Weighing) or not conclusion.cuts:
+        if isinstance(conclusion, IntervalOutput):
+            matters[:, [rule for rule, _ in compiled.system.conclusions_on(output)]] = True
+        elif isinstance(conclusion, Weighing) or not conclusion.cuts:
             matters[:, conclusion.rules] = True
-            continue
-        cuts = firing[:, conclusion.rules] * conclusion.weights
-        for first, last in zip(conclusion.bounds[:-1], conclusion.bounds[1:], strict=True):
-            rules, heights = conclusion.rules[first:last], cuts[:, first:last]
-            is_highest = heights == heights.max(axis=1, keepdims=True)
-            matters[:, rules] |= is_highest if output.accumulation == "max" else heights > 0.0
+        else:
+            cuts = firing[:, conclusion.rules] * conclusion.weights
+            for first, last in zip(conclusion.bounds[:-1], conclusion.bounds[1:], strict=True):
+                rules, heights = conclusion.rules[first:last], cuts[:, first:last]
+                is_highest = heights == heights.max(axis=1, keepdims=True)
+                matters[:, rules] |= is_highest if output.accumulation == "max" else heights > 0.0
     return matters & (firing > 0.0)
 
 
@@ -87,7 +90,12 @@ def holding_back(system: FuzzySystem, output: int = 0) -> tuple[int, ...]:
             concluded[index].add(consequent.term)
     middle = np.array([(v.minimum + v.maximum) / 2.0 for v in system.inputs])
     # a few rules once: numba would take longer to compile this than Python to infer
-    alone = [infer_outputs(system, unit, middle)[output].value for unit in np.eye(len(system.rules))]
+    units = np.eye(len(system.rules))
+    if has_intervals(system):
+        rows = np.tile(middle, (len(units), 1))
+        alone = compile(system).conclude(np.tile(units, 2), rows)[:, output].tolist()
+    else:
+        alone = [infer_outputs(system, unit, middle)[output].value for unit in units]
     away = np.abs(np.array(alone) - (variable.default or 0.0)) / variable.span
     return tuple(index + 1 for index, terms in concluded.items() if terms <= fixed and away[index] < NOTHING)
 

@@ -30,7 +30,7 @@ from fis_tools.compiled.vectors import width_of
 from fis_tools.engines.compiler import CompiledSystem
 from fis_tools.engines.kernel import conclude, make_scratch
 from fis_tools.engines.packing import Packed
-from fis_tools.engines.program import Weighing
+from fis_tools.engines.program import IntervalOutput, Weighing
 from fis_tools.model import FuzzySystem
 from fis_tools.model.operators import ACCUMULATIONS
 
@@ -67,15 +67,23 @@ def by_kernel(system: FuzzySystem, packed: Packed, firing: Floats, plays: Boolea
     return concluding
 
 
-def _by_program(compiled: CompiledSystem, output: int, firing: Floats, plays: Booleans) -> Concluding:
-    """Return a function that infers one output of any system from subsets of its rules."""
+def _by_program(
+    compiled: CompiledSystem, output: int, firing: Floats, plays: Booleans, inputs: Floats
+) -> Concluding:
+    """Return a function that infers one output of any system from subsets of its rules.
+
+    Of interval type-2 systems `firing` has the lower strengths of all rules, then the upper ones.
+    """
+    count = plays.shape[1]
 
     def concluding(samples: Integers, rules: Integers, members: Booleans) -> Floats:
-        left = np.where(plays[samples], 0.0, firing[samples])
+        left = np.where(np.tile(plays[samples], firing.shape[1] // count), 0.0, firing[samples])
         rows = np.repeat(left[:, np.newaxis], len(members), axis=1)
-        strengths = firing[samples[:, np.newaxis], rules]
-        np.put_along_axis(rows, rules[:, np.newaxis], members * strengths[:, np.newaxis], axis=2)
-        return compiled.conclude(rows.reshape(-1, rows.shape[2]))[:, output].reshape(rows.shape[:2])
+        for first in range(0, firing.shape[1], count):
+            strengths = firing[samples[:, np.newaxis], first + rules]
+            np.put_along_axis(rows, first + rules[:, np.newaxis], members * strengths[:, np.newaxis], axis=2)
+        given = np.repeat(inputs[samples], len(members), axis=0) if compiled.program.asks_for_inputs else None
+        return compiled.conclude(rows.reshape(-1, rows.shape[2]), given)[:, output].reshape(rows.shape[:2])
 
     return concluding
 
@@ -193,14 +201,15 @@ def shares(
     num_orders : int
         How many orders are drawn where coalitions are too many; an even number.
     firing : (n, num_rules), optional
-        The firing strengths at these inputs, if they are known.
+        The firing strengths at these inputs, if they are known, as `CompiledSystem.firing_strengths` returns.
     """
     if firing is None:
         firing = compiled.firing_strengths(inputs)
-    values = np.zeros((*firing.shape, len(compiled.system.outputs)))
+    count = len(compiled.system.rules)
+    values = np.zeros((len(firing), count, len(compiled.system.outputs)))
     error = np.zeros((len(firing), values.shape[2]))
     for index, conclusion in enumerate(compiled.program.conclusions):
-        match = _match(compiled, index, firing)
+        match = _match(compiled, index, firing, np.asarray(inputs))
         if isinstance(conclusion, Weighing):
             values[:, :, index] = weighted_shares(
                 compiled.program, conclusion, firing, match.plays, np.asarray(inputs)
@@ -218,7 +227,8 @@ def shares(
     return RuleShares(values, error)
 
 
-def _match(compiled: CompiledSystem, index: int, firing: Floats) -> _Match:
+def _match(compiled: CompiledSystem, index: int, both: Floats, inputs: Floats) -> _Match:
+    firing = both[:, -len(compiled.system.rules) :]
     variable = compiled.system.outputs[index]
     conclusions: list[Cuts] = [[] for _ in compiled.system.rules]
     for rule, c in compiled.system.conclusions_on(variable):
@@ -227,7 +237,7 @@ def _match(compiled: CompiledSystem, index: int, firing: Floats) -> _Match:
     concludes = np.array([bool(weights) for weights in conclusions])
     strongest = firing.max(axis=1, keepdims=True, initial=0.0, where=concludes)
     plays = concludes & (firing >= np.minimum(FIRED, strongest)) & (firing > 0.0)
-    concluding = _by_program(compiled, index, firing, plays)
+    concluding = _by_program(compiled, index, both, plays, inputs)
     if compiled.packed is not None:
         concluding = by_kernel(compiled.system, compiled.packed, firing, plays)
     return _Match(compiled, index, conclusions, firing, plays, concluding)
@@ -239,6 +249,7 @@ def _games(match: _Match) -> Iterator[_Game]:
     # a silent rule makes a product zero, and where rules add up each counts: there it matters who is silent,
     # and not only how the others cut
     by_player = output.accumulation == "product" or output.aggregation != "max"
+    by_player |= isinstance(match.compiled.program.conclusions[match.output_index], IntervalOutput)
     accumulate = None if by_player else ACCUMULATIONS[output.accumulation]
     left: Booleans = np.asarray(match.plays.any(axis=1))
     if accumulate is ACCUMULATIONS["max"] and all(len(cuts) <= 1 for cuts in match.conclusions):

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
@@ -29,6 +29,7 @@ from fis_tools.model import (
     with_semantics,
     with_variables,
 )
+from fis_tools.model.intervals import with_bounds
 from fis_tools.source import is_program, read_controller
 from fis_tools.words.text import sentences, with_unit
 
@@ -113,6 +114,7 @@ def import_(
     points: Annotated[int | None, arguments.whole_number(2, MOST_POINTS)] = None,
     as_: Annotated[Semantics | None, Parameter(name="--as")] = None,
     wire: tuple[tuple[str, str], ...] = (),
+    sets: Literal["lower", "upper"] | None = None,
 ) -> None:
     """Make one controller file from files of other programs, such as MATLAB or fuzzylite.
 
@@ -143,6 +145,8 @@ def import_(
         the program whose inference the systems mean [default: that of which each is a file]
     wire
         pass an output on to an input, as in MATLAB's fistree: --wire SYSTEM/OUTPUT SYSTEM/INPUT
+    sets
+        of interval type-2 sets, keep these functions alone, so that the systems are type-1
     """
     form = arguments.form_of(output) or serialize.dump_json
     readings = [_reading(path, trust) for path in files]
@@ -156,6 +160,8 @@ def import_(
         untrue = {sentence for reading in readings for sentence in reading.about_points}
         assumed = [sentence for sentence in assumed if sentence not in untrue]
         assumed += chain(*map(jumps_between_points, systems))
+    if sets is not None:
+        systems = tuple(with_bounds(system, sets) for system in systems)
     if as_ is not None:
         systems = tuple(with_semantics(system, as_) for system in systems)
     attributes, conflicts = _merged(controller.attributes for controller in controllers)

@@ -11,10 +11,11 @@ centroid of the sum of both.
 from collections.abc import Iterable
 from dataclasses import replace
 from functools import lru_cache
+from typing import Literal
 
 from fis_tools.errors import Mistake
 from fis_tools.model.shapes import Between, MembershipFunction
-from fis_tools.model.systems import And, Expression, FuzzySystem, Hedged, Is, Not, Or, Rule
+from fis_tools.model.systems import And, Expression, FuzzySystem, Hedged, Is, Not, Or, Rule, with_variables
 from fis_tools.model.variables import Term, Variable
 
 #: What a twin's names end with.
@@ -33,9 +34,21 @@ def require_type_1(systems: Iterable[FuzzySystem], what: str) -> None:
     for system in systems:
         if has_intervals(system):
             raise Mistake(
-                f"{what} is for type-1 sets, and {system.name!r} has interval type-2 ones; show, surface, "
-                "bounds, compile and YAML take it"
+                f"{what} is for type-1 sets, and {system.name!r} has interval type-2 ones, which show, "
+                "surface, bounds, compile, explain and YAML take; import --sets upper makes them type-1"
             )
+
+
+def with_bounds(system: FuzzySystem, which: Literal["lower", "upper"]) -> FuzzySystem:
+    """Return a type-1 system that has the lower or the upper functions of interval type-2 sets alone."""
+    ending = LOWER if which == "lower" else UPPER
+    return with_variables(
+        system,
+        lambda variable: replace(
+            variable,
+            terms=tuple(Term(term.name, bound_of(term.membership, ending)) for term in variable.terms),
+        ),
+    )
 
 
 @lru_cache(maxsize=64)

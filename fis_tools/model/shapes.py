@@ -458,8 +458,8 @@ class Between(MembershipFunction):
     def at(self, x: Floats) -> Floats:
         """Refuse: there is no one membership; see `fis_tools.model.intervals`."""
         raise Mistake(
-            "an interval type-2 set has two memberships at a point, and this is for type-1 sets; show, "
-            "surface, bounds, compile and YAML take it"
+            "an interval type-2 set has two memberships at a point, and this is for type-1 sets; import "
+            "--sets upper makes it one"
         )
 
 

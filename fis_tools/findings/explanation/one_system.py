@@ -16,7 +16,6 @@ from fis_tools.engines.inference import infer
 from fis_tools.findings.explanation.flips import ClassFlip, Flip, class_flips, flips, is_classifier
 from fis_tools.findings.explanation.points import made_of, plain_parts
 from fis_tools.model import FuzzySystem, Variable
-from fis_tools.model.intervals import require_type_1
 from fis_tools.words.text import NEGLIGIBLE, amount, listed, percent, sentence, signed
 
 #: Rules that moved an output by less than this fraction of its range, or beyond so many, are told on demand.
@@ -47,12 +46,21 @@ class Move:
         Its part of the output's way from its default, in the output's unit; the parts of all rules add up.
     needed : float
         What would be missing without it: the output minus the output without the rule, in the output's unit.
+    least : float, optional
+        Of an interval type-2 system: its least strength; `strength` is the greatest.
     """
 
     rule: int
     strength: float
     share: float
     needed: float
+    least: float | None = None
+
+    @property
+    def strength_words(self) -> str:
+        """Its strength, or the least and the greatest."""
+        least = "" if self.least is None else f"{self.least:.2f} to "
+        return f"{least}{self.strength:.2f}"
 
 
 @dataclass(frozen=True)
@@ -174,7 +182,7 @@ class Explanation(Result):
                     "value": output.value,
                     "default": output.is_default,
                     "rules": [
-                        plain(move)
+                        {key: value for key, value in plain(move).items() if value is not None}
                         | {"sentence": sentence(self.system.rules[move.rule - 1])}
                         | {"holds_back": move.rule in output.holding}
                         for move in output.moves
@@ -234,7 +242,7 @@ class Explanation(Result):
         for move in shown:
             amounts = [signed(variable, part) for part in (move.share, move.needed)]
             words = f"{move.rule}. {sentence(self.system.rules[move.rule - 1])}"
-            rows.append([*amounts, f"{move.strength:.2f}", words])
+            rows.append([*amounts, move.strength_words, words])
         rest = moves[len(shown) :]
         if not rest:
             return rows, ""
@@ -325,7 +333,6 @@ def explain_system(
     compiled: CompiledSystem, inputs: ArrayLike | Mapping[str, float], crossing: float, points: Points | None
 ) -> Explanation:
     """Explain one inference of a compiled system; see `fis_tools.findings.explanation.explain`."""
-    require_type_1((compiled.system,), "an explanation")
     inference = infer(compiled.system, inputs)
     given = inference.inputs
     for output in inference.outputs:
@@ -345,7 +352,12 @@ def explain_system(
         }
         concluding = [number for number in sorted(concluding_rules) if strengths[number] > 0.0]
         numbers = np.column_stack([strengths, shared[0, :, index], needed[0, :, index]])
-        moves = [Move(number + 1, *numbers[number].tolist()) for number in concluding]
+        lower = inference.lower_strengths
+        moves = []
+        for number in concluding:
+            strength, share, missing = numbers[number].tolist()
+            least = None if lower is None else float(lower[number])
+            moves.append(Move(number + 1, strength, share, missing, least))
         moves.sort(key=lambda move: (-abs(move.share), -move.strength))
         of_output = tuple(flip for flip in all_flips if flip.output == output.variable)
         reasons = (tuple(moves), float(error[0, index]), frozenset(holding_back(compiled.system, index)))

@@ -142,7 +142,7 @@ def shares(system: object, samples: Floats) -> FlightShares:
         If there are no samples, or they do not fit the system.
     """
     compiled = compile(system)
-    usage = rule_usage(compiled.firing_strengths(samples))
+    usage = rule_usage(compiled.firing_strengths(samples)[:, -len(compiled.system.rules) :])
     spans = np.array([variable.span for variable in compiled.system.outputs])
     weights = shapley.importance(compiled, samples)
     moved, needed = weights * spans, importance(compiled, samples) * spans

@@ -28,6 +28,7 @@ from fis_tools.model import (
     Triangular,
     Variable,
 )
+from fis_tools.model.intervals import with_bounds
 from fis_tools.model.validate import InvalidSystem, validate
 from fis_tools.words.text import summary
 from tests.fis_tools import step_by_step
@@ -173,18 +174,41 @@ def test_files_and_words_keep_interval_sets():
     assert "interval type-2" in summary(tipper())
 
 
+@pytest.mark.parametrize("system", [tipper(), constants(), tipper(type_reduction="nie-tan")])
+def test_shares_of_rules_are_those_of_systems_without_the_others(system):
+    """Two rules play; the third fires so faintly that it joins any of them."""
+    given = np.array([[3.0, 4.0]])
+
+    def worth(*rules: int) -> float:
+        kept = replace(system, rules=tuple(system.rules[rule] for rule in (*rules, 2)))
+        return float(compile(kept)(given)[0, 0])
+
+    output = explain(system, given[0]).outputs[0]
+    by_rule = {move.rule: move for move in output.moves}
+    first = 0.5 * (worth(0) - 15.0 + worth(0, 1) - worth(1))
+    second = 0.5 * (worth(1) - 15.0 + worth(0, 1) - worth(0))
+    np.testing.assert_allclose([by_rule[1].share, by_rule[2].share], [first, second], atol=1e-12)
+    np.testing.assert_allclose(by_rule[1].needed, worth(0, 1) - worth(1), atol=1e-12)
+    assert by_rule[2].strength_words == "0.25 to 0.54"
+    assert sum(move.share for move in output.moves) == pytest.approx(output.value - 15.0, abs=1e-12)
+
+
 def test_what_is_for_type_1_refuses_interval_sets_by_name():
     system = tipper()
     controller = FuzzyController("interval", (system,))
     for refused in (
         lambda: audit(controller),
-        lambda: explain(system, [2.0, 1.0]),
         lambda: source.write(controller),
         *(lambda name=name: serialize.writer(name)(controller) for name in serialize.FORMS),
         lambda: system.inputs[0].memberships,
     ):
         with pytest.raises(ValueError, match="type-2"):
             refused()
+    with pytest.raises(Mistake, match="import --sets upper makes them type-1"):
+        audit(controller)
+    upper = with_bounds(system, "upper")
+    assert audit(FuzzyController("upper", (upper,))).systems
+    assert upper.inputs[0].terms[0].membership == Gaussian(0.0, 1.8)
     with pytest.raises(Mistake, match="type-2"):
         serialize.loads("[System]\nType='sugeno'\n[Input1]\nMF1U='a':'trimf',[0 1 2]\n", "fis")
 
