@@ -1,4 +1,7 @@
-"""The gain of each round of a training: ``python -m benchmarks.rounds RUN_FOLDER`` flies its champions."""
+"""The gain of each round of a training: ``python -m benchmarks.rounds RUN_FOLDER`` flies its champions.
+
+With ``--generations 25 50`` it flies those of these generations of the first round.
+"""
 
 import argparse
 from dataclasses import replace
@@ -23,16 +26,22 @@ def main() -> None:
     parser.add_argument(
         "--seed", type=int, default=777, help="of the starts; choose one that no training used"
     )
+    parser.add_argument("--generations", type=int, nargs="+", help="of the first round, not all rounds")
     options = parser.parse_args()
     experiment = experiment_from(configuration.read(options.folder))
     history = tables.read_parquet(options.folder, artifacts.HISTORY)
     template = source.load(experiment.controller, experiment.mission)
     tuned = genome_of(template, experiment.optimizer.encoding)
-    print("| round | Sun | delta-v (m/s) | inspection rate (%) | success rate | outside |")
+    what = "generation" if options.generations else "round"
+    print(f"| {what} | Sun | delta-v (m/s) | inspection rate (%) | success rate | outside |")
     print("|---|---|---|---|---|---|")
-    for number in np.unique(history["round"]):
-        genome = history["genome"][np.flatnonzero(history["round"] == number)[-1]]
-        controller = from_fuzzy(tuned.decode(np.asarray(genome)))
+    if options.generations:
+        rows = {each: np.flatnonzero(history["generation"] == each)[0] for each in options.generations}
+    else:
+        rounds = np.unique(history["round"])
+        rows = {each + 1: np.flatnonzero(history["round"] == each)[-1] for each in rounds}
+    for number, row in rows.items():
+        controller = from_fuzzy(tuned.decode(np.asarray(history["genome"][row])))
         for mode in ("fixed", "random"):
             sun = Sun(mode=mode, angle_deg=experiment.sun.angle_deg)
             scenarios = evaluation_scenarios(replace(experiment, sun=sun, seed=options.seed))
@@ -40,7 +49,7 @@ def main() -> None:
             means = [summary[name] for name in ("delta_v_m_s", "inspection_rate_percent")]
             shares = [100.0 * summary[name]["fraction"] for name in (SUCCESS, "violated")]
             print(
-                f"| {number + 1} | {mode} | {means[0]['mean']:.3f} | {means[1]['mean']:.2f} "
+                f"| {number} | {mode} | {means[0]['mean']:.3f} | {means[1]['mean']:.2f} "
                 f"| {shares[0]:.1f} % | {shares[1]:.1f} % |"
             )
 

@@ -125,7 +125,7 @@ def tables_of_keys() -> str:
         if shared and not shared.is_of_stages:
             about += f" Keys other than `{'`, `'.join(shared.keys)}` only with {in_code([shared])}."
         table = ["key|default|range|meaning", "---|---|---|---", *map("|".join, rows_of(group, keys))]
-        parts.append(f"## {group or 'At the top'}\n\n{about}\n\n" + "\n".join(table) + "\n")
+        parts.append(f"## {group or 'Run and clocks'}\n\n{about}\n\n" + "\n".join(table) + "\n")
     return "\n".join(parts)
 
 

@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Browser, Page, sync_playwright
+from playwright.sync_api import Browser, BrowserContext, Page, sync_playwright
 
 from docs.screenshot import BROWSERS, browser_found
 from tests.programs import installed, missing
@@ -54,6 +54,39 @@ def serious_violations(shown: Page, axe: str) -> list[tuple[str, list[str]]]:
     ]
 
 
+#: of a phone, a laptop and a large screen
+WIDTHS = (400, 1400, 1920)
+#: the tables of a page by class and number of columns, all folds opened
+TABLES = """() => {
+    document.querySelectorAll("details").forEach(fold => { fold.open = true; });
+    const tables = [...document.querySelectorAll("table")];
+    return tables.map(each => `${each.className} ${each.rows[0]?.cells.length}`);
+}"""
+#: those that do not fit what holds them, or leave the page
+TOO_WIDE = """() => [...document.querySelectorAll("table")].filter(each =>
+    each.offsetWidth > each.parentElement.clientWidth + 1
+    || each.getBoundingClientRect().right > innerWidth + 1
+).map(each => [innerWidth, each.offsetWidth, each.innerText.slice(0, 200)])"""
+#: kinds of pages whose tables fit, by their tables
+_fitting: set[tuple[str, ...]] = set()
+
+
+def assert_tables_fit(page: Page) -> None:
+    """Fail where a column of a table is hidden at some width."""
+    kinds = tuple(sorted(set(page.evaluate(TABLES))))
+    for width in WIDTHS:
+        page.set_viewport_size({"width": width, "height": 900})
+        wide = page.evaluate(TOO_WIDE)
+        assert wide == [], wide
+    _fitting.add(kinds)
+
+
+def has_new_tables(page: Page) -> bool:
+    """Return whether no page yet had tables of these kinds."""
+    kinds = tuple(sorted(set(page.evaluate(TABLES))))
+    return bool(kinds) and kinds not in _fitting
+
+
 @pytest.fixture
 def opened(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., Page]]:
     """Open a text as a page, as often as a test likes."""
@@ -63,9 +96,12 @@ def opened(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Iterat
 
 @contextmanager
 def opening(browser: Browser, folder: Path) -> Iterator[Callable[..., Page]]:
-    """Open a text as a page from a file; in the end nothing but the file was asked for, and nothing wrong."""
+    """Open a text as a page from a file.
+
+    In the end nothing but the file was asked for, nothing was wrong, and no table is wider than its page.
+    """
     complaints: list[str] = []
-    contexts = []
+    contexts: list[BrowserContext] = []
 
     def open_page(text: str, width: int = 1280, **options: object) -> Page:
         path = folder / f"page-{len(contexts)}.html"
@@ -85,5 +121,7 @@ def opening(browser: Browser, folder: Path) -> Iterator[Callable[..., Page]]:
 
     yield open_page
     for context in contexts:
+        for page in filter(has_new_tables, context.pages):
+            assert_tables_fit(page)
         context.close()
     assert complaints == []

@@ -28,7 +28,7 @@ FEW_RULES = 12
 
 def lead(controller: FuzzyController) -> str:
     """Describe a controller's purpose, how it acts and what it consists of."""
-    purpose = controller.purpose or "What it is for, nobody has written: its file has no purpose."
+    purpose = controller.purpose or "No purpose is stated in its file."
     number = sum(len(system.rules) for system in controller.systems)
     outputs = [
         f"{output.name} ({extent(output)})" for system in controller.systems for output in system.outputs

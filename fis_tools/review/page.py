@@ -153,7 +153,8 @@ def write(
 
 def _assemble(data: object, panel: html.ScriptedPanel | None, **words: object) -> str:
     """Render the template with words, data, style sheet and scripts."""
-    style = read("style.css", __package__) + content.level_styles() + (panel.style if panel else "")
+    # joined: where a panel's markup were added, the selectors before it would be escaped
+    style = "".join((read("style.css", __package__), content.level_styles(), panel.style if panel else ""))
     script = _script()
     return template("fis_tools", "review", "page.html").render(
         words,

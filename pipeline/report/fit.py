@@ -34,8 +34,8 @@ def _blocks(name: str, folder: str, result: Mapping[str, Any]) -> Iterator[Block
     yield Heading(name, 1)
     tuned = ", tuned" if result["tuned"] else ""
     yield Paragraph(
-        f"{_percent(last['success'])} of {last['num_cases']} flights succeed, from starts that chose "
-        f"nothing. {last['exits']['count']} left the limits, {last['misses']['count']} missed points inside "
+        f"{_percent(last['success'])} of {last['num_cases']} flights succeed, from starts that no choice "
+        f"has seen. {last['exits']['count']} left the limits, {last['misses']['count']} missed points inside "
         f"them. It is {result['words']}{tuned}{', under the safety layer' if is_layered else ''}."
     )
     yield Heading("What limits the mission")

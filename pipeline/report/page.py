@@ -24,8 +24,12 @@ from pipeline.settings.start_table import POSITION
 
 INSPECTABLE = "inspectable_rate_percent"
 #: metrics of the summary with their decimals, and shares of flights
-MEANS = (("delta_v_m_s", 3), ("inspection_rate_percent", 2), (INSPECTABLE, 2), ("mean_distance_m", 2))
-SHARES = ("success", "violated", SUCCESS)
+MEANS = (
+    ("delta_v_m_s", 3, "Δv (m/s)"),
+    ("inspection_rate_percent", 2, "inspection rate (%)"),
+    (INSPECTABLE, 2, "of what can be inspected (%)"),
+    ("mean_distance_m", 2, "mean distance (m)"),
+)
 #: of many training flights only so many have a row of their own
 MOST_ROWS = 64
 
@@ -57,7 +61,7 @@ def write(contents: Contents, illustrations: Mapping[str, Illustration]) -> str:
         experiment=experiment,
         success=SUCCESS,
         means=[measure for measure in MEANS if has_unseen or measure[0] != INSPECTABLE],
-        shares=SHARES,
+        shares=(("success", "inspect"), ("violated", "outside"), (SUCCESS, "success")),
         confidence=f"{experiment.monte_carlo.confidence_percent:g}",
         limits=f"{mission.deputy.min_distance_m:g} to {mission.deputy.max_distance_m:g} m",
         threshold=f"{mission.inspection_threshold_percent:g}",
@@ -105,7 +109,7 @@ def flight_facts(flight: ShownFlight, mission: Mission) -> list[tuple[str, str]]
         ("Δv", f"{log.delta_v_m_s[-1]:.3f} m/s"),
         ("inspected", f"{points_in_words(log)}, {inspectable_rate(counts[-1], inspectable):.2f} %"),
         (f"{mission.inspection_threshold_percent:g} % reached", after),
-        ("distance", f"{extremes}, {distances.mean():.1f} m in the mean"),
+        ("distance", f"{extremes}, {distances.mean():.1f} m on average"),
     ]
 
 

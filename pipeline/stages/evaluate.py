@@ -181,7 +181,7 @@ def _beside_in_words(beside: Mapping[str, Any]) -> str:
         return ""
     times = beside["times_optimum"]
     return (
-        f"  {times['mean']:.2f} times the optimum in the mean of {beside['num_cases']} solved cases "
+        f"  {times['mean']:.2f} times the optimum, on average over {beside['num_cases']} solved cases "
         f"({times['min']:.2f} to {times['max']:.2f}), {beside['num_successful']} of them successful; "
         f"{beside['times_optimum_as_seen']['mean']:.2f} times the plans that inspect as many points\n"
     )

@@ -122,7 +122,7 @@ def _finish(experiment: Experiment, folder: Path, rows: Mapping[int, CaseRow]) -
     if "delta_v_m_s" in summary:
         spent, bound = summary["delta_v_m_s"], summary["delta_v_bound_m_s"]
         line += (
-            f": delta-v {spent['mean']:.4f} m/s in the mean, {spent['max']:.4f} at most; "
-            f"no plan does with less than {bound['mean']:.4f} in the mean"
+            f": delta-v {spent['mean']:.4f} m/s on average, {spent['max']:.4f} at most; "
+            f"no plan does with less than {bound['mean']:.4f} on average"
         )
     sys.stderr.write(line + "\n")

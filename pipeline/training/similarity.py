@@ -228,7 +228,7 @@ class Limitation:
     @property
     def sentence(self) -> str:
         """The number in words, with what follows if it is beyond its limit."""
-        words = f"{self.name}, {self.formula}: {self.value:.3g}"
+        words = f"{', '.join(filter(None, (self.name, self.formula)))}: {self.value:.3g}"
         if self.is_kept:
             return words
         side = "at least" if self.is_least else "at most"

@@ -44,11 +44,12 @@ def _aim(along: str, is_set: Callable[[str], bool]) -> str:
             return f"zero: without see_horizon_s and aim_urgent_m_s nothing is aimed at {along}"
         return f"aim_urgent_m_s {along} towards {towards}"
     shows = f"push {along} that would still show what is soon dark for good"
-    return f"{shows}, leaning towards what is urgent" if is_set("aim_urgent_m_s") else shows
+    bias = "plus a bias towards lit, unseen points, weighted by how soon they go dark"
+    return f"{shows}, {bias}" if is_set("aim_urgent_m_s") else shows
 
 
 def _tour_push(along: str, is_set: Callable[[str], bool]) -> str:
-    leaning = ", leaning towards what is urgent," if is_set("tour_lean_m") else ""
+    leaning = ", shifted towards lit, unseen points that soon go dark," if is_set("tour_lean_m") else ""
     waiting = ", or by the end of the shadow within tour_wait_s," if is_set("tour_wait_s") else ""
     return f"push {along} that leads in tour_time_s{waiting} to where the tour{leaning} is then"
 

@@ -133,14 +133,16 @@ SIGNALS = {
     **_along_axes(
         "aim",
         "m/s",
-        "push {} that would still show what is soon dark for good, leaning towards what is urgent",
+        "push {} that would still show what is soon dark for good, "
+        "plus a bias towards lit, unseen points, weighted by how soon they go dark",
         SETTING | URGENCY,
         "see_push_radial + aim_urgent_m_s urgent_radial",
     ),
     **_along_axes(
         "tour_push",
         "m/s",
-        "push {} that leads in tour_time_s to where the tour, leaning towards what is urgent, is then",
+        "push {} that leads in tour_time_s to where the tour, "
+        "shifted towards lit, unseen points that soon go dark, is then",
         TOUR | URGENCY,
     ),
 }

@@ -54,7 +54,7 @@ def test_a_file_without_a_purpose_is_read_and_says_that_it_has_none() -> None:
     assert "purpose" not in text
     old = serialize.reads(text, "json").controller
     assert old.purpose == ""
-    assert "nobody has written" in content.lead(old)
+    assert "No purpose is stated" in content.lead(old)
 
 
 def test_tables_have_the_places_of_terms_and_what_the_system_answers_there() -> None:

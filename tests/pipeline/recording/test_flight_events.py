@@ -157,7 +157,7 @@ def test_the_report_tells_how_often_how_long_and_what_it_cost() -> None:
     words = safety_words("evaluation", summary, None)
     assert "In the evaluation it acted in 20 of 1,000 flights (2.0 %, 1.3 to 3.1 %)" in words
     assert "%), in these for 10.5" in words
-    assert "by 0.0350 m/s in the mean; over all flights its changes come to 0.0007 m/s a flight" in words
+    assert "by 0.0350 m/s on average; over all flights its changes come to 0.0007 m/s a flight" in words
     assert words.endswith("at most 0.0912 m/s in one.")
     log = fly_logged(GUARDED, STEERING, STARTS[0])
     for count, how_many in ((0, "none"), (1, "one"), (14, "14")):

@@ -26,6 +26,7 @@ from pipeline.run import artifacts, manifests, tables
 from pipeline.run.artifacts import ArtifactError
 from pipeline.run.writing import write_json
 from pipeline.scenarios import training_scenarios
+from tests.browser import assert_tables_fit
 from tests.pipeline.report.runs import HOSTILE, SECTIONS, page_of, run_of, small_controller, write_training
 from tests.policies import Page, check_policy, check_references
 
@@ -77,6 +78,13 @@ def test_all_sections_are_there_with_their_pictures(trained):
 
 
 @pytest.mark.slow
+def test_no_column_of_a_report_is_hidden_at_any_width(trained, opened):
+    page = opened(trained[2])
+    assert page.locator("table").count() >= 4
+    assert_tables_fit(page)
+
+
+@pytest.mark.slow
 def test_numbers_are_those_of_the_summary(trained, copied):
     folder, experiment, text, page = trained
     summary = artifacts.read_json(folder, artifacts.SUMMARY)
@@ -94,7 +102,7 @@ def test_numbers_are_those_of_the_summary(trained, copied):
     assert len({0.0, 1.0, *shares}) == 5, "the shares must differ for this test to see them exchanged"
     words = words_of(page, "summary")
     assert f"{100 * shares[2]:.1f} % of the flights reach 30 % inside the limits" in words
-    assert f"{summary['violated']['count']} leave 15 to 120 m" in words
+    assert f"{summary['violated']['count']} leave the permitted 15 to 120 m" in words
     for share in shares:
         assert f"{100 * share:.1f} %" in words
     rate = summary["inspection_rate_percent"]

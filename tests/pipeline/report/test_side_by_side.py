@@ -20,6 +20,7 @@ from pipeline.report.figures.comparison import ENDS, MARKS, ControllerMark, by_w
 from pipeline.report.figures.comparison import beside_optimum as drawn_beside
 from pipeline.report.figures.style import PAPER, style
 from pipeline.run import artifacts, tables
+from tests.browser import WIDTHS, assert_tables_fit
 from tests.pipeline.report.runs import page_of, run_of
 from tests.policies import Page
 
@@ -80,13 +81,11 @@ def test_the_section_tells_the_rows(folder):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("width", [400, 1400, 1920])
-def test_no_column_of_a_comparison_is_hidden_at_any_width(width, folder, opened):
-    page = opened((folder / artifacts.REPORT).read_text(encoding="utf-8"), width=width)
-    assert page.evaluate("document.documentElement.scrollWidth") <= width
-    shown = "[...document.querySelectorAll('#comparison table')]"
-    assert page.evaluate(f"{shown}.length") == 2
-    assert page.evaluate(f"{shown}.every(one => one.offsetWidth <= one.parentElement.clientWidth)")
+def test_no_column_of_a_comparison_is_hidden_at_any_width(folder, opened):
+    page = opened((folder / artifacts.REPORT).read_text(encoding="utf-8"))
+    assert page.locator("#comparison table").count() == 2
+    assert_tables_fit(page)
+    assert page.evaluate("document.documentElement.scrollWidth") <= WIDTHS[-1]
 
 
 def test_a_comparison_of_approaches_says_what_its_columns_mean(tmp_path):
@@ -204,7 +203,7 @@ def test_words_and_rows_are_those_of_the_table(tmp_path):
     tables.write_parquet(tmp_path / artifacts.BESIDE_OPTIMUM, made_up())
     beside = comparisons.read_beside(tmp_path, {})
     words = template("pipeline.report", "templates", "words.html").module.optimum(beside, "95")
-    assert "In the mean of 4 solved cases it burns 4.50 times the optimum" in words
+    assert "On average over 4 solved cases it burns 4.50 times the optimum" in words
     assert "at least 95 points. The median is 4.00, the range 2.00 to 8.00 (case 11)." in words
     assert "In 2 of 4 it inspects at least 95 % of the points within the limits." in words
     rows = comparisons.optimum_rows(beside)

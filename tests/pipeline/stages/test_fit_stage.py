@@ -16,6 +16,7 @@ from pipeline.run.runner import Unimproved
 from pipeline.settings.checks import SettingError
 from pipeline.settings.places import conf_folder
 from pipeline.stages import fit
+from tests.browser import assert_tables_fit
 
 SHIPPED = conf_folder() / "controller" / "champion_27.yaml"
 #: a chief of 2 m, seen in half an hour
@@ -60,6 +61,13 @@ def test_a_fit_hands_back_a_controller_that_flies_and_says_how(done):
     for limit in summary["limits"]:
         assert limit["formula"] in page
     assert len(summary["limits"]) == 4
+
+
+@pytest.mark.slow
+def test_the_page_of_a_fit_fits_any_screen(done, opened):
+    page = opened((done[1] / artifacts.FIT_PAGE).read_text(encoding="utf-8"))
+    assert page.locator("table").count() >= 2
+    assert_tables_fit(page)
 
 
 def test_threads_and_interruptions_change_nothing(done, tmp_path):
