@@ -9,7 +9,7 @@ import numpy as np
 
 from fis_tools.edit.touches import numbers_of, with_sentence
 from fis_tools.model import And, Consequent, FuzzySystem, Is, MembershipFunction, Rule, Term, Variable
-from fis_tools.model.shapes import SHAPES
+from fis_tools.model.membership import SHAPES
 from fis_tools.model.variables import sample, shape_values
 from fis_tools.words import text
 

@@ -13,8 +13,8 @@ import numpy as np
 from fis_tools import model
 from fis_tools.formats.exchange.fll_rules import read_rules
 from fis_tools.model import FuzzyController, FuzzySystem, Is, Rule, Term, Variable, sample
+from fis_tools.model.membership import SHAPES
 from fis_tools.model.operators import HEDGES
-from fis_tools.model.shapes import SHAPES
 from fis_tools.words.text import listed
 
 #: half the width of a Gaussian at half its height, in standard deviations

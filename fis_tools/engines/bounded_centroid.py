@@ -8,7 +8,7 @@ import numpy as np
 from fis_tools.array_types import Floats
 from fis_tools.compiled.decorator import compiled
 from fis_tools.engines import codes
-from fis_tools.engines.inference import SMALLEST_AREA
+from fis_tools.engines.defuzzification import SMALLEST_AREA
 from fis_tools.engines.outward import EPSILON, INTERPOLATION_ERROR, combine_bounds, widened
 from fis_tools.engines.program import Conclusion
 

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from fis_tools.array_types import Booleans, Floats
 from fis_tools.compiled.decorator import advise_numba
 from fis_tools.engines import codes, interpreter, kernel, packing
-from fis_tools.engines.inference import as_rows, columns_of, pick
+from fis_tools.engines.inputs import as_rows, columns_of, pick
 from fis_tools.engines.packing import NotCompilable, Packed
 from fis_tools.engines.program import MANY_RULES, Conclusion, IntervalOutput, Program, Weighing, assemble
 from fis_tools.engines.trees import CompiledTree
@@ -28,7 +28,7 @@ from fis_tools.model import FuzzyController, FuzzySystem, FuzzyTree, Inferable, 
 from fis_tools.model.validate import require_valid, validate
 from fis_tools.processors import num_processors
 
-#: Inputs that are identified by column names; see `fis_tools.engines.inference.columns_of`.
+#: Inputs that are identified by column names; see `fis_tools.engines.inputs.columns_of`.
 TableLike = Any
 OnNoFire = Literal["default", "nan", "hold", "raise"]
 OnNan = Literal["raise", "nan"]

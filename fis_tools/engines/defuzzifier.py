@@ -9,7 +9,7 @@ from fis_tools.array_types import Floats, Integers
 from fis_tools.compiled.decorator import compiled
 from fis_tools.engines import codes
 from fis_tools.engines.codes import combine
-from fis_tools.engines.inference import SMALLEST_AREA
+from fis_tools.engines.defuzzification import SMALLEST_AREA
 from fis_tools.engines.program import Conclusion, Weighing
 
 #: The smallest positive number: a cut of zero crosses where memberships become positive.

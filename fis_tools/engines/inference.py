@@ -5,7 +5,7 @@ arithmetic, so results agree to the last bit. `fis_tools.engines.kernel` is the 
 case.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
 from typing import Any
@@ -14,17 +14,11 @@ import numpy as np
 
 from fis_tools import model
 from fis_tools.array_types import Floats, Integers
-from fis_tools.errors import require_known
-from fis_tools.model import TOOLS, Expression, FuzzySystem, Inferable, Rule, Variable, memberships_at
+from fis_tools.engines.defuzzification import DEFUZZIFIERS, crossings, defuzzify_sampled
+from fis_tools.engines.inputs import Values, as_rows
+from fis_tools.model import TOOLS, Expression, FuzzySystem, Rule, Variable, memberships_at
 from fis_tools.model.intervals import has_intervals, twin
 from fis_tools.model.operators import ACCUMULATIONS, AGGREGATIONS, AND_OPERATORS, HEDGES, OR_OPERATORS
-
-#: scikit-fuzzy divides by the larger of the area and this.
-SMALLEST_AREA = float(np.finfo(np.float64).eps)
-
-
-#: Heights of sampled outputs that differ by less than this share of the highest are equal but for rounding.
-TIE = 1e-12
 
 
 @dataclass(frozen=True)
@@ -218,10 +212,6 @@ def _fire(system: FuzzySystem, memberships: Sequence[Floats]) -> Floats:
     return np.array([degree(rule, rule.antecedent) for rule in system.rules])
 
 
-#: Clipped inputs, and the outputs inferred so far, by their names.
-Values = Mapping[str, Any]
-
-
 def infer_outputs(system: FuzzySystem, firing: Floats, clipped: Floats) -> list[OutputInference]:
     """Infer the outputs of a valid system, one after the other: formulas take those before their own.
 
@@ -256,9 +246,9 @@ def _infer_output(system: FuzzySystem, variable: Variable, firing: Floats, value
     if is_default:
         value = _default(system, variable)
     elif system.is_sampled:
-        value = _defuzzify_sampled(system, variable, universe, aggregated)
+        value = defuzzify_sampled(system, variable, universe, aggregated)
     else:
-        value = _DEFUZZIFIERS[system.defuzzifier_of(variable)](universe, aggregated)
+        value = DEFUZZIFIERS[system.defuzzifier_of(variable)](universe, aggregated)
     return OutputInference(variable, cuts, universe, aggregated, value, is_default)
 
 
@@ -267,35 +257,6 @@ def _default(system: FuzzySystem, variable: Variable) -> float:
     if variable.default is None:
         return np.nan if TOOLS[system.semantics].has_outputs_without_default else 0.0
     return variable.default
-
-
-def _defuzzify_sampled(system: FuzzySystem, variable: Variable, x: Floats, y: Floats) -> float:
-    """Return what a program makes of heights at points; see `fis_tools.engines.sampling`, its fast twin."""
-    way, by_magnitude = system.defuzzifier_of(variable), TOOLS[system.semantics].is_by_magnitude
-    if way == "centroid":
-        heights = y / y.max()
-        return float(np.clip((x * heights).sum() / heights.sum(), x[0], x[-1]))
-    top = x[y >= y.max() * (1.0 - TIE)]
-    if way == "mom":
-        return float(np.mean(top))
-    if way in {"som", "lom"}:
-        size = np.abs(top) if by_magnitude else top
-        return float(top[size.argmin() if way == "som" else size.argmax()])
-    running = np.cumsum(y)
-    if system.semantics == "matlab":
-        return float(x[np.argmax(running >= running[-1] / 2.0 * (1.0 - TIE))])
-    if system.semantics == "fuzzylite":
-        distance = np.abs(running / running[-1] - 0.5)
-        return float(np.mean(x[distance <= distance.min() + TIE]))
-    low, high, sum_low, sum_high = 0, len(x) - 1, 0.0, 0.0
-    while low < high:  # always on the side with the smaller sum
-        if sum_low <= sum_high * (1.0 + TIE):
-            low += 1
-            sum_low += y[low]
-        else:
-            high -= 1
-            sum_high += y[high]
-    return float(min(x[0] + (x[1] - x[0]) * low, x[-1]))
 
 
 def _weigh(system: FuzzySystem, variable: Variable, firing: Floats, values: Values) -> OutputInference:
@@ -361,7 +322,7 @@ def _cut_terms(system: FuzzySystem, variable: Variable, firing: Floats) -> Float
 def _aggregate(variable: Variable, cuts: Floats) -> tuple[Floats, Floats]:
     grid = variable.universe
     concluded = [(cut, mf) for cut, mf in zip(cuts, variable.memberships, strict=True) if not np.isnan(cut)]
-    crossings = [_crossings(grid, mf, cut) for cut, mf in concluded]
+    crossings = [crossings(grid, mf, cut) for cut, mf in concluded]
     universe = np.union1d(grid, np.concatenate([np.empty(0), *crossings]))
     aggregated = np.zeros(len(universe))
     for cut, mf in concluded:
@@ -381,126 +342,3 @@ def _conclude_by_rule(system: FuzzySystem, variable: Variable, firing: Floats) -
         activation = np.full(len(shape), firing[index] * consequent.weight)
         aggregated = aggregate(aggregated, imply(activation, shape))
     return aggregated
-
-
-def _crossings(grid: Floats, mf: Floats, cut: float) -> Floats:
-    """Return the points where a membership function crosses its cut between two points of the grid."""
-    reaches = mf > cut if cut == 0.0 else mf >= cut
-    i = np.flatnonzero(reaches[1:] != reaches[:-1])
-    return grid[i] + (cut - mf[i]) * (grid[i + 1] - grid[i]) / (mf[i + 1] - mf[i])
-
-
-def _centroid(x: Floats, y: Floats) -> float:
-    """Return the centre of area of a polygon, summed segment by segment."""
-    moment, area = 0.0, 0.0
-    for x1, x2, y1, y2 in zip(x[:-1], x[1:], y[:-1], y[1:], strict=True):
-        if x1 == x2 or y1 == y2 == 0.0:
-            continue
-        width = x2 - x1
-        if y1 == y2:
-            segment_centre, segment = 0.5 * (x1 + x2), width * y1
-        elif y1 == 0.0:
-            segment_centre, segment = 2.0 / 3.0 * width + x1, 0.5 * width * y2
-        elif y2 == 0.0:
-            segment_centre, segment = 1.0 / 3.0 * width + x1, 0.5 * width * y1
-        else:
-            segment_centre = (2.0 / 3.0 * width * (y2 + 0.5 * y1)) / (y1 + y2) + x1
-            segment = 0.5 * width * (y1 + y2)
-        moment += segment_centre * segment
-        area += segment
-    return float(moment / np.fmax(area, SMALLEST_AREA))
-
-
-def _bisector(x: Floats, y: Floats) -> float:
-    """Return the point with half of the area on either side.
-
-    scikit-fuzzy takes the area left of a segment from the segment before it, and for an empty one that is
-    zero; with a gap in the polygon the result is therefore not the bisector, and may be NaN. This function
-    does the same.
-    """
-    areas = np.zeros(len(x) - 1)
-    total = 0.0
-    for i, (x1, x2, y1, y2) in enumerate(zip(x[:-1], x[1:], y[:-1], y[1:], strict=True)):
-        if x1 == x2 or y1 == y2 == 0.0:
-            continue
-        if y1 == y2:
-            total += (x2 - x1) * y1
-        else:
-            total += 0.5 * (x2 - x1) * (y1 + y2)
-        areas[i] = total
-    i = int(np.flatnonzero(areas >= total / 2.0)[0])
-    rest = total / 2.0 - (areas[i - 1] if i > 0 else 0.0)
-    x1, x2, y1, y2 = x[i], x[i + 1], y[i], y[i + 1]
-    with np.errstate(invalid="ignore", divide="ignore"):
-        if y1 == y2:
-            return float(rest / y1 + x1)
-        if y1 == 0.0:
-            return float(x1 + np.sqrt(2.0 * rest * (x2 - x1) / y2))
-        if y2 == 0.0:
-            return float(x2 - np.sqrt((x2 - x1) * (x2 - x1) - 2.0 * rest * (x2 - x1) / y1))
-        slope = (y2 - y1) / (x2 - x1)
-        return float(x1 - (y1 - np.sqrt(y1 * y1 + 2.0 * slope * rest)) / slope)
-
-
-_DEFUZZIFIERS: dict[str, Callable[[Floats, Floats], float]] = {
-    "centroid": _centroid,
-    "bisector": _bisector,
-    "mom": lambda x, y: float(np.mean(x[y == y.max()])),
-    "som": lambda x, y: float(np.min(x[y == y.max()])),
-    "lom": lambda x, y: float(np.max(x[y == y.max()])),
-}
-
-
-def columns_of(inputs: Any) -> tuple[str, ...] | None:
-    """Return the column names of a mapping or a table; None for a plain array, which has positions only.
-
-    Mappings, structured arrays, and objects with keys or columns like the tables and rows of pandas,
-    polars and Arrow are recognised. A table's row without names for its numbers is a plain array.
-    """
-    labels = getattr(getattr(inputs, "dtype", None), "names", None)
-    for attribute in ("column_names", "keys", "columns"):
-        if labels is None:
-            labels = getattr(inputs, attribute, None)
-    if labels is None:
-        return None
-    names = tuple(labels() if callable(labels) else labels)
-    if getattr(inputs, "ndim", 2) == 1 and not any(isinstance(name, str) for name in names):
-        return None
-    return names
-
-
-def pick(system: Inferable, inputs: Any, names: tuple[str, ...]) -> list[Floats]:
-    """Return each input of a system by its name, broadcast to one shape.
-
-    A table may have other columns; a mapping is written for this call, so unknown names are
-    errors.
-
-    Raises
-    ------
-    ValueError
-        If an input is missing, or a mapping names one that the system does not have.
-    """
-    wanted = [variable.name for variable in system.inputs]
-    if isinstance(inputs, Mapping):
-        require_known(names, wanted, f"system {system.name!r} has no input", ValueError)
-    for name in wanted:
-        if name not in names:
-            kind = "column" if not isinstance(inputs, Mapping) else "input"
-            raise ValueError(f"{kind} {name!r} is missing; pass {', '.join(wanted)}")
-    return list(np.broadcast_arrays(*(np.asarray(inputs[name], dtype=np.float64) for name in wanted)))
-
-
-def as_rows(system: Inferable, inputs: Any) -> Floats:
-    """Return inputs as an array, the last axis in the order of the system's inputs.
-
-    A plain array is returned unchanged; a mapping or table as (n, num_inputs), or (num_inputs,) for numbers.
-
-    Raises
-    ------
-    ValueError
-        As in `pick`.
-    """
-    names = columns_of(inputs)
-    if names is None:
-        return np.asarray(inputs, dtype=np.float64)
-    return np.stack(pick(system, inputs, names), axis=-1)

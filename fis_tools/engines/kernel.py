@@ -35,7 +35,7 @@ from fis_tools.compiled.vectors import (
     width_of,
 )
 from fis_tools.engines import packing
-from fis_tools.engines.inference import SMALLEST_AREA
+from fis_tools.engines.defuzzification import SMALLEST_AREA
 from fis_tools.engines.packing import Packed
 
 #: samples that are inferred side by side, and where there are at most half as many; both are constants

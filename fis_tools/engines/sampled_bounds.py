@@ -11,7 +11,7 @@ import numpy as np
 from fis_tools.array_types import Floats
 from fis_tools.compiled.decorator import compiled
 from fis_tools.engines import codes
-from fis_tools.engines.inference import TIE
+from fis_tools.engines.defuzzification import TIE
 from fis_tools.engines.intervals import extreme_mean
 from fis_tools.engines.program import Conclusion
 from fis_tools.engines.sampling import aggregate

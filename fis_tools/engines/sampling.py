@@ -9,7 +9,7 @@ from fis_tools.array_types import Floats
 from fis_tools.compiled.decorator import compiled
 from fis_tools.engines import codes
 from fis_tools.engines.codes import combine
-from fis_tools.engines.inference import TIE
+from fis_tools.engines.defuzzification import TIE
 from fis_tools.engines.program import Conclusion
 
 #: Heights below this are scaled before they are summed: products with them would lose digits.

@@ -11,7 +11,8 @@ import numpy as np
 
 from fis_tools.array_types import Floats
 from fis_tools.engines import interpreter, interval
-from fis_tools.engines.inference import Inference, OutputInference, as_rows, columns_of, infer, pick
+from fis_tools.engines.inference import Inference, OutputInference, infer
+from fis_tools.engines.inputs import as_rows, columns_of, pick
 from fis_tools.engines.program import Program
 from fis_tools.model import FuzzySystem, FuzzyTree, Inferable
 

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from fis_tools.model import FuzzyController
-from fis_tools.model.systems import conjunction
+from fis_tools.model.rule_tables import conjunction
 from fis_tools.plain_text import as_number
 from fis_tools.words.text import antecedent_words
 

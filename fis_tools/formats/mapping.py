@@ -20,8 +20,8 @@ from typing import Any, TypeVar
 
 from fis_tools import model
 from fis_tools.errors import ControllerFileError, raised_as, require_known, suggestion
+from fis_tools.model.membership import SHAPES
 from fis_tools.model.operators import HEDGES
-from fis_tools.model.shapes import SHAPES
 from fis_tools.model.validate import (
     MAX_NESTING,
     MOST_INPUTS,

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from fis_tools.analysis import tables
 from fis_tools.analysis.tables import name_and_unit
 from fis_tools.array_types import Floats, Integers
-from fis_tools.engines.inference import columns_of
+from fis_tools.engines.inputs import columns_of
 from fis_tools.errors import Mistake, require_known
 from fis_tools.file_access import open_text
 from fis_tools.learning.rules import range_of

@@ -1,5 +1,20 @@
 """The model of a fuzzy system: variables, terms, rules, systems; their shapes, operators and checks."""
 
+from fis_tools.model.expressions import (
+    And,
+    Expression,
+    Hedged,
+    Is,
+    Not,
+    Or,
+    canonical,
+    parts_of,
+    rebuilt,
+    statements_of,
+    with_statements,
+)
+from fis_tools.model.fuzzylite_shapes import Arc, Concave, Cosine, Ramp, SemiEllipse, Spike
+from fis_tools.model.membership import MembershipFunction, MonotoneFunction
 from fis_tools.model.numbers import Constant, Formula, Linear, Number
 from fis_tools.model.operators import (
     Accumulation,
@@ -10,25 +25,18 @@ from fis_tools.model.operators import (
     OrOperator,
     TypeReduction,
 )
+from fis_tools.model.rule_tables import conjunctions, rule_table, table_cells, table_rules
 from fis_tools.model.semantics import ALL_SEMANTICS, TOOLS, Semantics
 from fis_tools.model.shapes import (
-    Arc,
     Between,
-    Concave,
-    Cosine,
     Gaussian,
     GeneralizedBell,
-    MembershipFunction,
-    MonotoneFunction,
     PiShape,
     Polyline,
-    Ramp,
     Sampled,
-    SemiEllipse,
     Sigmoid,
     SigmoidDifference,
     SigmoidProduct,
-    Spike,
     SShape,
     Trapezoidal,
     Triangular,
@@ -36,28 +44,13 @@ from fis_tools.model.shapes import (
     ZShape,
 )
 from fis_tools.model.systems import (
-    And,
     Consequent,
-    Expression,
     FuzzyController,
     FuzzySystem,
-    Hedged,
-    Is,
-    Not,
-    Or,
     Rule,
     Wire,
-    canonical,
-    conjunctions,
-    parts_of,
-    rebuilt,
-    rule_table,
-    statements_of,
-    table_cells,
-    table_rules,
     used_terms,
     with_semantics,
-    with_statements,
     with_terms,
     with_variables,
 )

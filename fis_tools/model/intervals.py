@@ -14,8 +14,10 @@ from functools import lru_cache
 from typing import Literal
 
 from fis_tools.errors import Mistake
-from fis_tools.model.shapes import Between, MembershipFunction
-from fis_tools.model.systems import And, Expression, FuzzySystem, Hedged, Is, Not, Or, Rule, with_variables
+from fis_tools.model.expressions import And, Expression, Hedged, Is, Not, Or
+from fis_tools.model.membership import MembershipFunction
+from fis_tools.model.shapes import Between
+from fis_tools.model.systems import FuzzySystem, Rule, with_variables
 from fis_tools.model.variables import Term, Variable
 
 #: What a twin's names end with.

@@ -17,7 +17,8 @@ from typing import Annotated, Any
 import numpy as np
 
 from fis_tools.array_types import Floats
-from fis_tools.model.shapes import MembershipFunction, Place, shape
+from fis_tools.model import fuzzylite_shapes  # noqa: F401 - those stand before numbers in the registry
+from fis_tools.model.membership import MembershipFunction, Place, shape
 
 
 @dataclass(frozen=True, slots=True)

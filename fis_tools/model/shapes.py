@@ -1,133 +1,26 @@
-"""The membership shapes, one entry each, and their registry.
+"""The membership shapes, one entry each in the registry of `fis_tools.model.membership`.
 
 The entry of a shape contains all that the rest of the toolkit needs, so that a shape is added in one place:
 its formula, its numbers and their relations, its wording, and its names in files. Formulas follow
 scikit-fuzzy's generators (`gaussmf`, `trimf`, `gbellmf` and so on) to the last bit.
 """
 
-from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
-from typing import Annotated, ClassVar, Literal, TypeVar, dataclass_transform, get_args
+from dataclasses import dataclass
 
 import numpy as np
 
 from fis_tools.array_types import Floats
 from fis_tools.errors import Mistake
-
-#: A file format of other programs that names shapes.
-Format = Literal["fis", "fll", "fcl"]
-
-# The kinds of numbers that a shape has.
-#: A point, in the unit of the variable.
-Place = Annotated[float, "place"]
-#: A positive length, in the unit of the variable.
-Width = Annotated[float, "width"]
-#: A positive length whose square the formula divides by.
-Deviation = Annotated[float, "deviation"]
-#: A steepness of either sign, one over the unit of the variable.
-Slope = Annotated[float, "slope"]
-#: A positive steepness without a unit.
-Exponent = Annotated[float, "exponent"]
-
-
-@dataclass(frozen=True)
-class Entry:
-    """The description of a shape, apart from its formula.
-
-    Parameters
-    ----------
-    name : str
-        Its name in our own files.
-    phrase : str
-        The shape in words, with its numbers in braces.
-    kinds : mapping of str to str
-        Its numbers by name, and their kinds: ``"place"``, ``"width"`` and so on.
-    ascending : tuple of str
-        Numbers that must not decrease from one to the next.
-    flanks : tuple of (str, str)
-        Pairs of these of which the second must be greater than the first.
-    corners : tuple of str
-        Numbers that are its corners, where the slope changes abruptly.
-    words : mapping of str to tuple of str
-        For each format that has the shape, its name there, then its numbers in the format's order, if
-        that differs.
-    """
-
-    name: str
-    phrase: str
-    kinds: Mapping[str, str]
-    ascending: tuple[str, ...]
-    flanks: tuple[tuple[str, str], ...]
-    corners: tuple[str, ...]
-    words: Mapping[str, tuple[str, ...]]
-
-
-@dataclass(frozen=True, slots=True)
-class MembershipFunction(ABC):
-    """The degree, from 0 to 1, to which a value belongs to a term."""
-
-    entry: ClassVar[Entry]
-
-    @abstractmethod
-    def at(self, x: Floats) -> Floats:
-        """Evaluate the formula at points of shape (n,); see `fis_tools.model.variables.sample`."""
-
-    @property
-    def corners(self) -> tuple[float, ...]:
-        """Its corners, ascending, jumps twice: points that the universe needs for an exact result."""
-        return tuple(sorted(getattr(self, name) for name in self.entry.corners))
-
-
-@dataclass(frozen=True, slots=True)
-class MonotoneFunction(MembershipFunction):
-    """A membership function that only rises or only falls, as in the consequent of a Tsukamoto rule."""
-
-    @abstractmethod
-    def inverse(self, degrees: Floats) -> Floats:
-        """Return the points with these degrees, each above zero; they may be outside the range."""
-
-
-#: Every shape, by its name in our own files.
-SHAPES: dict[str, type[MembershipFunction]] = {}
-_Shape = TypeVar("_Shape", bound=MembershipFunction)
-
-
-@dataclass_transform(frozen_default=True)
-def shape(
-    name: str,
-    phrase: str,
-    *,
-    ascending: tuple[str, ...] = (),
-    flanks: tuple[tuple[str, str], ...] = (),
-    corners: tuple[str, ...] = (),
-    **words: tuple[str, ...],
-) -> Callable[[type[_Shape]], type[_Shape]]:
-    """Make a class a dataclass, and add it to the registry; see `Entry` for the parameters.
-
-    A format that lacks a shape gets it as a table of points.
-    """
-
-    def enter(kind: type[_Shape]) -> type[_Shape]:
-        kind = dataclass(frozen=True, slots=True)(kind)
-        marks = {each.name: get_args(each.type)[1:] for each in fields(kind)}
-        kinds = {key: mark[0] for key, mark in marks.items() if mark and isinstance(mark[0], str)}
-        kind.entry = Entry(name, phrase, kinds, ascending, flanks, corners, words)
-        SHAPES[name] = kind
-        return kind
-
-    return enter
-
-
-def words_of(file_format: Format) -> dict[str, tuple[type[MembershipFunction], tuple[str, ...]]]:
-    """Return a format's names of shapes, each with its shape and the order of the shape's numbers."""
-    by_word: dict[str, tuple[type[MembershipFunction], tuple[str, ...]]] = {}
-    for kind in SHAPES.values():
-        if file_format in kind.entry.words:
-            word, *order = kind.entry.words[file_format]
-            by_word[word] = kind, tuple(order or kind.entry.kinds)
-    return by_word
-
+from fis_tools.model.membership import (
+    Deviation,
+    Exponent,
+    MembershipFunction,
+    MonotoneFunction,
+    Place,
+    Slope,
+    Width,
+    shape,
+)
 
 #: Sampled memberships below this are set to zero: differences of denormal numbers lose all their digits.
 SMALLEST_MEMBERSHIP = 1e-290
@@ -489,123 +382,3 @@ def _where_two_parabolas(degrees: Floats, foot: float, top: float) -> Floats:
     lower = foot + width * np.sqrt(degrees / 2.0)
     upper = top - width * np.sqrt((1.0 - degrees) / 2.0)
     return np.where(degrees <= 0.5, lower, upper)
-
-
-# Further shapes of fuzzylite: formulas, wording and names as in its version 6.
-
-
-@shape(
-    "spike", "spike, centre {centre}, width {width}", fll=("Spike",), fis=("spikemf",), corners=("centre",)
-)
-class Spike(MembershipFunction):
-    """``exp(-10 |x - centre| / width)``."""
-
-    centre: Place
-    width: Width
-
-    def at(self, x: Floats) -> Floats:
-        """Evaluate the formula."""
-        return np.exp(-np.abs(10.0 / self.width * (x - self.centre)))
-
-
-@shape(
-    "cosine",
-    "cosine, centre {centre}, width {width}",
-    fll=("Cosine",),
-    fis=("cosinemf",),
-    fcl=("COSINE", "width", "centre"),
-)
-class Cosine(MembershipFunction):
-    """One period of a cosine between 0 and 1 over `width`, with the crest at the `centre`; zero beyond."""
-
-    centre: Place
-    width: Width
-
-    def at(self, x: Floats) -> Floats:
-        """Evaluate the formula."""
-        wave = 0.5 * (1.0 + np.cos(2.0 / self.width * np.pi * (x - self.centre)))
-        return np.where(np.abs(x - self.centre) <= 0.5 * self.width, wave, 0.0)
-
-
-@shape(
-    "concave",
-    "concave, one half at {inflection}, one from {end} on",
-    fll=("Concave",),
-    fis=("concavemf",),
-    corners=("end",),
-)
-class Concave(MonotoneFunction):
-    """``(end - inflection) / (2 end - inflection - x)`` up to `end`, one beyond; falls if `end` is left."""
-
-    inflection: Place
-    end: Place
-
-    def at(self, x: Floats) -> Floats:
-        """Evaluate the formula."""
-        span = self.end - self.inflection
-        is_below = x < self.end if span >= 0.0 else x > self.end
-        return np.where(is_below, span / np.where(is_below, 2.0 * self.end - self.inflection - x, 1.0), 1.0)
-
-    def inverse(self, degrees: Floats) -> Floats:
-        """Return the points with these degrees."""
-        return 2.0 * self.end - self.inflection + (self.inflection - self.end) / degrees
-
-
-@shape(
-    "semi_ellipse",
-    "half ellipse from {start} to {end}",
-    ascending=("start", "end"),
-    flanks=(("start", "end"),),
-    fll=("SemiEllipse",),
-    corners=("start", "end"),
-)
-class SemiEllipse(MembershipFunction):
-    """``sqrt(r^2 - (x - centre)^2) / r`` between `start` and `end`, r half of their distance; zero beyond."""
-
-    start: Place
-    end: Place
-
-    def at(self, x: Floats) -> Floats:
-        """Evaluate the formula."""
-        radius = 0.5 * (self.end - self.start)
-        return _circle(x, self.start + radius, radius)
-
-
-@shape("arc", "arc from zero at {start} to one at {end}", fll=("Arc",), corners=("start", "end"))
-class Arc(MonotoneFunction):
-    """A quarter of an ellipse from zero at `start` to one at `end`, one beyond; falls if `end` is left."""
-
-    start: Place
-    end: Place
-
-    def at(self, x: Floats) -> Floats:
-        """Evaluate the formula."""
-        span = self.end - self.start
-        is_beyond = x > self.end if span > 0.0 else x < self.end
-        return np.where(is_beyond, 1.0, _circle(x, self.end, abs(span)))
-
-    def inverse(self, degrees: Floats) -> Floats:
-        """Return the points with these degrees."""
-        return self.end + (self.start - self.end) * np.sqrt(1.0 - np.square(degrees))
-
-
-@shape("ramp", "ramp from zero at {start} to one at {end}", corners=("start", "end"))
-class Ramp(MonotoneFunction):
-    """A straight line from zero at `start` to one at `end`, level beyond; falls if `end` is left."""
-
-    start: Place
-    end: Place
-
-    def at(self, x: Floats) -> Floats:
-        """Evaluate the formula."""
-        return np.clip((x - self.start) / (self.end - self.start), 0.0, 1.0)
-
-    def inverse(self, degrees: Floats) -> Floats:
-        """Return the points with these degrees."""
-        return self.start + (self.end - self.start) * degrees
-
-
-def _circle(x: Floats, centre: float, radius: float) -> Floats:
-    """Return the height of a circle at points, scaled to a radius of one; zero outside."""
-    inside = radius * radius - np.square(x - centre)
-    return np.sqrt(np.maximum(inside, 0.0)) / radius

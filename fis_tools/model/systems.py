@@ -7,113 +7,17 @@ that term is cut by the rules computed so far. So the antecedents of those rules
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
-from itertools import chain, product
-from math import inf, prod
-from typing import Any, ClassVar, TypeVar
+from math import inf
+from typing import TypeVar
 
-import numpy as np
-
-from fis_tools.array_types import Floats, Integers
+from fis_tools.array_types import Floats
 from fis_tools.errors import Mistake
+from fis_tools.model.expressions import And, Expression, Is, Or, parts_of, statements_of, with_statements
 from fis_tools.model.numbers import Formula, Number
-from fis_tools.model.operators import WEIGHING, AndOperator, Defuzzifier, Hedge, OrOperator, TypeReduction
+from fis_tools.model.operators import WEIGHING, AndOperator, Defuzzifier, OrOperator, TypeReduction
 from fis_tools.model.semantics import TOOLS, Semantics, sampling_points
 from fis_tools.model.variables import Variable
 from fis_tools.plain_text import plain
-
-
-@dataclass(frozen=True, slots=True)
-class Is:
-    """The statement ``variable is term``."""
-
-    variable: str
-    term: str
-
-
-@dataclass(frozen=True, slots=True)
-class Not:
-    """The complement of a statement."""
-
-    operand: "Expression"
-
-
-@dataclass(frozen=True, slots=True)
-class Hedged:
-    """A statement, or several, preceded by a hedge: ``variable is very term``."""
-
-    hedge: Hedge
-    operand: "Expression"
-
-
-@dataclass(frozen=True, slots=True)
-class And:
-    """The conjunction of statements, combined from left to right."""
-
-    word: ClassVar[str] = "and"
-    operands: tuple["Expression", ...]
-
-
-@dataclass(frozen=True, slots=True)
-class Or:
-    """The disjunction of statements, combined from left to right."""
-
-    word: ClassVar[str] = "or"
-    operands: tuple["Expression", ...]
-
-
-Expression = Is | Not | Hedged | And | Or
-
-
-def parts_of(expression: Expression) -> Iterator[Expression]:
-    """Yield an antecedent and all its parts, from left to right."""
-    yield expression
-    match expression:
-        case Not(operand) | Hedged(_, operand):
-            yield from parts_of(operand)
-        case And(operands) | Or(operands):
-            for operand in operands:
-                yield from parts_of(operand)
-
-
-def statements_of(expression: Expression) -> Iterator[Is]:
-    """Yield the statements of an antecedent, from left to right."""
-    return (part for part in parts_of(expression) if isinstance(part, Is))
-
-
-def rebuilt(expression: Expression, change: Callable[[Expression], Expression]) -> Expression:
-    """Return an antecedent with each of its parts replaced, the inner ones first."""
-    match expression:
-        case Not(operand):
-            return change(Not(rebuilt(operand, change)))
-        case Hedged(hedge, operand):
-            return change(Hedged(hedge, rebuilt(operand, change)))
-        case And(operands) | Or(operands):
-            return change(type(expression)(tuple(rebuilt(operand, change) for operand in operands)))
-    return change(expression)
-
-
-def with_statements(expression: Expression, change: Callable[[Is], Expression]) -> Expression:
-    """Return an antecedent with each of its statements replaced."""
-    return rebuilt(expression, lambda part: change(part) if isinstance(part, Is) else part)
-
-
-@lru_cache(maxsize=4096)
-def canonical(expression: Expression) -> tuple[Any, ...]:
-    """Return the same for antecedents that differ in the order and grouping of statements alone."""
-    match expression:
-        case Not(Not(operand)):
-            return canonical(operand)
-        case Not(operand):
-            return (Not, canonical(operand))
-        case Hedged(hedge, operand):
-            return (hedge, canonical(operand))
-        case And(operands) | Or(operands):
-            kind, parts = type(expression), [canonical(operand) for operand in operands]
-            inner = sorted(chain(*(part[1] if part[0] is kind else [part] for part in parts)), key=repr)
-            return inner[0] if len(inner) == 1 else (kind, tuple(inner))
-        case Is(variable, term):
-            return (Is, variable, term)
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,106 +48,7 @@ class Rule:
         return self.and_operator is not None or self.or_operator is not None
 
 
-_Name = TypeVar("_Name", bound=str)
-
-#: Most statements in one antecedent; chains can double their number from link to link.
-MOST_STATEMENTS = 10_000
-
-
-class NotResolvable(ValueError):  # noqa: N818 - the sentence is the message
-    """Raised for a chain that cannot be expressed by the inputs alone."""
-
-
-@dataclass(frozen=True)
-class Named:
-    """A rule with its name in error messages."""
-
-    name: str
-    rule: Rule
-
-
-def unchained(rules: Sequence[Named], outputs: Mapping[str, Variable]) -> list[Rule]:
-    """Return rules in terms of the inputs only, given in the order in which they are computed.
-
-    Raises
-    ------
-    NotResolvable
-        If no antecedent can replace what a rule uses.
-    """
-    concluded: dict[Is, list[tuple[Named, Consequent]]] = {}
-    replaced: list[Rule] = []
-    for each in rules:
-        conditioned = {statement.variable for statement in statements_of(each.rule.antecedent)}
-        rule = each.rule if conditioned.isdisjoint(outputs) else _inlined(each, concluded, outputs)
-        if sum(1 for _ in statements_of(rule.antecedent)) > MOST_STATEMENTS:
-            raise NotResolvable(
-                f"{each.name} comes to more than {MOST_STATEMENTS} statements; shorten its chain"
-            )
-        replaced.append(rule)
-        for consequent in rule.consequents:
-            key = Is(consequent.variable, consequent.term)
-            concluded.setdefault(key, []).append((Named(each.name, rule), consequent))
-    return replaced
-
-
-def _inlined(
-    each: Named, concluded: Mapping[Is, list[tuple[Named, Consequent]]], outputs: Mapping[str, Variable]
-) -> Rule:
-    and_operators, or_operators = [each.rule.and_operator], [each.rule.or_operator]
-
-    def replaced(statement: Is) -> Expression:
-        if statement.variable not in outputs:
-            return statement
-        sources = concluded.get(statement, [])
-        _require_plain(each, statement, sources, outputs[statement.variable])
-        and_operators.extend(source.rule.and_operator for source, _ in sources)
-        or_operators.extend(source.rule.or_operator for source, _ in sources)
-        if len(sources) > 1:
-            or_operators.append("max")
-        parts = tuple(source.rule.antecedent for source, _ in sources)
-        return parts[0] if len(parts) == 1 else Or(parts)
-
-    antecedent = with_statements(each.rule.antecedent, replaced)
-    return replace(
-        each.rule,
-        antecedent=antecedent,
-        and_operator=_agreed_operator(each, "and", and_operators),
-        or_operator=_agreed_operator(each, "or", or_operators),
-    )
-
-
-def _require_plain(
-    each: Named, statement: Is, sources: Sequence[tuple[Named, Consequent]], output: Variable
-) -> None:
-    if not sources:
-        raise NotResolvable(
-            f"{each.name} asks for {statement.variable!r} {statement.term!r}, which no rule before it "
-            "concludes; put the rule that does so before it"
-        )
-    for source, consequent in sources:
-        if consequent.weight != 1.0:
-            raise NotResolvable(
-                f"{each.name} asks for {statement.variable!r} {statement.term!r}, which "
-                f"{source.name} concludes with weight {consequent.weight:g}, and no antecedent says "
-                "that; conclude it with weight 1"
-            )
-    if len(sources) > 1 and not output.counts_strongest:
-        joins = output.accumulation if output.accumulation != "max" else output.aggregation
-        raise NotResolvable(
-            f"{each.name} asks for {statement.variable!r} {statement.term!r}, where {joins} joins "
-            f"{len(sources)} rules, and only the maximum can be said in an antecedent; join them by "
-            "the maximum"
-        )
-
-
-def _agreed_operator(each: Named, word: str, operators: Sequence[_Name | None]) -> _Name | None:
-    operators_given = sorted({operator for operator in operators if operator is not None})
-    if len(operators_given) > 1:
-        raise NotResolvable(
-            f"{each.name} and the rules before it in its chain combine by "
-            f"{' and '.join(operators_given)}, and one antecedent has one {word!r}; give them the same"
-        )
-    return operators_given[0] if operators_given else None
+Name = TypeVar("Name", bound=str)
 
 
 @dataclass(frozen=True)
@@ -475,61 +280,6 @@ class FuzzyController:
         return replace(self, provenance=tuple(sorted({**dict(self.provenance), **facts}.items())))
 
 
-def table_antecedents(inputs: Sequence[Variable]) -> Iterator[Expression]:
-    """Yield the antecedent of every cell of a full rule table, the last input changing fastest."""
-    for terms in product(*(variable.terms for variable in inputs)):
-        statements = tuple(Is(v.name, t.name) for v, t in zip(inputs, terms, strict=True))
-        yield statements[0] if len(statements) == 1 else And(statements)
-
-
-def table_rules(inputs: Sequence[Variable], output: Variable, consequents: Sequence[str]) -> tuple[Rule, ...]:
-    """Build a full rule table.
-
-    Parameters
-    ----------
-    inputs : sequence of Variable
-        The table's axes.
-    output : Variable
-        Variable of the conclusions.
-    consequents : sequence of str
-        The output term of each cell, the last input changing fastest.
-
-    Raises
-    ------
-    ValueError
-        If the number of consequents is not the number of cells.
-    """
-    num_cells = prod(len(variable.terms) for variable in inputs)
-    if num_cells != len(consequents):
-        raise ValueError(
-            f"a full table over {len(inputs)} inputs has {num_cells} rules, but {len(consequents)} "
-            "consequents are given; give one output term for each combination of input terms"
-        )
-    return tuple(
-        Rule(antecedent, (Consequent(output.name, term),))
-        for antecedent, term in zip(table_antecedents(inputs), consequents, strict=True)
-    )
-
-
-def rule_table(system: FuzzySystem) -> Integers | None:
-    """Return the consequents of a full rule table as output term indices, or None for any other rule base.
-
-    A full table has one output and one rule for each combination of input terms, in the order of
-    `table_antecedents`, each with weight one and without its own operators.
-
-    Returns
-    -------
-    array or None
-        Shape (number of cells,), the last input changing fastest.
-    """
-    if prod(len(variable.terms) for variable in system.inputs) != len(system.rules):
-        return None
-    cells_of = conjunctions(system)
-    cells = table_antecedents(system.inputs)
-    is_full = all(rule.antecedent == cell for rule, cell in zip(system.rules, cells, strict=True))
-    return None if cells_of is None or not is_full else cells_of[1]
-
-
 def with_terms(rule: Rule, names: Mapping[tuple[str, str], str]) -> Rule:
     """Return a rule with other terms, by variable and term, in what it asks and concludes."""
     if not names:
@@ -558,51 +308,6 @@ def with_variables(system: FuzzySystem, change: Callable[[Variable], Variable]) 
     """Return a system with each of its variables replaced."""
     inputs, outputs = (tuple(map(change, side)) for side in (system.inputs, system.outputs))
     return replace(system, inputs=inputs, outputs=outputs)
-
-
-def table_cells(inputs: Sequence[Variable]) -> Integers:
-    """Return the cells of a full table as input term indices, (cells, inputs), the last input fastest."""
-    counts = [len(variable.terms) for variable in inputs]
-    return np.indices(counts, dtype=np.int64).reshape(len(counts), -1).T.copy()
-
-
-def conjunction(antecedent: Expression) -> dict[str, str] | None:
-    """Return the term that an antecedent asks for of each input; None where it is no plain conjunction."""
-    statements = antecedent.operands if isinstance(antecedent, And) else (antecedent,)
-    terms = {statement.variable: statement.term for statement in statements if isinstance(statement, Is)}
-    return terms if len(terms) == len(statements) else None
-
-
-def conjunctions(system: FuzzySystem) -> tuple[Integers, Integers] | None:
-    """Return the rules of a system as numbers if each is a plain conjunction, else None.
-
-    Such a rule base has one output, and each rule uses at most one term of each input, concludes one
-    term with weight one and has no operators of its own. Full rule tables are included, as are tables with
-    missing cells.
-
-    Returns
-    -------
-    cells : (rules, inputs) int
-        The term of each input that a rule uses; -1 for none.
-    consequents : (rules,) int
-        The output term that it concludes.
-    """
-    if len(system.outputs) != 1:
-        return None
-    columns = {variable.name: column for column, variable in enumerate(system.inputs)}
-    cells = np.full((len(system.rules), len(system.inputs)), -1, dtype=np.int64)
-    consequents = np.empty(len(system.rules), dtype=np.int64)
-    for index, rule in enumerate(system.rules):
-        terms = conjunction(rule.antecedent)
-        if terms is None:
-            return None
-        for name, term in terms.items():
-            cells[index, columns[name]] = system.inputs[columns[name]].term_index(term)
-        if len(rule.consequents) != 1 or rule.consequents[0].weight != 1.0 or rule.has_own_operators:
-            return None
-        consequent = rule.consequents[0]
-        consequents[index] = system.outputs[0].term_index(consequent.term)
-    return cells, consequents
 
 
 def require_mamdani(systems: Iterable[FuzzySystem], what: str) -> None:

@@ -3,7 +3,6 @@
 import math
 from collections import Counter
 from collections.abc import Iterable, Iterator
-from dataclasses import replace
 from itertools import islice, pairwise
 from typing import get_args
 from weakref import WeakValueDictionary
@@ -12,22 +11,19 @@ import numpy as np
 
 from fis_tools.errors import Mistake, suggestion
 from fis_tools.model import operators
+from fis_tools.model.expressions import And, Expression, Hedged, Is, Not, Or
 from fis_tools.model.intervals import has_intervals
+from fis_tools.model.membership import MonotoneFunction
 from fis_tools.model.numbers import Constant, Formula, Linear, NotAFormula, Number
 from fis_tools.model.operators import HEDGES, WEIGHING
 from fis_tools.model.semantics import ALL_SEMANTICS, TOOLS
-from fis_tools.model.shapes import SHAPES, Between, MembershipFunction, MonotoneFunction, Polyline, Sampled
-from fis_tools.model.systems import And, Expression, FuzzyController, FuzzySystem, Hedged, Is, Not, Or, Rule
+from fis_tools.model.shape_problems import is_finite, sample_problems, shape_problems
+from fis_tools.model.systems import FuzzyController, FuzzySystem, Rule
 from fis_tools.model.trees import wire_problems
-from fis_tools.model.variables import Term, Variable, shape_values
+from fis_tools.model.variables import Variable
 
-#: Kinds of numbers that must be positive; see `fis_tools.model.shapes`.
-POSITIVE = frozenset({"width", "deviation", "exponent"})
 #: The terms of each variable, in order.
 Vocabulary = dict[str, dict[str, None]]
-
-#: Rounding tolerance of memberships outside [0, 1].
-ROUNDING = 1e-12
 #: Most problems of a system that are listed.
 MOST_PROBLEMS = 200
 #: Most inputs of a system, terms of a variable and rules: beyond, pages are unreadable and analyses never
@@ -197,13 +193,13 @@ def _variable_problems(variable: Variable) -> Iterator[str]:
         yield from _at(f"{where}, ", _name_problems("a term", term.name))
         faults = list(shape_problems(term.membership, variable.num_points))
         if not faults and not universe_problems and not isinstance(term.membership, Number):
-            faults = list(_sample_problems(variable, term))
+            faults = list(sample_problems(variable, term))
         yield from _at(f"{where}, term {term.name!r}: ", faults)
 
 
 def _universe_problems(variable: Variable) -> Iterator[str]:
     low, high = variable.minimum, variable.maximum
-    if not (_is_finite(low) and _is_finite(high)):
+    if not (is_finite(low) and is_finite(high)):
         yield f"the range [{low}, {high}] is not finite; give two finite numbers"
     elif not low < high:
         yield f"the range [{low}, {high}] is empty; the first number must be below the second, so swap them"
@@ -218,7 +214,7 @@ def _universe_problems(variable: Variable) -> Iterator[str]:
         return
     if len(points) != variable.num_points:
         yield f"{len(points)} points are given but num_points is {variable.num_points}; make them equal"
-    if not all(map(_is_finite, points)):
+    if not all(map(is_finite, points)):
         yield "a point of the universe is not finite; give finite numbers"
     elif any(left >= right for left, right in pairwise(points)):
         yield "the points of the universe do not ascend; sort them and drop repeated ones"
@@ -227,86 +223,6 @@ def _universe_problems(variable: Variable) -> Iterator[str]:
             f"the universe runs from {points[0]} to {points[-1]} but the range is [{low}, {high}]; "
             "make the range the first and the last point"
         )
-
-
-def shape_problems(shape: MembershipFunction, num_points: int) -> Iterator[str]:
-    """Yield the problems of a membership function's parameters, for a universe of `num_points`."""
-    if type(shape) not in SHAPES.values():
-        known = ", ".join(kind.__name__ for kind in SHAPES.values())
-        yield f"{type(shape).__name__} is not a known shape; choose one of {known}"
-    elif isinstance(shape, Sampled):
-        yield from _value_problems(shape, num_points)
-    elif isinstance(shape, Between):
-        for bound in (shape.lower, shape.upper):
-            if isinstance(bound, Between | Sampled | Number):
-                yield f"the bound {type(bound).__name__} of an interval type-2 set is no shape; take another"
-            else:
-                yield from shape_problems(bound, num_points)
-    elif isinstance(shape, Polyline):
-        yield from _polyline_problems(shape)
-    else:
-        yield from parameter_problems(shape)
-        if isinstance(shape, Linear) and not all(map(_is_finite, shape.coefficients)):
-            yield f"the coefficients {shape.coefficients} must be finite numbers"
-
-
-def parameter_problems(shape: MembershipFunction) -> Iterator[str]:
-    """Yield the parameters that the registry's entry of a shape does not allow."""
-    entry = shape.entry
-    parameters = {name: getattr(shape, name) for name in entry.kinds}
-    if not all(map(_is_finite, parameters.values())):
-        yield f"{_listed(parameters)} must be finite numbers"
-        return
-    for name, kind in entry.kinds.items():
-        words, value = name.replace("_", " "), parameters[name]
-        if kind in POSITIVE and not value > 0:
-            yield f"{words} {value} is not positive; give a number above 0"
-        elif kind == "deviation" and not 0 < 2 * value * value < math.inf:
-            yield f"the square of {words} {value} under- or overflows; change it"
-    ordered = {name: parameters[name] for name in entry.ascending}
-    if list(ordered.values()) != sorted(ordered.values()):
-        yield f"{_listed(ordered)} do not ascend; put them in order"
-    elif any(parameters[left] == parameters[right] for left, right in entry.flanks):
-        yield f"{_listed(ordered)} leave a flank no width; make it wider, or use a trapezoidal shape"
-
-
-def _is_finite(value: object) -> bool:
-    if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
-        return False
-    return bool(-math.inf < value < math.inf)
-
-
-def _listed(parameters: dict[str, float]) -> str:
-    values = tuple(parameters.values())
-    return f"{', '.join(parameters)} = {values if len(values) > 1 else values[0]}"
-
-
-def _value_problems(shape: Sampled, num_points: int) -> Iterator[str]:
-    if len(shape.values) != num_points:
-        yield (
-            f"{len(shape.values)} membership values are given for a universe of {num_points} points; give "
-            "one for each point"
-        )
-    if not all(_is_finite(value) and 0.0 <= value <= 1.0 for value in shape.values):
-        yield "a membership value lies outside [0, 1] or is not a number; scale the values to [0, 1]"
-
-
-def _polyline_problems(shape: Polyline) -> Iterator[str]:
-    if not shape.x or len(shape.x) != len(shape.y):
-        yield f"a polyline has {len(shape.x)} x and {len(shape.y)} y; give one y for each x"
-    elif not all(map(_is_finite, shape.x)) or any(left > right for left, right in pairwise(shape.x)):
-        yield "the x of a polyline do not ascend or are no numbers; put them in order"
-    elif not all(_is_finite(value) and 0.0 <= value <= 1.0 for value in shape.y):
-        yield "a y of a polyline lies outside [0, 1] or is not a number; scale them to [0, 1]"
-
-
-def _between_problems(variable: Variable, term: Term, shape: Between) -> Iterator[str]:
-    for bound in (shape.lower, shape.upper):
-        yield from _sample_problems(variable, replace(term, membership=bound))
-    lower, upper = (shape_values(variable.universe, bound) for bound in (shape.lower, shape.upper))
-    if np.any(lower > upper + ROUNDING):
-        x = variable.universe[int(np.argmax(lower - upper))]
-        yield f"the lower membership is above the upper one at {x:g}; exchange or change them"
 
 
 def _interval_problems(system: FuzzySystem) -> Iterator[str]:
@@ -326,17 +242,6 @@ def _interval_problems(system: FuzzySystem) -> Iterator[str]:
             yield f"output {output.name!r} of interval type-2 concludes no number; take constant or linear"
 
 
-def _sample_problems(variable: Variable, term: Term) -> Iterator[str]:
-    if isinstance(term.membership, Between):
-        yield from _between_problems(variable, term, term.membership)
-        return
-    values = shape_values(variable.universe, term.membership)
-    if not np.all(np.isfinite(values)):
-        yield "a sampled membership is not a number; the parameters are too extreme, so change them"
-    elif values.min() < -ROUNDING:
-        yield f"the membership falls to {values.min():.3g}, below 0; make the first sigmoid the higher one"
-
-
 def _output_problems(system: FuzzySystem) -> Iterator[str]:
     for variable in system.outputs:
         if variable.default is None and not TOOLS[system.semantics].has_outputs_without_default:
@@ -344,7 +249,7 @@ def _output_problems(system: FuzzySystem) -> Iterator[str]:
                 f"output {variable.name!r} has no default; declare default: the output when no rule fires "
                 "(0 is usual for a force)"
             )
-        elif variable.default is not None and not _is_finite(variable.default):
+        elif variable.default is not None and not is_finite(variable.default):
             yield f"output {variable.name!r}: default {variable.default} must be a finite number"
         yield from _at(f"output {variable.name!r}: ", _choice_problems(variable))
         yield from _kind_problems(system, variable)
@@ -457,7 +362,7 @@ def _rule_base_problems(system: FuzzySystem) -> Iterator[str]:
         for consequent in rule.consequents:
             sentences = _reference_problems(outputs, "output", consequent.variable, consequent.term)
             yield from _at(f"{where}: ", sentences)
-            if not (_is_finite(consequent.weight) and 0.0 <= consequent.weight <= 1.0):
+            if not (is_finite(consequent.weight) and 0.0 <= consequent.weight <= 1.0):
                 yield f"{where}: weight {consequent.weight} lies outside [0, 1]; choose one inside"
 
 

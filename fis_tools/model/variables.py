@@ -10,9 +10,10 @@ from functools import cached_property
 import numpy as np
 
 from fis_tools.array_types import Floats
+from fis_tools.model.membership import MembershipFunction
 from fis_tools.model.numbers import Number
 from fis_tools.model.operators import Accumulation, Aggregation, Defuzzifier
-from fis_tools.model.shapes import SMALLEST_MEMBERSHIP, MembershipFunction, Sampled
+from fis_tools.model.shapes import SMALLEST_MEMBERSHIP, Sampled
 from fis_tools.plain_text import plain
 
 

@@ -11,7 +11,7 @@ from matplotlib.patches import Rectangle
 from fis_tools.analysis.arrays import FIRED, output_named
 from fis_tools.array_types import Floats, Integers
 from fis_tools.model import FuzzySystem, Variable
-from fis_tools.model.systems import conjunction
+from fis_tools.model.rule_tables import conjunction
 from fis_tools.render import lettering
 from fis_tools.render.surfaces import colour_bar
 from fis_tools.render.theme import LIGHT, MEDIUM, SMALL, Theme, dress, readable_on, term_colours

@@ -20,8 +20,9 @@ from skfuzzy.control.term import TermAggregate
 from fis_tools import model
 from fis_tools.array_types import Floats
 from fis_tools.errors import raised_as, require_known
+from fis_tools.model.chains import Named, NotResolvable, unchained
 from fis_tools.model.operators import ACCUMULATIONS, AND_OPERATORS, OR_OPERATORS
-from fis_tools.model.systems import Named, NotResolvable, unchained, with_joint_operators
+from fis_tools.model.systems import with_joint_operators
 from fis_tools.model.validate import MAX_NESTING, problems
 from fis_tools.scikit_fuzzy.recognition import recognise
 

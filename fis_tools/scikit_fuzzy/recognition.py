@@ -14,8 +14,8 @@ from scipy.optimize import least_squares
 
 from fis_tools import model
 from fis_tools.array_types import Booleans, Floats
+from fis_tools.model.shape_problems import shape_problems
 from fis_tools.model.shapes import SMALLEST_MEMBERSHIP
-from fis_tools.model.validate import shape_problems
 
 Kind = type[model.MembershipFunction]
 Numbers = tuple[float, ...]

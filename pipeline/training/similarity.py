@@ -14,8 +14,9 @@ import numpy as np
 
 from fis_tools.genes.stretches import rounded
 from fis_tools.model import FuzzyController, FuzzySystem, Term, Variable
+from fis_tools.model.membership import MembershipFunction
 from fis_tools.model.numbers import Linear
-from fis_tools.model.shapes import MembershipFunction, Polyline, Sampled
+from fis_tools.model.shapes import Polyline, Sampled
 from pipeline.array_types import Floats
 from pipeline.flight.control.controller import ControllerError
 from pipeline.flight.state.signals import CONSTANTS

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from fis_tools.formats.serialize import FORMS
-from fis_tools.model.shapes import SHAPES
+from fis_tools.model.membership import SHAPES
 from pipeline.flight.state.signals import CONSTANTS, SIGNALS
 from pipeline.settings.controllers import PLANNED, ControllerSettings
 from pipeline.settings.experiment import STAGES
@@ -22,7 +22,7 @@ LISTS: dict[str, tuple[Collection[str], set[str]]] = {
     # the second has the shapes whose formulas are compiled; others are tables
     "shapes": (SHAPES, {"fis_tools/engines/degrees.py"}),
     # the second is the type of their names
-    "forms": (FORMS, {"fis_tools/formats/serialize.py", "fis_tools/model/shapes.py"}),
+    "forms": (FORMS, {"fis_tools/formats/serialize.py", "fis_tools/model/membership.py"}),
     "kinds of controllers": (tags_of(ControllerSettings)["kind"].values(), set()),
     # the first has names of options, which happen to be these
     "planning kinds": (PLANNED, {"pipeline/settings/experiment.py"}),

@@ -4,7 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from fis_tools.engines.inference import as_rows, infer
+from fis_tools.engines.inference import infer
+from fis_tools.engines.inputs import as_rows
 from fis_tools.model import FuzzySystem
 
 

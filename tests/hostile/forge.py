@@ -16,7 +16,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from fis_tools.model import FuzzyController, FuzzySystem, Rule, Variable, operators
-from fis_tools.model.shapes import SHAPES
+from fis_tools.model.membership import SHAPES
 from pipeline.flight.state.signals import CONSTANTS
 
 THEOREM, CONTROLLER, TUBE = "theorem.json", "controller.json", "tube.parquet"

@@ -17,7 +17,7 @@ from fis_tools.array_types import Floats
 from fis_tools.engines.compiler import compile
 from fis_tools.findings.simplification.report import Bench, Kind
 from fis_tools.model import FuzzySystem, Rule, Term, Variable, shape_values
-from fis_tools.model.validate import parameter_problems
+from fis_tools.model.shape_problems import parameter_problems
 from fis_tools.words.text import listed, percent, sentence
 
 

@@ -19,7 +19,7 @@ from fis_tools.formats.exchange.antecedents import NotExpressible, is_leaf, with
 from fis_tools.formats.exchange.vocabulary import HEDGES, Names
 from fis_tools.model import Consequent, FuzzySystem, MembershipFunction, Rule, Term, Variable, with_universe
 from fis_tools.model.intervals import has_intervals
-from fis_tools.model.shapes import Format
+from fis_tools.model.membership import Format
 from fis_tools.model.systems import renamed, with_joint_operators
 from fis_tools.words.text import before
 

@@ -16,9 +16,10 @@ from fis_tools.formats.exchange.dialect import OUTPUT_POINTS
 from fis_tools.formats.exchange.fcl_syntax import Node
 from fis_tools.formats.exchange.fll_rules import hedged_rules
 from fis_tools.model import Expression, FuzzySystem, MembershipFunction, Rule, Semantics, Variable
+from fis_tools.model.chains import Named, NotResolvable, unchained
+from fis_tools.model.membership import words_of
 from fis_tools.model.operators import WEIGHING
-from fis_tools.model.shapes import words_of
-from fis_tools.model.systems import Named, NotResolvable, unchained, with_joint_operators
+from fis_tools.model.systems import with_joint_operators
 from fis_tools.model.validate import MAX_NESTING
 
 #: Intervals into which jFuzzyLogic cuts an output's range.

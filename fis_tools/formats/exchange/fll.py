@@ -22,9 +22,10 @@ from fis_tools.formats.exchange.writing import MARK, term_words, understand, wri
 from fis_tools.formats.mapping import MOST_POINTS
 from fis_tools.formats.serialize import Reading, Written
 from fis_tools.model import FuzzySystem, Rule, Variable
+from fis_tools.model.chains import Named, NotResolvable, unchained
+from fis_tools.model.membership import words_of
 from fis_tools.model.operators import WEIGHING
-from fis_tools.model.shapes import words_of
-from fis_tools.model.systems import Named, NotResolvable, unchained, with_joint_operators
+from fis_tools.model.systems import with_joint_operators
 
 #: Intervals where a defuzzifier states none: fuzzylite leaves its own number out, this one since version 8.
 RESOLUTION = 1000

@@ -9,7 +9,7 @@ from fis_tools.errors import ControllerFileError
 from fis_tools.formats.exchange import foreign
 from fis_tools.formats.exchange.antecedents import ANY, FUZZYLITES, hedged, joined
 from fis_tools.model import Consequent, Expression, Hedge, Rule
-from fis_tools.model.systems import MOST_STATEMENTS
+from fis_tools.model.chains import MOST_STATEMENTS
 from fis_tools.model.validate import MAX_NESTING
 
 #: Of a rule: those of as many statements as an antecedent may have.

@@ -18,8 +18,8 @@ from fis_tools.formats.exchange.dialect import INPUT_POINTS, OUTPUT_POINTS, inpu
 from fis_tools.formats.exchange.vocabulary import HEDGES
 from fis_tools.formats.mapping import MOST_POINTS
 from fis_tools.model import MembershipFunction, Semantics, Term, Trapezoidal, Variable, with_universe
+from fis_tools.model.membership import Format, words_of
 from fis_tools.model.numbers import FUNCTIONS, NotAFormula, linear
-from fis_tools.model.shapes import Format, words_of
 from fis_tools.model.validate import LONGEST_NAME, MOST_RULES, MOST_TERMS
 from fis_tools.words.text import antecedent_words, before
 

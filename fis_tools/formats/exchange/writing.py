@@ -28,7 +28,7 @@ from fis_tools.formats.exchange.foreign import RAMPS, TABLES
 from fis_tools.formats.mapping import from_mapping, refuse_problems, to_mapping
 from fis_tools.formats.serialize import Reading, Written
 from fis_tools.model import TOOLS, FuzzyController, FuzzySystem, Rule, Term, Variable, sample
-from fis_tools.model.shapes import Format
+from fis_tools.model.membership import Format
 from fis_tools.model.systems import reach
 from fis_tools.words.text import number
 

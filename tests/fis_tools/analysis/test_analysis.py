@@ -26,9 +26,10 @@ from fis_tools.engines.compiler import compile
 from fis_tools.errors import ControllerFileError
 from fis_tools.formats import serialize
 from fis_tools.model import And, Consequent, Expression, FuzzySystem, Is, Not, Or, Rule, Term, Variable
+from fis_tools.model.membership import MembershipFunction
 from fis_tools.model.numbers import Constant
-from fis_tools.model.shapes import Gaussian, MembershipFunction, Sampled, Trapezoidal, Triangular
-from fis_tools.model.systems import table_rules
+from fis_tools.model.rule_tables import table_rules
+from fis_tools.model.shapes import Gaussian, Sampled, Trapezoidal, Triangular
 from tests.fis_tools import step_by_step
 from tests.fis_tools.control_systems import ReferenceEngine
 from tests.fis_tools.engines import random_systems, weighed_systems

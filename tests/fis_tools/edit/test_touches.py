@@ -10,7 +10,7 @@ from fis_tools.edit.session import Session
 from fis_tools.formats import serialize
 from fis_tools.formats.files import ENDINGS
 from fis_tools.model import Gaussian, Hedged, Is, Linear, Not, Term, Triangular
-from fis_tools.model.shapes import SHAPES
+from fis_tools.model.membership import SHAPES
 from fis_tools.model.validate import InvalidSystem, problems
 from tests.fis_tools.sample_controllers import FORCE_X, GENERAL, PAPER_LIKE
 

@@ -21,6 +21,7 @@ from fis_tools.model import (
     Semantics,
     shapes,
 )
+from fis_tools.model.membership import MembershipFunction
 from fis_tools.model.operators import (
     WEIGHING,
     Accumulation,
@@ -30,8 +31,7 @@ from fis_tools.model.operators import (
     OrOperator,
     TypeReduction,
 )
-from fis_tools.model.shapes import MembershipFunction
-from fis_tools.model.systems import table_rules
+from fis_tools.model.rule_tables import table_rules
 from fis_tools.model.variables import Term, Variable, sample
 
 DEFUZZIFIERS: tuple[Defuzzifier, ...] = tuple(way for way in get_args(Defuzzifier) if way not in WEIGHING)

@@ -13,7 +13,8 @@ from fis_tools.engines import compiler, interpreter
 from fis_tools.engines.compiler import NoRuleFired, compile
 from fis_tools.engines.inference import infer
 from fis_tools.model import Gaussian, Triangular, Variable
-from fis_tools.model.systems import And, Consequent, Expression, FuzzySystem, Is, Not, Or, Rule
+from fis_tools.model.expressions import And, Expression, Is, Not, Or
+from fis_tools.model.systems import Consequent, FuzzySystem, Rule
 from fis_tools.model.validate import InvalidSystem
 from fis_tools.scikit_fuzzy.read import UnreadableControlSystem
 from tests.fis_tools import step_by_step

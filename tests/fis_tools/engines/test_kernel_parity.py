@@ -28,7 +28,8 @@ from fis_tools.model import (
     Triangular,
     Variable,
 )
-from fis_tools.model.shapes import SHAPES, Between
+from fis_tools.model.membership import SHAPES
+from fis_tools.model.shapes import Between
 from fis_tools.model.validate import problems
 from tests.fis_tools import step_by_step
 from tests.fis_tools.control_systems import ReferenceEngine, by_scikit_fuzzy

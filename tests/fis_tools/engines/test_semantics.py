@@ -26,8 +26,8 @@ from fis_tools.model import (
     Variable,
     memberships_at,
 )
+from fis_tools.model.membership import SHAPES
 from fis_tools.model.semantics import sampling_points
-from fis_tools.model.shapes import SHAPES
 from fis_tools.words.text import explain, summary
 from tests.fis_tools import step_by_step
 from tests.fis_tools.engines import random_systems

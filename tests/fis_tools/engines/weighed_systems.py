@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 
 from fis_tools.model import Consequent, FuzzySystem, Is, MembershipFunction, Rule, Variable
+from fis_tools.model.fuzzylite_shapes import Arc, Concave, Ramp
 from fis_tools.model.numbers import Constant, Linear
-from fis_tools.model.shapes import Arc, Concave, Gaussian, Ramp, Sigmoid, SShape, Triangular, ZShape
+from fis_tools.model.shapes import Gaussian, Sigmoid, SShape, Triangular, ZShape
 from tests.fis_tools.sample_controllers import table_system, terms
 from tests.fis_tools.step_by_step import ends
 

@@ -15,7 +15,8 @@ from fis_tools.findings.audit import Finding, Severity, Thresholds, audit
 from fis_tools.findings.audit.report import SCHEMA, SCHEMA_VERSION
 from fis_tools.findings.audit.terms import read_names
 from fis_tools.model import And, Consequent, FuzzyController, FuzzySystem, Is, Not, Or, Rule
-from fis_tools.model.shapes import Gaussian, MembershipFunction, Trapezoidal, Triangular
+from fis_tools.model.membership import MembershipFunction
+from fis_tools.model.shapes import Gaussian, Trapezoidal, Triangular
 from fis_tools.model.systems import with_variables
 from fis_tools.model.variables import Term, Variable
 from tests.fis_tools.analysis.test_analysis import even_terms

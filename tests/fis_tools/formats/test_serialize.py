@@ -27,7 +27,7 @@ from fis_tools.formats.serialize import (
     load,
     loads,
 )
-from fis_tools.model import And, Consequent, FuzzyController, Is, Rule, Term, Variable, shapes, systems
+from fis_tools.model import And, Consequent, FuzzyController, Is, Rule, Term, Variable, rule_tables, shapes
 from fis_tools.model.validate import InvalidSystem
 from fis_tools.plain_text import plain
 from tests.fis_tools.engines.random_systems import random_general_system
@@ -57,7 +57,7 @@ def controllers(draw: st.DrawFn) -> FuzzyController:
         output, inputs = system.outputs[0], system.inputs[:2]
         cells = math.prod(len(variable.terms) for variable in inputs)
         table = generator.choice([term.name for term in output.terms], cells).tolist()
-        rules = systems.table_rules(inputs, output, table)
+        rules = rule_tables.table_rules(inputs, output, table)
         system = replace(system, inputs=inputs, outputs=(output,), rules=rules)
     elif draw(st.booleans()):
         labelled = (replace(r, label=word) for r, word in zip(system.rules, reversed(words), strict=False))
@@ -232,7 +232,7 @@ def test_a_table_of_billions_of_cells_is_counted_not_built():
         from_mapping(mapping)
     system["rules"] = [{"if": {"is": ["eta_u", "t0"]}, "then": [{"variable": "force_z", "term": "ZE"}]}]
     controller = from_mapping(mapping)
-    assert systems.rule_table(controller.systems[1]) is None
+    assert rule_tables.rule_table(controller.systems[1]) is None
     assert loads(dump_json(controller), "json") == controller
 
 

@@ -15,8 +15,9 @@ from hypothesis import strategies as st
 from fis_tools.array_types import Floats
 from fis_tools.findings.simplification.draft import rounded
 from fis_tools.model import Term, Variable, shapes
+from fis_tools.model.fuzzylite_shapes import Arc, Concave, Cosine, SemiEllipse, Spike
+from fis_tools.model.membership import MembershipFunction
 from fis_tools.model.operators import AND_OPERATORS, OR_OPERATORS, Operator
-from fis_tools.model.shapes import MembershipFunction
 from fis_tools.model.variables import is_unimodal, sample, shape_values
 from tests.fis_tools.sample_controllers import table_system, terms
 from tests.programs import library, program
@@ -98,13 +99,13 @@ def test_parabolas_on_grid_points_are_scikit_fuzzys(shape, generate):
     ("shape", "expected"),
     [
         (shapes.TwoSidedGaussian(6.0, 2.0, 4.0, 1.0), {5.0: exp(-0.625), 4.0: exp(-0.5), 6.0: exp(-2.0)}),
-        (shapes.Spike(4.0, 5.0), {4.0: 1.0, 4.5: exp(-1.0), 3.0: exp(-2.0)}),
-        (shapes.Cosine(4.0, 2.0), {4.0: 1.0, 4.5: 0.5, 3.0: 0.0, 3.75: 0.5 + np.sqrt(0.125), 6.0: 0.0}),
-        (shapes.Concave(2.0, 5.0), {2.0: 0.5, 4.0: 0.75, 5.0: 1.0, 9.0: 1.0, -1.0: 1 / 3}),
-        (shapes.Concave(5.0, 2.0), {5.0: 0.5, 3.0: 0.75, 2.0: 1.0, 0.0: 1.0, 8.0: 1 / 3}),
-        (shapes.SemiEllipse(2.0, 12.0), {1.0: 0.0, 2.0: 0.0, 4.0: 0.8, 7.0: 1.0, 11.0: 0.6, 13.0: 0.0}),
-        (shapes.Arc(2.0, 7.0), {1.0: 0.0, 3.0: 0.6, 4.0: 0.8, 7.0: 1.0, 9.0: 1.0}),
-        (shapes.Arc(7.0, 2.0), {8.0: 0.0, 6.0: 0.6, 5.0: 0.8, 2.0: 1.0, 0.0: 1.0}),
+        (Spike(4.0, 5.0), {4.0: 1.0, 4.5: exp(-1.0), 3.0: exp(-2.0)}),
+        (Cosine(4.0, 2.0), {4.0: 1.0, 4.5: 0.5, 3.0: 0.0, 3.75: 0.5 + np.sqrt(0.125), 6.0: 0.0}),
+        (Concave(2.0, 5.0), {2.0: 0.5, 4.0: 0.75, 5.0: 1.0, 9.0: 1.0, -1.0: 1 / 3}),
+        (Concave(5.0, 2.0), {5.0: 0.5, 3.0: 0.75, 2.0: 1.0, 0.0: 1.0, 8.0: 1 / 3}),
+        (SemiEllipse(2.0, 12.0), {1.0: 0.0, 2.0: 0.0, 4.0: 0.8, 7.0: 1.0, 11.0: 0.6, 13.0: 0.0}),
+        (Arc(2.0, 7.0), {1.0: 0.0, 3.0: 0.6, 4.0: 0.8, 7.0: 1.0, 9.0: 1.0}),
+        (Arc(7.0, 2.0), {8.0: 0.0, 6.0: 0.6, 5.0: 0.8, 2.0: 1.0, 0.0: 1.0}),
     ],
 )
 def test_smooth_shapes_have_the_values_their_formulas_say(shape, expected):
@@ -185,8 +186,8 @@ def test_single_numbers_combine_as_arrays_do():
 
 def test_the_numbers_of_any_shape_are_rounded() -> None:
     """To tens the width would be zero, so that it keeps another digit."""
-    x = Variable("x", "m", 0.0, 10.0, terms(bump=shapes.Cosine(4.04, 3.0)))
+    x = Variable("x", "m", 0.0, 10.0, terms(bump=Cosine(4.04, 3.0)))
     y = Variable("y", "", -1.0, 1.0, terms(high=shapes.Triangular(0.0, 1.0, 1.0)), default=0.0)
     system = table_system("s", (x,), y, ["high"])
     (variable,) = rounded(system, {("x", "bump"): 1}).inputs
-    assert variable.terms[0].membership == shapes.Cosine(4.0, 3.0)
+    assert variable.terms[0].membership == Cosine(4.0, 3.0)

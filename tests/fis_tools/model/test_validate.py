@@ -9,10 +9,24 @@ import pytest
 
 from fis_tools.formats.exchange import fis, fll
 from fis_tools.formats.serialize import dump_json
-from fis_tools.model import And, Consequent, FuzzySystem, Hedged, Is, Not, Or, Rule, shapes, validate
+from fis_tools.model import (
+    And,
+    Consequent,
+    FuzzySystem,
+    Hedged,
+    Is,
+    Not,
+    Or,
+    Rule,
+    shape_problems,
+    shapes,
+    validate,
+)
+from fis_tools.model.expressions import Expression
+from fis_tools.model.membership import SHAPES, MembershipFunction
 from fis_tools.model.numbers import Linear
-from fis_tools.model.shapes import SHAPES, Gaussian, MembershipFunction, Sampled, Triangular
-from fis_tools.model.systems import Expression, FuzzyController
+from fis_tools.model.shapes import Gaussian, Sampled, Triangular
+from fis_tools.model.systems import FuzzyController
 from fis_tools.model.validate import MAX_NESTING, InvalidSystem, controller_problems, problems
 from fis_tools.model.variables import Term, Variable
 from tests.fis_tools.sample_controllers import FORCE_X, GENERAL, PAPER_LIKE, force, with_input, with_output
@@ -180,16 +194,16 @@ def test_every_parameter_of_every_shape_has_its_limits(kind: type[MembershipFunc
         "exponent": (-1.0, 0.0, INF),
     }
     right = [1.0 + index for index in range(len(kind.entry.kinds))]
-    assert not list(validate.parameter_problems(kind(*right)))
+    assert not list(shape_problems.parameter_problems(kind(*right)))
     for position, what in enumerate(kind.entry.kinds.values()):
         for value in wrong[what]:
             numbers = [value if index == position else number for index, number in enumerate(right)]
-            assert len(list(validate.parameter_problems(kind(*numbers)))) == 1
+            assert len(list(shape_problems.parameter_problems(kind(*numbers)))) == 1
     for left, following in pairwise(kind.entry.ascending):
         swapped = replace(kind(*right), **{left: 9.0, following: 0.5})
-        assert any("do not ascend" in fault for fault in validate.parameter_problems(swapped))
+        assert any("do not ascend" in fault for fault in shape_problems.parameter_problems(swapped))
     for foot, top in kind.entry.flanks:
-        assert list(validate.parameter_problems(replace(kind(*right), **{foot: 1.5, top: 1.5})))
+        assert list(shape_problems.parameter_problems(replace(kind(*right), **{foot: 1.5, top: 1.5})))
 
 
 @pytest.mark.parametrize("write", [dump_json, fis.write, fll.write])

@@ -8,8 +8,9 @@ import pytest
 
 from fis_tools.formats import serialize
 from fis_tools.model import Term, Variable
+from fis_tools.model.membership import SHAPES
 from fis_tools.model.numbers import Constant, Formula, Linear, Number
-from fis_tools.model.shapes import SHAPES, Polyline, Sampled
+from fis_tools.model.shapes import Polyline, Sampled
 from pipeline.command_line.config import compose_experiment
 from pipeline.flight.control.controller import ControllerError, from_fuzzy
 from pipeline.flight.fly.simulation import fly_all
