@@ -1,7 +1,6 @@
 """All readers of files and settings, the errors they may raise, and intact samples to damage."""
 
 import contextlib
-import io
 import json
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
@@ -11,9 +10,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-import onnx
 import pyarrow as pa
-import pyarrow.parquet as pq
 
 import telemetry
 from fis_tools.analysis import tables as logged
@@ -38,8 +35,6 @@ from pipeline.controllers.played import read_played
 from pipeline.controllers.policies import read_policy
 from pipeline.evaluation.assurance import repeats
 from pipeline.evaluation.assurance.requirements import load_requirements
-from pipeline.evaluation.trials import trials
-from pipeline.flight.fly.stepping import NUM_SEEN
 from pipeline.flight.world import surface
 from pipeline.optimum.solved import read_solved
 from pipeline.proof.certificate import read_proof
@@ -48,7 +43,7 @@ from pipeline.report.contents import command_of, read_numbers
 from pipeline.report.figures.training import HISTORY_COLUMNS
 from pipeline.run import artifacts, configuration, manifests, sweep, tables
 from pipeline.settings import mesh, start_table
-from pipeline.settings.experiment import HparamsSearch, Mission
+from pipeline.settings.experiment import Mission
 from pipeline.settings.places import conf_folder, requirements_path
 from pipeline.settings.schema import experiment_from
 from pipeline.stages import assure
@@ -58,18 +53,28 @@ from telemetry.file.summary import in_words, summarize
 from telemetry.scene import runs
 from tests.fis_tools.sample_controllers import EXAMPLES
 from tests.hostile.forge import CONTROLLER, restated
-
-CSV: Final = b"time_s,x,y\n0,0.1,1\n1,0.2,2\n2,0.4,1\n3,0.1,0\n"
-RUN: Final = {"folder": "seed=1", "differs": {"seed": "1"}, "command": ["seed=1"], "failure": ""}
-SWEEP: Final = {"sweep_version": 1, "runs": [RUN, {**RUN, "folder": "seed=2"}]}
+from tests.hostile.samples import (
+    CSV,
+    EVIDENCE,
+    FORCES,
+    LOGBOOK,
+    SUMMARY,
+    SWEEP,
+    flown,
+    journal,
+    numbers_as_parquet,
+    parquet,
+    saved_checkpoint,
+    small_policy,
+    small_stl,
+    tried_journal,
+)
 
 #: the errors that may be raised, with our own messages
 REFUSALS: Final = (
     serialize.ControllerFileError, InvalidSystem, artifacts.ArtifactError, telemetry.RecordingError,
     CheckpointError,
 )  # fmt: skip
-
-
 #: takes the bytes of a file and a folder to put them in
 Read = Callable[[bytes, Path], object]
 OR_VALUES: Final = (*REFUSALS, ValueError)
@@ -280,12 +285,6 @@ def _sweep(content: bytes, folder: Path) -> object:
     return [sweep.state_of(folder, run) for run in sweep.read(folder)]
 
 
-def _journal(path: Path) -> object:
-    space = {"optimizer": {"initial_step": {"low": 0.001, "high": 1.0}}}
-    with contextlib.redirect_stderr(io.StringIO()):
-        return list(trials(path, HparamsSearch(space=space, trials=2), 1, lambda _values: iter([1.0])))
-
-
 def _learned(path: Path) -> object:
     return table.as_table(table.read(path), "y", ["time_s", "x"])
 
@@ -311,67 +310,9 @@ def _champion() -> Any:
     return serialize.load(conf_folder() / "controller" / "paper_champion.yaml")
 
 
-def _parquet(**columns: Any) -> bytes:
-    sink = io.BytesIO()
-    pq.write_table(pa.table(columns), sink)
-    return sink.getvalue()
-
-
 def _positions(_folder: Path) -> Sequence[bytes]:
     columns = {f"position_{axis}_m": np.linspace(0, 1, 12) for axis in "xyz"}
-    return [_parquet(case=np.repeat([0, 1, 2], 4), sample=np.tile(np.arange(4), 3), **columns)]
-
-
-def _numbers_as_parquet(_folder: Path) -> Sequence[bytes]:
-    numbers = {"time_s": np.arange(9.0), "x": np.linspace(0, 1, 9), "y": np.linspace(1, 0, 9)}
-    return [_parquet(**numbers, word=list("abcabcabc"))]
-
-
-def network(nodes: Sequence[onnx.NodeProto], constants: Mapping[str, Any]) -> bytes:
-    """Return an ONNX file whose nodes make ``force`` of ``seen``."""
-    seen, force = (onnx.helper.make_tensor_value_info(name, 1, None) for name in ("seen", "force"))
-    tensors = [onnx.numpy_helper.from_array(np.float32(array), name) for name, array in constants.items()]
-    graph = onnx.helper.make_graph(nodes, "policy", [seen], [force], tensors)
-    content: bytes = onnx.helper.make_model(graph).SerializeToString()
-    return content
-
-
-def _small_policy(_folder: Path) -> Sequence[bytes]:
-    weights = {"w": np.ones((NUM_SEEN, 4)), "b": np.ones(4), "v": np.ones((4, 3))}
-    steps = (("Gemm", ["seen", "w", "b"], "a"), ("Tanh", ["a"], "c"), ("MatMul", ["c", "v"], "force"))
-    return [network([onnx.helper.make_node(kind, names, [made]) for kind, names, made in steps], weights)]
-
-
-def _small_stl(_folder: Path) -> Sequence[bytes]:
-    corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=np.float32)
-    faces = corners[[[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]]]
-    rows = np.concatenate([np.zeros((4, 3), np.float32), faces.reshape(4, 9)], axis=1)
-    return [bytes(80) + (4).to_bytes(4, "little") + b"".join(row.tobytes() + b"\0\0" for row in rows)]
-
-
-def _tried_journal(folder: Path) -> Sequence[bytes]:
-    _journal(folder / "journal.log")
-    return [(folder / "journal.log").read_bytes()]
-
-
-def _saved_checkpoint(folder: Path) -> Sequence[bytes]:
-    from pipeline.training.evolution.rounds import evolve_rounds  # noqa: PLC0415 - brings DEAP
-
-    def evaluate_round(_index: int, _champion: object) -> Callable[[Any], dict[str, Any]]:
-        return lambda genomes: {"fitness": genomes.sum(axis=1)}
-
-    optimizer = compose_experiment(["+experiment=train"]).experiment.optimizer
-    small = replace(optimizer, population_size=6, generations=2)
-    evolve_rounds(evaluate_round, 3, small, 1, checkpoint=folder / "made.npz")
-    return [(folder / "made.npz").read_bytes()]
-
-
-def _flown(folder: Path) -> Sequence[bytes]:
-    """Record a short flight without any force."""
-    from tests.pipeline.recording.cases import staged  # noqa: PLC0415 - flies
-
-    staged(folder, "controller=paper_champion", "duration_s=60")
-    return [(folder / "episodes" / "start.mcap").read_bytes()]
+    return [parquet(case=np.repeat([0, 1, 2], 4), sample=np.tile(np.arange(4), 3), **columns)]
 
 
 def _single() -> Any:
@@ -402,26 +343,6 @@ def _whole(path: Path) -> Callable[[Path], Sequence[bytes]]:
     return lambda _: [path.read_bytes()]
 
 
-MEAN: Final = {"mean": 1.0, "standard_deviation": 0.5}
-SHARE: Final = {"count": 2, "fraction": 0.5, "low": 0.1, "high": 0.9}
-SUMMARY: Final = {
-    "controller_sha256": "0",
-    "num_cases": 4,
-    "delta_v_m_s": MEAN,
-    "inspection_rate_percent": MEAN,
-    "success": SHARE,
-    "violated": SHARE,
-}
-EVIDENCE: Final = {
-    "schema": "evidence",
-    "controller": {"name": "paper_champion", "sha256": "0" * 64},
-    "requirements": [
-        {"id": "R1", "title": "Far", "verdict": "shown", "sentence": "Shown: it stays far."},
-        {"id": "R2", "verdict": "not shown", "text": "It is fast.", "why": "few flights"},
-    ],
-}
-LOGBOOK: Final = (",".join(HISTORY_COLUMNS) + "\n" + "0,1.5,2.5,0.4,3,0,0\n" * 3).encode()
-FORCES: Final = b"time_s,force_x_n,force_y_n,force_z_n\n0,0.1,0,0\n10,0,0.1,0\n"
 READERS: Final[Mapping[str, Reader]] = {
     "json": Reader(_in_file("controller.json", _controller), lambda _: [_single_as_json()], "tree", REFUSALS),
     "yaml": Reader(_in_file("controller.yaml", _controller), lambda _: [_single_as_yaml()],
@@ -440,18 +361,18 @@ READERS: Final[Mapping[str, Reader]] = {
                                                  b"distance in [1, 2]"], "text"),
     "table": Reader(_in_file("trajectories.parquet", _table), _positions, "table", REFUSALS),
     "checkpoint": Reader(_in_file("checkpoint.npz", lambda path: load(path, {})),
-                         _saved_checkpoint, "bytes", REFUSALS),
-    "recording": Reader(_in_file("flight.mcap", _recording), _flown, "recording", REFUSALS),
-    "verify": Reader(_in_file("flight.mcap", fly_again), _flown, "attachments"),
-    "onnx": Reader(_in_file("policy.onnx", read_policy), _small_policy, "bytes"),
+                         saved_checkpoint, "bytes", REFUSALS),
+    "recording": Reader(_in_file("flight.mcap", _recording), flown, "recording", REFUSALS),
+    "verify": Reader(_in_file("flight.mcap", fly_again), flown, "attachments"),
+    "onnx": Reader(_in_file("policy.onnx", read_policy), small_policy, "bytes"),
     "obj": Reader(_in_file("chief.obj", _mesh), _whole(conf_folder() / "chief" / "satellite.obj"), "text"),
-    "stl": Reader(_in_file("chief.stl", _mesh), _small_stl, "bytes"),
+    "stl": Reader(_in_file("chief.stl", _mesh), small_stl, "bytes"),
     "sweep": Reader(_sweep, lambda _: [json.dumps(SWEEP).encode()], "tree", REFUSALS),
-    "journal": Reader(_in_file("journal.log", _journal), _tried_journal, "text"),
+    "journal": Reader(_in_file("journal.log", journal), tried_journal, "text"),
     "learned_csv": Reader(_in_file("table.csv", _learned), lambda _: [CSV], "text"),
-    "learned_parquet": Reader(_in_file("table.parquet", _learned), _numbers_as_parquet, "table"),
+    "learned_parquet": Reader(_in_file("table.parquet", _learned), numbers_as_parquet, "table"),
     "logged_csv": Reader(_in_file("table.csv", _logged), lambda _: [CSV], "text"),
-    "logged_parquet": Reader(_in_file("table.parquet", _logged), _numbers_as_parquet, "table"),
+    "logged_parquet": Reader(_in_file("table.parquet", _logged), numbers_as_parquet, "table"),
     "domain": Reader(_in_file("domain.json", read_domain), _domain, "tree", REFUSALS),
     "evidence": Reader(_in_file("evidence.json", lambda path: read_evidence(path, "0" * 64)),
                        lambda _: [json.dumps(EVIDENCE).encode()], "tree", REFUSALS),

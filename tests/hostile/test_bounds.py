@@ -28,7 +28,7 @@ from pipeline.run import configuration
 from pipeline.settings import mesh
 from pipeline.settings.experiment import SettingError
 from tests.fis_tools.sample_controllers import EXAMPLES, PAPER_LIKE
-from tests.hostile.readers import network
+from tests.hostile.samples import network
 
 MOST_BYTES = 400e6
 

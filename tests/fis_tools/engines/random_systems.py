@@ -21,6 +21,7 @@ from fis_tools.model import (
     Semantics,
     shapes,
 )
+from fis_tools.model.fuzzylite_shapes import Arc, Concave, Cosine, SemiEllipse, Spike
 from fis_tools.model.membership import MembershipFunction
 from fis_tools.model.operators import (
     WEIGHING,
@@ -216,11 +217,11 @@ def any_shape(generator: np.random.Generator, variable: Variable) -> MembershipF
     kind = int(generator.integers(12))
     if is_steep and kind in (0, 3, 4, 5, 6) and a < c:
         return {
-            0: shapes.Spike(b, spreads[0]),
-            3: shapes.Cosine(b, spreads[0]),
-            4: shapes.Concave(a, c),
-            5: shapes.SemiEllipse(a, c),
-            6: shapes.Arc(c, a),
+            0: Spike(b, spreads[0]),
+            3: Cosine(b, spreads[0]),
+            4: Concave(a, c),
+            5: SemiEllipse(a, c),
+            6: Arc(c, a),
         }[kind]
     makers: dict[int, Callable[[], MembershipFunction]] = {
         0: lambda: shapes.Gaussian(b, spreads[0]),
