@@ -322,8 +322,8 @@ def _cut_terms(system: FuzzySystem, variable: Variable, firing: Floats) -> Float
 def _aggregate(variable: Variable, cuts: Floats) -> tuple[Floats, Floats]:
     grid = variable.universe
     concluded = [(cut, mf) for cut, mf in zip(cuts, variable.memberships, strict=True) if not np.isnan(cut)]
-    crossings = [crossings(grid, mf, cut) for cut, mf in concluded]
-    universe = np.union1d(grid, np.concatenate([np.empty(0), *crossings]))
+    inserted = [crossings(grid, mf, cut) for cut, mf in concluded]
+    universe = np.union1d(grid, np.concatenate([np.empty(0), *inserted]))
     aggregated = np.zeros(len(universe))
     for cut, mf in concluded:
         clipped = np.minimum(cut, np.interp(universe, grid, mf, left=0.0, right=0.0))
