@@ -155,12 +155,20 @@ def read_region(system: Inferable, text: str) -> Region:
 def _notes(system: Inferable, asked_low: Floats, asked_high: Floats) -> tuple[str, ...]:
     """Return notes on a region: whose inference counts, and what values beyond a range count as."""
     tool = (f"numbers are those of {TOOLS[system.semantics].title}",) if system.is_sampled else ()
+    beyond = [
+        variable
+        for variable, *limits_given in zip(system.inputs, asked_low, asked_high, strict=True)
+        if any(np.isfinite(end) and not variable.minimum <= end <= variable.maximum for end in limits_given)
+    ]
     return tool + tuple(
         f"{variable.name} beyond its range of {number(variable.minimum)} to "
-        f"{quantity(variable, variable.maximum)} counts as the end of it"
-        for variable, *limits_given in zip(system.inputs, asked_low, asked_high, strict=True)
-        if np.isfinite(system.limits_of(variable)).all()
-        and any(np.isfinite(end) and not variable.minimum <= end <= variable.maximum for end in limits_given)
+        f"{quantity(variable, variable.maximum)} "
+        + (
+            "counts as the end of it"
+            if np.isfinite(system.limits_of(variable)).all()
+            else "is taken as it is"
+        )
+        for variable in beyond
     )
 
 

@@ -247,7 +247,7 @@ def understand(visible: FuzzySystem, comments: Iterable[tuple[int, str]], dialec
     with raised_as(ControllerFileError, NotExpressible):
         dialects.refuse_joined(complete)
     about_points = (_universes_words(visible, dialect), *jumps_between_points(visible))
-    assumed = (*about_points, *_defaults_words(visible), *missing)
+    assumed = (*about_points, *_beyond_words(visible), *_defaults_words(visible), *missing)
     if carried is None:
         return Reading(FuzzyController(visible.name, (complete,)), assumed, about_points)
     try:
@@ -316,6 +316,14 @@ def _universes_words(visible: FuzzySystem, dialect: Dialect) -> str:
     if dialect.resolution:
         points = f"{dialect.resolution} intervals of an output that states no number"
     return f"{visible.name}: numbers are those of {title}, which sums over {points}"
+
+
+def _beyond_words(visible: FuzzySystem) -> Iterator[str]:
+    """Yield what becomes of inputs beyond their ranges, unless the file has all of them clipped."""
+    clipped = [variable.name for variable in visible.inputs if variable.is_clipped]
+    but = f", but {', '.join(clipped)} clipped" if clipped else ""
+    if len(clipped) < len(visible.inputs):
+        yield f"{visible.name}: inputs beyond their ranges are taken as they are{but}"
 
 
 def _defaults_words(visible: FuzzySystem) -> Iterator[str]:

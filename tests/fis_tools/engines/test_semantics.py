@@ -90,6 +90,8 @@ def test_a_rule_that_fires_faintly_stays_inside_the_range_of_the_output():
     assert 80.0 <= heated.outer.high <= 80.01
     assert (heated.inner.low, heated.inner.high) == pytest.approx((50.0, 80.0), abs=0.1)
     assert "numbers are those of MATLAB" in heated.sentence
+    (beyond,) = output_ranges(system, "q in [0, 20]")
+    assert "q beyond its range of 0 to 10 is taken as it is" in beyond.sentence
 
 
 def test_singletons_between_and_at_the_ends_are_numbers():

@@ -117,7 +117,14 @@ def test_what_contradicts_itself_is_refused(kind: Kind, old: str, new: str, word
 @pytest.mark.parametrize(
     ("kind", "assumed"),
     [
-        ("fis", ["of MATLAB, which sums over 101 points of each output", "tip is 15 when no rule fires"]),
+        (
+            "fis",
+            [
+                "of MATLAB, which sums over 101 points of each output",
+                "inputs beyond their ranges are taken as they are",
+                "tip is 15 when no rule fires",
+            ],
+        ),
         ("fll", ["those of fuzzylite, which sums over 1000 intervals"]),
     ],
 )
