@@ -15,7 +15,7 @@ from fis_tools.commands.arguments import ControllerArguments, Output, write
 from fis_tools.errors import Mistake, raised_as
 from fis_tools.formats import serialize
 from fis_tools.formats.c import source
-from fis_tools.formats.files import ONE_SYSTEM, WHOLE, File, in_files_of_one, of_one_system, wires_lost
+from fis_tools.formats.files import ONE_SYSTEM, WHOLE, File, of_one_system, system_files, wires_lost
 from fis_tools.formats.mapping import MOST_POINTS
 from fis_tools.learning.learner import Recipe, cross_validated, learn_table
 from fis_tools.learning.table import TrainingTable, as_table, read
@@ -85,7 +85,7 @@ def _write_each(controller: FuzzyController, form: str, output: str | None) -> N
     if path is None or path.suffix.lower() == ONE_SYSTEM[form]:  # a file of such a form holds one system
         controller.only_system("add --system, or -o FOLDER for a file each")
     with raised_as(Mistake, ValueError):
-        systems = in_files_of_one(controller, ONE_SYSTEM[form])
+        systems = system_files(controller, ONE_SYSTEM[form])
     files: dict[str, File] = {}
     for name, alone in systems.items():
         with raised_as(Mistake, ValueError, where=f"{alone.systems[0].name}: "):

@@ -51,8 +51,8 @@ def file_name(name: str) -> str:
     return re.sub(r"[^\w.-]+", "_", name).strip(".") or "_"
 
 
-def in_files_of_one(controller: FuzzyController, ending: str) -> dict[str, FuzzyController]:
-    """Return each system of a controller by the name of its file; raise ValueError for equal names."""
+def system_files(controller: FuzzyController, ending: str) -> dict[str, FuzzyController]:
+    """Return each system as a controller, by the name of its file; raise ValueError for equal names."""
     files: dict[str, FuzzyController] = {}
     for system in controller.systems:
         name = file_name(system.name) + ending
@@ -80,7 +80,7 @@ def written(controller: FuzzyController, path: Path) -> dict[Path, File]:
         return {path: of_one_system(controller, form)}
     files = {
         path.with_name(f"{path.stem}-{name}"): of_one_system(alone, form)
-        for name, alone in in_files_of_one(controller, ending).items()
+        for name, alone in system_files(controller, ending).items()
     }
     last = next(reversed(files))
     return {**files, last: replace(files[last], losses=(*files[last].losses, *wires_lost(controller)))}

@@ -178,7 +178,7 @@ class SystemEncoding(Genes):
         return np.clip(self.encode_unclipped(systems), 0.0, 1.0)
 
     def encode_unclipped(self, systems: tuple[FuzzySystem, ...]) -> Floats:
-        """Return the same outside [0, 1] where a number is beyond its bounds."""
+        """Return the genome as `encode` does, but outside [0, 1] where a number is beyond its bounds."""
         genes: list[float] = []
         for system in systems:
             for variable in system.variables:

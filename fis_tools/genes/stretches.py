@@ -99,7 +99,7 @@ class Stretches(Genes):
         return np.clip(self.encode_unclipped(systems), 0.0, 1.0)
 
     def encode_unclipped(self, systems: tuple[FuzzySystem, ...]) -> Floats:
-        """Return the same outside [0, 1] where a number is beyond its bounds."""
+        """Return the genome as `encode` does, but outside [0, 1] where a number is beyond its bounds."""
         low, high = self.factors
         genes: list[float] = []
         for reference, system in zip(self.systems, systems, strict=True):

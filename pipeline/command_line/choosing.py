@@ -64,7 +64,7 @@ def rows() -> list[tuple[str, ...]]:
     ]
 
 
-def choosing() -> str:
+def recommendations() -> str:
     """Return the recommendations as text, and which parts of the low-orbit controllers are no rules."""
     lines = ["which champion to take"]
     for each in CHOICES:

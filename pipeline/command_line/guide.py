@@ -32,7 +32,7 @@ from omegaconf import OmegaConf
 from fis_tools.document.text import aligned
 from fis_tools.file_access import read_text
 from pipeline.command_line.arguments import ConfigError
-from pipeline.command_line.choosing import choosing
+from pipeline.command_line.choosing import recommendations
 from pipeline.command_line.config import compose_node, without_hydra
 from pipeline.command_line.groups import options
 from pipeline.settings import schema
@@ -126,7 +126,7 @@ def help_on(topics: Sequence[str], folders: Sequence[Path]) -> str:
     for topic in topics:
         text = _experiment(topic, experiments[topic]) if topic in experiments else schema.help_on(topic)
         if topic == "controller":
-            text = f"{choosing()}\n\n{text}".rstrip()
+            text = f"{recommendations()}\n\n{text}".rstrip()
         if not text:
             raise ConfigError(unknown(topic))
         texts.append(f"{text}\n")

@@ -80,7 +80,7 @@ class Force:
         return self.at(*(arb(0).max(low).min(high) for low, high in self.ranges))
 
     def at(self, *values: Any) -> Any:
-        """Return the force for balls of the inputs, inside their ranges."""
+        """Enclose the force over balls of the inputs, inside their ranges."""
         cuts = dict.fromkeys(self.peaks.values(), arb(0))
         for terms, conclusion in self.rules:
             strength = arb(1)
@@ -135,7 +135,7 @@ def effects(theorem: Any) -> list[list[Any]]:
 
 
 def require_covered(position: Any, sheared: Callable[[TubeBox], Any], boxes: list[TubeBox]) -> None:
-    """Refuse the certificate unless boxes side by side hold positions, each velocities + shear position."""
+    """Refuse the certificate unless boxes cover the positions without gaps, and their sheared velocities."""
     hits = [box for box in boxes if not (box.low > position or box.high < position)]
     require(bool(hits), "a position outside the tube")
     reached = arb(hits[0].low)
@@ -208,8 +208,8 @@ def tube_of(proof: ReceivedProof, axes: list[int]) -> list[Tube]:
     return tube
 
 
-def seconds(forces: dict[int, Force], tube: list[Tube]) -> float:
-    """Return about how long checking takes."""
+def expected_seconds(forces: dict[int, Force], tube: list[Tube]) -> float:
+    """Estimate how long checking takes, s."""
     visits, cells = 0, 0
     for axis, force in forces.items():
         rows: dict[int, tuple[int, int]] = {}
@@ -257,7 +257,7 @@ def _check(proof: ReceivedProof, report: Callable[[str], object]) -> str:
     if not any((*start[2], *start[5])):
         require(bool(forces.pop(2).at_rest() == 0), "flights that leave the plane")
     tube = tube_of(proof, list(forces))
-    expected = seconds(forces, tube)
+    expected = expected_seconds(forces, tube)
     require(
         expected < MAX_SECONDS, f"checking takes about {expected / 3600:.0f} hours, for boxes over many cells"
     )

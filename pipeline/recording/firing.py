@@ -20,7 +20,7 @@ def delay_of(mission: Mission) -> int:
 def is_fired(
     log: FlightLog, decided: NDArray[np.intp], axis: int, force_axes: str, delay: int
 ) -> NDArray[np.bool_]:
-    """Return at which decisions what was asked for along an axis came to be fired.
+    """Return at which decisions the force requested along an axis was fired.
 
     Parameters
     ----------

@@ -52,7 +52,7 @@ def write(contents: Contents, illustrations: Mapping[str, Illustration]) -> str:
     if mission.problem.kind == "reach":
         heading = Heading(experiment.report.title, 1)
         return page(Document([heading, *_towards_goal(contents, illustrations)]), COLOURS)
-    has_unseen = any(sees_less(flights.summary) for _, flights, _ in contents.sets)
+    has_unseen = any(has_uninspectable(flights.summary) for _, flights, _ in contents.sets)
     scene = scene_of_run(contents)
     return template("pipeline.report", "templates", "report.html").render(
         policy=policy(script=scene.script if scene else ""),
@@ -71,7 +71,7 @@ def write(contents: Contents, illustrations: Mapping[str, Illustration]) -> str:
             for flight_set in contents.shown
         ],
         points_in_words=points_in_words,
-        sees_less=sees_less,
+        has_uninspectable=has_uninspectable,
         has_unseen=has_unseen,
         cases=case_rows(contents.training),
         compared=comparison,
@@ -86,8 +86,8 @@ def write(contents: Contents, illustrations: Mapping[str, Illustration]) -> str:
     )
 
 
-def sees_less(flown: Mapping[str, Any]) -> bool:
-    """Return whether some points could not be inspected in the flights of a summary."""
+def has_uninspectable(flown: Mapping[str, Any]) -> bool:
+    """Return whether the flights of a summary had points that no flight could inspect."""
     return INSPECTABLE in flown and flown[INSPECTABLE]["mean"] != flown["inspection_rate_percent"]["mean"]
 
 

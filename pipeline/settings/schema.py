@@ -258,7 +258,7 @@ def _short(value: Any) -> str:
 
 
 def tables() -> dict[str, list[Key]]:
-    """Return the keys of each group, in the order of the page; "" for those at the top."""
+    """Return the keys of each group as the page of keys lists them; "" for those at the top."""
     sections: dict[str, list[Key]] = {"": []}
     for key in schema().values():
         sections.setdefault(key.name.rpartition(".")[0], []).append(key)

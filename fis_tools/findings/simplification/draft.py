@@ -85,7 +85,7 @@ def merged(system: FuzzySystem, merger: Merger, importance: Floats) -> tuple[Fuz
     -------
     FuzzySystem
     list of int
-        Places of the rules that are kept.
+        Indices of the rules that are kept.
     """
     names = {(merger.variable, merger.dropped): merger.kept}
     rules = tuple(_without_repeats(system, model.with_terms(rule, names)) for rule in system.rules)
@@ -145,7 +145,7 @@ def without_input(system: FuzzySystem, name: str, term: str) -> tuple[FuzzySyste
     -------
     FuzzySystem
     list of int
-        Places of the rules that are kept. None instead of both if a rule is not a plain conjunction, or has
+        Indices of the rules that are kept. None instead of both if a rule is not a plain conjunction, or has
         no other statement, or if an output would be left without a rule.
     """
     kept: list[Rule] = []

@@ -31,7 +31,7 @@ def lanes_for(num_starts: int) -> int:
 
 
 def lanes_of_group(num_groups: int, num_starts: int, lanes: int) -> int:
-    """Return the flights to fly side by side in one of some groups, where `lanes` are for a single group."""
+    """Return how many flights of a group to fly side by side: `lanes`, or by its starts among many groups."""
     return lanes_for(num_starts) if num_groups > FEW_LANES else lanes
 
 

@@ -94,9 +94,9 @@ def least_heights_of(mission: Mission, course: Course) -> Floats:
 
 
 def surface_rows(surface: ChiefSurface, axes: Floats) -> Floats:
-    """Return the surface at the points at each sample, shape (K+1 or 1, NUM_SURFACE, P padded), Hill axes, m.
+    """Return normals, heights and squared radii at the points, (K+1 or 1, NUM_SURFACE, P padded).
 
-    Axes, (K+1 or 1, 3, 3), lead from Hill to chief.
+    In Hill axes, m; `axes`, (K+1 or 1, 3, 3), lead from Hill to chief.
     """
     num_points = len(surface.points)
     rows: Floats = aligned((len(axes), NUM_SURFACE, padded(num_points, POINTS)))

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from fis_tools.formats import serialize
-from pipeline.command_line.choosing import CHOICES, choosing
+from pipeline.command_line.choosing import CHOICES, recommendations
 from pipeline.settings.places import conf_folder
 
 DOCS = Path(__file__).parents[3] / "docs"
@@ -24,7 +24,7 @@ def test_a_choice_has_the_figures_of_a_row_of_its_page(choice):
 
 def test_what_is_chosen_exists_and_help_says_it(ran):
     text = ran("--help", "controller").out
-    assert text.startswith(choosing())
+    assert text.startswith(recommendations())
     assert "controller.kind=" in text
     for choice in CHOICES:
         controller = serialize.load(conf_folder() / "controller" / f"{choice.controller}.yaml")
