@@ -14,7 +14,7 @@ from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 
-from pipeline.command_line import choosing
+from pipeline.command_line.choosing import table
 from pipeline.flight.state.signals import CONSTANTS, SIGNALS
 from pipeline.settings.schema import descriptions, in_code, of_group, rows_of, tables
 
@@ -47,6 +47,7 @@ INTERNAL = {
 INTERNAL_MODULES = {"commands"}
 #: sections of the navigation that end with those pages of a folder that are not listed
 GROWING = {"How-to guides": "how-to", "Decisions": "decisions"}
+HEADINGS, *CHOICES = table()
 #: tables that stand on pages where a comment of Markdown has their name
 TABLES: dict[str, tuple[tuple[str, ...], list[tuple[str, ...]]]] = {
     "signals": (
@@ -56,7 +57,7 @@ TABLES: dict[str, tuple[tuple[str, ...], list[tuple[str, ...]]]] = {
             for name, each in SIGNALS.items()
         ],
     ),
-    "choices": (choosing.HEADINGS, [(f"`{name}`", *figures) for name, *figures in choosing.rows()]),
+    "choices": (tuple(HEADINGS[:-1]), [(f"`{name}`", *figures[:-1]) for name, *figures in CHOICES]),
     "constants": (
         ("constant", "meaning"),
         [(f"`{name}`", each.description) for name, each in CONSTANTS.items()],

@@ -22,6 +22,7 @@ from playwright.sync_api import Page, sync_playwright
 
 from docs import film
 from docs.screenshot import browser_found, screenshot
+from pipeline.command_line.runs import OK, UNIMPROVED
 from pipeline.report.figures.comparison import ControllerMark, compared
 from pipeline.report.figures.style import save, style
 
@@ -84,6 +85,13 @@ def field(_: Path) -> None:
         left, *_ = figure.axes
         left.set(ylabel="success as its authors count (%)", xlim=(0.06, 13.0), ylim=(118.0, 0.22))
     (IMAGES / "field.png").write_bytes(save(figure, "field", 150).png)
+
+
+def front(scratch: Path) -> None:
+    """Draw a front of controllers."""
+    # the given controller may be better than the best of the front
+    words = "+experiment=train_front", "stages=[scenario,train,report]", "optimizer.rounds=2"
+    keep(run(scratch, *words, codes=(OK, UNIMPROVED)) / "figures" / "front.png")
 
 
 def safety(scratch: Path) -> None:
@@ -157,7 +165,10 @@ def edited(address: str) -> None:
 
 MAKERS: dict[str, Callable[[Path], None]] = {
     maker.__name__: maker
-    for maker in (*(flight, replay, satellite, campaign, comparison), *(field, safety, tour, review, edit))
+    for maker in (
+        *(flight, replay, satellite, campaign, comparison),
+        *(field, front, safety, tour, review, edit),
+    )
 }
 SCENE, FIGURES, CONTROLLERS = "telemetry/scene", "pipeline/report/figures", "conf/controller"
 #: files and folders that draw a picture, beside its maker, or that it shows
@@ -168,6 +179,7 @@ SOURCES: dict[str, tuple[str, ...]] = {
     "campaign": (SCENE, f"{CONTROLLERS}/paper_champion.yaml"),
     "comparison": (f"{FIGURES}/comparison.py", f"{FIGURES}/style.py", "conf/experiment/reproduce.yaml"),
     "field": (f"{FIGURES}/comparison.py", f"{FIGURES}/style.py", FIELD),
+    "front": (f"{FIGURES}/comparison.py", f"{FIGURES}/style.py", "conf/optimizer/front.yaml"),
     "safety": (f"{FIGURES}/trajectories.py", f"{FIGURES}/style.py", f"{CONTROLLERS}/paper_octants.yaml"),
     "tour": ("benchmarks/champion.py", f"{FIGURES}/trajectories.py", f"{CONTROLLERS}/champion_leo.yaml"),
     "edit": (
@@ -197,9 +209,9 @@ def stale() -> list[str]:
     return [name for name in MAKERS if kept.get(name) != drawn_by(name)]
 
 
-def run(scratch: Path, *words: str) -> Path:
-    """Run the pipeline, and return the folder of the run."""
-    python("pipeline", *words, f"hydra.run.dir={scratch / 'run'}")
+def run(scratch: Path, *words: str, codes: Sequence[int] = (OK,)) -> Path:
+    """Run the pipeline, which must end with one of some codes; return the folder of the run."""
+    python("pipeline", *words, f"hydra.run.dir={scratch / 'run'}", codes=codes)
     return scratch / "run"
 
 
@@ -208,10 +220,12 @@ def viewed(scratch: Path, *words: object, of: Path) -> None:
     python("telemetry", "screenshot", of, *words, "-o", scratch / "pictures")
 
 
-def python(module: str, *words: object) -> None:
+def python(module: str, *words: object, codes: Sequence[int] = (OK,)) -> None:
     """Run a module as a command of the project."""
     command = [sys.executable, "-m", module, *map(str, words)]
-    subprocess.run(command, cwd=PROJECT, check=True, stdout=subprocess.DEVNULL)  # noqa: S603
+    ended = subprocess.run(command, cwd=PROJECT, check=False, stdout=subprocess.DEVNULL)  # noqa: S603
+    if ended.returncode not in codes:
+        ended.check_returncode()
 
 
 def keep(drawn: Path) -> None:

@@ -1,4 +1,7 @@
-"""The program as a Hydra application: Hydra parses, composes, sweeps and launches."""
+"""The program as a Hydra application: Hydra parses, composes, sweeps and launches.
+
+Before Hydra makes anything it calls `Preflight`, which checks each run and locks its folder, or the sweep's.
+"""
 
 import logging
 import os
@@ -6,25 +9,128 @@ import sys
 import threading
 import traceback
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import replace
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any, TextIO
 
 import hydra
 from hydra.core.hydra_config import HydraConfig
+from hydra.experimental.callback import Callback
 from hydra.types import RunMode
 from omegaconf import DictConfig
 
 from pipeline.command_line import runs
-from pipeline.command_line.callbacks import Refused
-from pipeline.command_line.config import CONFIG_NAME, VERSION_BASE, checked_job, folders_of, hydra_apart
+from pipeline.command_line.config import CONFIG_NAME, VERSION_BASE, Job, checked_job, hydra_apart
 from pipeline.command_line.hydra_errors import errors_in_words
-from pipeline.command_line.invocation import FULL_ERROR, Invocation, invocations, shows_tracebacks
 from pipeline.command_line.overrides import first_line, parse
-from pipeline.command_line.sweeps import RESUMED, recorded_command
+from pipeline.command_line.sweeps import RESUMED, Sweep, new_job, recorded_command
 from pipeline.run import interrupts, sweep
+from pipeline.run.lock import held
 from pipeline.run.runner import Interrupted
 from pipeline.settings.places import conf_folder
+
+#: of Hydra: "1" where it raises errors, instead of printing them and ending the process
+FULL_ERROR = "HYDRA_FULL_ERROR"
+
+
+@dataclass
+class Invocation:
+    """The state of a command in the process that runs it.
+
+    Parameters
+    ----------
+    command : sequence of str
+        The arguments with which a run is started.
+    resumes : bool
+        Whether a sweep goes on.
+    shows_tracebacks : bool
+        Whether user errors are raised, too.
+    locks : ExitStack
+        On the run's folder, or the sweep's, until the command ends.
+    job : Job, optional
+        The run, checked; None in a sweep.
+    sweep : Sweep, optional
+    code : int
+        The exit code of the run.
+    error : Exception, optional
+        What the run failed with.
+    """
+
+    command: Sequence[str]
+    resumes: bool
+    shows_tracebacks: bool
+    locks: ExitStack = field(default_factory=ExitStack)
+    job: Job | None = None
+    sweep: Sweep | None = None
+    code: int = 0
+    error: Exception | None = None
+
+
+#: the last is the present command: a stage may run others; launchers run jobs where there is none
+invocations: list[Invocation] = []
+
+
+class Refused(BaseException):
+    """Carries an error through Hydra, which turns an Exception of a callback into a warning and goes on.
+
+    Parameters
+    ----------
+    error : Exception
+    """
+
+    def __init__(self, error: Exception) -> None:
+        super().__init__(str(error))
+        self.error = error
+
+
+@contextmanager
+def refusing() -> Iterator[None]:
+    """Re-raise errors inside as `Refused`; at the end raise interrupts that a library swallowed."""
+    try:
+        with errors_in_words(), interrupts.heeded():
+            yield
+    except Exception as error:
+        raise Refused(error) from error
+
+
+class _Handler(logging.StreamHandler[TextIO]):
+    """Prints messages of libraries."""
+
+
+class Preflight(Callback):
+    """Checks before anything is made; named in conf/hydra/default.yaml.
+
+    Launchers send it to where jobs run, so that it holds nothing.
+    """
+
+    def on_run_start(self, config: DictConfig, **kwargs: Any) -> None:
+        """Check a run, and lock its folder."""
+        with refusing():
+            HydraConfig.instance().set_config(config)
+            job = new_job(config, Path(config.hydra.run.dir))
+            for invocation in invocations[-1:]:
+                invocation.locks.enter_context(held(job.folder))
+                invocation.job = job
+
+    def on_multirun_start(self, config: DictConfig, **kwargs: Any) -> None:
+        """Check all runs of a sweep, lock its folder and write its file."""
+        with refusing():
+            HydraConfig.instance().set_config(config)
+            for invocation in invocations[-1:]:
+                checked = Sweep.resumed(config) if invocation.resumes else Sweep.checked(config)
+                invocation.locks.enter_context(held(checked.folder))
+                checked.write()
+                invocation.sweep = checked
+
+    def on_job_start(self, config: DictConfig, **kwargs: Any) -> None:
+        """Print the messages of libraries, if ``hydra.verbose`` asks for them."""
+        root = logging.getLogger()
+        if config.hydra.verbose and not any(isinstance(other, _Handler) for other in root.handlers):
+            handler = _Handler(sys.stderr)
+            handler.setFormatter(logging.Formatter("[%(name)s] %(message)s"))
+            root.addHandler(handler)
+            logging.getLogger("numba").setLevel(logging.INFO)  # it tells each step of compiling
 
 
 def run_task(config: DictConfig) -> int:
@@ -33,51 +139,44 @@ def run_task(config: DictConfig) -> int:
     Errors are not raised: that of a run alone is kept for `run_application`; in a sweep it is written into
     the run's folder, and the other runs go on.
     """
-    invocation = invocations[-1] if invocations else None
-    settings = HydraConfig.get()
-    folder = Path(settings.runtime.output_dir)
+    invocation, settings = invocations[-1] if invocations else None, HydraConfig.get()
+    folder, words = Path(settings.runtime.output_dir), list(settings.overrides.task)
     if settings.mode == RunMode.MULTIRUN:
         if invocation is None:
             _prepare_worker()
-        return _run_of_sweep(config, folder, invocation)
-    words = list(settings.overrides.task)
+        return _run_of_sweep(config, folder, words, invocation)
     if invocation is None or invocation.job is None:  # called by another program, or without our callback
-        return runs.run_or_resume(checked_job(config, words, folder, folders_of(settings)), words)
+        return runs.run_or_resume(checked_job(config, settings, folder), words)
     try:
-        invocation.code = runs.run_new(replace(invocation.job, folder=folder), invocation.command)
+        invocation.code = runs.run_new(invocation.job, folder, invocation.command)
     except Exception as error:  # noqa: BLE001 - raised by `run_application`, or kept
         invocation.code, invocation.error = runs.FAULT, error
     return invocation.code
 
 
 #: `run_task` itself stays importable by its name, by which launchers send it to other processes
-application = hydra.main(config_path=str(conf_folder()), config_name=CONFIG_NAME, version_base=VERSION_BASE)(
-    run_task
-)
+application = hydra.main(str(conf_folder()), CONFIG_NAME, VERSION_BASE)(run_task)
 
 
-def _run_of_sweep(config: DictConfig, folder: Path, invocation: Invocation | None) -> int:
+def _run_of_sweep(config: DictConfig, folder: Path, words: list[str], invocation: Invocation | None) -> int:
     """Start or resume a run of a sweep, and record in its folder how it ended; return the exit code."""
     settings = HydraConfig.get()
-    words = list(settings.overrides.task)
     command = recorded_command(Path(settings.sweep.dir), folder) or words
     try:
         if RESUMED in config:
             overrides = [override for override in parse(words) if override.key_or_group != RESUMED]
             ending = sweep.Ending(runs.resume(folder, overrides, command))
         else:
-            job = checked_job(config, words, folder, folders_of(settings))
-            ending = sweep.Ending(runs.run_or_resume(job, command))
-    except (ValueError, OSError, MemoryError) as error:
-        if invocation is not None and invocation.shows_tracebacks:
-            raise
-        sys.stderr.write(runs.error_text(error))
-        ending = sweep.Ending(runs.MISTAKE, runs.error_sentence(error))
+            ending = sweep.Ending(runs.run_or_resume(checked_job(config, settings, folder), command))
     except Exception as error:
         if invocation is not None and invocation.shows_tracebacks:
             raise
-        traceback.print_exc()
-        ending = sweep.Ending(runs.FAULT, f"a fault of the program: {type(error).__name__}: {error}")
+        ending = sweep.Ending(runs.MISTAKE, runs.error_sentence(error))
+        if isinstance(error, runs.MISTAKES):
+            sys.stderr.write(runs.error_text(error))
+        else:
+            traceback.print_exc()
+            ending = sweep.Ending(runs.FAULT, f"a fault of the program: {type(error).__name__}: {error}")
     sweep.write_ending(folder, ending)
     if invocation is not None and invocation.sweep is not None:
         invocation.sweep.report(folder, ending)
@@ -94,6 +193,11 @@ def _prepare_worker() -> None:
         interrupts.remember()
     # some launchers give BLAS a share of the processors, and sums depend on the number of its threads
     threadpool_limits(num_processors(), "blas")
+
+
+def shows_tracebacks() -> bool:
+    """Return whether the user wants tracebacks of user errors; while Hydra runs, the variable is ours."""
+    return invocations[-1].shows_tracebacks if invocations else os.environ.get(FULL_ERROR) == "1"
 
 
 def run_application(words: Sequence[str], command: Sequence[str], *, resumes: bool = False) -> int:
@@ -114,7 +218,7 @@ def run_application(words: Sequence[str], command: Sequence[str], *, resumes: bo
         User errors.
     Interrupted
     """
-    invocation = Invocation(command, resumes=resumes, shows_tracebacks=shows_tracebacks())
+    invocation = Invocation(command, resumes, shows_tracebacks())
     invocations.append(invocation)
     try:
         with hydra_apart(), _process_of(words), invocation.locks:
@@ -127,7 +231,7 @@ def run_application(words: Sequence[str], command: Sequence[str], *, resumes: bo
 def _call(invocation: Invocation) -> None:
     """Call the application; raise its errors in our words."""
     try:
-        with errors_in_words([conf_folder()]), interrupts.heeded():
+        with errors_in_words(), interrupts.heeded():
             application()
     except Refused as refused:
         raise refused.error from None
@@ -161,7 +265,5 @@ def _process_of(words: Sequence[str]) -> Iterator[None]:
     finally:
         sys.argv, root.handlers = arguments, handlers
         root.setLevel(level)
-        if full is None:
-            del os.environ[FULL_ERROR]
-        else:
-            os.environ[FULL_ERROR] = full
+        os.environ.pop(FULL_ERROR)
+        os.environ.update({FULL_ERROR: full} if full is not None else {})

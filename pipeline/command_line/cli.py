@@ -4,45 +4,30 @@ Exit codes: 0 success, 1 a fault of the program (with a traceback), 2 a user err
 on standard error), 130 interrupted from the keyboard.
 """
 
-import os
 import signal
-import subprocess
 import sys
-import tempfile
 from collections.abc import Callable, Sequence
 from functools import partial
 from importlib import import_module
 from inspect import cleandoc
 from pathlib import Path
-from typing import Final
+
+from hydra.core.override_parser.types import Override
 
 from fis_tools.streams import guarded
 from pipeline.command_line import runs
-from pipeline.command_line.arguments import COMMANDS, ConfigError, parse_arguments
-from pipeline.command_line.invocation import shows_tracebacks
-from pipeline.run import interrupts, maker
+from pipeline.command_line.application import run_application, shows_tracebacks
+from pipeline.command_line.arguments import COMMANDS, EXPERIMENT, CommandLine, ConfigError, parse_arguments
+from pipeline.command_line.config import check_stages, compose_experiment
+from pipeline.command_line.overrides import first_run, read_overrides, words_of
+from pipeline.command_line.sweeps import resume_words
+from pipeline.run import artifacts, interrupts, maker
+from pipeline.run.lock import held
 from pipeline.run.runner import Interrupted
+from pipeline.run.sweep import SWEEP
+from pipeline.settings import schema
 
 INTERRUPTED = 130
-#: modules with a function of a command's name, which few runs need; --help prints its text
-MODULES: Final = {
-    "edit": "edit",
-    "export_c": "export_c",
-    "summary": "results",
-    "verify": "results",
-    "warm": "cli",
-}
-#: what short runs are given
-FEW: Final = ("duration_s=600", "monte_carlo.num_cases=8")
-SMALL: Final = ("optimizer.population_size=8", "optimizer.generations=2")
-#: short runs, whose kinds of flight are those of the shipped experiments
-WARMED: Final[Sequence[Sequence[str]]] = (
-    ("+experiment=fly", "controller=champion_27"),
-    ("+experiment=evaluate", "controller=champion_27", "stages=[scenario,evaluate]", *FEW),
-    ("+experiment=train", "stages=[scenario,train]", *SMALL),
-    ("+experiment=fly", "controller=lqr"),
-    ("+experiment=fly", "controller=champion_leo", "world=leo"),
-)
 
 
 def main(arguments: Sequence[str] | None = None, *, replaces_process: bool = False) -> int:
@@ -62,35 +47,32 @@ def main(arguments: Sequence[str] | None = None, *, replaces_process: bool = Fal
     int
         The exit code.
     """
+    words = list(sys.argv[1:] if arguments is None else arguments)
     with guarded():
-        return _main(list(sys.argv[1:] if arguments is None else arguments), replaces_process)
-
-
-def _main(arguments: Sequence[str], replaces_process: bool) -> int:
-    try:
-        with interrupts.heeded():
-            command = _command_of(arguments)
-        return command()
-    except maker.NotInForce:
-        if replaces_process:
-            maker.start_anew(sys.orig_argv[1:])
-        code = maker.run_anew(["-m", "pipeline", *arguments])
-        # so Python ends where an interrupt came while it ran a text, as imports of named tuples do
-        return INTERRUPTED if code == -signal.SIGINT else code
-    except Interrupted as interrupt:
-        sys.stderr.write(f"\n{interrupt}\n")
-        return INTERRUPTED
-    except (ValueError, OSError, MemoryError) as error:
-        if shows_tracebacks():
-            raise
-        sys.stderr.write(runs.error_text(error))
-        return runs.MISTAKE
+        try:
+            with interrupts.heeded():
+                command = _command_of(words)
+            return command()
+        except maker.NotInForce:
+            if replaces_process:
+                maker.start_anew(sys.orig_argv[1:])
+            code = maker.run_anew(["-m", "pipeline", *words])
+            # so Python ends where an interrupt came while it ran a text, as imports of named tuples do
+            return INTERRUPTED if code == -signal.SIGINT else code
+        except Interrupted as interrupt:
+            sys.stderr.write(f"\n{interrupt}\n")
+            return INTERRUPTED
+        except runs.MISTAKES as error:
+            if shows_tracebacks():
+                raise
+            sys.stderr.write(runs.error_text(error))
+            return runs.MISTAKE
 
 
 def _command_of(arguments: Sequence[str]) -> Callable[[], int]:
     """Return a function that runs the requested command and returns its exit code."""
     if arguments and arguments[0] in COMMANDS:
-        module = import_module(f"pipeline.command_line.{MODULES[arguments[0]]}")
+        module = import_module(f"pipeline.command_line.{COMMANDS[arguments[0]]}")
         function: Callable[[Sequence[str]], int] = getattr(module, arguments[0])
         if {"--help", "-h"} & set(arguments[1:]):
             return partial(_print, cleandoc(function.__doc__ or "").partition("\n\nRaises")[0] + "\n")
@@ -99,18 +81,14 @@ def _command_of(arguments: Sequence[str]) -> Callable[[], int]:
     if command.version:
         return partial(_print, f"{maker.DISTRIBUTION} {maker.product_version()}\n")
     if command.help or not (command.overrides or command.resume or command.compare or command.hydra_options):
-        from pipeline.command_line.guide import help_on, help_text  # noqa: PLC0415 - it loads compiled code
+        from pipeline.command_line.guide import help_on  # noqa: PLC0415 - it loads compiled code
 
-        text = (
-            help_on(command.topics, command.folders) if command.topics else help_text(command.folders) + "\n"
-        )
+        text = help_on(command.overrides if command.help else (), command.folders)
         return partial(_print, text, runs.OK if command.help else runs.MISTAKE)
-    if command.compare is not None:
+    if command.compare:
         from pipeline.command_line.results import compare  # noqa: PLC0415 - as above
 
         return partial(compare, *command.compare)
-    from pipeline.command_line.experiments import run_command  # noqa: PLC0415 - Hydra, which the others do without
-
     return partial(run_command, command)
 
 
@@ -119,26 +97,42 @@ def _print(text: str, code: int = runs.OK) -> int:
     return code
 
 
-def warm(given: Sequence[str]) -> int:
-    """Compile what the shipped experiments need, so that later runs need not.
-
-    Usage: python -m pipeline warm
-
-    Some short runs are run in a folder of their own. `python -m pipeline warm &` does it in the background.
+def run_command(command: CommandLine) -> int:
+    """Run, resume or print an experiment, or pass the command line to Hydra; return the exit code.
 
     Raises
     ------
-    ConfigError
-        If anything is given.
+    ValueError, OSError
+        User errors.
     """
-    if given:
-        raise ConfigError("warm takes no arguments; python -m pipeline warm --help says what it does")
-    with tempfile.TemporaryDirectory() as folder:
-        for number, words in enumerate(WARMED):
-            sys.stderr.write(f"[{number + 1}/{len(WARMED)}] {' '.join(words)}\n")
-            command = [sys.executable, "-m", "pipeline", *words, f"hydra.run.dir={Path(folder, str(number))}"]
-            at_once = os.environ | {"COMPILE_AT_ONCE": "1"}
-            done = subprocess.run(command, check=False, stdout=subprocess.DEVNULL, env=at_once)  # noqa: S603
-            if done.returncode:
-                return done.returncode
-    return runs.OK
+    if command.shell_completion:  # a shell asks for completions, or how to install them
+        return run_application([*command.hydra_options, *command.overrides], ())
+    read = read_overrides(command.overrides, command.folders, is_multirun=command.multirun)
+    if command.resume is not None:
+        return _resume(command, command.resume, read)
+    by_key = {override.key_or_group: override for override in read}
+    if "hydra.run.dir" in by_key and not command.multirun:
+        folder = Path(str(by_key["hydra.run.dir"].value()))
+        if (folder / artifacts.MANIFEST).exists():
+            return runs.repeat(folder, read, command.config_dir)
+        if "stages" in by_key and EXPERIMENT not in by_key:
+            raise ConfigError(
+                f"{folder} holds no run; give the folder of a run to repeat stages of it, or add "
+                "+experiment=NAME to start one there"
+            )
+    if command.is_ours_to_print:
+        job = compose_experiment(first_run(read), command.config_dir)
+        check_stages(job)
+        return _print(schema.commented(job.config))
+    words = words_of(read)
+    return run_application([*command.hydra_options, *words], [*command.config_option, *words])
+
+
+def _resume(command: CommandLine, folder: Path, overrides: Sequence[Override]) -> int:
+    """Resume a run, or the unfinished runs of a sweep; return the exit code."""
+    if not (folder / SWEEP).exists():
+        return runs.resume(folder, overrides)
+    with held(folder):  # also where nothing is left: a killed process may have left its lock
+        words = resume_words(folder, overrides)
+    options = [option for option in command.hydra_options if option != "--multirun"]
+    return run_application(["--multirun", *options, *words], (), resumes=True) if words else runs.OK

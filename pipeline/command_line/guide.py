@@ -25,38 +25,23 @@ options: --help, --help EXPERIMENT (what people change in it), --help GROUP (its
 from collections.abc import Sequence
 from itertools import takewhile
 from pathlib import Path
-from typing import Any
-
-from omegaconf import OmegaConf
+from re import fullmatch
 
 from fis_tools.document.text import aligned
 from fis_tools.file_access import read_text
 from pipeline.command_line.arguments import ConfigError
 from pipeline.command_line.choosing import recommendations
-from pipeline.command_line.config import compose_node, without_hydra
-from pipeline.command_line.groups import options
+from pipeline.command_line.config import compose_node, plain
+from pipeline.command_line.overrides import options
 from pipeline.settings import schema
 from pipeline.settings.keys import unknown, value_at
 from pipeline.settings.places import conf_folder
 
 #: what people change, groups and keys, in this order
 OFTEN = (
-    "controller",
-    "problem",
-    "world",
-    "sun",
-    "seed",
-    "monte_carlo.num_cases",
-    "optimizer.population_size",
-    "optimizer.generations",
-    "starts",
-    "assurance.num_cases",
-    "assurance.searches",
-    "deputy.initial_position_m",
-    "safety",
-    "duration_s",
-    "deputy.mass_kg",
-    "guidance",
+    *("controller", "problem", "world", "sun", "seed", "monte_carlo.num_cases", "optimizer.population_size"),
+    *("optimizer.generations", "starts", "assurance.num_cases", "assurance.searches"),
+    *("deputy.initial_position_m", "safety", "duration_s", "deputy.mass_kg", "guidance"),
 )
 MOST_OFTEN = 10
 INDENT = 6 * " "
@@ -64,65 +49,23 @@ INDENT = 6 * " "
 TEMPLATE = "A start for searches"
 
 
-def help_text(folders: Sequence[Path]) -> str:
-    """Return the help.
+def help_on(words: Sequence[str], folders: Sequence[Path]) -> str:
+    """Return the help on the experiments, groups and keys among some words; without any the whole help.
 
     Parameters
     ----------
+    words : sequence of str
     folders : sequence of Path
         Configuration folders, ours and the user's.
-
-    Returns
-    -------
-    str
-        Plain text of many lines.
-    """
-    from pipeline.flight.state.signals import CONSTANTS, SIGNALS, TOUR_COEFFICIENTS  # noqa: PLC0415 - help alone
-
-    groups = options(folders)
-    signals = [
-        (name, f"[{signal.unit}] {signal.description}{signal.formula and f': {signal.formula}'}")
-        for name, signal in SIGNALS.items()
-    ]
-    constants = [
-        (name, kind.description) for name, kind in CONSTANTS.items() if name not in TOUR_COEFFICIENTS
-    ]
-    controllers, templates = _described(folders, "controller", groups), _templates(folders, groups)
-    shown = ("experiment", "controller")
-    others = [(name, ", ".join(groups[name])) for name in groups if name not in shown and "/" not in name]
-    return "\n".join(
-        [
-            __doc__ or "",
-            "experiments (+experiment=NAME)",
-            *_table(_described(folders, "experiment", groups)),
-            "\ncontrollers (controller=NAME, or the path of a .json or .yaml file)",
-            *_table([row for row in controllers if row[0] not in templates]),
-            "\ncontrollers from which searches start, and which nobody flies for results (controller=NAME)",
-            *_table([row for row in controllers if row[0] in templates]),
-            "\nsignals that an input of a fuzzy system may sense, with their units",
-            *_table(signals),
-            "\nconstants that a controller may set as attributes; 0 switches what they do off",
-            *_table(
-                [*constants, ("tour_*_m", "mean and waves of the tour along each axis, and of its lift, m")]
-            ),
-            "\nother choices (GROUP=NAME)",
-            *_table(others),
-            "\ngroups of keys (--help GROUP lists them; --cfg job prints all values)",
-            *_table([(name, schema.descriptions()[name]) for name in schema.tables() if name]),
-        ]
-    )
-
-
-def help_on(topics: Sequence[str], folders: Sequence[Path]) -> str:
-    """Return the help on some experiments, groups and keys.
 
     Raises
     ------
     ConfigError
         If there is no such key.
     """
-    experiments = dict(_described(folders, "experiment", options(folders)))
-    texts = []
+    topics = [match[1] for word in words if (match := fullmatch(r"(?:\+experiment=)?([\w.]+)", word))]
+    experiments = {name: _first_comment(path) for name, path in _files(folders, "experiment").items()}
+    texts = [] if topics else [_help_text(folders, experiments)]
     for topic in topics:
         text = _experiment(topic, experiments[topic]) if topic in experiments else schema.help_on(topic)
         if topic == "controller":
@@ -133,17 +76,52 @@ def help_on(topics: Sequence[str], folders: Sequence[Path]) -> str:
     return "".join(texts)
 
 
+def _help_text(folders: Sequence[Path], experiments: dict[str, str]) -> str:
+    from pipeline.flight.state.signals import CONSTANTS, SIGNALS, TOUR_COEFFICIENTS  # noqa: PLC0415 - help alone
+
+    controllers = {name: _first_comment(path) for name, path in _files(folders, "controller").items()}
+    templates = _templates(folders)
+    tour = {"tour_*_m": "mean and waves of the tour along each axis, and of its lift, m"}
+    tables = {
+        "experiments (+experiment=NAME)": experiments,
+        "controllers (controller=NAME, or the path of a .json or .yaml file)": {
+            name: about for name, about in controllers.items() if name not in templates
+        },
+        "controllers from which searches start, and which nobody flies for results (controller=NAME)": {
+            name: controllers[name] for name in templates
+        },
+        "signals that an input of a fuzzy system may sense, with their units": {
+            name: f"[{signal.unit}] {signal.description}{signal.formula and f': {signal.formula}'}"
+            for name, signal in SIGNALS.items()
+        },
+        "constants that a controller may set as attributes; 0 switches what they do off": {
+            name: kind.description for name, kind in CONSTANTS.items() if name not in TOUR_COEFFICIENTS
+        }
+        | tour,
+        "other choices (GROUP=NAME)": {
+            name: ", ".join(names)
+            for name, names in options(folders).items()
+            if name not in ("experiment", "controller") and "/" not in name
+        },
+        "groups of keys (--help GROUP lists them; --cfg job prints all values)": {
+            name: schema.descriptions()[name] for name in schema.tables() if name
+        },
+    }
+    lines = [__doc__ or ""]
+    for title, rows in tables.items():
+        lines += [title, *(f"  {line}".rstrip() for line in aligned(list(rows.items()))), ""]
+    return "\n".join(lines)
+
+
 def _experiment(name: str, about: str) -> str:
     """Return the help on an experiment: its purpose, and the keys that people change, with their values."""
-    config: Any = OmegaConf.to_container(without_hydra(compose_node([f"+experiment={name}"])))
-    unread = schema.idle(config, stages=True)
-    groups = options([conf_folder()])
-    lines = [f"+experiment={name}: {about}", f"  stages={schema.as_yaml(value_at(config, 'stages'))}"]
+    config, groups = plain(compose_node([f"+experiment={name}"]), resolve=False), options([conf_folder()])
+    unread, stages = schema.idle(config, stages=True), value_at(config, "stages")
+    lines = [f"+experiment={name}: {about}", f"  stages={schema.as_yaml(stages)}"]
+    hidden = () if "train" in stages else _templates([conf_folder()])
     for key in [key for key in OFTEN if key in groups or key not in unread][:MOST_OFTEN]:
         if key in groups:
-            names = [option for option in groups[key] if "/" not in option]
-            if key == "controller" and "train" not in value_at(config, "stages"):
-                names = [name for name in names if name not in _templates([conf_folder()], groups)]
+            names = [option for option in groups[key] if "/" not in option and option not in hidden]
             lines += [f"  {key}=NAME", f"{INDENT}One of {', '.join(names)}."]
         else:
             value = schema.as_yaml(value_at(config, key))
@@ -151,23 +129,16 @@ def _experiment(name: str, about: str) -> str:
     return "\n".join([*lines, "--cfg job prints all keys, --help GROUP those of a group."])
 
 
-def _templates(folders: Sequence[Path], groups: dict[str, list[str]]) -> set[str]:
+def _files(folders: Sequence[Path], group: str) -> dict[str, Path]:
+    """Return the file of each option of a group."""
+    paths = {path.stem: path for folder in folders for path in folder.glob(f"{group}/[!_]*.yaml")}
+    return dict(sorted(paths.items()))
+
+
+def _templates(folders: Sequence[Path]) -> list[str]:
     """Return the names of controllers from which searches start."""
-    names = set()
-    for name in groups["controller"]:
-        files = [path for folder in folders if (path := folder / "controller" / f"{name}.yaml").is_file()]
-        if files and f'purpose: "{TEMPLATE}' in read_text(files[-1]):
-            names.add(name)
-    return names
-
-
-def _described(folders: Sequence[Path], group: str, groups: dict[str, list[str]]) -> list[tuple[str, str]]:
-    """Return each option of a group with the first sentence of its file."""
-    rows = []
-    for name in groups.get(group, []):
-        files = [path for folder in folders if (path := folder / group / f"{name}.yaml").is_file()]
-        rows.append((name, _first_comment(files[-1]) if files else ""))
-    return rows
+    start = f'purpose: "{TEMPLATE}'
+    return [name for name, path in _files(folders, "controller").items() if start in read_text(path)]
 
 
 def _first_comment(path: Path) -> str:
@@ -175,7 +146,3 @@ def _first_comment(path: Path) -> str:
     comments = takewhile(lambda line: line.startswith("#"), read_text(path).splitlines())
     texts = (line.lstrip("#").strip() for line in comments)
     return next((text for text in texts if text and not text.startswith("@package")), "")
-
-
-def _table(rows: Sequence[tuple[str, str]]) -> list[str]:
-    return [f"  {line}".rstrip() for line in aligned(rows)]

@@ -1,18 +1,15 @@
-"""Overrides in Hydra's grammar: parsed, checked against the known keys and options, and expanded."""
+"""Overrides in Hydra's grammar: parsed, and checked against the known keys and the options of groups."""
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import is_dataclass
 from pathlib import Path
-from typing import Any, get_type_hints
 
-from hydra.conf import HydraConf
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import Glob, Override, OverrideType
 from hydra.errors import HydraException
 
 from pipeline.command_line.arguments import EXPERIMENT, ConfigError
-from pipeline.settings.keys import KNOWN, choices_of, did_you_mean, is_key, suggested
+from pipeline.settings.keys import KNOWN, choices_of, is_key, suggested
 from pipeline.settings.places import conf_folder
 
 #: groups of options, to the names of these
@@ -27,9 +24,41 @@ SUFFIXES = {
 #: keys that name a folder
 FOLDERS = ("hydra.run.dir", "hydra.sweep.dir")
 HYDRA = "hydra"
+#: folders of the configuration that are not groups of options: Hydra's own, and requirements, read by name
+NOT_CHOSEN = (HYDRA, "requirements")
 
 
-def parse(overrides: Sequence[str]) -> list[Override]:
+def options(folders: Sequence[Path]) -> dict[str, list[str]]:
+    """Return the groups of some configuration folders and the options of each, without `NOT_CHOSEN`.
+
+    Returns
+    -------
+    dict of str to list of str
+        Group, such as ``controller`` or ``controller/champions``, to the sorted names of its options; a file
+        in a group's subfolder is also an option ``subfolder/name`` of the group.
+    """
+    groups: dict[str, set[str]] = {}
+    for folder in folders:
+        for path in folder.rglob("*.yaml"):
+            parts = path.relative_to(folder).with_suffix("").parts
+            # files whose names begin with _ hold what several options share
+            if not path.stem.startswith("_") and parts[0] not in NOT_CHOSEN:
+                for cut in range(1, len(parts)):
+                    groups.setdefault("/".join(parts[:cut]), set()).add("/".join(parts[cut:]))
+    return {group: sorted(names) for group, names in sorted(groups.items())}
+
+
+def top_of(key: str) -> str:
+    """Return the first name of a key or group."""
+    return re.split("[./]", key, maxsplit=1)[0]
+
+
+def words_of(overrides: Iterable[Override]) -> list[str]:
+    """Return overrides as they were written."""
+    return [override.input_line or "" for override in overrides]
+
+
+def parse(overrides: Iterable[str]) -> list[Override]:
     """Parse overrides by Hydra's grammar.
 
     Raises
@@ -87,61 +116,57 @@ def _reader(group: str, path: str) -> str | None:
 def _values(text: str, value: str) -> list[str]:
     """Split the value of a group; a path that is not in Hydra's grammar is kept whole."""
     try:
-        (override,) = parse([text])
-    except ConfigError:
+        return _choices(*parse([text]))
+    except (ConfigError, HydraException):
         return [value]
-    return [] if isinstance(override.value(), Glob) else _choices(override, ())
 
 
-def read_overrides(words: Sequence[str], groups: Groups, *, is_multirun: bool) -> list[Override]:
+def read_overrides(words: Sequence[str], folders: Sequence[Path], *, is_multirun: bool) -> list[Override]:
     """Parse and check the overrides of a command line, with paths rewritten.
 
     Raises
     ------
     ConfigError
+        For unknown keys and options, with the nearest known one, and for sweeps that cannot be.
     """
     overrides = parse(rewrite_paths(words))
+    searched = (override.value() for override in overrides if override.key_or_group == "hydra.searchpath")
+    paths = [str(path) for value in searched for path in (value if isinstance(value, list) else [value])]
+    added = [Path(path.removeprefix("file://")) for path in paths if not path.startswith("pkg://")]
+    groups = options([*folders, *added])
+    for index, override in enumerate(overrides):
+        if isinstance(value := override.value(), Glob):
+            known = groups.get(override.key_or_group, ())
+            if not (names := value.filter(list(known))):
+                raise ConfigError(f"{override.input_line} matches none; the choices are {', '.join(known)}")
+            overrides[index : index + 1] = parse([f"{override.get_key_element()}={','.join(names)}"])
     check_overrides(overrides, groups)
     check_sweeps(overrides, is_multirun)
     return overrides
 
 
-def search_folders(overrides: Sequence[str]) -> list[Path]:
-    """Return the folders that overrides add to Hydra's search path."""
-    added = parse([text for text in overrides if text.startswith("hydra.searchpath=")])
-    paths: list[str] = []
-    for override in added:
-        value = override.value()
-        paths += map(str, value if isinstance(value, list) else [value])
-    return [Path(path.removeprefix("file://")) for path in paths if not path.startswith("pkg://")]
-
-
-def first_run(overrides: Sequence[Override], groups: Groups) -> list[str]:
+def first_run(overrides: Sequence[Override]) -> list[str]:
     """Return the overrides of the first run of a sweep; of a single run all of them."""
-    words = []
-    for override in overrides:
-        text = override.input_line or ""
-        if override.is_sweep_override():
-            is_glob = isinstance(override.value(), Glob)
-            values = _choices(override, groups.get(override.key_or_group, ())) if is_glob else None
-            text = f"{override.get_key_element()}={next(iter(values or override.sweep_string_iterator()))}"
-        words.append(text)
-    return words
+    return [
+        f"{override.get_key_element()}={next(iter(override.sweep_string_iterator()))}"
+        if override.is_sweep_override()
+        else override.input_line or ""
+        for override in overrides
+    ]
 
 
 def check_overrides(overrides: Sequence[Override], groups: Groups) -> None:
-    """Raise ConfigError for unknown keys and options, with the nearest known one.
+    """Raise ConfigError for unknown keys and options, with the nearest known one; Hydra checks its own keys.
 
     Raises
     ------
     ConfigError
     """
     for override in overrides:
-        key = override.key_or_group
-        plain = (override.input_line or "").lstrip("+")
-        if re.split("[./]", key, maxsplit=1)[0] == HYDRA:
-            _check_hydra_key(key)
-        elif key in groups and not isinstance(override.value(), dict):
+        key, plain = override.key_or_group, (override.input_line or "").lstrip("+")
+        if top_of(key) == HYDRA:
+            continue
+        if key in groups and not isinstance(override.value(), dict):
             _check_choice(override, groups[key], plain)
         elif not is_key(key):
             likely = suggested(key, {*KNOWN, *groups})
@@ -154,8 +179,6 @@ def check_overrides(overrides: Sequence[Override], groups: Groups) -> None:
 def _check_choice(override: Override, known: Sequence[str], plain: str) -> None:
     """Raise ConfigError for options that a group does not have."""
     group = override.key_or_group
-    if override.type == OverrideType.DEL:
-        return
     # a group that ships has a choice by default, but for the experiment
     is_chosen = group != EXPERIMENT and (conf_folder() / group).is_dir()
     if not is_chosen and override.type == OverrideType.CHANGE:
@@ -163,34 +186,14 @@ def _check_choice(override: Override, known: Sequence[str], plain: str) -> None:
         raise ConfigError(f"{what} is added to what stands already: write +{plain}")
     if is_chosen and override.type == OverrideType.ADD:
         raise ConfigError(f"{group} is chosen already; write {plain} without the +")
-    for choice in _choices(override, known):
-        if choice not in known:
-            if group == CONTROLLER and choice.lower().endswith(TABLE_SUFFIX):
-                raise ConfigError(
-                    f"{group}={choice} is a table of forces, no fuzzy controller; write controller=open_loop "
-                    f"controller.path={choice}"
-                )
+    for choice in _choices(override):
+        if choice not in known and group == CONTROLLER and choice.lower().endswith(TABLE_SUFFIX):
+            raise ConfigError(
+                f"{group}={choice} is a table of forces, no fuzzy controller; write controller=open_loop "
+                f"controller.path={choice}"
+            )
+        if choice not in known and override.type != OverrideType.DEL:
             raise ConfigError(f"there is no {group}={choice}{choices_of(choice, known)}")
-
-
-def _check_hydra_key(key: str) -> None:
-    """Raise ConfigError for a key that the schema of Hydra's own configuration does not have."""
-    node: Any = HydraConf
-    for depth, name in enumerate(names := key.split(".")[1:]):
-        if not is_dataclass(node):  # what a plugin or a callback has
-            return
-        hints = get_type_hints(node)
-        if name not in hints:
-            above = ".".join([HYDRA, *names[:depth]])
-            near = {f"{above}.{known}" for known in hints}
-            near |= {
-                f"{HYDRA}.{group}.{last}"
-                for group, kind in get_type_hints(HydraConf).items()
-                if is_dataclass(kind)
-                for last in get_type_hints(kind)
-            }
-            raise ConfigError(f"there is no key {key}{did_you_mean(key, near)}")
-        node = hints[name]
 
 
 def check_sweeps(overrides: Sequence[Override], is_multirun: bool) -> None:
@@ -208,20 +211,17 @@ def check_sweeps(overrides: Sequence[Override], is_multirun: bool) -> None:
             raise ConfigError(
                 f"{text} is an interval; a sweep needs its values, as in key=1,2 or key=range(1,3)"
             )
-        if re.split("[./]", override.key_or_group, maxsplit=1)[0] == HYDRA:
+        if top_of(override.key_or_group) == HYDRA:
             raise ConfigError(f"{text} gives several values, and a sweep has one; start a sweep for each")
 
 
-def _choices(override: Override, known: Sequence[str]) -> list[str]:
+def _choices(override: Override) -> list[str]:
     """Return all values that an override of a group takes, without quotes and escapes."""
     value = override.value()
-    if isinstance(value, Glob):
-        return value.filter(list(known))
     if override.is_sweep_override():
         return [str(parse([f"value={text}"])[0].value()) for text in override.sweep_string_iterator()]
-    if isinstance(value, list):
-        return [str(item) for item in value]
-    return [] if value is None else [str(value)]
+    values = value if isinstance(value, list) else [value]
+    return [str(item) for item in values if item is not None]
 
 
 def quoted(text: str) -> str:
@@ -232,4 +232,4 @@ def quoted(text: str) -> str:
 
 def first_line(error: BaseException) -> str:
     """Return the first line of an error's message."""
-    return str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
+    return (str(error).strip() or type(error).__name__).splitlines()[0]

@@ -1,24 +1,15 @@
-"""Commands about runs that are there: ``verify RUN``, ``summary SWEEP`` and ``compare=RUN_A,RUN_B``.
-
-The first checks whether a run's files are intact and its flights repeat; for two runs, whether they made the
-same files, and if not, whether they should have. The others summarise several runs.
-"""
+"""Commands about runs that are there: ``verify RUN``, ``summary SWEEP`` and ``compare=RUN_A,RUN_B``."""
 
 import sys
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
-from functools import partial
-from itertools import product
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from fis_tools.document import Block, Document, text
 from pipeline.command_line.arguments import ConfigError
 from pipeline.evaluation import statistics
-from pipeline.report import sweep
+from pipeline.report import sweep, verification
 from pipeline.report.contents import read_summary
-from pipeline.run import artifacts, configuration, manifests, tables, writing
-from pipeline.run.maker import present_maker, require_reproducible, unlike
+from pipeline.run import artifacts, configuration, tables, writing
 from pipeline.settings.schema import differences, present
 
 OK, DIFFERENT = 0, 1
@@ -48,109 +39,8 @@ def verify(given: Sequence[str]) -> int:
             "python -m pipeline verify outputs/NAME/TIME"
         )
     folder, *others = (Path(word).expanduser() for word in given)
-    if others:
-        return OK if _checked("comparison", lambda: _compare_files(folder, others[0])) else DIFFERENT
-    if not (folder / artifacts.MANIFEST).exists():
-        configuration.read(folder)  # says why, of a folder that is none of a run
-    with suppress(artifacts.ArtifactError):  # told below, as a file that is missing or changed
-        if configuration.read(folder).get("reproducible") is True:
-            require_reproducible()
-    checks = {"files": _check_files, "makers": _print_makers, "flights": _fly_again}
-    are_right = [_checked(what, partial(check, folder)) for what, check in checks.items()]
-    return OK if all(are_right) else DIFFERENT
-
-
-def _checked(what: str, check: Callable[[], bool]) -> bool:
-    """Return the result of a check; print a sentence and return False if it raises an error."""
-    try:
-        return check()
-    except Exception as error:  # noqa: BLE001 - reporting damage is what this command is for
-        reason = str(error) if isinstance(error, ValueError | OSError) else ""
-        sys.stdout.write(f"{what}: CANNOT BE CHECKED: {reason or type(error).__name__}\n")
-        return False
-
-
-def _check_files(folder: Path) -> bool:
-    """Compare a run's files with their hashes; print which differ, and return whether none does.
-
-    The configuration is also compared by content.
-    """
-    manifest = manifests.read(folder)
-    expected: dict[str, str] = manifest.get("sha256", {})
-    there = set(artifacts.list_artifacts(folder))
-    changed = {name for name in there & set(expected) if artifacts.file_hash(folder / name) != expected[name]}
-    if artifacts.CONFIG in there and not _is_own_config(folder, manifest):
-        changed.add(artifacts.CONFIG)
-    missing, strangers = sorted(set(expected) - there), list(artifacts.strangers(folder))
-    lines = [f"files: {len((there & set(expected)) - changed)} as they were written"]
-    lines += [f"  {name} has CHANGED since it was written" for name in sorted(changed)]
-    lines += [f"  {name} is MISSING" for name in missing]
-    lines += [f"  {name} is not in the manifest" for name in sorted(there - set(expected))]
-    lines += [f"  {stranger}, which is not followed" for stranger in strangers]
-    sys.stdout.write("\n".join(lines) + "\n")
-    return not (changed or missing or strangers)
-
-
-def _is_own_config(folder: Path, manifest: Mapping[str, Any]) -> bool:
-    try:
-        return configuration.is_of(configuration.read(folder), manifest)
-    except artifacts.ArtifactError:
-        return False
-
-
-def _print_makers(folder: Path) -> bool:
-    """Print how the makers of a run differ from the present one; return True, as this is no damage."""
-    for maker in manifests.read(folder).get("makers", []):
-        _print_unlike("made by another maker", unlike(maker, present_maker()))
-    return True
-
-
-def _compare_files(folder: Path, other: Path) -> bool:
-    """Print how configurations, files and makers of two runs differ; return whether all files are equal."""
-    both = [manifests.read(path) for path in (folder, other)]
-    first, second = (manifest.get("sha256", {}) for manifest in both)
-    names = sorted({*first, *second} - {artifacts.CONFIG})
-    shared = [name for name in names if name in first and name in second]
-    different = [name for name in shared if first[name] != second[name]]
-    configs = configuration.read(folder), configuration.read(other)
-    for difference in differences(*configs, but=("hydra",), words=("here", "there")):
-        sys.stdout.write(f"configuration: {difference}\n")
-    sys.stdout.write(f"files: {len(shared) - len(different)} equal to the last bit\n")
-    sys.stdout.writelines(f"  {name} differs\n" for name in different)
-    sys.stdout.writelines(f"  {name} is in one of them alone\n" for name in names if name not in shared)
-    for here, there in product(*(manifest.get("makers", []) for manifest in both)):
-        _print_unlike("makers differ", unlike(here, there))
-    return len(different) == 0 and names == shared
-
-
-def _print_unlike(what: str, differing: Sequence[str]) -> None:
-    if differing:
-        sys.stdout.write(f"{what} ({'; '.join(differing)}): results may differ in the last digits\n")
-
-
-def _fly_again(folder: Path) -> bool:
-    """Fly all recorded flights of a run again; return whether each repeats, but for the last digits."""
-    names = (artifacts.RECORDINGS, artifacts.WORST_FLIGHTS)
-    paths = [path for name in names for path in sorted((folder / name).glob("*.mcap"))]
-    if not paths:
-        sys.stdout.write("flights: none is recorded\n")
-        return True
-    sys.stdout.write(f"flights: {len(paths)} recorded\n")
-    agree = [_checked(f"  {path.name}", partial(_flies_again, path)) for path in paths]
-    return all(agree)
-
-
-def _flies_again(path: Path) -> bool:
-    """Fly a recording again; print how far it repeats, and return whether it does but for the last digits."""
-    from pipeline.recording.reflight import fly_again  # noqa: PLC0415 - compiled code, only if there are flights
-
-    again = fly_again(path)
-    outcome = "equal to the last bit"
-    if not again.is_equal:
-        how = "equal but for the last digits" if again.is_close else "DIFFERENT"
-        outcome = f"{how}: by {again.greatest:.3g} in {again.where}"
-    sys.stdout.write(f"  {path.name}: flown again, {outcome}\n")
-    return again.is_close
+    is_well = verification.verify_equal(folder, *others) if others else verification.verify(folder)
+    return OK if is_well else DIFFERENT
 
 
 def summary(given: Sequence[str]) -> int:

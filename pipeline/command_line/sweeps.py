@@ -3,7 +3,7 @@
 import re
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
@@ -17,27 +17,42 @@ from omegaconf import DictConfig, OmegaConf, read_write
 
 from pipeline.command_line import runs
 from pipeline.command_line.arguments import EXPERIMENT, ConfigError, parse_arguments
-from pipeline.command_line.config import (
-    Job,
-    check_stages,
-    check_working_directory,
-    checked_job,
-    compose_experiment,
-    folders_of,
-    without_hydra,
-)
+from pipeline.command_line.config import Job, check_stages, checked_job, compose_experiment
 from pipeline.command_line.hydra_errors import errors_in_words
-from pipeline.command_line.labels import check_different, labels
-from pipeline.command_line.overrides import HYDRA, quoted
+from pipeline.command_line.overrides import HYDRA, SUFFIXES, quoted, top_of, words_of
+from pipeline.preflight import check_before
 from pipeline.run import artifacts, configuration, sweep
 from pipeline.run.sweep import DONE, Ending, SweptRun, state_of
-from pipeline.settings import schema
-from pipeline.settings.places import conf_folder
 
 #: the key that tells a resumed run its folder; no setting, and in no configuration that is kept
 RESUMED: Final = "resume"
 #: endings of a sweep's folder beside which submitit keeps its files: it links there, and a sweep has no links
 SUBMITIT: Final = ".submitit"
+#: of a folder that is named by its run's differences
+LONGEST_NAME: Final = 120
+
+
+def new_job(node: DictConfig, folder: Path) -> Job:
+    """Return a run that begins, after all checks that it may fail.
+
+    Raises
+    ------
+    ValueError, OSError
+        User errors.
+    """
+    job = checked_job(node, node.hydra, folder)
+    starts = job.config.get("starts") or {}
+    for group, settings in (("controller", job.config["controller"]), ("starts", starts)):
+        path = settings.get("path")
+        if node.hydra.job.chdir and path is not None and not Path(str(path)).is_absolute():
+            raise ConfigError(
+                f"{group}.path is {path}, and with hydra.job.chdir=true the run works in its "
+                "own folder; give an absolute path"
+            )
+    check_stages(job)
+    check_before(job.experiment)
+    runs.check_vacant(job, folder)
+    return job
 
 
 @dataclass
@@ -82,41 +97,43 @@ class Sweep:
         folder = Path(config.hydra.sweep.dir).absolute()
         chosen, varied = _combinations(config)
         _fix(config, folder, varied)
-        folders = folders_of(config.hydra)
-        options = [f"--config-dir={path}" for path in folders if _is_config_dir(config, path)]
+        sources = config.hydra.runtime.config_sources
+        options = [f"--config-dir={source.path}" for source in sources if source.provider == "command-line"]
         options += [word for word in _hydra_words(config) if word.startswith("hydra.searchpath=")]
-        jobs, swept = [], []
+        made, met = cls(folder, [], []), set[tuple[Hashable, ...]]()
         for number, words in enumerate(chosen):
             try:
-                with errors_in_words([conf_folder(), *folders]):
+                with errors_in_words():
                     node = GlobalHydra.instance().config_loader().load_sweep_config(config, words)
                     with read_write(node.hydra):
                         node.hydra.job.num, node.hydra.job.id = number, str(number)
                     HydraConfig.instance().set_config(node)
                     path = folder / str(node.hydra.sweep.subdir)
-                job = checked_job(without_hydra(node), words, path, folders)
-                check_working_directory(node.hydra, job)
-                check_stages(job.config, words)
-                runs.check_before(job.experiment)
-                runs.check_vacant(job)
+                made.jobs.append(new_job(node, path))
             except (ValueError, OSError) as error:
                 chosen_here = ", ".join(word.lstrip("+") for word in words if word.split("=")[0] in varied)
+                raise ConfigError(f"in the run with {chosen_here}: {error}" if varied else error) from error
+            values, name = labels(node, varied), path.relative_to(folder).as_posix()
+            differs = {key: str(value) for key, value in values.items()}
+            identity = tuple(each if isinstance(each, int | float) else str(each) for each in values.values())
+            if identity in met:
+                same = ", ".join(f"{key}={value}" for key, value in differs.items())
+                raise ConfigError(f"two runs of the sweep would have {same}; give each value once")
+            if name in [run.folder for run in made.runs]:
                 raise ConfigError(
-                    f"in the run with {chosen_here}: {error}" if varied else str(error)
-                ) from error
-            jobs.append(job)
-            name = path.relative_to(folder).as_posix()
-            swept.append(SweptRun(name, labels(node, varied), (*options, *words)))
+                    f"two runs of the sweep would have the folder {name}; let hydra.sweep.subdir differ"
+                )
+            met.add(identity)
+            made.runs.append(SweptRun(name, differs, (*options, *words)))
         HydraConfig.instance().set_config(config)
-        check_different(swept)
-        return cls(folder, jobs, swept)
+        return made
 
     @classmethod
     def resumed(cls, config: DictConfig) -> "Sweep":
         """Return the runs of a sweep that are left, see `resume_words`."""
         folder = Path(config.hydra.sweep.dir).absolute()
         _fix(config, folder, None)
-        return cls(folder, [], [run for run in sweep.read(folder) if state_of(folder, run) != DONE])
+        return cls(folder, [], _left(folder))
 
     def write(self) -> None:
         """Write the file of the sweep, new or extended, and the configurations of new runs."""
@@ -144,8 +161,7 @@ class Sweep:
     def left(self) -> list[SweptRun]:
         """The runs of this command that are not done."""
         names = {run.folder for run in self.runs}
-        known = [run for run in sweep.read(self.folder) if run.folder in names]
-        return [run for run in known if state_of(self.folder, run) != DONE]
+        return [run for run in _left(self.folder) if run.folder in names]
 
     @property
     def cure(self) -> str:
@@ -154,22 +170,23 @@ class Sweep:
 
     def end(self) -> int:
         """Print the sweep's results and the command for its summary; return the exit code."""
-        known = sweep.read(self.folder)
-        left = [run for run in known if state_of(self.folder, run) != DONE]
+        num_known, left = len(sweep.read(self.folder)), _left(self.folder)
         for run in left:
             word = f"failed: {run.folder}: {run.failure}" if run.failure else f"not done: {run.folder}"
             sys.stderr.write(f"{word}\n")
         sys.stderr.write(
-            f"{len(known) - len(left)} of {len(known)} runs are done"
+            f"{num_known - len(left)} of {num_known} runs are done"
             + (f"; to try the others again: {self.cure}" if left else "")
             + f"\nto see what came out: python -m pipeline summary {runs.shown_path(self.folder)}\n"
         )
         lost = {run.folder for run in left}
-        codes = [sweep.read_ending(self.folder / run.folder).code for run in self.runs]
-        pairs = zip(self.runs, codes, strict=True)
-        return runs.most_telling(
-            code or (runs.FAULT if run.folder in lost else runs.OK) for run, code in pairs
-        )
+        codes = {run.folder: sweep.read_ending(self.folder / run.folder).code for run in self.runs}
+        return runs.most_telling(code or (runs.FAULT if run in lost else 0) for run, code in codes.items())
+
+
+def _left(folder: Path) -> list[SweptRun]:
+    """Return the runs of a sweep that are not done."""
+    return [run for run in sweep.read(folder) if state_of(folder, run) != DONE]
 
 
 def _combinations(config: DictConfig) -> tuple[list[list[str]], list[str]]:
@@ -207,18 +224,41 @@ def _hydra_words(config: DictConfig) -> list[str]:
     return list(words)
 
 
-def _is_config_dir(config: DictConfig, path: Path) -> bool:
-    """Return whether a folder was given by ``--config-dir``."""
-    sources = config.hydra.runtime.config_sources
-    return any(source.provider == "command-line" and Path(source.path) == path for source in sources)
+def labels(node: DictConfig, varied: Sequence[str]) -> dict[str, Any]:
+    """Return the composed values of the keys and groups that vary in a sweep.
+
+    Parameters
+    ----------
+    node : DictConfig
+        With Hydra's own part.
+    varied : sequence of str
+        The keys and groups of overrides with several values; a path stands for its group.
+    """
+    choices, values = node.hydra.runtime.choices, {}
+    paths = {f"{group}.path": group for group in SUFFIXES}
+    for word in varied:
+        key = word.lstrip("+~").partition("@")[0]
+        value = choices[key] if key in choices else OmegaConf.select(node, key)
+        values[paths.get(key, key)] = OmegaConf.to_container(value) if OmegaConf.is_config(value) else value
+    return values
+
+
+def run_folder(*varied: str, _root_: DictConfig) -> str:
+    """Return the name of a run's folder in its sweep by what it differs in, such as ``seed=1``."""
+    number = _root_.hydra.job.get("num")
+    joined = "+".join(f"{key}={value}" for key, value in labels(_root_, varied).items())
+    name = re.sub(r"[^\w.+=-]+", "-", joined).strip("-") or str(number)
+    return name if len(name) <= LONGEST_NAME else f"{number}-{name[:LONGEST_NAME]}"
+
+
+# in every process that imports this module, so also where a launcher runs a job
+OmegaConf.register_new_resolver("run_folder", run_folder, replace=True)
 
 
 def recorded_command(folder: Path, run: Path) -> tuple[str, ...]:
     """Return the arguments with which a run of a sweep would be started alone; nothing if none are known."""
-    if not (folder / sweep.SWEEP).exists():
-        return ()
-    commands = {folder / swept.folder: swept.command for swept in sweep.read(folder)}
-    return commands.get(run, ())
+    known = sweep.read(folder) if (folder / sweep.SWEEP).exists() else []
+    return next((swept.command for swept in known if folder / swept.folder == run), ())
 
 
 def resume_words(folder: Path, overrides: Sequence[Override]) -> list[str]:
@@ -235,40 +275,29 @@ def resume_words(folder: Path, overrides: Sequence[Override]) -> list[str]:
     ConfigError
         If an override changes results, or a run was deleted and its command is not known.
     """
-    for override in overrides:
-        key = re.split("[./]", override.key_or_group, maxsplit=1)[0]
-        if key not in (HYDRA, EXPERIMENT) and override.key_or_group not in schema.free_keys():
-            raise ConfigError(
-                f"resume goes on with the runs' own configurations; drop {override.input_line}, or start a "
-                f"new sweep. No result depends on {', '.join(schema.free_keys())}: these may be given"
-            )
-    known = sweep.read(folder)
-    left = [run for run in known if state_of(folder, run) != DONE]
+    kept = [override for override in overrides if override.key_or_group != EXPERIMENT]
+    runs.given_again([override for override in kept if top_of(override.key_or_group) != HYDRA])
+    left = _left(folder)
     for run in left:
-        path = folder / run.folder
-        if not (path / artifacts.CONFIG).exists():
-            configuration.write(path, _composed_again(run).config)
+        if not (folder / run.folder / artifacts.CONFIG).exists():
+            configuration.write(folder / run.folder, _composed_again(run).config)
     if not left:
-        sys.stderr.write(f"nothing is left to do: all {len(known)} runs are finished\n")
+        sys.stderr.write(f"nothing is left to do: all {len(sweep.read(folder))} runs are finished\n")
         return []
-    words = [override.input_line or "" for override in overrides if override.key_or_group != EXPERIMENT]
     return [
         f"+{RESUMED}=" + ",".join(quoted(run.folder) for run in left),
         f"hydra.sweep.dir={quoted(str(folder.absolute()))}",
         f"hydra.sweep.subdir=${{{RESUMED}}}",
-        *words,
+        *words_of(kept),
     ]
 
 
 def _composed_again(run: SweptRun) -> Job:
     """Compose a run whose folder was deleted, from its recorded command."""
-    if not run.command:
+    if not run.command or any("${" in word for word in run.command):
+        what = "its command refers to other values" if run.command else "how it was started is not known"
         raise ConfigError(
-            f"{run.folder} was deleted, and how it was started is not known; take it out of {sweep.SWEEP}"
-        )
-    if any("${" in word for word in run.command):
-        raise ConfigError(
-            f"{run.folder} was deleted, and its command refers to other values; start it by hand"
+            f"{run.folder} was deleted, and {what}; start it by hand, or take it out of {sweep.SWEEP}"
         )
     command = parse_arguments(run.command)
     return compose_experiment(command.overrides, command.config_dir)

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 from pipeline.settings.keys import value_at
@@ -10,6 +11,7 @@ from pipeline.settings.keys import value_at
 STAGES = "stages"
 
 
+@dataclass(frozen=True, init=False)
 class Only:
     """The conditions, one of which must hold for a key to exist.
 
@@ -22,20 +24,16 @@ class Only:
         Whether a key that is set where it has no effect is accepted with a note instead of being refused.
     """
 
+    conditions: tuple[str, ...]
+    is_told: bool
+
     def __init__(self, *conditions: str, is_told: bool = False) -> None:
-        self.conditions, self.is_told = conditions, is_told
-        self.keys = tuple(re.split("[=>]", condition)[0] for condition in conditions)
+        vars(self).update(conditions=conditions, is_told=is_told)
 
-    def __eq__(self, other: object) -> bool:
-        """Return whether the other has the same conditions."""
-        return isinstance(other, Only) and (self.conditions, self.is_told) == (
-            other.conditions,
-            other.is_told,
-        )
-
-    def __hash__(self) -> int:
-        """Return a hash of the conditions."""
-        return hash(self.conditions)
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """The keys that the conditions are about."""
+        return tuple(re.split("[=>]", condition)[0] for condition in self.conditions)
 
     @property
     def is_of_stages(self) -> bool:
@@ -56,10 +54,7 @@ class Only:
         return f"{key} counts only with {self}, and {values}; set that, or leave {key} out"
 
     def __str__(self) -> str:
-        return " or ".join(
-            condition if "=" in condition or ">" in condition else f"{condition} given"
-            for condition in self.conditions
-        )
+        return " or ".join(f"{each} given" if each in self.keys else each for each in self.conditions)
 
 
 def _holds(condition: str, config: Mapping[str, Any]) -> bool:

@@ -144,37 +144,23 @@ def _distribution(key: str, node: Mapping[str, Any]) -> Distribution:
         if isinstance(number, bool) or not isinstance(number, int | float) or not math.isfinite(number):
             raise SettingError(f"{where}.{name} is {number!r}; it must be a finite number")
     distribution = Distribution(key, kind, **{name: float(node[name]) for name in names})
-    if not distribution.low < distribution.high:
-        raise SettingError(
-            f"{where}.low is {distribution.low:g} and {where}.high {distribution.high:g}; "
-            "the first must be less"
-        )
-    if kind == "normal" and not distribution.std > 0.0:
-        raise SettingError(f"{where}.std is {distribution.std:g}; it must be greater than 0")
-    apart = max(distribution.low - distribution.mean, distribution.mean - distribution.high)
-    if kind == "normal" and not apart < 8 * distribution.std:
-        raise SettingError(
-            f"{where}.low and {where}.high lie more than eight standard deviations beside the mean; move them"
-        )
-    _check_in_time(distribution, where)
+    for words in _refusals(distribution):
+        raise SettingError(f"{where}{words}")
     return distribution
 
 
-def _check_in_time(distribution: Distribution, where: str) -> None:
-    """Raise SettingError for settings that cannot vary within a flight, and for negative spreads."""
-    if distribution.correlation_s is None:
-        return
-    if distribution.key not in IN_TIME:
-        raise SettingError(
-            f"{where}.correlation_s is given, but {distribution.key} does not vary within a flight, as "
-            f"{', '.join(sorted(IN_TIME))} may; leave it out, and each case draws one value"
-        )
-    if not distribution.correlation_s > 0.0:
-        raise SettingError(
-            f"{where}.correlation_s is {distribution.correlation_s:g}; it must be greater than 0 (s)"
-        )
-    if IN_TIME[distribution.key] == "spread" and not distribution.low >= 0.0:
-        raise SettingError(
-            f"{where}.low is {distribution.low:g}; {distribution.key} is a standard deviation, so that low "
-            "must be at least 0"
-        )
+def _refusals(given: Distribution) -> Iterator[str]:
+    """Yield what is wrong with a distribution, or with one that varies within a flight."""
+    if not given.low < given.high:
+        yield f".low is {given.low:g} and its high {given.high:g}; the first must be less"
+    if given.kind == "normal" and not given.std > 0.0:
+        yield f".std is {given.std:g}; it must be greater than 0"
+    if given.kind == "normal" and not max(given.low - given.mean, given.mean - given.high) < 8 * given.std:
+        yield " has low and high more than eight standard deviations beside the mean; move them"
+    if given.correlation_s is not None and given.key not in IN_TIME:
+        may = ", ".join(sorted(IN_TIME))
+        yield f".correlation_s is given, but it does not vary within a flight, as {may} do; leave it out"
+    if given.correlation_s is not None and not given.correlation_s > 0.0:
+        yield f".correlation_s is {given.correlation_s:g}; it must be greater than 0 (s)"
+    if given.correlation_s is not None and IN_TIME[given.key] == "spread" and not given.low >= 0.0:
+        yield f".low is {given.low:g}; of a standard deviation low must be at least 0"

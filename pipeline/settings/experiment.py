@@ -37,11 +37,9 @@ SHIPPED = "shipped"
 class MonteCarlo(Settings, group="monte_carlo"):
     """The evaluation: flights from starts drawn, isotropic and uniform in distance, or from a given table."""
 
-    num_cases: Annotated[
-        types.Cases,
-        types.Cure("; without scenarios there is nothing to fly"),
-        Only(*(f"stages={stage}" for stage in STAGES if stage != "assure")),
-    ] = 1000
+    num_cases: Annotated[types.Cases, Only(*(f"stages={stage}" for stage in STAGES if stage != "assure"))] = (
+        1000
+    )
     """Flights."""
     min_distance_m: Annotated[types.Positive, types.Follows()] = 50.0
     """Least distance of a start from the chief; null: 50, or what fits the limits and the camera."""
@@ -189,7 +187,7 @@ class Assurance(Settings, group="assurance", only=Only("stages=assure", is_told=
 
     requirements: types.Text = "inspection"
     """Those that ship, by name, or the path of a file."""
-    num_cases: Annotated[types.Count, types.Cure("; without flights nothing is shown")] = 10000
+    num_cases: types.Count = 10000
     """Flights on which claims are judged."""
     searches: types.Count = 24
     """Searches for the worst case of each requirement."""

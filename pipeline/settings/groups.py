@@ -17,7 +17,7 @@ from pydantic_core import CoreSchema, core_schema
 from pipeline.settings.checks import SettingError
 from pipeline.settings.conditions import Only
 from pipeline.settings.keys import FREE, KNOWN, dotted
-from pipeline.settings.refusals import sentence
+from pipeline.settings.refusals import no_group, sentence
 from pipeline.settings.variants import names_of, variant_of
 
 #: each class of settings with its group, "" for keys at the top, and what holds for all its keys
@@ -101,6 +101,6 @@ class Settings(metaclass=SettingsType):
                 return value
             if isinstance(value, Mapping):
                 return cls(**{str(name): inside for name, inside in value.items()})
-            raise ValueError(f"{{key}} is {value!r}; it must be a group of keys: {', '.join(names_of(cls))}")
+            raise ValueError(no_group("{key}", value, cls))
 
         return core_schema.no_info_plain_validator_function(built)

@@ -151,6 +151,35 @@ def idle(config: Mapping[str, Any], *, stages: bool = False) -> dict[str, Only]:
     return unmet
 
 
+def checked(
+    config: Mapping[str, Any], given: Collection[str]
+) -> tuple[dict[str, Any], Experiment, list[str]]:
+    """Return a composed configuration `completed`, its experiment, and notes on keys without effect.
+
+    Parameters
+    ----------
+    config : mapping
+        Plain data, resolved.
+    given : collection of str
+        The keys that the user sets, alone or with their group.
+
+    Raises
+    ------
+    SettingError
+        If one of these is idle, or a value is not allowed.
+    """
+    notes = []
+    for key, mark in idle(config).items():
+        if key not in schema() or key in given:
+            raise SettingError(mark.refusal(key, config))
+        # who sets the key that makes it idle knows
+        is_known = any(other in given or other.rpartition(".")[0] in given for other in mark.keys)
+        if keys.value_at(config, key) != schema()[key].default and not is_known:
+            notes.append(f"a file sets {key}, but {mark.refusal(key, config)}")
+    whole = completed(config)
+    return whole, _experiment(whole), notes
+
+
 def experiment_from(config: Mapping[str, Any]) -> Experiment:
     """Build an experiment from a resolved configuration of plain data.
 
@@ -160,7 +189,10 @@ def experiment_from(config: Mapping[str, Any]) -> Experiment:
         If a key is unknown or missing, or a value has the wrong type or is not allowed. Keys of earlier
         versions are read if today's are missing, and those that do not exist are passed over.
     """
-    config = present(config)
+    return _experiment(present(config))
+
+
+def _experiment(config: Mapping[str, Any]) -> Experiment:
     of_experiment, of_mission = names_of(Experiment), names_of(Mission)
     for name in config:
         if name not in of_experiment and name not in of_mission:
@@ -237,19 +269,18 @@ def differences(
         Such as ``seed (then 1, now 2)``; a controller counts as one value.
     """
 
-    def walk(first: Any, second: Any, key: str) -> Iterator[str]:
-        if first == second:
-            return
-        if isinstance(first, Mapping) and isinstance(second, Mapping) and key != keys.FREE:
-            for name in sorted({*first, *second}):
-                yield from walk(first.get(name), second.get(name), f"{key}.{name}" if key else name)
-        else:
-            yield f"{key} ({words[0]} {_short(first)}, {words[1]} {_short(second)})"
+    def flat(config: Mapping[str, Any]) -> dict[str, Any]:
+        counted = {name: value for name, value in config.items() if name not in (*but, keys.FREE)}
+        controller = {keys.FREE: config.get(keys.FREE)} if keys.FREE not in but else {}
+        return controller | dict(keys.leaves(counted, ()))
 
-    first, second = (
-        {key: value for key, value in config.items() if key not in but} for config in (then, now)
-    )
-    return list(walk(first, second, ""))
+    first, second = flat(then), flat(now)
+    values = {key: (first.get(key), second.get(key)) for key in sorted({*first, *second})}
+    return [
+        f"{key} ({words[0]} {_short(before)}, {words[1]} {_short(after)})"
+        for key, (before, after) in values.items()
+        if before != after
+    ]
 
 
 def _short(value: Any) -> str:
@@ -302,7 +333,7 @@ def marks_of(key: Key) -> str:
 
 def range_of(key: Key) -> str:
     """Return the values that a key may have."""
-    kind, limits, _ = types.opened(key.hint)
+    kind, limits = types.opened(key.hint)
     if get_origin(kind) is Literal:
         return ", ".join(f"`{value}`" for value in get_args(kind))
     if kind is bool:

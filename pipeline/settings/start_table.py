@@ -9,8 +9,10 @@ import io
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
+from fis_tools.file_access import read_text
 from pipeline.settings.checks import SettingError
 from pipeline.settings.keys import did_you_mean
 
@@ -92,6 +94,29 @@ def numbers(text: str, key: str) -> Mapping[str, "NDArray[np.float64]"]:
                     f"{key}: row {index + 1} has {header[column]} {cell.strip()!r}; write a finite number"
                 )
     return {name: values[:, column] for column, name in enumerate(header)}
+
+
+def read_starts(config: dict[str, Any]) -> None:
+    """Load the starts that a configuration names as a file into it, unless it has them.
+
+    Raises
+    ------
+    SettingError
+        If the file cannot be read, or contains no starts.
+    """
+    starts, cases = config.get("starts"), config.get("monte_carlo")
+    if not isinstance(starts, dict) or not isinstance(cases, dict) or starts.get("kind") != "file":
+        return
+    if starts.get("path") is None or starts.get("table") is not None:
+        return
+    path = Path(str(starts["path"]))
+    try:
+        text = read_text(path, encoding="utf-8-sig")
+    except (OSError, ValueError) as error:
+        raise SettingError(f"{path} cannot be read ({error}); give a CSV file of starts") from error
+    starts["table"], cases["table"] = split(text, str(path))
+    for group in (starts, cases):
+        group["num_cases"] = num_rows(group["table"])
 
 
 def num_rows(text: str) -> int:

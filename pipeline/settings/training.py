@@ -28,7 +28,7 @@ class Starts(Settings, group="starts", only=DRAWS):
 
     kind: Literal["octants", "random", "file"] = "octants"
     """The octants' diagonals, drawn in a shell, or the rows of a file."""
-    num_cases: Annotated[types.Count, types.Cure("; without scenarios nothing can be trained")] = 8
+    num_cases: types.Count = 8
     """Training scenarios."""
     min_distance_m: Annotated[types.Positive, types.Follows()] = 75.0
     """Least distance from the chief; null: as in monte_carlo, for the octants the mean of both."""
@@ -126,7 +126,7 @@ class Encoding(Settings, group="optimizer.encoding", only=TRAINS):
     """A gene for the term of each rule; rule tables as planes; or rules kept."""
     stretch: types.PositiveInterval | None = None
     """Bounds of factors on ranges with all their terms, in place of means and widths."""
-    digits: Annotated[types.Whole | None, Field(ge=1, le=17), types.Cure(", or null for all")] = None
+    digits: Annotated[types.Whole | None, Field(ge=1, le=17)] = None
     """Significant digits of stretched ranges and of constants; null: all."""
     ring_size_m: types.NotNegativeInterval | None = None
     """Height of the ring."""
@@ -213,9 +213,7 @@ class Optimizer(Settings, group="optimizer", only=TRAINS):
     """Individuals in a generation."""
     generations: types.Count = 500
     """Generations after the first, in each round."""
-    stall_generations: Annotated[
-        types.Whole | None, Field(ge=1, le=types.MOST), types.Cure(", or null for none")
-    ] = None
+    stall_generations: types.Count | None = None
     """Without improvement, after which a round ends; null: none."""
     rounds: types.Count = 1
     """Times that training starts from the last champion."""

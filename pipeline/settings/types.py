@@ -6,7 +6,6 @@ in brackets. Comparisons are written so that NaN, which compares false with ever
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Annotated, Any, get_args
 
 from pydantic import AfterValidator, BeforeValidator, Field, Strict, ValidationInfo
@@ -20,13 +19,6 @@ class Freely:
 
 class Follows:
     """Marks settings that may be null, and are then what the mission asks for."""
-
-
-@dataclass(frozen=True)
-class Cure:
-    """End of the message about a number that is too small, such as that null is allowed."""
-
-    words: str
 
 
 def _whole(value: Any) -> Any:
@@ -183,7 +175,7 @@ Count = Annotated[Whole, Field(ge=1, le=MOST)]
 Cases = Annotated[Whole, Field(ge=1, le=100 * MOST)]
 Seed = Annotated[Whole, Field(ge=0, le=2**63 - 1)]
 #: worker threads; None is one per processor
-Workers = Annotated[Whole | None, Field(ge=1, le=1024), Freely(), Cure(", or null for one a processor")]
+Workers = Annotated[Whole | None, Field(ge=1, le=1024), Freely()]
 Vector = Annotated[tuple[Number, ...], _long(3, "three, [x, y, z]{unit}")]
 Thrusters = Annotated[tuple[tuple[Number, ...], ...], AfterValidator(_thrusters)]
 #: least and greatest place (m) and velocity (m/s), Hill axes
@@ -199,16 +191,19 @@ PositiveInterval = Annotated[tuple[Positive, ...], AfterValidator(_pair)]
 NotNegativeInterval = Annotated[tuple[NotNegative, ...], AfterValidator(_pair)]
 
 
-def opened(hint: Any) -> tuple[Any, dict[str, float], list[Any]]:
-    """Return the type inside an annotation (without None), its limits by name, and its other metadata."""
-    marks: list[Any] = []
+#: names of limits, as annotations keep them
+LIMITS = ("gt", "ge", "lt", "le")
+
+
+def opened(hint: Any) -> tuple[Any, dict[str, float]]:
+    """Return the type inside an annotation, without None, and its limits by name."""
+    limits: dict[str, float] = {}
     while hasattr(hint, "__metadata__") or type(None) in get_args(hint):
         for mark in getattr(hint, "__metadata__", ()):
-            marks += [mark, *getattr(mark, "metadata", ())]
+            for limit in getattr(mark, "metadata", ()):
+                limits |= {name: getattr(limit, name) for name in LIMITS if hasattr(limit, name)}
         hint = next(kind for kind in get_args(hint) if kind is not type(None))
-    names = ("gt", "ge", "lt", "le")
-    limits = {name: getattr(mark, name) for mark in marks for name in names if hasattr(mark, name)}
-    return hint, limits, marks
+    return hint, limits
 
 
 def ends_of(limits: Mapping[str, float]) -> tuple[float | None, float]:

@@ -28,9 +28,9 @@ from fis_tools.processors import num_processors
 from fis_tools.review.content import read_evidence
 from fis_tools.review.flown import evaluations
 from fis_tools.source import named, read_controller
-from pipeline.command_line.arguments import folders_with, parse_arguments
-from pipeline.command_line.config import compose_experiment, read_starts
-from pipeline.command_line.guide import help_text
+from pipeline.command_line.arguments import parse_arguments
+from pipeline.command_line.config import compose_experiment
+from pipeline.command_line.guide import help_on
 from pipeline.controllers.played import read_played
 from pipeline.controllers.policies import read_policy
 from pipeline.evaluation.assurance import repeats
@@ -170,7 +170,7 @@ def _conditions(content: bytes, _folder: Path) -> object:
 
 def _starts(path: Path) -> object:
     settings = {"starts": {"kind": "file", "path": str(path)}, "monte_carlo": {}}
-    read_starts(settings)
+    start_table.read_starts(settings)
     tables = [settings[group]["table"] for group in settings]
     for table_text in tables:
         start_table.check_within(table_text, "starts.path", (15.0, 800.0))
@@ -200,8 +200,7 @@ def _surroundings(path: Path) -> object:
 
 def _own_configs(path: Path) -> object:
     folder = path.parents[1]
-    parse_arguments(["--config-dir", str(folder), "+experiment=fly"])
-    return help_text(folders_with(folder))
+    return help_on((), parse_arguments(["--config-dir", str(folder), "+experiment=fly"]).folders)
 
 
 def _solved(path: Path) -> object:

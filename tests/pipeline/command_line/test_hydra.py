@@ -76,9 +76,9 @@ SAME = [
     ),
     (["seed=1,2", "hydra/sweeper=other"], "Could not find 'hydra/sweeper/other'; did you mean"),
     (["seed=1,-2"], "in the run with seed=-2: seed is -2; it must be"),
-    (["hydra.jobb.chdir=true"], "there is no key hydra.jobb.chdir; did you mean hydra.job.chdir?"),
+    (["hydra.jobb.chdir=true"], "there is no key hydra.jobb; did you mean hydra.job?"),
     (["hydra.launcher.jobs=2"], "there is no key hydra.launcher.jobs in the configuration"),
-    (["hydra/launchers=joblib"], "there is no key hydra/launchers in the configuration"),
+    (["hydra/launchers=joblib"], "there is no key hydra/launchers; did you mean hydra/launcher?"),
 ]
 
 

@@ -9,10 +9,9 @@ import pytest
 import yaml
 
 from fis_tools.formats import serialize
-from pipeline.command_line import cli, overrides
+from pipeline.command_line import cli, commands, overrides
 from pipeline.command_line.arguments import parse_arguments
 from pipeline.command_line.config import compose_experiment, conf_folder
-from pipeline.command_line.groups import options
 from pipeline.command_line.guide import TEMPLATE
 from pipeline.flight.state.signals import SIGNALS
 from pipeline.run import maker
@@ -52,7 +51,7 @@ sys.exit(main())
 
 
 def test_to_warm_experiments_are_compiled_at_once_in_new_folders_and_a_failure_ends_it(monkeypatch, ran):
-    started, codes = [], [0] * len(cli.WARMED) + [2]
+    started, codes = [], [0] * len(commands.WARMED) + [2]
 
     def run(command, env, **_):
         assert env["COMPILE_AT_ONCE"]
@@ -60,11 +59,11 @@ def test_to_warm_experiments_are_compiled_at_once_in_new_folders_and_a_failure_e
         return CompletedProcess(command, codes[len(started) - 1])
 
     monkeypatch.delenv("COMPILE_AT_ONCE")
-    monkeypatch.setattr(cli.subprocess, "run", run)
+    monkeypatch.setattr(commands.subprocess, "run", run)
     assert cli.main(["warm"]) == 0
-    assert len({command[-1] for command in started}) == len(cli.WARMED)
-    assert [command[3:-1] for command in started] == [list(words) for words in cli.WARMED]
-    for words in cli.WARMED:
+    assert len({command[-1] for command in started}) == len(commands.WARMED)
+    assert [command[3:-1] for command in started] == [list(words) for words in commands.WARMED]
+    for words in commands.WARMED:
         assert compose_experiment(list(words)).experiment.stages
     assert cli.main(["warm"]) == 2
     assert "error: warm takes no arguments" in ran("warm", "champion_27", code=2).err
@@ -75,7 +74,7 @@ def test_help_lists_experiments_controllers_and_signals(arguments, code, capsys,
     monkeypatch.chdir(tmp_path)
     assert cli.main(arguments) == code
     text = capsys.readouterr().out
-    groups = options([conf_folder()])
+    groups = overrides.options([conf_folder()])
     for name in (*groups["experiment"], *groups["controller"]):
         # each with a sentence behind it
         assert re.search(rf"^  {re.escape(name)} +\S.*\.?$", text, re.MULTILINE), name
@@ -125,7 +124,7 @@ def test_name_and_version_are_the_projects(ran):
 
 def test_options_stand_anywhere() -> None:
     command = parse_arguments(["seed=1", "-m", "name=a b", "--cfg", "job", "resume=x", "+experiment=fly"])
-    assert command.overrides == ("seed=1", "name=a b", "+experiment=fly")
+    assert command.overrides == ["seed=1", "name=a b", "+experiment=fly"]
     assert (command.multirun, command.cfg, command.resume, command.help) == (True, "job", Path("x"), False)
     assert command.is_ours_to_print
     assert not parse_arguments(["seed=1", "--cfg", "job", "--resolve"]).is_ours_to_print
@@ -141,7 +140,7 @@ def test_paths_and_folders_are_quoted_for_the_grammar() -> None:
 
 def test_two_runs_are_compared_by_their_folders() -> None:
     assert parse_arguments(["compare=outputs/a,b"]).compare == (Path("outputs/a"), Path("b"))
-    assert parse_arguments(["compare=default"]).compare is None
+    assert parse_arguments(["compare=default"]).compare == ()
     with pytest.raises(overrides.ConfigError, match="takes nothing else"):
         parse_arguments(["compare=a,b", "seed=1"])
 

@@ -103,7 +103,7 @@ def test_the_gain_is_that_of_scipys_riccati_solution_and_the_closed_loop_is_stab
         ("lqr", {"ring_size_m": 10.0}, "controller.ring_size_m is 10"),
         ("lqr", {"ring_size_m": "big"}, "controller.ring_size_m is 'big'; it must be a number"),
         ("lqr", {"position_tolerance_m": 0.0}, "controller.position_tolerance_m is 0.0; it must be greater"),
-        ("lqr", {"ring_lead_rad": 4.0}, "controller.ring_lead_rad is 4.0; it must be from -3.14159 to 3.14"),
+        ("lqr", {"ring_lead_rad": 4.0}, "controller.ring_lead_rad is 4.0; it must be at most 3.14"),
         ("lqr", {"force_tolerance_n": 1e-30}, "controller.force_tolerance_n is 1e-30; it must be from 1e-09"),
         ("receding_horizon", {"ring_size_m": 0.0}, "controller.ring_size_m is 0.0; it must be"),
         ("receding_horizon", {"solution_period_s": 500.0}, "no solution may be flown beyond its horizon"),

@@ -1,0 +1,150 @@
+"""Commands about one evaluation, whose keys are those of ``+experiment=evaluate``, and ``warm``."""
+
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Final
+
+from fis_tools.errors import MissingExtra
+from pipeline.command_line import runs
+from pipeline.command_line.arguments import EXPERIMENT, CommandParser, ConfigError, parse_arguments
+from pipeline.command_line.config import compose_experiment
+from pipeline.command_line.overrides import read_overrides, words_of
+from pipeline.preflight import check_before
+from pipeline.settings.experiment import Experiment
+
+#: what short runs are given
+FEW: Final = ("duration_s=600", "monte_carlo.num_cases=8")
+SMALL: Final = ("optimizer.population_size=8", "optimizer.generations=2")
+#: short runs, whose kinds of flight are those of the shipped experiments
+WARMED: Final[Sequence[Sequence[str]]] = (
+    ("+experiment=fly", "controller=champion_27"),
+    ("+experiment=evaluate", "controller=champion_27", "stages=[scenario,evaluate]", *FEW),
+    ("+experiment=train", "stages=[scenario,train]", *SMALL),
+    ("+experiment=fly", "controller=lqr"),
+    ("+experiment=fly", "controller=champion_leo", "world=leo"),
+)
+
+
+def parse_evaluation(parser: CommandParser, arguments: Sequence[str]) -> tuple[Any, Experiment]:
+    """Parse a command about an evaluation: return its own options and the checked experiment of its keys.
+
+    Raises
+    ------
+    ConfigError, SettingError
+        For options, keys and values that cannot be used.
+    """
+    chosen, rest = parser.parse_known_args(list(arguments))
+    command = parse_arguments(rest)
+    overrides = read_overrides(command.overrides, command.folders, is_multirun=command.multirun)
+    words = words_of(overrides)
+    if EXPERIMENT not in {override.key_or_group for override in overrides}:
+        words.insert(0, f"+{EXPERIMENT}=evaluate")
+    experiment = compose_experiment(words, command.config_dir).experiment
+    check_before(experiment)
+    return chosen, experiment
+
+
+def edit(arguments: Sequence[str]) -> int:
+    """Open a page on which rules and terms change, and each touch flies 1,000 paired cases anew.
+
+    Usage: python -m pipeline edit [key=value ...] [--port PORT] [--no-browser]
+
+    Keys are those of +experiment=evaluate, such as controller=champion_27, world=leo or sun=random. Ctrl-C
+    ends it. Nothing is written but the copy that you save.
+
+    Raises
+    ------
+    ValueError, OSError
+        User errors.
+    """
+    parser = CommandParser("python -m pipeline edit")
+    parser.add_argument("--port", type=int, default=0, choices=range(1 << 16), metavar="PORT")
+    parser.add_argument("--no-browser", action="store_true")
+    chosen, experiment = parse_evaluation(parser, arguments)
+    try:
+        from pipeline.edit.opening import open_editor  # noqa: PLC0415 - the other commands do without a server
+    except MissingExtra as error:
+        raise ConfigError(str(error)) from error
+    open_editor(experiment, chosen.port, opens_browser=not chosen.no_browser)
+    return runs.OK
+
+
+def export_c(arguments: Sequence[str]) -> int:
+    """Write the whole on-board function of a controller as C99, with evidence and wrappers.
+
+    Usage: python -m pipeline export_c controller=NAME [key=value ...] -o FOLDER [--flights N]
+
+    Keys are those of +experiment=evaluate, such as controller=champion_27 or world=leo. The C is translated
+    from the Python that flies. The commands of N recorded flights, 3 unless given, are compared bit by bit,
+    and stand in the folder as a test vector. The folder must be new or empty.
+
+    Returns
+    -------
+    int
+        The exit code; 1 if a command differs.
+
+    Raises
+    ------
+    ValueError, OSError
+        User errors.
+    """
+    parser = CommandParser("python -m pipeline export_c")
+    parser.add_argument("-o", "--output", type=Path, required=True, metavar="FOLDER")
+    parser.add_argument("--flights", type=int, default=3, choices=range(1, 10001), metavar="N")
+    chosen, experiment = parse_evaluation(parser, arguments)
+    folder: Path = chosen.output
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise ConfigError(
+            f"{folder} is not empty; give a new folder, for files of earlier exports are not removed"
+        )
+
+    from pipeline.controllers.source import load  # noqa: PLC0415 - compiled code, needed once the rest is right
+    from pipeline.onboard.export import export  # noqa: PLC0415
+    from pipeline.onboard.program import translate  # noqa: PLC0415
+    from pipeline.scenarios import evaluation_scenarios  # noqa: PLC0415
+
+    mission = experiment.mission
+    program = translate(mission, load(experiment.controller, mission))
+    exported = export(program, evaluation_scenarios(experiment)[: chosen.flights], folder)
+    source = exported.source
+    sys.stdout.write(
+        f"{folder / 'controller.c'}: {source.code.count(chr(10))} lines, "
+        f"{sum(source.tables.values())} bytes of tables, {source.state_bytes} of state\n"
+    )
+    if exported.num_different is None:
+        sys.stdout.write("not compared with recorded flights, for gcc was not found\n")
+        return runs.OK
+    sys.stdout.write(
+        f"{exported.num_different} of {exported.num_commands} commands of {exported.num_flights} recorded "
+        "flights differ from those of this C\n"
+    )
+    return runs.OK if exported.num_different == 0 else runs.FAULT
+
+
+def warm(given: Sequence[str]) -> int:
+    """Compile what the shipped experiments need, so that later runs need not.
+
+    Usage: python -m pipeline warm
+
+    Some short runs are run in a folder of their own. `python -m pipeline warm &` does it in the background.
+
+    Raises
+    ------
+    ConfigError
+        If anything is given.
+    """
+    if given:
+        raise ConfigError("warm takes no arguments; python -m pipeline warm --help says what it does")
+    with tempfile.TemporaryDirectory() as folder:
+        for number, words in enumerate(WARMED):
+            sys.stderr.write(f"[{number + 1}/{len(WARMED)}] {' '.join(words)}\n")
+            command = [sys.executable, "-m", "pipeline", *words, f"hydra.run.dir={Path(folder, str(number))}"]
+            at_once = os.environ | {"COMPILE_AT_ONCE": "1"}
+            done = subprocess.run(command, check=False, stdout=subprocess.DEVNULL, env=at_once)  # noqa: S603
+            if done.returncode:
+                return done.returncode
+    return runs.OK
