@@ -24,7 +24,8 @@ if sys.argv[1] == "--run":
         environment = os.environ | {f"SLURM_{name}": value for name, value in given.items()}
         for attempt in range(5 if is_requeued else 1):
             state.write_text("RUNNING")
-            code = subprocess.run(["bash", script], env=environment).returncode
+            # a signal to a job's group reaches the job alone, not what stands in for SLURM
+            code = subprocess.run(["bash", script], env=environment, start_new_session=True).returncode
             if 0 <= code < 128:
                 break
             with (jobs / "requeued").open("a") as stream:

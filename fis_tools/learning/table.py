@@ -167,7 +167,8 @@ def read_csv(path: Path | str) -> dict[str, list[str]]:
             reader = csv.reader(stream)
             (_, head), *lines = [(reader.line_num, cells) for cells in reader if cells] or [(1, [""])]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
-        why = getattr(error, "strerror", None) or "no CSV in UTF-8"
+        is_csv = isinstance(error, csv.Error)  # a word may be too long
+        why = getattr(error, "strerror", None) or (f"no CSV: {error}" if is_csv else "no CSV in UTF-8")
         raise UnreadableTable(f"{path}: cannot be read ({why}); give a CSV file") from error
     names = [name.strip() for name in head]
     if len(set(names)) != len(names) or not all(names):

@@ -217,12 +217,35 @@ def _kept(folder: Path, stage: str, finished: Sequence[str]) -> str:
 
 
 class _Log(logging.FileHandler):
-    """A log that ignores write errors: the run itself reports those."""
+    """A log without which the run goes on where it cannot be written."""
+
+    has_failed = False
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path, encoding="utf-8", delay=True)
+        try:
+            self.stream = self._open()
+        except OSError as error:
+            self._fail(error)
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Write a line."""
+        if not self.has_failed:
+            super().emit(record)
 
     def handleError(self, record: logging.LogRecord) -> None:  # noqa: N802 - logging's name
-        """Report an error unless it is one of the disk."""
-        if not isinstance(sys.exc_info()[1], OSError):
+        """Report an error."""
+        if isinstance(error := sys.exc_info()[1], OSError):
+            self._fail(error)
+        else:
             super().handleError(record)
+
+    def _fail(self, error: OSError) -> None:
+        self.has_failed = True
+        sys.stderr.write(
+            f"note: {self.baseFilename} cannot be written ({error.strerror or error}); "
+            "the run has no log from here on\n"
+        )
 
     def close(self) -> None:
         """Close the file, even if some of it could not be written."""
@@ -233,7 +256,7 @@ class _Log(logging.FileHandler):
 @contextmanager
 def _logged_to(path: Path) -> Iterator[None]:
     """Append the packages' log messages to a file."""
-    handler = _Log(path, encoding="utf-8")
+    handler = _Log(path)
     handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(name)s: %(message)s"))
     loggers = [logging.getLogger(name) for name in ("pipeline", "fis_tools", "telemetry")]
     levels = [logger.level for logger in loggers]

@@ -1,8 +1,12 @@
 """The progress of a training, wherever it is shown: the terminal, TensorBoard."""
 
+import socket
+import sys
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 from pipeline.run import artifacts
 from pipeline.run.extras import require_package
@@ -14,7 +18,7 @@ from pipeline.training.evolution.state import Generation
 Log = Callable[[Sequence[Mapping[str, float]]], None]
 
 #: longest time between writes to the disk, s
-FLUSH_S = 5
+FLUSH_S = 5.0
 
 
 class TrainingProgress(Progress):
@@ -40,7 +44,8 @@ def logged(logger: Logger, folder: Path) -> Iterator[Log]:
     """Open the logger of a training, and close it when the training ends.
 
     TensorBoard gets one scalar for each column of the logbook, over the generations. A resumed training
-    writes all of them again; TensorBoard then ignores what was written before, in another file.
+    writes all of them again; TensorBoard then ignores what was written before, in another file. What cannot
+    be written is reported once, and the training goes on without it.
 
     Parameters
     ----------
@@ -57,16 +62,64 @@ def logged(logger: Logger, folder: Path) -> Iterator[Log]:
         yield lambda rows: None
         return
     require_package("tensorboardX", f"logger={logger.kind}")
-    from tensorboardX import SummaryWriter  # noqa: PLC0415 - an extra
+    board = _Board(folder / artifacts.TENSORBOARD)
+    try:
+        yield board.log
+    finally:
+        board.close()
 
-    num_logged = 0
-    with SummaryWriter(str(folder / artifacts.TENSORBOARD), purge_step=0, flush_secs=FLUSH_S) as board:
 
-        def log(rows: Sequence[Mapping[str, float]]) -> None:
-            nonlocal num_logged
-            for step in range(num_logged, len(rows)):
+class _Board:
+    """Events for TensorBoard in a folder, written at once: tensorboardX's own thread hangs on a full disk."""
+
+    def __init__(self, folder: Path) -> None:
+        from tensorboardX.proto.event_pb2 import Event, SessionLog  # noqa: PLC0415 - an extra
+        from tensorboardX.record_writer import RecordWriter  # noqa: PLC0415 - as above
+
+        self._folder, self._num_logged, self._due = folder, 0, 0.0
+        self._writer: Any = None
+        with self._reporting():
+            folder.mkdir(parents=True, exist_ok=True)
+            path = folder / f"events.out.tfevents.{time.time():.0f}.{socket.gethostname()}"
+            self._writer = RecordWriter(str(path))  # file: in a run's folder, where no links are
+            self._write(Event(file_version="brain.Event:2"))
+            self._write(Event(session_log=SessionLog(status=SessionLog.START)))
+
+    @contextmanager
+    def _reporting(self) -> Iterator[None]:
+        """Report what cannot be written, and write no more."""
+        try:
+            yield
+        except OSError as error:
+            writer, self._writer = self._writer, None
+            if writer is not None:
+                with suppress(OSError):  # what is held back fails again
+                    writer.close()
+            sys.stderr.write(
+                f"note: {self._folder} cannot be written ({error.strerror or error}); "
+                "the training is not logged there from here on\n"
+            )
+
+    def _write(self, event: Any) -> None:
+        event.wall_time = time.time()
+        self._writer.write(event.SerializeToString())
+
+    def log(self, rows: Sequence[Mapping[str, float]]) -> None:
+        """Write the rows that are new."""
+        from tensorboardX.proto.event_pb2 import Event  # noqa: PLC0415 - as above
+        from tensorboardX.summary import scalar  # noqa: PLC0415 - as above
+
+        with self._reporting():
+            for step in range(self._num_logged, len(rows) if self._writer else 0):
                 for column, value in rows[step].items():
-                    board.add_scalar(column, value, step)
-            num_logged = max(num_logged, len(rows))
+                    self._write(Event(step=step, summary=scalar(column, value)))
+                self._num_logged = step + 1
+            if self._writer and time.monotonic() >= self._due:
+                self._writer.flush()
+                self._due = time.monotonic() + FLUSH_S
 
-        yield log
+    def close(self) -> None:
+        """Close the file."""
+        with self._reporting():
+            if self._writer:
+                self._writer.close()

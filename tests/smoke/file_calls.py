@@ -30,6 +30,7 @@ OF_LIBRARIES: Final = frozenset(
         *("load", "loadtxt", "genfromtxt", "fromfile", "memmap", "save", "savez", "savetxt", "load_mesh"),
         *("read_table", "read_schema", "read_metadata", "ParquetFile", "ParquetWriter", "write_table"),
         *("read_csv", "write_csv", "ZipFile", "imread", "imsave", "open", "fdopen", "load_model", "TFile"),
+        *("SummaryWriter", "RecordWriter"),
         *("mkstemp", "NamedTemporaryFile", "TemporaryFile", "mktemp"),
         *("copy2", "copyfile", "copytree", "move", "rename", "replace", "link", "symlink"),
     }

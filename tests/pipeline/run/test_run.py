@@ -12,7 +12,7 @@ from pipeline.command_line.cli import main
 from pipeline.controllers.source import controller_of_run
 from pipeline.evaluation.monte_carlo import summarise
 from pipeline.flight.control.controller import coast
-from pipeline.run import artifacts, configuration, manifests, progress, sweep, tables, writing
+from pipeline.run import artifacts, configuration, manifests, progress, runner, sweep, tables, writing
 from pipeline.run.progress import Progress
 from pipeline.settings import start_table
 from tests.pipeline.command_line.cases import EVALUATE, FLY, use_stages
@@ -224,6 +224,20 @@ def test_an_error_in_a_stage_is_told_and_logged(error, monkeypatch, ran):
     with pytest.raises(ZeroDivisionError):
         main([*FLY, "hydra.run.dir=faulty"])
     assert "ZeroDivisionError" in Path("faulty/pipeline.log").read_text()
+
+
+@pytest.mark.parametrize("is_full", [False, True])
+def test_a_log_that_cannot_be_written_is_told_once_and_ends_nothing(is_full, monkeypatch, ran):
+    use_stages(monkeypatch)
+    if is_full:
+        monkeypatch.setattr(runner._Log, "_open", lambda _: open("/dev/full", "a"))  # noqa: SIM115
+    else:
+        Path("run", artifacts.LOG).mkdir(parents=True)
+    said = ran(*EVALUATE, "hydra.run.dir=run").err
+    reason = "No space left on device" if is_full else "Is a directory"
+    path = Path("run", artifacts.LOG).absolute()
+    assert said.count(f"note: {path} cannot be written ({reason}); the run has no log from here on") == 1
+    assert manifests.read(Path("run"))["finished_stages"] == STAGES
 
 
 OUT = Path("out")

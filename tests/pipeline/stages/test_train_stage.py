@@ -7,7 +7,7 @@ from contextlib import AbstractContextManager
 from dataclasses import replace
 from itertools import count
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -20,12 +20,13 @@ from pipeline.flight.control.controller import from_fuzzy
 from pipeline.flight.fly.simulation import fly_all
 from pipeline.run import artifacts, configuration, writing
 from pipeline.scenarios import hard_candidates, training_scenarios, validation_scenarios
+from pipeline.settings.experiment import Logger
 from pipeline.settings.places import conf_folder
 from pipeline.stages import record, train
 from pipeline.training import judging
 from pipeline.training.fitness import costs
 from pipeline.training.genome import genome_of
-from pipeline.training.progress import TrainingProgress
+from pipeline.training.progress import TrainingProgress, logged
 from telemetry import RecordingError
 from tests.pipeline.stages.cases import prepared
 
@@ -48,6 +49,50 @@ def logbook(folder: Path, name: str = artifacts.LOGBOOK) -> list[dict[str, float
 
 def genomes(folder: Path) -> np.ndarray:
     return np.array(pq.read_table(folder / artifacts.HISTORY)["genome"].to_pylist())
+
+
+def events(path: Path) -> list[Any]:
+    """Events in a file of TensorBoard: each between its length, of eight bytes, and checksums of four."""
+    event_pb2 = pytest.importorskip("tensorboardX.proto.event_pb2")
+    content, parsed = path.read_bytes(), []
+    while content:
+        end = 12 + int.from_bytes(content[:8], "little")
+        parsed.append(event_pb2.Event.FromString(content[12:end]))
+        content = content[end + 4 :]
+    return parsed
+
+
+ROWS = [{"best": 2.5, "mean": 3.0}, {"best": 1.5, "mean": 2.0}]
+
+
+def test_tensorboard_gets_each_row_once(tmp_path):
+    with logged(Logger(kind="tensorboard"), tmp_path) as log:
+        log(ROWS[:1])
+        log(ROWS)
+    (path,) = (tmp_path / artifacts.TENSORBOARD).iterdir()
+    scalars = [
+        (each.step, value.tag, value.simple_value) for each in events(path) for value in each.summary.value
+    ]
+    assert scalars == [(step, *item) for step, row in enumerate(ROWS) for item in row.items()]
+
+
+@pytest.mark.parametrize("is_full", [False, True])
+def test_a_log_for_tensorboard_that_cannot_be_written_ends_no_training(
+    is_full, tmp_path, monkeypatch, capsys
+):
+    if is_full:
+        record_writer = pytest.importorskip("tensorboardX.record_writer")
+        monkeypatch.setattr(record_writer, "open_file", lambda _: open("/dev/full", "wb"))  # noqa: SIM115
+    else:
+        writing.write_atomically(tmp_path / artifacts.TENSORBOARD, "")
+    with logged(Logger(kind="tensorboard"), tmp_path) as log:
+        log(ROWS[:1])
+        log(ROWS)
+    reason = "No space left on device" if is_full else "File exists"
+    said = (
+        f"note: {tmp_path / artifacts.TENSORBOARD} cannot be written ({reason}); the training is not logged "
+    )
+    assert capsys.readouterr().err == f"{said}there from here on\n"
 
 
 def test_the_logbook_and_the_history_hold_every_generation_with_its_parts(trained):
