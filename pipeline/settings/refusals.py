@@ -10,17 +10,19 @@ from pipeline.settings.checks import SettingError, in_unit, no_choice
 from pipeline.settings.keys import FREE, KNOWN, choices_of, dotted, unit_of, unknown
 from pipeline.settings.variants import conditions_of, names_of
 
-#: what pydantic says of values, in our words
-WORDS: Mapping[str, str] = {
-    "Input should be": "it must be",
-    "greater than or equal to": "at least",
-    "less than or equal to": "at most",
-    "a valid number": "a number",
-    "a valid integer": "a whole number",
-    "a valid boolean": "true or false",
-    "a valid string": "a text",
-    "a valid tuple": "a list, [..., ...]",
-    "a valid dictionary": "a group of keys",
+#: pydantic's names for errors, to what a value must be
+EXPECTED: Mapping[str, str] = {
+    "greater_than": "greater than {gt:g}",
+    "greater_than_equal": "at least {ge:g}",
+    "less_than": "less than {lt:g}",
+    "less_than_equal": "at most {le:g}",
+    "finite_number": "a finite number",
+    "float_type": "a number",
+    "int_type": "a whole number",
+    "bool_type": "true or false",
+    "string_type": "a text",
+    "tuple_type": "a list, [..., ...]",
+    "dict_type": "a group of keys",
 }
 
 
@@ -53,9 +55,10 @@ def sentence(kind: Any, error: ValidationError) -> str:
         case _ if cause is not None:
             words = str(cause).replace("{key}", key).replace("{unit}", unit)
         case name:
-            words = f"{key} is {value!r}; {fault['msg']}{unit if name.endswith(('than', 'equal')) else ''}"
-            for theirs, ours in WORDS.items():
-                words = words.replace(theirs, ours)
+            limits = fault.get("ctx", {})
+            words = (
+                f"{key} is {value!r}; it must be {EXPECTED[name].format(**limits)}{unit if limits else ''}"
+            )
     return words
 
 

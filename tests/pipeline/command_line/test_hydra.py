@@ -69,7 +69,11 @@ SAME = [
     (["seed=1,2", "hydra.sweep.subdir=one"], "two runs of the sweep would have the folder one"),
     (["hydra.sweep.dir=A,B"], "hydra.sweep.dir=A,B gives several values, and a sweep has one"),
     (["hydra/launcher=basic,joblib"], "gives several values, and a sweep has one"),
-    (["controller=glob(*)"], "in the run with controller=file: the key controller.path has no value yet"),
+    (["controller=glob(x*)"], "controller=glob(x*) matches none; the choices are aim, "),
+    (
+        ["controller=glob([coast,f*])"],
+        "in the run with controller=file: the key controller.path has no value yet",
+    ),
     (
         ["controller=coast,lqr", "controller.ring_size_m=40,60"],
         "in the run with controller=coast, controller.ring_size_m=40: there is no key controller.ring_size_m",
@@ -95,13 +99,14 @@ def test_a_sweep_that_cannot_be_is_refused_before_anything_is_made(
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("word", ["+experiment=fly,evaluate", "name=a,b"])
+@pytest.mark.parametrize("word", ["+experiment=fly,evaluate", "name=a,b", "+hydra.sweeper.params.name='a,b'"])
 def test_experiments_and_names_may_vary_in_a_sweep(word, monkeypatch, ran):
     use_stages(monkeypatch)
-    base = [] if word.startswith("+") else FLY[:1]
+    base = [] if word.startswith("+experiment") else FLY[:1]
     ran("-m", *base, "controller=coast", word, "stages=[scenario]", "hydra.sweep.dir=s")
-    key, _, values = word.lstrip("+").partition("=")
-    assert [run.folder for run in sweep.read(Path("s"))] == [f"{key}={value}" for value in values.split(",")]
+    key, _, values = word.lstrip("+").removeprefix("hydra.sweeper.params.").partition("=")
+    folders = [f"{key}={value}" for value in values.strip("'").split(",")]
+    assert [run.folder for run in sweep.read(Path("s"))] == folders
 
 
 def test_a_sweep_with_a_deleted_run_goes_on(monkeypatch, ran):
