@@ -166,6 +166,7 @@ class Optics(NamedTuple):
     cos_squared: float  # ``c |c|`` of the cosine c of the field of view's half angle, up to 180 deg
     incidence_squared: float  # of the cosine of the largest angle from a point's normal to the deputy
     range_squared: float  # of the range limit, m^2; infinite for none
+    least_range_squared: float  # of the least range, m^2
     most_sunward: float  # cosine from boresight to Sun beyond which the camera is blinded; infinite for none
     past_terminator: float  # sine of the angle by which the Sun may be below the tangent plane of a point
 
@@ -194,4 +195,5 @@ def is_resolved(optics: Optics, above: Vector, towards: Vector, squared: Vector)
     """Return which points a camera resolves, by height ``n . (r - p)``, ``(p - r) . b``, ``|p - r|^2``."""
     is_facing_it = (above >= 0.0) & (above * above >= optics.incidence_squared * squared)
     is_in_field = towards * abs(towards) >= optics.cos_squared * squared
-    return is_facing_it & is_in_field & (squared <= optics.range_squared)
+    is_in_focus = (squared <= optics.range_squared) & (squared >= optics.least_range_squared)
+    return is_facing_it & is_in_field & is_in_focus

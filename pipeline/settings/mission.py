@@ -147,6 +147,8 @@ class Sensor(Settings, group="sensor"):
     """Greatest angle between a point's normal and the direction to the deputy."""
     max_range_m: types.Positive | None = None
     """Greatest range from which a point is resolved; null: any."""
+    min_range_m: types.NotNegative = 0.0
+    """Least range from which a point is in focus."""
     min_sun_angle_deg: Annotated[types.NotNegative, Field(le=180)] = 0.0
     """Least angle between boresight and Sun; nearer to it the camera is blind."""
 
@@ -219,6 +221,8 @@ class Attitude(Settings, group="attitude"):
     """Torque for a unit quaternion error, times the inertia matrix."""
     derivative_gain: Annotated[types.Positive, FLOWN] = 0.32
     """Torque for a unit rate, times the inertia matrix."""
+    gravity_gradient: Annotated[types.Flag, FLOWN] = False
+    """Whether the gradient of gravity turns a deputy on a circular orbit, by 3 n^2 i x J i."""
     pole_blending: types.Flag = False
     """Whether the camera's roll is carried along near the poles, not flipped."""
 

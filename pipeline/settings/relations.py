@@ -213,6 +213,35 @@ def _body(mission: Mission) -> Iterator[str]:
 
 
 @relation(
+    "The camera's least range is below its greatest.",
+    *("sensor.min_range_m", "sensor.max_range_m", "deputy.max_distance_m"),
+)
+def _focus(mission: Mission) -> Iterator[str]:
+    sensor = mission.sensor
+    most = mission.deputy.max_distance_m if sensor.max_range_m is None else sensor.max_range_m
+    if sensor.min_range_m > 0.0 and not sensor.min_range_m < most:
+        key = "deputy.max_distance_m" if sensor.max_range_m is None else "sensor.max_range_m"
+        yield (
+            f"sensor.min_range_m is {sensor.min_range_m:g} and {key} {most:g}; the first must be less than "
+            "the second, or nothing is ever in focus (m)"
+        )
+
+
+@relation(
+    "The gradient of gravity turns deputies on circular orbits.",
+    *("attitude.gravity_gradient", "orbit.eccentricity"),
+)
+def _gradient(mission: Mission) -> Iterator[str]:
+    is_flown = mission.attitude.mode == "flown" and mission.attitude.gravity_gradient
+    eccentricity = mission.orbit.elements.eccentricity if is_flown else 0.0
+    if not eccentricity <= MOST_CIRCULAR:
+        yield (
+            f"attitude.gravity_gradient is true and the eccentricity {eccentricity:g}; its law is that of a "
+            f"circle, up to {MOST_CIRCULAR:g}: leave one of them out"
+        )
+
+
+@relation(
     "The sampled attitude law is stable.",
     *("attitude.proportional_gain", "attitude.derivative_gain", "attitude_period_s"),
 )

@@ -19,6 +19,7 @@ def seen_points(
     is_seen = np.asarray(above >= least_cosine(sensor) * distance)
     if sensor.half_angle_deg < 180.0:
         is_seen &= -to_camera @ boresight >= np.cos(np.radians(sensor.half_angle_deg)) * distance
+    is_seen &= distance >= sensor.min_range_m
     if sensor.max_range_m is not None:
         is_seen &= distance <= sensor.max_range_m
     if (

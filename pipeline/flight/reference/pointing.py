@@ -8,7 +8,7 @@ from pipeline.flight.reference.actuators import Thrust
 from pipeline.flight.reference.flight import ReferenceFlight
 from pipeline.flight.reference.motion import pushed
 from pipeline.flight.reference.state import ReferenceState
-from pipeline.flight.reference.turning import turned
+from pipeline.flight.reference.turning import gradient_torque, turned
 from pipeline.settings.experiment import Mission
 
 #: |k x r|/|r| below which y* is not defined by the position, or, with pole blending, is carried along
@@ -92,5 +92,6 @@ def turn_through_period(
         torque = control_torque(mission, attitude, desired, rate) if torques is None else torques
         instants.append((attitude, rate, torque))
         turning = torque + np.cross(thrust.arm, attitude.inv().apply(thrust.fired)) + thrust.twist
+        turning = turning + gradient_torque(mission, attitude)
         attitude, rate = turned(mission, attitude, rate, turning, mission.attitude_period_s)
     return attitude, rate, y, instants

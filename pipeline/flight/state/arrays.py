@@ -99,6 +99,7 @@ class World(NamedTuple):
     max_force: float
     min_distance: float
     max_distance: float
+    gravity_gradient: float  # 3 n^2, or 0 where it turns nothing, 1/s^2
     turns_by_thrust: bool
     is_attitude_ideal: bool
     has_pole_blending: bool

@@ -30,6 +30,7 @@ def sees_as_in_the_paper(mission: Mission) -> bool:
         and sensor.half_angle_deg < RIGHT_ANGLE_DEG
         and sensor.max_incidence_deg == RIGHT_ANGLE_DEG
         and sensor.max_range_m is None
+        and sensor.min_range_m == 0.0
         and sensor.min_sun_angle_deg == 0.0
         and mission.light.past_terminator_deg == 0.0
         and mission.light.reflection == "none"
@@ -80,6 +81,7 @@ def optics_of(mission: Mission) -> Optics:
         cos_squared=cosine * abs(cosine) if sensor.half_angle_deg < STRAIGHT_ANGLE_DEG else -2.0,
         incidence_squared=0.0 if is_any else float(np.cos(np.radians(sensor.max_incidence_deg)) ** 2),
         range_squared=np.inf if sensor.max_range_m is None else sensor.max_range_m**2,
+        least_range_squared=sensor.min_range_m**2,
         most_sunward=sunward if sensor.min_sun_angle_deg else np.inf,
         past_terminator=float(np.sin(np.radians(light.past_terminator_deg))),
     )
@@ -187,6 +189,7 @@ def pack_world(mission: Mission) -> World:
         max_force=deputy.max_force_n,
         min_distance=deputy.min_distance_m,
         max_distance=deputy.max_distance_m,
+        gravity_gradient=3.0 * orbit.mean_motion_rad_s**2 if mission.attitude.gravity_gradient else 0.0,
         turns_by_thrust=isinstance(actuators, RealActuators)
         and (actuators.thrust_arm_m > 0.0 or actuators.thrusters is not None),
         is_attitude_ideal=mission.attitude.mode == "ideal",

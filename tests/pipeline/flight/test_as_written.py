@@ -48,7 +48,7 @@ KINDS = {
         mission(guidance={"kind": "clusters"}, safety=vars(EARLY), attitude={"mode": "ideal"}),
         (
             *("light", "navigation", "actuators", "dynamics", "safety.kind", "radius_m"),
-            *("max_incidence_deg", "max_range_m", "min_sun_angle_deg"),
+            *("max_incidence_deg", "max_range_m", "min_range_m", "min_sun_angle_deg"),
         ),
         False,
     ),
@@ -98,7 +98,9 @@ LAST = vars(LAST_MOMENT)
 FLIGHTS = {
     "paper": flight(),
     "clusters": flight(guidance=CLUSTERS),
-    "full inertia": flight(start=STARTS[1], deputy={"inertia_kg_m2": FULL_INERTIA} | TURNING),
+    "full inertia": flight(
+        start=STARTS[1], deputy={"inertia_kg_m2": FULL_INERTIA} | TURNING, attitude={"gravity_gradient": True}
+    ),
     "ball that is sometimes fast": flight(start=STARTS[1], deputy={"inertia_kg_m2": cases.ball(0.4)}),
     "pole blending": flight(start=cases.OVER_POLES[1], attitude={"pole_blending": True}),
     "over the poles": flight(start=cases.OVER_POLES[0], guidance=CLUSTERS),
@@ -177,6 +179,7 @@ FLIGHTS |= {
         "shadow": {"light": SHADOW},
         "a camera of little sight": {
             "sensor": {"max_incidence_deg": 65.0, "max_range_m": 90.0, "min_sun_angle_deg": 35.0}
+            | {"min_range_m": 68.0}
         },
         "a camera that sees more than half of all, backwards": {
             "sensor": {"half_angle_deg": 120.0, "boresight": (0.0, 0.0, 1.0)}

@@ -72,6 +72,12 @@ def test_the_field_of_view_narrows_the_cap(half_angle_deg, points):
     assert wait(90.0, 10.0, half_angle_deg=half_angle_deg).is_inspected[-1].sum() == points
 
 
+def test_points_too_near_are_out_of_focus():
+    """Within 18.65 deg of +j they are nearer than 11 m: of the equator's, azimuths 84.7 and 105.9."""
+    focused = replace(IDEAL, sensor=replace(IDEAL.sensor, min_range_m=11.0))
+    assert wait(90.0, 10.0, focused).is_inspected[-1].sum() == 22
+
+
 def test_a_camera_that_looks_elsewhere_sees_nothing_until_it_has_turned():
     log = wait(90.0, 600.0, PAPER, 15.0)
     assert log.is_inspected[0].sum() == 0

@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from fis_tools.compiled.three import Three
@@ -13,7 +14,7 @@ from pipeline.flight.reference import turning
 from pipeline.flight.reference.pointing import looking, next_y
 from pipeline.physics import attitude as attitudes
 from pipeline.physics import quaternion as quaternions
-from tests.pipeline.physics.what_flies import control_torque, error_vector, turned
+from tests.pipeline.physics.what_flies import control_torque, error_vector, turned, turned_by_gradient
 
 MEAN_MOTION = 0.0011068
 HILL_RATE = np.array([0.0, 0.0, MEAN_MOTION])
@@ -50,6 +51,32 @@ def test_steps_turn_as_two_inertial_rotations_do_and_converge_by_their_fourth_po
         errors.append((Rotation.from_quat(quaternion).inv() * attitude).magnitude())
     assert errors[0] < tolerance
     assert errors[1] < errors[0] / 12.0
+
+
+def test_the_gradient_of_gravity_turns_as_scipy_and_the_frequency_of_libration_have_it():
+    """Pitch of a long body swings by ``n sqrt(3 (J_y - J_x) / J_z)``; any attitude, by Euler's equation."""
+    long, swing = np.diag([0.5, 2.0, 2.0]), MEAN_MOTION * 1.5
+    start = Rotation.from_rotvec([0.0, 0.0, 0.01]).as_quat()
+    angles = Rotation.from_quat(turned_by_gradient(start, long, 1000, MEAN_MOTION)).as_rotvec()
+    np.testing.assert_allclose(angles[:, 2], 0.01 * np.cos(swing * np.arange(1001)), rtol=0.0, atol=2e-5)
+
+    tilted = Rotation.from_rotvec([0.5, -0.4, 0.7])
+
+    def rates(time, s):
+        body, w = Rotation.from_quat(s[:4]), s[4:]
+        upward = body.inv().apply([np.cos(MEAN_MOTION * time), np.sin(MEAN_MOTION * time), 0.0])
+        torque = 3.0 * MEAN_MOTION**2 * np.cross(upward, INERTIA @ upward)
+        spin = np.linalg.solve(INERTIA, torque - np.cross(w, INERTIA @ w))
+        x, y, z, c = s[:4]
+        turn = 0.5 * np.array([[c, -z, y], [z, c, -x], [-y, x, c], [-x, -y, -z]]) @ w
+        return np.concatenate((turn, spin))
+
+    begin = np.concatenate((tilted.as_quat(), tilted.inv().apply(HILL_RATE)))
+    end = solve_ivp(rates, (0.0, 600.0), begin, "DOP853", rtol=1e-10, atol=1e-12).y[:4, -1]
+    hill = Rotation.from_rotvec(600.0 * HILL_RATE)
+    last = Rotation.from_quat(turned_by_gradient(tilted.as_quat(), INERTIA, 600, MEAN_MOTION)[-1])
+    assert ((hill * last).inv() * Rotation.from_quat(end)).magnitude() < 2e-4
+    assert (last.inv() * tilted).magnitude() > 0.1
 
 
 @pytest.mark.parametrize("rate", [(0.2, 0.02, 0.02), (2.0, 0.1, -0.1), (5.0, 0.3, -0.2), (10.0, 1.0, 1.0)])

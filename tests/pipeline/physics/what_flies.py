@@ -64,6 +64,19 @@ def turned(quaternion, rate, inertia, torque, seconds, mean_motion=0.0):
     return quaternion, np.array(inertial) - hill_rate_b(quaternion, mean_motion)
 
 
+def turned_by_gradient(quaternion, inertia, seconds, mean_motion):
+    """Return attitudes after each second under gravity's gradient alone, from rest relative to Hill."""
+    inverse, gradient = np.linalg.inv(inertia), 3.0 * mean_motion**2
+    named = {"inertia": inertia, "inverse_inertia": inverse, "gravity_gradient": gradient}
+    world = SimpleNamespace(attitude_period=1.0, mean_motion=mean_motion, **named)
+    q, rate, attitudes = tuple(quaternion), Three(*hill_rate_b(quaternion, mean_motion)), [quaternion]
+    with plainly("pipeline"):
+        for _ in range(seconds):
+            q, rate = attitude.turn_body(world, q, rate, attitude.gradient_torque(world, q))
+            attitudes.append(np.array(q) / np.linalg.norm(q))
+    return np.array(attitudes)
+
+
 def control_torque(quaternion, desired, rate, proportional_gain, derivative_gain, max_torque):
     """Return the torque of the attitude law, N m, body axes, from the rate relative to Hill."""
     world = SimpleNamespace(

@@ -180,9 +180,18 @@ def turn_any(now: Moment, aims: Any, passed: Any, plans: Plans, lane: int) -> No
             force = to_body(q, lane_of(lanes.force, 0, lane))
             thrust = cross(lane_of(lanes.arm, 0, lane), force) + lane_of(lanes.twist, 0, lane)
             torque += thrust
+        if world.gravity_gradient > 0.0 and not world.is_spherical:
+            torque += gradient_torque(world, q)
         q, rate = turn_body(world, q, rate, torque)
     write_attitude(state.truth.attitude, lane, q)
     write_lane(state.truth.rate, 0, lane, rate)
+
+
+@compiled(error_model="numpy")
+def gradient_torque(world: World, q: Quaternion) -> Three:
+    """Return the torque of gravity's gradient, N m, body axes: ``3 n^2 i x J i``."""
+    upward = to_body(q, Three(1.0, 0.0, 0.0))
+    return world.gravity_gradient * cross(upward, times(world.inertia, upward))
 
 
 @compiled(error_model="numpy", forceinline=True)
