@@ -365,6 +365,10 @@ class RealActuators(Actuators):
     """Specific impulse with which propellant is used up; null: the mass stays."""
     thrusters: types.Thrusters | None = None
     """A row each: place (m), direction of force, greatest force (N), body axes; null: one an axis."""
+    failed_thruster: Annotated[types.Natural | None, Only("actuators.thrusters")] = None
+    """Row of `thrusters` that fails, from 0; null: none does."""
+    failure_s: Annotated[types.NotNegative, Only("actuators.failed_thruster")] = 0.0
+    """Time from which on it fires nothing."""
     propellant_kg: Annotated[types.Positive, Only("actuators.specific_impulse_s")] = 1.0
     """Part of the deputy's mass; without any left nothing is fired."""
 

@@ -285,6 +285,20 @@ def _disturbances(mission: Mission) -> Iterator[str]:
 
 
 @relation(
+    "A thruster that fails is one of the layout.", *("actuators.failed_thruster", "actuators.thrusters")
+)
+def _failure(mission: Mission) -> Iterator[str]:
+    actuators = mission.actuators
+    if actuators.kind == "real" and actuators.failed_thruster is not None and actuators.thrusters is not None:
+        count = len(actuators.thrusters)
+        if actuators.failed_thruster >= count:
+            yield (
+                f"actuators.failed_thruster is {actuators.failed_thruster}, but there are {count} thrusters; "
+                f"choose one from 0 to {count - 1}"
+            )
+
+
+@relation(
     "The mass exceeds the propellant plus a control period at full thrust.",
     *("actuators.propellant_kg", "actuators.specific_impulse_s", "deputy.mass_kg", "deputy.max_force_n"),
 )

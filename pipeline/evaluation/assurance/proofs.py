@@ -184,6 +184,7 @@ def premises(mission: Mission, bounds: SafetyBounds) -> tuple[tuple[str, ...], t
         "settings are dispersed": bool(mission.dispersions),
         "commands are late (actuators.delay_s)": bool(real and real.delay_s > 0.0),
         "thrusters form a layout (actuators.thrusters)": bool(real and real.thrusters is not None),
+        "a thruster fails (actuators.failed_thruster)": bool(real and real.failed_thruster is not None),
         "mass changes (actuators.specific_impulse_s)": real is not None
         and real.specific_impulse_s is not None,
         "fixes have outliers (navigation.outlier_share)": is_fixed and navigation.outlier_share > 0.0,

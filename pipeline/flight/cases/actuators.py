@@ -6,6 +6,7 @@ the mass before and after a control period is accelerated in it.
 """
 
 from functools import cache
+from math import ceil
 
 import numpy as np
 
@@ -47,6 +48,9 @@ def thrusters_of(mission: Mission) -> Thrusters:
         np.inf if impulse is None else STANDARD_GRAVITY_M_S2 * impulse,
         -1.0 if impulse is None else 1.0 - actuators.propellant_kg / mission.deputy.mass_kg,
         *(layout_of(actuators.thrusters) if actuators.thrusters else (np.zeros((0, 6)), np.zeros((0, 7)))),
+        -1 if actuators.failed_thruster is None else actuators.failed_thruster,
+        # rounding must not put off a failure at a sample
+        ceil(actuators.failure_s / period - 1e-9),
     )
 
 

@@ -71,7 +71,7 @@ def fired(
         force = np.clip(in_impulses(law, period, errors @ command), -limit, limit)
         thrust = Thrust(commanded, force, float(np.abs(force).sum()), arm)
     else:
-        thrust = divided(flight, law, commanded, attitude, command)
+        thrust = divided(flight, law, commanded, attitude, command, k)
     used = mass - mass_after(flight, thrust, mass)
     share = left / used if used > left else 1.0
     force = share * thrust.fired
@@ -80,15 +80,20 @@ def fired(
 
 
 def divided(
-    flight: ReferenceFlight, law: RealActuators, commanded: Floats, attitude: Rotation, wanted: Floats
+    flight: ReferenceFlight, law: RealActuators, commanded: Floats, attitude: Rotation, wanted: Floats, k: int
 ) -> Thrust:
-    """Return the thrust of a layout: shares by a table, all reduced where one thruster is not enough."""
+    """Return the thrust of a layout: shares by a table, all reduced where one thruster is not enough.
+
+    One that has failed fires nothing.
+    """
     rows = np.array(law.thrusters)
     directions, most = rows[:, 3:6], rows[:, 6]
     body = attitude.inv().apply(wanted)
     needed = flight.errors.table @ np.concatenate((np.maximum(body, 0.0), np.maximum(-body, 0.0)))
     share = min(1.0, float(np.min(most / np.maximum(needed, most))))
     forces = in_impulses(law, flight.mission.control_period_s, needed * share)
+    if law.failed_thruster is not None and flight.time(k) >= law.failure_s:
+        forces[law.failed_thruster] = 0.0
     twist = forces @ np.cross(rows[:, :3], directions)
     return Thrust(
         commanded, attitude.apply(forces @ directions), float(forces.sum()), flight.errors.arm, twist

@@ -78,6 +78,8 @@ class Thrusters(NamedTuple):
     dry: float  # share of the mass at the start that is not propellant; -1 where the mass stays
     table: Floats  # (N, 6) forces per newton along +x, +y, +z, -x, -y, -z of the body; no rows for no layout
     layout: Floats  # (N, 7) directions, torques per newton, m, body axes, and greatest forces, N
+    failed: int = -1  # row of the thruster that fires nothing from a control period on; -1 for none
+    fails_at: int = 0
 
 
 class ThrustErrors(NamedTuple):

@@ -114,7 +114,9 @@ FLIGHTS = {
     "range and bearing, an attitude known with an error, a layout": flight(
         start=STARTS[1],
         navigation=FIXES | SIGHTED | LATE,
-        actuators=REAL | LAYOUT | {"delay_s": 10.0, "thrust_arm_m": 0.02},
+        actuators=REAL
+        | LAYOUT
+        | {"delay_s": 10.0, "thrust_arm_m": 0.02, "failed_thruster": 2, "failure_s": 95.0},
         safety=LAST,
     ),
     "fixes, far beyond the limits": flight(

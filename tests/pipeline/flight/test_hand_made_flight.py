@@ -12,10 +12,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.flight.control.controller import coast
+from pipeline.flight.control.controller import coast, open_loop
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.surface import regular_placement
+from pipeline.settings.mission import RealActuators
 from tests.pipeline.flight.missions import IDEAL, MEAN_MOTION, PAPER
 
 AZIMUTHS = {50: [55.385, 83.077, 110.769, 138.462], 70: [45.0, 67.5, 90.0, 112.5, 135.0]}
@@ -76,6 +77,21 @@ def test_points_too_near_are_out_of_focus():
     """Within 18.65 deg of +j they are nearer than 11 m: of the equator's, azimuths 84.7 and 105.9."""
     focused = replace(IDEAL, sensor=replace(IDEAL.sensor, min_range_m=11.0))
     assert wait(90.0, 10.0, focused).is_inspected[-1].sum() == 22
+
+
+def test_a_thruster_that_fails_fires_until_then():
+    """It pushes up by 0.01 N; of ten control periods those that begin before 45 s are five.
+
+    Drifting aside, it fires others a little.
+    """
+    rows = [tuple(sign * part for part in axis) for axis in np.eye(3).tolist() for sign in (1.0, -1.0)]
+    exact = {"scale_error": 0.0, "misalignment_deg": 0.0, "least_impulse_n_s": 0.0}
+    fails = {"failed_thruster": 0, "failure_s": 45.0}
+    layout = RealActuators(thrusters=tuple((0.0, 0.0, 0.0, *row, 0.5) for row in rows), **exact, **fails)
+    above = Scenario(np.array([60.0, 0.0, 0.0]), np.zeros(3), 0.0)
+    push = open_loop("push", np.tile([0.01, 0.0, 0.0], (10, 1)))
+    log = fly_logged(replace(IDEAL, duration_s=100.0, actuators=layout), push, above)
+    np.testing.assert_allclose(log.delta_v_m_s[[5, 10]], 5 * 0.01 * 10.0 / 12.0, rtol=5e-3)
 
 
 def test_a_camera_that_looks_elsewhere_sees_nothing_until_it_has_turned():

@@ -97,7 +97,7 @@ def fire(now: Moment, firing: Firing, is_reporting: bool) -> None:
     store_three(lanes.force, 0, chosen(has_left, force, same(0.0, width)))
     if is_layout:
         for lane in range(width):
-            fire_layout(state, thrusters, lane)
+            fire_layout(state, thrusters, lane, k)
     share = splat(1.0, width)
     if burns(firing):
         share = stop_when_empty(now.world, thrusters, state)
@@ -152,10 +152,10 @@ def in_impulses(thrusters: Thrusters, a: Three) -> Three:
 
 
 @compiled(error_model="numpy")
-def fire_layout(state: FlightState, thrusters: Thrusters, lane: int) -> None:
+def fire_layout(state: FlightState, thrusters: Thrusters, lane: int, k: int) -> None:
     """Divide a lane's force among the thrusters of a layout, and let these fire.
 
-    Where one thruster is not enough, all are reduced by the same share.
+    Where one thruster is not enough, all are reduced by the same share. One that has failed fires nothing.
     """
     table, layout, thrusts = thrusters.table, thrusters.layout, state.thrust
     attitude, share = attitude_of(state.truth.attitude, lane), 1.0
@@ -168,6 +168,8 @@ def fire_layout(state: FlightState, thrusters: Thrusters, lane: int) -> None:
     force_b, moment_b = Three(0.0, 0.0, 0.0), Three(0.0, 0.0, 0.0)
     for i in range(len(table)):
         thrust = in_whole_impulses(thrusters, thrusts[i, lane] * share)
+        if i == thrusters.failed and k >= thrusters.fails_at:
+            thrust = 0.0
         thrusts[i, lane] = thrust
         force_b += thrust * three_of(layout[i])
         moment_b += thrust * three_of(layout[i, 3:])
