@@ -28,6 +28,7 @@ CAMPAIGNS = (
     "kills",
     "missions",
     "networks",
+    "never_worse",
     "onboard",
     "policies",
     "scaling",
