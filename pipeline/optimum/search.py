@@ -29,22 +29,11 @@ def priced(
 
 
 def outlook_of(problem: PlanningProblem, limits_m: tuple[float, float]) -> Outlook:
-    """Return what the cost of a plan depends on."""
+    """Return what the price of a plan depends on: the problem's fields of the same names, and limits."""
+    shared = {name: getattr(problem, name) for name in Outlook._fields if hasattr(problem, name)}
+    nearest, farthest = limits_m
     return Outlook(
-        free=problem.free,
-        gain=problem.gain,
-        points=problem.points,
-        normals=problem.normals,
-        heights=problem.heights,
-        is_lit=problem.is_lit,
-        sight=problem.sight,
-        cos_incidence=problem.cos_incidence,
-        max_range=problem.max_range,
-        nearest=limits_m[0],
-        farthest=limits_m[1],
-        least_force=0.0,
-        delta_v_per_force=problem.delta_v_per_force,
-        price_of_height=PRICE_OF_HEIGHT,
+        **shared, nearest=nearest, farthest=farthest, least_force=0.0, price_of_height=PRICE_OF_HEIGHT
     )
 
 

@@ -9,9 +9,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from pipeline.run import artifacts
+from pipeline.run import artifacts, configuration, maker
 from pipeline.run.artifacts import MANIFEST, ArtifactError
 from pipeline.run.writing import write_json
+from pipeline.settings.experiment import Experiment
 
 #: 2 added the roles of files, the scene and the command; runs of version 1 are read and resumed
 MANIFEST_VERSION: Final = 2
@@ -92,3 +93,14 @@ def read(folder: Path) -> dict[str, Any]:
 def read_if_any(folder: Path) -> dict[str, Any]:
     """Read the manifest of a run; return an empty mapping if there is none."""
     return read(folder) if (folder / MANIFEST).exists() else {}
+
+
+def provenance(experiment: Experiment, folder: Path) -> dict[str, str]:
+    """Return what a controller's file says of the run that made it: configuration, seed, program."""
+    return {
+        "experiment": experiment.name,
+        "seed": str(experiment.seed),
+        "config_hash": configuration.config_hash(configuration.read(folder)),
+        "product_version": maker.product_version(),
+        "git_revision": maker.git_revision() or "none",
+    }

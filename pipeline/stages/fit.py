@@ -22,7 +22,7 @@ from pipeline.flight.control.controller import ControllerError, from_fuzzy
 from pipeline.flight.state.descriptions import with_descriptions
 from pipeline.flight.state.log import Scenario
 from pipeline.report.fit import render_fit
-from pipeline.run import artifacts, configuration, maker, tables, writing
+from pipeline.run import artifacts, manifests, tables, writing
 from pipeline.run.progress import Progress
 from pipeline.run.runner import Unimproved
 from pipeline.settings.checks import SettingError
@@ -263,14 +263,7 @@ def _write(
     experiment: Experiment, folder: Path, controller: FuzzyController, result: Mapping[str, Any]
 ) -> None:
     """Write the controller, for flights and for people, the summary, and the page."""
-    facts = {
-        "experiment": experiment.name,
-        "seed": str(experiment.seed),
-        "config_hash": configuration.config_hash(configuration.read(folder)),
-        "product_version": maker.product_version(),
-        "git_revision": maker.git_revision() or "none",
-        "fitted_from": str(result["words"]),
-    }
+    facts = {**manifests.provenance(experiment, folder), "fitted_from": str(result["words"])}
     if result["improved"]:
         controller = serialize.described(with_descriptions(serialize.unmarked(controller)), facts)
     writing.write_atomically(folder / artifacts.CHAMPION, serialize.dump_json(controller) + "\n")

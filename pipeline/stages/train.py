@@ -16,7 +16,7 @@ from pipeline.evaluation.front import write_front
 from pipeline.evaluation.selection import COLUMNS, Selection, select
 from pipeline.flight.fly.tours import tour_images
 from pipeline.flight.state.descriptions import with_descriptions
-from pipeline.run import artifacts, configuration, maker, tables, writing
+from pipeline.run import artifacts, manifests, tables, writing
 from pipeline.run.engine import TaskPool, open_pool
 from pipeline.run.runner import Unimproved
 from pipeline.settings.experiment import Experiment
@@ -100,11 +100,7 @@ def write_selection(
     """Write the controller that is handed back, with its provenance, and what it was compared with."""
     training_fitness = selection.chosen.candidate.training_fitness
     facts = {
-        "experiment": experiment.name,
-        "seed": str(experiment.seed),
-        "config_hash": configuration.config_hash(configuration.read(folder)),
-        "product_version": maker.product_version(),
-        "git_revision": maker.git_revision() or "none",
+        **manifests.provenance(experiment, folder),
         "generations": str(len(result.history)),
         "interrupted": str(result.interrupted).lower(),
     }
