@@ -186,7 +186,7 @@ def api_pages() -> Iterator[tuple[str, str, str]]:
                 if not path.stem.startswith("_") and path.stem not in INTERNAL_MODULES
             )
             # a search finds guides first
-            head = "---\nsearch: {boost: 0.1}\n---\n"
+            head = "---\nsearch: {boost: 0.001}\n---\n"
             text = f"{head}# {name}\n\n::: {name}\n    options: {{show_root_heading: false}}\n\n"
             yield (
                 name,
