@@ -14,6 +14,7 @@ from fis_tools.document import Document, html
 from fis_tools.findings import audit as audits
 from fis_tools.findings.difference import difference
 from fis_tools.model import FuzzyController
+from fis_tools.model.intervals import has_intervals
 
 #: shows one part of an answer on the page
 Show = Callable[[], object]
@@ -141,6 +142,8 @@ _audit = lru_cache(maxsize=16)(audits.audit)
 
 def findings(controller: FuzzyController) -> str:
     """Return what an audit finds, the worst first."""
+    if any(map(has_intervals, controller.systems)):
+        return html.element("p", "An audit is for type-1 sets: import --sets upper makes a file to audit.")
     all_findings = [finding for system in controller.systems for finding in _audit(system).findings]
     all_findings.sort(key=lambda finding: -finding.severity)
     words = audits.Audit("", (), tuple(all_findings)).counted() or "nothing found"

@@ -10,7 +10,6 @@ from fis_tools.findings.difference.report import TO, headline, shape_change
 from fis_tools.formats.files import file_name, written
 from fis_tools.formats.serialize import checked, fingerprint, original_name, renamed
 from fis_tools.model import FuzzyController
-from fis_tools.model.intervals import require_type_1
 from fis_tools.model.validate import InvalidSystem, controller_problems
 from fis_tools.words.text import listed, sentence
 
@@ -44,7 +43,6 @@ class Session:
         check: Callable[[FuzzyController], object] | None = None,
         describe: Callable[[FuzzyController], FuzzyController] = lambda controller: controller,
     ) -> None:
-        require_type_1(original.systems, "the editor")
         self.path, self.original, self._check, self._describe = path, original, check, describe
         #: called by whoever changes it: the pages that show it
         self.views: list[Callable[[], None]] = []

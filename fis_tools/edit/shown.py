@@ -7,10 +7,22 @@ from typing import Any
 
 import numpy as np
 
+from fis_tools.array_types import Floats
 from fis_tools.edit.touches import numbers_of, with_sentence
-from fis_tools.model import And, Consequent, FuzzySystem, Is, MembershipFunction, Rule, Term, Variable
+from fis_tools.model import (
+    And,
+    Between,
+    Consequent,
+    FuzzySystem,
+    Is,
+    MembershipFunction,
+    Rule,
+    Term,
+    Variable,
+)
+from fis_tools.model.intervals import sampled_bounds
 from fis_tools.model.membership import SHAPES
-from fis_tools.model.variables import sample, shape_values
+from fis_tools.model.variables import shape_values
 from fis_tools.words import text
 
 #: what a row of a table shows
@@ -52,11 +64,18 @@ def _term(shown: Variable, term: Term, colour: str) -> dict[str, Any]:
     if not shown.has_sets:
         constant = getattr(shape, "value", getattr(shape, "constant", 0.0))
         return properties | {"middle": constant, "path": "", "handles": []}
-    values = sample(shown, term)
+    lower, values = sampled_bounds(shown, term)
     x = 1000.0 * (shown.universe - shown.minimum) / shown.span
-    points = " L".join(f"{a:.5g} {100 - 100 * b:.4g}" for a, b in zip(x, values, strict=True))
+    path = f"M{_points(x, values)}"
+    handles = [] if isinstance(shape, Between) else list(_handles(shape))
+    if isinstance(shape, Between):  # the band between both
+        path += f" L{_points(x[::-1], lower[::-1])} Z"
     middle = shown.universe[np.flatnonzero(values == values.max())[[0, -1]]].mean()
-    return properties | {"middle": float(middle), "path": f"M{points}", "handles": list(_handles(shape))}
+    return properties | {"middle": float(middle), "path": path, "handles": handles}
+
+
+def _points(x: Floats, values: Floats) -> str:
+    return " L".join(f"{a:.5g} {100 - 100 * b:.4g}" for a, b in zip(x, values, strict=True))
 
 
 def _handles(shape: MembershipFunction) -> Iterator[dict[str, Any]]:

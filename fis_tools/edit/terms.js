@@ -13,7 +13,7 @@ export default {
     <div class="plot" v-if="variable.has_sets">
       <svg viewBox="0 0 1000 100" preserveAspectRatio="none" aria-hidden="true">
         <line x1="0" x2="1000" y1="50" y2="50" class="half" />
-        <path v-for="(term, n) in variable.terms" :d="term.path + ' L1000 100 L0 100Z'" :style="{ fill: term.colour, fillOpacity: 0.05 + 0.3 * (degrees[n] || 0) }" />
+        <path v-for="(term, n) in variable.terms" :d="term.path + (term.shape === 'between' ? '' : ' L1000 100 L0 100Z')" :style="{ fill: term.colour, fillOpacity: 0.05 + 0.3 * (degrees[n] || 0) }" />
         <path v-for="term in variable.terms" :d="term.path" fill="none" :style="{ stroke: term.colour }" />
       </svg>
       <i class="here" v-if="value !== null" :style="{ left: share(value) + '%' }"></i>

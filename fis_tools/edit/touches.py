@@ -12,7 +12,8 @@ import numpy as np
 
 from fis_tools import model
 from fis_tools.formats.exchange.fll_rules import read_rules
-from fis_tools.model import FuzzyController, FuzzySystem, Is, Rule, Term, Variable, sample
+from fis_tools.model import FuzzyController, FuzzySystem, Is, Rule, Term, Variable
+from fis_tools.model.intervals import sampled_bounds
 from fis_tools.model.membership import SHAPES
 from fis_tools.model.operators import HEDGES
 from fis_tools.words.text import listed
@@ -39,9 +40,12 @@ def with_variable(system: FuzzySystem, variable: Variable) -> FuzzySystem:
 
 def numbers_of(shape: model.MembershipFunction) -> dict[str, str]:
     """Return the numbers of a shape as they are typed, by their names; of a formula, its text."""
-    fields_in_words = {}
+    fields_in_words: dict[str, str] = {}
     for field in fields(shape):
         value = getattr(shape, field.name)
+        if isinstance(value, model.MembershipFunction):  # a bound of an interval type-2 set
+            fields_in_words |= {f"{field.name} {key}": typed for key, typed in numbers_of(value).items()}
+            continue
         several = value if isinstance(value, tuple) else (value,)
         fields_in_words[field.name] = ", ".join(
             entry if isinstance(entry, str) else f"{entry:.12g}" for entry in several
@@ -59,6 +63,9 @@ def number(typed: str) -> float:
 
 def with_number(shape: model.MembershipFunction, name: str, typed: str) -> model.MembershipFunction:
     """Return a shape with one of its numbers replaced, see `numbers_of`."""
+    bound, _, key = name.partition(" ")
+    if key:
+        return replace(shape, **{bound: with_number(getattr(shape, bound), key, typed)})
     value: Any = typed
     match getattr(shape, name):
         case tuple():
@@ -82,7 +89,7 @@ def in_order(shape: model.MembershipFunction, key: str, value: float) -> float:
 
 def reshaped(variable: Variable, term: Term, name: str) -> Term:
     """Return a term of another shape, about where it was."""
-    inside = variable.universe[sample(variable, term) >= 0.5]
+    inside = variable.universe[sampled_bounds(variable, term)[1] >= 0.5]
     low, high = (inside[0], inside[-1]) if len(inside) else (variable.minimum, variable.maximum)
     middle = 0.5 * float(low + high)
     width = max(float(high - low), 0.01 * variable.span)

@@ -13,12 +13,15 @@ from dataclasses import replace
 from functools import lru_cache
 from typing import Literal
 
+import numpy as np
+
+from fis_tools.array_types import Floats
 from fis_tools.errors import Mistake
 from fis_tools.model.expressions import And, Expression, Hedged, Is, Not, Or
 from fis_tools.model.membership import MembershipFunction
 from fis_tools.model.shapes import Between
 from fis_tools.model.systems import FuzzySystem, Rule, with_variables
-from fis_tools.model.variables import Term, Variable
+from fis_tools.model.variables import Term, Variable, sample
 
 #: What a twin's names end with.
 LOWER, UPPER = " (lower)", " (upper)"
@@ -37,8 +40,15 @@ def require_type_1(systems: Iterable[FuzzySystem], what: str) -> None:
         if has_intervals(system):
             raise Mistake(
                 f"{what} is for type-1 sets, and {system.name!r} has interval type-2 ones, which show, "
-                "surface, bounds, compile, explain and YAML take; import --sets upper makes them type-1"
+                "surface, bounds, compile, explain, diff, edit and YAML take; import --sets upper makes them "
+                "type-1"
             )
+
+
+def sampled_bounds(variable: Variable, term: Term) -> Floats:
+    """Return a term's lower and upper memberships on the universe, (2, num_points); equal ones of type-1."""
+    bounds = (bound_of(term.membership, ending) for ending in (LOWER, UPPER))
+    return np.stack([sample(variable, replace(term, membership=bound)) for bound in bounds])
 
 
 def with_bounds(system: FuzzySystem, which: Literal["lower", "upper"]) -> FuzzySystem:

@@ -1,6 +1,7 @@
 """Membership functions, and one inference step by step: inputs, the rules that fire, the outputs."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,8 +10,21 @@ from matplotlib.figure import Figure
 
 from fis_tools.array_types import Floats
 from fis_tools.engines.inference import Inference, OutputInference
-from fis_tools.model import And, Expression, FuzzySystem, Hedged, Is, Not, Or, Rule, Variable, peak, sample
-from fis_tools.model.intervals import require_type_1
+from fis_tools.model import (
+    And,
+    Between,
+    Expression,
+    FuzzySystem,
+    Hedged,
+    Is,
+    Not,
+    Or,
+    Rule,
+    Variable,
+    peak,
+    sample,
+)
+from fis_tools.model.intervals import UPPER, bound_of, require_type_1, sampled_bounds
 from fis_tools.model.operators import AND_OPERATORS
 from fis_tools.model.systems import require_mamdani
 from fis_tools.render import lettering
@@ -37,8 +51,13 @@ def memberships(variable: Variable, ax: Axes, value: float | None = None, *, the
     theme : Theme
         Colours.
     """
-    for index, function in enumerate(variable.memberships):
-        ax.plot(variable.universe, function, linewidth=1.8, clip_on=False, **theme.line(index))
+    x = variable.universe
+    for index, term in enumerate(variable.terms):
+        lower, upper = sampled_bounds(variable, term)
+        if isinstance(term.membership, Between):
+            ax.plot(x, lower, linewidth=1.0, clip_on=False, **theme.line(index))
+            ax.fill_between(x, lower, upper, color=theme.line(index)["color"], alpha=0.2, linewidth=0.0)
+        ax.plot(x, upper, linewidth=1.8, clip_on=False, **theme.line(index))
     room = _name(variable, ax, theme)
     _frame(variable, ax, 1.0 / (1.0 - room))
     if value is not None:
@@ -59,7 +78,8 @@ def _frame(variable: Variable, ax: Axes, top: float) -> None:
 def _name(variable: Variable, ax: Axes, theme: Theme) -> float:
     """Write each term's name over its peak, one line above the other; return the share of height taken."""
     across, down = lettering.inches(ax)
-    peaks = [across * (peak(variable, term) - variable.minimum) / variable.span for term in variable.terms]
+    tops = [replace(term, membership=bound_of(term.membership, UPPER)) for term in variable.terms]
+    peaks = [across * (peak(variable, top) - variable.minimum) / variable.span for top in tops]
     most_lines = max(1, int((_MOST_ROOM * down - 0.05) / lettering.height("", SMALL)))
     names = [term.name for term in variable.terms]
     widths = [1.0, 0.6, 0.45, 0.3, 0.2, 0.15, 0.1]

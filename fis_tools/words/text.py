@@ -11,7 +11,17 @@ from fis_tools.array_types import Floats
 from fis_tools.document import Block, Document, Heading, Items, Paragraph, Table
 from fis_tools.document.text import aligned
 from fis_tools.engines.inference import Inference, OutputInference
-from fis_tools.model import TOOLS, Consequent, Expression, FuzzyController, FuzzySystem, Rule, Term, Variable
+from fis_tools.model import (
+    TOOLS,
+    Consequent,
+    Expression,
+    FuzzyController,
+    FuzzySystem,
+    Rule,
+    Semantics,
+    Term,
+    Variable,
+)
 from fis_tools.model.intervals import has_intervals
 from fis_tools.model.trees import tree
 
@@ -165,8 +175,7 @@ def summary(system: FuzzySystem) -> str:
     exceptions += [
         f", {v.name} accumulated by {v.accumulation}" for v in system.outputs if v.accumulation != "max"
     ]
-    if system.is_sampled:
-        exceptions.append(f", inferred as {TOOLS[system.semantics].title} does")
+    exceptions.append(inferred_as(system.semantics))
     if has_intervals(system):
         exceptions.append(f", interval type-2, reduced by {system.type_reduction.title()}")
     return (
@@ -321,6 +330,12 @@ def outline(controller: FuzzyController) -> Document:
                 blocks += _variable(kind, variable)
         blocks += _rules(system)
     return Document(blocks)
+
+
+def inferred_as(*semantics: Semantics) -> str:
+    """Return the end of a sentence that says whose numbers it is about; empty for scikit-fuzzy's."""
+    titles = [TOOLS[each].title for each in dict.fromkeys(semantics) if each != "scikit-fuzzy"]
+    return f", inferred as {listed(titles)} {'does' if len(titles) == 1 else 'do'}" if titles else ""
 
 
 def wires_in_words(controller: FuzzyController) -> Iterator[str]:

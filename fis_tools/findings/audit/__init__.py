@@ -58,7 +58,9 @@ def audit(
         rows = None if samples is None else samples.get(system.name, np.empty((0, len(system.inputs))))
         if rows is not None:
             results.append(answers.find_along(system, rows, thresholds))
-        audited.append(AuditedSystem(system.name, measures, None if rows is None else len(rows)))
+        audited.append(
+            AuditedSystem(system.name, measures, None if rows is None else len(rows), system.semantics)
+        )
         findings += (replace(finding, system=system.name) for finding in chain(*results))
     findings.sort(key=lambda finding: -finding.severity)
     return Audit(name, tuple(audited), tuple(findings))

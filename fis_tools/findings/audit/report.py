@@ -7,6 +7,8 @@ from typing import Any
 
 from fis_tools.analysis.measures import Measures
 from fis_tools.document import Block, Document, Heading, Items, Paragraph, Result, Table, plain
+from fis_tools.model import Semantics
+from fis_tools.words.text import inferred_as
 
 
 class Severity(IntEnum):
@@ -142,11 +144,14 @@ class AuditedSystem:
     measures : Measures
     num_samples : int or None
         Inferences on the flights that were read; None without flights.
+    semantics : str
+        The program whose inference it means.
     """
 
     name: str
     measures: Measures
     num_samples: int | None
+    semantics: Semantics = "scikit-fuzzy"
 
 
 @dataclass(frozen=True, repr=False)
@@ -176,7 +181,8 @@ class Audit(Result):
         flown = [system.num_samples for system in self.systems if system.num_samples is not None]
         along = f" and {sum(flown)} logged inferences" if flown else ", no logs"
         number = f"{len(self.systems)} system{'' if len(self.systems) == 1 else 's'}"
-        return f"{self._name}: {totals or 'nothing found'} ({number}{along})"
+        tools = inferred_as(*(system.semantics for system in self.systems))
+        return f"{self._name}: {totals or 'nothing found'} ({number}{along}{tools})"
 
     def counted(self, system: str = "") -> str:
         """Count the findings of each severity, of all systems or of one."""

@@ -12,7 +12,8 @@ from fis_tools.analysis.arrays import spread_inputs
 from fis_tools.array_types import Floats
 from fis_tools.engines.compiler import compile as compiled
 from fis_tools.formats.serialize import fingerprint
-from fis_tools.model import FuzzyController, FuzzySystem, Rule, Term, Variable, peak, sample
+from fis_tools.model import FuzzyController, FuzzySystem, Rule, Term, Variable, peak
+from fis_tools.model.intervals import UPPER, bound_of, sampled_bounds
 from fis_tools.words.text import number
 
 Thing = TypeVar("Thing")
@@ -300,7 +301,7 @@ def _is_same_function(before: Variable, old: Term, after: Variable, new: Term) -
     if not (before.has_sets and after.has_sets):
         return old == new
     is_same_universe = np.array_equal(before.universe, after.universe)
-    return not is_same_universe or np.array_equal(sample(before, old), sample(after, new))
+    return not is_same_universe or np.array_equal(sampled_bounds(before, old), sampled_bounds(after, new))
 
 
 def _middle(variable: Variable, term: Term) -> float:
@@ -312,21 +313,30 @@ def _middle(variable: Variable, term: Term) -> float:
         return 0.0
     if isinstance(term.membership, model.Number):
         return term.membership.row(0)[-1]
-    return peak(variable, term)
+    return peak(variable, replace(term, membership=bound_of(term.membership, UPPER)))
 
 
 def _similarity(before: Variable, old: Term, after: Variable, new: Term) -> float:
-    """Return the Jaccard similarity of two functions: area of their minimum over area of their maximum."""
+    """Return the Jaccard similarity of two functions: area of their minimum over area of their maximum.
+
+    Of interval type-2 sets, areas of the lower and the upper functions are added (D. Wu and J. M. Mendel,
+    Information Sciences 179, 2009).
+    """
     if not (before.has_sets and after.has_sets):
         return float(old.membership == new.membership)
     points = np.union1d(before.universe, after.universe)
     points = np.union1d(points, np.linspace(points[0], points[-1], 2001))
     first, other = (
-        np.interp(points, variable.universe, sample(variable, term), left=0.0, right=0.0)
+        np.stack(
+            [
+                np.interp(points, variable.universe, bound, left=0.0, right=0.0)
+                for bound in sampled_bounds(variable, term)
+            ]
+        )
         for variable, term in ((before, old), (after, new))
     )
-    joint = float(np.trapezoid(np.maximum(first, other), points))
-    return float(np.trapezoid(np.minimum(first, other), points)) / joint if joint > 0.0 else 1.0
+    joint = float(np.trapezoid(np.maximum(first, other), points).sum())
+    return float(np.trapezoid(np.minimum(first, other), points).sum()) / joint if joint > 0.0 else 1.0
 
 
 def new_names(variables: Sequence[VariableChange]) -> Names:

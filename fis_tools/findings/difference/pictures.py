@@ -12,7 +12,8 @@ from fis_tools.analysis.arrays import Surface, surface
 from fis_tools.document.html import element, png_address, void
 from fis_tools.engines.compiler import compile as compiled
 from fis_tools.findings.difference.comparison import SystemDifference, VariableChange, over_both_ranges
-from fis_tools.model import FuzzySystem, sample
+from fis_tools.model import FuzzySystem
+from fis_tools.model.intervals import sampled_bounds
 from fis_tools.render import Figure, Theme
 
 #: Points along each axis of a surface.
@@ -32,7 +33,8 @@ def draw_terms(change: VariableChange) -> Markup:
         figure.set_facecolor(theme.paper)
         for term in change.terms:
             if term.before is not None:
-                ax.plot(old.universe, sample(old, term.before), ":", color=theme.ink, linewidth=1.4)
+                for bound in dict.fromkeys(map(tuple, sampled_bounds(old, term.before))):
+                    ax.plot(old.universe, bound, ":", color=theme.ink, linewidth=1.4)
         ax.set_xlim(min(old.minimum, new.minimum), max(old.maximum, new.maximum))
         return figure
 

@@ -10,8 +10,17 @@ from fis_tools.document.html import fragment, page
 from fis_tools.findings.difference import comparison
 from fis_tools.findings.difference.comparison import Fact, Pair, Source, SystemDifference, VariableChange
 from fis_tools.formats.serialize import fingerprint
-from fis_tools.model import Formula, FuzzyController, FuzzySystem, Linear, Rule, Sampled, Term, with_terms
-from fis_tools.model.intervals import require_type_1
+from fis_tools.model import (
+    Between,
+    Formula,
+    FuzzyController,
+    FuzzySystem,
+    Linear,
+    Rule,
+    Sampled,
+    Term,
+    with_terms,
+)
 from fis_tools.model.validate import validate
 from fis_tools.source import as_controller
 from fis_tools.words import text
@@ -111,7 +120,7 @@ def _system(system: SystemDifference, pictures: bool) -> Iterator[Block]:
         is_same = system.before.rules == system.after.rules
         yield Paragraph("Nothing changed." if is_same else "Only the order of rules or their parts changed.")
         return
-    yield Paragraph(f"{headline(system)}.")
+    yield Paragraph(f"{headline(system)}{text.inferred_as(system.after.semantics)}.")
     yield from _fact_table(system.facts)
     yield from _outputs(system.outputs)
     if pictures:
@@ -222,7 +231,14 @@ def shape_change(before: Term, after: Term) -> str:
     Numbers equal to six digits are left out, or shown in full if nothing else changed.
     """
     old, new = before.membership, after.membership
-    if type(old) is not type(new) or isinstance(old, Formula | Linear | Sampled):
+    if isinstance(old, Between) and isinstance(new, Between):
+        pairs = {"lower": (old.lower, new.lower), "upper": (old.upper, new.upper)}
+        return "; ".join(
+            f"{word}: {shape_change(Term(before.name, shapes[0]), Term(after.name, shapes[1]))}"
+            for word, shapes in pairs.items()
+            if shapes[0] != shapes[1]
+        )
+    if type(old) is not type(new) or isinstance(old, Between | Formula | Linear | Sampled):
         return f" {TO} ".join(dict.fromkeys(text.shape_words(term) for term in (before, after)))
     changed = {
         field.name.replace("_", " "): (getattr(old, field.name), getattr(new, field.name))
@@ -356,7 +372,6 @@ def difference(
         old = {after.name: before}
     for system in (*old.values(), *new.values()):
         validate(system)
-    require_type_1((*old.values(), *new.values()), "a comparison")
     first, other = (Source(*side) for side in zip(sides, files, strict=True))
     compared = [_compare(old.pop(name, None), system, samples) for name, system in new.items()]
     gone = [SystemDifference(system, None) for system in old.values()]

@@ -24,7 +24,7 @@ from fis_tools.findings.explanation.one_system import (
     question,
 )
 from fis_tools.model import FuzzyTree, Variable
-from fis_tools.words.text import amount, sentence, signed
+from fis_tools.words.text import amount, inferred_as, sentence, signed
 
 #: rules that are told of an output, unless all are asked for
 MOST_RULES = 12
@@ -82,7 +82,7 @@ class ChainExplanation(Result):
         """Render the whole, then each system; `everything` adds rules with hardly any effect."""
         pairs = zip(self.system.inputs, self.inputs, strict=True)
         words = ", ".join(f"{variable.name} = {amount(variable, value)}" for variable, value in pairs)
-        blocks: list[Block] = [Heading(f"{self.system.name} at {words}")]
+        blocks: list[Block] = [Heading(f"{self.system.name} at {words}{inferred_as(self.system.semantics)}")]
         for index, output in enumerate(self.outputs):
             blocks.append(Paragraph(f"{output.variable.name} = {amount(output.variable, output.value)}"))
             rows = [*self._rows(index, output.variable, everything)]

@@ -16,7 +16,7 @@ from fis_tools.engines.inference import infer
 from fis_tools.findings.explanation.flips import ClassFlip, Flip, class_flips, flips, is_classifier
 from fis_tools.findings.explanation.points import made_of, plain_parts
 from fis_tools.model import FuzzySystem, Variable
-from fis_tools.words.text import NEGLIGIBLE, amount, listed, percent, sentence, signed
+from fis_tools.words.text import NEGLIGIBLE, amount, inferred_as, listed, percent, sentence, signed
 
 #: Rules that moved an output by less than this fraction of its range, or beyond so many, are told on demand.
 WORTH_TELLING = 0.01
@@ -119,7 +119,9 @@ class Explanation(Result):
 
     def document(self, *, everything: bool = False) -> Document:
         """Render the explanation, what matters most first; `everything` adds rules with hardly any effect."""
-        blocks: list[Block] = [Heading(f"{self.system.name} at {self._inputs_in_words()}")]
+        blocks: list[Block] = [
+            Heading(f"{self.system.name} at {self._inputs_in_words()}{inferred_as(self.system.semantics)}")
+        ]
         for output in self.outputs:
             rows, rest = self._moves(output, everything)
             blocks += [Paragraph(_value(output)), Items(self.conclusions(output))]

@@ -13,7 +13,7 @@ from fis_tools.array_types import Floats
 from fis_tools.document import Block, Document, Heading, Paragraph, Result, Table, plain
 from fis_tools.engines.compiler import compile
 from fis_tools.model import FuzzyController, FuzzySystem
-from fis_tools.words.text import amount
+from fis_tools.words.text import amount, inferred_as
 
 #: Samples on which candidates are ranked; the step that is taken is measured on all.
 NUM_RANKING = 4096
@@ -225,6 +225,7 @@ class Simplification(Result):
         return (
             f"{self.original.name}: {rules[0]} rules to {rules[1]}, {terms[0]} terms to {terms[1]}, at "
             f"{budget_words(self.budget, flown=any(system.num_flown for system in self.systems))}"
+            + inferred_as(*(system.semantics for system in self.original.systems))
         )
 
     def document(self) -> Document:

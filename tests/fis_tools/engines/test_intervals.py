@@ -6,10 +6,14 @@ import numpy as np
 import pytest
 
 from fis_tools.analysis.bounds import output_ranges
+from fis_tools.array_types import Floats
+from fis_tools.edit.shown import variable
+from fis_tools.edit.touches import term_touched
 from fis_tools.engines.compiler import compile
 from fis_tools.engines.intervals import extreme_mean
 from fis_tools.errors import Mistake
 from fis_tools.findings.audit import audit
+from fis_tools.findings.difference import difference
 from fis_tools.findings.explanation import explain
 from fis_tools.formats import serialize
 from fis_tools.formats.c import source
@@ -191,6 +195,27 @@ def test_shares_of_rules_are_those_of_systems_without_the_others(system):
     np.testing.assert_allclose(by_rule[1].needed, worth(0, 1) - worth(1), atol=1e-12)
     assert by_rule[2].strength_words == "0.25 to 0.54"
     assert sum(move.share for move in output.moves) == pytest.approx(output.value - 15.0, abs=1e-12)
+
+
+def test_the_editor_changes_a_bound_and_tells_by_how_much():
+    """Alike by the areas of both bounds, as D. Wu and J. M. Mendel have it."""
+    system = tipper()
+    service = system.inputs[0]
+    shown = variable(service)["terms"][0]
+    assert [number["key"] for number in shown["numbers"]][::3] == ["lower mean", "upper standard_deviation"]
+    assert shown["path"].endswith("Z")
+    details = {"term": "0.0", "key": "upper standard_deviation", "value": "2.5"}
+    changed = term_touched(system, service, "number", **details)
+    assert changed.inputs[0].terms[0].membership == uncertain(0.0, 1.2, 2.5)
+    (change,) = difference(system, changed).systems[0].variables[0].terms
+    lower, before, after = (np.trapezoid(gaussian(service.universe, 0.0, s)) for s in (1.2, 1.8, 2.5))
+    assert change.similarity == pytest.approx((lower + before) / (lower + after), abs=1e-4)
+    assert "upper: standard deviation 1.8 → 2.5" in difference(system, changed).text()
+    assert difference(system, changed).html()
+
+
+def gaussian(x: Floats, mean: float, deviation: float) -> Floats:
+    return np.exp(-0.5 * ((x - mean) / deviation) ** 2)
 
 
 def test_what_is_for_type_1_refuses_interval_sets_by_name():

@@ -9,6 +9,10 @@ import pytest
 from fis_tools.analysis.bounds import output_ranges
 from fis_tools.engines.compiler import compile
 from fis_tools.engines.inference import infer
+from fis_tools.findings import explanation
+from fis_tools.findings.audit import audit
+from fis_tools.findings.difference import difference
+from fis_tools.findings.simplification import simplify
 from fis_tools.formats import serialize
 from fis_tools.formats.serialize import loads
 from fis_tools.model import (
@@ -92,6 +96,22 @@ def test_a_rule_that_fires_faintly_stays_inside_the_range_of_the_output():
     assert "numbers are those of MATLAB" in heated.sentence
     (beyond,) = output_ranges(system, "q in [0, 20]")
     assert "q beyond its range of 0 to 10 is taken as it is" in beyond.sentence
+
+
+def test_every_conclusion_names_the_program_that_it_holds_for():
+    system = ramps({"lo": Triangular(-0.5, 0.0, 0.5), "hi": Triangular(0.5, 1.0, 1.5)}, 0.0, 1.0)
+    other = replace(system, rules=system.rules[:1])
+    for semantics, is_named in (("matlab", True), ("scikit-fuzzy", False)):
+        original, changed = (replace(each, semantics=semantics) for each in (system, other))
+        conclusions = (
+            summary(original),
+            audit(original).summary(),
+            explanation.explain(original, [0.3]).text(),
+            difference(original, changed).text(),
+            simplify(original).summary,
+            output_ranges(original)[0].sentence,
+        )
+        assert [("MATLAB" in words) for words in conclusions] == [is_named] * len(conclusions)
 
 
 def test_singletons_between_and_at_the_ends_are_numbers():
