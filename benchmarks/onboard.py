@@ -1,6 +1,8 @@
 """The on-board function of each champion in C: flights compared bit by bit, and proofs by Frama-C.
 
-``python -m benchmarks onboard --flights 300 --prove`` prints the table of docs/how-to/fly-on-board.md. With
+``python -m benchmarks onboard --flights 1000 --compilers --prove`` prints the table of
+docs/how-to/fly-on-board.md; with ``--compilers`` each flight is repeated by gcc and clang, from -O0 to -O3.
+With ``--emulate`` they are repeated on emulated Cortex-M7 and M4, and instructions and memory counted; with
 ``--faults`` faults are put into the C, and the analyser must find each.
 """
 
@@ -15,11 +17,13 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
+from benchmarks import emulated
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers import source
 from pipeline.flight.fly.simulation import fly_logged
+from pipeline.flight.state.log import Scenario
 from pipeline.onboard.export import export
-from pipeline.onboard.program import translate
+from pipeline.onboard.program import OnboardProgram, translate
 from pipeline.onboard.recorded import Library, differing, recorded
 from pipeline.scenarios import evaluation_scenarios
 
@@ -36,13 +40,20 @@ CHAMPIONS: tuple[tuple[str, ...], ...] = (
     ("champion_rso", "world=rso"),
     ("champion_docking", "problem=docking"),
 )
+#: compilers and levels of optimisation by which each flight is repeated
+COMPILERS, LEVELS = ("gcc", "clang"), ("-O0", "-O1", "-O2", "-O3")
+HEADING = (
+    "| controller | flights | commands that differ | lines | tables, kB | state, kB "
+    "| alarms | reached | s |\n"
+    "|---|---|---|---|---|---|---|---|---|\n"
+)
 #: faults: what is replaced by what, in the C of `champion_27`
 FAULTS: tuple[tuple[str, str], ...] = (
     (r"for \(int j = 0; j < 104;", "for (int j = 0; j < 105;"),
     (r"most\(least\(state->asked|most\(least\(force_x, 1\.0\), -1\.0\)", "(2.0 * force_x)"),
     (
-        r"\(output->status != 0\) \|\| \(period < 0\) \|\| \(period >= CONTROLLER_NUM_PERIODS\)",
-        "output->status != 0",
+        r"\(output->status == 0\) && \(period >= 0\) && \(period < CONTROLLER_NUM_PERIODS\)",
+        "output->status == 0",
     ),
     (r"finite_or_zero\(state->signals", "(state->signals"),
     (r"state->leading\[system\] >= 0", "state->leading[system] >= -1"),
@@ -71,21 +82,38 @@ def proved(folder: Path) -> tuple[int, str, float]:
     return int(alarms[1] if alarms else -1) + unknown, f"{reached[1] if reached else '?'} %", seconds
 
 
-def row(words: Sequence[str], num_flights: int, *, is_proved: bool) -> str:
-    """Return a champion's row of the table."""
+def program_of(words: Sequence[str]) -> tuple[OnboardProgram, list[Scenario]]:
+    """Return a champion's program, and its starts."""
     job = compose_experiment(["+experiment=evaluate", f"controller={words[0]}", *words[1:]])
     mission = job.experiment.mission
     program = translate(mission, source.load(job.config["controller"], mission))
-    starts = evaluation_scenarios(job.experiment)[:num_flights]
+    return program, list(evaluation_scenarios(job.experiment))
+
+
+def libraries(folder: Path, *, is_by_all: bool) -> list[Library]:
+    """Return the C of a folder by each compiler and level, or by gcc alone."""
+    if not is_by_all:
+        return [Library(folder)]
+    return [
+        Library(folder, compiler, ("-std=c99", level, "-ffp-contract=off"))
+        for compiler in COMPILERS
+        for level in LEVELS
+    ]
+
+
+def row(words: Sequence[str], num_flights: int, *, is_proved: bool, is_by_all: bool) -> str:
+    """Return a champion's row of the table."""
+    program, starts = program_of(words)
+    starts = starts[:num_flights]
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
         exported = export(program, starts[:1], folder)
-        library, num_different, num_commands = Library(folder), 0, 0
+        compiled, num_different, num_commands = libraries(folder, is_by_all=is_by_all), 0, 0
         for start in starts:
-            log = fly_logged(mission, program.controller, start, is_one_of_many=True)
-            answers = library.answers(recorded(program, start, log))
-            num_different += len(differing(answers, log))
-            num_commands += len(answers)
+            log = fly_logged(program.mission, program.controller, start, is_one_of_many=True)
+            flight = recorded(program, start, log)
+            num_different += sum(len(differing(library.answers(flight), log)) for library in compiled)
+            num_commands += len(flight.steps) * len(compiled)
         alarms, reached, seconds = proved(folder) if is_proved else ("", "", 0.0)
     size = exported.source
     return (
@@ -97,12 +125,11 @@ def row(words: Sequence[str], num_flights: int, *, is_proved: bool) -> str:
 
 def faults_found() -> int:
     """Return how many faults the analyser finds, of those that are put into the C of `champion_27`."""
-    job = compose_experiment(["+experiment=evaluate", "controller=champion_27"])
-    mission, num_found = job.experiment.mission, 0
-    program = translate(mission, source.load(job.config["controller"], mission))
+    program, starts = program_of(("champion_27",))
+    num_found = 0
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
-        export(program, evaluation_scenarios(job.experiment)[:1], folder)
+        export(program, starts[:1], folder)
         code = (folder / "controller.c").read_text(encoding="utf-8")
         for pattern, fault in FAULTS:
             faulty, number = re.subn(pattern, fault, code, count=1)
@@ -118,6 +145,8 @@ def main(arguments: Sequence[str]) -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks onboard", description=__doc__)
     parser.add_argument("--flights", type=int, default=100)
     parser.add_argument("--prove", action="store_true")
+    parser.add_argument("--compilers", action="store_true")
+    parser.add_argument("--emulate", action="store_true")
     parser.add_argument("--faults", action="store_true")
     parser.add_argument("--only", nargs="*", default=[])
     chosen = parser.parse_args(arguments)
@@ -126,12 +155,15 @@ def main(arguments: Sequence[str]) -> None:
     if chosen.faults:
         sys.stdout.write(f"{faults_found()} of {len(FAULTS)} faults are found\n")
         return
-    sys.stdout.write(
-        "| controller | flights | commands that differ | lines | tables, kB | state, kB | alarms | reached "
-        "| s |\n"
-        "|---|---|---|---|---|---|---|---|---|\n"
-    )
+    sys.stdout.write(emulated.HEADING if chosen.emulate else HEADING)
     for words in CHAMPIONS:
-        if not chosen.only or words[0] in chosen.only:
-            sys.stdout.write(row(words, chosen.flights, is_proved=chosen.prove) + "\n")
+        if chosen.only and words[0] not in chosen.only:
+            continue
+        if chosen.emulate:
+            program, starts = program_of(words)
+            lines = emulated.rows(words, program, starts[: chosen.flights])
+        else:
+            lines = iter([row(words, chosen.flights, is_proved=chosen.prove, is_by_all=chosen.compilers)])
+        for line in lines:
+            sys.stdout.write(line + "\n")
             sys.stdout.flush()

@@ -168,7 +168,11 @@ class Expressions(Writer, ABC):
         return Expression(text, kind, range=span)
 
     def _value_subscript(self, node: ast.Subscript, frame: Frame) -> Any:
-        return self.element(self.value(node.value, frame), self._key(node.slice, frame))
+        owner, key = self.value(node.value, frame), self._key(node.slice, frame)
+        if isinstance(owner, Three) and isinstance(key, Expression):
+            x, y, z = self.stable(owner, "component")
+            return self.chosen(key == 0, x, self.chosen(key == 1, y, z))
+        return self.element(owner, key)
 
     def _key(self, node: ast.expr, frame: Frame) -> Any:
         if not isinstance(node, ast.Slice):

@@ -69,7 +69,7 @@ def _extreme(name: str, compute: Callable[[Any, Any], Any], symbol: str) -> Call
             span = None
             if ranges[0] and ranges[1]:
                 span = (compute(ranges[0][0], ranges[1][0]), compute(ranges[0][1], ranges[1][1]))
-            return Expression(f"({b} {symbol} {a} ? {b} : {a})", "int", range=span)
+            return Expression(f"(({b} {symbol} {a}) ? {b} : {a})", "int", range=span)
         return _call(name, second, first)
 
     def write(translator: Translator, first: Any, *others: Any) -> Any:
@@ -167,9 +167,12 @@ def _matrix(translator: Translator, rows: Any, **_: Any) -> Any:
     return nested
 
 
-def _empty(translator: Translator, length: int) -> Array:
-    name = translator.fresh("local")
-    translator.emit(f"double {name}[{length}] = {{0.0}};")
+def _empty(translator: Translator, length: Any) -> Array:
+    name, span = translator.fresh("local"), range_of(length)
+    if span is None:
+        raise TranslationError("an array without a constant bound of its length")
+    length = span[1]
+    translator.emit(f"double {name}[{length}] = {{0}};")
     return Array(name, (length,))
 
 
@@ -204,6 +207,7 @@ OPERATIONS: Mapping[Any, Callable[..., Any]] = {
     enumerate: lambda _, items: list(enumerate(items)),
     np.array: _matrix,
     np.empty: _empty,
+    np.zeros: _empty,
     np.sqrt: _function("sqrt", math.sqrt),
     np.rint: _function("nearest_whole", lambda x: float(np.rint(x))),
     np.floor: _function("floor", lambda x: float(math.floor(x))),

@@ -15,6 +15,7 @@ from pipeline.flight.control.law import law_of
 from pipeline.flight.fly.tours import tour_images, tour_names
 from pipeline.flight.fly.workspace import optics_in_use
 from pipeline.flight.period import steps
+from pipeline.flight.period.act.safety import MOST_CUTS, assure
 from pipeline.flight.period.decide.urgency import note_deadlines
 from pipeline.flight.period.look import optics as look_optics
 from pipeline.flight.period.look.optics import Beam, Eye
@@ -270,6 +271,8 @@ def translate(mission: Mission, controller: Controller) -> OnboardProgram:
     pushes = True if law.needs & SETTING else None
     arguments = {"now": now, "work": work, "optics": optics, "pushes": pushes, "control": control}
     translator.write("decide", steps.decide, arguments)
+    if world.guard.is_on:
+        translator.write("assure", assure, {"now": now, "cuts": work.cuts})
     named = [
         (name, dict(zip(CONSTANTS, choice.constants.tolist(), strict=True)))
         for name, choice in choices.items()
@@ -279,7 +282,7 @@ def translate(mission: Mission, controller: Controller) -> OnboardProgram:
 
 def moment(translator: Translator, world: World) -> tuple[Moment, Any]:
     """Return a flight at a sample that is known on board, as deputies know it, and its workspace."""
-    sizes = {"L": 1, "P": world.points.shape[2], "C": 1, "S": world.num_attitude_steps, "cuts": 1}
+    sizes = {"L": 1, "P": world.points.shape[2], "C": 1, "S": world.num_attitude_steps, "cuts": MOST_CUTS}
     scratch = record_of(translator, "scratch_", {**kernel.SCRATCH, "cut_terms": (2 * packing.MAX_TERMS,)})
     state = Fields(translator, FlightState, sizes)
     state._others["truth"] = state.belief

@@ -60,6 +60,12 @@ def step_type(num_points: int) -> np.dtype[Any]:
     )
 
 
+def vector_type(num_points: int) -> np.dtype[Any]:
+    """Return the layout of ``struct vector_step``."""
+    fields = [("input", step_type(num_points)), ("choice", "i4"), ("is_given", "i4"), ("force_n", "f8", 3)]
+    return np.dtype(fields, align=True)
+
+
 #: the layout of ``struct controller_output``
 OUTPUT = np.dtype(
     [
@@ -68,6 +74,7 @@ OUTPUT = np.dtype(
         ("inferred_n", "f8", 3),
         ("reason", "i4", 3),
         ("leading_rule", "i4", 3),
+        ("safety_limit", "i4"),
     ],
     align=True,
 )
@@ -107,6 +114,17 @@ def _chosen(program: OnboardProgram, scenario: Scenario) -> dict[int, int]:
     return dict(zip(rehearsal_samples(controller, mission), followed.tolist(), strict=True))
 
 
+def vector_of(flights: Sequence[Recorded], logs: Sequence[FlightLog]) -> tuple[Any, Any]:
+    """Return a test vector: (n,) records of `start_type` and (n, K) of `vector_type`."""
+    num_points = flights[0].start.dtype["counts"].shape[0]
+    steps = np.zeros((len(flights), len(flights[0].steps)), vector_type(num_points))
+    for row, flight, log in zip(steps, flights, logs, strict=True):
+        row["input"], row["force_n"] = flight.steps, log.force_commanded_n
+        row["is_given"] = (log.command_reason == REHEARSED).any(axis=1)
+        row["choice"] = [flight.choices.get(k, -1) for k in range(len(row))]
+    return np.stack([flight.start for flight in flights]), steps
+
+
 class Library:
     """The C of an on-board function, compiled for this machine."""
 
@@ -129,21 +147,28 @@ class Library:
             self._functions = ctypes.CDLL(os.fspath(library))
         self._state = (ctypes.c_double * (1 << 16))()
 
+    def start(self, start: Any) -> None:
+        """Begin a flight, from a record of `start_type`."""
+        start = np.ascontiguousarray(start)
+        self._functions.controller_start(self._state, ctypes.c_void_p(start.ctypes.data))
+
+    def choose(self, parameters: Sequence[float]) -> None:
+        """Change the constants that may be changed in flight."""
+        self._state[: len(parameters)] = list(parameters)
+
+    def step(self, step: Any, output: Any) -> None:
+        """Write what is answered to a record of `step_type` into one of `OUTPUT`, both of an array's."""
+        addresses = (ctypes.c_void_p(record.ctypes.data) for record in (step, output))
+        self._functions.controller_step(self._state, *addresses)
+
     def answers(self, flight: Recorded) -> Any:
         """Return what the on-board function answers to a flight's samples, (K,) records of `OUTPUT`."""
-        functions, state = self._functions, self._state
-        start, steps = np.ascontiguousarray(flight.start), np.ascontiguousarray(flight.steps)
-        outputs = np.zeros(len(steps), OUTPUT)
-        functions.controller_start(state, ctypes.c_void_p(start.ctypes.data))
-        for k in range(len(steps)):
+        outputs = np.zeros(len(flight.steps), OUTPUT)
+        self.start(flight.start)
+        for k in range(len(outputs)):
             if k in flight.choices:
-                for index, value in enumerate(flight.parameters[flight.choices[k]]):
-                    state[index] = value
-            functions.controller_step(
-                state,
-                ctypes.c_void_p(steps.ctypes.data + k * steps.itemsize),
-                ctypes.c_void_p(outputs.ctypes.data + k * outputs.itemsize),
-            )
+                self.choose(flight.parameters[flight.choices[k]])
+            self.step(flight.steps[k : k + 1], outputs[k : k + 1])
         return outputs
 
 
@@ -154,4 +179,5 @@ def differing(outputs: Any, log: FlightLog) -> Integers:
     """
     is_given = (log.command_reason == REHEARSED).any(axis=1)
     differs = (outputs["force_n"] != log.force_commanded_n).any(axis=1)
+    differs |= outputs["safety_limit"] != log.safety_limit
     return np.flatnonzero(differs & ~is_given)

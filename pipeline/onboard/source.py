@@ -25,7 +25,7 @@ WARNINGS = (
     *("-Wcast-qual", "-Werror"),
 )
 #: members of the state that the entries write or read
-OF_ENTRIES = frozenset({"asked", "commanded", "coasts", "outputs", "leading", "num_unseen"})
+OF_ENTRIES = frozenset({"asked", "commanded", "coasts", "outputs", "leading", "num_unseen", "limit"})
 #: positions are taken up to so many times the greatest distance allowed, speeds up to that within a time, s
 REACH, PASSAGE_S = 50.0, 2.0
 #: lanes of vectors are bytes of a double; of whole numbers there are four
@@ -120,6 +120,7 @@ def _facts(program: OnboardProgram, members: Mapping[str, Any], functions: set[s
         "rule_order": [[*order, *[0] * (longest - len(order))] for order in orders],
         "systems": [int(axis) for axis in law.axes],
         "dead_bands": [f"state->parameters.{name}" if name in parameters else "0.0" for name in bands],
+        "limits": "0 none, 1 keep out, 2 keep in, 3 speed, 4 passive safety",
         "reasons": {reason: REASONS[reason] for reason in LOGIC_REASONS},
         "silent_n": SILENT_N,
         "is_body": law.force_axes == BODY,
@@ -241,7 +242,8 @@ def _read(lines: Iterable[Line]) -> tuple[set[str], set[str]]:
         match = _STORE.fullmatch(line.text)
         text = match[2] if match else line.text
         for name, indices in re.findall(r"state->(\w+)((?:\[\d+\])*)", text):
-            elements.add(name + indices)
+            if match is None or name + indices != match[1]:  # a sum that only adds to itself is not read
+                elements.add(name + indices)
         wholes |= set(re.findall(r"state->(\w+)(?:\[\d+\])*\[[^\]\d]", text))
     return elements, wholes
 

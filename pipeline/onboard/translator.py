@@ -116,6 +116,9 @@ class Translator(Expressions):
         given: list[str] = []
 
         def parameter(leaf: Any, leaf_name: str) -> Any:
+            if isinstance(leaf, Array):
+                indices = (parameter(index, f"{leaf_name}_index") for index in leaf.indices)
+                return replace(leaf, indices=tuple(indices), first=parameter(leaf.first, leaf_name))
             if not isinstance(leaf, Expression):
                 return leaf
             variable = self.fresh(leaf_name)
@@ -420,14 +423,12 @@ class Translator(Expressions):
         declared = self.setting.bounds.get((frame.source.name, "while"))
         if declared is None:
             raise TranslationError(f"{UNBOUNDED} ({frame.source.name}, while)")
-        limit, before = declared(frame.names), len(self.function.lines)
-        condition = self.value(statement.test, frame)
-        if len(self.function.lines) != before:
-            raise TranslationError("a condition that needs statements")
-        turn = self.fresh("turn")
+        limit, turn = declared(frame.names), self.fresh("turn")
         self.loops.append(Loop(self.function.name, turn, limit, *self._line))
-        self.emit(f"for (int {turn} = 0; ({turn} < {limit}) && {condition.text}; ++{turn}) {{")
-        self._nested(body, frame, {})
+        self.emit(f"for (int {turn} = 0; {turn} < {limit}; ++{turn}) {{")
+        goes_on = ast.copy_location(ast.UnaryOp(ast.Not(), statement.test), statement.test)
+        leaves = ast.copy_location(ast.If(goes_on, [ast.Break()], []), statement.test)
+        self._nested([ast.fix_missing_locations(leaves), *body], frame, {})
 
 
 class NoResultError(Exception):

@@ -146,7 +146,7 @@ class Expression:
                 text = match[3] if is_left_out else f"({shown} {match[2]} {match[3]})"
                 offset = left.offset + known - int(match[1])
                 return Expression(text, "int", range=_range_of(operator, left, right), offset=offset)
-        if kind == "int" and operator == "*" and isinstance(left, int) and left == 1:
+        if kind == "int" and isinstance(left, int | np.integer) and operator + str(left) in ("*1", "+0"):
             return right
         symbol = "/" if operator == "//" else operator
         text = f"({text_of(left, c_type)} {symbol} {text_of(right, c_type)})"

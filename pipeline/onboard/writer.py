@@ -309,7 +309,7 @@ class Writer:
                 variable = self.fresh(leaf_name)
                 if float(leaf) != 0.0:
                     raise TranslationError(f"sums of a vector that begin with {float(leaf)}")
-                self.emit(f"double {variable}[8] = {{0.0}};")
+                self.emit(f"double {variable}[8] = {{0}};")
                 return Accumulator(variable)
             if not is_scalar(leaf):
                 return leaf
@@ -368,6 +368,7 @@ class Writer:
         )
 
 
+_STORE = re.compile(r"\s*(\w+) = (.*);")
 _DECLARATION = re.compile(r"\s*(?:const )?(?:double|int|bool) (\w+)(?: = (.*))?;")
 #: what changes nothing but the state, and what reads alone
 _PURE_CALLS = frozenset(
@@ -379,17 +380,20 @@ _PURE_CALLS = frozenset(
 
 
 def pruned(lines: list[Line]) -> list[Line]:
-    """Leave out declarations of what nothing reads."""
+    """Leave out variables that nothing reads, and what is written into them."""
     while True:
-        uses: dict[str, int] = {}
+        reads: dict[str, int] = {}
         for line in lines:
-            for word in re.findall(r"[A-Za-z_]\w*", line.text):
-                uses[word] = uses.get(word, 0) + 1
+            match = _DECLARATION.fullmatch(line.text) or _STORE.fullmatch(line.text)
+            for word in re.findall(r"[A-Za-z_]\w*", (match[2] or "") if match else line.text):
+                if match is None or word != match[1]:  # what only changes itself is not read
+                    reads[word] = reads.get(word, 0) + 1
+        local = {match[1] for line in lines if (match := _DECLARATION.fullmatch(line.text))}
         kept = []
         for line in lines:
-            match = _DECLARATION.fullmatch(line.text)
+            match = _DECLARATION.fullmatch(line.text) or _STORE.fullmatch(line.text)
             calls = set(re.findall(r"([A-Za-z_]\w*)\(", match[2] or "")) if match else set()
-            if match is None or uses[match[1]] > 1 or calls - _PURE_CALLS:
+            if match is None or match[1] not in local or reads.get(match[1]) or calls - _PURE_CALLS:
                 kept.append(line)
         if len(kept) == len(lines):
             return lines

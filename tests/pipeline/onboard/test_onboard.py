@@ -1,5 +1,6 @@
 """The on-board function in C commands what the flight commanded, bit for bit, and refuses bad input."""
 
+import csv
 import shutil
 import subprocess
 from functools import cache
@@ -12,12 +13,13 @@ from fis_tools.formats import serialize
 from pipeline.controllers.source import named
 from pipeline.flight.control.controller import from_fuzzy
 from pipeline.flight.fly.simulation import fly_logged
+from pipeline.flight.fly.stepping import SteppedFlights
 from pipeline.flight.fly.tours import tour_images
 from pipeline.flight.period.decide import urgency
 from pipeline.flight.state.log import REHEARSED
 from pipeline.onboard.export import export
 from pipeline.onboard.program import NotTranslatableError, translate
-from pipeline.onboard.recorded import Library, differing, recorded
+from pipeline.onboard.recorded import OUTPUT, Library, differing, recorded
 from pipeline.onboard.source import WARNINGS, sources
 from tests.fis_tools.sample_controllers import SHIPPED
 from tests.pipeline.flight.cases import mission, random_starts
@@ -41,7 +43,7 @@ def written(program, folder):
     source = sources(program)
     (folder / "controller.h").write_text(source.header)
     (folder / "controller.c").write_text(source.code)
-    return Library(folder)
+    return Library(folder, flags=("-std=c99", "-O0", "-ffp-contract=off"))
 
 
 @pytest.mark.parametrize("name", SHIPPED)
@@ -58,11 +60,69 @@ def test_c_commands_what_was_commanded_and_for_the_same_reason(name, tmp_path):
     assert np.any(answers["leading_rule"] > 0)
 
 
+def test_the_safety_layer_changes_the_same_forces_for_the_same_limit(tmp_path):
+    guarded = mission(duration_s=1200.0, safety={"kind": "filter"}, deputy={"min_distance_m": 45.0})
+    program = translate(guarded, controller("champion_27"))
+    library = written(program, tmp_path)
+    acted = 0
+    for start in random_starts(3, seed=5):
+        log = fly_logged(guarded, program.controller, start, is_one_of_many=True)
+        answers = library.answers(recorded(program, start, log))
+        assert len(differing(answers, log)) == 0
+        assert np.array_equal(answers["safety_limit"], log.safety_limit)
+        acted += np.count_nonzero(log.safety_limit)
+    assert acted > 0
+
+
 @pytest.fixture(scope="module")
 def exported(tmp_path_factory):
     folder = tmp_path_factory.mktemp("exported")
     program = translate(SHORT, controller("champion_27"))
     return folder, program, export(program, random_starts(2, seed=1), folder)
+
+
+def test_the_evidence_counts_what_the_recorded_flights_run(exported):
+    folder, program, result = exported
+    read = {
+        name: list(csv.DictReader((folder / "evidence" / f"{name}.csv").read_text().splitlines()))
+        for name in ("loops", "rules", "stack", "traceability")
+    }
+    code = (folder / "controller.c").read_text().splitlines()
+    assert len(read["rules"]) == sum(len(system.rules) for system in program.controller.systems)
+    assert all(row["words"] in joined(code, int(row["line of controller.c"])) for row in read["rules"])
+    assert any(int(row["commands it led"]) for row in read["rules"])
+    runs = {int(row["line of controller.c"]): row["runs in main.c"] for row in read["traceability"]}
+    (first,) = (k for k, line in enumerate(code, start=1) if line.startswith("static void note_deadlines"))
+    assert runs[first] == "2"  # once a flight
+    assert all(int(row["at most"]) > 0 for row in read["loops"])
+    step = next(row for row in read["stack"] if row["function"] == "controller_step")
+    assert int(step["with what it calls"]) == result.sizes.stacks["controller_step"] > 0
+
+
+def joined(code, line):
+    """The text of a comment from a line on, its lines joined."""
+    return " ".join(part.removeprefix(" * ") for part in code[line - 1 : line + 4])
+
+
+def test_the_c_flies_in_closed_loop_to_the_same_states(exported, library):
+    _, program, _ = exported
+    (start,) = random_starts(1, seed=4)
+    log = fly_logged(SHORT, program.controller, start, is_one_of_many=True)
+    flight = recorded(program, start, log)
+    flights = SteppedFlights(SHORT, 1, is_tilted=start.sun_elevation_rad != 0.0)
+    flights.start(0, start)
+    flights.step(np.zeros((1, 3)))
+    library.start(flight.start)
+    output = np.zeros(1, OUTPUT)
+    for k in range(len(flight.steps)):
+        step = flight.steps[k : k + 1].copy()
+        step["position_m"], step["velocity_m_s"] = flights.observed[0, :3], flights.observed[0, 3:6]
+        step["unseen"] = (flight.start["counts"] > 0) & ~flights.is_inspected[0]
+        library.step(step, output)
+        flights.step(output["force_n"])
+        assert np.array_equal(flights.observed[0, :3], log.position_m[k + 1])
+        assert np.array_equal(flights.is_inspected[0], log.is_inspected[k + 1])
+    assert np.any(log.force_commanded_n)
 
 
 def test_an_export_is_compared_and_compiles_without_warnings_as_c_and_cpp(exported):

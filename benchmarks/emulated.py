@@ -1,0 +1,102 @@
+"""Exported controllers on emulated Cortex-M7 and M4: flights compared bit by bit, instructions and memory."""
+
+import os
+import re
+import subprocess
+import tempfile
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from pipeline.flight.fly.simulation import fly_logged
+from pipeline.flight.state.log import Scenario
+from pipeline.onboard.export import export
+from pipeline.onboard.program import OnboardProgram
+from pipeline.onboard.recorded import FLAGS, recorded, vector_of
+from pipeline.onboard.sizes import sizes
+
+#: what the boards have for a vector, bytes
+ROOM = 3_500_000
+HEADING = (
+    "| controller | flights | commands that differ | processor | instructions a period | at most "
+    "| at the start | code, kB | tables, kB | state, kB | bound of stack, bytes | stack used |\n"
+    "|---|---|---|---|---|---|---|---|---|---|---|---|\n"
+)
+_PRINTED = re.compile(
+    r"(Cortex-M\d): (\d+) instructions a period, (\d+) at most, (\d+) at the start; (\d+) bytes of stack, "
+    r"(\d+) of state\n\d+ flights, (\d+) control periods: (\d+) commands differ"
+)
+
+
+@dataclass
+class Cost:
+    """What one processor took."""
+
+    total: float = 0.0
+    num_commands: int = 0
+    num_different: int = 0
+    #: instructions in a period and at the start, bytes of stack and of the state
+    most: list[int] = field(default_factory=lambda: [0, 0, 0, 0])
+
+
+def rows(words: Sequence[str], program: OnboardProgram, starts: Sequence[Scenario]) -> Iterator[str]:
+    """Return a champion's rows of the table, one for each processor."""
+    costs: dict[str, Cost] = {}
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = Path(scratch)
+        tables = export(program, starts[:1], folder).source.tables
+        part: list[Any] = []
+        for number, start in enumerate(starts, start=1):
+            log = fly_logged(program.mission, program.controller, start, is_one_of_many=True)
+            part.append((recorded(program, start, log), log))
+            flights, logs = zip(*part, strict=True)
+            starts_bytes, steps = vector_of(flights, logs)
+            if number == len(starts) or (len(part) + 1) * steps[0].nbytes > ROOM:
+                emulate(folder, starts_bytes, steps, costs)
+                part = []
+        script = (folder / "evidence" / "emulate.sh").read_text(encoding="utf-8")
+        for processor, cost in costs.items():
+            options = re.search(rf"emulated {processor} \S+ ((?:-m\S+ ?)+)", script)
+            flags = (*FLAGS, "-mthumb", *(options[1].split() if options else ()))
+            size = sizes(folder, "arm-none-eabi-gcc", flags)
+            entries = (size.stacks[name] for name in ("controller_start", "controller_step"))
+            most, at_start, stack, state = cost.most
+            yield (
+                f"| `{words[0]}` {' '.join(f'`{word}`' for word in words[1:])} | {len(starts)} | "
+                f"{cost.num_different} of {cost.num_commands:,} | {processor} | "
+                f"{cost.total / cost.num_commands:,.0f} | {most:,} | {at_start:,} | {size.code / 1e3:.1f} | "
+                f"{sum(tables.values()) / 1e3:.1f} | {state / 1e3:.1f} | {max(entries):,} | {stack:,} |"
+            )
+
+
+def emulate(folder: Path, starts: Any, steps: Any, costs: dict[str, Cost]) -> None:
+    """Repeat flights on each processor, and add up what it printed."""
+    vector = folder / "vector.s"
+    vector.write_text(
+        '.section .rodata,"a"\n'
+        + "".join(
+            f'.balign 8\n.global {name}\n{name}: .incbin "{folder / name}"\n'
+            for name in ("vector_starts", "vector_steps")
+        ),
+        encoding="utf-8",
+    )
+    starts.tofile(folder / "vector_starts")
+    steps.tofile(folder / "vector_steps")
+    printed = subprocess.run(  # noqa: S603
+        ["/bin/sh", folder / "evidence" / "emulate.sh"],
+        env=os.environ | {"VECTOR": f"-DVECTOR_NUM_FLIGHTS={len(starts)} {vector}"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    matches = _PRINTED.findall(printed.stdout)
+    if len(matches) != 2:
+        raise RuntimeError(f"the emulation ended early: {printed.stdout}{printed.stderr}")
+    for processor, *numbers in matches:
+        mean, *most, num_commands, num_different = map(int, numbers)
+        cost = costs.setdefault(processor, Cost())
+        cost.total += mean * num_commands
+        cost.num_commands += num_commands
+        cost.num_different += num_different
+        cost.most = [max(pair) for pair in zip(cost.most, most, strict=True)]
