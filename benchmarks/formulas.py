@@ -28,9 +28,9 @@ from benchmarks.mutants import FORK, mutants_of
 LIBRARIES = ("numpy", "scipy.integrate", "numba", "pyarrow", "pydantic", "hydra", "jinja2")
 #: processor seconds for a mutant
 LIMIT_S = 60
-SHOWN, SILENT, REFUSED, ENDED, DIFFERENT = (
-    *("changed alike", "no change in this flight", "refused by the translator"),
-    *("ended before", "C and flight DIFFER"),
+SHOWN, SILENT, REFUSED, ENDED, NOT_FINITE, DIFFERENT = (
+    *("changed alike", "no change in this flight", "refused by the translator", "ended before"),
+    *("inference gives NaN, for which plain Python has no one answer", "C and flight DIFFER"),
 )
 
 
@@ -55,7 +55,9 @@ def fly(top: Path, words: Sequence[str], queue: Any) -> None:
 
 def flown(words: Sequence[str]) -> Flown:
     """Return what a flight and its C command, by the code that is first on the path."""
-    from pipeline.command_line.config import compose_experiment  # noqa: PLC0415 - of the changed code
+    import numpy as np  # noqa: PLC0415 - imported before, and of the changed code:
+
+    from pipeline.command_line.config import compose_experiment  # noqa: PLC0415
     from pipeline.controllers.source import load  # noqa: PLC0415
     from pipeline.flight.fly.simulation import fly_logged  # noqa: PLC0415
     from pipeline.onboard.program import translate  # noqa: PLC0415
@@ -83,6 +85,8 @@ def flown(words: Sequence[str]) -> Flown:
         library = Library(folder, flags=("-std=c99", "-O0", "-ffp-contract=off"))
         answers = library.answers(recorded(program, start, log))
     lines = frozenset((file, line) for _, file, line in source.origins)
+    if not (np.isfinite(log.fis_output_n[log.is_decided]).all() and np.isfinite(log.force_commanded_n).all()):
+        return Flown(ended=NOT_FINITE)
     return Flown(log.force_commanded_n.tobytes(), len(differing(answers, log)), lines)
 
 

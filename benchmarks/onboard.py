@@ -161,9 +161,8 @@ def main(arguments: Sequence[str]) -> None:
             continue
         if chosen.emulate:
             program, starts = program_of(words)
-            lines = emulated.rows(words, program, starts[: chosen.flights])
+            line = emulated.row(words, program, starts[: chosen.flights])
         else:
-            lines = iter([row(words, chosen.flights, is_proved=chosen.prove, is_by_all=chosen.compilers)])
-        for line in lines:
-            sys.stdout.write(line + "\n")
-            sys.stdout.flush()
+            line = row(words, chosen.flights, is_proved=chosen.prove, is_by_all=chosen.compilers)
+        sys.stdout.write(line + "\n")
+        sys.stdout.flush()

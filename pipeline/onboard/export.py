@@ -9,6 +9,7 @@ from fis_tools.file_access import write_text
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.state.log import Scenario
 from pipeline.onboard.evidence import line_runs, loop_table, rule_table, traceability, vector_source
+from pipeline.onboard.fmi import block_facts
 from pipeline.onboard.program import OnboardProgram
 from pipeline.onboard.recorded import Library, Recorded, differing, recorded
 from pipeline.onboard.sizes import Sizes, sizes, stack_table
@@ -25,6 +26,7 @@ WRAPPERS = (
     *("README.md", "fprime/Controller.fpp", "fprime/Controller.hpp", "fprime/Controller.cpp"),
     *("cfs/inspection_app.c", "cfs/inspection_msgids.h"),
     *("basilisk/inspectionController.c", "basilisk/inspectionController.h", "simulink/controller_sfun.c"),
+    *("fmi/fmi.c", "fmi/modelDescription2.xml", "fmi/modelDescription3.xml", "fmi/build.sh"),
 )
 
 
@@ -74,6 +76,7 @@ def export(program: OnboardProgram, scenarios: Sequence[Scenario], folder: Path)
         "num_flights": len(flights),
         "warnings": WARNINGS,
         "specified": _specified(source.code),
+        **block_facts(source.code, program.world.num_points),
     }
     evidence = folder / "evidence"
     for name in EVIDENCE:

@@ -167,8 +167,8 @@ def _matrix(translator: Translator, rows: Any, **_: Any) -> Any:
     return nested
 
 
-def _empty(translator: Translator, length: Any) -> Array:
-    name, span = translator.fresh("local"), range_of(length)
+def _empty(translator: Translator, length: Any, name: str = "local") -> Array:
+    name, span = translator.fresh(name), range_of(length)
     if span is None:
         raise TranslationError("an array without a constant bound of its length")
     length = span[1]
@@ -207,7 +207,7 @@ OPERATIONS: Mapping[Any, Callable[..., Any]] = {
     enumerate: lambda _, items: list(enumerate(items)),
     np.array: _matrix,
     np.empty: _empty,
-    np.zeros: _empty,
+    np.zeros: lambda translator, length: _empty(translator, length, "zeros"),
     np.sqrt: _function("sqrt", math.sqrt),
     np.rint: _function("nearest_whole", lambda x: float(np.rint(x))),
     np.floor: _function("floor", lambda x: float(math.floor(x))),

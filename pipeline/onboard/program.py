@@ -16,6 +16,7 @@ from pipeline.flight.fly.tours import tour_images, tour_names
 from pipeline.flight.fly.workspace import optics_in_use
 from pipeline.flight.period import steps
 from pipeline.flight.period.act.safety import MOST_CUTS, assure
+from pipeline.flight.period.decide.thrust import command_given
 from pipeline.flight.period.decide.urgency import note_deadlines
 from pipeline.flight.period.look import optics as look_optics
 from pipeline.flight.period.look.optics import Beam, Eye
@@ -41,8 +42,9 @@ CHANGEABLE = tuple(
 OF_TARGET = frozenset(
     {*("lambda_u", "eta_u", "target_setting"), *("target_radial", "target_along_track", "target_cross_track")}
 )
-#: members into which only finite numbers are written, else zero: what inference is given, and the force
-GUARDED = frozenset({"scratch_inputs", "commanded"})
+#: arrays into which only finite numbers are written, else zero: what inference is given, the force, and the
+#: safety layer's half-spaces and multipliers
+GUARDED = frozenset({"scratch_inputs", "commanded", "cuts", "zeros"})
 
 
 #: loops over terms of which `Values` must know which term it is
@@ -271,6 +273,8 @@ def translate(mission: Mission, controller: Controller) -> OnboardProgram:
     pushes = True if law.needs & SETTING else None
     arguments = {"now": now, "work": work, "optics": optics, "pushes": pushes, "control": control}
     translator.write("decide", steps.decide, arguments)
+    force = Three(*(Expression(f"force_{axis}", is_name=True) for axis in "xyz"))  # type: ignore[arg-type]
+    translator.write("command_given", command_given, {"now": now, "force": force})
     if world.guard.is_on:
         translator.write("assure", assure, {"now": now, "cuts": work.cuts})
     named = [

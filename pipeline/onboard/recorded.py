@@ -49,11 +49,13 @@ def step_type(num_points: int) -> np.dtype[Any]:
     return np.dtype(
         [
             ("period", "i4"),
+            ("is_given", "i4"),
             ("position_m", "f8", 3),
             ("velocity_m_s", "f8", 3),
             ("attitude", "f8", 4),
             ("sun_angle", "f8", 2),
             ("sun_elevation", "f8", 2),
+            ("given_n", "f8", 3),
             ("unseen", "u1", num_points),
         ],
         align=True,
@@ -62,7 +64,7 @@ def step_type(num_points: int) -> np.dtype[Any]:
 
 def vector_type(num_points: int) -> np.dtype[Any]:
     """Return the layout of ``struct vector_step``."""
-    fields = [("input", step_type(num_points)), ("choice", "i4"), ("is_given", "i4"), ("force_n", "f8", 3)]
+    fields = [("input", step_type(num_points)), ("choice", "i4"), ("force_n", "f8", 3)]
     return np.dtype(fields, align=True)
 
 
@@ -93,6 +95,8 @@ def recorded(program: OnboardProgram, scenario: Scenario, log: FlightLog) -> Rec
     start["sun_angle"], start["sun_elevation"], start["counts"] = angle, elevation, counts
     steps = np.zeros(world.num_controls, step_type(world.num_points))
     steps["period"] = np.arange(world.num_controls)
+    is_given = (log.command_reason == REHEARSED).any(axis=1)
+    steps["is_given"], steps["given_n"] = is_given, np.where(is_given[:, None], log.force_asked_n, 0.0)
     is_exact = mission.navigation.mode == "perfect"
     known = np.hstack([log.position_m, log.velocity_m_s]) if is_exact else log.estimate
     steps["position_m"], steps["velocity_m_s"] = known[:-1, :3], known[:-1, 3:6]
@@ -120,7 +124,6 @@ def vector_of(flights: Sequence[Recorded], logs: Sequence[FlightLog]) -> tuple[A
     steps = np.zeros((len(flights), len(flights[0].steps)), vector_type(num_points))
     for row, flight, log in zip(steps, flights, logs, strict=True):
         row["input"], row["force_n"] = flight.steps, log.force_commanded_n
-        row["is_given"] = (log.command_reason == REHEARSED).any(axis=1)
         row["choice"] = [flight.choices.get(k, -1) for k in range(len(row))]
     return np.stack([flight.start for flight in flights]), steps
 
@@ -173,11 +176,7 @@ class Library:
 
 
 def differing(outputs: Any, log: FlightLog) -> Integers:
-    """Return the samples at which a command differs in any bit from the logged one, or its reason does.
-
-    Samples with a rehearsed push are left out: it is chosen on the ground.
-    """
-    is_given = (log.command_reason == REHEARSED).any(axis=1)
+    """Return the samples at which a command differs from the logged one in any bit, or its reason does."""
     differs = (outputs["force_n"] != log.force_commanded_n).any(axis=1)
     differs |= outputs["safety_limit"] != log.safety_limit
-    return np.flatnonzero(differs & ~is_given)
+    return np.flatnonzero(differs | (outputs["reason"] != log.command_reason).any(axis=1))

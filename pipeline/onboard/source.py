@@ -13,6 +13,7 @@ from fis_tools.document.html import environment, read
 from fis_tools.model import conjunctions
 from fis_tools.model.thrust import LOGIC_REASONS, REASONS, SILENT_N
 from fis_tools.words.text import sentence
+from pipeline.flight.state.log import LEAST_CHANGE_N
 from pipeline.flight.state.signals import AXES, BODY, CONSTANTS
 from pipeline.onboard.program import OnboardProgram
 from pipeline.onboard.values import Array, bare, number_text
@@ -25,7 +26,9 @@ WARNINGS = (
     *("-Wcast-qual", "-Werror"),
 )
 #: members of the state that the entries write or read
-OF_ENTRIES = frozenset({"asked", "commanded", "coasts", "outputs", "leading", "num_unseen", "limit"})
+OF_ENTRIES = frozenset(
+    {"asked", "commanded", "coasts", "outputs", "leading", "num_unseen", "limit", "change"}
+)
 #: positions are taken up to so many times the greatest distance allowed, speeds up to that within a time, s
 REACH, PASSAGE_S = 50.0, 2.0
 #: lanes of vectors are bytes of a double; of whole numbers there are four
@@ -121,7 +124,8 @@ def _facts(program: OnboardProgram, members: Mapping[str, Any], functions: set[s
         "systems": [int(axis) for axis in law.axes],
         "dead_bands": [f"state->parameters.{name}" if name in parameters else "0.0" for name in bands],
         "limits": "0 none, 1 keep out, 2 keep in, 3 speed, 4 passive safety",
-        "reasons": {reason: REASONS[reason] for reason in LOGIC_REASONS},
+        "reasons": {reason: REASONS[reason] for reason in (*LOGIC_REASONS, "safety", "rehearsed")},
+        "changed_n": LEAST_CHANGE_N,
         "silent_n": SILENT_N,
         "is_body": law.force_axes == BODY,
         "axes": "body" if law.force_axes == BODY else "Hill",

@@ -278,7 +278,7 @@ class Writer:
         if not part.is_element:
             raise TranslationError(f"writing into a part of {part.name}")
         text = bare(text_of(value, "int" if part.kind == "int" else "double"))
-        if part.name.removeprefix("state->") in self.setting.guarded:
+        if re.sub(r"^state->|_\d+$", "", part.name) in self.setting.guarded:
             text = f"finite_or_zero({text})"
         self.emit(f"{self.array_text(part)} = {text};")
 
