@@ -15,8 +15,9 @@ from lark import Tree
 from fis_tools import model
 from fis_tools.formats.exchange.antecedents import NotExpressible
 from fis_tools.formats.exchange.dialect import Dialect, Expressed
-from fis_tools.formats.exchange.fcl_blocks import ACCUMULATIONS, AND, DUALS, METHODS, RESOLUTION, read_block
+from fis_tools.formats.exchange.fcl_blocks import RESOLUTION, read_block
 from fis_tools.formats.exchange.fcl_syntax import parse, without_comments
+from fis_tools.formats.exchange.fcl_words import ACCUMULATIONS, AND, DUALS, METHODS
 from fis_tools.formats.exchange.foreign import require_short_words
 from fis_tools.formats.exchange.writing import term_words, understand, written
 from fis_tools.formats.mapping import refuse_problems

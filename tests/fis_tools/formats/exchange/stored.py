@@ -17,7 +17,7 @@ import numpy as np
 from benchmarks import dialects
 from fis_tools.formats.exchange import fcl, fll
 from fis_tools.formats.exchange.antecedents import NotExpressible
-from fis_tools.formats.exchange.fcl_blocks import ACCUMULATIONS, DUALS
+from fis_tools.formats.exchange.fcl_words import ACCUMULATIONS, DUALS
 from fis_tools.formats.serialize import loads
 from fis_tools.model import FuzzySystem
 from tests.fis_tools.engines import weighed_systems
