@@ -4,7 +4,7 @@ Octave evaluates `.fis`, fuzzylite and pyfuzzylite `.fll`, jFuzzyLogic `.fcl`, a
 third of the samples outside of the inputs' ranges (Octave takes none). Octave halves the weight of an
 output's ends, MATLAB does not; fuzzylite 6 takes what is less than 1e-6 as nothing, later versions do not:
 they are compared with our heights weighed so, and with what is less left out. ``--attack N`` draws N inputs
-in boxes of random systems that are sampled, and compares them with their bounds.
+in boxes of random systems that are sampled, alone and wired, and compares them with their bounds.
 
 Programs are left out where they are missing; jFuzzyLogic is compiled Java, ``--jfuzzylogic CLASSPATH``. Its
 answers to public files are stored by their SHA-256 (``--store``), and compared without it (``--stored``).
@@ -27,10 +27,12 @@ import numpy as np
 from benchmarks.rivals import FOLDER, Missing, environment
 from fis_tools.analysis.bounds import output_ranges
 from fis_tools.array_types import Floats
+from fis_tools.engines import interval, trees
 from fis_tools.engines.compiler import compile
 from fis_tools.engines.inference import infer
 from fis_tools.formats import serialize
-from fis_tools.model import And, FuzzySystem, Hedged, Or, Rule
+from fis_tools.model import And, FuzzyController, FuzzySystem, Hedged, Or, Rule, Wire, tree
+from fis_tools.model.validate import controller_problems
 from tests.fis_tools.engines.random_systems import inputs_beyond, sampled_systems, uncertain
 
 #: Samples of each file.
@@ -323,6 +325,42 @@ def attack(count: int, seed: int) -> int:
     return broken
 
 
+def attack_trees(count: int, seed: int) -> int:
+    """Compare inputs with the bounds of boxes of pairs of wired systems; return how many are outside."""
+    generator, broken, tried, boxes = np.random.default_rng(seed), 0, 0, 0
+    drawn = chain.from_iterable(sampled_systems(seed + batch, 12) for batch in range(count))
+    last: dict[str, FuzzySystem] = {}
+    for system in drawn:
+        if tried >= count:
+            break
+        before, last[system.semantics] = last.get(system.semantics), replace(system, name="second")
+        if before is None:
+            continue
+        first = replace(before, name="first")
+        wire = Wire(f"first/{first.outputs[0].name}", f"second/{system.inputs[0].name}")
+        pair = FuzzyController("pair", (last[system.semantics], first), wires=(wire,))
+        if controller_problems(pair):  # of two units
+            continue
+        wired = tree(pair)
+        try:
+            program = trees.pack(wired)
+        except interval.NotBounded:
+            continue
+        low, span = np.array([(v.minimum, v.span) for v in wired.inputs]).T
+        corners = low + span * generator.uniform(-0.2, 1.0, (12, len(span)))
+        sizes = (
+            span * generator.uniform(0.0, 0.5, corners.shape) * generator.choice([1.0, 1e-2, 1e-6], (12, 1))
+        )
+        least, greatest, _ = trees.bound(program, corners, corners + sizes)
+        for corner, size, below, above in zip(corners, sizes, least, greatest, strict=True):
+            answers = compile(wired)(corner + size * generator.uniform(0.0, 1.0, (ROWS, len(span))))
+            is_outside = (answers < below) | (answers > above)
+            broken += int((is_outside & np.isfinite(answers)).sum())
+            tried, boxes = tried + answers.size, boxes + 1
+    print(f"{tried} attacks on bounds of {boxes} boxes of random wired systems: {broken} broken")
+    return broken
+
+
 def main(arguments: Sequence[str]) -> int:
     """Compare the files of a folder, or attack bounds."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks dialects", description=__doc__)
@@ -334,7 +372,9 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("--store", action="store_true", help="store what jFuzzyLogic answers")
     parser.add_argument("--stored", action="store_true", help="compare with what it answered")
     options = parser.parse_args(arguments)
-    broken = attack(options.attack, options.seed) if options.attack else 0
+    broken = 0
+    if options.attack:
+        broken = attack(options.attack, options.seed) + attack_trees(options.attack, options.seed)
     if options.folder is None:
         return int(broken > 0)
     if options.stored:
