@@ -5,12 +5,12 @@ A key whose number has no effect is no key: it is not in a run's configuration, 
 group, says so once, for the check, the help and the reference page.
 """
 
-import inspect
 from collections.abc import Mapping
 from dataclasses import field
-from typing import Any, ClassVar, Literal, dataclass_transform, get_args, get_origin
+from typing import Any, ClassVar, dataclass_transform
 
 from pydantic import ConfigDict, Field, GetCoreSchemaHandler, ValidationError
+from pydantic._internal._docs_extraction import extract_docstrings_from_cls
 from pydantic.dataclasses import dataclass as checked_dataclass
 from pydantic_core import CoreSchema, core_schema
 
@@ -23,12 +23,8 @@ from pipeline.settings.variants import names_of, variant_of
 #: each class of settings with its group, "" for keys at the top, and what holds for all its keys
 GROUPS: list[tuple[str, type[Any], Only | None]] = []
 
-#: of classes of settings: built when first needed, as most commands need few groups; the text below a field
-#: describes it
+#: of classes of settings: built when first needed, as most commands need few groups
 CONFIG = ConfigDict(extra="forbid", defer_build=True)
-
-#: by class of settings, the texts below its fields
-DESCRIPTIONS: dict[type[Any], dict[str, str]] = {}
 
 
 class SettingsType(type):
@@ -72,18 +68,7 @@ class Settings(metaclass=SettingsType):
         only : Only, optional
             Where its keys exist, except for those that the condition is about.
         """
-        hints: list[Any] = [*inspect.get_annotations(cls).values()]
-        # reading texts takes a millisecond a class, and a tag has its text elsewhere
-        has_texts = not all(get_origin(hint) is Literal and len(get_args(hint)) == 1 for hint in hints)
-        config = ConfigDict(**CONFIG, use_attribute_docstrings=has_texts)
-        checked_dataclass(cls, config=config, frozen=True, kw_only=True)
-        # kept now: pydantic forgets them when it builds the class
-        DESCRIPTIONS[cls] = {
-            name: " ".join(entry.description.split())
-            for owner in reversed(cls.__mro__)
-            for name, entry in getattr(owner, "__pydantic_fields__", {}).items()
-            if entry.description
-        }
+        checked_dataclass(cls, config=CONFIG, frozen=True, kw_only=True)
         if group is not None:
             cls.group, cls.root = group, cls
             GROUPS.append((group, cls, only))
@@ -104,3 +89,17 @@ class Settings(metaclass=SettingsType):
             raise ValueError(no_group("{key}", value, cls))
 
         return core_schema.no_info_plain_validator_function(built)
+
+
+def texts_of(kind: Any) -> dict[str, str]:
+    """Return the texts that describe the fields of a class of settings: those below them, or given.
+
+    pydantic's ``use_attribute_docstrings`` finds the same, but while classes are made, which every command
+    would wait for: a millisecond a class.
+    """
+    texts: dict[str, str] = {}
+    for owner in reversed(kind.__mro__[:-1]):
+        given = getattr(owner, "__pydantic_fields__", {}).items()
+        texts |= extract_docstrings_from_cls(owner, use_inspect=True)
+        texts |= {name: entry.description for name, entry in given if entry.description}
+    return {name: " ".join(text.split()) for name, text in texts.items()}

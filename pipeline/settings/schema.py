@@ -22,7 +22,7 @@ from pipeline.settings.conditions import Only
 from pipeline.settings.controllers import PLANNED
 from pipeline.settings.dispersions import IN_TIME
 from pipeline.settings.experiment import Experiment, Mission
-from pipeline.settings.groups import DESCRIPTIONS, GROUPS
+from pipeline.settings.groups import GROUPS, texts_of
 from pipeline.settings.mission import SHARED
 from pipeline.settings.orbit import FOLLOWING, given_sun
 from pipeline.settings.shells import given_starts
@@ -398,6 +398,6 @@ def descriptions() -> dict[str, str]:
         prefix = f"{group}." if group else ""
         texts[group] = (inspect.getdoc(kind) or "").partition("\n")[0]
         for owner in (kind, *variants.descendants_of(kind)):
-            for name, text in DESCRIPTIONS[owner].items():
+            for name, text in texts_of(owner).items():
                 texts.setdefault(prefix + name, text)
     return texts
