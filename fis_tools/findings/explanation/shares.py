@@ -101,9 +101,10 @@ class FlightShares(Result):
         part = f"{percent(first.share)} of all that rules moved"
         contributes = f"rule {first.rule} contributes most ({part})"
         contributes = contributes if first.share > 0.0 else "no rule moved anything"
+        over = f"{self.num_samples} inference{'' if self.num_samples == 1 else 's'}"
         return (
-            f"{self.system.name} over {self.num_samples} inferences: {contributes}; {silent} of "
-            f"{len(self.rules)} rules never fire at {FIRED:g} or more"
+            f"{self.system.name} over {over}: {contributes}; {silent} of {len(self.rules)} rules never fire "
+            f"at {FIRED:g} or more"
         )
 
     def _rest(self, shown: tuple[RuleShare, ...]) -> str:
