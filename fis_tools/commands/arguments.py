@@ -218,7 +218,7 @@ class InstantArguments(FlightArguments):
 
 @dataclass(frozen=True)
 class Instant:
-    """A system, its inputs at an instant, and what became of its output.
+    """A system, its inputs at an instant, and whether its output was fired.
 
     Parameters
     ----------

@@ -51,7 +51,7 @@ class Panel(Protocol):
     title: str
 
     def build(self, again: Callable[[], None]) -> None:
-        """Put its elements on the page; ``again`` asks it anew, for what it was told in another way."""
+        """Put its elements on the page; ``again`` computes the panel anew, such as after a choice in it."""
 
     def answers(self, controller: FuzzyController) -> Iterator[Show]:
         """Yield the answer in parts, computed in a thread; it is dropped once the controller has changed."""

@@ -164,7 +164,7 @@ def repeated(system: FuzzySystem, rule: int, times: int) -> FuzzySystem:
 def term_touched(
     system: FuzzySystem, variable: Variable, what: str, term: str = "", **details: Any
 ) -> FuzzySystem:
-    """Return a system after a touch of a variable's terms, as ``terms.js`` tells of it.
+    """Return a system after a change of a variable's terms, as ``terms.js`` reports it.
 
     Parameters
     ----------

@@ -71,7 +71,7 @@ class CommandLine(argparse.Namespace):
 
 
 class CommandParser(argparse.ArgumentParser):
-    """Parses options; what is wrong is told in a sentence.
+    """Parses options; errors are sentences.
 
     Parameters
     ----------

@@ -308,7 +308,7 @@ class Episodes:
 
     @property
     def facts(self) -> dict[str, NDArray[Any]]:
-        """Facts beside the observations, by name, for Gymnasium's `info`."""
+        """Facts of each episode beside its observations, by name, for Gymnasium's ``info``."""
         now = self.flights.observed
         return {
             "delta_v_m_s": now[:, stepping.SPENT].copy(),

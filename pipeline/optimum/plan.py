@@ -209,7 +209,7 @@ def finish(problem: PlanningProblem, forces: Floats, needed: int) -> FlownPlan:
 
 
 def judge(problem: PlanningProblem, forces: Floats, log: FlightLog) -> FlownPlan:
-    """Return a plan's flight with what it came to."""
+    """Return a plan's flight with its results."""
     deputy = problem.mission.deputy
     distances = np.linalg.norm(log.position_m, axis=1)
     outside = np.maximum(deputy.min_distance_m - distances[1:], distances[1:] - deputy.max_distance_m)

@@ -1,4 +1,4 @@
-"""Which of a controller's decisions came to be fired, and when."""
+"""Which of a controller's decisions were fired, and when."""
 
 import numpy as np
 from numpy.typing import NDArray

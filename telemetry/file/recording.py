@@ -211,7 +211,7 @@ class Recording(Mapping[str, TopicColumns]):
         return np.where(is_lost, topics.Reason.BELOW_LEAST_IMPULSE.name.lower(), reasons)
 
     def reasons(self, component: str, time_s: NDArray[np.float64], axes: str = "hill") -> NDArray[np.str_]:
-        """Return what became of a force component that was commanded at some times.
+        """Return whether a force component commanded at some times was fired, or why not.
 
         The arguments and the words are those of `fired_reasons`: where it was commanded, the word is of the
         control period that fires it, ``delayed`` if the recording ends before that. Thrusters fire along Hill

@@ -33,7 +33,7 @@ def pack(controller: FuzzyController, fingerprint: str) -> tuple[bytes, list[str
     controller : FuzzyController
         A controller without problems.
     fingerprint : str
-        What tells this system from every other one, in hexadecimal digits.
+        Hexadecimal digits that identify this system.
 
     Raises
     ------
