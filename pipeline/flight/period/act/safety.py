@@ -57,6 +57,8 @@ TOLERANCE = 1e-6
 MOST_CUTS = 12
 #: most sweeps of the projection onto them, and the change of force that ends them, N
 MOST_SWEEPS, LEAST_CHANGE = 200, 1e-12
+#: what no step of the projection comes near, N: so it stays finite whatever it is given
+FAR = 1e9
 #: bisection steps between the stop and an unsafe force
 HALVINGS = 30
 
@@ -133,13 +135,14 @@ def cut(world: World, free: Flying, ahead: Flying, limit: int, which: int, half_
     guard, (at, moving) = world.guard, ahead
     # the limit, linear: p . r + q . v >= level
     if limit == SPEED and which > 0:
-        row = guard.stop[which - 1]
-        sign = -1.0 if stopping_force(guard.stop, at, moving)[which - 1] > 0.0 else 1.0
+        axis = min(which, 3) - 1
+        row = guard.stop[axis]
+        sign = -1.0 if stopping_force(guard.stop, at, moving)[axis] > 0.0 else 1.0
         p, q = sign * three_of(row), sign * three_of(row[3:])
         level = SLACK / world.motion.control[0, 2, 2] - guard.braking_force
     elif limit == SPEED:
-        speed, distance, slope = length(moving), length(at), guard.speed_slope
-        p, q = slope * at / distance, -1.0 * moving / speed
+        speed, distance = max(length(moving), TOLERANCE), max(length(at), TOLERANCE)
+        p, q = guard.speed_slope * at / distance, -1.0 * moving / speed
         level = SLACK / world.control_period - guard.speed_at_chief
     else:
         there = position_rows_of(guard.checks, which)
@@ -172,10 +175,10 @@ def project(requested: Three, cuts: Floats, num_cuts: int, max_force: float) -> 
             short = (cuts[c, 3] - dot(g, force)) / max(dot(g, g), 1e-30)
             step = max(short, -multipliers[c])
             multipliers[c] += step
-            force += step * g
+            force = clip_three(force + step * g, FAR)
         wished = force + beyond
         force = clip_three(wished, max_force)
-        beyond, change = wished - force, force - before
+        beyond, change = clip_three(wished - force, FAR), force - before
         if max(abs(change.x), abs(change.y), abs(change.z)) < LEAST_CHANGE:
             break
     return force
@@ -229,7 +232,7 @@ def retreat(world: World, known: Flying, free: Flying, force: Three) -> Three:
             low = share
         else:
             high = share
-    return stop + low * way
+    return clip_three(stop + low * way, world.max_force)
 
 
 @compiled(error_model="numpy")
