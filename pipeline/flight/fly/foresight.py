@@ -107,12 +107,14 @@ def sight_along(positions: Floats, boresights: Floats, radius: float, half_angle
     return np.where(is_useful, radius / np.sin(angle), np.inf)
 
 
-def lit_at_samples(world: World, starts: StartRows) -> NDArray[np.bool_]:
-    """Return which points are lit at each sample of one case's flight, shape (K+1, P)."""
+def lit_at_samples(world: World, starts: StartRows, work: Workspace | None = None) -> NDArray[np.bool_]:
+    """Return which points are lit at each sample of one case's flight, shape (K+1, P).
+
+    A workspace that is given spares making one.
+    """
     is_lit = np.empty((world.num_controls + 1, world.points.shape[2]), dtype=np.uint8)
-    note_lit_at_samples(
-        world, optics_in_use(world, starts.sun_elevation), make_workspace(world), starts, is_lit
-    )
+    optics = optics_in_use(world, starts.sun_elevation)
+    note_lit_at_samples(world, optics, work or make_workspace(world), starts, is_lit)
     return np.ascontiguousarray(is_lit[:, : world.num_points] > 0)
 
 

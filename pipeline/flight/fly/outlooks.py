@@ -9,7 +9,7 @@ import numpy as np
 from fis_tools.engines.kernel import LANES
 from pipeline.array_types import Booleans, Bytes, Floats, Integers
 from pipeline.flight.cases.navigation import filter_of
-from pipeline.flight.cases.starts import cases_of, starts_of
+from pipeline.flight.cases.starts import Cases, cases_of, starts_of
 from pipeline.flight.control.controller import RuleController, from_fuzzy
 from pipeline.flight.control.law import law_of
 from pipeline.flight.fly.foresight import (
@@ -21,6 +21,7 @@ from pipeline.flight.fly.foresight import (
     sight_along,
 )
 from pipeline.flight.fly.population import fly_population
+from pipeline.flight.fly.workspace import make_workspace
 from pipeline.flight.state.arrays import NUM_TRACKED, TRACK_BORESIGHT, World
 from pipeline.flight.state.log import Outcomes, Scenario
 from pipeline.flight.state.signals import constant
@@ -252,20 +253,20 @@ class Deputies:
 
 
 def later(
-    deputies: Deputies, scenarios: list[Scenario], openings: Floats, sample: int, period: int
+    deputies: Deputies, scenarios: list[Scenario], cases: Cases, openings: Floats, sample: int, period: int
 ) -> Deputies:
     """Return deputies at a later sample, with their cameras aimed by then.
 
-    They fly from their starts with the openings so far, (m, K, 4); the next decision is due after so many
-    control periods.
+    They fly from their starts, of which `cases` are made, with the openings so far, (m, K, 4); the next
+    decision is due after so many control periods.
     """
     mission, flown = deputies.mission, finishing(deputies.controller)
     world = pack_world(mission)._replace(last=sample)
     num_points, is_filtered = world.num_points, mission.navigation.mode == "fixes"
     rows = np.empty((len(scenarios), 6 + num_points + 36 * is_filtered))
     fly_population(
-        *(world, law_of(flown, mission), flown.numbers, cases_of(mission, scenarios), 1),
-        openings=openings[:, :sample],
+        *(world, law_of(flown, mission), flown.numbers, cases, 1),
+        openings=np.ascontiguousarray(openings[:, :sample]),  # flights of others would be compiled apart
         lanes=deputies.lanes,
         known=rows,
     )
@@ -296,5 +297,6 @@ def at_start(
     if mission.navigation.mode == "fixes":
         covariance = filter_of(mission).at_start[np.newaxis]
         spreads[:] = spread_after(mission, covariance, period * mission.control_period_s)
-    lit = [lit_at_samples(world, starts_of([start])) for start in believed]
+    work = make_workspace(world)
+    lit = [lit_at_samples(world, starts_of([start]), work) for start in believed]
     return Deputies(mission, known, controller, believed, spreads, 0, lit, lanes=lanes)

@@ -20,8 +20,9 @@ REACH_M_S, LATEST = 0.2, 0.85
 LEAST_WEIGHT, MOST_WEIGHT, CROSSOVER = 0.3, 0.9, 0.9
 #: draws of a mutant besides one for each gene: three other plans, two weights, a gene that it has anyway
 NUM_DRAWS = 6
-#: of plans near one that is known: spread of their pushes, m/s, and of their times, samples
-NEAR_M_S, NEAR_SAMPLES = 0.008, 5.0
+#: of plans near one that is known: their share of the first, spread of their pushes, m/s, and of their times,
+#: samples
+NEAR_SHARE, NEAR_M_S, NEAR_SAMPLES = 0.75, 0.006, 5.0
 #: plans are distinct where first pushes differ by more than this along all axes together, m/s, or second
 #: ones by more than this, s
 DISTINCT_M_S, DISTINCT_S = 0.03, 300.0
@@ -173,7 +174,7 @@ def search_pushes(
     genes = np.empty((effort.num_generations + 1, len(lowest), effort.num_plans))
     genes[0] = lowest[:, np.newaxis] + (highest - lowest)[:, np.newaxis] * generator.random(genes.shape[1:])
     if last is not None:
-        num_near = effort.num_plans // 3
+        num_near = int(effort.num_plans * NEAR_SHARE)
         spreads = np.r_[
             np.full(3 * num_pushes, NEAR_M_S / outlook.delta_v_per_force), np.full(num_later, NEAR_SAMPLES)
         ]

@@ -15,6 +15,7 @@ import numpy as np
 from fis_tools.engines.kernel import LANES
 from pipeline.array_types import Booleans, Floats, Integers
 from pipeline.flight.cases.navigation import as_believed
+from pipeline.flight.cases.starts import cases_of
 from pipeline.flight.control.controller import Controller, RuleController
 from pipeline.flight.control.law import ahead_stride
 from pipeline.flight.fly.foresight import price_pushes
@@ -36,7 +37,9 @@ from pipeline.settings.experiment import Mission
 
 #: searches by the number of pushes: the first of a flight, and when it plans again
 FIRST = {2: (Effort(32, 74),) * 2, 3: (Effort(64, 234),) * 3}
-AGAIN = {2: (Effort(32, 37),), 3: (Effort(64, 40),)}
+AGAIN = {2: (Effort(16, 14),), 3: (Effort(64, 40),)}
+#: the most by which what is left of a plan may fall short of what it must see, as priced, m/s, to be flown on
+SLACK_M_S = 0.005
 #: further searches, of `MOST_PUSHES`, one after the other, where these see too little
 HARDER = {2: (Effort(32, 187),) * 2, 3: (Effort(64, 234),) * 2}
 MOST_PUSHES = 3
@@ -116,14 +119,17 @@ def foresee(
     samples = range(0, mission.num_controls, period) if period and known != mission else [0]
     deputies = first = at_start(mission, known, controller, believed, period, lanes)
     foreseen = Foreseen(deputies.coasting(), np.zeros(len(scenarios), dtype=np.bool_))
+    flights, starts, cases = np.arange(len(scenarios)), scenarios, None
     for sample in samples:
-        flights = np.flatnonzero(~foreseen.is_rehearsed)
-        if not len(flights):
-            break
         before = foreseen.openings[flights]
         if sample > 0:
-            starts = [scenarios[flight] for flight in flights]
-            deputies = later(first.only(flights), starts, before, sample, period)
+            if cases is None:  # rehearsals compete at the start alone
+                flights = np.flatnonzero(~foreseen.is_rehearsed)
+                if not len(flights):
+                    break
+                before, starts = foreseen.openings[flights], [scenarios[flight] for flight in flights]
+                first, cases = first.only(flights), cases_of(mission, starts)
+            deputies = later(first, starts, cases, before, sample, period)
         choice = _Choice(deputies, before)
         foreseen.openings[flights] = choice.openings
         foreseen.is_rehearsed[flights] = choice.is_rehearsed
@@ -143,9 +149,17 @@ class _Choice:
         self._num_priced = np.zeros(count, dtype=np.int64)
         self.ends = np.full((len(ENDS), count), np.nan)
         is_first = deputies.sample == 0
-        every, efforts = np.arange(count), (FIRST if is_first else AGAIN)[num_pushes]
-        self._searches = [self._search(flight, num_pushes, efforts) for flight in every.tolist()]
-        self.openings, self.ends[:2], is_short = self._ahead(every, self._searches)
+        efforts = (FIRST if is_first else AGAIN)[num_pushes]
+        held = [None if is_first else self._held(flight, num_pushes) for flight in range(count)]
+        self._searches = [
+            self._search(flight, num_pushes, efforts) if plan is None else plan
+            for flight, plan in enumerate(held)
+        ]
+        self.openings, is_short = before.copy(), np.zeros(count, dtype=np.bool_)
+        anew = np.array([flight for flight, plan in enumerate(held) if plan is None], dtype=np.int64)
+        if len(anew):
+            searches = [self._searches[flight] for flight in anew]
+            self.openings[anew], self.ends[:2, anew], is_short[anew] = self._ahead(anew, searches)
         if is_first:
             alone = deputies.fly(rehearsing(deputies.controller))
             self.ends[RULES] = rehearsed_costs(deputies.controller, alone)
@@ -170,6 +184,10 @@ class _Choice:
         """Return the decision of the only deputy, for its log."""
         deputies, search = self._deputies, self._searches[0]
         coasted = deputies.fly(finishing(deputies.controller), deputies.coasting())
+        if np.isnan(self.ends).all():  # the plan of before is flown on
+            end = FINISHING if (self.openings[0, deputies.sample :, 3] == 0.0).any() else COASTING
+            flown = deputies.fly(finishing(deputies.controller), self.openings)
+            self.ends[end] = rehearsed_costs(deputies.controller, flown)
         plans, prices = np.zeros((NUM_RECORDED, MOST_PUSHES, 4)), np.full(NUM_RECORDED, np.nan)
         plans[..., 0] = -1.0
         seconds = deputies.step * deputies.mission.control_period_s
@@ -181,18 +199,23 @@ class _Choice:
         num_priced = int(self._num_priced[0])
         return PlannedDecision(deputies.sample, num_priced, missed, plans, prices, self.ends[:, 0])
 
+    def _held(self, flight: int, num_pushes: int) -> PushSearch | None:
+        """Return what is left of the last plan if it still sees enough, or nearly so, inside the limits."""
+        outlook, needed = self._outlooks[flight]
+        last = self._last(flight, num_pushes)
+        if last is None:
+            return None
+        genes, costs = last[np.newaxis, :, np.newaxis], np.empty((1, 1))
+        price_pushes(genes[0], num_pushes, needed, outlook, costs[0])
+        spent = np.abs(last[: 3 * num_pushes]).sum() * outlook.delta_v_per_force
+        return PushSearch(genes, costs) if costs[0, 0] <= spent + SLACK_M_S else None
+
     def _search(
         self, flight: int, num_pushes: int, efforts: Sequence[Effort], attempt: int = 0
     ) -> PushSearch:
-        """Return the cheapest of some searches; the last plan alone where it still sees enough."""
+        """Return the cheapest of some searches."""
         deputies, (outlook, needed) = self._deputies, self._outlooks[flight]
         last = self._last(flight, num_pushes)
-        held = np.zeros(4 * num_pushes - 1) if last is None else last
-        genes, costs = held[np.newaxis, :, np.newaxis], np.empty((1, 1))
-        price_pushes(genes[0], num_pushes, needed, outlook, costs[0])
-        spent = np.abs(held[: 3 * num_pushes]).sum() * outlook.delta_v_per_force
-        if costs[0, 0] <= spent * (1.0 + 1e-12):
-            return PushSearch(genes, costs)
         start = deputies.believed[flight]
         numbers = [*start.position_m, *start.velocity_m_s, start.sun_angle_rad, start.sun_elevation_rad]
         words = np.array(numbers).view(np.uint32).tolist()

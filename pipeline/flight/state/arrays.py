@@ -5,6 +5,7 @@ a lane for each of them (`fis_tools.compiled.vectors`).
 """
 
 from collections.abc import Mapping
+from functools import cache
 from typing import Annotated, Any, NamedTuple, get_args, get_type_hints
 
 import numpy as np
@@ -270,16 +271,22 @@ class Workspace(NamedTuple):
     cuts: Annotated[Floats, "cuts", 4]  # half-spaces g . f >= b that the safety layer works with
 
 
+@cache
+def _declared(kind: Any) -> dict[str, tuple[Any, ...]]:
+    """Return the array and shape that each field of a named tuple declares; finding them out takes long."""
+    return {name: get_args(hint) for name, hint in get_type_hints(kind, include_extras=True).items()}
+
+
 def allocated(kind: Any, sizes: Mapping[str, int], before: tuple[int, ...] = (), **others: Any) -> Any:
     """Return a named tuple of zeros, in the shapes that its fields declare after some first axes.
 
     Where a shape ends with the fields of a record, these are records with L lanes. Other fields are given.
     """
     fields = dict(others)
-    for name, declared in get_type_hints(kind, include_extras=True).items():
+    for name, declared in _declared(kind).items():
         if name in others:
             continue
-        array, *shape = get_args(declared)
+        array, *shape = declared
         record = shape.pop() if isinstance(shape[-1], dict) else None
         numbers = (*before, *(sizes.get(size, size) for size in shape))
         if record is None:

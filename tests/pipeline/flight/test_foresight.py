@@ -161,6 +161,21 @@ def test_neither_threads_nor_company_nor_the_reference_change_it():
     assert_as_written(replace(NOISY, duration_s=300.0), controller, starts[0])
 
 
+def test_a_plan_is_flown_on_or_made_anew_by_what_it_falls_short(monkeypatch):
+    controller = foreseeing(foresight_period_s="900.0", decision_period_s="30.0")
+    short, flown = replace(NOISY, duration_s=1200.0), {}
+    for slack_m_s in (np.inf, -np.inf):
+        monkeypatch.setattr(replanning, "SLACK_M_S", slack_m_s)
+        foreseen = foresee(short, controller, STARTS[:1], records=True)
+        flown[slack_m_s] = foreseen.openings[0], foreseen.decisions[1]
+    (openings, held), (_, anew) = flown.values()
+    assert held.num_priced == 0 < replanning.AGAIN[2][0].num_priced <= anew.num_priced
+    assert (np.isfinite(held.ends).sum(), np.isfinite(anew.ends).sum()) == (1, 2)
+    # it fires what was chosen at the start
+    monkeypatch.setattr(replanning, "range", lambda *_: [0], raising=False)
+    np.testing.assert_array_equal(openings, foresee(short, controller, STARTS[:1]).openings[0])
+
+
 def test_where_no_plan_sees_enough_it_flies_as_rehearsed(monkeypatch):
     monkeypatch.setattr("pipeline.flight.fly.pushes.REACH_M_S", 1e-4)
     controller = foreseeing()
@@ -194,7 +209,7 @@ def test_margins_follow_what_the_filter_knows():
     first = at_start(NOISY, known, controller, STARTS, 60, 8)
     # a metre, and a millimetre a second for ten minutes
     assert np.all((first.spreads_m > np.hypot(1.0, 0.6)) & (first.spreads_m < 3.0))
-    then = later(first, STARTS, first.coasting(), 120, 60)
+    then = later(first, STARTS, cases_of(NOISY, STARTS), first.coasting(), 120, 60)
     log = fly_logged(NOISY, open_loop("coast", np.zeros((0, 3))), STARTS[0])
     phi = np.linalg.matrix_power(pack_world(NOISY).motion.transition[0], 60)[:3]
     expected = np.sqrt(np.linalg.eigvalsh(phi @ log.estimate_covariance[120] @ phi.T)[-1])
