@@ -10,7 +10,7 @@ from fis_tools.engines.kernel import LANES, evaluate
 from fis_tools.engines.packing import NotCompilable, pack
 from fis_tools.genes.parameters import KeptRules, SystemEncoding
 from fis_tools.genes.planes import GREATEST_GAIN, Planes
-from fis_tools.genes.stretches import Stretches
+from fis_tools.genes.stretches import READABLE_GAIN, Stretches
 from fis_tools.model import FuzzySystem, Not, Term, Variable, rule_table, table_rules, with_semantics
 from fis_tools.model.shapes import Gaussian, Sampled, Sigmoid, Triangular
 from fis_tools.model.validate import InvalidSystem, problems
@@ -141,7 +141,7 @@ def test_a_population_is_packed_as_its_controllers_are() -> None:
 def test_gains_lay_tables_out_and_are_found_again() -> None:
     stretches = Stretches((DRAWN,), (0.5, 2.0), True)
     genome = np.full(5, 0.5)
-    genome[:2] = 0.5 + 0.5 * np.array([1.0, -0.5]) / stretches.READABLE_GAIN
+    genome[:2] = 0.5 + 0.5 * np.array([1.0, -0.5]) / READABLE_GAIN
     (system,) = stretches.decode(genome)
     np.testing.assert_array_equal(rule_table(system).reshape(3, 3), [[1, 0, 0], [3, 2, 1], [4, 4, 3]])
     np.testing.assert_allclose(stretches.encode((system,)), genome, atol=0.1)
