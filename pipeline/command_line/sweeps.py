@@ -21,7 +21,7 @@ from pipeline.command_line.config import Job, check_stages, checked_job, compose
 from pipeline.command_line.hydra_errors import errors_in_words
 from pipeline.command_line.overrides import HYDRA, SUFFIXES, quoted, top_of, words_of
 from pipeline.preflight import check_before
-from pipeline.run import artifacts, configuration, sweep
+from pipeline.run import artifacts, configuration, lock, sweep
 from pipeline.run.sweep import DONE, Ending, SweptRun, state_of
 
 #: the key that tells a resumed run its folder; no setting, and in no configuration that is kept
@@ -278,6 +278,9 @@ def resume_words(folder: Path, overrides: Sequence[Override]) -> list[str]:
     kept = [override for override in overrides if override.key_or_group != EXPERIMENT]
     runs.given_again([override for override in kept if top_of(override.key_or_group) != HYDRA])
     left = _left(folder)
+    for run in sweep.read(folder):
+        if run not in left:
+            lock.drop_left(folder / run.folder)
     for run in left:
         if not (folder / run.folder / artifacts.CONFIG).exists():
             configuration.write(folder / run.folder, _composed_again(run).config)

@@ -69,6 +69,13 @@ def held(folder: Path) -> Iterator[None]:
             path.unlink(missing_ok=True)
 
 
+def drop_left(folder: Path) -> None:
+    """Remove what a killed process left in the folder of a finished run; a lock that is held stays."""
+    if (folder / LOCK).exists():
+        with suppress(HeldError), held(folder):
+            pass
+
+
 @contextmanager
 def _folder_locked(path: Path) -> Iterator[None]:
     """Lock the folder of a lock file too, since the file may be deleted while it is held."""

@@ -1,5 +1,6 @@
 """Kills runs at random moments or file operations, resumes them, and compares them with undisturbed ones."""
 
+import json
 import os
 import random
 import signal
@@ -15,7 +16,7 @@ from pathlib import Path
 from typing import Final
 
 from pipeline.command_line.runs import OK, UNIMPROVED, UNPROVED
-from pipeline.run import artifacts, manifests, sweep
+from pipeline.run import artifacts, lock, manifests, sweep
 from tests import slurm
 
 SMALL: Final = (
@@ -225,6 +226,8 @@ def survive(
                 left -= 1
                 tally.kills[f"{how[0].name} {how[1]}{at}"] += 1
             if code in (OK, UNPROVED, UNIMPROVED):
+                while any(map(is_held, (root / folder).rglob(lock.LOCK))):  # by jobs of a killed launcher
+                    time.sleep(1.0)
                 return
             if how[1] == WORKERS and is_killed:
                 tally.lost.append(f"{kind} {folder.name}: {said.strip().splitlines()[-1:]}")
@@ -235,6 +238,14 @@ def survive(
             if not is_killed:
                 tally.lost.append(f"{kind} {folder.name}: {said.strip().splitlines()[-1:]}")
                 return
+
+
+def is_held(path: Path) -> bool:
+    """Return whether a process that is alive holds a lock."""
+    try:
+        return Path("/proc", str(json.loads(path.read_text(encoding="utf-8"))["process"])).exists()
+    except (OSError, ValueError, LookupError):
+        return False
 
 
 def operation_of(counts: Path) -> str:

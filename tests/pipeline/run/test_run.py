@@ -12,7 +12,7 @@ from pipeline.command_line.cli import main
 from pipeline.controllers.source import controller_of_run
 from pipeline.evaluation.monte_carlo import summarise
 from pipeline.flight.control.controller import coast
-from pipeline.run import artifacts, configuration, manifests, progress, runner, sweep, tables, writing
+from pipeline.run import artifacts, configuration, lock, manifests, progress, runner, sweep, tables, writing
 from pipeline.run.progress import Progress
 from pipeline.settings import start_table
 from tests.pipeline.command_line.cases import EVALUATE, FLY, use_stages
@@ -317,8 +317,14 @@ def test_an_interrupted_sweep_goes_on_with_what_is_left(monkeypatch, ran):
     use_stages(monkeypatch, evaluate=stop)
     assert "2 runs of the sweep are left. To go on with all: python -m" in ran(*words, code=130).err
     called = use_stages(monkeypatch, evaluate=evaluate)
+    left = Path("out", "seed=1", lock.LOCK)  # by a process that was killed when it had finished the run
+    left.touch()
     assert main(["resume=out"]) == 0
     assert [(name, e.seed) for name, e, _ in called] == [("evaluate", 2), ("scenario", 3), ("evaluate", 3)]
+    assert not left.exists()
+    with lock.held(left.parent):  # by a process that is alive
+        assert "nothing is left to do" in ran("resume=out").err
+        assert left.exists()
 
 
 @pytest.mark.parametrize(
