@@ -23,6 +23,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         folder = Path(name) / "copy"
         copy_with_additions(folder)
         command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-m", "not slow"]
+        command += [
+            "-W",
+            "ignore::RuntimeWarning",
+        ]  # of NumPy, where compiled code divides by zero in silence
         environment = os.environ | {"PYTHONPATH": os.fspath(folder), "NUMBA_DISABLE_JIT": "1"}
         done = subprocess.run([*command, *options.tests], cwd=folder, env=environment, check=False)  # noqa: S603
         return done.returncode

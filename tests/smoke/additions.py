@@ -19,7 +19,7 @@ MOST = {
     "problem": 1,
     "setting": 1,
 }
-LEFT_OUT = shutil.ignore_patterns(".git", ".venv", ".*_cache", "__pycache__", "build", "outputs", "images")
+LEFT_OUT = shutil.ignore_patterns(".git", ".venv", ".*_cache", "__pycache__", "build", "outputs")
 
 
 def patch_of(what: str) -> Path:
