@@ -4,7 +4,7 @@ import csv
 from pathlib import Path
 from typing import Final
 
-from fis_tools.file_access import read_text
+from fis_tools.file_access import read_shipped
 
 #: what is no rule where one signs rules
 LOW_ORBIT: Final = (
@@ -15,7 +15,7 @@ LOW_ORBIT: Final = (
 
 def table() -> list[list[str]]:
     """Return headings and a row for each champion: what was measured, and the page under docs that has it."""
-    return list(csv.reader(read_text(Path(__file__).with_suffix(".csv")).splitlines()))
+    return list(csv.reader(read_shipped(Path(__file__).with_suffix(".csv")).splitlines()))
 
 
 def recommendations() -> str:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from fis_tools.file_access import read_text
 from pipeline.onboard.recorded import FLAGS
 
 _NODE = re.compile(r'node: \{ title: "([^"]+)" label: "(\w+)\\n[^"\\]*(?:\\n(\d+) bytes \((.*?)\))?')
@@ -49,7 +50,7 @@ def sizes(folder: Path, compiler: str = "gcc", flags: Sequence[str] = FLAGS) -> 
         target = Path(scratch) / "controller.o"
         command: list[str | Path] = [path, *flags, "-fcallgraph-info=su", "-c", "-o", target]
         subprocess.run([*command, folder / "controller.c"], check=True)  # noqa: S603
-        graph = target.with_suffix(".ci").read_text(encoding="utf-8")
+        graph = read_text(target.with_suffix(".ci"))  # file: made by gcc just now
         sections = subprocess.run(  # noqa: S603
             [listing, "-A", target], check=True, capture_output=True, text=True
         ).stdout

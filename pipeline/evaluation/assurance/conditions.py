@@ -9,7 +9,7 @@ import numpy as np
 from pipeline.settings.dispersions import distributions
 from pipeline.settings.experiment import Experiment, Mission, MonteCarlo
 from pipeline.settings.keys import value_at
-from pipeline.settings.mission import START_M
+from pipeline.settings.mission import START_M, Sun
 from pipeline.settings.schema import present, schema
 from pipeline.settings.variants import names_of
 
@@ -89,6 +89,11 @@ def changed_settings(config: Mapping[str, Any]) -> dict[str, Any]:
     config, groups = present(config), {*names_of(Mission), "sun"}
     keys = [key for key in schema().values() if key.name.partition(".")[0] in groups]
     values = [(key, value_at(config, key.name, key.default)) for key in keys]
-    # a start that is left to the mission is the paper's in the paper's
-    defaults = {"deputy.initial_position_m": list(START_M)}
+    # what is left to the mission and the orbit is the paper's in the paper's
+    sun = Sun()
+    defaults = {
+        "deputy.initial_position_m": list(START_M),
+        "sun.angle_deg": sun.angle_deg,
+        "sun.elevation_deg": sun.elevation_deg,
+    }
     return {key.name: value for key, value in values if value not in (key.default, defaults.get(key.name))}

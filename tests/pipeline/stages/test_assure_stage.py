@@ -161,7 +161,7 @@ def test_the_argument_stands_as_the_worst_of_its_goals_and_names_their_shares(ev
         text = render_evidence({**evidence, "requirements": [shown, {**shown, "verdict": worst}, shown]})
         assert f"G0: {worst}<" in text
         assert ">S1" not in text  # a requirement may have this id
-        assert f"R1: {worst} for 99 % of cases (proved)<" in text
+        assert f"R1: {worst} for 99 % (proved)<" in text
 
 
 def test_runs_of_the_same_question_beside_are_told(assured, evidence, tmp_path, capsys):

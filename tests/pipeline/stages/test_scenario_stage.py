@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pipeline.command_line.config import compose_experiment
-from pipeline.command_line.overrides import ConfigError, rewrite_paths
+from pipeline.command_line.overrides import rewrite_paths
 from pipeline.flight.state.log import Scenario
 from pipeline.run import artifacts
 from pipeline.scenarios import evaluation_scenarios, training_scenarios
@@ -109,5 +109,5 @@ def test_tables_that_cannot_be(tmp_path: Path, text: str, message: str) -> None:
     path.write_text(text)
     with pytest.raises(SettingError, match=message):
         composed(path, "+experiment=evaluate")
-    with pytest.raises(ConfigError, match=r"nowhere.csv cannot be read"):
+    with pytest.raises(SettingError, match=r"nowhere.csv cannot be read"):
         composed(tmp_path / "nowhere.csv", "+experiment=evaluate")
