@@ -28,7 +28,7 @@ class Output:
         return getattr(self._stream, name)
 
     def write(self, text: str) -> int:
-        """Write a text."""
+        """Write a text and return its length; nothing is written after the first error."""
         self._try(lambda: self._write(text))
         return len(text)
 

@@ -28,7 +28,7 @@ OPERATORS: dict[str, int] = {
 
 @compiled(error_model="numpy", forceinline=True)
 def combine(operator: int, a: float, b: float) -> float:  # noqa: PLR0911, PLR0912 - one line per operator
-    """Apply an operator of `fis_tools.model.operators` to two degrees of truth."""
+    """Apply an operator of `fis_tools.model.operators` to two degrees of truth; a hedge changes the first."""
     if operator == MIN:
         return a if a < b else b
     if operator == MAX:
@@ -49,7 +49,7 @@ def combine(operator: int, a: float, b: float) -> float:  # noqa: PLR0911, PLR09
     if operator == HAMACHER_PRODUCT:
         return 0.0 if either - both == 0.0 else both / (either - both)
     if operator == HAMACHER_SUM:
-        if both < 0.5:
+        if both < 0.5:  # two forms of one formula, against cancellation near 1
             return min((either - 2.0 * both) / (1.0 - both), 1.0)
         return 1.0 if both == 1.0 else 1.0 - (1.0 - a) * (1.0 - b) / (1.0 - both)
     if operator == DRASTIC_PRODUCT:

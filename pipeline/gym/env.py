@@ -77,7 +77,7 @@ class InspectionEnv(gymnasium.Env[Observation, NDArray[Any]]):
         return self._episodes.flights.seen[0], self._info()
 
     def step(self, action: NDArray[Any]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """Fly a control period."""
+        """Fly a control period under an action, (3,); after the last, the observation is the final one."""
         require_episode(self._is_over)
         rewards, terminated, truncated = self._episodes.step(np.asarray(action)[np.newaxis])
         self._is_over = bool(terminated[0] or truncated[0])

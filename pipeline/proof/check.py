@@ -98,10 +98,14 @@ class Force:
         return force.min(self.greatest).max(-self.greatest)
 
     def span(self, box: TubeBox) -> tuple[range, range]:
-        """Return the cells of positions and of velocities that a box touches, give or take rounding."""
-        lean = sorted((box.shear * box.low, box.shear * box.high))
-        rows = touched(self.edges[1], box.least - lean[1], box.greatest - lean[0])
-        return touched(self.edges[0], box.low, box.high), rows
+        """Return the cells of positions and of velocities that a box touches, give or take rounding.
+
+        A box holds positions p from low to high, m, and velocities v with v + shear p from least to
+        greatest, m/s.
+        """
+        sheared = sorted((box.shear * box.low, box.shear * box.high))
+        velocities = touched(self.edges[1], box.least - sheared[1], box.greatest - sheared[0])
+        return touched(self.edges[0], box.low, box.high), velocities
 
     def check(self, box: TubeBox) -> int:
         """Return how many cells a box touches; refuse the certificate unless the plane holds over each.

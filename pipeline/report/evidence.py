@@ -187,7 +187,7 @@ def number(value: float) -> str:
 
 
 def lead(evidence: Mapping[str, Any]) -> str:
-    """Return the result in words: the worst verdict on the gravest requirement, then all others."""
+    """Return the result in words: the gravest requirement of the worst verdict, then all others."""
     ranked = sorted(
         evidence["requirements"],
         key=lambda requirement: (

@@ -406,7 +406,10 @@ class SearchEfficiency:
 
 
 def search_efficiency(searches: Sequence[WorstCaseSearch], random: FormulaResult) -> SearchEfficiency:
-    """Compare searches with random flights."""
+    """Compare how many flights searches needed for each failure found, with random flights.
+
+    Searches that found none count with all their flights; `first_failed` counts from 1.
+    """
     needed = sum(search.first_failed or len(search.scenarios) for search in searches)
     num_found = sum(search.first_failed is not None for search in searches)
     num_random = int(np.count_nonzero(~random.is_met))

@@ -95,7 +95,11 @@ def considered(mission: Mission) -> Floats:
 
 
 def errors_of(mission: Mission, scenarios: list[Scenario]) -> NavigationErrors:
-    """Draw the errors of some flights, each from the noise seed of its start."""
+    """Draw the errors of some flights, each from the noise seed of its start.
+
+    Settings in degrees are drawn in rad. What a kind of navigation does not use is drawn all the same, so
+    that later draws stay as they are.
+    """
     navigation, num_samples = mission.filtered, mission.num_controls + 1
     stride = round(navigation.fix_period_s / mission.control_period_s)
     num_fixes = mission.num_controls // stride + 1

@@ -224,7 +224,9 @@ class SteppedFlights:
         self.samples[flight] = NOT_STARTED
 
     def step(self, forces: Floats) -> None:
-        """Fly every flight by a control period under a force, shape (n, 3), N, Hill axes, or start it.
+        """Fly every flight by a control period under a force, shape (n, 3), N, Hill axes.
+
+        A flight that `start` put at a start is brought to its first sample instead, whatever its force.
 
         Raises
         ------

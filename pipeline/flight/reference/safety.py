@@ -59,7 +59,11 @@ class SafetyLayer:
         return np.concatenate((np.column_stack(spheres).ravel(), [speed], braking))
 
     def half_space(self, ahead: Floats, which: int, num_checks: int) -> tuple[Floats, float]:
-        """Return the half-space ``row . s' >= level`` of next states for a limit, an index of `excesses`."""
+        """Return the half-space ``row . s' >= level`` of next states for a limit, an index of `excesses`.
+
+        They list the nearest and farthest distance at each check by turns, then the speed, then the stop
+        along each axis. A limit is linearised at `ahead`, the next state, (6,), m and m/s, Hill axes.
+        """
         beyond = which - 2 * num_checks
         if beyond > 0:
             row = -np.sign(self.stop[beyond - 1] @ ahead) * self.stop[beyond - 1]

@@ -111,7 +111,8 @@ def planned(flight: ReferenceFlight, k: int, known: Floats, state: ReferenceStat
 def reasons(decision: Decision, is_hill: bool, limit: float, change: Floats) -> NDArray[np.str_]:
     """Return for each component why it was, or was not, commanded as requested.
 
-    `change` is the safety layer's, N; `is_hill` whether the controller commands along Hill axes.
+    `limit` is the largest force of a component and `change` the safety layer's, both in N; `is_hill` says
+    whether the controller commands along Hill axes. If not, a change of any component concerns all.
     """
     is_clipped, is_changed = np.abs(decision.wanted) > limit, np.abs(change) > 1e-9
     if not is_hill:

@@ -189,7 +189,9 @@ def nearest_safe_force(world: World, free: Flying, requested: Three, num_checks:
     """Return the force nearest to the requested one that keeps the limits of the first checks, if any does.
 
     The most exceeded limit is replaced by a half-space, the force projected, and so on (Kelley, "The
-    cutting-plane method for solving convex programs", J. SIAM 8, 1960).
+    cutting-plane method for solving convex programs", J. SIAM 8, 1960). Forces are in N, Hill axes. `cuts`,
+    (MOST_CUTS, 4), is working space, a row a half-space; if that many do not suffice, the last force is
+    returned, which exceeds a limit.
     """
     force = clip_three(requested, world.guard.planned_force)
     for num_cuts in range(MOST_CUTS):

@@ -235,7 +235,10 @@ def point_beside(now: Moment, errors: NavigationErrors) -> None:
 
 @compiled(error_model="numpy")
 def sense_attitude(now: Moment, errors: NavigationErrors) -> None:
-    """Write the sensed attitude and boresight."""
+    """Write the sensed attitude and boresight (Hill axes) into the belief, and the error into the estimate.
+
+    The error is a rotation about body axes, `turn`, and its small angles in Hill axes, `tilt`, rad.
+    """
     state, belief = now.state, now.state.belief
     q = load_quaternion(state.truth.attitude)
     if errors.of_attitude.shape[1] == 0:
