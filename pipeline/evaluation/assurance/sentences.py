@@ -30,7 +30,9 @@ def sentence(evidence: Evidence, result: MethodResult) -> str:
     """
     requirement = evidence.requirement
     share, reach = claimed_share(requirement, result), claimed_reach(evidence, result)
-    words = [f'{capitalised(result.word)} for {share}{reach}: "{capitalised(requirement.text.rstrip("."))}."']
+    # "refuted for 99 % of cases" would say that it fails in 99 % of them
+    word = f"{result.word} as a claim" if result.verdict == "refuted" else result.word
+    words = [f'{capitalised(word)} for {share}{reach}: "{capitalised(requirement.text.rstrip("."))}."']
     is_flown = evidence.judgement or evidence.searches
     words.append(f"{_flown(evidence) if is_flown else f'Failing means {requirement.consequence}'}.")
     judgement = evidence.judgement

@@ -330,7 +330,9 @@ def test_what_all_cases_must_meet_is_shown_by_a_proof_alone_and_refuted_by_one_f
         failing = replace(flown, judgement=cases(1, probability=1.0), proof=proof)
         assert verdict(failing).word == "refuted"
     failed = replace(flown, searches=(searched(-0.5),))
-    assert sentence(failed, verdict(failed)).startswith('Refuted for all cases: "The deputy stays away."')
+    assert sentence(failed, verdict(failed)).startswith(
+        'Refuted as a claim for all cases: "The deputy stays away."'
+    )
 
 
 LIMIT = "(speed <= 0.2 m/s + 0.002 per_s * distance)"
