@@ -5,6 +5,7 @@ import json
 
 import numpy as np
 import pytest
+from playwright.sync_api import expect
 
 import telemetry
 from fis_tools.words.text import sentences
@@ -91,9 +92,8 @@ def test_a_page_shows_it(flown, opened, axe, width):
     body = f"<main><h1>A flight</h1>{scene.body}</main><script>{scene.script}</script>"
     page = opened(head + body, width, reduced_motion="reduce")
     page.locator(".time").fill("30")
-    page.wait_for_function("() => document.querySelector('.count').textContent.includes('points')")
     count = int(log.is_inspected[30].sum())
-    assert f"{count} of {log.is_inspected.shape[1]} points" in page.locator(".count").inner_text()
+    expect(page.locator(".count")).to_contain_text(f"{count} of {log.is_inspected.shape[1]} points")
     force = log.force_hill_n[30]
     printed = page.locator(".why").inner_text()
     assert printed.startswith("Push" if np.any(force) else "No push")
