@@ -4,7 +4,8 @@ Angles are to the equator and the equinox of date. With `orbit.epoch` the Sun's 
 """
 
 import math
-from collections.abc import Mapping
+from abc import abstractmethod
+from collections.abc import Callable, Mapping
 from functools import cached_property
 from typing import Annotated, Any, Final, Literal, NamedTuple
 
@@ -86,9 +87,9 @@ class OrbitSettings(Settings, group="orbit"):
         return float(math.sqrt(EARTH_GRAVITY_M3_S2 / self.elements.semi_major_axis_m**3))
 
     @property
+    @abstractmethod
     def elements(self) -> KeplerElements:
         """The elements at the start."""
-        raise NotImplementedError
 
     @property
     def is_of_earth(self) -> bool:
@@ -271,7 +272,8 @@ def given_sun(config: Mapping[str, Any]) -> dict[str, float]:
     orbit = keys.value_at(config, "orbit")
     if not left or not isinstance(orbit, Mapping):
         return {}
-    angles = OrbitSettings(**orbit).sun_at_epoch_deg or (0.0, 0.0)
+    variant: Callable[..., OrbitSettings] = OrbitSettings  # a call returns the variant that the tag names
+    angles = variant(**orbit).sun_at_epoch_deg or (0.0, 0.0)
     by_key = dict(zip(FOLLOWING, angles, strict=True))
     return {key: round(by_key[key], DIGITS) for key in left}
 
