@@ -16,8 +16,8 @@ from pipeline.flight.state.log import Outcomes, Scenario, inspectable_rate
 from pipeline.flight.world.pack import inspection_points
 from pipeline.scenarios import columns_of
 from pipeline.settings.dispersions import distributions
+from pipeline.settings.equipment import RealActuators
 from pipeline.settings.experiment import Mission
-from pipeline.settings.mission import RealActuators
 from pipeline.settings.relations import STANDARD_GRAVITY_M_S2
 
 #: what a summary calls the share of flights that succeed; its ``success`` counts those outside the limits too

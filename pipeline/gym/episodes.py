@@ -25,7 +25,7 @@ from pipeline.physics.motion import HasMass, HasMeanMotion, free_path, motion_ov
 from pipeline.recording.recorder import FlightRecorder
 from pipeline.scenarios import PRIORITY, direction_of, draw
 from pipeline.settings.experiment import Experiment, Mission
-from pipeline.settings.variants import names_of
+from pipeline.settings.groups import names_of
 
 #: what is composed where nothing else is asked for: nothing of it is flown but the world
 BASE: Final = ("+experiment=evaluate", "controller=coast")

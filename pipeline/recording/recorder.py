@@ -47,8 +47,8 @@ from pipeline.recording.firing import delay_of, is_fired
 from pipeline.recording.foresight import recorded_decisions
 from pipeline.recording.points import lit_and_seen, note_lit_and_seen, parts_of_points, sensed_of_points
 from pipeline.run import configuration, maker
+from pipeline.settings.equipment import FilteredNavigation
 from pipeline.settings.experiment import Experiment, Mission
-from pipeline.settings.mission import FilteredNavigation
 from pipeline.settings.schema import only_results
 from telemetry import EpisodeWriter
 from telemetry.file import topics

@@ -8,10 +8,9 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from pipeline.settings.checks import SettingError
-from pipeline.settings.groups import Settings
+from pipeline.settings.groups import Settings, tags_of
 from pipeline.settings.keys import FREE
 from pipeline.settings.types import Count, NotNegative, Number, Positive, Text
-from pipeline.settings.variants import tags_of
 
 Angle = Annotated[Number, Field(ge=-math.pi, le=math.pi)]
 

@@ -2,23 +2,24 @@
 
 A key whose number has no effect is no key: it is not in a run's configuration, and giving it is a mistake.
 ``Only("navigation.mode=fixes")`` among the annotations of a key, or given to the class for all keys of its
-group, says so once, for the check, the help and the reference page.
+group, says so once, for the check, the help and the reference page. So does a variant: of classes among which
+a tag chooses, such as ``navigation.mode``, the one whose keys exist.
 """
 
-from collections.abc import Mapping
-from dataclasses import field
-from typing import Any, ClassVar, dataclass_transform
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import field, fields
+from functools import cache
+from typing import Any, ClassVar, Literal, dataclass_transform, get_args, get_origin, get_type_hints
 
 from pydantic import ConfigDict, Field, GetCoreSchemaHandler, ValidationError
 from pydantic._internal._docs_extraction import extract_docstrings_from_cls
 from pydantic.dataclasses import dataclass as checked_dataclass
 from pydantic_core import CoreSchema, core_schema
 
-from pipeline.settings.checks import SettingError
+from pipeline.settings.checks import SettingError, in_unit, no_choice
 from pipeline.settings.conditions import Only
-from pipeline.settings.keys import FREE, KNOWN, dotted
-from pipeline.settings.refusals import no_group, sentence
-from pipeline.settings.variants import names_of, variant_of
+from pipeline.settings.keys import FREE, KNOWN, choices_of, dotted, unit_of, unknown
 
 #: each class of settings with its group, "" for keys at the top, and what holds for all its keys
 GROUPS: list[tuple[str, type[Any], Only | None]] = []
@@ -103,3 +104,131 @@ def texts_of(kind: Any) -> dict[str, str]:
         texts |= extract_docstrings_from_cls(owner, use_inspect=True)
         texts |= {name: entry.description for name, entry in given if entry.description}
     return {name: " ".join(text.split()) for name, text in texts.items()}
+
+
+#: fields that are not part of a configuration
+NOT_CONFIGURED = ("mission", "resume")
+
+
+def names_of(kind: Any) -> list[str]:
+    """Return the keys of a group, without the group's name."""
+    return [field.name for field in fields(kind) if field.name not in NOT_CONFIGURED]
+
+
+def variants_of(kind: type[Any]) -> list[type[Any]]:
+    """Return the variants of a class of settings: its subclasses without subclasses, or itself."""
+    return [leaf for inner in kind.__subclasses__() for leaf in variants_of(inner)] or [kind]
+
+
+def descendants_of(kind: type[Any]) -> Iterator[type[Any]]:
+    """Yield all subclasses of a class, each before its own."""
+    for inner in kind.__subclasses__():
+        yield inner
+        yield from descendants_of(inner)
+
+
+@cache
+def tags_of(kind: type[Any]) -> Mapping[str, Mapping[type[Any], str]]:
+    """Return the keys that name a variant: by key, its one value in each variant that has it."""
+    tags: dict[str, dict[type[Any], str]] = {}
+    for variant in variants_of(kind):
+        for name, hint in get_type_hints(variant).items():
+            if get_origin(hint) is Literal and len(get_args(hint)) == 1:
+                tags.setdefault(name, {})[variant] = get_args(hint)[0]
+    return tags
+
+
+def variant_of(kind: Any, values: Mapping[str, Any]) -> type[Any]:
+    """Return the variant that the tags among some values name; of a tag that is left out the first counts.
+
+    Raises
+    ------
+    SettingError
+        If there is none.
+    """
+    variants = variants_of(kind)
+    for tag, value_of in tags_of(kind).items():
+        choices = list(dict.fromkeys(value_of[variant] for variant in variants if variant in value_of))
+        value = values.get(tag, choices[0] if choices else None)
+        if choices and value not in choices:
+            key = dotted(getattr(kind, "group", ""), (tag,))
+            raise SettingError(f"{key} is {no_choice(value, choices)}")
+        variants = [variant for variant in variants if value_of.get(variant, value) == value]
+    return variants[0]
+
+
+def conditions_of(kind: Any, name: str) -> Iterator[Only]:
+    """Yield where a key exists, by the variants that have it: a condition for each tag that decides."""
+    having = [variant for variant in variants_of(kind) if name in variant.__dataclass_fields__]
+    for tag, value_of in tags_of(kind).items():
+        values = list(dict.fromkeys(value_of[variant] for variant in having if variant in value_of))
+        if tag != name and 0 < len(values) < len({*value_of.values()}):
+            yield Only(*(f"{dotted(kind.group, (tag,))}={value}" for value in values))
+
+
+#: pydantic's names for errors, to what a value must be
+EXPECTED: Mapping[str, str] = {
+    "greater_than": "greater than {gt:g}",
+    "greater_than_equal": "at least {ge:g}",
+    "less_than": "less than {lt:g}",
+    "less_than_equal": "at most {le:g}",
+    "finite_number": "a finite number",
+    "float_type": "a number",
+    "int_type": "a whole number",
+    "bool_type": "true or false",
+    "string_type": "a text",
+    "tuple_type": "a list, [..., ...]",
+    "dict_type": "a group of keys",
+}
+
+
+def sentence(kind: Any, error: ValidationError) -> str:
+    """Describe the first error: unknown keys before missing ones, and those before invalid values.
+
+    Parameters
+    ----------
+    kind : type
+        The class of settings that was to be built.
+    error : ValidationError
+    """
+    order = {"unexpected_keyword_argument": 0, "missing": 1}
+    fault = min(error.errors(include_url=False), key=lambda details: order.get(details["type"], 2))
+    cause = fault.get("ctx", {}).get("error")
+    if isinstance(cause, SettingError):
+        return str(cause)
+    key, value = dotted(kind.group, fault["loc"]), fault["input"]
+    unit = in_unit(unit_of(key))
+    match fault["type"]:
+        case "unexpected_keyword_argument":
+            words = _unexpected(kind, key)
+        case "missing":
+            words = f"the key {key} is missing; give it a value, {key}=..."
+        case "dataclass_type":
+            words = no_group(key, value, get_type_hints(kind)[str(fault["loc"][-1])])
+        case "literal_error":
+            choices = re.findall("'([^']*)'", fault["ctx"]["expected"])
+            words = f"{key} is {no_choice(value, choices)}"
+        case _ if cause is not None:
+            words = str(cause).replace("{key}", key).replace("{unit}", unit)
+        case name:
+            limits = fault.get("ctx", {})
+            words = (
+                f"{key} is {value!r}; it must be {EXPECTED[name].format(**limits)}{unit if limits else ''}"
+            )
+    return words
+
+
+def no_group(key: str, value: Any, kind: Any) -> str:
+    """Return a message about a value that is no group of keys, as a class of settings must have."""
+    return f"{key} is {value!r}; it must be a group of keys: {', '.join(names_of(kind))}"
+
+
+def _unexpected(kind: Any, key: str) -> str:
+    """Return a message about a key that a class does not have: a variant's, or one that does not exist."""
+    if kind.group == FREE:
+        choices = choices_of(key.rpartition(".")[2], names_of(kind), "keys")
+        return f"there is no key {key} with {FREE}.kind={kind.kind}{choices}"
+    if key not in KNOWN:
+        return unknown(key)
+    where = " and ".join(map(str, conditions_of(kind.root, key.rpartition(".")[2])))
+    return f"{key} counts only with {where}; set that, or leave {key} out"

@@ -84,7 +84,8 @@ class OrbitSettings(Settings, group="orbit"):
     @property
     def mean_motion_rad_s(self) -> float:
         """Mean motion of the chief, rad/s."""
-        return float(math.sqrt(EARTH_GRAVITY_M3_S2 / self.elements.semi_major_axis_m**3))
+        gravity: float = getattr(self, "gravity_m3_s2", EARTH_GRAVITY_M3_S2)
+        return math.sqrt(gravity / self.elements.semi_major_axis_m**3)
 
     @property
     @abstractmethod
@@ -172,11 +173,6 @@ class ElementsOrbit(EllipticOrbit):
     """Semi-major axis."""
 
     @property
-    def mean_motion_rad_s(self) -> float:
-        """Mean motion of the chief, rad/s."""
-        return math.sqrt(self.gravity_m3_s2 / self.semi_major_axis_m**3)
-
-    @property
     def elements(self) -> KeplerElements:
         """The elements at the start."""
         return self.lying(self.semi_major_axis_m, self.eccentricity, self.true_anomaly_deg)
@@ -187,11 +183,6 @@ class RadiusOrbit(PlanetOrbit):
 
     kind: Literal["radius"] = "radius"
     radius_m: Length = 6_878_137.0
-
-    @property
-    def mean_motion_rad_s(self) -> float:
-        """Mean motion of the chief, rad/s."""
-        return math.sqrt(self.gravity_m3_s2 / self.radius_m**3)
 
     @property
     def elements(self) -> KeplerElements:

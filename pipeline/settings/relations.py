@@ -1,10 +1,11 @@
 """Relations between settings of a mission: one table, a row for each, by which a mission is accepted.
 
-A row says what must hold, of which settings, and has a function that yields, of a mission that breaks it,
-what is wrong and the cure; the message begins with the values of the settings. Values of single settings are
-checked where they are defined.
+A row is the settings that it relates, and a function that checks them: it yields, of a mission that breaks
+the relation, what is wrong and the cure; the message begins with the values of the settings. Values of single
+settings are checked where they are defined.
 """
 
+import math
 from collections.abc import Callable, Iterator
 from functools import reduce
 from typing import Any, Final, NamedTuple
@@ -28,12 +29,11 @@ MOST_HORIZONS = 10_000
 
 
 class Relation(NamedTuple):
-    """A relation: what must hold, of which dotted keys, and what refuses a mission that breaks it.
+    """A relation: of which dotted keys, and what refuses a mission that breaks it.
 
-    The last yields sentences, or raises a `SettingError`.
+    That yields sentences, or raises a `SettingError`.
     """
 
-    sentence: str
     keys: tuple[str, ...]
     refusals: Refusals
 
@@ -42,11 +42,11 @@ class Relation(NamedTuple):
 RELATIONS: list[Relation] = []
 
 
-def relation(sentence: str, *keys: str) -> Callable[[Refusals], Refusals]:
-    """Add a function to the table, with what must hold and the keys that it relates."""
+def relation(*keys: str) -> Callable[[Refusals], Refusals]:
+    """Add a function to the table, with the keys that it relates."""
 
     def add(refusals: Refusals) -> Refusals:
-        RELATIONS.append(Relation(sentence, keys, refusals))
+        RELATIONS.append(Relation(keys, refusals))
         return refusals
 
     return add
@@ -61,21 +61,19 @@ def check_relations(mission: Mission) -> None:
     """
     for row in RELATIONS:
         for words in row.refusals(mission):
-            values = {key: reduce(_get, key.split("."), mission) for key in row.keys}
+            values = {key: setting(mission, key) for key in row.keys}
             shown = [f"{key} is {value:g}" for key, value in values.items() if isinstance(value, int | float)]
             raise SettingError("; ".join(filter(None, (", ".join(shown), words))))
 
 
-def _get(node: Any, name: str) -> Any:
-    """Return a setting; None where it does not exist."""
-    return getattr(node, name, None)
+def setting(mission: Mission, key: str) -> Any:
+    """Return the value of a dotted key; None where it does not exist."""
+    return reduce(lambda node, name: getattr(node, name, None), key.split("."), mission)
 
 
-@relation(
-    "A mean motion and a radius, where both are given, are those of one planet.",
-    *("orbit.mean_motion_rad_s", "orbit.radius_m", "orbit.gravity_m3_s2"),
-)
+@relation("orbit.mean_motion_rad_s", "orbit.radius_m", "orbit.gravity_m3_s2")
 def _gravity(mission: Mission) -> Iterator[str]:
+    """Check that a mean motion and a radius, where both are given, are those of one planet."""
     orbit = mission.orbit
     if not isinstance(orbit, MeanMotionOrbit) or orbit.radius_m is None:
         return
@@ -88,10 +86,10 @@ def _gravity(mission: Mission) -> Iterator[str]:
 
 
 @relation(
-    "A size of an orbit, and its planet's gravity, make a mean motion that orbits have.",
-    *("orbit.kind", "orbit.radius_m", "orbit.semi_major_axis_m", "orbit.altitude_m", "orbit.gravity_m3_s2"),
+    "orbit.kind", "orbit.radius_m", "orbit.semi_major_axis_m", "orbit.altitude_m", "orbit.gravity_m3_s2"
 )
 def _motion(mission: Mission) -> Iterator[str]:
+    """Check that a size of an orbit, and its planet's gravity, make a mean motion that orbits have."""
     motion, kind = mission.orbit.mean_motion_rad_s, mission.orbit.kind
     if not SLOWEST_RAD_S <= motion <= FASTEST_RAD_S:
         yield (
@@ -100,32 +98,23 @@ def _motion(mission: Mission) -> Iterator[str]:
         )
 
 
-@relation(
-    "Shadow, oblateness and the Sun at an epoch are the Earth's.",
-    *("orbit.gravity_m3_s2", "light.shadow", "dynamics.j2", "orbit.epoch"),
-)
+@relation("orbit.gravity_m3_s2", "light.shadow", "dynamics.j2", "orbit.epoch")
 def _earth(mission: Mission) -> Iterator[str]:
-    orbit, dynamics = mission.orbit, mission.dynamics
-    if orbit.is_of_earth:
-        return
-    of_earth = {
-        f"light.shadow={mission.light.shadow}": mission.light.shadow != "none",
-        "dynamics.j2 above 0": dynamics.model == "two_body" and dynamics.j2 > 0.0,
-        "orbit.epoch": orbit.epoch is not None,
-    }
-    for words, is_set in of_earth.items():
-        if is_set:
-            yield (
-                f"orbit.gravity_m3_s2 is {orbit.gravity_m3_s2:g}, another planet's, and {words} is about the "
-                "Earth; leave one of them out"
-            )
+    """Check that shadow, oblateness and the Sun at an epoch are the Earth's."""
+    orbit, shadow = mission.orbit, mission.light.shadow
+    of_earth = [f"light.shadow={shadow}"] if shadow != "none" else []
+    of_earth += ["dynamics.j2 above 0"] if setting(mission, "dynamics.j2") else []
+    of_earth += ["orbit.epoch"] if orbit.epoch is not None else []
+    if of_earth and not orbit.is_of_earth:
+        yield (
+            f"orbit.gravity_m3_s2 is {orbit.gravity_m3_s2:g}, another planet's, and {of_earth[0]} is about "
+            "the Earth; leave one of them out"
+        )
 
 
-@relation(
-    "Clohessy and Wiltshire's equations fly beside an orbit that is nearly a circle.",
-    *("orbit.tle", "dynamics.model"),
-)
+@relation("orbit.tle", "dynamics.model")
 def _circle(mission: Mission) -> Iterator[str]:
+    """Check that Clohessy and Wiltshire's equations fly beside an orbit that is nearly a circle."""
     if mission.orbit.kind == "tle" and mission.dynamics.model == "cw":
         eccentricity = mission.orbit.elements.eccentricity
         if not eccentricity <= MOST_CIRCULAR:
@@ -135,11 +124,9 @@ def _circle(mission: Mission) -> Iterator[str]:
             )
 
 
-@relation(
-    "Where the Sun follows from the epoch, the orbit's plane is that of every flight.",
-    *("orbit.epoch", "orbit.inclination_deg", "orbit.raan_deg", "orbit.latitude_argument_deg"),
-)
+@relation("orbit.epoch", "orbit.inclination_deg", "orbit.raan_deg", "orbit.latitude_argument_deg")
 def _plane(mission: Mission) -> Iterator[str]:
+    """Check that where the Sun follows from the epoch, the orbit's plane is that of every flight."""
     angles = ("inclination_deg", "raan_deg", "latitude_argument_deg")
     dispersed = [name for name in angles if name in mission.dispersions.get("orbit", {})]
     if mission.orbit.epoch is not None and dispersed:
@@ -149,11 +136,9 @@ def _plane(mission: Mission) -> Iterator[str]:
         )
 
 
-@relation(
-    "A flight is whole control periods, each of them whole attitude periods.",
-    *("attitude_period_s", "control_period_s", "duration_s"),
-)
+@relation("attitude_period_s", "control_period_s", "duration_s")
 def _clocks(mission: Mission) -> Iterator[str]:
+    """Check that a flight is whole control periods, each of them whole attitude periods."""
     period, duration = mission.control_period_s, mission.duration_s
     checks.divides("attitude_period_s", mission.attitude_period_s, "control_period_s", period)
     checks.divides("control_period_s", period, "duration_s", duration)
@@ -164,29 +149,20 @@ def _clocks(mission: Mission) -> Iterator[str]:
         )
 
 
-@relation(
-    "Fixes and delays fall on samples of the flight.",
-    *("control_period_s", "navigation.fix_period_s", "navigation.delay_s", "actuators.delay_s"),
-)
+@relation("control_period_s", "navigation.fix_period_s", "navigation.delay_s", "actuators.delay_s")
 def _samples(mission: Mission) -> Iterator[str]:
-    period, times = mission.control_period_s, {}
-    if mission.navigation.mode == "fixes":
-        times = {
-            f"navigation.{name}": getattr(mission.navigation, name) for name in ("fix_period_s", "delay_s")
-        }
-    if mission.actuators.kind == "real":
-        times["actuators.delay_s"] = mission.actuators.delay_s
-    for key, time in times.items():
+    """Check that fixes and delays fall on samples of the flight."""
+    period = mission.control_period_s
+    for key in ("navigation.fix_period_s", "navigation.delay_s", "actuators.delay_s"):
+        time = setting(mission, key) or 0.0
         if abs(time / period - round(time / period)) > 1e-9 * max(1.0, time / period):
             yield f"{key} must be a multiple of the first, as {period * max(1, round(time / period)):g} s is"
         checks.within(key, time, 0.0, mission.duration_s, "s")
 
 
-@relation(
-    "A logged flight fits into memory.",
-    *("duration_s", "control_period_s", "attitude_period_s", "chief.num_points"),
-)
+@relation("duration_s", "control_period_s", "attitude_period_s", "chief.num_points")
 def _memory(mission: Mission) -> Iterator[str]:
+    """Check that a logged flight fits into memory."""
     for what, per_control, most in (
         ("points", mission.chief.num_points, MOST_POINTS_SAMPLED),
         ("attitudes", mission.num_attitude_steps, MOST_ATTITUDES),
@@ -198,11 +174,9 @@ def _memory(mission: Mission) -> Iterator[str]:
             )
 
 
-@relation(
-    "The sphere of inspection points lies inside the least distance of the deputy.",
-    *("chief.inspection_radius_m", "deputy.min_distance_m", "deputy.max_distance_m"),
-)
+@relation("chief.inspection_radius_m", "deputy.min_distance_m", "deputy.max_distance_m")
 def _body(mission: Mission) -> Iterator[str]:
+    """Check that the sphere of inspection points lies inside the least distance of the deputy."""
     chief, deputy = mission.chief, mission.deputy
     if chief.shape != "sphere":  # whose reach is known once it is read: pipeline.flight.world.surface
         return
@@ -212,11 +186,9 @@ def _body(mission: Mission) -> Iterator[str]:
         yield ("the first must be at most the second, or a flight through the chief keeps its limits (m)")
 
 
-@relation(
-    "The camera's least range is below its greatest.",
-    *("sensor.min_range_m", "sensor.max_range_m", "deputy.max_distance_m"),
-)
+@relation("sensor.min_range_m", "sensor.max_range_m", "deputy.max_distance_m")
 def _focus(mission: Mission) -> Iterator[str]:
+    """Check that the camera's least range is below its greatest."""
     sensor = mission.sensor
     most = mission.deputy.max_distance_m if sensor.max_range_m is None else sensor.max_range_m
     if sensor.min_range_m > 0.0 and not sensor.min_range_m < most:
@@ -227,11 +199,9 @@ def _focus(mission: Mission) -> Iterator[str]:
         )
 
 
-@relation(
-    "The gradient of gravity turns deputies on circular orbits.",
-    *("attitude.gravity_gradient", "orbit.eccentricity"),
-)
+@relation("attitude.gravity_gradient", "orbit.eccentricity")
 def _gradient(mission: Mission) -> Iterator[str]:
+    """Check that the gradient of gravity turns deputies on circular orbits."""
     is_flown = mission.attitude.mode == "flown" and mission.attitude.gravity_gradient
     eccentricity = mission.orbit.elements.eccentricity if is_flown else 0.0
     if not eccentricity <= MOST_CIRCULAR:
@@ -241,11 +211,9 @@ def _gradient(mission: Mission) -> Iterator[str]:
         )
 
 
-@relation(
-    "The sampled attitude law is stable.",
-    *("attitude.proportional_gain", "attitude.derivative_gain", "attitude_period_s"),
-)
+@relation("attitude.proportional_gain", "attitude.derivative_gain", "attitude_period_s")
 def _gains(mission: Mission) -> Iterator[str]:
+    """Check that the sampled attitude law is stable."""
     attitude, period = mission.attitude, mission.attitude_period_s
     damping = attitude.derivative_gain * period
     # for an error of half a turn the rate is the ratio of the gains, rad/s
@@ -263,52 +231,42 @@ def _gains(mission: Mission) -> Iterator[str]:
         )
 
 
-@relation(
-    "The thrusters can hold the deputy above the chief at its least distance.",
-    *("deputy.max_force_n", "deputy.mass_kg", "orbit.mean_motion_rad_s", "deputy.min_distance_m"),
-)
+@relation("deputy.max_force_n", "deputy.mass_kg", "orbit.mean_motion_rad_s", "deputy.min_distance_m")
 def _holding(mission: Mission) -> Iterator[str]:
+    """Check that the thrusters can hold the deputy above the chief at its least distance."""
     deputy, motion = mission.deputy, mission.orbit.mean_motion_rad_s
     needed = 3.0 * deputy.mass_kg * motion**2 * deputy.min_distance_m
     if not deputy.max_force_n >= needed:
         yield f"to stand still above the chief there takes {needed:.3g} N; raise the force, or lower another"
 
 
-@relation(
-    "The thrusters are stronger than drag and radiation.",
-    *("deputy.max_force_n", "deputy.mass_kg", "dynamics.drag_m_s2", "dynamics.radiation_m_s2"),
-)
+@relation("deputy.max_force_n", "deputy.mass_kg", "dynamics.drag_m_s2", "dynamics.radiation_m_s2")
 def _disturbances(mission: Mission) -> Iterator[str]:
-    dynamics, most = mission.dynamics, mission.deputy.max_force_n / mission.deputy.mass_kg
-    if dynamics.model == "two_body" and not abs(dynamics.drag_m_s2) + abs(dynamics.radiation_m_s2) < most:
+    """Check that the thrusters are stronger than drag and radiation."""
+    most = mission.deputy.max_force_n / mission.deputy.mass_kg
+    drag, radiation = (setting(mission, f"dynamics.{name}_m_s2") or 0.0 for name in ("drag", "radiation"))
+    if not abs(drag) + abs(radiation) < most:
         yield f"the last two together are no less than {most:.3g} m/s^2; lower them, or raise the force"
 
 
-@relation(
-    "A thruster that fails is one of the layout.", *("actuators.failed_thruster", "actuators.thrusters")
-)
+@relation("actuators.failed_thruster", "actuators.thrusters")
 def _failure(mission: Mission) -> Iterator[str]:
-    actuators = mission.actuators
-    if actuators.kind == "real" and actuators.failed_thruster is not None and actuators.thrusters is not None:
-        count = len(actuators.thrusters)
-        if actuators.failed_thruster >= count:
-            yield (
-                f"actuators.failed_thruster is {actuators.failed_thruster}, but there are {count} thrusters; "
-                f"choose one from 0 to {count - 1}"
-            )
+    """Check that a thruster that fails is one of the layout."""
+    failed, thrusters = (setting(mission, f"actuators.{name}") for name in ("failed_thruster", "thrusters"))
+    if failed is not None and thrusters is not None and failed >= (count := len(thrusters)):
+        yield (
+            f"actuators.failed_thruster is {failed}, but there are {count} thrusters; choose one from 0 to "
+            f"{count - 1}"
+        )
 
 
-@relation(
-    "The mass exceeds the propellant plus a control period at full thrust.",
-    *("actuators.propellant_kg", "actuators.specific_impulse_s", "deputy.mass_kg", "deputy.max_force_n"),
-)
+@relation("actuators.propellant_kg", "actuators.specific_impulse_s", "deputy.mass_kg", "deputy.max_force_n")
 def _propellant(mission: Mission) -> Iterator[str]:
-    actuators, deputy = mission.actuators, mission.deputy
-    if actuators.kind != "real" or actuators.specific_impulse_s is None:
-        return
-    speed = STANDARD_GRAVITY_M_S2 * actuators.specific_impulse_s
+    """Check that the mass exceeds the propellant plus a control period at full thrust."""
+    deputy, impulse_s = mission.deputy, setting(mission, "actuators.specific_impulse_s")
+    speed = STANDARD_GRAVITY_M_S2 * (impulse_s or math.inf)
     most = deputy.mass_kg - 3.0 * deputy.max_force_n * mission.control_period_s / speed
-    if not actuators.propellant_kg < most:
+    if impulse_s is not None and not mission.actuators.propellant_kg < most:
         yield (
             f"a control period may use {deputy.mass_kg - most:.3g} kg, and the first must be less than "
             f"{most:.3g}: lower it, or raise one of the others"
@@ -316,11 +274,11 @@ def _propellant(mission: Mission) -> Iterator[str]:
 
 
 @relation(
-    "The spheres of the safety layer have room between them, and the goal is outside the keep-out sphere.",
     *("safety.keep_out_margin_m", "safety.keep_in_margin_m", "deputy.min_distance_m"),
     *("deputy.max_distance_m", "problem.goal_radius_m"),
 )
 def _spheres(mission: Mission) -> Iterator[str]:
+    """Check that the safety layer's spheres have room between them, and the goal lies beyond the inner."""
     if mission.safety.kind != "filter":
         return
     near = "deputy.min_distance_m plus safety.keep_out_margin_m"
@@ -330,11 +288,9 @@ def _spheres(mission: Mission) -> Iterator[str]:
         yield f"the layer keeps the deputy {mission.keep_out_m:g} m away from its goal; choose safety=none"
 
 
-@relation(
-    "The safety layer's stops take no more than the thrusters, and hold the deputy at its keep-in sphere.",
-    *("deputy.max_force_n", "deputy.mass_kg", "orbit.mean_motion_rad_s", "deputy.max_distance_m"),
-)
+@relation("deputy.max_force_n", "deputy.mass_kg", "orbit.mean_motion_rad_s", "deputy.max_distance_m")
 def _braking(mission: Mission) -> Iterator[str]:
+    """Check that the safety layer's stops take no more than the thrusters, and hold at the keep-in sphere."""
     safety, deputy = mission.safety, mission.deputy
     if safety.kind != "filter":
         return
@@ -350,11 +306,11 @@ def _braking(mission: Mission) -> Iterator[str]:
 
 
 @relation(
-    "The safety layer allows a speed at its keep-out sphere, and looks a bounded time ahead.",
     *("safety.speed_limit_m_s", "safety.speed_slope_per_s", "safety.speed_distance_m"),
     *("safety.passive_horizon_s", "safety.keep_in_horizon_s", "control_period_s"),
 )
 def _speeds(mission: Mission) -> Iterator[str]:
+    """Check that the safety layer allows a speed at its keep-out sphere, and looks a bounded time ahead."""
     safety = mission.safety
     if safety.kind != "filter":
         return

@@ -11,26 +11,27 @@ import math
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import MISSING, asdict, dataclass, fields, is_dataclass, replace
 from functools import cache
-from itertools import chain
-from typing import Any, Final, Literal, get_args, get_origin, get_type_hints
+from typing import Any, Final, get_type_hints
 
 import yaml
+from pydantic import TypeAdapter
 
-from pipeline.settings import checks, keys, types, variants
+from pipeline.settings import checks, keys, types
 from pipeline.settings.checks import SettingError
 from pipeline.settings.conditions import Only
 from pipeline.settings.controllers import PLANNED
 from pipeline.settings.dispersions import IN_TIME
 from pipeline.settings.experiment import Experiment, Mission
-from pipeline.settings.groups import GROUPS, texts_of
+from pipeline.settings.groups import GROUPS, conditions_of, descendants_of, names_of, texts_of
 from pipeline.settings.mission import SHARED
 from pipeline.settings.orbit import FOLLOWING, given_sun
 from pipeline.settings.shells import given_starts
 from pipeline.settings.types import Follows, Freely
-from pipeline.settings.variants import names_of
 
 #: characters of a value in a message
 MOST_SHOWN = 60
+#: names of lower and upper limits in descriptions of types, where the first two exclude the limit itself
+LIMITS = (("gt", "exclusiveMinimum", "ge", "minimum"), ("lt", "exclusiveMaximum", "le", "maximum"))
 #: stands for a value that a configuration does not have
 ABSENT: Final = object()
 
@@ -63,17 +64,17 @@ class Key:
 
 @cache
 def schema() -> dict[str, Key]:
-    """Return every key by its dotted name, except those of controllers, in the order of their definition."""
-    tops = [entry for entry in GROUPS if not entry[0]]
-    groups = [entry for entry in GROUPS if entry[0] not in ("", keys.FREE)]
-    sections = (keys_of(group, kind, only) for group, kind, only in [*reversed(tops), *groups])
-    return {key.name: key for key in chain.from_iterable(sections)}
+    """Return every key by its dotted name, except those of controllers: those at the top before groups."""
+    order = ["", *names_of(Mission), *names_of(Experiment)]
+    groups = [entry for entry in reversed(GROUPS) if entry[0] != keys.FREE]
+    groups.sort(key=lambda entry: order.index(entry[0].partition(".")[0]))
+    return {key.name: key for group, kind, only in groups for key in keys_of(group, kind, only)}
 
 
 def keys_of(group: str, kind: Any, only: Only | None = None) -> Iterator[Key]:
     """Yield the keys of a class of settings and of its variants, without those that are groups."""
     met: set[str] = set()
-    for owner in (kind, *variants.descendants_of(kind)):
+    for owner in (kind, *descendants_of(kind)):
         hints, names = get_type_hints(owner, include_extras=True), names_of(owner)
         for field in fields(owner):
             hint, name = hints[field.name], keys.dotted(group, (field.name,))
@@ -84,7 +85,7 @@ def keys_of(group: str, kind: Any, only: Only | None = None) -> Iterator[Key]:
             default = field.default if field.default_factory is MISSING else field.default_factory()
             marks = [only] if only and name not in only.keys else []
             metadata = getattr(hint, "__metadata__", ())
-            marks += variants.conditions_of(kind, field.name)
+            marks += conditions_of(kind, field.name)
             marks += [mark for mark in metadata if isinstance(mark, Only)]
             if any(isinstance(mark, Follows) for mark in metadata):
                 default = None
@@ -205,9 +206,7 @@ def _experiment(config: Mapping[str, Any]) -> Experiment:
 def free_keys() -> tuple[str, ...]:
     """Return the dotted keys of the configuration that no result depends on."""
     marks = {key.name: getattr(key.hint, "__metadata__", ()) for key in schema().values()}
-    return tuple(
-        name for name, marks_of_key in marks.items() if any(isinstance(mark, Freely) for mark in marks_of_key)
-    )
+    return tuple(name for name, given in marks.items() if any(isinstance(mark, Freely) for mark in given))
 
 
 def only_results(config: Mapping[str, Any]) -> dict[str, Any]:
@@ -332,21 +331,18 @@ def marks_of(key: Key) -> str:
 
 
 def range_of(key: Key) -> str:
-    """Return the values that a key may have."""
-    kind, limits = types.opened(key.hint)
-    if get_origin(kind) is Literal:
-        return ", ".join(f"`{value}`" for value in get_args(kind))
-    if kind is bool:
-        return "`true`, `false`"
-    if kind not in (int, float):
-        return ""
-    low, high = types.ends_of(limits)
-    if kind is int and high >= types.MOST:
-        high = math.inf
-    words = "" if low is None and high == math.inf else checks.expected(low, high)
-    if "gt" in limits and high == math.inf:
-        words = "greater than 0"
-    return ", ".join(filter(None, ("whole" if kind is int else "", words)))
+    """Return the values that a key may have, as pydantic's JSON schema of its type says."""
+    described = TypeAdapter(key.hint).json_schema()
+    described = described.get("anyOf", [described])[0]
+    kind, words = described.get("type"), ""
+    low, high = (next((described[name] for name in names if name in described), None) for names in LIMITS)
+    if choices := described.get("enum", {"boolean": ("true", "false")}.get(kind)):
+        words = ", ".join(f"`{choice}`" for choice in choices)
+    elif high is not None and (kind != "integer" or high < types.MOST):
+        words = checks.expected(low, high)
+    elif low is not None:
+        words = "greater than 0" if described.keys() & LIMITS[0][:2] else checks.expected(low, math.inf)
+    return f"whole, {words}".removesuffix(", ") if kind == "integer" else words
 
 
 def as_yaml(value: Any) -> str:
@@ -397,7 +393,7 @@ def descriptions() -> dict[str, str]:
     for group, kind in (*planned, *groups):
         prefix = f"{group}." if group else ""
         texts[group] = (inspect.getdoc(kind) or "").partition("\n")[0]
-        for owner in (kind, *variants.descendants_of(kind)):
+        for owner in (kind, *descendants_of(kind)):
             for name, text in texts_of(owner).items():
                 texts.setdefault(prefix + name, text)
     return texts

@@ -4,8 +4,9 @@ import math
 from collections.abc import Mapping
 from typing import Any, Final
 
+from pipeline.settings.equipment import Sensor
 from pipeline.settings.keys import value_at
-from pipeline.settings.mission import ChiefSettings, DeputySettings, Sensor
+from pipeline.settings.mission import ChiefSettings, DeputySettings
 
 #: the paper's starts, m, and the least distance from which its whole chief is in view
 PAPER_M: Final = (50.0, 100.0)

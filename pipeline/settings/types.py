@@ -6,7 +6,7 @@ in brackets. Comparisons are written so that NaN, which compares false with ever
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Annotated, Any, get_args
+from typing import Annotated, Any
 
 from pydantic import AfterValidator, BeforeValidator, Field, Strict, ValidationInfo
 
@@ -189,23 +189,3 @@ Inertia = Annotated[tuple[tuple[Number, ...], ...], AfterValidator(_inertia)]
 Interval = Annotated[tuple[Number, ...], AfterValidator(_pair)]
 PositiveInterval = Annotated[tuple[Positive, ...], AfterValidator(_pair)]
 NotNegativeInterval = Annotated[tuple[NotNegative, ...], AfterValidator(_pair)]
-
-
-#: names of limits, as annotations keep them
-LIMITS = ("gt", "ge", "lt", "le")
-
-
-def opened(hint: Any) -> tuple[Any, dict[str, float]]:
-    """Return the type inside an annotation, without None, and its limits by name."""
-    limits: dict[str, float] = {}
-    while hasattr(hint, "__metadata__") or type(None) in get_args(hint):
-        for mark in getattr(hint, "__metadata__", ()):
-            for limit in getattr(mark, "metadata", ()):
-                limits |= {name: getattr(limit, name) for name in LIMITS if hasattr(limit, name)}
-        hint = next(kind for kind in get_args(hint) if kind is not type(None))
-    return hint, limits
-
-
-def ends_of(limits: Mapping[str, float]) -> tuple[float | None, float]:
-    """Return the least and the greatest number within limits; None and infinity where there is none."""
-    return limits.get("gt", limits.get("ge")), limits.get("lt", limits.get("le", math.inf))

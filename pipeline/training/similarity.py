@@ -21,9 +21,9 @@ from pipeline.array_types import Floats
 from pipeline.flight.control.controller import ControllerError
 from pipeline.flight.state.signals import CONSTANTS
 from pipeline.flight.world.pack import inspection_points
+from pipeline.settings.equipment import RealActuators
 from pipeline.settings.experiment import Mission
 from pipeline.settings.keys import unit_of
-from pipeline.settings.mission import RealActuators
 from pipeline.settings.shells import sight_shell
 
 #: where the shipped controllers fly: the defaults of all settings

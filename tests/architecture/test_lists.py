@@ -11,7 +11,7 @@ from fis_tools.model.membership import SHAPES
 from pipeline.flight.state.signals import CONSTANTS, SIGNALS
 from pipeline.settings.controllers import PLANNED, ControllerSettings
 from pipeline.settings.experiment import STAGES
-from pipeline.settings.variants import tags_of
+from pipeline.settings.groups import tags_of
 from tests.places import PROJECT
 
 #: what can be added to, and the files that may enumerate it: the list itself, and what needs no addition

@@ -8,10 +8,10 @@ import numpy as np
 
 from pipeline.settings.dispersions import distributions
 from pipeline.settings.experiment import Experiment, Mission, MonteCarlo
+from pipeline.settings.groups import names_of
 from pipeline.settings.keys import value_at
 from pipeline.settings.mission import START_M, Sun
 from pipeline.settings.schema import present, schema
-from pipeline.settings.variants import names_of
 
 #: coordinates of a start and their units
 COORDINATES = ("x", "y", "z", "x'", "y'", "z'")

@@ -21,9 +21,9 @@ from pipeline.flight.state.arrays import Guard
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.bounds import ROUNDING_M, SafetyBounds, bounds_of, is_exact, norm, spheres_of
 from pipeline.flight.world.pack import pack_world
+from pipeline.settings.equipment import RangeBearingFixes, RealActuators
 from pipeline.settings.experiment import Mission
 from pipeline.settings.keys import choices_of
-from pipeline.settings.mission import RangeBearingFixes, RealActuators
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,8 @@ from pipeline.array_types import Floats
 from pipeline.flight.cases.processes import in_time, varies
 from pipeline.flight.state.errors import Firing, ThrustErrors, Thrusters
 from pipeline.flight.state.log import Scenario
+from pipeline.settings.equipment import RealActuators
 from pipeline.settings.experiment import Mission
-from pipeline.settings.mission import RealActuators
 from pipeline.settings.relations import STANDARD_GRAVITY_M_S2
 
 #: part of the spawn key of the random numbers for the thrusters, after the case

@@ -21,15 +21,9 @@ from pipeline.flight.state.errors import Filter, Fixes, NavigationErrors
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.bounds import process_noise
 from pipeline.physics.motion import motion_over
+from pipeline.settings.equipment import Actuators, Navigation, PositionFixes, RangeBearingFixes, RealActuators
 from pipeline.settings.experiment import Mission
-from pipeline.settings.mission import (
-    Actuators,
-    Dynamics,
-    Navigation,
-    PositionFixes,
-    RangeBearingFixes,
-    RealActuators,
-)
+from pipeline.settings.mission import Dynamics
 
 #: part of the spawn key of the random numbers for navigation, after the case
 FIXES = 1

@@ -27,8 +27,9 @@ from pipeline.flight.state import arrays
 from pipeline.flight.state.log import REHEARSED, FlightLog, Outcomes, Scenario, empty_log
 from pipeline.flight.world.bounds import bounds_of, process_noise, spheres_of
 from pipeline.flight.world.surface import surface_of
+from pipeline.settings.equipment import FilteredNavigation, RealActuators
 from pipeline.settings.experiment import Mission
-from pipeline.settings.mission import FilteredNavigation, RealActuators, TwoBody
+from pipeline.settings.mission import TwoBody
 
 #: names of limits in the order of `pipeline.flight.state.log.LIMITS`; None where none is exceeded
 LIMIT_NAMES = (None, "keep_out", "keep_in", "speed", "passive_safety")

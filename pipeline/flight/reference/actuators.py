@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.array_types import Booleans, Floats
 from pipeline.flight.reference.flight import ReferenceFlight
-from pipeline.settings.mission import RealActuators
+from pipeline.settings.equipment import RealActuators
 
 STANDARD_GRAVITY = 9.80665
 #: propellant that rounding leaves, as a share of the mass at the start

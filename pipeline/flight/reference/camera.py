@@ -5,7 +5,8 @@ import numpy as np
 from pipeline.array_types import Booleans, Floats
 from pipeline.flight.reference.flight import ReferenceFlight
 from pipeline.flight.reference.light import SunAngles, sun_direction
-from pipeline.settings.mission import Light, Sensor
+from pipeline.settings.equipment import Sensor
+from pipeline.settings.mission import Light
 
 
 def seen_points(

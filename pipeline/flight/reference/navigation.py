@@ -9,8 +9,8 @@ from pipeline.array_types import Booleans, Floats
 from pipeline.flight.reference.actuators import delay_periods
 from pipeline.flight.reference.flight import ReferenceFlight
 from pipeline.flight.reference.motion import transition
+from pipeline.settings.equipment import FilteredNavigation, PositionFixes, RangeBearingFixes, RealActuators
 from pipeline.settings.experiment import Mission
-from pipeline.settings.mission import FilteredNavigation, PositionFixes, RangeBearingFixes, RealActuators
 
 #: factor by which a rejected fix widens the covariance
 WIDER = 4.0

@@ -16,14 +16,9 @@ from pipeline.flight.period.act.safety import STANDING
 from pipeline.flight.state.arrays import Guard
 from pipeline.physics.illumination import EARTH_RADIUS_M
 from pipeline.physics.motion import joined, motion_over, stop_of, stopped
+from pipeline.settings.equipment import FilteredNavigation, PositionFixes, RangeBearingFixes, RealActuators
 from pipeline.settings.experiment import Mission, SettingError
-from pipeline.settings.mission import (
-    FilteredNavigation,
-    PositionFixes,
-    RangeBearingFixes,
-    RealActuators,
-    TwoBody,
-)
+from pipeline.settings.mission import TwoBody
 
 SQRT_3 = sqrt(3.0)
 #: what the neglected acceleration amounts to as white noise, as a share of its bound: with it, errors are

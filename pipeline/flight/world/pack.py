@@ -15,8 +15,9 @@ from pipeline.physics.motion import motion_over, orbit_parts
 from pipeline.physics.orbit import Course
 from pipeline.physics.quaternion import dcm_b_from_h
 from pipeline.physics.sight import HEIGHT, NORMAL, NUM_SURFACE, SQUARE, Optics, sight_of
+from pipeline.settings.equipment import RealActuators
 from pipeline.settings.experiment import Mission
-from pipeline.settings.mission import Light, RealActuators
+from pipeline.settings.mission import Light
 
 RIGHT_ANGLE_DEG, STRAIGHT_ANGLE_DEG = 90.0, 180.0
 

@@ -18,11 +18,11 @@ from pipeline.flight.state.log import Scenario
 from pipeline.flight.state.signals import CONSTANTS, SIGNALS
 from pipeline.flight.world.bounds import bounds_of, spheres_of
 from pipeline.settings.checks import SettingError
+from pipeline.settings.equipment import FilteredNavigation, RealActuators
 from pipeline.settings.experiment import Mission
+from pipeline.settings.groups import variant_of
 from pipeline.settings.keys import unit_of
-from pipeline.settings.mission import FilteredNavigation, RealActuators
 from pipeline.settings.types import REACHES
-from pipeline.settings.variants import variant_of
 from tests.pipeline.flight.cases import controller, leaning_system
 
 #: beyond these a flight takes long, by any means: radians of the orbit, points, attitudes, periods ahead, and

@@ -16,7 +16,7 @@ from pipeline.flight.control.controller import coast, open_loop
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.surface import regular_placement
-from pipeline.settings.mission import RealActuators
+from pipeline.settings.equipment import RealActuators
 from tests.pipeline.flight.missions import IDEAL, MEAN_MOTION, PAPER
 
 AZIMUTHS = {50: [55.385, 83.077, 110.769, 138.462], 70: [45.0, 67.5, 90.0, 112.5, 135.0]}

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from pipeline.command_line.config import compose_experiment
-from pipeline.settings.mission import DeputySettings, Sensor
+from pipeline.settings.equipment import Sensor
+from pipeline.settings.mission import DeputySettings
 from pipeline.settings.shells import PAPER_M, sight_shell, start_shell
 
 

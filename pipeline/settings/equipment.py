@@ -1,0 +1,131 @@
+"""What the deputy sees, knows and acts with: its camera, its navigation and its thrusters."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from pipeline.settings import types
+from pipeline.settings.conditions import Only
+from pipeline.settings.groups import Settings
+
+
+class Sensor(Settings, group="sensor"):
+    """The deputy's camera."""
+
+    half_angle_deg: Annotated[types.Positive, Field(le=180)] = 15.0
+    """Half angle of the field of view."""
+    boresight: types.UnitVector = (-1.0, 0.0, 0.0)
+    """Where the camera looks, body axes."""
+    max_incidence_deg: Annotated[types.Positive, Field(le=90)] = 90.0
+    """Greatest angle between a point's normal and the direction to the deputy."""
+    max_range_m: types.Positive | None = None
+    """Greatest range from which a point is resolved; null: any."""
+    min_range_m: types.NotNegative = 0.0
+    """Least range from which a point is in focus."""
+    min_sun_angle_deg: Annotated[types.NotNegative, Field(le=180)] = 0.0
+    """Least angle between boresight and Sun; nearer to it the camera is blind."""
+
+
+class Navigation(Settings, group="navigation"):
+    """The deputy's knowledge of its own state: the truth, or a filter's estimate from fixes."""
+
+    mode: Literal["perfect", "fixes"] = "perfect"
+    """The truth, or what a Kalman filter makes of fixes."""
+
+
+class PerfectNavigation(Navigation):
+    """The truth."""
+
+    mode: Literal["perfect"] = "perfect"
+
+
+class FilteredNavigation(Navigation):
+    """What a Kalman filter makes of fixes."""
+
+    mode: Literal["fixes"] = "fixes"
+    fix_period_s: types.Positive = 10.0
+    """Time between two fixes; a multiple of control_period_s."""
+    delay_s: types.NotNegative = 0.0
+    """Time from a fix to its use; a multiple of control_period_s."""
+    bias_m: types.NotNegative = 0.0
+    """Standard deviation of a flight's constant error along each axis."""
+    outlier_share: types.Share = 0.0
+    """Share of fixes that are outliers."""
+    outlier_m: types.NotNegative = 20.0
+    """Standard deviation of an outlier along each axis."""
+    gate_sigma: types.Positive | None = 5.0
+    """Standard deviations beyond which a fix is not believed; null: all are."""
+    process_noise_m_s2: types.NotNegative | None = None
+    """Standard deviation of accelerations unknown to the filter; null: 0.06 of the bound on those of
+    `dynamics` that Clohessy and Wiltshire's equations neglect."""
+    execution_error: Annotated[types.NotNegative, Field(le=1)] = 0.0
+    """Standard deviation that the filter allows for in forces, a share, besides the thrusters' errors."""
+    initial_position_m: Annotated[types.Positive, Field(le=1e4)] = 1.0
+    """Standard deviation of the first estimate of the position, each axis."""
+    initial_velocity_m_s: Annotated[types.Positive, Field(le=1e3)] = 0.001
+    """Standard deviation of the first estimate of the velocity, each axis."""
+    measures: Literal["position", "range_bearing"] = "position"
+    """What a fix is: a place, or range and bearing."""
+    attitude_bias_deg: Annotated[types.NotNegative, Field(le=30)] = 0.0
+    """Standard deviation of the sensed attitude's constant error, each axis."""
+    attitude_noise_deg: Annotated[types.NotNegative, Field(le=30)] = 0.0
+    """Standard deviation of the sensed attitude, drawn anew, each axis."""
+
+
+class PositionFixes(FilteredNavigation):
+    """Fixes of the place."""
+
+    measures: Literal["position"] = "position"
+    noise_m: types.Positive = 1.0
+    """Standard deviation of a fix along each axis."""
+
+
+class RangeBearingFixes(FilteredNavigation):
+    """Fixes of range and bearing."""
+
+    measures: Literal["range_bearing"] = "range_bearing"
+    range_noise_m: types.Positive = 0.1
+    """Standard deviation of a range."""
+    bearing_noise_deg: Annotated[types.Positive, Field(le=10)] = 0.1
+    """Standard deviation of a bearing along each of two angles."""
+
+
+class Actuators(Settings, group="actuators"):
+    """How the thrusters deviate from their commands."""
+
+    kind: Literal["ideal", "real"] = "ideal"
+    """Thrusters that fire as commanded, or with errors."""
+
+
+class IdealActuators(Actuators):
+    """Thrusters that fire as commanded."""
+
+    kind: Literal["ideal"] = "ideal"
+
+
+class RealActuators(Actuators):
+    """Thrusters with errors."""
+
+    kind: Literal["real"] = "real"
+    delay_s: types.NotNegative = 0.0
+    """Time from a command to its force; a multiple of control_period_s."""
+    scale_error: Annotated[types.NotNegative, Field(le=1)] = 0.05
+    """Standard deviation of each Hill axis' scale, of a flight, a share."""
+    misalignment_deg: Annotated[types.NotNegative, Field(le=90)] = 2.0
+    """Standard deviation of the thrust's turn about each Hill axis, of a flight."""
+    impulse_step_n_s: types.NotNegative = 0.0
+    """Of which impulses along each axis are multiples; 0: any."""
+    least_impulse_n_s: types.NotNegative = 0.04
+    """Least impulse along an axis in a control period; less is not fired."""
+    thrust_arm_m: types.NotNegative = 0.0
+    """Standard deviation of where thrust acts, from the centre of mass, each body axis, of a flight."""
+    specific_impulse_s: types.Positive | None = None
+    """Specific impulse with which propellant is used up; null: the mass stays."""
+    thrusters: types.Thrusters | None = None
+    """A row each: place (m), direction of force, greatest force (N), body axes; null: one an axis."""
+    failed_thruster: Annotated[types.Natural | None, Only("actuators.thrusters")] = None
+    """Row of `thrusters` that fails, from 0; null: none does."""
+    failure_s: Annotated[types.NotNegative, Only("actuators.failed_thruster")] = 0.0
+    """Time from which on it fires nothing."""
+    propellant_kg: Annotated[types.Positive, Only("actuators.specific_impulse_s")] = 1.0
+    """Part of the deputy's mass; without any left nothing is fired."""
