@@ -132,15 +132,15 @@ _SHOWN = {
 
 def show_in(shell: Any) -> None:
     """Register displays of controllers, systems and variables with IPython; imported at first use."""
-    for kind, ways in _SHOWN.items():
-        for noun, way in ways.items():
+    for kind, methods in _SHOWN.items():
+        for noun, method in methods.items():
             module, _, name = noun.rpartition(".")
             formatter = shell.display_formatter.formatters[kind]
-            formatter.for_type_by_name(f"{__name__}.model.{module}", name, partial(_show, way))
+            formatter.for_type_by_name(f"{__name__}.model.{module}", name, partial(_show, method))
 
 
-def _show(way: str, thing: object) -> Any:
-    return getattr(import_module(f"{__name__}.review"), way)(thing)
+def _show(method: str, thing: object) -> Any:
+    return getattr(import_module(f"{__name__}.review"), method)(thing)
 
 
 if "IPython" in sys.modules and (_shell := sys.modules["IPython"].get_ipython()) is not None:

@@ -73,6 +73,7 @@ def main(words: Sequence[str] | None = None) -> int:
 
 
 def _main(words: Sequence[str]) -> int:
+    """Run a command line; return its exit code, having printed why it failed if it did."""
     chosen = next((word for word in words if not word.startswith("-")), None)
     try:
         status = command_line(chosen)(
@@ -84,18 +85,18 @@ def _main(words: Sequence[str]) -> int:
             f"python -m fis_tools {chosen} --help" if chosen in COMMANDS else "python -m fis_tools --help"
         )
         why = f"{chosen} is now part of {GONE[chosen]}." if chosen in GONE else mistake
-        said = f"{why} `{command}` tells more."
+        message = f"{why} `{command}` tells more."
     except OSError as mistake:
         output = mistake.filename or "the output"
-        said = f"{output} cannot be written ({mistake.strerror}); choose another place"
+        message = f"{output} cannot be written ({mistake.strerror}); choose another place"
     except (Mistake, MissingExtra) as mistake:
-        said = str(mistake)
+        message = str(mistake)
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
         return INTERRUPTED
     else:
         return int(status or 0) if words else MISTAKE
-    print(f"error: {said}", file=sys.stderr)
+    print(f"error: {message}", file=sys.stderr)
     return MISTAKE
 
 

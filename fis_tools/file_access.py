@@ -111,6 +111,7 @@ def read_shipped(path: "Path | Traversable") -> str:
 
 
 def _require_regular(status: os.stat_result, path: Path | str, most_bytes: int | None) -> None:
+    """Raise RefusedFileError for what is no regular file, or a file that is too large."""
     kind = stat.S_IFMT(status.st_mode)
     if kind == stat.S_IFLNK:
         raise _link(path)

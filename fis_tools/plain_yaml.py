@@ -33,6 +33,7 @@ def parse(content: bytes | str, most_bytes: int) -> Any:
 
 
 def _check_events(content: bytes | str) -> None:
+    """Raise ValueError for aliases, and for documents that are too deep or too long."""
     depth = 0
     for number, event in enumerate(yaml.parse(content, LOADER)):
         if isinstance(event, yaml.AliasEvent):
@@ -45,6 +46,7 @@ def _check_events(content: bytes | str) -> None:
 
 
 def _check_keys(data: Any) -> None:
+    """Raise ValueError for keys that are no texts, or are too long."""
     if isinstance(data, dict):
         for key in data:
             if not isinstance(key, str):

@@ -111,6 +111,7 @@ def _content(folder: Path) -> list[Path]:
 
 
 def _of_program(path: Path | str, trust: bool) -> FuzzyController:
+    """Return the controller that a Python program defines; it is run only if it is trusted."""
     if not trust:
         raise ControllerFileError(
             f"{path} is a Python program, and reading it runs its code with all your rights; add --trust if "

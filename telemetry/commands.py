@@ -325,6 +325,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _main(words: Sequence[str]) -> int:
+    """Run a command line; return its exit code, having printed why it failed if it did."""
     try:
         with _ended_in_order():
             status = command_line()(

@@ -242,6 +242,7 @@ def output_named(system: Inferable, name: str | None = None) -> Variable:
 
 
 def _axes(system: Inferable, x: str | None, y: str | None, held: dict[str, float]) -> tuple[str, str]:
+    """Return the two inputs that span a surface: those named, else the first that are not held."""
     names = [variable.name for variable in system.inputs]
     inputs_named = (*held, *(axis for axis in (x, y) if axis is not None))
     require_known(inputs_named, names, f"system {system.name!r} has no input", ValueError)

@@ -291,13 +291,13 @@ def _most(search: Subdivision) -> float:
 
 
 def _point_words(values: Mapping[str, float], conditions: Sequence[Condition], digits: int) -> str:
-    """Format values of variables with few digits, or with all where fewer would not meet the conditions."""
-    values_left, words = dict(values), []
+    """Format values of variables with few digits; with all digits if fewer would break the conditions."""
+    printed, words = dict(values), []
     for name, value in values.items():
         shown = f"{_rounded(value):.{digits}g}"
-        values_left[name] = float(shown)
-        if not all(condition.holds(values_left) for condition in conditions):
-            shown, values_left[name] = repr(value), value
+        printed[name] = float(shown)
+        if not all(condition.holds(printed) for condition in conditions):
+            shown, printed[name] = repr(value), value
         words.append(f"{name} = {shown}")
     return ", ".join(words)
 

@@ -146,14 +146,14 @@ def _try(
     system: Program | TreeProgram, region: Region, promise: Promise, low: Floats, high: Floats
 ) -> tuple[float, Floats]:
     """Evaluate the middle and two corners of each box; return the greatest value and its input."""
-    tried = np.concatenate([0.5 * low + 0.5 * high, low, high])
-    tried = tried[region.holds(tried)]
-    if not len(tried):
+    points = np.concatenate([0.5 * low + 0.5 * high, low, high])
+    points = points[region.holds(points)]
+    if not len(points):
         return -np.inf, region.low
-    outputs = trees.evaluate(system, tried)
+    outputs = trees.evaluate(system, points)
     worth = np.nan_to_num(promise(outputs, outputs), nan=-np.inf)
     best = int(np.argmax(worth))
-    return float(worth[best]), tried[best]
+    return float(worth[best]), points[best]
 
 
 def _index_to_split(low: Floats, high: Floats, variation: Floats) -> int | None:

@@ -59,7 +59,7 @@ def blocks(activations: Sequence[Cuts], accumulate: Operator | None, most: int) 
 def _after(
     players: list[int], activations: Sequence[Cuts], accumulate: Operator | None, most: int
 ) -> Leads | None:
-    """Return where each player leads from every state before; None for more than `most` states."""
+    """Return each player's transitions: the state to which it leads from every state before it."""
     state_of: dict[Hashable, int] = {frozenset(): 0}
     states: list[tuple[dict[int, float], list[int]]] = [({}, [])]
     after: list[tuple[int, ...]] = []
@@ -83,12 +83,12 @@ def _after(
 
 @cache
 def by_level(levels: tuple[int, ...]) -> Leads:
-    """Return where players lead that cut the same term, of which the highest cut counts.
+    """Return the transitions of players that all cut the same term, where only the highest cut counts.
 
     Their levels count from 1, the highest; those at one level bring about the same.
     """
-    met = [0, *levels]
-    return tuple((level, *range(1, before + 1)) for before, level in zip(met, levels, strict=False))
+    previous = [0, *levels]
+    return tuple((level, *range(1, before + 1)) for before, level in zip(previous, levels, strict=False))
 
 
 def _num_states(after: Leads) -> int:
@@ -101,7 +101,7 @@ def num_coalitions(structure: tuple[Leads, ...]) -> int:
 
 
 def _members(after: Leads) -> Booleans:
-    """Return players of a block that bring about each of its states, (num_states, num_players)."""
+    """Return for each state players that bring it about, (num_states, num_players)."""
     states: list[list[int]] = [[]]
     for player, leads in enumerate(after):
         for before, state in enumerate(leads):
@@ -146,21 +146,21 @@ def weighted_coalitions(structure: tuple[Leads, ...]) -> tuple[Booleans, Floats]
     return members.reshape(-1, num_players), weights.reshape(num_players, -1)
 
 
-def _spread(after: Leads, chances: Floats, sure: int = -1, joins: float = 0.0) -> Floats:
+def _spread(after: Leads, chances: Floats, fixed_player: int = -1, fixed_chance: float = 0.0) -> Floats:
     """Return the probability of each state, (num_states, num_chances), if every player joins with a chance.
 
-    The player with the index `sure` joins with the probability `joins` instead.
+    The player with the index `fixed_player` joins with the probability `fixed_chance` instead.
     """
     probabilities = np.zeros((_num_states(after), len(chances)))
     probabilities[0] = 1.0
     for player, leads in enumerate(after):
-        joined = (joins if player == sure else chances) * probabilities[: len(leads)]
+        joined = (fixed_chance if player == fixed_player else chances) * probabilities[: len(leads)]
         probabilities[: len(leads)] -= joined
         np.add.at(probabilities, np.array(leads), joined)
     return probabilities
 
 
 def _gains(after: Leads, chances: Floats) -> Iterator[Floats]:
-    """Yield how much more probable each player makes each state by joining."""
+    """Yield for each player how much more probable its joining makes each state."""
     for player in range(len(after)):
         yield _spread(after, chances, player, 1.0) - _spread(after, chances, player, 0.0)

@@ -250,6 +250,7 @@ def _condition(words: list[str], names: Sequence[str], text: str) -> Condition:
 
 
 def _linear_form(words: list[str], names: Sequence[str], text: str) -> dict[str, float]:
+    """Parse a linear form, such as ``2 * x - y``; return the coefficient of each variable."""
     coefficients: dict[str, float] = {}
     while True:
         sign = _sign(words)
@@ -285,6 +286,7 @@ def _number(words: list[str], text: str) -> float:
 
 
 def _interval(words: list[str], text: str) -> tuple[float, float]:
+    """Parse ``[low, high]``; return both ends."""
     ends = []
     for sign in ("[", ","):
         if not words or words.pop(0) != sign:

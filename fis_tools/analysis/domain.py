@@ -97,8 +97,8 @@ def departures(box: Box, time_s: Floats, inputs: Floats) -> tuple[Departure, ...
         for first, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
             farthest = first + int(np.argmax(beyond[first:end, index]))
             numbers = (float(time_s[first]), float(time_s[end - 1]), float(inputs[farthest, index]))
-            met = (box.low[index], box.high[index])
-            stretches.append(Departure(box.system, name, box.units[index], *numbers, *met))
+            extent = (box.low[index], box.high[index])
+            stretches.append(Departure(box.system, name, box.units[index], *numbers, *extent))
     return tuple(sorted(stretches, key=lambda exit_: (exit_.first_s, exit_.system, exit_.name)))
 
 

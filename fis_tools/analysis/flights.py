@@ -292,6 +292,7 @@ def _tabled(path: Path | str, system: FuzzySystem) -> FlownSystem:
 
 
 def _read(path: Path | str, topics: tuple[str, ...]) -> "Recording":
+    """Read topics of a recorded flight; raise MissingExtra without the package telemetry."""
     try:
         from telemetry.file import reader  # noqa: PLC0415 - not a package that fuzzy systems need
     except ModuleNotFoundError as error:
@@ -339,6 +340,7 @@ def _all_flown(
 
 
 def _flown(recording: "Recording", controller: FuzzyController, system: FuzzySystem) -> FlownSystem:
+    """Return every inference that a system of a recorded flight made."""
     topic = TOPIC_PREFIX + system.name
     if topic not in recording.topics:
         raise ControllerFileError(

@@ -160,8 +160,10 @@ def rule_consistency(system: model.FuzzySystem) -> RuleConsistency:
     has_value = ~np.isnan(answers).any(axis=1)  # a formula may have none
     if not has_value.any():
         count = len(system.rules)
-        nowhere, nothing = (np.full((count, len(ends)), np.nan) for ends in (system.inputs, system.outputs))
-        return RuleConsistency(nowhere, nothing, nothing, np.zeros(count))
+        no_input, no_output = (
+            np.full((count, len(ends)), np.nan) for ends in (system.inputs, system.outputs)
+        )
+        return RuleConsistency(no_input, no_output, no_output, np.zeros(count))
     grid, strengths, answers = grid[has_value], strengths[has_value], answers[has_value]
     highest = strengths.max(axis=0)
     is_highest = strengths >= highest - 1e-9
@@ -213,8 +215,8 @@ def _meanings(system: model.FuzzySystem, number: int, answers: Floats, rule_answ
         index = names.index(consequent.variable)
         variable = system.outputs[index]
         if system.weighs(variable):
-            off = np.abs(answers[:, index] - rule_answers[index]) / variable.span
-            meant = np.minimum(meant, np.clip(1.0 - off, 0.0, 1.0))
+            deviation = np.abs(answers[:, index] - rule_answers[index]) / variable.span
+            meant = np.minimum(meant, np.clip(1.0 - deviation, 0.0, 1.0))
             continue
         function = variable.memberships[variable.term_index(consequent.term)]
         like, most = (

@@ -90,14 +90,15 @@ def _by_program(
 
 @compiled(nogil=True, error_model="numpy")
 def _conclude_subsets(packed: Any, players: Any, members: Booleans, scratch: Any, out: Floats) -> None:
+    """Write the output of each sample with each subset of its players, (subsets, samples)."""
     (values, rules, layout), (always, terms, strengths) = packed, players
-    system, room = layout[0], scratch[0]
+    system, work = layout[0], scratch[0]
     num_samples, num_players = terms.shape
     joined, num_joined = np.empty(num_players, np.int64), 0
     subset, sample = -1, num_samples - 1
     # one subset for samples side by side, where that is possible: what all leave out costs little
-    for first in range(0, out.size, width_of(room)):
-        num_lanes = min(width_of(room), out.size - first)
+    for first in range(0, out.size, width_of(work)):
+        num_lanes = min(width_of(work), out.size - first)
         for lane in range(num_lanes):
             sample += 1
             if sample == num_samples:
@@ -107,13 +108,13 @@ def _conclude_subsets(packed: Any, players: Any, members: Booleans, scratch: Any
                         joined[num_joined] = player
                         num_joined += 1
             for term in range(system.output_terms):
-                room.cuts[term, lane] = always[sample, term]
+                work.cuts[term, lane] = always[sample, term]
             for index in range(num_joined):
                 term = terms[sample, joined[index]]
-                room.cuts[term, lane] = max(room.cuts[term, lane], strengths[sample, joined[index]])
-        conclude(values, rules, system, room)
+                work.cuts[term, lane] = max(work.cuts[term, lane], strengths[sample, joined[index]])
+        conclude(values, rules, system, work)
         for lane in range(num_lanes):
-            out.flat[first + lane] = room.output[lane]
+            out.flat[first + lane] = work.output[lane]
 
 
 #: What coalitions are worth, (n,), from which rules are in them, (n, num_players).
@@ -228,6 +229,7 @@ def shares(
 
 
 def _match(compiled: CompiledSystem, index: int, both: Floats, inputs: Floats) -> _Match:
+    """Return the games that the rules play for an output: who plays at each sample, and how they infer."""
     firing = both[:, -len(compiled.system.rules) :]
     variable = compiled.system.outputs[index]
     conclusions: list[Cuts] = [[] for _ in compiled.system.rules]

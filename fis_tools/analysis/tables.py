@@ -88,30 +88,31 @@ def read(
 
 
 def _wanted(
-    path: Path, held: Sequence[str], names: Sequence[str], labels: Mapping[str, str]
+    path: Path, names_in_file: Sequence[str], names: Sequence[str], labels: Mapping[str, str]
 ) -> dict[str, str]:
     """Return the columns of a table to read, by the names requested."""
-    splits = {column: name_and_unit(column) for column in held}
+    splits = {column: name_and_unit(column) for column in names_in_file}
     wanted = {}
     for name in names:
         split = name_and_unit(labels.get(name, name))
-        columns = [column for column in held if column == name or splits[column] == split]
+        columns = [column for column in names_in_file if column == name or splits[column] == split]
         if len(columns) != 1:
-            fault = f"it has no {name!r}; {suggestion(name, held)}"
+            fault = f"it has no {name!r}; {suggestion(name, names_in_file)}"
             if columns:
                 fault = f"it has {' and '.join(map(repr, columns))} for {name!r}; leave out one"
             raise ControllerFileError(
                 f"{path}: columns go by the names of inputs ({', '.join(names)}), and {fault}"
             )
         wanted[name] = columns[0]
-    return wanted | ({TIME: TIME} if TIME in held else {})
+    return wanted | ({TIME: TIME} if TIME in names_in_file else {})
 
 
 def _from_csv(path: Path, names: Sequence[str], labels: Mapping[str, str]) -> tuple[list[str], Floats]:
+    """Read columns of numbers from a CSV file; return their names and values, (n, num_columns)."""
     with open_text(path, MOST_BYTES, "utf-8-sig") as file:
-        held = [name.strip() for name in next(csv.reader(file), [])]
-        wanted = _wanted(path, held, names, labels)
-        positions = [held.index(column) for column in wanted.values()]
+        names_in_file = [name.strip() for name in next(csv.reader(file), [])]
+        wanted = _wanted(path, names_in_file, names, labels)
+        positions = [names_in_file.index(column) for column in wanted.values()]
         rows = [(number, row) for number, row in enumerate(csv.reader(file), start=2) if row]
     columns = np.empty((len(rows), len(wanted)))
     for row_index, (number, row) in enumerate(rows):
@@ -126,10 +127,11 @@ def _from_csv(path: Path, names: Sequence[str], labels: Mapping[str, str]) -> tu
 
 
 def _from_parquet(path: Path, names: Sequence[str], labels: Mapping[str, str]) -> tuple[list[str], Floats]:
+    """Read columns of numbers from a Parquet file; return their names and values, (n, num_columns)."""
     wanted: dict[str, str] = {}
 
-    def choose(held: Sequence[str]) -> list[str]:
-        wanted.update(_wanted(path, held, names, labels))
+    def choose(names_in_file: Sequence[str]) -> list[str]:
+        wanted.update(_wanted(path, names_in_file, names, labels))
         return list(wanted.values())
 
     table = read_parquet(path, choose)

@@ -257,12 +257,13 @@ def instants(args: InstantArguments, controller: FuzzyController) -> Iterator[In
 
 
 def _instant(period: Period, all_periods: bool) -> Instant:
+    """Return the inputs of a logged inference, with a note on what became of its output."""
     flown, row = period.flown, period.row
     if row is None:
         return Instant(flown.system, None, _in_words(period))
-    became = str(flown.reason[row])
-    is_plain = became in ("fired", UNKNOWN) and not flown.delay_s
-    is_told = became in (*COUNTED, UNKNOWN) or all_periods
+    reason = str(flown.reason[row])
+    is_plain = reason in ("fired", UNKNOWN) and not flown.delay_s
+    is_told = reason in (*COUNTED, UNKNOWN) or all_periods
     inputs = flown.inputs[row] if is_told else None
     note = "" if is_plain else _in_words(period)
     points = None if flown.points is None else flown.points.at(float(flown.time_s[row]))
@@ -275,8 +276,8 @@ def _in_words(period: Period) -> str:
     words = f"{flown.system.name}: at {period.time_s:g} s "
     if period.reason == UNKNOWN and row is None:
         return words + "nothing was inferred"
-    became = period.reason if row is None else str(flown.reason[row])
-    if period.reason in COUNTED and became not in COUNTED:
+    reason = period.reason if row is None else str(flown.reason[row])
+    if period.reason in COUNTED and reason not in COUNTED:
         words += "what was fired was not its doing; "
     if row is not None:
         force = f"{number(float(flown.output[row]))} {flown.system.outputs[0].unit}".rstrip()
@@ -284,7 +285,7 @@ def _in_words(period: Period) -> str:
         words += was_due if flown.delay_s else f"it asked for {force}; "
     elif period.reason in COUNTED:
         return words + "it asked for nothing"
-    words += REASONS.get(became, "nothing was fired")
+    words += REASONS.get(reason, "nothing was fired")
     fired = flown.time_s[flown.is_counted] + flown.delay_s
     before, after = fired[fired < period.time_s], fired[fired > period.time_s]
     words += f"; it last fired at {before[-1]:g} s" if len(before) else "; it had not fired before"
@@ -316,6 +317,7 @@ def _given_to_tree(values: Mapping[str, float], whole: FuzzyTree) -> Iterator[tu
 
 
 def _given(inputs: str, controller: FuzzyController) -> Iterator[tuple[FuzzySystem, Floats]]:
+    """Yield each system whose inputs are all given on the command line, with their values."""
     values = assignments(inputs)
     if controller.wires:
         yield from _given_to_tree(values, tree(controller))

@@ -87,9 +87,9 @@ def _write_each(controller: FuzzyController, form: str, output: str | None) -> N
     with raised_as(Mistake, ValueError):
         systems = system_files(controller, ONE_SYSTEM[form])
     files: dict[str, File] = {}
-    for name, alone in systems.items():
-        with raised_as(Mistake, ValueError, where=f"{alone.systems[0].name}: "):
-            files[name] = of_one_system(alone, form)
+    for name, single in systems.items():
+        with raised_as(Mistake, ValueError, where=f"{single.systems[0].name}: "):
+            files[name] = of_one_system(single, form)
     for name, file in files.items():
         if path is None:
             print(file.content.decode(), end="")

@@ -94,6 +94,7 @@ def audit(
 
 
 def _thresholds(words: str) -> Thresholds:
+    """Return the thresholds of an audit with some of them replaced, as ``NAME=NUMBER,...`` says."""
     values = arguments.assignments(words)
     defaults = {field.name: field.default for field in fields(Thresholds)}
     require_known(values, defaults, "there is no threshold", Mistake)
@@ -164,6 +165,7 @@ def explain(
 def _of_chain(
     args: InstantArguments, controller: FuzzyController, crossing: float, all: bool, json: bool
 ) -> str:
+    """Return the explanation of wired systems as one, as text or JSON."""
     require_unwired([controller] if args.paths else [], "the share of rules along a log")
     whole = tree(controller)
     with raised_as(Mistake, ValueError), analysing(controller):
@@ -178,6 +180,7 @@ def _of_chain(
 def _of_instants(
     args: InstantArguments, controller: FuzzyController, crossing: float, steps: bool, all: bool, json: bool
 ) -> str:
+    """Return the explanations of single inferences, given by hand or logged, as text or JSON."""
     chosen = list(arguments.instants(args, controller))
     silent = [f"{instant.note}\n" for instant in chosen if instant.note]
     if steps:
@@ -213,6 +216,7 @@ def _of_instants(
 
 
 def _over_flights(args: InstantArguments, controller: FuzzyController, all: bool, json: bool) -> str:
+    """Return each rule's share in the outputs along flights, as text or JSON."""
     flown = args.flown(controller) or {}
     with analysing(controller):
         shares = {

@@ -118,6 +118,7 @@ def _pictures(
     inferences: list[tuple[FuzzySystem, Floats]],
     theme: "Theme",
 ) -> "Iterator[tuple[Inferable, str, Figure]]":
+    """Yield the pictures of some kinds, each with the system that it shows and a name for its file."""
     from fis_tools import render  # noqa: PLC0415 - as above
 
     sensed = args.flown(controller) or {}

@@ -42,6 +42,7 @@ def _borrowed_type(kind: Any) -> Any:
 
 
 def _uncounted(context: Any, builder: Any, kind: Any, value: Any) -> Any:
+    """Return a value without the owners of its arrays, so that numba counts no references to them."""
     if isinstance(kind, types.Array):
         array = cgutils.create_struct_proxy(kind)(context, builder, value=value)
         for owner in ("meminfo", "parent"):

@@ -429,6 +429,7 @@ def _gather_type(array: Any, at: Any, offsets: Any) -> Any:
 
 @defined(vectors.gather, types.Array, types.Integer, VectorType, result=_gather_type)
 def _gather(context: Any, builder: Any, signature: Any, array: Any, at: Any, offsets: Any) -> Any:
+    """Load one element for each lane, at the lane's offset."""
     width = offsets.type.count
     first = _pointer(context, builder, signature.args[0], array, at, signature.args[1])
     whole = builder.fptosi(offsets, ir.VectorType(I64, width))
@@ -449,6 +450,7 @@ def _gather_rows_type(array: Any, at: Any, offsets: Any, count: Any, out: Any) -
     result=_gather_rows_type,
 )
 def _gather_rows(context: Any, builder: Any, signature: Any, *args: Any) -> Any:
+    """Load rows at the lanes' offsets and store their columns; few columns without transposing squares."""
     array, at, offsets, count, out = args
     lanes = offsets.type.count
     first = _pointer(context, builder, signature.args[0], array, at, signature.args[1])

@@ -30,6 +30,7 @@ def write(document: Document, width: int = WIDTH) -> str:
 
 
 def _lines(block: Block, indent: int, width: int) -> Iterator[str]:
+    """Yield the lines of a block as plain text."""
     match block:
         case Heading(words) | Paragraph(words):
             yield from _wrapped(words, width, indent)
@@ -47,6 +48,7 @@ def _lines(block: Block, indent: int, width: int) -> Iterator[str]:
 
 
 def _wrapped(words: str, width: int, indent: int) -> list[str]:
+    """Return words as indented lines; a number stays on a line with its per cent sign."""
     kept = words.replace(" %", "\N{NO-BREAK SPACE}%")
     lines = textwrap.wrap(
         kept,
@@ -60,6 +62,7 @@ def _wrapped(words: str, width: int, indent: int) -> list[str]:
 
 
 def _table(table: Table, width: int) -> list[str]:
+    """Return a table as aligned lines; one that is too wide becomes a list of its changed cells."""
     has_changes = any(isinstance(cell, Change) for row in table.rows for cell in row)
     rows = [[_cell(cell) for cell in row] for row in table.rows]
     lines = aligned([table.heads, *rows] if table.heads else rows, table.numbers)
@@ -103,6 +106,7 @@ def write_markdown(document: Document) -> str:
 
 
 def _markdown_lines(block: Block) -> Iterator[str]:
+    """Yield the lines of a block in Markdown."""
     match block:
         case Heading(words, level):
             yield f"{'#' * level} {_markdown(words)}"
@@ -164,6 +168,7 @@ def write_latex(document: Document) -> str:
 
 
 def _latex_lines(block: Block) -> Iterator[str]:
+    """Yield the lines of a block in LaTeX."""
     match block:
         case Heading(words, level):
             yield rf"\{_SECTIONS[level]}*{{{_latex(words)}}}"

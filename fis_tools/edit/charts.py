@@ -71,8 +71,8 @@ def surface(heights: Surface) -> Options:
     )
     ends = {"min": heights.output.minimum, "max": heights.output.maximum}
     colours = {**ends, "show": False, "inRange": {"color": list(RAMP)}}
-    still = {"progressive": 0, "silent": True, "emphasis": {"disabled": True}}
-    return chart(x, y, [{"type": "heatmap", "data": points, **still}], visualMap=colours)
+    unanimated = {"progressive": 0, "silent": True, "emphasis": {"disabled": True}}
+    return chart(x, y, [{"type": "heatmap", "data": points, **unanimated}], visualMap=colours)
 
 
 def curve(system: FuzzySystem, points: Floats, values: Floats) -> Options:

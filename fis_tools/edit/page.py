@@ -74,6 +74,7 @@ class Editor:
         self._answers.ask(session.controller)
 
     def _build_head(self) -> None:
+        """Build the head of the page: title, status, and the buttons to undo, redo and save."""
         with ui.element("header").classes("head"):
             with ui.element("div"):
                 self._title = heading(1, self.session.title)
@@ -81,8 +82,8 @@ class Editor:
             self._status = ui.label().classes("status").props('role="status" aria-live="polite"')
             with ui.element("div").classes("buttons"):
                 self._undo, self._redo = (
-                    ui.button(word, on_click=partial(self._step, by)).props(PLAIN)
-                    for word, by in (("Undo", -1), ("Redo", 1))
+                    ui.button(word, on_click=partial(self._step, direction)).props(PLAIN)
+                    for word, direction in (("Undo", -1), ("Redo", 1))
                 )
                 ui.button("Save a copy", on_click=self._ask_to_save, color=None).props(MAIN).classes("main")
         ui.add_body_html(SCRIPT)
@@ -108,6 +109,7 @@ class Editor:
         self._show()
 
     def _build_constants(self) -> None:
+        """Build a card with a field for each constant of the controller."""
         attributes = constants(self.session.controller, self._meanings)
         with card("constants").classes("constants") as holder:
             heading(2, "Constants")
@@ -138,8 +140,8 @@ class Editor:
 
         self.touch(change)
 
-    def _step(self, by: int) -> None:
-        self.session.step(by)
+    def _step(self, direction: int) -> None:
+        self.session.step(direction)
         self._show_controller()
 
     def _show_controller(self) -> None:
@@ -169,6 +171,7 @@ class Editor:
         self._redo.set_enabled(self.session.can_step(1))
 
     def _ask_to_save(self) -> None:
+        """Open a dialog that asks for a file name, and save a copy of the controller there."""
         with ui.dialog() as dialog, ui.card().classes("save"):
             heading(2, "Save a copy")
             target = ui.input("file", value=str(self.session.proposed())).props("autofocus").classes("w-full")

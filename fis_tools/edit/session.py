@@ -60,14 +60,14 @@ class Session:
         """Whether the controller differs from the one that was opened or saved last."""
         return self.controller != self._saved
 
-    def can_step(self, by: int) -> bool:
+    def can_step(self, direction: int) -> bool:
         """Whether there is a step to take back (-1), or one that was taken back (1)."""
-        return 0 <= self._place + by < len(self._history)
+        return 0 <= self._place + direction < len(self._history)
 
-    def step(self, by: int) -> None:
+    def step(self, direction: int) -> None:
         """Take the last step back (-1), or the step again that was taken back last (1)."""
-        if self.can_step(by):
-            self._place, self._gesture = self._place + by, None
+        if self.can_step(direction):
+            self._place, self._gesture = self._place + direction, None
 
     def touch(self, change: Callable[[FuzzyController], FuzzyController], gesture: object = None) -> None:
         """Take a step; those of one gesture, such as a drag, are one step to undo.
@@ -121,10 +121,10 @@ class Session:
             If there is a file already and it is not to be replaced, or the form cannot hold the controller.
         """
         files = written(self.copy(), target)
-        there = [str(path) for path in files if path.exists()]
-        if there and not replaces:
+        existing = [str(path) for path in files if path.exists()]
+        if existing and not replaces:
             raise ValueError(
-                f"{listed(there)} is there already; choose another name, or tick that it is replaced"
+                f"{listed(existing)} is there already; choose another name, or tick that it is replaced"
             )
         for path, file in files.items():
             path.parent.mkdir(parents=True, exist_ok=True)

@@ -54,6 +54,7 @@ def variable(shown: Variable) -> dict[str, Any]:
 
 
 def _term(shown: Variable, term: Term, colour: str) -> dict[str, Any]:
+    """Return a term as the page draws it: its path, colour, numbers and handles."""
     shape, numbers = term.membership, numbers_of(term.membership)
     properties = {
         "name": term.name,
@@ -158,10 +159,12 @@ def _row(inputs: tuple[str, ...], tones: tuple[Any, ...], rule: Rule, index: int
 
 def sentence(system: FuzzySystem, rule: int) -> str | None:
     """Return a rule as a sentence to be changed; None for one that does not read back."""
-    held = system.rules[rule]
-    weight = held.consequents[0].weight
-    concluded = " and ".join(f"{consequent.variable} is {consequent.term}" for consequent in held.consequents)
-    words = f"If {text.antecedent_words(held.antecedent)} then {concluded}"
+    edited = system.rules[rule]
+    weight = edited.consequents[0].weight
+    concluded = " and ".join(
+        f"{consequent.variable} is {consequent.term}" for consequent in edited.consequents
+    )
+    words = f"If {text.antecedent_words(edited.antecedent)} then {concluded}"
     words += "" if weight == 1.0 else f" with {weight:.12g}"
     with suppress(ValueError):
         if with_sentence(system, rule, words) == system:

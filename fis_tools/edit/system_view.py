@@ -69,6 +69,7 @@ class SystemView:
         return self._session.controller.systems[self._place]
 
     def _build_rules(self, system: FuzzySystem) -> None:
+        """Build the rules' table or list, and below it the editor of the selected rule."""
         with ui.element("div").classes("card-head"):
             heading(2, "Rules")
             self._as_list = ui.switch("as a list", on_change=self.show).props("dense size=sm")
@@ -99,6 +100,7 @@ class SystemView:
         return view
 
     def _build_surface(self, system: FuzzySystem) -> None:
+        """Build the chart of the output's surface, and the choice of its two axes."""
         names = [variable.name for variable in system.inputs]
         with ui.element("div").classes("card-head"):
             heading(2, f"Surface of {system.outputs[0].name}")
@@ -184,6 +186,7 @@ class SystemView:
         self._call_view(self._rules, "fire", inference.firing_strengths.round(3).tolist())
 
     def _show_surface(self) -> None:
+        """Compute and draw the output over the chosen axes; over the only input as a curve."""
         system = self.system
         names = [entry.name for entry in system.inputs]
         axes = [entry.value for entry in self._axes] or names[:2]

@@ -23,9 +23,9 @@ HALF_WIDTH = 1.1774
 _Named = TypeVar("_Named", FuzzySystem, Variable, Term)
 
 
-def _with(held: Sequence[_Named], name: str, *new: _Named) -> tuple[_Named, ...]:
+def _with(items: Sequence[_Named], name: str, *new: _Named) -> tuple[_Named, ...]:
     """Return a sequence in which the item of a name is replaced by some items, perhaps none."""
-    return tuple(item for old in held for item in (new if old.name == name else (old,)))
+    return tuple(item for old in items for item in (new if old.name == name else (old,)))
 
 
 def with_system(controller: FuzzyController, system: FuzzySystem) -> FuzzyController:
@@ -123,7 +123,7 @@ def with_rule(system: FuzzySystem, index: int, *rules: Rule) -> FuzzySystem:
 
 def turned(system: FuzzySystem, rule: int, side: str, index: int, step: int) -> FuzzySystem:
     """Return a system in which a rule's statement (``if``) or conclusion (``then``) has the next term."""
-    held, seen = system.rules[rule], count()
+    old_rule, seen = system.rules[rule], count()
 
     def following(variable: str, term: str) -> str:
         terms = system.variable(variable).terms
@@ -134,12 +134,12 @@ def turned(system: FuzzySystem, rule: int, side: str, index: int, step: int) -> 
 
     if side == "if":
         return with_rule(
-            system, rule, replace(held, antecedent=model.with_statements(held.antecedent, stepped))
+            system, rule, replace(old_rule, antecedent=model.with_statements(old_rule.antecedent, stepped))
         )
-    concluded = list(held.consequents)
+    concluded = list(old_rule.consequents)
     clause = concluded[index]
     concluded[index] = replace(clause, term=following(clause.variable, clause.term))
-    return with_rule(system, rule, replace(held, consequents=tuple(concluded)))
+    return with_rule(system, rule, replace(old_rule, consequents=tuple(concluded)))
 
 
 def with_sentence(system: FuzzySystem, rule: int, text: str) -> FuzzySystem:
@@ -150,10 +150,10 @@ def with_sentence(system: FuzzySystem, rule: int, text: str) -> FuzzySystem:
     ControllerFileError
         If the sentence is no rule.
     """
-    held = system.rules[rule]
+    old = system.rules[rule]
     words = text.strip().replace("If ", "if ", 1)
     (read,) = read_rules("the sentence", words, ("min", "max"), {hedge: hedge for hedge in HEDGES})
-    return with_rule(system, rule, replace(held, antecedent=read.antecedent, consequents=read.consequents))
+    return with_rule(system, rule, replace(old, antecedent=read.antecedent, consequents=read.consequents))
 
 
 def repeated(system: FuzzySystem, rule: int, times: int) -> FuzzySystem:
@@ -181,8 +181,8 @@ def term_touched(
     """
     if what == "add":
         return with_variable(system, replace(variable, terms=(*variable.terms, new_term(variable))))
-    held = variable.terms[variable.term_index(term)]
-    shape = held.membership
+    old_term = variable.terms[variable.term_index(term)]
+    shape = old_term.membership
     match what:
         case "remove":
             touched = variable.name, term
@@ -194,12 +194,12 @@ def term_touched(
         case "rename":
             names = {(variable.name, term): details["name"].strip()}
             system = replace(system, rules=tuple(model.with_terms(rule, names) for rule in system.rules))
-            held = replace(held, name=details["name"].strip())
+            old_term = replace(old_term, name=details["name"].strip())
         case "reshape":
-            held = reshaped(variable, held, details["shape"])
+            old_term = reshaped(variable, old_term, details["shape"])
         case "drag":
             value = in_order(shape, details["key"], float(f"{float(details['value']):.6g}"))
-            held = replace(held, membership=replace(shape, **{details["key"]: value}))
+            old_term = replace(old_term, membership=replace(shape, **{details["key"]: value}))
         case "number":
-            held = replace(held, membership=with_number(shape, details["key"], details["value"]))
-    return with_variable(system, replace(variable, terms=_with(variable.terms, term, held)))
+            old_term = replace(old_term, membership=with_number(shape, details["key"], details["value"]))
+    return with_variable(system, replace(variable, terms=_with(variable.terms, term, old_term)))

@@ -44,9 +44,9 @@ class Windows:
         """Return the session of the page that is being built; offer there what a closed window holds."""
         client = ui.context.client
         request = client.request
-        stated = request.query_params.get(KEY, "") if request is not None else ""
-        abandoned = "" if stated in self._sessions else self.abandoned()
-        name = self.connect(stated, client)
+        window_name = request.query_params.get(KEY, "") if request is not None else ""
+        abandoned = "" if window_name in self._sessions else self.abandoned()
+        name = self.connect(window_name, client)
         ui.add_body_html(f'<script>history.replaceState(null, "", "?{KEY}={name}")</script>')
         if abandoned:
             with ui.element("p").classes("notice"):

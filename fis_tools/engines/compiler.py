@@ -263,6 +263,7 @@ class CompiledSystem:
             return np.concatenate(list(pool.map(work, np.array_split(rows, threads))))
 
     def _rows(self, inputs: Any, on_nan: OnNan = "raise") -> Floats:
+        """Return inputs as rows, (n, num_inputs), with infinite ones clipped; raise ValueError for NaN."""
         rows = np.ascontiguousarray(as_rows(self.system, inputs))
         variables = self.system.inputs
         if rows.ndim != 2 or rows.shape[1] != len(variables):
@@ -347,6 +348,7 @@ def compile(
 
 
 def _marked(conclusion: Conclusion | Weighing | IntervalOutput) -> Conclusion | Weighing | IntervalOutput:
+    """Return an output's program whose answer is NaN if and only if no rule fires."""
     if isinstance(conclusion, IntervalOutput):
         return conclusion._replace(upper=conclusion.upper._replace(default=np.nan))
     if isinstance(conclusion, Conclusion):

@@ -15,16 +15,16 @@ TIE = 1e-12
 
 def defuzzify_sampled(system: FuzzySystem, variable: Variable, x: Floats, y: Floats) -> float:
     """Return what a program makes of heights at points; see `fis_tools.engines.sampling`, its fast twin."""
-    way, by_magnitude = system.defuzzifier_of(variable), TOOLS[system.semantics].is_by_magnitude
-    if way == "centroid":
+    method, by_magnitude = system.defuzzifier_of(variable), TOOLS[system.semantics].is_by_magnitude
+    if method == "centroid":
         heights = y / y.max()
         return float(np.clip((x * heights).sum() / heights.sum(), x[0], x[-1]))
     top = x[y >= y.max() * (1.0 - TIE)]
-    if way == "mom":
+    if method == "mom":
         return float(np.mean(top))
-    if way in {"som", "lom"}:
+    if method in {"som", "lom"}:
         size = np.abs(top) if by_magnitude else top
-        return float(top[size.argmin() if way == "som" else size.argmax()])
+        return float(top[size.argmin() if method == "som" else size.argmax()])
     running = np.cumsum(y)
     if system.semantics == "matlab":
         return float(x[np.argmax(running >= running[-1] / 2.0 * (1.0 - TIE))])

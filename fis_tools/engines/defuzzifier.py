@@ -23,8 +23,8 @@ def conclude_by_term(conclusion: Conclusion, firing: Floats, out: Floats) -> Non
     bounds, runs, accumulation = conclusion.bounds, conclusion.runs, conclusion.accumulation
     num_terms, num_points = memberships.shape
     cuts, heights, crossings = np.empty(num_terms), np.empty(num_points), np.empty(len(runs))
-    room = num_points + len(runs)
-    x, y, areas = np.empty(room), np.empty(room), np.empty(room)
+    size = num_points + len(runs)
+    x, y, areas = np.empty(size), np.empty(size), np.empty(size)
     for sample in range(len(firing)):
         heights[:] = 0.0
         for term in range(num_terms):
@@ -234,8 +234,8 @@ def weigh_rows(  # noqa: PLR0912 - a branch for each kind of conclusion
     kinds, accumulation = weighing.kinds, weighing.accumulation
     num_inputs = values.shape[1]
     clipped = np.empty(num_inputs)
-    room = 0 if accumulation == codes.UNBOUNDED_SUM else len(rules)
-    numbers, strengths = np.empty(room), np.empty(room)
+    size = 0 if accumulation == codes.UNBOUNDED_SUM else len(rules)
+    numbers, strengths = np.empty(size), np.empty(size)
     for sample in range(len(firing)):
         for column in range(num_inputs):
             clipped[column] = min(max(values[sample, column], universes[column, 0]), universes[column, 1])

@@ -84,6 +84,7 @@ def degree(shapes: Shapes, term: int, x: float) -> float:
 
 @compiled(error_model="numpy")
 def _formula(shapes: Shapes, term: int, x: float) -> float:  # noqa: PLR0911, PLR0912 - one line per shape
+    """Return the membership of a number in a term by the formula of its shape."""
     row = shapes.numbers[term]
     kind, a, b, c, d = shapes.kinds[term], row[0], row[1], row[2], row[3]
     if kind == TABLE:

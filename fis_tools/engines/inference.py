@@ -169,9 +169,9 @@ def _reduced(system: FuzzySystem, x: Floats, low: Floats, high: Floats) -> float
     if system.type_reduction == "nie-tan":
         return float((x * (low + high)).sum() / (low + high).sum())
     ends = []
-    for before, beyond, extreme in ((high, low, np.min), (low, high, np.max)):
-        area = np.append(0.0, np.cumsum(before)) + np.append(np.cumsum(beyond[::-1])[::-1], 0.0)
-        moment = np.append(0.0, np.cumsum(before * x)) + np.append(np.cumsum((beyond * x)[::-1])[::-1], 0.0)
+    for before, after, extreme in ((high, low, np.min), (low, high, np.max)):
+        area = np.append(0.0, np.cumsum(before)) + np.append(np.cumsum(after[::-1])[::-1], 0.0)
+        moment = np.append(0.0, np.cumsum(before * x)) + np.append(np.cumsum((after * x)[::-1])[::-1], 0.0)
         ends.append(extreme(moment[area > 0.0] / area[area > 0.0]))
     return float(np.mean(ends))
 
@@ -232,6 +232,7 @@ def infer_outputs(system: FuzzySystem, firing: Floats, clipped: Floats) -> list[
 
 
 def _infer_output(system: FuzzySystem, variable: Variable, firing: Floats, values: Values) -> OutputInference:
+    """Infer one output from the firing strengths, keeping every step."""
     if system.weighs(variable):
         return _weigh(system, variable, firing, values)
     cuts = _cut_terms(system, variable, firing)
@@ -320,6 +321,7 @@ def _cut_terms(system: FuzzySystem, variable: Variable, firing: Floats) -> Float
 
 
 def _aggregate(variable: Variable, cuts: Floats) -> tuple[Floats, Floats]:
+    """Return the universe with the crossings of terms and cuts, and the heights of the aggregated set."""
     grid = variable.universe
     concluded = [(cut, mf) for cut, mf in zip(cuts, variable.memberships, strict=True) if not np.isnan(cut)]
     inserted = [crossings(grid, mf, cut) for cut, mf in concluded]

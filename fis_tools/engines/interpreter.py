@@ -129,7 +129,7 @@ def _prepared(program: Program, row: Floats, outputs: Floats) -> Callable[[], No
 
 
 def _direct(step: partial[None]) -> partial[None]:
-    """Return a compiled function without numba's lookup of argument types."""
+    """Bind a compiled function to its arguments' types, so that calls skip numba's lookup of them."""
     prepared = getattr(step.func, "prepared", None)
     return step if prepared is None else partial(prepared(*step.args), *step.args)
 
@@ -159,6 +159,7 @@ def _concluding(program: Program, firing: Floats, inputs: Floats, columns: Float
 def _reducing(
     pair: IntervalOutput, firing: Floats, inputs: Floats, limits: Floats, out: Floats
 ) -> partial[None]:
+    """Return a function that writes an interval type-2 output."""
     lower, upper = pair.lower, pair.upper
     if isinstance(lower, Weighing) and isinstance(upper, Weighing):
         lower, upper = (part._replace(formulas=(), names=()) for part in (lower, upper))
@@ -180,9 +181,9 @@ def fuzzify(antecedents: Antecedents, index: int, inputs: Floats, slots: Floats,
     x = least(most(load(inputs, at, LANES), low), high)
     store(inputs, at, x)
     left = least(np.floor((x - low) * ((points - 1) / (high - low))), points - 1.0)
-    here = gather(universes, start, left)
-    beyond = gather(universes, start, least(left + 1.0, points - 1.0))
-    if some((x < here) | ((x >= beyond) & (left < points - 1.0))):  # the points are not evenly spaced
+    below = gather(universes, start, left)
+    above = gather(universes, start, least(left + 1.0, points - 1.0))
+    if some((x < below) | ((x >= above) & (left < points - 1.0))):  # the points are not evenly spaced
         for lane in range(LANES):
             universe = universes[start : start + points]
             point = np.searchsorted(universe, inputs[at + lane], side="right") - 1
@@ -192,7 +193,7 @@ def fuzzify(antecedents: Antecedents, index: int, inputs: Floats, slots: Floats,
                     memberships[ahead + terms + term] * distance + memberships[ahead + term]
                 )
         return
-    distance, ahead = x - here, left * (2.0 * terms)
+    distance, ahead = x - below, left * (2.0 * terms)
     for term in range(terms):
         slope = gather(memberships, row + terms + term, ahead)
         store(slots, slot + term * LANES, slope * distance + gather(memberships, row + term, ahead))
@@ -232,12 +233,12 @@ def fire_lanes(antecedents: Antecedents, values: Floats, first: int, inputs: Flo
 @compiled(error_model="numpy", nogil=True)
 def fire_rows(antecedents: Antecedents, values: Floats, out: Floats) -> None:
     """Write the firing strengths of antecedents for values (n, num_inputs)."""
-    held = borrowed(antecedents)
-    layout, rule_slots = held.inputs, held.rule_slots
-    room = np.zeros((layout[:, 0].sum() + len(held.steps)) * LANES), np.zeros(len(layout) * LANES)
-    slots, inputs = borrowed(room)
+    program = borrowed(antecedents)
+    layout, rule_slots = program.inputs, program.rule_slots
+    work = np.zeros((layout[:, 0].sum() + len(program.steps)) * LANES), np.zeros(len(layout) * LANES)
+    slots, inputs = borrowed(work)
     for first in range(0, len(values), LANES):
-        num_lanes = fire_lanes(held, values, first, inputs, slots)
+        num_lanes = fire_lanes(program, values, first, inputs, slots)
         for lane in range(num_lanes):
             for rule in range(len(rule_slots)):
                 out[first + lane, rule] = slots[rule_slots[rule] * LANES + lane]
@@ -246,17 +247,17 @@ def fire_rows(antecedents: Antecedents, values: Floats, out: Floats) -> None:
 @compiled(error_model="numpy", nogil=True)
 def average_rows(antecedents: Antecedents, weighing: Weighing, values: Floats, out: Floats) -> None:
     """Write the one output, (n,), for values (n, num_inputs): numbers, weighted by strengths not stored."""
-    held, weighed = borrowed((antecedents, weighing))
+    program, weighed = borrowed((antecedents, weighing))
     rules, weights, parameters = weighed.rules, weighed.weights, weighed.parameters
-    num_inputs = len(held.inputs)
-    room = np.zeros((held.inputs[:, 0].sum() + len(held.steps)) * LANES), np.zeros(num_inputs * LANES)
-    slots, inputs = borrowed(room)
+    num_inputs = len(program.inputs)
+    work = np.zeros((program.inputs[:, 0].sum() + len(program.steps)) * LANES), np.zeros(num_inputs * LANES)
+    slots, inputs = borrowed(work)
     answers = np.empty(LANES)
     for first in range(0, len(values), LANES):
-        num_lanes = fire_lanes(held, values, first, inputs, slots)
+        num_lanes = fire_lanes(program, values, first, inputs, slots)
         total, moment = splat(0.0, LANES), splat(0.0, LANES)
         for index in range(len(rules)):
-            strength = load(slots, held.rule_slots[rules[index]] * LANES, LANES) * weights[index]
+            strength = load(slots, program.rule_slots[rules[index]] * LANES, LANES) * weights[index]
             number = splat(parameters[index, num_inputs], LANES)
             if not weighed.is_constant:
                 for column in range(num_inputs):

@@ -145,7 +145,7 @@ def _bound_box(x: Floats, low: Floats, high: Floats, is_mean: bool, default: flo
 
 @compiled(error_model="numpy", nogil=True)
 def _least_right(x: Floats, low: Floats, high: Floats, worst: float) -> float:
-    """Bound the greatest mean of weights between `low` and `high` from below, both bounded in turn.
+    """Return a lower bound on the greatest mean of points, whose lower and upper weights are bounded.
 
     The greatest mean is no less than that of any switch, lower weights up to it and upper ones beyond; the
     switch of the lowest weights is taken, with its least mean. `worst` holds where that may be of nothing.

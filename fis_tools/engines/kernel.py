@@ -82,8 +82,8 @@ def fuzzify(values: Floats, system: Any, scratch: Any) -> None:
         fraction = (x - (minimum + left * values[at + packing.STEP])) * values[at + packing.STEPS_A_UNIT]
         gather_terms(values, at + packing.HEADER, left, terms, scratch)
         for term in range(terms):
-            here, there = load(scratch.ends, term, width), load(scratch.ends, terms + term, width)
-            store(scratch.memberships, slot, here + fraction * (there - here))
+            left_value, right_value = load(scratch.ends, term, width), load(scratch.ends, terms + term, width)
+            store(scratch.memberships, slot, left_value + fraction * (right_value - left_value))
             slot += 1
 
 
@@ -108,7 +108,7 @@ def cut_terms(rules: Integers, system: Any, scratch: Any) -> None:
 
 @compiled(error_model="numpy", forceinline=True)
 def count_ranks(values: Floats, rules: Integers, piece: int, system: Any, scratch: Any) -> int:
-    """Return how many terms, the highest first, determine the aggregated height in a piece of the grid.
+    """Return how many of the highest terms determine the aggregated height in a piece of the grid.
 
     As soon as their minimum exceeds the maximum of the next one in it, the others are hidden.
     """
@@ -182,10 +182,10 @@ def heights_in(terms: int, fraction: Vector, scratch: Any) -> tuple[Vector, Vect
     left, inside, right = splat(0.0, width), splat(0.0, width), splat(0.0, width)
     for term in range(terms):
         cut = load(scratch.cuts, term, width)
-        here, there = load(scratch.ends, term, width), load(scratch.ends, terms + term, width)
-        left = higher(least(here, cut), left)
-        inside = higher(least(here + fraction * (there - here), cut), inside)
-        right = higher(least(there, cut), right)
+        left_value, right_value = load(scratch.ends, term, width), load(scratch.ends, terms + term, width)
+        left = higher(least(left_value, cut), left)
+        inside = higher(least(left_value + fraction * (right_value - left_value), cut), inside)
+        right = higher(least(right_value, cut), right)
     return left, inside, right
 
 
@@ -248,9 +248,9 @@ def crossing_triangles(values: Floats, rules: Integers, system: Any, scratch: An
         crosses = segment >= 0.0
         segment = most(segment, 0.0)
         gather_terms(values, by_point, segment, terms, scratch)
-        own_values = load(scratch.ends, term, width)
-        rise = select(crosses, load(scratch.ends, terms + term, width) - own_values, 1.0)
-        fraction = select(crosses, (load(scratch.cuts, term, width) - own_values) / rise, 0.0)
+        foot = load(scratch.ends, term, width)
+        rise = select(crosses, load(scratch.ends, terms + term, width) - foot, 1.0)
+        fraction = select(crosses, (load(scratch.cuts, term, width) - foot) / rise, 0.0)
         left, height, right = heights_in(terms, fraction, scratch)
         store(scratch.fractions, flank, fraction)
         store(scratch.lefts, flank, left)
@@ -296,10 +296,10 @@ def infer(values: Floats, rules: Integers, layout: Any, index: int, scratch: Any
         With the inputs, which must be finite and clipped to the universes. Written: the output, which is the
         centroid, or the system's default if no rule fires.
     """
-    system, room = layout[index], scratch[0]
-    fuzzify(values, system, room)
-    cut_terms(rules, system, room)
-    conclude(values, rules, system, room)
+    system, work = layout[index], scratch[0]
+    fuzzify(values, system, work)
+    cut_terms(rules, system, work)
+    conclude(values, rules, system, work)
 
 
 @compiled(nogil=True, error_model="numpy")
@@ -314,16 +314,16 @@ def infer_rows(
     areas: Floats,
 ) -> None:
     """Write the outputs of one system, (n,), and its areas, (n,), for finite inputs (n, num_inputs)."""
-    room = scratch[0]
-    for first in range(0, len(inputs), width_of(room)):
-        num_lanes = min(width_of(room), len(inputs) - first)
+    work = scratch[0]
+    for first in range(0, len(inputs), width_of(work)):
+        num_lanes = min(width_of(work), len(inputs) - first)
         for lane in range(num_lanes):
             for column in range(inputs.shape[1]):
-                room.inputs[column, lane] = inputs[first + lane, column]
+                work.inputs[column, lane] = inputs[first + lane, column]
         infer(values, rules, layout, index, scratch)
         for lane in range(num_lanes):
-            out[first + lane] = room.output[lane]
-            areas[first + lane] = room.area[lane]
+            out[first + lane] = work.output[lane]
+            areas[first + lane] = work.area[lane]
 
 
 def make_scratch(width: int = LANES) -> Any:

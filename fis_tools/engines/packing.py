@@ -118,6 +118,8 @@ def num_pieces(points: int) -> int:
 
 
 def _require_compilable(system: FuzzySystem) -> None:
+    """Raise NotCompilable for a system that the kernel does not cover."""
+
     def refuse(fact: str) -> None:
         raise NotCompilable(
             f"system {system.name!r} cannot be compiled: {fact}; evaluate it with fis_tools.engines.inference"

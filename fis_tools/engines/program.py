@@ -239,6 +239,7 @@ def _concluded(system: model.FuzzySystem) -> tuple[Conclusion | Weighing, ...]:
 
 
 def _antecedents(system: model.FuzzySystem) -> Antecedents:
+    """Translate the inputs and the antecedents of all rules to arrays."""
     rows = [_memberships_with_slopes(variable) for variable in system.inputs]
     points = [variable.num_points for variable in system.inputs]
     table = [
@@ -306,6 +307,7 @@ def _memberships_at(output: model.Variable, points: Floats) -> Floats:
 
 
 def _conclusion(system: model.FuzzySystem, output: model.Variable) -> Conclusion:
+    """Translate an output whose rules conclude fuzzy sets to arrays."""
     concluded = [
         (output.term_index(consequent.term), rule, consequent.weight)
         for rule, consequent in system.conclusions_on(output)
@@ -335,6 +337,7 @@ def _conclusion(system: model.FuzzySystem, output: model.Variable) -> Conclusion
 
 
 def _weighing(system: model.FuzzySystem, output: model.Variable) -> Weighing:
+    """Translate an output whose rules conclude numbers to arrays."""
     concluded = [
         (rule, consequent.weight, output.terms[output.term_index(consequent.term)].membership)
         for rule, consequent in system.conclusions_on(output)

@@ -88,6 +88,7 @@ def _relate(conclusion: Conclusion, strengths: Floats, low: Floats, high: Floats
 
 @compiled(error_model="numpy", nogil=True)
 def _bounds(conclusion: Conclusion, low: Floats, high: Floats) -> tuple[float, float]:
+    """Bound the defuzzified value for heights between a lower and an upper set."""
     x = conclusion.universe
     if conclusion.defuzzifier == codes.CENTROID:
         slack = 4 * EPSILON * (len(x) + 4) * max(abs(x[0]), abs(x[-1]))

@@ -58,15 +58,15 @@ def aggregate(conclusion: Conclusion, firing: Floats, cuts: Floats, heights: Flo
 @compiled(error_model="numpy", nogil=True)
 def defuzzify(conclusion: Conclusion, heights: Floats) -> float:
     """Return the number of aggregated heights; the default if all are zero."""
-    x, way = conclusion.universe, conclusion.defuzzifier
+    x, method = conclusion.universe, conclusion.defuzzifier
     highest = heights.max()
     if highest == 0.0:
         return float(conclusion.default)
-    if way == codes.CENTROID:
+    if method == codes.CENTROID:
         return _centroid(x, heights, highest)
-    if way == codes.BISECTOR:
+    if method == codes.BISECTOR:
         return _bisector(conclusion.sampling, x, heights)
-    return _of_maximum(conclusion.sampling, way, x, heights, highest)
+    return _of_maximum(conclusion.sampling, method, x, heights, highest)
 
 
 @compiled(error_model="numpy", nogil=True)
@@ -115,7 +115,7 @@ def _bisector(sampling: int, x: Floats, heights: Floats) -> float:
 
 
 @compiled(error_model="numpy", nogil=True)
-def _of_maximum(sampling: int, way: int, x: Floats, heights: Floats, highest: float) -> float:
+def _of_maximum(sampling: int, method: int, x: Floats, heights: Floats, highest: float) -> float:
     """Return the mean, the smallest or the largest of the highest points; MATLAB's by magnitude.
 
     Points count as highest up to rounding, so that all engines take the same.
@@ -131,6 +131,6 @@ def _of_maximum(sampling: int, way: int, x: Floats, heights: Floats, highest: fl
                 largest = value
             count += 1
             total += value
-    if way == codes.MEAN_OF_MAXIMUM:
+    if method == codes.MEAN_OF_MAXIMUM:
         return float(total / count)
-    return float(smallest if way == codes.SMALLEST_OF_MAXIMUM else largest)
+    return float(smallest if method == codes.SMALLEST_OF_MAXIMUM else largest)

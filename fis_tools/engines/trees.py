@@ -56,13 +56,13 @@ class CompiledTree:
         ends = zip(self.system.outputs, self.system.output_columns, strict=True)
         return {variable.name: rows[:, column].reshape(columns[0].shape) for variable, column in ends}
 
-    def values(self, inputs: Any, held: Mapping[int, Floats] | None = None) -> Floats:
+    def values(self, inputs: Any, fixed_values: Mapping[int, Floats] | None = None) -> Floats:
         """Return all values, (n, num_values): the inputs, then the outputs of each system.
 
         Parameters
         ----------
         inputs : (n, num_inputs)
-        held : mapping of int to (n,), optional
+        fixed_values : mapping of int to (n,), optional
             Values that are given instead of computed, by their index.
         """
         rows = as_rows(self.system, inputs)
@@ -71,7 +71,7 @@ class CompiledTree:
             raise ValueError(f"inputs have shape {rows.shape}; pass (n, {len(self.system.inputs)}): {wanted}")
         if np.isnan(rows).any():
             raise ValueError("an input is NaN; pass numbers")
-        return _values(self.system.columns, self.parts, rows, held or {})
+        return _values(self.system.columns, self.parts, rows, fixed_values or {})
 
     def __repr__(self) -> str:
         names = [", ".join(v.name for v in side) for side in (self.system.inputs, self.system.outputs)]
@@ -82,17 +82,18 @@ def _values(
     columns: tuple[tuple[int, ...], ...],
     parts: tuple[Callable[[Floats], Floats], ...],
     inputs: Floats,
-    held: Mapping[int, Floats],
+    fixed_values: Mapping[int, Floats],
 ) -> Floats:
+    """Compute the parts of a tree one after the other; see `values`."""
     values = [*inputs.T]
-    for taken, part in zip(columns, parts, strict=True):
-        rows = np.stack([values[column] for column in taken], axis=1)
+    for part_columns, part in zip(columns, parts, strict=True):
+        rows = np.stack([values[column] for column in part_columns], axis=1)
         is_known = ~np.isnan(rows).any(axis=1)
         outputs = part(rows[is_known])
         for computed in outputs.T:
             column = np.full(len(inputs), np.nan)
             column[is_known] = computed
-            values.append(held.get(len(values), column))
+            values.append(fixed_values.get(len(values), column))
     return np.stack(values, axis=1)
 
 
@@ -184,8 +185,8 @@ def bound(program: Program | TreeProgram, low: Floats, high: Floats) -> tuple[Fl
     if isinstance(program, Program):
         return interval.bound(program, low, high)
     least, greatest, varied = [*low.T], [*high.T], []
-    for taken, part in zip(program.columns, program.programs, strict=True):
-        ends = [np.stack([side[column] for column in taken], axis=1) for side in (least, greatest)]
+    for part_columns, part in zip(program.columns, program.programs, strict=True):
+        ends = [np.stack([side[column] for column in part_columns], axis=1) for side in (least, greatest)]
         is_silent = np.isnan(ends[0]).any(axis=1)
         lows, highs = (np.where(is_silent[:, np.newaxis], 0.0, end) for end in ends)
         bounds = interval.bound(part, lows, highs)

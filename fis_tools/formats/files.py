@@ -79,8 +79,8 @@ def written(controller: FuzzyController, path: Path) -> dict[Path, File]:
     if len(controller.systems) == 1:
         return {path: of_one_system(controller, form)}
     files = {
-        path.with_name(f"{path.stem}-{name}"): of_one_system(alone, form)
-        for name, alone in system_files(controller, ending).items()
+        path.with_name(f"{path.stem}-{name}"): of_one_system(single, form)
+        for name, single in system_files(controller, ending).items()
     }
     last = next(reversed(files))
     return {**files, last: replace(files[last], losses=(*files[last].losses, *wires_lost(controller)))}

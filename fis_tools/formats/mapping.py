@@ -100,6 +100,7 @@ def _plain(value: Any) -> Any:
 
 
 def _variable_mapping(variable: model.Variable) -> dict[str, Any]:
+    """Return a variable as plain data; defaults are left out."""
     extent = {"range": _plain((variable.minimum, variable.maximum)), "points": variable.num_points}
     return {
         "name": variable.name,
@@ -295,6 +296,7 @@ _METHODS: Readers = dict.fromkeys(("defuzzifier", "accumulation", "aggregation")
 
 
 def _system(value: Any, where: str) -> model.FuzzySystem:
+    """Read a system from plain data."""
     variables: Readers = {"inputs": _each(_variable, MOST_INPUTS), "outputs": _each(_output, MOST_TERMS)}
     required: Readers = {"name": _text, **variables, "rules": lambda rules, _: rules}
     content = _read(
@@ -312,6 +314,7 @@ def _output(value: Any, where: str) -> model.Variable:
 
 
 def _variable(value: Any, where: str, default: Readers = NO_KEYS, more: Readers = NO_KEYS) -> model.Variable:
+    """Read a variable from plain data; `default` and `more` are the readers of an output's keys."""
     is_listed = isinstance(value, Mapping) and "universe" in value
     required: Readers = {
         "name": _text,
@@ -385,6 +388,7 @@ def _keys(shape: str) -> tuple[str, ...]:
 def _rules(
     value: Any, where: str, inputs: tuple[model.Variable, ...], outputs: tuple[model.Variable, ...]
 ) -> tuple[model.Rule, ...]:
+    """Read rules, one by one or as a table of terms."""
     if not isinstance(value, Sequence) or not value or not all(isinstance(rule, str) for rule in value):
         return tuple(_items(value, where, _rule, MOST_RULES))
     if len(value) > MOST_RULES:
@@ -410,6 +414,7 @@ def _consequent(value: Any, where: str) -> model.Consequent:
 
 
 def _expression(value: Any, where: str, depth: int = 0) -> model.Expression:
+    """Read an antecedent from plain data, such as ``{and: [{is: [x, low]}, ...]}``."""
     if not isinstance(value, Mapping) or len(value) != 1:
         raise ControllerFileError(
             f"{where} is {_kind_of(value)}; expected one of is, not, and, or, or a hedge, with its operands"

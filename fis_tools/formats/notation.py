@@ -134,6 +134,7 @@ def _json_scalar(value: Any) -> str:
 
 
 def _block(value: Any, depth: int) -> str:
+    """Return a value as JSON over several lines; short items stand on one."""
     inner, outer = "  " * (depth + 1), "  " * depth
     if isinstance(value, Mapping):
         rows = rule_rows(value)
@@ -305,6 +306,7 @@ def _yaml_scalar(value: Any) -> str:
 
 
 def _mapping_lines(mapping: Mapping[str, Any], indent: int) -> list[str]:
+    """Return a mapping as lines of YAML; short values stand beside their keys."""
     lines: list[str] = []
     rows = rule_rows(mapping)
     for key, value in mapping.items():

@@ -184,8 +184,8 @@ class SystemEncoding(Genes):
             for variable in system.variables:
                 means, widths = _gaussians(variable)
                 low, high = variable.minimum, variable.maximum
-                centres, half = self._windows(np.array([low]), np.array([high]), len(means))
-                inner = (means - centres[0] + half[0]) / (2 * half[0])
+                centres, half_widths = self._windows(np.array([low]), np.array([high]), len(means))
+                inner = (means - centres[0] + half_widths[0]) / (2 * half_widths[0])
                 least, greatest = self.bounds.standard_deviation
                 genes += list(inner[1:-1])
                 genes += list((widths / (high - low) - least) / (greatest - least))
@@ -218,8 +218,8 @@ class SystemEncoding(Genes):
                 shortest, longest = self.bounds.output_reach
                 high = shortest * (longest / shortest) ** genomes[:, slices.reach]
                 low = -high
-            means, half = self._windows(low, high, len(variable.terms))
-            means[:, 1:-1] += (2.0 * genomes[:, inner] - 1.0) * half[:, np.newaxis]
+            means, half_widths = self._windows(low, high, len(variable.terms))
+            means[:, 1:-1] += (2.0 * genomes[:, inner] - 1.0) * half_widths[:, np.newaxis]
             least, greatest = self.bounds.standard_deviation
             fractions = least + (greatest - least) * genomes[:, widths]
             yield low, high, means, fractions * (high - low)[:, np.newaxis]

@@ -188,7 +188,7 @@ def _learn_numbers(
     if recipe.tune:
         partitions = rules.tuned(
             partitions,
-            lambda tried: rules.fit(tried, some.rows, targets[chosen_rows], some.counts, kind).score,
+            lambda trial: rules.fit(trial, some.rows, targets[chosen_rows], some.counts, kind).score,
         )
     fitted = rules.fit(partitions, fed.rows, targets, fed.counts, kind)
     names = distinct([*(column.name for column in fed.columns), *(output.name for output in outputs)])

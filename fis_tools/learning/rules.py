@@ -133,10 +133,10 @@ def range_of(values: Floats) -> tuple[float, float]:
 ROUNDING = 1e-6
 
 
-def _terms(around: list[float]) -> tuple[Term, ...]:
+def _terms(points: list[float]) -> tuple[Term, ...]:
     """Return a triangle over each point between the first and the last."""
-    corners = zip(around[:-2], around[1:-1], around[2:], strict=True)
-    words = WORDS[len(around) - 2]
+    corners = zip(points[:-2], points[1:-1], points[2:], strict=True)
+    words = WORDS[len(points) - 2]
     return tuple(Term(word, model.Triangular(*three)) for word, three in zip(words, corners, strict=True))
 
 
@@ -167,10 +167,10 @@ def tuned(partitions: Sequence[Partition], error: Callable[[Partitions], float])
                     moved = best[where].moved(index, steps)
                     if moved is None:
                         continue
-                    tried = (*best[:where], moved, *best[where + 1 :])
-                    trial_error = error(tried)
+                    candidates = (*best[:where], moved, *best[where + 1 :])
+                    trial_error = error(candidates)
                     if trial_error < lowest:
-                        best, lowest, is_better = tried, trial_error, True
+                        best, lowest, is_better = candidates, trial_error, True
                         break
     return best
 

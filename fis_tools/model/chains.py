@@ -50,6 +50,7 @@ def unchained(rules: Sequence[Named], outputs: Mapping[str, Variable]) -> list[R
 def _inlined(
     each: Named, concluded: Mapping[Is, list[tuple[Named, Consequent]]], outputs: Mapping[str, Variable]
 ) -> Rule:
+    """Return a rule whose statements on other rules' conclusions are replaced by their antecedents."""
     and_operators, or_operators = [each.rule.and_operator], [each.rule.or_operator]
 
     def replaced(statement: Is) -> Expression:
@@ -76,6 +77,7 @@ def _inlined(
 def _require_plain(
     each: Named, statement: Is, sources: Sequence[tuple[Named, Consequent]], output: Variable
 ) -> None:
+    """Raise NotResolvable unless an antecedent can say what a statement on an output stands for."""
     if not sources:
         raise NotResolvable(
             f"{each.name} asks for {statement.variable!r} {statement.term!r}, which no rule before it "

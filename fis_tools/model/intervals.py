@@ -51,9 +51,9 @@ def sampled_bounds(variable: Variable, term: Term) -> Floats:
     return np.stack([sample(variable, replace(term, membership=bound)) for bound in bounds])
 
 
-def with_bounds(system: FuzzySystem, which: Literal["lower", "upper"]) -> FuzzySystem:
+def with_bounds(system: FuzzySystem, bound: Literal["lower", "upper"]) -> FuzzySystem:
     """Return a type-1 system that has the lower or the upper functions of interval type-2 sets alone."""
-    ending = LOWER if which == "lower" else UPPER
+    ending = LOWER if bound == "lower" else UPPER
     return with_variables(
         system,
         lambda variable: replace(
@@ -100,6 +100,7 @@ def _bound_rule(rule: Rule, ending: str) -> Rule:
 
 
 def _bound(expression: Expression, ending: str) -> Expression:
+    """Return an antecedent in terms of the lower or the upper sets; below `not` it is the other."""
     match expression:
         case Is(variable, term):
             return Is(variable, term + ending)

@@ -221,6 +221,7 @@ def linear(part: Part, inputs: Sequence[str]) -> Form | None:
 
 
 def _combined(word: str, left: Form, right: Form) -> Form | None:
+    """Return two linear forms joined by an operator; None where the result is not linear."""
     (coefficients, constant), (other, factor) = left, right
     match word:
         case "+":
@@ -274,6 +275,7 @@ class _FormulaParser:
         return left
 
     def operand(self, depth: int) -> Part:
+        """Parse an operand: a number, a name, a call, a sign before an operand, or parentheses."""
         kind, word = self.tokens[self.place]
         if kind in {"number", "name"}:
             self.take()

@@ -175,15 +175,15 @@ def with_joint_operators(system: FuzzySystem) -> FuzzySystem:
         kept.append((conjunction, system.or_operator_of(rule) if Or in kinds else None))
     and_operator = next((each for each, _ in kept if each is not None), system.and_operator)
     or_operator = next((each for _, each in kept if each is not None), system.or_operator)
-    ways = [system.defuzzifier_of(output) for output in system.outputs]
-    defuzzifier = ways[0] if ways else system.defuzzifier
+    methods = [system.defuzzifier_of(output) for output in system.outputs]
+    defuzzifier = methods[0] if methods else system.defuzzifier
     rules, outputs = [], []
     for rule, (conjunction, disjunction) in zip(system.rules, kept, strict=True):
         own_and = None if conjunction == and_operator else conjunction
         own_or = None if disjunction == or_operator else disjunction
         rules.append(replace(rule, and_operator=own_and, or_operator=own_or))
-    for output, way in zip(system.outputs, ways, strict=True):
-        outputs.append(replace(output, defuzzifier=None if way == defuzzifier else way))
+    for output, method in zip(system.outputs, methods, strict=True):
+        outputs.append(replace(output, defuzzifier=None if method == defuzzifier else method))
     shared = replace(system, and_operator=and_operator, or_operator=or_operator, defuzzifier=defuzzifier)
     return replace(shared, rules=tuple(rules), outputs=tuple(outputs))
 
@@ -326,10 +326,10 @@ def require_mamdani(systems: Iterable[FuzzySystem], what: str) -> None:
     """
     for system in systems:
         for output in system.weighed:
-            way = system.defuzzifier_of(output).replace("_", " ")
+            method = system.defuzzifier_of(output).replace("_", " ")
             raise Mistake(
                 f"{what} is for Mamdani systems, whose rules conclude fuzzy sets, but output "
-                f"{output.name!r} of {system.name!r} is a {way} of numbers; show, audit, explain, review, "
+                f"{output.name!r} of {system.name!r} is a {method} of numbers; show, audit, explain, review, "
                 "bounds, surface, plot, diff and export take it"
             )
 

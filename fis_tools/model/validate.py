@@ -124,6 +124,7 @@ def _size_problems(system: FuzzySystem) -> Iterator[str]:
 
 
 def _problems(system: FuzzySystem) -> Iterator[str]:
+    """Yield the problems of a system."""
     where = f"system {system.name!r}"
     yield from _name_problems("a system", system.name)
     yield from _at(f"{where}: ", _choice_problems(system))
@@ -182,6 +183,7 @@ def _duplicates(where: str, what: str, names: Iterable[str]) -> Iterator[str]:
 
 
 def _variable_problems(variable: Variable) -> Iterator[str]:
+    """Yield the problems of a variable, its universe and its terms."""
     where = f"variable {variable.name!r}"
     yield from _name_problems("a variable", variable.name)
     universe_problems = list(_universe_problems(variable))
@@ -198,6 +200,7 @@ def _variable_problems(variable: Variable) -> Iterator[str]:
 
 
 def _universe_problems(variable: Variable) -> Iterator[str]:
+    """Yield the problems of a variable's range and of the points in it."""
     low, high = variable.minimum, variable.maximum
     if not (is_finite(low) and is_finite(high)):
         yield f"the range [{low}, {high}] is not finite; give two finite numbers"
@@ -233,16 +236,17 @@ def _interval_problems(system: FuzzySystem) -> Iterator[str]:
             f"{system.semantics}; set semantics to matlab"
         )
     for output in system.outputs:
-        way = system.defuzzifier_of(output)
-        if way not in {"centroid", "weighted_average"}:
-            yield f"output {output.name!r} of interval type-2 is {way}; take centroid or weighted_average"
-        if way == "weighted_average" and not all(
+        method = system.defuzzifier_of(output)
+        if method not in {"centroid", "weighted_average"}:
+            yield f"output {output.name!r} of interval type-2 is {method}; take centroid or weighted_average"
+        if method == "weighted_average" and not all(
             isinstance(term.membership, Constant | Linear) for term in output.terms
         ):
             yield f"output {output.name!r} of interval type-2 concludes no number; take constant or linear"
 
 
 def _output_problems(system: FuzzySystem) -> Iterator[str]:
+    """Yield the problems of outputs, and what inputs have that belongs to outputs only."""
     for variable in system.outputs:
         if variable.default is None and not TOOLS[system.semantics].has_outputs_without_default:
             yield (
@@ -276,6 +280,7 @@ def _output_problems(system: FuzzySystem) -> Iterator[str]:
 
 
 def _accumulation_problems(system: FuzzySystem, output: Variable) -> Iterator[str]:
+    """Yield the conflicts between an output's accumulation and how it is inferred."""
     where = f"output {output.name!r} has the accumulation {output.accumulation}"
     if output.accumulation == "max" or system.joins_numbers(output):
         return
@@ -301,10 +306,10 @@ def _kind_problems(system: FuzzySystem, output: Variable) -> Iterator[str]:
                 f"{system.defuzzifier_of(output)} needs fuzzy sets; choose {' or '.join(WEIGHING)}"
             )
         return
-    way = system.defuzzifier_of(output)
+    method = system.defuzzifier_of(output)
     if output.aggregation != "unbounded_sum":
         yield (
-            f"{where} is a {way}, to which every rule counts by itself, but it has the aggregation "
+            f"{where} is a {method}, to which every rule counts by itself, but it has the aggregation "
             f"{output.aggregation}; set aggregation to unbounded_sum"
         )
     if numbers and len(numbers) < len(output.terms):
@@ -322,9 +327,9 @@ def _kind_problems(system: FuzzySystem, output: Variable) -> Iterator[str]:
                 pass
             case shape:
                 yield (
-                    f"{where}, term {term.name!r} is {shape.entry.name}, but a {way} needs numbers (constant "
-                    "or linear) or shapes that only rise or fall (ramp, sigmoid, s_shape, z_shape, concave "
-                    "or arc)"
+                    f"{where}, term {term.name!r} is {shape.entry.name}, but a {method} needs numbers "
+                    "(constant or linear) or shapes that only rise or fall (ramp, sigmoid, s_shape, "
+                    "z_shape, concave or arc)"
                 )
 
 
@@ -346,6 +351,7 @@ def _formula_problems(system: FuzzySystem, output: Variable, formula: Formula) -
 
 
 def _rule_base_problems(system: FuzzySystem) -> Iterator[str]:
+    """Yield the problems of the rules."""
     if not system.rules:
         yield "no rules; give at least one"
     labels = (rule.label for rule in system.rules if rule.label)
@@ -371,6 +377,7 @@ def _vocabulary(variables: tuple[Variable, ...]) -> Vocabulary:
 
 
 def _expression_problems(inputs: Vocabulary, expression: Expression, depth: int) -> Iterator[str]:
+    """Yield the problems of an antecedent."""
     if depth > MAX_NESTING:
         yield f"and, or and not are nested more than {MAX_NESTING} deep; split the rule"
         return

@@ -189,6 +189,7 @@ def _belonging(system: Inferable, terms: Mapping[str, Term], samples: Floats) ->
 
 
 def _matrix_figure(system: FuzzySystem, output: Variable, theme: Theme) -> Figure:
+    """Draw the rules that conclude on an output, one table for each combination of outer inputs."""
     combinations = _outer_terms(system)
     last, rows = system.inputs[-1], system.inputs[-2] if len(system.inputs) > 1 else None
     longest = max(_longest_piece(variable) for variable in (last, output))
@@ -216,6 +217,7 @@ def _longest_piece(variable: Variable) -> float:
 def _panels(
     count: int, size: tuple[float, float], title: str, theme: Theme, projection: str | None = None
 ) -> tuple[Figure, Sequence[Axes]]:
+    """Return a titled figure with `count` axes of a size, in at most three columns."""
     columns = min(count, 3, max(1, int(16.0 / size[0])))
     rows = -(-count // columns)
     figsize = (size[0] * columns + 0.8, size[1] * rows + 0.4)

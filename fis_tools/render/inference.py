@@ -111,6 +111,7 @@ def _lines(texts: list[str], peaks: list[float], across: float) -> tuple[list[fl
 
 
 def _mark(variable: Variable, functions: Floats, value: float, ax: Axes, theme: Theme) -> None:
+    """Draw a value as a line, with its membership in each term."""
     clipped = float(np.clip(value, variable.minimum, variable.maximum))
     ax.plot([clipped, clipped], [0.0, 1.0], color=theme.ink, linewidth=1.2, zorder=3)
     belongs = []
@@ -292,6 +293,7 @@ def inference_figure(inference: Inference, *, most_rules: int = 6, theme: Theme 
 
 
 def _left_over(inference: Inference, order: list[int], most_rules: int) -> str:
+    """Return how many more rules fire than are shown, and how strongly at most."""
     if not order:
         return "no rule fires"
     left = int(np.count_nonzero(inference.firing_strengths)) - len(order[:most_rules])

@@ -141,6 +141,7 @@ def _label(ax: Axes, columns: Variable, rows: Variable | None) -> tuple[float, f
 
 
 def _fill(ax: Axes, output: Variable, terms: Integers, weights: Floats, theme: Theme) -> None:
+    """Draw the cells of a rule table: each has the colour and name of the term that it concludes."""
     across, down = lettering.inches(ax)
     room = (0.9 * across / terms.shape[1], 0.9 * down / terms.shape[0])
     concluded = [(int(term), float(weight)) for term, weight in zip(terms.flat, weights.flat, strict=True)]

@@ -230,6 +230,7 @@ def colour_bar(axes: Sequence[Axes], image: Any, label: str, theme: Theme) -> No
 
 
 def _contours(result: Surface, ax: Axes, limits: tuple[float, float], ink: str | None = None) -> None:
+    """Draw labelled contours at round levels, and a thick one at zero."""
     middle, levels = 0.5 * (limits[0] + limits[1]), round_levels(result, limits)
     if len(levels):
         colours = [ink or ("white" if level < middle else "black") for level in levels]

@@ -85,6 +85,7 @@ def kept_rows(num_rows: int, most: int) -> np.ndarray[tuple[int], np.dtype[np.in
 
 
 def _flown(system: FuzzySystem, flown: FlownSystem | None, most: int) -> dict[str, Any] | None:
+    """Return what a system sensed in a flight as plain data; None if it sensed nothing."""
     if flown is None or not len(flown.time_s):
         return None
     rows = kept_rows(len(flown.time_s), most)
@@ -138,6 +139,7 @@ def _output(system: FuzzySystem, variable: Variable) -> dict[str, Any]:
 
 
 def _rule(rule: Rule, system: FuzzySystem) -> dict[str, Any]:
+    """Return a rule as plain data, with indices for variables and terms."""
     outputs = [variable.name for variable in system.outputs]
     return {
         "words": sentence(rule),
@@ -152,6 +154,7 @@ def _rule(rule: Rule, system: FuzzySystem) -> dict[str, Any]:
 
 
 def _expression(expression: Expression, system: FuzzySystem) -> list[Any]:
+    """Return an antecedent as nested lists, with indices for variables and terms."""
     match expression:
         case Is(name, term):
             index = [variable.name for variable in system.inputs].index(name)

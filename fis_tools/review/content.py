@@ -82,8 +82,10 @@ def inputs(controller: FuzzyController, samples: Mapping[str, SensedInputs]) -> 
     for system in controller.systems:
         some = samples[system.name]
         for index, variable in enumerate(system.inputs):
-            met = _met(variable, some.inputs[:, index]) if some.are_flown else "unknown: nothing was logged"
-            rows.append([variable.name, variable.description or "not described", extent(variable), met])
+            values = "unknown: nothing was logged"
+            if some.are_flown:
+                values = _met(variable, some.inputs[:, index])
+            rows.append([variable.name, variable.description or "not described", extent(variable), values])
     return Table(["input", "meaning", "range", "met"], rows)
 
 
@@ -104,9 +106,9 @@ def along(flown: Sequence[Flight], noun: str) -> str:
         f"{'' if flight.is_own else '; flown by another controller'})"
         for flight in flown
     )
-    which = f"the {noun} {names}" if len(flown) == 1 else f"{len(flown)} {noun}s: {names}"
+    sources = f"the {noun} {names}" if len(flown) == 1 else f"{len(flown)} {noun}s: {names}"
     other = " Where another controller flew, this one is asked what it would answer at what was sensed."
-    return f"Reviewed along {which}.{'' if all(flight.is_own for flight in flown) else other} {fires}"
+    return f"Reviewed along {sources}.{'' if all(flight.is_own for flight in flown) else other} {fires}"
 
 
 def not_covered(

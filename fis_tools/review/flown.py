@@ -234,6 +234,7 @@ END = "end_s"
 
 
 def _evaluation_row(evaluation: Evaluation) -> list[str]:
+    """Return the row of an evaluation, whose columns are those of flights."""
     summary, count = evaluation.summary, evaluation.summary["num_cases"]
     spent, rate = (summary[name] for name in ("delta_v_m_s", "inspection_rate_percent"))
     return [
@@ -256,6 +257,8 @@ def _share(statistic: Mapping[str, float] | None, count: int) -> str:
 
 
 def _flight_row(name: str, outcome: FlightOutcome) -> list[str]:
+    """Return the row of a flight; unknown where its file does not say."""
+
     def number(key: str, digits: int) -> str:
         return f"{outcome.came_to[key]:.{digits}f}" if key in outcome.came_to else UNKNOWN
 

@@ -228,6 +228,7 @@ def _facts(controller: FuzzyController) -> Block:
 
 
 def _blocks(system: FuzzySystem, samples: flown.SensedInputs) -> Iterator[Block]:
+    """Yield what a static page shows of a system: terms, surfaces, and rules with their shares."""
     yield Paragraph(f"{summary(system)}.")
     terms = [
         [variable.name, term.name, shape_words(term)]

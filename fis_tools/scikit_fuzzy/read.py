@@ -131,6 +131,7 @@ def _universe(source: Any) -> Floats:
 
 
 def _term(source: Any, universe: Floats, term: FuzzyTerm) -> model.Term:
+    """Return a scikit-fuzzy term with the shape that its sampled memberships have."""
     where = f"the membership function of {source.label!r}, term {term.label!r}"
     values = _exact(term.mf, where)
     if values.shape != universe.shape:
@@ -186,6 +187,7 @@ def _called(source: control.Rule) -> str:
 
 
 def _rule(source: control.Rule) -> model.Rule:
+    """Return a scikit-fuzzy rule as one of ours."""
     where = _called(source)
     antecedent = _expression(source.antecedent, where, 0)
     kinds = {type(part) for part in model.parts_of(antecedent)}

@@ -153,6 +153,7 @@ def _line(x: Floats, y: Floats, weights: Floats) -> tuple[float, float]:
 
 
 def _straight(samples: SampledTerm) -> Iterator[Estimate]:
+    """Yield the triangles and trapezoids whose flanks pass through the samples."""
     x, y = samples.universe, samples.values
     if samples.top is None:
         for left, peak in _flanks(x, y, samples.rising):
@@ -220,6 +221,7 @@ def _flank_lines(
 
 
 def _smooth(samples: SampledTerm) -> Iterator[Estimate]:
+    """Yield estimates of smooth shapes from lines fitted to the transformed flanks."""
     low, high = samples.universe[[0, -1]].tolist()
     left, right = _flank_lines(samples, _normal)
     halves = [half for half in (left, right) if half is not None]

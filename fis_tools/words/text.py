@@ -228,6 +228,7 @@ def _indented(rows: list[list[str]]) -> list[str]:
 
 
 def _firing_lines(inference: Inference, most_rules: int) -> list[str]:
+    """Return a line for each of the strongest rules, and how many more fire."""
     strengths = inference.firing_strengths
     strongest = np.argsort(-strengths, kind="stable")
     firing = [index for index in strongest if strengths[index] >= SHOWN_FROM]
@@ -242,16 +243,17 @@ def _firing_lines(inference: Inference, most_rules: int) -> list[str]:
 
 
 def _output_lines(output: OutputInference, system: FuzzySystem) -> list[str]:
+    """Return an output's inference as lines: its cut terms or numbers, and its value."""
     variable = output.variable
     cuts = [(term.name, cut) for term, cut in zip(variable.terms, output.cuts, strict=True) if cut > 0]
     result = f"   {variable.name} = {quantity(variable, output.value)}"
     if output.is_default:
         return [f"{result}, its default: no rule that concludes on it fires"]
     if output.weighing is not None:
-        way = METHODS[system.defuzzifier_of(variable)]
+        method = METHODS[system.defuzzifier_of(variable)]
         numbers = zip(output.weighing.rules, output.weighing.strengths, output.weighing.numbers, strict=True)
         rows = [[f"{w:.2f}", f"rule {rule + 1}", quantity(variable, z)] for rule, w, z in numbers if w > 0.0]
-        return [f"   {variable.name}", *_indented(rows), f"{result}, the {way}"]
+        return [f"   {variable.name}", *_indented(rows), f"{result}, the {method}"]
     return [
         f"   {variable.name}",
         *_bars(cuts),

@@ -249,6 +249,7 @@ def _activation(
 def _follow_gemm(
     chain: Chain, matrix: Floats, bias: Sequence[Floats | None], attributes: Mapping[str, Any]
 ) -> None:
+    """Apply ONNX's Gemm to the chain: a matrix times alpha, then an offset times beta."""
     alpha, beta = (attributes[name].f if name in attributes else 1.0 for name in ("alpha", "beta"))
     if "transA" in attributes and attributes["transA"].i:
         raise UnreadableError("its operator Gemm turns its numbers about; export it with transA=0")

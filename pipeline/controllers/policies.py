@@ -80,6 +80,7 @@ def policy_of(name: str, source: bytes, label: str, weights: bytes | None = None
 
 
 def _parse(source: bytes) -> Any:
+    """Return the model that the bytes of an ONNX file hold."""
     try:
         import onnx  # noqa: PLC0415 - an extra
         from google.protobuf.message import DecodeError  # noqa: PLC0415
@@ -96,7 +97,7 @@ def _parse(source: bytes) -> Any:
 
 
 def _take_in(model: Any, name: str, weights: bytes | None) -> bool:
-    """Put weights from the file beside the model's into it; return whether there are any."""
+    """Load a model's external weights, the content of the file beside it; return whether it has any."""
     outside = [tensor for tensor in model.graph.initializer if tensor.data_location == EXTERNAL]
     for tensor in outside:
         entries = {entry.key: entry.value for entry in tensor.external_data}

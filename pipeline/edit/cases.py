@@ -87,7 +87,7 @@ class EditorCases:
         self.scenarios = evaluation_scenarios(experiment)
 
     def fly(self, fuzzy: FuzzyController) -> Iterator[Flown]:
-        """Fly the first cases, then more, then all; what is yielded holds those before it.
+        """Fly the first cases, then more, then all; each result includes the cases flown before it.
 
         A controller with foresight flies by its rules alone: its plans take longer than a touch may.
 

@@ -69,7 +69,7 @@ class OneFlight(Panel):
         self._again()
 
     def answers(self, controller: FuzzyController) -> Iterator[Show]:
-        """Fly the case twice, unless another time is asked for."""
+        """Fly the case by the controller as opened and as edited; show the flight and the chosen instant."""
         case, sample = self._case, self._sample
         try:
             before, after = (self._log(item, case) for item in (self._original, controller))

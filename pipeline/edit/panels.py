@@ -108,6 +108,7 @@ def _changed_most(before: Flown, after: Flown) -> Markup:
 
 
 def _numbers(compared: Sequence[Compared]) -> Table:
+    """Return a table of the metrics before and after the edit, with the differences and their intervals."""
     rows: list[list[Cell]] = []
     for row in compared:
         decimals, difference = row.metric.decimals, row.difference
@@ -122,6 +123,7 @@ def _numbers(compared: Sequence[Compared]) -> Table:
 
 
 def _histogram(before: Flown, after: Flown) -> Options:
+    """Return a chart of the flights' delta-v, before and after the edit, in bins of a round width."""
     spent = [flown.episodes["delta_v_m_s"] for flown in (before, after)]
     most = max(1e-9, *(column.max() for column in spent))
     width = 10.0 ** np.floor(np.log10(most / BINS)) * np.array([1.0, 2.0, 5.0, 10.0])

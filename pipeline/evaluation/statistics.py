@@ -260,8 +260,8 @@ def common_cases(first: Columns, second: Columns) -> tuple[NDArray[np.int64], ND
 
     def keys(episodes: Columns) -> list[bytes]:
         count = len(episodes["case"])
-        nothing = np.zeros(count)  # earlier versions had no elevation
-        starts = np.column_stack([episodes.get(name, nothing) for name in START])
+        zeros = np.zeros(count)  # earlier versions had no elevation
+        starts = np.column_stack([episodes.get(name, zeros) for name in START])
         return [row.tobytes() for row in np.ascontiguousarray(starts, dtype=np.float64)]
 
     row_of = {key: row for row, key in enumerate(keys(second))}

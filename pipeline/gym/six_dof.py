@@ -251,11 +251,11 @@ class SixDofInspectionEnv(gymnasium.Env[NDArray[np.float32], NDArray[Any]]):
         axes, optics = dcm_b_from_h(self._chief[self._k]), self._optics
         position, camera, sun = axes @ self._state[PLACE], axes @ self._camera, axes @ self._sun
         points, normals = self._surface.points, self._surface.normals
-        gone, height = points - position, np.sum(normals * points, axis=1)
+        apart, height = points - position, np.sum(normals * points, axis=1)
         with plainly("pipeline"):
             self._is_lit = is_sunlit(normals @ sun + optics.past_terminator, height)
-            squared = np.sum(gone * gone, axis=1)
-            seen = is_resolved(optics, normals @ position - height, gone @ camera, squared)
+            squared = np.sum(apart * apart, axis=1)
+            seen = is_resolved(optics, normals @ position - height, apart @ camera, squared)
         self._is_inspected |= self._is_lit & seen
 
     def _for_this_step(self) -> float:

@@ -65,13 +65,13 @@ def delta_v_bound(problem: PlanningProblem, needed: int, ceiling: float = inf) -
         m/s; infinite if too few points are ever lit.
     """
     costs = sample_costs(problem)
-    alone = costs.min(axis=0)
-    bound = float(np.sort(alone)[needed - 1])
+    point_costs = costs.min(axis=0)
+    bound = float(np.sort(point_costs)[needed - 1])
     spare = problem.num_points - needed
     if spare < NUM_HARDEST and bound < ceiling:
-        hardest = np.argsort(-alone, kind="stable")[:NUM_HARDEST]
-        takes = _pair_costs(problem, costs, hardest, ceiling)
-        bound = max(bound, unavoidable(takes, spare))
+        hardest = np.argsort(-point_costs, kind="stable")[:NUM_HARDEST]
+        pair_costs = _pair_costs(problem, costs, hardest, ceiling)
+        bound = max(bound, unavoidable(pair_costs, spare))
     return bound * (1.0 - ROUNDING)
 
 

@@ -133,7 +133,7 @@ def choose(best: Floats, needed: int, prices: Floats) -> Integers:
 
 
 def _bars(problem: PlanningProblem, path: Floats, samples: set[int]) -> Iterable[Constraint]:
-    """Yield the tangent planes of the spheres that the deputy must stay outside or inside of."""
+    """Yield tangent planes of the distance limits where a path is close to one: stay on their safe side."""
     deputy = problem.mission.deputy
     distances = np.linalg.norm(path, axis=1)
     for k in range(1, len(path)):

@@ -199,9 +199,9 @@ def position_rows(phi: Floats) -> PositionRows:
 
 
 @compiled(inline="always")
-def position_rows_of(motion: Motion, which: int) -> PositionRows:
+def position_rows_of(motion: Motion, index: int) -> PositionRows:
     """Return the rows of Phi that give the position, over one of the durations of a motion."""
-    return position_rows(motion.transition[which])
+    return position_rows(motion.transition[index])
 
 
 @compiled
@@ -213,16 +213,16 @@ def position_rows_over(mean_motion: float, duration: float) -> PositionRows:
 @compiled(inline="always")
 def push_by(p: PositionRows, shift: Three) -> Three:
     """Return the push now, m/s, that moves the position after free motion by a shift, m."""
-    per = 1.0 / (p.xu * p.yv - p.xv * p.yu)
+    scale = 1.0 / (p.xu * p.yv - p.xv * p.yu)
     return Three(
-        (p.yv * shift.x - p.xv * shift.y) * per, (p.xu * shift.y - p.yu * shift.x) * per, shift.z / p.zw
+        (p.yv * shift.x - p.xv * shift.y) * scale, (p.xu * shift.y - p.yu * shift.x) * scale, shift.z / p.zw
     )
 
 
 @compiled(inline="always")
-def propagator_of(motion: Motion, which: int) -> Propagator:
+def propagator_of(motion: Motion, index: int) -> Propagator:
     """Return the step of one duration."""
-    phi, gamma = motion.transition[which], motion.control[which]
+    phi, gamma = motion.transition[index], motion.control[index]
     return Propagator(
         position_rows(phi),
         Three(phi[3, 0], phi[3, 3], phi[3, 4]),

@@ -47,10 +47,10 @@ def to_body(q: Quaternion, a: Three) -> Three:
 
 
 @compiled(error_model="numpy", forceinline=True)
-def turned(q: Quaternion, turn: Quaternion, way: float) -> Quaternion:
+def turned(q: Quaternion, turn: Quaternion, sign: float) -> Quaternion:
     """Return attitudes turned about their body axes, or turned back if way is -1."""
     q1, q2, q3, q4 = q
-    a, b, c, d = way * turn[0], way * turn[1], way * turn[2], turn[3]
+    a, b, c, d = sign * turn[0], sign * turn[1], sign * turn[2], turn[3]
     return (
         q4 * a + q1 * d + q2 * c - q3 * b,
         q4 * b + q2 * d + q3 * a - q1 * c,

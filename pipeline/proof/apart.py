@@ -14,7 +14,7 @@ class _Answer:
     refusal = ""
 
     def write(self, line: str) -> None:
-        """Take in a line."""
+        """Hold a line back until `flush`."""
         mark, refused, reason = line.partition("refused: ")
         if refused and not mark:
             self.refusal = reason.strip()

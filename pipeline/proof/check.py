@@ -153,7 +153,7 @@ def require_covered(position: Any, sheared: Callable[[TubeBox], Any], boxes: lis
 
 
 def hull(tube: Tube, greatest: Any) -> list[Any]:
-    """Return nine balls: positions, velocities and forces along each axis, zero where no flight goes."""
+    """Return balls that contain all positions, velocities and forces of a period, (9,); zero on idle axes."""
     balls = [arb(0)] * 9
     for axis, boxes in tube.items():
         balls[axis::3] = [reduce(arb.union, each) for each in zip(*map(enclosures, boxes), strict=True)]
@@ -162,7 +162,7 @@ def hull(tube: Tube, greatest: Any) -> list[Any]:
 
 
 def require_led(matrix: Any, axis: int, box: TubeBox, now: list[Any], after: list[TubeBox]) -> None:
-    """Refuse the certificate unless every flight from a box is in one of the next period's boxes."""
+    """Refuse the certificate unless each flight from a box is inside the next period's boxes."""
 
     def image(of_position: float, of_velocity: float) -> Any:
         line = [
@@ -250,6 +250,7 @@ def check(folder: Path, report: Callable[[str], object] = lambda text: None) -> 
 
 
 def _check(proof: ReceivedProof, report: Callable[[str], object]) -> str:
+    """Check a certificate step by step; return what it proves, in words."""
     theorem = proof.theorem
     matrix, greatest = effects(theorem), arb(theorem["max_force_n"])
     start = list(zip(theorem["start_low"], theorem["start_high"], strict=True))

@@ -56,9 +56,9 @@ class Plane:
         """Return the least and greatest force over a box."""
         across = self.per_position - self.per_velocity * box.shear, self.per_velocity
         middle = across[0] * (box.low + box.high) / 2 + across[1] * (box.least + box.greatest) / 2
-        around = abs(across[0]) * (box.high - box.low) / 2 + abs(across[1]) * (box.greatest - box.least) / 2
-        around += self.residual
-        return self.constant + middle - around, self.constant + middle + around
+        radius = abs(across[0]) * (box.high - box.low) / 2 + abs(across[1]) * (box.greatest - box.least) / 2
+        radius += self.residual
+        return self.constant + middle - radius, self.constant + middle + radius
 
 
 @dataclass(frozen=True)
@@ -170,7 +170,7 @@ class Axis:
         return self._dealt(partial(self.image, *pair, happens) for pair in boxes.values())
 
     def _dealt(self, images: Iterable[Callable[[float], ReachableBox]]) -> dict[int, ReachableBox]:
-        """Merge boxes, given as functions of the shear, into one box for each cell they fall into."""
+        """Merge boxes, given as functions of the shear, into one for each cell that they overlap."""
         boxes: dict[int, ReachableBox] = {}
         for image in images:
             whole = image(0.0)
@@ -191,7 +191,7 @@ class Axis:
         return {cell: _widened(boxes[cell]) for cell in sorted(boxes)}
 
     def image(self, box: ReachableBox, plane: Plane, happens: Floats, shear: float) -> ReachableBox:
-        """Return a box of some shear that holds the states of a box after a period."""
+        """Return a box of a given shear that contains every state of a box after a period."""
         turn = np.array([[1.0, 0.0], [shear, 1.0]])
         force = turn @ self.position_effect[:, 2]
         loop = turn @ self.position_effect[:, :2] + np.outer(force, [plane.per_position, plane.per_velocity])
@@ -199,25 +199,25 @@ class Axis:
         intervals = np.array([[box.low, box.high], [box.least, box.greatest], *happens])
         factors = np.hstack([loop, turn @ self.others])
         centre = factors @ intervals.mean(axis=1) + force * plane.constant
-        around = 0.5 * np.abs(factors) @ np.diff(intervals)[:, 0] + np.abs(force) * plane.residual
-        (low, least), (high, greatest) = (centre - around).tolist(), (centre + around).tolist()
+        radii = 0.5 * np.abs(factors) @ np.diff(intervals)[:, 0] + np.abs(force) * plane.residual
+        (low, least), (high, greatest) = (centre - radii).tolist(), (centre + radii).tolist()
         return ReachableBox(low, high, least, greatest, shear)
 
 
 def _leaning(box: ReachableBox, shear: float) -> ReachableBox:
-    """Return a box of some shear around one without."""
+    """Return a box of a given shear that contains a box without shear."""
     lean = sorted((shear * box.low, shear * box.high))
     return ReachableBox(box.low, box.high, box.least + lean[0], box.greatest + lean[1], shear)
 
 
 def _joined(a: ReachableBox, b: ReachableBox) -> ReachableBox:
-    """Return the box around two of one shear."""
+    """Return the least box that contains two of the same shear."""
     low, high = min(a.low, b.low), max(a.high, b.high)
     return ReachableBox(low, high, min(a.least, b.least), max(a.greatest, b.greatest), a.shear)
 
 
 def _widened(box: ReachableBox) -> ReachableBox:
-    """Return a box with room for rounding."""
+    """Return a box widened by the rounding of its computation."""
     p, s = (WIDEN + WIDEN_SHARE * width for width in (box.high - box.low, box.greatest - box.least))
     return ReachableBox(box.low - p, box.high + p, box.least - s, box.greatest + s, box.shear)
 

@@ -132,7 +132,8 @@ class _Decisions:
 
     @cached_property
     def tour_push(self) -> Floats:
-        parts, alone = np.zeros_like(self.urgent), np.zeros((len(self.samples), 3))
+        """Return each point's part of the push onto the tour, m/s, (n, P, 3)."""
+        parts, rest_of_push = np.zeros_like(self.urgent), np.zeros((len(self.samples), 3))
         first = constant("tour_radial_mean_m")
         waves = self.constants[first:][: len(TOUR_PARTS) * len(TOUR_WAVES)].reshape(len(TOUR_PARTS), -1)
         n, limits = self.world.mean_motion, (self["tour_time_s"], self["tour_wait_s"])
@@ -147,18 +148,21 @@ class _Decisions:
             then = angle - n * time
             x, y, z, lift = waves @ [1.0, *(f(i * then) for i in (1.0, 2.0) for f in (np.cos, np.sin))]
             push_by = np.linalg.inv(phi[:3, 3:])
-            alone[row] = push_by @ ([x, y, z + np.sin(up) * lift] - phi[:3] @ self.states[row])
+            rest_of_push[row] = push_by @ ([x, y, z + np.sin(up) * lift] - phi[:3] @ self.states[row])
             parts[row] = self["tour_lean_m"] * self.urgent[row] @ push_by.T
-        return self.turned_aside(parts, alone)
+        return self.turned_aside(parts, rest_of_push)
 
-    def turned_aside(self, parts: Floats, alone: Floats | float = 0.0) -> Floats:
-        """Return parts of pushes, turned outwards near the chief as the whole is; `alone` is of no point."""
+    def turned_aside(self, parts: Floats, rest_of_push: Floats | float = 0.0) -> Floats:
+        """Return the points' parts of pushes, (n, P, 3), turned outwards near the chief as the pushes are.
+
+        `rest_of_push`, (n, 3), is what belongs to no point.
+        """
         position, skirt, least = self.states[:, :3], self["skirt_distance_m"], self.world.min_distance
         if not least < skirt:
             return parts
         distance = np.linalg.norm(position, axis=1, keepdims=True)
         outward = position / distance
-        leads_in = np.sum((parts.sum(axis=1) + alone) * outward, axis=1, keepdims=True) < 0.0
+        leads_in = np.sum((parts.sum(axis=1) + rest_of_push) * outward, axis=1, keepdims=True) < 0.0
         nearness = np.clip((skirt - distance) / (skirt - least), 0.0, 1.0) * leads_in
         along = parts @ outward[..., np.newaxis]
         return parts - 2.0 * nearness[..., np.newaxis] * along * outward[:, np.newaxis]

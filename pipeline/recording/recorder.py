@@ -153,6 +153,7 @@ class FlightRecorder:
             self._write(writer, log)
 
     def _episode(self, scenario: Scenario, scenario_id: str, log: FlightLog) -> dict[str, str]:
+        """Return the metadata that describes a flight: its start, settings, limits and camera."""
         mission = self.mission
         has_goal = mission.problem.kind == "reach"
         description = EpisodeDescription(

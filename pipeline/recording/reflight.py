@@ -125,6 +125,7 @@ def _attached(recording: Recording, name: str, what: str, parse: Callable[[bytes
 
 
 def _start_of(recording: Recording) -> Scenario:
+    """Return the start of a recorded flight."""
     episode = recording.episode
     if episode.position_m is None or episode.velocity_m_s is None or episode.sun_angle_rad is None:
         raise RecordingError(f"{recording.path} does not tell from where it was flown; {CURE}")

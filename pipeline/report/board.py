@@ -36,6 +36,7 @@ def render_board(evidence: Mapping[str, Any], systems: Sequence[FuzzySystem], fl
 
 
 def _document(evidence: Mapping[str, Any], systems: Sequence[FuzzySystem], flight: Illustration) -> Document:
+    """Return the page for the board: verdicts, a flight, the rules, what is not covered, signatures."""
     controller = evidence["controller"]
     identity = f"Controller SHA-256 {controller['sha256']}. " if controller["sha256"] else ""
     blocks: list[Block] = [
@@ -55,6 +56,7 @@ def _document(evidence: Mapping[str, Any], systems: Sequence[FuzzySystem], fligh
 
 
 def _verdicts(requirements: Sequence[Mapping[str, Any]]) -> Table:
+    """Return a table of the requirements and their verdicts."""
     rows = [
         [
             f"{requirement['id']} {requirement['title']} ({requirement['severity']})",

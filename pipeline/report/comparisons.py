@@ -101,8 +101,8 @@ def spread_of(folder: Path, summary: Mapping[str, Any]) -> Spread:
     pipeline.run.artifacts.ArtifactError
         If it tells something else.
     """
-    what = f"{folder / artifacts.SUMMARY} does not tell of percentiles and dispersions what it should"
-    with artifacts.explained(what, "repeat the stage evaluate", AttributeError):
+    fault = f"{folder / artifacts.SUMMARY} does not tell of percentiles and dispersions what it should"
+    with artifacts.explained(fault, "repeat the stage evaluate", AttributeError):
         by_metric = summary.get("percentiles", {})
         percentiles = [
             [name, _share(entry["percent"]), f"{entry['value']:.{decimals}f}", _between(entry, decimals)]
@@ -112,7 +112,7 @@ def spread_of(folder: Path, summary: Mapping[str, Any]) -> Spread:
         if "nominal" not in summary:
             return Spread(percentiles)
         outcomes = {"as dispersed": summary, "without dispersions": summary["nominal"]}
-        nominal = [[which, *_outcome(of)] for which, of in outcomes.items()]
+        nominal = [[label, *_outcome(of)] for label, of in outcomes.items()]
         ranking = [
             [
                 entry["key"],
@@ -223,7 +223,7 @@ def fly_pairs(
     order = np.argsort(beside.columns["times_optimum"], kind="stable")
     chosen = {int(order[len(order) // 2]): "the middle", int(order[-1]): "the greatest"}
     pairs = []
-    for row, which in chosen.items():
+    for row, rank in chosen.items():
         for index in np.flatnonzero(theirs == ours[row]).tolist():
             plan = open_loop("plan", solved.plan(index, experiment.mission))
             start = solved.scenarios[index]
@@ -231,7 +231,7 @@ def fly_pairs(
             # a plan keeps the limits by itself
             planned = fly_logged(replace(experiment.mission, safety=Safety()), plan, start)
             times = float(beside.columns["times_optimum"][row])
-            pairs.append(FlightBesidePlan(int(ours[row]), which, times, flown, planned))
+            pairs.append(FlightBesidePlan(int(ours[row]), rank, times, flown, planned))
     return pairs
 
 
@@ -301,12 +301,12 @@ def fly_without(experiment: Experiment, controller: Controller, episodes: Column
         return None
     cases = episodes["case"][acted].tolist()
     scenarios = evaluation_scenarios(experiment, cases)
-    off = replace(mission, safety=Safety())
-    outcomes = fly_all(off, controller, scenarios, experiment.monte_carlo.workers)
+    unguarded = replace(mission, safety=Safety())
+    outcomes = fly_all(unguarded, controller, scenarios, experiment.monte_carlo.workers)
     limits = mission.deputy
     beyond = np.maximum(
         limits.min_distance_m - outcomes.min_distance_m, outcomes.max_distance_m - limits.max_distance_m
     )
     row = int(np.argmax(beyond))
-    logs = (fly_logged(world, controller, scenarios[row]) for world in (mission, off))
+    logs = (fly_logged(world, controller, scenarios[row]) for world in (mission, unguarded))
     return Without(int(outcomes.is_violated.sum()), cases[row], *logs)

@@ -207,6 +207,7 @@ def lead(evidence: Mapping[str, Any]) -> str:
 
 
 def _matrix(requirements: list[Mapping[str, Any]]) -> Table:
+    """Return a table of requirements by methods of verification, with links to the details."""
     rows: list[list[Mark | str]] = []
     shown = [name for name in METHODS if any(name in requirement["methods"] for requirement in requirements)]
     for requirement in requirements:
@@ -237,6 +238,7 @@ def _brief(requirement: Mapping[str, Any], method: str) -> str:
 def _requirement(
     requirement: Mapping[str, Any], tube: Illustration | None, *, has_sun: bool
 ) -> Iterator[Block]:
+    """Yield the details on a requirement: its formula, what each method shows, and the worst case."""
     unit, methods = requirement["unit"], requirement["methods"]
     yield Heading(f"{requirement['id']} {requirement['title']}", 3, requirement["id"])
     yield Paragraph(requirement["sentence"])
@@ -279,6 +281,7 @@ def _full(words: str) -> str:
 
 
 def _domain(evidence: Mapping[str, Any]) -> Iterator[Block]:
+    """Yield the operational domain: the range that each input had in flights."""
     domain = evidence["domain"]
     proved = [each["id"] for each in evidence["requirements"] if proved_by(each)]
     if proved:
@@ -300,6 +303,7 @@ def _domain(evidence: Mapping[str, Any]) -> Iterator[Block]:
 
 
 def _case_facts(cases: Mapping[str, Any], unit: str) -> list[list[str]]:
+    """Return the rows on a requirement's random flights: failures, shares and margins."""
     allowed, needed, margin = cases["num_allowed"], cases["needed_without_failure"], cases["margin"]
     few = "too few cases" if needed else "all cases must meet it: only a proof shows it"
     bounds = f"{_percent(cases['low'])} to {_percent(cases['high'])}"
@@ -322,6 +326,7 @@ def _case_facts(cases: Mapping[str, Any], unit: str) -> list[list[str]]:
 
 
 def _search_facts(search: Mapping[str, Any]) -> list[list[str]]:
+    """Return the rows on a search for failures, compared with random flights."""
     none = "none found"
     per_find, at_random, ratio = (
         search["flights_per_find"],
@@ -339,6 +344,7 @@ def _search_facts(search: Mapping[str, Any]) -> list[list[str]]:
 
 
 def _worst_facts(worst: Mapping[str, Any], *, has_domain: bool, has_sun: bool) -> list[list[str]]:
+    """Return the rows on the worst known case: its margins, start and settings."""
     start, velocity = (
         ", ".join(f"{value:.3f}" for value in worst.get(name, ())).replace("-", "−")
         for name in ("position_m", "velocity_m_s")
@@ -363,6 +369,7 @@ def _departure(left: Mapping[str, Any]) -> str:
 
 
 def _provenance(evidence: Mapping[str, Any]) -> Iterator[Block]:
+    """Yield what the evidence was made of and by: hashes, versions, settings, and the command."""
     controller = evidence["controller"]
     yield Table(
         [],

@@ -30,6 +30,7 @@ def render_fit(name: str, folder: str, result: Mapping[str, Any]) -> str:
 
 
 def _blocks(name: str, folder: str, result: Mapping[str, Any]) -> Iterator[Block]:
+    """Yield the page on a fitted controller: its success, what limits the mission, how to fly it."""
     last, is_layered = result["last"], result["safety"] != "none"
     yield Heading(name, 1)
     tuned = ", tuned" if result["tuned"] else ""
@@ -66,4 +67,5 @@ def _cells(tally: Mapping[str, Any]) -> list[str]:
 
 
 def _percent(share: Mapping[str, Any]) -> str:
+    """Return a success rate and its interval in words, in per cent."""
     return f"{100 * share['fraction']:.1f} % ({100 * share['low']:.1f} to {100 * share['high']:.1f})"

@@ -54,6 +54,7 @@ def _captioned(name: str, figure: style.Figure, caption: str, **words: Any) -> D
 
 
 def _drawn(contents: Contents) -> Iterator[Drawn]:
+    """Yield every picture that the run has data for."""
     mission = contents.experiment.mission
     num_points = len(inspection_points(mission))
     needed = int(points_needed(num_points, mission.inspection_threshold_percent))
@@ -115,6 +116,7 @@ def _flight(flight: ShownFlight, mission: Mission) -> Iterator[Drawn]:
 
 
 def _training(training: FlightSet, mission: Mission) -> Drawn:
+    """Draw the training flights: each in its own colour if they are few, else coloured by outcome."""
     assert training.tracks_m is not None  # noqa: S101 - they were flown for this
     count = len(training.tracks_m)
     if count > MOST_TOLD_APART:

@@ -210,6 +210,7 @@ def gather_results(folder: Path) -> SweepResults:
 
 
 def _run_result(folder: Path, run: sweep.SweptRun, summary: Mapping[str, Any] | None) -> RunResult:
+    """Return a run with the estimates of its metrics, if it was evaluated."""
     result = RunResult(**vars(run), state=sweep.state_of(folder, run))
     if summary is None:
         return result
@@ -402,6 +403,7 @@ def write(results: SweepResults) -> str:
 
 
 def _document(results: SweepResults) -> Document:
+    """Return the page on a sweep: effects, settings, the best controllers, failures, and all runs."""
     folder = results.folder.as_posix()
     factors = [key for key in results.factors if key != REPLICATE] or results.factors
     blocks: list[Block] = [

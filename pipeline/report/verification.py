@@ -58,15 +58,17 @@ def _check_files(folder: Path) -> bool:
     """
     manifest = manifests.read(folder)
     expected: dict[str, str] = manifest.get("sha256", {})
-    there = set(artifacts.list_artifacts(folder))
-    changed = {name for name in there & set(expected) if artifacts.file_hash(folder / name) != expected[name]}
-    if artifacts.CONFIG in there and not _is_own_config(folder, manifest):
+    present = set(artifacts.list_artifacts(folder))
+    changed = {
+        name for name in present & set(expected) if artifacts.file_hash(folder / name) != expected[name]
+    }
+    if artifacts.CONFIG in present and not _is_own_config(folder, manifest):
         changed.add(artifacts.CONFIG)
-    missing, strangers = sorted(set(expected) - there), list(artifacts.strangers(folder))
-    lines = [f"files: {len((there & set(expected)) - changed)} as they were written"]
+    missing, strangers = sorted(set(expected) - present), list(artifacts.strangers(folder))
+    lines = [f"files: {len((present & set(expected)) - changed)} as they were written"]
     lines += [f"  {name} has CHANGED since it was written" for name in sorted(changed)]
     lines += [f"  {name} is MISSING" for name in missing]
-    lines += [f"  {name} is not in the manifest" for name in sorted(there - set(expected))]
+    lines += [f"  {name} is not in the manifest" for name in sorted(present - set(expected))]
     lines += [f"  {stranger}, which is not followed" for stranger in strangers]
     sys.stdout.write("\n".join(lines) + "\n")
     return not (changed or missing or strangers)
@@ -99,8 +101,8 @@ def _compare_files(folder: Path, other: Path) -> bool:
     sys.stdout.write(f"files: {len(shared) - len(different)} equal to the last bit\n")
     sys.stdout.writelines(f"  {name} differs\n" for name in different)
     sys.stdout.writelines(f"  {name} is in one of them alone\n" for name in names if name not in shared)
-    for here, there in product(*(manifest.get("makers", []) for manifest in both)):
-        _print_unlike("makers differ", unlike(here, there))
+    for first_maker, second_maker in product(*(manifest.get("makers", []) for manifest in both)):
+        _print_unlike("makers differ", unlike(first_maker, second_maker))
     return len(different) == 0 and names == shared
 
 

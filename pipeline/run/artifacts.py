@@ -99,8 +99,8 @@ def strangers(folder: Path) -> Iterator[str]:
             except FileNotFoundError:  # a run inside this folder is at work
                 continue
             if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
-                what = f"a link to {os.readlink(path)}" if stat.S_ISLNK(mode) else "a pipe, socket or device"
-                yield f"{path.relative_to(folder).as_posix()} is {what}"
+                kind = f"a link to {os.readlink(path)}" if stat.S_ISLNK(mode) else "a pipe, socket or device"
+                yield f"{path.relative_to(folder).as_posix()} is {kind}"
 
 
 def check_no_strangers(folder: Path) -> None:

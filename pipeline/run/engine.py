@@ -229,9 +229,9 @@ def _product() -> Mapping[str, Any]:
 
 def _check_workers(client: Any) -> None:
     """Raise EngineError if a worker has other sources or libraries than this process."""
-    here = maker.product()
-    for address, there in client.run(_product).items():
-        if differences := maker.unlike(here, there):
+    local = maker.product()
+    for address, remote in client.run(_product).items():
+        if differences := maker.unlike(local, remote):
             raise EngineError(
                 f"the worker {address} differs from this process ({', '.join(differences)}), so that results "
                 "would mix two programs; start the workers from this environment"

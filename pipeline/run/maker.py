@@ -69,9 +69,9 @@ def unlike(maker: Mapping[str, Any], other: Mapping[str, Any]) -> list[str]:
     """Return the differences between two makers in words."""
 
     def changed(part: str, names: Iterable[str]) -> list[str]:
-        here, there = maker.get(part, {}), other.get(part, {})
-        differing = (name for name in names if name in here and here[name] != there.get(name))
-        return [f"{name} {here[name]}, now {there.get(name)}" for name in differing]
+        first, second = maker.get(part, {}), other.get(part, {})
+        differing = (name for name in names if name in first and first[name] != second.get(name))
+        return [f"{name} {first[name]}, now {second.get(name)}" for name in differing]
 
     differences = changed("versions", maker.get("versions", {}))
     if maker.get("sources") != other.get("sources"):

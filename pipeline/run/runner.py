@@ -68,6 +68,7 @@ def _run_stages(
     stages: Sequence[str] | None,
     command: Sequence[str] | None,
 ) -> list[str]:
+    """Run stages one after the other, with a log and the manifest kept up to date; see `run_stages`."""
     stages = experiment.stages if stages is None else tuple(stages)
     folder.mkdir(parents=True, exist_ok=True)
     manifest = manifest_of(experiment, config, manifests.read_if_any(folder), command)

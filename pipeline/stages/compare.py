@@ -61,9 +61,9 @@ class Lot:
 
 
 def _lots(experiment: Experiment, world: str) -> list[Lot]:
-    there, lots = in_world(experiment, world), []
+    in_that_world, lots = in_world(experiment, world), []
     for sun in experiment.compare.suns:
-        under = replace(there, sun=replace(there.sun, mode=sun))
+        under = replace(in_that_world, sun=replace(in_that_world.sun, mode=sun))
         lots.append(Lot(under, world, evaluation_scenarios(under), None if world else _solved(under)))
     return lots
 

@@ -189,6 +189,7 @@ def _systems_of(
 
 
 def _fuzzy(controller: Controller) -> FuzzyController:
+    """Return the fuzzy controller to train; raise ControllerError for a controller without one."""
     if controller.fuzzy is None:
         raise ControllerError(
             f"controller {controller.name!r} has no fuzzy system to train; choose a fuzzy one"

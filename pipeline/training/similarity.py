@@ -69,10 +69,10 @@ class Similarity:
 
         A force lasts a control period: it grows with the speed that it must give, and with the mass.
         """
-        here, home = self.mission, HOME
-        time = home.orbit.mean_motion_rad_s / (here.orbit.mean_motion_rad_s * self.tempo)
-        speed, mass = self.size / time, here.deputy.mass_kg / home.deputy.mass_kg
-        force = speed * mass * home.control_period_s / here.control_period_s
+        mission, home = self.mission, HOME
+        time = home.orbit.mean_motion_rad_s / (mission.orbit.mean_motion_rad_s * self.tempo)
+        speed, mass = self.size / time, mission.deputy.mass_kg / home.deputy.mass_kg
+        force = speed * mass * home.control_period_s / mission.control_period_s
         scaled = {"m": self.size, "s": time, "1e6 s^2": time**2, "m/s": speed, "N": force}
         return scaled | dict.fromkeys(UNCHANGED, 1.0)
 
@@ -106,6 +106,7 @@ class Similarity:
         return replace(base, attributes=tuple(sorted(attributes.items())), systems=systems)
 
     def _system(self, system: FuzzySystem) -> FuzzySystem:
+        """Return a system with each variable scaled by the factor of its unit."""
         factors = {
             variable.name: exact_factor(variable, self.factors[variable.unit])
             for variable in (*system.inputs, *system.outputs)
@@ -183,8 +184,8 @@ def scaled_shape(
 
 def sizes_worth_trying(mission: Mission) -> tuple[float, float]:
     """Return the least and the greatest scale that are worth trying in a mission."""
-    home, here = _lengths(HOME), _lengths(mission)
-    ratios = [length / reference for length, reference in zip(here, home, strict=True)]
+    home_lengths, lengths = _lengths(HOME), _lengths(mission)
+    ratios = [length / reference for length, reference in zip(lengths, home_lengths, strict=True)]
     return 0.7 * min(ratios), 1.5 * max(ratios)
 
 

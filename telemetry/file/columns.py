@@ -73,6 +73,7 @@ def _inferences(payloads: Sequence[bytes]) -> Columns:
 
 
 def _field(values: list[Any], field: Any) -> NDArray[np.generic]:
+    """Return a field's values of all messages as an array with a row for each."""
     if field.type == FieldDescriptor.TYPE_BYTES:
         return _rectangle(values, field.name, np.dtype(np.uint8)).astype(np.bool_)
     if field.enum_type is not None:
@@ -87,6 +88,7 @@ def _field(values: list[Any], field: Any) -> NDArray[np.generic]:
 def _rectangle(
     rows: Sequence[Sequence[float]] | Sequence[bytes], name: str, dtype: np.dtype[Any]
 ) -> NDArray[np.generic]:
+    """Return rows of equal length as an array; raise RecordingError for unequal ones."""
     lengths = {len(row) for row in rows}
     if len(lengths) > 1:
         raise RecordingError(
@@ -137,6 +139,7 @@ def _logs(payloads: Sequence[bytes]) -> Columns:
 
 
 def _point_clouds(payloads: Sequence[bytes]) -> Columns:
+    """Decode Foxglove point clouds to positions, (n, P, 3), and colours or other columns."""
     messages = [PointCloud.FromString(payload) for payload in payloads]
     if not messages:
         empty = np.empty((0, 0, 4), dtype=np.uint8)
@@ -218,6 +221,7 @@ def arrow_table(
 
 
 def _array(values: NDArray[np.generic]) -> "pa.Array":
+    """Return an array as an Arrow array; further axes become lists of fixed size."""
     import pyarrow as pa  # noqa: PLC0415
 
     flat = values.ravel()

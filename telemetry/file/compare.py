@@ -131,8 +131,8 @@ class Comparison:
     def first_difference(self) -> FirstDifference | LoneMessages | None:
         """The first difference, None if there is none."""
         differences = [field.first_difference for field in self.fields if field.first_difference is not None]
-        ways: list[FirstDifference | LoneMessages] = [*self.lone, *differences]
-        return min(ways, key=lambda way: (way.sample, _flow(way.topic)), default=None)
+        candidates: list[FirstDifference | LoneMessages] = [*self.lone, *differences]
+        return min(candidates, key=lambda each: (each.sample, _flow(each.topic)), default=None)
 
 
 def compare(first: Recording, second: Recording, tolerance: float = 0.0) -> Comparison:
@@ -184,6 +184,7 @@ def compare(first: Recording, second: Recording, tolerance: float = 0.0) -> Comp
 
 
 def _told_apart(first: Recording, second: Recording) -> Iterator[str]:
+    """Yield the names of metadata and attachments that differ between two recordings."""
     for name in sorted(first.metadata.keys() | second.metadata.keys()):
         entries, others = first.metadata.get(name, {}), second.metadata.get(name, {})
         for key in sorted(entries.keys() | others.keys()):
@@ -215,6 +216,7 @@ def _compared_fields(
     samples: Floats,
     tolerance: float,
 ) -> Iterator[FieldComparison]:
+    """Yield for each field of a topic how far two recordings lie apart, and where first."""
     times = first.time_s[rows[0]]
     for field in (name for name in first.columns if name in second.columns):
         first_value, other = first[field][rows[0]], second[field][rows[1]]
@@ -289,6 +291,7 @@ def in_words(comparison: Comparison) -> list[str]:
 
 
 def _first_difference_in_words(difference: FirstDifference | LoneMessages, num_samples: int) -> str:
+    """Describe the first difference between two recordings: where, when, and both values."""
     instant = (
         f"sample {difference.sample} of 0 to {num_samples - 1} ({difference.time_s:g} s): {difference.topic}"
     )

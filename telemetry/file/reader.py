@@ -176,6 +176,7 @@ def check_attachment(record_bytes: bytes) -> None:
 
 
 def _chosen_channels(path: Path, reader: SeekingReader, wanted: list[str] | None) -> dict[str, str]:
+    """Return the wanted topics of a file, each with the name of its schema."""
     summary = reader.get_summary()
     if summary is None:
         raise McapError("it has no summary")
@@ -225,6 +226,7 @@ def _messages(
 def _topic_columns(
     topic: str, schema: str, messages: list[tuple[int, bytes]], metadata: Mapping[str, Mapping[str, str]]
 ) -> TopicColumns:
+    """Decode the messages of a topic to columns with units."""
     decoded = columns.DECODERS[schema]([content for _, content in messages])
     units = {field: topics.unit_of(field) for field in decoded}
     fis_metadata = metadata.get(topics.FIS_METADATA_PREFIX + topic.removeprefix(topics.FIS_PREFIX))

@@ -131,6 +131,7 @@ def _content(path: Path) -> bytes:
 
 
 def _scan(content: bytes) -> Recovery:
+    """Return every intact record of a damaged file."""
     recovery = Recovery(num_bytes_lost=max(0, len(content) - len(MCAP0_MAGIC)))
     room = claims.most_unpacked(len(content))
     for record_bytes in _whole_records(content):
@@ -173,6 +174,7 @@ def _whole_records(content: bytes) -> Iterator[bytes]:
 
 
 def _parse(record_bytes: bytes) -> McapRecord:
+    """Return the record that some bytes encode; raise one of `DAMAGE` if they are damaged."""
     if record_bytes[0] not in _KNOWN:  # such as each nine zeros of a disk's empty blocks
         raise ValueError("no record of the format")
     if record_bytes[0] == Opcode.MESSAGE:
@@ -200,6 +202,7 @@ def _write(source: Path, output: Path, recovery: Recovery) -> None:
 
 
 def _copy(writer: Writer, source: Path, recovery: Recovery) -> None:
+    """Write the recovered records as a recording."""
     writer.start(library="fuzzy-spacecraft-inspection telemetry recover")
     for metadata in recovery.metadata:
         writer.add_metadata(metadata.name, sealed(metadata.name, metadata.metadata))
@@ -219,9 +222,11 @@ def _copy(writer: Writer, source: Path, recovery: Recovery) -> None:
     channels: dict[int, int] = {}
     for kind in recovery.schemas.values():
         schemas[kind.id] = writer.register_schema(kind.name, kind.encoding, kind.data)
-    for way in recovery.channels.values():
-        schema = schemas[way.schema_id]
-        channels[way.id] = writer.register_channel(way.topic, way.message_encoding, schema, way.metadata)
+    for channel in recovery.channels.values():
+        schema = schemas[channel.schema_id]
+        channels[channel.id] = writer.register_channel(
+            channel.topic, channel.message_encoding, schema, channel.metadata
+        )
     for chunk in recovery.chunks:
         for m in chunk:
             writer.add_message(channels[m.channel_id], m.log_time, m.data, m.publish_time, m.sequence)

@@ -82,6 +82,7 @@ def in_words(summary: Mapping[str, Any]) -> list[str]:
 
 
 def _outcome_in_words(outcome: Mapping[str, float]) -> dict[str, str]:
+    """Describe a flight's outcome: points inspected or how it ended, delta-v, and distance."""
     if not outcome:
         return {}
     counted = outcome["inspectable_count"]

@@ -128,6 +128,7 @@ def _attitude_table(topic: TopicColumns) -> Table:
 
 
 def _point_table(topic: TopicColumns) -> Table:
+    """Return the chief's points as a table with a row for each point at each time."""
     num_samples, num_points = topic["position_m"].shape[:2]
     table = {
         "time_s": np.repeat(topic.time_s, num_points),
@@ -141,6 +142,7 @@ def _point_table(topic: TopicColumns) -> Table:
 
 
 def _component_names(recording: Recording, topic: TopicColumns, field: str) -> Sequence[str] | None:
+    """Return names for the components of a field that has some of its own; None for others."""
     width = topic[field].shape[1] if topic[field].ndim > 1 else 0
     if field == "inputs" and topic.topic.startswith(topics.FIS_PREFIX):
         words = recording.fis_description(topic.topic.removeprefix(topics.FIS_PREFIX))

@@ -280,6 +280,7 @@ class EpisodeWriter:
         return self._channels[topic]
 
     def _write(self, topic: str, time_ns: Integers, columns: Mapping[str, Any]) -> None:
+        """Add messages of a topic, encoded, to those waiting to be written in order of time."""
         channel, kind = self._channel(topic)
         if not len(time_ns):
             return

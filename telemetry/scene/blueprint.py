@@ -158,6 +158,7 @@ def _space(origin: str, title: str, eye: Floats, **options: Any) -> rrb.View:
 
 
 def _plot(plot: Plot, end_s: float) -> rrb.View:
+    """Return the view of a plot over the whole flight."""
     corner = rrb.Corner2D.LeftTop if plot.rises else rrb.Corner2D.RightTop
     axis_y = rrb.ScalarAxis(range=plot.ends) if plot.ends else None
     whole_flight = rr.TimeRange(

@@ -126,6 +126,7 @@ def in_words(evaluation: EvaluatedCases) -> str:
 
 
 def _outcomes_in_words(evaluation: EvaluatedCases) -> dict[CaseOutcome, str]:
+    """Describe what each colour of the flights means."""
     around = evaluation.surroundings
     goal = "the goal" if around.threshold_percent is None else f"{around.threshold_percent:g} % inspected"
     limits = "the limits"
@@ -149,8 +150,8 @@ def distance_plot(evaluation: EvaluatedCases) -> curves.Plot:
     lines += [
         curves.level(f"limit_{limit:g}", float(time_s[-1]), limit, curves.LIMIT_COLOUR) for limit in limits
     ]
-    most = 1.05 * max(float(spread.max()), *limits, 0.0)
-    return curves.Plot("distance", "Distance of all cases (m)", tuple(lines), (0.0, most))
+    top = 1.05 * max(float(spread.max()), *limits, 0.0)
+    return curves.Plot("distance", "Distance of all cases (m)", tuple(lines), (0.0, top))
 
 
 def _colours(evaluation: EvaluatedCases) -> Bytes:
@@ -161,6 +162,7 @@ def _colours(evaluation: EvaluatedCases) -> Bytes:
 
 
 def _send_paths(stream: blueprint.Stream, evaluation: EvaluatedCases) -> None:
+    """Send the paths of all cases, coloured by outcome."""
     outcome = evaluation.outcome
     kinds: Sequence[tuple[str, curves.Colour, Booleans]]
     if outcome is None:
@@ -189,6 +191,7 @@ def _send_deputies(stream: blueprint.Stream, evaluation: EvaluatedCases) -> None
 
 
 def _send_extreme(stream: blueprint.Stream, evaluation: EvaluatedCases, extreme: Extreme) -> None:
+    """Send the path of an extreme case and a label where it is most extreme."""
     entity = f"{blueprint.SCENE}/named/{extreme.what.replace(' ', '_').replace('-', '_')}"
     track = evaluation.position_m[extreme.row]
     lines = rr.LineStrips3D([track], colors=[NAMED_COLOUR], radii=rr.Radius.ui_points(1.4))

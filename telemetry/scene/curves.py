@@ -211,6 +211,7 @@ def fis_plots(recording: Recording) -> list[Plot]:
 def _of_each(
     recordings: Sequence[Recording], colours: Sequence[Colour], field: str, *, in_steps: bool = False
 ) -> tuple[Curves, ...]:
+    """Return a curve for each recording of a field of its mission topic."""
     groups = []
     named = zip(recordings, flight_names(recordings), colours, strict=True)
     for index, (recording, name, colour) in enumerate(named):
@@ -227,6 +228,7 @@ def level(name: str, end_s: float, value: float, colour: Colour) -> Curves:
 
 
 def _with_limits(key: str, title: str, curves: Curves, limit: float | None) -> Plot:
+    """Return a plot with lines at a limit and its negative, unless the curve stays far below."""
     if limit is None or not curves.values.size:
         return Plot(key, f"{title})", (curves,))
     title = f"{title}; limit ±{limit:g})"

@@ -120,6 +120,7 @@ def _rest_in_words(recording: Recording, sample_time_s: Floats) -> list[str]:
 def _one_inference(
     description: FisDescription, inputs: Floats, strengths: Floats, output: np.float64, shares: Floats
 ) -> list[str]:
+    """Describe one inference: output, inputs, and the leading rules."""
     sensed = " · ".join(
         f"{name} {value:.3f} {unit}".rstrip()
         for name, unit, value in zip(description.input_names, description.input_units, inputs, strict=True)
@@ -172,6 +173,7 @@ def flights_in_words(recordings: Sequence[Recording], names: Sequence[str]) -> s
 
 
 def _facts(recording: Recording) -> list[tuple[str, str]]:
+    """Return a flight's result as names and values."""
     outcome = recording.outcome
     end_s = recording.episode.end_s
     count, num_points = outcome["inspected_count"], outcome["num_points"]
@@ -303,6 +305,7 @@ def now_in_words(recording: Recording, sample_time_s: Floats) -> list[str]:
 
 
 def _line(recording: Recording, row: int, left: int, was_asked: bool) -> str:
+    """Describe what the controller does at a sample: it fires, coasts or rests, and why."""
     control = recording[topics.DEPUTY_CONTROL]
     force = control["force_hill_n"][row].astype(np.float64)
     reasons = [reason for reason in control["reason"][row].tolist() if reason in (*WHY, *ELSE)]

@@ -80,6 +80,7 @@ def scene(paths: Sequence[Path]) -> Scene:
 
 
 def _showable(recording: Recording) -> Recording:
+    """Return a recording that holds all a replay needs; raise RecordingError for others."""
     missing = [topic for topic in topics.FIXED_TOPICS if topic not in recording.topics]
     missing += [
         t for t in (topics.DEPUTY_STATE, topics.MISSION) if t not in missing and not len(recording[t])
@@ -114,6 +115,7 @@ def _send_chief(stream: Stream, recording: Recording) -> None:
 
 
 def _send_points(stream: Stream, recording: Recording) -> None:
+    """Send the chief's body and points; points that pull on the controller are larger and lighter."""
     cloud = recording[topics.CHIEF_POINTS]
     if not len(cloud):
         return
@@ -138,6 +140,7 @@ def _send_points(stream: Stream, recording: Recording) -> None:
 
 
 def _send_deputy(stream: Stream, recording: Recording) -> None:
+    """Send the deputy's pose, body and axes."""
     state = recording[topics.DEPUTY_STATE]
     deputy = f"{blueprint.SCENE}/deputy"
     columns = rr.Transform3D.columns(translation=state["position_m"], quaternion=state["quaternion"])
@@ -150,6 +153,7 @@ def _send_deputy(stream: Stream, recording: Recording) -> None:
 
 
 def _send_camera(stream: Stream, recording: Recording) -> None:
+    """Send the camera's field of view as a cone that reaches the chief."""
     episode = recording.episode
     if episode.half_angle_rad is None or episode.boresight is None:
         return
@@ -165,6 +169,7 @@ def _send_camera(stream: Stream, recording: Recording) -> None:
 
 
 def _send_arrows(stream: Stream, recording: Recording) -> None:
+    """Send the arrows of Sun, target and force."""
     mission = recording[topics.MISSION]
     sun = drawing.sun_directions(mission)
     # the shorter, the more of the Sun the Earth hides
@@ -187,6 +192,7 @@ def _send_arrows(stream: Stream, recording: Recording) -> None:
 def _send_arrow(
     stream: Stream, label: str, time_s: Floats, *, origins: Floats, vectors: Floats, colour: curves.Colour
 ) -> None:
+    """Send an arrow that changes over time, with a label at its tip."""
     if not len(time_s):
         return
     entity = f"{blueprint.SCENE}/{label.lower()}"
@@ -202,6 +208,7 @@ def _send_arrow(
 
 
 def _send_trail(stream: Stream, recording: Recording, entity: str, colour: curves.Colour) -> None:
+    """Send a flight's path: the trail behind the deputy, and faintly all of it."""
     state = recording[topics.DEPUTY_STATE]
     position = state["position_m"].astype(np.float32)
     ahead = rr.LineStrips3D([position], colors=[(*colour, 45)], radii=rr.Radius.ui_points(0.7))
@@ -229,6 +236,7 @@ def _send_plans(stream: Stream, recording: Recording) -> None:
 
 
 def _send_inferences(stream: Stream, recording: Recording) -> None:
+    """Send what the controller does in words, and the map of rules that fire."""
     time_s = drawing.sample_times(recording)
     texts = [f"**{line}**" if line else "" for line in drawing.now_in_words(recording, time_s)]
     _send_texts(stream, blueprint.NOW, time_s, texts)

@@ -175,6 +175,7 @@ def read_evaluation(path: Path) -> EvaluatedCases:
 
 
 def _read(path: Path, required: tuple[str, ...]) -> dict[str, NDArray[Any]]:
+    """Read the columns of numbers of a Parquet file, in bounded memory."""
     import pyarrow as pa  # noqa: PLC0415 - takes a tenth of a second; replays of flights do without it
     import pyarrow.parquet as pq  # noqa: PLC0415
 
@@ -229,6 +230,7 @@ def _episodes(path: Path, cases: Integers) -> Columns:
 
 
 def _surroundings(folder: Path) -> Surroundings:
+    """Return the limits and periods of a run from its manifest, or of version 1 its configuration."""
     scene = _manifest(folder).get("scene")
     if isinstance(scene, dict):
         stated = {field.name: scene.get(field.name) for field in fields(Surroundings)}

@@ -164,6 +164,7 @@ def complaints(client: ViewerClient) -> list[str]:
 
 
 def _draw(client: ViewerClient, instant_s: float, file: Path) -> Image.Image:
+    """Return a picture of the view at an instant, once two in a row are the same."""
     client.set_time(blueprint.TIME, duration=instant_s, play_state="paused")
     end = time.monotonic() + _PATIENCE_S
     before: Image.Image | None = None
@@ -181,6 +182,7 @@ def _draw(client: ViewerClient, instant_s: float, file: Path) -> Image.Image:
 
 
 def _write(image: Image.Image, path: Path) -> Path:
+    """Write a picture as a small PNG without the viewer's bar."""
     # by octree: by median cut thin curves of two colours come out as one
     small = image.crop((0, _BAR, *image.size)).quantize(
         _COLOURS, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE

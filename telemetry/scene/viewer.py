@@ -207,6 +207,7 @@ def _stream(scene: Scene) -> rr.RecordingStream:
 
 
 def _await_port(process: "subprocess.Popen[bytes]", port: int) -> None:
+    """Wait until a viewer accepts connections; raise RecordingError if it ends or takes too long."""
     end = time.monotonic() + _START_LIMIT_S
     while time.monotonic() < end:
         if process.poll() is not None:

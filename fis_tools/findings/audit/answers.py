@@ -62,6 +62,7 @@ def _lines(system: FuzzySystem) -> Floats:
 
 
 def _complete(system: FuzzySystem, measures: Measures, thresholds: Thresholds) -> Findings:
+    """Yield a finding if at some input no rule fires, or none strongly."""
     completeness = measures.completeness
     gap = min(measures.coverage[variable.name].least for variable in system.inputs)
     is_reported = 0.0 < gap < thresholds.coverage and completeness.least >= gap
@@ -91,8 +92,9 @@ def _complete(system: FuzzySystem, measures: Measures, thresholds: Thresholds) -
     )
 
 
-def _reach(system: FuzzySystem, which: int, values: Floats, thresholds: Thresholds) -> Findings:
-    output = system.outputs[which]
+def _reach(system: FuzzySystem, output_index: int, values: Floats, thresholds: Thresholds) -> Findings:
+    """Yield a finding if an output uses a small part of its range only."""
+    output = system.outputs[output_index]
     if np.isnan(values).all():
         return
     low, high = float(np.nanmin(values)), float(np.nanmax(values))
@@ -117,39 +119,40 @@ def _reach(system: FuzzySystem, which: int, values: Floats, thresholds: Threshol
 
 
 def _ways_back(
-    system: FuzzySystem, which: int, axis: int, inputs: Floats, lines: Floats, thresholds: Thresholds
+    system: FuzzySystem, output_index: int, axis: int, inputs: Floats, lines: Floats, thresholds: Thresholds
 ) -> Findings:
     """Yield where an output, on (m, n) points of lines along an input, goes against its usual direction."""
-    variable, output = system.inputs[axis], system.outputs[which]
+    variable, output = system.inputs[axis], system.outputs[output_index]
     changes = np.diff(lines, axis=-1)
     up, down = float(changes[changes > 0].sum()), float(-changes[changes < 0].sum())
     if not min(up, down) > 0 or min(up, down) / (up + down) > thresholds.against:
         return
-    way = 1.0 if up >= down else -1.0
-    back = np.nan_to_num(np.fmax.accumulate(way * lines, axis=-1) - way * lines)
-    worst = np.unravel_index(int(np.argmax(back)), back.shape)
-    if back[worst] < thresholds.reversal * output.span:
+    sign = 1.0 if up >= down else -1.0
+    falls = np.nan_to_num(np.fmax.accumulate(sign * lines, axis=-1) - sign * lines)
+    worst = np.unravel_index(int(np.argmax(falls)), falls.shape)
+    if falls[worst] < thresholds.reversal * output.span:
         return
-    line, end = way * lines[worst[0]], int(worst[-1])
+    line, end = sign * lines[worst[0]], int(worst[-1])
     start = int(end - np.argmax(line[: end + 1][::-1] == np.nanmax(line[: end + 1])))
     points = inputs[worst[0]]
-    held = [(v, float(points[0, n])) for n, v in enumerate(system.inputs) if n != axis]
-    where = ", ".join(f"{other.name} = {amount(other, value)}" for other, value in held)
-    ways = ("rises", "falls") if way > 0 else ("falls", "rises")
-    by = f"{amount(output, float(back[worst]))} ({percent(float(back[worst]) / output.span)} of its range)"
+    fixed = [(v, float(points[0, n])) for n, v in enumerate(system.inputs) if n != axis]
+    where = ", ".join(f"{other.name} = {amount(other, value)}" for other, value in fixed)
+    verbs = ("rises", "falls") if sign > 0 else ("falls", "rises")
+    fall = float(falls[worst])
+    size = f"{amount(output, fall)} ({percent(fall / output.span)} of its range)"
     yield Finding(
         "monotonicity-surface",
         Severity.WARNING,
-        f"{output.name} mostly {ways[0]} with {variable.name}, but {ways[1]} by {by} from {variable.name} = "
-        f"{amount(variable, points[start, axis])} to {amount(variable, points[end, axis])}"
-        + (f", where {where}." if held else "."),
+        f"{output.name} mostly {verbs[0]} with {variable.name}, but {verbs[1]} by {size} from "
+        f"{variable.name} = {amount(variable, points[start, axis])} to {amount(variable, points[end, axis])}"
+        + (f", where {where}." if fixed else "."),
         "Look at the output surface there; the rules for these terms work against the others.",
         variable.name,
         evidence={
-            "back": float(back[worst]),
+            "back": fall,
             "from": float(points[start, axis]),
             "to": float(points[end, axis]),
-            "held": {other.name: value for other, value in held},
+            "held": {other.name: value for other, value in fixed},
             "rising": up,
             "falling": down,
         },
@@ -182,20 +185,21 @@ def find_along(system: FuzzySystem, samples: Floats, thresholds: Thresholds) -> 
 
 
 def _clipped(system: FuzzySystem, samples: Floats, thresholds: Thresholds) -> Findings:
+    """Yield inputs that were outside their ranges."""
     for variable, column in zip(system.inputs, samples.T, strict=True):
         outside = (column < variable.minimum) | (column > variable.maximum)
         if not outside.any():
             continue
         low, high = float(column.min()), float(column.max())
         ends = [low] * (low < variable.minimum) + [high] * (high > variable.maximum)
-        beyond = [amount(variable, end) for end in ends]
+        far_ends = [amount(variable, end) for end in ends]
         extent = f"{amount(variable, variable.minimum)} to {amount(variable, variable.maximum)}"
         part = float(outside.mean())
         yield Finding(
             "input-clipped",
             Severity.WARNING if part > thresholds.clipped else Severity.NOTE,
             f"{variable.name} was outside its range of {extent} in {percent(part)} of {len(column)} "
-            f"inferences, up to {' and '.join(beyond)}: there the system saw only the end of its range.",
+            f"inferences, up to {' and '.join(far_ends)}: there the system saw only the end of its range.",
             "Widen the range to the values that occur, if the output should change there.",
             variable.name,
             evidence={"part": part, "low": low, "high": high},
@@ -203,6 +207,7 @@ def _clipped(system: FuzzySystem, samples: Floats, thresholds: Thresholds) -> Fi
 
 
 def _silent(strengths: Floats) -> Findings:
+    """Yield a finding if at some inputs no rule fired."""
     part = float(np.mean(strengths.max(axis=1) == 0.0))
     if part > 0:
         yield Finding(
@@ -215,6 +220,7 @@ def _silent(strengths: Floats) -> Findings:
 
 
 def _dead(fired: Floats, num_samples: int, thresholds: Thresholds) -> Findings:
+    """Yield a finding on the rules that never fired."""
     dead = [int(index) + 1 for index in np.flatnonzero(fired == 0.0)]
     if not dead:
         return
@@ -231,6 +237,7 @@ def _dead(fired: Floats, num_samples: int, thresholds: Thresholds) -> Findings:
 
 
 def _dominant(system: FuzzySystem, leading: Floats, matters: Floats, thresholds: Thresholds) -> Findings:
+    """Yield rules that lead most inferences, or make up most of the effect."""
     total = float(matters.sum())
     shares = matters / total if total > 0 else np.zeros(len(matters))
     for index, rule in enumerate(system.rules):
@@ -241,11 +248,11 @@ def _dominant(system: FuzzySystem, leading: Floats, matters: Floats, thresholds:
             (lead, f"fires most strongly in {percent(lead)} of the inferences"),
             (share, f"makes up {percent(share)} of the effect of all rules"),
         )
-        ways = [words for part, words in by_share if part > thresholds.dominant]
+        reasons = [words for part, words in by_share if part > thresholds.dominant]
         yield Finding(
             "dominant-rule",
             Severity.NOTE,
-            f"Rule {index + 1} ({rule_words(rule)}) {' and '.join(ways)}.",
+            f"Rule {index + 1} ({rule_words(rule)}) {' and '.join(reasons)}.",
             "Split its terms where most inputs lie, or accept that this one rule decides.",
             rules=(index + 1,),
             evidence={"leading": lead, "share": share},
@@ -253,6 +260,7 @@ def _dominant(system: FuzzySystem, leading: Floats, matters: Floats, thresholds:
 
 
 def _idle(fired: Floats, matters: Floats, thresholds: Thresholds) -> Findings:
+    """Yield a finding on the rules that fired but changed the outputs hardly."""
     idle = [int(i) + 1 for i in np.flatnonzero((fired > 0.0) & (matters < thresholds.idle))]
     if idle:
         yield Finding(

@@ -72,6 +72,7 @@ def _concludes(rule: Rule) -> dict[str, str]:
 
 
 def _weightless(system: FuzzySystem) -> Findings:
+    """Yield rules with a conclusion of weight zero."""
     for number, rule in enumerate(system.rules, start=1):
         idle = [consequent for consequent in rule.consequents if consequent.weight == 0.0]
         if idle:
@@ -86,6 +87,7 @@ def _weightless(system: FuzzySystem) -> Findings:
 
 
 def _repeated(system: FuzzySystem) -> Findings:
+    """Yield pairs of rules with the same antecedent: duplicates, or contradictions."""
     alike: dict[object, list[int]] = defaultdict(list)
     for number, rule in enumerate(system.rules, start=1):
         alike[canonical(rule.antecedent)].append(number)
@@ -194,41 +196,43 @@ def _step_words(system: FuzzySystem, step: CellStep) -> str:
 
 
 def _jumps(system: FuzzySystem, axis: int, steps: list[CellStep], thresholds: Thresholds) -> Findings:
+    """Yield a finding on neighbouring rules along an input whose conclusions lie far apart."""
     variable = system.inputs[axis]
-    far = sorted((s for s in steps if abs(s.change) > thresholds.jump), key=lambda s: -abs(s.change))
-    if not far:
+    jumps = sorted((s for s in steps if abs(s.change) > thresholds.jump), key=lambda s: -abs(s.change))
+    if not jumps:
         return
     output = system.outputs[0]
-    jump = text.amount(output, abs(far[0].change) * output.span)
+    jump = text.amount(output, abs(jumps[0].change) * output.span)
     yield Finding(
         "contradicting-neighbours",
-        Severity.WARNING if len(far) > thresholds.against * len(steps) else Severity.NOTE,
-        f"Along {variable.name}, {len(far)} of {len(steps)} steps between neighbouring rules "
-        f"{'is' if len(far) == 1 else 'are'} more than "
+        Severity.WARNING if len(jumps) > thresholds.against * len(steps) else Severity.NOTE,
+        f"Along {variable.name}, {len(jumps)} of {len(steps)} steps between neighbouring rules "
+        f"{'is' if len(jumps) == 1 else 'are'} more than "
         f"{text.percent(thresholds.jump)} of the range of {output.name}; the largest goes "
-        f"{_step_words(system, far[0])}, {jump} apart.",
+        f"{_step_words(system, jumps[0])}, {jump} apart.",
         "Look at these rules in the table; put a value in between unless the jump is intended.",
         variable.name,
-        rules=tuple(sorted({rule for step in far for rule in step.rules})),
-        evidence={"steps": len(steps), "jumps": [[*step.rules, step.change] for step in far]},
+        rules=tuple(sorted({rule for step in jumps for rule in step.rules})),
+        evidence={"steps": len(steps), "jumps": [[*step.rules, step.change] for step in jumps]},
     )
 
 
 def _turns(system: FuzzySystem, axis: int, steps: list[CellStep], thresholds: Thresholds) -> Findings:
+    """Yield a finding on steps of the rule table along an input that go against its usual direction."""
     variable, output = system.inputs[axis], system.outputs[0]
     rising = [step for step in steps if step.change > 0]
     falling = [step for step in steps if step.change < 0]
-    against, along = (falling, rising) if len(falling) <= len(rising) else (rising, falling)
+    against, usual = (falling, rising) if len(falling) <= len(rising) else (rising, falling)
     if not against:
         return
     worst = max(against, key=lambda step: abs(step.change))
-    ways = ("rises", "falls") if along is rising else ("falls", "rises")
+    verbs = ("rises", "falls") if usual is rising else ("falls", "rises")
     share = len(against) / (len(rising) + len(falling))
     if share <= thresholds.against:
         severity = Severity.WARNING
         sentence = (
-            f"{output.name} {ways[0]} with {variable.name} in {_counted(along)} of the rule table, but "
-            f"{ways[1]} in {len(against)}: most of all {_step_words(system, worst)}."
+            f"{output.name} {verbs[0]} with {variable.name} in {_counted(usual)} of the rule table, but "
+            f"{verbs[1]} in {len(against)}: most of all {_step_words(system, worst)}."
         )
         cure = "Check these rules: a single step against the others is often a slip."
     else:
@@ -286,6 +290,7 @@ def _symmetry(system: FuzzySystem, table: _Table, thresholds: Thresholds) -> Fin
 
 
 def _consistency(system: FuzzySystem, measures: Measures, thresholds: Thresholds) -> Findings:
+    """Yield a finding on rules that are outvoted where they fire most strongly."""
     consistency = measures.rule_consistency
     weak = [
         int(i)
@@ -323,6 +328,7 @@ def _consistency(system: FuzzySystem, measures: Measures, thresholds: Thresholds
 
 
 def _many(measures: Measures, thresholds: Thresholds) -> Findings:
+    """Yield a finding if there are more rules than a person can keep in mind."""
     counted = measures.complexity
     if counted.rules > thresholds.rules:
         yield Finding(

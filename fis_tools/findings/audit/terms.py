@@ -77,6 +77,7 @@ def _words(name: str) -> list[str]:
 
 
 def _signed(words: list[str]) -> NameRank | None:
+    """Return the rank and sign that words such as ``negative small`` or ``PB`` give a term."""
     if len(words) == 1 and words[0] in _ZEROS:
         return NameRank(0.0, 0)
     if len(words) == 1 and (match := re.fullmatch(r"([np])(v?)([smlb])", words[0])):
@@ -137,6 +138,7 @@ def _of_sets(system: FuzzySystem, variable: Variable, measures: Measures, thresh
 
 
 def _weighed(system: FuzzySystem) -> Findings:
+    """Yield a note on each weighted output, whose terms are not looked at."""
     for output in system.weighed:
         yield Finding(
             "weighed-output",
@@ -149,6 +151,7 @@ def _weighed(system: FuzzySystem) -> Findings:
 
 
 def _unused(system: FuzzySystem) -> Findings:
+    """Yield variables and terms that no rule uses."""
     used = used_terms(system.rules)
     for variable in system.variables:
         idle = [term.name for term in variable.terms if (variable.name, term.name) not in used]
@@ -176,6 +179,7 @@ def _unused(system: FuzzySystem) -> Findings:
 
 
 def _low(system: FuzzySystem, variable: Variable) -> Findings:
+    """Yield terms whose membership stays below one half."""
     is_sampled = system.is_sampled and variable in system.outputs
     points = system.points_of(variable) if is_sampled else variable.universe
     for index, term in enumerate(variable.terms):
@@ -194,6 +198,7 @@ def _low(system: FuzzySystem, variable: Variable) -> Findings:
 
 
 def _covered(system: FuzzySystem, variable: Variable, measures: Measures, thresholds: Thresholds) -> Findings:
+    """Yield a finding if a part of an input's range belongs to no term."""
     worst = measures.coverage[variable.name]
     if worst.least >= thresholds.coverage or variable in system.outputs:
         return
@@ -221,12 +226,13 @@ def _covered_up_to(x: Floats, terms: Floats, at: float, level: float) -> float:
         return float(x[0])
     last = int(covered[-1])
     holds = terms[:, last] >= level
-    here, next_to = terms[holds, last], terms[holds, last + 1]
-    way = float(((here - level) / (here - next_to)).max())
-    return float(x[last] + way * (x[last + 1] - x[last]))
+    value, next_value = terms[holds, last], terms[holds, last + 1]
+    fraction = float(((value - level) / (value - next_value)).max())
+    return float(x[last] + fraction * (x[last + 1] - x[last]))
 
 
 def _alike(variable: Variable, thresholds: Thresholds) -> Findings:
+    """Yield pairs of terms that are nearly the same, inside one another, or overlap much."""
     likeness = distinguishability(variable)
     areas = np.asarray(np.trapezoid(variable.memberships, variable.universe))
     for a, b in combinations(range(len(variable.terms)), 2):
@@ -261,6 +267,7 @@ def _alike(variable: Variable, thresholds: Thresholds) -> Findings:
 
 
 def _ordered(variable: Variable) -> Findings:
+    """Yield neighbouring terms that are not listed from the lowest to the highest."""
     centres = [centre(variable, term) for term in variable.terms]
     for index in range(len(centres) - 1):
         if centres[index] > centres[index + 1]:
@@ -277,6 +284,7 @@ def _ordered(variable: Variable) -> Findings:
 
 
 def _named(variable: Variable, readings: list[NameRank | None]) -> Findings:
+    """Yield pairs of terms whose names say one order and whose membership functions another."""
     read = [
         (r, t, centre(variable, t)) for r, t in zip(readings, variable.terms, strict=True) if r is not None
     ]
@@ -302,37 +310,39 @@ def _named(variable: Variable, readings: list[NameRank | None]) -> Findings:
 
 
 def _signs(variable: Variable, readings: list[NameRank | None]) -> Findings:
+    """Yield terms that lie on the other side of zero than their names say."""
     for reading, term in zip(readings, variable.terms, strict=True):
-        here = centre(variable, term)
-        if reading is not None and reading.sign and reading.sign * here < 0:
+        x = centre(variable, term)
+        if reading is not None and reading.sign and reading.sign * x < 0:
             yield Finding(
                 "name-sign",
                 Severity.SERIOUS,
-                f"{term.name} of {variable.name} peaks at {amount(variable, here)}, on the other side of 0.",
+                f"{term.name} of {variable.name} peaks at {amount(variable, x)}, on the other side of 0.",
                 "Rename the term, or move it to the side that its name implies.",
                 terms=(term.name,),
-                evidence={"centre": here},
+                evidence={"centre": x},
             )
 
 
 def _zero(variable: Variable, readings: list[NameRank | None], thresholds: Thresholds) -> Findings:
+    """Yield terms named like zero to which zero hardly belongs."""
     if not variable.minimum <= 0.0 <= variable.maximum:
         return
     at_zero = [float(np.interp(0.0, variable.universe, function)) for function in variable.memberships]
     for index, (reading, term) in enumerate(zip(readings, variable.terms, strict=True)):
         if reading is None or reading.sign != 0 or at_zero[index] >= thresholds.zero:
             continue
-        here, best = centre(variable, term), int(np.argmax(at_zero))
+        position, best = centre(variable, term), int(np.argmax(at_zero))
         instead = f", but {at_zero[best]:.2f} in {variable.terms[best].name}" if best != index else ""
         yield Finding(
             "zero-off-zero",
             Severity.SERIOUS if best != index and at_zero[index] < 0.5 else Severity.WARNING,
-            f"{term.name} of {variable.name} peaks at {amount(variable, here)}, "
-            f"{percent(abs(here) / variable.span)} of the range away from 0: 0 has a membership "
+            f"{term.name} of {variable.name} peaks at {amount(variable, position)}, "
+            f"{percent(abs(position) / variable.span)} of the range away from 0: 0 has a membership "
             f"of only {at_zero[index]:.2f} in it{instead}.",
             f"Move {term.name} to 0, or rename it after where it lies.",
             terms=(term.name,),
-            evidence={"centre": here, "membership_of_zero": at_zero[index]},
+            evidence={"centre": position, "membership_of_zero": at_zero[index]},
         )
 
 

@@ -236,19 +236,20 @@ def compare_variables(before: FuzzySystem, after: FuzzySystem) -> tuple[Variable
     """Compare the variables of two systems, by their names."""
     changes = []
     for kind, old, new in (("input", before.inputs, after.inputs), ("output", before.outputs, after.outputs)):
-        gone = {variable.name: variable for variable in old}
+        removed = {variable.name: variable for variable in old}
         for variable in new:
-            same = gone.pop(variable.name, None)
+            same = removed.pop(variable.name, None)
             if same is None:
                 changes.append(VariableChange(None, variable, kind))
             elif same != variable:
                 facts, terms = tuple(_variable_facts(same, variable)), tuple(_compare_terms(same, variable))
                 changes.append(VariableChange(same, variable, kind, facts, terms))
-        changes += [VariableChange(variable, None, kind) for variable in gone.values()]
+        changes += [VariableChange(variable, None, kind) for variable in removed.values()]
     return tuple(changes)
 
 
 def _variable_facts(before: Variable, after: Variable) -> Iterator[Fact]:
+    """Yield which properties of a variable changed, with both values in words."""
     for what, words in _IN_WORDS.items():
         if words(before, repr) != words(after, repr):
             write = number if words(before, number) != words(after, number) else repr
@@ -279,13 +280,13 @@ _IN_WORDS: dict[str, Callable[[Variable, Write], str]] = {
 
 def _compare_terms(before: Variable, after: Variable) -> Iterator[TermChange]:
     """Yield the terms that changed: the present ones, then the removed ones."""
-    gone = {term.name: term for term in before.terms}
-    pairs = [(gone.pop(term.name, None), term) for term in after.terms]
+    removed = {term.name: term for term in before.terms}
+    pairs = [(removed.pop(term.name, None), term) for term in after.terms]
     for index, (old, new) in enumerate(pairs):
-        if old is None and gone:
-            likest = max(gone.values(), key=lambda term: _similarity(before, term, after, new))
+        if old is None and removed:
+            likest = max(removed.values(), key=lambda term: _similarity(before, term, after, new))
             if _similarity(before, likest, after, new) >= RENAMED_FROM:
-                pairs[index] = (gone.pop(likest.name), new)
+                pairs[index] = (removed.pop(likest.name), new)
     for old, new in pairs:
         if old is None:
             yield TermChange(None, new)
@@ -293,7 +294,7 @@ def _compare_terms(before: Variable, after: Variable) -> Iterator[TermChange]:
             moved = _middle(after, new) - _middle(before, old)
             width = max(v.span for v in (before, after))
             yield TermChange(old, new, moved, abs(moved) / width, _similarity(before, old, after, new))
-    for old in gone.values():
+    for old in removed.values():
         yield TermChange(old, None)
 
 
@@ -354,23 +355,23 @@ def compare_rules(before: FuzzySystem, after: FuzzySystem, names: Names) -> tupl
 
     A renamed term counts as the same.
     """
-    gone: dict[object, list[tuple[object, int, Rule]]] = defaultdict(list)
+    removed: dict[object, list[tuple[object, int, Rule]]] = defaultdict(list)
     for index, rule in enumerate(before.rules, start=1):
         called = model.with_terms(rule, names)
-        gone[model.canonical(called.antecedent)].append((_meaning(called), index, rule))
+        removed[model.canonical(called.antecedent)].append((_meaning(called), index, rule))
     changes = []
     for index, rule in enumerate(after.rules, start=1):
-        same = gone[model.canonical(rule.antecedent)]
+        same = removed[model.canonical(rule.antecedent)]
         kept = next((entry for entry in same if entry[0] == _meaning(rule)), None)
         if kept is not None:
             same.remove(kept)
         else:
             changes.append(RuleChange(None, rule, (None, index)))
     for position, change in enumerate(changes):
-        if same := gone[model.canonical(change.present.antecedent)]:
+        if same := removed[model.canonical(change.present.antecedent)]:
             _, index, rule = same.pop(0)
             changes[position] = replace(change, before=rule, numbers=(index, change.number))
-    left = sorted((index, rule) for entries in gone.values() for _, index, rule in entries)
+    left = sorted((index, rule) for entries in removed.values() for _, index, rule in entries)
     return (*changes, *(RuleChange(rule, None, (index, None)) for index, rule in left))
 
 
@@ -423,6 +424,7 @@ def over_both_ranges(before: FuzzySystem, after: FuzzySystem) -> FuzzySystem:
 def _change(
     before: FuzzySystem, output: Variable, where: str, inputs: dict[str, Floats], values: Floats
 ) -> OutputChange:
+    """Return how far an output moved between two systems, on average and at most, and where."""
     sizes = np.abs(values[1] - values[0])
     worst = int(np.argmax(sizes))
     width = max(v.span for v in (before.variable(output.name), output))

@@ -112,6 +112,7 @@ def _few_points(words: str) -> str:
 
 
 def _system(system: SystemDifference, pictures: bool) -> Iterator[Block]:
+    """Yield what changed in a system: its properties, outputs, variables and rules."""
     if system.before is None or system.after is None:
         had = "it had " if system.state == "removed" else ""
         yield Paragraph(f"{system.state.capitalize()}; {had}{text.summary(system.present)}.")
@@ -192,6 +193,7 @@ def percent(share: float) -> str:
 
 
 def _variable(change: VariableChange, pictures: bool) -> Iterator[Block]:
+    """Yield what changed in a variable: its properties and terms."""
     head = f"{change.kind.capitalize()} {text.with_unit(change.present)}"
     if change.before is None or change.after is None:
         yield Heading(f"{head}: {change.state}", 3)
@@ -219,9 +221,9 @@ def term_words(variable: VariableChange, change: comparison.TermChange) -> tuple
     """Describe a term before and after, and how far it moved."""
     if change.before is None or change.after is None:
         return text.shape_words(change.present), change.state
-    far = f"moved by {text.quantity(variable.present, change.moved)} ({percent(change.share)})"
+    how_far = f"moved by {text.quantity(variable.present, change.moved)} ({percent(change.share)})"
     return shape_change(change.before, change.after), (
-        f"{far if change.share > text.NEGLIGIBLE else 'stays'}, {percent(change.similarity)} alike"
+        f"{how_far if change.share > text.NEGLIGIBLE else 'stays'}, {percent(change.similarity)} alike"
     )
 
 
@@ -287,6 +289,7 @@ def changed_tables(system: SystemDifference) -> list[tuple[str, Table]] | None:
 
 
 def _rules(system: SystemDifference) -> Iterator[Block]:
+    """Yield the rules that changed, as tables of the full rule table or as a list."""
     yield Heading("Rules", 3)
     tables = changed_tables(system)
     if tables is None:
@@ -307,6 +310,7 @@ def _rule_words(number: int | None, rule: Rule | None) -> str:
 
 
 def _plain_system(system: SystemDifference) -> dict[str, object]:
+    """Return what changed in a system as plain data."""
     return {
         "name": system.name,
         "state": "same" if system.is_empty else system.state,
@@ -374,11 +378,12 @@ def difference(
         validate(system)
     first, other = (Source(*side) for side in zip(sides, files, strict=True))
     compared = [_compare(old.pop(name, None), system, samples) for name, system in new.items()]
-    gone = [SystemDifference(system, None) for system in old.values()]
-    return Difference(first, other, tuple(_facts(*sides)), (*compared, *gone))
+    removed = [SystemDifference(system, None) for system in old.values()]
+    return Difference(first, other, tuple(_facts(*sides)), (*compared, *removed))
 
 
 def _facts(before: FuzzyController, after: FuzzyController) -> Iterator[Fact]:
+    """Yield the properties of a controller that changed, the order of its systems, and its wires."""
     for old, new in zip(_facts_of(before), _facts_of(after), strict=True):
         for what in sorted({*old, *new}):
             if old.get(what) != new.get(what):
@@ -396,9 +401,9 @@ def _facts(before: FuzzyController, after: FuzzyController) -> Iterator[Fact]:
 
 def _facts_of(controller: FuzzyController) -> tuple[dict[str, str], ...]:
     """Return a controller's facts besides its systems."""
-    said = {"name": controller.name, "purpose": controller.purpose or "none"}
+    facts = {"name": controller.name, "purpose": controller.purpose or "none"}
     origin = {f"provenance {key}": value for key, value in controller.provenance}
-    return said, dict(controller.attributes), origin
+    return facts, dict(controller.attributes), origin
 
 
 def _compare(

@@ -195,8 +195,8 @@ def _moves(
         needed = contributions(compile(system), np.array(parts[index].inputs)[np.newaxis])[0]
         rows = np.tile(inputs, (len(firing), 1))
         chosen = [rule - 1 for rule in firing]
-        held = {first + n: values[first + n] - needed[chosen, n] for n in range(len(system.outputs))}
-        without = compiled.values(rows, held)
+        fixed_values = {first + n: values[first + n] - needed[chosen, n] for n in range(len(system.outputs))}
+        without = compiled.values(rows, fixed_values)
         for number, column in enumerate(tree.output_columns):
             for rule, value in zip(firing, without[:, column], strict=True):
                 change = float(values[column] - value)

@@ -105,12 +105,12 @@ def flips(system: object, inputs: ArrayLike | Mapping[str, float], value: float 
             return np.where(np.abs(differences) <= TOUCHING * output.span, 0.0, np.sign(differences))
 
         of_output = []
-        for index, way, side, ends in _searched(compiled, given, side_of):
-            flip = Flip(output, compiled.system.inputs[index], way, float(given[index]), int(side))
+        for index, direction, side, ends in _searched(compiled, given, side_of):
+            flip = Flip(output, compiled.system.inputs[index], direction, float(given[index]), int(side))
             if ends is not None:
                 before, after = (infer_whole(compiled.system, end).outputs[number] for end in ends)
                 numbers = (float(ends[0][index]), float(ends[1][index]), before.value, after.value)
-                flip = Flip(output, flip.input, way, flip.given, flip.side, *numbers, after.is_default)
+                flip = Flip(output, flip.input, direction, flip.given, flip.side, *numbers, after.is_default)
             of_output.append(flip)
         all_flips += sorted(of_output, key=lambda flip: flip.share)
     return tuple(all_flips)
@@ -152,10 +152,10 @@ def is_classifier(system: FuzzySystem) -> bool:
 def class_flips(compiled: CompiledSystem, given: Floats) -> tuple[ClassFlip, ...]:
     """Find the smallest changes of one input that flip the class, searched as in `flips`; smallest first."""
     system, all_flips = compiled.system, []
-    said = int(compiled(given[np.newaxis])[0].argmax())
+    winner = int(compiled(given[np.newaxis])[0].argmax())
 
     def side_of(outputs: Floats) -> Floats:
-        return np.where(outputs.argmax(axis=1) == said, 1.0, -1.0)
+        return np.where(outputs.argmax(axis=1) == winner, 1.0, -1.0)
 
     for index, _, _, ends in _searched(compiled, given, side_of):
         if ends is not None:
@@ -169,11 +169,11 @@ def class_flips(compiled: CompiledSystem, given: Floats) -> tuple[ClassFlip, ...
 def _searched(
     compiled: CompiledSystem | CompiledTree, given: Floats, side_of: Callable[[Floats], Floats]
 ) -> Iterator[tuple[int, int, float, tuple[Floats, Floats] | None]]:
-    """Yield each input, direction, the side at its start, and the inputs just before and after that changes.
+    """Yield input, direction, the side at the start, and the inputs just before and after it changes.
 
     Sides of outputs are 1, -1, or 0 for neither; from neither, either is another side.
     """
-    for index, way, rows in _ways(compiled, given):
+    for index, direction, rows in _ways(compiled, given):
         sides = side_of(compiled(rows))
         across, ends = np.flatnonzero(_is_across(sides, sides[0])), None
         if len(across):
@@ -184,7 +184,7 @@ def _searched(
                 is_there = _is_across(side_of(compiled(middle[np.newaxis])), sides[0])[0]
                 last, first = (last, middle) if is_there else (middle, first)
             ends = (last, first)
-        yield index, way, float(sides[0]), ends
+        yield index, direction, float(sides[0]), ends
 
 
 def _ways(compiled: CompiledSystem | CompiledTree, given: Floats) -> Iterator[tuple[int, int, Floats]]:
@@ -196,11 +196,11 @@ def _ways(compiled: CompiledSystem | CompiledTree, given: Floats) -> Iterator[tu
         universe = variable.universe
         fine = (universe[:-1, np.newaxis] + np.diff(universe)[:, np.newaxis] * parts).ravel()
         fine = np.append(fine, universe[-1])
-        here = start[index]
-        for way, beyond in ((1, fine[fine > here]), (-1, fine[fine < here][::-1])):
-            rows = np.tile(start, (1 + len(beyond), 1))
-            rows[1:, index] = beyond
-            yield index, way, rows
+        value = start[index]
+        for direction, samples in ((1, fine[fine > value]), (-1, fine[fine < value][::-1])):
+            rows = np.tile(start, (1 + len(samples), 1))
+            rows[1:, index] = samples
+            yield index, direction, rows
 
 
 def _is_across(sides: Floats, start: float) -> Booleans:

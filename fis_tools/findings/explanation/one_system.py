@@ -139,13 +139,13 @@ class Explanation(Result):
 
     def _class_words(self) -> Iterator[Block]:
         """Yield which class wins, and what would flip it."""
-        said = max(self.outputs, key=lambda output: output.value).variable.name
+        winner = max(self.outputs, key=lambda output: output.value).variable.name
         if all(output.is_default for output in self.outputs):
-            said = BY_DEFAULT
+            winner = BY_DEFAULT
         if not self.class_flips:
-            yield Paragraph(f"Class: {said}. No change of one input alone flips it.")
+            yield Paragraph(f"Class: {winner}. No change of one input alone flips it.")
             return
-        yield Paragraph(f"Class: {said}. What would flip it, one input changed alone:")
+        yield Paragraph(f"Class: {winner}. What would flip it, one input changed alone:")
         yield Items(
             [
                 f"{BY_DEFAULT if flip.takes_default else flip.other.name}: {flip.input.name} "
@@ -278,9 +278,9 @@ def _value(output: ExplainedOutput) -> str:
     if output.is_default:
         return f"{value}, its default: no rule that concludes on it fires"
     variable, silent = output.variable, output.variable.default or 0.0
-    way = f"{signed(variable, output.value - silent)} from {amount(variable, silent)}, where no rule fires"
+    words = f"{signed(variable, output.value - silent)} from {amount(variable, silent)}, where no rule fires"
     sampled = f", sampled with a standard error of {amount(variable, output.error)} at most"
-    return f"{value}: {way}. By shares{sampled if output.error else ''}:"
+    return f"{value}: {words}. By shares{sampled if output.error else ''}:"
 
 
 def flip_words(output: ExplainedOutput) -> Iterator[str]:
@@ -299,8 +299,8 @@ def flip_words(output: ExplainedOutput) -> Iterator[str]:
         if flip.change is None or flip.first is None:
             continue
         far = f"{amount(flip.input, abs(flip.change))}, to {amount(flip.input, flip.first)}"
-        by = "any change" if flip.share <= ANY_CHANGE else f"{far} ({percent(flip.share)} of its range)"
-        yield f"{flip.input.name} {flip.direction} by {by}{_landing(flip)}"
+        size = "any change" if flip.share <= ANY_CHANGE else f"{far} ({percent(flip.share)} of its range)"
+        yield f"{flip.input.name} {flip.direction} by {size}{_landing(flip)}"
     for name in dict.fromkeys(flip.input.name for flip in output.flips):
         stuck = [flip for flip in output.flips if flip.input.name == name and flip.change is None]
         if len(stuck) == 2:

@@ -115,15 +115,15 @@ def _latitude(degrees: float) -> str:
     return f"{abs(degrees):.0f}° {'N' if degrees >= 0.0 else 'S'}"
 
 
-def rehearsed(what: str, ways: Sequence[tuple[float, str]], everything: bool = False) -> Document:
+def rehearsed(what: str, alternatives: Sequence[tuple[float, str]], everything: bool = False) -> Document:
     """Report what each alternative that was flown ahead would have cost, the cheapest first."""
-    shown = ways if everything else ways[:MOST_POINTS]
-    cheapest = ways[0][0]
+    shown = alternatives if everything else alternatives[:MOST_POINTS]
+    cheapest = alternatives[0][0]
     rows = [[f"{cost:.4f} m/s", f"+{cost - cheapest:.4f} m/s", name] for cost, name in shown]
-    if len(ways) > len(shown):
-        most = f"{ways[len(shown)][0]:.4f} to {ways[-1][0]:.4f} m/s"
-        rows.append(["", "", f"{len(ways) - len(shown)} more, of {most}"])
-    words = f"{what}: of {len(ways)} compared the cheapest was taken:"
+    if len(alternatives) > len(shown):
+        most = f"{alternatives[len(shown)][0]:.4f} to {alternatives[-1][0]:.4f} m/s"
+        rows.append(["", "", f"{len(alternatives) - len(shown)} more, of {most}"])
+    words = f"{what}: of {len(alternatives)} compared the cheapest was taken:"
     return Document([Paragraph(words), Table(["cost", "more", what], rows, numbers=(0, 1))])
 
 

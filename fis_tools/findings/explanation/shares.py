@@ -96,6 +96,7 @@ class FlightShares(Result):
         return self.rules[: max(1, min(count, moving, MOST_RULES))]
 
     def _summary(self) -> str:
+        """Return in a sentence which rule contributes most, and how many never fire."""
         first = self.rules[0]
         silent = sum(rule.fired == 0.0 for rule in self.rules)
         part = f"{percent(first.share)} of all that rules moved"
@@ -115,6 +116,7 @@ class FlightShares(Result):
         return f"the other {others} make {percent(rest)}"
 
     def _rows(self, shown: tuple[RuleShare, ...]) -> list[list[str]]:
+        """Return a heading and a row for each rule shown: shares, amounts moved, and the rule in words."""
         outputs = self.system.outputs
         names = [""] if len(outputs) == 1 else [f" {with_unit(variable)}" for variable in outputs]
         heads = [word + name for word in ("moved", "needed") for name in names]

@@ -84,9 +84,9 @@ class Search:
     def drop_unused_terms(self) -> None:
         """Remove unused terms, which changes nothing."""
         clean = drafts.cleaned(self.draft)
-        gone = drafts.unused_words(self.draft.exact, clean.exact)
-        if gone:
-            self._try(Proposal(("terms",), "terms", f"drop {gone}, which no rule uses", clean))
+        removed = drafts.unused_words(self.draft.exact, clean.exact)
+        if removed:
+            self._try(Proposal(("terms",), "terms", f"drop {removed}, which no rule uses", clean))
 
     def go_greedily(self, least_digits: int) -> None:
         """Take the cheapest step that fits the budget, until none does."""
@@ -142,10 +142,11 @@ class Search:
         return True
 
     def _record(self, kind: report.Kind, words: str, before: Draft) -> None:
+        """Record a step in words; successive drops that change nothing become one step."""
         after = self.draft
         rules = tuple(number for number in before.numbers if number not in after.numbers)
-        if kind == "drop" and (gone := drafts.unused_words(before.exact, after.exact)):
-            words += f"; {gone} {'goes' if ' and ' not in gone else 'go'} with it"
+        if kind == "drop" and (removed := drafts.unused_words(before.exact, after.exact)):
+            words += f"; {removed} {'goes' if ' and ' not in removed else 'go'} with it"
         changes = self.bench.measure(after.system)
         step = SimplificationStep(
             kind, words, rules, len(after.numbers), report.num_terms(after.system), changes
@@ -235,6 +236,7 @@ def _facts(controller: FuzzyController, budget: Budget, results: list[Simplified
 def _simplified(
     system: FuzzySystem, flown: Floats | None, budget: Budget, progress: Progress | None
 ) -> SimplifiedSystem:
+    """Simplify one system of a controller within the budget."""
     bench = report.bench_for(system, flown, budget)
     search = Search(bench, Draft(system, tuple(range(1, len(system.rules) + 1))), progress)
     search.drop_unused_terms()

@@ -47,7 +47,7 @@ class Merger:
 
 
 def mergers(system: FuzzySystem, look_alike: float) -> Iterator[Merger]:
-    """Yield how similar terms can be merged: as the first, as the second, as their mean."""
+    """Yield the ways to merge similar terms: into the first, into the second, into their mean."""
     for variable in system.variables:
         similarity = distinguishability(variable).similarity
         for first, second in zip(*np.nonzero(np.triu(similarity >= look_alike, 1)), strict=True):
@@ -220,6 +220,7 @@ def rounded(system: FuzzySystem, digits: Mapping[Unit, int]) -> FuzzySystem:
 
 
 def _rounded_variable(variable: Variable, digits: Mapping[Unit, int]) -> Variable:
+    """Return a variable with rounded numbers; more digits where terms would otherwise cross."""
     range_digits = digits.get((variable.name, ""))
     ends = {end: _to_place(variable, end, range_digits) for end in (variable.minimum, variable.maximum)}
     while range_digits is not None and not ends[variable.minimum] < ends[variable.maximum]:
@@ -343,8 +344,8 @@ def unused_words(before: FuzzySystem, after: FuzzySystem) -> str:
     unused = []
     for old, new in zip(before.variables, after.variables, strict=True):
         names = {term.name for term in new.terms}
-        gone = [term.name for term in old.terms if term.name not in names]
-        unused += [f"{listed(gone, len(gone))} of {old.name}"] if gone else []
+        removed = [term.name for term in old.terms if term.name not in names]
+        unused += [f"{listed(removed, len(removed))} of {old.name}"] if removed else []
     return listed(unused, len(unused))
 
 
@@ -378,16 +379,17 @@ def _ranked_drops(draft: Draft, bench: Bench) -> Iterator[tuple[float, float, in
 
 
 def _merge_proposals(draft: Draft, bench: Bench, importance: Floats) -> Iterator[Proposal]:
+    """Yield a proposal for each pair of similar terms that can be merged."""
     for merger in mergers(draft.exact, bench.budget.look_alike):
         exact, kept = merged(draft.exact, merger, importance)
-        gone = [str(number) for index, number in enumerate(draft.numbers) if index not in kept]
+        removed = [str(number) for index, number in enumerate(draft.numbers) if index not in kept]
         words = (
             f"merge {merger.dropped} of {merger.variable} into {merger.kept}"
             f"{', halfway between the two' * merger.is_mean}; they shared {percent(merger.similarity)} of "
             "their areas"
         )
-        if gone:
-            words += f"; rule{'s' if len(gone) > 1 else ''} {listed(gone, len(gone))} went with it"
+        if removed:
+            words += f"; rule{'s' if len(removed) > 1 else ''} {listed(removed, len(removed))} went with it"
         after = cleaned(Draft(exact, tuple(draft.numbers[index] for index in kept), draft.digits))
         shape = repr(merger.membership)
         yield Proposal(("merge", merger.variable, merger.kept, merger.dropped, shape), "merge", words, after)

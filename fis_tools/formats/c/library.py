@@ -21,10 +21,11 @@ def defuzzifiers_of(system: FuzzySystem) -> dict[str, str]:
     """Return the names of the C functions of a system's defuzzifiers."""
     if not system.is_sampled:
         return DEFUZZIFIERS
-    ways_of_tools = {"matlab": ("bisector", "som", "lom"), "fuzzylite": ("bisector",), "fcl": ("bisector",)}
+    of_tools = {"matlab": ("bisector", "som", "lom"), "fuzzylite": ("bisector",), "fcl": ("bisector",)}
+    differing = of_tools[system.semantics]
     return {
-        way: f"sampled_{name}" + (f"_{system.semantics}" if way in ways_of_tools[system.semantics] else "")
-        for way, name in DEFUZZIFIERS.items()
+        method: f"sampled_{name}" + (f"_{system.semantics}" if method in differing else "")
+        for method, name in DEFUZZIFIERS.items()
     }
 
 

@@ -109,6 +109,7 @@ def _signature(name: str, system: FuzzySystem) -> str:
 
 
 def _header(controller: FuzzyController, logic: ThrustLogic | None, has_step: bool) -> str:
+    """Return the comment at the top of the file: what it holds, attributes, and provenance."""
     text = rendered(
         "c/head.jinja",
         controller=controller,

@@ -129,6 +129,7 @@ class System:
         self.signals = {signal.variable.name: signal for signal in (*self.inputs, *self.outputs)}
 
     def _output(self, variable: Variable, word: str) -> _Signal:
+        """Return what C needs to know of an output: the kind of its inference, its terms and points."""
         names = {consequent.term for _, consequent in self.system.conclusions_on(variable)}
         terms = [term for term in variable.terms if term.name in names]
         kind: Kind = "cut" if self.system.cuts(variable) else "implied"
@@ -211,6 +212,7 @@ class System:
         return f"{target} = {scaled}"
 
     def _degree(self, rule: model.Rule, expression: model.Expression) -> str:
+        """Return a C expression for the degree to which an antecedent holds."""
         match expression:
             case model.Is(variable, term):
                 return f"degrees_{self.signals[variable].word}[{self.signals[variable].row(term)}]"

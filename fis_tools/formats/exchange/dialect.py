@@ -131,15 +131,15 @@ def express(system: FuzzySystem, dialect: Dialect) -> Expressed:
         [renamed(rule_part, names.of) for rule_part in _expressed_rules(number, rule, system, dialect)]
         for number, rule in enumerate(system.rules, start=1)
     ]
-    own_ways = tuple(system.defuzzifier_of(output) for output in system.outputs)
+    methods = tuple(system.defuzzifier_of(output) for output in system.outputs)
     aggregations = sorted({output.aggregation for output in system.outputs})
-    for what, ways in (("defuzzified", own_ways), ("aggregated", aggregations)):
-        if len(set(ways)) > 1 and not dialect.has_output_methods:
+    for what, choices in (("defuzzified", methods), ("aggregated", aggregations)):
+        if len(set(choices)) > 1 and not dialect.has_output_methods:
             raise NotExpressible(
-                f"the outputs are {what} by {', '.join(ways)}, and {dialect.title} knows one way for all; "
+                f"the outputs are {what} by {', '.join(choices)}, and {dialect.title} knows one way for all; "
                 "export as fll or json"
             )
-    said = (
+    expressed_outputs = (
         _expressed_weighed(system, variable, names, dialect)
         if system.weighs(variable)
         else _expressed_variable(variable, names, dialect, is_output=True)
@@ -157,7 +157,9 @@ def express(system: FuzzySystem, dialect: Dialect) -> Expressed:
         )
         for variable in system.inputs
     )
-    outputs = tuple(replace(o, defuzzifier=way) for o, way in zip(said, own_ways, strict=True))
+    outputs = tuple(
+        replace(o, defuzzifier=method) for o, method in zip(expressed_outputs, methods, strict=True)
+    )
     expressed = with_joint_operators(
         replace(bare, inputs=inputs, outputs=outputs, semantics=dialect.semantics)
     )
@@ -261,6 +263,7 @@ def _consequent_groups(
 
 
 def _expressed_variable(variable: Variable, names: Names, dialect: Dialect, *, is_output: bool) -> Variable:
+    """Return a variable as a format can hold it: with identifiers, and the points that its readers use."""
     terms = tuple(
         Term(names.terms[variable.name, term.name], _expressed_membership(variable, term, dialect))
         for term in variable.terms
@@ -273,8 +276,8 @@ def _expressed_variable(variable: Variable, names: Names, dialect: Dialect, *, i
     default = variable.default if dialect.holds_defaults else middle(variable.minimum, variable.maximum)
     about = one_line(variable.description) if dialect.holds_descriptions else ""
     bare = Variable(names.variables[variable.name], "", *ends, terms, description=about)
-    said = replace(bare, default=default if is_output else None, aggregation=variable.aggregation)
-    return with_universe(said, universe)
+    expressed = replace(bare, default=default if is_output else None, aggregation=variable.aggregation)
+    return with_universe(expressed, universe)
 
 
 def _expressed_weighed(system: FuzzySystem, output: Variable, names: Names, dialect: Dialect) -> Variable:
@@ -302,6 +305,7 @@ def _expressed_weighed(system: FuzzySystem, output: Variable, names: Names, dial
 
 
 def _expressed_membership(variable: Variable, term: Term, dialect: Dialect) -> MembershipFunction:
+    """Return a term's shape if the format has a word for it, else straight lines between points."""
     shape = term.membership
     if isinstance(shape, model.Ramp) and dialect.words == "fcl":
         (start, end), values = sorted((shape.start, shape.end)), (0.0, 1.0)

@@ -42,6 +42,7 @@ def write(controller: model.FuzzyController) -> Written:
 
 
 def _facts(expressed: Expressed) -> dict[str, Any]:
+    """Return what the template of FCL needs; raise NotExpressible for what FCL has no words for."""
     system = expressed.system
     if DUALS.get(system.and_operator) != system.or_operator:
         raise NotExpressible(
@@ -72,13 +73,14 @@ def _facts(expressed: Expressed) -> dict[str, Any]:
     return {
         "words": term_words,
         "condition": _condition,
-        "method": {way: word for word, way in reversed(METHODS.items())},
+        "method": {method: word for word, method in reversed(METHODS.items())},
         "and_word": {operator: word for word, operator in reversed(AND.items())},
         "accumulation": next(word for word, join in ACCUMULATIONS.items() if {join} == joins),
     }
 
 
 def _condition(expression: Expression, *, is_outermost: bool = True) -> str:
+    """Return an antecedent in the words of FCL."""
     match expression:
         case model.Is(variable, term):
             return f"{variable} IS {term}"
@@ -121,8 +123,8 @@ def read(text: str) -> Reading:
     systems = tuple(reading.controller.systems[0] for reading in readings)
     controller = model.FuzzyController(systems[0].name, systems)
     refuse_problems(controller)
-    said, about_points = (
+    assumptions, about_points = (
         tuple(chain(*(getattr(reading, field) for reading in readings)))
         for field in ("assumptions", "about_points")
     )
-    return Reading(controller, said, about_points)
+    return Reading(controller, assumptions, about_points)

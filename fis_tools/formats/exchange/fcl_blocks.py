@@ -160,6 +160,7 @@ def _choice(known: Mapping[str, Any], word: Token, what: str) -> Any:
 
 
 def _input(contents: _Contents, name: str, semantics: Semantics, notes: list[str]) -> Variable:
+    """Return an input of a function block."""
     terms = [(term, _membership(tree, semantics)) for term, tree in contents.terms.get(name, {}).items()]
     if name in contents.outputs:
         raise ControllerFileError(f"{name!r} is an input and an output; declare it once")
@@ -180,6 +181,7 @@ def _output(
     semantics: Semantics,
     notes: list[str],
 ) -> Variable:
+    """Return an output of a function block, with its defuzzifier, accumulation and default."""
     settings, trees = contents.settings.get(name, {}), contents.terms.get(name, {})
     method: model.Defuzzifier = "centroid"
     if "METHOD" in settings:
@@ -336,12 +338,13 @@ def _number(tree: Node, inputs: Sequence[str], semantics: Semantics) -> Membersh
 def _rules(
     tree: Node, operators: tuple[model.AndOperator, model.OrOperator], semantics: Semantics
 ) -> list[Rule]:
+    """Return the rules that a RULE of the file stands for: one for each strength that it concludes with."""
     number, condition, *rest = [child for child in tree.children if not _is_word(child)]
     where = f"line {tree.meta.line}"
     weight = 1.0
     if isinstance(rest[-1], Token):
         weight = foreign.number(str(rest.pop()), where)
-    said = []
+    conclusions = []
     for concluded in rest:
         assert isinstance(concluded, Tree)  # noqa: S101 - the grammar has nothing else here
         variable, *hedges, term = map(str, concluded.children)
@@ -351,10 +354,10 @@ def _rules(
             raise ControllerFileError(f"{where}: {hedges[0][:40]!r} is no hedge of jFuzzyLogic's; drop it")
         for hedge in hedges:
             foreign.choice(FUZZYLITES, hedge, f"{where}: the hedge on a conclusion")
-        said.append((tuple(FUZZYLITES[hedge] for hedge in hedges), variable, term))
+        conclusions.append((tuple(FUZZYLITES[hedge] for hedge in hedges), variable, term))
     assert isinstance(condition, Tree)  # noqa: S101 - likewise
     label = str(number) if isinstance(number, Token) and number.type == "NAME" else ""
-    rules = hedged_rules(_antecedent(condition, semantics), said, weight, where)
+    rules = hedged_rules(_antecedent(condition, semantics), conclusions, weight, where)
     return [replace(rule, label=label, and_operator=operators[0], or_operator=operators[1]) for rule in rules]
 
 
@@ -377,8 +380,8 @@ def _antecedent(tree: Node, semantics: Semantics, depth: int = 0) -> Expression:
             *hedges, term = words[is_denied:]
             for hedge in hedges:
                 foreign.choice(FUZZYLITES, hedge, f"line {tree.meta.line}: the hedge")
-            said = antecedents.hedged([FUZZYLITES[hedge] for hedge in hedges], model.Is(variable, term))
-            return model.Not(said) if is_denied else said
+            statement = antecedents.hedged([FUZZYLITES[hedge] for hedge in hedges], model.Is(variable, term))
+            return model.Not(statement) if is_denied else statement
     first, *others = [each for each in tree.children if isinstance(each, Tree)]
     words = [str(each).lower() for each in tree.children if isinstance(each, Token)]
     operands = [_antecedent(each, semantics, depth + 1) for each in (first, *others)]

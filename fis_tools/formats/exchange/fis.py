@@ -129,16 +129,17 @@ _ANY = 0.99
 
 
 def _system(sections: dict[str, FileBlock], fractions: Fractions, notes: list[str]) -> FuzzySystem:
+    """Build the system that the sections of a `.fis` file describe."""
     head = section_of(sections, "[System]")
     kind, stands = quoted_word(head, "Type")
     if kind not in _TYPES:
         raise ControllerFileError(f"{stands} is {kind[:40]!r}; expected one of {', '.join(_TYPES)}")
-    way, where = quoted_word(head, "DefuzzMethod")
-    defuzzifier = foreign.choice(meanings(DEFUZZIFIERS, "fis"), way, where)
+    method, where = quoted_word(head, "DefuzzMethod")
+    defuzzifier = foreign.choice(meanings(DEFUZZIFIERS, "fis"), method, where)
     weighs = defuzzifier in WEIGHING
     if weighs == (kind in {"mamdani", "hybrid"}):
         raise ControllerFileError(
-            f"{stands} is {kind!r}, but {where} is {way!r}; outputs of mamdani are defuzzified, those of "
+            f"{stands} is {kind!r}, but {where} is {method!r}; outputs of mamdani are defuzzified, those of "
             "sugeno and tsukamoto by wtaver or wtsum: correct one of them"
         )
     counts = {key: whole_number(head, key) for key in ("NumInputs", "NumOutputs", "NumRules")}

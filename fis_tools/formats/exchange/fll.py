@@ -146,6 +146,7 @@ def _take(blocks: list[FileBlock], line: int, content: str) -> None:
 
 
 def _system(blocks: Sequence[FileBlock]) -> FuzzySystem:
+    """Build the system that the blocks of an `.fll` file describe."""
     engines = [block for block in blocks if block.kind == "Engine"]
     if len(engines) != 1 or blocks[0] is not engines[0]:
         raise ControllerFileError(
@@ -234,6 +235,7 @@ def _variable(block: FileBlock) -> Variable:
 
 
 def _output(block: FileBlock, inputs: Sequence[str]) -> Variable:
+    """Return the output that a block describes."""
     extent = block.extent("range")
     for key in _KEPT:
         block.expect(key, "false", "true")

@@ -128,6 +128,7 @@ def _chain(words: _Words, word: str, operator: str | None, operand: Callable[[],
 
 
 def _proposition(words: _Words, operators: Operators, depth: int) -> Expression:
+    """Parse one operand: a negation, a condition in parentheses, or a statement."""
     if words.peek() == "(":
         if depth >= MAX_NESTING:
             raise ControllerFileError(f"{words.where}: nested more than {MAX_NESTING} deep; split the rule")

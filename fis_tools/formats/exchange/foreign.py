@@ -140,11 +140,11 @@ def step(start: float, towards: float) -> MembershipFunction:
 
 def jump(start: float, direction: float) -> model.Polyline:
     """Return one from `start` on in a direction, zero on the other side from the next number on."""
-    beyond = float(np.nextafter(start, -direction * np.inf))
+    next_value = float(np.nextafter(start, -direction * np.inf))
     return (
-        model.Polyline((beyond, start), (0.0, 1.0))
+        model.Polyline((next_value, start), (0.0, 1.0))
         if direction > 0
-        else model.Polyline((start, beyond), (1.0, 0.0))
+        else model.Polyline((start, next_value), (1.0, 0.0))
     )
 
 

@@ -141,6 +141,7 @@ def losses(controller: FuzzyController, expressed: Expressed, dialect: Dialect) 
 def _differences(
     controller: FuzzyController, expressed: Expressed, dialect: Dialect
 ) -> Iterator[tuple[str, list[str]]]:
+    """Yield what a file says otherwise than the controller: a kind of difference, and the places."""
     (system,) = controller.systems
     pairs = list(zip(system.variables, expressed.system.variables, strict=True))
     names = [(system.name, expressed.system.name)]
@@ -166,6 +167,7 @@ def _differences(
 def _variable_differences(
     pairs: Sequence[tuple[Variable, Variable]], dialect: Dialect
 ) -> Iterator[tuple[str, list[str]]]:
+    """Yield what a file says otherwise of variables: a kind of difference, and the places."""
     yield "units are left out", [f"{v.name} in {v.unit}" for v, _ in pairs if v.unit]
     yield "descriptions are left out", [v.name for v, o in pairs if v.description != o.description]
     points = [
@@ -264,6 +266,7 @@ def understand(visible: FuzzySystem, comments: Iterable[tuple[int, str]], dialec
 
 
 def _find(comments: Iterable[tuple[int, str]]) -> FuzzyController | None:
+    """Return the controller that a comment of our own carries; None without such a comment."""
     marked = [(line, text.strip()) for line, text in comments if text.strip().startswith(_ANY_MARK)]
     if not marked:
         return None

@@ -58,30 +58,30 @@ class NaturalMotionPlanner:
         # a path is linear in the burn: these are the effects of 1 N along i and along k, with the closing
         # burn
         self.directions = np.stack([self._closed_direction(axis) for axis in (0, 2)])
-        nothing = np.zeros(6)
-        still = self._path(nothing, nothing)
-        gained = self.directions @ self.world.motion.control[0].T
-        self.changes = np.stack([self._path(nothing, each) - still for each in gained])
+        zero_state = np.zeros(6)
+        path_at_rest = self._path(zero_state, zero_state)
+        state_changes = self.directions @ self.world.motion.control[0].T
+        self.changes = np.stack([self._path(zero_state, state) - path_at_rest for state in state_changes])
 
     def __call__(self, scenario: Scenario, decision: int, state: Floats) -> Floats:
         """Return the force of the first period, shape (1, 3), N, Hill axes; see `Planner`."""
         coasted = free_path(self.world.motion, state, 2)[1]
-        closed = self._closing(coasted)
-        base = self._path(state, coasted + self.world.motion.control[0] @ closed)
+        closing_force = self._closing(coasted)
+        base = self._path(state, coasted + self.world.motion.control[0] @ closing_force)
         step = self.settings.step_m_s / self.delta_v_per_force
         reach = min(self.settings.reach_m_s / self.delta_v_per_force, self.max_force)
-        ticks = np.arange(-math.floor(reach / step), math.floor(reach / step) + 1) * step
-        tried = np.array([(along, normal) for along in ticks for normal in ticks])
-        best = self._best(scenario, tried, closed, base, STRIDE)
-        around = np.array([(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1)], dtype=np.float64)
+        grid = np.arange(-math.floor(reach / step), math.floor(reach / step) + 1) * step
+        candidates = np.array([(along, normal) for along in grid for normal in grid])
+        best = self._best(scenario, candidates, closing_force, base, STRIDE)
+        neighbours = np.array([(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1)], dtype=np.float64)
         for _ in range(HALVINGS):
             step /= 2.0
-            best = self._best(scenario, best + step * around, closed, base, 1)
-        force = np.clip(closed + best @ self.directions, -self.max_force, self.max_force)
+            best = self._best(scenario, best + step * neighbours, closing_force, base, 1)
+        force = np.clip(closing_force + best @ self.directions, -self.max_force, self.max_force)
         return force.reshape(1, 3)
 
     def _closing(self, start: Floats) -> Floats:
-        """Return the force along j that gives the ellipse's centre zero height."""
+        """Return the force along j that puts the ellipse's centre at zero radial offset, so it stays."""
         row = elements_matrix(self.world.mean_motion)[CENTRE_RADIAL]
         return np.array([0.0, -(row @ start) / (row @ self.world.motion.control[0, :, 1]), 0.0])
 
@@ -94,18 +94,20 @@ class NaturalMotionPlanner:
         return direction
 
     def _path(self, first: Floats, second: Floats) -> Floats:
-        """Return the states from the start on, in free motion after the first period."""
+        """Return the states of a path, (num_samples, 6): the first, then free motion from the second."""
         rest = free_path(self.world.motion, second, self.num_samples - 1)
         return np.concatenate([first[np.newaxis], rest])
 
-    def _best(self, scenario: Scenario, tried: Floats, closed: Floats, base: Floats, stride: int) -> Floats:
-        """Return the best of some burns, shape (2,), N along i and k."""
-        forces = closed + tried @ self.directions
+    def _best(
+        self, scenario: Scenario, candidates: Floats, closing_force: Floats, base: Floats, stride: int
+    ) -> Floats:
+        """Return the best of candidate burns, (n, 2), N along i and k, as shape (2,)."""
+        forces = closing_force + candidates @ self.directions
         # flat: rows of three numbers take numpy many times as long
         along, normal = (change[::stride, :3].reshape(1, -1) for change in self.changes)
-        paths = base[::stride, :3].ravel() + (tried[:, :1] * along + tried[:, 1:] * normal)
-        paths = paths.reshape(len(tried), -1, 3)
-        after = base[stride] + np.einsum("nb,bs->ns", tried, self.changes[:, stride])
+        paths = base[::stride, :3].ravel() + (candidates[:, :1] * along + candidates[:, 1:] * normal)
+        paths = paths.reshape(len(candidates), -1, 3)
+        after = base[stride] + np.einsum("nb,bs->ns", candidates, self.changes[:, stride])
         outside = self._outside(paths[:, 1:], after)
         outside += 1e3 * np.maximum(0.0, np.abs(forces).max(axis=1) - self.max_force)
         spent = np.abs(forces).sum(axis=1)
@@ -113,18 +115,18 @@ class NaturalMotionPlanner:
         order = order[outside[order] <= outside[order[0]]]
         flown = paths[order, : self.world.num_controls // stride + 1]
         counts = np.minimum(count_seen(self.world, scenario, flown, stride), self.settings.points)
-        return tried[order[np.lexsort((spent[order], -counts))[0]]]
+        return candidates[order[np.lexsort((spent[order], -counts))[0]]]
 
     def _outside(self, paths: Floats, states: Floats) -> Floats:
-        """Return by how many metres paths leave the limits, or their states' ellipses miss the chief."""
+        """Return by how many metres paths leave the limits, or their final ellipses miss the chief, (n,)."""
         squares = paths * paths
         distances = squares[:, :, 0] + squares[:, :, 1] + squares[:, :, 2]
         nearest, farthest = np.sqrt(distances.min(axis=1)), np.sqrt(distances.max(axis=1))
         elements = states @ elements_matrix(self.world.mean_motion).T
         _, centre_along_track, ring_radial, ring_along_track, _, _ = elements.T
-        off = np.abs(centre_along_track) - 2.0 * np.hypot(ring_radial, ring_along_track)
+        miss = np.abs(centre_along_track) - 2.0 * np.hypot(ring_radial, ring_along_track)
         short = np.maximum(self.limits[0] - nearest, 0.0) + np.maximum(farthest - self.limits[1], 0.0)
-        return short + np.maximum(off, 0.0)
+        return short + np.maximum(miss, 0.0)
 
 
 def count_seen(world: World, scenario: Scenario, paths: Floats, stride: int = 1) -> NDArray[np.int64]:

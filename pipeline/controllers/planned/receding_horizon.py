@@ -129,7 +129,7 @@ class RecedingHorizonPlanner:
             return np.asarray(self.elements @ self.routes(scenario).states[sample])
         return np.asarray(ring_elements(self.settings, scenario, np.array([sample * self.turn]))[0])
 
-    def solve(self, horizon: Horizon, state: Floats, wanted: Floats) -> Floats:
+    def solve(self, horizon: Horizon, state: Floats, target: Floats) -> Floats:
         """Return the forces of a horizon, shape (F, 3), N, Hill axes.
 
         Parameters
@@ -137,22 +137,22 @@ class RecedingHorizonPlanner:
         horizon : Horizon
         state : (6,)
             Present state.
-        wanted : (6,)
+        target : (6,)
             Elements at the horizon's end.
         """
-        off = wanted - horizon.free_end @ state
+        error = target - horizon.free_end @ state
         free = horizon.free @ state
-        if np.all(np.abs(off) <= self.tolerances) and self._is_inside(free, 0.0):
+        if np.all(np.abs(error) <= self.tolerances) and self._is_inside(free, 0.0):
             return np.zeros((len(horizon.periods), 3))
         ends = np.concatenate([horizon.end, -horizon.end])
-        most = np.concatenate([off + self.tolerances, self.tolerances - off])
-        forces = self._least(ends, most)
+        limits = np.concatenate([error + self.tolerances, self.tolerances - error])
+        forces = self._least(ends, limits)
         for _ in range(ROUNDS):
             path = free + horizon.path @ forces
             if self._is_inside(path, ROUGHNESS):
                 break
-            planes, beyond = self._planes(horizon, path, free)
-            forces = self._least(np.concatenate([ends, planes]), np.concatenate([most, beyond]))
+            planes, bounds = self._planes(horizon, path, free)
+            forces = self._least(np.concatenate([ends, planes]), np.concatenate([limits, bounds]))
         return forces.reshape(-1, 3)
 
     def _is_inside(self, path: Floats, roughness: float) -> bool:

@@ -157,6 +157,7 @@ def evaluate_formulas(
 
 
 def _evaluate(formula: Formula, quantities: Samples, period_s: float) -> FormulaResult:
+    """Return a formula's margins, truth and premises on flights."""
     margins = robustness(formula, quantities, period_s)
     is_mixed = unit_of(formula) is None
     units = deciding_units(formula, quantities, margins) if is_mixed else np.empty(0, dtype=np.str_)

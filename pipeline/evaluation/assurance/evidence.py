@@ -162,6 +162,7 @@ def requirement_entry(
 
 
 def _claim(requirement: Requirement) -> dict[str, Any]:
+    """Return what a requirement claims, as plain data."""
     return {
         **{name: getattr(requirement, name) for name in ("id", "title", "text", "consequence", "severity")},
         "accepted": requirement.accepted or None,
@@ -259,9 +260,9 @@ def case_columns(
     Each dispersed setting has a column, named after its key.
     """
     judged = {
-        f"{name}_{what}": values
+        f"{name}_{quantity}": values
         for name, outcome in outcomes.items()
-        for what, values in (("margin", outcome.margins), ("met", outcome.is_met))
+        for quantity, values in (("margin", outcome.margins), ("met", outcome.is_met))
     }
     return {"case": np.arange(len(scenarios)), **_starts(mission, scenarios), **judged}
 

@@ -202,6 +202,7 @@ class _RequirementParser:
         return Until(self._window(), left, self._single()) if self._accept("until") else left
 
     def _single(self) -> Formula:
+        """Parse one operand: a negation, a temporal operator, a formula in parentheses, or a comparison."""
         if self._accept("not"):
             return Negation(self._single())
         if self._accept("always"):
@@ -215,6 +216,7 @@ class _RequirementParser:
         return self._comparison()
 
     def _window(self) -> Window:
+        """Parse ``[first:last]``, s; without brackets the window is the whole flight."""
         if not self._accept("["):
             return Window()
         first = self._seconds()
@@ -234,6 +236,7 @@ class _RequirementParser:
         return value
 
     def _comparison(self) -> Predicate:
+        """Parse a comparison of two sums, and bring all quantities to its left side."""
         position = self._position
         left, left_constant, left_unit = self._sum()
         relation = self.word
@@ -285,6 +288,7 @@ class _RequirementParser:
             self._advance()
 
     def _quantity(self) -> tuple[str, str]:
+        """Parse the name of a quantity; return it with its unit."""
         name = self.word
         if self.kind != "name" or name in KEYWORDS:
             self.refuse("expected a quantity or a number")
@@ -336,6 +340,7 @@ class _RequirementParser:
             self.refuse(f"expected {word}")
 
     def _advance(self) -> None:
+        """Move to the next word of the text."""
         rest = self._text[self._next :]
         self._position = self._next + len(rest) - len(rest.lstrip())
         if not rest.strip():

@@ -108,6 +108,7 @@ def _is_about(question: Question, system: FuzzySystem) -> bool:
 
 
 def _certificate(question: Question, system: FuzzySystem, name: str) -> Certificate:
+    """Return a system's proved answer to a question, with the boxes that rule out any other."""
     inputs = tuple(variable.name for variable in system.inputs)
     none = np.empty((0, len(inputs)))
     try:

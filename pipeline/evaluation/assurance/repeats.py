@@ -18,7 +18,7 @@ DRAWN = ("seed", "num_cases")
 
 
 def earlier_runs(folder: Path, evidence: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Return the runs beside a run that judged the same by other flights, the oldest first.
+    """Return earlier runs beside a run that judged the same by other random flights, the oldest first.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ def earlier_runs(folder: Path, evidence: Mapping[str, Any]) -> list[dict[str, An
 
 
 def _question(evidence: Mapping[str, Any]) -> tuple[Any, ...]:
-    """Return the question: the controller, the requirements, and the conditions but for the draw."""
+    """Return what a run judged: controller, requirements and conditions, without the random draw."""
     conditions = {key: value for key, value in evidence["conditions"].items() if key not in DRAWN}
     # as JSON holds them
     values = [list(value) if isinstance(value, tuple) else value for value in conditions.values()]

@@ -156,6 +156,7 @@ def parse_requirements(text: str, source: str) -> Requirements:
 
 
 def _requirement(entry: Mapping[str, Any], where: str) -> Requirement:
+    """Return the requirement that an entry of the file states; raise RequirementError for faulty entries."""
     for key in entry:
         if key not in (known := (*OTHER_KEYS, *TEXTS)):
             raise RequirementError(f"{where}: there is no key {key}{did_you_mean(str(key), known)}")
@@ -215,6 +216,7 @@ def _confidence(entry: Mapping[str, Any], where: str) -> float:
 
 
 def _questions(entries: Any, where: str) -> tuple[Question, ...]:
+    """Return the questions that a requirement asks about the systems' bounds."""
     questions = entries if isinstance(entries, list) else []
     are_questions = (
         isinstance(entry, dict) and {"ask"} <= set(entry) <= {"ask", "where"} for entry in questions

@@ -255,6 +255,7 @@ def verdict(evidence: Evidence) -> MethodResult:
 
 
 def _of_cases(requirement: Requirement, judgement: Judgement) -> MethodResult:
+    """Return what the flights show of a requirement, with the reason in words."""
     sure = f"with {percent(requirement.confidence)} confidence"
     claim = f"{percent(requirement.probability)} {sure}"
     failed = f"{judgement.num_failed:,} of {judgement.num_cases:,} cases fail"
@@ -287,6 +288,7 @@ def _of_searches(searches: Sequence[WorstCaseSearch]) -> MethodResult:
 
 
 def _of_bounds(certificates: Sequence[Certificate]) -> MethodResult:
+    """Return what the bounds of the fuzzy systems prove of a requirement, with the reason in words."""
     if not certificates:
         return MethodResult(
             "not shown", "nothing to bound", "the controller has no system that is asked about"
@@ -303,6 +305,7 @@ def _of_bounds(certificates: Sequence[Certificate]) -> MethodResult:
 
 
 def _of_the_layer(requirement: Requirement, proof: SafetyProof) -> MethodResult:
+    """Return what the safety layer's proof shows of a requirement, with the reason in words."""
     times = "all samples" if proof.probability == 1.0 else "flights at all times"
     spheres = f"{times} from {proof.keep_out_m:g} to {proof.keep_in_m:g} m"
     if not proof.is_on:

@@ -75,8 +75,8 @@ def missions_at_ends(mission: Mission) -> list[Mission]:
     """
     dispersed = distributions(mission.dispersions)
     return [
-        _changed(mission, tuple((distribution.key, distribution.ends[which]) for distribution in dispersed))
-        for which in (0, 1)
+        _changed(mission, tuple((distribution.key, distribution.ends[end]) for distribution in dispersed))
+        for end in (0, 1)
     ]
 
 

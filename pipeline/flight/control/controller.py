@@ -261,6 +261,7 @@ def has_constants(controller: Controller) -> bool:
 
 
 def _constants_of(controller: RuleController) -> Floats:
+    """Return a controller's constants in the order of `CONSTANTS`; raise ControllerError for faulty ones."""
     attributes = dict(controller.fuzzy.attributes) if controller.fuzzy else {}
     values = np.zeros(len(CONSTANTS))
     for index, (name, kind) in enumerate(CONSTANTS.items()):

@@ -88,14 +88,14 @@ def start_lanes(now: Moment, cases: Any, counted: Bytes) -> None:
         store(truth.attitude, component, splat(world.attitude_at_start[component], width))
     for component in range(3):
         store(truth.rate, component, splat(world.rate_at_start[component], width))
-    nothing = splat(0.0, width)
-    store_three(lanes.y_before, 0, Three(nothing, splat(1.0, width), nothing))
+    zeros = splat(0.0, width)
+    store_three(lanes.y_before, 0, Three(zeros, splat(1.0, width), zeros))
     store_three(lanes.change, 0, same(0.0, width))
     store(lanes.nearest, 0, splat(np.inf, width))
     for total in (lanes.spent, lanes.travelled, lanes.farthest, lanes.beyond):
-        store(total, 0, nothing)
+        store(total, 0, zeros)
     for total in (lanes.coasts, lanes.num_acted, lanes.corrected, lanes.limit):
-        store(total, 0, nothing)
+        store(total, 0, zeros)
 
 
 @compiled(error_model="numpy")

@@ -40,7 +40,7 @@ LEAST_M_S = 3e-4
 
 @lru_cache(maxsize=32)
 def finishing(controller: RuleController) -> RuleController:
-    """Return a controller as it flies after its plan: it may coast sooner, and looks ahead no more."""
+    """Return a controller as it flies after its plan: without looking ahead, and coasting sooner."""
     attributes = _without(controller, "foresight", "rehearsal")
     points = controller.constants[constant("foresight_coast_points")]
     if points > 0.0:
@@ -50,13 +50,13 @@ def finishing(controller: RuleController) -> RuleController:
 
 @lru_cache(maxsize=32)
 def rules_alone(controller: RuleController) -> RuleController:
-    """Return a controller that looks ahead in no way."""
+    """Return a controller without its foresight and rehearsals: its rules are left."""
     return _with(controller, _without(controller, "foresight", "rehearsal"))
 
 
 @lru_cache(maxsize=32)
 def rehearsing(controller: RuleController) -> RuleController:
-    """Return a controller without its foresight: what it rehearses is left."""
+    """Return a controller without its foresight; it still rehearses."""
     return _with(controller, _without(controller, "foresight"))
 
 
@@ -213,6 +213,7 @@ class Deputies:
         return [sight_along(*each, radius, half_angle) for each in zip(positions, boresights, strict=True)]
 
     def _outlook(self, flight: int, sight: Floats) -> tuple[Outlook, int]:
+        """Return what prices the plans of a flight, and the number of points that its plan must see."""
         world, scenario, geometry = self.world, self.believed[flight], _geometry(self.known)
         parts = _strided(self.known, self.sample, self.step)
         is_lit, needed = self._points(flight)

@@ -31,7 +31,7 @@ def lanes_for(num_starts: int) -> int:
 
 
 def lanes_of_group(num_groups: int, num_starts: int, lanes: int) -> int:
-    """Return how many flights of a group to fly side by side: `lanes`, or by its starts among many groups."""
+    """Return how many flights of a group to fly side by side: fewer, by its starts, if groups are many."""
     return lanes_for(num_starts) if num_groups > FEW_LANES else lanes
 
 

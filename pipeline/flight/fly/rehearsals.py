@@ -153,8 +153,10 @@ def by_tours(followed: Integers) -> dict[tuple[int, ...], Integers]:
 
     `followed` has a row for each flight.
     """
-    distinct, which = np.unique(followed, axis=0, return_inverse=True)
-    return {tuple(row): np.flatnonzero(which.ravel() == index) for index, row in enumerate(distinct.tolist())}
+    distinct, inverse = np.unique(followed, axis=0, return_inverse=True)
+    return {
+        tuple(row): np.flatnonzero(inverse.ravel() == index) for index, row in enumerate(distinct.tolist())
+    }
 
 
 @dataclass(frozen=True)

@@ -150,19 +150,19 @@ class _Choice:
         self.ends = np.full((len(ENDS), count), np.nan)
         is_first = deputies.sample == 0
         efforts = (FIRST if is_first else AGAIN)[num_pushes]
-        held = [None if is_first else self._held(flight, num_pushes) for flight in range(count)]
+        kept_plans = [None if is_first else self._held(flight, num_pushes) for flight in range(count)]
         self._searches = [
             self._search(flight, num_pushes, efforts) if plan is None else plan
-            for flight, plan in enumerate(held)
+            for flight, plan in enumerate(kept_plans)
         ]
         self.openings, is_short = before.copy(), np.zeros(count, dtype=np.bool_)
-        anew = np.array([flight for flight, plan in enumerate(held) if plan is None], dtype=np.int64)
+        anew = np.array([flight for flight, plan in enumerate(kept_plans) if plan is None], dtype=np.int64)
         if len(anew):
             searches = [self._searches[flight] for flight in anew]
             self.openings[anew], self.ends[:2, anew], is_short[anew] = self._ahead(anew, searches)
         if is_first:
-            alone = deputies.fly(rehearsing(deputies.controller))
-            self.ends[RULES] = rehearsed_costs(deputies.controller, alone)
+            rehearsed_flights = deputies.fly(rehearsing(deputies.controller))
+            self.ends[RULES] = rehearsed_costs(deputies.controller, rehearsed_flights)
             is_short |= self.ends[RULES] < self._cheapest
         short = np.flatnonzero(is_short)
         for attempt, effort in enumerate(HARDER[num_pushes] if len(short) else ()):

@@ -31,7 +31,7 @@ IMAGES = (
 
 
 def sign(name: str, image: int) -> float:
-    """Return the factor of a tour's constant in an image.
+    """Return the sign, 1 or -1, that a coefficient of the tour has in a mirror image of it.
 
     The lift keeps its sign in the mirror: it is multiplied by the Sun's elevation, which changes sign. With
     time reversed the tour's place at an angle is its former place at minus that angle, where sines change
@@ -93,11 +93,12 @@ def tour_images(controller: Controller) -> tuple[RuleController, ...]:
 
 
 def _following(fuzzy: FuzzyController, tour: Tour) -> RuleController:
-    attributes, off = dict(fuzzy.attributes), np.zeros(len(TOUR_COEFFICIENTS))
+    """Return a controller that follows a tour: the fuzzy one with the tour's coefficients and time."""
+    attributes, offsets = dict(fuzzy.attributes), np.zeros(len(TOUR_COEFFICIENTS))
     if tour.shape > 0:
         drawn = np.random.default_rng(0).standard_normal((tour.shape, len(TOUR_COEFFICIENTS)))
-        off = float(attributes.get("rehearsal_spread_m", 0.0)) * drawn[-1]
-    for name, shift in zip(TOUR_COEFFICIENTS, off.tolist(), strict=True):
+        offsets = float(attributes.get("rehearsal_spread_m", 0.0)) * drawn[-1]
+    for name, shift in zip(TOUR_COEFFICIENTS, offsets.tolist(), strict=True):
         coefficient = float(attributes.get(name, 0.0)) + shift
         attributes[name] = repr(sign(name, tour.image) * tour.size * coefficient)
     attributes["tour_time_s"] = repr(tour.time_s)

@@ -83,11 +83,11 @@ def judged(mission: Mission, outcomes: Outcomes, tracks: NDArray[np.floating]) -
     end_speed = speed[rows, last]
     too_fast = np.where(is_there, np.maximum(end_speed - problem.goal_speed_m_s, 0.0), 0.0)
     outside = too_fast + np.maximum(used[rows, last] - problem.most_excess_m_s, 0.0)
-    way = np.log(np.maximum(distance[:, 0], 2.0 * problem.goal_radius_m) / problem.goal_radius_m)
-    left = np.clip(np.log(np.maximum(nearest, 1e-9) / problem.goal_radius_m) / way, 1e-9, 1.0)
+    log_start = np.log(np.maximum(distance[:, 0], 2.0 * problem.goal_radius_m) / problem.goal_radius_m)
+    share_left = np.clip(np.log(np.maximum(nearest, 1e-9) / problem.goal_radius_m) / log_start, 1e-9, 1.0)
     of_outcomes = vars(outcomes) | {
         "delta_v_m_s": tracks[rows, last, TRACK_SPENT].astype(np.float64),
-        "inspected_count": np.where(is_there & (outside == 0.0), 1.0, 1.0 - left),
+        "inspected_count": np.where(is_there & (outside == 0.0), 1.0, 1.0 - share_left),
         "inspectable_count": np.ones(len(tracks), dtype=np.int64),
         "mean_distance_m": np.where(is_flown, distance, 0.0).sum(axis=1) / (last + 1),
         "min_distance_m": nearest,

@@ -33,7 +33,7 @@ class Mesh:
         return self.known[ray]
 
     def _is_free(self, point: int, ray: Floats) -> bool:
-        """Return the same for a ray, by Moller and Trumbore, Ray-triangle intersection, 1997."""
+        """Return whether a ray meets no triangle: Moller and Trumbore, Ray-triangle intersection, 1997."""
         if self.normals[point] @ ray <= 0.0:
             return False
         across = np.cross(ray, self.other_edge)

@@ -159,15 +159,15 @@ def correct(flight: ReferenceFlight, belief: Belief, at: int) -> None:
     seen, noise = np.hstack((np.eye(3, 6), shifts)), fix_covariance(law, position)
     spread = seen @ belief.covariance @ seen.T + noise
     measured = belief.fixes[at // flight.periods(law.fix_period_s)]
-    off = measured - expected_fix(law, position)
-    square = float(off @ np.linalg.solve(spread, off))
-    belief.innovation = Innovation(measured, off, square)
+    residual = measured - expected_fix(law, position)
+    square = float(residual @ np.linalg.solve(spread, residual))
+    belief.innovation = Innovation(measured, residual, square)
     if law.gate_sigma is not None and square > law.gate_sigma**2:
         belief.covariance[:6, :6] *= WIDER
         return
     gain = np.linalg.solve(spread, seen @ belief.covariance).T
     gain[6:] = 0.0
-    belief.state = belief.state + gain[:6] @ off
+    belief.state = belief.state + gain[:6] @ residual
     kept = np.eye(21) - gain @ seen
     belief.covariance = kept @ belief.covariance @ kept.T + gain @ noise @ gain.T
 

@@ -64,7 +64,7 @@ def period(
 
 
 def look(flight: ReferenceFlight, k: int, state: ReferenceState) -> Look:
-    """Inspect, choose where to look next, and navigate; the state's belief and centres go on from here."""
+    """Inspect, choose where to look next, and navigate; update the belief and cluster centres of `state`."""
     mission, position, attitude = flight.mission, state.truth[:3], state.attitude
     y = next_y(mission, position, state.y)
     if mission.attitude.mode == "ideal":

@@ -58,23 +58,23 @@ class SafetyLayer:
         braking = self.metres_per_newton * (np.abs(self.stop @ ahead) - self.braking)
         return np.concatenate((np.column_stack(spheres).ravel(), [speed], braking))
 
-    def half_space(self, ahead: Floats, which: int, num_checks: int) -> tuple[Floats, float]:
+    def half_space(self, ahead: Floats, index: int, num_checks: int) -> tuple[Floats, float]:
         """Return the half-space ``row . s' >= level`` of next states for a limit, an index of `excesses`.
 
         They list the nearest and farthest distance at each check by turns, then the speed, then the stop
         along each axis. A limit is linearised at `ahead`, the next state, (6,), m and m/s, Hill axes.
         """
-        beyond = which - 2 * num_checks
-        if beyond > 0:
-            row = -np.sign(self.stop[beyond - 1] @ ahead) * self.stop[beyond - 1]
+        past_checks = index - 2 * num_checks
+        if past_checks > 0:
+            row = -np.sign(self.stop[past_checks - 1] @ ahead) * self.stop[past_checks - 1]
             level = SLACK / self.metres_per_newton - self.braking
-        elif beyond == 0:
+        elif past_checks == 0:
             outward, forward = (part / np.linalg.norm(part) for part in (ahead[:3], ahead[3:]))
             row = np.concatenate((self.law.speed_slope_per_s * outward, -forward))
             level = self.law.speed_slope_per_s * self.law.speed_distance_m - self.law.speed_limit_m_s
             level += SLACK / self.period
         else:
-            check, is_far = divmod(which, 2)
+            check, is_far = divmod(index, 2)
             towards = self.checks[check] @ ahead
             towards = (-1.0 if is_far else 1.0) * towards / max(float(np.linalg.norm(towards)), TOLERANCE)
             row = towards @ self.checks[check]
@@ -126,11 +126,12 @@ class SafetyLayer:
         return stop + low * (force - stop), name
 
     def _step_back(self, state: Floats, stop: Floats) -> Floats:
-        """Return the stop with a push towards the room between the spheres."""
-        rest = self.checks[1] @ state
-        inward = np.linalg.norm(rest) > 0.5 * (self.out + self.far)
-        back = (-self.step_back if inward else self.step_back) * rest / np.linalg.norm(rest)
-        return np.clip(stop + back, -self.limit, self.limit)
+        """Return the stopping force with a push added, away from the nearer limit."""
+        stopped_position = self.checks[1] @ state
+        distance = np.linalg.norm(stopped_position)
+        is_far = distance > 0.5 * (self.out + self.far)
+        push_back = (-self.step_back if is_far else self.step_back) * stopped_position / distance
+        return np.clip(stop + push_back, -self.limit, self.limit)
 
     def exceeded(self, ahead: Floats) -> str | None:
         """Return the most exceeded limit of a state, first of those never given up; None for none."""

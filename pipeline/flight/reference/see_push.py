@@ -16,7 +16,7 @@ KS2 = 1e6
 
 
 def see_push(flight: ReferenceFlight, k: int, state: Floats, is_inspected: Booleans) -> Floats:
-    """Return the push, m/s, that serves best all points that set and coasting misses.
+    """Return the push, m/s, by which most of what is soon dark, and coasting misses, would be seen.
 
     ``(rho I + sum w g g') dv = sum w s g``, turned aside near the chief.
     """
@@ -31,7 +31,7 @@ def see_push(flight: ReferenceFlight, k: int, state: Floats, is_inspected: Boole
 def sought_looks(
     flight: ReferenceFlight, k: int, state: Floats, is_inspected: Booleans
 ) -> tuple[Floats, Floats]:
-    """Return the cheapest looks at points that set within see_horizon_s, as `cheapest_looks` does."""
+    """Return the cheapest looks at unseen points whose last light is at most see_horizon_s away."""
     now, horizon = flight.time(k), flight.constants["see_horizon_s"]
     is_sought = flight.is_counted & ~is_inspected
     is_sought &= (flight.last_lit > now) & (flight.last_lit <= now + horizon)

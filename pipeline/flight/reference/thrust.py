@@ -116,7 +116,7 @@ def reasons(decision: Decision, is_hill: bool, limit: float, change: Floats) -> 
     """
     is_clipped, is_changed = np.abs(decision.wanted) > limit, np.abs(change) > 1e-9
     if not is_hill:
-        is_clipped, is_changed = (np.full(3, which.any()) for which in (is_clipped, is_changed))
+        is_clipped, is_changed = (np.full(3, is_so.any()) for is_so in (is_clipped, is_changed))
     fired = np.where(decision.commanded == 0.0, "dead_band", "fired")
     inferred = np.where(np.abs(decision.requested) < SILENT_N, "silent", fired)
     resting = inferred if decision.resting is None else np.full(3, decision.resting)

@@ -198,7 +198,7 @@ def largest_share(scale: float, turn: float, probability: float) -> float:
 
 
 def unknown_acceleration(mission: Mission) -> float:
-    """Return a bound on the true relative acceleration less Clohessy and Wiltshire's, m/s^2.
+    """Return a bound on the acceleration that Clohessy and Wiltshire's equations neglect, m/s^2.
 
     The second order of a point mass' attraction, the gradient of its oblateness, and what an orbit's
     eccentricity changes in rate and attraction; distance and speed at their greatest.
@@ -209,11 +209,11 @@ def unknown_acceleration(mission: Mission) -> float:
     elements, distance = mission.orbit.elements, mission.deputy.max_distance_m
     radius, eccentricity = elements.semi_major_axis_m, elements.eccentricity
     speed = SQRT_3 * mission.deputy.max_force_n * mission.control_period_s / mission.deputy.mass_kg
-    faster: float = (1.0 + eccentricity) ** 2 / (1.0 - eccentricity**2) ** 1.5 - 1.0
-    oblate = dynamics.j2 * (EARTH_RADIUS_M / radius) ** 2
-    gradient = 6.0 * distance / radius + 40.0 * oblate + 8.0 * faster * (2.0 + faster)
-    pull = n**2 * distance * gradient + 2.0 * n * speed * (faster + 10.0 * oblate)
-    return pull + abs(dynamics.drag_m_s2) + abs(dynamics.radiation_m_s2)
+    rate_excess: float = (1.0 + eccentricity) ** 2 / (1.0 - eccentricity**2) ** 1.5 - 1.0
+    oblateness = dynamics.j2 * (EARTH_RADIUS_M / radius) ** 2
+    share_of_gradient = 6.0 * distance / radius + 40.0 * oblateness + 8.0 * rate_excess * (2.0 + rate_excess)
+    attraction = n**2 * distance * share_of_gradient + 2.0 * n * speed * (rate_excess + 10.0 * oblateness)
+    return attraction + abs(dynamics.drag_m_s2) + abs(dynamics.radiation_m_s2)
 
 
 def process_noise(mission: Mission) -> float:
@@ -287,7 +287,7 @@ def norm(matrix: Floats) -> float:
 
 
 def dip(radius: float, length: float) -> float:
-    """Return how far a chord between two points outside a sphere may dip into it."""
+    """Return how far the middle of a chord of a length lies inside a sphere through its ends."""
     return radius - sqrt(max(0.0, radius**2 - 0.25 * length**2))
 
 

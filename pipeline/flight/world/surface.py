@@ -111,6 +111,7 @@ def surface_of(mission: Mission) -> ChiefSurface:
 
 @lru_cache(maxsize=4)
 def _surface(chief: ChiefSettings) -> ChiefSurface:
+    """Return a chief's points and normals: of a mesh, or of a sphere with placed points."""
     if chief.shape == "mesh":
         corners = read_mesh(chief.path)
         points, normals = spread_points(corners, chief.num_points)

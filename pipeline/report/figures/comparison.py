@@ -73,6 +73,7 @@ def compared(panels: Sequence[tuple[str, Sequence[ControllerMark]]], threshold: 
 def _draw_marks(
     ax: Axes, marks: Sequence[ControllerMark], styles: dict[str, tuple[str, str, str]], threshold: float
 ) -> None:
+    """Draw each controller's delta-v and inspection rate with their intervals, on logarithmic axes."""
     ax.axhline(100.0 - threshold, color=style.MUTED, linewidth=0.9, linestyle=style.DOTS)
     for mark in marks:
         colour, marker, face = styles[mark.name]
@@ -230,6 +231,7 @@ def beside_optimum(columns: Columns, needed: int) -> Figure:
 
 
 def _draw_spent_by_case(ax: Axes, columns: Columns) -> None:
+    """Draw delta-v of controller and plan, case by case; name the least, median and greatest ratio."""
     ours, least, times = (columns[name] for name in ("delta_v_m_s", "optimum_delta_v_m_s", "times_optimum"))
     positions = np.arange(len(ours))
     ax.vlines(
@@ -275,6 +277,7 @@ def flight_endings(columns: Columns) -> tuple[Booleans, Booleans, Booleans]:
 
 
 def _draw_points_by_case(ax: Axes, columns: Columns, needed: int) -> None:
+    """Draw the points inspected by controller and plan, case by case, with the number needed."""
     positions = np.arange(len(columns["case"]))
     ax.axhline(needed, color=style.MUTED, linestyle=style.DOTS, linewidth=1.0)
     plans = columns["optimum_inspected_count"]

@@ -60,8 +60,9 @@ def _turned_at(torques: Floats, least: int) -> int:
 
 
 def _three_lines(ax: Axes, edges: NDArray[np.floating], values: Floats, labels: Sequence[str]) -> None:
-    held = np.vstack([values, values[-1]])
-    for column, label, colour, dashes in zip(held.T, labels, AXIS_COLOURS, AXIS_STYLES, strict=True):
+    """Draw three components, (K, 3), each held over the interval between two edges, (K+1,)."""
+    steps = np.vstack([values, values[-1]])
+    for column, label, colour, dashes in zip(steps.T, labels, AXIS_COLOURS, AXIS_STYLES, strict=True):
         ax.plot(
             edges, column, drawstyle="steps-post", linewidth=1.3, label=label, color=colour, linestyle=dashes
         )
@@ -175,6 +176,7 @@ def _draw_values(ax: Axes, values: Floats) -> None:
 
 
 def _draw_histogram(ax: Axes, values: Floats, edges: Floats) -> None:
+    """Draw a histogram, and how many values lie beyond its edges on either side."""
     ax.hist(values, bins=edges.tolist(), color=style.BLUE, alpha=0.75)
     ax.grid(axis="y")
     ax.set_axisbelow(True)

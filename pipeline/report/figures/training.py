@@ -64,6 +64,7 @@ def _draw_fitness(ax: Axes, generations: NDArray[np.integer], columns: Mapping[s
 def _draw_failures(
     ax: Axes, generations: NDArray[np.integer], columns: Mapping[str, Floats], num_needed: int
 ) -> None:
+    """Draw how many of the champion's flights fail in each generation, and in which way."""
     kinds = (
         ("short", f"short of {num_needed} points", ORANGE, (0, (4, 1.2))),
         ("outside", "outside the distance limits", VERMILION, "-"),

@@ -97,6 +97,7 @@ class _Look:
 
 
 def _draw_space(ax: Axes3D, look: _Look) -> None:
+    """Draw the flights around the chief in three dimensions: far pieces behind it, near ones before it."""
     ax.view_init(elev=ELEVATION_DEG, azim=AZIMUTH_DEG)
     elevation, azimuth = np.radians(ELEVATION_DEG), np.radians(AZIMUTH_DEG)
     towards_eye = np.array(
@@ -140,6 +141,7 @@ def _pieces(positions: Floats, is_drawn: NDArray[np.bool_]) -> tuple[list[Floats
 
 
 def _draw_chief(ax: Axes3D, radius: float, towards_eye: Floats) -> None:
+    """Draw the chief's sphere, lit from the viewer's side."""
     azimuth, polar = np.meshgrid(np.linspace(0.0, 2.0 * np.pi, 49), np.linspace(0.0, np.pi, 25))
     normals = np.stack([np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth), np.cos(polar)])
     light = towards_eye + np.array([0.0, 0.0, 0.5])
@@ -152,6 +154,7 @@ def _draw_chief(ax: Axes3D, radius: float, towards_eye: Floats) -> None:
 
 
 def _draw_plane(ax: Axes, look: _Look, axes: tuple[int, int]) -> None:
+    """Draw the flights projected onto two of Hill's axes, with the chief and the distance limits."""
     across, up = axes
     tracks = look.positions[:, :, list(axes)]
     lines = LineCollection(list(tracks), colors=look.colours, linewidths=0.8 * look.widths, zorder=2.0)
@@ -174,6 +177,7 @@ def _draw_plane(ax: Axes, look: _Look, axes: tuple[int, int]) -> None:
 
 
 def _draw_distance(ax: Axes, look: _Look) -> None:
+    """Draw the flights' distance over time, with its limits."""
     deputy = look.mission.deputy
     time = np.arange(look.distances.shape[1]) * look.mission.control_period_s
     tracks = np.stack([np.broadcast_to(time, look.distances.shape), look.distances], axis=-1)

@@ -70,21 +70,21 @@ def look_ahead(world: World, state: FlightState) -> bool:
     width = width_of(lanes)
     position, velocity = load_three(belief.position, 0), load_three(belief.velocity, 0)
     force = load_three(lanes.commanded, 0)
-    then, moving = (
+    next_position, next_velocity = (
         position_after(step, position, velocity, force),
         velocity_after(step, position, velocity, force),
     )
-    stop = stopping_force(guard.stop, then, moving)
+    stop = stopping_force(guard.stop, next_position, next_velocity)
     braking = most(most(abs(stop.x), abs(stop.z)), abs(stop.y))
     closest, reach = splat(np.inf, width), splat(0.0, width)
     for row in range(len(guard.checks.transition)):
-        passed = drifted_position(position_rows_of(guard.checks, row), then, moving)
-        square = dot(passed, passed)
+        checked_position = drifted_position(position_rows_of(guard.checks, row), next_position, next_velocity)
+        square = dot(checked_position, checked_position)
         if row < guard.num_kept_out:
             closest = least(square, closest)
         if row < guard.num_kept_in:
             reach = most(square, reach)
-    is_unsafe = length(moving) - guard.speed_at_chief - guard.speed_slope * length(then) > 0.0
+    is_unsafe = length(next_velocity) - guard.speed_at_chief - guard.speed_slope * length(next_position) > 0.0
     is_unsafe |= braking > guard.braking_force
     is_unsafe |= most(most(abs(force.x), abs(force.z)), abs(force.y)) > guard.planned_force
     is_unsafe |= (closest < guard.keep_out * guard.keep_out) | (reach > guard.keep_in * guard.keep_in)
@@ -101,55 +101,55 @@ def next_state(world: World, free: Flying, force: Three) -> Flying:
 
 @compiled(error_model="numpy")
 def most_exceeded(world: World, ahead: Flying, num_checks: int) -> tuple[int, int, float]:
-    """Return the limit that a next state exceeds most, of the first checks, which check, and by how much, m.
+    """Return the limit that a next state exceeds most, the index of its check, and the excess, m.
 
     Speeds count by the distance covered in a period, braking forces by the displacement in one.
     """
     guard = world.guard
-    limit, which, excess = SAFE, 0, 0.0
+    limit, index, excess = SAFE, 0, 0.0
     for row in range(num_checks):
         distance = length(drifted_position(position_rows_of(guard.checks, row), ahead[0], ahead[1]))
         if row < guard.num_kept_out and guard.keep_out - distance > excess:
-            limit, which, excess = PASSIVE_SAFETY, row, guard.keep_out - distance
+            limit, index, excess = PASSIVE_SAFETY, row, guard.keep_out - distance
             limit = KEEP_OUT if row < STANDING else limit
         if row < guard.num_kept_in and distance - guard.keep_in > excess:
-            limit, which, excess = KEEP_IN, row, distance - guard.keep_in
+            limit, index, excess = KEEP_IN, row, distance - guard.keep_in
     fastest = guard.speed_at_chief + guard.speed_slope * length(ahead[0])
     over = world.control_period * (length(ahead[1]) - fastest)
     if over > excess:
-        limit, which, excess = SPEED, 0, over
+        limit, index, excess = SPEED, 0, over
     braking = stopping_force(guard.stop, ahead[0], ahead[1])
     for axis in range(3):
         over = world.motion.control[0, 2, 2] * (abs(braking[axis]) - guard.braking_force)
         if over > excess:
-            limit, which, excess = SPEED, 1 + axis, over
-    return limit, which, excess
+            limit, index, excess = SPEED, 1 + axis, over
+    return limit, index, excess
 
 
 @compiled(error_model="numpy")
-def cut(world: World, free: Flying, ahead: Flying, limit: int, which: int, half_space: Floats) -> None:
+def cut(world: World, free: Flying, ahead: Flying, limit: int, index: int, half_space: Floats) -> None:
     """Write the half-space ``g . f >= b`` that is tangent to a limit in the direction of a next state.
 
     Outside a sphere, the half-space lies in the safe set; inside one, it contains the safe set.
     """
-    guard, (at, moving) = world.guard, ahead
+    guard, (position, velocity) = world.guard, ahead
     # the limit, linear: p . r + q . v >= level
-    if limit == SPEED and which > 0:
-        axis = min(which, 3) - 1
+    if limit == SPEED and index > 0:
+        axis = min(index, 3) - 1
         row = guard.stop[axis]
-        sign = -1.0 if stopping_force(guard.stop, at, moving)[axis] > 0.0 else 1.0
+        sign = -1.0 if stopping_force(guard.stop, position, velocity)[axis] > 0.0 else 1.0
         p, q = sign * three_of(row), sign * three_of(row[3:])
         level = SLACK / world.motion.control[0, 2, 2] - guard.braking_force
     elif limit == SPEED:
-        speed, distance = max(length(moving), TOLERANCE), max(length(at), TOLERANCE)
-        p, q = guard.speed_slope * at / distance, -1.0 * moving / speed
+        speed, distance = max(length(velocity), TOLERANCE), max(length(position), TOLERANCE)
+        p, q = guard.speed_slope * position / distance, -1.0 * velocity / speed
         level = SLACK / world.control_period - guard.speed_at_chief
     else:
-        there = position_rows_of(guard.checks, which)
-        outward = drifted_position(there, at, moving)
+        position_rows = position_rows_of(guard.checks, index)
+        outward = drifted_position(position_rows, position, velocity)
         sign = -1.0 if limit == KEEP_IN else 1.0
-        p, q = position_gradients(there, (sign / max(length(outward), TOLERANCE)) * outward)
-        level = SLACK if which < STANDING else EARLY_SLACK
+        p, q = position_gradients(position_rows, (sign / max(length(outward), TOLERANCE)) * outward)
+        level = SLACK if index < STANDING else EARLY_SLACK
         level += -guard.keep_in if limit == KEEP_IN else guard.keep_out
     (x, y, z), (u, v, w) = free
     level = level - p.x * x - p.y * y - p.z * z - q.x * u - q.y * v - q.z * w
@@ -167,7 +167,7 @@ def project(requested: Three, cuts: Floats, num_cuts: int, max_force: float) -> 
     If the sets do not intersect, the result is in the box.
     """
     multipliers = np.zeros(num_cuts)
-    force, beyond = requested, Three(0.0, 0.0, 0.0)
+    force, box_correction = requested, Three(0.0, 0.0, 0.0)
     for _ in range(MOST_SWEEPS):
         before = force
         for c in range(num_cuts):
@@ -176,9 +176,9 @@ def project(requested: Three, cuts: Floats, num_cuts: int, max_force: float) -> 
             step = max(short, -multipliers[c])
             multipliers[c] += step
             force = clip_three(force + step * g, FAR)
-        wished = force + beyond
+        wished = force + box_correction
         force = clip_three(wished, max_force)
-        beyond, change = clip_three(wished - force, FAR), force - before
+        box_correction, change = clip_three(wished - force, FAR), force - before
         if max(abs(change.x), abs(change.y), abs(change.z)) < LEAST_CHANGE:
             break
     return force
@@ -196,10 +196,10 @@ def nearest_safe_force(world: World, free: Flying, requested: Three, num_checks:
     force = clip_three(requested, world.guard.planned_force)
     for num_cuts in range(MOST_CUTS):
         ahead = next_state(world, free, force)
-        limit, which, _ = most_exceeded(world, ahead, num_checks)
+        limit, index, _ = most_exceeded(world, ahead, num_checks)
         if limit == SAFE:
             break
-        cut(world, free, ahead, limit, which, cuts[num_cuts])
+        cut(world, free, ahead, limit, index, cuts[num_cuts])
         force = project(requested, cuts, num_cuts + 1, world.guard.planned_force)
     return force
 
@@ -221,20 +221,20 @@ def retreat(world: World, known: Flying, free: Flying, force: Three) -> Three:
     stop = clip_three(stopping_force(guard.stop, known[0], known[1]), world.max_force)
     if not is_safe(world, free, stop, 2.0 * TOLERANCE):
         if guard.step_back > 0.0:
-            rest = drifted_position(position_rows_of(guard.checks, 1), known[0], known[1])
-            push_back = guard.step_back / max(length(rest), TOLERANCE)
-            if length(rest) > 0.5 * (guard.keep_out + guard.keep_in):
+            stopped_position = drifted_position(position_rows_of(guard.checks, 1), known[0], known[1])
+            push_back = guard.step_back / max(length(stopped_position), TOLERANCE)
+            if length(stopped_position) > 0.5 * (guard.keep_out + guard.keep_in):
                 push_back = -push_back
-            force = clip_three(stop + push_back * rest, world.max_force)
+            force = clip_three(stop + push_back * stopped_position, world.max_force)
         return force
-    way, low, high = force - stop, 0.0, 1.0
+    correction, low, high = force - stop, 0.0, 1.0
     for _ in range(HALVINGS):
         share = 0.5 * (low + high)
-        if is_safe(world, free, stop + share * way, TOLERANCE):
+        if is_safe(world, free, stop + share * correction, TOLERANCE):
             low = share
         else:
             high = share
-    return clip_three(stop + low * way, world.max_force)
+    return clip_three(stop + low * correction, world.max_force)
 
 
 @compiled(error_model="numpy")

@@ -74,7 +74,7 @@ def await_dark(
 
 @compiled(error_model="numpy", forceinline=True)
 def shortfall(world: World, optics: Beyond | None, j: int, points: Three, eye: Eye) -> tuple[Vector, Three]:
-    """Return by how many metres a place falls short of showing the points from j on, and the way to them.
+    """Return how far a position is from seeing the points from j on, m, and the direction to move in.
 
     The way is the gradient of the shortfall, reversed, with respect to the place. In the paper's world the
     shortfall is that of the height above the horizon; in others it is the largest deficit, of the
@@ -82,26 +82,26 @@ def shortfall(world: World, optics: Beyond | None, j: int, points: Three, eye: E
     """
     if optics is None:
         radius = sqrt(world.sight.horizon)
-        way = (1.0 / radius) * points
+        direction = (1.0 / radius) * points
         near = LEAST_SHORT_M if eye.square < SQUARED_NEAR_M2 else -np.inf
-        short = radius - dot(way, eye.position)
-        return select(short > near, short, near), way
+        short = radius - dot(direction, eye.position)
+        return select(short > near, short, near), direction
     cosine, reach = sqrt(world.optics.incidence_squared), sqrt(world.optics.range_squared)
     sample = eye.beam.sample
     normal = load_at(world.surface, sample, NORMAL, j, POINTS)
     d = eye.position - points
     distance = length(d)
-    per = 1.0 / distance
+    per_m = 1.0 / distance
     above = dot(normal, eye.position) - load(world.surface, (sample, HEIGHT, j), POINTS)
     short, far = cosine * distance - above, distance - reach
-    is_far, lean = far > short, cosine * per
+    is_far, lean = far > short, cosine * per_m
     short = select(is_far, far, short)
-    return select(short > LEAST_SHORT_M, short, LEAST_SHORT_M), chosen(is_far, -per * d, normal - lean * d)
+    return select(short > LEAST_SHORT_M, short, LEAST_SHORT_M), chosen(is_far, -per_m * d, normal - lean * d)
 
 
 @compiled(error_model="numpy", forceinline=True)
 def keep_cheapest(looks: Floats, j: int, lit: Mask, short: Vector, slope: Three) -> None:
-    """Keep the cheapest looks so far at the lit points from j on."""
+    """Store a look at points from j on wherever it costs less than the cheapest look so far."""
     cost = short * short / dot(slope, slope)
     is_better = lit & (cost < load(looks, (COST, j), POINTS))
     kept = chosen(is_better, slope, load_from(looks, SLOPE, j, POINTS))
@@ -118,7 +118,7 @@ def look_from(
     optics: Beyond | None,
     lane: int,
     k: int,
-    then: PositionRows,
+    phi_rows: PositionRows,
     position: Three,
     sun: Pair,
     setting: Floats,
@@ -141,13 +141,13 @@ def look_from(
         lit = lit_points(world, optics, lit_marks, j, points, before > 0.0, beam)
         if not some(lit):
             continue
-        short, way = shortfall(world, optics, j, points, eye)
+        short, direction = shortfall(world, optics, j, points, eye)
         if optics is None:
             store(setting, j, select(lit & (short <= 0.0), 0.0, before))
         elif not eye.is_blind:
             seen = seen_points(world, optics, seen_marks, j, points, lit, eye)
             store(setting, j, select(seen, 0.0, before))
-        keep_cheapest(looks, j, lit, short, position_gradients(then, way)[1])
+        keep_cheapest(looks, j, lit, short, position_gradients(phi_rows, direction)[1])
 
 
 @compiled(error_model="numpy")
@@ -158,8 +158,8 @@ def fitted_push(
 
     Solves ``(damping I + sum w g g^T) dv = sum w g short`` by Cramer's rule.
     """
-    time, nothing = now.world.control_period * now.k, same(0.0, POINTS)
-    squares, products, sums = nothing, nothing, nothing  # sums of xx, yy, zz; xy, xz, yz; and w g short
+    time, zeros = now.world.control_period * now.k, same(0.0, POINTS)
+    squares, products, sums = zeros, zeros, zeros  # sums of xx, yy, zz; xy, xz, yz; and w g short
     for j in range(0, len(setting), POINTS):
         counts = load(setting, j, POINTS) > 0.0
         counts &= load(looks, (COST, j), POINTS) < np.inf
@@ -192,7 +192,7 @@ def sense_push(
     seen_marks: Floats,
     signals: Floats,
 ) -> None:
-    """Write the push that shows setting points, and the aim, of lanes that may fire."""
+    """Write the push from which points that set are still seen, and the aim, of lanes that may fire."""
     world, lanes, belief, k = now.world, now.state.lanes, now.state.belief, now.k
     look_angle = world.mean_motion * world.control_period * world.look_stride
     look_turn = cos(look_angle), sin(look_angle)
@@ -207,10 +207,12 @@ def sense_push(
             position, velocity = lane_of(belief.position, 0, lane), lane_of(belief.velocity, 0, lane)
             for look in range(1, num_looks + 1):
                 sun = turned_back(sun, look_turn)
-                then = position_rows_of(world.looks, look)
-                at = drifted_position(then, position, velocity)
+                phi_rows = position_rows_of(world.looks, look)
+                coasted = drifted_position(phi_rows, position, velocity)
                 sample = k + look * world.look_stride
-                look_from(now, optics, lane, sample, then, at, sun, setting, looks, lit_marks, seen_marks)
+                look_from(
+                    now, optics, lane, sample, phi_rows, coasted, sun, setting, looks, lit_marks, seen_marks
+                )
             push = fitted_push(now, lane, rate, damping, deadlines, setting, looks)
             push = turned_aside(now, control, lane, push, 1.0)
         write_lane(signals, PUSH, lane, push)

@@ -23,15 +23,15 @@ CROSS_TRACK, LIFT = constant("tour_cross_track_mean_m"), constant("tour_lift_mea
 def waves(control: Control, first: int, c: float, s: float) -> float:
     """Return a component of the tour from its constants and the cosine and sine of the Sun's angle."""
     values, first = control.values, control.law.constants + first
-    once: float = values[first] + values[first + 1] * c + values[first + 2] * s
+    first_harmonic: float = values[first] + values[first + 1] * c + values[first + 2] * s
     # cosine and sine of twice the angle
-    twice: float = values[first + 3] * (c * c - s * s) + values[first + 4] * (2.0 * c * s)
-    return once + twice
+    second_harmonic: float = values[first + 3] * (c * c - s * s) + values[first + 4] * (2.0 * c * s)
+    return first_harmonic + second_harmonic
 
 
 @compiled(error_model="numpy", forceinline=True)
 def tour_at(control: Control, c: float, s: float, height: float) -> Three:
-    """Return the place on the tour, m, Hill axes, by cosine and sine of the Sun's angle and its height."""
+    """Return the position on the tour, m, Hill axes, by the Sun's angle (cosine, sine) and its height."""
     lifted = waves(control, CROSS_TRACK, c, s) + height * waves(control, LIFT, c, s)
     return Three(waves(control, RADIAL, c, s), waves(control, ALONG_TRACK, c, s), lifted)
 
@@ -60,7 +60,7 @@ def time_ahead(
 
 @compiled(error_model="numpy")
 def sense_tour(now: Moment, control: Control, signals: Floats) -> None:
-    """Write the push that leads every lane onto the tour."""
+    """Write the push, m/s, that brings every lane onto the tour, the closed path around the chief."""
     lanes, belief, n = now.state.lanes, now.state.belief, now.world.mean_motion
     wait, least_height = constant_of(control, TOUR_WAIT), now.world.optics.least_height
     for lane in range(width_of(lanes)):
@@ -71,9 +71,9 @@ def sense_tour(now: Moment, control: Control, signals: Floats) -> None:
             write_lane(signals, TOUR_PUSH, lane, Three(0.0, 0.0, 0.0))
             continue
         c, s = turned_back(sun, (cos(n * time), sin(n * time)))
-        wanted = tour_at(control, c, s, height)
-        wanted += constant_of(control, TOUR_LEAN) * lane_of(signals, URGENT, lane)
+        target = tour_at(control, c, s, height)
+        target += constant_of(control, TOUR_LEAN) * lane_of(signals, URGENT, lane)
         position, velocity = lane_of(belief.position, 0, lane), lane_of(belief.velocity, 0, lane)
-        then = position_rows_over(n, time)
-        push = push_by(then, wanted - drifted_position(then, position, velocity))
+        phi_rows = position_rows_over(n, time)
+        push = push_by(phi_rows, target - drifted_position(phi_rows, position, velocity))
         write_lane(signals, TOUR_PUSH, lane, turned_aside(now, control, lane, push, 1.0))

@@ -69,9 +69,9 @@ def fired_part(state: FlightState, period: int, force: Three) -> Three:
 
 
 @compiled(error_model="numpy")
-def force_of(law: Filter, state: FlightState, which: int, force: Three, period: int) -> Three:
-    """Return what a unit constant error adds to a force in a control period, to first order, N."""
-    width, error = width_of(state.estimate), law.constants[which]
+def force_of(law: Filter, state: FlightState, index: int, force: Three, period: int) -> Three:
+    """Return the force that a unit of a constant error adds in a control period, to first order, N."""
+    width, error = width_of(state.estimate), law.constants[index]
     if error >= OF_ATTITUDE:
         # thrusters turn with the true body
         sensed = 3 * max(0, period - law.command_delay)
@@ -83,9 +83,9 @@ def force_of(law: Filter, state: FlightState, which: int, force: Three, period: 
 
 
 @compiled(error_model="numpy")
-def shift_of(law: Filter, state: FlightState, which: int, fix: int, position: Three) -> Three:
-    """Return how far a unit constant error shifts a fix, m."""
-    width, error = width_of(state.estimate), law.constants[which]
+def shift_of(law: Filter, state: FlightState, index: int, fix: int, position: Three) -> Three:
+    """Return how far a unit of a constant error moves a fix, m, for the error's index in the filter."""
+    width, error = width_of(state.estimate), law.constants[index]
     if error >= OF_SQUARES:
         axis = load_at(state.sensed, 3 * fix * law.stride + error - OF_SQUARES, 0, 0, width)
         return length(position) * axis
@@ -119,23 +119,23 @@ def propagate_covariance(now: Moment, law: Filter, covariance: Floats, period: i
             for i in range(6):
                 entries += phi[row, i] * entry(covariance, i, column)
             store(half, (row, column, 0), entries)
-    for which in range(len(law.constants)):
+    for index in range(len(law.constants)):
         felt = same(0.0, width)
-        if law.constants[which] < OF_FIXES:
-            felt = fired_part(state, period, force_of(law, state, which, requested, period))
+        if law.constants[index] < OF_FIXES:
+            felt = fired_part(state, period, force_of(law, state, index, requested, period))
         for row in range(6):
             push = dot(three_of(gamma[row]), felt)
-            store(pushes, (row, which, 0), push)
-            more = entry(half, row, 6 + which) + law.variances[which] * push
-            store(covariance, (row, 6 + which, 0), more)
+            store(pushes, (row, index, 0), push)
+            more = entry(half, row, 6 + index) + law.variances[index] * push
+            store(covariance, (row, 6 + index, 0), more)
     for row in range(6):
         for column in range(row, 6):
             entries = law.process[row, column] * growth + law.process_per_force[row, column] * square
             for i in range(6):
                 entries += entry(half, row, i) * phi[column, i]
-            for which in range(len(law.constants)):
-                entries += entry(half, row, 6 + which) * entry(pushes, column, which)
-                entries += entry(pushes, row, which) * entry(covariance, column, 6 + which)
+            for index in range(len(law.constants)):
+                entries += entry(half, row, 6 + index) * entry(pushes, column, index)
+                entries += entry(pushes, row, index) * entry(covariance, column, 6 + index)
             store(covariance, (row, column, 0), entries)
             store(covariance, (column, row, 0), entries)
 
@@ -160,7 +160,7 @@ def correct(law: Filter, state: FlightState, fix: int) -> None:
     estimate, count = state.estimate, len(law.constants)
     filtered, p, work, width = estimate.filtered, estimate.covariance, estimate.half, width_of(estimate)
     position = load_three(filtered, 0)
-    off = load_at(state.fixes, fix, 0, 0, width) - law.seen * position
+    residual = load_at(state.fixes, fix, 0, 0, width) - law.seen * position
     for row in range(6):
         store_at(work, row, 0, load_at(p, row, 0, 0, width))
     # a fix has one variance across the line of sight and another along it
@@ -188,10 +188,10 @@ def correct(law: Filter, state: FlightState, fix: int) -> None:
     x, y, z = cofactors(first, second, third)
     scale = 1.0 / dot(first, x)
     first, second, third = scale * x, scale * y, scale * z
-    w = Three(dot(first, off), dot(second, off), dot(third, off))
-    distance = dot(w, off)
+    w = Three(dot(first, residual), dot(second, residual), dot(third, residual))
+    distance = dot(w, residual)
     is_believed = distance <= law.gate
-    store_three(estimate.innovation, 0, off)
+    store_three(estimate.innovation, 0, residual)
     store(estimate.innovation, 3, distance)
     for row in range(6):
         left, before = load_at(work, row, 0, 0, width), load(filtered, row, width)
@@ -271,24 +271,24 @@ def start_estimate(now: Moment, fixes: Fixes) -> None:
 
 
 @compiled(error_model="numpy")
-def measure(now: Moment, errors: NavigationErrors, which: int) -> None:
+def measure(now: Moment, errors: NavigationErrors, fix: int) -> None:
     """Take a fix of the true positions."""
     state = now.state
     for lane in range(width_of(state.estimate)):
         case, position = flight_of(now, lane), lane_of(state.truth.position, 0, lane)
         if errors.of_sight.shape[1] > 0:  # by a range and a bearing
-            error = errors.of_sight[case, which]
+            error = errors.of_sight[case, fix]
             turned_by = three_of(error[1:]) + lane_of(state.estimate.tilt, 0, lane)
             towards = position + cross(turned_by, position)
             position = ((length(position) + error[0]) / length(towards)) * towards
-        write_lane(state.fixes[which], 0, lane, position + three_of(errors.of_fixes[case, which]))
+        write_lane(state.fixes[fix], 0, lane, position + three_of(errors.of_fixes[case, fix]))
 
 
 @compiled(error_model="numpy", forceinline=True)
 def is_corrected(now: Moment, law: Filter) -> bool:
     """Return whether the filter takes a fix at this sample: one of `delay` periods before."""
-    taken = now.k - law.delay
-    return taken >= now.world.first and taken % law.stride == 0
+    sample = now.k - law.delay
+    return sample >= now.world.first and sample % law.stride == 0
 
 
 @compiled(error_model="numpy")

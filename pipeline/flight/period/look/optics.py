@@ -233,7 +233,7 @@ def strike_out_seen(
 
 @compiled(error_model="numpy", forceinline=True)
 def want_all(world: World, ahead: Floats) -> None:
-    """Mark all points in `ahead`."""
+    """Mark all points of the chief as wanted."""
     for j in range(len(ahead)):
         ahead[j] = 1.0 if j < world.num_points else 0.0
 

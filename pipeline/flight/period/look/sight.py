@@ -37,25 +37,25 @@ def inspect(
     position, boresight = lane_of(state.truth.position, 0, lane), lane_of(state.truth.boresight, 0, lane)
     eye = eye_at(world, optics, beam, position, boresight)
     num_seen, num_left = 0, 0
-    nothing = splat(0.0, POINTS)
+    zeros = splat(0.0, POINTS)
     centre = same(0.0, POINTS)
     for j in range(0, world.points.shape[2], POINTS):
         before = load(state.unseen, (lane, j), POINTS)
         wanted = before > 0.0
         if not (beam.shines and some(wanted)):
-            store(candidate, j, nothing)
+            store(candidate, j, zeros)
             continue
         points = load_at(world.points, beam.sample, 0, j, POINTS)
         left = lit_points(world, optics, lit_marks, j, points, wanted, beam)
         if not some(left):
-            store(candidate, j, nothing)
+            store(candidate, j, zeros)
             continue
         if not eye.is_blind:
             seen = seen_points(world, optics, seen_marks, j, points, left, eye)
             left = left ^ seen
-            store(state.unseen, (lane, j), select(seen, nothing, before))
+            store(state.unseen, (lane, j), select(seen, zeros, before))
             num_seen += count(seen)
-        store(candidate, j, select(left, 1.0, nothing))
+        store(candidate, j, select(left, 1.0, zeros))
         num_left += count(left)
         centre += chosen(left, points, same(0.0, POINTS))
     lanes.num_unseen[lane] -= num_seen
