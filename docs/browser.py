@@ -1,7 +1,7 @@
 """The compiled flight as a WebAssembly module for the pages: ``python -m docs.browser``.
 
 What the browser flies is the product's own code: numba's of `fly_many` for `CONTROLLER` in the paper's world,
-compiled for WebAssembly by the LLVM that numba brings, and that of `infer`, which explains a push. The
+compiled for WebAssembly by the LLVM that numba brings, and that of the rules' shares in a push. The
 arguments are folded into the module: arrays lie in its memory, numbers are constants. A page changes the
 start, the Sun and the tables of the rules; `flight.json` says where each lies, and holds the rules in words.
 
@@ -10,6 +10,7 @@ binaryen``) on the path; whoever builds or tests the pages does not, for the mod
 """
 
 import json
+import math
 import os
 import re
 import shutil
@@ -17,7 +18,8 @@ import struct
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -28,10 +30,14 @@ from numba import types
 
 from docs.home import CONTROLLER, FILE, FOLDER, NUM_STARTS, experiment
 from fis_tools.analysis.arrays import FIRED
+from fis_tools.analysis.coalitions import by_level, weighted_coalitions
+from fis_tools.analysis.shapley import conclude_subsets
 from fis_tools.compiled import borrowed_code  # noqa: F401 - registers our vectors with numba
-from fis_tools.engines.kernel import infer
+from fis_tools.compiled.decorator import compiled
+from fis_tools.engines import packing
+from fis_tools.engines.kernel import fuzzify
 from fis_tools.formats.serialize import load
-from fis_tools.model import FuzzySystem, Triangular, Variable, conjunctions
+from fis_tools.model import FuzzySystem, Term, Triangular, Variable, conjunctions
 from fis_tools.words.text import sentence
 from pipeline.controllers import source
 from pipeline.flight.cases.starts import cases_of
@@ -78,6 +84,7 @@ SHARED = (
         )
     ),
     "free_motion",
+    "shares",
 )
 FEATURES = "+simd128,+bulk-memory,+sign-ext,+nontrapping-fptoint,+mutable-globals"
 #: the two lengths that a call chooses: one flight is logged, or all are tracked
@@ -238,6 +245,70 @@ define i32 @{name}({given}) {{
 """
 
 
+@compiled(nogil=True, error_model="numpy")
+def rule_shares(
+    values: Any, rules: Any, layout: Any, index: int, scratch: Any, members: Any, weights: Any, shares: Any
+) -> None:
+    """Write what each packed rule of a system adds to its output for the inputs of the first lane.
+
+    Parameters
+    ----------
+    members, weights : (k + 1, 2**k, k), (k + 1, k, 2**k)
+        The coalitions of up to k players, and their weights in the players' shares.
+    """
+    system, room = layout[index], scratch[0]
+    fuzzify(values, system, room)
+    terms, bounds = system.output_terms, system.rules + system.output_terms
+    slots, num_rules = bounds + terms + 1, rules[bounds + terms]
+    strengths, strongest = np.ones(num_rules), 0.0
+    for rule in range(num_rules):
+        for column in range(system.num_inputs):
+            slot = rules[slots + system.num_inputs * rule + column]
+            strengths[rule] = min(strengths[rule], room.memberships[slot, 0])
+        strongest = max(strongest, strengths[rule])
+    always, firing = np.zeros((1, terms)), np.empty((1, num_rules))
+    players, term_of, count = np.empty(num_rules, np.int64), np.empty((1, num_rules), np.int64), 0
+    for term in range(terms):
+        for rule in range(rules[bounds + term], rules[bounds + term + 1]):
+            shares[rule] = 0.0
+            if strengths[rule] > 0.0 and strengths[rule] >= min(FIRED, strongest):
+                players[count], term_of[0, count], firing[0, count] = rule, term, strengths[rule]
+                count += 1
+            else:
+                always[0, term] = max(always[0, term], strengths[rule])
+    size = 1 << count
+    worth, packed = np.empty((size, 1)), (values, rules, layout[index : index + 1])
+    conclude_subsets(
+        packed, (always, term_of[:, :count], firing[:, :count]), members[count, :size, :count], scratch, worth
+    )
+    worth[0] = values[system.output_values + packing.DEFAULT]
+    for player in range(count):
+        for coalition in range(size):
+            shares[players[player]] += weights[count, player, coalition] * worth[coalition, 0]
+
+
+def games(most: int) -> tuple[Any, Any]:
+    """Return the coalitions of up to so many players, and their weights, as `rule_shares` takes them."""
+    members, weights = np.zeros((most + 1, 2**most, most), np.bool_), np.zeros((most + 1, most, 2**most))
+    for count in range(1, most + 1):
+        some_members, some_weights = weighted_coalitions((by_level((1,)),) * count)
+        members[count, : 2**count, :count] = some_members
+        weights[count, :count, : 2**count] = some_weights
+    return members, weights
+
+
+def most_firing(systems: Sequence[FuzzySystem]) -> int:
+    """Return how many rules of a system can fire together, wherever the peaks of its terms are moved."""
+    most = 1
+    for system in systems:
+        overlaps = [
+            max(sum(other.left <= shape.left < other.right for other in shapes) for shape in shapes)
+            for shapes in ([triangle(term) for term in variable.terms] for variable in system.inputs)
+        ]
+        most = max(most, math.prod(overlaps))
+    return most
+
+
 def build(folder: Path) -> None:
     """Write ``flight.wasm`` and ``flight.json`` into a folder."""
     flown = experiment()
@@ -269,8 +340,10 @@ def build(folder: Path) -> None:
         "",
         "",
     )
-    to_infer = (values, rules, law.layout, 0, work.scratch)
-    infer_names = ("values", "rules", "layout", "", "scratch")
+    systems = load(FILE).systems
+    shares = np.zeros(max(len(system.rules) for system in systems))
+    to_share = (values, rules, law.layout, 0, work.scratch, *games(most_firing(systems)), shares)
+    share_names = ("values", "rules", "layout", "", "scratch", "members", "weights", "shares")
 
     binding.initialize_all_targets()
     binding.initialize_all_asmprinters()
@@ -280,7 +353,7 @@ def build(folder: Path) -> None:
     modules, entries = [], []
     for name, function, arguments, names, chosen in (
         ("fly", fly_many, to_fly, fly_names, ("first", "last", "logged", "tracked")),
-        ("infer", infer, to_infer, infer_names, ("system",)),
+        ("share", rule_shares, to_share, share_names, ("system",)),
     ):
         kinds = tuple(map(numba.typeof, arguments))
         text, parameters = code_of(function, kinds, f"{name}_compiled", target)
@@ -304,7 +377,7 @@ define ptr @zeros_address() {{ ret ptr @zeros }}
     whole = binding.parse_assembly(shim)
     for module in modules:
         whole.link_in(module)
-    exported = ("fly", "infer", "content_address", "zeros_address")
+    exported = ("fly", "share", "content_address", "zeros_address")
     for function in whole.functions:
         if not function.is_declaration and function.name not in exported:
             function.linkage = binding.Linkage.internal
@@ -373,11 +446,10 @@ def tables(memory: Memory, mission: Any, num_points: int, scratch: Any) -> dict[
         "min_distance_m": mission.deputy.min_distance_m,
         "max_distance_m": mission.deputy.max_distance_m,
         "threshold_percent": mission.inspection_threshold_percent,
-        "fired": FIRED,
         "outcomes": {"delta_v": arrays.DELTA_V, "inspected": arrays.INSPECTED, "outside": arrays.OUTSIDE},
         "file": edited_file(),
         "arrays": {name: memory.arrays[name] for name in SHARED},
-        "scratch": {name: scratch.fields[name][1] for name in ("inputs", "output")},
+        "inputs": scratch.fields["inputs"][1],
     }
 
 
@@ -411,20 +483,20 @@ def _system(system: FuzzySystem) -> dict[str, Any]:
 
 
 def _variable(variable: Variable) -> dict[str, Any]:
-    terms = []
-    for term in variable.terms:
-        if not isinstance(term.membership, Triangular):
-            raise ValueError(
-                f"term {term.name} of {variable.name} is no triangle, which the page cannot change"
-            )
-        shape = term.membership
-        terms.append({"name": term.name, "left": shape.left, "peak": shape.peak, "right": shape.right})
+    terms = [{"name": term.name} | asdict(triangle(term)) for term in variable.terms]
     described = {"name": variable.name, "unit": variable.unit, "description": variable.description}
     return described | {
         "range": [variable.minimum, variable.maximum],
         "points": variable.num_points,
         "terms": terms,
     }
+
+
+def triangle(term: Term) -> Triangular:
+    """Return the shape of a term, which must be a triangle."""
+    if not isinstance(term.membership, Triangular):
+        raise ValueError(f"term {term.name} is no triangle, which the page cannot change")
+    return term.membership
 
 
 def main() -> None:

@@ -13,14 +13,19 @@ from docs.screenshot import browser_found
 #: every so many samples is a frame; in most of the second half the deputy coasts
 SAMPLES = (*range(0, 150, 3), *range(150, 361, 12))
 FRAME_MS = 220
-SIZE = (860, 610)
-#: only the flight, larger, as in a film
+SIZE = (860, 570)
+#: only the flight and the rule behind the largest push, larger, as in a film
 SET = """() => {
     const flight = document.getElementById("scene");
     document.body.replaceChildren(flight);
     flight.querySelector(".playback").style.display = "none";
     flight.querySelector("canvas").style.height = "470px";
-    flight.style.fontSize = "17px";
+    Object.assign(flight.style, { fontSize: "17px", display: "flex", flexDirection: "column", height: "100vh" });
+    flight.querySelector(".why").style.flex = 1;
+    const sheet = new CSSStyleSheet();
+    sheet.replaceSync(".why p:not(:first-child) { display: none }");
+    document.adoptedStyleSheets.push(sheet);
+    document.documentElement.style.background = document.body.style.background = "white";
 }"""
 
 

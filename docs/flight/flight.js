@@ -14,14 +14,14 @@ export async function openFlights(bytes, table) {
     return new Kind(code.memory.buffer, address[block] + start + offset, (size - offset) / Kind.BYTES_PER_ELEMENT | 0);
   };
   const log = name => view(`results.log.${name}`), marks = name => view(`results.log.${name}`, Uint8Array);
-  const room = name => view("work.scratch", Float64Array, table.scratch[name]);
   const rows = view("flights.law.layout", BigInt64Array);
   const layouts = table.systems.map((_, index) =>
     Object.fromEntries(LAYOUT.map((name, column) => [name, Number(rows[index * LAYOUT.length + column])])));
   const values = view("flights.values"), rules = view("flights.rules", BigInt64Array);
+  const lanes = view("work.scratch", Float64Array, table.inputs), sharesByTerm = view("shares");
   const check = status => { if (status) throw new Error(`the compiled flight stopped with status ${status}`); };
   return {
-    table, layouts, values, rules, view,
+    table, layouts, values, rules, view, order: [],
     starts: view("flights.cases"), outcomes: view("results.outcomes"), tracks: view("results.tracks", Float32Array),
     points: view("flights.world.points"), freeMotion: view("free_motion"),
     log: {
@@ -34,12 +34,11 @@ export async function openFlights(bytes, table) {
       const samples = isLogged ? table.num_controls + 1 : 0, tracked = isTracked ? table.num_starts : 0;
       check(code.fly(BigInt(first), BigInt(last), BigInt(samples), BigInt(tracked)));
     },
-    /** Return the output of a system for its inputs, by the tables as they stand. */
-    infer(system, inputs) {
-      const lanes = room("inputs");
-      inputs.forEach((value, index) => { lanes[2 * index] = lanes[2 * index + 1] = value; });
-      check(code.infer(BigInt(system)));
-      return room("output")[0];
+    /** Return what each of the rules that are packed adds to an output, in its unit. */
+    shares(index, inputs) {
+      inputs.forEach((value, column) => { lanes[2 * column] = lanes[2 * column + 1] = value; });
+      check(code.share(BigInt(index)));
+      return this.order[index].map(position => sharesByTerm[position]);
     },
   };
 }
@@ -47,7 +46,7 @@ export async function openFlights(bytes, table) {
 const grid = ([low, high], count) =>
   Array.from({ length: count }, (_, index) => index === count - 1 ? high : index * ((high - low) / (count - 1)) + low);
 
-export function membership({ left, peak, right }, x) {
+function membership({ left, peak, right }, x) {
   if (x === peak) return 1;
   if (left < x && x < peak) return (x - left) / (peak - left);
   return peak < x && x < right ? (right - x) / (right - peak) : 0;
@@ -89,38 +88,14 @@ export function pack(flights, systems) {
   });
 }
 
-/** Write the rules of a system that are in a set; the others then stay silent. */
-function packRules({ rules, layouts }, system, index, isIn = () => true) {
+/** Write the rules of a system, those of one term together. */
+function packRules({ rules, layouts, order }, system, index) {
   const layout = layouts[index], count = system.output.terms.length, start = layout.rules + count;
-  const used = system.rules.map((rule, at) => ({ ...rule, at })).filter(rule => isIn(rule.at));
-  for (let term = 0; term <= count; term++) rules[start + term] = BigInt(used.filter(rule => rule.then < term).length);
+  for (let term = 0; term <= count; term++) rules[start + term] = BigInt(system.rules.filter(rule => rule.then < term).length);
   const firsts = system.inputs.map((_, column) =>
     system.inputs.slice(0, column).reduce((sum, input) => sum + input.terms.length, 0));
-  used.sort((a, b) => a.then - b.then || a.at - b.at)
-    .flatMap(rule => rule.if.map((term, column) => firsts[column] + term))
+  const sorted = system.rules.map((rule, at) => ({ ...rule, at })).sort((a, b) => a.then - b.then || a.at - b.at);
+  sorted.flatMap(rule => rule.if.map((term, column) => firsts[column] + term))
     .forEach((slot, at) => { rules[start + count + 1 + at] = BigInt(slot); });
-}
-
-/** Return what each rule adds to an output, in its unit: shares as in fis_tools/analysis/shapley.py. */
-export function shares(flights, systems, index, inputs) {
-  const system = systems[index];
-  const clipped = system.inputs.map(({ range: [low, high] }, column) => Math.min(Math.max(inputs[column], low), high));
-  const strengths = system.rules.map(rule =>
-    Math.min(...rule.if.map((term, column) => membership(system.inputs[column].terms[term], clipped[column]))));
-  const least = Math.min(flights.table.fired, Math.max(...strengths)); // fainter rules fire along, and have no share
-  const firing = strengths.flatMap((strength, at) => strength > 0 && strength >= least ? [at] : []);
-  const outputs = Array.from({ length: 1 << firing.length }, (_, set) => {
-    packRules(flights, system, index, at => !firing.includes(at) || set >> firing.indexOf(at) & 1);
-    return set ? flights.infer(index, clipped) : system.output.default;
-  });
-  packRules(flights, system, index);
-  const factorial = n => n < 2 ? 1 : n * factorial(n - 1), total = factorial(firing.length);
-  const size = set => set ? (set & 1) + size(set >> 1) : 0;
-  const result = system.rules.map(() => 0);
-  firing.forEach((at, bit) => outputs.forEach((output, set) => {
-    if (set >> bit & 1) return;
-    const weight = factorial(size(set)) * factorial(firing.length - size(set) - 1) / total;
-    result[at] += weight * (outputs[set | 1 << bit] - output);
-  }));
-  return result;
+  order[index] = system.rules.map((_, at) => sorted.findIndex(rule => rule.at === at));
 }

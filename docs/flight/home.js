@@ -62,7 +62,7 @@ function reasons(k) {
 
 function mostMoving(axis, k, sign) {
   const first = (k * systems.length + axis) * (log.inputs.length / (TABLE.num_controls * systems.length));
-  const moved = shares(flights, systems, axis, systems[axis].inputs.map((_, column) => log.inputs[first + column]));
+  const moved = flights.shares(axis, systems[axis].inputs.map((_, column) => log.inputs[first + column]));
   return moved.reduce((best, share, rule) => share * sign > moved[best] * sign ? rule : best, 0);
 }
 
@@ -320,7 +320,7 @@ function asYaml() {
 // --- begin ---
 
 // for whoever looks from the console, and the tests
-globalThis.flightPage = { flights, systems, flown, flyAll, asYaml, shares, mostMoving, isLit };
+globalThis.flightPage = { flights, systems, flown, flyAll, asYaml, mostMoving, isLit };
 
 const view = new FlightView($("scene"), flown, { touch: startFrom, onTime: writeAddress });
 globalThis.flightPage.view = view;

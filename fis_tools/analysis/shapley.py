@@ -61,7 +61,7 @@ def by_kernel(system: FuzzySystem, packed: Packed, firing: Floats, plays: Boolea
     def concluding(samples: Integers, rules: Integers, members: Booleans) -> Floats:
         out = np.empty((len(members), len(samples)))
         players = (always[samples], term_of[rules], firing[samples[:, np.newaxis], rules])
-        _conclude_subsets(arrays, players, members, scratch, out)
+        conclude_subsets(arrays, players, members, scratch, out)
         return out.T
 
     return concluding
@@ -89,8 +89,18 @@ def _by_program(
 
 
 @compiled(nogil=True, error_model="numpy")
-def _conclude_subsets(packed: Any, players: Any, members: Booleans, scratch: Any, out: Floats) -> None:
-    """Write the output of each sample with each subset of its players, (subsets, samples)."""
+def conclude_subsets(packed: Any, players: Any, members: Booleans, scratch: Any, out: Floats) -> None:
+    """Write what the first system of a pack answers where only some of its players fire, (c, n).
+
+    Parameters
+    ----------
+    packed : values, rules and layout
+    players : (n, num_terms), (n, k), (n, k)
+        How high each term is cut whoever fires, and of the players the terms and strengths.
+    members : (c, k)
+    scratch : working space of `make_scratch`
+    out : (c, n)
+    """
     (values, rules, layout), (always, terms, strengths) = packed, players
     system, work = layout[0], scratch[0]
     num_samples, num_players = terms.shape
