@@ -20,7 +20,7 @@ SET = """() => {
     document.body.replaceChildren(flight);
     flight.querySelector(".playback").style.display = "none";
     flight.querySelector("canvas").style.height = "470px";
-    Object.assign(flight.style, { fontSize: "17px", display: "flex", flexDirection: "column", height: "100vh" });
+    flight.style.cssText += "font-size: 17px; display: flex; flex-direction: column; height: 100vh";
     flight.querySelector(".why").style.flex = 1;
     const sheet = new CSSStyleSheet();
     sheet.replaceSync(".why p:not(:first-child) { display: none }");
