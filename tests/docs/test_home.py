@@ -105,8 +105,7 @@ def test_the_rule_that_is_named_moves_the_force_most(shown):
             inputs = log.fis_input[k, axis, :2]
             expected = shapley.shares(compiled[axis], inputs[np.newaxis]).values[0, :, 0]
             shares = shown.evaluate(
-                "([axis, inputs]) => flightPage.flights.shares(axis, inputs)",
-                [int(axis), inputs.tolist()],
+                "([axis, inputs]) => flightPage.flights.shares(axis, inputs)", [int(axis), inputs.tolist()]
             )
             assert np.abs(np.subtract(shares, expected)).max() < 1e-12, (k, axis, inputs, shares, expected)
             sign = float(np.sign(log.force_hill_n[k, axis]))
