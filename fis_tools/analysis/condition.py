@@ -271,6 +271,7 @@ def _linear_form(words: list[str], names: Sequence[str], text: str) -> dict[str,
 
 
 def _sign(words: list[str]) -> float:
+    """Parse signs; return their product, 1 or -1."""
     sign = 1.0
     while words and words[0] in {"+", "-"}:
         sign *= -1.0 if words.pop(0) == "-" else 1.0
@@ -278,6 +279,7 @@ def _sign(words: list[str]) -> float:
 
 
 def _number(words: list[str], text: str) -> float:
+    """Parse a finite number with its signs."""
     sign = _sign(words)
     word = words.pop(0) if words else ""
     if not re.fullmatch(NUMBER, word) or not np.isfinite(float(word)):

@@ -131,6 +131,7 @@ def from_mapping(mapping: Any, source: str) -> tuple[Box, ...]:
 
 
 def _box(mapping: Mapping[str, Any]) -> Box:
+    """Return the box of a system from plain data."""
     names, units, low, high = (
         tuple(kind(row[key]) for row in mapping["inputs"]) for key, kind in _COLUMNS.items()
     )

@@ -217,6 +217,7 @@ def _points_of(recording: "Recording") -> PointsAlong | None:
 
 
 def _period(flown: FlownSystem, start_s: float, recording: "Recording | None") -> Period:
+    """Return a system's inference in the control period that starts at a time, if it made one."""
     rows = np.flatnonzero(np.abs(flown.time_s + flown.delay_s - start_s) < SAME_TIME_S)
     row = int(rows[0]) if len(rows) else None
     name, starts = flown.system.outputs[0].name, np.array([start_s])
@@ -313,6 +314,7 @@ def _understood() -> AbstractContextManager[None]:
 
 
 def _controller_of(recording: "Recording") -> FuzzyController:
+    """Return the controller that a recording carries."""
     content = recording.attachments.get(CONTROLLER_ATTACHMENT)
     if content is None:
         raise ControllerFileError(

@@ -251,6 +251,7 @@ def completeness(system: model.FuzzySystem) -> Completeness:
 
 
 def _has_every_combination(system: model.FuzzySystem) -> bool:
+    """Return whether every combination of the inputs' terms has a rule."""
     table = model.conjunctions(system)
     if table is None or np.any(table[0] < 0):
         return False

@@ -203,6 +203,7 @@ def _column(where: str, column: Any) -> NDArray[Any]:
 
 
 def _require_finite(path: Path, names: Sequence[str], columns: Floats) -> None:
+    """Raise ControllerFileError for columns with missing or infinite values."""
     wrong = np.argwhere(~np.isfinite(columns))
     if len(wrong):
         row, column = wrong[0]

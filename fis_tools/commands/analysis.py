@@ -108,6 +108,7 @@ def domain(domain: str, flights: tuple[str, ...], /) -> int:
 
 
 def _read(path: Path) -> tuple[Box, ...]:
+    """Read an operational domain from its file."""
     try:
         content = json.loads(read_text(path))
     except (OSError, ValueError, RecursionError) as error:
@@ -135,6 +136,7 @@ def _departures(path: str, boxes: dict[str, Box]) -> list[Departure]:
 
 
 def _sentence(d: Departure) -> str:
+    """Describe when and how far an input was outside the domain."""
     unit = f" {d.unit}" if d.unit else ""
     when = f"at {d.first_s:g} s" if d.first_s == d.last_s else f"{d.first_s:g} to {d.last_s:g} s"
     return (

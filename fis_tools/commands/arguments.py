@@ -299,6 +299,7 @@ def given_to(inputs: str, whole: FuzzyTree) -> Floats:
 
 
 def _row(values: Mapping[str, float], whole: FuzzyTree) -> Floats:
+    """Return the inputs of wired systems in their order; raise Mistake for missing ones."""
     known = [variable.name for variable in whole.inputs]
     require_known(values, known, "there is no input", Mistake)
     if missing := [name for name in known if name not in values]:

@@ -208,6 +208,8 @@ def _systems(paths: Sequence[str], controllers: Sequence[FuzzyController]) -> tu
 
 
 def _resampled(system: FuzzySystem, num_points: int) -> FuzzySystem:
+    """Return a system with another number of points in each universe, unless it lists values there."""
+
     def resampled(variable: Variable) -> Variable:
         is_fixed = any(isinstance(term.membership, Sampled) for term in variable.terms)
         return variable if is_fixed or variable.points else replace(variable, num_points=num_points)

@@ -221,6 +221,7 @@ def surface(
 
 
 def _surface_csv(result: arrays.Surface) -> str:
+    """Return a surface as CSV, a row for each point."""
     rows = [[result.x_variable.name, result.y_variable.name, result.output.name]]
     for (row, column), value in np.ndenumerate(result.values):
         rows.append([repr(float(number)) for number in (result.x[column], result.y[row], value)])

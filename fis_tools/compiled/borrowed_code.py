@@ -35,6 +35,7 @@ class _BorrowedModel(models.PrimitiveModel):
 
 
 def _borrowed_type(kind: Any) -> Any:
+    """Return the numba type of a borrowed array or tuple."""
     if isinstance(kind, types.BaseNamedTuple):
         return BorrowedType(kind)
     held = members(kind)
@@ -94,6 +95,7 @@ def _offset(context: Any, held: Any, index: int) -> int:
 
 @lower_getattr_generic(BorrowedType)
 def _lower_borrowed_attribute(context: Any, builder: Any, kind: BorrowedType, value: Any, name: str) -> Any:
+    """Load a field of a borrowed named tuple through its pointer."""
     index = kind.held.fields.index(name)
     member = kind.held.types[index]
     pointer = builder.gep(value, [I64(_offset(context, kind.held, index))])

@@ -110,6 +110,7 @@ def _described_code(code: CodeType) -> Description:
 
 
 def _described_constant(constant: Any) -> Description:
+    """Describe a constant of bytecode."""
     if isinstance(constant, CodeType):
         return _described_code(constant)
     if isinstance(constant, frozenset):

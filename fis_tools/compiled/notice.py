@@ -34,6 +34,7 @@ class _Notice(event.Listener):
         self._shown = ExitStack()
 
     def on_start(self, event: Any) -> None:
+        """Start the timer after which the outermost compilation is announced."""
         dispatcher = event.data["dispatcher"]
         if dispatcher not in self.dispatchers:
             return
@@ -43,6 +44,7 @@ class _Notice(event.Listener):
             self._timer.start()
 
     def on_end(self, event: Any) -> None:
+        """End the notice with the outermost compilation."""
         if event.data["dispatcher"] not in self.dispatchers:
             return
         self._depth -= 1
@@ -114,6 +116,7 @@ def _name(compiled: Any) -> str:
 
 
 def _write(line: str) -> None:
+    """Write a line to standard error, if that is open."""
     with suppress(OSError, ValueError):  # the stream may be closed or full
         if sys.stderr is not None:
             sys.stderr.write(f"  {line}\n")

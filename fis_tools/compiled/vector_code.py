@@ -253,6 +253,7 @@ def _same(x: Any, y: Any) -> Any:
 
 
 def _logic(emit: Callable[[Any, Any, Any], Any], *operations: Any) -> None:
+    """Register an operation of two masks."""
     for operation in operations:
         defined(operation, MaskType, MaskType, result=_same)(
             lambda context, builder, signature, x, y: emit(builder, x, y)
@@ -295,6 +296,7 @@ _unary(np.rint, VectorType, _intrinsic("llvm.rint"))
 
 
 def _select_type(mask: Any, x: Any, y: Any) -> Any:
+    """Return the type of a selection from two values by a mask or a bool; None if they do not fit."""
     joint = _joint(x, y)
     if isinstance(mask, MaskType):
         return VectorType(mask.width) if joint in (VectorType(mask.width), types.float64) else None
@@ -331,6 +333,7 @@ def _higher(context: Any, builder: Any, signature: Any, *degrees: Any) -> Any:
 
 
 def _width_type(rows: Any) -> Any:
+    """Return the number of lanes as a literal type, from the shape in the type of rows."""
     kind = next(iter(rows.fields.values())).type if isinstance(rows, types.Record) else rows
     return types.literal(kind.shape[-1]) if isinstance(kind, types.NestedArray) else None
 
@@ -524,6 +527,7 @@ def _beside(builder: Any, parts: list[Any], lanes: int) -> Any:
 
 
 def _total(builder: Any, vector: Any) -> Any:
+    """Add the upper half of a vector to the lower until one lane is left."""
     half = vector.type.count // 2
     while half:
         lanes = [ir.Constant(ir.VectorType(I32, half), list(range(k, k + half))) for k in (0, half)]

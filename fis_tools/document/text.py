@@ -127,6 +127,7 @@ def _markdown_lines(block: Block) -> Iterator[str]:
 
 
 def _markdown_cell(cell: Cell) -> str:
+    """Return a cell in Markdown; a change shows the old value struck through."""
     if not isinstance(cell, Change):
         return _markdown(str(cell))
     before, after = map(_markdown, (cell.before, cell.after))

@@ -134,6 +134,8 @@ class Editor:
         self._show_controller()
 
     def _set(self, name: str, value: str) -> None:
+        """Set a constant of the controller to a number that was typed."""
+
         def change(controller: FuzzyController) -> FuzzyController:
             facts = dict(controller.attributes) | {name: f"{number(value):.12g}"}
             return replace(controller, attributes=tuple(sorted(facts.items())))
@@ -163,6 +165,7 @@ class Editor:
         self._answers.ask(self.session.controller)
 
     def _show(self) -> None:
+        """Show the title, the selected system, the constants, and which steps can be undone or redone."""
         self._title.set_text(self.session.title)
         self._view.show()
         for constant in constants(self.session.controller, self._meanings):

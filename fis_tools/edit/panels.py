@@ -74,6 +74,7 @@ class PanelAnswers:
         self._is_busy = False
 
     def _build(self, parent: ui.element, panel: Panel) -> ui.element:
+        """Build a panel's card; return the element that says whether it is computing."""
         with parent, card(panel.title):
             with ui.element("div").classes("card-head"):
                 heading(2, panel.title)
@@ -87,6 +88,7 @@ class PanelAnswers:
         self._ask(*self._states)
 
     def _ask(self, *panels: Panel) -> None:
+        """Compute panels anew, after the answer under way."""
         for panel in panels:
             self._asked[panel] = object()
             set_properties(self._states[panel], textContent="computing …")

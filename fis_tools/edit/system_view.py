@@ -93,6 +93,7 @@ class SystemView:
                     button.props("flat no-caps dense").props["aria-label"] = label
 
     def _variable(self, kind: str, variable: Variable, index: int) -> _VariableView:
+        """Build the view of a variable: its terms and, of an input, a slider."""
         view = _VariableView()
         view.props["kind"], view.props["start"] = kind, self._values[index] if kind == "input" else None
         view.on("touch", lambda event: self._touch_term(view, variable.name, event.args))
@@ -133,6 +134,7 @@ class SystemView:
             self._change(lambda system: change(system, rule, value))
 
     def _slide(self, index: int, value: float) -> None:
+        """Set an input, and infer anew."""
         self._values[index] = value
         self._infer()
         if len(self._values) > 2:
@@ -167,6 +169,7 @@ class SystemView:
             view.run_method(method, *arguments)
 
     def _show_sentence(self) -> None:
+        """Show the selected rule in words, if it has any."""
         rules = self.system.rules
         if self._rule is not None and self._rule >= len(rules):
             self._rule = None
@@ -177,6 +180,7 @@ class SystemView:
         set_properties(self._sentence, value=words or "", disabled=words is None, placeholder=hint)
 
     def _infer(self) -> None:
+        """Infer at the inputs set, and show all degrees and outputs."""
         inference = infer(self.system, np.array(self._values))
         for view, degrees in zip(self._inputs, inference.memberships, strict=True):
             self._call_view(view, "infer", degrees.round(4).tolist())

@@ -136,6 +136,7 @@ def _gaussian(x: float, mean: float, deviation: float) -> float:
 
 @compiled(error_model="numpy")
 def _trapezoid(x: float, left: float, left_top: float, right_top: float, right: float) -> float:
+    """Return the degree on a trapezoid; flanks of zero width are steps."""
     if left_top <= x <= right_top:
         return 1.0
     if left < x < left_top:

@@ -310,6 +310,7 @@ def _concluded(system: FuzzySystem, variable: Variable, term: int, strength: flo
 
 
 def _cut_terms(system: FuzzySystem, variable: Variable, firing: Floats) -> Floats:
+    """Return the height at which each term of an output is cut; NaN for terms that no rule concludes."""
     accumulate = ACCUMULATIONS[variable.accumulation]
     cuts = np.full(len(variable.terms), np.nan)
     for number, consequent in system.conclusions_on(variable):

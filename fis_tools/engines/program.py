@@ -232,6 +232,7 @@ def assemble(system: model.FuzzySystem) -> Program:
 
 
 def _concluded(system: model.FuzzySystem) -> tuple[Conclusion | Weighing, ...]:
+    """Translate every output to arrays."""
     return tuple(
         _weighing(system, output) if system.weighs(output) else _conclusion(system, output)
         for output in system.outputs
@@ -261,6 +262,7 @@ def _antecedents(system: model.FuzzySystem) -> Antecedents:
 
 
 def _memberships_with_slopes(variable: model.Variable) -> Floats:
+    """Return memberships and slopes at the points of a universe, as a flat table."""
     sampled = variable.memberships
     slopes = np.zeros_like(sampled)  # constant beyond the last point
     slopes[:, :-1] = np.diff(sampled) / np.diff(variable.universe)

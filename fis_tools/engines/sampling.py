@@ -71,6 +71,7 @@ def defuzzify(conclusion: Conclusion, heights: Floats) -> float:
 
 @compiled(error_model="numpy", nogil=True)
 def _centroid(x: Floats, heights: Floats, highest: float) -> float:
+    """Return the centroid of heights at points, inside their range; scaled where all are tiny."""
     scale = 1.0 / highest if highest < FAINT else 1.0
     area, moment = 0.0, 0.0
     for point in range(len(x)):

@@ -75,6 +75,7 @@ def to_mapping(controller: model.FuzzyController) -> dict[str, Any]:
 
 
 def _system_mapping(system: model.FuzzySystem) -> dict[str, Any]:
+    """Return a system as plain data; usual settings are left out."""
     return {
         **{key: getattr(system, key) for key in ("name", "and_operator", "or_operator", "defuzzifier")},
         **_unusual(system, "implication", "semantics", "type_reduction"),
@@ -120,6 +121,7 @@ def _membership_mapping(membership: model.MembershipFunction) -> dict[str, Any]:
 
 
 def _rules_list(system: model.FuzzySystem) -> list[Any]:
+    """Return the rules: the terms of a full table in order, or one mapping a rule."""
     table = model.rule_table(system)
     if table is not None and not any(rule.label for rule in system.rules):
         return [system.outputs[0].terms[index].name for index in table]
@@ -127,6 +129,7 @@ def _rules_list(system: model.FuzzySystem) -> list[Any]:
 
 
 def _rule_mapping(rule: model.Rule) -> dict[str, Any]:
+    """Return a rule as plain data."""
     return {
         **_unusual(rule, "label", "and_operator", "or_operator"),
         "if": _expression_mapping(rule.antecedent),
@@ -137,6 +140,7 @@ def _rule_mapping(rule: model.Rule) -> dict[str, Any]:
 
 
 def _expression_mapping(expression: model.Expression) -> dict[str, Any]:
+    """Return an antecedent as plain data."""
     match expression:
         case model.Is(variable, term):
             return {"is": [variable, term]}
@@ -200,6 +204,7 @@ def refuse_problems(controller: model.FuzzyController) -> None:
 
 
 def _check_keys(value: Any, where: str, required: Sequence[str], optional: Sequence[str] = ()) -> None:
+    """Raise ControllerFileError for unknown and missing keys."""
     if not isinstance(value, Mapping):
         raise ControllerFileError(
             f"{where} is {_kind_of(value)}; expected a mapping with {', '.join(required)}"
@@ -217,6 +222,7 @@ def _kind_of(value: object) -> str:
 
 
 def _text(value: Any, where: str) -> str:
+    """Read a text."""
     if not isinstance(value, str):
         raise ControllerFileError(f"{where} is {_kind_of(value)}; expected a word: quote it")
     if len(value) > LONGEST_TEXT:
@@ -225,6 +231,7 @@ def _text(value: Any, where: str) -> str:
 
 
 def _number(value: Any, where: str) -> float:
+    """Read a number."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise ControllerFileError(f"{where} is {_kind_of(value)}; expected a number")
     try:
@@ -240,6 +247,7 @@ def _flag(value: Any, where: str) -> bool:
 
 
 def _count(value: Any, where: str) -> int:
+    """Read a whole number."""
     if isinstance(value, bool) or not isinstance(value, int):
         raise ControllerFileError(f"{where} is {_kind_of(value)}; expected a whole number")
     if value > MOST_POINTS:
@@ -248,6 +256,7 @@ def _count(value: Any, where: str) -> int:
 
 
 def _items(value: Any, where: str, read: Callable[[Any, str], _Item], most: int = MOST_POINTS) -> list[_Item]:
+    """Read a list, each item by `read`."""
     if isinstance(value, str) or not isinstance(value, Sequence):
         raise ControllerFileError(f"{where} is {_kind_of(value)}; expected a list")
     if len(value) > most:
@@ -403,6 +412,7 @@ def _rules(
 
 
 def _rule(value: Any, where: str) -> model.Rule:
+    """Read a rule."""
     content = _read(
         value, where, {"if": _expression, "then": _each(_consequent)}, {"label": _text, **_OPERATORS}
     )

@@ -116,6 +116,7 @@ def write_json(mapping: Mapping[str, Any]) -> str:
 
 
 def _unique_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Return a JSON object as a mapping; refuse repeated keys."""
     mapping = dict(pairs)
     if len(mapping) != len(pairs):
         times = Counter(key for key, _ in pairs)
@@ -257,6 +258,7 @@ def read_yaml(text: str) -> Any:
 
 
 def _problem(error: yaml.MarkedYAMLError) -> str:
+    """Return an error of YAML in our words: what, where, and the cure."""
     mark = error.problem_mark or error.context_mark
     problem = error.problem or error.context or "a mistake"
     if mark is None:
@@ -290,6 +292,7 @@ def _string(text: str) -> str:
 
 
 def _escaped(character: str) -> str:
+    """Return a character as a quoted text of YAML holds it."""
     if character in '"\\':
         return "\\" + character
     if character.isprintable():
@@ -299,6 +302,7 @@ def _escaped(character: str) -> str:
 
 
 def _yaml_scalar(value: Any) -> str:
+    """Return a scalar in YAML; its reader takes a float without a point for a text."""
     if isinstance(value, str):
         return _string(value)
     text = json.dumps(value)
@@ -321,6 +325,7 @@ def _mapping_lines(mapping: Mapping[str, Any], indent: int) -> list[str]:
 
 
 def _sequence_lines(items: Sequence[Any], indent: int) -> list[str]:
+    """Return a list as lines of YAML."""
     lines: list[str] = []
     for item in items:
         if _fits(item, indent + 2):

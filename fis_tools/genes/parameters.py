@@ -202,6 +202,7 @@ class SystemEncoding(Genes):
         return np.array(genes, dtype=np.float64)
 
     def _checked(self, genomes: Floats) -> Floats:
+        """Return genomes; raise ValueError unless they have the encoding's number of genes."""
         if genomes.ndim != 2 or genomes.shape[1] != self.num_genes:
             raise ValueError(
                 f"genomes have shape {genomes.shape[-1:]} each, this encoding has {self.num_genes} genes; "
@@ -230,6 +231,7 @@ class SystemEncoding(Genes):
 
     @staticmethod
     def _decoded(variable: Variable, low: Floats, high: Floats, means: Floats, widths: Floats) -> Variable:
+        """Return a variable with the decoded range, means and widths."""
         terms = tuple(
             Term(term.name, Gaussian(float(mean), float(width)))
             for term, mean, width in zip(variable.terms, means[0], widths[0], strict=True)
@@ -304,6 +306,7 @@ class KeptRules(Genes):
         return np.asarray(genome[self._is_tuned()])
 
     def _is_tuned(self) -> Booleans:
+        """Return which genes stay: all but those of the rules, (encoding.num_genes,)."""
         is_tuned = np.ones(self.encoding.num_genes, dtype=np.bool_)
         for slices in self.encoding.gene_slices():
             is_tuned[slices.rules] = False

@@ -38,6 +38,7 @@ class _FuzzyEstimator(BaseEstimator):
         return self
 
     def _infer(self, X: ArrayLike) -> Floats:
+        """Return the learned system's outputs for rows of all features."""
         check_is_fitted(self)
         rows = validate_data(self, X, reset=False, dtype=np.float64)
         fed: Floats = np.ascontiguousarray(rows[:, self.input_columns_])

@@ -391,6 +391,7 @@ def imitate(
 
 
 def _one_output(what: object) -> FuzzySystem:
+    """Return the only system of a controller; raise ValueError unless it has one output."""
     systems = as_controller(what).systems
     if len(systems) != 1 or len(systems[0].outputs) != 1:
         outputs = ", ".join(variable.name for system in systems for variable in system.outputs)

@@ -176,6 +176,7 @@ def tuned(partitions: Sequence[Partition], error: Callable[[Partitions], float])
 
 
 def _inner_peaks(partitions: Partitions) -> list[tuple[int, int]]:
+    """Return every peak that can move, as the indices of its partition and itself."""
     return [
         (where, index)
         for where, partition in enumerate(partitions)

@@ -100,6 +100,7 @@ def _require_plain(
 
 
 def _agreed_operator(each: Named, word: str, operators: Sequence[Name | None]) -> Name | None:
+    """Return the one operator that rules of a chain state; None if none states any."""
     operators_given = sorted({operator for operator in operators if operator is not None})
     if len(operators_given) > 1:
         raise NotResolvable(

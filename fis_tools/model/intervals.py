@@ -81,6 +81,7 @@ def bound_of(shape: MembershipFunction, ending: str) -> MembershipFunction:
 
 
 def _bound_input(variable: Variable) -> Variable:
+    """Return an input with two terms for each: its lower and its upper set."""
     terms = (
         Term(term.name + ending, bound_of(term.membership, ending))
         for term in variable.terms

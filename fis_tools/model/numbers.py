@@ -254,6 +254,7 @@ class _FormulaParser:
         return self.tokens[self.place - 1][1]
 
     def expect(self, sign: str) -> None:
+        """Take a sign, or raise NotAFormula."""
         if self.next != sign:
             raise NotAFormula(
                 f"the formula {self.text[:40]!r} has {self.next or 'its end'!r} where {sign or 'its end'!r} "
@@ -292,6 +293,7 @@ class _FormulaParser:
         return inside
 
     def call(self, word: str, depth: int) -> Part:
+        """Parse the arguments of a function."""
         arguments: list[Part] = []
         for index in range(FUNCTIONS[word][0]):
             self.expect("," if index else "(")

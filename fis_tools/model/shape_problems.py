@@ -72,6 +72,7 @@ def _listed(parameters: dict[str, float]) -> str:
 
 
 def _value_problems(shape: Sampled, num_points: int) -> Iterator[str]:
+    """Yield the problems of listed memberships."""
     if len(shape.values) != num_points:
         yield (
             f"{len(shape.values)} membership values are given for a universe of {num_points} points; give "
@@ -82,6 +83,7 @@ def _value_problems(shape: Sampled, num_points: int) -> Iterator[str]:
 
 
 def _polyline_problems(shape: Polyline) -> Iterator[str]:
+    """Yield the problems of a polyline."""
     if not shape.x or len(shape.x) != len(shape.y):
         yield f"a polyline has {len(shape.x)} x and {len(shape.y)} y; give one y for each x"
     elif not all(map(is_finite, shape.x)) or any(left > right for left, right in pairwise(shape.x)):
@@ -91,6 +93,7 @@ def _polyline_problems(shape: Polyline) -> Iterator[str]:
 
 
 def _between_problems(variable: Variable, term: Term, shape: Between) -> Iterator[str]:
+    """Yield the problems of an interval type-2 set."""
     for bound in (shape.lower, shape.upper):
         yield from sample_problems(variable, replace(term, membership=bound))
     lower, upper = (shape_values(variable.universe, bound) for bound in (shape.lower, shape.upper))

@@ -204,6 +204,7 @@ def _doubles(controller: FuzzyController) -> Iterator[str]:
 
 
 def _end_problems(wire: Wire, ends: Mapping[str, End]) -> Iterator[str]:
+    """Yield the problems of the names at a wire's ends."""
     for name in (wire.source, wire.target):
         if name not in ends:
             yield f"the wire from {wire.source!r} to {wire.target!r}: there is no {name!r}; " + suggestion(
@@ -214,6 +215,7 @@ def _end_problems(wire: Wire, ends: Mapping[str, End]) -> Iterator[str]:
 
 
 def _pair_problems(systems: Sequence[FuzzySystem], wire: Wire, ends: Mapping[str, End]) -> Iterator[str]:
+    """Yield the problems of a wire between two variables: units and ranges that differ."""
     source, target = (_variable(systems, ends[name]) for name in (wire.source, wire.target))
     if source.unit and target.unit and source.unit != target.unit:
         yield (

@@ -167,6 +167,7 @@ def _at(where: str, problems: Iterable[str]) -> Iterator[str]:
 
 
 def _name_problems(what: str, name: str) -> Iterator[str]:
+    """Yield the problems of a name."""
     if len(name) > LONGEST_NAME:
         yield f"{what} has a name of {len(name)} letters, {name[:40]!r}...; at most {LONGEST_NAME} are read"
     elif not name or not name.isprintable() or name != name.strip():
@@ -400,6 +401,7 @@ def _expression_problems(inputs: Vocabulary, expression: Expression, depth: int)
 
 
 def _reference_problems(known: Vocabulary, kind: str, variable: str, term: str) -> Iterator[str]:
+    """Yield a problem if a variable, or its term, does not exist."""
     if variable not in known:
         yield f"{kind} {variable!r} does not exist; {suggestion(variable, known)}"
     elif term not in known[variable]:

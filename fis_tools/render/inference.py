@@ -169,6 +169,7 @@ def conclusion_panel(variable: Variable, rule: Rule, strength: float, ax: Axes, 
 def _fill_up_to(
     ax: Axes, variable: Variable, curve: Floats, height: float, line: dict[str, Any], alpha: float
 ) -> None:
+    """Draw a membership function, filled up to a height."""
     ax.fill_between(variable.universe, np.minimum(curve, height), color=line["color"], alpha=alpha, lw=0)
     ax.plot(variable.universe, curve, linewidth=1.5, clip_on=False, **line)
 
@@ -212,6 +213,7 @@ def _named_terms(expression: Expression, name: str, *, is_denied: bool = False) 
 
 
 def _finished(ax: Axes, variable: Variable, words: str, theme: Theme, *, is_empty: bool) -> Axes:
+    """Return a panel's axes without ticks, with words above them."""
     ax.set(xlim=(variable.minimum, variable.maximum), ylim=(0.0, 1.0), xticks=(), yticks=())
     ax.spines[["top", "right", "left"]].set_visible(False)
     dress(ax, theme)

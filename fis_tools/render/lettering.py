@@ -79,6 +79,7 @@ def shortened(words: str, room: float, size: float) -> str:
 
 
 def _cut(line: str, room: float, size: float) -> str:
+    """Return a line shortened by an ellipsis to a width, inches."""
     if width(line, size) <= room:
         return line
     kept = next(

@@ -107,6 +107,7 @@ def rule_matrix(
 
 
 def _fixed_terms(system: FuzzySystem, outer: list[Variable], fixed: dict[str, str]) -> tuple[int, ...]:
+    """Return the index of each outer input's fixed term."""
     for variable in outer:
         terms = [term.name for term in variable.terms]
         if fixed.get(variable.name) not in terms:

@@ -90,6 +90,7 @@ def inputs(controller: FuzzyController, samples: Mapping[str, SensedInputs]) -> 
 
 
 def _met(variable: Variable, values: Floats) -> str:
+    """Describe the values that an input had."""
     low, high = float(values.min()), float(values.max())
     outside = float(np.mean((values < variable.minimum) | (values > variable.maximum)))
     beyond = f"; {wording.percent(outside)} beyond its range, and taken as its end" if outside else ""
@@ -336,6 +337,7 @@ def finding_rows(audit: Audit, controller: FuzzyController) -> list[dict[str, An
 
 
 def _links(finding: Finding, system: FuzzySystem, system_id: str) -> list[tuple[str, str]]:
+    """Return the links of a finding: texts and ids of its variable and rules."""
     links = []
     for kind, variables in (("i", system.inputs), ("o", system.outputs)):
         for index, variable in enumerate(variables, start=1):

@@ -248,6 +248,7 @@ def _evaluation_row(evaluation: Evaluation) -> list[str]:
 
 
 def _share(statistic: Mapping[str, float] | None, count: int) -> str:
+    """Return a count with its share and interval, in words."""
     if statistic is None:
         return UNKNOWN
     low, high = 100 * statistic["low"], 100 * statistic["high"]

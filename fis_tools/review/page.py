@@ -266,6 +266,7 @@ def _wired(controller: FuzzyController) -> Iterator[Block]:
 
 
 def _pictures(system: Inferable) -> Iterator[Block]:
+    """Yield the surfaces as pictures; without matplotlib, what to install."""
     try:
         from fis_tools import render  # noqa: PLC0415 - the page is made without matplotlib
     except MissingExtra as error:

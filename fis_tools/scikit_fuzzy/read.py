@@ -104,6 +104,7 @@ def read_control_system(
 
 
 def _variable(source: Any) -> model.Variable:
+    """Return a scikit-fuzzy variable as one of ours."""
     universe = _universe(source)
     low = float(universe[0])
     high = float(universe[-1])
@@ -112,6 +113,7 @@ def _variable(source: Any) -> model.Variable:
 
 
 def _output(source: Any, defaults: Mapping[str, float]) -> model.Variable:
+    """Return a scikit-fuzzy consequent as an output, with its default, defuzzifier and accumulation."""
     variable = _variable(source)
     nearest_to_zero = min(max(0.0, variable.minimum), variable.maximum)
     default = float(defaults.get(variable.name, nearest_to_zero))
@@ -121,6 +123,7 @@ def _output(source: Any, defaults: Mapping[str, float]) -> model.Variable:
 
 
 def _universe(source: Any) -> Floats:
+    """Return a universe; raise UnreadableControlSystem unless it ascends."""
     universe = _exact(source.universe, f"the universe of {source.label!r}")
     if universe.ndim != 1 or len(universe) < 2 or not (np.diff(universe) > 0).all():
         raise UnreadableControlSystem(
@@ -147,6 +150,7 @@ def _term(source: Any, universe: Floats, term: FuzzyTerm) -> model.Term:
 
 
 def _exact(values: Any, what: str) -> Floats:
+    """Return numbers as float64; raise UnreadableControlSystem for types in which they were rounded."""
     array = np.asarray(values)
     if array.dtype.name not in _EXACT_TYPES:
         raise UnreadableControlSystem(
@@ -157,6 +161,7 @@ def _exact(values: Any, what: str) -> Floats:
 
 
 def _defuzzifier(source: Any) -> model.Defuzzifier:
+    """Return the name of a consequent's defuzzifier."""
     method = str(source.defuzzify_method)
     for name in _DEFUZZIFIERS:
         if name in method.lower():

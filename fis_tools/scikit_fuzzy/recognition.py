@@ -133,6 +133,7 @@ def _rounded(kind: Kind, parameters: Numbers, digits: int, width: float) -> Numb
 
 
 def _estimates(samples: SampledTerm) -> Iterator[Estimate]:
+    """Yield the shapes that may give the samples: first straight ones, then smooth ones, refined."""
     if not model.is_unimodal(samples.values):
         return
     yield from _straight(samples)

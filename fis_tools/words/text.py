@@ -373,6 +373,7 @@ def rule_list(controller: FuzzyController) -> Document:
 
 
 def _variable(kind: str, variable: Variable) -> list[Block]:
+    """Return a variable as blocks: its range, meaning and terms."""
     default = "" if variable.default is None else f"; {number(variable.default)} when no rule fires"
     points = f"{variable.num_points} {'uneven ' if variable.points is not None else ''}points"
     extent = f"{number(variable.minimum)} to {number(variable.maximum)}, {points}"
@@ -383,6 +384,7 @@ def _variable(kind: str, variable: Variable) -> list[Block]:
 
 
 def _rules(system: FuzzySystem) -> Iterator[Block]:
+    """Yield the rules as tables, or as a list."""
     tables = rule_tables(system) or []
     yield Heading(f"Rules for {system.outputs[0].name}" if tables else "Rules", 3)
     for title, (heads, *rows) in tables:

@@ -138,6 +138,7 @@ class Graph:
         return str(name)
 
     def _is_constant(self, name: str) -> bool:
+        """Return whether a name is a constant of the model, or a copy of one."""
         if name in self._tensors:
             return True
         node = self._made_by.get(name)

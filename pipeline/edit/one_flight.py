@@ -91,6 +91,7 @@ class OneFlight(Panel):
     def _show_flight(
         self, drawn: tuple[int, FuzzyController], end: str, scene: tuple[Any, Any], forces: Options
     ) -> None:
+        """Show a flight: how it ended, the scene, and the forces."""
         self._drawn = drawn
         self._end.set_text(end)
         self._scene.run_method("show", *scene)

@@ -63,6 +63,7 @@ class ManyFlights(Panel):
             )
 
     def _summary(self, controller: FuzzyController, before: Flown, after: Flown) -> Show:
+        """Return what shows the results so far: numbers, verdicts, and the histogram."""
         numbers = html.body(Document([_numbers(self._cases.compare(before, after))]))
         below = Markup().join(_judged(after, *judged) for judged in after.verdicts(self._cases.requirements))
         if controller != self._original:

@@ -140,6 +140,7 @@ def _resumed(path: Path, search: HparamsSearch) -> tuple[optuna.Study, _Journal]
 
 
 def _opened(path: Path, text: str, search: HparamsSearch) -> tuple[optuna.Study, _Journal]:
+    """Return the study and the journal that a file's text holds; raise ValueError for a broken one."""
     journal = _Journal(path, text)
     pruner = WilcoxonPruner(p_threshold=search.prune_below)
     study = optuna.create_study(
@@ -174,6 +175,7 @@ def _result_of(trial: FrozenTrial) -> TrialResult:
 
 
 def _distribution(dimension: Dimension) -> BaseDistribution:
+    """Return Optuna's distribution of a dimension of the search."""
     if dimension.choices:
         return CategoricalDistribution(dimension.choices)
     if isinstance(dimension.low, int) and isinstance(dimension.high, int):

@@ -259,6 +259,7 @@ class SixDofInspectionEnv(gymnasium.Env[NDArray[np.float32], NDArray[Any]]):
         self._is_inspected |= self._is_lit & seen
 
     def _for_this_step(self) -> float:
+        """Return the reward for being alive and for facing the chief."""
         reward, position = self._reward, self._state[PLACE]
         facing = -float(self._camera @ position) / np.linalg.norm(position)
         gained = reward.alive * (self._k * self._mission.control_period_s <= reward.alive_s)
@@ -267,6 +268,7 @@ class SixDofInspectionEnv(gymnasium.Env[NDArray[np.float32], NDArray[Any]]):
         return gained
 
     def _observed(self) -> NDArray[np.float32]:
+        """Return the observation: state, directions (Sun, target, priority), weight inspected, time left."""
         axes, is_wanted = dcm_b_from_h(self._chief[self._k]), self._is_lit & ~self._is_inspected
         target = self._surface.points[is_wanted].sum(axis=0) @ axes
         length = max(float(np.linalg.norm(target)), 1e-9)
@@ -276,6 +278,7 @@ class SixDofInspectionEnv(gymnasium.Env[NDArray[np.float32], NDArray[Any]]):
         return np.concatenate((*parts, [self.weight_inspected, left])).astype(np.float32)
 
     def _info(self) -> dict[str, Any]:
+        """Return facts beside the observation: delta-v, m/s, points and weight inspected, success."""
         deputy, distance = self._mission.deputy, np.linalg.norm(self._state[PLACE])
         is_inside = bool(deputy.min_distance_m <= distance <= deputy.max_distance_m)
         counts = {"delta_v_m_s": self._spent, "num_inspected": float(self._is_inspected.sum())}

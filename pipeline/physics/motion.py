@@ -147,6 +147,7 @@ def motion_over(orbit: HasMeanMotion, deputy: HasMass, durations: Collection[flo
 
 @lru_cache(maxsize=32)  # rehearsals pack the same world for every call
 def _motion_over(n: float, mass: float, durations: tuple[float, ...]) -> Motion:
+    """Compute the motion over durations, s, by the mean motion, rad/s, and the mass, kg."""
     with plainly("pipeline"):  # compiling takes longer than all calls in a run
         return Motion(
             transition=np.array([state_transition(n, duration) for duration in durations]).reshape(-1, 6, 6),

@@ -160,7 +160,7 @@ class Axis:
     shears: Floats
 
     def start(self, low: Floats, high: Floats) -> dict[int, ReachableBox]:
-        """Return the boxes that hold a box of positions and velocities."""
+        """Split a box of positions and velocities at the cells' edges; return a box for each cell."""
         inner = self.edges[(self.edges > low[0]) & (self.edges < high[0])]
         parts = pairwise([low[0], *inner, high[0]])
         return self._dealt(partial(_leaning, ReachableBox(*part, low[1], high[1], 0.0)) for part in parts)

@@ -106,12 +106,14 @@ class _Decisions:
 
     @cached_property
     def target(self) -> Floats:
+        """Each point's part of the target's direction, (n, P, 3)."""
         candidates = self.log.is_candidate[self.samples][..., np.newaxis] * self.points
         length = np.linalg.norm(candidates.sum(axis=1, keepdims=True), axis=2, keepdims=True)
         return candidates / np.maximum(length, MIN_PROJECTION_M)
 
     @cached_property
     def urgent(self) -> Floats:
+        """Each point's part of the urgent direction, (n, P, 3)."""
         weights = (self.urgency * self.log.is_candidate[self.samples])[..., np.newaxis]
         pulls = weights * self.points
         length = np.linalg.norm(pulls.sum(axis=1, keepdims=True), axis=2, keepdims=True)
@@ -120,6 +122,7 @@ class _Decisions:
 
     @cached_property
     def see_push(self) -> Floats:
+        """Each point's part of the push from which what sets is still seen, m/s, (n, P, 3)."""
         short, slopes = self.log.looks[self.samples, :, 0], self.log.looks[self.samples, :, 1:]
         weighted = self.urgency[..., np.newaxis] * slopes
         matrix = self["see_damping_ks2"] * KS2 * np.eye(3) + np.swapaxes(weighted, 1, 2) @ slopes

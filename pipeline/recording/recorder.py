@@ -147,6 +147,7 @@ class FlightRecorder:
             self._record(path, scenario, log, scenario_id)
 
     def _record(self, path: Path, scenario: Scenario, log: FlightLog, scenario_id: str) -> None:
+        """Write a flight's metadata, attachments and messages to a file."""
         metadata = {topics.EPISODE_METADATA: self._episode(scenario, scenario_id, log), **self._systems}
         metadata |= self._rehearsals(log)
         with EpisodeWriter(path, metadata=metadata, attachments=self._attachments) as writer:

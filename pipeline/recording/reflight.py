@@ -105,6 +105,7 @@ def _check_length(recording: Recording, experiment: Experiment) -> None:
 
 
 def _judged(path: Path, exact: Comparison, close: Comparison) -> Reflight:
+    """Return how closely a flight was repeated, with the field that differs most."""
     fields = [field for field in exact.fields if field.greatest > 0.0]
     worst = max(fields, key=lambda field: field.greatest, default=None)
     where = f"{worst.topic} {worst.field}" if worst else (exact.lone[0].topic if exact.lone else "")
@@ -157,6 +158,7 @@ def _controller_of(recording: Recording, experiment: Experiment) -> Controller:
 
 
 def _policy_of(recording: Recording, entry: Mapping[str, Any]) -> Controller:
+    """Return the policy whose ONNX content a recording carries."""
     try:
         content = base64.b64decode(str(entry.get("onnx")), validate=True)
         return policy_of(str(entry.get("name")), content, f"the policy of {recording.path}")

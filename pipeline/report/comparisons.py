@@ -130,6 +130,7 @@ def _share(percent: float) -> str:
 
 
 def _between(interval: Mapping[str, float | None], decimals: int) -> str:
+    """Return an interval in words, of which either end may be unknown."""
     low, high = (
         None if interval[end] is None else f"{interval[end]:.{decimals}f}" for end in ("low", "high")
     )
@@ -139,6 +140,7 @@ def _between(interval: Mapping[str, float | None], decimals: int) -> str:
 
 
 def _outcome(summary: Mapping[str, Any]) -> list[str]:
+    """Return the cells of a summary: delta-v, rate, and shares of success and of leaving the limits."""
     return [
         comparison.spread(summary["delta_v_m_s"], 3),
         comparison.spread(summary["inspectable_rate_percent"], 2),

@@ -228,6 +228,7 @@ def _matrix(requirements: list[Mapping[str, Any]]) -> Table:
 
 
 def _brief(requirement: Mapping[str, Any], method: str) -> str:
+    """Return what a cell of the table says beside the verdict: searches that found a failure, or boxes."""
     if method == "search":
         return f"{requirement['search']['num_found']} of {requirement['search']['num_searches']} searches"
     if method != "bounds" or "bounds" not in requirement:

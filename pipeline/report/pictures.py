@@ -101,6 +101,7 @@ def _front(contents: Contents) -> Iterator[Drawn]:
 
 
 def _comparison(rows: Sequence[ComparisonRow], threshold: float) -> Drawn:
+    """Draw the compared controllers: in the worlds they flew in, or rate over delta-v."""
     if worlds_of(rows):
         return _captioned("comparison", by_world(rows), "worlds")
     figure = compared(marks_of(rows), threshold)
@@ -108,6 +109,7 @@ def _comparison(rows: Sequence[ComparisonRow], threshold: float) -> Drawn:
 
 
 def _flight(flight: ShownFlight, mission: Mission) -> Iterator[Drawn]:
+    """Yield the pictures of a flight: its controls and, of one alone, its trajectory."""
     title = flight.title
     yield _captioned(f"control-{flight.name}", controls(flight.log, mission), "control", title=title)
     if flight.is_alone:

@@ -432,6 +432,7 @@ def _document(results: SweepResults) -> Document:
 
 
 def _picture(results: SweepResults) -> Figure:
+    """Draw the settings, rate over delta-v, with those on the front."""
     spent, rates = (
         np.array([setting.estimates[name] for setting in results.settings])
         for name in ("delta_v_m_s", "inspection_rate_percent")

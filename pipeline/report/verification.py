@@ -75,6 +75,7 @@ def _check_files(folder: Path) -> bool:
 
 
 def _is_own_config(folder: Path, manifest: Mapping[str, Any]) -> bool:
+    """Return whether the stored configuration is that of the manifest."""
     try:
         return configuration.is_of(configuration.read(folder), manifest)
     except artifacts.ArtifactError:

@@ -242,6 +242,7 @@ class _Log(logging.FileHandler):
             super().handleError(record)
 
     def _fail(self, error: OSError) -> None:
+        """Report once that the log cannot be written."""
         self.has_failed = True
         sys.stderr.write(
             f"note: {self.baseFilename} cannot be written ({error.strerror or error}); "

@@ -57,6 +57,7 @@ def join_parquet(path: Path, parts: Sequence[Path]) -> None:
 
 @contextmanager
 def _writer(path: Path, schema: pa.Schema) -> Iterator[pq.ParquetWriter]:
+    """Open a Parquet file that replaces a path once it is complete."""
     # measured numbers hardly repeat: dictionary encoding would take six times as long and more space
     with writing.beside(path) as stream:
         made = pq.ParquetWriter(stream, schema, compression="zstd", use_dictionary=False, store_schema=False)

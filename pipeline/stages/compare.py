@@ -61,6 +61,7 @@ class Lot:
 
 
 def _lots(experiment: Experiment, world: str) -> list[Lot]:
+    """Return the flights to compare in a world, a lot for each Sun setting."""
     in_that_world, lots = in_world(experiment, world), []
     for sun in experiment.compare.suns:
         under = replace(in_that_world, sun=replace(in_that_world.sun, mode=sun))
@@ -89,6 +90,7 @@ class _Flights:
         self.has_ended = Event()
 
     def note(self, count: int, label: str) -> None:
+        """Add flights to those done; raise CancelledError once the comparison has ended."""
         if self.has_ended.is_set():
             raise CancelledError
         with self._lock:

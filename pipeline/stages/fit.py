@@ -110,6 +110,7 @@ def run(experiment: Experiment, folder: Path) -> Unimproved | None:
 def _tally(
     experiment: Experiment, mission: Mission, controller: FuzzyController, starts: list[Scenario]
 ) -> FlightTally:
+    """Fly a controller from some starts with the settings of a fit, and tally the flights."""
     confidence_percent, workers = experiment.monte_carlo.confidence_percent, experiment.fit.workers
     return tally_of(mission, controller, starts, confidence_percent, workers)
 

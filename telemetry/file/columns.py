@@ -43,6 +43,7 @@ _DTYPE_OF_POINT_FIELD: Final[Mapping[int, str]] = {
 
 
 def _own_message(kind: type[Message], payloads: Sequence[bytes]) -> Columns:
+    """Decode messages of our own schemas to a column for each field."""
     messages = [kind.FromString(payload) for payload in payloads]
     return {
         field.name: _field([_value(message, field) for message in messages], field)
@@ -57,6 +58,7 @@ def _value(message: Message, field: Any) -> Any:
 
 
 def _attitude_history(payloads: Sequence[bytes]) -> Columns:
+    """Decode attitudes within control periods, (n, num_instants, ...)."""
     columns = _own_message(inspection_pb2.AttitudeHistory, payloads)
     num_messages, num_instants = columns["time_offset_s"].shape
     for name in columns.keys() - {"time_offset_s"}:
@@ -65,6 +67,7 @@ def _attitude_history(payloads: Sequence[bytes]) -> Columns:
 
 
 def _inferences(payloads: Sequence[bytes]) -> Columns:
+    """Decode inferences; shares of earlier versions are single floats."""
     columns = _own_message(inspection_pb2.FisActivation, payloads)
     single = columns.pop("shares_single_n")
     if not columns["shares_n"].size:
@@ -112,6 +115,7 @@ def _words(texts: Sequence[str]) -> NDArray[np.generic]:
 
 
 def _transforms(payloads: Sequence[bytes]) -> Columns:
+    """Decode Foxglove transforms: frames, translations and quaternions."""
     messages = [FrameTransform.FromString(payload) for payload in payloads]
     return {
         "parent_frame": _words([m.parent_frame_id for m in messages]),
@@ -122,6 +126,7 @@ def _transforms(payloads: Sequence[bytes]) -> Columns:
 
 
 def _poses(payloads: Sequence[bytes]) -> Columns:
+    """Decode Foxglove poses: frame, position and quaternion."""
     messages = [PoseInFrame.FromString(payload) for payload in payloads]
     return {
         "frame": _words([m.frame_id for m in messages]),
@@ -131,6 +136,7 @@ def _poses(payloads: Sequence[bytes]) -> Columns:
 
 
 def _logs(payloads: Sequence[bytes]) -> Columns:
+    """Decode log messages: level and text."""
     messages = [Log.FromString(payload) for payload in payloads]
     return {
         "level": np.array([Log.Level.Name(m.level).lower() for m in messages], dtype=np.str_),
@@ -164,6 +170,7 @@ def _point_clouds(payloads: Sequence[bytes]) -> Columns:
 
 
 def _cloud_columns(positions: NDArray[np.float32], colours: Bytes) -> Columns:
+    """Return positions, colours, and the states that the colours stand for."""
     states = np.full(colours.shape[:-1], UNKNOWN_STATE, dtype=np.uint8)
     for state, colour in zip(topics.PointState, topics.POINT_COLOURS_RGBA, strict=True):
         states[(colours == colour).all(axis=-1)] = state

@@ -202,6 +202,7 @@ def _flow(topic: str) -> tuple[int, str]:
 
 
 def _keys(topic: TopicColumns | None) -> NDArray[np.void]:
+    """Return each message's key: its time, and its number among messages of that time."""
     times = np.empty(0) if topic is None else topic.time_s
     keys = np.empty(len(times), dtype=_KEY)
     keys["time_s"] = times

@@ -84,6 +84,7 @@ def read(
 
 
 def _check_span(start_s: float | None, end_s: float | None) -> None:
+    """Raise RecordingError unless there is time between start and end."""
     first, last = -inf if start_s is None else start_s, inf if end_s is None else end_s
     # also false if one is NaN
     if not (first <= last and first < inf and last > -inf):
@@ -107,6 +108,7 @@ def damage_explained(path: Path) -> Iterator[None]:
 
 @contextmanager
 def _opened(path: Path) -> Iterator[BinaryIO]:
+    """Open a recording and check that it is whole."""
     with explained(f"{path} cannot be opened", "give the path of a recording, a .mcap file"):
         stream = open_regular(path)
     with stream:

@@ -120,6 +120,7 @@ def recover(path: Path | str, output: Path | str | None = None) -> Recovery:
 
 
 def _content(path: Path) -> bytes:
+    """Return the content of an MCAP file, which may be truncated."""
     with explained(f"{path} cannot be read", "give the path of a recording"):
         content = read_bytes(path, MOST_BYTES)
     if content[: len(MCAP0_MAGIC)] != MCAP0_MAGIC[: len(content)]:
@@ -194,6 +195,7 @@ def _chunk_records(chunk: Chunk) -> list[McapRecord]:
 
 
 def _write(source: Path, output: Path, recovery: Recovery) -> None:
+    """Write the recovered recording to a new file."""
     if output.exists():
         raise RecordingError(f"{output} exists; remove it or choose another name with -o")
     cure = "make room, or choose another file with -o"

@@ -49,6 +49,7 @@ def summarize(recording: Recording) -> dict[str, Any]:
 
 
 def _system(recording: Recording, name: str) -> dict[str, Any]:
+    """Return a fuzzy system's inputs, output and number of rules."""
     words = recording.fis_description(name)
     output = {"output": words.output_name, "output_unit": words.output_unit}
     inputs = dict(zip(words.input_names, words.input_units, strict=True))

@@ -108,6 +108,7 @@ def flat_table(recording: Recording, name: str) -> "pa.Table":
 
 
 def _flat_columns(recording: Recording, topic: TopicColumns) -> Table:
+    """Return the columns of a topic as a flat table."""
     if topic.topic == topics.DEPUTY_ATTITUDE:
         return _attitude_table(topic)
     if topic.topic in (topics.CHIEF_POINTS, topics.CHIEF_PULLS):
@@ -119,6 +120,7 @@ def _flat_columns(recording: Recording, topic: TopicColumns) -> Table:
 
 
 def _attitude_table(topic: TopicColumns) -> Table:
+    """Return attitudes as a table with a row for each instant."""
     offsets = topic["time_offset_s"].astype(np.float64)
     table: Table = {"time_s": (topic.time_s[:, None] + offsets).ravel()}
     for field in ("quaternion", "angular_velocity_rad_s", "torque_n_m"):
@@ -156,6 +158,7 @@ def _component_names(recording: Recording, topic: TopicColumns, field: str) -> S
 
 
 def _spread(field: str, values: NDArray[np.generic], names: Sequence[str] | None) -> Table:
+    """Return a field as columns, one for each component."""
     if values.ndim == 1:
         return {field: values}
     if names is None:

@@ -330,6 +330,7 @@ class EpisodeWriter:
         self._waiting_times = {time_ns for time_ns, _, _ in self._waiting}
 
     def _explained(self) -> AbstractContextManager[None]:
+        """Turn errors in writing this recording into a RecordingError with a cure."""
         cure = (
             "it needs an existing, writable folder with about 1 MiB free: make room or choose another one "
             "(`python -m telemetry recover` reads the steps that are already in "

@@ -125,6 +125,7 @@ def campaign(distance: Plot, *, farthest_m: float) -> rrb.Blueprint:
 
 
 def _blueprint(root: rrb.Container) -> rrb.Blueprint:
+    """Return a blueprint of our layout, playing, with the other panels hidden."""
     time = rrb.TimePanel(
         state="collapsed", timeline=TIME, playback_speed=PLAYBACK_SPEED, play_state="playing", loop_mode="all"
     )
@@ -134,6 +135,7 @@ def _blueprint(root: rrb.Container) -> rrb.Blueprint:
 
 
 def _events() -> rrb.View:
+    """Return the view of events."""
     columns = rrb.TextLogColumns(
         timeline_columns=[rrb.encodings.TimelineColumn(TIME, visible=False)], text_log_columns=["Body"]
     )
@@ -173,6 +175,7 @@ def _plot(plot: Plot, end_s: float) -> rrb.View:
 
 
 def _rule_map() -> rrb.View:
+    """Return the view of the map of rules that fired."""
     x, y = [-MAP_NAME_WIDTH, MAP_WIDTH + _MAP_MARGIN], [-_MAP_MARGIN, MAP_HEIGHT + _MAP_MARGIN]
     bounds = rrb.VisualBounds2D(x_range=x, y_range=y)
     name = "Rules fired: one row each, rule 1 on top"

@@ -155,6 +155,7 @@ def distance_plot(evaluation: EvaluatedCases) -> curves.Plot:
 
 
 def _colours(evaluation: EvaluatedCases) -> Bytes:
+    """Return each case's colour by its outcome, (n, 3)."""
     outcome = evaluation.outcome
     if outcome is None:
         return np.tile(np.array(UNKNOWN_COLOUR, dtype=np.uint8), (len(evaluation.case), 1))
@@ -181,6 +182,7 @@ def _send_paths(stream: blueprint.Stream, evaluation: EvaluatedCases) -> None:
 
 
 def _send_deputies(stream: blueprint.Stream, evaluation: EvaluatedCases) -> None:
+    """Send the deputies' positions of all cases at each time."""
     entity = f"{blueprint.SCENE}/deputies"
     num_cases, num_samples = evaluation.position_m.shape[:2]
     style = rr.Points3D.from_fields(colors=_colours(evaluation), radii=rr.Radius.ui_points(2.8))

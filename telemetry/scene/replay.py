@@ -98,6 +98,7 @@ def _distances(recording: Recording) -> Floats:
 
 
 def _send_flight(stream: Stream, recording: Recording) -> None:
+    """Send a flight in full: chief, points, deputy, camera, arrows and limits."""
     _send_chief(stream, recording)
     _send_points(stream, recording)
     _send_deputy(stream, recording)
@@ -108,6 +109,7 @@ def _send_flight(stream: Stream, recording: Recording) -> None:
 
 
 def _send_chief(stream: Stream, recording: Recording) -> None:
+    """Send the chief's attitude."""
     transforms = recording[topics.TRANSFORMS]
     is_chief = transforms["child_frame"] == topics.CHIEF_FRAME
     columns = rr.Transform3D.columns(quaternion=transforms["quaternion"][is_chief])
@@ -262,6 +264,7 @@ def _send_texts(stream: Stream, entity: str, time_s: Floats, texts: list[str]) -
 
 
 def _send_words(stream: Stream, recordings: Sequence[Recording], names: Sequence[str]) -> None:
+    """Send the events and the summary of flights."""
     rows = drawing.events_in_words(recordings, names)
     if rows:
         times, levels, texts = zip(*rows, strict=True)
@@ -271,6 +274,7 @@ def _send_words(stream: Stream, recordings: Sequence[Recording], names: Sequence
 
 
 def _send_marker(stream: Stream, recording: Recording, index: int, name: str, colour: curves.Colour) -> None:
+    """Send a further flight's deputy as a named point."""
     entity = f"{blueprint.SCENE}/flights/{index}/deputy"
     state = recording[topics.DEPUTY_STATE]
     stream.log(entity, rr.Points3D.from_fields(radii=[1.6], colors=[colour], labels=[name]), static=True)

@@ -219,6 +219,7 @@ def _tracks(path: Path) -> tuple[Integers, NDArray[np.float32]]:
 
 
 def _episodes(path: Path, cases: Integers) -> Columns:
+    """Return the outcomes of the cases, if they are stored; raise RecordingError for other cases."""
     if not path.exists():
         return {}
     episodes = _read(path, ("case", *_JUDGED))

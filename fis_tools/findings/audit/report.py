@@ -262,6 +262,7 @@ def _measure_table(systems: tuple[AuditedSystem, ...]) -> Table:
 
 
 def _plain_measures(measures: Measures) -> dict[str, Any]:
+    """Return a system's measures as plain data."""
     complete, consistency = measures.completeness, measures.rule_consistency
     return {
         **plain(measures.complexity),

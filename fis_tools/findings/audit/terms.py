@@ -347,6 +347,7 @@ def _zero(variable: Variable, readings: list[NameRank | None], thresholds: Thres
 
 
 def _many(variable: Variable, thresholds: Thresholds) -> Findings:
+    """Yield a note on a variable with more terms than people tell apart."""
     if len(variable.terms) > thresholds.terms:
         yield Finding(
             "many-terms",

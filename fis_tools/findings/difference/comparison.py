@@ -299,6 +299,7 @@ def _compare_terms(before: Variable, after: Variable) -> Iterator[TermChange]:
 
 
 def _is_same_function(before: Variable, old: Term, after: Variable, new: Term) -> bool:
+    """Return whether two terms have the same memberships on a common universe."""
     if not (before.has_sets and after.has_sets):
         return old == new
     is_same_universe = np.array_equal(before.universe, after.universe)

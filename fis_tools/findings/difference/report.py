@@ -409,6 +409,7 @@ def _facts_of(controller: FuzzyController) -> tuple[dict[str, str], ...]:
 def _compare(
     before: FuzzySystem | None, after: FuzzySystem, samples: Mapping[str, Floats] | None
 ) -> SystemDifference:
+    """Compare two systems; None stands for one that did not exist."""
     if before is None:
         return SystemDifference(None, after)
     variables = comparison.compare_variables(before, after)

@@ -101,6 +101,7 @@ class ChainExplanation(Result):
         return Document(blocks)
 
     def _rows(self, index: int, output: Variable, everything: bool) -> Iterator[list[str]]:
+        """Yield a row for each rule that moves an output of the whole, the largest first."""
         moves = [move for move in self.moves if move.output == index]
         worth = [move for move in moves if not abs(move.needed) < WORTH_TELLING * output.span]
         for move in moves if everything else worth[:MOST_RULES]:

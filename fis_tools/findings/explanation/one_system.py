@@ -201,6 +201,7 @@ class Explanation(Result):
         }
 
     def _inputs_in_words(self) -> str:
+        """Return the inputs with their values, and what those outside a range are taken as."""
         words = []
         for variable, given in zip(self.system.inputs, self.inputs, strict=True):
             low, high = self.system.limits_of(variable)
@@ -274,6 +275,7 @@ def question(output: ExplainedOutput) -> str:
 
 
 def _value(output: ExplainedOutput) -> str:
+    """Return an output's value in words, and how far rules moved it."""
     value = f"{output.variable.name} = {amount(output.variable, output.value)}"
     if output.is_default:
         return f"{value}, its default: no rule that concludes on it fires"
@@ -310,6 +312,7 @@ def flip_words(output: ExplainedOutput) -> Iterator[str]:
 
 
 def _landing(flip: Flip) -> str:
+    """Return where an output lands after a flip: at its default, or beyond a jump; else nothing."""
     if flip.output_at_first is None or flip.output_at_last is None:
         return ""
     if flip.takes_default:

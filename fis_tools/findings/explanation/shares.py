@@ -88,6 +88,7 @@ class FlightShares(Result):
         }
 
     def _shown(self, everything: bool) -> tuple[RuleShare, ...]:
+        """Return the rules to list: those that make up most of the effect, or all."""
         if everything:
             return self.rules
         before = np.cumsum([0.0, *(rule.share for rule in self.rules[:-1])])
@@ -109,6 +110,7 @@ class FlightShares(Result):
         )
 
     def _rest(self, shown: tuple[RuleShare, ...]) -> str:
+        """Return the share of the rules that are not listed, in words."""
         rest = max(0.0, 1.0 - sum(rule.share for rule in shown))
         others = len(self.rules) - len(shown)
         if rest < 1e-12 or not any(rule.share for rule in self.rules):

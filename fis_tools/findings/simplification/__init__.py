@@ -94,6 +94,7 @@ class Search:
             pass
 
     def _next(self, least_digits: int) -> list[Proposal]:
+        """Return the steps to try, the cheapest first, without those refused before."""
         proposals = drafts.proposals(self.draft, self.ranking)
         if self.digits >= least_digits:
             coarser = drafts.rounded_draft(self.draft, self.digits)
@@ -227,6 +228,7 @@ def simplify(
 
 
 def _facts(controller: FuzzyController, budget: Budget, results: list[SimplifiedSystem]) -> dict[str, str]:
+    """Return the facts for the provenance: what was simplified, and within which budget."""
     num_flown = sum(system.num_flown for system in results)
     along = f" ({num_flown} inferences)" if num_flown else ""
     within = report.budget_words(budget, flown=num_flown > 0) + along

@@ -242,6 +242,7 @@ def _rounded_variable(variable: Variable, digits: Mapping[Unit, int]) -> Variabl
 
 
 def _to_place(variable: Variable, value: float, digits: int | None) -> float:
+    """Round a number to so many significant digits of its variable's largest end."""
     if digits is None or digits > MOST_DIGITS:
         return value
     largest = max(abs(variable.minimum), abs(variable.maximum))

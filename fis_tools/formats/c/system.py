@@ -174,6 +174,7 @@ class System:
         return [n for n, term in enumerate(input_.terms) if (input_.variable.name, term.name) in used]
 
     def _about(self) -> Iterator[str]:
+        """Yield what the comment above the function says: its inputs, outputs and defaults."""
         yield f"{self.system.name}: {summary(self.system)}."
         for index, variable in enumerate(self.system.inputs):
             yield f"inputs[{index}] is {_extent(variable)}."

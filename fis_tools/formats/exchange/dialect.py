@@ -220,6 +220,7 @@ def _with_known_hedges(system: FuzzySystem, dialect: Dialect) -> FuzzySystem:
 
 
 def _not_expressible(number: int, dialect: Dialect, reason: NotExpressible) -> NotExpressible:
+    """Return an error with the rule's number and the cure."""
     return NotExpressible(
         f"rule {number} cannot be said in {dialect.title}: {reason}; rewrite it, or export as "
         f"{'json' if dialect.is_nested else 'fll or json'}"

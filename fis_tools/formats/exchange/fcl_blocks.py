@@ -246,6 +246,7 @@ def _extent(
 
 
 def _numbers(tree: Node, words: Sequence[Token]) -> list[float]:
+    """Read numbers; refuse variables in their stead."""
     for word in words:
         if word.type == "NAME":
             raise ControllerFileError(
@@ -396,6 +397,7 @@ def _antecedent(tree: Node, semantics: Semantics, depth: int = 0) -> Expression:
 
 
 def _joined_by_or(operands: Sequence[Expression], words: Sequence[str]) -> Expression:
+    """Join operands by words of which `and` binds first."""
     groups = [[operands[0]]]
     for word, operand in zip(words, operands[1:], strict=True):
         if word == "and":

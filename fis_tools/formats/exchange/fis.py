@@ -70,6 +70,7 @@ def write(controller: model.FuzzyController) -> Written:
 
 
 def _facts(expressed: Expressed) -> dict[str, Any]:
+    """Return what the template needs."""
     system, kind = expressed.system, "mamdani"
     if system.weighed:
         kind = "tsukamoto" if system.outputs[0].has_sets else "sugeno"
@@ -238,6 +239,7 @@ _TERM = re.compile(r"(['\"])(?P<name>.*)\1\s*:\s*(['\"])(?P<shape>\w+)\3\s*,\s*(
 
 
 def _term(line: int, value: str, weighed_by: Sequence[str] | None) -> foreign.Named:
+    """Read a term: its name and its shape."""
     where = f"line {line}"
     parts = _TERM.fullmatch(value)
     if parts is None:

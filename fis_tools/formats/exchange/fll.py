@@ -228,6 +228,7 @@ def _refuse_joined(block: FileBlock, rules: Sequence[Rule]) -> None:
 
 
 def _variable(block: FileBlock) -> Variable:
+    """Return the input that a block describes."""
     extent, (_, about) = block.extent("range"), block.entry("description", "")
     variable = foreign.variable(block.name, extent, _terms(block), is_output=False)
     clips = block.chosen({"true": True, "false": False}, "lock-range", "false")

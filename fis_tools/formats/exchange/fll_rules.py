@@ -106,6 +106,8 @@ def hedged_rules(
 
 
 def _disjunction(words: _Words, operators: Operators, depth: int) -> Expression:
+    """Parse conjunctions joined by `or`."""
+
     def conjunction() -> Expression:
         return _chain(words, "and", operators[0], lambda: _proposition(words, operators, depth))
 
@@ -145,6 +147,7 @@ def _proposition(words: _Words, operators: Operators, depth: int) -> Expression:
 
 
 def _hedged_term(words: _Words, variable: str) -> Expression:
+    """Parse what follows ``is``: any number of `not` and hedges, and a term."""
     if words.peek() == "not":
         words.take()
         inside = _hedged_term(words, variable)
@@ -155,6 +158,7 @@ def _hedged_term(words: _Words, variable: str) -> Expression:
 
 
 def _conclusion(words: _Words) -> Concluded:
+    """Parse a conclusion: its hedges, variable and term."""
     variable = words.take()
     words.take("is")
     hedges: list[Hedge] = []

@@ -312,6 +312,7 @@ def _with_what_is_missing(visible: FuzzySystem) -> tuple[FuzzySystem, list[str]]
 
 
 def _universes_words(visible: FuzzySystem, dialect: Dialect) -> str:
+    """Return at which points numbers are those of the program, where the file does not say."""
     title = TOOLS[visible.semantics].title
     points = f"{dialects.OUTPUT_POINTS} points of each output"
     if visible.semantics == "fcl":
@@ -330,6 +331,7 @@ def _beyond_words(visible: FuzzySystem) -> Iterator[str]:
 
 
 def _defaults_words(visible: FuzzySystem) -> Iterator[str]:
+    """Yield what each output without a stated default is when no rule fires."""
     for output in visible.outputs:
         if output.default is None and TOOLS[visible.semantics].has_outputs_without_default:
             yield f"{visible.name}: {output.name} is no number (NaN) when no rule fires, as the file says"

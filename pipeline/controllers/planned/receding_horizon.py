@@ -156,6 +156,7 @@ class RecedingHorizonPlanner:
         return forces.reshape(-1, 3)
 
     def _is_inside(self, path: Floats, roughness: float) -> bool:
+        """Return whether a path, (n, 3), keeps the distance limits, give or take a roughness, m."""
         distances = np.linalg.norm(path, axis=1)
         return bool(
             distances.min() >= self.limits[0] - roughness and distances.max() <= self.limits[1] + roughness

@@ -220,6 +220,7 @@ class CaseSpace:
 
     @property
     def _of_start(self) -> tuple[str, ...]:
+        """Return the names of the genes that place the start: of a box, or of a shell."""
         if self.starts.box is not None:
             ranges = zip(COORDINATES, *self.starts.box, strict=True)
             return tuple(name for name, low, high in ranges if low < high)

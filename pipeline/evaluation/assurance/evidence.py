@@ -303,6 +303,7 @@ def box_columns(gathered: Sequence[verdicts.Evidence]) -> Columns:
 
 
 def _starts(mission: Mission, scenarios: Sequence[Scenario]) -> Columns:
+    """Return the columns of starts, Suns, and drawn settings."""
     settings = [dict(drawn(mission, scenario)) for scenario in scenarios] if mission.dispersions else []
     return {
         **columns_of(scenarios),

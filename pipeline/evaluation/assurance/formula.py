@@ -230,6 +230,7 @@ class _RequirementParser:
         return Window(first, last)
 
     def _seconds(self) -> float:
+        """Parse a time, s."""
         value, unit, position = self._number()
         if unit not in ("", "s"):
             self.refuse(f"windows are in s, not in {unit}", position)
@@ -323,6 +324,7 @@ class _RequirementParser:
         return value, unit, position
 
     def _common_unit(self, unit: str | None, other_unit: str | None, position: int) -> str | None:
+        """Return the unit of two terms, of which either may have none; refuse two that differ."""
         if unit is not None and other_unit is not None and unit != other_unit:
             self.refuse(
                 f"{other_unit or 'a pure number'} does not go with {unit or 'a pure number'}", position
@@ -330,6 +332,7 @@ class _RequirementParser:
         return other_unit if unit is None else unit
 
     def _accept(self, word: str) -> bool:
+        """Skip a word if it is the next one; return whether it was."""
         is_next = self.word == word
         if is_next:
             self._advance()

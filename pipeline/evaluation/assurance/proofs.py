@@ -288,6 +288,7 @@ class TubeProof:
         return False
 
     def _reaches(self, formula: Formula) -> bool:
+        """Return whether a formula follows from being at the goal."""
         match formula:
             case Conjunction(left, right):
                 return self._reaches(left) and self._reaches(right)

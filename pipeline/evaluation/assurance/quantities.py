@@ -85,6 +85,7 @@ def _coasting(seconds: float | None) -> OfTracks:
 
 
 def _along(name: str, topic: str, unit: str, first: int) -> dict[str, Quantity]:
+    """Return the quantities of a vector's components along Hill's axes, by name."""
     axes = (("radial", "i"), ("along_track", "j"), ("cross_track", "k"))
     return {
         f"{name}_{axis}": Quantity(unit, f"{topic}[{n}]", f"{name} along Hill {letter}", _column(first + n))

@@ -199,6 +199,7 @@ def _flown(entry: Mapping[str, Any], where: str) -> dict[str, Any]:
 
 
 def _share(entry: Mapping[str, Any], key: str, where: str) -> float:
+    """Return an entry's share; raise RequirementError unless it is between 0 and 1."""
     value = entry.get(key)
     if not isinstance(value, float) or not 0.0 < value < 1.0:
         raise RequirementError(f"{where}: {key} is {value!r}; it must be above 0 and below 1, such as 0.99")
@@ -206,6 +207,7 @@ def _share(entry: Mapping[str, Any], key: str, where: str) -> float:
 
 
 def _confidence(entry: Mapping[str, Any], where: str) -> float:
+    """Return an entry's confidence; raise RequirementError unless it is within `CONFIDENCES`."""
     value, (least, greatest) = entry.get("confidence"), CONFIDENCES
     if not isinstance(value, float) or not least <= value <= greatest:
         raise RequirementError(
@@ -230,6 +232,7 @@ def _questions(entries: Any, where: str) -> tuple[Question, ...]:
 
 
 def _text(entry: Mapping[str, Any], key: str, where: str, cure: str = "give it a text") -> str:
+    """Return a text of an entry; raise RequirementError if it is missing."""
     value = entry.get(key)
     if not isinstance(value, str) or not value.strip():
         raise RequirementError(f"{where}: {key} is missing; {cure}")

@@ -176,6 +176,7 @@ def deciding_units(formula: Formula, quantities: Samples, margins: Floats) -> ND
 
 
 def _margin(comparison: Predicate, quantities: Samples) -> Floats:
+    """Return the linear form of a comparison, positive where it holds."""
     total = np.zeros(np.shape(quantities[comparison.factors[0][0]])) + comparison.constant
     for name, factor in comparison.factors:
         total += factor * np.asarray(quantities[name], dtype=np.float64)

@@ -278,6 +278,7 @@ def _of_cases(requirement: Requirement, judgement: Judgement) -> MethodResult:
 
 
 def _of_searches(searches: Sequence[WorstCaseSearch]) -> MethodResult:
+    """Return what searches for the worst case show of a requirement, with the reason in words."""
     flights = f"{sum(len(search.scenarios) for search in searches):,} flights"
     if failed := sum(search.first_failed is not None for search in searches):
         why = f"{failed} of {len(searches)} searches find a case that fails, in {flights}"
@@ -340,6 +341,7 @@ def _of_the_layer(requirement: Requirement, proof: SafetyProof) -> MethodResult:
 
 
 def _of_a_tube(requirement: Requirement, tube: TubeProof) -> MethodResult:
+    """Return what a tube of all starts proves of a requirement, with the reason in words."""
     if tube.fault:
         return MethodResult("not shown", "does not apply", tube.fault)
     kept = f"a tube holds {tube.starts}, keeps the limit, and is at the goal after {tube.end_s:g} s"

@@ -38,6 +38,7 @@ def _see_push(along: str, is_set: Callable[[str], bool]) -> str:
 
 
 def _aim(along: str, is_set: Callable[[str], bool]) -> str:
+    """Describe the signals of the aim along an axis, by which constants are set."""
     towards = "what is lit and unseen, most of all what is soon dark for good"
     if not is_set("see_horizon_s"):
         if not is_set("aim_urgent_m_s"):

@@ -51,6 +51,7 @@ def convergence(history: Mapping[str, NDArray[np.generic]], num_points: int, num
 
 
 def _draw_fitness(ax: Axes, generations: NDArray[np.integer], columns: Mapping[str, Floats]) -> None:
+    """Draw the best and the mean fitness over generations."""
     ax.plot(generations, columns["mean"], color=MUTED, linewidth=0.9, label="mean of the population")
     ax.plot(generations, columns["best"], color=BLUE, linewidth=1.8, label="best")
     ax.set(title="Fitness", ylabel="fitness (m/s)")

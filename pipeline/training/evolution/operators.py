@@ -71,6 +71,7 @@ def select_uncrowded(population: Sequence[Any], generator: Random) -> list[Any]:
 
 
 def _less_crowded(first: Any, second: Any, generator: Random) -> Any:
+    """Return the winner of two: the dominating, else the less crowded, else either by chance."""
     for better, worse in ((first, second), (second, first)):
         if better.fitness.dominates(worse.fitness):
             return better
