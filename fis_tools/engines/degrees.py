@@ -18,6 +18,8 @@ from fis_tools.model.shapes import SMALLEST_MEMBERSHIP
 EPSILON = float(np.finfo(np.float64).eps)
 #: Rounding of a formula as a share of its value: an exponential of -670 errs by its power's last digits.
 ROUNDING = 4096 * EPSILON
+#: From this exponent on the exponential is not computed.
+HIGHEST_POWER = 700.0
 
 #: Kinds of shapes, in the order of their codes, by their names in our own files. Both last, and shapes
 #: that are not among these, are tables.
@@ -147,7 +149,7 @@ def _trapezoid(x: float, left: float, left_top: float, right_top: float, right: 
 @compiled(error_model="numpy")
 def _sigmoid(x: float, inflection: float, slope: float) -> float:
     power = -slope * (x - inflection)
-    return 1.0 / (1.0 + exp(power)) if power < 700.0 else 0.0
+    return 1.0 / (1.0 + exp(power)) if power < HIGHEST_POWER else 0.0
 
 
 @compiled(error_model="numpy")

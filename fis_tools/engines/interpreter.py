@@ -15,15 +15,12 @@ from fis_tools.array_types import Floats
 from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.vectors import borrowed, gather, least, load, most, select, some, splat, store
 from fis_tools.engines import codes
-from fis_tools.engines.codes import combine
 from fis_tools.engines.defuzzifier import conclude_by_rule, conclude_by_term, weigh, weigh_rows
-from fis_tools.engines.degrees import degree
 from fis_tools.engines.intervals import conclude_interval, weigh_interval
-from fis_tools.engines.program import Antecedents, Conclusion, IntervalOutput, Program, Weighing
-from fis_tools.engines.sampling import conclude_sampled
+from fis_tools.engines.lanes import LANES, combine_lanes, write_degrees
+from fis_tools.engines.program import Antecedents, Conclusion, IntervalOutput, Program, Summation, Weighing
+from fis_tools.engines.sampled_lanes import conclude_lanes, conclude_sampled, make_room
 
-#: samples whose rules are evaluated side by side: a constant, so that the compiler vectorises
-LANES = 16
 #: firing strengths per block between evaluating rules and outputs: so many stay in the processor's cache
 BLOCK = 65_536
 
@@ -60,6 +57,9 @@ def evaluate(program: Program, inputs: Floats) -> Floats:
     columns = np.empty((len(program.conclusions), len(inputs)))
     if (numbers := weighed_numbers(program)) is not None:
         average_rows(program.antecedents, numbers, inputs, columns[0])
+        return columns.T
+    if program.only_summation is not None:
+        sum_rows(program.antecedents, program.only_summation, inputs, columns[0])
         return columns.T
     size = max(LANES, min(BLOCK // program.num_rules, len(inputs)))
     firing = np.empty((size, program.num_rules))
@@ -117,6 +117,8 @@ def _prepared(program: Program, row: Floats, outputs: Floats) -> Callable[[], No
     """Return a function that infers from a row, (1, num_inputs), and writes the outputs, (num_outputs,)."""
     if (numbers := weighed_numbers(program)) is not None:
         return _direct(partial(average_rows, program.antecedents, numbers, row, outputs))
+    if program.only_summation is not None:
+        return _direct(partial(sum_rows, program.antecedents, program.only_summation, row, outputs))
     firing, columns = np.empty((1, program.num_rules)), outputs[:, np.newaxis]
     fire = partial(fire_rows, program.antecedents, row, firing)
     steps = list(map(_direct, (fire, *_concluding(program, firing, row, columns))))
@@ -148,8 +150,8 @@ def _concluding(program: Program, firing: Floats, inputs: Floats, columns: Float
         elif isinstance(conclusion, Weighing):
             none = np.empty((len(inputs), 0))
             yield partial(weigh_rows, conclusion, none, firing, inputs, program.limits, out)
-        elif conclusion.sampling != codes.POLYGON:
-            yield partial(conclude_sampled, conclusion, firing, out)
+        elif (summation := program.summations[index]) is not None:
+            yield partial(conclude_sampled, summation, firing, out)
         elif conclusion.cuts:
             yield partial(conclude_by_term, conclusion, firing, out)
         else:
@@ -209,24 +211,19 @@ def fire_lanes(antecedents: Antecedents, values: Floats, first: int, inputs: Flo
         for lane in range(num_lanes):
             inputs[antecedent * LANES + lane] = values[first + lane, antecedent]
         if len(shapes.kinds) > 0:
-            for lane in range(antecedent * LANES, antecedent * LANES + num_lanes):
-                inputs[lane] = min(max(inputs[lane], limits[antecedent, 0]), limits[antecedent, 1])
+            at = antecedent * LANES
+            for lane in range(num_lanes, LANES):  # the last sample once more
+                inputs[at + lane] = inputs[at + num_lanes - 1]
+            x = load(inputs, at, LANES)
+            store(inputs, at, least(most(x, limits[antecedent, 0]), limits[antecedent, 1]))
             for term in range(slot, slot + layout[antecedent, 0]):
-                for lane in range(num_lanes):
-                    slots[term * LANES + lane] = degree(shapes, term, inputs[antecedent * LANES + lane])
+                write_degrees(shapes, term, inputs, at, slots, term * LANES)
         else:
             fuzzify(antecedents, antecedent, inputs, slots, slot * LANES)
         slot += layout[antecedent, 0]
     for index in range(len(steps)):
         operator, a, b = steps[index, 0], steps[index, 1] * LANES, steps[index, 2] * LANES
-        result = (slot + index) * LANES
-        if operator == codes.MIN:
-            store(slots, result, least(load(slots, a, LANES), load(slots, b, LANES)))
-        elif operator == codes.PRODUCT:
-            store(slots, result, load(slots, a, LANES) * load(slots, b, LANES))
-        else:
-            for lane in range(LANES):
-                slots[result + lane] = combine(operator, slots[a + lane], slots[b + lane])
+        combine_lanes(operator, slots, a, b, (slot + index) * LANES)
     return num_lanes
 
 
@@ -242,6 +239,18 @@ def fire_rows(antecedents: Antecedents, values: Floats, out: Floats) -> None:
         for lane in range(num_lanes):
             for rule in range(len(rule_slots)):
                 out[first + lane, rule] = slots[rule_slots[rule] * LANES + lane]
+
+
+@compiled(error_model="numpy", nogil=True)
+def sum_rows(antecedents: Antecedents, summation: Summation, values: Floats, out: Floats) -> None:
+    """Write the one output, (n,), for values (n, num_inputs): a sum over points, by strengths not stored."""
+    held, summed = borrowed((antecedents, summation))
+    room = np.zeros((held.inputs[:, 0].sum() + len(held.steps)) * LANES), np.zeros(len(held.inputs) * LANES)
+    slots, inputs = borrowed(room)
+    memory = make_room(summed, len(held.rule_slots))
+    for first in range(0, len(values), LANES):
+        fire_lanes(held, values, first, inputs, slots)
+        conclude_lanes(summed, slots, held.rule_slots, borrowed(memory), out[first : first + LANES])
 
 
 @compiled(error_model="numpy", nogil=True)

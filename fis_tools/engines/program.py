@@ -18,9 +18,11 @@ from fis_tools.engines.codes import (
     NOT,
     NUMBER,
     OPERATORS,
+    POLYGON,
     SAMPLING,
 )
 from fis_tools.engines.degrees import Shapes, shapes_of
+from fis_tools.engines.packing import ranks_of
 from fis_tools.model.intervals import has_intervals, twin
 
 
@@ -109,6 +111,39 @@ class Conclusion(NamedTuple):
         return self.implication == MIN and self.aggregation == MAX
 
 
+class Summation(NamedTuple):
+    """One output that is a sum over points, for many samples side by side.
+
+    Attributes
+    ----------
+    universe, memberships, rules, weights, terms, bounds
+        Those of a `Conclusion`.
+    defuzzifier, default, implication, aggregation, sampling
+        Likewise.
+    peaks : (num_terms,) float
+        The greatest membership of each term.
+    ranks : (num_pieces, num_terms) int
+        The terms in each piece of the points, the highest first.
+    ends : (num_pieces, num_terms, 2) float
+        In this order, the greatest and the least membership of each there.
+    """
+
+    universe: Floats
+    memberships: Floats
+    rules: Integers
+    weights: Floats
+    terms: Integers
+    bounds: Integers
+    defuzzifier: int
+    default: float
+    implication: int
+    aggregation: int
+    sampling: int
+    peaks: Floats
+    ranks: Integers
+    ends: Floats
+
+
 class Weighing(NamedTuple):
     """One weighted output, computed from firing strengths.
 
@@ -191,6 +226,19 @@ class Program:
     def limits(self) -> Floats:
         """The numbers to which each input is clipped, (num_inputs, 2)."""
         return self.antecedents.limits
+
+    @cached_property
+    def summations(self) -> tuple[Summation | None, ...]:
+        """The outputs that are sums over points; None for others."""
+        return tuple(
+            summation(c) if isinstance(c, Conclusion) and c.sampling != POLYGON else None
+            for c in self.conclusions
+        )
+
+    @property
+    def only_summation(self) -> Summation | None:
+        """The one output, if it is a sum over points."""
+        return self.summations[0] if len(self.summations) == 1 else None
 
     @property
     def num_rules(self) -> int:
@@ -336,6 +384,13 @@ def _conclusion(system: model.FuzzySystem, output: model.Variable) -> Conclusion
         aggregation=OPERATORS[output.aggregation],
         sampling=SAMPLING[system.semantics],
     )
+
+
+def summation(conclusion: Conclusion) -> Summation:
+    """Return an output that is a sum over points, for many samples side by side."""
+    ranks, ends = ranks_of(conclusion.memberships[np.newaxis])
+    shared = {name: getattr(conclusion, name) for name in Summation._fields if name in conclusion._fields}
+    return Summation(**shared, peaks=conclusion.memberships.max(axis=1), ranks=ranks[0], ends=ends[0])
 
 
 def _weighing(system: model.FuzzySystem, output: model.Variable) -> Weighing:

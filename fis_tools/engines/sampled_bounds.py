@@ -90,14 +90,15 @@ def _relate(conclusion: Conclusion, strengths: Floats, low: Floats, high: Floats
 def _bounds(conclusion: Conclusion, low: Floats, high: Floats) -> tuple[float, float]:
     """Bound the defuzzified value for heights between a lower and an upper set."""
     x = conclusion.universe
+    slack = 4 * EPSILON * (len(x) + 4) * max(abs(x[0]), abs(x[-1]))
     if conclusion.defuzzifier == codes.CENTROID:
-        slack = 4 * EPSILON * (len(x) + 4) * max(abs(x[0]), abs(x[-1]))
-        return extreme_mean(x, low, high, 1) - slack, extreme_mean(x, low, high, -1) + slack
-    if conclusion.defuzzifier == codes.BISECTOR:
-        return _bisectors(x, low, high)
-    candidates = x[high >= low.max() * (1.0 - 2.0 * TIE)]
-    slack = 4 * EPSILON * len(x) * max(abs(x[0]), abs(x[-1]))
-    return candidates[0] - slack, candidates[-1] + slack
+        least, greatest = extreme_mean(x, low, high, 1), extreme_mean(x, low, high, -1)
+    elif conclusion.defuzzifier == codes.BISECTOR:
+        least, greatest = _bisectors(x, low, high)
+    else:
+        candidates = x[high >= low.max() * (1.0 - 2.0 * TIE)]
+        least, greatest = candidates[0], candidates[-1]
+    return least - slack, greatest + slack
 
 
 @compiled(error_model="numpy", nogil=True)

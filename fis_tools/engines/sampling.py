@@ -1,4 +1,4 @@
-"""Outputs as sums over points, compiled: how MATLAB, fuzzylite and jFuzzyLogic defuzzify.
+"""Outputs as sums over points, compiled, one by one: how MATLAB, fuzzylite and jFuzzyLogic defuzzify.
 
 A result is a mean of points, or one of them, so it lies inside an output's range, however faintly rules fire.
 """
@@ -10,24 +10,14 @@ from fis_tools.compiled.decorator import compiled
 from fis_tools.engines import codes
 from fis_tools.engines.codes import combine
 from fis_tools.engines.defuzzification import TIE
-from fis_tools.engines.program import Conclusion
+from fis_tools.engines.program import Conclusion, Summation
 
 #: Heights below this are scaled before they are summed: products with them would lose digits.
 FAINT = 1e-200
 
 
 @compiled(error_model="numpy", nogil=True)
-def conclude_sampled(conclusion: Conclusion, firing: Floats, out: Floats) -> None:
-    """Compute one output from the heights at its points."""
-    heights = np.empty(len(conclusion.universe))
-    cuts = np.empty(len(conclusion.memberships))
-    for sample in range(len(firing)):
-        aggregate(conclusion, firing[sample], cuts, heights)
-        out[sample] = defuzzify(conclusion, heights)
-
-
-@compiled(error_model="numpy", nogil=True)
-def aggregate(conclusion: Conclusion, firing: Floats, cuts: Floats, heights: Floats) -> None:
+def aggregate(conclusion: Conclusion | Summation, firing: Floats, cuts: Floats, heights: Floats) -> None:
     """Write the aggregated heights at an output's points, for the firing strengths of one sample."""
     memberships, rules, weights, terms = (
         conclusion.memberships,
@@ -56,7 +46,7 @@ def aggregate(conclusion: Conclusion, firing: Floats, cuts: Floats, heights: Flo
 
 
 @compiled(error_model="numpy", nogil=True)
-def defuzzify(conclusion: Conclusion, heights: Floats) -> float:
+def defuzzify(conclusion: Conclusion | Summation, heights: Floats) -> float:
     """Return the number of aggregated heights; the default if all are zero."""
     x, method = conclusion.universe, conclusion.defuzzifier
     highest = heights.max()

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple, get_args, get_type_hints
 
 import numpy as np
 
+from fis_tools.compiled import elementary
 from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.vectors import ROW, Three, least, load, width_of
 from fis_tools.engines import kernel, packing
@@ -21,7 +22,6 @@ from pipeline.flight.period.decide.urgency import note_deadlines
 from pipeline.flight.period.look import optics as look_optics
 from pipeline.flight.period.look.optics import Beam, Eye
 from pipeline.flight.period.look.sight import inspect
-from pipeline.flight.state import lanes
 from pipeline.flight.state.arrays import Beyond, Control, FlightState, Law, Moment, Workspace, World
 from pipeline.flight.state.signals import CONSTANTS, SETTING, URGENCY
 from pipeline.flight.world.pack import pack_world
@@ -249,7 +249,7 @@ def translate(mission: Mission, controller: Controller) -> OnboardProgram:
     operations: dict[Any, Callable[..., Any]] = {
         **OPERATIONS,
         kernel.infer: _infer_and_note,
-        lanes.exponential: _exponential,
+        elementary.exponential: _exponential,
     }
     translator = Translator(Setting(operations, bounds=bounds(world), unrolled=UNROLLED, guarded=GUARDED))
     now, work = moment(translator, world)
@@ -308,8 +308,8 @@ class Rooms:
 
 def _exponential(translator: Translator, x: Any) -> Any:
     """Write the exponential of what is limited to where it is finite; in flight, it is."""
-    limited = OPERATIONS[least](translator, x, -lanes.LEAST_EXPONENT)
-    return translator.invoked(lanes.exponential, [limited], {})
+    limited = OPERATIONS[least](translator, x, -elementary.LEAST_EXPONENT)
+    return translator.invoked(elementary.exponential, [limited], {})
 
 
 def _infer_and_note(

@@ -10,6 +10,7 @@ from fis_tools.analysis.bounds import Interval, ask, output_ranges
 from fis_tools.analysis.condition import read_conditions, read_region
 from fis_tools.array_types import Floats
 from fis_tools.engines import inference, interpreter, interval
+from fis_tools.engines.compiler import compile
 from fis_tools.model import Consequent, FuzzySystem, Rule, Variable
 from fis_tools.model.shapes import Gaussian, Sampled, Triangular
 from tests.fis_tools import step_by_step
@@ -85,6 +86,13 @@ def test_no_output_of_a_sampled_system_lies_outside_its_bounds_or_its_range():
                 assert greatest[:, column].max() <= max(output.maximum, output.default)
     assert num_outputs > 40_000
     assert num_ranges > 20
+
+
+def test_a_bisector_may_be_rounded_below_the_point_that_it_is():
+    """jFuzzyLogic counts its steps from the end of the range, and adds them up for the points."""
+    system, end = random_systems.sampled_systems(34, 12)[5], -1.9922207140443116
+    (bounded,) = output_ranges(system, f"x0 in [-3.457068028487083, {end}]", max_boxes=200)
+    assert bounded.outer.low <= compile(system)(np.array([[end]]))[0, 0] <= bounded.outer.high
 
 
 @pytest.mark.parametrize("system", [FORCE_X, FORCE_Z], ids=lambda system: system.name)

@@ -7,11 +7,12 @@ import pytest
 from numba import njit
 from scipy.spatial.transform import Rotation
 
+from fis_tools.compiled.elementary import exponential
 from fis_tools.compiled.vectors import load, store
 from pipeline.controllers.played import read_played
 from pipeline.flight.control.controller import ControllerError, coast, open_loop
 from pipeline.flight.fly.simulation import fly_all, fly_logged
-from pipeline.flight.state.lanes import arctangent, exponential
+from pipeline.flight.state.lanes import arctangent
 from pipeline.flight.state.log import Scenario
 from pipeline.settings.experiment import Mission
 from tests.pipeline.flight.as_written import assert_as_written

@@ -9,6 +9,7 @@ from math import cos, sin, sqrt
 import numpy as np
 
 from fis_tools.compiled.decorator import compiled
+from fis_tools.compiled.elementary import exponential
 from fis_tools.compiled.three import (
     Three,
     chosen,
@@ -37,7 +38,6 @@ from pipeline.flight.period.look.optics import (
     turned_back,
 )
 from pipeline.flight.state.arrays import Beyond, Control, Moment, World, constant_of
-from pipeline.flight.state.lanes import exponential
 from pipeline.flight.state.signals import constant, slot
 from pipeline.physics.motion import PositionRows, drifted_position, position_gradients, position_rows_of
 from pipeline.physics.sight import HEIGHT, NORMAL

@@ -4,6 +4,7 @@ A point's deadline is the last sample of the flight at which it is lit.
 """
 
 from fis_tools.compiled.decorator import compiled
+from fis_tools.compiled.elementary import exponential
 from fis_tools.compiled.three import Three, length, load_at, same, totals, write_lane
 from fis_tools.compiled.vectors import load, select, some, splat, store, total
 from pipeline.array_types import Floats
@@ -11,7 +12,6 @@ from pipeline.flight.period.decide.motion import turned_aside
 from pipeline.flight.period.look.guidance import MIN_PROJECTION_M, POINTS
 from pipeline.flight.period.look.optics import beam_from, beam_now, lit_points, sun_after
 from pipeline.flight.state.arrays import Beyond, Control, Moment, constant_of
-from pipeline.flight.state.lanes import exponential
 from pipeline.flight.state.signals import constant, slot
 
 URGENT = slot("urgent_radial", "urgent_along_track", "urgent_cross_track")
