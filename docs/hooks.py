@@ -14,7 +14,7 @@ from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 
-from pipeline.command_line.choosing import table
+from pipeline.command_line.guide import table
 from pipeline.flight.state.signals import CONSTANTS, SIGNALS
 from pipeline.settings.schema import descriptions, in_code, of_group, rows_of, tables
 

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any
 
 import hydra
 from hydra.core.hydra_config import HydraConfig
@@ -21,14 +21,12 @@ from hydra.types import RunMode
 from omegaconf import DictConfig
 
 from pipeline.command_line import runs
-from pipeline.command_line.config import CONFIG_NAME, VERSION_BASE, Job, checked_job, hydra_apart
-from pipeline.command_line.hydra_errors import errors_in_words
+from pipeline.command_line.config import COMPOSED_FROM, Job, checked_job, errors_in_words, hydra_apart
 from pipeline.command_line.overrides import first_line, parse
 from pipeline.command_line.sweeps import RESUMED, Sweep, new_job, recorded_command
 from pipeline.run import interrupts, sweep
 from pipeline.run.lock import held
 from pipeline.run.runner import Interrupted
-from pipeline.settings.places import conf_folder
 
 #: of Hydra: "1" where it raises errors, instead of printing them and ending the process
 FULL_ERROR = "HYDRA_FULL_ERROR"
@@ -72,16 +70,7 @@ invocations: list[Invocation] = []
 
 
 class Refused(BaseException):
-    """Carries an error through Hydra, which turns an Exception of a callback into a warning and goes on.
-
-    Parameters
-    ----------
-    error : Exception
-    """
-
-    def __init__(self, error: Exception) -> None:
-        super().__init__(str(error))
-        self.error = error
+    """Carries an error, its one argument, through Hydra: it makes an Exception of a callback a warning."""
 
 
 @contextmanager
@@ -92,10 +81,6 @@ def refusing() -> Iterator[None]:
             yield
     except Exception as error:
         raise Refused(error) from error
-
-
-class _Handler(logging.StreamHandler[TextIO]):
-    """Prints messages of libraries."""
 
 
 class Preflight(Callback):
@@ -125,11 +110,8 @@ class Preflight(Callback):
 
     def on_job_start(self, config: DictConfig, **kwargs: Any) -> None:
         """Print the messages of libraries, if ``hydra.verbose`` asks for them."""
-        root = logging.getLogger()
-        if config.hydra.verbose and not any(isinstance(other, _Handler) for other in root.handlers):
-            handler = _Handler(sys.stderr)
-            handler.setFormatter(logging.Formatter("[%(name)s] %(message)s"))
-            root.addHandler(handler)
+        if config.hydra.verbose:
+            logging.basicConfig(format="[%(name)s] %(message)s", force=True)
             logging.getLogger("numba").setLevel(logging.INFO)  # it tells each step of compiling
 
 
@@ -155,7 +137,7 @@ def run_task(config: DictConfig) -> int:
 
 
 #: `run_task` itself stays importable by its name, by which launchers send it to other processes
-application = hydra.main(str(conf_folder()), CONFIG_NAME, VERSION_BASE)(run_task)
+application = hydra.main(*COMPOSED_FROM)(run_task)
 
 
 def _run_of_sweep(config: DictConfig, folder: Path, words: list[str], invocation: Invocation | None) -> int:
@@ -234,7 +216,7 @@ def _call(invocation: Invocation) -> None:
         with errors_in_words(), interrupts.heeded():
             application()
     except Refused as refused:
-        raise refused.error from None
+        raise refused.args[0] from None
     except SystemExit as end:  # Hydra has printed what was asked for
         if end.code:
             raise

@@ -12,6 +12,7 @@ from importlib import import_module
 from inspect import cleandoc
 from pathlib import Path
 
+from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
 from hydra.core.override_parser.types import Override
 
 from fis_tools.streams import guarded
@@ -19,7 +20,7 @@ from pipeline.command_line import runs
 from pipeline.command_line.application import run_application, shows_tracebacks
 from pipeline.command_line.arguments import COMMANDS, EXPERIMENT, CommandLine, ConfigError, parse_arguments
 from pipeline.command_line.config import check_stages, compose_experiment
-from pipeline.command_line.overrides import first_run, read_overrides, words_of
+from pipeline.command_line.overrides import read_overrides, words_of
 from pipeline.command_line.sweeps import resume_words
 from pipeline.run import artifacts, interrupts, maker
 from pipeline.run.lock import held
@@ -121,7 +122,7 @@ def run_command(command: CommandLine) -> int:
                 "+experiment=NAME to start one there"
             )
     if command.is_ours_to_print:
-        job = compose_experiment(first_run(read), command.config_dir)
+        job = compose_experiment(BasicSweeper.split_arguments(read, None)[0][0], command.config_dir)
         check_stages(job)
         return _print(schema.commented(job.config))
     words = words_of(read)

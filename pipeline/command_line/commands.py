@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from fis_tools.errors import MissingExtra
 from pipeline.command_line import runs
 from pipeline.command_line.arguments import EXPERIMENT, CommandParser, ConfigError, parse_arguments
 from pipeline.command_line.config import compose_experiment
@@ -65,10 +64,8 @@ def edit(arguments: Sequence[str]) -> int:
     parser.add_argument("--port", type=int, default=0, choices=range(1 << 16), metavar="PORT")
     parser.add_argument("--no-browser", action="store_true")
     chosen, experiment = parse_evaluation(parser, arguments)
-    try:
-        from pipeline.edit.opening import open_editor  # noqa: PLC0415 - the other commands do without a server
-    except MissingExtra as error:
-        raise ConfigError(str(error)) from error
+    from pipeline.edit.opening import open_editor  # noqa: PLC0415 - the other commands do without a server
+
     open_editor(experiment, chosen.port, opens_browser=not chosen.no_browser)
     return runs.OK
 

@@ -1,31 +1,49 @@
-"""From overrides to a checked configuration: Hydra composes it, the schema judges it."""
+"""From overrides to a checked configuration: Hydra composes it, the schema judges it, in our words."""
 
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, Final, cast
 
 from hydra import compose, initialize_config_dir
+from hydra.conf import HydraConf
 from hydra.core.config_store import ConfigStore
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.hydra_config import HydraConfig
+from hydra.errors import HydraException, MissingConfigException
 from omegaconf import DictConfig, OmegaConf
+from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException
+from yaml import YAMLError
 
 from pipeline.command_line.arguments import EXPERIMENT, ConfigError
-from pipeline.command_line.hydra_errors import errors_in_words
-from pipeline.command_line.overrides import options, parse, quoted
+from pipeline.command_line.overrides import HYDRA, first_line, options, parse, quoted, top_of
+from pipeline.flight.state.signals import CONSTANTS
 from pipeline.settings import start_table
 from pipeline.settings.checks import SettingError
 from pipeline.settings.experiment import Experiment
-from pipeline.settings.keys import value_at
+from pipeline.settings.keys import RENAMED, did_you_mean, value_at
 from pipeline.settings.places import conf_folder
 from pipeline.settings.schema import checked, completed, defaults, idle
 
-CONFIG_NAME = "config"
-VERSION_BASE = "1.3"
+#: the folder of configurations, the first of them, and the version of Hydra whose defaults count
+COMPOSED_FROM: Final = (str(conf_folder()), "config", "1.3")
 WORLD, COMPARE, ASSURANCE = "world", "compare", "assurance"
+#: launchers of Hydra that are packages of their own
+LAUNCHERS = {
+    "hydra/launcher/joblib": "hydra-joblib-launcher",
+    "hydra/launcher/submitit_local": "hydra-submitit-launcher",
+    "hydra/launcher/submitit_slurm": "hydra-submitit-launcher",
+}
+#: what is said of these where they are not in the configuration
+ABSENT = {
+    "controller.path": "the controller that is chosen has no path; for a fuzzy controller write "
+    "controller=PATH, for a table of forces controller=open_loop controller.path=PATH",
+    "controller.attributes": "the attributes of this controller stand in its file; to give one another value "
+    "write +controller.attributes.NAME=..., with a plus",
+    "dispersions": "nothing is dispersed until you say so; write +dispersions..., with a plus",
+}
 
 
 @dataclass(frozen=True)
@@ -100,12 +118,9 @@ def compose_node(overrides: Sequence[str], folders: Sequence[Path] = ()) -> Dict
     if folders and not any(text.startswith("hydra.searchpath") for text in overrides):
         paths = ",".join(quoted(folder.resolve().as_uri()) for folder in folders)
         words.append(f"hydra.searchpath=[{paths}]")
-    with (
-        errors_in_words(),
-        hydra_apart(),
-        initialize_config_dir(str(conf_folder()), version_base=VERSION_BASE),
-    ):
-        return compose(CONFIG_NAME, words, return_hydra_config=True)
+    folder, name, version = COMPOSED_FROM
+    with errors_in_words(), hydra_apart(), initialize_config_dir(folder, version_base=version):
+        return compose(name, words, return_hydra_config=True)
 
 
 def checked_job(config: DictConfig, settings: Any, folder: Path) -> Job:
@@ -206,3 +221,51 @@ def _differences(here: Mapping[str, Any], there: Mapping[str, Any]) -> dict[str,
         elif value != here[name] and name not in (COMPARE, ASSURANCE):
             changes[name] = _differences(here[name], value)
     return changes
+
+
+@contextmanager
+def errors_in_words() -> Iterator[None]:
+    """Turn errors of Hydra, OmegaConf and YAML into ConfigError, with what may be meant."""
+    try:
+        yield
+    except YAMLError as error:
+        raise ConfigError(f"no YAML: {' '.join(str(error).split())}; correct the file") from error
+    except MissingConfigException as error:
+        raise ConfigError(f"{first_line(error)}{_nearest_option(error)}") from error
+    except (HydraException, OmegaConfBaseException) as error:
+        cause = error.__cause__ if isinstance(error, HydraException) else None
+        is_missing = isinstance(cause, ConfigAttributeError | ConfigKeyError)
+        key = str(getattr(cause, "full_key", ""))
+        words = _not_in_configuration(key) if is_missing else first_line(error)
+        raise ConfigError(words) from error
+
+
+def _nearest_option(error: MissingConfigException) -> str:
+    """Return the option that may be meant, or how to install it."""
+    wanted = error.missing_cfg_file or ""
+    if package := LAUNCHERS.get(wanted):
+        return f"; it needs {package}, install it: python -m pip install {package}"
+    group = wanted.rpartition("/")[0]
+    return did_you_mean(wanted, [f"{group}/{name}" for name in error.options or ()])
+
+
+def _not_in_configuration(key: str) -> str:
+    """Return the cure for an override of a key that the configuration does not have."""
+    top, name = top_of(key), key.removeprefix("controller.attributes.")
+    if top == HYDRA:
+        group, mark = key.rpartition("/" if "/" in key else ".")[:2]
+        beside = OmegaConf.select(OmegaConf.create({HYDRA: HydraConf}), group.replace("/", "."))
+        known = [f"{group}{mark}{name}" for name in beside] if OmegaConf.is_dict(beside) else []
+        if likely := did_you_mean(key, known):
+            return f"there is no key {key}{likely}"
+    if words := ABSENT.get(key) or ABSENT.get(top):
+        return words
+    if name != key and name in CONSTANTS:
+        return (
+            f"{key} is not in the configuration: the controller's file sets it, or leaves it at its default; "
+            f"write +{key}=..., with a plus"
+        )
+    if name != key:
+        return f"the controller sets no attribute {name}{did_you_mean(name, CONSTANTS)}"
+    cure = f"it is {RENAMED[key]} now" if key in RENAMED else f"if something else reads it, write +{key}=..."
+    return f"there is no key {key} in the configuration; {cure}"

@@ -22,15 +22,15 @@ options: --help, --help EXPERIMENT (what people change in it), --help GROUP (its
          --cfg job (print the configuration, each key with its meaning, and stop)
 """
 
+import csv
 from collections.abc import Sequence
 from itertools import takewhile
 from pathlib import Path
 from re import fullmatch
 
 from fis_tools.document.text import aligned
-from fis_tools.file_access import read_text
+from fis_tools.file_access import read_shipped, read_text
 from pipeline.command_line.arguments import ConfigError
-from pipeline.command_line.choosing import recommendations
 from pipeline.command_line.config import compose_node, plain
 from pipeline.command_line.overrides import options
 from pipeline.settings import schema
@@ -47,6 +47,12 @@ MOST_OFTEN = 10
 INDENT = 6 * " "
 #: how the purpose of a controller begins that is not flown for results
 TEMPLATE = "A start for searches"
+
+#: what is no rule where one signs rules
+LOW_ORBIT = (
+    "In champion_leo the 15 rules say how much of a push to make. Where to is no rule: the tour is 20\n"
+    "constants (tour_*_m), and which of its images it follows, flights ahead choose (rehearsal_tours)."
+)
 
 
 def help_on(words: Sequence[str], folders: Sequence[Path]) -> str:
@@ -146,3 +152,19 @@ def _first_comment(path: Path) -> str:
     comments = takewhile(lambda line: line.startswith("#"), read_text(path).splitlines())
     texts = (line.lstrip("#").strip() for line in comments)
     return next((text for text in texts if text and not text.startswith("@package")), "")
+
+
+def table() -> list[list[str]]:
+    """Return headings and a row for each champion: what was measured, and the page under docs that has it."""
+    return list(csv.reader(read_shipped(Path(__file__).with_name("choosing.csv")).splitlines()))
+
+
+def recommendations() -> str:
+    """Return the recommendations as text, and which parts of the low-orbit controllers are no rules."""
+    lines = ["which champion to take"]
+    for name, rules, world, sun, delta_v, success, outside, layer, purpose, _ in table()[1:]:
+        measured = [f"{delta_v} m/s, success {success}, {outside} outside"] if delta_v else []
+        measured += [f"with safety=filter or robust {layer}"] if layer else []
+        lines.append(f"  controller={name} world={world} ({rules} rules, Sun {sun}): {purpose}")
+        lines.append(f"      {'; '.join(measured)}")
+    return "\n".join([*lines, LOW_ORBIT])

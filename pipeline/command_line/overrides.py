@@ -9,7 +9,7 @@ from hydra.core.override_parser.types import Glob, Override, OverrideType
 from hydra.errors import HydraException
 
 from pipeline.command_line.arguments import EXPERIMENT, ConfigError
-from pipeline.settings.keys import KNOWN, choices_of, is_key, suggested
+from pipeline.settings.keys import KNOWN, choices_of, did_you_mean, is_key
 from pipeline.settings.places import conf_folder
 
 #: groups of options, to the names of these
@@ -145,16 +145,6 @@ def read_overrides(words: Sequence[str], folders: Sequence[Path], *, is_multirun
     return overrides
 
 
-def first_run(overrides: Sequence[Override]) -> list[str]:
-    """Return the overrides of the first run of a sweep; of a single run all of them."""
-    return [
-        f"{override.get_key_element()}={next(iter(override.sweep_string_iterator()))}"
-        if override.is_sweep_override()
-        else override.input_line or ""
-        for override in overrides
-    ]
-
-
 def check_overrides(overrides: Sequence[Override], groups: Groups) -> None:
     """Raise ConfigError for unknown keys and options, with the nearest known one; Hydra checks its own keys.
 
@@ -169,9 +159,8 @@ def check_overrides(overrides: Sequence[Override], groups: Groups) -> None:
         if key in groups and not isinstance(override.value(), dict):
             _check_choice(override, groups[key], plain)
         elif not is_key(key):
-            likely = suggested(key, {*KNOWN, *groups})
-            likely = f"+{likely}" if likely == EXPERIMENT else likely
-            raise ConfigError(f"there is no key {key}" + (f"; did you mean {likely}?" if likely else ""))
+            likely = did_you_mean(key, {*KNOWN, *groups})
+            raise ConfigError(f"there is no key {key}{likely.replace(f' {EXPERIMENT}?', f' +{EXPERIMENT}?')}")
         elif override.type == OverrideType.ADD and key in KNOWN:
             raise ConfigError(f"the key {key} exists already; write {plain} without the +")
 

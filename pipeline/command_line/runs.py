@@ -9,6 +9,7 @@ from typing import Any
 
 from hydra.core.override_parser.types import Override
 
+from fis_tools.errors import MissingExtra
 from fis_tools.streams import print_result
 from pipeline.command_line.arguments import EXPERIMENT, ConfigError
 from pipeline.command_line.config import Job, compose_experiment
@@ -24,7 +25,7 @@ from pipeline.settings.keys import in_todays_words, with_values
 #: exit codes; the last one is of a run that was asked for a proof and found none
 OK, FAULT, MISTAKE, UNPROVED, UNIMPROVED = 0, 1, 2, 3, 4
 #: errors of the user's
-MISTAKES = (ValueError, OSError, MemoryError)
+MISTAKES = (ValueError, OSError, MemoryError, MissingExtra)
 
 #: groups that may be changed when a stage is repeated on an earlier run's files: those no other stage reads
 OWN_GROUPS = {"record": ("telemetry", "case"), "assure": ("assurance",), "report": ("report",)}

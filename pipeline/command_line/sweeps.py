@@ -17,8 +17,7 @@ from omegaconf import DictConfig, OmegaConf, read_write
 
 from pipeline.command_line import runs
 from pipeline.command_line.arguments import EXPERIMENT, ConfigError, parse_arguments
-from pipeline.command_line.config import Job, check_stages, checked_job, compose_experiment
-from pipeline.command_line.hydra_errors import errors_in_words
+from pipeline.command_line.config import Job, check_stages, checked_job, compose_experiment, errors_in_words
 from pipeline.command_line.overrides import HYDRA, SUFFIXES, quoted, top_of, words_of
 from pipeline.preflight import check_before
 from pipeline.run import artifacts, configuration, lock, sweep

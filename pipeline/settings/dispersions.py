@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from statistics import NormalDist
 from typing import Any, Literal
 
-from pipeline.settings.checks import SettingError
-from pipeline.settings.keys import did_you_mean, leaves
+from pipeline.settings.checks import SettingError, no_choice
+from pipeline.settings.keys import leaves
 
 #: keys that define each kind; low and high truncate a normal one
 KINDS: Mapping[str, tuple[set[str], set[str]]] = {
@@ -128,9 +128,7 @@ def _read(config: Mapping[str, Any]) -> Iterator[Distribution]:
 def _distribution(key: str, node: Mapping[str, Any]) -> Distribution:
     kind, where = node["kind"], f"dispersions.{key}"
     if kind not in KINDS:
-        raise SettingError(
-            f"{where}.kind is {kind!r}; it must be one of {', '.join(KINDS)}{did_you_mean(str(kind), KINDS)}"
-        )
+        raise SettingError(f"{where}.kind is {no_choice(kind, [*KINDS])}")
     needed, allowed = KINDS[kind]
     names = set(node) - {"kind"}
     if not needed <= names <= needed | allowed:

@@ -220,7 +220,9 @@ def sentence(kind: Any, error: ValidationError) -> str:
 
 def no_group(key: str, value: Any, kind: Any) -> str:
     """Return a message about a value that is no group of keys, as a class of settings must have."""
-    return f"{key} is {value!r}; it must be a group of keys: {', '.join(names_of(kind))}"
+    tags = [name for name, hint in get_type_hints(kind).items() if value in get_args(hint)]
+    likely = f"; did you mean {key}.{tags[0]}={value}?" if tags else ""
+    return f"{key} is {value!r}; it must be a group of keys: {', '.join(names_of(kind))}{likely}"
 
 
 def _unexpected(kind: Any, key: str) -> str:

@@ -140,15 +140,8 @@ def choices_of(word: str, known: Sequence[str], plural: str = "choices") -> str:
     return (f"{guess} The" if guess else "; the") + f" {plural} are {', '.join(known)}"
 
 
-def suggested(word: str, known: Iterable[str]) -> str | None:
-    """Return the known word that may be meant, perhaps by its earlier name; None if none is similar."""
-    renamed = (
-        new + word.removeprefix(old) for old, new in RENAMED.items() if f"{word}.".startswith(f"{old}.")
-    )
-    return next(renamed, None) or nearest(word, sorted(known))
-
-
 def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """Return ``; did you mean …?``, or nothing if no known word is similar."""
-    match = suggested(word, known)
+    """Return ``; did you mean …?``: a known word, perhaps by its earlier name; nothing if none is similar."""
+    old = next((old for old in RENAMED if f"{word}.".startswith(f"{old}.")), None)
+    match = RENAMED[old] + word.removeprefix(old) if old else nearest(word, sorted(known))
     return f"; did you mean {match}?" if match else ""

@@ -5,13 +5,12 @@ Angles are to the equator and the equinox of date. With `orbit.epoch` the Sun's 
 
 import math
 from abc import abstractmethod
-from collections.abc import Callable, Mapping
 from functools import cached_property
-from typing import Annotated, Any, Final, Literal, NamedTuple
+from typing import Annotated, Literal, NamedTuple
 
 from pydantic import AfterValidator, Field, Strict
 
-from pipeline.settings import ephemeris, keys, types
+from pipeline.settings import ephemeris, types
 from pipeline.settings.checks import SettingError
 from pipeline.settings.conditions import Only
 from pipeline.settings.groups import Settings
@@ -22,9 +21,6 @@ EARTH_RADIUS_M, EARTH_GRAVITY_M3_S2 = 6_378_137.0, 3.986004418e14
 GRAVITY_TOLERANCE = 1e-3
 #: the least and the greatest mean motion; the densest planets allow 0.0015 rad/s
 SLOWEST_RAD_S, FASTEST_RAD_S = 1e-8, 0.1
-#: keys that may be left to the epoch, and decimal places of their angles
-FOLLOWING: Final = ("sun.angle_deg", "sun.elevation_deg")
-DIGITS: Final = 6
 
 Length = Annotated[float, Strict(), Field(gt=0, le=1e9)]
 Inclination = Annotated[types.Number, Field(ge=0, le=180)]
@@ -248,25 +244,6 @@ class TwoLineOrbit(OrbitSettings):
         """The Sun's angle in the orbit plane and its elevation, at the epoch or that of the element set."""
         _, _, *angles, _ = self.elements
         return ephemeris.sun_in_hill_deg(self.osculating[1], *angles)
-
-
-def given_sun(config: Mapping[str, Any]) -> dict[str, float]:
-    """Return the angles of the Sun that a configuration leaves to its orbit's epoch, deg, by dotted key.
-
-    Raises
-    ------
-    SettingError
-        If the orbit is not allowed.
-    """
-    absent = object()
-    left = [key for key in FOLLOWING if keys.value_at(config, key, absent) is None]
-    orbit = keys.value_at(config, "orbit")
-    if not left or not isinstance(orbit, Mapping):
-        return {}
-    variant: Callable[..., OrbitSettings] = OrbitSettings  # a call returns the variant that the tag names
-    angles = variant(**orbit).sun_at_epoch_deg or (0.0, 0.0)
-    by_key = dict(zip(FOLLOWING, angles, strict=True))
-    return {key: round(by_key[key], DIGITS) for key in left}
 
 
 def elements_of(state: list[float]) -> KeplerElements:

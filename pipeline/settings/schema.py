@@ -22,10 +22,9 @@ from pipeline.settings.conditions import Only
 from pipeline.settings.controllers import PLANNED
 from pipeline.settings.dispersions import IN_TIME
 from pipeline.settings.experiment import Experiment, Mission
+from pipeline.settings.following import OF_EPOCH, following
 from pipeline.settings.groups import GROUPS, conditions_of, descendants_of, names_of, texts_of
 from pipeline.settings.mission import SHARED
-from pipeline.settings.orbit import FOLLOWING, given_sun
-from pipeline.settings.shells import given_starts
 from pipeline.settings.types import Follows, Freely
 
 #: characters of a value in a message
@@ -66,8 +65,8 @@ class Key:
 def schema() -> dict[str, Key]:
     """Return every key by its dotted name, except those of controllers: those at the top before groups."""
     order = ["", *names_of(Mission), *names_of(Experiment)]
-    groups = [entry for entry in reversed(GROUPS) if entry[0] != keys.FREE]
-    groups.sort(key=lambda entry: order.index(entry[0].partition(".")[0]))
+    groups = [entry for entry in GROUPS if entry[0] != keys.FREE]
+    groups.sort(key=lambda entry: (order.index(entry[0].partition(".")[0]), entry[1] is Mission))
     return {key.name: key for group, kind, only in groups for key in keys_of(group, kind, only)}
 
 
@@ -122,7 +121,7 @@ def completed(config: Mapping[str, Any]) -> dict[str, Any]:
     absent = (key for key in schema().values() if keys.value_at(config, key.name, ABSENT) is ABSENT)
     whole = keys.with_values(config, {key.name: key.default for key in absent if key.default is not MISSING})
     whole = keys.without(whole, [key.name for key in schema().values() if not key.exists(whole)])
-    return keys.with_values(whole, given_starts(whole) | given_sun(whole))
+    return keys.with_values(whole, following(whole))
 
 
 def present(config: Mapping[str, Any]) -> dict[str, Any]:
@@ -229,9 +228,9 @@ def in_world(experiment: Experiment, name: str) -> Experiment:
         current = there.get(group)
         there[group] = current | values if isinstance(current, dict) and isinstance(values, dict) else values
     if there["orbit"].get("epoch") is not None and "orbit" in changes:
-        unset = {key: None for key in FOLLOWING if keys.value_at(changes, key) is None}
+        unset = {key: None for key in OF_EPOCH if keys.value_at(changes, key) is None}
         there = keys.with_values(there, unset)
-        there = keys.with_values(there, given_sun(keys.without(there, idle(there))))
+        there = keys.with_values(there, following(keys.without(there, idle(there))))
     unmet = idle(there)
     for key, mark in unmet.items():
         group, _, last = key.rpartition(".")

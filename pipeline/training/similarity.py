@@ -23,8 +23,8 @@ from pipeline.flight.state.signals import CONSTANTS
 from pipeline.flight.world.pack import inspection_points
 from pipeline.settings.equipment import RealActuators
 from pipeline.settings.experiment import Mission
+from pipeline.settings.following import sight_shell
 from pipeline.settings.keys import unit_of
-from pipeline.settings.shells import sight_shell
 
 #: where the shipped controllers fly: the defaults of all settings
 HOME: Final = Mission()

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from fis_tools.formats import serialize
-from pipeline.command_line.choosing import recommendations, table
+from pipeline.command_line.guide import recommendations, table
 from pipeline.settings.places import conf_folder
 
 DOCS = Path(__file__).parents[3] / "docs"

@@ -12,7 +12,7 @@ import submitit
 from joblib.externals.loky import get_reusable_executor
 
 from pipeline.command_line.cli import main
-from pipeline.command_line.hydra_errors import LAUNCHERS
+from pipeline.command_line.config import LAUNCHERS
 from pipeline.command_line.runs import OK, UNIMPROVED
 from pipeline.run import artifacts, manifests, sweep, tables
 from tests import slurm

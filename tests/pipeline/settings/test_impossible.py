@@ -97,6 +97,7 @@ CASES = [
     ("hparams_search.space", {"seed": 3}, "give a range"),
     ("hparams_search.space", {"sede": {"choices": [1, 2]}}, "did you mean seed"),
     ("deputy", 3, "deputy is 3; it must be a group of keys: mass_kg"),
+    ("engine", "dask", "kind, part_cases; did you mean engine.kind=dask?"),
 ]
 
 

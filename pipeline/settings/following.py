@@ -1,23 +1,26 @@
-"""Distances that follow from a mission: from where the chief is seen, and where flights start by default."""
+"""Values that follow from a mission: from where the chief is seen, and, by default, starts and the Sun."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, Final
 
 from pipeline.settings.equipment import Sensor
 from pipeline.settings.keys import value_at
 from pipeline.settings.mission import ChiefSettings, DeputySettings
+from pipeline.settings.orbit import OrbitSettings
 
 #: the paper's starts, m, and the least distance from which its whole chief is in view
 PAPER_M: Final = (50.0, 100.0)
 PAPER_NEAR_M: Final = 10.0 / math.sin(math.radians(15.0))
 PAPER_FAR_M: Final = 200.0
-#: significant digits of distances that are computed
-DIGITS: Final = 3
-#: keys that may be left to the mission: starts of the evaluation, of training, and of a single flight
+#: significant digits of distances that are computed, and decimal places of the Sun's angles
+DIGITS, SUN_DIGITS = 3, 6
+#: keys that may be left to the orbit's epoch
+OF_EPOCH: Final = ("sun.angle_deg", "sun.elevation_deg")
+#: and to the mission: starts of the evaluation, of training, and of a single flight
 FOLLOWING: Final = (
     *(f"{group}.{end}_distance_m" for group in ("monte_carlo", "starts") for end in ("min", "max")),
-    "deputy.initial_position_m",
+    *("deputy.initial_position_m", *OF_EPOCH),
 )
 
 
@@ -54,26 +57,26 @@ def _rounded(value: float) -> float:
     return float(f"{value:.{DIGITS}g}")
 
 
-def given_starts(config: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the distances of starts that a configuration leaves to its mission, by dotted key.
+def following(config: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the values that a configuration leaves to its mission, by dotted key.
 
     Raises
     ------
     SettingError
-        If the limits or the camera, on which they depend, are not allowed.
+        If the limits, the camera or the orbit, on which they depend, are not allowed.
     """
-    absent = object()
-    left = [key for key in FOLLOWING if value_at(config, key, absent) is None]
-    groups = [value_at(config, name) for name in ("deputy", "sensor", "chief")]
+    left = [key for key in FOLLOWING if value_at(config, key, "") is None]
+    groups = [value_at(config, name) for name in ("deputy", "sensor", "chief", "orbit")]
     if not left or not all(isinstance(group, Mapping) for group in groups):
         return {}
-    of_deputy, of_sensor, of_chief = groups
+    of_deputy, of_sensor, of_chief, of_orbit = groups
     deputy = DeputySettings(**{key: value for key, value in of_deputy.items() if value is not None})
     chief = ChiefSettings(**of_chief)
     radius_m = chief.inspection_radius_m if chief.shape == "sphere" else 0.0
     low, high = start_shell(deputy, Sensor(**of_sensor), radius_m)
     middle = 0.5 * (low + high)
     of_training = (middle, middle) if value_at(config, "starts.kind") == "octants" else (low, high)
-    values = (low, high, *of_training, [middle / math.sqrt(3.0)] * 3)
-    by_key = dict(zip(FOLLOWING, values, strict=True))
-    return {key: by_key[key] for key in left}
+    orbit: Callable[..., OrbitSettings] = OrbitSettings  # a call returns the variant that the tag names
+    angles = (round(angle, SUN_DIGITS) for angle in orbit(**of_orbit).sun_at_epoch_deg or (0.0, 0.0))
+    values = (low, high, *of_training, [middle / math.sqrt(3.0)] * 3, *angles)
+    return {key: value for key, value in zip(FOLLOWING, values, strict=True) if key in left}

@@ -7,8 +7,8 @@ import pytest
 
 from pipeline.command_line.config import compose_experiment
 from pipeline.settings.equipment import Sensor
+from pipeline.settings.following import PAPER_M, sight_shell, start_shell
 from pipeline.settings.mission import DeputySettings
-from pipeline.settings.shells import PAPER_M, sight_shell, start_shell
 
 
 def test_starts_fit_any_mission():
