@@ -81,9 +81,8 @@ def field(_: Path) -> None:
         ]
         panels.append((f"world={world}", marks))
     with style():
-        figure = compared(panels, 0.0)
-        left, *_ = figure.axes
-        left.set(ylabel="success as its authors count (%)", xlim=(0.06, 13.0), ylim=(118.0, 0.22))
+        figure = compared(panels, 0.0, ((0.06, 13.0), (118.0, 0.22)))
+        figure.axes[0].set_ylabel("success as its authors count (%)")
     (IMAGES / "field.png").write_bytes(save(figure, "field", 150).png)
 
 

@@ -24,7 +24,7 @@ from pipeline.report.figures.comparison import (
 )
 from pipeline.report.figures.flights import METRICS, Sample, approach, controls, distributions
 from pipeline.report.figures.training import convergence
-from pipeline.report.figures.trajectories import MOST_TOLD_APART, Tracks, trajectories
+from pipeline.report.figures.trajectories import MOST_TOLD_APART, Tracks, trajectories, trajectories_apart
 from pipeline.scenarios import evaluation_scenarios
 from pipeline.settings.experiment import Mission
 
@@ -65,9 +65,8 @@ def _drawn(contents: Contents) -> Iterator[Drawn]:
     if contents.training is not None:
         yield _training(contents.training, mission)
     if contents.evaluation is not None and contents.evaluation.tracks_m is not None:
-        tracks = _tracks_by_outcome(contents.evaluation, mission)
-        count = len(tracks.positions_m)
-        yield _captioned("trajectories-evaluation", trajectories(tracks, mission), "evaluation", count=count)
+        count, figure = len(contents.evaluation.tracks_m), _by_outcome(contents.evaluation, mission)
+        yield _captioned("trajectories-evaluation", figure, "evaluation", count=count)
     if (unsafe := contents.without_safety) is not None:
         figure = _two({"with": unsafe.guarded, "without": unsafe.unguarded}, mission)
         yield _captioned("safety", figure, "safety", case=unsafe.case)
@@ -122,11 +121,10 @@ def _training(training: FlightSet, mission: Mission) -> Drawn:
     assert training.tracks_m is not None  # noqa: S101 - they were flown for this
     count = len(training.tracks_m)
     if count > MOST_TOLD_APART:
-        tracks, words = _tracks_by_outcome(training, mission), "Colours tell how each ended."
+        figure, words = _by_outcome(training, mission), "Flights that ended otherwise stand apart."
     else:
-        tracks = Tracks(training.tracks_m, style.PALETTE[:count], {})
+        figure = trajectories(Tracks(training.tracks_m, style.PALETTE[:count], {}), mission)
         words = "Each start bears the number of its case."
-    figure = trajectories(tracks, mission)
     return _captioned("trajectories-training", figure, "training", count=count, words=words)
 
 
@@ -151,20 +149,23 @@ def _two(flights: Mapping[str, FlightLog], mission: Mission) -> style.Figure:
     return trajectories(Tracks(paths, list(colours.values()), colours), mission)
 
 
-def _tracks_by_outcome(flights: FlightSet, mission: Mission) -> Tracks:
-    """Return the tracks of flights grouped and coloured by outcome, those outside the limits last."""
+def _by_outcome(flights: FlightSet, mission: Mission) -> style.Figure:
+    """Draw flights by outcome, side by side where they ended in several ways: none hides another."""
     assert flights.episodes is not None  # noqa: S101 - flights with tracks have episodes
     assert flights.tracks_m is not None  # noqa: S101
-    ended, threshold = flight_endings(flights.episodes), f"{mission.inspection_threshold_percent:g} %"
-    labels = f"at least {threshold} inspected", f"less than {threshold}", "outside the distance limits"
-    colours = np.empty(len(flights.tracks_m), dtype=object)
-    legend = {}
-    for label, (colour, _), is_so in zip(labels, ENDS.values(), ended, strict=True):
-        colours[is_so] = colour
-        legend[f"{label}: {int(is_so.sum()):,}"] = colour
-    *_, violated = ended
-    order = np.argsort(violated, kind="stable")
-    return Tracks(flights.tracks_m[order], colours[order].tolist(), legend, violated[order])
+    threshold = f"{mission.inspection_threshold_percent:g} %"
+    labels = f"at least {threshold} inspected", f"less than {threshold}", "outside the limits"
+    groups = {}
+    for label, (colour, _), is_so in zip(
+        labels, ENDS.values(), flight_endings(flights.episodes), strict=True
+    ):
+        if count := int(is_so.sum()):
+            title = f"{label}: {count:,}"
+            groups[title] = Tracks(flights.tracks_m[is_so], [colour] * count, {title: colour})
+    if len(groups) > 1:
+        return trajectories_apart(groups, mission)
+    (tracks,) = groups.values()
+    return trajectories(tracks, mission)
 
 
 def _samples(contents: Contents) -> Iterator[Sample]:

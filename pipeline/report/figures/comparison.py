@@ -44,7 +44,11 @@ class ControllerMark:
     rate: tuple[float, float]
 
 
-def compared(panels: Sequence[tuple[str, Sequence[ControllerMark]]], threshold: float) -> Figure:
+def compared(
+    panels: Sequence[tuple[str, Sequence[ControllerMark]]],
+    threshold: float,
+    limits: tuple[tuple[float, float], tuple[float, float]] | None = None,
+) -> Figure:
     """Draw delta-v against inspection rate, a panel a Sun setting, with the spread of flights as thin lines.
 
     Parameters
@@ -52,21 +56,22 @@ def compared(panels: Sequence[tuple[str, Sequence[ControllerMark]]], threshold: 
     panels : sequence of (title, marks)
     threshold : float
         Rate that makes a success, %.
+    limits : pair of pairs of float, optional
+        Of delta-v (m/s), and of the share missed (%) from below to above; by default what holds all marks.
     """
-    figure = Figure(figsize=(9.6, 4.4), layout="constrained")
-    axes = figure.subplots(1, len(panels), sharex=True, sharey=True, squeeze=False)[0]
+    figure = Figure(figsize=(9.6, 4.6))
+    cells = style.grid(figure, 1, len(panels), (0.6, 0.1, 0.45, 0.25), (0.15, 0.0))
+    axes = cells.subplots(sharex=True, sharey=True, squeeze=False)[0]
     names = list(dict.fromkeys(mark.name for _, marks in panels for mark in marks))
     styles = {name: MARKS[index % len(MARKS)] for index, name in enumerate(names)}
     for ax, (title, marks) in zip(axes, panels, strict=True):
         _draw_marks(ax, marks, styles, threshold)
         ax.set(title=title, xlabel="Δv (m/s)")
     axes[0].set(ylabel="inspection rate (%)")
-    handles = {
-        label: handle for ax in axes for handle, label in zip(*ax.get_legend_handles_labels(), strict=True)
-    }
-    figure.legend(
-        [handles[name] for name in names], names, loc="outside lower center", ncols=min(len(names), 4)
-    )
+    if limits is not None:
+        axes[0].set(xlim=limits[0], ylim=limits[1])
+    for ax, (_, marks) in zip(axes, panels, strict=True):
+        _name_marks(ax, marks, figure.dpi)
     return figure
 
 
@@ -96,9 +101,56 @@ def _draw_marks(
     ax.yaxis.set_major_formatter(FuncFormatter(lambda missed, _: f"{100.0 - missed:g}"))
     ax.yaxis.set_minor_formatter(NullFormatter())
     greatest = max(100.0 - mark.rate[0] + mark.rate[1] for mark in marks)
-    ax.set_ylim(min(1.2 * greatest, 100.0), LEAST_MISSED)
+    ax.set_ylim(min(1.2 * greatest, 100.0), 0.88 * LEAST_MISSED)
     ax.grid()
     ax.set_axisbelow(True)
+
+
+#: of a name in a picture, in points: its letters, how wide one is, and how far from the marks it is tried
+NAME_SIZE, LETTER = 7.0, 4.3
+DISTANCES = (9.0, 16.0, 25.0, 36.0, 50.0, 66.0, 84.0, 104.0, 126.0)
+
+
+def _name_marks(ax: Axes, marks: Sequence[ControllerMark], dots_per_inch: float) -> None:
+    """Write each controller's name beside its mark, where it hides no mark and no other name."""
+    to_points = 72.0 / dots_per_inch
+    points = [(mark.delta_v[0], max(100.0 - mark.rate[0], LEAST_MISSED)) for mark in marks]
+    centres = ax.transData.transform(points) * to_points
+    frame = np.asarray(ax.get_window_extent().extents) * to_points
+    taken = [np.concatenate([centre - 5.0, centre + 5.0]) for centre in centres]
+    angles = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
+    for index in np.argsort(-centres[:, 0], kind="stable"):
+        centre, name = centres[index], marks[index].name
+        half = np.array([0.5 * LETTER * len(name), 0.5 * NAME_SIZE + 1.0])
+        best, least = np.zeros(2), np.inf
+        for distance in DISTANCES:
+            for angle in angles:
+                direction = np.array([np.cos(angle), np.sin(angle)])
+                # the name's nearest edge is at the distance
+                offset = direction * distance + np.array([np.sign(np.round(direction[0], 6)) * half[0], 0.0])
+                box = np.concatenate([centre + offset - half, centre + offset + half])
+                cost = sum(_overlap(box, other) for other in taken) + 0.02 * distance
+                cost += 1e3 * float((box[:2] < frame[:2]).any() or (box[2:] > frame[2:]).any())
+                if cost < least:
+                    best, least = offset, cost
+        taken.append(np.concatenate([centre + best - half, centre + best + half]))
+        line = {"arrowstyle": "-", "color": style.MUTED, "linewidth": 0.5, "shrinkA": 0.0, "shrinkB": 4.0}
+        ax.annotate(
+            name,
+            points[index],
+            (float(best[0]), float(best[1])),
+            textcoords="offset points",
+            fontsize=NAME_SIZE,
+            color=style.INK,
+            arrowprops=line,
+            **style.CENTRED,
+        )
+
+
+def _overlap(box: Floats, other: Floats) -> float:
+    """Return the area that two boxes share; each is left, bottom, right and top."""
+    sides = np.minimum(box[2:], other[2:]) - np.maximum(box[:2], other[:2])
+    return float(np.prod(np.maximum(sides, 0.0)))
 
 
 #: from no success to all: the same on a dark page, which has its own `style.PAPER` and `style.BLUE`

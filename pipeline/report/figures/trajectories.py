@@ -33,17 +33,14 @@ class Tracks:
     positions_m : (n, K+1, 3) array
         Hill axes.
     colours : sequence of str
-        One a flight; later flights are drawn over earlier ones.
+        One a flight.
     legend : mapping of str to str
         What a colour means, to the colour; empty where each start bears the number of its flight.
-    is_striking : (n,) array of bool, optional
-        Flights to be seen in a crowd.
     """
 
     positions_m: NDArray[np.floating]
     colours: Sequence[str]
     legend: Mapping[str, str]
-    is_striking: NDArray[np.bool_] | None = None
 
 
 def trajectories(tracks: Tracks, mission: Mission) -> Figure:
@@ -66,6 +63,38 @@ def trajectories(tracks: Tracks, mission: Mission) -> Figure:
     return figure
 
 
+def trajectories_apart(groups: Mapping[str, Tracks], mission: Mission) -> Figure:
+    """Draw groups of flights side by side on equal scales: in space, in the orbit plane, and their distance.
+
+    Parameters
+    ----------
+    groups : mapping of str to Tracks
+        By their titles, at least one.
+    mission : Mission
+    """
+    figure = Figure(figsize=(9.6, 8.0))
+    share = 0.945 / len(groups)
+    reach = max(float(np.abs(tracks.positions_m).max()) for tracks in groups.values())
+    for column, (title, tracks) in enumerate(groups.items()):
+        left, look = 0.07 + share * column, _Look(mission, tracks, reach)
+        space = figure.add_axes((left - 0.03, 0.57, share, 0.39), projection="3d", computed_zorder=False)
+        assert isinstance(space, Axes3D)  # noqa: S101 - as asked for
+        _draw_space(space, look)
+        space.set(xticklabels=[], yticklabels=[], zticklabels=[])
+        space.set(xlabel="radial", ylabel="along-track", zlabel="cross-track")
+        for axis in (space.xaxis, space.yaxis, space.zaxis):
+            axis.labelpad = -12
+        plane = figure.add_axes((left, 0.265, share - 0.07, 0.3))
+        _draw_plane(plane, look, PLANES[0])
+        distance = figure.add_axes((left, 0.06, share - 0.07, 0.145))
+        _draw_distance(distance, look)
+        space.text2D(0.5, 1.0, title, transform=space.transAxes, ha="center", fontweight="bold")
+        if column:
+            for ax in (plane, distance):
+                ax.set_ylabel("")
+    return figure
+
+
 #: (across, up) of the pictures in the orbit's plane, the radial axis up, and across it
 PLANES = ((1, 0), (1, 2))
 #: from where space is looked at
@@ -76,12 +105,13 @@ CHIEF_COLOUR = "#9aa3ad"
 class _Look:
     """How flights are drawn: the fewer, the stronger; what leaves the picture's frame is left out."""
 
-    def __init__(self, mission: Mission, tracks: Tracks) -> None:
+    def __init__(self, mission: Mission, tracks: Tracks, farthest_m: float | None = None) -> None:
         self.mission = mission
         self.colours = np.array(colors.to_rgba_array(list(tracks.colours)))
         positions = np.asarray(tracks.positions_m, dtype=np.float64)
         num_flights = len(positions)
-        reach = min(max(1.04 * float(np.abs(positions).max()), 20.0), 1.1 * mission.deputy.max_distance_m)
+        farthest_m = float(np.abs(positions).max()) if farthest_m is None else farthest_m
+        reach = min(max(1.04 * farthest_m, 20.0), 1.1 * mission.deputy.max_distance_m)
         self.frame = float(np.ceil(reach / 10.0 - 1e-9) * 10.0)
         self.distances = np.linalg.norm(positions, axis=-1)
         self.positions = np.where(
@@ -91,9 +121,6 @@ class _Look:
         is_few = num_flights <= MOST_TOLD_APART
         self.widths = np.full(num_flights, 1.3 if is_few else 0.5 if self.is_crowded else 0.9)
         self.colours[:, 3] = 1.0 if is_few else np.clip(60.0 / num_flights, 0.15, 0.7)
-        if self.is_crowded and tracks.is_striking is not None and tracks.is_striking.any():
-            self.widths[tracks.is_striking] = 0.9
-            self.colours[tracks.is_striking, 3] = np.clip(60.0 / tracks.is_striking.sum(), 0.15, 0.9)
 
 
 def _draw_space(ax: Axes3D, look: _Look) -> None:

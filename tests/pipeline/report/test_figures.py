@@ -7,7 +7,7 @@ from matplotlib.colors import to_rgba
 from pipeline.report.figures.flights import METRICS, Sample, controls, distributions, tube_bounds
 from pipeline.report.figures.style import BLUE, PALETTE, PURPLE, inline, save, style
 from pipeline.report.figures.training import convergence
-from pipeline.report.figures.trajectories import Tracks, trajectories
+from pipeline.report.figures.trajectories import Tracks, trajectories, trajectories_apart
 from tests.pipeline.recording import cases
 
 TEN_MINUTES = "duration_s=600.0"
@@ -86,20 +86,22 @@ def test_starts_bear_their_numbers_and_share_a_label_where_they_coincide():
     assert [text.get_text() for text in across.texts] == ["0", "1", "2"]
 
 
-def test_a_runaway_does_not_shrink_the_others_and_stands_out_from_the_crowd():
+def test_a_runaway_does_not_shrink_the_others_and_stands_apart_from_the_crowd():
     tracks = np.stack([around(radius) for radius in np.random.default_rng(1).uniform(50.0, 90.0, 60)])
     tracks[-1] = np.linspace((60.0, 0.0, 0.0), (5000.0, 0.0, 0.0), 61)
-    strays = np.arange(60) == 59
-    colours = [BLUE] * 59 + [PURPLE]
-    figure = trajectories(Tracks(tracks, colours, {"in": BLUE, "out": PURPLE}, strays), MISSION)
-    _, orbit, _, _ = figure.axes
-    assert orbit.get_xlim()[1] <= 1.1 * MISSION.deputy.max_distance_m
-    lines = orbit.collections[0]
-    assert lines.get_rasterized()
-    assert lines.get_linewidths()[-1] > 1.5 * lines.get_linewidths()[0]
-    assert lines.get_colors()[-1][3] > 1.2 * lines.get_colors()[0][3]
-    np.testing.assert_allclose(lines.get_colors()[-1][:3], to_rgba(PURPLE)[:3])
-    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["in", "out"]
+    groups = {"in": Tracks(tracks[:-1], [BLUE] * 59, {}), "out": Tracks(tracks[-1:], [PURPLE], {})}
+    columns = np.array(trajectories_apart(groups, MISSION).axes).reshape(2, 3)
+    for (space, orbit, distance), (title, group) in zip(columns, groups.items(), strict=True):
+        assert [text.get_text() for text in space.texts] == [title]
+        assert orbit.get_xlim()[1] <= 1.1 * MISSION.deputy.max_distance_m
+        assert orbit.get_xlim() == columns[0, 1].get_xlim()
+        lines = orbit.collections[0]
+        assert len(lines.get_segments()) == len(group.positions_m)
+        np.testing.assert_allclose(lines.get_colors()[0][:3], to_rgba(group.colours[0])[:3])
+        assert len(distance.collections[0].get_segments()) == len(group.positions_m)
+    crowd, lone = (column[1].collections[0] for column in columns)
+    assert crowd.get_rasterized()
+    assert lone.get_linewidths()[0] > 1.5 * crowd.get_linewidths()[0]
 
 
 def values_of(count: int, delta_v: np.ndarray) -> dict[str, np.ndarray]:
