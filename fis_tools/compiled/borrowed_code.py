@@ -1,7 +1,7 @@
 """The LLVM code of `fis_tools.compiled.vectors.borrowed`, for numba.
 
 Borrowed arrays have references that are not counted; a borrowed named tuple is one pointer.
-Importing this module registers them with numba, as well as all of `fis_tools.compiled.vector_code`.
+Importing this module registers them with numba, as well as all operations of vectors.
 """
 
 from functools import cache
@@ -10,10 +10,10 @@ from typing import Any
 from numba import types
 from numba.extending import infer_getattr, lower_getattr_generic, models, register_model
 
-from fis_tools.compiled import vectors
+from fis_tools.compiled import vector_code, vector_memory, vectors  # noqa: F401 - register operations
 from fis_tools.compiled.fingerprint import covers_this_module
 from fis_tools.compiled.numba_parts import AttributeTemplate, cgutils, ir
-from fis_tools.compiled.vector_code import I64, defined, members
+from fis_tools.compiled.vector_types import I64, defined, members
 
 covers_this_module()
 

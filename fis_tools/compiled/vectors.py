@@ -6,7 +6,7 @@ between vectors and floats as well. A function written for floats therefore work
 it branches on a comparison: it must call `select`, `least` or `most` instead, which also take floats.
 
 This module defines the operations in NumPy: a vector is an array of shape (width,), a mask one of bools.
-`fis_tools.compiled.vector_code` gives the same operations to numba. Where an operation takes a `width`, it
+`fis_tools.compiled.borrowed_code` gives the same operations to numba. Where an operation takes a `width`, it
 is a constant, a power of two up to 64. See docs/explanation/vectors.md.
 """
 
@@ -153,15 +153,6 @@ def least(x: Vector, y: Vector) -> Vector:
 def most(x: Vector, y: Vector) -> Vector:
     """Return the larger value; `y` where they are equal or one of them is NaN."""
     return select(x > y, x, y)
-
-
-def higher(x: Vector, y: Vector) -> Vector:
-    """Return the larger of two degrees: nonnegative numbers, neither NaN.
-
-    It equals `most` for those, whose bits are ordered like integers: processors compare integers
-    while they compare floats for `least`.
-    """
-    return most(x, y)
 
 
 def total(vector: Vector) -> float:

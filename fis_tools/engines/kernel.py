@@ -22,7 +22,6 @@ from fis_tools.compiled.vectors import (
     Vector,
     aligned,
     gather_rows,
-    higher,
     least,
     load,
     most,
@@ -102,7 +101,7 @@ def cut_terms(rules: Integers, system: Any, scratch: Any) -> None:
                 strength = least(
                     load(scratch.memberships, rules[slots + inputs * rule + index], width), strength
                 )
-            cut = higher(strength, cut)
+            cut = most(strength, cut)
         store(scratch.cuts, term, cut)
 
 
@@ -119,7 +118,7 @@ def count_ranks(values: Floats, rules: Integers, piece: int, system: Any, scratc
     rank = 0
     while rank == 0 or (rank < terms and some(floor < values[bounds + 2 * rank])):
         cut = load(scratch.cuts, rules[ranks + rank], width)
-        floor = higher(least(cut, values[bounds + 2 * rank + 1]), floor)
+        floor = most(least(cut, values[bounds + 2 * rank + 1]), floor)
         rank += 1
     return rank
 
@@ -146,7 +145,7 @@ def grid_sums(values: Floats, rules: Integers, system: Any, scratch: Any) -> tup
             for rank in range(1, num_ranks):
                 term = rules[ranks + rank]
                 cut = load(scratch.cuts, term, width)
-                height = higher(least(spread(values, row + term, width), cut), height)
+                height = most(least(spread(values, row + term, width), cut), height)
             first = height if point == 0 else first
             last = height
             total += height
@@ -183,9 +182,9 @@ def heights_in(terms: int, fraction: Vector, scratch: Any) -> tuple[Vector, Vect
     for term in range(terms):
         cut = load(scratch.cuts, term, width)
         left_value, right_value = load(scratch.ends, term, width), load(scratch.ends, terms + term, width)
-        left = higher(least(left_value, cut), left)
-        inside = higher(least(left_value + fraction * (right_value - left_value), cut), inside)
-        right = higher(least(right_value, cut), right)
+        left = most(least(left_value, cut), left)
+        inside = most(least(left_value + fraction * (right_value - left_value), cut), inside)
+        right = most(least(right_value, cut), right)
     return left, inside, right
 
 

@@ -1,22 +1,19 @@
-"""Runs: their folder, resuming, repeating a stage, sweeps, interrupts, faults, progress, parts of one."""
+"""Runs: their folder, resuming, repeating a stage, interrupts, faults, progress, parts of one."""
 
 import subprocess
 import sys
 from pathlib import Path
 
-import numpy as np
 import pytest
 import yaml
 
 from pipeline.command_line.cli import main
 from pipeline.controllers.source import controller_of_run
-from pipeline.evaluation.monte_carlo import summarise
 from pipeline.flight.control.controller import coast
-from pipeline.run import artifacts, configuration, lock, manifests, progress, runner, sweep, tables, writing
+from pipeline.run import artifacts, configuration, manifests, progress, runner, tables, writing
 from pipeline.run.progress import Progress
 from pipeline.settings import start_table
 from tests.pipeline.command_line.cases import EVALUATE, FLY, use_stages
-from tests.pipeline.evaluation.test_statistics import evaluation
 from tests.places import PROJECT
 
 STAGES = ["scenario", "evaluate", "record", "report"]
@@ -196,20 +193,6 @@ def test_a_folder_that_holds_no_run_is_refused(finished, monkeypatch, ran):
     assert called == []
 
 
-def test_the_jobs_of_a_sweep_leave_another_sweeps_runs_alone(monkeypatch, ran):
-    use_stages(monkeypatch)
-    sweep = ["-m", *FLY, "hydra.sweep.dir=sweep"]
-    assert main([*sweep, "seed=1,2"]) == 0
-    before = {path: path.read_bytes() for path in Path("sweep").glob("seed=?/[a-z]*.*")}
-    called = use_stages(monkeypatch)
-    printed = ran(*sweep, "seed=2,3", "duration_s=1800", code=2).err
-    assert f"{Path('sweep', 'seed=2')} holds another run" in printed
-    assert f"resume={Path('sweep', 'seed=2')}" in printed
-    assert called == []
-    assert not Path("sweep/seed=3").exists()
-    assert all(path.read_bytes() == content for path, content in before.items())
-
-
 @pytest.mark.parametrize("error", [artifacts.ArtifactError("champion.json is missing"), OSError("disk full")])
 def test_an_error_in_a_stage_is_told_and_logged(error, monkeypatch, ran):
     def fail(_experiment, _folder):
@@ -238,119 +221,6 @@ def test_a_log_that_cannot_be_written_is_told_once_and_ends_nothing(is_full, mon
     path = Path("run", artifacts.LOG).absolute()
     assert said.count(f"note: {path} cannot be written ({reason}); the run has no log from here on") == 1
     assert manifests.read(Path("run"))["finished_stages"] == STAGES
-
-
-OUT = Path("out")
-
-SWEEP = [
-    "-m", *EVALUATE, "stages=[scenario,evaluate]", "hydra.sweep.dir=out", "seed=1,2,3",
-    "deputy.mass_kg=10,12", "sun=fixed,random",
-]  # fmt: skip
-#: the same with four seeds: 16 runs
-LARGE = ["seed=range(1,5)" if word.startswith("seed=") else word for word in SWEEP]
-#: the other parts of a run in a sweep's file
-REST = '"differs": {}, "command": [], "failure": ""'
-#: what goes wrong in which run: a mistake, the disk, memory, and a fault of the program
-INJECTED = {
-    ("2", 12.0, "fixed"): ValueError("nothing to be flown"),
-    ("3", 10.0, "random"): OSError(28, "No space left on device"),
-    ("3", 12.0, "random"): MemoryError(),
-    ("1", 10.0, "random"): RuntimeError("a slip"),
-    ("4", 10.0, "fixed"): ValueError("nothing to be flown, again"),
-}
-
-
-def evaluate(experiment, folder):
-    """Write an evaluation in which a heavier deputy burns 0.3 m/s less, whatever else differs."""
-    episodes = evaluation(experiment.seed, shift=-0.15 * (experiment.mission.deputy.mass_kg - 10.0))
-    tables.write_parquet(folder / artifacts.EPISODES, episodes)
-    summary = summarise({**episodes, "mean_distance_m": np.ones(40)}, 95.0)
-    writing.write_json(folder / artifacts.SUMMARY, {"confidence_percent": 95.0, "num_cases": 40, **summary})
-
-
-@pytest.mark.slow
-def test_a_sweep_with_injected_failures_is_summarised(monkeypatch, ran):
-    def evaluate_or_fail(experiment, folder):
-        key = str(experiment.seed), experiment.mission.deputy.mass_kg, experiment.sun.mode
-        if error := INJECTED.get(key):
-            raise error
-        evaluate(experiment, folder)
-
-    use_stages(monkeypatch, evaluate=evaluate_or_fail)
-    *_, ends = ran(*LARGE, code=2, slips=True).err.split("[16/16]")
-    assert ends.count("failed: ") == len(INJECTED)
-    assert "failed: seed=2+deputy.mass_kg=12+sun=fixed: nothing to be flown" in ends
-    assert "seed=1+deputy.mass_kg=10+sun=random: a fault of the program: RuntimeError: a slip" in ends
-    assert "11 of 16 runs are done; to try the others again: python -m pipeline resume=out" in ends
-    assert main(["summary", "out"]) == 0
-    rows = tables.read_parquet(OUT, "summary.parquet")
-    states = dict(zip(rows["run"].tolist(), rows["state"].tolist(), strict=True))
-    failed = {f"seed={seed}+deputy.mass_kg={mass:g}+sun={sun}" for seed, mass, sun in INJECTED}
-    assert {name for name, state in states.items() if state == "failed"} == failed
-    assert (rows["state"] == "done").sum() == 11
-    assert np.isnan(rows["delta_v_m_s"]).sum() == len(INJECTED)
-    results = tables.read_parquet(OUT, "effects.parquet")
-    heavier = (results["factor"] == "deputy.mass_kg") & (results["metric"] == "delta_v_m_s")
-    # of all seeds but 2 and 4 under a fixed Sun, and but 1 and 3 under a random one, both masses were flown,
-    # from 40 starts each; seeds only draw the starts, so that each start counts
-    assert results["difference"][heavier] == pytest.approx(-0.3)
-    assert results["pairs"][heavier].tolist() == [4 * 40]
-    page = (OUT / "summary.html").read_text()
-    assert all(name in page for name in failed)
-    assert "controller=coast" in page
-
-    use_stages(monkeypatch, evaluate=evaluate)
-    assert "16 of 16 runs are done" in ran("resume=out").err
-    known = sweep.read(OUT)
-    assert [run.failure for run in known] == [""] * 16
-    assert manifests.read(OUT / known[0].folder)["command"] == list(known[0].command)
-    assert "nothing is left to do: all 16 runs are finished" in ran("resume=out").err
-
-
-def test_an_interrupted_sweep_goes_on_with_what_is_left(monkeypatch, ran):
-    def stop(experiment, folder):
-        if experiment.seed == 2:
-            raise KeyboardInterrupt
-        evaluate(experiment, folder)
-
-    words = [word for word in SWEEP if not word.startswith(("deputy", "sun"))]
-    use_stages(monkeypatch, evaluate=stop)
-    assert "2 runs of the sweep are left. To go on with all: python -m" in ran(*words, code=130).err
-    called = use_stages(monkeypatch, evaluate=evaluate)
-    left = Path("out", "seed=1", lock.LOCK)  # by a process that was killed when it had finished the run
-    left.touch()
-    assert main(["resume=out"]) == 0
-    assert [(name, e.seed) for name, e, _ in called] == [("evaluate", 2), ("scenario", 3), ("evaluate", 3)]
-    assert not left.exists()
-    with lock.held(left.parent):  # by a process that is alive
-        assert "nothing is left to do" in ran("resume=out").err
-        assert left.exists()
-
-
-@pytest.mark.parametrize(
-    ("content", "message"),
-    [
-        (None, "out holds no sweep, it has no sweep.json"),
-        ('{"sweep_version": 1, "runs": [{"folder": "../x"}]}', "is no file of a sweep"),
-        ('{"sweep_version": 1, "runs": [{"folder": "/x", ' + REST + "}]}", "lies outside"),
-        ('{"sweep_version": 1, "runs": [{"folder": "' + 256 * "x" + '", ' + REST + "}]}", "is longer than"),
-    ],
-)
-def test_a_file_that_is_no_sweeps_is_refused(content, message, tmp_path, ran):
-    (tmp_path / "out").mkdir()
-    if content:
-        (tmp_path / "out" / "sweep.json").write_text(content)
-    assert message in ran("summary", "out", code=2).err
-
-
-def test_a_damaged_summary_is_refused_where_runs_are_summarised_or_compared(tmp_path, ran):
-    for name in ("a", "b"):
-        for path, text in ((artifacts.CONFIG, "name: x"), (artifacts.SUMMARY, "{}")):
-            writing.write_atomically(tmp_path / "out" / name / path, text)
-    runs = '[{"folder": "a", ' + REST + "}]"
-    (tmp_path / "out" / "sweep.json").write_text(f'{{"sweep_version": 1, "runs": {runs}}}')
-    for words in (("summary", "out"), ("compare=out/a,out/b",)):
-        assert "summary.json has no number num_cases" in ran(*words, code=2).err
 
 
 PROGRAM = """
