@@ -12,19 +12,7 @@ import numpy as np
 
 from fis_tools.array_types import Floats, Integers
 from fis_tools.compiled.decorator import compiled
-from fis_tools.compiled.vectors import (
-    Vector,
-    borrowed,
-    higher,
-    least,
-    load,
-    most,
-    select,
-    some,
-    splat,
-    spread,
-    store,
-)
+from fis_tools.compiled.vectors import Vector, borrowed, least, load, most, select, some, splat, spread, store
 from fis_tools.engines import codes
 from fis_tools.engines.lanes import LANES
 from fis_tools.engines.packing import PIECE
@@ -128,7 +116,7 @@ def _write_heights(summation: Summation, degrees: Floats, slots: Integers, room:
         for index in range(len(rules)):
             strength = load(degrees, slots[rules[index]] * LANES, LANES) * weights[index]
             cut = load(room.cuts, terms[index] * LANES, LANES)
-            store(room.cuts, terms[index] * LANES, cut + strength if is_sum else higher(strength, cut))
+            store(room.cuts, terms[index] * LANES, cut + strength if is_sum else most(strength, cut))
     for index in range(len(summation.memberships) if joins else len(rules)):
         if joins:
             term, strength = index, load(room.cuts, index * LANES, LANES)
@@ -148,7 +136,7 @@ def _write_heights(summation: Summation, degrees: Floats, slots: Integers, room:
 @compiled(error_model="numpy", forceinline=True)
 def _aggregated(aggregation: int, height: Vector, implied: Vector) -> Vector:
     if aggregation == codes.MAX:
-        return higher(implied, height)
+        return most(implied, height)
     either = height + implied
     if aggregation == codes.BOUNDED_SUM:
         either = least(either, 1.0)
@@ -163,7 +151,7 @@ def _centroids(summation: Summation, room: Room) -> bool:
     area, moment, highest = splat(0.0, LANES), splat(0.0, LANES), splat(0.0, LANES)
     for point in range(len(summation.universe)):
         height = load(room.heights, point * LANES, LANES)
-        highest = higher(height, highest)
+        highest = most(height, highest)
         area += height
         moment += height * summation.universe[point]
     return _answered(summation, highest, area, moment, room)
@@ -187,9 +175,9 @@ def _cut_centroids(summation: Summation, degrees: Floats, slots: Integers, room:
     for term in range(len(summation.memberships)):
         cut = splat(0.0, LANES)
         for index in range(bounds[term], bounds[term + 1]):
-            cut = higher(load(degrees, slots[rules[index]] * LANES, LANES) * weights[index], cut)
+            cut = most(load(degrees, slots[rules[index]] * LANES, LANES) * weights[index], cut)
         store(room.cuts, term * LANES, cut)
-        highest = higher(least(cut, summation.peaks[term]), highest)
+        highest = most(least(cut, summation.peaks[term]), highest)
     area, moment = _sums(summation, room.cuts)
     return _answered(summation, highest, area, moment, room)
 
@@ -206,14 +194,14 @@ def _sums(summation: Summation, cuts: Floats) -> tuple[Vector, Vector]:
         num_ranks = 0
         while num_ranks < terms and (num_ranks == 0 or some(floor < ends[piece, num_ranks, 0])):
             cut = load(cuts, ranks[piece, num_ranks] * LANES, LANES)
-            floor = higher(least(cut, ends[piece, num_ranks, 1]), floor)
+            floor = most(least(cut, ends[piece, num_ranks, 1]), floor)
             num_ranks += 1
         for point in range(PIECE * piece, min(PIECE * (piece + 1), points)):
             height = splat(0.0, LANES)
             for rank in range(num_ranks):
                 term = ranks[piece, rank]
                 cut = load(cuts, term * LANES, LANES)
-                height = higher(least(spread(values, term * points + point, LANES), cut), height)
+                height = most(least(spread(values, term * points + point, LANES), cut), height)
             area += height
             moment += height * x[point]
     return area, moment
