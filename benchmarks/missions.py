@@ -160,9 +160,9 @@ def fitted(name: str, words: Sequence[str]) -> dict[str, Any]:
 
 
 #: a fit that compiles, or loads, all that a real one calls
-COMPILE = ("fit.draws=1", "fit.cases=[1,1]", "fit.kept=[1]", "fit.num_cases=2", "fit.tunes=always")
-COMPILE += ("optimizer.generations=1", "optimizer.population_size=5", "starts.num_cases=2")
-COMPILE += ("optimizer.validation_cases=2",)
+COMPILE = ("fit.draws=1", "fit.cases=[1,1]", "fit.kept=[1]", "fit.num_cases=2", "fit.neighbours=0")
+COMPILE += ("fit.tunes=always", "optimizer.generations=1", "optimizer.population_size=5")
+COMPILE += ("starts.num_cases=2", "optimizer.validation_cases=2")
 
 
 def share_in_words(tally: dict[str, Any] | None) -> str:

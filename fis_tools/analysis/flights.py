@@ -110,6 +110,8 @@ def read_outcome(path: Path | str) -> FlightOutcome:
         # the start may lie outside
         distance = recording["/mission"]["distance_m"][1 : recording.last_sample + 1].astype(np.float64)
         is_outside = bool(np.any((distance < nearest) | (distance > farthest)))
+        if recording.episode.keep_out_m and not is_outside:
+            is_outside = None  # spheres move, and where they are is not read here
     acted = None
     if control is not None and len(control):
         reasons = [control[name].reshape(len(control), -1) for name in ("reason", "command_reason")]

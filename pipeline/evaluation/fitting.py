@@ -28,6 +28,9 @@ from pipeline.training.similarity import Similarity, longest_time, sizes_worth_t
 TEMPOS: Final = (0.7, 1.0, 1.0, 1.0, 1.6, 2.5, 4.0)
 #: of three controllers drawn, one decides in every control period
 CLOCKS: Final = (False, False, True)
+#: factors, least and greatest, from the best to its neighbours
+NEAR_SIZES: Final = (0.8, 1.25)
+NEAR_TEMPOS: Final = (0.85, 1.15)
 #: part of the spawn key of the draws of sizes and tempos
 DRAWS: Final = 1 << 24
 #: what an exit costs beyond the success that it is none of, what sight of all points is worth below this
@@ -156,6 +159,24 @@ def drawn_variants(experiment: Experiment, bases: Mapping[str, FuzzyController])
     ]
 
 
+def neighbours_of(
+    experiment: Experiment, best: Variant, bases: Mapping[str, FuzzyController]
+) -> list[Variant]:
+    """Return variants near one, drawn log-uniformly within `NEAR_SIZES` and `NEAR_TEMPOS` of its own.
+
+    Sizes and tempos drawn over a whole range may straddle what flies best.
+    """
+    mission, count, drawn = experiment.mission, experiment.fit.neighbours, []
+    generator = np.random.default_rng(np.random.SeedSequence(experiment.seed, spawn_key=(DRAWS, len(bases))))
+    for draw in range(count):
+        low, high = NEAR_SIZES
+        size = best.size * low * (high / low) ** ((draw + generator.uniform()) / count)
+        tempo = best.tempo * math.exp(generator.uniform(*np.log(NEAR_TEMPOS)))
+        clock = bool(generator.choice(CLOCKS))
+        drawn.append(Variant(best.base, float(f"{size:.3g}"), float(f"{tempo:.3g}"), clock))
+    return [variant for variant in drawn if _flies(variant.controller(bases[best.base], mission), mission)]
+
+
 def _flies(controller: FuzzyController, mission: Mission) -> bool:
     """Return whether a controller can fly a mission."""
     try:
@@ -170,14 +191,14 @@ Judge = Callable[[int, Variant], FlightTally]
 
 
 def halve(
-    experiment: Experiment, variants: Sequence[Variant], judge: Judge
+    experiment: Experiment, variants: Sequence[Variant], judge: Judge, first: int = 0
 ) -> list[tuple[Variant, FlightTally]]:
-    """Return the variants of the last rung, best first.
+    """Return the variants of the last rung, best first, of those that begin at a rung.
 
     The best of those as shipped flies in every rung, so that scaling replaces none that flies better.
     """
     left, judged = list(variants), list[tuple[Variant, FlightTally]]()
-    for rung, (_, kept) in enumerate(rungs_of(experiment)):
+    for rung, (_, kept) in [*enumerate(rungs_of(experiment))][first:]:
         judged = [(variant, judge(rung, variant)) for variant in left]
         judged.sort(key=lambda pair: -pair[1].score)
         order = [variant for variant, _ in judged]
@@ -186,10 +207,10 @@ def halve(
     return judged
 
 
-def num_flights(experiment: Experiment, num_variants: int) -> int:
-    """Return how many flights halving takes, at most."""
+def num_flights(experiment: Experiment, num_variants: int, first: int = 0) -> int:
+    """Return how many flights halving takes from a rung on, at most."""
     total = 0
-    for cases, kept in rungs_of(experiment):
+    for cases, kept in rungs_of(experiment)[first:]:
         total += num_variants * cases
         num_variants = min(num_variants, kept + 1)
     return total

@@ -140,6 +140,8 @@ class SixDofInspectionEnv(gymnasium.Env[NDArray[np.float32], NDArray[Any]]):
         self._mission = mission = self.task.mission
         plain = task_of(["world=afrl_six_dof"]).mission
         changed = [part for part in LEFT_OUT if getattr(mission, part) != getattr(plain, part)]
+        changed += ["sensor.rectangle_deg"] if mission.sensor.rectangle_deg is not None else []
+        changed += ["chief.keep_out_m"] if mission.chief.keep_out_m else []
         if changed or self.task.is_tilted:
             reason = ", ".join(changed) or "a Sun out of the orbit plane"
             raise ValueError(f"{reason}: this is not flown with six degrees of freedom; leave it out")

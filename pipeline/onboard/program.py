@@ -180,10 +180,16 @@ def strongest_rule(rules: Integers, layout: Any, index: int, scratch: Any) -> in
 
 
 def without_camera(
-    _: Translator, world: World, optics: Beyond | None, beam: Beam, position: Three, boresight: Three
+    _: Translator,
+    world: World,
+    optics: Beyond | None,
+    beam: Beam,
+    position: Three,
+    boresight: Three,
+    up: Three,
 ) -> Eye:
     """Return a camera that sees nothing: on board the controller receives which points are inspected."""
-    return Eye(position, boresight, beam, 0.0, 0.0, 0.0, False, True)
+    return Eye(position, boresight, up, beam, 0.0, 0.0, 0.0, False, True)
 
 
 @dataclass(frozen=True)

@@ -117,7 +117,7 @@ class PlanningProblem:
 
 
 def check_light(mission: Mission) -> None:
-    """Raise SettingError for a mission in which a point must be bright enough, or far enough, to be seen.
+    """Raise SettingError for a mission with light, a camera or limits that plans do not know.
 
     Raises
     ------
@@ -128,11 +128,8 @@ def check_light(mission: Mission) -> None:
             f"light.reflection is {mission.light.reflection}, which plans of least fuel do not know of; set "
             "light.reflection=none for them"
         )
-    if mission.sensor.min_range_m > 0.0:
-        raise SettingError(
-            f"sensor.min_range_m is {mission.sensor.min_range_m:g}, which plans of least fuel do not know "
-            "of; set it to 0 for them (m)"
-        )
+    if (refusal := mission.refusal_of_plans("plans of least fuel")) is not None:
+        raise SettingError(refusal)
 
 
 def problem_of(mission: Mission, scenario: Scenario) -> PlanningProblem:

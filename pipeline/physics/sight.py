@@ -169,6 +169,9 @@ class Optics(NamedTuple):
     least_range_squared: float  # of the least range, m^2
     most_sunward: float  # cosine from boresight to Sun beyond which the camera is blinded; infinite for none
     past_terminator: float  # sine of the angle by which the Sun may be below the tangent plane of a point
+    # tangents of the half angles of a rectangular field of view, across and up; infinite for a cone
+    tan_across: float
+    tan_up: float
 
 
 @compiled(inline="always")
@@ -188,6 +191,14 @@ def is_sunlit(along_sun: Vector, height: Vector) -> Mask:
     If the plane passes behind the chief's centre, by ``n . s > 0``, which is also false without light.
     """
     return along_sun > most(height, 0.0) * (1.0 / ASTRONOMICAL_UNIT_M)
+
+
+@compiled
+def is_in_rectangle(optics: Optics, to_camera: Three, boresight: Three, up: Three) -> bool:
+    """Return whether a point is in a rectangular field of view, by unit vectors along the camera and up."""
+    ahead = -dot(to_camera, boresight)
+    across, rise = abs(dot(to_camera, cross(boresight, up))), abs(dot(to_camera, up))
+    return bool(ahead > 0.0 and across <= optics.tan_across * ahead and rise <= optics.tan_up * ahead)
 
 
 @compiled(inline="always")

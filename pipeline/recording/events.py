@@ -14,6 +14,7 @@ from pipeline.flight.fly.outlooks import finishing
 from pipeline.flight.fly.tours import rehearsal_samples, tour_names
 from pipeline.flight.goals.reach import ended, limit_at
 from pipeline.flight.state.log import LIMITS, REHEARSED, FlightLog, inspectable_rate, points_needed
+from pipeline.flight.world.limits import depths_in_spheres, metres_beyond
 from pipeline.recording.foresight import decisions_in_words, is_planned
 from pipeline.settings.experiment import Mission
 
@@ -57,7 +58,7 @@ def events(
     if controller is not None:
         happened += _rehearsed(mission, log, controller)
     happened += _progress(mission, log) if inspects else ()
-    happened += [*_limits(mission, log, near_limit_m), *_safety(mission, log)]
+    happened += [*_limits(mission, log, near_limit_m), *_spheres(mission, log), *_safety(mission, log)]
     flown = controller
     if isinstance(controller, RuleController) and is_planned(log):
         flown = finishing(controller)
@@ -148,6 +149,16 @@ def _limits(mission: Mission, log: FlightLog, near_limit_m: float) -> Iterator[E
             is_warned = True
 
 
+def _spheres(mission: Mission, log: FlightLog) -> Iterator[Event]:
+    """Yield when the deputy enters a sphere to stay out of, and when it has left it."""
+    for which, depth in enumerate(depths_in_spheres(mission, log).T):
+        is_inside = depth > 0.0
+        for sample in np.flatnonzero(np.diff(is_inside, prepend=False)).tolist():
+            words = f"{depth[sample]:.1f} m inside" if is_inside[sample] else "outside again:"
+            level: Level = "error" if is_inside[sample] else "info"
+            yield Event(sample, level, f"{words} sphere {which} of those to stay out of")
+
+
 def _coasting(mission: Mission, log: FlightLog, logic: ThrustLogic) -> Iterator[Event]:
     """Yield when the controller begins and ceases to coast, and what coasting to the end would come to."""
     num_points, margin = int(log.is_inspectable.sum()), logic.coast_margin_m
@@ -192,9 +203,8 @@ def _delta_v(mission: Mission, force_h: Floats) -> float:
 def _summary(mission: Mission, log: FlightLog) -> Event:
     """Sum the flight up."""
     distance = _distances(log)
-    low, high = mission.deputy.min_distance_m, mission.deputy.max_distance_m
     # the start is given, not flown
-    num_outside = int(np.sum((distance[1:] < low) | (distance[1:] > high)))
+    num_outside = int(np.sum(metres_beyond(mission, log)[1:] > 0.0))
     inside = "always inside the limits"
     if num_outside:
         inside = f"outside the limits at {num_outside} of {len(distance) - 1} samples"

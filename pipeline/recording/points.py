@@ -179,19 +179,21 @@ def note_lit_and_seen(
     suns: Floats,
     positions: Floats,
     boresights: Floats,
+    ups: Floats,
     left: Bytes,
     lit: Bytes,
     seen: Bytes,
 ) -> None:
     """Write which of the points left are lit at the samples of a flight, and which dark ones are in view.
 
-    Suns, (K+1, 4), are cosine and sine of the Sun's angle and of its elevation; places (m) and boresights of
-    the camera, (K+1, 3), are in Hill axes; `left`, `lit` and `seen`, (K+1, P padded), are 0 or 1.
+    Suns, (K+1, 4), are cosine and sine of the Sun's angle and of its elevation; places (m), boresights of
+    the camera and what is up in its image, (K+1, 3), are in Hill axes; `left`, `lit` and `seen`, (K+1, P
+    padded), are 0 or 1.
     """
     ahead = work.ahead
     for k in range(len(positions)):
         beam = beam_from(world, optics, k, (suns[k, 0], suns[k, 1]), (suns[k, 2], suns[k, 3]))
-        eye = eye_at(world, optics, beam, three_of(positions[k]), three_of(boresights[k]))
+        eye = eye_at(world, optics, beam, three_of(positions[k]), three_of(boresights[k]), three_of(ups[k]))
         for j in range(len(ahead)):
             ahead[j] = left[k, j]
         note_lit(world, optics, ahead, work.lit, beam)
@@ -210,9 +212,9 @@ def lit_and_seen(
     angles, num_points = (log.sun_angle_rad, log.sun_elevation_rad), world.num_points
     left = np.zeros((len(log.position_m), world.points.shape[2]), dtype=np.uint8)
     left[:, :num_points] = ~log.is_inspected
-    boresights = seen_from_hill(log.quaternion_b_from_h, world.boresight)
+    axes = [seen_from_hill(log.quaternion_b_from_h, axis) for axis in (world.boresight, world.up)]
     lit, seen = np.zeros_like(left), np.zeros_like(left)
     beyond = optics_in_use(world, log.sun_elevation_rad)
     suns = np.stack([turn(angle) for angle in angles for turn in (np.cos, np.sin)], axis=1)
-    note(world, beyond, make_workspace(world), suns, log.position_m, boresights, left, lit, seen)
+    note(world, beyond, make_workspace(world), suns, log.position_m, *axes, left, lit, seen)
     return lit[:, :num_points] > 0, seen[:, :num_points] > 0

@@ -156,7 +156,7 @@ class FlightRecorder:
     def _episode(self, scenario: Scenario, scenario_id: str, log: FlightLog) -> dict[str, str]:
         """Return the metadata that describes a flight: its start, settings, limits and camera."""
         mission = self.mission
-        has_goal = mission.problem.kind == "reach"
+        has_goal, is_rectangle = mission.problem.kind == "reach", mission.sensor.rectangle_deg is not None
         description = EpisodeDescription(
             scenario_id=scenario_id,
             seed=self._seed,
@@ -169,8 +169,9 @@ class FlightRecorder:
             product_version=self._product_version,
             config_hash=self._config_hash,
             **_named(mission.deputy, "min_distance_m", "max_distance_m", "max_force_n", "max_torque_n_m"),
-            half_angle_rad=math.radians(mission.sensor.half_angle_deg),
+            half_angle_rad=None if is_rectangle else math.radians(mission.sensor.half_angle_deg),
             boresight=mission.sensor.boresight,
+            keep_out_m=sum(mission.chief.keep_out_m, ()) or None,
             inspection_threshold_percent=mission.inspection_threshold_percent,
             end_s=mission.control_period_s * ended(mission, log)[0] if has_goal else None,
         )

@@ -12,8 +12,12 @@ from pipeline.settings.groups import Settings
 class Sensor(Settings, group="sensor"):
     """The deputy's camera."""
 
-    half_angle_deg: Annotated[types.Positive, Field(le=180)] = 15.0
-    """Half angle of the field of view."""
+    half_angle_deg: Annotated[types.Positive, Field(le=180), Only("sensor.rectangle_deg=null")] = 15.0
+    """Half angle of the field of view, a cone."""
+    rectangle_deg: types.Rectangle | None = None
+    """Half angles across and up the image, of a rectangular field of view; null: a cone."""
+    up: Annotated[types.UnitVector, Only("sensor.rectangle_deg")] = (0.0, 0.0, 1.0)
+    """What is up in the image, body axes; of it counts what is perpendicular to the boresight."""
     boresight: types.UnitVector = (-1.0, 0.0, 0.0)
     """Where the camera looks, body axes."""
     max_incidence_deg: Annotated[types.Positive, Field(le=90)] = 90.0
@@ -24,6 +28,11 @@ class Sensor(Settings, group="sensor"):
     """Least range from which a point is in focus."""
     min_sun_angle_deg: Annotated[types.NotNegative, Field(le=180)] = 0.0
     """Least angle between boresight and Sun; nearer to it the camera is blind."""
+
+    @property
+    def narrowest_deg(self) -> float:
+        """Half angle of the greatest cone inside the field of view."""
+        return self.half_angle_deg if self.rectangle_deg is None else min(self.rectangle_deg)
 
 
 class Navigation(Settings, group="navigation"):

@@ -136,6 +136,8 @@ class FitSettings(Settings, group="fit", only=Only("stages=fit", is_told=True)):
     """Champions that compete, as shipped and scaled; names as in controller=NAME, or paths."""
     draws: types.Count = 18
     """Sizes and tempos that each is scaled to."""
+    neighbours: types.Natural = 20
+    """The same near the best, where that misses the goal."""
     cases: tuple[types.Count, ...] = (12, 40, 150)
     """Flights of each competitor in the first round, the second, and so on."""
     kept: tuple[types.Count, ...] = (16, 5)
@@ -302,6 +304,13 @@ class Experiment(Settings, group=""):
             for key in ("min_distance_m", "max_distance_m"):
                 value = getattr(shell, key)
                 self._check_distance(f"{group}.{key} is {value}", value)
+            reach = max((math.hypot(*row[:3]) + row[3] for row in self.mission.chief.keep_out_m), default=0.0)
+            if not reach < shell.min_distance_m:
+                raise SettingError(
+                    f"chief.keep_out_m reaches {reach:g} m from the chief's centre, and {group}."
+                    f"min_distance_m is {shell.min_distance_m:g}; the second must be greater, or flights "
+                    "start inside (m)"
+                )
         if self.report.training_case >= self.starts.num_cases:
             raise SettingError(
                 f"report.training_case is {self.report.training_case}, but there are {self.starts.num_cases} "

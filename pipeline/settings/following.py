@@ -31,8 +31,8 @@ def sight_shell(deputy: DeputySettings, sensor: Sensor, radius_m: float) -> tupl
     resolved. Where there is no such distance, the limits themselves.
     """
     near = deputy.min_distance_m
-    if sensor.half_angle_deg < 90.0:
-        near = max(near, radius_m / math.sin(math.radians(sensor.half_angle_deg)))
+    if sensor.narrowest_deg < 90.0:
+        near = max(near, radius_m / math.sin(math.radians(sensor.narrowest_deg)))
     near = max(near, sensor.min_range_m + radius_m if sensor.min_range_m > 0.0 else 0.0)
     far = min(deputy.max_distance_m, sensor.max_range_m or math.inf)
     return (near, far) if near < far else (deputy.min_distance_m, deputy.max_distance_m)

@@ -116,6 +116,8 @@ class ChiefSettings(Settings, group="chief"):
     """Points on a sphere, or on the faces of a mesh."""
     path: Annotated[types.Text | None, Only("chief.shape=mesh")] = None
     """File of the mesh, STL or OBJ, chief axes, m; null: the satellite that ships."""
+    keep_out_m: types.Spheres = ()
+    """Spheres that the deputy must stay out of, such as about a boom: centre, chief axes, and radius each."""
 
 
 class Problem(Settings, group="problem", only=Only("problem.kind=reach")):
@@ -307,6 +309,18 @@ class Mission(Settings, group=""):
                     "be a key of the mission with a decimal number, and no clock or delay, as in "
                     "+dispersions.deputy.mass_kg={kind:normal,mean:12.0,std:0.1}"
                 )
+
+    def refusal_of_plans(self, planner: str) -> str | None:
+        """Return what plans of pushes do not know of a camera or limits, and the cure; None if nothing."""
+        sensor = self.sensor
+        for words, is_set, cure in (
+            ("sensor.rectangle_deg is given", sensor.rectangle_deg is not None, "null"),
+            (f"sensor.min_range_m is {sensor.min_range_m:g}", sensor.min_range_m > 0.0, "0"),
+            ("chief.keep_out_m is given", bool(self.chief.keep_out_m), "[]"),
+        ):
+            if is_set:
+                return f"{words}, which {planner} do not know of; set it to {cure} for them"
+        return None
 
     @cached_property
     def varying(self) -> dict[str, Distribution]:

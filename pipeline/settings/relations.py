@@ -24,6 +24,8 @@ STANDARD_GRAVITY_M_S2: Final = 9.80665
 MOST_CONTROLS, MOST_POINTS_SAMPLED, MOST_ATTITUDES = 100_000, 20_000_000, 5_000_000
 #: greatest eccentricity beside which Clohessy and Wiltshire's equations, with its mean motion, are of use
 MOST_CIRCULAR = 0.02
+#: greatest cosine between what is up in an image and the boresight
+MOST_ALONG = 0.999
 #: beyond this many control periods of free drift the safety layer takes longer than the flight
 MOST_HORIZONS = 10_000
 
@@ -197,6 +199,39 @@ def _focus(mission: Mission) -> Iterator[str]:
             f"sensor.min_range_m is {sensor.min_range_m:g} and {key} {most:g}; the first must be less than "
             "the second, or nothing is ever in focus (m)"
         )
+
+
+@relation("sensor.up", "sensor.boresight")
+def _upright(mission: Mission) -> Iterator[str]:
+    """Check that what is up in the image is not along the boresight."""
+    sensor = mission.sensor
+    along = abs(sum(x * y for x, y in zip(sensor.up, sensor.boresight, strict=True)))
+    if sensor.rectangle_deg is not None and not along < MOST_ALONG:
+        yield (
+            f"sensor.up is {list(sensor.up)} and sensor.boresight {list(sensor.boresight)}, along one line; "
+            "point the first across the second, for it says how the image is turned"
+        )
+
+
+@relation(
+    *("chief.keep_out_m", "deputy.min_distance_m", "deputy.max_distance_m", "safety.kind", "problem.kind")
+)
+def _booms(mission: Mission) -> Iterator[str]:
+    """Check that spheres to stay out of reach beyond the least distance, and are known to the mission."""
+    low, high = mission.deputy.min_distance_m, mission.deputy.max_distance_m
+    for which, (*centre, radius) in enumerate(mission.chief.keep_out_m):
+        if not low < math.hypot(*centre) + radius < high:
+            yield (
+                f"chief.keep_out_m[{which}] reaches {math.hypot(*centre) + radius:g} m from the chief's "
+                "centre; it must be more than the first, or it forbids nothing, and less than the second"
+            )
+    if mission.chief.keep_out_m and mission.safety.kind != "none":
+        yield (
+            f"chief.keep_out_m is given, which safety.kind={mission.safety.kind} does not keep; choose "
+            "safety=none, or raise deputy.min_distance_m to a sphere about them all"
+        )
+    if mission.chief.keep_out_m and mission.problem.kind != "inspection":
+        yield "chief.keep_out_m is given, which only inspections know; leave it out"
 
 
 @relation("attitude.gravity_gradient", "orbit.eccentricity")

@@ -90,6 +90,17 @@ def _thrusters(rows: tuple[tuple[float, ...], ...]) -> tuple[tuple[float, ...], 
     return rows
 
 
+def _spheres(rows: tuple[tuple[float, ...], ...]) -> tuple[tuple[float, ...], ...]:
+    """Raise ValueError unless each has a centre and a radius."""
+    for which, row in enumerate(rows):
+        if len(row) != 4 or not row[3] > 0.0:
+            raise ValueError(
+                f"{{key}}[{which}] is {list(row)}; it must be four numbers: the centre [x, y, z], chief "
+                "axes, and the radius, which is positive (m)"
+            )
+    return rows
+
+
 def _inertia(rows: tuple[tuple[float, ...], ...]) -> tuple[tuple[float, ...], ...]:
     """Raise ValueError unless it is symmetric, positive definite and obeys the triangle inequality."""
     if len(rows) != 3 or any(len(row) != 3 for row in rows):
@@ -178,6 +189,11 @@ Seed = Annotated[Whole, Field(ge=0, le=2**63 - 1)]
 Workers = Annotated[Whole | None, Field(ge=1, le=1024), Freely()]
 Vector = Annotated[tuple[Number, ...], _long(3, "three, [x, y, z]{unit}")]
 Thrusters = Annotated[tuple[tuple[Number, ...], ...], AfterValidator(_thrusters)]
+Spheres = Annotated[tuple[tuple[Number, ...], ...], AfterValidator(_spheres)]
+#: half angles across and up an image
+Rectangle = Annotated[
+    tuple[Annotated[Positive, Field(lt=90)], ...], _long(2, "two, [across, up]{unit}, each below 90")
+]
 #: least and greatest place (m) and velocity (m/s), Hill axes
 Box = Annotated[tuple[tuple[Number, ...], ...], AfterValidator(_box)]
 UnitVector = Annotated[Vector, AfterValidator(_unit_vector)]

@@ -59,7 +59,12 @@ def run(experiment: Experiment, folder: Path) -> Unimproved | None:
     limits = limitations(experiment.mission, np.array([np.linalg.norm(start.position_m) for start in unseen]))
     for limit in limits:
         sys.stderr.write(f"  {'' if limit.is_kept else 'limited by the '}{limit.sentence}\n")
-    rivals = _halved(experiment, folder, bases)
+    table, drawn = CompetitionTable(experiment, folder), fitting.drawn_variants(experiment, bases)
+    if not drawn:
+        raise ControllerError(
+            "none of fit.bases can fly this mission at any size; see their decision_period_s and tour_time_s"
+        )
+    rivals = _halved(experiment, table, bases, drawn)
     shipped = next((rival for rival in rivals if rival[0].is_shipped), None)
     _report("as shipped", shipped and shipped[1])
 
@@ -68,10 +73,18 @@ def run(experiment: Experiment, folder: Path) -> Unimproved | None:
         _report(f"{what}, {words}", tally)
         return FitResult(words, controller, mission, tally)
 
+    def fit(best: Variant) -> FitResult:
+        controller = _named(experiment, best, bases[best.base])
+        return stand("fitted", best.words, controller, experiment.mission)
+
     best = rivals[0][0]
-    fitted = last = stand(
-        "fitted", best.words, _named(experiment, best, bases[best.base]), experiment.mission
-    )
+    fitted = last = fit(best)
+    if not _reaches_goal(experiment, last):
+        near = fitting.neighbours_of(experiment, best, bases)
+        near = [*(variant for variant, _ in rivals), *near]
+        rivals = _halved(experiment, table, bases, near, min(1, len(experiment.fit.cases) - 1))
+        if rivals[0][0] != best and (nearby := fit(rivals[0][0])).tally.score > last.tally.score:
+            best, fitted, last = rivals[0][0], nearby, nearby
     layered, refusal = None, ""
     if not _reaches_goal(experiment, last) and last.tally.exits.count > last.tally.misses.count:
         try:
@@ -169,18 +182,16 @@ def _report(what: str, tally: FlightTally | None) -> None:
 
 
 def _halved(
-    experiment: Experiment, folder: Path, bases: Mapping[str, FuzzyController]
+    experiment: Experiment,
+    table: "CompetitionTable",
+    bases: Mapping[str, FuzzyController],
+    variants: Sequence[Variant],
+    first: int = 0,
 ) -> list[tuple[Variant, FlightTally]]:
-    """Run the halving, or what is left of it; return the variants of the last round, best first."""
+    """Run the halving from a rung on, or what is left of it; return the last round's variants, best first."""
     mission, settings = experiment.mission, experiment.fit
-    variants = fitting.drawn_variants(experiment, bases)
-    if not variants:
-        raise ControllerError(
-            "none of fit.bases can fly this mission at any size; see their decision_period_s and tour_time_s"
-        )
     starts = [fitting.rung_scenarios(experiment, rung) for rung in range(len(settings.cases))]
-    table = CompetitionTable(experiment, folder)
-    total, done = fitting.num_flights(experiment, len(variants)), 0
+    total, done = fitting.num_flights(experiment, len(variants), first), 0
     with Progress("flight", total, 0) as progress:
 
         def judge(rung: int, variant: Variant) -> FlightTally:
@@ -193,7 +204,7 @@ def _halved(
             return table.tallies[rung, variant]
 
         try:
-            return fitting.halve(experiment, variants, judge)
+            return fitting.halve(experiment, variants, judge, first)
         finally:
             table.write()
 

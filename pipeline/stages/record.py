@@ -16,6 +16,7 @@ from pipeline.evaluation.monte_carlo import rank
 from pipeline.evaluation.statistics import Columns
 from pipeline.flight.goals.flights import achieved, fly_logged
 from pipeline.flight.state.log import FlightLog, Scenario
+from pipeline.flight.world.limits import metres_beyond
 from pipeline.recording.events import points_in_words
 from pipeline.recording.recorder import FlightRecorder
 from pipeline.run import artifacts, configuration
@@ -142,6 +143,5 @@ def _in_words(mission: Mission, log: FlightLog) -> str:
     done, delta_v = achieved(mission, log)
     if mission.problem.kind == "reach":
         return f"{'the goal is reached' if done else 'the goal is not reached'}, {delta_v:.3f} m/s"
-    distance, limits = np.linalg.norm(log.position_m[1:], axis=1), mission.deputy
-    is_outside = np.any((distance < limits.min_distance_m) | (distance > limits.max_distance_m))
+    is_outside = np.any(metres_beyond(mission, log)[1:] > 0.0)
     return f"{points_in_words(log)}, {delta_v:.3f} m/s{', outside the limits' if is_outside else ''}"

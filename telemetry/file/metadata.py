@@ -114,7 +114,9 @@ class EpisodeDescription(Description):
     max_force_n, max_torque_n_m : float
         Limits per axis.
     half_angle_rad : float
-        Of the camera's field of view.
+        Of the camera's field of view; None of a rectangular one.
+    keep_out_m : tuple of float
+        Spheres that the deputy must stay out of: the centre, chief axes, and the radius, of each in turn.
     boresight : tuple of 3 floats
         Unit vector, body axes.
     inspection_threshold_percent : float
@@ -139,6 +141,7 @@ class EpisodeDescription(Description):
     max_torque_n_m: float | None = None
     half_angle_rad: float | None = None
     boresight: tuple[float, ...] | None = None
+    keep_out_m: tuple[float, ...] | None = None
     inspection_threshold_percent: float | None = None
     end_s: float | None = None
 

@@ -28,7 +28,7 @@ from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.pack import pack_world
 from pipeline.physics.motion import free_path
 from pipeline.settings.controllers import NaturalMotion
-from pipeline.settings.experiment import Mission
+from pipeline.settings.experiment import Mission, SettingError
 
 #: on the grid only every third sample is evaluated
 STRIDE = 3
@@ -48,6 +48,8 @@ class NaturalMotionPlanner:
 
     def __init__(self, settings: NaturalMotion, mission: Mission) -> None:
         self.settings = settings
+        if (refusal := mission.refusal_of_plans("paths of natural motion")) is not None:
+            raise SettingError(refusal)
         self.world = pack_world(mission)
         deputy = mission.deputy
         self.limits = deputy.min_distance_m + settings.margin_m, deputy.max_distance_m - settings.margin_m

@@ -26,7 +26,7 @@ from pipeline.flight.world.pack import pack_world
 from pipeline.optimum.polish import least_forces
 from pipeline.physics.motion import repeated
 from pipeline.settings.controllers import RecedingHorizon
-from pipeline.settings.experiment import Mission
+from pipeline.settings.experiment import Mission, SettingError
 
 #: tangent planes are set where a solution comes nearer than this to a limit, m
 NEAR_REACH, FAR_REACH = 30.0, 40.0
@@ -89,6 +89,8 @@ class RecedingHorizonPlanner:
     """Solves repeatedly for the forces of a flight."""
 
     def __init__(self, settings: RecedingHorizon, mission: Mission) -> None:
+        if (refusal := mission.refusal_of_plans("linear programs")) is not None:
+            raise SettingError(refusal)
         self.settings, self.world, deputy = settings, pack_world(mission), mission.deputy
         self.max_force = deputy.max_force_n
         self.limits = deputy.min_distance_m + settings.margin_m, deputy.max_distance_m - settings.margin_m

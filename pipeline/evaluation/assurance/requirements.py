@@ -246,6 +246,8 @@ def check_formulas(requirements: Sequence[Requirement], mission: Mission) -> Non
     ------
     RequirementError
     """
+    if mission.chief.keep_out_m:
+        raise RequirementError("chief.keep_out_m is given, which no requirement knows of; leave it out")
     duration_s, period_s = mission.duration_s, mission.control_period_s
     for requirement in requirements:
         named = quantities_of(requirement.formula) if requirement.formula else ()

@@ -46,7 +46,8 @@ def law_of(controller: Controller, mission: Mission) -> Law:
     Raises
     ------
     ControllerError
-        If a plan is longer than the flight, or decisions do not fall on control periods.
+        If a plan is longer than the flight, decisions do not fall on control periods, or foresight does not
+        know the mission's camera or limits.
     """
     num_controls, numbers = mission.num_controls, controller.numbers
     plan, turns = None, AIMED
@@ -65,6 +66,9 @@ def law_of(controller: Controller, mission: Mission) -> Law:
         slots = [slot(variable.name) for variable in system.inputs]
         row[:] = (slots + [slots[-1]] * 3)[:3]
     check_tour(controller, mission)
+    refusal = mission.refusal_of_plans(f"the plans of {controller.name!r}, by its foresight_pushes,")
+    if controller.constants[constant("foresight_pushes")] > 0.0 and refusal is not None:
+        raise ControllerError(refusal)
     for period in ("rehearsal_period_s", "foresight_period_s"):
         ahead_stride(controller, mission, period)  # what it flies ahead must fit its decisions
     return Law(

@@ -26,6 +26,7 @@ from pipeline.flight.reference.thrust import Decision
 from pipeline.flight.state import arrays
 from pipeline.flight.state.log import REHEARSED, FlightLog, Outcomes, Scenario, empty_log
 from pipeline.flight.world.bounds import bounds_of, process_noise, spheres_of
+from pipeline.flight.world.limits import metres_beyond
 from pipeline.flight.world.surface import surface_of
 from pipeline.settings.equipment import FilteredNavigation, RealActuators
 from pipeline.settings.experiment import Mission
@@ -188,9 +189,7 @@ def _senses(controller: Controller) -> list[str]:
 def outcomes_of_logs(mission: Mission, logs: Sequence[FlightLog]) -> Outcomes:
     """Return the outcomes of logged flights, (n,)."""
     distance = np.array([np.linalg.norm(log.position_m, axis=1) for log in logs])
-    beyond = np.maximum(
-        mission.deputy.min_distance_m - distance[:, 1:], distance[:, 1:] - mission.deputy.max_distance_m
-    )
+    beyond = np.array([metres_beyond(mission, log)[1:] for log in logs])
     changes = np.array([np.abs(log.safety_force_hill_n).sum() for log in logs])
     limit, is_ahead = mission.deputy.max_force_n, [log.command_reason == REHEARSED for log in logs]
     requested = [np.minimum(np.abs(log.force_asked_n), limit) for log in logs]

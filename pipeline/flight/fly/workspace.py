@@ -51,7 +51,8 @@ def optics_in_use(world: World, elevations: Any) -> Beyond | None:
     """
     if not (world.has_optics or np.any(elevations) or world.course.is_on):
         return None
-    return Beyond(closely=world.occlusion.edge > 0 or world.reflection.is_on or None)
+    is_rectangle = world.optics.tan_across < np.inf
+    return Beyond(closely=world.occlusion.edge > 0 or world.reflection.is_on or is_rectangle or None)
 
 
 def parts_in_use(world: World, law: Law, cases: Cases) -> Parts:

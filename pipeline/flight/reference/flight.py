@@ -127,6 +127,7 @@ class ReferenceFlight:
             and (light.past_terminator_deg, sensor.min_sun_angle_deg, sensor.max_incidence_deg) == (0, 0, 90)
             and (sensor.max_range_m, sensor.min_range_m) == (None, 0.0)
             and sensor.half_angle_deg < 90.0
+            and sensor.rectangle_deg is None
             and self.scenario.sun_elevation_rad == 0.0
         )
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from pipeline.array_types import Booleans, Floats
-from pipeline.flight.reference.camera import seen_points
+from pipeline.flight.reference.camera import aimed, seen_points
 from pipeline.flight.reference.flight import ReferenceFlight
 from pipeline.flight.reference.light import later
 from pipeline.flight.reference.motion import drifted
@@ -25,7 +25,7 @@ def preview(
         distances.append(float(np.linalg.norm(position)))
         if is_left.any():
             sun = later(flight.mission, flight.suns[k], sample - k)
-            is_seen = seen_points(flight, sample, position, -position / distances[-1], sun)
+            is_seen = seen_points(flight, sample, position, aimed(flight.mission, position), sun)
             is_left &= ~(is_seen & flight.lit_at(sample, sun))
     return is_left, min(distances), max(distances)
 

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from pipeline.array_types import Floats
 from pipeline.flight.reference import actuators, navigation, two_body
 from pipeline.flight.reference.actuators import Thrust
-from pipeline.flight.reference.camera import seen_points
+from pipeline.flight.reference.camera import held, seen_points
 from pipeline.flight.reference.flight import ReferenceFlight
 from pipeline.flight.reference.guidance import chosen_target
 from pipeline.flight.reference.light import sun_direction
@@ -71,9 +71,8 @@ def look(flight: ReferenceFlight, k: int, state: ReferenceState) -> Look:
         played, _ = flight.played(k)
         attitude = (looking(position, y) if played is None else played) * flight.tilt(k).inv()
         state.rate = np.zeros(3)
-    boresight = attitude.apply(mission.sensor.boresight)
-    is_lit = flight.is_lit[k]
-    is_inspected = state.is_inspected | (is_lit & seen_points(flight, k, position, boresight, flight.suns[k]))
+    camera, is_lit = held(attitude, mission.sensor), flight.is_lit[k]
+    is_inspected = state.is_inspected | (is_lit & seen_points(flight, k, position, camera, flight.suns[k]))
     candidates = flight.surface_at(k)[0][is_lit & ~is_inspected]
     target, state.centres = chosen_target(mission, candidates, position, state.centres)
     known, covariance, sensed = state.truth, np.zeros((6, 6)), attitude * flight.tilt(k)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from pipeline.array_types import Booleans, Floats
-from pipeline.flight.reference.camera import least_cosine, seen_points
+from pipeline.flight.reference.camera import aimed, least_cosine, seen_points
 from pipeline.flight.reference.flight import ReferenceFlight
 from pipeline.flight.reference.light import SunAngles, later
 from pipeline.flight.reference.motion import transition
@@ -85,5 +85,5 @@ def shortfall(
     low = cosine * distance - np.sum(normals * apart, axis=1)
     far = distance - (np.inf if sensor.max_range_m is None else sensor.max_range_m)
     towards = np.where((far > low)[:, np.newaxis], -sight, normals - cosine * sight)
-    is_seen = seen_points(flight, sample, position, -position / np.linalg.norm(position), sun)
+    is_seen = seen_points(flight, sample, position, aimed(flight.mission, position), sun)
     return np.maximum(np.maximum(low, far), LEAST_SHORT_M), towards, is_seen

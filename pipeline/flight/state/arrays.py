@@ -51,8 +51,8 @@ class Guard(NamedTuple):
 class Beyond(NamedTuple):
     """Light or a camera other than the paper's."""
 
-    # True where parts of the chief may hide one another, or a point must be bright enough to be seen; else
-    # None, which is known at compile time
+    # True where parts of the chief may hide one another, a point must be bright enough to be seen, or the
+    # field of view is a rectangle; else None, which is known at compile time
     closely: bool | None
 
 
@@ -89,6 +89,8 @@ class World(NamedTuple):
     occlusion: Occlusion  # without cells where nothing is hidden
     chief_axes: Floats  # (K+1 or 1, 3, 3) from Hill to chief
     boresight: Floats  # (3,) body axes
+    up: Floats  # (3,) up in the image, body axes, perpendicular to the boresight
+    keep_out: Floats  # (K+1 or 1, S, 4) spheres to stay out of: centre, Hill axes, and radius, m
     attitude_at_start: Floats  # (4,) Hill to body
     rate_at_start: Floats  # (3,) inertial, body axes
     is_spherical: bool

@@ -15,7 +15,7 @@ from pipeline.physics.motion import motion_over, orbit_parts
 from pipeline.physics.orbit import Course
 from pipeline.physics.quaternion import dcm_b_from_h
 from pipeline.physics.sight import HEIGHT, NORMAL, NUM_SURFACE, SQUARE, Optics, sight_of
-from pipeline.settings.equipment import RealActuators
+from pipeline.settings.equipment import RealActuators, Sensor
 from pipeline.settings.experiment import Mission
 from pipeline.settings.mission import Light
 
@@ -29,6 +29,7 @@ def sees_as_in_the_paper(mission: Mission) -> bool:
         mission.light.shadow == "none"
         and mission.chief.shape == "sphere"
         and sensor.half_angle_deg < RIGHT_ANGLE_DEG
+        and sensor.rectangle_deg is None
         and sensor.max_incidence_deg == RIGHT_ANGLE_DEG
         and sensor.max_range_m is None
         and sensor.min_range_m == 0.0
@@ -70,7 +71,8 @@ def inspection_points(mission: Mission) -> Floats:
 def optics_of(mission: Mission) -> Optics:
     """Return the optics that sight depends on if light or camera are not the paper's."""
     sensor, light = mission.sensor, mission.light
-    cosine = float(np.cos(np.radians(sensor.half_angle_deg)))
+    cosine, is_cone = float(np.cos(np.radians(sensor.half_angle_deg))), sensor.rectangle_deg is None
+    across, up = np.tan(np.radians(sensor.rectangle_deg or (90.0, 90.0))).tolist()
     is_any = sensor.max_incidence_deg == RIGHT_ANGLE_DEG
     sunward = float(np.cos(np.radians(sensor.min_sun_angle_deg)))
     lowest = -2.0
@@ -79,13 +81,30 @@ def optics_of(mission: Mission) -> Optics:
     return Optics(
         least_height=lowest,
         # a whole sphere of view, with room for rounding
-        cos_squared=cosine * abs(cosine) if sensor.half_angle_deg < STRAIGHT_ANGLE_DEG else -2.0,
+        cos_squared=cosine * abs(cosine) if is_cone and sensor.half_angle_deg < STRAIGHT_ANGLE_DEG else -2.0,
         incidence_squared=0.0 if is_any else float(np.cos(np.radians(sensor.max_incidence_deg)) ** 2),
         range_squared=np.inf if sensor.max_range_m is None else sensor.max_range_m**2,
         least_range_squared=sensor.min_range_m**2,
         most_sunward=sunward if sensor.min_sun_angle_deg else np.inf,
         past_terminator=float(np.sin(np.radians(light.past_terminator_deg))),
+        tan_across=np.inf if is_cone else across,
+        tan_up=np.inf if is_cone else up,
     )
+
+
+def up_of(sensor: Sensor) -> Floats:
+    """Return what is up in a camera's image, perpendicular to its boresight, body axes, (3,)."""
+    boresight = np.array(sensor.boresight, dtype=np.float64)
+    up = np.array(sensor.up) - np.dot(sensor.up, boresight) * boresight
+    return np.asarray(up / (np.linalg.norm(up) or 1.0))
+
+
+def keep_out_of(mission: Mission, axes: Floats) -> Floats:
+    """Return `World.keep_out`; `axes`, (K+1 or 1, 3, 3), lead from Hill to chief."""
+    spheres = np.array(mission.chief.keep_out_m, dtype=np.float64).reshape(-1, 4)
+    placed = np.empty((len(axes), *spheres.shape))
+    placed[..., :3], placed[..., 3] = spheres[:, :3] @ axes, spheres[:, 3]
+    return placed
 
 
 def least_heights_of(mission: Mission, course: Course) -> Floats:
@@ -178,6 +197,8 @@ def pack_world(mission: Mission) -> World:
         occlusion=surface.occlusion,
         chief_axes=axes,
         boresight=np.array(mission.sensor.boresight, dtype=np.float64),
+        up=up_of(mission.sensor),
+        keep_out=keep_out_of(mission, axes),
         attitude_at_start=np.array(deputy.initial_quaternion, dtype=np.float64),
         # inertial: relative to Hill, and of Hill axes
         rate_at_start=np.array(mission.rate_at_start_rad_s) + orbit.mean_motion_rad_s * start_dcm[:, 2],

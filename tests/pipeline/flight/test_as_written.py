@@ -193,7 +193,7 @@ FLIGHTS |= {
         },
         "a chief that hides parts of itself and tumbles": {
             "light": SHADOW,
-            "sensor": {"max_range_m": 120.0},
+            "sensor": {"max_range_m": 120.0, "rectangle_deg": (9.0, 4.0), "up": (0.0, 0.6, 0.8)},
             "chief": {"shape": "mesh", "initial_angular_velocity_rad_s": (0.002, 0.001, 0.003)},
         },
     }.items()

@@ -13,8 +13,9 @@ import numpy as np
 import pytest
 
 from pipeline.flight.control.controller import coast, open_loop
-from pipeline.flight.fly.simulation import fly_logged
+from pipeline.flight.fly.simulation import fly_all, fly_logged
 from pipeline.flight.state.log import Scenario
+from pipeline.flight.world.limits import metres_beyond
 from pipeline.flight.world.surface import regular_placement
 from pipeline.settings.equipment import RealActuators
 from tests.pipeline.flight.missions import IDEAL, MEAN_MOTION, PAPER
@@ -77,6 +78,39 @@ def test_points_too_near_are_out_of_focus():
     """Within 18.65 deg of +j they are nearer than 11 m: of the equator's, azimuths 84.7 and 105.9."""
     focused = replace(IDEAL, sensor=replace(IDEAL.sensor, min_range_m=11.0))
     assert wait(90.0, 10.0, focused).is_inspected[-1].sum() == 22
+
+
+@pytest.mark.parametrize(("turn", "points"), [(0.0, 5), (90.0, 4)])
+def test_a_rectangular_field_of_view(turn, points):
+    """A point is seen at atan(|x|/(20 - y)) across and atan(|z|/(20 - y)) up.
+
+    Across come 84.7 of the equator (5.2 deg), 90 of the rings at 70 deg (0 across, 17.9 up) and 83.1 of those
+    at 50 deg (4.3, 27.4). Turned by a right angle, 84.7, 105.9, 63.5 and 127.1 (26.6 deg) of the equator.
+    """
+    up = (0.0, float(np.sin(np.radians(turn))), float(np.cos(np.radians(turn))))
+    sensor = replace(IDEAL.sensor, rectangle_deg=(8.5, 28.0), up=up)
+    mission = replace(IDEAL, sensor=sensor, duration_s=10.0)
+    log = fly_logged(mission, coast(), Scenario(np.array([0.0, 20.0, 0.0]), np.zeros(3), 0.5 * np.pi))
+    assert log.is_inspected[-1].sum() == points
+
+
+def test_spheres_that_turn_with_the_chief():
+    """One 14 m out of a chief that spins by w about k goes past the deputy, as near as 6 m at 90 deg.
+
+    By the law of cosines it is ``sqrt(20^2 + 14^2 - 2 20 14 sin((w - n) t))`` away.
+    """
+    spin, time = 0.006, 10.0 * np.arange(61)
+    boom = ((14.0, 0.0, 0.0, 8.0), (0.0, 0.0, -14.0, 8.0))
+    chief = replace(IDEAL.chief, keep_out_m=boom, initial_angular_velocity_rad_s=(0.0, 0.0, spin))
+    mission = replace(IDEAL, chief=chief, duration_s=600.0)
+    start = Scenario(np.array([0.0, 20.0, 0.0]), np.zeros(3), 0.5 * np.pi)
+    apart = np.sqrt(20.0**2 + 14.0**2 - 2 * 20.0 * 14.0 * np.sin((spin - MEAN_MOTION) * time))
+    log = fly_logged(mission, coast(), start)
+    np.testing.assert_allclose(metres_beyond(mission, log), np.maximum(8.0 - apart, -5.0), atol=1e-3)
+    for flight in ("compiled", "reference"):
+        outcomes = fly_all(replace(mission, flight=flight), coast(), [start], 1)
+        assert outcomes.outside_m[0] == pytest.approx((8.0 - apart[1:]).max(), abs=1e-3)
+    assert 1.5 < (8.0 - apart).max() < 2.0
 
 
 def test_a_thruster_that_fails_fires_until_then():

@@ -1,10 +1,15 @@
+from collections import Counter
+
 import numpy as np
 import pytest
+from scipy.spatial import Delaunay
+from scipy.spatial.transform import Rotation
 
+from fis_tools.compiled.three import three_of
 from pipeline.flight.world.surface import fibonacci_placement, regular_placement
 from pipeline.physics import illumination
 from pipeline.physics.illumination import EARTH_RADIUS_M, sun_direction_h, visible_share
-from pipeline.physics.sight import fits_from, is_facing, is_in_cone, is_lit, sight_of
+from pipeline.physics.sight import Optics, fits_from, is_facing, is_in_cone, is_in_rectangle, is_lit, sight_of
 
 RADIUS = 10.0
 SUN_SIZE = illumination.SUN_RADIUS_M / illumination.ASTRONOMICAL_UNIT_M
@@ -41,6 +46,23 @@ def test_the_conditions_without_roots_are_those_of_the_paper():
             np.testing.assert_array_equal(lit, expected)
             num_seen += np.count_nonzero(seen)
         assert num_seen > 20
+
+
+def test_a_rectangular_field_of_view_is_a_pyramid():
+    """Points are in it where SciPy's triangulation of the pyramid contains them."""
+    rng, count = np.random.default_rng(3), Counter()
+    for _ in range(30):
+        across, rise = np.tan(rng.uniform(0.05, 1.3, 2))
+        optics = Optics(*[0.0] * 7, across, rise)
+        side, up, boresight = Rotation.random(random_state=rng).as_matrix()
+        corners = [boresight + i * across * side + j * rise * up for i in (-1, 1) for j in (-1, 1)]
+        pyramid = Delaunay(np.array([np.zeros(3), *corners]))
+        for point in rng.normal(size=(40, 3)) * 0.6:
+            if point @ boresight < 1.0:  # the pyramid ends there
+                isin = is_in_rectangle(optics, *map(three_of, (-point, boresight, up)))
+                count[isin] += 1
+                assert isin == (pyramid.find_simplex(point) >= 0)
+    assert min(count[True], count[False]) > 50
 
 
 def test_from_afar_the_whole_chief_fits_into_the_field_of_view():

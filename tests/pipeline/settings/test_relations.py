@@ -1,13 +1,21 @@
 """Relations between settings: missions drawn at random are accepted where all hold, else told what not."""
 
 import dataclasses
+import itertools
 from collections import Counter
+from contextlib import suppress
 
 import numpy as np
 import pytest
 
+from pipeline.controllers import source
+from pipeline.flight.control.controller import ControllerError, PlanningController
+from pipeline.flight.control.law import law_of
+from pipeline.flight.fly.replanning import foresees
+from pipeline.optimum.problem import check_light
 from pipeline.settings.checks import SettingError
 from pipeline.settings.mission import Mission
+from pipeline.settings.places import conf_folder
 from pipeline.settings.relations import RELATIONS, STANDARD_GRAVITY_M_S2
 from pipeline.settings.schema import schema
 
@@ -112,3 +120,49 @@ def test_edges_belong_to_what_is_accepted():
 
 def test_a_radius_is_no_setting_of_a_mesh():
     assert str(schema()["chief.inspection_radius_m"].only[0]) == "chief.shape=sphere"
+
+
+BOOM = ((30.0, 0.0, 0.0, 6.0),)
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        ({"chief": {"keep_out_m": ((3.0, 4.0, 0.0, 9.9),)}}, r"reaches 14.9 m .* forbids nothing"),
+        ({"chief": {"keep_out_m": ((0.0, 0.0, 199.0, 2.0),)}}, "reaches 201 m"),
+        ({"chief": {"keep_out_m": ((1.0, 2.0, 3.0),)}}, "must be four numbers"),
+        ({"chief": {"keep_out_m": BOOM}, "safety": {"kind": "filter"}}, "safety.kind=filter does not keep"),
+        ({"chief": {"keep_out_m": BOOM}, "problem": {"kind": "reach"}}, "only inspections know"),
+        ({"sensor": {"rectangle_deg": (9.0, 6.0), "up": (1.0, 0.0, 0.0)}}, "along one line"),
+        ({"sensor": {"rectangle_deg": (90.0, 6.0)}}, "less than 90"),
+    ],
+)
+def test_rectangles_and_spheres_that_do_not_fit(settings, words):
+    with pytest.raises(SettingError, match=words):
+        mission_of(settings)
+
+
+def test_whatever_plans_refuses_what_plans_do_not_know():
+    """Each shipped controller that plans, of whatever kind, and the optimum."""
+    home, planners, focus = Mission(), {}, {"min_range_m": 5.0}
+    boom, rectangle, focus = (
+        {"chief": {"keep_out_m": BOOM}},
+        {"rectangle_deg": (9.0, 6.0)},
+        {"min_range_m": 5.0},
+    )
+    missions = [mission_of(each) for each in (boom, {"sensor": rectangle}, {"sensor": focus})]
+    for path in sorted((conf_folder() / "controller").glob("*.yaml")):
+        if path.stem not in source.WITH_PATHS:
+            with suppress(SettingError):  # one that docks
+                controller = source.named(path.stem, home)
+                planners[path.stem] = isinstance(controller, PlanningController) or foresees(controller)
+    for name, mission in itertools.product(planners, missions):
+        if planners[name]:
+            with pytest.raises((SettingError, ControllerError), match="do not know of; set it to"):
+                law_of(source.named(name, mission), mission)
+        else:
+            law_of(source.named(name, mission), mission)
+    assert min(planners[name] for name in ("natural_motion", "receding_horizon", "champion_leo_foresight"))
+    for mission in missions:
+        with pytest.raises(SettingError, match="plans of least fuel do not know of"):
+            check_light(mission)

@@ -23,7 +23,7 @@ SHIPPED = conf_folder() / "controller" / "champion_27.yaml"
 MISSION = ("chief.inspection_radius_m=2", "deputy.min_distance_m=5", "deputy.max_distance_m=60")
 SMALL = ("fit.bases=[champion_27]", "fit.draws=3", "fit.cases=[3,4]", "fit.kept=[2]", "fit.num_cases=5")
 SMALL += ("duration_s=1800", "attitude=ideal", "optimizer.population_size=5", "optimizer.generations=1")
-SMALL += ("starts.num_cases=4", "optimizer.validation_cases=4", "optimizer.workers=1")
+SMALL += ("fit.neighbours=2", "starts.num_cases=4", "optimizer.validation_cases=4", "optimizer.workers=1")
 
 
 def composed(*overrides: str):
@@ -97,7 +97,7 @@ def test_a_champion_that_nothing_betters_is_handed_back(tmp_path, monkeypatch):
     words = fitted(
         tmp_path,
         *("chief.inspection_radius_m=10", "deputy.min_distance_m=15", "deputy.max_distance_m=200"),
-        *("duration_s=3600", "fit.tunes=never"),
+        *("duration_s=3600", "fit.tunes=never", "fit.neighbours=0"),
     )
     assert isinstance(words, Unimproved)
     assert words.startswith("not improved: champion_27 as shipped is handed back")
@@ -131,6 +131,20 @@ def test_halving_keeps_the_best_as_shipped():
     assert last == [variants[2], variants[3], variants[0]]
     assert [rung for rung, _ in flown] == [0] * 4 + [1] * 3
     assert fitting.num_flights(experiment, 4) == 4 * 3 + 3 * 4
+
+
+def test_neighbours_are_near_the_best_and_begin_at_a_later_rung():
+    experiment, base = composed("fit.neighbours=12").experiment, serialize.load(SHIPPED)
+    best = Variant("champion_27", 0.4, 1.6)
+    near = fitting.neighbours_of(experiment, best, {"champion_27": base})
+    assert len(set(near)) == 12
+    sizes, tempos = (sorted(getattr(variant, name) for variant in near) for name in ("size", "tempo"))
+    assert (sizes[0], sizes[-1]) == (pytest.approx(0.4 * 0.8, rel=0.05), pytest.approx(0.4 * 1.25, rel=0.05))
+    assert 1.359 < tempos[0] < 1.6 < tempos[-1] < 1.841
+    flown = []
+    fitting.halve(experiment, near[:4], lambda rung, _: flown.append(rung) or tally(0.5), 1)
+    assert flown == [1] * 4
+    assert fitting.num_flights(experiment, 4, 1) == 4 * 4
 
 
 def test_rows_of_the_table_are_read_as_they_were_written():

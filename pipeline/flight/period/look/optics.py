@@ -14,12 +14,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fis_tools.compiled.decorator import compiled
-from fis_tools.compiled.three import Three, dot, lane_of, load_at, times
+from fis_tools.compiled.three import Three, cross, dot, lane_of, load_at, three_of, times
 from fis_tools.compiled.vectors import Mask, Vector, borrowed, count, load, select, some, store
 from pipeline.array_types import Bytes, Floats
 from pipeline.flight.period.look.guidance import POINTS
 from pipeline.flight.state.arrays import Beyond, Moment, Workspace, World
+from pipeline.flight.state.lanes import attitude_of
+from pipeline.physics.attitude import desired_y
 from pipeline.physics.illumination import is_bright
+from pipeline.physics.quaternion import to_hill
 from pipeline.physics.sight import (
     HEIGHT,
     NORMAL,
@@ -28,6 +31,7 @@ from pipeline.physics.sight import (
     fits_from,
     is_facing,
     is_in_cone,
+    is_in_rectangle,
     is_lit,
     is_resolved,
     is_sunlit,
@@ -54,6 +58,7 @@ class Eye(NamedTuple):
 
     position: Three
     boresight: Three
+    up: Three  # in its image; perpendicular to the boresight; zeros where that does not matter
     beam: Beam
     square: float  # ``|r|^2``
     along: float  # ``r . b``
@@ -122,12 +127,31 @@ def beam_now(now: Moment, optics: Beyond | None, lane: int) -> Beam:
     return beam_at(now, optics, lane, now.k, (sun[0, lane], sun[1, lane]))
 
 
+@compiled(error_model="numpy")
+def level(optics: Beyond, boresight: Three) -> Three:
+    """Return what is up in the image of a camera held as desired: the orbit normal, made perpendicular."""
+    if optics.closely is None:
+        return Three(0.0, 0.0, 0.0)
+    away = -1.0 * boresight
+    return cross(away, desired_y(away, Three(0.0, 1.0, 0.0)))
+
+
 @compiled(error_model="numpy", forceinline=True)
-def eye_at(world: World, optics: Beyond | None, beam: Beam, position: Three, boresight: Three) -> Eye:
-    """Return the camera at a position, with a unit vector as boresight."""
+def up_now(now: Moment, optics: Beyond | None, lane: int) -> Three:
+    """Return what is up in the image of a lane's camera now, Hill axes."""
+    if optics is None or optics.closely is None:
+        return Three(0.0, 0.0, 0.0)
+    return to_hill(attitude_of(now.state.truth.attitude, lane), three_of(now.world.up))
+
+
+@compiled(error_model="numpy", forceinline=True)
+def eye_at(
+    world: World, optics: Beyond | None, beam: Beam, position: Three, boresight: Three, up: Three
+) -> Eye:
+    """Return the camera at a position, with unit vectors as boresight and as what is up in its image."""
     is_blind = optics is not None and dot(boresight, beam.sun) > world.optics.most_sunward
     along = dot(position, boresight)
-    return Eye(position, boresight, beam, dot(position, position), along, 1.0, False, is_blind)
+    return Eye(position, boresight, up, beam, dot(position, position), along, 1.0, False, is_blind)
 
 
 @compiled(error_model="numpy", forceinline=True)
@@ -135,11 +159,11 @@ def eye_on_chief(world: World, optics: Beyond | None, beam: Beam, position: Thre
     """Return the camera at a position, aimed at the chief's centre."""
     square = dot(position, position)
     if optics is not None:
-        return eye_at(world, optics, beam, position, (-1.0 / sqrt(square)) * position)
+        boresight = (-1.0 / sqrt(square)) * position
+        return eye_at(world, optics, beam, position, boresight, level(optics, boresight))
     # any length of the boresight will do
-    return Eye(
-        position, -1.0 * position, beam, square, -square, square, square >= fits_from(world.sight), False
-    )
+    sees_all, up = square >= fits_from(world.sight), Three(0.0, 0.0, 0.0)
+    return Eye(position, -1.0 * position, up, beam, square, -square, square, sees_all, False)
 
 
 @compiled(error_model="numpy", forceinline=True)
@@ -178,7 +202,7 @@ def seen_points(
     seen = lit & is_resolved(world.optics, above, towards, squared)
     if optics.closely is not None:
         store(seen_marks, j, select(seen, 1.0, 0.0))
-        if world.occlusion.edge > 0 or world.reflection.is_on:
+        if world.occlusion.edge > 0 or world.reflection.is_on or world.optics.tan_across < np.inf:
             leave_out_hidden_and_dim(world, seen_marks, j, eye)
         seen = load(seen_marks, j, POINTS) > 0.0
     return seen
@@ -186,12 +210,17 @@ def seen_points(
 
 @compiled(error_model="numpy")
 def leave_out_hidden_and_dim(world: World, seen_marks: Floats, j: int, eye: Eye) -> None:
-    """Remove from `seen_marks`, from j on, points that the chief hides, and those too dim or too bright."""
+    """Remove from `seen_marks`, from j on, points outside a rectangle, hidden, too dim or too bright."""
     sample = eye.beam.sample
     for i in range(j, min(j + POINTS, world.num_points)):
         if seen_marks[i] == 0.0:
             continue
         to_camera = eye.position - lane_of(world.points[sample], 0, i)
+        if world.optics.tan_across < np.inf and not is_in_rectangle(
+            world.optics, to_camera, eye.boresight, eye.up
+        ):
+            seen_marks[i] = 0.0
+            continue
         if world.occlusion.edge > 0:
             seen_marks[i] = world.occlusion.is_free[cell_towards(world, sample, to_camera), i]
         if world.reflection.is_on:

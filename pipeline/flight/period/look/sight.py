@@ -4,6 +4,7 @@ import numpy as np
 
 from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.three import (
+    Three,
     chosen,
     lane_of,
     length,
@@ -18,7 +19,7 @@ from fis_tools.compiled.three import (
 from fis_tools.compiled.vectors import count, least, load, most, select, some, splat, store
 from pipeline.array_types import Floats
 from pipeline.flight.period.look.guidance import POINTS, Clusters, cluster_centres, nearest_row
-from pipeline.flight.period.look.optics import beam_now, eye_at, lit_points, seen_points, sun_after
+from pipeline.flight.period.look.optics import beam_now, eye_at, lit_points, seen_points, sun_after, up_now
 from pipeline.flight.state.arrays import Beyond, FlightState, Moment, Workspace
 from pipeline.flight.state.lanes import load_pair, load_quaternion, load_row, store_pair, write_row
 from pipeline.physics.quaternion import to_hill
@@ -35,7 +36,7 @@ def inspect(
     world, state, lanes = now.world, now.state, now.state.lanes
     beam = beam_now(now, optics, lane)
     position, boresight = lane_of(state.truth.position, 0, lane), lane_of(state.truth.boresight, 0, lane)
-    eye = eye_at(world, optics, beam, position, boresight)
+    eye = eye_at(world, optics, beam, position, boresight, up_now(now, optics, lane))
     num_seen, num_left = 0, 0
     zeros = splat(0.0, POINTS)
     centre = same(0.0, POINTS)
@@ -114,6 +115,11 @@ def see(now: Moment, work: Workspace, optics: Beyond | None, clusters: bool | No
     if k > world.first:
         beyond = most(world.min_distance - distance, distance - world.max_distance)
         store(lanes.beyond, 0, most(beyond, load_row(lanes.beyond)))
+        keep_out = world.keep_out[now.k if len(world.keep_out) > 1 else 0]
+        for row in range(len(keep_out)):
+            x, y, z, radius = keep_out[row, 0], keep_out[row, 1], keep_out[row, 2], keep_out[row, 3]
+            inside = radius - length(load_three(truth.position, 0) - Three(x, y, z))
+            store(lanes.beyond, 0, most(inside, load_row(lanes.beyond)))
     store_three(truth.boresight, 0, to_hill(load_quaternion(truth.attitude), three_of(world.boresight)))
     for lane in range(now.num_lanes):
         inspect(now, optics, lane, work.candidate, work.lit, work.seen)
