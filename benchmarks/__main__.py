@@ -88,7 +88,11 @@ def main() -> int:
     )
     runs = {
         "gym": lambda: import_module("benchmarks.gym").run(),
-        "inference": lambda: (inference.run(options.controller), inference.run_weighed()),
+        "inference": lambda: (
+            inference.run(options.controller),
+            inference.run_sampled(options.controller),
+            inference.run_weighed(),
+        ),
         "learning": learning.run,
         "monte_carlo": lambda: commands.run_monte_carlo(options.controller),
         "recording": lambda: recording.run(options.controller),

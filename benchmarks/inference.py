@@ -1,10 +1,15 @@
 """Microseconds per inference: scikit-fuzzy, similar programs, and ours, on the same systems and inputs."""
 
+import math
+import shutil
+import subprocess
+import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from itertools import product
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,8 +17,19 @@ from numpy.typing import NDArray
 from benchmarks import rivals
 from benchmarks.rivals import Missing, Timed
 from benchmarks.timing import best_cpu_seconds, best_wall_seconds
-from fis_tools.engines.compiler import compile
-from fis_tools.model import Constant, FuzzySystem, Gaussian, Linear, Term, Variable, table_rules
+from fis_tools.engines.compiler import CompiledSystem, compile
+from fis_tools.formats.exchange import fis
+from fis_tools.model import (
+    ALL_SEMANTICS,
+    Constant,
+    FuzzyController,
+    FuzzySystem,
+    Gaussian,
+    Linear,
+    Term,
+    Variable,
+    table_rules,
+)
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers import source
 from tests.fis_tools.control_systems import build_simulation
@@ -71,6 +87,82 @@ def run_weighed() -> None:
         name = f"{len(system.rules)} rules, {'linear' if is_linear else 'constant'}"
         cells = f"{1e6 * theirs:>14,.3f}{1e6 * ours:>10,.3f}{theirs / ours:>7,.0f}{1e6 * single:>30,.2f}"
         print(f"  {name:<24}{cells}", flush=True)
+
+
+def run_sampled(controller: str) -> None:
+    """Print the times of programs that sum over points, and ours relative to scikit-fuzzy's kind.
+
+    Ours are a call with one row, calls with 1,000 and with 100,000 rows on one thread, and `prepare()`.
+    """
+    experiment = compose_experiment(["+experiment=evaluate", f"controller={controller}"]).experiment
+    programs: dict[str, tuple[str, Callable[[FuzzySystem, Floats], Timed]]] = {
+        "scikit-fuzzy": ("scikit-fuzzy", _stock),
+        "matlab": ("Octave", _octave),
+        "fuzzylite": ("pyfuzzylite", rivals.pyfuzzylite),
+    }
+    for system in (source.load(experiment.controller, experiment.mission).systems[0], _large_system()):
+        print(
+            f"Sums over points, {len(system.rules)} rules, microseconds (and relative to scikit-fuzzy's kind)"
+        )
+        heads = "".join(f"{head:>18}" for head in ("one row", "1,000 rows", "100,000 rows", "prepare()"))
+        print(f"  {'':<14}{'the program':>24}{heads}")
+        kinds = {tool: compile(replace(system, semantics=tool), threads=1) for tool in ALL_SEMANTICS}
+        times = _by_turns(kinds, _inputs(system, 100_000))
+        for tool, seconds in times.items():
+            name, theirs = "", None
+            if tool in programs:
+                name, program = programs[tool]
+                theirs = _rival(program, kinds[tool].system, _inputs(system, NUM_STOCK))
+            words = "left out" if theirs is None else f"{name} {1e6 * theirs:,.1f}"
+            ratios = zip(seconds, times["scikit-fuzzy"], strict=True)
+            cells = "".join(f"{1e6 * ours:>10,.3f} ({ours / plain:5.2f})" for ours, plain in ratios)
+            print(f"  {tool:<14}{words:>24}{cells}", flush=True)
+
+
+def _by_turns(kinds: Mapping[str, CompiledSystem], rows: Floats) -> dict[str, list[float]]:
+    """Return the seconds per inference of compiled systems, in turn, as load changes."""
+    best = {name: [math.inf] * 4 for name in kinds}
+    prepared = {name: kind.prepare() for name, kind in kinds.items()}
+    for _ in range(5):
+        for name, kind in kinds.items():
+            infer, row = prepared[name], rows[0].tolist()
+            works: list[tuple[Callable[[], object], int]] = [
+                (partial(_repeated, lambda kind=kind: kind(rows[:1]), 200), 200),
+                (partial(_repeated, lambda kind=kind: kind(rows[:1000]), 10), 10_000),
+                (partial(kind, rows), len(rows)),
+                (partial(_repeated, lambda infer=infer, row=row: infer(*row), 1000), 1000),
+            ]
+            seconds = [best_cpu_seconds(work, repeats=1) / count for work, count in works]
+            best[name] = list(map(min, best[name], seconds))
+    return best
+
+
+def _repeated(work: Callable[[], object], count: int) -> None:
+    for _ in range(count):
+        work()
+
+
+def _octave(system: FuzzySystem, inputs: Floats) -> Timed:
+    """Time `evalfis` of Octave's toolkit, inside of it."""
+    octave = shutil.which("octave")
+    if octave is None:
+        raise Missing("apt-get install octave octave-fuzzy-logic-toolkit")
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        written = fis.write(FuzzyController("timed", (system,)))
+        (folder / "timed.fis").write_text(written.text, encoding="utf-8")
+        np.savetxt(folder / "inputs", inputs)
+        script = (
+            "pkg load fuzzy-logic-toolkit\n"
+            f"x = load ('{folder}/inputs'); f = readfis ('{folder}/timed.fis');\n"
+            f"t = cputime; y = evalfis (x, f, 101); t = cputime - t;\n"
+            f"dlmwrite ('{folder}/outputs', [t; y], 'precision', '%.17g');\n"
+        )
+        (folder / "run.m").write_text(script, encoding="utf-8")
+        command = [octave, "--no-gui", "--quiet", "--no-init-file", str(folder / "run.m")]
+        subprocess.run(command, check=True, capture_output=True)  # noqa: S603
+        seconds, *outputs = np.loadtxt(folder / "outputs")
+    return Timed(np.array(outputs), seconds / len(inputs))
 
 
 def _timed_weighed(system: FuzzySystem, inputs: Floats) -> tuple[float, float, float]:

@@ -94,7 +94,7 @@ def _bounds(conclusion: Conclusion, low: Floats, high: Floats) -> tuple[float, f
     if conclusion.defuzzifier == codes.CENTROID:
         least, greatest = extreme_mean(x, low, high, 1), extreme_mean(x, low, high, -1)
     elif conclusion.defuzzifier == codes.BISECTOR:
-        least, greatest = _bisectors(x, low, high)
+        least, greatest = _bisectors(conclusion.sampling, x, low, high)
     else:
         candidates = x[high >= low.max() * (1.0 - 2.0 * TIE)]
         least, greatest = candidates[0], candidates[-1]
@@ -102,12 +102,19 @@ def _bounds(conclusion: Conclusion, low: Floats, high: Floats) -> tuple[float, f
 
 
 @compiled(error_model="numpy", nogil=True)
-def _bisectors(x: Floats, low: Floats, high: Floats) -> tuple[float, float]:
-    """Return the first and the last point at which half of a sum may be reached, widened by a point."""
+def _bisectors(sampling: int, x: Floats, low: Floats, high: Floats) -> tuple[float, float]:
+    """Return the first and the last point at which half of a sum may be reached, widened by a point.
+
+    Ties count: fuzzylite takes the mean of all points that are as near to half, also those before and behind
+    at which hardly anything is added. jFuzzyLogic leaves both ends out of its sums.
+    """
+    if sampling == codes.FCL:
+        low, high = low.copy(), high.copy()
+        low[0] = low[-1] = high[0] = high[-1] = 0.0
     first, last = -1, len(x) - 1
     left_high, left_low = 0.0, 0.0
     right_low, right_high = low.sum(), high.sum()
-    share = 4 * EPSILON * (len(x) + 4)
+    share, tie = 4 * EPSILON * (len(x) + 4) + 4.0 * TIE, 4.0 * TIE * high.sum()
     for point in range(len(x)):
         left_high, left_low = left_high + high[point], left_low + low[point]
         right_low, right_high = right_low - low[point], right_high - high[point]
@@ -116,4 +123,13 @@ def _bisectors(x: Floats, low: Floats, high: Floats) -> tuple[float, float]:
         if left_low >= right_high * (1.0 + share) + share * left_low:
             last = point
             break
-    return x[max(first - 1, 0)], x[min(last + 1, len(x) - 1)]
+    first, last = max(first - 1, 0), min(last + 1, len(x) - 1)
+    if sampling == codes.FUZZYLITE:
+        before, behind = 0.0, 0.0
+        while first > 0 and before + low[first] <= tie:
+            before += low[first]
+            first -= 1
+        while last < len(x) - 1 and behind + low[last + 1] <= tie:
+            last += 1
+            behind += low[last]
+    return x[first], x[last]

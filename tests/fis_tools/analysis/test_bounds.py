@@ -11,7 +11,7 @@ from fis_tools.analysis.condition import read_conditions, read_region
 from fis_tools.array_types import Floats
 from fis_tools.engines import inference, interpreter, interval
 from fis_tools.engines.compiler import compile
-from fis_tools.model import Consequent, FuzzySystem, Rule, Variable
+from fis_tools.model import ALL_SEMANTICS, Consequent, FuzzySystem, Rule, Variable
 from fis_tools.model.shapes import Gaussian, Sampled, Triangular
 from tests.fis_tools import step_by_step
 from tests.fis_tools.engines import random_systems
@@ -93,6 +93,23 @@ def test_a_bisector_may_be_rounded_below_the_point_that_it_is():
     system, end = random_systems.sampled_systems(34, 12)[5], -1.9922207140443116
     (bounded,) = output_ranges(system, f"x0 in [-3.457068028487083, {end}]", max_boxes=200)
     assert bounded.outer.low <= compile(system)(np.array([[end]]))[0, 0] <= bounded.outer.high
+
+
+@pytest.mark.parametrize("semantics", [tool for tool in ALL_SEMANTICS if tool != "scikit-fuzzy"])
+def test_bisectors_of_sets_with_a_gap_between_them_and_at_an_end_lie_inside(semantics):
+    """As near to half are all points of the gap; jFuzzyLogic does not count the ends."""
+    x = Variable("x", "", 0.0, 1.0, terms(a=Triangular(-1.0, 0.0, 1.0), b=Triangular(0.0, 1.0, 2.0)))
+    y = Variable(
+        "y", "", 0.0, 9.0, terms(c=Triangular(0.0, 0.0, 2.0), d=Triangular(7.0, 8.0, 8.5)), default=0.0
+    )
+    system = table_system("gap", (x,), y, "cd", semantics=semantics, defuzzifier="bisector")
+    program = interval.pack(system)
+    low = np.linspace(0.0, 0.9, 300)[:, np.newaxis]
+    for width in (0.0, 1e-3, 0.1):
+        least, greatest, _ = interval.bound(program, low, low + width)
+        for share in (0.0, 0.4, 1.0):
+            answers = interpreter.evaluate(program, low + share * width)
+            assert ((answers >= least) & (answers <= greatest)).all()
 
 
 @pytest.mark.parametrize("system", [FORCE_X, FORCE_Z], ids=lambda system: system.name)
