@@ -4,15 +4,21 @@ Makes the pages that come from real runs (a champion evaluated, reported and rev
 reviewed; the help of every command), then the site, in ``build/site``. Nothing is fetched from a network.
 """
 
-import json
+import importlib
+import io
 import os
 import re
 import shutil
 import subprocess
 import sys
+from contextlib import redirect_stdout, suppress
 from pathlib import Path
 
+from playwright.sync_api import TimeoutError as PlaywrightTimeout
+from playwright.sync_api import sync_playwright
+
 from docs import classics, home, pictures
+from docs.screenshot import browser_found
 
 PROJECT = Path(__file__).resolve().parents[1]
 BUILD = PROJECT / "build"
@@ -20,8 +26,11 @@ BUILD = PROJECT / "build"
 MADE = BUILD / "docs"
 CHAMPION = ("+experiment=evaluate", "controller=champion_27", "sun=random", "monte_carlo.num_cases=50")
 COMMANDS = ("pipeline", "fis_tools", "telemetry")
-#: what readers search for, and the page that must answer
+#: columns of what commands print
+WIDTH = {"COLUMNS": "100"}
+#: what readers search for, and the page that must be found first
 SEARCHES = {
+    "license": "support.html",
     "licence": "support.html",
     "cite": "support.html",
     "Windows": "support.html",
@@ -63,22 +72,35 @@ def main() -> None:
     sys.exit(code)
 
 
+#: whether the first page that a search finds is one of the site
+IS_FIRST = """page => document.querySelector(".md-search-result__item a")
+    ?.href.split(/[?#]/)[0].endsWith("/" + page) ?? false"""
+
+
 def check_searches(site: Path) -> None:
-    """Check that the search knows every word of what readers look for on the page that answers.
+    """Check, in a browser, that the site's search finds first what readers look for; none is no error.
 
     Raises
     ------
     SystemExit
-        Where a page lacks one.
+        Where another page comes first.
     """
-    index = json.loads((site / "search" / "search_index.json").read_text(encoding="utf-8"))["docs"]
-    for words, page in SEARCHES.items():
-        parts = (f"{part['title']} {part['text']}" for part in index if part["location"].startswith(page))
-        text = " ".join(parts).lower()
-        if missing := [
-            word for word in words.lower().split() if not re.search(rf"\b{re.escape(word)}\b", text)
-        ]:
-            sys.exit(f"a search for {words!r} misses {page}: no {', '.join(missing)} there")
+    if (program := browser_found()) is None:
+        return
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=program, args=["--no-sandbox", "--disable-gpu"])
+        for words, page in SEARCHES.items():
+            tab = browser.new_page(viewport={"width": 1400, "height": 900})
+            tab.goto((site / "overview.html").as_uri())
+            tab.locator(".md-search__input").click()
+            tab.keyboard.type(words)
+            try:
+                tab.wait_for_function(IS_FIRST, arg=page, timeout=60_000)
+            except PlaywrightTimeout:
+                hits = tab.locator(".md-search-result__item h1").all_inner_texts()
+                sys.exit(f"a search for {words!r} does not find {page} first, but: {', '.join(hits[:3])}")
+            tab.close()
+        browser.close()
 
 
 def write_home(site: Path) -> None:
@@ -98,19 +120,30 @@ def write_home(site: Path) -> None:
 
 def commands_page() -> str:
     """Return the page of all commands, each with its help."""
+    os.environ |= WIDTH
     sections = ["# Commands\n\nWhat each command prints when asked for `--help`.\n"]
     for module in COMMANDS:
         overview = printed_by(module, "--help")
         sections.append(section(f"## python -m {module}", overview))
-        listed = overview.partition("  COMMAND\n")[2].partition("\n\n")[0]
-        for name in re.findall(r"^    (\w+)", listed, re.MULTILINE):
-            sections.append(section(f"### {module} {name}", printed_by(module, name, "--help")))
+        listed = overview.partition("─ Commands ─")[2]
+        sections += [
+            section(f"### {module} {name}", help_of(module, name))
+            for name in re.findall(r"^│ (\w+) ", listed, re.MULTILINE)
+        ]
     return "\n".join(sections)
+
+
+def help_of(module: str, command: str) -> str:
+    """Return the help of a command, by its function: so many processes would take long."""
+    text = io.StringIO()
+    with redirect_stdout(text), suppress(SystemExit):
+        importlib.import_module(f"{module}.__main__").main([command, "--help"])
+    return re.sub(r" +$", "", text.getvalue(), flags=re.MULTILINE)
 
 
 def section(heading: str, text: str) -> str:
     """Return a heading with a text below it as it was printed."""
-    return f"{heading}\n\n```text\n{text.rstrip()}\n```\n"
+    return f"{heading}\n\n```{{.text .help}}\n{text.rstrip()}\n```\n"
 
 
 def printed_by(*words: str) -> str:
@@ -125,7 +158,7 @@ def printed_by(*words: str) -> str:
     done = subprocess.run(  # noqa: S603
         [sys.executable, "-m", *words],
         cwd=PROJECT,
-        env=os.environ | {"COLUMNS": "100"},
+        env=os.environ | WIDTH,
         capture_output=True,
         text=True,
         check=False,
