@@ -227,7 +227,7 @@ def surface(
 
 
 def output_named(system: Inferable, name: str | None = None) -> Variable:
-    """Return the index of a named output, or of the first output if no name is given.
+    """Return the output of a name, or the first output if no name is given.
 
     Raises
     ------

@@ -287,6 +287,7 @@ def _range(system: Inferable, output: Variable, where: Region, low: Subdivision,
 
 
 def _most(search: Subdivision) -> float:
+    """Return the greatest promise that is left of a search."""
     return float(max(search.closed, search.open_promises.max(initial=-np.inf)))
 
 

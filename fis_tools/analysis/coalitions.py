@@ -92,6 +92,7 @@ def by_level(levels: tuple[int, ...]) -> Leads:
 
 
 def _num_states(after: Leads) -> int:
+    """Return the number of states that transitions lead to."""
     return 1 + max(map(max, after))
 
 

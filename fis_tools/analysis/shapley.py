@@ -59,6 +59,7 @@ def by_kernel(system: FuzzySystem, packed: Packed, firing: Floats, plays: Boolea
     arrays = (packed.values[0], packed.rules[0], packed.layout)
 
     def concluding(samples: Integers, rules: Integers, members: Booleans) -> Floats:
+        """Return the outputs, (samples, subsets), of subsets of rules, see `Concluding`."""
         out = np.empty((len(members), len(samples)))
         players = (always[samples], term_of[rules], firing[samples[:, np.newaxis], rules])
         conclude_subsets(arrays, players, members, scratch, out)
@@ -77,6 +78,7 @@ def _by_program(
     count = plays.shape[1]
 
     def concluding(samples: Integers, rules: Integers, members: Booleans) -> Floats:
+        """Return the outputs, (samples, subsets), of subsets of rules, see `Concluding`."""
         left = np.where(np.tile(plays[samples], firing.shape[1] // count), 0.0, firing[samples])
         rows = np.repeat(left[:, np.newaxis], len(members), axis=1)
         for first in range(0, firing.shape[1], count):
@@ -344,6 +346,7 @@ def _exact(match: _Match, game: _Game) -> Floats:
 
 
 def _one_worth(match: _Match, game: _Game, members: Booleans) -> Floats:
+    """Return the outputs of coalitions of a game at one sample, (c,)."""
     return np.asarray(_worth(match, game.samples, game.rules, members)[0])
 
 

@@ -30,6 +30,7 @@ def _component(kind: Any, axis: int) -> Any:
 
 
 def _three_type(x: Any, y: Any) -> Any:
+    """Return the type of the sum or product of three-vectors and numbers; None if they do not fit."""
     joint = tuple(joint_type(_component(x, axis), _component(y, axis)) for axis in range(3))
     return None if None in joint else types.BaseTuple.from_types(joint, vectors.Three)
 
@@ -77,6 +78,7 @@ def _binary(
 
 
 def _quotient(kind: Any) -> Any:
+    """Return the type of a quotient."""
     return kind if isinstance(kind, VectorType) else types.float64
 
 
@@ -92,10 +94,12 @@ for _operations, _result, _emit, _threes in (
 
 
 def _truth_of(kind: Any) -> Any:
+    """Return the type of a comparison's result."""
     return MaskType(kind.width) if isinstance(kind, VectorType) else types.boolean
 
 
 def _comparing(symbol: str) -> Callable[[Any, Any, Any], Any]:
+    """Return the function that writes a comparison."""
     # NaN differs from everything, and all other comparisons with it are false
     compare = ir.IRBuilder.fcmp_unordered if symbol == "!=" else ir.IRBuilder.fcmp_ordered
     return lambda builder, x, y: compare(builder, symbol, x, y)

@@ -117,6 +117,7 @@ def store(array: Floats, at: Index, vector: Vector) -> None:
 
 
 def _row_from(array: Floats, at: Index) -> Floats:
+    """Return the rest of an array's row from an index on, as a view."""
     *rows, first = at if isinstance(at, tuple) else (at, 0)[: array.ndim]
     row: Floats = array[tuple(rows)]
     return row[first:]

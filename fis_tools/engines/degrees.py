@@ -225,6 +225,7 @@ def degree_bounds(shapes: Shapes, term: int, low: float, high: float) -> tuple[f
 
 @compiled(error_model="numpy")
 def _gaussian_bounds(low: float, high: float, mean: float, deviation: float) -> tuple[float, float]:
+    """Bound the memberships of the numbers from `low` to `high` in a Gaussian."""
     left, right = _gaussian(low, mean, deviation), _gaussian(high, mean, deviation)
     return min(left, right), 1.0 if low <= mean <= high else max(left, right)
 

@@ -234,7 +234,11 @@ def find_crossings(values: Floats, rules: Integers, system: Any, scratch: Any) -
 
 @compiled(error_model="numpy", forceinline=True)
 def crossing_triangles(values: Floats, rules: Integers, system: Any, scratch: Any) -> tuple[Vector, Vector]:
-    """Return the area and moment that the points inserted at cut crossings add to those of the grid."""
+    """Return the area and moment that the points inserted at cut crossings add to those of the grid.
+
+    First, the location and the aggregated height of each inserted point are stored; then each adds the
+    triangle that it makes with its nearest neighbours on its segment.
+    """
     width = width_of(scratch)
     terms, points = system.output_terms, system.output_points
     by_point = system.output_values + packing.HEADER + terms * points

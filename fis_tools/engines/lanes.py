@@ -55,6 +55,7 @@ def write_degrees(shapes: Shapes, term: int, inputs: Floats, at: int, out: Float
 
 @compiled(error_model="numpy", forceinline=True)
 def _trapezoid(x: Vector, left: float, left_top: float, right_top: float, right: float) -> Vector:
+    """Return the degrees on a trapezoid; both flanks are computed, and one is chosen."""
     rising, falling = (x - left) / (left_top - left), (right - x) / (right - right_top)
     slope = select((left < x) & (x < left_top), rising, select((right_top < x) & (x < right), falling, 0.0))
     return select((left_top <= x) & (x <= right_top), 1.0, slope)
@@ -62,4 +63,5 @@ def _trapezoid(x: Vector, left: float, left_top: float, right_top: float, right:
 
 @compiled(error_model="numpy", forceinline=True)
 def _told_from_zero(degree: Vector) -> Vector:
+    """Return degrees with those below `SMALLEST_MEMBERSHIP` as zero."""
     return select(degree >= SMALLEST_MEMBERSHIP, degree, 0.0)

@@ -226,6 +226,7 @@ class SystemEncoding(Genes):
             yield low, high, means, fractions * (high - low)[:, np.newaxis]
 
     def _windows(self, low: Floats, high: Floats, terms: int) -> tuple[Floats, Floats]:
+        """Return the centres, (n, terms), and half widths, (n,), of the windows in which means may lie."""
         centres = np.linspace(low, high, terms, axis=-1)
         return centres, 0.5 * self.bounds.mean_window * (high - low) / (terms - 1)
 
@@ -265,11 +266,13 @@ def _fault(variable: Variable) -> str:
 
 
 def _memberships(low: Floats, high: Floats, points: int, means: Floats, widths: Floats) -> Floats:
+    """Return Gaussian memberships of n variables at the points of their universes, (n, terms, points)."""
     universe = np.linspace(low, high, points, axis=-1)
     return gaussian(universe[:, np.newaxis, :], means[:, :, np.newaxis], widths[:, :, np.newaxis])
 
 
 def _gaussians(variable: Variable) -> tuple[Floats, Floats]:
+    """Return the means and the standard deviations of a variable's terms, (terms,)."""
     shapes = [term.membership for term in variable.terms if isinstance(term.membership, Gaussian)]
     return np.array([s.mean for s in shapes]), np.array([s.standard_deviation for s in shapes])
 

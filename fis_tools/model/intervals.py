@@ -91,11 +91,13 @@ def _bound_input(variable: Variable) -> Variable:
 
 
 def _bound_output(variable: Variable, ending: str) -> Variable:
+    """Return an output in terms of its lower or upper sets, under a name of its own."""
     terms = (Term(term.name, bound_of(term.membership, ending)) for term in variable.terms)
     return replace(variable, name=variable.name + ending, terms=tuple(terms))
 
 
 def _bound_rule(rule: Rule, ending: str) -> Rule:
+    """Return a rule that asks for and concludes the lower or the upper sets."""
     consequents = (replace(c, variable=c.variable + ending) for c in rule.consequents)
     return replace(rule, antecedent=_bound(rule.antecedent, ending), consequents=tuple(consequents), label="")
 

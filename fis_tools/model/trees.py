@@ -109,10 +109,12 @@ class FuzzyTree:
         return f"{self._system_of(column).name}/{self._value(column).name}"
 
     def _system_of(self, column: int) -> FuzzySystem:
+        """Return the system that computes the value in a column."""
         first = self.first_outputs
         return self.systems[max(index for index, start in enumerate(first) if start <= column)]
 
     def _value(self, column: int) -> Variable:
+        """Return the variable whose value is in a column."""
         ends = (output for system in self.systems for output in system.outputs)
         return (*self.inputs, *ends)[column]
 

@@ -32,6 +32,7 @@ class Reported:
 
 
 def _reported(label: str, num_cases: int, *measures: tuple[float, float, float]) -> Reported:
+    """Return a published row: means, then standard deviations, of delta-v, rate and distance."""
     names = ("delta_v_m_s", "inspection_rate_percent", "mean_distance_m")
     return Reported(label, num_cases, *(dict(zip(names, numbers, strict=True)) for numbers in measures))
 
@@ -260,6 +261,7 @@ def worlds_of(rows: Sequence[ComparisonRow]) -> list[str]:
 
 
 def _cell(row: ComparisonRow) -> str:
+    """Return a flown row as success (%), mean delta-v (m/s), and share outside the limits (%)."""
     success, outside = (100 * row.summary[name]["fraction"] for name in (SUCCESS, "violated"))
     return f"{success:.0f} / {row.summary['delta_v_m_s']['mean']:.2f} / {outside:.0f}"
 

@@ -137,6 +137,7 @@ def rank_correlation(first: Floats, second: Floats, confidence_percent: float) -
 
 
 def _z(confidence_percent: float) -> float:
+    """Return the standard normal quantile of a two-sided confidence."""
     from scipy.special import ndtri  # noqa: PLC0415 - slower to import than a thousand flights
 
     return float(ndtri(0.5 + confidence_percent / 200.0))
@@ -331,6 +332,7 @@ def _mcnemar(above: int, below: int) -> float:
 
 
 def _wilcoxon(gained: Floats) -> float:
+    """Return the p-value of Wilcoxon's signed-rank test; 1 where nothing differs."""
     from scipy.stats import wilcoxon  # noqa: PLC0415 - as above
 
     return float(wilcoxon(gained, axis=None).pvalue) if np.any(gained) else 1.0

@@ -240,12 +240,14 @@ class SixDofInspectionEnv(gymnasium.Env[NDArray[np.float32], NDArray[Any]]):
 
     @property
     def _sun(self) -> Floats:
+        """The unit vector towards the Sun, Hill axes."""
         mission = self._mission
         time = self._k * mission.control_period_s
         return np.asarray(sun_direction_h(sun_angle(self._sun_angle, mission.orbit.mean_motion_rad_s, time)))
 
     @property
     def _camera(self) -> Floats:
+        """The direction in which the camera looks, Hill axes."""
         return np.asarray(dcm_b_from_h(normalised(self._state[ATTITUDE]))[0])
 
     def _look(self) -> None:

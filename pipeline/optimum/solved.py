@@ -109,6 +109,7 @@ def _plain(terms: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _of_groups(mission: Mission) -> dict[str, Any]:
+    """Return the settings of `GROUPS` by dotted key."""
     return {
         f"{group}.{key}": value for group in GROUPS for key, value in asdict(getattr(mission, group)).items()
     }

@@ -197,6 +197,7 @@ def _safety(mission: Mission, log: FlightLog) -> Iterator[Event]:
 
 
 def _delta_v(mission: Mission, force_h: Floats) -> float:
+    """Return the delta-v of a force held for a control period, m/s."""
     return float(np.abs(force_h).sum()) * mission.control_period_s / mission.deputy.mass_kg
 
 

@@ -49,7 +49,7 @@ ROUNDING: Final = ("machine", "libm", "numpy", "blas")
 
 
 def present_maker() -> dict[str, Any]:
-    """Describe the present maker, as plain data.
+    """Describe what makes files now: the program, its sources, and the processor, as plain data.
 
     Returns
     -------

@@ -108,6 +108,7 @@ class Genome:
         return words
 
     def _system_genes(self, genomes: Floats) -> Floats:
+        """Return the genes of the systems at full length."""
         genes = genomes[:, : self._num_system_genes]
         return self.reduction.expand(genes) if self.reduction is not None else genes
 

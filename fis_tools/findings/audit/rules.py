@@ -179,6 +179,7 @@ def _table(system: FuzzySystem) -> _Table | None:
 
 
 def _steps(table: _Table, axis: int) -> list[CellStep]:
+    """Return the steps between neighbouring cells of a table along an axis, where both have a rule."""
     numbers, levels = (np.moveaxis(part, axis, -1) for part in table)
     pairs = zip(numbers[..., :-1].ravel(), numbers[..., 1:].ravel(), np.diff(levels).ravel(), strict=True)
     return [CellStep((int(a), int(b)), float(change)) for a, b, change in pairs if a and b and a != b]

@@ -72,6 +72,7 @@ def read_names(names: list[str]) -> list[NameRank | None]:
 
 
 def _words(name: str) -> list[str]:
+    """Split a name, such as ``PositiveSmall`` or ``very_near``, into words of small letters."""
     parted = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name)
     return [word.lower() for word in re.split(r"[\W_\d]+", parted) if word]
 

@@ -342,6 +342,7 @@ _OUTPUT_KEYS = ("where", "num_samples", "mean", "largest", "mean_share", "larges
 
 
 def _plain_pair(change: Pair[Any], words: Callable[[Any], str]) -> dict[str, object]:
+    """Return both sides of a change as words, and its state."""
     sides = {"before": change.before, "after": change.after}
     plain = {side: None if thing is None else words(thing) for side, thing in sides.items()}
     return {"state": change.state, **plain}

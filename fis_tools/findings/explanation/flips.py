@@ -204,4 +204,5 @@ def _ways(compiled: CompiledSystem | CompiledTree, given: Floats) -> Iterator[tu
 
 
 def _is_across(sides: Floats, start: float) -> Booleans:
+    """Return which samples are on another side than the start."""
     return sides != 0.0 if start == 0.0 else sides == -start

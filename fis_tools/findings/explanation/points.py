@@ -128,6 +128,7 @@ def rehearsed(what: str, alternatives: Sequence[tuple[float, str]], everything: 
 
 
 def _largest_first(parts: Floats) -> list[int]:
+    """Return the indices of the parts that are not zero, the largest first."""
     order = np.argsort(-np.abs(parts), kind="stable").tolist()
     return [index for index in order if parts[index] != 0.0]
 

@@ -63,10 +63,12 @@ def mergers(system: FuzzySystem, look_alike: float) -> Iterator[Merger]:
 
 
 def _mean(a: model.MembershipFunction, b: model.MembershipFunction) -> model.MembershipFunction:
+    """Return the shape whose numbers are the means of two of one kind."""
     return replace(a, **{f.name: 0.5 * (getattr(a, f.name) + getattr(b, f.name)) for f in fields(a)})
 
 
 def _likeness(variable: Variable, term: Term, membership: model.MembershipFunction) -> float:
+    """Return the Jaccard similarity of a term and another membership function."""
     pair = replace(variable, terms=(term, Term("mean", membership)))
     return float(distinguishability(pair).similarity[0, 1])
 

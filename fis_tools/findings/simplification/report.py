@@ -78,6 +78,7 @@ class OutputDeviation:
 
 
 def _used(change: float, allowed: float) -> float:
+    """Return the share of an allowed deviation that is used up; rounding errors use nothing."""
     if change <= ROUNDING_ERROR:
         return 0.0
     return change / allowed if allowed > 0.0 else math.inf

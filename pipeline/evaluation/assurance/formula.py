@@ -198,6 +198,7 @@ class _RequirementParser:
         return left
 
     def _until(self) -> Formula:
+        """Parse an operand, perhaps ``until`` another."""
         left = self._single()
         return Until(self._window(), left, self._single()) if self._accept("until") else left
 
@@ -378,11 +379,13 @@ def render(formula: Formula, units: Mapping[str, str]) -> str:  # noqa: PLR0911 
 
 
 def _inner(formula: Formula, units: Mapping[str, str]) -> str:
+    """Return an operand as text, in parentheses unless it is a comparison."""
     text = render(formula, units)
     return text if isinstance(formula, Predicate) else f"({text})"
 
 
 def _bounds(window: Window) -> str:
+    """Return a window as text; nothing for the whole flight."""
     if window == Window():
         return ""
     return f"[{_number(window.first_s)}:{_number(window.last_s)}]"

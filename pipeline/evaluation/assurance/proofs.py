@@ -103,6 +103,7 @@ def certificates(requirement: Requirement, controller: Controller) -> tuple[Cert
 
 
 def _is_about(question: Question, system: FuzzySystem) -> bool:
+    """Return whether a question names an output of a system."""
     words = set(_NAME.findall(question.ask))
     return any(variable.name in words for variable in system.outputs)
 

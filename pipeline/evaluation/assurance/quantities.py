@@ -57,14 +57,17 @@ class Quantity:
 
 
 def _column(index: int) -> OfTracks:
+    """Return the function that reads a column of tracks."""
     return lambda tracks, facts: tracks[..., index]
 
 
 def _length(first: int) -> OfTracks:
+    """Return the function that computes the length of a vector of three columns."""
     return lambda tracks, facts: np.linalg.norm(tracks[..., first : first + 3], axis=-1)
 
 
 def _inspected(tracks: Floats, facts: TrackFacts) -> Floats:
+    """Return the number of points inspected at each sample."""
     return facts.number - tracks[..., arrays.TRACK_LEFT]
 
 
@@ -158,6 +161,7 @@ def of_tracks(tracks: NDArray[Any], facts: TrackFacts, names: Iterable[str]) -> 
 
 
 def _of_name(name: str) -> OfTracks:
+    """Return the function that computes a quantity, which may have seconds in brackets."""
     seconds = seconds_of(name)
     return QUANTITIES[name].of_tracks if seconds is None else _coasting(seconds)
 

@@ -58,6 +58,7 @@ def _question(evidence: Mapping[str, Any]) -> tuple[Any, ...]:
 
 
 def _flights(evidence: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the seed and the number of cases of a run."""
     return {key: evidence["conditions"][key] for key in DRAWN}
 
 

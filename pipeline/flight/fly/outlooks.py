@@ -67,11 +67,13 @@ def rehearsing_once(controller: RuleController) -> RuleController:
 
 
 def _without(controller: RuleController, *prefixes: str) -> dict[str, str]:
+    """Return a controller's attributes without those whose names have these prefixes."""
     attributes = controller.fuzzy.attributes if controller.fuzzy is not None else ()
     return {name: value for name, value in attributes if not name.startswith(prefixes)}
 
 
 def _with(controller: RuleController, attributes: dict[str, str]) -> RuleController:
+    """Return a controller with these attributes in place of its own."""
     if controller.fuzzy is None:
         return controller
     return from_fuzzy(replace(controller.fuzzy, attributes=tuple(attributes.items())))

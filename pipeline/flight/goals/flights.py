@@ -64,6 +64,7 @@ def fly_genomes(
 
 
 def _room(count: int, mission: Mission) -> NDArray[np.float32]:
+    """Return an array for the tracks of some flights, (count, K+1, NUM_TRACKED)."""
     return np.empty((count, mission.num_controls + 1, NUM_TRACKED), dtype=np.float32)
 
 

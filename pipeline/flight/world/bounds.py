@@ -310,6 +310,7 @@ class _Recursion:
         self.position_off, self.later_off = self._off(self.position), self._off(self.position @ phi)
 
     def _off(self, rows: Floats) -> float:
+        """Return a bound on ``|A e|`` for the errors of estimates, see `EstimateErrors.bound`."""
         return self.known.bound(rows, self.errors.constant_m, self.errors.risk)
 
     def bounds(self) -> SafetyBounds:

@@ -257,6 +257,7 @@ CARRIED = ("centroid", "sigma", "C", "ps", "pc", "update_count")
 
 
 def _strategy(centre: Floats, step: float, settings: Optimizer) -> Any:
+    """Return a CMA-ES strategy; one individual of a generation is the centre itself."""
     return cma.Strategy(centroid=centre.copy(), sigma=step, lambda_=settings.population_size - 1)
 
 
@@ -280,6 +281,7 @@ def teach_strategy(state: EvolutionState, settings: Optimizer, drawn: Floats, fi
 
 
 def _carried(strategy: Any) -> dict[str, Floats]:
+    """Return the arrays of a strategy that a checkpoint holds."""
     return {name: np.array(getattr(strategy, name), dtype=np.float64) for name in CARRIED}
 
 
