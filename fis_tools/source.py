@@ -44,7 +44,7 @@ def read_controller(path: Path | str, trust: bool = False) -> FuzzyController:
     if is_program(path):
         return _of_program(path, trust)
     path = Path(path)
-    if not path.suffix and not os.path.exists(path):  # also where its name is none that a file can have
+    if not path.suffix and not os.path.exists(path):  # true, too, of names that no file can have
         path = named(str(path))
     if os.path.isdir(path):
         champion = path / _champion_of(path)

@@ -65,7 +65,7 @@ class Notices(Output):
     """Standard error, for notices: what cannot be written there is dropped."""
 
     def _try(self, act: Callable[[], None]) -> None:
-        with suppress(OSError, ValueError):  # of a full disk or a closed stream
+        with suppress(OSError, ValueError):  # the disk is full, or the stream closed
             act()
 
     def isatty(self) -> bool:

@@ -365,7 +365,7 @@ def _ended_in_order() -> Iterator[None]:
         os.write(2, b"telemetry: ended by SIGTERM\n")  # not by print, which may be at work
         raise _Terminated
 
-    if threading.current_thread() is not threading.main_thread():  # which alone may handle signals
+    if threading.current_thread() is not threading.main_thread():  # only the main thread may handle signals
         yield
         return
     before = signal.signal(signal.SIGTERM, end), sys.unraisablehook

@@ -46,7 +46,7 @@ def blocks(activations: Sequence[Cuts], accumulate: Operator | None, most: int) 
     separate: list[PlayerBlock] = []
     room = most
     for _, players in joined:
-        # where the highest cut counts, such blocks differ in nothing but their number of players
+        # where the highest cut counts, sorted blocks differ in their number of players only
         players.sort(key=lambda player: -max(height for _, height in activations[player]))
         after = _after(players, activations, accumulate, room)
         if after is None:

@@ -47,7 +47,7 @@ def contributions(compiled: CompiledSystem, inputs: Floats) -> Floats:
     for first in range(0, len(samples), BATCH):
         sample, rule = samples[first : first + BATCH], rules[first : first + BATCH]
         silenced = firing[sample]
-        # of interval type-2 systems a rule has two strengths
+        # in interval type-2 systems a rule has two strengths
         silenced.reshape(len(sample), -1, count)[np.arange(len(sample)), :, rule] = 0.0
         result[sample, rule] = outputs[sample] - compiled.conclude(silenced, inputs[sample])
     return result

@@ -108,7 +108,7 @@ def conclude_subsets(packed: Any, players: Any, members: Booleans, scratch: Any,
     num_samples, num_players = terms.shape
     joined, num_joined = np.empty(num_players, np.int64), 0
     subset, sample = -1, num_samples - 1
-    # one subset for samples side by side, where that is possible: what all leave out costs little
+    # neighbouring lanes have the same subset where possible: a rule that no lane has costs little
     for first in range(0, out.size, width_of(work)):
         num_lanes = min(width_of(work), out.size - first)
         for lane in range(num_lanes):

@@ -73,7 +73,9 @@ def weighted_shares(
             np.where(plays[samples], 0.0, sums[samples]).sum(axis=1),
         )
         if weighing.defuzzifier == WEIGHTED_SUM:
-            even = (fixed[1] - default) / count  # of the way from silence to the rules that always fire
+            even = (
+                fixed[1] - default
+            ) / count  # each player's part in going from no rule to those that always fire
             values[rows, players] = sums[rows, players] + even[:, np.newaxis]
         else:
             values[rows, players] = _of_averages(weights[rows, players], sums[rows, players], *fixed, default)

@@ -264,7 +264,7 @@ def diff(
         a page (.html), or the same as is printed [default: printed]
     """
     is_page = not json and Path(output or "").suffix.lower() in {".html", ".htm"}
-    if is_page:  # what pictures need is missed before anything is computed
+    if is_page:  # a missing package is reported before anything is computed
         import_module("fis_tools.render")
     paths = (args.controller, after)
     old, new = (arguments.chosen(read_controller(path, args.trust), args.system) for path in paths)

@@ -82,7 +82,7 @@ def plot(
     taken: Counter[str] = Counter()
     for system, name, figure in _pictures(args, controller, kinds, inferences, colours):
         picture = f"{file_name(system.name)}-{file_name(name)}"
-        taken[picture.casefold()] += 1  # other names may come to the same file's
+        taken[picture.casefold()] += 1  # other names may lead to the same file name
         if taken[picture.casefold()] > 1:
             picture += f"-{taken[picture.casefold()]}"
         path = arguments.place_for(Path(output) / f"{picture}.{format}")
@@ -198,7 +198,7 @@ def surface(
     ending = Path(output or "").suffix.lower()
     if ending not in (*PICTURES, ".csv") and output is not None:
         raise Mistake(f"{output} ends in none of {', '.join(PICTURES)}, .csv; name the file so")
-    if ending in PICTURES:  # what pictures need is missed before anything is computed
+    if ending in PICTURES:  # a missing package is reported before anything is computed
         import_module("fis_tools.render")
     elif in_space or args.flights:
         raise Mistake("--3d and --flights are for pictures; add -o FILE.png, .svg or .pdf")

@@ -41,7 +41,7 @@ class KeptCode(Cache):
 
     def __init__(self, dispatcher: Any) -> None:
         self._dispatcher = dispatcher
-        self._paths: dict[Any, Path] = {}  # as they were before compiling
+        self._paths: dict[Any, Path] = {}  # where code would be kept, as of before compiling
 
     @property
     def cache_path(self) -> str:

@@ -115,7 +115,7 @@ class SystemView:
         self._surface = charts.Chart("surface")
         self._scale = document().classes("scale")
 
-    # what a hand does
+    # what the user does
 
     def _change(self, change: Callable[[FuzzySystem], FuzzySystem], gesture: object = None) -> None:
         self._touch(lambda controller: touches.with_system(controller, change(self.system)), gesture)

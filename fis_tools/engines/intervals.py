@@ -63,7 +63,7 @@ def reduce_interval(x: Floats, low: Floats, high: Floats, is_mean: bool) -> floa
     highest = high.max()
     if highest < FAINT:
         low, high = low / highest, high / highest
-    if is_mean:  # Nie and Tan's
+    if is_mean:  # Nie and Tan's type reduction
         both = low + high
         return float(min(max((x * both).sum() / both.sum(), x[0]), x[-1]))
     return 0.5 * (extreme_mean(x, low, high, 1) + extreme_mean(x, low, high, -1))

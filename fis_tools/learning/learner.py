@@ -377,7 +377,7 @@ def imitate(
         function = lambda *columns: infer(np.stack(columns, axis=1))[:, 0]  # noqa: E731
     columns = columns_within(ranges)
     low, high = (np.array([getattr(column, end) for column in columns]) for end in ("low", "high"))
-    corners = list(product(*zip(low, high, strict=True)))  # there many functions are extreme
+    corners = list(product(*zip(low, high, strict=True)))  # many functions are extreme there
     samples = np.concatenate([corners, spread(low, high, num_samples + JUDGED_BY)])
     answers = _answers(function, samples)
     taught = len(samples) - JUDGED_BY

@@ -68,7 +68,7 @@ def sampling_points(semantics: Semantics, minimum: float, maximum: float, num_po
     if where == "middles":
         return np.add(minimum, np.multiply(np.arange(0.5, count), step))
     steps = np.array([minimum, *[step] * (count - 1)], dtype=np.float64)
-    return np.cumsum(steps)  # jFuzzyLogic adds up step by step
+    return np.cumsum(steps)  # jFuzzyLogic adds step to step, with its rounding
 
 
 ALL_SEMANTICS: tuple[Semantics, ...] = get_args(Semantics)

@@ -87,7 +87,7 @@ def slopes(
     rate = three_of(state[10:])
     attitude, hill_rate = state[6:10], Three(0.0, 0.0, mean_motion)
     dcm = dcm_b_from_h(attitude)
-    # of stages that are not of unit length AFRL's matrix differs from ours by this on its diagonal
+    # where a stage is not of unit length, AFRL's matrix differs from ours by this on its diagonal
     surplus = 1.0 - np.sum(attitude * attitude)
     relative = rate - times(dcm, hill_rate) - surplus * hill_rate
     change = euler(inertia, inverse_inertia, rate, three_of(torque))

@@ -116,7 +116,9 @@ class Force:
         num_cells = 0
         for column in touched(positions, box.low, box.high):
             p = ball(max(positions[column], box.low), min(positions[column + 1], box.high))
-            v = ball(box.least, box.greatest) - box.shear * p + arb(0, 1e-11)  # more than its ends' rounding
+            v = (
+                ball(box.least, box.greatest) - box.shear * p + arb(0, 1e-11)
+            )  # wider than the rounding of its ends
             if not abs(v) < BEYOND:
                 raise ValueError(f"velocities beyond all cells in {box}")
             for row in touched(velocities, float(v.lower()), float(v.upper())):

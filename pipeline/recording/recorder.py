@@ -139,7 +139,7 @@ class FlightRecorder:
             If the disk refuses.
         """
         settings = tuple(value for _, value in drawn(self.mission, scenario))
-        if settings:  # of its own
+        if settings:  # drawn for this flight alone
             of_case = copy(self)
             of_case._enter(mission_of_case(self.mission, scenario))
             of_case._record(path, replace(scenario, settings=settings), log, scenario_id)

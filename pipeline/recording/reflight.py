@@ -80,7 +80,7 @@ def fly_again(path: Path) -> Reflight:
     controller = _controller_of(recording, experiment)
     log = fly_logged(experiment.mission, controller, scenario)
     episode = recording.episode
-    # of a learner's episodes each has a seed of its own
+    # a learner's episodes have a seed each
     seed = experiment.seed if episode.seed is None else episode.seed
     recorder = FlightRecorder(replace(experiment, seed=seed), controller, config)
     with tempfile.TemporaryDirectory() as folder:
@@ -149,7 +149,7 @@ def _controller_of(recording: Recording, experiment: Experiment) -> Controller:
         return from_fuzzy(serialize.from_mapping(content))
     if content.get("kind") == "open_loop" and "forces_n" in content:
         return from_mapping(content)
-    if content.get("kind") == "open_loop":  # of recordings that only name it
+    if content.get("kind") == "open_loop":  # recordings of such flights hold the name alone
         forces = recording[DEPUTY_CONTROL]["force_hill_n"].astype(np.float64)
         return open_loop(str(content.get("name")), forces)
     if content.get("kind") == "policy":
@@ -162,5 +162,5 @@ def _policy_of(recording: Recording, entry: Mapping[str, Any]) -> Controller:
     try:
         content = base64.b64decode(str(entry.get("onnx")), validate=True)
         return policy_of(str(entry.get("name")), content, f"the policy of {recording.path}")
-    except ValueError as error:  # also of a controller that is none
+    except ValueError as error:  # raised for what is no controller, too
         raise RecordingError(f"{recording.path}: its policy cannot be read ({error}); {CURE}") from error

@@ -35,7 +35,7 @@ def read_comparison(folder: Path) -> list[comparison.ComparisonRow]:
     summary = artifacts.read_json(folder, artifacts.COMPARISON)
     with artifacts.explained(f"{folder / artifacts.COMPARISON} is no comparison", "repeat the stage compare"):
         rows = [comparison.row_of(row) for row in summary["rows"]]
-        comparison.format_comparison(rows)  # which needs every number that is shown
+        comparison.format_comparison(rows)  # raises for any number that is missing
     return rows
 
 

@@ -154,7 +154,7 @@ def gather(experiment: Experiment, folder: Path) -> Contents:
     evaluation = read_evaluation(folder, experiment.monte_carlo.confidence_percent)
     summary, episodes = (evaluation.summary, evaluation.episodes) if evaluation else ({}, None)
     beside = comparisons.read_beside(folder, summary)
-    # which also name starts of a training where these are recorded
+    # recorded starts of a training are named there, too
     has_starts = "\ntraining-" in artifacts.text_of(folder, artifacts.SCENARIOS)
     # the last round that the logbook tells of; the first without one
     last = int(logbook["round"][-1]) if logbook else 0
@@ -305,7 +305,7 @@ def command_of(folder: Path, manifest: Mapping[str, Any]) -> str:
     words = [word for word in words if not word.startswith("hydra.")]
     paths = [re.fullmatch(r"controller\.path='([\w./@%+-]+)'", word) for word in words]
     if "controller=file" in words and any(paths):
-        # the command line takes the path at once
+        # the short form, which the command line takes as well
         words = [f"controller={path[1]}" if path else word for word, path in zip(words, paths, strict=True)]
         words.remove("controller=file")
     return f"python -m pipeline {shlex.join(words)}" if words else ""

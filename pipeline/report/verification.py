@@ -27,7 +27,7 @@ def verify(folder: Path) -> bool:
         If the run is reproducible, and this process is not.
     """
     if not (folder / artifacts.MANIFEST).exists():
-        configuration.read(folder)  # says why, of a folder that is none of a run
+        configuration.read(folder)  # raises for a folder that is no run's
     with suppress(artifacts.ArtifactError):  # told below, as a file that is missing or changed
         if configuration.read(folder).get("reproducible") is True:
             require_reproducible()

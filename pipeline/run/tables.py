@@ -37,7 +37,7 @@ def join_parquet(path: Path, parts: Sequence[Path]) -> None:
     A column that a part leaves out, such as the velocities of starts at rest, is 0 there.
     """
     widest = max(map(_schema_of, parts), key=len)
-    # without what reading adds to it
+    # without the metadata that reading adds
     schema = pa.schema([(field.name, field.type) for field in widest])
     left = schema.empty_table()
     with _writer(path, schema) as writer:

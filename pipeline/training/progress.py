@@ -93,7 +93,7 @@ class _Board:
         except OSError as error:
             writer, self._writer = self._writer, None
             if writer is not None:
-                with suppress(OSError):  # what is held back fails again
+                with suppress(OSError):  # what is buffered fails again
                     writer.close()
             sys.stderr.write(
                 f"note: {self._folder} cannot be written ({error.strerror or error}); "

@@ -206,7 +206,7 @@ class Recording(Mapping[str, TopicColumns]):
         reasons: NDArray[np.str_] = control["reason"][rows, axis].astype(np.str_)
         if control["command_reason"].shape[1]:
             return reasons
-        # reasons were of the command alone
+        # recorded reasons are of the command alone
         is_lost = np.isin(reasons, topics.FIRED) & ~is_fired
         return np.where(is_lost, topics.Reason.BELOW_LEAST_IMPULSE.name.lower(), reasons)
 

@@ -308,7 +308,7 @@ class EpisodeWriter:
             try:
                 self._write_waiting(until_ns)
             except OSError:
-                # after a chunk that is lost others would leave a gap
+                # chunks after one that is lost would leave a gap
                 self._waiting, self._waiting_times = [], set()
                 raise
 

@@ -92,7 +92,7 @@ def extremes(evaluation: EvaluatedCases) -> list[Extreme]:
         if evaluation.surroundings.threshold_percent is not None:
             picked.append(("least inspected", int(count.argmin()), f"{count.min()} points"))
         for what, row, how_much in picked:
-            # labelled where the flight ends
+            # the label stands where the flight ends
             cases.append((what, (row + 1) * num_samples - 1, how_much))
     extremes = []
     for what, case, how_much in cases:

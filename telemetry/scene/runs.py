@@ -206,7 +206,7 @@ def _read(path: Path, required: tuple[str, ...]) -> dict[str, NDArray[Any]]:
 def _tracks(path: Path) -> tuple[Integers, NDArray[np.float32]]:
     """Return the cases of the tracks, (n,), and the tracks, (n, K+1, 3)."""
     columns = _read(path, ("case", "sample", *_POSITION))
-    sample = columns["sample"].astype(np.int64)  # what that wraps is no sample
+    sample = columns["sample"].astype(np.int64)  # a number that overflows is no sample
     num_samples = min(int(sample.max(initial=-1)) + 1, len(sample) + 1)
     num_tracks = len(sample) // max(num_samples, 1)
     regular = np.tile(np.arange(num_samples), num_tracks)

@@ -77,7 +77,7 @@ def read_block(block: Node, semantics: Semantics) -> tuple[FuzzySystem, list[str
                 case key:
                     operators = _operators(key, word, operators, semantics)
     outputs = [_output(contents, name, inputs, accumulation, semantics, notes) for name in contents.outputs]
-    if semantics == "fuzzylite":  # which passes on the height at which a term is cut
+    if semantics == "fuzzylite":  # fuzzylite passes on the height at which a term is cut
         named = [Named(f"rule {number}", rule) for number, rule in enumerate(rules, start=1)]
         with raised_as(ControllerFileError, NotResolvable):
             rules = unchained(named, {output.name: output for output in outputs})

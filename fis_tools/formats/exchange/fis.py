@@ -186,7 +186,7 @@ def _system(sections: dict[str, FileBlock], fractions: Fractions, notes: list[st
     read = replace(read, semantics="matlab")
     return with_joint_operators(
         read if weighs else replace(read, implication=implication)
-    )  # MATLAB asks for it always
+    )  # MATLAB states an implication always
 
 
 def _concludes_numbers(section: FileBlock) -> bool:

@@ -159,7 +159,7 @@ def _system(blocks: Sequence[FileBlock]) -> FuzzySystem:
     outputs = tuple(_output(block, names) for block in blocks if block.kind == "OutputVariable")
     rule_blocks = [block for block in blocks if block.kind == "RuleBlock"]
     for block in rule_blocks:
-        if block.entry("activation", "none")[1] not in _AND:  # in version 5 the implication
+        if block.entry("activation", "none")[1] not in _AND:  # version 5 writes the implication here
             block.expect("activation", "general", "none")
     operators = [
         (block.chosen(_AND, "conjunction", "none"), block.chosen(_OR, "disjunction", "none"))

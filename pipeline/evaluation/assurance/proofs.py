@@ -207,7 +207,7 @@ def are_safe(guard: Guard, near_m: float, far_m: float, speed_m_s: float) -> boo
 
     Norms bound the force that a stop needs and where it leads, so a set may be safe although this says no.
     """
-    stop = guard.checks.transition[1, :3]  # the stop's
+    stop = guard.checks.transition[1, :3]  # the position after the stop
     strayed = norm(stop[:, :3] - np.eye(3)) * far_m + norm(stop[:, 3:]) * speed_m_s
     force = norm(guard.stop[:, :3]) * far_m + norm(guard.stop[:, 3:]) * speed_m_s
     is_between = guard.keep_out <= near_m - strayed and far_m + strayed <= guard.keep_in

@@ -26,7 +26,7 @@ class Cases:
     starts: StartRows
     fixes: Fixes
     firing: Firing
-    drag: Floats  # as of `pipeline.flight.cases.processes.drag_in_time`
+    drag: Floats  # see `pipeline.flight.cases.processes.drag_in_time`
 
     def __len__(self) -> int:
         """Return the number of starts."""

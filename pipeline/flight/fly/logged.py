@@ -46,7 +46,7 @@ def write_sample(
     log.num_candidates[k] = int(lanes.num_candidates[0])
     log.sun_angle_rad[k] = case.sun_angle - n * world.control_period * k
     log.sun_elevation_rad[k] = case.sun_elevation
-    if world.course.is_on:  # as it is, counted on from the uniform turn
+    if world.course.is_on:  # the true angle, continuous with that of the uniform turn
         turned = atan2(lanes.sun[1, 0], lanes.sun[0, 0]) - log.sun_angle_rad[k]
         log.sun_angle_rad[k] += turned - 2.0 * pi * floor(turned / (2.0 * pi) + 0.5)
         log.sun_elevation_rad[k] = atan2(lanes.sun_height[1, 0], lanes.sun_height[0, 0])

@@ -269,7 +269,7 @@ def later(
     rows = np.empty((len(scenarios), 6 + num_points + 36 * is_filtered))
     fly_population(
         *(world, law_of(flown, mission), flown.numbers, cases, 1),
-        openings=np.ascontiguousarray(openings[:, :sample]),  # flights of others would be compiled apart
+        openings=np.ascontiguousarray(openings[:, :sample]),  # another memory layout would be compiled anew
         lanes=deputies.lanes,
         known=rows,
     )

@@ -87,7 +87,7 @@ def fly_by_reference(
     log.mass_kg[:] = mission.deputy.mass_kg
     log.quaternion_c_from_h[:] = [attitude.as_quat() for attitude in flight.chief]
     angles, elevations = np.transpose(flight.suns)
-    # counted on from the start's, which may be any
+    # continuous from the start's angle, which may be any
     log.sun_angle_rad[:] = np.unwrap([scenario.sun_angle_rad, *angles])[1:]
     log.sun_elevation_rad[:] = elevations
     log.visible_sun_share[:] = [

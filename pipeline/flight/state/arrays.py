@@ -44,7 +44,7 @@ class Guard(NamedTuple):
     step_back: float  # force beyond the stop where even the stop is not safe, N; 0: none
     stop: Floats  # (3, 6) gain of the law that stops within a control period
     checks: Motion  # (2 + J) the state itself, stopped, and after 1 ... J periods of free drift
-    num_kept_out: int  # rows of places that must stay outside the inner sphere
+    num_kept_out: int  # rows of positions that must stay outside the inner sphere
     num_kept_in: int  # and inside the outer one
 
 
@@ -194,9 +194,9 @@ CARRIED: Rows = {
     "twist": (3,),  # further torque of single thrusters, body axes
     "coasts": (),  # 1 where nothing is fired
     "sun_at_start": (2,),  # cosine and sine of its angle
-    "height_at_start": (2,),  # of its elevation
+    "height_at_start": (2,),  # cosine and sine of its elevation
     "sun": (2,),  # cosine and sine of its angle now
-    "sun_height": (2,),  # of its elevation
+    "sun_height": (2,),  # cosine and sine of its elevation now
     "shine": (3,),  # visible share of the Sun's disc at the instants of a step
     "drag": (3,),  # additional acceleration where it varies, m/s^2
     "target": (3,),  # zero without candidates
@@ -212,7 +212,7 @@ CARRIED: Rows = {
     "corrected": (),  # delta-v of its changes
     "limit": (),  # for which it acted in this period
     "change": (3,),  # of the force by it
-    "is_unsafe": (),  # 1 where it must check more closely
+    "is_unsafe": (),  # 1 where the safety layer must check more closely
     "y_before": (3,),  # the desired attitude's y axis at the last instant
     "is_near_pole": (),  # 1 where y* follows from the one before
     "turns_fast": (),  # 1 where attitude is integrated by the general method

@@ -17,7 +17,7 @@ ESTIMATED: Rows = {
     "now": (6, 6 + MOST_CONSTANT),  # its covariance, where a flight is logged
     "half": (6, 6 + MOST_CONSTANT),  # scratch
     "pushes": (6, MOST_CONSTANT),  # of the constant errors on the state in a control period
-    "innovation": (4,),  # the last fix minus the place expected, m, and its square in standard deviations
+    "innovation": (4,),  # the last fix minus the position expected, m, and its square in standard deviations
     "turn": (4,),  # from the true attitude to the sensed one
     "tilt": (3,),  # the same as an angle about each axis, Hill axes
 }
@@ -42,11 +42,11 @@ class Filter(NamedTuple):
     variances: Floats  # (E,) of them: 1, rad^2, m^2, rad^4
     fix: float  # variance of a fix along each axis, m^2
     gate: float  # square of the number of standard deviations beyond which a fix is rejected
-    is_sight: bool  # whether fixes are a range and a bearing, not places
+    is_sight: bool  # whether fixes are a range and a bearing, not positions
     range: float  # further variance along the line of sight, m^2
     bearing: float  # and of its direction about each axis, rad^2
     kept: float  # share of a force that is left in the mean when it is turned with the attitude's errors
-    seen: float  # share of a place that is left in the mean of its fixes, as bearings turn these
+    seen: float  # share of a position that is left in the mean of its fixes, as bearings turn these
 
 
 class NavigationErrors(NamedTuple):
@@ -54,7 +54,7 @@ class NavigationErrors(NamedTuple):
 
     at_start: Floats  # (m, 6) the first estimate minus the truth, m and m/s
     of_fixes: Floats  # (m, F, 3) fixes minus the truth, without errors of range and bearing, m, Hill axes
-    # (m, F, 4) ranges minus the truth, m, and rotations of bearings, rad, Hill axes; no fixes if places
+    # (m, F, 4) ranges minus the truth, m, and rotations of bearings, rad, Hill axes; no fixes if positions
     of_sight: Floats
     # (m, K+1, 3) rotation from the true to the sensed attitude, rad, body axes; no samples without this error
     of_attitude: Floats

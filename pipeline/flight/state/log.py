@@ -106,7 +106,7 @@ class FlightLog(NamedTuple):
     estimate: Annotated[Floats, "K+1", 6]
     estimate_covariance: Annotated[Floats, "K+1", 6, 6]
     fix_m: Annotated[Floats, "K+1", 3]  # that comes into use; NaN where none does, like the next two
-    innovation_m: Annotated[Floats, "K+1", 3]  # it minus the place that the filter expects
+    innovation_m: Annotated[Floats, "K+1", 3]  # it minus the position that the filter expects
     innovation_square: Annotated[Floats, "K+1"]  # in standard deviations (NIS), of 3 degrees of freedom
     # costs by which the first push was chosen, and the tour in each rehearsal, m/s; none without a rehearsal
     push_costs_m_s: Annotated[Floats, "R"]

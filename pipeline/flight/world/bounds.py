@@ -168,7 +168,7 @@ def error_bounds(mission: Mission, known: EstimateErrors) -> ErrorBounds:
         force += SQRT_3 * (actuators.least_impulse_n_s + 0.5 * actuators.impulse_step_n_s) / period
     if not is_fixed:
         return ErrorBounds(share=share, force_n=force)
-    # the stop's force and place, both now and after a period, and the attitude
+    # the stop's force and position, both now and after a period, and the attitude
     part_risk = 5.0 * part / (4 + (navigation.attitude_noise_deg > 0.0))
     constant, noise = sqrt(chdtri(3, 0.5 * part)), sqrt(chdtri(3, part_risk / (mission.num_controls + 1)))
     tilt = radians(constant * navigation.attitude_bias_deg)
@@ -329,7 +329,7 @@ class _Recursion:
         axis = max(led, stepped) + self.force_off + back
         does_close = does_close and axis + share * (stop + self.force_off + back) <= most
         strayed = self.later_off + missed + weight * stepped
-        # a sample is halfway between the places of two stops, but for this
+        # how far a sample may lie from halfway between the positions of two stops
         off = share * stop + pushed
         halfway = norm(self.motion.control[0, :3] - 0.5 * self.pushed) * off
         fired = max(SQRT_3 * safety.planned_force_n, stop + self.force_off + back)
@@ -359,7 +359,7 @@ class _Recursion:
         """
         planned, braking = SQRT_3 * self.mission.safety.planned_force_n, SQRT_3 * self.braking
         stop, axis, missed = stepped, 0.0, 0.0
-        for _ in range(100):  # grows to a fixed point
+        for _ in range(100):  # the bound grows to a fixed point
             known, longest, axis, missed = stop + self.force_off, 0.0, 0.0, 0.0
             reach = self.turned * (planned + known)
             for way in (0.0, min(1.0, max(0.0, braking - standing) / reach), 1.0):

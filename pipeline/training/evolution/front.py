@@ -115,7 +115,7 @@ def survivors(objectives: Floats, fitness: Floats, size: int) -> NDArray[np.int_
     chosen = [individual.row for individual in tools.selNSGA2(_ranked(objectives, first), size)]
     champion = int(first[np.argmin(fitness[first])])
     if champion not in chosen:
-        chosen[-1] = champion  # for the most crowded
+        chosen[-1] = champion  # in place of the most crowded
     return np.sort(chosen)
 
 

@@ -277,7 +277,7 @@ def assure(now: Moment, cuts: Floats) -> None:
         requested = lane_of(lanes.commanded, 0, lane)
         force, limit = corrected_force(world, known, requested, cuts)
         if limit == SAFE:
-            continue  # by rounding
+            continue  # it exceeds a limit by rounding alone
         lanes.num_acted[lane] += 1.0
         lanes.limit[lane] = limit
         change = force - requested
