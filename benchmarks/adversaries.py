@@ -1,9 +1,10 @@
 """Controllers that mean harm, against the safety layer: ``python -m benchmarks adversaries``.
 
 From random starts at rest between the layer's spheres, a fifth of them next to one, in every world of
-``+experiment=robustness``, and in the last with dispersed settings too, six adversaries push at 1 N and at
-0.01 N: towards the chief, away from it, along each axis, and at random. It counts flights that leave the
-limits at any second. With ``--at-bound`` thrusters are off by as much as the layer's proof allows.
+``+experiment=robustness``, and in the last with a layout of thrusters and with dispersed settings too, six
+adversaries push at 1 N and at 0.01 N: towards the chief, away from it, along each axis, and at random. It
+counts flights that leave the limits at any second. With ``--at-bound`` thrusters are off by as much as the
+layer's proof allows.
 """
 
 import argparse
@@ -50,6 +51,8 @@ def missions(safety: str) -> Iterator[tuple[str, Mission]]:
         mission = in_world(composed, name).mission
         mission = replace(mission, attitude=replace(mission.attitude, mode="ideal"))
         yield name, mission
+    layout = compose_experiment(["+experiment=evaluate", "controller=coast", "actuators=layout"]).experiment
+    yield f"{name}, layout", replace(mission, actuators=layout.mission.actuators)
     yield f"{name}, dispersed", replace(mission, dispersions=DISPERSIONS)
 
 

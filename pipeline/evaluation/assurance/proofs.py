@@ -20,6 +20,7 @@ from pipeline.flight.period.act.safety import STANDING, most_exceeded
 from pipeline.flight.state.arrays import Guard
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.bounds import ROUNDING_M, SafetyBounds, bounds_of, is_exact, norm, spheres_of
+from pipeline.flight.world.layout import capacity_of
 from pipeline.flight.world.pack import pack_world
 from pipeline.settings.equipment import RangeBearingFixes, RealActuators
 from pipeline.settings.experiment import Mission
@@ -185,13 +186,12 @@ def premises(mission: Mission, bounds: SafetyBounds) -> tuple[tuple[str, ...], t
         "no bounds are asked for (safety.probability)": mission.safety.probability is None,
         "settings are dispersed": bool(mission.dispersions),
         "commands are late (actuators.delay_s)": bool(real and real.delay_s > 0.0),
-        "thrusters form a layout (actuators.thrusters)": bool(real and real.thrusters is not None),
         "a thruster fails (actuators.failed_thruster)": bool(real and real.failed_thruster is not None),
-        "mass changes (actuators.specific_impulse_s)": real is not None
-        and real.specific_impulse_s is not None,
         "fixes have outliers (navigation.outlier_share)": is_fixed and navigation.outlier_share > 0.0,
         "the thrusters cannot make good for such errors": not bounds.does_close,
     }
+    if real is not None:
+        failing |= _failing_thrusters(mission, real, bounds)
     estimate = f"the filter's errors stay within {errors.position_m:.3g} m and {errors.speed_m_s:.2g} m/s"
     sight = "errors of bearings stand still in Hill axes"
     motion = "neglected accelerations stay below their estimate"
@@ -200,6 +200,25 @@ def premises(mission: Mission, bounds: SafetyBounds) -> tuple[tuple[str, ...], t
     return tuple(premise for premise in failing if failing[premise]), tuple(
         premise for premise in assumed if assumed[premise]
     )
+
+
+def _failing_thrusters(mission: Mission, real: RealActuators, bounds: SafetyBounds) -> dict[str, bool]:
+    """Return, in words, premises about a layout's least force and a tank's reserve, and whether they fail."""
+    failing, needed, used = {}, bounds.greatest_force_n, bounds.propellant_kg
+    if real.thrusters is not None:
+        least = min(capacity_of(real.thrusters).least_force_n, mission.deputy.max_force_n)
+        words = (
+            f"the layer may command {needed:.3g} N, and in its weakest direction the layout gives "
+            f"{least:.3g} N (actuators.thrusters, deputy.max_force_n): make the thrusters stronger, or lower "
+            "safety.planned_force_n or safety.planned_braking_n"
+        )
+        failing[words] = not needed <= least
+    words = (
+        f"the layer may use up {used:.3g} kg of propellant, and the tank holds {real.propellant_kg:g} kg "
+        "(actuators.propellant_kg): raise it or actuators.specific_impulse_s, or shorten the flight"
+    )
+    failing[words] = real.specific_impulse_s is not None and not used <= real.propellant_kg
+    return failing
 
 
 def are_safe(guard: Guard, near_m: float, far_m: float, speed_m_s: float) -> bool:

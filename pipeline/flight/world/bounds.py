@@ -5,7 +5,7 @@ configuration, and all of a flight's bounds hold together with that probability.
 has the proof. Vectors are bounded by their lengths, matrices by their spectral norms.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 from math import ceil, inf, radians, sqrt
 
@@ -14,11 +14,13 @@ import numpy as np
 from pipeline.array_types import Floats
 from pipeline.flight.period.act.safety import STANDING
 from pipeline.flight.state.arrays import Guard
+from pipeline.flight.world.layout import capacity_of, most_missed
 from pipeline.physics.illumination import EARTH_RADIUS_M
 from pipeline.physics.motion import joined, motion_over, stop_of, stopped
 from pipeline.settings.equipment import FilteredNavigation, PositionFixes, RangeBearingFixes, RealActuators
 from pipeline.settings.experiment import Mission, SettingError
 from pipeline.settings.mission import TwoBody
+from pipeline.settings.relations import STANDARD_GRAVITY_M_S2
 
 SQRT_3 = sqrt(3.0)
 #: what the neglected acceleration amounts to as white noise, as a share of its bound: with it, errors are
@@ -36,6 +38,7 @@ class ErrorBounds:
     speed_m_s: float = 0.0
     share: float = 0.0  # of a force, by which what is fired differs from it: a linear map that a flight keeps
     force_n: float = 0.0  # by which it differs besides, and the motion as if by such a force
+    lighter: float = 0.0  # part of the share by which a force counts for more as propellant is used up
     constant_m: float = 0.0  # of all fixes of a flight
     risk: float = 0.0  # that the noise of one part of the estimate leaves its bound
 
@@ -78,6 +81,8 @@ class SafetyBounds:
     braking_force_n: float = inf
     step_back_n: float = 0.0  # force beyond the stop that leads back from where even the stop is not safe
     does_close: bool = True  # whether thrusters make good for the errors, so that flights stay in the limits
+    greatest_force_n: float = 0.0  # greatest length of a force that is passed on
+    propellant_kg: float = 0.0  # what a flight may use up
 
 
 def is_exact(mission: Mission) -> bool:
@@ -96,7 +101,45 @@ def bounds_of(mission: Mission) -> SafetyBounds:
     if mission.safety.probability is None or is_exact(mission):
         return SafetyBounds()
     known = estimate_errors(mission)
-    return _Recursion(mission, error_bounds(mission, known), known).bounds()
+    bounds = _Recursion(mission, error_bounds(mission, known), known).bounds()
+    actuators = mission.actuators
+    if not isinstance(actuators, RealActuators) or actuators.specific_impulse_s is None:
+        return bounds
+    return _with_tank(mission, known, bounds, actuators)
+
+
+def _with_tank(
+    mission: Mission, known: EstimateErrors, constant: SafetyBounds, actuators: RealActuators
+) -> SafetyBounds:
+    """Return bounds that allow for the mass of the propellant that a flight may use up.
+
+    They are those of a constant mass where the tank does not hold it, or the thrusters cannot make good for
+    it. Propellant and errors depend on one another; that they stay below these bounds follows by induction
+    over the control periods.
+    """
+    bounds = constant
+    while True:  # the propellant grows by a hundredth at least
+        propellant = 1.01 * _propellant(mission, bounds, actuators)
+        if propellant > actuators.propellant_kg:
+            return replace(constant, propellant_kg=propellant)
+        lighter = propellant / (mission.deputy.mass_kg - propellant)
+        bounds = _Recursion(mission, error_bounds(mission, known, lighter), known).bounds()
+        if not bounds.does_close:
+            return replace(constant, propellant_kg=propellant, does_close=False)
+        if _propellant(mission, bounds, actuators) <= propellant:
+            return replace(bounds, propellant_kg=propellant)
+
+
+def _propellant(mission: Mission, bounds: SafetyBounds, actuators: RealActuators) -> float:
+    """Return the propellant of a flight, kg, that fires the greatest force in each control period."""
+    rounded = 0.5 * actuators.impulse_step_n_s / mission.control_period_s
+    if actuators.thrusters is None:
+        thrusts = SQRT_3 * (1.0 + bounds.errors.share) * bounds.greatest_force_n + 3.0 * rounded
+    else:
+        capacity = capacity_of(actuators.thrusters)
+        thrusts = capacity.thrusts_per_newton * bounds.greatest_force_n + capacity.most_at_once * rounded
+    speed = STANDARD_GRAVITY_M_S2 * (actuators.specific_impulse_s or np.inf)
+    return thrusts * mission.control_period_s * mission.num_controls / speed
 
 
 def spheres_of(mission: Mission, bounds: SafetyBounds) -> tuple[float, float]:
@@ -148,9 +191,10 @@ def guard_of(mission: Mission) -> Guard:
     )
 
 
-def error_bounds(mission: Mission, known: EstimateErrors) -> ErrorBounds:
+def error_bounds(mission: Mission, known: EstimateErrors, lighter: float = 0.0) -> ErrorBounds:
     """Return bounds on a flight's errors from the settings of navigation, thrusters and motion.
 
+    `lighter` is the share by which a force may count for more in the end, for the propellant used up.
     Of the probability that one of them fails, the noise of all samples together has five parts, thrusters
     have four, and constant errors of sensors have one, as far as there are such errors.
     """
@@ -165,9 +209,14 @@ def error_bounds(mission: Mission, known: EstimateErrors) -> ErrorBounds:
     share, force = 0.0, mass * unknown_acceleration(mission)
     if isinstance(actuators, RealActuators):
         share = largest_share(actuators.scale_error, radians(actuators.misalignment_deg), 1.0 - 4.0 * part)
-        force += SQRT_3 * (actuators.least_impulse_n_s + 0.5 * actuators.impulse_step_n_s) / period
+        share += (1.0 + share) * lighter
+        half, least = 0.5 * actuators.impulse_step_n_s, actuators.least_impulse_n_s
+        if actuators.thrusters is None:
+            force += SQRT_3 * (least + half) / period * (1.0 + lighter)
+        else:  # which round before what they fire is turned and scaled
+            force += most_missed(actuators.thrusters, -half, least + half) / period * (1.0 + share)
     if not is_fixed:
-        return ErrorBounds(share=share, force_n=force)
+        return ErrorBounds(share=share, force_n=force, lighter=lighter)
     # the stop's force and position, both now and after a period, and the attitude
     part_risk = 5.0 * part / (4 + (navigation.attitude_noise_deg > 0.0))
     constant, noise = sqrt(chdtri(3, 0.5 * part)), sqrt(chdtri(3, part_risk / (mission.num_controls + 1)))
@@ -177,7 +226,7 @@ def error_bounds(mission: Mission, known: EstimateErrors) -> ErrorBounds:
     position, speed = (known.bound(rows, off, part_risk) for rows in np.split(np.eye(6), 2))
     turn = tilt + radians(noise * navigation.attitude_noise_deg)  # it changes as the body turns
     force += (1.0 + share) * turn * SQRT_3 * mission.deputy.max_force_n
-    return ErrorBounds(position, speed, share, force, off, part_risk)
+    return ErrorBounds(position, speed, share, force, lighter, off, part_risk)
 
 
 @cache
@@ -329,6 +378,8 @@ class _Recursion:
         axis = max(led, stepped) + self.force_off + back
         does_close = does_close and axis + share * (stop + self.force_off + back) <= most
         strayed = self.later_off + missed + weight * stepped
+        # in steps back the share grows by this, at most, as propellant is used up
+        strayed += self.shifted * (1.0 + share) * errors.lighter * stepped / left**2
         # how far a sample may lie from halfway between the positions of two stops
         off = share * stop + pushed
         halfway = norm(self.motion.control[0, :3] - 0.5 * self.pushed) * off
@@ -337,7 +388,8 @@ class _Recursion:
         keep_in, near = strayed + halfway + bent, mission.deputy.min_distance_m + bent
         keep_out = keep_in + dip(near, length + 2.0 * bent)
         keep_out += dip(near, self.shifted * off)
-        return SafetyBounds(errors, keep_out, keep_in, safety.planned_force_n, self.braking, back, does_close)
+        planned = safety.planned_force_n, self.braking, back
+        return SafetyBounds(errors, keep_out, keep_in, *planned, does_close, fired)
 
     def _step_back(self, weight: float, left: float, standing: float) -> float:
         """Return the least force beyond the stop with which a step back does not lead towards the limit."""

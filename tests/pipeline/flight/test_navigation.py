@@ -13,13 +13,14 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2, kstest, norm, truncnorm, uniform
 
 from pipeline.command_line.config import compose_experiment
-from pipeline.flight.cases.actuators import layout_of, thrust_errors
+from pipeline.flight.cases.actuators import thrust_errors
 from pipeline.flight.cases.dispersions import groups_of, mission_of_case
 from pipeline.flight.cases.navigation import errors_of
 from pipeline.flight.cases.processes import drag_in_time, in_time
 from pipeline.flight.control.controller import coast, open_loop
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.state.log import FlightLog, Scenario
+from pipeline.flight.world.layout import layout_of
 from pipeline.settings.experiment import Mission, SettingError
 from tests.pipeline.flight.cases import STARTS, STEERING, mission
 from tests.pipeline.flight.departures import ASKEW, ELLIPSE, FIXES, LOW_ORBIT, REAL, SIGHTED

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.optimize import LinearConstraint, minimize
+from scipy.optimize import LinearConstraint, linprog, minimize
 from scipy.spatial.transform import Rotation
 from scipy.special import erfinv
 from scipy.stats import chi
@@ -23,10 +23,12 @@ from pipeline.flight.reference.motion import pushed, transition
 from pipeline.flight.reference.safety import SafetyLayer
 from pipeline.flight.state.log import PASSIVE_SAFETY, Scenario
 from pipeline.flight.world.bounds import SafetyBounds, bounds_of, guard_of, largest_share, spheres_of
+from pipeline.flight.world.layout import capacity_of, layout_of, most_missed
 from pipeline.physics.motion import motion_over, stop_of, stopped
 from pipeline.settings.experiment import Mission, Safety, SettingError
 from tests.pipeline.flight.as_written import assert_as_written
 from tests.pipeline.flight.cases import STARTS, STEERING, isotropic
+from tests.pipeline.flight.departures import ASKEW
 from tests.pipeline.flight.guarded import (
     EARLY,
     LAST_MOMENT,
@@ -251,11 +253,21 @@ def test_where_all_is_exact_nothing_is_kept_to_spare() -> None:
     assert repr(guard_of(exact)) == repr(guard_of(composed("safety=filter")))
 
 
-@pytest.mark.parametrize("world", ["navigation=fixes", "actuators=real", "dynamics=low_orbit", "world=leo"])
-def test_margins_grow_with_the_errors_and_with_the_probability(world: str) -> None:
-    mission = composed(world)
+LAYOUT = "world=leo", "actuators=layout"
+#: for so short that the propellant burnt changes the mass little
+TANK = *LAYOUT, "actuators.specific_impulse_s=220", "duration_s=300"
+
+
+@pytest.mark.parametrize(
+    "world",
+    [("navigation=fixes",), ("actuators=real",), ("dynamics=low_orbit",), ("world=leo",), LAYOUT, TANK],
+    ids=" ".join,
+)
+def test_margins_grow_with_the_errors_and_with_the_probability(world: tuple[str, ...]) -> None:
+    mission = composed(*world)
     bounds = bounds_of(mission)
     assert bounds.does_close
+    assert bounds.keep_out_m < (11.0 if world == TANK else 10.5)
     surer = bounds_of(replace(mission, safety=replace(mission.safety, probability=0.9999)))
     assert surer.keep_out_m >= bounds.keep_out_m > bounds.keep_in_m > 0.0
 
@@ -296,21 +308,89 @@ def test_the_share_is_the_quantile_of_thrusters(scale: float, turn: float, share
     assert 0.995 * expected < quantile < (1.02 if share == 0.99 else 1.08) * expected
 
 
+def strongest_by_linprog(rows: np.ndarray, direction: np.ndarray, *, is_turning: bool) -> float:
+    """The greatest force of thrusters along a direction, which turn the body or do not."""
+    forces = rows[:, 3:6]
+    torques = np.cross(rows[:, :3], forces)[:, [] if is_turning else [0, 1, 2]]
+    pushes = np.column_stack([forces, torques])
+    solved = linprog(
+        np.r_[np.zeros(len(rows)), -1.0],
+        A_eq=np.column_stack([pushes.T, -np.r_[direction, np.zeros(torques.shape[1])]]),
+        b_eq=np.zeros(pushes.shape[1]),
+        bounds=[(0.0, most) for most in rows[:, 6]] + [(0.0, None)],
+    )
+    return float(solved.x[-1])
+
+
+def test_the_least_force_of_a_layout_is_that_over_all_attitudes() -> None:
+    """Against linear programmes, and against what the table gives in many directions."""
+    directions = np.concatenate([np.eye(3), -np.eye(3), isotropic(np.random.default_rng(2), 20_000)])
+    for rows, is_turning in ((composed(*LAYOUT).actuators.thrusters, False), (ASKEW, True)):
+        (table, layout), capacity = layout_of(rows), capacity_of(rows)
+        thrusts = np.hstack([np.maximum(directions, 0.0), np.maximum(-directions, 0.0)]) @ table.T
+        given = 1.0 / (thrusts / layout[:, 6]).max(axis=1)
+        assert capacity.least_force_n == pytest.approx(given.min(), rel=1e-2)
+        assert capacity.least_force_n <= given.min() * (1.0 + 1e-12)
+        assert capacity.thrusts_per_newton == pytest.approx(thrusts.sum(axis=1).max(), rel=1e-2)
+        assert capacity.thrusts_per_newton >= thrusts.sum(axis=1).max() * (1.0 - 1e-12)
+        greatest = [
+            strongest_by_linprog(np.array(rows), way, is_turning=is_turning) for way in directions[:40]
+        ]
+        assert np.all(given[:40] <= np.array(greatest) * (1.0 + 1e-9))
+        if not is_turning:
+            assert min(greatest) == pytest.approx(capacity.least_force_n)
+
+
+@pytest.mark.parametrize(("least", "step"), [(0.04, 0.0), (0.0, 0.05), (0.055, 0.01)])
+def test_what_a_layout_misses_by_its_impulses_is_within_the_bound(least: float, step: float) -> None:
+    """Flown: small forces in all directions, with thrusters that are exact but for their impulses."""
+    exact = "actuators.scale_error=0", "actuators.misalignment_deg=0", "attitude=ideal"
+    rounded = f"actuators.least_impulse_n_s={least}", f"actuators.impulse_step_n_s={step}"
+    mission = composed("safety=none", "actuators=layout", "navigation=perfect", *exact, *rounded)
+    scale = 2.0 * max(least, 0.5 * step) / PERIOD
+    forces = np.random.default_rng(3).uniform(-scale, scale, (mission.num_controls, 3))
+    missed = []
+    for start in starts_at_rest(3, 8):
+        log = fly_logged(mission, open_loop("small", forces), start)
+        missed.append(np.linalg.norm(log.force_hill_n - log.force_commanded_n, axis=1).max())
+    bound = most_missed(mission.actuators.thrusters, -0.5 * step / PERIOD, (least + 0.5 * step) / PERIOD)
+    assert 0.75 * bound < max(missed) <= bound
+    if step == 0.0:
+        assert bound == pytest.approx(2.0 * np.sqrt(3.0) * least / PERIOD)
+
+
+def test_a_flight_uses_no_more_propellant_than_the_layer_allows_for() -> None:
+    mission = composed(*TANK, "attitude=ideal")
+    allowed = bounds_of(mission).propellant_kg
+    assert allowed < mission.actuators.propellant_kg
+    for force in (-1.0, 1.0):
+        log = fly_logged(mission, pushing(force), between_the_spheres(mission, 1, 3)[0])
+        assert 0.005 < log.mass_kg[0] - log.mass_kg[-1] < allowed
+
+
 @pytest.mark.parametrize("outward", [1.0, -1.0])
-def test_steps_back_stay_within_the_bound_whatever_the_thrusters_and_the_estimate(outward: float) -> None:
-    """The worst errors of the estimate in each period, and the greatest share that thrusters may be off."""
-    mission = composed("world=leo")
+@pytest.mark.parametrize("world", [("world=leo",), LAYOUT, TANK], ids=" ".join)
+def test_steps_back_stay_within_the_bound_whatever_the_thrusters_and_the_estimate(
+    world: tuple[str, ...], outward: float
+) -> None:
+    """The worst errors of the estimate in each period, and the greatest share that thrusters may be off.
+
+    With a tank the share grows by as much as the mass may fall.
+    """
+    mission = composed(*world)
     bounds, motion = bounds_of(mission), motion_over(mission.orbit, mission.deputy, (10.0,))
     phi, gamma, stop = motion.transition[0], motion.control[0], stop_of(motion)
     stop_rows = stopped(motion, stop).transition[0, :3]
     limits = mission.deputy.min_distance_m, mission.deputy.max_distance_m
     radius = limits[0] + bounds.keep_out_m - 5.0 if outward > 0.0 else limits[1] - bounds.keep_in_m + 5.0
     generator = np.random.default_rng(1)
-    for start in radius * isotropic(generator, 50):
+    for start in radius * isotropic(generator, 25):
         turn = Rotation.from_rotvec(generator.normal(size=3)).as_matrix()
-        off = bounds.errors.share * turn @ np.diag(generator.choice([-1.0, 1.0], 3))
+        most, lighter = 1.0 + bounds.errors.share, bounds.errors.lighter
+        constant = (most / (1.0 + lighter) - 1.0) * turn @ np.diag(generator.choice([-1.0, 1.0], 3))
         state = np.concatenate((start, np.zeros(3)))
-        for _ in range(100):
+        for period in range(100):
+            off = constant + 0.01 * period * lighter * (np.eye(3) + constant)
             away = stop_rows @ state
             away *= outward / np.linalg.norm(away)
             requested = stop @ state + (bounds.step_back_n - 0.09) * away  # the estimate is off by this
@@ -319,9 +399,13 @@ def test_steps_back_stay_within_the_bound_whatever_the_thrusters_and_the_estimat
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("force_n", [-1.0, 1.0, -0.01])
-def test_no_adversary_takes_a_deputy_out_where_nothing_is_exact(force_n: float) -> None:
-    mission = composed("world=leo")
+@pytest.mark.parametrize(
+    ("force_n", "world"), [(-1.0, ("world=leo",)), (1.0, LAYOUT), (-0.01, ("world=leo",)), (-0.01, LAYOUT)]
+)
+def test_no_adversary_takes_a_deputy_out_where_nothing_is_exact(
+    force_n: float, world: tuple[str, ...]
+) -> None:
+    mission = composed(*world)
     mission = replace(mission, attitude=replace(mission.attitude, mode="ideal"))
     starts = between_the_spheres(mission, 200, 12)
     outcomes = fly_all(mission, pushing(force_n), starts, 1)

@@ -144,7 +144,9 @@ def test_questions_of_all_shipped_requirements_are_answered_by_all_shipped_rules
 KEPT = "always (distance >= 15 m)"
 #: of the starts that a mission has if nothing else is asked for: distances, m, and speed, m/s
 SHELL = 50.0, 100.0, 0.0
+LAYOUT = experiment("actuators=layout").mission.actuators.thrusters
 ROBUST = "safety=robust", "actuators=real"
+WEAKER = f"actuators.thrusters={[[*row[:6], 0.2] for row in LAYOUT]}"
 HEAVIER = "+dispersions.deputy.mass_kg={kind:uniform,low:11.0,high:13.0}"
 
 
@@ -189,11 +191,18 @@ def test_a_shell_is_safe_only_if_all_states_in_it_are(overrides):
 
 
 @pytest.mark.parametrize(
-    ("override", "num_assumed"),
-    [("world=leo", 2), ("dynamics=low_orbit", 1), ("actuators=real", 0), ("navigation=range_bearing", 2)],
+    ("overrides", "num_assumed"),
+    [
+        (("world=leo",), 2),
+        (("dynamics=low_orbit",), 1),
+        (("actuators=real",), 0),
+        (("navigation=range_bearing",), 2),
+        (("world=leo", "actuators=layout"), 2),
+        (("actuators=layout", "actuators.specific_impulse_s=220.0", "duration_s=600"), 0),
+    ],
 )
-def test_with_bounds_the_layer_proves_its_limits_where_nothing_is_exact(override: str, num_assumed: int):
-    proof = safety_proof(experiment("safety=robust", override).mission, scenarios(2), SHELL)
+def test_with_bounds_the_layer_proves_its_limits_where_nothing_is_exact(overrides, num_assumed: int):
+    proof = safety_proof(experiment("safety=robust", *overrides).mission, scenarios(2), SHELL)
     assert (proof.failing, len(proof.assumed), proof.probability) == ((), num_assumed, 0.999)
     assert proof.proves(parse("always (distance >= 15 m) and always (distance <= 200 m)", UNITS))
     assert not proof.proves(parse("always (distance >= 16.1 m)", UNITS))
@@ -216,9 +225,9 @@ def test_with_bounds_the_layer_proves_its_limits_where_nothing_is_exact(override
         (("safety=filter", "dynamics=two_body"), "no bounds are asked for (safety.probability)"),
         (("safety=filter", HEAVIER), "no bounds are asked for (safety.probability)"),
         ((*ROBUST, "actuators.delay_s=10.0"), "commands are late"),
-        ((*ROBUST, "actuators=layout"), "thrusters form a layout"),
+        ((*ROBUST, "actuators=layout", WEAKER), "in its weakest direction the layout gives 0.4 N"),
         ((*ROBUST, "actuators.scale_error=0.2"), "the thrusters cannot make good"),
-        ((*ROBUST, "actuators.specific_impulse_s=220.0"), "mass changes"),
+        ((*ROBUST, "actuators.specific_impulse_s=220.0"), "of propellant, and the tank holds 1 kg"),
         ((*ROBUST, HEAVIER), "settings are dispersed"),
     ],
 )
