@@ -22,6 +22,7 @@ CAMPAIGNS = (
     "edit",
     "field",
     "flights",
+    "foresight",
     "forge",
     "fuzz",
     "imitated",

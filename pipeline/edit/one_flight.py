@@ -19,6 +19,7 @@ from fis_tools.words.text import number, sentence
 from pipeline.edit.cases import EditorCases
 from pipeline.flight.state.log import FlightLog
 from pipeline.flight.state.signals import AXES
+from pipeline.recording.foresight import decision_at
 from pipeline.report.scene import PACKAGE, flight_table
 
 REASON_WORDS = tuple(REASONS.values())
@@ -119,7 +120,8 @@ class OneFlight(Panel):
                 for move in explanation.outputs[0].moves[:1]:
                     words += f". Rule {move.rule} most: {sentence(system.rules[move.rule - 1])}"
             sentences.append(words)
-        return sentences
+        planned = decision_at(self._cases.mission, log, k)
+        return [*sentences, f"{planned[:1].upper()}{planned[1:]}."] if planned else sentences
 
 
 def _forces(log: FlightLog, period_s: float) -> Options:

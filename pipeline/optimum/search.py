@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.array_types import Floats
-from pipeline.flight.fly.foresight import PRICE_OF_HEIGHT, Outlook, price_pushes
+from pipeline.flight.fly.foresight import Outlook, price_pushes
 from pipeline.optimum.problem import PlanningProblem
 
 #: largest component of a burn, m/s: twice the most that any case is known to need
@@ -32,9 +32,8 @@ def outlook_of(problem: PlanningProblem, limits_m: tuple[float, float]) -> Outlo
     """Return what the price of a plan depends on: the problem's fields of the same names, and limits."""
     shared = {name: getattr(problem, name) for name in Outlook._fields if hasattr(problem, name)}
     nearest, farthest = limits_m
-    return Outlook(
-        **shared, nearest=nearest, farthest=farthest, least_force=0.0, price_of_height=PRICE_OF_HEIGHT
-    )
+    limits = {"nearest": nearest, "farthest": farthest, "longest_way": np.inf}
+    return Outlook(**shared, **limits, least_force=0.0, required=0)
 
 
 def search(problem: PlanningProblem, needed: int, num_burns: int, generator: np.random.Generator) -> Floats:

@@ -56,7 +56,7 @@ def events(
     happened: list[Event] = []
     inspects = mission.problem.kind == "inspection"
     if controller is not None:
-        happened += _rehearsed(mission, log, controller)
+        happened += chosen_ahead(mission, log, controller)
     happened += _progress(mission, log) if inspects else ()
     happened += [*_limits(mission, log, near_limit_m), *_spheres(mission, log), *_safety(mission, log)]
     flown = controller
@@ -87,7 +87,7 @@ def _approach(mission: Mission, log: FlightLog) -> Iterator[Event]:
     yield Event(last, "warning" if fault else "info", words)
 
 
-def _rehearsed(mission: Mission, log: FlightLog, controller: Controller) -> Iterator[Event]:
+def chosen_ahead(mission: Mission, log: FlightLog, controller: Controller) -> Iterator[Event]:
     """Yield which pushes foresight chose, and which first push and which tours rehearsals chose."""
     if num_rehearsed := len(log.push_costs_m_s):
         per_force = 1000.0 * mission.control_period_s / mission.deputy.mass_kg

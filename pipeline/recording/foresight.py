@@ -72,6 +72,11 @@ def decisions_in_words(mission: Mission, log: FlightLog) -> Iterator[tuple[int, 
         yield sample, f"{sentence}; {then}. Firing nothing from here would leave {missed} points unseen"
 
 
+def decision_at(mission: Mission, log: FlightLog, sample: int) -> str:
+    """Return the last decision of foresight up to a sample in words; nothing where there is none."""
+    return next((words for at, words in [*decisions_in_words(mission, log)][::-1] if at <= sample), "")
+
+
 def recorded_decisions(mission: Mission, log: FlightLog) -> dict[str, Rehearsal]:
     """Return the candidates of each decision, and the flights ahead, by what was chosen."""
     period, rehearsals = mission.control_period_s, {}

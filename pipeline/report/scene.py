@@ -15,9 +15,10 @@ from fis_tools.model.thrust import COMPONENTS, REASONS
 from fis_tools.words.text import sentence
 from pipeline.array_types import Booleans, Floats
 from pipeline.flight.control.controller import Controller
-from pipeline.flight.state.log import FlightLog
+from pipeline.flight.state.log import REHEARSED, FlightLog
 from pipeline.flight.world.pack import pack_world
 from pipeline.physics.motion import state_transition
+from pipeline.recording.events import chosen_ahead
 from pipeline.recording.firing import delay_of, is_fired
 from pipeline.recording.points import lit_and_seen
 from pipeline.report.contents import Contents, ShownFlight
@@ -50,7 +51,7 @@ def scene_of(flight: ShownFlight, controller: Controller, mission: Mission) -> S
         That was flown.
     mission : Mission
     """
-    texts, of_sample = _reasons(flight.log, controller, delay_of(mission))
+    texts, of_sample = _reasons(mission, flight.log, controller)
     is_linear = mission.dynamics.model == "cw"
     coast = _floats(_free_motion(mission.orbit.mean_motion_rad_s)) if is_linear else ""
     numbers = flight_table(flight.log, mission) | {"coast": coast, "texts": texts, "reasons": of_sample}
@@ -97,17 +98,23 @@ def _free_motion(mean_motion: float) -> Floats:
     return np.array([np.asarray(state_transition(mean_motion, time_s))[:3] for time_s in times])
 
 
-def _reasons(log: FlightLog, controller: Controller, delay: int) -> tuple[list[str], list[list[int]]]:
+def _reasons(mission: Mission, log: FlightLog, controller: Controller) -> tuple[list[str], list[list[int]]]:
     """Return texts, and for each control period the index of that of each axis.
 
-    Where a rule made a push it is the one with the largest share in it, as in recordings; elsewhere what the
-    log calls the reason.
+    Where a rule made a push it is the one with the largest share in it, as in recordings; where flights ahead
+    did, what they were chosen among; elsewhere what the log calls the reason.
     """
+    delay = delay_of(mission)
     words = list(REASONS.values())
     texts = [text[:1].upper() + text[1:] + "." for text in words]
     indices = np.array(log.reason)
-    rules = _pushing_rules(log, controller, delay)
-    for (k, axis), text in rules.items():
+    made = _pushing_rules(log, controller, delay)
+    for event in chosen_ahead(mission, log, controller):
+        later = indices[event.sample + delay :] == REHEARSED
+        pushes = np.argwhere(later & (log.force_hill_n[event.sample + delay :] != 0.0))
+        text = f"{event.text[:1].upper()}{event.text[1:]}."
+        made |= {(event.sample + delay + k, axis): text for k, axis in pushes.tolist()}
+    for (k, axis), text in made.items():
         if text not in texts:
             texts.append(text)
         indices[k, axis] = texts.index(text)

@@ -36,8 +36,10 @@ COUNTS: Final = (
     *("coast_below_points", "rehearsal_tours", "rehearsal_smallest", "rehearsal_shapes", "rehearsal_draws"),
     *("foresight_pushes", "foresight_points", "foresight_coast_points"),
 )
-#: times that must be whole control periods, and those that must stay below half an orbit
-CLOCKS: Final = ("decision_period_s", "rehearsal_period_s")
+#: the time that must be whole control periods, those that must be so many of these, and those that must stay
+#: below half an orbit
+CLOCK: Final = "decision_period_s"
+LOOKS_AHEAD: Final = ("rehearsal_period_s", "foresight_period_s")
 HALF_ORBITS: Final = ("tour_time_s", "tour_wait_s", "rehearsal_slowest_s")
 #: share of half an orbit that these are shortened to
 BELOW_HALF: Final = 0.95
@@ -76,8 +78,8 @@ class Similarity:
         scaled = {"m": self.size, "s": time, "1e6 s^2": time**2, "m/s": speed, "N": force}
         return scaled | dict.fromkeys(UNCHANGED, 1.0)
 
-    def constant(self, name: str, value: float) -> float:
-        """Return a scaled constant of a controller.
+    def constant(self, name: str, value: float, clock_s: float = 0.0) -> float:
+        """Return a scaled constant of a controller that decides as often as `clock_s` says, 0: always.
 
         Raises
         ------
@@ -91,16 +93,20 @@ class Similarity:
             raise KeyError(f"{name} has no unit and no rule by which it is scaled to another mission")
         scaled = rounded(value * self.factors[unit], DIGITS)
         period = self.mission.control_period_s
-        if name in CLOCKS:
+        if name == CLOCK:
             return period if self.decides_always else max(period, round(scaled / period) * period)
+        if name in LOOKS_AHEAD:
+            decision = self.constant(CLOCK, clock_s) or period
+            return max(decision, round(scaled / decision) * decision)
         return min(scaled, longest_time(self.mission, name))
 
     def controller(self, base: FuzzyController) -> FuzzyController:
         """Return a controller of this mission from a shipped one, under its name and with its rules."""
         attributes = dict(base.attributes)
+        clock_s = float(attributes.get(CLOCK, 0.0))
         for name in attributes.keys() & CONSTANTS.keys():
             value = float(attributes[name])
-            if (scaled := self.constant(name, value)) != value:
+            if (scaled := self.constant(name, value, clock_s)) != value:
                 attributes[name] = repr(scaled)
         systems = tuple(self._system(system) for system in base.systems)
         return replace(base, attributes=tuple(sorted(attributes.items())), systems=systems)

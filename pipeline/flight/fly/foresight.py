@@ -23,8 +23,10 @@ from pipeline.physics.motion import repeated
 from pipeline.physics.sight import NORMAL
 from pipeline.settings.experiment import Mission
 
-#: price of a metre by which a point falls short, and of a metre outside the limits, m/s
-PRICE_OF_HEIGHT, PRICE_OF_DISTANCE = 0.01, 0.05
+#: prices of a metre, m/s: by which a point falls short, more where it is required, and outside the limits
+PRICE_OF_HEIGHT, PRICE_OF_REQUIRED, PRICE_OF_DISTANCE = 0.01, 0.03, 0.05
+#: metres outside the limits that cost as much as a metre of a way that is too long
+WAY_AS_FAR = 5.0
 #: shortfall of a point that is never lit while the camera works, m
 NEVER = -1e3
 #: margin of the camera's pointing error for a slightly different flight
@@ -47,9 +49,10 @@ class Outlook(NamedTuple):
     max_range: float  # m; infinite for any
     nearest: float  # least distance, m
     farthest: float  # greatest distance, m
+    longest_way: float  # along an axis from one sample to the next, m; infinite for any
     least_force: float  # a component smaller than this is not fired, N
     delta_v_per_force: float  # of 1 N held over a control period, m/s
-    price_of_height: float  # of a metre by which a point falls short, m/s
+    required: int  # points, of those to see, whose shortfall costs more
 
 
 class Geometry(NamedTuple):
@@ -161,13 +164,15 @@ def lead_along(genes: Floats, num_pushes: int, outlook: Outlook, effects: Floats
 
 
 @compiled(error_model="numpy")
-def shortfall(best: Floats, needed: int) -> float:
-    """Return by how much the `needed` points nearest to being seen fall short, in all, m."""
-    short = 0.0
+def price_shortfalls(best: Floats, needed: int, required: int) -> float:
+    """Return what it costs by how much the `needed` points nearest to being seen fall short, m/s."""
+    short, short_of_required = 0.0, 0.0
     shortfalls = np.sort(-best)
     for j in range(needed):
         short += max(0.0, shortfalls[j])
-    return short
+        if j < required:
+            short_of_required = short
+    return PRICE_OF_HEIGHT * short + PRICE_OF_REQUIRED * short_of_required
 
 
 @compiled(nogil=True, error_model="numpy")
@@ -175,7 +180,7 @@ def price_pushes(genes: Floats, num_pushes: int, needed: int, outlook: Outlook, 
     """Compute the price of each of n plans, m/s.
 
     It is a plan's delta-v, plus a price for each metre by which points fall short of being seen, summed over
-    the nearest ones, plus one for each metre outside the distance limits.
+    the nearest ones, plus one for each metre outside the distance limits, or beyond the longest way allowed.
 
     Parameters
     ----------
@@ -212,6 +217,11 @@ def price_pushes(genes: Floats, num_pushes: int, needed: int, outlook: Outlook, 
             distance = np.sqrt(x * x + y * y + z * z)
             if k > 0:
                 beyond = most(outlook.nearest - distance, distance - outlook.farthest)
+                if outlook.longest_way < np.inf:
+                    way = abs(x - load(positions, (k - 1, 0, 0), PLANS))
+                    way = most(abs(y - load(positions, (k - 1, 1, 0), PLANS)), way)
+                    way = most(abs(z - load(positions, (k - 1, 2, 0), PLANS)), way)
+                    beyond = most(WAY_AS_FAR * (way - outlook.longest_way), beyond)
                 store(outside, 0, most(beyond, load(outside, 0, PLANS)))
             room = distance - sight[k]
             for j in range(num_points if sight[k] < np.inf else 0):
@@ -224,5 +234,5 @@ def price_pushes(genes: Floats, num_pushes: int, needed: int, outlook: Outlook, 
                     store(best, (j, 0), most(least(height, room), load(best, (j, 0), PLANS)))
         for lane in range(min(PLANS, num_plans - first)):
             cost = spent[lane] * outlook.delta_v_per_force
-            cost = cost + outlook.price_of_height * shortfall(best[:, lane], needed)
+            cost = cost + price_shortfalls(best[:, lane], needed, outlook.required)
             costs[first + lane] = cost + PRICE_OF_DISTANCE * outside[lane]

@@ -8,18 +8,12 @@ import numpy as np
 
 from fis_tools.engines.kernel import LANES
 from pipeline.array_types import Booleans, Bytes, Floats, Integers
+from pipeline.flight.cases.actuators import thrusters_of
 from pipeline.flight.cases.navigation import filter_of
 from pipeline.flight.cases.starts import Cases, cases_of, starts_of
 from pipeline.flight.control.controller import RuleController, from_fuzzy
 from pipeline.flight.control.law import law_of
-from pipeline.flight.fly.foresight import (
-    PRICE_OF_HEIGHT,
-    Geometry,
-    Outlook,
-    geometry_of,
-    lit_at_samples,
-    sight_along,
-)
+from pipeline.flight.fly.foresight import Geometry, Outlook, geometry_of, lit_at_samples, sight_along
 from pipeline.flight.fly.population import fly_population
 from pipeline.flight.fly.workspace import make_workspace
 from pipeline.flight.state.arrays import NUM_TRACKED, TRACK_BORESIGHT, World
@@ -28,14 +22,16 @@ from pipeline.flight.state.signals import constant
 from pipeline.flight.world.bounds import guard_of
 from pipeline.flight.world.pack import pack_world
 from pipeline.settings.experiment import Mission
+from pipeline.settings.mission import RealActuators
 
 #: time between the samples at which plans are priced, s, by the number of pushes
 LOOK_S = {2: 30.0, 3: 20.0}
 #: by how much plans see points beyond their horizons, and keep inside the limits besides what the rules keep:
 #: for what happens between two samples, m, and for what is not known, in standard deviations of the position
 MARGIN_M, SPREADS = 0.3, 1.0
-#: a component of a push smaller than this is not fired, m/s
-LEAST_M_S = 3e-4
+#: a component of a push smaller than this is not commanded, m/s, nor one that thrusters would not fire whose
+#: scale is so many standard deviations too small
+LEAST_M_S, LEAST_SPREADS = 3e-4, 2.0
 
 
 @lru_cache(maxsize=32)
@@ -160,6 +156,14 @@ class Deputies:
         return max(1, round(LOOK_S[self.num_pushes] / self.mission.control_period_s))
 
     @property
+    def least_force(self) -> float:
+        """The least force along an axis that is worth commanding, N: thrusters that err still fire it."""
+        thrusters, actuators = thrusters_of(self.mission), self.mission.actuators
+        error = actuators.scale_error if isinstance(actuators, RealActuators) else 0.0
+        fired = max(thrusters.least, 0.5 * thrusters.step) * (1.0 + LEAST_SPREADS * error)
+        return max(fired, LEAST_M_S / self.world.delta_v_per_force)
+
+    @property
     def most_force(self) -> float:
         """The greatest force along an axis that is fired as planned, N; larger pushes take longer."""
         guard = self.world.guard
@@ -218,13 +222,17 @@ class Deputies:
         """Return what prices the plans of a flight, and the number of points that its plan must see."""
         world, scenario, geometry = self.world, self.believed[flight], _geometry(self.known)
         parts = _strided(self.known, self.sample, self.step)
-        is_lit, needed = self._points(flight)
+        is_lit, needed, required = self._points(flight)
         margin = MARGIN_M + SPREADS * float(self.spreads_m[flight])
         inside = self.constant("coast_margin_m") + margin
+        longest_way, seconds = np.inf, self.step * world.control_period
         nearest, farthest = world.min_distance + inside, world.max_distance - inside
         if world.guard.is_on:
             nearest = max(nearest, world.guard.keep_out + margin)
             farthest = min(farthest, world.guard.keep_in - margin)
+            # it stops whoever is faster along an axis than it can brake in a control period
+            fastest = world.guard.braking_force * world.delta_v_per_force
+            longest_way = seconds * (fastest - margin / (self.constant("foresight_period_s") or np.inf))
         outlook = Outlook(
             free=parts.drift @ np.r_[scenario.position_m, scenario.velocity_m_s],
             gain=parts.gain,
@@ -237,22 +245,35 @@ class Deputies:
             max_range=geometry.max_range - margin,
             nearest=nearest,
             farthest=farthest,
-            least_force=LEAST_M_S / world.delta_v_per_force,
+            longest_way=longest_way,
+            least_force=self.least_force,
             delta_v_per_force=world.delta_v_per_force,
-            price_of_height=PRICE_OF_HEIGHT,
+            required=required,
         )
         return outlook, needed
 
-    def _points(self, flight: int) -> tuple[Booleans, int]:
-        """Return which points left are lit when, (K+1 - sample, P), and how many of them a plan must see."""
+    def _points(self, flight: int) -> tuple[Booleans, int, int]:
+        """Return which points left are lit when, and how many of them a plan must see, at what price.
+
+        Returns
+        -------
+        is_lit : (K+1 - sample, P)
+        needed, required : int
+            Points to see, and of these the ones whose shortfall costs more: where more are planned for than
+            the controller needs before it coasts, those that it needs.
+        """
         is_lit = self.lit[flight]
         is_left = is_lit.any(axis=0)
         if self.left is not None:
             is_left &= self.left[flight, : is_lit.shape[1]] > 0
-        points = self.constant("foresight_points") or self.constant("coast_below_points")
-        needed = int(is_left.sum()) - max(0, int(np.ceil(points)) - 1)
         is_lit = is_lit[self.sample :] & is_left
-        return is_lit, max(0, min(needed, int(is_lit[:: self.step].any(axis=0).sum())))
+        num_left, num_lit = int(is_left.sum()), int(is_lit[:: self.step].any(axis=0).sum())
+
+        def all_but(missed: float) -> int:
+            return max(0, min(num_left - max(0, int(np.ceil(missed)) - 1), num_lit))
+
+        planned, accepted = self.constant("foresight_points"), self.constant("coast_below_points")
+        return is_lit, all_but(planned or accepted), all_but(accepted) if planned else 0
 
 
 def later(

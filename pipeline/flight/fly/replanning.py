@@ -19,15 +19,7 @@ from pipeline.flight.cases.starts import cases_of
 from pipeline.flight.control.controller import Controller, RuleController
 from pipeline.flight.control.law import ahead_stride
 from pipeline.flight.fly.foresight import price_pushes
-from pipeline.flight.fly.outlooks import (
-    LEAST_M_S,
-    Deputies,
-    at_start,
-    finishing,
-    later,
-    rehearsing,
-    rehearsing_once,
-)
+from pipeline.flight.fly.outlooks import Deputies, at_start, finishing, later, rehearsing, rehearsing_once
 from pipeline.flight.fly.pushes import Effort, PushSearch, search_pushes
 from pipeline.flight.fly.rehearsals import rehearse_tours, rehearsed_costs, rehearsed_openings
 from pipeline.flight.fly.tours import tour_images
@@ -257,8 +249,9 @@ class _Choice:
         coasting[:, :sample] = self._before[flights, :sample]
         for openings, search in zip(coasting, searches, strict=True):
             for begin, *force in _pushes_of(search.best, deputies):
-                count = max(1, int(np.ceil(np.abs(force).max() / deputies.most_force - 1e-9)))
-                openings[int(begin) : int(begin) + count, :3] += np.array(force) / count
+                for axis, part in enumerate(force):
+                    count = max(1, int(np.ceil(abs(part) / deputies.most_force - 1e-9)))
+                    openings[int(begin) : int(begin) + count, axis] += part / count
         driven = coasting.copy()
         for openings in driven:
             fired = np.flatnonzero(np.any(openings[sample:, :3] != 0.0, axis=1))
@@ -272,7 +265,7 @@ class _Choice:
     def _last(self, flight: int, num_pushes: int) -> Floats | None:
         """Return the genes of what the last plan would still fire; None at the start.
 
-        Pushes beyond one now and the next ones later are left out; equal ones in a row are parts of one.
+        Pushes beyond one now and the next ones later are left out; those in a row are parts of one.
         """
         deputies = self._deputies
         if deputies.sample == 0:
@@ -280,7 +273,7 @@ class _Choice:
         forces, genes = self._before[flight, deputies.sample :, :3], np.zeros(4 * num_pushes - 1)
         push = 0
         for index in np.flatnonzero(np.any(forces != 0.0, axis=1)).tolist():
-            is_part = index > 0 and np.array_equal(forces[index], forces[index - 1])
+            is_part = index > 0 and bool(np.any(forces[index - 1]))
             push += index > 0 and not is_part
             if push == num_pushes:
                 break
@@ -295,7 +288,7 @@ def _pushes_of(genes: Floats, deputies: Deputies) -> Floats:
     num_pushes = (len(genes) + 1) // 4
     begins = np.r_[0.0, np.floor(genes[3 * num_pushes :])]
     forces = genes[: 3 * num_pushes].reshape(num_pushes, 3)
-    forces = np.where(np.abs(forces) >= LEAST_M_S / deputies.world.delta_v_per_force, forces, 0.0)
+    forces = np.where(np.abs(forces) >= deputies.least_force, forces, 0.0)
     return np.column_stack([deputies.sample + deputies.step * begins, forces])
 
 

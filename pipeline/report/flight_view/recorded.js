@@ -38,6 +38,7 @@ export function recordedFlight(table) {
       const period = Math.min(k, last), force = three(arrays.force, period), texts = table.reasons[period].map(index => table.texts[index]);
       const rows = force.flatMap((part, axis) => part ? [{ size: Math.abs(part), text: pushText(axis, part), detail: texts[axis] }] : []);
       rows.sort((a, b) => b.size - a.size);
+      rows.forEach((row, at) => { if (row.detail === rows[at + 1]?.detail) row.detail = ""; });  // said once
       return rows.length ? rows : [{ text: "No push.", detail: texts.find((text, axis) => texts.indexOf(text) !== axis) ?? texts[0] }];
     },
   };

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from fis_tools.compiled.decorator import plainly
+from fis_tools.engines.kernel import LANES
 from fis_tools.formats import serialize
 from pipeline.flight.cases.starts import cases_of
 from pipeline.flight.control.controller import ControllerError, from_fuzzy, open_loop
@@ -59,7 +60,7 @@ def foreseeing(**changes):
 def test_a_plan_costs_what_the_reference_says(changes):
     flown, generator = mission(attitude={"mode": "ideal"}, **changes), np.random.default_rng(2)
     start, sample, count = replace(STARTS[0], sun_elevation_rad=0.2), 40, 5
-    controller = foreseeing(coast_margin_m="4.0")
+    controller = foreseeing(coast_margin_m="4.0", coast_below_points="6", foresight_points="3")
     deputies = at_start(flown, flown, controller, [start], 0, 8)
     left = (generator.random(pack_world(flown).points.shape[2]) < 0.7).astype(np.uint8)
     believed = replace(
@@ -72,10 +73,12 @@ def test_a_plan_costs_what_the_reference_says(changes):
     genes, costs = np.empty((7, count)), np.empty(count)
     genes[:6], genes[6] = generator.normal(0.0, 0.08, (6, count)), generator.uniform(0.0, 80.0, count)
     genes[0, 0] = 0.5 * outlook.least_force
+    longest_way = 6.0
+    outlook = outlook._replace(longest_way=longest_way)
     price_pushes(genes, 2, needed, outlook, costs)
     flight = reference_of(flown, SEEING, start)
     margin, step = 0.3 + 1.0, 3
-    limits = (flown.deputy.min_distance_m + 4.0 + margin, flown.deputy.max_distance_m - 4.0 - margin)
+    nearest, farthest = flown.deputy.min_distance_m + 4.0 + margin, flown.deputy.max_distance_m - 4.0 - margin
     sight = np.full(flown.num_controls + 1, 10.0 / np.sin(np.radians(flown.sensor.half_angle_deg)))
     for plan, cost in zip(genes.T, costs, strict=True):
         first, second = np.where(np.abs(plan[:6]) < outlook.least_force, 0.0, plan[:6]).reshape(2, 3)
@@ -83,9 +86,10 @@ def test_a_plan_costs_what_the_reference_says(changes):
         at = sample + step * int(plan[6])
         pushes[at] = pushes.get(at, 0.0) + second
         state, is_left = np.r_[believed.position_m, believed.velocity_m_s], left[: len(flight.points)] > 0
-        expected = price(flight, sample, state, is_left, pushes, needed, margin, limits, step, sight)
+        counts, limits = (needed, outlook.required), (nearest, farthest, longest_way)
+        expected = price(flight, sample, state, is_left, pushes, counts, margin, limits, step, sight)
         assert cost == pytest.approx(expected, rel=1e-9, abs=1e-9)
-        assert needed == (is_left & flight.is_inspectable).sum() - 1 or needed < is_left.sum()
+        assert 0 < outlook.required < needed < is_left.sum()
 
 
 def test_a_search_has_the_same_bits_in_plain_python():
@@ -205,16 +209,20 @@ def test_pushes_beyond_what_thrusters_fire_take_several_periods():
 
 def test_margins_follow_what_the_filter_knows():
     controller = foreseeing(foresight_period_s="600.0", decision_period_s="30.0")
-    known = replace(NOISY, navigation=MISSION.navigation, actuators=MISSION.actuators)
-    first = at_start(NOISY, known, controller, STARTS, 60, 8)
+    noisy = replace(NOISY, duration_s=1200.0)
+    known = replace(noisy, navigation=MISSION.navigation, actuators=MISSION.actuators)
+    first = at_start(noisy, known, controller, STARTS, 60, LANES)  # as other flights are compiled
     # a metre, and a millimetre a second for ten minutes
     assert np.all((first.spreads_m > np.hypot(1.0, 0.6)) & (first.spreads_m < 3.0))
-    then = later(first, STARTS, cases_of(NOISY, STARTS), first.coasting(), 120, 60)
-    log = fly_logged(NOISY, open_loop("coast", np.zeros((0, 3))), STARTS[0])
-    phi = np.linalg.matrix_power(pack_world(NOISY).motion.transition[0], 60)[:3]
-    expected = np.sqrt(np.linalg.eigvalsh(phi @ log.estimate_covariance[120] @ phi.T)[-1])
+    then = later(first, STARTS, cases_of(noisy, STARTS), first.coasting(), 60, 60)
+    # rules that coast, whose flight is compiled for other tests too
+    still = foreseeing(foresight_pushes=None, rehearsal_reach_m_s=None, coast_below_points="100.0")
+    log = fly_logged(noisy, still, STARTS[0])
+    assert not log.force_hill_n.any()
+    phi = np.linalg.matrix_power(pack_world(noisy).motion.transition[0], 60)[:3]
+    expected = np.sqrt(np.linalg.eigvalsh(phi @ log.estimate_covariance[60] @ phi.T)[-1])
     assert then.spreads_m[0] == pytest.approx(expected, rel=1e-6)
-    np.testing.assert_allclose(then.believed[0].position_m, log.estimate[120, :3], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(then.believed[0].position_m, log.estimate[60, :3], rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize("name", PLANNING)

@@ -12,13 +12,16 @@ from fis_tools.model.membership import SHAPES
 from fis_tools.model.numbers import Constant, Formula, Linear, Number
 from fis_tools.model.shapes import Polyline, Sampled
 from pipeline.command_line.config import compose_experiment
+from pipeline.evaluation.fitting import TEMPOS
 from pipeline.flight.control.controller import ControllerError, from_fuzzy
+from pipeline.flight.control.law import law_of
 from pipeline.flight.fly.simulation import fly_all
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.state.signals import CONSTANTS, SIGNALS
 from pipeline.settings.keys import unit_of
 from pipeline.settings.places import conf_folder
-from pipeline.training.similarity import COUNTS, HOME, Similarity, limitations, scaled_variable
+from pipeline.training.similarity import COUNTS, HOME, LOOKS_AHEAD, Similarity, limitations, scaled_variable
+from tests.fis_tools.sample_controllers import SHIPPED
 
 #: twice as large, half as fast, twice as heavy, with half as many forces
 THERE = (
@@ -55,6 +58,16 @@ def test_every_signal_has_a_factor():
 def test_nothing_changes_at_home():
     for name in ("champion_27", "champion_leo"):
         assert Similarity(HOME).controller(base(name)) == base(name)
+
+
+@pytest.mark.parametrize(
+    "name", [name for name in SHIPPED if set(LOOKS_AHEAD) & dict(base(name).attributes).keys()]
+)
+@pytest.mark.parametrize("decides_always", [False, True])
+def test_what_looks_ahead_again_does_so_at_a_decision(name, decides_always):
+    for tempo in TEMPOS:
+        similarity = Similarity(mission(*THERE), 0.7, tempo, decides_always)
+        law_of(from_fuzzy(similarity.controller(base(name))), similarity.mission)
 
 
 def test_scaled_flights_are_scaled():

@@ -1,0 +1,96 @@
+"""Rules alone and with foresight in many worlds: ``python -m benchmarks foresight [NAME ...]``.
+
+A row is a world: delta-v, success and flights outside the limits by the rules alone, and with foresight; the
+share of its fuel that rules fire, and processor time a start, once all is compiled. The missions are those of
+`benchmarks.missions`, for which controllers are scaled to the chief's size.
+"""
+
+import argparse
+import time
+from collections.abc import Sequence
+from typing import Final
+
+from benchmarks.missions import MISSIONS, RANDOM_SUN
+from pipeline.command_line.config import compose_experiment
+from pipeline.controllers.source import named
+from pipeline.evaluation.statistics import fraction, statistic
+from pipeline.flight.control.controller import RuleController, from_fuzzy
+from pipeline.flight.fly.outlooks import rules_alone
+from pipeline.flight.fly.simulation import fly_all
+from pipeline.flight.state.log import Outcomes
+from pipeline.scenarios import evaluation_scenarios
+from pipeline.settings.experiment import Mission
+from pipeline.training.similarity import HOME, Similarity
+
+SMALL, LARGE, CONFIDENCE = "champion_27_rehearsed", "champion_leo_foresight", 95.0
+REAL: Final = ("navigation=fixes", "actuators=real")
+#: controllers, and the settings of their worlds
+WORLDS: Final = {
+    "Sun anywhere": (SMALL, (RANDOM_SUN,)),
+    "Sun fixed": (SMALL, ("sun=fixed",)),
+    "two-body motion": (SMALL, (RANDOM_SUN, "dynamics=two_body")),
+    "fixes, real thrusters": (SMALL, (RANDOM_SUN, *REAL)),
+    "the same, 20 s late": (SMALL, (RANDOM_SUN, *REAL, "actuators.delay_s=10", "navigation.delay_s=10")),
+    "the same, mass dispersed by 5 %": (
+        SMALL,
+        (RANDOM_SUN, *REAL, "+dispersions.deputy.mass_kg={kind:normal,mean:12.0,std:0.6}"),
+    ),
+    "low orbit, safety=robust": (LARGE, ("world=leo", "safety=robust")),
+    "low orbit, 20 s late": (LARGE, ("world=leo", "actuators.delay_s=10")),
+} | {name: (LARGE, (RANDOM_SUN, *words)) for name, (_, words) in MISSIONS.items()}
+
+
+def scaled(controller: RuleController, mission: Mission, name: str) -> RuleController:
+    """Return a controller at the size of a mission's chief; in worlds of its own it stays as it is."""
+    if name not in MISSIONS or controller.fuzzy is None:
+        return controller
+    size = mission.chief.inspection_radius_m / HOME.chief.inspection_radius_m
+    return from_fuzzy(Similarity(mission, size).controller(controller.fuzzy))
+
+
+def tally(mission: Mission, flown: Outcomes) -> str:
+    """Return the cells of some flights: delta-v, success, outside."""
+    delta_v = statistic(flown.delta_v_m_s, CONFIDENCE)
+    is_success = flown.is_success(mission.inspection_threshold_percent) & ~flown.is_violated
+    success = fraction(is_success, CONFIDENCE)
+    interval = f"{100 * success.low:.0f} to {100 * success.high:.0f}"
+    cells = (
+        f"{delta_v.mean:.3f} ± {delta_v.high - delta_v.mean:.3f}",
+        f"{100 * success.fraction:.1f} % ({interval})",
+    )
+    return " | ".join([*cells, str(flown.is_violated.sum())])
+
+
+def row_of(name: str, num_cases: int, seed: int) -> str:
+    """Return the row of a world."""
+    controller, words = WORLDS[name]
+    settings = [f"seed={seed}", f"monte_carlo.num_cases={num_cases}"]
+    experiment = compose_experiment(["+experiment=evaluate", *words, *settings]).experiment
+    mission, starts = experiment.mission, evaluation_scenarios(experiment)
+    planning = named(controller, HOME)
+    assert isinstance(planning, RuleController)
+    planning = scaled(planning, mission, name)
+    alone = fly_all(mission, rules_alone(planning), starts, 1)
+    fly_all(mission, planning, starts[:1], 1)
+    began = time.process_time()
+    flown = fly_all(mission, planning, starts, 1)
+    seconds = (time.process_time() - began) / num_cases
+    by_rules = 1.0 - flown.ahead_delta_v_m_s.sum() / flown.delta_v_m_s.sum()
+    cells = name, tally(mission, alone), tally(mission, flown), f"{100 * max(0.0, by_rules):.1f} %"
+    return " | ".join([*cells, f"{seconds:.2f} s"])
+
+
+def main(given: Sequence[str]) -> int:
+    """Print a row for each world."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks foresight", description=__doc__)
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"of {', '.join(WORLDS)}; all unless given")
+    parser.add_argument("--cases", type=int, default=48, help="starts in each world")
+    parser.add_argument("--seed", type=int, default=62)
+    options = parser.parse_args(given)
+    if unknown := set(options.names) - set(WORLDS):
+        parser.error(f"no world {sorted(unknown)[0]!r}; they are {', '.join(WORLDS)}")
+    cells = "m/s | success | outside"
+    print(f"world | rules alone: {cells} | with foresight: {cells} | rules fire | time")
+    for name in options.names or WORLDS:
+        print(row_of(name, options.cases, options.seed), flush=True)
+    return 0
