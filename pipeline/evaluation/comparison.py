@@ -163,15 +163,11 @@ def cells_in_words(row: ComparisonRow, guarded: ComparisonRow | None) -> list[st
     mark = "*" if row.source == PUBLISHED else f", {row.num_cases} cases" if row.source == PLANNED else ""
     layer = ["", "", ""]
     if guarded is not None:
-        layer = [
-            share(guarded, "violated"),
-            spread(guarded.summary["delta_v_m_s"], 3),
-            share(guarded, "safety_acted"),
-        ]
+        layer = [share(guarded, "violated"), fuel_in_words(guarded.summary), share(guarded, "safety_acted")]
     return [
         row.controller + mark,
         "-" if row.rules is None else str(row.rules),
-        spread(row.summary["delta_v_m_s"], 3),
+        fuel_in_words(row.summary),
         rate(row),
         share(row, SUCCESS),
         share(row, "violated"),
@@ -183,6 +179,17 @@ def cells_in_words(row: ComparisonRow, guarded: ComparisonRow | None) -> list[st
 def spread(measure: Mapping[str, float], decimals: int) -> str:
     """Return a mean with its standard deviation, of a part of a summary."""
     return f"{measure['mean']:.{decimals}f} ± {measure['standard_deviation']:.{decimals}f}"
+
+
+def fuel_in_words(summary: Mapping[str, Any]) -> str:
+    """Return the delta-v of a summary, with the share that rules fired where they do not fire all."""
+    return spread(summary["delta_v_m_s"], 3) + by_rules(summary)
+
+
+def by_rules(summary: Mapping[str, Any]) -> str:
+    """Return which share of the fuel rules fired, in words; nothing where no push was chosen ahead."""
+    total, ahead = (summary.get(name, {"mean": 0.0})["mean"] for name in ("delta_v_m_s", "ahead_delta_v_m_s"))
+    return f", {100.0 * max(0.0, 1.0 - ahead / total):.1f} % of it by rules" if ahead > 0.0 else ""
 
 
 def rate(row: ComparisonRow) -> str:

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.controllers.source import controller_of_run, sha256_of
+from pipeline.evaluation.comparison import by_rules
 from pipeline.evaluation.monte_carlo import SUCCESS, episode_columns, fly_cases, summarise
 from pipeline.evaluation.statistics import Column, percentiles, sensitivity
 from pipeline.flight.control.controller import Controller
@@ -55,7 +56,7 @@ def run(experiment: Experiment, folder: Path) -> None:
     delta_v = summary["delta_v_m_s"]
     sys.stderr.write(
         f"  {num_cases} cases in {seconds:.2f} s, Sun {experiment.sun_in_words}: "
-        f"delta-v {delta_v['mean']:.3f} +- {delta_v['standard_deviation']:.3f} m/s, "
+        f"delta-v {delta_v['mean']:.3f} +- {delta_v['standard_deviation']:.3f} m/s{by_rules(summary)}, "
         f"{_done_in_words(summary)}, "
         f"success {100 * summary[SUCCESS]['fraction']:.1f} %, "
         f"outside {100 * summary['violated']['fraction']:.1f} %\n"
