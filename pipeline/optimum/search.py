@@ -32,8 +32,9 @@ def outlook_of(problem: PlanningProblem, limits_m: tuple[float, float]) -> Outlo
     """Return what the price of a plan depends on: the problem's fields of the same names, and limits."""
     shared = {name: getattr(problem, name) for name in Outlook._fields if hasattr(problem, name)}
     nearest, farthest = limits_m
-    limits = {"nearest": nearest, "farthest": farthest, "longest_way": np.inf}
-    return Outlook(**shared, **limits, least_force=0.0, required=0)
+    return Outlook(
+        **shared, nearest=nearest, farthest=farthest, longest_way=np.inf, least_force=0.0, required=0
+    )
 
 
 def search(problem: PlanningProblem, needed: int, num_burns: int, generator: np.random.Generator) -> Floats:

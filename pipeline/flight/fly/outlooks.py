@@ -21,8 +21,8 @@ from pipeline.flight.state.log import Outcomes, Scenario
 from pipeline.flight.state.signals import constant
 from pipeline.flight.world.bounds import guard_of
 from pipeline.flight.world.pack import pack_world
+from pipeline.settings.equipment import RealActuators
 from pipeline.settings.experiment import Mission
-from pipeline.settings.mission import RealActuators
 
 #: time between the samples at which plans are priced, s, by the number of pushes
 LOOK_S = {2: 30.0, 3: 20.0}
