@@ -38,7 +38,7 @@ class Output:
             self.write(line)
 
     def flush(self) -> None:
-        """Write what is held back."""
+        """Write the buffered text."""
         self._try(self._stream.flush)
 
     def _write(self, text: str) -> None:

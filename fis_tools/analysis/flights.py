@@ -57,7 +57,7 @@ def read_controller(path: Path | str) -> FuzzyController:
 def read_flight(
     path: Path | str, all_periods: bool = False, controller: FuzzyController | None = None
 ) -> tuple[FlownSystem, ...]:
-    """Read what each fuzzy system of a controller did, in the controller's order.
+    """Read every inference of each fuzzy system of a controller, in the controller's order.
 
     Parameters
     ----------
@@ -190,7 +190,7 @@ def read_rehearsals(path: Path | str, time_s: float) -> dict[str, list[tuple[flo
 
 
 def read_points(path: Path | str, time_s: float) -> Points | None:
-    """Read what each point adds to the inputs in a control period; None where it is not recorded.
+    """Read each point's part in the inputs in a control period; None where it is not recorded.
 
     Raises
     ------
@@ -206,7 +206,7 @@ def _topic(recording: "Recording", ending: str) -> "TopicColumns | None":
 
 
 def _points_of(recording: "Recording") -> PointsAlong | None:
-    """Return what each point adds to the inputs along a flight; None where it is not recorded."""
+    """Return each point's part in the inputs along a flight; None where it is not recorded."""
     cloud, control = _topic(recording, "/pulls"), _topic(recording, "/control")
     if cloud is None or control is None or not len(cloud) or not len(control):
         return None

@@ -241,7 +241,7 @@ def shares(
 
 
 def _match(compiled: CompiledSystem, index: int, both: Floats, inputs: Floats) -> _Match:
-    """Return the games that the rules play for an output: who plays at each sample, and how they infer."""
+    """Return the data of the games for one output: which rules play at each sample, and a way to infer."""
     firing = both[:, -len(compiled.system.rules) :]
     variable = compiled.system.outputs[index]
     conclusions: list[Cuts] = [[] for _ in compiled.system.rules]

@@ -56,7 +56,7 @@ def path_for(compiled: Any, kinds: Iterable[Any]) -> Path:
 
 
 def read(path: Path) -> bytes | None:
-    """Return what a file of the cache holds; None if it is missing, cannot be read, or is damaged."""
+    """Return the content of a cache file; None if it is missing, unreadable or damaged."""
     with suppress(OSError):
         content = read_bytes(path, LIMIT_BYTES)  # file: compiled by us
         if content[:HEAD] == hashlib.sha256(content[HEAD:]).digest():
@@ -161,7 +161,7 @@ def _remedy() -> str:
 
 
 def _danger(root: Path) -> str | None:
-    """Return what lets others replace the content of an existing folder; None if nothing does."""
+    """Return why others could replace the content of an existing folder; None if they cannot."""
     if root.is_symlink():
         return f"{root} is a link"
     resolved = root.resolve(strict=True)

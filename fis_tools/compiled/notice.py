@@ -54,7 +54,7 @@ class _Notice(event.Listener):
             self._shown.close()
 
     def _show(self, dispatcher: Any) -> None:
-        """Tell what is compiled: with the seconds in a terminal, until compilation ends; else as a line."""
+        """Announce a compilation: in a terminal with the seconds, until it ends; else as a line."""
         line = (
             f"compiling {_name(dispatcher)}: about {expected_s(dispatcher):.0f} s, once{_advice(dispatcher)}"
         )

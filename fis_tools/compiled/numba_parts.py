@@ -45,6 +45,6 @@ SETTINGS = (
 
 
 def surroundings() -> tuple[Any, ...]:
-    """Return what all compiled code depends on, as numbers and texts: releases, processor, and settings."""
+    """Return the releases, the processor and the settings that all compiled code depends on."""
     settings = tuple(str(getattr(config, name, None)) for name in SETTINGS)
     return *VERSIONS, *cpu_target.target_context.codegen().magic_tuple(), settings

@@ -143,7 +143,7 @@ _audit = lru_cache(maxsize=16)(audits.audit)
 
 
 def findings(controller: FuzzyController) -> str:
-    """Return what an audit finds, the worst first."""
+    """Return an audit's findings, the worst first."""
     if any(map(has_intervals, controller.systems)):
         return html.element("p", "An audit is for type-1 sets: import --sets upper makes a file to audit.")
     all_findings = [finding for system in controller.systems for finding in _audit(system).findings]
@@ -159,7 +159,7 @@ def findings(controller: FuzzyController) -> str:
 
 
 def changes(before: FuzzyController, after: FuzzyController) -> str:
-    """Return what differs; systems that are the same are left out, and lines may break after underscores."""
+    """Return the differences between two controllers; lines may break after underscores in names."""
     if before == after:
         return "<p>Nothing changed.</p>"
     pairs = list(zip(before.systems, after.systems, strict=True))

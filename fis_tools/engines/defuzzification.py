@@ -14,7 +14,7 @@ TIE = 1e-12
 
 
 def defuzzify_sampled(system: FuzzySystem, variable: Variable, x: Floats, y: Floats) -> float:
-    """Return what a program makes of heights at points; see `fis_tools.engines.sampling`, its fast twin."""
+    """Defuzzify heights at points as another program does; `fis_tools.engines.sampling` is its fast twin."""
     method, by_magnitude = system.defuzzifier_of(variable), TOOLS[system.semantics].is_by_magnitude
     if method == "centroid":
         heights = y / y.max()

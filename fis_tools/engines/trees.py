@@ -157,7 +157,7 @@ class TreeProgram:
 
 
 def pack(system: Inferable) -> Program | TreeProgram:
-    """Return what `bound` and `evaluate` read; raises as `fis_tools.engines.interval.pack` does."""
+    """Return the arrays that `bound` and `evaluate` read; raises as `interval.pack` does."""
     if isinstance(system, FuzzySystem):
         return interval.pack(system)
     programs = tuple(map(interval.pack, system.systems))

@@ -19,8 +19,8 @@ FORMULA = ("=", "+", "-", "@", "\t", "\r")
 
 
 def as_text(cell: Any) -> Any:
-    """Return a cell that no spreadsheet runs."""
-    # spreadsheets do without the blanks before
+    """Return a cell that no spreadsheet runs as a formula."""
+    # spreadsheets skip leading blanks
     is_run = isinstance(cell, str) and (cell.startswith(FORMULA) or cell.lstrip().startswith(FORMULA))
     return f"'{cell}" if is_run and as_number(cell) is None else cell
 

@@ -412,7 +412,7 @@ def bare_output(name: str, unit: str, ends: tuple[float, float], default: float)
 
 
 def _numbers(output: Variable, inputs: Sequence[Variable], coefficients: Floats) -> list[Term]:
-    """Return what each rule concludes on an output, (rules, num_inputs + 1), as a term.
+    """Return each rule's coefficients, (rules, num_inputs + 1), as a term of an output.
 
     Constants stay in the range of the output, which rows beside a rule may have led out of it.
     """

@@ -254,7 +254,7 @@ class _FormulaParser:
         return self.tokens[self.place - 1][1]
 
     def expect(self, sign: str) -> None:
-        """Take a sign, or raise NotAFormula."""
+        """Take the given sign, or raise NotAFormula."""
         if self.next != sign:
             raise NotAFormula(
                 f"the formula {self.text[:40]!r} has {self.next or 'its end'!r} where {sign or 'its end'!r} "

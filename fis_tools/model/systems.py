@@ -146,7 +146,7 @@ class FuzzySystem:
         raise KeyError(f"system {self.name!r} has no variable {name!r}; its variables are {known}")
 
     def conclusions_on(self, output: Variable) -> Iterator[tuple[int, Consequent]]:
-        """Yield what rules conclude on an output, in their order, each with the index of its rule."""
+        """Yield the rules' conclusions on an output, in order, each with the index of its rule."""
         for index, rule in enumerate(self.rules):
             yield from ((index, each) for each in rule.consequents if each.variable == output.name)
 
@@ -159,7 +159,7 @@ class FuzzySystem:
         return rule.or_operator or self.or_operator
 
     def defuzzifier_of(self, output: Variable) -> Defuzzifier:
-        """Return how one of its outputs becomes a number."""
+        """Return the defuzzifier of one of its outputs."""
         return output.defuzzifier or self.defuzzifier
 
 
@@ -271,7 +271,7 @@ class FuzzyController:
         return ours == theirs
 
     def only(self, names: Iterable[str]) -> "FuzzyController":
-        """Return it with the systems of these names alone, each for itself: without wires."""
+        """Return a controller of the systems with these names, without wires."""
         kept = frozenset(names)
         return replace(self, systems=tuple(s for s in self.systems if s.name in kept), wires=())
 
@@ -297,7 +297,7 @@ def renamed(rule: Rule, called: Callable[[str, str], tuple[str, str]]) -> Rule:
 
 
 def used_terms(rules: Iterable[Rule]) -> set[tuple[str, str]]:
-    """Return what rules ask for and conclude, by variable and term."""
+    """Return the (variable, term) pairs that rules ask for or conclude."""
     used = {
         (statement.variable, statement.term) for rule in rules for statement in statements_of(rule.antecedent)
     }

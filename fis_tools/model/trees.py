@@ -248,7 +248,7 @@ def _loops(controller: FuzzyController) -> Iterator[str]:
 
 
 def _feeds(controller: FuzzyController) -> dict[End, End]:
-    """Return what each wired input takes its value from: an output, or an input that no wire feeds."""
+    """Return the source of each wired input: an output, or an input that no wire feeds."""
     ends = _ends(controller.systems)
     direct = {ends[wire.target]: ends[wire.source] for wire in controller.wires}
     feeds = {}

@@ -104,7 +104,7 @@ def problems(system: FuzzySystem) -> list[str]:
 
 
 def _size_problems(system: FuzzySystem) -> Iterator[str]:
-    """Yield what makes a system too large for further checks."""
+    """Yield the sizes of a system that are too large for further checks."""
     where = f"system {system.name!r}"
     most_terms = max((len(variable.terms) for variable in system.variables), default=0)
     memberships = sum(
@@ -162,7 +162,7 @@ def _choice_problems(chooser: FuzzySystem | Variable | Rule) -> Iterator[str]:
 
 
 def _at(where: str, problems: Iterable[str]) -> Iterator[str]:
-    """Say of problems where they are."""
+    """Prefix problems with where they are."""
     return (f"{where}{problem}" for problem in problems)
 
 
@@ -230,7 +230,7 @@ def _universe_problems(variable: Variable) -> Iterator[str]:
 
 
 def _interval_problems(system: FuzzySystem) -> Iterator[str]:
-    """Yield what interval type-2 systems cannot have."""
+    """Yield the parts of a system that interval type-2 sets do not go with."""
     if system.semantics != "matlab":
         yield (
             "interval type-2 sets are inferred at evenly spaced points as MATLAB does, and the semantics are "

@@ -81,7 +81,7 @@ def _inside(expression: Expression, joined_by: type[model.And | model.Or], hedge
 
 
 def consequent_words(consequents: Sequence[Consequent]) -> str:
-    """Return what a rule concludes in words, with weights other than one."""
+    """Return a rule's conclusions in words, with weights other than one."""
     return " and ".join(
         f"{c.variable} is {c.term}" + ("" if c.weight == 1.0 else f" (weight {number(c.weight)})")
         for c in consequents
@@ -341,7 +341,7 @@ def inferred_as(*semantics: Semantics) -> str:
 
 
 def wires_in_words(controller: FuzzyController) -> Iterator[str]:
-    """Yield what each wire of a controller passes on, and what goes into and comes out of the whole."""
+    """Yield each wire of a controller in words, and the inputs and outputs of the whole."""
     if not controller.wires:
         return
     whole = tree(controller)

@@ -59,7 +59,7 @@ class Flown:
         return judged
 
     def failing(self, requirement: Requirement, count: int) -> Integers:
-        """Return some cases that fail a requirement, the worst first."""
+        """Return up to `count` cases that fail a requirement, the worst first."""
         outcome = self.outcomes[requirement.id]
         order = np.argsort(outcome.margins, kind="stable")
         return order[~outcome.is_met[order]][:count]
@@ -119,7 +119,7 @@ class EditorCases:
         return controller
 
     def _share(self, controller: RuleController, cases: Integers) -> Flown:
-        """Fly and judge some cases in one thread."""
+        """Fly and judge cases in one thread."""
         scenarios = [self.scenarios[case] for case in cases]
         outcomes, tracks = fly_tracked(self.mission, controller, scenarios, workers=1)
         motion = self.mission.orbit.mean_motion_rad_s

@@ -63,7 +63,7 @@ class ManyFlights(Panel):
             )
 
     def _summary(self, controller: FuzzyController, before: Flown, after: Flown) -> Show:
-        """Return what shows the results so far: numbers, verdicts, and the histogram."""
+        """Return a function that shows the results so far: numbers, verdicts, and the histogram."""
         numbers = html.body(Document([_numbers(self._cases.compare(before, after))]))
         below = Markup().join(_judged(after, *judged) for judged in after.verdicts(self._cases.requirements))
         if controller != self._original:
@@ -79,7 +79,7 @@ class ManyFlights(Panel):
 
 
 def _judged(flown: Flown, requirement: Requirement, word: str, why: str) -> Markup:
-    """Return a requirement with its verdict, and with the worst flights if some fail it."""
+    """Return a requirement with its verdict, and buttons for its worst failing flights."""
     head = html.element("b", f"{requirement.id} {requirement.title}: ")
     verdict = html.element("span", word, class_=word.replace(" ", "-"))
     reason = html.element("p", f"{requirement.text} {why}.", class_="about")

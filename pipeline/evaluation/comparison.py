@@ -159,7 +159,7 @@ HEADINGS = (
 
 
 def cells_in_words(row: ComparisonRow, guarded: ComparisonRow | None) -> list[str]:
-    """Return a line of the table: a row without the safety layer, and the same with it if it was flown."""
+    """Return a line of the table; of a row flown with and without the safety layer, both results."""
     mark = "*" if row.source == PUBLISHED else f", {row.num_cases} cases" if row.source == PLANNED else ""
     layer = ["", "", ""]
     if guarded is not None:
@@ -242,7 +242,7 @@ def format_comparison(rows: Sequence[ComparisonRow]) -> str:
 
 
 def describe_columns(experiment: Experiment) -> list[str]:
-    """Say in a sentence or two what the columns of the table mean."""
+    """Describe the columns of the table in a sentence or two."""
     cases, deputy = experiment.monte_carlo, experiment.mission.deputy
     flown = (
         f"{cases.num_cases:,} cases of seed {experiment.seed}; mean ± standard deviation; "

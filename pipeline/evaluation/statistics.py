@@ -422,7 +422,7 @@ def _between(first: Columns, second: Columns, metric: Metric) -> Floats:
 
 
 def on_front(spent: Floats, inspected: Floats) -> NDArray[np.bool_]:
-    """Return which runs are nondominated: none spends no more and inspects no less, one of these strictly."""
+    """Return which runs are nondominated: no other spends no more, inspects no less, and is better in one."""
     no_more = spent[:, np.newaxis] >= spent
     no_less = inspected[:, np.newaxis] <= inspected
     better = (spent[:, np.newaxis] > spent) | (inspected[:, np.newaxis] < inspected)

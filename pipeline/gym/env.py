@@ -213,7 +213,7 @@ class _Divide:
 
 
 def _normalised(task: Task | None, space: Any) -> tuple[_Divide, "Box[np.float32]"]:
-    """Return what divides observations by `pipeline.gym.episodes.Task.scales`, and their space then."""
+    """Return the scales to divide observations by, and the space of the divided ones."""
     scales = np.zeros(0) if task is None else task.scales
     if not (isinstance(space, Box) and space.shape == scales.shape):
         raise ValueError(

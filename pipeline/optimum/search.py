@@ -29,7 +29,7 @@ def priced(
 
 
 def outlook_of(problem: PlanningProblem, limits_m: tuple[float, float]) -> Outlook:
-    """Return what the price of a plan depends on: the problem's fields of the same names, and limits."""
+    """Return the fields of the planning problem by which plans are priced, and the limits."""
     shared = {name: getattr(problem, name) for name in Outlook._fields if hasattr(problem, name)}
     nearest, farthest = limits_m
     return Outlook(

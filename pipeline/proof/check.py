@@ -231,7 +231,7 @@ def expected_seconds(forces: dict[int, Force], tube: list[Tube]) -> float:
 
 
 def check(folder: Path, report: Callable[[str], object] = lambda text: None) -> str:
-    """Return what the certificate of a folder proves.
+    """Check the certificate in a folder; return its theorem in words.
 
     Parameters
     ----------

@@ -56,7 +56,7 @@ class Theorem:
 
 
 def theorem_of(experiment: Experiment) -> Theorem:
-    """Return what is to be proved.
+    """Return the theorem to prove for an experiment.
 
     Raises
     ------

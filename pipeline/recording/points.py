@@ -42,7 +42,7 @@ def sensed_of_points(world: World, controller: Controller) -> list[str]:
 def parts_of_points(
     world: World, controller: Controller, log: FlightLog, samples: Integers
 ) -> dict[str, Floats]:
-    """Return what each point adds to each signal made of points that a controller senses.
+    """Return each point's part in each signal that is made of points, for the signals that are sensed.
 
     The parts sum to the signal; of ``tour_push_*``, to what leaning the tour towards points adds.
 

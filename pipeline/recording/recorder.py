@@ -180,7 +180,7 @@ class FlightRecorder:
         return {**description.to_metadata(), "inspection_radius_m": radius, "num_points": count}
 
     def _rehearsals(self, log: FlightLog) -> dict[str, dict[str, str]]:
-        """Return what each of the first pushes, the images of the tour and the plans would have cost."""
+        """Return the estimated cost of each alternative: first pushes, tours, and plans of pushes."""
         pushes = (1e3 * rehearsed_pushes(self.controller)).tolist()
         ways = [f"{x:.0f} mm/s radially, {y:.0f} along the track, {z:.0f} across" for x, y, z in pushes]
         period, names = self.mission.control_period_s, tour_names(self.controller)
@@ -265,7 +265,7 @@ class FlightRecorder:
         writer.pulls(times[samples], self._points, parts, log.last_light_s, log.is_missed[samples])
 
     def _write_control(self, writer: EpisodeWriter, times: Floats, log: FlightLog) -> None:
-        """Write what is applied over the control periods, and the inferences that decided it."""
+        """Write the forces of the control periods, and the inferences behind them."""
         writer.record(
             topics.DEPUTY_ATTITUDE,
             times,
@@ -328,7 +328,7 @@ def stl_of(corners: Floats) -> bytes:
 
 
 def describe(compiled: CompiledSystem, force_axes: str) -> FisDescription:
-    """Return what the numbers of a system's topic mean, and along which axes its output is."""
+    """Return the meaning of the numbers on a system's topic, and the axes of its output."""
     system = compiled.system
     output = system.outputs[0]
     return FisDescription(
@@ -343,7 +343,7 @@ def describe(compiled: CompiledSystem, force_axes: str) -> FisDescription:
 
 
 def controller_text(controller: Controller) -> str:
-    """Write a controller as JSON.
+    """Return a controller as JSON, which its kind's reader reads back.
 
     A fuzzy one is written whole, as `fis_tools.formats.serialize` reads it, and one that plays a flight with
     what it plays, as `pipeline.controllers.played` reads it; one without any force is of kind ``coast``, one

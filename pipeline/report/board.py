@@ -85,7 +85,7 @@ def _rules(systems: Sequence[FuzzySystem]) -> Iterator[Block]:
 
 
 def _uncovered(evidence: Mapping[str, Any]) -> Iterator[str]:
-    """Yield what the evidence does not cover, a sentence each."""
+    """Yield a sentence for each thing that the evidence does not cover."""
     conditions, requirements = evidence["conditions"], evidence["requirements"]
     for requirement in requirements:
         if requirement["verdict"] != "shown":
@@ -110,7 +110,7 @@ def _uncovered(evidence: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _assumed(requirements: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Return what the proofs that show requirements take for granted, each once."""
+    """Return the assumptions of the proofs that show requirements, each once."""
     assumed: dict[str, None] = {}
     for requirement in requirements:
         method = proved_by(requirement)

@@ -228,7 +228,7 @@ def _matrix(requirements: list[Mapping[str, Any]]) -> Table:
 
 
 def _brief(requirement: Mapping[str, Any], method: str) -> str:
-    """Return what a cell of the table says beside the verdict: searches that found a failure, or boxes."""
+    """Return the note of a cell in the table: how many searches found a failure, or how many boxes."""
     if method == "search":
         return f"{requirement['search']['num_found']} of {requirement['search']['num_searches']} searches"
     if method != "bounds" or "bounds" not in requirement:
@@ -405,7 +405,7 @@ def _percent(share: float) -> str:
 
 
 def uncertain(conditions: Mapping[str, Any]) -> list[str]:
-    """Return what varies or is uncertain in the flights, besides their starts."""
+    """Return the uncertainties of the flights in words, besides their starts."""
     words = [] if conditions["sun"] in ("fixed", None) else ["Sun"]
     words += [] if conditions["navigation"] == "perfect" else ["errors of navigation"]
     words += [] if conditions["thrusters"] == "ideal" else ["errors of the thrusters"]

@@ -93,7 +93,7 @@ def flight_table(log: FlightLog, mission: Mission) -> dict[str, Any]:
 
 
 def _free_motion(mean_motion: float) -> Floats:
-    """Return what leads from a state to positions of free motion over one orbit, (NUM_COASTED, 3, 6)."""
+    """Return the matrices from a state to its positions over one orbit, (NUM_COASTED, 3, 6)."""
     times = np.linspace(0.0, 2.0 * np.pi / mean_motion, NUM_COASTED)
     return np.array([np.asarray(state_transition(mean_motion, time_s))[:3] for time_s in times])
 

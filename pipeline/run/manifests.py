@@ -96,7 +96,7 @@ def read_if_any(folder: Path) -> dict[str, Any]:
 
 
 def provenance(experiment: Experiment, folder: Path) -> dict[str, str]:
-    """Return what a controller's file says of the run that made it: configuration, seed, program."""
+    """Return the facts on the run that a controller's file carries: configuration, seed, program."""
     return {
         "experiment": experiment.name,
         "seed": str(experiment.seed),

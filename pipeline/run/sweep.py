@@ -111,7 +111,7 @@ def _run_folders(folder: Path) -> list[Path]:
 
 
 def _labels(config: Mapping[str, Any]) -> dict[str, str]:
-    """Return what may tell a run from others: keys that results depend on, a controller as one value."""
+    """Return the settings that may distinguish a run in a sweep: those that results depend on."""
     counted = schema.only_results(config)
     controller = counted.pop(keys.FREE, {})
     counted.pop("name", None)

@@ -216,7 +216,7 @@ def _searches(
 
 
 def _tube(experiment: Experiment, controller: Controller, folder: Path) -> TubeProof:
-    """Return what the stage prove showed in this run, if it is about these flights."""
+    """Return the result of the stage prove in this run, if it is about these flights."""
     if not (folder / artifacts.THEOREM).exists() or controller.fuzzy is None:
         return TubeProof("no proof of these rules is in this run; add the stage prove before assure")
     try:

@@ -67,7 +67,7 @@ def run(experiment: Experiment, folder: Path) -> None:
 
 
 def _done_in_words(summary: Mapping[str, Any]) -> str:
-    """Return what the flights achieved, for the line on the terminal."""
+    """Return the flights' success rate and delta-v in a line."""
     if "end_s" not in summary:
         rate = summary["inspection_rate_percent"]
         return f"rate {rate['mean']:.2f} +- {rate['standard_deviation']:.2f} %"

@@ -126,7 +126,7 @@ def in_words(evaluation: EvaluatedCases) -> str:
 
 
 def _outcomes_in_words(evaluation: EvaluatedCases) -> dict[CaseOutcome, str]:
-    """Describe what each colour of the flights means."""
+    """Return the meaning of each colour of the flights."""
     around = evaluation.surroundings
     goal = "the goal" if around.threshold_percent is None else f"{around.threshold_percent:g} % inspected"
     limits = "the limits"

@@ -377,7 +377,7 @@ def compare_rules(before: FuzzySystem, after: FuzzySystem, names: Names) -> tupl
 
 
 def _meaning(rule: Rule) -> tuple[object, ...]:
-    """Return what two rules with the same antecedent must share to count as the same rule."""
+    """Return the part of a rule beside its antecedent by which two rules are the same."""
     consequents = sorted((c.variable, c.term, c.weight) for c in rule.consequents)
     return consequents, rule.label, rule.and_operator, rule.or_operator
 

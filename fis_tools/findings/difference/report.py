@@ -59,7 +59,7 @@ class Difference(Result):
         return not self.facts and all(system.is_empty for system in self.systems)
 
     def document(self, *, pictures: bool = False) -> Document:
-        """Return what changed; on request with pictures of terms and surfaces, for pages."""
+        """Return the changes as a document; on request with pictures of terms and surfaces, for pages."""
         sides = {"before": self.before.plain(), "after": self.after.plain()}
         rows = [
             [word, side["file"] or side["name"], f"SHA-256 of its content {side['sha256']}"]
@@ -69,7 +69,7 @@ class Difference(Result):
         return Document([Heading(title, 1), Table([], rows), *self.blocks(pictures)])
 
     def blocks(self, pictures: bool = False) -> list[Block]:
-        """Return what changed, without the names of the controllers."""
+        """Return the changes, without the names of the controllers."""
         blocks: list[Block] = [*_fact_table(self.facts)]
         if self.is_empty and fingerprint(self.before.controller) == fingerprint(self.after.controller):
             blocks.append(Paragraph("Nothing changed."))

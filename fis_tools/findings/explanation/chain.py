@@ -110,7 +110,7 @@ class ChainExplanation(Result):
             yield [signed(output, move.needed), system.name, words]
 
     def _carried(self) -> Iterator[tuple[str, str, Variable, float]]:
-        """Yield what each wire from an output carries: from where, where to, and the value."""
+        """Yield each wire from an output in words: its ends and its value."""
         for system, columns in zip(self.system.systems, self.system.columns, strict=True):
             for variable, column in zip(system.inputs, columns, strict=True):
                 if column >= len(self.inputs):
@@ -187,7 +187,7 @@ def explain_chain(
 def _moves(
     compiled: CompiledTree, inputs: Floats, values: list[float], parts: list[Explanation]
 ) -> Iterator[ChainMove]:
-    """Yield what becomes of each output without each rule that fires; nothing where it is then no number."""
+    """Yield each output's change without each firing rule; nothing where there is then no number."""
     tree = compiled.system
     for index, (system, first) in enumerate(zip(tree.systems, tree.first_outputs, strict=True)):
         firing = sorted({move.rule for output in parts[index].outputs for move in output.moves})

@@ -262,7 +262,7 @@ def can_cross(output: ExplainedOutput) -> bool:
 
 
 def question(output: ExplainedOutput) -> str:
-    """Return what the flips of an output answer."""
+    """Return the question that an output's flips answer, such as “What would make it negative”."""
     name, side = output.variable.name, output.flips[0].side
     value = amount(output.variable, output.crossing)
     if side == 0:

@@ -62,7 +62,7 @@ def in_short(points: Points | None, system: FuzzySystem, inputs: Sequence[float]
 
 
 def plain_parts(points: Points, system: FuzzySystem) -> dict[str, Any]:
-    """Return what each point adds to the inputs as plain data, by the input's name, the largest first."""
+    """Return each point's part in the inputs as plain data, by input, the largest first."""
     keys = ("latitude_deg", "longitude_deg", "dark_in_s")
     about = {key: getattr(points, key).tolist() for key in keys}
     parts_of_inputs: dict[str, Any] = {}

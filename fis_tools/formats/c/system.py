@@ -129,7 +129,7 @@ class System:
         self.signals = {signal.variable.name: signal for signal in (*self.inputs, *self.outputs)}
 
     def _output(self, variable: Variable, word: str) -> _Signal:
-        """Return what C needs to know of an output: the kind of its inference, its terms and points."""
+        """Return an output's description for C: the kind of its inference, its terms and points."""
         names = {consequent.term for _, consequent in self.system.conclusions_on(variable)}
         terms = [term for term in variable.terms if term.name in names]
         kind: Kind = "cut" if self.system.cuts(variable) else "implied"

@@ -103,7 +103,7 @@ def is_leaf(expression: Expression) -> bool:
 
 
 def operands_of(expression: Expression) -> tuple[Expression, ...]:
-    """Return what a conjunction or disjunction joins; of anything else, itself."""
+    """Return the operands of a conjunction or disjunction; of anything else, itself."""
     return expression.operands if isinstance(expression, model.And | model.Or) else (expression,)
 
 

@@ -374,7 +374,7 @@ def corners_of(minimum: float, maximum: float, shapes: Sequence[MembershipFuncti
 
 
 def middle(minimum: float, maximum: float) -> float:
-    """Return what MATLAB's evalfis gives where no rule fires: the middle of the output's range."""
+    """Return MATLAB's answer where no rule fires: the middle of the output's range."""
     return 0.5 * minimum + 0.5 * maximum
 
 

@@ -122,7 +122,7 @@ def _operators(
 
 
 def _take(contents: _Contents, part: Node) -> None:
-    """Take in a part of a function block."""
+    """Add a part of a function block to its contents."""
     kind = str(part.data)
     if kind in {"inputs", "outputs"}:
         for declared in part.children:
@@ -318,7 +318,7 @@ def _ends(shape: MembershipFunction) -> tuple[float, float]:
 
 
 def _number(tree: Node, inputs: Sequence[str], semantics: Semantics) -> MembershipFunction:
-    """Return what a term of an output by COGS or COGF concludes."""
+    """Return the number that a term of an output by COGS or COGF concludes."""
     line = tree.meta.line
     if tree.data == "singleton":
         return model.Constant(_numbers(tree, tree.children)[0])

@@ -186,7 +186,7 @@ class FileBlock:
     listed: list[tuple[int, str]] = field(default_factory=list)
 
     def add(self, line: int, content: str) -> None:
-        """List something; refuse more than any system has, before the rest is read."""
+        """Add to the list; refuse more than any system has, before the rest is read."""
         if len(self.listed) >= MOST_RULES:
             raise ControllerFileError(
                 f"line {line}: the block lists more than {MOST_RULES} rules or terms; make it smaller"
@@ -194,7 +194,7 @@ class FileBlock:
         self.listed.append((line, content))
 
     def set(self, line: int, key: str, value: str) -> None:
-        """Set something; refuse more than any variable has, before the rest is read."""
+        """Store a setting; refuse more than any variable has, before the rest is read."""
         if len(self.settings) >= MOST_SETTINGS:
             raise ControllerFileError(f"line {line}: the block has more than {MOST_SETTINGS} terms")
         self.settings[key] = line, value

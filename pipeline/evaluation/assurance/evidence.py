@@ -162,7 +162,7 @@ def requirement_entry(
 
 
 def _claim(requirement: Requirement) -> dict[str, Any]:
-    """Return what a requirement claims, as plain data."""
+    """Return a requirement's claim as plain data."""
     return {
         **{name: getattr(requirement, name) for name in ("id", "title", "text", "consequence", "severity")},
         "accepted": requirement.accepted or None,

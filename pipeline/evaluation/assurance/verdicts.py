@@ -255,7 +255,7 @@ def verdict(evidence: Evidence) -> MethodResult:
 
 
 def _of_cases(requirement: Requirement, judgement: Judgement) -> MethodResult:
-    """Return what the flights show of a requirement, with the reason in words."""
+    """Judge a requirement by its random flights; return the verdict, with the reason in words."""
     sure = f"with {percent(requirement.confidence)} confidence"
     claim = f"{percent(requirement.probability)} {sure}"
     failed = f"{judgement.num_failed:,} of {judgement.num_cases:,} cases fail"
@@ -278,7 +278,7 @@ def _of_cases(requirement: Requirement, judgement: Judgement) -> MethodResult:
 
 
 def _of_searches(searches: Sequence[WorstCaseSearch]) -> MethodResult:
-    """Return what searches for the worst case show of a requirement, with the reason in words."""
+    """Judge a requirement by searches for its worst case; return the verdict, with the reason in words."""
     flights = f"{sum(len(search.scenarios) for search in searches):,} flights"
     if failed := sum(search.first_failed is not None for search in searches):
         why = f"{failed} of {len(searches)} searches find a case that fails, in {flights}"
@@ -289,7 +289,7 @@ def _of_searches(searches: Sequence[WorstCaseSearch]) -> MethodResult:
 
 
 def _of_bounds(certificates: Sequence[Certificate]) -> MethodResult:
-    """Return what the bounds of the fuzzy systems prove of a requirement, with the reason in words."""
+    """Judge a requirement by bounds of the fuzzy systems; return the verdict, with the reason in words."""
     if not certificates:
         return MethodResult(
             "not shown", "nothing to bound", "the controller has no system that is asked about"
@@ -306,7 +306,7 @@ def _of_bounds(certificates: Sequence[Certificate]) -> MethodResult:
 
 
 def _of_the_layer(requirement: Requirement, proof: SafetyProof) -> MethodResult:
-    """Return what the safety layer's proof shows of a requirement, with the reason in words."""
+    """Judge a requirement by the safety layer's proof; return the verdict, with the reason in words."""
     times = "all samples" if proof.probability == 1.0 else "flights at all times"
     spheres = f"{times} from {proof.keep_out_m:g} to {proof.keep_in_m:g} m"
     if not proof.is_on:
@@ -341,7 +341,7 @@ def _of_the_layer(requirement: Requirement, proof: SafetyProof) -> MethodResult:
 
 
 def _of_a_tube(requirement: Requirement, tube: TubeProof) -> MethodResult:
-    """Return what a tube of all starts proves of a requirement, with the reason in words."""
+    """Judge a requirement by a tube of all starts; return the verdict, with the reason in words."""
     if tube.fault:
         return MethodResult("not shown", "does not apply", tube.fault)
     kept = f"a tube holds {tube.starts}, keeps the limit, and is at the goal after {tube.end_s:g} s"

@@ -182,7 +182,7 @@ Controller = RuleController | OpenLoopController | PlanningController | Regulato
 
 
 def stretches_of(controller: Controller) -> tuple[tuple[int, Controller], ...]:
-    """Return the samples from which a flight has another controller, the first 0, and these controllers."""
+    """Return the samples from which a flight has a new controller, starting at 0, and the controllers."""
     return (0, controller), *(controller.later if isinstance(controller, RuleController) else ())
 
 

@@ -82,7 +82,7 @@ def _geometry(mission: Mission) -> Geometry:
 
 @lru_cache(maxsize=32)
 def _strided(mission: Mission, sample: int, step: int) -> Geometry:
-    """Return the geometry at every so many samples from one on; motion begins there."""
+    """Return the geometry at every `step`-th sample from `sample` on, where motion begins."""
     geometry = _geometry(mission)
     ahead, after = slice(None, mission.num_controls + 1 - sample, step), slice(sample, None, step)
     return geometry._replace(
@@ -170,7 +170,7 @@ class Deputies:
         return min(self.world.max_force, guard.planned_force) if guard.is_on else self.world.max_force
 
     def only(self, flights: Integers) -> "Deputies":
-        """Return the deputies of some indices."""
+        """Return the deputies of these flights alone."""
         left = None if self.left is None else self.left[flights]
         believed, lit = ([of[flight] for flight in flights] for of in (self.believed, self.lit))
         return replace(self, believed=believed, spreads_m=self.spreads_m[flights], lit=lit, left=left)
@@ -219,7 +219,7 @@ class Deputies:
         return [sight_along(*each, radius, half_angle) for each in zip(positions, boresights, strict=True)]
 
     def _outlook(self, flight: int, sight: Floats) -> tuple[Outlook, int]:
-        """Return what prices the plans of a flight, and the number of points that its plan must see."""
+        """Return the quantities that plans of a flight are priced by, and the points that one must see."""
         world, scenario, geometry = self.world, self.believed[flight], _geometry(self.known)
         parts = _strided(self.known, self.sample, self.step)
         is_lit, needed, required = self._points(flight)

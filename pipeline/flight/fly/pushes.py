@@ -78,7 +78,7 @@ class PushSearch:
         return float(self.costs.min())
 
     def distinct(self, count: int, delta_v_per_force: float, step_s: float) -> tuple[Floats, Floats]:
-        """Return the genes and prices of the cheapest plans that clearly differ, at most so many.
+        """Return the genes and prices of up to `count` cheapest plans that clearly differ.
 
         A sample lasts `step_s`.
         """
@@ -162,7 +162,7 @@ def search_pushes(
     generator: np.random.Generator,
     last: Floats | None = None,
 ) -> PushSearch:
-    """Search for the cheapest plan that sees so many points.
+    """Search for the cheapest plan by which a number of points is seen.
 
     The genes of a `last` plan, those of plans near it, and doing nothing are among the first, if it is given.
     """

@@ -172,7 +172,7 @@ class _Ahead:
     lanes: int
 
     def costs(self, known: Mission, drawn: Mission, believed: list[Scenario]) -> Floats:
-        """Return what each tour costs, m/s, shape (m, tours), as the deputies believe to begin.
+        """Return the cost of each tour as the deputies estimate it, m/s, shape (m, tours).
 
         All are flown to the end, like first pushes, see `rehearsed_openings`. With ``rehearsal_draws`` costs
         are means: again and again, the tour that is cheapest so far is flown `NUM_DRAWN` times more, with

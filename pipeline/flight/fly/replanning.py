@@ -192,7 +192,7 @@ class _Choice:
         return PlannedDecision(deputies.sample, num_priced, missed, plans, prices, self.ends[:, 0])
 
     def _held(self, flight: int, num_pushes: int) -> PushSearch | None:
-        """Return what is left of the last plan if it still sees enough, or nearly so, inside the limits."""
+        """Return the rest of the last plan as a search's result, if it is still nearly good enough."""
         outlook, needed = self._outlooks[flight]
         last = self._last(flight, num_pushes)
         if last is None:
@@ -205,7 +205,7 @@ class _Choice:
     def _search(
         self, flight: int, num_pushes: int, efforts: Sequence[Effort], attempt: int = 0
     ) -> PushSearch:
-        """Return the cheapest of some searches."""
+        """Search several times for the cheapest plan of a flight; return the best result."""
         deputies, (outlook, needed) = self._deputies, self._outlooks[flight]
         last = self._last(flight, num_pushes)
         start = deputies.believed[flight]

@@ -160,7 +160,7 @@ def _fly_groups(
 def law_for(
     controller: Controller, mission: Mission, scenarios: list[Scenario], workers: int | None = None
 ) -> Law:
-    """Return what compiled flights from some starts need to know of a controller, with their plans."""
+    """Return a controller's law for compiled flights from some starts, with its plans for them."""
     law, num_controls = law_of(controller, mission), mission.num_controls
     if isinstance(controller, RegulatorController):
         return law._replace(plans=controller.regulator(scenarios))

@@ -245,7 +245,7 @@ class SteppedFlights:
         self.samples[is_resting] = before[is_resting]
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return what makes up these flights: their mission, and the content of all arrays."""
+        """Return the mission and the content of all arrays, for pickling."""
         return {"arguments": (self._mission, len(self.samples), self._is_tilted), "arrays": self._arrays()}
 
     def __setstate__(self, state: dict[str, Any]) -> None:

@@ -103,7 +103,7 @@ def divided(
 def believed(
     flight: ReferenceFlight, command: Floats, thrust: Thrust, sensed_from_true: Rotation, mass: float
 ) -> tuple[Floats, Booleans]:
-    """Return what a command amounts to, as far as thrusters report, and along which axes they fired.
+    """Return the force that thrusters report for a command, and along which axes they fired.
 
     Those of a layout report each force, which is turned with the attitude as it is sensed. A force is that on
     the mass at the start.

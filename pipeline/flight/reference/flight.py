@@ -143,7 +143,7 @@ class ReferenceFlight:
 
     @cached_property
     def is_counted(self) -> Booleans:
-        """Which points must be inspected: in other worlds than the paper's not those that are never lit."""
+        """Which points must be inspected; those that are never lit count in the paper's world only."""
         return np.ones(len(self.points), dtype=np.bool_) if self.is_papers else self.is_inspectable
 
     @cached_property

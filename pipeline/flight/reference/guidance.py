@@ -57,7 +57,7 @@ def squares(vectors: Floats) -> Floats:
 
 
 def first_least(values: Floats) -> int:
-    """Return the index of the least value; among those that tie the first."""
+    """Return the index of the least value, the first of equal ones."""
     chosen = 0
     for i, value in enumerate(values):
         if value < values[chosen] - TIE_M2:

@@ -52,7 +52,7 @@ def start(flight: ReferenceFlight) -> ReferenceState:
 def period(
     flight: ReferenceFlight, k: int, state: ReferenceState
 ) -> tuple[Look, Act | None, ReferenceState | None]:
-    """Return what is seen at a sample, what is done in the control period that follows, and the next state.
+    """Fly a control period; return the look at its sample, the act that follows, and the next state.
 
     The last two are None at the last sample. The given state is left as it is.
     """

@@ -67,7 +67,7 @@ def cheapest_looks(
 def shortfall(
     flight: ReferenceFlight, sample: int, position: Floats, sun: SunAngles
 ) -> tuple[Floats, Floats, Booleans]:
-    """Return what looks from a position lack, m, the way in which that shrinks, and which looks show points.
+    """Return by how much looks from a position fall short, m, the directions that help, and which succeed.
 
     In the paper's world it is height above the horizon. In others it is the larger of the height that the
     incidence limit needs and the excess of range; what shows a point is the camera itself.
