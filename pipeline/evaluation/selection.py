@@ -41,7 +41,7 @@ COLUMNS: Final = (
 )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)  # arrays have no equality
 class Candidate:
     """A controller that a training may hand back.
 
@@ -68,7 +68,7 @@ class Candidate:
         return self.name in (CHAMPION, MEMBER)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)  # arrays have no equality
 class SelectionJudgement:
     """A candidate's flights from validation starts.
 

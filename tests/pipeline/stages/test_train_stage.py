@@ -16,6 +16,7 @@ import pytest
 from fis_tools import file_access
 from fis_tools.formats import serialize
 from pipeline.controllers import source
+from pipeline.evaluation import selection
 from pipeline.flight.control.controller import from_fuzzy
 from pipeline.flight.fly.simulation import fly_all
 from pipeline.run import artifacts, configuration, writing
@@ -255,6 +256,19 @@ def test_the_champion_is_the_best_of_all_generations_on_starts_of_its_own(tmp_pa
         outcomes = fly_all(run.mission, controller, starts)
         mean_cost = costs(outcomes, run.optimizer.penalty.of_round(2), run.mission).mean()
         assert mean_cost == pytest.approx(float(row["cost_m_s"]), rel=1e-9)
+
+
+def test_of_many_champions_the_best_from_few_starts_fly_from_all(tmp_path, monkeypatch):
+    monkeypatch.setattr(selection, "FINALISTS", 3)
+    few = ("optimizer.rounds=3", "optimizer.generations=2", "optimizer.validation_cases=9")
+    run = prepared(tmp_path, "starts.num_cases=4", *few, experiment="train_champion").experiment
+    assert train.run(run, tmp_path) is None
+    with (tmp_path / artifacts.VALIDATION).open() as stream:
+        judged = list(csv.DictReader(stream))
+    rows = [row for row in judged if row["num_cases"] == "9"]
+    assert 3 <= len(rows) <= 5 < len(judged)
+    assert rows[0]["candidate"] == "given"
+    assert (rows[-1]["round"], rows[-1]["generation"]) == ("2", "2")
 
 
 #: searches that lead away from a controller that flies
