@@ -164,7 +164,7 @@ def checked_job(config: DictConfig, settings: Any, folder: Path) -> Job:
 
 def _without_hydra(node: DictConfig) -> DictConfig:
     """Return a configuration without Hydra's own part."""
-    return OmegaConf.masked_copy(node, [str(key) for key in node if key != "hydra"])
+    return OmegaConf.masked_copy(node, [str(key) for key in node if key != HYDRA]) if HYDRA in node else node
 
 
 def plain(node: DictConfig, *, resolve: bool = True) -> dict[str, Any]:
