@@ -22,46 +22,40 @@ class ControllerSettings(Settings, group=FREE):
     """What it is."""
 
 
-class FuzzyFile(ControllerSettings):
+class FuzzyFile(ControllerSettings, kind="file"):
     """A fuzzy controller in a file, perhaps with other constants."""
 
-    kind: Literal["file"] = "file"
     path: Text
     """The file."""
     attributes: dict[str, Any] = field(default_factory=dict, hash=False)
     """Constants instead of the file's."""
 
 
-class ForceTable(ControllerSettings):
+class ForceTable(ControllerSettings, kind="open_loop"):
     """A table of forces that is played."""
 
-    kind: Literal["open_loop"] = "open_loop"
     path: Text
     """The file."""
 
 
-class NetworkFile(ControllerSettings):
+class NetworkFile(ControllerSettings, kind="policy"):
     """A trained network."""
 
-    kind: Literal["policy"] = "policy"
     path: Text
     """The file."""
 
 
-class Coast(ControllerSettings):
+class Coast(ControllerSettings, kind="coast"):
     """No force."""
-
-    kind: Literal["coast"] = "coast"
 
 
 class Planned(ControllerSettings):
     """A controller that computes forces from the state."""
 
 
-class NaturalMotion(Planned):
+class NaturalMotion(Planned, kind="natural_motion"):
     """One burn at the start onto an ellipse of free motion around the chief."""
 
-    kind: Literal["natural_motion"] = "natural_motion"
     points: Count
     """Points to be inspected, for a camera that looks at the chief."""
     margin_m: NotNegative
@@ -95,10 +89,9 @@ class Ring(Planned):
     """How far the swing along the normal is ahead of one that starts at rest."""
 
 
-class Lqr(Ring):
+class Lqr(Ring, kind="lqr"):
     """A linear-quadratic regulator that tracks a ring; errors at their tolerance are weighted equally."""
 
-    kind: Literal["lqr"] = "lqr"
     position_tolerance_m: Positive
     """Error of the position in the orbit plane that weighs one."""
     height_tolerance_m: Positive
@@ -111,10 +104,9 @@ class Lqr(Ring):
     """A component smaller than this is not fired."""
 
 
-class RecedingHorizon(Ring):
+class RecedingHorizon(Ring, kind="receding_horizon"):
     """Model predictive control: solves a linear program repeatedly to reach a ring with minimum fuel."""
 
-    kind: Literal["receding_horizon"] = "receding_horizon"
     first_horizon_s: Positive
     """How far the first solution looks ahead; its end stays until horizon_s is farther."""
     horizon_s: Positive

@@ -42,16 +42,13 @@ class Navigation(Settings, group="navigation"):
     """The truth, or what a Kalman filter makes of fixes."""
 
 
-class PerfectNavigation(Navigation):
+class PerfectNavigation(Navigation, mode="perfect"):
     """The truth."""
 
-    mode: Literal["perfect"] = "perfect"
 
-
-class FilteredNavigation(Navigation):
+class FilteredNavigation(Navigation, mode="fixes"):
     """What a Kalman filter makes of fixes."""
 
-    mode: Literal["fixes"] = "fixes"
     fix_period_s: types.Positive = 10.0
     """Time between two fixes; a multiple of control_period_s."""
     delay_s: types.NotNegative = 0.0
@@ -81,18 +78,16 @@ class FilteredNavigation(Navigation):
     """Standard deviation of the sensed attitude, drawn anew, each axis."""
 
 
-class PositionFixes(FilteredNavigation):
+class PositionFixes(FilteredNavigation, measures="position"):
     """Fixes of the place."""
 
-    measures: Literal["position"] = "position"
     noise_m: types.Positive = 1.0
     """Standard deviation of a fix along each axis."""
 
 
-class RangeBearingFixes(FilteredNavigation):
+class RangeBearingFixes(FilteredNavigation, measures="range_bearing"):
     """Fixes of range and bearing."""
 
-    measures: Literal["range_bearing"] = "range_bearing"
     range_noise_m: types.Positive = 0.1
     """Standard deviation of a range."""
     bearing_noise_deg: Annotated[types.Positive, Field(le=10)] = 0.1
@@ -106,16 +101,13 @@ class Actuators(Settings, group="actuators"):
     """Thrusters that fire as commanded, or with errors."""
 
 
-class IdealActuators(Actuators):
+class IdealActuators(Actuators, kind="ideal"):
     """Thrusters that fire as commanded."""
 
-    kind: Literal["ideal"] = "ideal"
 
-
-class RealActuators(Actuators):
+class RealActuators(Actuators, kind="real"):
     """Thrusters with errors."""
 
-    kind: Literal["real"] = "real"
     delay_s: types.NotNegative = 0.0
     """Time from a command to its force; a multiple of control_period_s."""
     scale_error: Annotated[types.NotNegative, Field(le=1)] = 0.05

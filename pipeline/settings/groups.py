@@ -51,14 +51,15 @@ class Settings(metaclass=SettingsType):
     """A group of settings: its subclasses are frozen dataclasses whose values pydantic checks.
 
     A group whose keys depend on a tag, such as ``navigation.mode``, is a class with variants: subclasses that
-    narrow the tag to one value. Calling the class returns the variant that the values name.
+    are given one value of the tag, as ``class PerfectNavigation(Navigation, mode="perfect")``. Calling the
+    class returns the variant that the values name.
     """
 
     #: of its keys, and the class that the group is entered with
     group: ClassVar[str] = ""
     root: ClassVar[type[Any] | None] = None
 
-    def __init_subclass__(cls, *, group: str | None = None, only: Only | None = None) -> None:
+    def __init_subclass__(cls, *, group: str | None = None, only: Only | None = None, **tags: str) -> None:
         """Make a subclass a dataclass, and enter its keys among those that are known.
 
         Parameters
@@ -68,7 +69,12 @@ class Settings(metaclass=SettingsType):
             is a variant, or holds what others share.
         only : Only, optional
             Where its keys exist, except for those that the condition is about.
+        **tags : str
+            Of a variant, the one value of each of its tags.
         """
+        cls.__annotations__ |= {name: Literal[value] for name, value in tags.items()}
+        for name, value in tags.items():
+            setattr(cls, name, value)
         checked_dataclass(cls, config=CONFIG, frozen=True, kw_only=True)
         if group is not None:
             cls.group, cls.root = group, cls

@@ -32,16 +32,13 @@ class Dynamics(Settings, group="dynamics"):
     """Clohessy and Wiltshire's equations, or two bodies about the Earth."""
 
 
-class ClohessyWiltshire(Dynamics):
+class ClohessyWiltshire(Dynamics, model="cw"):
     """Clohessy and Wiltshire's equations."""
 
-    model: Literal["cw"] = "cw"
 
-
-class TwoBody(Dynamics):
+class TwoBody(Dynamics, model="two_body"):
     """Two bodies about the Earth."""
 
-    model: Literal["two_body"] = "two_body"
     j2: Annotated[types.NotNegative, Field(le=0.02)] = 0.0
     """Coefficient of the Earth's oblateness; 0: a sphere."""
     drag_m_s2: types.Number = 0.0

@@ -143,10 +143,9 @@ class EllipticOrbit(PlanetOrbit):
     """The chief's angle from the perigee at the start."""
 
 
-class MeanMotionOrbit(EllipticOrbit):
+class MeanMotionOrbit(EllipticOrbit, kind="mean_motion"):
     """An orbit of a mean motion."""
 
-    kind: Literal["mean_motion"] = "mean_motion"
     mean_motion_rad_s: Annotated[types.Positive, Field(le=FASTEST_RAD_S)] = 0.0011068
     """Mean motion of the chief."""
     radius_m: Annotated[Length | None, Only(*ABOUT_A_PLANET, "orbit.kind=radius")] = None
@@ -161,10 +160,9 @@ class MeanMotionOrbit(EllipticOrbit):
         return self.lying(size, self.eccentricity, self.true_anomaly_deg)
 
 
-class ElementsOrbit(EllipticOrbit):
+class ElementsOrbit(EllipticOrbit, kind="elements"):
     """An orbit given by Kepler's elements."""
 
-    kind: Literal["elements"] = "elements"
     semi_major_axis_m: Length = 6_878_137.0
     """Semi-major axis."""
 
@@ -174,10 +172,9 @@ class ElementsOrbit(EllipticOrbit):
         return self.lying(self.semi_major_axis_m, self.eccentricity, self.true_anomaly_deg)
 
 
-class RadiusOrbit(PlanetOrbit):
+class RadiusOrbit(PlanetOrbit, kind="radius"):
     """A circle of a radius."""
 
-    kind: Literal["radius"] = "radius"
     radius_m: Length = 6_878_137.0
 
     @property
@@ -186,10 +183,9 @@ class RadiusOrbit(PlanetOrbit):
         return self.lying(self.radius_m)
 
 
-class AltitudeOrbit(OrientedOrbit):
+class AltitudeOrbit(OrientedOrbit, kind="altitude"):
     """A circle at an altitude."""
 
-    kind: Literal["altitude"] = "altitude"
     altitude_m: Length = 500_000.0
     """Altitude of a circular orbit over the Earth's equator."""
 
@@ -199,10 +195,9 @@ class AltitudeOrbit(OrientedOrbit):
         return self.lying(EARTH_RADIUS_M + self.altitude_m)
 
 
-class TwoLineOrbit(OrbitSettings):
+class TwoLineOrbit(OrbitSettings, kind="tle"):
     """The orbit of an element set."""
 
-    kind: Literal["tle"] = "tle"
     tle: Annotated[types.Texts, AfterValidator(_two_lines)] = ()
     """Two lines, of which SGP4 makes the orbit at orbit.epoch; its epoch null: that of the lines."""
 

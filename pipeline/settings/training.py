@@ -72,10 +72,8 @@ class DrawnStarts(Starts):
     """Whether each round of training draws its own."""
 
 
-class OctantStarts(DrawnStarts):
+class OctantStarts(DrawnStarts, kind="octants"):
     """Starts at rest on the octants' diagonals."""
-
-    kind: Literal["octants"] = "octants"
 
     def __post_init__(self) -> None:
         """Check that there are eight at one distance."""
@@ -88,16 +86,13 @@ class OctantStarts(DrawnStarts):
             )
 
 
-class RandomStarts(DrawnStarts):
+class RandomStarts(DrawnStarts, kind="random"):
     """Starts drawn in a shell."""
 
-    kind: Literal["random"] = "random"
 
-
-class StartsOfFile(Starts):
+class StartsOfFile(Starts, kind="file"):
     """The rows of a file."""
 
-    kind: Literal["file"] = "file"
     path: types.Text | None = None
     """The CSV file that the table came from."""
     table: types.Text | None = None
@@ -254,10 +249,9 @@ class Optimizer(Settings, group="optimizer", only=TRAINS):
         return self.initial_step
 
 
-class GeneticAlgorithm(Optimizer):
+class GeneticAlgorithm(Optimizer, algorithm="genetic"):
     """The paper's genetic algorithm: crossover and mutation."""
 
-    algorithm: Literal["genetic"] = "genetic"
     tournament_size: Annotated[types.Count, Field(le=MOST_INDIVIDUALS)] = 4
     """Individuals in a tournament, whose best becomes a parent."""
     crossover_rate: types.Share = 0.8
@@ -288,16 +282,13 @@ class GeneticAlgorithm(Optimizer):
         return 1.0 if self.mutation == "adaptive_feasible" else self.initial_step * self.cooling**round_index
 
 
-class CmaEs(Optimizer):
+class CmaEs(Optimizer, algorithm="cma_es"):
     """CMA-ES: an adapting normal distribution."""
 
-    algorithm: Literal["cma_es"] = "cma_es"
 
-
-class Nsga2(Optimizer):
+class Nsga2(Optimizer, algorithm="nsga2"):
     """NSGA-II: a front of two objectives, near a controller, by crossover and local mutation."""
 
-    algorithm: Literal["nsga2"] = "nsga2"
     crossover_rate: types.Share = 0.3
     """Share of children of two parents."""
     cooling: Annotated[types.Number, Field(ge=0.1, le=1), LOCAL_STEPS] = 1.0
