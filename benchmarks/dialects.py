@@ -27,7 +27,7 @@ import numpy as np
 from benchmarks.rivals import FOLDER, Missing, environment
 from fis_tools.analysis.bounds import output_ranges
 from fis_tools.array_types import Floats
-from fis_tools.engines import interval, trees
+from fis_tools.engines import bounded_trees, interval
 from fis_tools.engines.compiler import compile
 from fis_tools.engines.inference import infer
 from fis_tools.formats import serialize
@@ -343,7 +343,7 @@ def attack_trees(count: int, seed: int) -> int:
             continue
         wired = tree(pair)
         try:
-            program = trees.pack(wired)
+            program = bounded_trees.pack(wired)
         except interval.NotBounded:
             continue
         low, span = np.array([(v.minimum, v.span) for v in wired.inputs]).T
@@ -351,7 +351,7 @@ def attack_trees(count: int, seed: int) -> int:
         sizes = (
             span * generator.uniform(0.0, 0.5, corners.shape) * generator.choice([1.0, 1e-2, 1e-6], (12, 1))
         )
-        least, greatest, _ = trees.bound(program, corners, corners + sizes)
+        least, greatest, _ = bounded_trees.bound(program, corners, corners + sizes)
         for corner, size, below, above in zip(corners, sizes, least, greatest, strict=True):
             answers = compile(wired)(corner + size * generator.uniform(0.0, 1.0, (ROWS, len(span))))
             is_outside = (answers < below) | (answers > above)

@@ -16,7 +16,7 @@ from fis_tools.analysis.branch_and_bound import Progress, Subdivision, subdivide
 from fis_tools.analysis.condition import Condition, Region, linear_bounds, read_conditions, read_region
 from fis_tools.array_types import Floats
 from fis_tools.document import Document, Paragraph, Result
-from fis_tools.engines import trees
+from fis_tools.engines import bounded_trees
 from fis_tools.model import Inferable, Variable
 from fis_tools.words.text import number, quantity
 
@@ -199,7 +199,7 @@ def ask(
         return np.asarray((np.minimum(high - lowest, highest - low) / widths).min(axis=1))
 
     where = read_region(system, region)
-    packed = trees.pack(system)
+    packed = bounded_trees.pack(system)
     limits: dict[str, Any] = {"max_boxes": max_boxes, "max_seconds": max_seconds, "progress": progress}
     search = subdivide(packed, where, promise, floor=0.0, goal=0.0, **limits)
     words = ", ".join(condition.text for condition in conditions)
@@ -207,7 +207,7 @@ def ask(
     answer = partial(answer, conditions=(*where.conditions, *conditions), notes=where.notes)
     if search.best >= 0.0:
         inputs = np.clip(search.best_inputs, where.asked_low, where.asked_high)
-        outputs = trees.evaluate(packed, inputs[np.newaxis])[0]
+        outputs = bounded_trees.evaluate(packed, inputs[np.newaxis])[0]
         return answer("yes", example=_named(system.inputs, inputs) | _named(system.outputs, outputs))
     if not len(search.open_promises):
         return answer("no", refuted_low=search.refuted_low, refuted_high=search.refuted_high)
@@ -253,7 +253,7 @@ def output_ranges(
         As `ask`.
     """
     where = read_region(system, region)
-    packed = trees.pack(system)
+    packed = bounded_trees.pack(system)
     limits: dict[str, Any] = {"max_boxes": max_boxes, "max_seconds": max_seconds, "progress": progress}
     ranges = []
     for index, output in enumerate(system.outputs):

@@ -13,9 +13,9 @@ import numpy as np
 
 from fis_tools.analysis.condition import Region
 from fis_tools.array_types import Floats
-from fis_tools.engines import trees
+from fis_tools.engines import bounded_trees
+from fis_tools.engines.bounded_trees import SMALLEST_VARIATION, TreeProgram
 from fis_tools.engines.program import Program
-from fis_tools.engines.trees import SMALLEST_VARIATION, TreeProgram
 
 #: From least and greatest outputs, (n, num_outputs), to the most that they may be worth, (n,).
 Promise = Callable[[Floats, Floats], Floats]
@@ -75,7 +75,7 @@ def subdivide(
     Parameters
     ----------
     system : Program
-        What `fis_tools.engines.trees.pack` returns.
+        What `fis_tools.engines.bounded_trees.pack` returns.
     region : Region
         Where to search.
     promise : callable
@@ -100,7 +100,7 @@ def subdivide(
     whole: list[tuple[float, Floats, Floats]] = []
     refuted: list[tuple[Floats, Floats]] = []
     while len(low) or waiting:
-        least, greatest, variation = trees.bound(system, low, high)
+        least, greatest, variation = bounded_trees.bound(system, low, high)
         promises = np.nan_to_num(promise(least, greatest), nan=-np.inf)  # no rule fires: nothing is promised
         num_boxes += len(low)
         worth, inputs = _try(system, region, promise, low, high)
@@ -150,7 +150,7 @@ def _try(
     points = points[region.holds(points)]
     if not len(points):
         return -np.inf, region.low
-    outputs = trees.evaluate(system, points)
+    outputs = bounded_trees.evaluate(system, points)
     worth = np.nan_to_num(promise(outputs, outputs), nan=-np.inf)
     best = int(np.argmax(worth))
     return float(worth[best]), points[best]

@@ -14,7 +14,7 @@ from cyclopts import Parameter
 from fis_tools.analysis import flights
 from fis_tools.analysis.flight_data import Period, Points
 from fis_tools.array_types import Floats
-from fis_tools.engines.trees import infer_tree
+from fis_tools.engines.tree_inference import infer_tree
 from fis_tools.errors import Mistake, raised_as, require_known
 from fis_tools.file_access import write_bytes
 from fis_tools.formats import serialize

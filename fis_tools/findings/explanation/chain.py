@@ -11,7 +11,8 @@ from fis_tools.analysis.contribution import contributions
 from fis_tools.array_types import Floats
 from fis_tools.document import Block, Document, Heading, Items, Paragraph, Result, Table
 from fis_tools.engines.compiler import compile
-from fis_tools.engines.trees import CompiledTree, infer_tree
+from fis_tools.engines.tree_inference import infer_tree
+from fis_tools.engines.trees import CompiledTree
 from fis_tools.findings.explanation.flips import flips
 from fis_tools.findings.explanation.one_system import (
     WORTH_TELLING,

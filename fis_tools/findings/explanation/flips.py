@@ -9,7 +9,8 @@ from numpy.typing import ArrayLike
 from fis_tools.array_types import Booleans, Floats
 from fis_tools.engines.compiler import CompiledSystem, compile
 from fis_tools.engines.inference import infer
-from fis_tools.engines.trees import CompiledTree, infer_whole
+from fis_tools.engines.tree_inference import infer_whole
+from fis_tools.engines.trees import CompiledTree
 from fis_tools.model import FuzzySystem, Variable
 
 #: Steps of the search from one point of a universe to the next.

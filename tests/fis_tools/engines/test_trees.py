@@ -9,8 +9,9 @@ import pytest
 
 from fis_tools.analysis.arrays import surface
 from fis_tools.analysis.bounds import ask, output_ranges
-from fis_tools.engines import trees
+from fis_tools.engines import bounded_trees
 from fis_tools.engines.compiler import compile
+from fis_tools.engines.tree_inference import infer_tree
 from fis_tools.errors import ControllerFileError, Mistake
 from fis_tools.findings.difference import difference
 from fis_tools.findings.explanation import explain
@@ -104,17 +105,17 @@ def test_answers_are_those_of_scikit_fuzzy_composed_by_hand() -> None:
     np.testing.assert_allclose(compiled(ROWS)[:, 0], expected, atol=1e-12)
     by_name = compiled({"w": ROWS[:, 2], "u": ROWS[:, 0], "v": ROWS[:, 1]})
     np.testing.assert_array_equal(by_name["y"], compiled(ROWS)[:, 0])
-    steps = [trees.infer_tree(tree(WIRED), row).outputs[0].value for row in ROWS]
+    steps = [infer_tree(tree(WIRED), row).outputs[0].value for row in ROWS]
     np.testing.assert_allclose(steps, expected, atol=1e-12)
 
 
 @pytest.mark.parametrize("semantics", ["scikit-fuzzy", "matlab"])
 def test_bounds_hold(semantics: str) -> None:
     rng, controller = np.random.default_rng(6), wired(semantics)
-    program = trees.pack(tree(controller))
+    program = bounded_trees.pack(tree(controller))
     low = rng.uniform(0.0, 1.0, (40, 3))
     high = low + rng.uniform(0.0, 0.5, low.shape) * rng.choice([1.0, 1e-3], (40, 1))
-    least, greatest, _ = trees.bound(program, low, high)
+    least, greatest, _ = bounded_trees.bound(program, low, high)
     compiled = compile(controller)
     for share in rng.uniform(0.0, 1.0, (40, 1, 3)):
         outputs = compiled(low + share * (high - low))
@@ -161,7 +162,9 @@ def test_a_value_that_is_no_number_ends_the_chain() -> None:
     controller = FuzzyController("gapped", (first, second), wires=(Wire("first/y", "second/y"),))
     answers = compile(controller)(np.array([[0.1], [0.5], [0.9]]))[:, 0]
     np.testing.assert_array_equal(np.isnan(answers), [False, True, False])
-    least, greatest, _ = trees.bound(trees.pack(tree(controller)), np.array([[0.4]]), np.array([[0.6]]))
+    least, greatest, _ = bounded_trees.bound(
+        bounded_trees.pack(tree(controller)), np.array([[0.4]]), np.array([[0.6]])
+    )
     assert np.isnan([least, greatest]).all()
     with pytest.raises(
         ValueError, match="first/y is no number there, and second needs it; give it a default"
