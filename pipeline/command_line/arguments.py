@@ -14,11 +14,8 @@ from pipeline.settings.places import conf_folder
 #: the group that experiments are chosen from
 EXPERIMENT: Final = "experiment"
 #: commands beside experiments, and the modules with functions of their names, which few runs need
-COMMANDS: Final = {
-    **dict.fromkeys(("edit", "export_c"), "commands"),
-    **dict.fromkeys(("summary", "verify"), "results"),
-    "warm": "commands",
-}
+_MODULES = {"commands": ("edit", "export_c", "warm"), "results": ("summary", "verify")}
+COMMANDS: Final = {name: module for module, names in _MODULES.items() for name in names}
 #: options of Hydra that this program lacks, and why
 REFUSED: Final = {
     "--config-path": "would replace our configuration; add to it with --config-dir",
@@ -102,7 +99,7 @@ def parse_arguments(arguments: Sequence[str]) -> CommandLine:
     """
     first = arguments[0] if arguments else ""
     if first and first[0] not in "+-~" and "=" not in first:
-        *names, last = COMMANDS
+        *names, last = sorted(COMMANDS)
         raise ConfigError(
             f"there is no subcommand {first} (there are {', '.join(names)} and {last}); an "
             "experiment is started with +experiment=NAME and settings with key=value, see python -m pipeline "

@@ -32,3 +32,11 @@ def test_what_is_chosen_exists_and_help_says_it(ran):
         controller = serialize.load(conf_folder() / "controller" / f"{name}.yaml")
         assert int(num_rules) == sum(len(system.rules) for system in controller.systems)
         assert (conf_folder() / "world" / f"{world}.yaml").is_file()
+
+
+def test_the_prices_of_campaigns_are_those_of_every_champion():
+    page = (DOCS / "how-to/fly-a-campaign.md").read_text(encoding="utf-8")
+    rows = [re.findall(r"`(\w+)`", row.split("|")[1]) for row in page.splitlines() if row.startswith("| `")]
+    # a name that begins with _ ends one that begins like the first
+    priced = {name if name[0] != "_" else names[0] + name for names in rows for name in names}
+    assert priced >= {path.stem for path in (conf_folder() / "controller").glob("*champion*.yaml")}
