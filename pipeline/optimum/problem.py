@@ -185,7 +185,7 @@ def flown(problem: PlanningProblem, forces: Floats) -> FlightLog:
 def seen_as(problem: PlanningProblem, log: FlightLog) -> PlanningProblem:
     """Return the problem with the camera's pointing taken from a flight."""
     axes = seen_from_hill(log.quaternion_b_from_h, np.array(problem.mission.sensor.boresight))
-    radius, half_angle = problem.radius, problem.mission.sensor.half_angle_deg
+    radius, half_angle = problem.radius, problem.mission.sensor.narrowest_deg
     return replace(problem, sight=sight_along(log.position_m, axes, radius, half_angle))
 
 

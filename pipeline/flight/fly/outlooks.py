@@ -208,7 +208,7 @@ class Deputies:
     def _sights(self) -> Sequence[Floats]:
         """Return the distances from which each camera covers all, (K+1 - sample,), coasting from here."""
         count, num_samples = len(self.believed), self.world.num_controls + 1 - self.sample
-        radius, half_angle = _geometry(self.known).radius, self.known.sensor.half_angle_deg
+        radius, half_angle = _geometry(self.known).radius, self.known.sensor.narrowest_deg
         if self.known.attitude.mode == "ideal":
             inward = np.tile([1.0, 0.0, 0.0], (num_samples, 1))
             return [sight_along(-inward, inward, radius, half_angle)] * count

@@ -182,10 +182,13 @@ def law_for(
 
 def check_flown_ahead(mission: Mission, controller: Controller) -> None:
     """Raise ControllerError if a controller flies ahead in a mission whose flights are plain Python."""
-    if is_interpreted(mission) and (tour_images(controller) or len(rehearsed_pushes(controller))):
+    if is_interpreted(mission) and (
+        foresees(controller) or tour_images(controller) or len(rehearsed_pushes(controller))
+    ):
         raise ControllerError(
             f"controller {controller.name!r} flies ahead, which guidance.engine=sklearn is too slow for; "
-            "choose guidance.engine=compiled, or leave rehearsal_reach_m_s and rehearsal_tours out"
+            "choose guidance.engine=compiled, or leave foresight_pushes, rehearsal_reach_m_s and "
+            "rehearsal_tours out"
         )
 
 

@@ -8,6 +8,7 @@ import pytest
 from fis_tools.compiled.decorator import plainly
 from fis_tools.engines.kernel import LANES
 from fis_tools.formats import serialize
+from fis_tools.formats.c import source as c_source
 from pipeline.flight.cases.starts import cases_of
 from pipeline.flight.control.controller import ControllerError, from_fuzzy, open_loop
 from pipeline.flight.control.law import law_of
@@ -22,6 +23,7 @@ from pipeline.flight.fly.simulation import fly_all, fly_logged
 from pipeline.flight.reference.plans import price
 from pipeline.flight.state.log import REHEARSED as CHOSEN_AHEAD
 from pipeline.flight.world.pack import pack_world
+from pipeline.proof.verdict import NotProvable, system_of
 from tests.fis_tools.sample_controllers import SHIPPED
 from tests.pipeline.flight.as_written import assert_as_written
 from tests.pipeline.flight.cases import SEEING, mission, random_starts, with_attributes
@@ -231,6 +233,22 @@ def test_after_its_plan_a_shipped_controller_is_that_of_its_rules(name):
     assert not replanning.foresees(finishing(controller))
     assert not replanning.foresees(rehearsing(controller))
     assert finishing(controller).systems == rehearsing(controller).systems == controller.systems
+
+
+@pytest.mark.parametrize("name", PLANNING)
+def test_what_does_not_plan_refuses_a_shipped_controller_in_a_sentence(name):
+    planning = PLANNING[name]
+    slow = mission(guidance={"kind": "clusters", "engine": "sklearn"})
+    with pytest.raises(ControllerError, match=r"flies ahead, .*; choose .*, or leave foresight_pushes, "):
+        fly_all(slow, planning, STARTS)
+    with pytest.raises(ValueError, match=r"plans its pushes ahead .*; write its rules alone with --bare"):
+        c_source.write(planning.fuzzy)
+    assert "double" in c_source.write(planning.fuzzy, bare=True)
+    docking = SHIPPED_FUZZY["champion_docking"].fuzzy
+    planned = {name: text for name, text in planning.fuzzy.attributes if name.startswith("foresight")}
+    system_of(docking, 0)
+    with pytest.raises(NotProvable, match="no constant but dead bands may be set"):
+        system_of(replace(docking, attributes=(*docking.attributes, *planned.items())), 0)
 
 
 @pytest.mark.parametrize(
