@@ -47,8 +47,8 @@ ROUNDED = 1e-12
 UNITS_OFF = 16
 #: The farthest number of an input, in steps between the points of its universe.
 FARTHEST = 1500.0
-#: Error of scikit-fuzzy's sum over a universe of 101 points, in units in the last place; it may be more.
-#: such samples are inferred by identical arithmetic.
+#: Areas, in steps of the output's universe, below which hardly any digit is left: such samples are inferred
+#: by identical arithmetic.
 FAINTEST = 1e-3
 
 
