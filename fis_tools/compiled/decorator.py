@@ -142,6 +142,7 @@ def sparingly(function: F) -> F:
     is_known = os.environ.get("COMPILE_AT_ONCE") == "1" or not is_compiling()
 
     def call(*args: Any) -> Any:
+        """Call the function, compiled or plain; count the time that it runs plainly."""
         nonlocal is_known
         if is_known:
             return known(*args)

@@ -58,6 +58,7 @@ def _binary(
         return emit(builder, *alike(context, builder, joint_type(*signature.args), args, signature.args))
 
     def lower_threes(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        """Write the operation for each component of three-vectors."""
         components = []
         for axis, wanted in enumerate(signature.return_type.types):
             values = [

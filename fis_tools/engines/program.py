@@ -324,6 +324,7 @@ def _steps(system: model.FuzzySystem) -> tuple[list[tuple[int, int, int]], list[
     steps: dict[tuple[int, int, int], int] = {}
 
     def slot_of(expression: model.Expression, rule: model.Rule) -> int:
+        """Return the slot of a part's degrees, and add the steps that compute them."""
         match expression:
             case model.Is(variable, term):
                 return slots[variable, term]

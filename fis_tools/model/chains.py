@@ -54,6 +54,7 @@ def _inlined(
     and_operators, or_operators = [each.rule.and_operator], [each.rule.or_operator]
 
     def replaced(statement: Is) -> Expression:
+        """Return the antecedents of the rules that conclude a statement, joined by `or`."""
         if statement.variable not in outputs:
             return statement
         sources = concluded.get(statement, [])

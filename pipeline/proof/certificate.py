@@ -269,4 +269,5 @@ def _boxes(content: bytes) -> list[TubeBox]:
 
 
 def _is_box(row: tuple[Any, ...]) -> bool:
+    """Return whether all numbers of a row are doubles of a reasonable size."""
     return all(isinstance(value, float) and abs(value) < MAX_SIZE for value in row)

@@ -90,9 +90,8 @@ def gather_runs(folder: Path) -> list[SweptRun]:
         return read(folder)
     configs = [schema.present(configuration.read(path)) for path in paths]
     labels = [_labels(config) for config in configs]
-    varied = [
-        key for key in dict.fromkeys(key for values in labels for key in values) if _varies(labels, key)
-    ]
+    keys = dict.fromkeys(key for values in labels for key in values)
+    varied = [key for key in keys if len({values.get(key) for values in labels}) > 1]
     return [
         SweptRun(
             path.relative_to(folder).as_posix(),
@@ -119,10 +118,6 @@ def _labels(config: Mapping[str, Any]) -> dict[str, str]:
         (str(controller[key]) for key in ("path", "name", "kind") if key in controller), ""
     )
     return {keys.FREE: controller_name} | {key: str(value) for key, value in keys.leaves(counted, ())}
-
-
-def _varies(labels: Sequence[Mapping[str, str]], key: str) -> bool:
-    return len({values.get(key) for values in labels}) > 1
 
 
 def read(folder: Path) -> list[SweptRun]:

@@ -64,6 +64,7 @@ def _evolved(experiment: Experiment, folder: Path, genome: Genome, log: Log, poo
     with TrainingProgress(experiment.optimizer) as progress:
 
         def keep(history: Sequence[Generation]) -> None:
+            """Write the history now and then, and show the latest generation."""
             nonlocal due
             if time.monotonic() >= due:
                 write_history(folder, history)

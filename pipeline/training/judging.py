@@ -66,6 +66,7 @@ def fitness_from(
     fly = flights_from(experiment, genome, scenarios, pool)
 
     def evaluate(genomes: Floats) -> dict[str, Floats]:
+        """Fly genomes, (n, num_genes); return the parts of their fitness, (n,) each."""
         outcomes = fly(genomes)
         parts = fitness_parts(outcomes, penalty, experiment.mission)
         if experiment.optimizer.algorithm == "nsga2":

@@ -32,6 +32,7 @@ def with_plain_not(expression: Expression, and_operator: AndOperator, or_operato
     """
 
     def moved(part: Expression, is_negated: bool) -> Expression:
+        """Return a part without `not` before conjunctions and disjunctions, by De Morgan's laws."""
         match part:
             case model.Is() | model.Hedged():
                 return model.Not(part) if is_negated else part
@@ -153,6 +154,7 @@ def on_statements(expression: Expression, and_operator: AndOperator, or_operator
     """
 
     def moved(hedge: Hedge, part: Expression) -> Expression:
+        """Return a part with the hedge moved to each of its statements."""
         if is_leaf(part):
             return model.Hedged(hedge, part)
         match part:

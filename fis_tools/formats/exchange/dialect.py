@@ -198,6 +198,7 @@ def _with_known_hedges(system: FuzzySystem, dialect: Dialect) -> FuzzySystem:
     known = set(HEDGES) if dialect.has_hedges else set()
 
     def expressed(number: int, rule: Rule) -> Rule:
+        """Return a rule whose hedges stand where the format has words for them."""
         if not any(isinstance(part, model.Hedged) for part in model.parts_of(rule.antecedent)):
             return rule
         outside, statement = before(rule.antecedent)
@@ -342,10 +343,10 @@ def without_walls(variable: Variable, membership: MembershipFunction) -> Members
 def input_universe(
     minimum: float, maximum: float, shapes: Sequence[MembershipFunction], fewest: int = INPUT_POINTS
 ) -> Floats:
-    """Choose points on which straight lines are what other programs compute from the formulas of an input.
+    """Choose points between which other programs' formulas of an input become straight lines.
 
-    As many evenly spaced ones as put one on each corner, where some number does; else the corners are added.
-    Where a function jumps there are two points next to each other.
+    They are evenly spaced where some number of points puts one on each corner; else the corners are added.
+    Where a function jumps, two points stand next to each other.
 
     Returns
     -------

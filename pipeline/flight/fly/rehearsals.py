@@ -209,6 +209,7 @@ class _Ahead:
         images = tour_images(self.controller)
 
         def costs_of(tour: int, starts: list[Scenario], flights: Integers) -> Floats:
+            """Return the costs of a tour in each flight, m/s, (m,)."""
             ends = fly_population(
                 *(world, law, images[tour].numbers, cases_of(mission, starts), self.workers),
                 lanes=self.lanes,

@@ -142,6 +142,7 @@ def _fly_groups(
     """Fly groups of cases, each with its own mission and controller, given with the indices of the cases."""
 
     def fly_group(group: tuple[Mission, Controller, list[int]]) -> tuple[list[int], Outcomes]:
+        """Fly the cases of one group, and copy their tracks to their rows."""
         case_mission, controller, flights = group
         group_tracks = None if tracks is None else tracks[flights]
         group_lanes = lanes_of_group(len(groups), len(flights), lanes)

@@ -96,6 +96,7 @@ def with_descriptions(controller: FuzzyController) -> FuzzyController:
     constants = constants_set(controller)
 
     def described(system: FuzzySystem) -> FuzzySystem:
+        """Return a system with the descriptions of its inputs."""
         inputs = [
             replace(variable, description=describe(variable.name, constants))
             if variable.name in SIGNALS and variable.description in {"", *descriptions_of(variable.name)}
