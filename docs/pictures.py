@@ -29,7 +29,7 @@ from pipeline.report.figures.style import save, style
 PROJECT = Path(__file__).resolve().parents[1]
 IMAGES = PROJECT / "docs" / "images"
 HASHES = Path(__file__).with_suffix(".json")
-FIELD = "docs/results/field.md"
+FIELD, RESULTS = "docs/results/field.md", "docs/reference/results.md"
 
 
 def flight(_: Path) -> None:
@@ -62,9 +62,21 @@ def campaign(scratch: Path) -> None:
     keep(scratch / "pictures" / "campaign.png")
 
 
-def comparison(scratch: Path) -> None:
-    """Draw all controllers, delta-v against rate."""
-    keep(run(scratch, "+experiment=reproduce") / "figures" / "comparison.png")
+def comparison(_: Path) -> None:
+    """Draw the tables of all controllers, delta-v against rate."""
+    page, measure = (PROJECT / RESULTS).read_text(encoding="utf-8"), r"([\d.]+) ± ([\d.]+)"
+    row = re.compile(rf"^\| (.+?) \| *\d* *\| {measure}(?: \[.+?\])? \| {measure} \|", re.MULTILINE)
+    panels = []
+    for sun in ("Sun fixed", "Sun anywhere"):
+        table = page.partition(f"| {sun} |")[2].partition("\n\n")[0]
+        marks = [
+            ControllerMark(re.sub(r".*`(\w+)`", r"\1", name), *zip(*[map(float, numbers)] * 2, strict=True))
+            for name, *numbers in row.findall(table)
+        ]
+        panels.append((sun, marks))
+    with style():
+        figure = compared(panels, 95.0)
+    (IMAGES / "comparison.png").write_bytes(save(figure, "comparison", 150).png)
 
 
 def field(_: Path) -> None:
@@ -176,7 +188,7 @@ SOURCES: dict[str, tuple[str, ...]] = {
     "replay": (SCENE, f"{CONTROLLERS}/champion_27.yaml"),
     "satellite": (SCENE, f"{CONTROLLERS}/champion_any_sun.yaml"),
     "campaign": (SCENE, f"{CONTROLLERS}/paper_champion.yaml"),
-    "comparison": (f"{FIGURES}/comparison.py", f"{FIGURES}/style.py", "conf/experiment/reproduce.yaml"),
+    "comparison": (f"{FIGURES}/comparison.py", f"{FIGURES}/style.py", RESULTS),
     "field": (f"{FIGURES}/comparison.py", f"{FIGURES}/style.py", FIELD),
     "front": (f"{FIGURES}/comparison.py", f"{FIGURES}/style.py", "conf/optimizer/front.yaml"),
     "safety": (f"{FIGURES}/trajectories.py", f"{FIGURES}/style.py", f"{CONTROLLERS}/paper_octants.yaml"),

@@ -68,8 +68,12 @@ def compared(
         _draw_marks(ax, marks, styles, threshold)
         ax.set(title=title, xlabel="Δv (m/s)")
     axes[0].set(ylabel="inspection rate (%)")
-    if limits is not None:
-        axes[0].set(xlim=limits[0], ylim=limits[1])
+    if limits is None:
+        every = [mark for _, marks in panels for mark in marks]
+        most = max(mark.delta_v[0] + mark.delta_v[1] for mark in every)
+        greatest = max(100.0 - mark.rate[0] + mark.rate[1] for mark in every)
+        limits = (-0.01, 1.15 * max(most, LINEAR)), (min(1.2 * greatest, 100.0), 0.88 * LEAST_MISSED)
+    axes[0].set(xlim=limits[0], ylim=limits[1])
     for ax, (_, marks) in zip(axes, panels, strict=True):
         _name_marks(ax, marks, figure.dpi)
     return figure
@@ -94,14 +98,10 @@ def _draw_marks(
     ax.set_xticks(TICKS)
     ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     ax.xaxis.set_minor_formatter(NullFormatter())
-    most = max(mark.delta_v[0] + mark.delta_v[1] for mark in marks)
-    ax.set_xlim(-0.01, 1.15 * max(most, LINEAR))
     ax.set_yscale("log")
     ax.set_yticks([100.0 - rate for rate in RATE_TICKS])
     ax.yaxis.set_major_formatter(FuncFormatter(lambda missed, _: f"{100.0 - missed:g}"))
     ax.yaxis.set_minor_formatter(NullFormatter())
-    greatest = max(100.0 - mark.rate[0] + mark.rate[1] for mark in marks)
-    ax.set_ylim(min(1.2 * greatest, 100.0), 0.88 * LEAST_MISSED)
     ax.grid()
     ax.set_axisbelow(True)
 

@@ -123,7 +123,8 @@ def test_controllers_are_told_apart_without_colours():
     assert {face for _, _, face in MARKS[half:]} == {PAPER}
     assert all(is_color_like(colour) for colour, _, _ in MARKS)
     marks = [ControllerMark(f"c{i}", (0.05 * i, 0.05), (80.0 + i, 3.0)) for i in range(len(MARKS))]
-    figure = compared([("one", marks)], 95.0)
+    figure = compared([("one", marks), ("two", marks[:2])], 95.0)
+    assert figure.axes[0].get_xlim()[1] > marks[-1].delta_v[0] + marks[-1].delta_v[1]
     names = figure.axes[0].texts
     assert {text.get_text() for text in names} == {mark.name for mark in marks}
     figure.draw_without_rendering()
