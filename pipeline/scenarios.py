@@ -93,7 +93,7 @@ def training_scenarios(experiment: Experiment, round_index: int = 0) -> list[Sce
 
 
 def hard_candidates(experiment: Experiment, round_index: int) -> list[Scenario]:
-    """Return the starts from which a round of training adds the champion's worst to its own."""
+    """Return starts for a round of training; it also trains on those that the champion flies worst."""
     starts = experiment.starts
     return _drawn(experiment, starts, HARD + round_index, range(starts.hard_from))
 

@@ -74,7 +74,7 @@ class _Signal:
         return self.variable.universe[self.bends].tolist()
 
     def values(self, term: Term) -> list[float]:
-        """Return a row of its table."""
+        """Return a term's memberships at the points of its table."""
         if self.points is not None:
             return memberships_at(self.variable, term, self.points).tolist()
         return sample(self.variable, term)[self.bends].tolist()

@@ -137,7 +137,7 @@ class Deputies:
     world: World = field(init=False)
 
     def __post_init__(self) -> None:
-        """Prepare what they share."""
+        """Pack the mission as the deputies know it, from their sample on, with their safety layer."""
         world = pack_world(self.known)._replace(first=self.sample, guard=guard_of(self.mission))
         object.__setattr__(self, "world", world)
 
