@@ -21,6 +21,7 @@ from pipeline.flight.reference.tour import tour_push
 from pipeline.flight.reference.urgency import turned_aside, urgency
 from pipeline.flight.state.log import FlightLog
 from pipeline.flight.world.pack import pack_world
+from pipeline.recording.foresight import decision_at
 from pipeline.recording.points import parts_of_points, sensed_of_points
 from pipeline.settings.experiment import Mission
 from tests.fis_tools.sample_controllers import SHIPPED
@@ -178,6 +179,7 @@ def test_a_recording_holds_the_plans_that_foresight_chose_among(tmp_path: Path) 
     (event,) = (text for text in recording["/log"]["message"] if text.startswith("planned"))
     assert plan.names[0] in event
     assert plan.names[1] in event
+    assert decision_at(ideal, log, 0) == decision_at(ideal, log, 100) == event
     if min(ahead.costs_m_s) == ahead.costs_m_s[0]:  # it coasts after the plan
         np.testing.assert_allclose(paths[0], log.position_m[::6], rtol=0, atol=0.06)
         assert "coasting follows" in event

@@ -12,6 +12,7 @@ from fis_tools.words.text import sentences
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers import source
 from pipeline.flight.fly.simulation import fly_logged
+from pipeline.flight.state.log import REHEARSED
 from pipeline.recording.firing import delay_of
 from pipeline.recording.recorder import FlightRecorder
 from pipeline.report.contents import ShownFlight
@@ -22,7 +23,10 @@ from tests.browser import serious_violations
 pytestmark = pytest.mark.slow
 
 #: controllers with rules along Hill axes, in worlds that differ in light, motion and chief
-FLOWN = (("champion_27",), ("champion_leo", "world=leo"), ("champion_rso", "world=rso"), ("lqr",))
+FLOWN = (
+    *(("champion_27",), ("champion_27_rehearsed",), ("champion_leo", "world=leo")),
+    *(("champion_rso", "world=rso"), ("lqr",)),
+)
 
 
 @pytest.fixture(scope="module", params=FLOWN, ids=lambda words: words[0])
@@ -82,7 +86,13 @@ def test_a_push_names_the_rule_that_recordings_give_the_largest_share(flown, tmp
             if force and texts[k][axis].startswith("If "):
                 assert texts[k][axis] == f"{words[int(np.argmax(shares * np.sign(force)))]}."
                 num_named += 1
-    assert num_named > 0 or not controller.systems
+    events = recording.topics["/log"]
+    chosen = [text for text in events.columns["message"] if text.startswith(("planned", "rehearsed"))]
+    is_first = np.any(log.force_hill_n[0] != 0.0) and log.command_reason[0, 0] == REHEARSED
+    if is_first:
+        assert texts[0][int(np.abs(log.force_hill_n[0]).argmax())].lower() == f"{chosen[0].lower()}."
+    assert is_first or num_named > 0 or not controller.systems
+    assert is_first == (controller.name == "champion_27_rehearsed")
 
 
 @pytest.mark.parametrize("width", [400, 1400])
