@@ -3,6 +3,13 @@
 ``NUMBA_DISABLE_JIT=1 python -m benchmarks.formulas --mutants 50`` changes an operator or number of a line
 that the C of a controller comes from, or drops a branch, until that many changes showed in a flight. For
 each, the changed Python flies, and the C that is translated from it must command the same, bit for bit.
+
+Two kinds of changes have no flight to compare with, and are counted apart. A formula that leaves its table
+reads what stands beside it, in compiled flights too; in the C tables stand in another order, and here it
+traps. And where a signal or an output is NaN, the C takes zero, by design.
+
+``--without-a-branch`` leaves a branch out of the C instead, one at a time: the comparison must see each that
+a flight takes.
 """
 
 import argparse
@@ -11,13 +18,16 @@ import contextlib
 import importlib
 import os
 import random
+import re
 import resource
 import shutil
+import signal
 import sys
 import tempfile
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from importlib.util import cache_from_source
 from pathlib import Path
 from typing import Any
@@ -28,74 +38,152 @@ from benchmarks.mutants import FORK, mutants_of
 LIBRARIES = ("numpy", "scipy.integrate", "numba", "pyarrow", "pydantic", "hydra", "jinja2")
 #: processor seconds for a mutant
 LIMIT_S = 60
-SHOWN, SILENT, REFUSED, ENDED, NOT_FINITE, DIFFERENT = (
+SHOWN, SILENT, REFUSED, ENDED, NOT_A_NUMBER, OUTSIDE, DIFFERENT = (
     *("changed alike", "no change in this flight", "refused by the translator", "ended before"),
-    *("inference gives NaN, for which plain Python has no one answer", "C and flight DIFFER"),
+    *("a signal or an output is NaN", "reads beyond its table", "C and flight DIFFER"),
+)
+
+
+#: what ends the C where an index leaves its table
+TRAP = ("-fsanitize=bounds", "-fsanitize-undefined-trap-on-error")
+INSIDE = """
+static int inside(int index, int first, int end)
+{
+    if ((index < first) || (index >= end)) {
+        __builtin_trap();
+    }
+    return index;
+}
+"""
+
+
+SEEN, NOT_TAKEN, WITHOUT_EFFECT = (
+    *("left out, C and flight differ", "not taken in this flight"),
+    "left out without effect in this flight",
 )
 
 
 @dataclass(frozen=True)
 class Flown:
-    """A flight, the C's answers to it, and the lines of Python that the C comes from."""
+    """A flight, the C's answers to it, and the lines of Python that the C comes from.
+
+    `branches` are lines of the C at which one is taken, and what follows it without that.
+    """
 
     forces: bytes = b""
     num_different: int = 0
     lines: frozenset[tuple[str, int]] = frozenset()
     ended: str = ""
+    branches: Sequence[tuple[str, str]] = ()
 
 
-def fly(top: Path, words: Sequence[str], queue: Any) -> None:
+def fly(top: Path, words: Sequence[str], num_left_out: int, queue: Any) -> None:
     """Fly the code of a folder, and tell what its C commands."""
     resource.setrlimit(resource.RLIMIT_CPU, (LIMIT_S, LIMIT_S))
     os.chdir(top)
     sys.path.insert(0, str(top))
     with open(os.devnull, "w") as out, contextlib.redirect_stderr(out):
-        queue.put(flown(words))
+        queue.put(flown(words, num_left_out))
 
 
-def flown(words: Sequence[str]) -> Flown:
+def flown(words: Sequence[str], num_left_out: int) -> Flown:
     """Return what a flight and its C command, by the code that is first on the path."""
     import numpy as np  # noqa: PLC0415 - imported before, and of the changed code:
 
+    from fis_tools.compiled.vectors import ROW  # noqa: PLC0415
     from pipeline.command_line.config import compose_experiment  # noqa: PLC0415
     from pipeline.controllers.source import load  # noqa: PLC0415
-    from pipeline.flight.fly.simulation import fly_logged  # noqa: PLC0415
-    from pipeline.onboard.program import translate  # noqa: PLC0415
+    from pipeline.flight.fly import simulation  # noqa: PLC0415
+    from pipeline.onboard import program as programs  # noqa: PLC0415
     from pipeline.onboard.recorded import Library, differing, recorded  # noqa: PLC0415
     from pipeline.onboard.source import sources  # noqa: PLC0415
-    from pipeline.onboard.values import TranslationError  # noqa: PLC0415
+    from pipeline.onboard.values import Expression, TranslationError  # noqa: PLC0415
     from pipeline.scenarios import evaluation_scenarios  # noqa: PLC0415
 
+    class CheckedValues(programs.Values):
+        """A controller's values, of which the C reads none beyond the table that it reads from."""
+
+        def at(self, translator: Any, index: Any) -> Any:
+            for row in self._rows if isinstance(index, Expression) else ():
+                if row.first <= index.offset < row.end:
+                    # of a term, a whole row of points is read, and those beyond its peak are not used
+                    more = ROW if row.step > 1 else 0
+                    text = f"inside({index.text}, {row.first - more}, {row.end + more})"
+                    return super().at(translator, Expression(text, "int", offset=index.offset))
+            return super().at(translator, index)
+
+    programs.Values = CheckedValues  # type: ignore[misc]
+    # as on board; beside a flight, a changed formula would see lanes that are empty
+    for name in ("make_state", "make_workspace"):
+        setattr(simulation, name, partial(getattr(simulation, name), lanes=1))
     try:
         job = compose_experiment(["+experiment=evaluate", *words])
         mission = job.experiment.mission
         controller = load(job.config["controller"], mission)
         start = evaluation_scenarios(job.experiment, slice(1))[0]
-        log = fly_logged(mission, controller, start, is_one_of_many=True)
-        program = translate(mission, controller)
+        log = simulation.fly_logged(mission, controller, start, is_one_of_many=True)
+        program = programs.translate(mission, controller)
     except TranslationError:
         return Flown(ended=REFUSED)
     except Exception as error:  # noqa: BLE001 - whatever a changed formula brings about
         return Flown(ended=f"{ENDED}: {type(error).__name__}")
-    source = sources(program)
+    for numbers in (log.fis_input, log.fis_output_n, log.force_commanded_n):
+        if np.isnan(numbers).any():
+            return Flown(ended=NOT_A_NUMBER)
+    source, flight = sources(program), recorded(program, start, log)
+    code = source.code.replace("#include <stdbool.h>\n", "#include <stdbool.h>\n" + INSIDE, 1)
+
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
         (folder / "controller.h").write_text(source.header, encoding="utf-8")
-        (folder / "controller.c").write_text(source.code, encoding="utf-8")
-        library = Library(folder, flags=("-std=c99", "-O0", "-ffp-contract=off"))
-        answers = library.answers(recorded(program, start, log))
-    lines = frozenset((file, line) for _, file, line in source.origins)
-    if not (np.isfinite(log.fis_output_n[log.is_decided]).all() and np.isfinite(log.force_commanded_n).all()):
-        return Flown(ended=NOT_FINITE)
-    return Flown(log.force_commanded_n.tobytes(), len(differing(answers, log)), lines)
+
+        def num_different(text: str) -> int:
+            (folder / "controller.c").write_text(text, encoding="utf-8")
+            library = Library(folder, flags=("-std=c99", "-O0", "-ffp-contract=off", *TRAP))
+            return len(differing(library.answers(flight), log))
+
+        lines = frozenset((file, line) for _, file, line in source.origins)
+        result = num_different(code)
+        branches = [
+            (branch, _seen(num_different, taken, without))
+            for branch, taken, without in left_out(code, source.origins, num_left_out)
+        ]
+    return Flown(log.force_commanded_n.tobytes(), result, lines, branches=branches)
 
 
-def in_a_child(top: Path, words: Sequence[str]) -> Flown:
-    """Return what is flown in a process of its own."""
-    queue = FORK.SimpleQueue()
-    child = FORK.Process(target=fly, args=(top, words, queue))
+def left_out(code: str, origins: Any, count: int) -> Iterator[tuple[str, str, str]]:
+    """Return branches of the translated C: the line, and the C in which taking it traps, and without it."""
+    lines, first = code.split("\n"), INSIDE.count("\n")
+    translated = sorted({number + first for number, _, _ in origins})
+    ifs = [n for n in translated if re.fullmatch(r" +if \(.*\) \{", lines[n - 1])]
+    for number in random.Random(1).sample(ifs, min(count, len(ifs))):  # noqa: S311 - the same each time
+        line = lines[number - 1]
+        taken, without = f"{line} __builtin_trap();", re.sub(r"if \(.*\)", "if (false)", line)
+        before, after = "\n".join(lines[: number - 1]), "\n".join(lines[number:])
+        yield (
+            f"controller.c:{number - first}: {line.strip()}",
+            *(f"{before}\n{each}\n{after}" for each in (taken, without)),
+        )
+
+
+def _seen(num_different: Callable[[str], int], taken: str, without: str) -> str:
+    """Return whether a flight takes a branch, and the comparison sees that it is left out."""
+    child = FORK.Process(target=num_different, args=(taken,))
     child.start()
     child.join()
+    if child.exitcode != -signal.SIGILL:
+        return NOT_TAKEN
+    return SEEN if num_different(without) else WITHOUT_EFFECT
+
+
+def in_a_child(top: Path, words: Sequence[str], num_left_out: int = 0) -> Flown:
+    """Return what is flown in a process of its own."""
+    queue = FORK.SimpleQueue()
+    child = FORK.Process(target=fly, args=(top, words, num_left_out, queue))
+    child.start()
+    child.join()
+    if child.exitcode == -signal.SIGILL:
+        return Flown(ended=OUTSIDE)
     return Flown(ended=f"{ENDED}: time or memory") if queue.empty() else queue.get()  # type: ignore[no-any-return]
 
 
@@ -153,6 +241,7 @@ def main() -> int:
     """Print a line for each change, and how many showed in flight and C alike."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.formulas", description=__doc__)
     parser.add_argument("--mutants", type=int, default=50)
+    parser.add_argument("--without-a-branch", type=int, default=0, metavar="NUMBER")
     parser.add_argument("words", nargs="*", default=["controller=champion_27", "duration_s=1200"])
     options = parser.parse_args()
     for library in LIBRARIES:
@@ -163,11 +252,14 @@ def main() -> int:
         shutil.copytree(
             Path.cwd(), top, ignore=shutil.ignore_patterns(".git", "build", "__pycache__", "tests")
         )
-        intact = in_a_child(top, options.words)
+        intact = in_a_child(top, options.words, options.without_a_branch)
         if intact.ended or intact.num_different:
             raise RuntimeError(f"without a change: {intact.ended or DIFFERENT}")
+        for branch, result in intact.branches:
+            counts[result] += 1
+            sys.stdout.write(f"{branch}: {result}\n")
         draw = random.Random(1)  # noqa: S311 - the same each time
-        for mutant in candidates(top, intact.lines, draw):
+        for mutant in candidates(top, intact.lines, draw) if options.mutants else ():
             result = verdict(top, mutant, options.words, intact)
             counts[result] += 1
             where = f"{mutant['path']}:{mutant['number']}"

@@ -51,7 +51,7 @@ def changed(node: Any, draw: random.Random) -> str | None:
         node.ops[0] = new
     else:
         node.op = new
-    return f"({ast.unparse(node)})"
+    return ast.unparse(node) if isinstance(node, ast.stmt) else f"({ast.unparse(node)})"
 
 
 def mutants_of(top: Path, path: Path, draw: random.Random) -> list[dict[str, Any]]:

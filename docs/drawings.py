@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from docs import flown_drawings, mission_drawing
+from docs import flown_drawings, mission_drawing, onboard_drawing
 from docs.drawing import Drawing
 from fis_tools.compiled.decorator import plainly
 from pipeline.command_line.config import compose_experiment
@@ -273,7 +273,10 @@ TOP_M, END_MIN = 80.0, 15.0
 STOPPED, STOPPED_CASE = "lqr", 369
 DRAWINGS: dict[str, Callable[[], Drawing]] = {
     each.__name__: each
-    for each in (motion, aim, axes, light, tour, stop, *flown_drawings.DRAWINGS, mission_drawing.missions)
+    for each in (
+        *(motion, aim, axes, light, tour, stop, *flown_drawings.DRAWINGS),
+        *(mission_drawing.missions, onboard_drawing.way_to_c),
+    )
 }
 
 

@@ -26,6 +26,7 @@ WRAPPERS = (
     *("README.md", "fprime/Controller.fpp", "fprime/Controller.hpp", "fprime/Controller.cpp"),
     *("cfs/inspection_app.c", "cfs/inspection_msgids.h"),
     *("basilisk/inspectionController.c", "basilisk/inspectionController.h", "simulink/controller_sfun.c"),
+    *("basilisk/inspectionController.i", "basilisk/CMakeLists.txt"),
     *("fmi/fmi.c", "fmi/modelDescription2.xml", "fmi/modelDescription3.xml", "fmi/build.sh"),
 )
 

@@ -146,7 +146,7 @@ def _whole(_: Translator, value: Any) -> Any:
         return value
     if value.kind == "bool":
         return Expression(f"({value.text} ? 1 : 0)", "int", range=(0, 1))
-    return Expression(f"(int){value.text}", "int")
+    return Expression(f"(int){value.text}", "int", range=value.range)
 
 
 def _power_of_two(_: Translator, exponent: Any) -> Any:

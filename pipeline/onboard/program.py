@@ -20,8 +20,9 @@ from pipeline.flight.period.act.safety import MOST_CUTS, assure
 from pipeline.flight.period.decide.thrust import command_given
 from pipeline.flight.period.decide.urgency import note_deadlines
 from pipeline.flight.period.look import optics as look_optics
+from pipeline.flight.period.look.guidance import num_clusters
 from pipeline.flight.period.look.optics import Beam, Eye
-from pipeline.flight.period.look.sight import inspect
+from pipeline.flight.period.look.sight import choose_cluster, inspect
 from pipeline.flight.state.arrays import Beyond, Control, FlightState, Law, Moment, Workspace, World
 from pipeline.flight.state.signals import CONSTANTS, SETTING, URGENCY
 from pipeline.flight.world.pack import pack_world
@@ -42,8 +43,8 @@ CHANGEABLE = tuple(
 OF_TARGET = frozenset(
     {*("lambda_u", "eta_u", "target_setting"), *("target_radial", "target_along_track", "target_cross_track")}
 )
-#: arrays into which only finite numbers are written, else zero: what inference is given, the force, and the
-#: safety layer's half-spaces and multipliers
+#: arrays into which only finite numbers are written, zero for NaN: what inference is given, the force, and
+#: the safety layer's half-spaces and multipliers
 GUARDED = frozenset({"scratch_inputs", "commanded", "cuts", "zeros"})
 
 
@@ -226,6 +227,7 @@ def bounds(world: World) -> dict[tuple[str, str], Any]:
         ("grid_sums", "rank"): lambda names: int(names["system"].output_terms),
         ("cut_terms", "rule"): lambda names: int(names["rules"].at(names["bounds"] + names["terms"]).known),
         ("neighbours", "other"): lambda names: 2 * 16,
+        ("choose_cluster", "filled"): lambda names: world.points.shape[2] - 1,
         ("crossing_triangles", "flank"): lambda names: 2 * int(names["terms"]),
     }
 
@@ -236,16 +238,17 @@ def translate(mission: Mission, controller: Controller) -> OnboardProgram:
     Raises
     ------
     NotTranslatableError
-        If it has no rules, its mission's targets are clusters, or something has no translation.
+        If it has no rules, senses what is not known on board, or something has no translation.
     """
     if not isinstance(controller, RuleController):
         raise NotTranslatableError(f"{controller.name!r} has no rules; choose a controller that has")
     world, law = pack_world(mission), law_of(controller, mission)
     sensed = {variable.name for system in controller.systems for variable in system.inputs}
-    if world.has_clusters and sensed & OF_TARGET:
+    has_clusters = world.has_clusters and bool(sensed & OF_TARGET)
+    if has_clusters and mission.navigation.mode != "perfect":
         raise NotTranslatableError(
-            f"{controller.name!r} senses the nearest cluster of points, which is found by a loop without a "
-            "constant bound; set guidance.kind=centroid"
+            f"{controller.name!r} senses the cluster nearest to where the deputy truly is, which is not "
+            "known on board; set navigation=perfect or guidance.kind=centroid"
         )
     numbers, optics = controller.numbers, optics_in_use(world, 0.0)
     images = dict(zip(tour_names(controller), tour_images(controller), strict=False))
@@ -257,7 +260,10 @@ def translate(mission: Mission, controller: Controller) -> OnboardProgram:
         kernel.infer: _infer_and_note,
         elementary.exponential: _exponential,
     }
-    translator = Translator(Setting(operations, bounds=bounds(world), unrolled=UNROLLED, guarded=GUARDED))
+    ranges = {"num_candidates": (0, world.num_points), "num_centres": (0, num_clusters(world.num_points))}
+    translator = Translator(
+        Setting(operations, bounds=bounds(world), unrolled=UNROLLED, ranges=ranges, guarded=GUARDED)
+    )
     now, work = moment(translator, world)
     control = Control(law, parameters, numbers.rules[0])  # type: ignore[arg-type]
     if law.needs & (URGENCY | SETTING):
@@ -276,6 +282,9 @@ def translate(mission: Mission, controller: Controller) -> OnboardProgram:
             },
             {look_optics.eye_at: without_camera},
         )
+    if has_clusters:
+        given = {"now": now, "lane": 0, "candidate": work.candidate, "work": work}
+        translator.write("choose_cluster", choose_cluster, given)
     pushes = True if law.needs & SETTING else None
     arguments = {"now": now, "work": work, "optics": optics, "pushes": pushes, "control": control}
     translator.write("decide", steps.decide, arguments)
@@ -292,7 +301,13 @@ def translate(mission: Mission, controller: Controller) -> OnboardProgram:
 
 def moment(translator: Translator, world: World) -> tuple[Moment, Any]:
     """Return a flight at a sample that is known on board, as deputies know it, and its workspace."""
-    sizes = {"L": 1, "P": world.points.shape[2], "C": 1, "S": world.num_attitude_steps, "cuts": MOST_CUTS}
+    sizes = {
+        "L": 1,
+        "P": world.points.shape[2],
+        "C": num_clusters(world.num_points),
+        "S": world.num_attitude_steps,
+        "cuts": MOST_CUTS,
+    }
     scratch = record_of(translator, "scratch_", {**kernel.SCRATCH, "cut_terms": (2 * packing.MAX_TERMS,)})
     state = Fields(translator, FlightState, sizes)
     state._others["truth"] = state.belief

@@ -14,7 +14,7 @@ from fis_tools.model import conjunctions
 from fis_tools.model.thrust import LOGIC_REASONS, REASONS, SILENT_N
 from fis_tools.words.text import sentence
 from pipeline.flight.state.log import LEAST_CHANGE_N
-from pipeline.flight.state.signals import AXES, BODY, CONSTANTS
+from pipeline.flight.state.signals import BODY, CONSTANTS
 from pipeline.onboard.program import OnboardProgram
 from pipeline.onboard.values import Array, bare, number_text
 from pipeline.onboard.writer import Function, Line, pruned
@@ -109,7 +109,6 @@ def _facts(program: OnboardProgram, members: Mapping[str, Any], functions: set[s
     systems = program.controller.systems
     orders = [_rule_order(system) for system in systems]
     longest = max(map(len, orders), default=0)
-    bands = (f"dead_band_{component}_n" for component in AXES)
     reach = REACH * world.max_distance
     return {
         "name": program.controller.name,
@@ -122,7 +121,6 @@ def _facts(program: OnboardProgram, members: Mapping[str, Any], functions: set[s
         "rows": [[row[name] for name in parameters] or [0.0] for _, row in program.choices],
         "rule_order": [[*order, *[0] * (longest - len(order))] for order in orders],
         "systems": [int(axis) for axis in law.axes],
-        "dead_bands": [f"state->parameters.{name}" if name in parameters else "0.0" for name in bands],
         "limits": "0 none, 1 keep out, 2 keep in, 3 speed, 4 passive safety",
         "reasons": {reason: REASONS[reason] for reason in (*LOGIC_REASONS, "safety", "rehearsed")},
         "changed_n": LEAST_CHANGE_N,

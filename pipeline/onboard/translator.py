@@ -11,14 +11,15 @@ Every kind of statement and of operation that is not handled is refused, with fi
 import ast
 import inspect
 import textwrap
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from fis_tools.compiled.vectors import Three
 from pipeline.onboard import statements
-from pipeline.onboard.expressions import OPERATORS, Expressions
+from pipeline.onboard.expressions import OPERATORS
+from pipeline.onboard.loops import Loops
 from pipeline.onboard.values import (
     C_TYPES,
     Accumulator,
@@ -35,21 +36,10 @@ from pipeline.onboard.values import (
     range_of,
     text_of,
 )
-from pipeline.onboard.writer import (
-    MOST_UNROLLED,
-    PROJECT,
-    Frame,
-    Function,
-    FunctionSource,
-    Line,
-    Loop,
-    pruned,
-)
-
-UNBOUNDED = "a loop without a constant bound; declare one for"
+from pipeline.onboard.writer import PROJECT, Frame, Function, FunctionSource, Line, pruned
 
 
-class Translator(Expressions):
+class Translator(Loops):
     """Writes functions of C by walking those of Python."""
 
     def source(self, function: Any) -> FunctionSource:
@@ -80,9 +70,10 @@ class Translator(Expressions):
             for leaf in leaves(tuple(names.values()))
         )
         if not (is_inline or is_local or function in self._inlined or self.function.lane):
-            name, count = function.__name__, 2
+            plain = function.__name__.lstrip("_")
+            name, count = plain, 2
             while name in self._names:
-                name, count = f"{function.__name__}_{count}", count + 1
+                name, count = f"{plain}_{count}", count + 1
             kept = len(self.functions), dict(self.members), dict(self.tables), len(self.loops)
             try:
                 return self._called(name, function, names)
@@ -168,7 +159,7 @@ class Translator(Expressions):
         self.emit(f"return {bare(text_of(result, c_type))};")
         return c_type
 
-    def block(self, body: Any, frame: Frame) -> Any:
+    def block(self, body: Sequence[ast.stmt], frame: Frame) -> Any:
         """Write statements; return what they return."""
         for statement in body:
             write = getattr(self, f"_write_{type(statement).__name__.lower()}", None)
@@ -196,14 +187,15 @@ class Translator(Expressions):
 
     def _write_annassign(self, statement: ast.AnnAssign, frame: Frame) -> None:
         if statement.value is not None:
-            self._bind(statement.target, self.value(statement.value, frame), frame)
+            self.bind(statement.target, self.value(statement.value, frame), frame)
 
     def _write_assign(self, statement: ast.Assign, frame: Frame) -> None:
         value = self.value(statement.value, frame)
         for target in statement.targets:
-            self._bind(target, value, frame)
+            self.bind(target, value, frame)
 
-    def _bind(self, target: ast.expr, value: Any, frame: Frame) -> None:
+    def bind(self, target: ast.expr, value: Any, frame: Frame) -> None:
+        """Bind names, or write into arrays."""
         if isinstance(target, ast.Name):
             self.assign(frame, target.id, value)
         elif isinstance(target, ast.Tuple):
@@ -218,7 +210,9 @@ class Translator(Expressions):
                     for item, part in zip(items, target.elts, strict=True)
                 ]
             for part, item in zip(target.elts, items, strict=True):
-                self._bind(part, item, frame)
+                self.bind(part, item, frame)
+        elif isinstance(target, ast.Subscript) and _ends_in_slice(target.slice):
+            self.fill(self.value(target.value, frame), target.slice, value, frame)
         elif isinstance(target, ast.Subscript):
             self.put(self.value(target.value, frame), self._key(target.slice, frame), value)
         else:
@@ -233,12 +227,22 @@ class Translator(Expressions):
         else:
             raise TranslationError(f"{type(target).__name__} as a target")
         change = self.value(statement.value, frame)
+        if isinstance(change, Expression) and change.kind == "bool" and isinstance(statement.op, ast.Add):
+            runs, mask = self.function.runs, change.text
+            change = Expression(f"({mask} ? 1 : 0)", "int", range=(0, runs), mask=mask)
         if isinstance(change, Expression) and change.mask:
             self._count(statement, target, before, change, frame)
             return
+        most = self.setting.bounds.get((frame.source.name, getattr(target, "id", "")))
+        if most is not None:
+            self.emit(f"if ({before.text} < {most(frame.names)}) {{")
+            self.function.depth += 1
         if isinstance(change, LaneConstant):
             change = float(change)
-        self._bind(target, self._combined(OPERATORS[type(statement.op)], before, change), frame)
+        self.bind(target, self._combined(OPERATORS[type(statement.op)], before, change), frame)
+        if most is not None:
+            self.function.depth -= 1
+            self.emit("}")
 
     def _count(
         self, statement: ast.AugAssign, target: ast.expr, before: Any, change: Expression, frame: Frame
@@ -326,117 +330,13 @@ class Translator(Expressions):
         self.function.lines, self.function.depth = kept, self.function.depth - 1
         return Expression(variable, kind, True, span)
 
-    def _write_for(self, statement: ast.For, frame: Frame) -> None:
-        if statement.orelse:
-            raise TranslationError("else of a loop")
-        body = statements.without_jumps(statement.body, ast.Continue)
-        if not (isinstance(statement.iter, ast.Call) and _is_range(statement.iter)):
-            items = self.value(statement.iter, frame)
-            if isinstance(items, Array):
-                items = [self.element(items, index) for index in range(items.shape[0])]
-            if statements.has_break(body):
-                raise TranslationError("break in a loop that is written out")
-            for item in items:
-                self._bind(statement.target, item, frame)
-                self._body(body, frame)
-            return
-        if not isinstance(statement.target, ast.Name):
-            raise TranslationError("a range of several names")
-        first, end, step, is_lanes = self._range(statement.iter.args, frame)
-        name = statement.target.id
-        is_known_range = not any(isinstance(item, Expression) for item in (first, end, step))
-        count = len(range(first, end, step)) if is_known_range else None
-        is_short = count is not None and (
-            count <= MOST_UNROLLED or (frame.source.name, name) in self.setting.unrolled
-        )
-        if is_short and not is_lanes and not statements.has_break(body):
-            for number in range(first, end, step):
-                frame.names[name] = number
-                frame.variables.pop(name, None)
-                self._body(body, frame)
-            return
-        self._loop(statement, body, frame, (first, end, step), is_lanes)
-
-    def _range(self, bounds: list[ast.expr], frame: Frame) -> tuple[Any, Any, Any, bool]:
-        items = [self.value(item, frame) for item in bounds]
-        first, end, step = (0, items[0], 1) if len(items) == 1 else (*items, 1)[:3]
-        last = bounds[-1]
-        is_lanes = len(items) == 3 and isinstance(last, ast.Name) and last.id == "POINTS"
-        return first, end, 1 if is_lanes else step, is_lanes
-
-    def _loop(
-        self,
-        statement: ast.For,
-        body: list[ast.stmt],
-        frame: Frame,
-        bounds: tuple[Any, Any, Any],
-        is_lanes: bool,
-    ) -> None:
-        name = getattr(statement.target, "id", "")
-        first, end, step = (self.stable(item, "end") for item in bounds)
-        if isinstance(step, Expression) or step == 0:
-            raise TranslationError("a step that is not known")
-        for other in sorted((statements.assigned_names(body) - {name}) & frame.names.keys()):
-            self.make_variable(frame, other)
-        counter = self.fresh("i" if name == "_" else name)
-        least, most = range_of(first), range_of(end)
-        declared = self.setting.bounds.get((frame.source.name, name))
-        condition = f"{counter} {'<' if step > 0 else '>'} {text_of(end, 'int')}"
-        if step < 0 and (isinstance(first, Expression) or isinstance(end, Expression)):
-            raise TranslationError("a loop downwards that is not known")
-        if declared is not None:
-            limit = declared(frame.names)
-            condition = f"({condition}) && ({counter} < {limit})"
-            most = (0, limit)
-        elif isinstance(end, Expression) and most is not None:
-            condition = f"({condition}) && ({counter} < {most[1]})"
-        if least is None or most is None:
-            raise TranslationError(f"{UNBOUNDED} ({frame.source.name}, {name})")
-        span = (least[0], max(most[1] - 1, least[0])) if step > 0 else (most[0] + 1, least[1])
-        runs = len(range(least[0], most[1], step)) if step > 0 else len(range(least[1], most[0], step))
-        self.loops.append(Loop(self.function.name, counter, runs, *self._line))
-        change = f"++{counter}" if step == 1 else f"{counter} += {text_of(step, 'int')}"
-        self.emit(f"for (int {counter} = {text_of(first, 'int')}; {condition}; {change}) {{")
-        lane = self.function.lane
-        if is_lanes:
-            self.function.lane, self.function.lanes = counter, runs
-        self._nested(body, frame, {name: Expression(counter, "int", True, span)})
-        self.function.lane = lane
-
-    def _nested(self, body: list[ast.stmt], frame: Frame, names: dict[str, Any]) -> None:
-        inner = replace(frame, names=frame.names | names, variables=dict(frame.variables))
-        for name in names:
-            inner.variables.pop(name, None)
-        self.function.depth += 1
-        self._body(body, inner)
-        self.function.depth -= 1
-        self.emit("}")
-
-    def _body(self, body: list[ast.stmt], frame: Frame) -> None:
-        if self.block(body, frame) is not None:
-            raise TranslationError("return in a loop")
-
-    def _write_while(self, statement: ast.While, frame: Frame) -> None:
-        body = statements.without_jumps(statement.body, ast.Continue)
-        for name in sorted(statements.assigned_names(body) & frame.names.keys()):
-            self.make_variable(frame, name)
-        declared = self.setting.bounds.get((frame.source.name, "while"))
-        if declared is None:
-            raise TranslationError(f"{UNBOUNDED} ({frame.source.name}, while)")
-        limit, turn = declared(frame.names), self.fresh("turn")
-        self.loops.append(Loop(self.function.name, turn, limit, *self._line))
-        self.emit(f"for (int {turn} = 0; {turn} < {limit}; ++{turn}) {{")
-        goes_on = ast.copy_location(ast.UnaryOp(ast.Not(), statement.test), statement.test)
-        leaves = ast.copy_location(ast.If(goes_on, [ast.Break()], []), statement.test)
-        self._nested([ast.fix_missing_locations(leaves), *body], frame, {})
-
 
 class NoResultError(Exception):
     """What a function returns is more than a number or three: it is written where it is called."""
 
 
-def _is_range(node: ast.expr) -> Any:
-    return isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "range"
+def _ends_in_slice(key: ast.expr) -> bool:
+    return isinstance(key.elts[-1] if isinstance(key, ast.Tuple) else key, ast.Slice)
 
 
 def _is_same(first: Any, second: Any) -> bool:

@@ -343,6 +343,19 @@ class Array:
 
 
 @dataclass(frozen=True)
+class Transpose:
+    """The transpose of an array: `at` returns a column of it."""
+
+    array: Array
+    ndim: int = 2
+    used: Sequence[str] = ()
+
+    def at(self, writer: Any, index: Any) -> list[Any]:
+        """Return the numbers of a column."""
+        return [writer.element(self.array, (row, index)) for row in range(self.array.shape[0])]
+
+
+@dataclass(frozen=True)
 class Record:
     """A record of the state: `member` finds its fields."""
 

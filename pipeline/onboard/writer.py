@@ -113,6 +113,8 @@ class Function:
     lane: str | None = None
     #: and how many it counts
     lanes: int = 0
+    #: how often what is written now runs at most, in a call of the function
+    runs: int = 1
     signature: str = ""
 
 
@@ -140,14 +142,17 @@ class Setting:
         How often a loop runs at most whose length is not known: by the name that it counts with, "while".
     unrolled : frozenset of (function, loop)
         Loops that are written out however long they are.
+    ranges : mapping of str to (int, int)
+        Least and greatest of members of the state that hold whole numbers.
     guarded : frozenset of str
-        Members of the state into which only what is finite is written, else zero.
+        Members of the state into which only finite numbers are written.
     """
 
     operations: Mapping[Any, Callable[..., Any]]
     instead: Mapping[Any, Any] = field(default_factory=dict)
     bounds: Mapping[tuple[str, str], Callable[[Mapping[str, Any]], int]] = field(default_factory=dict)
     unrolled: frozenset[tuple[str, str]] = frozenset()
+    ranges: Mapping[str, tuple[int, int]] = field(default_factory=dict)
     guarded: frozenset[str] = frozenset()
 
 
@@ -240,7 +245,7 @@ class Writer:
         known = part.known
         if known is not None:
             return known
-        span = None
+        span = self.setting.ranges.get(part.name.removeprefix("state->"))
         if part.kind == "int" and part.data is not None:
             span = (int(np.min(part.data)), int(np.max(part.data)))
         return Expression(self.array_text(part), part.kind, range=span)
@@ -279,7 +284,7 @@ class Writer:
             raise TranslationError(f"writing into a part of {part.name}")
         text = bare(text_of(value, "int" if part.kind == "int" else "double"))
         if re.sub(r"^state->|_\d+$", "", part.name) in self.setting.guarded:
-            text = f"finite_or_zero({text})"
+            text = f"finite_number({text})"
         self.emit(f"{self.array_text(part)} = {text};")
 
     # --- variables
@@ -393,8 +398,11 @@ def pruned(lines: list[Line]) -> list[Line]:
         for line in lines:
             match = _DECLARATION.fullmatch(line.text) or _STORE.fullmatch(line.text)
             calls = set(re.findall(r"([A-Za-z_]\w*)\(", match[2] or "")) if match else set()
-            if match is None or match[1] not in local or reads.get(match[1]) or calls - _PURE_CALLS:
+            if match is None or match[1] not in local or reads.get(match[1]):
                 kept.append(line)
-        if len(kept) == len(lines):
+            elif calls - _PURE_CALLS:  # it is called for what it does
+                indent = line.text[: len(line.text) - len(line.text.lstrip())]
+                kept.append(Line(f"{indent}(void){match[2]};", line.file, line.number))
+        if kept == lines:
             return lines
         lines = kept

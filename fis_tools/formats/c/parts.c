@@ -43,9 +43,8 @@ static void fuzzify(double x, const double universe[], int num_points, const dou
     const double high = universe[num_points - 1];
     const double inside = x < low ? low : (x > high ? high : x);
     const int left = point_below(universe, num_points, inside);
-    int term;
 
-    for (term = 0; term < num_terms; ++term) {
+    for (int term = 0; term < num_terms; ++term) {
         degrees[term] = membership_at(universe, num_points, &sampled[term * num_points], left, inside);
     }
 }
@@ -55,14 +54,12 @@ static int cross(const double universe[], int num_points, const double sampled[]
                  int num_terms, double crossings[])
 {
     int count = 0;
-    int term;
 
-    for (term = 0; term < num_terms; ++term) {
+    for (int term = 0; term < num_terms; ++term) {
         const double *const mf = &sampled[term * num_points];
         const double cut = cuts[term];
-        int point;
 
-        for (point = 0; point < num_points - 1; ++point) {
+        for (int point = 0; point < num_points - 1; ++point) {
             const bool is_left = cut > 0.0 ? mf[point] >= cut : mf[point] > 0.0;
             const bool is_right = cut > 0.0 ? mf[point + 1] >= cut : mf[point + 1] > 0.0;
 
@@ -105,9 +102,8 @@ static int aggregate(const double universe[], int num_points, const double sampl
         }
         if (count == 0 || here > x[count - 1]) {
             double highest = 0.0;
-            int term;
 
-            for (term = 0; term < num_terms; ++term) {
+            for (int term = 0; term < num_terms; ++term) {
                 const double *const mf = &sampled[term * num_points];
                 const double degree = membership_at(universe, num_points, mf, point - 1, here);
                 const double height = degree < cuts[term] ? degree : cuts[term];
@@ -125,9 +121,8 @@ static int aggregate(const double universe[], int num_points, const double sampl
 static double greatest(const double y[], int count)
 {
     double highest = 0.0;
-    int point;
 
-    for (point = 0; point < count; ++point) {
+    for (int point = 0; point < count; ++point) {
         highest = y[point] > highest ? y[point] : highest;
     }
     return highest;
@@ -243,9 +238,8 @@ static double centroid(const double x[], const double y[], int count)
 {
     double moment = 0.0;
     double area = 0.0;
-    int point;
 
-    for (point = 1; point < count; ++point) {
+    for (int point = 1; point < count; ++point) {
         const double x1 = x[point - 1];
         const double h1 = y[point - 1];
         const double h2 = y[point];
@@ -328,9 +322,8 @@ static double mean_of_maximum(const double x[], const double y[], int count)
     const double highest = greatest(y, count);
     double sum = 0.0;
     int found = 0;
-    int point;
 
-    for (point = 0; point < count; ++point) {
+    for (int point = 0; point < count; ++point) {
         if (y[point] == highest) {
             sum += x[point];
             ++found;
@@ -366,9 +359,8 @@ static double largest_of_maximum(const double x[], const double y[], int count)
 /* What a rule implies, aggregated with what those before it imply. */
 static void conclude_by_IMPLICATION_and_AGGREGATION(const double sampled[], int num_points, double strength, double heights[])
 {
-    int point;
 
-    for (point = 0; point < num_points; ++point) {
+    for (int point = 0; point < num_points; ++point) {
         heights[point] = fuzzy_AGGREGATION(heights[point], fuzzy_IMPLICATION(strength, sampled[point]));
     }
 }
@@ -591,9 +583,8 @@ static double sampled_centroid(const double x[], const double y[], int count)
     const double scale = highest < 1e-200 ? 1.0 / highest : 1.0;
     double moment = 0.0;
     double area = 0.0;
-    int point;
 
-    for (point = 0; point < count; ++point) {
+    for (int point = 0; point < count; ++point) {
         area += y[point] * scale;
         moment += x[point] * (y[point] * scale);
     }
@@ -627,17 +618,16 @@ static double sampled_bisector_fuzzylite(const double x[], const double y[], int
     double nearest = 2.0;
     double moment = 0.0;
     int found = 0;
-    int point;
 
-    for (point = 0; point < count; ++point) {
+    for (int point = 0; point < count; ++point) {
         total += y[point];
     }
-    for (point = 0; point < count; ++point) {
+    for (int point = 0; point < count; ++point) {
         running += y[point];
         nearest = fmin(nearest, fabs(running / total - 0.5));
     }
     running = 0.0;
-    for (point = 0; point < count; ++point) {
+    for (int point = 0; point < count; ++point) {
         running += y[point];
         if (fabs(running / total - 0.5) <= nearest + 1e-12) {
             ++found;
@@ -679,9 +669,8 @@ static double sampled_mean_of_maximum(const double x[], const double y[], int co
     const double highest = greatest(y, count);
     double sum = 0.0;
     int found = 0;
-    int point;
 
-    for (point = 0; point < count; ++point) {
+    for (int point = 0; point < count; ++point) {
         if (is_top(y[point], highest)) {
             sum += x[point];
             ++found;
@@ -719,9 +708,8 @@ static double sampled_smallest_of_maximum_matlab(const double x[], const double 
 {
     const double highest = greatest(y, count);
     int best = -1;
-    int point;
 
-    for (point = 0; point < count; ++point) {
+    for (int point = 0; point < count; ++point) {
         if (is_top(y[point], highest) && (best < 0 || fabs(x[point]) < fabs(x[best]))) {
             best = point;
         }
@@ -734,9 +722,8 @@ static double sampled_largest_of_maximum_matlab(const double x[], const double y
 {
     const double highest = greatest(y, count);
     int best = -1;
-    int point;
 
-    for (point = 0; point < count; ++point) {
+    for (int point = 0; point < count; ++point) {
         if (is_top(y[point], highest) && (best < 0 || fabs(x[point]) > fabs(x[best]))) {
             best = point;
         }

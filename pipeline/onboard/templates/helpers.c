@@ -22,12 +22,16 @@ static double total(const double lanes[8])
     return ((lanes[0] + lanes[4]) + (lanes[2] + lanes[6])) + ((lanes[1] + lanes[5]) + (lanes[3] + lanes[7]));
 }
 
-/* A number within a billion, or zero instead: what inference is given, and what is commanded. */
-static double finite_or_zero(double x)
+/* A number, but within a billion, and zero for NaN: what inference is given, and what is commanded. */
+static double finite_number(double x)
 {
     double result = 0.0;
     if (x == x) {
-        if ((x >= -1.0e9) && (x <= 1.0e9)) {
+        if (x > 1.0e9) {
+            result = 1.0e9;
+        } else if (x < -1.0e9) {
+            result = -1.0e9;
+        } else {
             result = x;
         }
     }

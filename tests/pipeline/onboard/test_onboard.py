@@ -66,6 +66,16 @@ def test_c_commands_what_was_commanded_and_for_the_same_reason(name, tmp_path):
     assert np.any(answers["leading_rule"] > 0) or np.any(answers["reason"] == REHEARSED)
 
 
+def test_clusters_are_those_of_the_flight(tmp_path):
+    clustered = mission(duration_s=1200.0, guidance={"kind": "clusters"})
+    program = translate(clustered, controller("paper_champion"))
+    library = written(program, tmp_path)
+    (start,) = random_starts(1, seed=5)
+    log = fly_logged(clustered, program.controller, start, is_one_of_many=True)
+    assert len(differing(library.answers(recorded(program, start, log)), log)) == 0
+    assert len(np.unique(log.target_m, axis=0)) > 20  # it is a centre that moves
+
+
 def test_the_safety_layer_changes_the_same_forces_for_the_same_limit(tmp_path):
     guarded = mission(duration_s=1200.0, safety={"kind": "filter"}, deputy={"min_distance_m": 45.0})
     program = translate(guarded, controller("champion_27"))
@@ -272,11 +282,12 @@ def test_constants_may_be_changed_in_flight(exported, library):
     assert not np.any(deaf["force_n"])
 
 
-def test_what_has_no_rules_or_no_bound_is_refused():
+def test_what_has_no_rules_or_senses_the_truth_is_refused():
     with pytest.raises(NotTranslatableError, match="no rules"):
         translate(SHORT, named("lqr", SHORT))
+    estimated = mission(guidance={"kind": "clusters"}, navigation={"mode": "fixes"})
     with pytest.raises(NotTranslatableError, match=r"guidance\.kind=centroid"):
-        translate(mission(guidance={"kind": "clusters"}), controller("paper_champion"))
+        translate(estimated, controller("paper_champion"))
 
 
 def test_the_translation_reads_the_formula_that_flies(exported, monkeypatch):
