@@ -1,5 +1,6 @@
 """The page of a fit: what limits the mission, how the controllers fly, and what to do next."""
 
+import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -12,7 +13,16 @@ ROWS = {"shipped": "", "fitted": "fitted", "layered": "with safety=filter", "tun
 HEADS = ("", "flights", "success", "outside", "points missed", "delta-v (m/s)")
 
 
-def render_fit(name: str, folder: str, result: Mapping[str, Any]) -> str:
+#: characters of a line of a command
+WIDTH = 96
+#: words of a command that are of the fit, not of the mission
+OF_FIT = (
+    *("+experiment=", "fit.", "optimizer", "starts", "stages=", "hydra.", "name=", "seed="),
+    *("safety=", "controller=", "resume="),
+)
+
+
+def render_fit(name: str, folder: str, result: Mapping[str, Any], command: Sequence[str] = ()) -> str:
     """Render the page.
 
     Parameters
@@ -23,13 +33,14 @@ def render_fit(name: str, folder: str, result: Mapping[str, Any]) -> str:
         Of the run.
     result : mapping
         Of `fit/summary.json`.
+    command : sequence of str
+        Words after ``python -m pipeline`` by which the run was started; none where that is not known.
     """
-    return page(
-        Document(list(_blocks(name, folder, result))), read("templates/report.css", "pipeline.report")
-    )
+    blocks = list(_blocks(name, folder, result, command))
+    return page(Document(blocks), read("templates/report.css", "pipeline.report"))
 
 
-def _blocks(name: str, folder: str, result: Mapping[str, Any]) -> Iterator[Block]:
+def _blocks(name: str, folder: str, result: Mapping[str, Any], command: Sequence[str]) -> Iterator[Block]:
     """Yield the page on a fitted controller: its success, what limits the mission, how to fly it."""
     last, is_layered = result["last"], result["safety"] != "none"
     yield Heading(name, 1)
@@ -39,6 +50,9 @@ def _blocks(name: str, folder: str, result: Mapping[str, Any]) -> Iterator[Block
         f"has seen. {last['exits']['count']} left the limits, {last['misses']['count']} missed points inside "
         f"them. It is {result['words']}{tuned}{', under the safety layer' if is_layered else ''}."
     )
+    goal, low = result["goal_percent"], 100 * last["success"]["low"]
+    verb = "reaches" if low >= goal else "misses"
+    yield Paragraph(f"The lower bound, {low:.1f} %, {verb} the goal of {goal:g} %.")
     yield Heading("What limits the mission")
     yield Items([limit["sentence"] for limit in result["limits"]])
     yield Heading("How they fly")
@@ -46,13 +60,25 @@ def _blocks(name: str, folder: str, result: Mapping[str, Any]) -> Iterator[Block
     if result["layer_refused"]:
         yield Paragraph(f"The safety layer could not be tried: {result['layer_refused']}.")
     yield Heading("Fly it")
-    layer = f" safety={'filter' if is_layered else 'none'}"
-    yield Code(
-        f"python -m pipeline +experiment=evaluate controller={folder}/{artifacts.FIT_CONTROLLER}{layer} ..."
-    )
-    yield Paragraph("For the dots put the settings of the mission, or world=NAME.")
+    mission = [word for word in command if not word.startswith(OF_FIT)]
+    words = [f"controller={folder}/{artifacts.FIT_CONTROLLER}", *mission]
+    words.append(f"safety={'filter' if is_layered else 'none'}")
+    yield Code(_wrapped(["python -m pipeline +experiment=evaluate", *map(shlex.quote, words)], bool(command)))
+    if not command:
+        yield Paragraph("For the dots put the settings of the mission, or world=NAME.")
     yield Heading("The last round of the competition")
     yield _table([("", rival) for rival in result["rivals"]])
+
+
+def _wrapped(words: Sequence[str], is_complete: bool) -> str:
+    """Return a command in lines of `WIDTH` or less where its words allow that, with dots if some are left."""
+    lines = [words[0]]
+    for word in (*words[1:], *(() if is_complete else ("...",))):
+        if len(lines[-1]) + len(word) < WIDTH:
+            lines[-1] += f" {word}"
+        else:
+            lines.append(f"    {word}")
+    return " \\\n".join(lines)
 
 
 def _table(rows: Sequence[tuple[str, Mapping[str, Any]]]) -> Table:
@@ -67,5 +93,7 @@ def _cells(tally: Mapping[str, Any]) -> list[str]:
 
 
 def _percent(share: Mapping[str, Any]) -> str:
-    """Return a success rate and its interval in words, in per cent."""
-    return f"{100 * share['fraction']:.1f} % ({100 * share['low']:.1f} to {100 * share['high']:.1f})"
+    """Return a share and its interval in words, in per cent, each of which stays on one line."""
+    rate = f"{100 * share['fraction']:.1f} %"
+    interval = f"({100 * share['low']:.1f} to {100 * share['high']:.1f})"
+    return " ".join(part.replace(" ", "\N{NO-BREAK SPACE}") for part in (rate, interval))

@@ -237,9 +237,9 @@ class Limitation:
     def sentence(self) -> str:
         """The number in words, with what follows if it is beyond its limit."""
         words = f"{', '.join(filter(None, (self.name, self.formula)))}: {self.value:.3g}"
-        if self.is_kept:
-            return words
         side = "at least" if self.is_least else "at most"
+        if self.is_kept:
+            return f"{words} ({side} {self.limit:g} is fine)"
         return f"{words}, which should be {side} {self.limit:g}: {self.consequence}"
 
 

@@ -1,6 +1,9 @@
 """A controller fitted to a mission, in miniature."""
 
+import re
+import shlex
 from dataclasses import replace
+from html import unescape
 
 import pytest
 
@@ -11,6 +14,7 @@ from pipeline.evaluation import fitting
 from pipeline.evaluation.fitting import FlightTally, Variant
 from pipeline.evaluation.statistics import Fraction
 from pipeline.flight.control.controller import ControllerError
+from pipeline.report.fit import render_fit
 from pipeline.run import artifacts, configuration
 from pipeline.run.runner import Unimproved
 from pipeline.settings.checks import SettingError
@@ -61,6 +65,25 @@ def test_a_fit_hands_back_a_controller_that_flies_and_says_how(done):
     for limit in summary["limits"]:
         assert limit["formula"] in page
     assert len(summary["limits"]) == 4
+
+
+def test_the_page_says_whether_the_goal_is_reached_and_how_to_fly(done):
+    summary = artifacts.read_json(done[1], artifacts.FIT) | {"goal_percent": 99.9}
+    words = ["--config-dir", "my worlds", "+experiment=fit_mission", "world=mine", "seed=3", "fit.draws=3"]
+    words += [f"dispersions.deputy.mass_kg={{kind:normal,mean:12.0,std:0.{digits}}}" for digits in range(9)]
+    page = render_fit("mine", "outputs/fit", summary, words)
+    assert "misses the goal of 99.9 %" in page
+    code = unescape(re.search(r"<pre[^>]*><code>(.*?)</code>", page, re.DOTALL)[1])
+    assert max(map(len, code.splitlines())) < 100
+    given = shlex.split(code.replace("\\\n", " "))
+    assert given[:5] == [
+        "python",
+        "-m",
+        "pipeline",
+        "+experiment=evaluate",
+        "controller=outputs/fit/fit/controller.yaml",
+    ]
+    assert given[5:-1] == [*words[:2], "world=mine", *words[6:]]
 
 
 @pytest.mark.slow
