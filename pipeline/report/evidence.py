@@ -329,11 +329,8 @@ def _case_facts(cases: Mapping[str, Any], unit: str) -> list[list[str]]:
 def _search_facts(search: Mapping[str, Any]) -> list[list[str]]:
     """Return the rows on a search for failures, compared with random flights."""
     none = "none found"
-    per_find, at_random, ratio = (
-        search["flights_per_find"],
-        search["random_flights_per_find"],
-        search["ratio"],
-    )
+    counts = ("flights_per_find", "random_flights_per_find", "ratio")
+    per_find, at_random, ratio = (search[name] for name in counts)
     return [
         ["flights of all searches", f"{search['num_flights']:,}"],
         ["flights for each failure found", none if per_find is None else f"{per_find:,.0f}"],
