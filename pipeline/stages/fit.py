@@ -77,14 +77,15 @@ def run(experiment: Experiment, folder: Path) -> Unimproved | None:
         controller = _named(experiment, best, bases[best.base])
         return stand("fitted", best.words, controller, experiment.mission)
 
-    best = rivals[0][0]
+    best, contenders = rivals[0][0], [variant for variant, _ in rivals]
     fitted = last = fit(best)
     if not _reaches_goal(experiment, last):
-        near = fitting.neighbours_of(experiment, best, bases)
-        near = [*(variant for variant, _ in rivals), *near]
+        near = [*contenders, *fitting.neighbours_of(experiment, best, bases)]
         rivals = _halved(experiment, table, bases, near, min(1, len(experiment.fit.cases) - 1))
         if rivals[0][0] != best and (nearby := fit(rivals[0][0])).tally.score > last.tally.score:
             best, fitted, last = rivals[0][0], nearby, nearby
+        # what flies best alone, and all its neighbours, may fly badly under the layer
+        contenders += [variant for variant, _ in rivals if variant not in contenders]
     layered, refusal = None, ""
     if not _reaches_goal(experiment, last) and last.tally.exits.count > last.tally.misses.count:
         try:
@@ -92,7 +93,7 @@ def run(experiment: Experiment, folder: Path) -> Unimproved | None:
         except SettingError as error:
             refusal = str(error)
         else:
-            rival = _best_with_layer(experiment, mission, [variant for variant, _ in rivals], bases)
+            rival = _best_with_layer(experiment, mission, contenders, bases)
             controller = _named(experiment, rival, bases[rival.base])
             layered = stand("with safety=filter", rival.words, controller, mission)
             last = layered if layered.tally.success.count > last.tally.success.count else last
