@@ -98,9 +98,9 @@ def hard_candidates(experiment: Experiment, round_index: int) -> list[Scenario]:
     return _drawn(experiment, starts, HARD + round_index, range(starts.hard_from))
 
 
-def validation_scenarios(experiment: Experiment, num_cases: int) -> list[Scenario]:
+def validation_scenarios(experiment: Experiment, num_cases: int, first: int = 0) -> list[Scenario]:
     """Return the starts on which the champion is chosen: drawn like those of training, but others."""
-    return _drawn(experiment, experiment.starts, VALIDATION, range(num_cases))
+    return _drawn(experiment, experiment.starts, VALIDATION, range(first, first + num_cases))
 
 
 def fitting_scenarios(

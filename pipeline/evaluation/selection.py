@@ -1,17 +1,21 @@
 """What a training hands back: the controller that it was given, or the best champion of its generations.
 
 They fly from validation starts, which no generation has flown. Those whose intervals of success lie apart are
-ranked by success, the others by cost: a search that went astray never replaces a controller that flies.
+ranked by success, the others by cost. What is best of many may owe that to the starts that chose it. It then
+flies from further ones, and is left out if it fails there more often than the given controller. So a search
+that went astray never replaces a controller that flies.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
+from itertools import takewhile
 from typing import Any, Final
 
 import numpy as np
+from scipy.stats import binomtest
 
 from fis_tools.model import FuzzyController
-from pipeline.array_types import Floats
+from pipeline.array_types import Booleans, Floats
 from pipeline.evaluation.statistics import Fraction, fraction
 from pipeline.flight.state.log import Outcomes, Scenario, inspectable_rate
 from pipeline.run.engine import HERE, TaskPool
@@ -28,6 +32,10 @@ GUARD_CASES: Final = 400
 #: candidates that fly from all validation starts; more of them first fly from a share of the starts
 FINALISTS: Final = 16
 FIRST_SHARE: Final = 4
+#: further starts for each validation start: from them the best must not fail more often than the given
+FURTHER: Final = 4
+#: chance by which a candidate that does not fail more often is left out
+RISK: Final = 0.05
 #: relative gain in cost below which a candidate is the given controller over again, rounded
 SAME: Final = 1e-9
 #: of the given controller, as it is or as genes, which clips numbers outside their bounds
@@ -147,6 +155,8 @@ class Selection:
         None if there was nothing to compare with.
     judged : tuple of Judgement
         All candidates: those that flew from all starts first.
+    best_fails_more : bool
+        Whether the best champion fails more often than the given controller from further starts.
     """
 
     controller: FuzzyController
@@ -154,6 +164,7 @@ class Selection:
     best_champion: SelectionJudgement
     given: SelectionJudgement | None
     judged: tuple[SelectionJudgement, ...]
+    best_fails_more: bool
 
     @property
     def is_improved(self) -> bool:
@@ -189,7 +200,8 @@ def select(
     candidates = [Candidate(START, genome.encode()), *trained]
     if given is not None:
         candidates.insert(0, Candidate(GIVEN))
-    scenarios = validation_scenarios(experiment, settings.validation_cases or GUARD_CASES)
+    num_cases = settings.validation_cases or GUARD_CASES
+    scenarios = validation_scenarios(experiment, num_cases)
     if experiment.starts.rows is not None:
         scenarios = training_scenarios(experiment)
 
@@ -205,16 +217,22 @@ def select(
     final = judge(candidates, scenarios)
     order = ranked(final)
     of_given = next((judgement for judgement in final if judgement.candidate.name == GIVEN), None)
-    chosen = order[0]
+    chosen, refused = order[0], list[SelectionJudgement]()
     if of_given is not None and _is_no_better(chosen, of_given):
         chosen = of_given
+    if given is not None and chosen is not of_given and experiment.starts.rows is None:
+        fails_more = _failing_more_than(given, experiment, genome, num_cases, pool)
+        refused = list(takewhile(lambda best: best is not of_given and fails_more(best.candidate), order))
+        chosen = order[len(refused)]
     controller = given
     if chosen.candidate.genome is not None:
         controller = named_after(experiment, genome, chosen.candidate.genome)
     assert controller is not None  # noqa: S101 - only the given one has no genome
     best_champion = next(judgement for judgement in order if judgement.candidate.is_trained)
     earlier = [judgement for judgement in first if judgement.candidate not in candidates]
-    return Selection(controller, chosen, best_champion, of_given, (*final, *earlier))
+    return Selection(
+        controller, chosen, best_champion, of_given, (*final, *earlier), best_champion in refused
+    )
 
 
 def ranked(judged: Sequence[SelectionJudgement]) -> list[SelectionJudgement]:
@@ -235,6 +253,35 @@ def ranked(judged: Sequence[SelectionJudgement]) -> list[SelectionJudgement]:
 def _is_no_better(chosen: SelectionJudgement, given: SelectionJudgement) -> bool:
     """Return whether a candidate flies like the given controller, to rounding."""
     return chosen.success.count <= given.success.count and given.cost <= chosen.cost + SAME * abs(chosen.cost)
+
+
+def _failing_more_than(
+    given: FuzzyController, experiment: Experiment, genome: Genome, num_cases: int, pool: TaskPool
+) -> Callable[[Candidate], bool]:
+    """Return the test of whether a candidate fails more often than the given controller, from further starts.
+
+    These have chosen nothing. It is the exact sign test of the starts in which one of the two alone succeeds
+    (McNemar, Psychometrika, 1947).
+    """
+    mission, threads = experiment.mission, pool.threads(experiment.optimizer.workers)
+    starts = validation_scenarios(experiment, FURTHER * num_cases, first=num_cases)
+    fly = flights_from(experiment, genome, starts, pool)
+    (outcomes,) = pool.map(fly_fuzzy, [(mission, given, starts, threads)])
+    given_succeeds = _is_success(experiment, outcomes)
+
+    def fails_more(candidate: Candidate) -> bool:
+        assert candidate.genome is not None  # noqa: S101 - only the given one has no genome
+        succeeds = _is_success(experiment, fly(candidate.genome[np.newaxis]))[0]
+        only_given = int(np.count_nonzero(given_succeeds & ~succeeds))
+        only_one = int(np.count_nonzero(given_succeeds ^ succeeds))
+        return bool(only_one) and binomtest(only_given, only_one, alternative="greater").pvalue < RISK
+
+    return fails_more
+
+
+def _is_success(experiment: Experiment, outcomes: Outcomes) -> Booleans:
+    """Return whether flights succeed inside the limits, shaped like the outcomes."""
+    return outcomes.is_success(experiment.mission.inspection_threshold_percent) & ~outcomes.is_violated
 
 
 def _members(front: Front) -> Iterator[Candidate]:
@@ -278,7 +325,7 @@ def _judgements(
 ) -> list[SelectionJudgement]:
     """Return the judgement of each candidate, whose outcomes are a row each."""
     mission, penalty = experiment.mission, experiment.optimizer.penalty.of_round(round_index)
-    success = outcomes.is_success(mission.inspection_threshold_percent) & ~outcomes.is_violated
+    success = _is_success(experiment, outcomes)
     rates = (fraction(row, experiment.monte_carlo.confidence_percent) for row in success)
     inspected = inspectable_rate(outcomes.inspected_count, outcomes.inspectable_count)
     means = (

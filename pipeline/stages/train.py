@@ -13,7 +13,7 @@ import numpy as np
 from fis_tools.formats import serialize
 from pipeline.controllers import source
 from pipeline.evaluation.front import write_front
-from pipeline.evaluation.selection import COLUMNS, Selection, select
+from pipeline.evaluation.selection import COLUMNS, FURTHER, Selection, select
 from pipeline.flight.fly.tours import tour_images
 from pipeline.flight.state.descriptions import with_descriptions
 from pipeline.run import artifacts, manifests, tables, writing
@@ -133,7 +133,9 @@ def write_selection(
 def _unimproved(selection: Selection) -> Unimproved:
     """Return the closing sentence of a training that hands back the given controller."""
     best = selection.best_champion
+    further = f"; from {FURTHER * best.num_cases:,} further starts it fails more often"
     return Unimproved(
         f"not improved: the given controller is handed back. From {best.num_cases:,} validation starts "
         f"{selection.chosen.sentence}; with the best champion ({best.where}) {best.sentence}"
+        f"{further if selection.best_fails_more else ''}"
     )

@@ -310,6 +310,20 @@ def test_training_never_hands_back_worse_than_it_was_given(kind, validation_case
 
 
 @pytest.mark.slow
+def test_a_champion_that_owes_its_success_to_the_validation_starts_is_left_out(tmp_path, ran):
+    small = ["population_size=16", "generations=4", "rounds=1", "validation_cases=200", "initial_step=1.0"]
+    words = ["+experiment=train_readable_late", "controller=champion_27", "optimizer=front", "seed=6"]
+    words += [f"optimizer.{setting}" for setting in small]
+    errors = ran(*words, "starts.num_cases=32", "stages=[train]", f"hydra.run.dir={tmp_path}", code=4).err
+    assert errors.strip().endswith("from 800 further starts it fails more often")
+    summary = artifacts.read_json(tmp_path, artifacts.TRAINED)
+    given, best = summary["given"], summary["best_champion"]
+    assert summary["chosen"] == given
+    assert best["success"]["high"] > given["success"]["low"]
+    assert best["cost_m_s"] < given["cost_m_s"]
+
+
+@pytest.mark.slow
 def test_a_better_champion_is_handed_back_with_code_0(tmp_path, ran):
     words = ["+experiment=train_champion", *BRIEF, "controller=paper", f"hydra.run.dir={tmp_path}"]
     ran(*words, "optimizer.generations=3")
