@@ -38,7 +38,7 @@ def check_policy(page: str) -> None:
 class Page(HTMLParser):
     """A page taken to pieces: tags with attributes, texts by tag and by section; its tags must match."""
 
-    VOID = frozenset(("meta", "link", "br", "img", "hr", "input", "source"))
+    VOID = frozenset(("meta", "link", "br", "img", "hr", "input", "source", "wbr"))
 
     def __init__(self, page: str) -> None:
         super().__init__()

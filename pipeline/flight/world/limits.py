@@ -1,17 +1,20 @@
 """By how much a logged flight exceeds its limits: on the distance, and spheres about parts of the chief."""
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from pipeline.array_types import Floats
 from pipeline.flight.state.log import FlightLog
+from pipeline.physics.quaternion import dcm_b_from_h
 from pipeline.settings.experiment import Mission
 
 
 def depths_in_spheres(mission: Mission, log: FlightLog) -> Floats:
     """Return how deep the deputy is in each sphere of `chief.keep_out_m`, (K+1, S), m: negative outside."""
-    chief, depths = Rotation.from_quat(log.quaternion_c_from_h), np.empty((len(log.position_m), 0))
-    position_c = chief.inv().apply(log.position_m)
+    depths = np.empty((len(log.position_m), 0))
+    if not mission.chief.keep_out_m:
+        return depths
+    samples = zip(log.quaternion_c_from_h, log.position_m, strict=True)
+    position_c = np.array([dcm_b_from_h(quaternion) @ position for quaternion, position in samples])
     for *centre, radius in mission.chief.keep_out_m:
         depth = radius - np.linalg.norm(position_c - centre, axis=1)
         depths = np.column_stack((depths, depth))

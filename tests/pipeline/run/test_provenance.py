@@ -160,7 +160,8 @@ WORDS = [*EVALUATE, "stages=[scenario]", "reproducible=true"]
 #: products beside sums and calls, by the kernel's vectors; prints the bytes of what they give
 COMPILED = """\
 import numpy as np
-from pipeline.flight.state.lanes import arctangent, exponential
+from fis_tools.compiled.elementary import exponential
+from pipeline.flight.state.lanes import arctangent
 from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.vectors import load, store
 

@@ -151,7 +151,7 @@ def test_the_page_tells_of_a_world_of_ones_own(evidence):
     text = render_evidence({**evidence, "conditions": {**evidence["conditions"], "settings": mine}})
     assert OWN in text
     assert OF_PAPER not in text
-    assert re.search(r"deputy\.mass_kg</t[hd]>\s*<td[^>]*>20.0 kg<", text)
+    assert re.search(r"deputy\.mass_<wbr>kg</t[hd]>\s*<td[^>]*>20.0 kg<", text)
 
 
 def test_the_argument_stands_as_the_worst_of_its_goals_and_names_their_shares(evidence):
