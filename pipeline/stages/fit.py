@@ -99,7 +99,8 @@ def run(experiment: Experiment, folder: Path) -> Unimproved | None:
             last = layered if layered.tally.success.count > last.tally.success.count else last
     tuned = None
     if _is_tuned(experiment, last) and (champion := _tuned(experiment, folder, last)) is not None:
-        tuned = last = stand("tuned", last.words, champion, last.mission)
+        tuned = stand("tuned", last.words, champion, last.mission)
+        last = tuned if tuned.tally.score > last.tally.score else last
     is_improved = not (last is fitted and best.is_shipped)
     result = {
         "improved": is_improved,

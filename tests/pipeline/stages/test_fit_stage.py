@@ -86,6 +86,20 @@ def test_the_page_says_whether_the_goal_is_reached_and_how_to_fly(done):
     assert given[5:-1] == [*words[:2], "world=mine", *words[6:]]
 
 
+def test_a_tuned_controller_that_flies_worse_is_not_handed_back(tmp_path, monkeypatch):
+    def tuned(experiment, folder, start):
+        """The same, but coasting from the start."""
+        attributes = {**dict(start.controller.attributes), "coast_below_points": 100.0}
+        return replace(start.controller, attributes=tuple(attributes.items()))
+
+    monkeypatch.setattr(fit, "_is_tuned", lambda *_: True)
+    monkeypatch.setattr(fit, "_tuned", tuned)
+    fitted(tmp_path, "fit.workers=1")
+    summary = artifacts.read_json(tmp_path, artifacts.FIT)
+    assert summary["tuned"]["success"]["count"] < summary["last"]["success"]["count"]
+    assert summary["last"] == summary["fitted"]
+
+
 @pytest.mark.slow
 def test_the_page_of_a_fit_fits_any_screen(done, opened):
     page = opened((done[1] / artifacts.FIT_PAGE).read_text(encoding="utf-8"))
