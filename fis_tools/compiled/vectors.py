@@ -36,11 +36,22 @@ CACHE_LINE = 64
 
 
 class Lanes(np.ndarray[Any, Any]):
-    """An array of shape (width,) with value semantics: `a += b` makes another `a`, as for numbers."""
+    """An array of shape (width,) with value semantics: `a += b` makes another `a`, as for numbers.
+
+    Division by zero is silent, as in compiled code: lanes that divide by zero are not the ones selected.
+    """
+
+    def __truediv__(self, other: Any) -> Any:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return super().__truediv__(other)
+
+    def __rtruediv__(self, other: Any) -> Any:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return super().__rtruediv__(other)
 
 
 for _name in ("add", "sub", "mul", "truediv", "and", "or", "xor"):
-    setattr(Lanes, f"__i{_name}__", getattr(np.ndarray, f"__{_name}__"))
+    setattr(Lanes, f"__i{_name}__", getattr(Lanes, f"__{_name}__"))
 
 
 class Three(NamedTuple):
