@@ -67,7 +67,11 @@ def test_nothing_changes_at_home():
 def test_what_looks_ahead_again_does_so_at_a_decision(name, decides_always):
     for tempo in TEMPOS:
         similarity = Similarity(mission(*THERE), 0.7, tempo, decides_always)
-        law_of(from_fuzzy(similarity.controller(base(name))), similarity.mission)
+        scaled = similarity.controller(base(name))
+        law_of(from_fuzzy(scaled), similarity.mission)  # raises where it looks ahead between decisions
+        constants = dict(scaled.attributes)
+        for period in LOOKS_AHEAD & constants.keys():
+            assert float(constants[period]) % float(constants.get("decision_period_s", 10.0)) == 0.0
 
 
 def test_scaled_flights_are_scaled():
