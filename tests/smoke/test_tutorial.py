@@ -73,7 +73,7 @@ def test_your_own_case_goes_as_the_tutorial_says(tmp_path, monkeypatch, capsys):
             for part in text.split(LEFT_OUT):
                 assert re.sub(of_numbers, "#", part) in printed
                 num_compared += bool(part)
-    assert num_compared == 8
+    assert num_compared == 9
     before, after = map(float, successes)
     assert after > before + 15.0
 
