@@ -50,8 +50,8 @@ TEMPLATE = "A start for searches"
 
 #: what is no rule where one signs rules
 LOW_ORBIT = (
-    "In champion_leo the 15 rules say how much of a push to make. Where to is no rule: the tour is 20\n"
-    "constants (tour_*_m), and which of its images it follows, flights ahead choose (rehearsal_tours)."
+    "In champion_leo the 15 rules say how much of the push onto the tour to make. The tour itself is 20\n"
+    "constants (tour_*_m); simulated flights choose which of its images to follow (rehearsal_tours)."
 )
 
 
@@ -93,7 +93,7 @@ def _help_text(folders: Sequence[Path], experiments: dict[str, str]) -> str:
         "controllers (controller=NAME, or the path of a .json or .yaml file)": {
             name: about for name, about in controllers.items() if name not in templates
         },
-        "controllers from which searches start, and which nobody flies for results (controller=NAME)": {
+        "controllers from which searches start, not flown for results (controller=NAME)": {
             name: controllers[name] for name in templates
         },
         "signals that an input of a fuzzy system may sense, with their units": {
@@ -164,7 +164,7 @@ def recommendations() -> str:
     lines = ["which champion to take"]
     for name, rules, world, sun, delta_v, success, outside, layer, purpose, _ in table()[1:]:
         measured = [f"{delta_v} m/s, success {success}, {outside} outside"] if delta_v else []
-        measured += [f"with safety=filter or robust {layer}"] if layer else []
+        measured += [f"with safety=filter or robust: {layer}"] if layer else []
         lines.append(f"  controller={name} world={world} ({rules} rules, Sun {sun}): {purpose}")
         lines.append(f"      {'; '.join(measured)}")
     return "\n".join([*lines, LOW_ORBIT])

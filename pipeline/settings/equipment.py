@@ -17,7 +17,7 @@ class Sensor(Settings, group="sensor"):
     rectangle_deg: types.Rectangle | None = None
     """Half angles across and up the image, of a rectangular field of view; null: a cone."""
     up: Annotated[types.UnitVector, Only("sensor.rectangle_deg")] = (0.0, 0.0, 1.0)
-    """What is up in the image, body axes; of it counts what is perpendicular to the boresight."""
+    """What is up in the image, body axes; only its part perpendicular to the boresight counts."""
     boresight: types.UnitVector = (-1.0, 0.0, 0.0)
     """Where the camera looks, body axes."""
     max_incidence_deg: Annotated[types.Positive, Field(le=90)] = 90.0
@@ -62,16 +62,16 @@ class FilteredNavigation(Navigation, mode="fixes"):
     gate_sigma: types.Positive | None = 5.0
     """Standard deviations beyond which a fix is not believed; null: all are."""
     process_noise_m_s2: types.NotNegative | None = None
-    """Standard deviation of accelerations unknown to the filter; null: 0.06 of the bound on those of
-    `dynamics` that Clohessy and Wiltshire's equations neglect."""
+    """Standard deviation of accelerations unknown to the filter; null: 0.06 of the bound on those that
+    Clohessy and Wiltshire's equations neglect."""
     execution_error: Annotated[types.NotNegative, Field(le=1)] = 0.0
-    """Standard deviation that the filter allows for in forces, a share, besides the thrusters' errors."""
+    """Standard deviation, a share, of further errors of forces that the filter allows for."""
     initial_position_m: Annotated[types.Positive, Field(le=1e4)] = 1.0
     """Standard deviation of the first estimate of the position, each axis."""
     initial_velocity_m_s: Annotated[types.Positive, Field(le=1e3)] = 0.001
     """Standard deviation of the first estimate of the velocity, each axis."""
     measures: Literal["position", "range_bearing"] = "position"
-    """What a fix is: a place, or range and bearing."""
+    """What a fix is: a position, or range and bearing."""
     attitude_bias_deg: Annotated[types.NotNegative, Field(le=30)] = 0.0
     """Standard deviation of the sensed attitude's constant error, each axis."""
     attitude_noise_deg: Annotated[types.NotNegative, Field(le=30)] = 0.0
@@ -111,15 +111,15 @@ class RealActuators(Actuators, kind="real"):
     delay_s: types.NotNegative = 0.0
     """Time from a command to its force; a multiple of control_period_s."""
     scale_error: Annotated[types.NotNegative, Field(le=1)] = 0.05
-    """Standard deviation of each Hill axis' scale, of a flight, a share."""
+    """Standard deviation of the scale along each Hill axis, a share, drawn once per flight."""
     misalignment_deg: Annotated[types.NotNegative, Field(le=90)] = 2.0
-    """Standard deviation of the thrust's turn about each Hill axis, of a flight."""
+    """Standard deviation of the thrust's turn about each Hill axis, drawn once per flight."""
     impulse_step_n_s: types.NotNegative = 0.0
-    """Of which impulses along each axis are multiples; 0: any."""
+    """Impulses along each axis are multiples of this; 0: any."""
     least_impulse_n_s: types.NotNegative = 0.04
     """Least impulse along an axis in a control period; less is not fired."""
     thrust_arm_m: types.NotNegative = 0.0
-    """Standard deviation of where thrust acts, from the centre of mass, each body axis, of a flight."""
+    """Standard deviation of where thrust acts, from the centre of mass, along each body axis."""
     specific_impulse_s: types.Positive | None = None
     """Specific impulse with which propellant is used up; null: the mass stays."""
     thrusters: types.Thrusters | None = None
@@ -127,6 +127,6 @@ class RealActuators(Actuators, kind="real"):
     failed_thruster: Annotated[types.Natural | None, Only("actuators.thrusters")] = None
     """Row of `thrusters` that fails, from 0; null: none does."""
     failure_s: Annotated[types.NotNegative, Only("actuators.failed_thruster")] = 0.0
-    """Time from which on it fires nothing."""
+    """Time from which it fires nothing."""
     propellant_kg: Annotated[types.Positive, Only("actuators.specific_impulse_s")] = 1.0
     """Part of the deputy's mass; without any left nothing is fired."""

@@ -137,7 +137,7 @@ class FitSettings(Settings, group="fit", only=Only("stages=fit", is_told=True)):
     draws: types.Count = 18
     """Sizes and tempos that each is scaled to."""
     neighbours: types.Natural = 20
-    """The same near the best, where that misses the goal."""
+    """Further ones near the best, where that misses the goal."""
     cases: tuple[types.Count, ...] = (12, 40, 150)
     """Flights of each competitor in the first round, the second, and so on."""
     kept: tuple[types.Count, ...] = (16, 5)
@@ -200,9 +200,9 @@ class Assurance(Settings, group="assurance", only=Only("stages=assure", is_told=
     search_generations: types.Count = 20
     """Generations after the first flights."""
     search_step: Annotated[types.Positive, Field(le=1)] = 0.1
-    """First spread of a search, as a share of what is chosen."""
+    """First step of a search, as a share of the range of what it varies."""
     domain_cases: types.Count = 200
-    """Flights that make the operational domain, and as many that try it."""
+    """Flights that make the operational domain, and as many others that test it."""
     workers: types.Workers = None
     """Threads that fly; null: one a processor."""
 
@@ -261,7 +261,7 @@ class Experiment(Settings, group=""):
     name: types.Text = "pipeline"
     """Names the run's folder: letters, digits, _ - and . only."""
     seed: types.Seed = 1
-    """Of everything random."""
+    """Seed of everything random."""
     stages: Annotated[types.Texts, Field(description=f"What is done, in this order: {', '.join(STAGES)}.")]
     mission: Mission = field(default_factory=Mission)
     sun: Sun = field(default_factory=Sun)

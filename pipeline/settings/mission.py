@@ -104,17 +104,17 @@ class ChiefSettings(Settings, group="chief"):
     inspection_radius_m: Annotated[types.Positive, Only("chief.shape=sphere")] = 10.0
     """Radius of the sphere of inspection points."""
     num_points: Annotated[types.Count, Field(le=MOST_POINTS)] = 100
-    """Inspection points asked for; Deserno's placement makes 99 of 100."""
+    """Inspection points requested; Deserno's placement makes 99 of 100."""
     placement: Annotated[Literal["deserno", "fibonacci"], Only("chief.shape=sphere")] = "deserno"
     """How points are spread over the sphere."""
     weights: Literal["equal", "priority"] = "equal"
-    """What points count: alike, or, in pipeline.gym, by their angle from a direction of each episode."""
+    """How points count: alike, or, in pipeline.gym, by their angle from a direction of each episode."""
     shape: Literal["sphere", "mesh"] = "sphere"
     """Points on a sphere, or on the faces of a mesh."""
     path: Annotated[types.Text | None, Only("chief.shape=mesh")] = None
     """File of the mesh, STL or OBJ, chief axes, m; null: the satellite that ships."""
     keep_out_m: types.Spheres = ()
-    """Spheres that the deputy must stay out of, such as about a boom: centre, chief axes, and radius each."""
+    """Spheres that the deputy must stay out of, such as about a boom, each [x, y, z, radius], chief axes."""
 
 
 class Problem(Settings, group="problem", only=Only("problem.kind=reach")):
@@ -133,7 +133,7 @@ class Problem(Settings, group="problem", only=Only("problem.kind=reach")):
     limit_offset_m: types.Number = 0.0
     """Distance from the chief at which the limit is limit_base_m_s."""
     most_excess_m_s: types.NotNegative = 0.0
-    """Sum over samples of what the speed is above the limit; beyond it a flight has failed."""
+    """Greatest sum over samples of the speed's excess over the limit; beyond it a flight has failed."""
 
 
 REFLECTED = Only("light.reflection=blinn_phong")
@@ -145,7 +145,7 @@ class Light(Settings, group="light"):
     shadow: Literal["none", "conical"] = "none"
     """The Earth's shadow."""
     min_fraction: Annotated[types.Share, Only("light.shadow=conical")] = 0.5
-    """Share of the Sun's disc, with less of which visible nothing is lit."""
+    """Least visible share of the Sun's disc with which anything is lit."""
     past_terminator_deg: Annotated[types.Number, Field(gt=-90, le=10)] = 0.0
     """Angle by which the Sun may be below a point's horizon; negative: by which it must be above it."""
     reflection: Literal["none", "blinn_phong"] = "none"
@@ -171,13 +171,13 @@ class Sun(Settings, group="sun"):
     """The Sun's initial direction: one angle for every case, one drawn for each, or both alternately."""
 
     mode: Literal["fixed", "random", "mixed"] = "fixed"
-    """One angle for all cases, one drawn for each, or every other one drawn."""
+    """One angle for all cases, one drawn for each, or every second one drawn."""
     angle_deg: Annotated[types.Number, Only("sun.mode=fixed", "sun.mode=mixed"), types.Follows()] = 0.0
     """Angle of the fixed Sun at the start, from +i towards +j; null: that of the orbit's epoch, or 0."""
     elevation_deg: Annotated[types.Number, Field(ge=-90, le=90), GIVEN_ELEVATION, types.Follows()] = 0.0
     """Elevation of the Sun over the orbit plane, towards +k; null: that of the orbit's epoch, or 0."""
     elevation_range_deg: Annotated[types.Interval | None, Only("sun.mode=random", "sun.mode=mixed")] = None
-    """Elevations [low, high] from which a drawn Sun has its own; null: elevation_deg."""
+    """Range [low, high] of a drawn Sun's elevation; null: elevation_deg."""
 
     def __post_init__(self) -> None:
         """Check that no elevation is beyond the poles."""
@@ -225,9 +225,9 @@ class Safety(Settings, group="safety", only=Only("safety.kind=filter")):
     kind: Literal["none", "filter"] = "none"
     """Forces as commanded, or filtered to stay safe."""
     keep_out_margin_m: Margin = 1.0
-    """By which the keep-out sphere is greater than deputy.min_distance_m."""
+    """How much greater the keep-out sphere is than deputy.min_distance_m."""
     keep_in_margin_m: Margin = 2.0
-    """By which the keep-in sphere is less than deputy.max_distance_m."""
+    """How much less the keep-in sphere is than deputy.max_distance_m."""
     speed_limit_m_s: types.NotNegative = 0.2
     """Greatest speed at speed_distance_m."""
     #: four times the mean motion
@@ -239,7 +239,7 @@ class Safety(Settings, group="safety", only=Only("safety.kind=filter")):
     """Greatest force along each Hill axis to stop within a control period; null: 0.8 of the thrusters'."""
     #: rarer errors of thrusters are not drawn: pipeline.flight.world.bounds
     probability: Annotated[types.Number, Field(gt=0, le=0.9999)] | None = None
-    """Of a flight, that the bounds hold on its errors, for which margins are kept; null: none are."""
+    """Probability with which a flight's errors stay within what the margins allow; null: no margins."""
     #: this and the next: a compromise between fuel and success of champion_leo in world=leo, as tried
     planned_force_n: Annotated[types.Positive, Only("safety.probability")] = 0.085
     """Greatest force along each Hill axis that is passed on where anything is inexact."""

@@ -73,7 +73,7 @@ class OrbitSettings(Settings, group="orbit"):
     """The chief's orbit about the Earth."""
 
     kind: Literal["mean_motion", "elements", "radius", "altitude", "tle"] = "mean_motion"
-    """What gives it: mean motion, Kepler's elements, the radius or the altitude of a circle, or a TLE."""
+    """What gives it: the mean motion, Kepler's elements, a circle's radius or altitude, or a TLE."""
     epoch: Annotated[types.Text, AfterValidator(_epoch)] | None = None
     """Time of the start, UTC, from which the Sun's direction follows; null: unknown."""
 
@@ -199,7 +199,7 @@ class TwoLineOrbit(OrbitSettings, kind="tle"):
     """The orbit of an element set."""
 
     tle: Annotated[types.Texts, AfterValidator(_two_lines)] = ()
-    """Two lines, of which SGP4 makes the orbit at orbit.epoch; its epoch null: that of the lines."""
+    """Two lines, from which SGP4 computes the orbit at orbit.epoch, or at the lines' own if that is null."""
 
     @cached_property
     def osculating(self) -> tuple[KeplerElements, float]:

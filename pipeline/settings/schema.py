@@ -317,8 +317,18 @@ def of_group(group: str) -> Only | None:
 
 
 def in_code(marks: list[Only]) -> str:
-    """Return conditions in Markdown."""
-    return " and ".join("`" + str(mark).replace(" or ", "` or `") + "`" for mark in marks)
+    """Return conditions in Markdown; of further alternatives for one key the values alone."""
+    return ", and ".join(_alternatives(str(mark).split(" or ")) for mark in marks)
+
+
+def _alternatives(words: list[str]) -> str:
+    shown, key = [], ""
+    for word in words:
+        name, _, value = word.partition("=")
+        shown.append(f"`{value if value and name == key else word}`")
+        key = name
+    *others, last = shown
+    return f"{', '.join(others)} or {last}" if others else last
 
 
 def marks_of(key: Key) -> str:

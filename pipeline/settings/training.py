@@ -35,7 +35,7 @@ class Starts(Settings, group="starts", only=DRAWS):
     max_distance_m: Annotated[types.Number, types.Follows()] = 75.0
     """Greatest distance from the chief; null: as in monte_carlo, for the octants the mean of both."""
     num_hard: types.Natural = 0
-    """More starts, from the second round on: of hard_from, the champion's worst."""
+    """Further starts from the second round on: the champion's worst of hard_from."""
     hard_from: Annotated[types.Natural, Only("starts.num_hard>0")] = 0
     """Starts among which the hard ones are sought."""
     max_speed_m_s: Annotated[types.NotNegative, Field(le=100)] = 0.0
@@ -132,7 +132,7 @@ class Encoding(Settings, group="optimizer.encoding", only=TRAINS):
     prediction_time_s: types.NotNegativeInterval | None = None
     """How far ahead predicted_centre_along_track looks."""
     coast_below_points: types.NotNegativeInterval | None = None
-    """With fewer points missed by coasting, it coasts."""
+    """Coast if coasting to the end would miss fewer points."""
     coast_margin_m: types.NotNegativeInterval | None = None
     """Unless that comes nearer to a distance limit."""
     urgency_time_s: types.NotNegativeInterval | None = None
@@ -142,9 +142,9 @@ class Encoding(Settings, group="optimizer.encoding", only=TRAINS):
     see_horizon_s: types.NotNegativeInterval | None = None
     """Points that go dark for good within this time count in see_push_* and aim_*."""
     see_damping_ks2: types.PositiveInterval | None = None
-    """What keeps that push small, 1e6 s^2."""
+    """Weight that keeps see_push_* small."""
     aim_urgent_m_s: types.NotNegativeInterval | None = None
-    """Speed that the urgent direction adds to it in aim_*."""
+    """Speed that the urgent direction adds to see_push_* in aim_*."""
     tour_time_s: types.PositiveInterval | None = None
     """Time in which a place on the tour is to be reached."""
     tour_wait_s: types.NotNegativeInterval | None = None
@@ -178,7 +178,7 @@ class Penalty(Settings, group="optimizer.penalty", only=TRAINS):
     outside_m_s: types.NotNegative = 1.0e7
     """For a flight outside the distance limits, and again for each metre outside."""
     outside_most_m: types.NotNegative | None = None
-    """Metres outside that are paid for at most; null: all."""
+    """Most metres outside that are priced; null: all."""
     short_point_m_s: types.NotNegative = 1.0e4
     """For each point short of a success."""
     missed_point_m_s: types.NotNegative = 0.05
@@ -186,9 +186,9 @@ class Penalty(Settings, group="optimizer.penalty", only=TRAINS):
     growth: Annotated[types.Number, Field(ge=1, le=10), Only("optimizer.rounds>1")] = 1.0
     """Factor on the prices of points from one round to the next."""
     near_margin_m: types.NotNegative = 0.0
-    """By which training draws the least distance in."""
+    """How much greater the least distance is in training."""
     far_margin_m: types.NotNegative = 0.0
-    """By which training draws the greatest distance in."""
+    """How much less the greatest distance is in training."""
 
     def of_round(self, round_index: int) -> "Penalty":
         """Return the prices of a round, counted from 0."""
@@ -209,9 +209,9 @@ class Optimizer(Settings, group="optimizer", only=TRAINS):
     generations: types.Count = 500
     """Generations after the first, in each round."""
     stall_generations: types.Count | None = None
-    """Without improvement, after which a round ends; null: none."""
+    """Generations without improvement after which a round ends; null: any number."""
     rounds: types.Count = 1
-    """Times that training starts from the last champion."""
+    """Rounds of training, each from the last one's champion."""
     encoding: Encoding = field(default_factory=Encoding)
     penalty: Penalty = field(default_factory=Penalty)
     workers: types.Workers = None
@@ -219,7 +219,7 @@ class Optimizer(Settings, group="optimizer", only=TRAINS):
     algorithm: Literal["genetic", "cma_es", "nsga2"] = "genetic"
     """Crossover and mutation; an adapting normal distribution; a front of two objectives."""
     next_round: Annotated[Literal["afresh", "carried"], Only("optimizer.rounds>1")] = "afresh"
-    """How a later round begins: a new population and the champion, or the one it finds."""
+    """How a later round begins: with a new population and the champion, or with the last population."""
     initial_step: Annotated[
         types.Number,
         Field(ge=1e-6, le=1),
@@ -230,7 +230,7 @@ class Optimizer(Settings, group="optimizer", only=TRAINS):
     ] = 0.1
     """Standard deviation of local mutation, and of CMA-ES's first sample, in genes."""
     validation_cases: types.Natural = 0
-    """Starts on which the best of all generations is chosen; 0: the last, if it betters the given one."""
+    """Starts on which the best of all generations is chosen; 0: the last, if better than the given one."""
 
     def __post_init__(self) -> None:
         """Check that the population suits the algorithm, and that prices stay numbers."""
@@ -259,7 +259,7 @@ class GeneticAlgorithm(Optimizer, algorithm="genetic"):
     elitism_rate: Annotated[types.Number, Field(ge=0, le=0.9)] = 0.1
     """Share that passes unchanged into the next."""
     split: Literal["whole", "rest"] = "whole"
-    """What crossover_rate counts: the whole generation, or the rest without elite."""
+    """What crossover_rate is a share of: the whole generation, or the rest without elite."""
     mutation: Literal["adaptive_feasible", "local"] = "adaptive_feasible"
     """MATLAB's, all genes along one direction, or few genes by small normal steps."""
     first_population: Literal["random", "near"] = "random"

@@ -1,4 +1,4 @@
-"""Prove that every start of a box reaches the goal within the speed limit: prove/."""
+"""Prove that every start in a box reaches the goal within the speed limit: prove/."""
 
 import sys
 from dataclasses import asdict

@@ -202,11 +202,11 @@ CONSTANTS = {
     "dead_band_force_z_n": ControllerConstant("the same for force_z"),
     "prediction_time_s": ControllerConstant("how far ahead predicted_centre_along_track looks, s"),
     "coast_below_points": ControllerConstant(
-        "with fewer points than this missed by coasting to the end, coast"
+        "coast if coasting to the end would miss fewer points than this"
     ),
     "coast_margin_m": ControllerConstant("unless that would come nearer than this to a distance limit, m"),
     "decision_period_s": Chosen(
-        "time from one decision to the next, a whole number of control periods; a force lasts one, s"
+        "time from one decision to the next, whole control periods; a force lasts one of these, s"
     ),
     "urgency_time_s": ControllerConstant(
         "time before its last light within which a point becomes urgent, s",
@@ -218,17 +218,15 @@ CONSTANTS = {
     ),
     "see_horizon_s": ControllerConstant("see_push_* shows points that go dark for good within this time, s"),
     "see_damping_ks2": ControllerConstant(
-        "what keeps see_push_* small, against squared times to the look, 1e6 s^2",
+        "weight that keeps see_push_* small, beside squared times to the look, 1e6 s^2",
         needed_for=SETTING,
         such_as="0.1",
     ),
     "aim_urgent_m_s": ControllerConstant("speed that urgent_* adds to see_push_* in aim_*, m/s"),
     "rehearsal_reach_m_s": Chosen(
-        "largest radial part of the first pushes of which the one that ends cheapest is fired, m/s"
+        "largest radial part of the simulated first pushes, of which the one that ends cheapest is fired, m/s"
     ),
-    "rehearsal_point_m_s": Chosen(
-        "what a point missed costs among flights that are flown ahead; 0.15 unless given, m/s"
-    ),
+    "rehearsal_point_m_s": Chosen("price of a missed point in simulated flights; 0.15 unless given, m/s"),
     "tour_time_s": ControllerConstant(
         "tour_push_* leads to where the tour is after this time, less than half an orbit, s",
         needed_for=TOUR,
@@ -240,23 +238,21 @@ CONSTANTS = {
     "tour_lean_m": ControllerConstant("how far the tour leans towards what is urgent, m"),
     **TOUR_COEFFICIENTS,
     "rehearsal_tours": Chosen(
-        "2 or 4: of the tour's images, so many are flown ahead, and the one that ends cheapest is followed"
+        "how many of the tour's images are simulated, 2 or 4; the one that ends cheapest is followed"
     ),
     "rehearsal_slowest_s": Chosen(
-        "each image is flown ahead in three times from tour_time_s to this one, less than half an orbit, s"
+        "each image is simulated with three times, from tour_time_s to this, less than half an orbit, s"
     ),
-    "rehearsal_smallest": Chosen("each image is flown ahead in two sizes, its own and this share of it"),
+    "rehearsal_smallest": Chosen("each image is simulated in two sizes, its own and this share of it"),
     "rehearsal_shapes": Chosen(
-        "so many more tours, drawn around the controller's own, are flown ahead in the same way"
+        "how many more tours, drawn around the controller's own, are simulated in the same way"
     ),
-    "rehearsal_spread_m": Chosen("spread of each place of these tours about the controller's own, m"),
+    "rehearsal_spread_m": Chosen("standard deviation of their constants about the controller's own, m"),
     "rehearsal_draws": Chosen(
-        "so many flights with errors drawn are flown ahead, each time of the tour that is cheapest so far"
+        "how many flights with random errors are simulated, each of the tour that is cheapest so far"
     ),
-    "rehearsal_period_s": Chosen(
-        "the tours are flown ahead again after each such time, whole decision periods, s"
-    ),
-    "foresight_pushes": Chosen("2 or 3: so many pushes are planned together by geometry, and fired"),
+    "rehearsal_period_s": Chosen("time after which the tours are simulated again, whole decision periods, s"),
+    "foresight_pushes": Chosen("how many pushes are planned together by geometry, and fired: 2 or 3"),
     "foresight_points": Chosen(
         "their plan misses fewer points than this; as coast_below_points unless given"
     ),
@@ -264,7 +260,7 @@ CONSTANTS = {
         "after them, coast with fewer points than this missed; as coast_below_points unless given"
     ),
     "foresight_period_s": Chosen(
-        "where a flight deviates from its plan, plan again after each such time, whole decision periods, s"
+        "time after which a flight that can deviate from its plan is planned again, whole decision periods, s"
     ),
 }
 
