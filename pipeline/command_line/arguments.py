@@ -3,7 +3,7 @@
 import argparse
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Final, NoReturn
+from typing import Any, Final, NoReturn
 
 from hydra._internal.utils import get_args_parser
 
@@ -68,21 +68,10 @@ class CommandLine(argparse.Namespace):
 
 
 class CommandParser(argparse.ArgumentParser):
-    """Parses options; errors are sentences.
+    """Parses the options of a command; errors are sentences."""
 
-    Parameters
-    ----------
-    prog : str
-        The command.
-    parents : sequence of ArgumentParser
-        Whose options it has too.
-    """
-
-    def __init__(self, prog: str, parents: Sequence[argparse.ArgumentParser] = ()) -> None:
-        parents = list(parents)
-        super().__init__(
-            prog, add_help=False, allow_abbrev=False, conflict_handler="resolve", parents=parents
-        )
+    def __init__(self, command: str, **settings: Any) -> None:
+        super().__init__(command, add_help=False, allow_abbrev=False, **settings)
 
     def error(self, message: str) -> NoReturn:
         """Raise ConfigError; the program exits only through `pipeline.command_line.cli.main`."""
@@ -105,7 +94,7 @@ def parse_arguments(arguments: Sequence[str]) -> CommandLine:
             "experiment is started with +experiment=NAME and settings with key=value, see python -m pipeline "
             "--help"
         )
-    parser = CommandParser("python -m pipeline", parents=[get_args_parser()])
+    parser = CommandParser("python -m pipeline", parents=[get_args_parser()], conflict_handler="resolve")
     parser.add_argument("--version", action="store_true")
     parser.add_argument("--config-dir", "-cd", type=Path)
     command, unknown = parser.parse_known_intermixed_args(list(arguments), CommandLine())

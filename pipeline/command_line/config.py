@@ -1,7 +1,7 @@
 """From overrides to a checked configuration: Hydra composes it, the schema judges it, in our words."""
 
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,13 +23,15 @@ from pipeline.flight.state.signals import CONSTANTS
 from pipeline.settings import start_table
 from pipeline.settings.checks import SettingError
 from pipeline.settings.experiment import Experiment
-from pipeline.settings.keys import RENAMED, did_you_mean, value_at
+from pipeline.settings.keys import RENAMED, did_you_mean, leaves, value_at, with_values
 from pipeline.settings.places import conf_folder
 from pipeline.settings.schema import checked, completed, defaults, idle
 
 #: the folder of configurations, the first of them, and the version of Hydra whose defaults count
 COMPOSED_FROM: Final = (str(conf_folder()), "config", "1.3")
-WORLD, COMPARE, ASSURANCE = "world", "compare", "assurance"
+WORLD = "world"
+#: groups that flights do not depend on
+NOT_FLOWN = ("compare", "assurance")
 #: launchers of Hydra that are packages of their own
 LAUNCHERS = {
     "hydra/launcher/joblib": "hydra-joblib-launcher",
@@ -199,7 +201,7 @@ def _expand_worlds(config: dict[str, Any], overrides: Sequence[str], folders: Se
 
     A world is the name of one, or changes of groups; a group in it may be the name of an option.
     """
-    worlds = value_at(config, f"{COMPARE}.worlds")
+    worlds = value_at(config, "compare.worlds")
     for name, given in worlds.items() if isinstance(worlds, dict) else ():
         changes = {WORLD: given} if isinstance(given, str) else given
         if not isinstance(changes, dict):
@@ -208,19 +210,11 @@ def _expand_worlds(config: dict[str, Any], overrides: Sequence[str], folders: Se
         if chosen:
             kept = [text for text in overrides if text.partition("=")[0] not in chosen]
             words = [*kept, *(f"{group}={value}" for group, value in chosen.items())]
-            changed = _differences(completed(config), completed(plain(compose_node(words, folders))))
-            worlds[name] = changed | {group: value for group, value in changes.items() if group not in chosen}
-
-
-def _differences(here: Mapping[str, Any], there: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the keys that flights depend on and whose values differ, in their groups."""
-    changes: dict[str, Any] = {}
-    for name, value in there.items():
-        if name not in here or (value != here[name] and not isinstance(value, dict)):
-            changes[name] = value
-        elif value != here[name] and name not in (COMPARE, ASSURANCE):
-            changes[name] = _differences(here[name], value)
-    return changes
+            here, there = completed(config), completed(plain(compose_node(words, folders)))
+            differing = {key: value for key, value in leaves(there, ()) if value_at(here, key, ...) != value}
+            others = {group: value for group, value in changes.items() if group not in chosen}
+            flown = (item for item in differing.items() if top_of(item[0]) not in NOT_FLOWN)
+            worlds[name] = with_values({}, dict(flown)) | others
 
 
 @contextmanager

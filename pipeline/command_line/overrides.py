@@ -94,7 +94,8 @@ def rewrite_paths(overrides: Iterable[str]) -> list[str]:
     for text in overrides:
         key, _, value = text.partition("=")
         paths = _values(text, value) if key in SUFFIXES else []
-        readers = {_reader(key, path) for path in paths}
+        endings = SUFFIXES.get(key, {})
+        readers = {endings.get(Path(path.lower()).suffix) for path in paths}
         if key in FOLDERS and "=" in value and value[:1] not in "'\"":
             rewritten.append(f"{key}={quoted(value)}")
         elif readers <= {None}:
@@ -106,11 +107,6 @@ def rewrite_paths(overrides: Iterable[str]) -> list[str]:
                 f"{text!r} mixes names and paths, or kinds of files; sweep over one kind and then the other"
             )
     return rewritten
-
-
-def _reader(group: str, path: str) -> str | None:
-    """Return the option of a group that reads a file; None if the file is not of its kind."""
-    return next((option for end, option in SUFFIXES[group].items() if path.lower().endswith(end)), None)
 
 
 def _values(text: str, value: str) -> list[str]:

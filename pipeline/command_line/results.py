@@ -85,10 +85,8 @@ def compare(first: Path, second: Path) -> int:
     """
     configs = [configuration.read(folder) for folder in (first, second)]
     confidence = float(read_summary(first).get("confidence_percent", sweep.CONFIDENCE_PERCENT))
-    first_episodes, second_episodes = (
-        tables.read_parquet(folder, artifacts.EPISODES) for folder in (first, second)
-    )
-    compared = statistics.compare(first_episodes, second_episodes, confidence)
+    here, there = (tables.read_parquet(folder, artifacts.EPISODES) for folder in (first, second))
+    compared = statistics.compare(here, there, confidence)
     _print(sweep.compared_table(first.name, second.name, compared, confidence))
     sys.stdout.write("p: Wilcoxon's signed ranks; for shares of flights McNemar's exact test\n")
     for difference in differences(present(configs[0]), present(configs[1]), but=(), words=("A", "B")):

@@ -82,7 +82,7 @@ def check_vacant(job: Job, folder: Path) -> None:
     """
     if not (folder / artifacts.MANIFEST).exists():
         if (folder / artifacts.CONFIG).exists():
-            _experiment_of(folder, _stored(folder))
+            _stored(folder)
         return
     if not configuration.is_of(job.config, manifests.read(folder)):
         path = shown_path(folder)
@@ -135,9 +135,9 @@ def resume(folder: Path, overrides: Sequence[Override], command: Sequence[str] |
     """
     configuration.read(folder)
     with held(folder):
-        stored = _stored(folder)
-        config = with_values(stored, given_again(overrides, _experiment_of(folder, stored).name))
-        experiment = _experiment_of(folder, config)
+        stored, experiment = _stored(folder)
+        config = with_values(stored, given_again(overrides, experiment.name))
+        experiment = schema.experiment_from(config)
         manifest = manifests.read_if_any(folder)
         finished = manifest.get("finished_stages", [])
         left = tuple(stage for stage in experiment.stages if stage not in finished)
@@ -179,8 +179,7 @@ def repeat(folder: Path, overrides: Sequence[Override], config_dir: Path | None)
     """Repeat stages on the files of an earlier run, with its configuration; return the exit code."""
     configuration.read(folder)
     with held(folder):
-        config = _stored(folder)
-        _experiment_of(folder, config)
+        config, _ = _stored(folder)
         by_key = {override.key_or_group: override for override in overrides}
         stages = by_key.pop("stages").value() if "stages" in by_key else None
         if not isinstance(stages, list):
@@ -214,8 +213,14 @@ def repeat(folder: Path, overrides: Sequence[Override], config_dir: Path | None)
         return _run(config, experiment, folder, stages)
 
 
-def _stored(folder: Path) -> dict[str, Any]:
-    """Return a run's configuration as it is stored; raise an error if it was edited since."""
+def _stored(folder: Path) -> tuple[dict[str, Any], Experiment]:
+    """Return a run's configuration as it is stored, and its experiment.
+
+    Raises
+    ------
+    pipeline.run.artifacts.ArtifactError
+        If it was edited since, or is not of this program.
+    """
     config = configuration.read(folder)
     if not artifacts.holds_run(folder):
         raise artifacts.ArtifactError(
@@ -228,13 +233,8 @@ def _stored(folder: Path) -> dict[str, Any]:
             f"{folder / artifacts.CONFIG} is not what the run was made with (its hash is not the "
             "manifest's); restore it, or start a new run"
         )
-    return in_todays_words(config)
-
-
-def _experiment_of(folder: Path, config: dict[str, Any]) -> Experiment:
-    """Return the experiment of a run's configuration, possibly from another version."""
     try:
-        return schema.experiment_from(config)
+        return in_todays_words(config), schema.experiment_from(config)
     except ValueError as error:
         raise artifacts.ArtifactError(
             f"{folder / artifacts.CONFIG} is no configuration of this program's ({error}); use the program "
@@ -244,7 +244,4 @@ def _experiment_of(folder: Path, config: dict[str, Any]) -> Experiment:
 
 def most_telling(codes: Iterable[int]) -> int:
     """Return the exit code for several runs: a failure's, else that of one without proof or gain, else 0."""
-    codes = list(codes)
-    return max((code for code in codes if code not in (UNPROVED, UNIMPROVED)), default=OK) or max(
-        codes, default=OK
-    )
+    return max(codes, key=(OK, UNPROVED, UNIMPROVED, FAULT, MISTAKE).index, default=OK)

@@ -382,7 +382,7 @@ def _provenance(evidence: Mapping[str, Any]) -> Iterator[Block]:
     )
     if settings := evidence["conditions"]["settings"]:
         yield Paragraph("Settings of the mission and the Sun that differ from the defaults:")
-        rows = [[key, f"{as_yaml(value)} {unit_of(key)}".strip()] for key, value in settings.items()]
+        rows = [[key, f"{as_yaml(value)} {unit_of(key).symbol}".strip()] for key, value in settings.items()]
         yield Table([], rows)
     yield Paragraph("The same evidence again, from the folder of the run:")
     yield Code("python -m pipeline stages=[assure] hydra.run.dir=RUN_FOLDER")

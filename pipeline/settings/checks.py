@@ -27,14 +27,6 @@ def expected(low: float | None, high: float) -> str:
     return f"at least {low:g}" if high == math.inf else f"from {low:g} to {high:g}"
 
 
-def ascending(low_key: str, low_m: float, high_key: str, high_m: float) -> None:
-    """Raise SettingError unless the second of two distances is greater."""
-    if not low_m < high_m:
-        raise SettingError(
-            f"{low_key} is {low_m} and {high_key} is {high_m}; the first must be less than the second (m)"
-        )
-
-
 def divides(key: str, period_s: float, whole_key: str, whole_s: float) -> None:
     """Raise SettingError unless a period fits a whole number of times."""
     ratio = whole_s / period_s
@@ -46,12 +38,13 @@ def divides(key: str, period_s: float, whole_key: str, whole_s: float) -> None:
         )
 
 
-def shell(group: str, low_m: float, high_m: float) -> None:
-    """Raise SettingError if a shell's inner radius exceeds its outer radius."""
-    if not low_m <= high_m:
+def shell(group: str, low_m: float, high_m: float, *, may_be_thin: bool = True) -> None:
+    """Raise SettingError if a shell's inner radius exceeds its outer radius, or may not equal it and does."""
+    if not (low_m < high_m or (may_be_thin and low_m == high_m)):
+        words = "not be greater" if may_be_thin else "be less"
         raise SettingError(
-            f"{group}.min_distance_m is {low_m} and {group}.max_distance_m is {high_m}; the first must not "
-            "be greater than the second (m)"
+            f"{group}.min_distance_m is {low_m} and {group}.max_distance_m is {high_m}; the first must "
+            f"{words} than the second (m)"
         )
 
 

@@ -87,8 +87,8 @@ def distributions(config: Mapping[str, Any]) -> tuple[Distribution, ...]:
     SettingError
         If one is not written as in `KINDS`, or a value is not allowed.
     """
-    constant = (distribution for distribution in _read(config) if distribution.correlation_s is None)
-    return tuple(sorted(constant, key=lambda distribution: distribution.key))
+    constant = (each for each in _read(config) if each.correlation_s is None)
+    return tuple(sorted(constant, key=lambda each: each.key))
 
 
 def processes(config: Mapping[str, Any]) -> dict[str, Distribution]:
@@ -99,11 +99,7 @@ def processes(config: Mapping[str, Any]) -> dict[str, Distribution]:
     SettingError
         As `distributions`.
     """
-    return {
-        distribution.key: distribution
-        for distribution in _read(config)
-        if distribution.correlation_s is not None
-    }
+    return {each.key: each for each in _read(config) if each.correlation_s is not None}
 
 
 def in_time_alone(config: Mapping[str, Any]) -> dict[str, Any]:

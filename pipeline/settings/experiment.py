@@ -6,7 +6,6 @@ Keys carry their units; degrees appear only in keys that end in ``_deg``. Invali
 """
 
 import math
-import re
 from dataclasses import field
 from typing import Annotated, Any, Literal
 
@@ -258,7 +257,7 @@ class Experiment(Settings, group=""):
         Whether to go on from a checkpoint in the run's folder; not part of the configuration.
     """
 
-    name: types.Text = "pipeline"
+    name: Annotated[types.Text, Field(pattern=r"^[A-Za-z0-9_.-]+$")] = "pipeline"
     """Names the run's folder: letters, digits, _ - and . only."""
     seed: types.Seed = 1
     """Seed of everything random."""
@@ -288,18 +287,13 @@ class Experiment(Settings, group=""):
 
     def __post_init__(self) -> None:
         """Check settings that must fit together."""
-        if not re.fullmatch(r"[A-Za-z0-9_.-]+", self.name):
-            raise SettingError(
-                f"name is {self.name!r}; it names a folder: use letters, digits, '_', '-' and '.' only"
-            )
         self._check_stages()
         check_controller(self.controller)
-        limits = self.mission.deputy.min_distance_m, self.mission.deputy.max_distance_m
         self._check_start()
         path = self.starts.path if isinstance(self.starts, StartsOfFile) else None
-        for table in (self.starts.rows, self.monte_carlo.table):
-            if table is not None:
-                start_table.check_within(table, f"the starts of {path}", limits)
+        for table in filter(None, (self.starts.rows, self.monte_carlo.table)):
+            for what, distance in start_table.distances(table, f"the starts of {path}"):
+                self._check_distance(what, distance)
         for group, shell in (("starts", self.starts), ("monte_carlo", self.monte_carlo)):
             for key in ("min_distance_m", "max_distance_m"):
                 value = getattr(shell, key)
@@ -325,7 +319,13 @@ class Experiment(Settings, group=""):
     def _check_distance(self, what: str, distance_m: float) -> None:
         """Raise SettingError if a start is outside the limits of the flight, or inside the chief."""
         deputy, chief = self.mission.deputy, self.mission.chief
-        start_table.check_distance(what, distance_m, (deputy.min_distance_m, deputy.max_distance_m))
+        low, high = deputy.min_distance_m, deputy.max_distance_m
+        # a billionth outside is rounding: a start on a limit, which is inside, may be written by its axes
+        if not low * (1 - 1e-9) <= distance_m <= high * (1 + 1e-9):
+            raise SettingError(
+                f"{what}, outside the limits of the flight; it must be from deputy.min_distance_m={low:g} to "
+                f"deputy.max_distance_m={high:g} (m): move the start, or a limit"
+            )
         radius_m = chief.inspection_radius_m
         is_sphere = self.mission.problem.kind == "inspection" and chief.shape == "sphere"
         if is_sphere and not distance_m > radius_m:
@@ -338,8 +338,7 @@ class Experiment(Settings, group=""):
         count = self.monte_carlo.num_cases
         if self.case is None and "record" in self.stages and self.telemetry.record_start:
             distance = math.hypot(*self.mission.deputy.initial_position_m)
-            what = f"deputy.initial_position_m is {distance:.6g} m from the chief"
-            self._check_distance(what, distance)
+            self._check_distance(f"deputy.initial_position_m is {distance:.6g} m from the chief", distance)
         elif self.case is not None and self.monte_carlo.table is not None and self.case >= count:
             raise SettingError(
                 f"case is {self.case}, but there are {count} starts; choose one from 0 to {count - 1}"

@@ -183,6 +183,7 @@ EXPECTED: Mapping[str, str] = {
     "int_type": "a whole number",
     "bool_type": "true or false",
     "string_type": "a text",
+    "string_pattern_mismatch": "of letters, digits, '_', '-' and '.' only",
     "tuple_type": "a list, [..., ...]",
     "dict_type": "a group of keys",
 }
@@ -203,7 +204,7 @@ def sentence(kind: Any, error: ValidationError) -> str:
     if isinstance(cause, SettingError):
         return str(cause)
     key, value = dotted(kind.group, fault["loc"]), fault["input"]
-    unit = in_unit(unit_of(key))
+    unit = in_unit(unit_of(key).symbol)
     match fault["type"]:
         case "unexpected_keyword_argument":
             words = _unexpected(kind, key)

@@ -2,7 +2,7 @@
 
 import copy
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from typing import Any
+from typing import Any, Final, NamedTuple
 
 from fis_tools.errors import nearest
 
@@ -10,26 +10,41 @@ from fis_tools.errors import nearest
 FREE = "controller"
 #: the group whose keys are those of the mission
 DISPERSIONS = "dispersions"
+
+
+class Unit(NamedTuple):
+    """A unit, and the least positive and the greatest magnitude in it that makes sense.
+
+    Beyond them formulas lose digits, overflow or fill the memory.
+    """
+
+    symbol: str
+    least: float
+    greatest: float
+
+
+#: of keys that name none
+NO_UNIT: Final = Unit("", 1e-9, 1e12)
 #: suffixes of keys to their units; the first that fits counts
-UNITS: Mapping[str, str] = {
-    "_kg_m2": "kg m^2",
-    "_ks2": "1e6 s^2",
-    "_rad_s": "rad/s",
-    "_n_m": "N m",
-    "_n_s": "N s",
-    "_m3_s2": "m^3/s^2",
-    "_m_s2": "m/s^2",
-    "_m_s": "m/s",
-    "_per_s": "1/s",
-    "_percent": "%",
-    "_deg": "deg",
-    "_rad": "rad",
-    "_kg": "kg",
-    "_m": "m",
-    "_n": "N",
-    "_s": "s",
-    "proportional_gain": "1/s^2",
-    "derivative_gain": "1/s",
+UNITS: Mapping[str, Unit] = {
+    "_kg_m2": Unit("kg m^2", 1e-9, 1e9),
+    "_ks2": Unit("1e6 s^2", 1e-9, 1e12),
+    "_rad_s": Unit("rad/s", 1e-8, 10.0),
+    "_n_m": Unit("N m", 1e-9, 1e6),
+    "_n_s": Unit("N s", 1e-9, 1e6),
+    "_m3_s2": Unit("m^3/s^2", 1e6, 1e21),
+    "_m_s2": Unit("m/s^2", 1e-15, 1e3),
+    "_m_s": Unit("m/s", 1e-9, 1e12),  # also of prices
+    "_per_s": Unit("1/s", 1e-9, 1e3),
+    "_percent": Unit("%", 1e-9, 1e12),
+    "_deg": Unit("deg", 1e-6, 360.0),
+    "_rad": Unit("rad", 1e-9, 100.0),
+    "_kg": Unit("kg", 1e-3, 1e6),
+    "_m": Unit("m", 1e-6, 1e7),
+    "_n": Unit("N", 1e-9, 1e6),
+    "_s": Unit("s", 1e-3, 1e8),
+    "proportional_gain": Unit("1/s^2", 1e-12, 1e3),
+    "derivative_gain": Unit("1/s", 1e-9, 1e3),
 }
 #: keys and groups of earlier versions to their present names
 RENAMED: Mapping[str, str] = {
@@ -128,10 +143,10 @@ def dotted(group: str, location: Iterable[int | str]) -> str:
     return (group + "".join(words)).lstrip(".")
 
 
-def unit_of(key: str) -> str:
-    """Return the unit of a key, or nothing."""
+def unit_of(key: str) -> Unit:
+    """Return the unit of a key, by its last suffix."""
     name = key.partition("[")[0]
-    return next((unit for end, unit in UNITS.items() if name.endswith(end)), "")
+    return next((unit for end, unit in UNITS.items() if name.endswith(end)), NO_UNIT)
 
 
 def choices_of(word: str, known: Sequence[str], plural: str = "choices") -> str:

@@ -79,9 +79,7 @@ class DeputySettings(Settings, group="deputy"):
 
     def __post_init__(self) -> None:
         """Check the limits, and that the start lies apart from the chief and is not absurdly fast."""
-        checks.ascending(
-            "deputy.min_distance_m", self.min_distance_m, "deputy.max_distance_m", self.max_distance_m
-        )
+        checks.shell("deputy", self.min_distance_m, self.max_distance_m, may_be_thin=False)
         if not math.hypot(*self.initial_velocity_m_s) <= 1e3:
             raise SettingError(
                 f"deputy.initial_velocity_m_s is {list(self.initial_velocity_m_s)}; its length must be at "

@@ -299,8 +299,8 @@ def tables() -> dict[str, list[Key]]:
 def rows_of(group: str, shown: list[Key]) -> Iterator[tuple[str, str, str, str]]:
     """Yield the name, default, range and meaning of each key of a group."""
     for key in shown:
-        name = key.name.rpartition(".")[2]
-        default = "" if key.default is MISSING else f"`{as_yaml(key.default)}` {keys.unit_of(name)}".strip()
+        name, unit = key.name.rpartition(".")[2], keys.unit_of(key.name).symbol
+        default = "" if key.default is MISSING else f"`{as_yaml(key.default)}` {unit}".strip()
         conditions = [mark for mark in key.only if not mark.is_of_stages and mark != of_group(group)]
         meaning = descriptions().get(f"{group}.{name}".lstrip("."), "")
         only = f" Only with {in_code(conditions)}." if conditions else ""
@@ -309,11 +309,11 @@ def rows_of(group: str, shown: list[Key]) -> Iterator[tuple[str, str, str, str]]
 
 def of_group(group: str) -> Only | None:
     """Return the condition that holds for all keys of a group."""
-    marks = [mark for key in tables()[group] for mark in key.only]
-    shared = (
-        mark for mark in marks if all(mark in key.only or key.name in mark.keys for key in tables()[group])
+    table = tables()[group] if group else []
+    marks = (mark for key in table for mark in key.only)
+    return next(
+        (mark for mark in marks if all(mark in key.only or key.name in mark.keys for key in table)), None
     )
-    return next(shared, None) if group else None
 
 
 def in_code(marks: list[Only]) -> str:
@@ -381,7 +381,7 @@ def _commented(node: Mapping[str, Any], above: str, indent: str) -> Iterator[str
         key = f"{above}{name}"
         is_group = isinstance(value, dict) and value and key not in schema()
         if meaning := descriptions().get(key):
-            yield f"{indent}# {meaning}{f' ({unit})' if (unit := keys.unit_of(key)) and not is_group else ''}"
+            yield f"{indent}# {meaning}{'' if is_group else checks.in_unit(keys.unit_of(key).symbol)}"
         if is_group and key != keys.FREE:
             yield f"{indent}{name}:"
             yield from _commented(value, f"{key}.", f"{indent}  ")

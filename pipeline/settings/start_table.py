@@ -8,7 +8,8 @@ import csv
 import io
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -42,16 +43,15 @@ def split(text: str, key: str) -> tuple[str, str]:
     SettingError
         If it is not a table; the message names the key.
     """
-    header, rows = _cells(text, key)
-    labels = [row[header.index("set")].strip() if "set" in header else "" for row in rows]
-    if "case" in header:
-        _check_cases(labels, [row[header.index("case")].strip() for row in rows], key)
-    kept = [column for column, name in enumerate(header) if name not in LABELS]
+    columns = _columns(text, key)
+    cases = columns.pop("case", None)
+    labels = columns.pop("set", None) or [""] * len(columns[NEEDED[0]])
+    _check_cases(labels, cases or (), key)
 
     def table(begin: str) -> str:
+        rows = list(zip(*columns.values(), strict=True))
         chosen = [row for row, label in zip(rows, labels, strict=True) if label.startswith(begin)] or rows
-        lines = [",".join(row[column].strip() for column in kept) for row in [header, *chosen]]
-        return "\n".join(lines) + "\n"
+        return "".join(f"{','.join(row)}\n" for row in [columns, *chosen])
 
     made = table(TRAINING), table(EVALUATION)
     for table_text in made:
@@ -60,9 +60,9 @@ def split(text: str, key: str) -> tuple[str, str]:
 
 
 def _check_cases(labels: Sequence[str], cases: Sequence[str], key: str) -> None:
-    """Raise SettingError unless the cases of each set are numbered 0, 1, 2, … in order."""
+    """Raise SettingError unless the cases of each set, where given, are numbered 0, 1, 2, … in order."""
     counts: Counter[str] = Counter()
-    for number, (label, case) in enumerate(zip(labels, cases, strict=True), 1):
+    for number, (label, case) in enumerate(zip(labels, cases, strict=False), 1):
         if case != str(counts[label]):
             raise SettingError(
                 f"{key}: row {number} is case {case!r}, but would be flown as case {counts[label]}, with the "
@@ -81,19 +81,14 @@ def numbers(text: str, key: str) -> Mapping[str, "NDArray[np.float64]"]:
     """
     import numpy as np  # noqa: PLC0415 - most runs have no table, and check their settings without it
 
-    header, rows = _cells(text, key)
-    values = np.empty((len(rows), len(header)))
-    for index, row in enumerate(rows):
-        for column, cell in enumerate(row):
-            try:
-                values[index, column] = float(cell)
-            except ValueError:
-                values[index, column] = math.nan
-            if not math.isfinite(values[index, column]):
-                raise SettingError(
-                    f"{key}: row {index + 1} has {header[column]} {cell.strip()!r}; write a finite number"
-                )
-    return {name: values[:, column] for column, name in enumerate(header)}
+    columns = _columns(text, key)
+    for name, cells in columns.items():
+        for row, cell in enumerate(cells, 1):
+            with suppress(ValueError):
+                if math.isfinite(float(cell)):
+                    continue
+            raise SettingError(f"{key}: row {row} has {name} {cell!r}; write a finite number")
+    return {name: np.array(list(map(float, cells))) for name, cells in columns.items()}
 
 
 def read_starts(config: dict[str, Any]) -> None:
@@ -134,50 +129,33 @@ def check_count(group: str, num_cases: int, table: str | None) -> None:
         )
 
 
-def check_within(text: str, key: str, limits_m: tuple[float, float]) -> None:
-    """Raise SettingError if a start of a table is outside the distance limits.
+def distances(text: str, key: str) -> Iterator[tuple[str, float]]:
+    """Yield in words which start of a table it is, and its distance from the chief, m.
 
     Raises
     ------
     SettingError
+        As `numbers`.
     """
     columns = numbers(text, key)
     for row, position in enumerate(zip(*(columns[name].tolist() for name in POSITION), strict=True), 1):
         distance = math.hypot(*position)
-        check_distance(f"{key}: row {row} starts {distance:.6g} m from the chief", distance, limits_m)
+        yield f"{key}: row {row} starts {distance:.6g} m from the chief", distance
 
 
-def check_distance(what: str, distance_m: float, limits_m: tuple[float, float]) -> None:
-    """Raise SettingError if a distance is outside the limits; the message begins with `what`."""
-    low, high = limits_m
-    # a billionth outside is rounding: a start on a limit, which is inside, may be written by its axes
-    if not low * (1 - 1e-9) <= distance_m <= high * (1 + 1e-9):
-        raise SettingError(
-            f"{what}, outside the limits of the flight; it must be from deputy.min_distance_m={low:g} to "
-            f"deputy.max_distance_m={high:g} (m): move the start, or a limit"
-        )
-
-
-def _cells(text: str, key: str) -> tuple[list[str], list[list[str]]]:
-    """Read the header and the rows of a table; check their columns."""
+def _columns(text: str, key: str) -> dict[str, list[str]]:
+    """Return the cells of each column of a table, by its header, which is checked."""
     try:
-        header, *rows = [row for row in csv.reader(io.StringIO(text)) if row]
+        header, *rows = [[cell.strip() for cell in row] for row in csv.reader(io.StringIO(text)) if row]
     except (ValueError, csv.Error) as error:
         raise SettingError(f"{key} is no table of starts ({error}); give CSV with a header") from error
-    names = [name.strip() for name in header]
     for index, row in enumerate(rows):
-        if len(row) != len(names):
+        if len(row) != len(header):
             raise SettingError(
-                f"{key}: row {index + 1} has {len(row)} cells, the header {len(names)}; give as many"
+                f"{key}: row {index + 1} has {len(row)} cells, the header {len(header)}; give as many"
             )
     if not rows:
         raise SettingError(f"{key} has no row below its header; give at least one start")
-    _check_header(names, key)
-    return names, rows
-
-
-def _check_header(header: Sequence[str], key: str) -> None:
-    """Raise SettingError for unknown, missing and repeated columns."""
     for name in header:
         if name not in COLUMNS:
             raise SettingError(
@@ -188,3 +166,4 @@ def _check_header(header: Sequence[str], key: str) -> None:
     if missing or len(set(header)) != len(header):
         wrong = f"lacks {', '.join(missing)}" if missing else "has a column twice"
         raise SettingError(f"{key} {wrong}; its columns are {', '.join(COLUMNS)}, each once")
+    return dict(zip(header, map(list, zip(*rows, strict=True)), strict=True))

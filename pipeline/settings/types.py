@@ -5,7 +5,7 @@ in brackets. Comparisons are written so that NaN, which compares false with ever
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Annotated, Any
 
 from pydantic import AfterValidator, BeforeValidator, Field, Strict, ValidationInfo
@@ -131,40 +131,16 @@ def _principal_moments(rows: tuple[tuple[float, ...], ...]) -> Sequence[float]:
     return [float(moment) for moment in np.linalg.eigvalsh(np.array(rows))]
 
 
-#: by unit, "" for numbers without one: the least positive and the greatest magnitude that makes sense. Beyond
-#: them formulas lose digits, overflow or fill the memory
-REACHES: Mapping[str, tuple[float, float]] = {
-    "": (1e-9, 1e12),
-    "1/s": (1e-9, 1e3),
-    "1e6 s^2": (1e-9, 1e12),
-    "1/s^2": (1e-12, 1e3),
-    "N": (1e-9, 1e6),
-    "N m": (1e-9, 1e6),
-    "N s": (1e-9, 1e6),
-    "m/s^2": (1e-15, 1e3),
-    "m^3/s^2": (1e6, 1e21),
-    "deg": (1e-6, 360.0),
-    "kg": (1e-3, 1e6),
-    "kg m^2": (1e-9, 1e9),
-    "m": (1e-6, 1e7),
-    "m/s": (1e-9, 1e12),  # also of prices
-    "rad": (1e-9, 100.0),
-    "rad/s": (1e-8, 10.0),
-    "s": (1e-3, 1e8),
-}
-
-
 def _not_beyond(value: float, info: ValidationInfo) -> float:
     """Raise ValueError for a number too large for its unit."""
-    _, greatest = REACHES.get(unit_of(str(info.field_name)), (0.0, math.inf))
-    if not abs(value) <= greatest:
+    if not abs(value) <= (greatest := unit_of(str(info.field_name)).greatest):
         raise ValueError(f"{{key}} is {value}; it must be at most {greatest:g}{{unit}}, whatever its sign")
     return value
 
 
 def _not_vanishing(value: float, info: ValidationInfo) -> float:
     """Raise ValueError for a positive number too small for its unit."""
-    least, greatest = REACHES.get(unit_of(str(info.field_name)), (0.0, math.inf))
+    _, least, greatest = unit_of(str(info.field_name))
     if 0.0 < value < least:
         raise ValueError(f"{{key}} is {value}; it must be from {least:g} to {greatest:g}{{unit}}")
     return value

@@ -86,7 +86,7 @@ class Similarity:
         KeyError
             If there is no rule for its unit, or it has none and is not among `COUNTS`.
         """
-        unit = unit_of(name)
+        unit = unit_of(name).symbol
         if name in COUNTS or value == 0.0:
             return value
         if not unit:

@@ -21,8 +21,7 @@ from pipeline.settings.checks import SettingError
 from pipeline.settings.equipment import FilteredNavigation, RealActuators
 from pipeline.settings.experiment import Mission
 from pipeline.settings.groups import variant_of
-from pipeline.settings.keys import unit_of
-from pipeline.settings.types import REACHES
+from pipeline.settings.keys import UNITS, unit_of
 from tests.pipeline.flight.cases import controller, leaning_system
 
 #: beyond these a flight takes long, by any means: radians of the orbit, points, attitudes, periods ahead, and
@@ -39,7 +38,7 @@ def magnitude(least: float, greatest: float) -> st.SearchStrategy[float]:
 
 def number(key: str, limits: dict[str, float], value: float | None) -> st.SearchStrategy[float]:
     """A number by its unit and limits, near a value, or anywhere."""
-    least, most = REACHES.get(unit_of(key), REACHES[""])
+    _, least, most = unit_of(key)
     low, high = limits.get("ge", limits.get("gt", -inf)), limits.get("le", limits.get("lt", inf))
     greatest = min(most, high)
     anywhere = [magnitude(max(least, low), greatest)]
@@ -160,7 +159,7 @@ def clocked(draw: Any, base: Mission) -> Mission:
     """The mission with other clocks, and those of fixes and delays along with them."""
     count, ticks = draw(st.integers(2, 20)), draw(st.integers(1, MOST_TICKS))
     longest = MOST_RADIANS / (2.0 * count * base.orbit.mean_motion_rad_s)
-    period = draw(st.one_of(magnitude(1.0, 200.0), magnitude(2.0 * MOST_TICKS * REACHES["s"][0], longest)))
+    period = draw(st.one_of(magnitude(1.0, 200.0), magnitude(2.0 * MOST_TICKS * UNITS["_s"].least, longest)))
     clocks = {
         "control_period_s": period,
         "attitude_period_s": period / ticks,
