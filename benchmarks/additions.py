@@ -27,6 +27,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
             "-W",
             "ignore::RuntimeWarning",
         ]  # of NumPy, where compiled code divides by zero in silence
-        environment = os.environ | {"PYTHONPATH": os.fspath(folder), "NUMBA_DISABLE_JIT": "1"}
+        environment = os.environ | {"PYTHONPATH": os.fspath(folder)}
         done = subprocess.run([*command, *options.tests], cwd=folder, env=environment, check=False)  # noqa: S603
         return done.returncode
