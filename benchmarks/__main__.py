@@ -1,4 +1,4 @@
-"""Print the figures quoted in the README: ``python -m benchmarks``; or run a campaign, see `CAMPAIGNS`."""
+"""Measure the speeds that the pages quote: ``python -m benchmarks``; or run one of the programs below."""
 
 import argparse
 import ast

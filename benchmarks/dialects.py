@@ -1,4 +1,4 @@
-"""Compare files with the programs that they are of: ``python -m benchmarks dialects FOLDER``.
+"""Compare the answers of files with those of their own programs: ``python -m benchmarks dialects FOLDER``.
 
 Octave evaluates `.fis`, fuzzylite and pyfuzzylite `.fll`, jFuzzyLogic `.fcl`, as each samples by itself, a
 third of the samples outside of the inputs' ranges (Octave takes none). Octave halves the weight of an

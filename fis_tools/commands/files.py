@@ -45,12 +45,12 @@ def export(
 
     - markdown, csv, text, html, latex: terms and rules to read
     - json, yaml: a controller file, which holds everything
-    - fis (MATLAB and Octave) and other programs' forms: a file a system; what the form has no place for is
-      listed, and carried in a comment that `import` reads
-    - c: C99 source that stands alone: for a controller that commands a force step(), which has its thrust
-      logic; else a function a system
-    - fmu: FMI 2.0 for co-simulation (Simulink, Dymola, OpenModelica): a file a system, its inference alone;
-      with a library where gcc is at hand
+    - fis (MATLAB and Octave), fll, fcl: one file per system; what the format cannot hold is listed, and
+      carried in a comment that `import` reads
+    - c: self-contained C99: step() with the thrust logic for a controller that commands a force, else one
+      function per system
+    - fmu: FMI 2.0 for co-simulation (Simulink, Dymola, OpenModelica): one file per system, its inference
+      alone; with a compiled library if there is a gcc
 
     For example:
 
@@ -142,7 +142,7 @@ def import_(
     points
         points of every evenly spaced universe
     as_
-        the program whose inference the systems mean [default: that of which each is a file]
+        the program whose answers the systems give [default: each file's own]
     wire
         pass an output on to an input, as in MATLAB's fistree: --wire SYSTEM/OUTPUT SYSTEM/INPUT
     sets
@@ -265,8 +265,7 @@ def learn(
 
     The first line of the table names its columns; "petal length (cm)" has the unit cm. A target of words is
     classified: the system has an output for each, its share. Rows with an empty cell are left out, and so are
-    columns of words and of one value. What is reached is measured on every fifth row by what the other rows
-    teach.
+    columns of words and of one value. The score comes from cross-validation in five folds.
 
     For example:
 

@@ -79,7 +79,7 @@ def audit(
     fail_on
         end with status 1 if there is a finding so severe or worse
     thresholds
-        from where on something is a finding: NAME=NUMBER,NAME=NUMBER
+        what counts as a finding: NAME=NUMBER,NAME=NUMBER
     """
     controller = args.read()
     limits = _thresholds(thresholds)
@@ -119,13 +119,13 @@ def explain(
 ) -> None:
     """Tell why: which rules moved the output, what would flip it.
 
-    With --inputs or --time it tells of one inference the share of each rule in the output (Shapley values:
-    they add up to its way from the output of no rule), what would be missing without the rule ("needed":
-    nothing where others say the same), and the smallest change of one input that flips the output's sign.
-    With --flights (or a flight as CONTROLLER) it tells the shares over them. Of a flight it tells about
-    forces that were fired; where none was, it says why. --all-periods tells about every inference. Where a
-    flight says so, --time also tells which points the inputs come from, and what was flown ahead. Of wired
-    systems it tells about the whole, through the wires, then about each.
+    With --inputs or --time it explains one inference: the share of each rule in the output (Shapley values,
+    which add up to how far all rules moved it), what would be missing without the rule ("needed": nothing
+    where others say the same), and the smallest change of one input that flips the output's sign. With
+    --flights (or a flight as CONTROLLER) it gives the shares over all inferences whose force was fired; with
+    --all-periods, over every one. Where no force was fired, --time says why. It also says which points the
+    inputs come from, and what was simulated, if the flight holds that. Wired systems are explained as a
+    whole, through the wires, then one by one.
 
     For example:
 
@@ -239,7 +239,7 @@ def diff(
 ) -> int:
     """Tell what changed from one controller to another.
 
-    Terms are told with how far they moved and how much of their area is still shared; rules are compared by
+    For each term it says how far it moved and how much of its area is still shared. Rules are compared by
     what they ask for, whatever their order; outputs are compared over 4096 inputs spread over the ranges
     (fewer for outputs of more than 48,000 points), and along --flights.
 
@@ -310,9 +310,9 @@ def simplify(
     Steps leave out inputs, drop rules, merge terms that look alike, and round numbers. Each is measured
     against the original; what changes least goes first, until nothing more fits the budget. It holds along
     the flights that are given, and at 4,096 points spread over the whole ranges of the inputs; between them a
-    change can be larger. With --flights-only far more can go, but what was not flown changes at
-    will, and other starts are flown worse. What comes out is an ordinary controller: fly it before you trust
-    it.
+    change can be larger. With --flights-only far more can go, but inputs that were not flown may give
+    anything, and other starts are flown worse. What comes out is an ordinary controller: fly it before you
+    trust it.
 
     For example:
 

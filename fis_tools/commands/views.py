@@ -164,8 +164,8 @@ def surface(
 ) -> None:
     """Evaluate an output over two inputs, as numbers or a picture.
 
-    The two inputs that are not named by --x, --y or --fixed go along the axes. Numbers are printed as CSV, a
-    row a point.
+    By default the first two inputs that --fixed does not name go along the axes. Numbers are printed as CSV,
+    one row per point.
 
     For example:
 

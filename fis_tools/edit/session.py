@@ -124,7 +124,7 @@ class Session:
         existing = [str(path) for path in files if path.exists()]
         if existing and not replaces:
             raise ValueError(
-                f"{listed(existing)} is there already; choose another name, or tick that it is replaced"
+                f"{listed(existing)} is there already; choose another name, or tick the box to replace it"
             )
         for path, file in files.items():
             path.parent.mkdir(parents=True, exist_ok=True)

@@ -4,6 +4,7 @@ Exit codes: 0 success, 1 a fault of the program (with a traceback), 2 a user err
 on standard error), 130 interrupted from the keyboard.
 """
 
+import re
 import signal
 import sys
 from collections.abc import Callable, Sequence
@@ -76,7 +77,8 @@ def _command_of(arguments: Sequence[str]) -> Callable[[], int]:
         module = import_module(f"pipeline.command_line.{COMMANDS[arguments[0]]}")
         function: Callable[[Sequence[str]], int] = getattr(module, arguments[0])
         if {"--help", "-h"} & set(arguments[1:]):
-            return partial(_print, cleandoc(function.__doc__ or "").partition("\n\nRaises")[0] + "\n")
+            text = cleandoc(function.__doc__ or "")  # of which sections are for programmers
+            return partial(_print, re.split(r"\n\n(?:Returns|Raises)\n", text)[0] + "\n")
         return partial(function, arguments[1:])
     command = parse_arguments(arguments)
     if command.version:

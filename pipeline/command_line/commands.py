@@ -77,7 +77,8 @@ def export_c(arguments: Sequence[str]) -> int:
 
     Keys are those of +experiment=evaluate, such as controller=champion_27 or world=leo. The C is translated
     from the Python that flies. The commands of N recorded flights, 3 unless given, are compared bit by bit,
-    and stand in the folder as a test vector. The folder must be new or empty.
+    and stand in the folder as a test vector. The folder must be new or empty. The exit code is 1 if a
+    command differs.
 
     Returns
     -------

@@ -168,7 +168,7 @@ def _check_choice(override: Override, known: Sequence[str], plain: str) -> None:
     is_chosen = group != EXPERIMENT and (conf_folder() / group).is_dir()
     if not is_chosen and override.type == OverrideType.CHANGE:
         what = "an experiment" if group == EXPERIMENT else f"an option of {group}"
-        raise ConfigError(f"{what} is added to what stands already: write +{plain}")
+        raise ConfigError(f"{what} is added to the configuration: write +{plain}")
     if is_chosen and override.type == OverrideType.ADD:
         raise ConfigError(f"{group} is chosen already; write {plain} without the +")
     for choice in _choices(override):
@@ -197,7 +197,9 @@ def check_sweeps(overrides: Sequence[Override], is_multirun: bool) -> None:
                 f"{text} is an interval; a sweep needs its values, as in key=1,2 or key=range(1,3)"
             )
         if top_of(override.key_or_group) == HYDRA:
-            raise ConfigError(f"{text} gives several values, and a sweep has one; start a sweep for each")
+            raise ConfigError(
+                f"{text} gives several values, and a whole sweep takes one; start a sweep for each"
+            )
 
 
 def _choices(override: Override) -> list[str]:

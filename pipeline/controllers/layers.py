@@ -54,7 +54,7 @@ class Chain:
         self._count(numbers=(num_before + 1) * self.width)
         weights = np.eye(self.width) if self.weights is None else self.weights
         if not (np.isfinite(weights).all() and np.isfinite(self.bias).all()):
-            raise UnreadableError("its constants multiply to infinity; export a policy that learned numbers")
+            raise UnreadableError("its constants multiply to infinity; export a policy with finite weights")
         self.layers.append(NetworkLayer(weights, self.bias, kind, low, high))
         self.weights, self.bias = None, np.zeros(self.width)
 

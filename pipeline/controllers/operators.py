@@ -253,7 +253,7 @@ def _follow_gemm(
     """Apply ONNX's Gemm to the chain: a matrix times alpha, then an offset times beta."""
     alpha, beta = (attributes[name].f if name in attributes else 1.0 for name in ("alpha", "beta"))
     if "transA" in attributes and attributes["transA"].i:
-        raise UnreadableError("its operator Gemm turns its numbers about; export it with transA=0")
+        raise UnreadableError("its operator Gemm transposes its input; export it with transA=0")
     if "transB" in attributes and attributes["transB"].i:
         matrix = matrix.T
     chain.multiply(alpha * matrix)

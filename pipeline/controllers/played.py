@@ -111,7 +111,7 @@ def from_mapping(entries: Mapping[str, Any]) -> OpenLoopController:
             for key, width in (("forces_n", 3), ("attitudes", 4), ("torques_n_m", 3))
         )
     except (KeyError, TypeError, ValueError) as error:
-        raise ControllerError(f"what was played is not told as numbers ({error})") from error
+        raise ControllerError(f"what was played is not given as numbers ({error})") from error
     axes = "body" if entries.get("force_axes") == "body" else "hill"
     return open_loop(str(entries.get("name")), forces, axes, Turns(attitudes, torques))
 
@@ -125,7 +125,7 @@ def _check_header(path: Path, names: tuple[str, ...]) -> None:
         present = [group for group in choice if any(name in left for name in group)]
         if len(present) > 1:
             raise ControllerError(
-                f"{path} has both {present[0][0]} and {present[1][0]}; keep one group of columns of the two"
+                f"{path} has both {present[0][0]} and {present[1][0]}; keep one of the two groups"
             )
         for name in present[0] if present else ():
             if left.count(name) != 1:

@@ -161,7 +161,7 @@ def _output(model: Any) -> str:
     fitting = [name for name, output in outputs.items() if _declared_width(output) == NUM_FORCES]
     if len(fitting) != 1:
         raise UnreadableError(
-            f"it has {len(outputs)} outputs, and of none it is clear that it holds the forces; name it: "
+            f"it has {len(outputs)} outputs, and none is clearly the one with the forces; name it: "
             f"output_names=['actions', ...] in torch.onnx.export, or the metadata {OUTPUT} ({CURE})"
         )
     return fitting[0]
@@ -193,10 +193,10 @@ def _values(name: str, tensor: Any) -> Any:
         values = np.asarray(to_array(tensor))
     except ValueError as error:
         raise UnreadableError(
-            f"its constant {name} is not of the shape that it says; export the policy again"
+            f"its constant {name} does not have the shape that it states; export the policy again"
         ) from error
     if tensor.data_type == INTEGER:
         return values
     if not np.isfinite(values).all():
-        raise UnreadableError(f"its constant {name} is not finite; export a policy that learned numbers")
+        raise UnreadableError(f"its constant {name} is not finite; export a policy with finite weights")
     return values.astype(np.float64)

@@ -110,7 +110,7 @@ class FlightTally:
         rate = self.success
         return (
             f"{100 * rate.fraction:.1f} % of {self.num_cases} flights succeed ({100 * rate.low:.1f} to "
-            f"{100 * rate.high:.1f}), {self.exits.count} leave the limits, {self.misses.count} miss points, "
+            f"{100 * rate.high:.1f}), {self.exits.count} left the limits, {self.misses.count} missed points, "
             f"delta-v {self.delta_v:.3f} m/s"
         )
 

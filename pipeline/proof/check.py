@@ -27,6 +27,12 @@ MEMORY_BYTES: Final = 1024**3
 SECONDS: Final = (1.5e-4, 1e-5, 1.5e-6)
 #: more work than any proof of ours by a factor of a hundred
 MAX_SECONDS: Final = 3600.0
+USAGE: Final = """\
+Usage: python -m pipeline.proof.check RUN_FOLDER
+
+Check the proof in prove/ of a run's folder, by code that shares nothing with what made it.
+The exit code is 0 if it is right, 1 if it is refused.
+"""
 SENTENCE: Final = """\
 checked: from every start between {start_low} and {start_high} (m, m/s), with the controller of
 SHA-256 {controller_sha256}, {mass_kg} kg, {max_force_n} N an axis and {mean_motion_rad_s} rad/s,
@@ -292,6 +298,9 @@ def _check(proof: ReceivedProof, report: Callable[[str], object]) -> str:
 
 def main(arguments: list[str]) -> int:
     """Check the proof of a run, and print what it proves."""
+    if {"-h", "--help"} & {*arguments}:
+        sys.stdout.write(USAGE)
+        return 0
     import resource  # noqa: PLC0415 - not on every system
 
     resource.setrlimit(resource.RLIMIT_DATA, (MEMORY_BYTES, resource.getrlimit(resource.RLIMIT_DATA)[1]))

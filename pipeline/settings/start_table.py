@@ -160,7 +160,7 @@ def _columns(text: str, key: str) -> dict[str, list[str]]:
         if name not in COLUMNS:
             raise SettingError(
                 f"{key} has a column {name!r}{did_you_mean(name, COLUMNS)}; the columns are "
-                f"{', '.join(COLUMNS)}, of which {', '.join(NEEDED)} must be there"
+                f"{', '.join(COLUMNS)}, of which {', '.join(NEEDED)} are needed"
             )
     missing = [name for name in NEEDED if name not in header]
     if missing or len(set(header)) != len(header):

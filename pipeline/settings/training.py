@@ -51,7 +51,7 @@ class Starts(Settings, group="starts", only=DRAWS):
         if self.num_hard > self.hard_from:
             raise SettingError(
                 f"starts.num_hard is {self.num_hard} and starts.hard_from {self.hard_from}; the hard starts "
-                "are the worst of so many, which must be more"
+                "are the worst of the second number, which must be greater"
             )
 
     @property

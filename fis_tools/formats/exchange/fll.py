@@ -223,7 +223,7 @@ def _refuse_joined(block: FileBlock, rules: Sequence[Rule]) -> None:
     if several:
         raise ControllerFileError(
             f"line {line}: the aggregation {word[:40]!r} joins the rules that conclude {several[0]!r}, but "
-            "each counts by itself where an output is weighed; write none"
+            "each counts by itself where an output is a weighted average or sum; write none"
         )
 
 
@@ -270,7 +270,7 @@ def _refuse_other_kind(block: FileBlock, parameter: str, terms: Sequence[foreign
         kind = "TakagiSugeno" if isinstance(shape, model.Number) else "Tsukamoto"
         if parameter not in {"", "Automatic", kind}:
             raise ControllerFileError(
-                f"line {line}: the output is weighed as {parameter[:40]!r}, but its term {name!r} is "
+                f"line {line}: the output is weighted as {parameter[:40]!r}, but its term {name!r} is "
                 f"{words.split()[1]}; write {kind} or Automatic"
             )
 

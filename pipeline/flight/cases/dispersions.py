@@ -96,5 +96,5 @@ def _changed(mission: Mission, values: Drawn) -> Mission:
         return replace(mission, **mission_changes)
     except SettingError as error:
         raise SettingError(
-            f"a case draws what cannot be: {error}; give its distribution a low and a high that can be"
+            f"a case draws an impossible value: {error}; limit its distribution by low and high"
         ) from error

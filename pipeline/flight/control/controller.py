@@ -284,7 +284,7 @@ def _constants_of(controller: RuleController) -> Floats:
     if values[constant("rehearsal_tours")] not in (0.0, 2.0, 4.0):
         raise ControllerError(
             f"controller {controller.name!r} has rehearsal_tours {attributes['rehearsal_tours']!r}; give 2 "
-            "for the tour and its mirror image through the orbit plane, 4 for both the other way round too"
+            "for the tour and its mirror image through the orbit plane, 4 for both of these reversed too"
         )
     for name in ("rehearsal_draws", "rehearsal_shapes"):
         if values[constant(name)] % 1.0 != 0.0:

@@ -99,7 +99,7 @@ def num_chief_steps(mission: Mission) -> int:
     if in_flight > MOST_STEPS:
         raise SettingError(
             f"chief.initial_angular_velocity_rad_s is {list(rate)} and duration_s {mission.duration_s:g}; to "
-            f"turn the chief truly for so long takes {in_flight:.2g} steps, and there may be at most "
+            f"compute how the chief turns for so long takes {in_flight:.2g} steps, and there may be at most "
             f"{MOST_STEPS:,}: lower one of them"
         )
     return steps

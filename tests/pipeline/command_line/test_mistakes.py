@@ -64,7 +64,10 @@ MISTAKES = [
     (["check", "x"], "there is no subcommand check (there are edit, export_c, summary, verify and warm)"),
     # values
     ([*FLY, "deputy.mass_kg=-1"], "deputy.mass_kg is -1; it must be greater than 0 (kg)"),
-    ([*FLY, "+dispersions.deputy.mass_kg={kind:uniform,low:-1,high:11}"], "draws what cannot be: deputy."),
+    (
+        [*FLY, "+dispersions.deputy.mass_kg={kind:uniform,low:-1,high:11}"],
+        "draws an impossible value: deputy.",
+    ),
     ([*FLY, "+dispersions.sensor.half_angle_deg={kind:normal,mean:9,std:99,high:181}"], "is 181.0; it must"),
     ([*FLY, "seed=1,-2", "-m"], "seed is -2; it must be at least 0"),
     (["+experiment=train", "controller=champion_27"], "use Gaussian, or +experiment=train_readable_late"),

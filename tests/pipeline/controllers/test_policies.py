@@ -166,7 +166,7 @@ def test_an_output_is_chosen_by_its_name() -> None:
     made = model([*LAYERS, ("Mul", ["half", ""], {})])
     first, second = f"value{len(LAYERS)}", f"value{len(LAYERS) + 1}"
     made.graph.output.insert(0, helper.make_tensor_value_info(first, TensorProto.FLOAT, [None, 3]))
-    with pytest.raises(ControllerError, match="it has 2 outputs, and of none it is clear that it holds the"):
+    with pytest.raises(ControllerError, match="it has 2 outputs, and none is clearly the one with the"):
         read(made)
     chosen = {}
     for name in (first, second):

@@ -233,7 +233,7 @@ def test_a_draw_that_cannot_be_names_its_cure_and_training_flies_none() -> None:
     experiment = composed("+dispersions.deputy.mass_kg={kind:normal,mean:0.1,std:1.0}")
     scenarios = evaluation_scenarios(experiment)
     impossible = next(scenario for scenario in scenarios if drawn(experiment.mission, scenario)[0][1] < 0.0)
-    with pytest.raises(SettingError, match=r"a case draws what cannot be: deputy.mass_kg is -.*low and"):
+    with pytest.raises(SettingError, match=r"a case draws an impossible value: deputy.mass_kg is -.*low and"):
         mission_of_case(experiment.mission, impossible)
     with pytest.raises(SettingError, match="stages has train, and dispersions are given"):
         compose_experiment(["+experiment=train", MASS])
