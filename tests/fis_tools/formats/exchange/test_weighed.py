@@ -85,7 +85,7 @@ _USUAL |= {"term": "Linear 2 0.5", "implication": "none"}
         ({"term": "Function 2*"}, r"the formula '2\*' has 'its end' where '\(' must be; it may have"),
         ({"term": "Triangle 0 1 2"}, "its term is a 'Triangle', which cannot be weighed"),
         ({"term": "Linear 2 0.5 1 7"}, "Linear has the numbers 2, 0.5, 1, 7; expected 2 finite ones"),
-        ({"term": "Ramp 0 1"}, "weighed as 'TakagiSugeno', but its term 'up' is Ramp; write Tsukamoto"),
+        ({"term": "Ramp 0 1"}, "weighted as 'TakagiSugeno', but its term 'up' is Ramp; write Tsukamoto"),
         ({"aggregation": "Maximum"}, "joins the rules that conclude 'up', but each counts by itself"),
         ({"defuzzifier": "Centroid 100", "aggregation": "Maximum"}, "only outputs by Weigh"),
     ],
