@@ -150,8 +150,8 @@ def bounds_around(value: float, low: float, high: float) -> tuple[float, float]:
 
 
 def _bounds_of(name: str, settings: Encoding) -> tuple[float, ...] | None:
-    """Return the bounds of a constant."""
-    return getattr(settings, bounds_key(name))
+    """Return the bounds of a constant; one without a setting for them keeps its value."""
+    return getattr(settings, bounds_key(name), None)
 
 
 def bounds_key(name: str) -> str:

@@ -19,6 +19,8 @@ KNOWING = (
     "tests/pipeline/command_line/test_conf.py",
     "tests/pipeline/run/test_artifacts.py",
     "tests/pipeline/settings",
+    "tests/pipeline/training/test_genome.py",
+    "tests/smoke/test_state.py::test_every_stage_is_watched",
 )
 
 

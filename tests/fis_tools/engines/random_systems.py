@@ -21,8 +21,9 @@ from fis_tools.model import (
     Semantics,
     shapes,
 )
-from fis_tools.model.fuzzylite_shapes import Arc, Concave, Cosine, SemiEllipse, Spike
-from fis_tools.model.membership import MembershipFunction
+from fis_tools.model.fuzzylite_shapes import Arc, Concave, Cosine, Ramp, SemiEllipse, Spike
+from fis_tools.model.membership import SHAPES, MembershipFunction
+from fis_tools.model.numbers import Constant, Formula, Linear
 from fis_tools.model.operators import (
     WEIGHING,
     Accumulation,
@@ -41,6 +42,17 @@ OR_OPERATORS: tuple[OrOperator, ...] = get_args(OrOperator)
 #: That of jFuzzyLogic's numbers alone is left out.
 ACCUMULATIONS: tuple[Accumulation, ...] = tuple(w for w in get_args(Accumulation) if w != "unbounded_sum")
 HEDGES: tuple[Hedge, ...] = get_args(Hedge)
+#: shapes of outputs that are weighed, and of interval type-2 systems
+ELSEWHERE = (shapes.Between, Constant, Formula, Linear, shapes.Polyline, Ramp)
+#: the kinds of draws below, and the shapes that none of them makes
+NUM_DRAWN = 12
+DRAWN = (
+    *(shapes.Gaussian, shapes.Triangular, shapes.Trapezoidal, shapes.TwoSidedGaussian),
+    *(shapes.GeneralizedBell, shapes.Sigmoid, shapes.SigmoidDifference, shapes.SigmoidProduct),
+    *(shapes.SShape, shapes.ZShape, shapes.PiShape, shapes.Sampled),
+    *(Spike, Cosine, Concave, SemiEllipse, Arc),
+)
+OTHERS = tuple(kind for kind in SHAPES.values() if kind not in {*DRAWN, *ELSEWHERE})
 _Choice = TypeVar("_Choice")
 
 
@@ -214,7 +226,7 @@ def any_shape(generator: np.random.Generator, variable: Variable) -> MembershipF
     spreads = [float(width * 10.0 ** generator.uniform(-2.5, 0.0)) for _ in range(2)]
     steepness = [float(10.0 ** generator.uniform(0, 2) / width) for _ in range(2)]
     is_steep = generator.random() < 0.2
-    kind = int(generator.integers(12))
+    kind = int(generator.integers(NUM_DRAWN + len(OTHERS)))
     if is_steep and kind in (0, 3, 4, 5, 6) and a < c:
         return {
             0: Spike(b, spreads[0]),
@@ -239,8 +251,20 @@ def any_shape(generator: np.random.Generator, variable: Variable) -> MembershipF
     has_width = {8: a < c, 9: b < d, 10: a < b and c < d}
     if kind in makers and has_width.get(kind, True):
         return makers[kind]()
+    if kind >= NUM_DRAWN:
+        return any_numbers(OTHERS[kind - NUM_DRAWN], (a, b, c, d), spreads[0])
     values = np.clip(generator.uniform(-0.5, 1.5, variable.num_points), 0.0, 1.0)
     return shapes.Sampled(tuple(float(value) for value in values))
+
+
+def any_numbers(
+    kind: type[MembershipFunction], places: tuple[float, ...], spread: float
+) -> MembershipFunction:
+    """A shape that is added, with numbers of the kinds that it declares; places rise in their order."""
+    rising = iter(places)
+    values = {"width": spread, "deviation": spread, "slope": 1.0 / spread, "exponent": 2.0}
+    kinds = kind.entry.kinds.items()
+    return kind(**{name: next(rising) if what == "place" else values[what] for name, what in kinds})
 
 
 def _any_rule(

@@ -21,7 +21,7 @@ from pipeline.flight.state.arrays import Moment
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.pack import pack_world
 from pipeline.physics.illumination import sun_direction_h
-from pipeline.physics.orbit import Course, course_of
+from pipeline.physics.orbit import Course, Elements, course_of
 from pipeline.settings.orbit import OrbitSettings
 from tests.pipeline.flight.cases import mission
 from tests.pipeline.flight.missions import MEAN_MOTION, PAPER
@@ -36,7 +36,7 @@ SUN = sun_direction_h(*(radians(degrees) for degrees in TOLD["sun_deg"]))
 #: about which a chief flies in a circle
 ANGLES = ("true_anomaly_deg", "inclination_deg", "latitude_argument_deg")
 SHAPE = ("eccentricity", *ANGLES)
-ROUND = dict.fromkeys((*SHAPE, "j2", "drag_m_s2", "radiation_m_s2"), 0.0)
+ROUND = dict.fromkeys(Elements._fields, 0.0)
 TILTED = {"eccentricity": 0.3} | dict(zip(ANGLES, (-50.0, 63.0, 110.0), strict=True))
 OBLATE = {"j2": 1.08262668e-3, "drag_m_s2": 3e-7, "radiation_m_s2": 1e-7}
 

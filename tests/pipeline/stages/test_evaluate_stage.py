@@ -16,7 +16,7 @@ from pipeline.run import artifacts, tables
 from pipeline.run.artifacts import ArtifactError
 from pipeline.settings.experiment import SettingError
 from pipeline.stages import evaluate, search
-from tests.pipeline.stages.cases import prepared
+from tests.pipeline.stages.cases import carried_out, prepared
 
 SUN = ("sun=random", "monte_carlo.confidence_percent=90.0")
 
@@ -104,7 +104,7 @@ def test_the_best_trial_is_told_and_its_champion_kept(tmp_path):
     space = "+hparams_search.space.optimizer.initial_step={low: 0.01, high: 0.5, log: true}"
     few = "++hparams_search={trials: 3, trains: true, num_cases: 8, block_cases: 4}"
     run = prepared(tmp_path, "stages=[search]", few, space, "optimizer.mutation=local")
-    search.run(run.experiment, tmp_path)
+    carried_out(run, tmp_path)
     with (tmp_path / artifacts.SEARCH_TRIALS).open(newline="") as stream:
         rows = list(csv.DictReader(stream))
     assert [row["trial"] for row in rows] == ["0", "1", "2"]
