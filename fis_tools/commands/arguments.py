@@ -310,18 +310,14 @@ def _row(values: Mapping[str, float], whole: FuzzyTree) -> Floats:
     return np.array([values[name] for name in known])
 
 
-def _given_to_tree(values: Mapping[str, float], whole: FuzzyTree) -> Iterator[tuple[FuzzySystem, Floats]]:
-    """Yield each of wired systems with what comes to it."""
-    with raised_as(Mistake, ValueError):
-        inference = infer_tree(whole, _row(values, whole))
-    yield from ((part.system, part.inputs) for part in inference.parts)
-
-
 def _given(inputs: str, controller: FuzzyController) -> Iterator[tuple[FuzzySystem, Floats]]:
-    """Yield each system whose inputs are all given on the command line, with their values."""
+    """Yield each system whose inputs are all given on the command line, or each wired one, with inputs."""
     values = assignments(inputs)
     if controller.wires:
-        yield from _given_to_tree(values, tree(controller))
+        whole = tree(controller)
+        with raised_as(Mistake, ValueError):
+            inference = infer_tree(whole, _row(values, whole))
+        yield from ((part.system, part.inputs) for part in inference.parts)
         return
     known = list(dict.fromkeys(v.name for system in controller.systems for v in system.inputs))
     require_known(values, known, "there is no input", Mistake)

@@ -96,7 +96,7 @@ class Loops(Expressions, ABC):
         if statement.orelse:
             raise TranslationError("else of a loop")
         body = statements.without_jumps(statement.body, ast.Continue)
-        if not (isinstance(statement.iter, ast.Call) and _is_range(statement.iter)):
+        if not (isinstance(statement.iter, ast.Call) and getattr(statement.iter.func, "id", "") == "range"):
             items = self.value(statement.iter, frame)
             if isinstance(items, Array):
                 items = [self.element(items, index) for index in range(items.shape[0])]
@@ -196,7 +196,3 @@ class Loops(Expressions, ABC):
         goes_on = ast.copy_location(ast.UnaryOp(ast.Not(), statement.test), statement.test)
         leaves = ast.copy_location(ast.If(goes_on, [ast.Break()], []), statement.test)
         self._nested([ast.fix_missing_locations(leaves), *body], frame, {})
-
-
-def _is_range(node: ast.expr) -> Any:
-    return isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "range"

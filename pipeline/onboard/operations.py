@@ -17,7 +17,6 @@ from pipeline.onboard.values import (
     Accumulator,
     Array,
     Expression,
-    Kind,
     LaneConstant,
     TranslationError,
     bare,
@@ -31,13 +30,9 @@ def _is_known(*values: Any) -> bool:
     return not any(isinstance(value, Expression) for value in values)
 
 
-def _real(*values: Any) -> Kind:
-    return "lane" if any(kind_of(value) == "lane" for value in values) else "double"
-
-
 def _call(name: str, *values: Any) -> Expression:
     text = ", ".join(bare(text_of(value, "double")) for value in values)
-    return Expression(f"{name}({text})", _real(*values))
+    return Expression(f"{name}({text})", "lane" if "lane" in map(kind_of, values) else "double")
 
 
 def _function(name: str, compute: Callable[..., Any]) -> Callable[..., Any]:

@@ -15,7 +15,12 @@ _came: list[int] = []
 
 
 def remember() -> None:
-    """Remember every interrupt of this process from now on, unless it ignores interrupts."""
+    """Remember every interrupt of this process from now on, unless it ignores interrupts.
+
+    For a process that is the program's own, or a launcher's worker: it keeps the handler and the hook to its
+    end, as only they are told of exceptions in finalizers, which may come last. `main` called from a script
+    or a notebook replaces neither.
+    """
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, _raise)
         sys.unraisablehook = _print_unraisable

@@ -127,7 +127,8 @@ def genome_of(template: Controller, settings: Encoding) -> Genome:
     systems, reduction = _systems_of(fuzzy, settings)
     constants = []
     for name in (name for name, kind in CONSTANTS.items() if kind.is_tuned):
-        pair = _bounds_of(name, settings)
+        # one without a setting for its bounds keeps its value
+        pair: tuple[float, ...] | None = getattr(settings, bounds_key(name), None)
         if pair is not None and (name not in TOUR_COEFFICIENTS or name in dict(fuzzy.attributes)):
             value = float(dict(fuzzy.attributes).get(name, "0"))
             constants.append((name, *bounds_around(value, float(pair[0]), float(pair[1]))))
@@ -147,11 +148,6 @@ def bounds_around(value: float, low: float, high: float) -> tuple[float, float]:
     if low < 0.0:
         return min(low, -1.5 * abs(value)), max(high, 1.5 * abs(value))
     return min(low, value / 3.0), max(high, 3.0 * value)
-
-
-def _bounds_of(name: str, settings: Encoding) -> tuple[float, ...] | None:
-    """Return the bounds of a constant; one without a setting for them keeps its value."""
-    return getattr(settings, bounds_key(name), None)
 
 
 def bounds_key(name: str) -> str:

@@ -62,6 +62,8 @@ PROCESS, GROUP, WORKERS = "process", "group", "workers"
 TARGETS: Final[Mapping[str, Sequence[str]]] = {"dask": (PROCESS, GROUP, WORKERS)}
 #: what makes a process end at one of its file operations
 HOOK: Final = Path(__file__).with_name("hook")
+#: of the process by which submitit watches local jobs: an interrupt of its group ends it with a traceback
+CONTROLLER: Final = "submitit/local/_local.py"
 #: longest time to an end that must come, s
 LONGEST_S: Final = 1200.0
 
@@ -219,7 +221,7 @@ def survive(
             else:
                 limit = rng.uniform(0.0, seconds * (3.0 if is_cold else 1.0)) if left > 0 else LONGEST_S
                 is_killed, code, said = killed_after(words, limit, how, env, root)
-            if said.endswith("did not end") or "Traceback" in said:
+            if said.endswith("did not end") or any(CONTROLLER not in text for text in tracebacks(said)):
                 tally.lost.append(f"{kind} {folder.name}: {said.strip()[-300:]}")
                 return
             if is_killed:
@@ -238,6 +240,11 @@ def survive(
             if not is_killed:
                 tally.lost.append(f"{kind} {folder.name}: {said.strip().splitlines()[-1:]}")
                 return
+
+
+def tracebacks(said: str) -> list[str]:
+    """Return the texts that begin with each traceback in what processes printed."""
+    return said.split("Traceback (most recent call last)")[1:]
 
 
 def is_held(path: Path) -> bool:

@@ -18,11 +18,9 @@ from fis_tools.findings.explanation.one_system import (
     WORTH_TELLING,
     ExplainedOutput,
     Explanation,
-    can_cross,
+    crossing_blocks,
     explain_system,
-    flip_words,
-    plain_flip,
-    question,
+    plain_output,
 )
 from fis_tools.model import FuzzyTree, Variable
 from fis_tools.words.text import amount, inferred_as, sentence, signed
@@ -90,8 +88,7 @@ class ChainExplanation(Result):
             caption = "needed: what the output would lose without the rule, through all wires"
             if rows:
                 blocks.append(Table(["needed", "system", "rule"], rows, numbers=(0,), caption=caption))
-            if can_cross(output):
-                blocks += [Paragraph(f"{question(output)}:"), Items(list(flip_words(output)))]
+            blocks += crossing_blocks(output)
         carried = [
             f"{target} = {amount(variable, value)}, from {source}"
             for source, target, variable, value in self._carried()
@@ -130,19 +127,15 @@ class ChainExplanation(Result):
             "system": self.system.name,
             "inputs": dict(zip(names, self.inputs, strict=True)),
             "outputs": [
-                {
-                    "output": output.variable.name,
-                    "unit": output.variable.unit,
-                    "value": output.value,
-                    "rules": [
+                plain_output(
+                    output,
+                    rules=[
                         {"system": self.system.systems[move.system].name}
                         | {"rule": move.rule, "needed": move.needed}
                         for move in self.moves
                         if move.output == index
                     ],
-                    "crossing": output.crossing,
-                    "flips": [plain_flip(flip) for flip in output.flips],
-                }
+                )
                 for index, output in enumerate(self.outputs)
             ],
             "wires": [

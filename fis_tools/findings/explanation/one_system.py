@@ -129,8 +129,7 @@ class Explanation(Result):
                 [Table(["share", "needed", "strength", "rule"], rows, numbers=(0, 1, 2))] if rows else []
             )
             blocks += [Paragraph(rest)] if rest else []
-            if not is_classifier(self.system) and can_cross(output):
-                blocks += [Paragraph(f"{question(output)}:"), Items(list(flip_words(output)))]
+            blocks += [] if is_classifier(self.system) else crossing_blocks(output)
         if is_classifier(self.system):
             blocks += self._class_words()
         if self.points is not None:
@@ -178,22 +177,18 @@ class Explanation(Result):
             "system": self.system.name,
             "inputs": dict(zip(names, self.inputs, strict=True)),
             "outputs": [
-                {
-                    "output": output.variable.name,
-                    "unit": output.variable.unit,
-                    "value": output.value,
-                    "default": output.is_default,
-                    "rules": [
+                plain_output(
+                    output,
+                    default=output.is_default,
+                    rules=[
                         {key: value for key, value in plain(move).items() if value is not None}
                         | {"sentence": sentence(self.system.rules[move.rule - 1])}
                         | {"holds_back": move.rule in output.holding}
                         for move in output.moves
                     ],
-                    "error": output.error,
-                    "silent": output.variable.default,
-                    "crossing": output.crossing,
-                    "flips": [plain_flip(flip) for flip in output.flips],
-                }
+                    error=output.error,
+                    silent=output.variable.default,
+                )
                 for output in self.outputs
             ],
             **({"class_flips": class_flips} if class_flips else {}),
@@ -255,13 +250,15 @@ class Explanation(Result):
         return rows, f"{fire} {share}"
 
 
-def can_cross(output: ExplainedOutput) -> bool:
-    """Return whether flips are worth reporting: not of a sign that the output cannot have."""
+def crossing_blocks(output: ExplainedOutput) -> list[Block]:
+    """Return what would take an output across; nothing about a sign that it cannot have."""
     is_inside = output.variable.minimum < output.crossing < output.variable.maximum
-    return is_inside or output.crossing != 0.0 or any(flip.change is not None for flip in output.flips)
+    if not is_inside and output.crossing == 0.0 and all(flip.change is None for flip in output.flips):
+        return []
+    return [Paragraph(f"{_question(output)}:"), Items(list(_flip_words(output)))]
 
 
-def question(output: ExplainedOutput) -> str:
+def _question(output: ExplainedOutput) -> str:
     """Return the question that an output's flips answer, such as “What would make it negative”."""
     name, side = output.variable.name, output.flips[0].side
     value = amount(output.variable, output.crossing)
@@ -285,7 +282,7 @@ def _value(output: ExplainedOutput) -> str:
     return f"{value}: {words}. By shares{sampled if output.error else ''}:"
 
 
-def flip_words(output: ExplainedOutput) -> Iterator[str]:
+def _flip_words(output: ExplainedOutput) -> Iterator[str]:
     """Yield the flips in words, the smallest change first, then the inputs that cannot cause one."""
     variable, crossing = output.variable, output.crossing
     if not variable.minimum < crossing < variable.maximum and all(f.change is None for f in output.flips):
@@ -323,7 +320,13 @@ def _landing(flip: Flip) -> str:
     return ""
 
 
-def plain_flip(flip: Flip) -> dict[str, Any]:
+def plain_output(output: ExplainedOutput, **more: Any) -> dict[str, Any]:
+    """Return an output as plain data: its value, what more is said of it, and its flips."""
+    value = {"output": output.variable.name, "unit": output.variable.unit, "value": output.value}
+    return value | more | {"crossing": output.crossing, "flips": [_plain_flip(flip) for flip in output.flips]}
+
+
+def _plain_flip(flip: Flip) -> dict[str, Any]:
     """Return a flip as plain data."""
     keys = ("last", "first", "output_at_last", "output_at_first", "takes_default", "change")
     return {
