@@ -212,7 +212,7 @@ def neighbours(
 
 @compiled(error_model="numpy", forceinline=True)
 def find_crossings(values: Floats, rules: Integers, system: Any, scratch: Any) -> int:
-    """Write the segment in which each flank is cut, -1 for none; return how many flanks are cut at all."""
+    """Write the segments of flanks that a lane cuts, -1 in lanes that do not; return how many these are."""
     width = width_of(scratch)
     terms, points = system.output_terms, system.output_points
     count = 0

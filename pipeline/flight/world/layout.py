@@ -17,7 +17,7 @@ NOTHING = 1e-9
 
 
 class Capacity(NamedTuple):
-    """What a layout gives in every direction of a force."""
+    """Bounds over all directions of a force on what a layout gives for it."""
 
     least_force_n: float  # greatest length up to which any force is given as it is
     thrusts_per_newton: float  # greatest sum of thrusts for a newton
@@ -57,7 +57,7 @@ def _thrusts_per_newton(layout: Floats, direction: Floats) -> Floats:
 
 @cache
 def capacity_of(thrusters: tuple[tuple[float, ...], ...]) -> Capacity:
-    """Return what a layout, the rows of the settings, gives in every direction."""
+    """Return the bounds over all directions on what a layout, the rows of the settings, gives."""
     table, layout = layout_of(thrusters)
     least, thrusts, most = np.inf, 0.0, 0
     for columns in _octants(table):
