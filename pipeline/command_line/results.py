@@ -7,7 +7,7 @@ from pathlib import Path
 from fis_tools.document import Block, Document, text
 from pipeline.command_line.arguments import ConfigError
 from pipeline.evaluation import statistics
-from pipeline.report import sweep, verification
+from pipeline.report import sweep, sweep_page, verification
 from pipeline.report.contents import read_summary
 from pipeline.run import artifacts, configuration, tables, writing
 from pipeline.settings.schema import differences, present
@@ -65,8 +65,9 @@ def summary(given: Sequence[str]) -> int:
     results = sweep.gather_results(folder)
     tables.write_parquet(folder / RUNS, sweep.columns_of(results))
     tables.write_parquet(folder / EFFECTS, sweep.effect_columns(results))
-    writing.write_atomically(folder / PAGE, sweep.write(results))
-    _print([*sweep.runs_table(results), *sweep.settings_table(results), *sweep.effects_table(results)])
+    writing.write_atomically(folder / PAGE, sweep_page.write(results))
+    parts = sweep_page.runs_table, sweep_page.settings_table, sweep_page.effects_table
+    _print([block for part in parts for block in part(results)])
     for run in results.offered:
         sys.stdout.write(f"to fly {run.folder}: {run.fly}\n")
     for run in results.failed[:MOST_PRINTED]:
@@ -85,9 +86,16 @@ def compare(first: Path, second: Path) -> int:
     """
     configs = [configuration.read(folder) for folder in (first, second)]
     confidence = float(read_summary(first).get("confidence_percent", sweep.CONFIDENCE_PERCENT))
-    here, there = (tables.read_parquet(folder, artifacts.EPISODES) for folder in (first, second))
-    compared = statistics.compare(here, there, confidence)
-    _print(sweep.compared_table(first.name, second.name, compared, confidence))
+    flown = [tables.read_parquet(folder, artifacts.EPISODES) for folder in (first, second)]
+    compared = statistics.compare(*flown, confidence)
+    rows = statistics.common_cases(*flown)
+    ahead = [
+        statistics.percent_ahead(episodes["delta_v_m_s"][of_run], episodes["ahead_delta_v_m_s"][of_run])
+        if "ahead_delta_v_m_s" in episodes
+        else 0.0
+        for episodes, of_run in zip(flown, rows, strict=True)
+    ]
+    _print(sweep_page.compared_table((first.name, second.name), compared, ahead, confidence))
     sys.stdout.write("p: Wilcoxon's signed ranks; for shares of flights McNemar's exact test\n")
     for difference in differences(present(configs[0]), present(configs[1]), but=(), words=("A", "B")):
         sys.stdout.write(f"they differ in {difference}\n")

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.document import Block, Document, Heading, Paragraph, Table, text
+from pipeline.evaluation import statistics
 from pipeline.evaluation.monte_carlo import SUCCESS, summarise
 from pipeline.evaluation.statistics import Fraction, Statistic
 from pipeline.flight.state.log import points_needed
@@ -186,10 +187,16 @@ def fuel_in_words(summary: Mapping[str, Any]) -> str:
     return spread(summary["delta_v_m_s"], 3) + by_rules(summary)
 
 
+def percent_ahead(summary: Mapping[str, Any]) -> float:
+    """Return which share of the fuel was chosen ahead, by foresight or rehearsals, in per cent."""
+    names = "delta_v_m_s", "ahead_delta_v_m_s"
+    return statistics.percent_ahead(*(summary.get(name, {"mean": 0.0})["mean"] for name in names))
+
+
 def by_rules(summary: Mapping[str, Any]) -> str:
     """Return which share of the fuel rules fired, in words; nothing where no push was chosen ahead."""
-    total, ahead = (summary.get(name, {"mean": 0.0})["mean"] for name in ("delta_v_m_s", "ahead_delta_v_m_s"))
-    return f", {100.0 * max(0.0, 1.0 - ahead / total):.1f} % of it by rules" if ahead > 0.0 else ""
+    ahead = percent_ahead(summary)
+    return f", {100.0 - ahead:.1f} % of it by rules" if ahead > 0.0 else ""
 
 
 def rate(row: ComparisonRow) -> str:
@@ -270,7 +277,8 @@ def worlds_of(rows: Sequence[ComparisonRow]) -> list[str]:
 def _cell(row: ComparisonRow) -> str:
     """Return a flown row as success (%), mean delta-v (m/s), and share outside the limits (%)."""
     success, outside = (100 * row.summary[name]["fraction"] for name in (SUCCESS, "violated"))
-    return f"{success:.0f} / {row.summary['delta_v_m_s']['mean']:.2f} / {outside:.0f}"
+    spent = f"{row.summary['delta_v_m_s']['mean']:.2f}{by_rules(row.summary)}"
+    return f"{success:.0f} / {spent} / {outside:.0f}"
 
 
 def matrices(rows: Sequence[ComparisonRow]) -> list[tuple[str, str, list[list[str]]]]:

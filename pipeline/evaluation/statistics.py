@@ -183,6 +183,12 @@ def sensitivity(episodes: Columns, keys: Sequence[str], confidence_percent: floa
     return sorted(entries, key=lambda entry: -max(abs(entry[name]["value"]) for name in RANKED))
 
 
+def percent_ahead(delta_v_m_s: Floats | float, ahead_m_s: Floats | float) -> float:
+    """Return which share of the fuel of flights was chosen ahead, by foresight or rehearsals, in per cent."""
+    ahead = float(np.sum(ahead_m_s))
+    return min(100.0, 100.0 * ahead / float(np.sum(delta_v_m_s))) if ahead > 0.0 else 0.0
+
+
 def succeeds(episodes: Columns) -> NDArray[np.bool_]:
     """Return which flights succeed: they inspect enough, and stay inside the limits."""
     return np.asarray(episodes["success"]) & ~np.asarray(episodes["violated"])

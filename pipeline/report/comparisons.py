@@ -142,7 +142,7 @@ def _between(interval: Mapping[str, float | None], decimals: int) -> str:
 def _outcome(summary: Mapping[str, Any]) -> list[str]:
     """Return the cells of a summary: delta-v, rate, and shares of success and of leaving the limits."""
     return [
-        comparison.spread(summary["delta_v_m_s"], 3),
+        comparison.fuel_in_words(summary),
         comparison.spread(summary["inspectable_rate_percent"], 2),
         *(f"{100 * summary[name]['fraction']:.1f} %" for name in (SUCCESS, "violated")),
     ]

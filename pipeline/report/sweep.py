@@ -10,14 +10,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.document import Block, Code, Document, Figure, Heading, Items, Paragraph, Table, html
+from pipeline.evaluation.comparison import percent_ahead
 from pipeline.evaluation.monte_carlo import SUCCESS
 from pipeline.evaluation.statistics import (
     METRICS,
-    Compared,
     Effect,
     Metric,
-    PairedDifference,
     common_cases,
     effects,
     fraction,
@@ -25,8 +23,6 @@ from pipeline.evaluation.statistics import (
     statistic,
 )
 from pipeline.report.contents import read_summary
-from pipeline.report.figures.comparison import front_of_runs
-from pipeline.report.figures.style import caption_of, illustrate, style
 from pipeline.run import artifacts, configuration, sweep, tables
 
 Columns = dict[str, list[Any] | NDArray[Any]]
@@ -43,9 +39,6 @@ CONFIDENCE_PERCENT = 95.0
 NOT_FLOWN = ("+experiment=", "stages=", "hydra.", "seed=", "name=", "monte_carlo", "optimizer", "starts")
 #: of the settings on the front, how many are offered to be flown
 MOST_OFFERED = 5
-DOTS_PER_INCH = 100
-#: metrics in sentences, where their labels are no nouns
-NOUNS = {"success": "success rate", "violated": "flights outside the limits"}
 
 
 class Estimate(NamedTuple):
@@ -78,12 +71,15 @@ class RunResult(sweep.SweptRun):
         By the name of a metric; empty where nothing was evaluated.
     fly : str
         The command that flies its controller; empty where nothing was evaluated.
+    percent_ahead : float
+        Share of its fuel that was chosen ahead; NaN where nothing was evaluated.
     """
 
     state: str
     num_cases: int = 0
     estimates: Estimates = field(default_factory=dict)
     fly: str = ""
+    percent_ahead: float = np.nan
 
     @property
     def setting(self) -> dict[str, str]:
@@ -119,6 +115,13 @@ class SettingResult:
         """The most successful run, the first of equals."""
         return max(self.runs, key=lambda run: run.estimates["success"].value)
 
+    @property
+    def percent_ahead(self) -> float:
+        """Share of the fuel of all its flights that was chosen ahead."""
+        spent = [run.num_cases * run.estimates["delta_v_m_s"].value for run in self.runs]
+        ahead = sum(fuel * run.percent_ahead for fuel, run in zip(spent, self.runs, strict=True))
+        return ahead / sum(spent) if ahead > 0.0 else 0.0
+
 
 @dataclass(frozen=True)
 class SweepResults:
@@ -151,6 +154,11 @@ class SweepResults:
     def evaluated(self) -> list[RunResult]:
         """The runs that were evaluated."""
         return [run for run in self.runs if run.estimates]
+
+    @property
+    def chooses_ahead(self) -> bool:
+        """Whether a run chose any push ahead."""
+        return any(run.percent_ahead > 0.0 for run in self.runs)
 
     @property
     def failed(self) -> list[RunResult]:
@@ -216,7 +224,9 @@ def _run_result(folder: Path, run: sweep.SweptRun, summary: Mapping[str, Any] | 
         return result
     estimates = {metric.name: _estimate_of(summary, metric.name) for metric in METRICS}
     fly = _fly_command(folder / run.folder, run)
-    return replace(result, num_cases=int(summary["num_cases"]), estimates=estimates, fly=fly)
+    ahead = percent_ahead(summary)
+    num_cases = int(summary["num_cases"])
+    return replace(result, num_cases=num_cases, estimates=estimates, fly=fly, percent_ahead=ahead)
 
 
 def _estimate_of(summary: Mapping[str, Any], name: str) -> Estimate:
@@ -296,6 +306,8 @@ def columns_of(results: SweepResults) -> Columns:
         values = [run.estimates.get(metric.name, nothing) for run in runs]
         for suffix, column in zip(("", "_low", "_high"), np.array(values).reshape(-1, 3).T, strict=True):
             columns[name + suffix] = column
+    if results.chooses_ahead:
+        columns["ahead_percent"] = np.array([run.percent_ahead for run in runs])
     return columns
 
 
@@ -314,130 +326,3 @@ def effect_columns(results: SweepResults) -> Columns:
         "pairs": np.array([effect.difference.count for effect in rows], dtype=np.int64),
         "pairs_of": [effect.unit for effect in rows],
     }
-
-
-def _headed(metric: Metric) -> str:
-    return f"{metric.label} ({metric.unit})"
-
-
-def settings_table(results: SweepResults) -> list[Block]:
-    """Return the settings, a line each: their means over all cases or runs, and which are on the front."""
-    if not results.settings:
-        return []
-    rows = []
-    for setting in results.settings:
-        values = [setting.estimates[metric.name].in_words(metric) for metric in METRICS]
-        mark = " (front)" if setting in results.front and len(results.settings) > 1 else ""
-        rows.append((setting.name + mark, f"{len(setting.runs)}, {setting.num_cases:,}", *values))
-    over = "cases" if results.pools_seeds else "runs"
-    title = f"{len(rows)} settings; means and {results.confidence_percent:g} % intervals over {over}:"
-    return [Paragraph(title), Table(["setting", "runs, cases", *map(_headed, METRICS)], rows)]
-
-
-def runs_table(results: SweepResults) -> list[Block]:
-    """Return the runs, a line each, with their means."""
-    rows = []
-    for run in results.runs:
-        values = [
-            f"{run.estimates[metric.name].value:.{metric.decimals}f}" if run.estimates else ""
-            for metric in METRICS
-        ]
-        rows.append((run.folder, run.state, *values))
-    return [Paragraph(f"{len(rows)} runs:"), Table(["run", "state", *map(_headed, METRICS)], rows)]
-
-
-def effects_table(results: SweepResults) -> list[Block]:
-    """Return the effects, a sentence and a line a level, against the factor's first level, all else equal."""
-    groups: dict[tuple[str, str, str], list[Effect]] = {}
-    for effect in results.effects:
-        groups.setdefault((effect.factor, effect.baseline, effect.level), []).append(effect)
-    if not groups:
-        return []
-    rows, sentences = [], []
-    for (factor, baseline, level), group in groups.items():
-        gained = [differing(effect.difference, effect.metric) for effect in group]
-        pairs = f"{group[0].difference.count:,} {group[0].unit}"
-        rows.append((f"{factor}: {level} against {baseline}", pairs, *gained))
-        sentences.append(f"{factor}={level} against {baseline}: {_verdict(group)}.")
-    title = f"Paired differences, {results.confidence_percent:g} % intervals; * interval excludes zero:"
-    return [Items(sentences), Paragraph(title), Table(["setting", "pairs of", *map(_headed, METRICS)], rows)]
-
-
-def _verdict(group: Sequence[Effect]) -> str:
-    """Return in which metrics a level is better or worse than its baseline, and by how much."""
-    words: dict[str, list[str]] = {"better": [], "worse": [], "no difference shown": []}
-    for effect in group:
-        metric, difference = effect.metric, effect.difference
-        is_better = (difference.mean < 0.0) == metric.is_less_better
-        kind = ("better" if is_better else "worse") if difference.excludes_zero else "no difference shown"
-        unit = "percentage points" if metric.unit == "%" else metric.unit
-        amount = f" by {abs(difference.mean):.{metric.decimals}f} {unit}"
-        words[kind].append(NOUNS.get(metric.name, metric.label) + amount * difference.excludes_zero)
-    return "; ".join(f"{kind} in {', '.join(names)}" for kind, names in words.items() if names)
-
-
-def differing(difference: PairedDifference, metric: Metric) -> str:
-    """Write a difference with its interval; a star where it excludes zero."""
-    if difference.count < 2:
-        return f"{difference.mean:+.{metric.decimals}f} (one pair)"
-    return difference.in_words(metric.decimals) + ("*" if difference.excludes_zero else "")
-
-
-def compared_table(first: str, second: str, compared: Sequence[Compared], confidence: float) -> list[Block]:
-    """Return two runs side by side, a line a metric."""
-    count = compared[0].difference.count
-    rows = []
-    for row in compared:
-        means = [f"{mean:.{row.metric.decimals}f}" for mean in row.means]
-        counts = f"{row.better:,} / {row.worse:,} / {count - row.better - row.worse:,}"
-        gained = differing(row.difference, row.metric)
-        rows.append((_headed(row.metric), *means, gained, counts, f"{row.p_value:.2g}"))
-    title = f"{count:,} common cases; B against A, {confidence:g} % intervals; * interval excludes zero:"
-    heads = ["", f"A: {first}", f"B: {second}", "B - A", "B better / worse / equal", "p"]
-    return [Paragraph(title), Table(heads, rows, numbers=range(1, len(heads)))]
-
-
-def write(results: SweepResults) -> str:
-    """Write the page: HTML that needs no other file, asks for none, and runs no script."""
-    return html.page(_document(results), html.read("templates/report.css", "pipeline.report"))
-
-
-def _document(results: SweepResults) -> Document:
-    """Return the page on a sweep: effects, settings, the best controllers, failures, and all runs."""
-    folder = results.folder.as_posix()
-    factors = [key for key in results.factors if key != REPLICATE] or results.factors
-    blocks: list[Block] = [
-        Heading(f"Sweep over {', '.join(factors) or 'nothing'}", 1),
-        Paragraph(f"{folder}: {len(results.runs)} runs, {len(results.evaluated)} evaluated"),
-    ]
-    if tables_of_effects := effects_table(results):
-        blocks += [Heading("Which is better"), Paragraph(caption_of("effects")), *tables_of_effects]
-    if settings := settings_table(results):
-        note = caption_of("pooled" if results.pools_seeds else "trained")
-        blocks += [Heading("Settings"), Paragraph(note), *settings]
-    if len(results.settings) > 1:
-        blocks.append(_picture(results))
-    blocks.append(Heading("Best, ready to fly"))
-    if results.offered:
-        blocks.append(Paragraph(caption_of("best")))
-        for run in results.offered:
-            blocks += [Heading(run.folder, 3), Code(run.fly)]
-    else:
-        blocks.append(Paragraph("No run has been evaluated yet."))
-    failures = [f"{run.folder}: {run.failure}" for run in results.failed]
-    if failures:
-        blocks += [Heading("Failed"), Items(failures), Paragraph("To try them again:")]
-        blocks.append(Code(f"python -m pipeline resume={folder}"))
-    return Document([*blocks, Heading("Runs"), *runs_table(results)])
-
-
-def _picture(results: SweepResults) -> Figure:
-    """Draw the settings, rate over delta-v, with those on the front."""
-    spent, rates = (
-        np.array([setting.estimates[name] for setting in results.settings])
-        for name in ("delta_v_m_s", "inspection_rate_percent")
-    )
-    is_on_front = np.array([setting in results.front for setting in results.settings])
-    with style():
-        figure = front_of_runs([setting.name for setting in results.settings], spent, rates, is_on_front)
-        return illustrate("front", caption_of("front"), figure, DOTS_PER_INCH).block

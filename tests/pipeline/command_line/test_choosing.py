@@ -12,6 +12,8 @@ from pipeline.settings.places import conf_folder
 DOCS = Path(__file__).parents[3] / "docs"
 NUMBER = re.compile(r"\d+\.\d+")
 CHOICES = table()[1:]
+#: constants of controllers that fire pushes which were chosen ahead
+CHOSEN_AHEAD = re.compile(r"^  (foresight_pushes|rehearsal_reach_m_s):", re.MULTILINE)
 
 
 @pytest.mark.parametrize("choice", CHOICES, ids=lambda choice: choice[0])
@@ -32,6 +34,22 @@ def test_what_is_chosen_exists_and_help_says_it(ran):
         controller = serialize.load(conf_folder() / "controller" / f"{name}.yaml")
         assert int(num_rules) == sum(len(system.rules) for system in controller.systems)
         assert (conf_folder() / "world" / f"{world}.yaml").is_file()
+
+
+def test_every_table_of_fuel_says_what_rules_fire_of_it():
+    """Where it names a controller whose pushes are chosen ahead."""
+    shipped = (conf_folder() / "controller").glob("*.yaml")
+    ahead = {path.stem for path in shipped if CHOSEN_AHEAD.search(path.read_text(encoding="utf-8"))}
+    told = set()
+    for path in [*DOCS.rglob("*.md"), DOCS.parent / "README.md"]:
+        for table_of in re.findall(r"(?:^\|.*\n)+", path.read_text(encoding="utf-8"), re.MULTILINE):
+            heads, *rows = table_of.splitlines()
+            for row in rows if "m/s" in heads else ():
+                if names := ahead.intersection(re.findall(r"`(\w+)` \|", row)):
+                    assert "that rules fire" in heads or "rules fire" in row or "rules the rest" in row, row
+                    told |= names
+    assert told == ahead
+    assert all("rules fire" in choice[-2] for choice in CHOICES if choice[0] in ahead)
 
 
 def test_the_prices_of_campaigns_are_those_of_every_champion():

@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 from pipeline.evaluation.monte_carlo import summarise
-from pipeline.report import sweep
+from pipeline.report import sweep, sweep_page
 from pipeline.run import artifacts, configuration, manifests, tables, writing
 from pipeline.run.sweep import SweptRun
 from pipeline.run.sweep import write as write_sweep
@@ -31,13 +31,16 @@ def write_run(folder, episodes, stages):
     (folder / artifacts.MANIFEST).write_text(json.dumps(manifest))
 
 
-def write_runs(folder, stages, cases_of=lambda seed: seed):
+def write_runs(folder, stages, cases_of=lambda seed: seed, ahead=None):
     """Write a sweep of three controllers with three seeds each; return the episodes by both."""
     runs, flown = [], {}
     for controller, shift in SHIFTS.items():
         for seed in SEEDS:
             name = f"controller={controller}+seed={seed}"
             flown[controller, seed] = evaluation(cases_of(seed), shift=shift)
+            if ahead is not None:
+                spent = flown[controller, seed]["delta_v_m_s"]
+                flown[controller, seed]["ahead_delta_v_m_s"] = ahead[controller, seed] * spent
             write_run(folder / name, flown[controller, seed], stages)
             differs = {"controller": controller, "seed": str(seed)}
             runs.append(SweptRun(name, differs, ("+experiment=evaluate", f"controller={controller}")))
@@ -91,7 +94,7 @@ def test_the_same_starts_under_several_seeds_are_not_counted_twice(tmp_path):
 def test_the_page_says_which_setting_is_better_by_how_much_and_how_sure(tmp_path):
     write_runs(tmp_path, ["scenario", "evaluate"])
     results = sweep.gather_results(tmp_path)
-    page = sweep.write(results)
+    page = sweep_page.write(results)
     assert "Sweep over controller<" in page
     third = (
         "controller=third against first: better in delta-v by 0.2000 m/s; no difference shown in inspection"
@@ -101,6 +104,9 @@ def test_the_page_says_which_setting_is_better_by_how_much_and_how_sure(tmp_path
     # by delta-v and rate the third alone stands: it inspects as much for less
     assert [setting.name for setting in results.front] == ["controller=third"]
     assert page.count("python -m pipeline +experiment=fly controller=third") == 1
+    # no run chose pushes ahead
+    assert sweep_page.FUEL_SHARES not in page
+    assert "ahead_percent" not in sweep.columns_of(results)
     assert "seed=" not in page.partition("Runs</h2>")[0].partition("Best, ready to fly")[0]
 
 
@@ -113,15 +119,35 @@ def test_a_sweep_over_seeds_alone_has_one_setting(tmp_path):
     results = sweep.gather_results(tmp_path)
     assert [(setting.name, setting.num_cases) for setting in results.settings] == [("all runs", 120)]
     assert results.effects == ()
-    page = sweep.write(results)
+    page = sweep_page.write(results)
     assert "figure-front" not in page
     assert "Sweep over seed<" in page
+
+
+def test_the_shares_of_fuel_stand_where_a_run_chose_pushes_ahead(tmp_path):
+    """Of a setting they are of all its fuel, not means of its runs' shares."""
+    shares = {(name, seed): 0.2 * seed * (name == "second") for name in SHIFTS for seed in SEEDS}
+    flown = write_runs(tmp_path, ["scenario", "evaluate"], ahead=shares)
+    results = sweep.gather_results(tmp_path)
+    _, of_runs = sweep_page.runs_table(results)
+    assert of_runs.heads[-1] == sweep_page.FUEL_SHARES
+    cells = {row[0]: row[-1] for row in of_runs.rows}
+    for (name, seed), share in shares.items():
+        words = f"{100.0 - 100.0 * share:.1f} / {100.0 * share:.1f}" if share else ""
+        assert cells[f"controller={name}+seed={seed}"] == words
+    spent = [flown["second", seed]["delta_v_m_s"].sum() for seed in SEEDS]
+    of_all = 100.0 * sum(0.2 * seed * fuel for seed, fuel in zip(SEEDS, spent, strict=True)) / sum(spent)
+    _, of_settings = sweep_page.settings_table(results)
+    assert [row[-1] for row in of_settings.rows] == ["", f"{100.0 - of_all:.1f} / {of_all:.1f}", ""]
+    columns = sweep.columns_of(results)["ahead_percent"]
+    np.testing.assert_allclose(columns, [100.0 * share for share in shares.values()], rtol=1e-12)
+    assert sweep_page.FUEL_SHARES in sweep_page.write(results)
 
 
 @pytest.mark.slow
 def test_no_column_is_hidden_at_any_width(tmp_path, opened):
     write_runs(tmp_path, ["scenario", "evaluate"])
-    page = opened(sweep.write(sweep.gather_results(tmp_path)))
+    page = opened(sweep_page.write(sweep.gather_results(tmp_path)))
     assert page.locator("table").count() == 3
     assert_tables_fit(page)
     assert page.evaluate("document.documentElement.scrollWidth") <= WIDTHS[-1]
