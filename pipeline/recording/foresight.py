@@ -14,7 +14,7 @@ from telemetry.file.metadata import Rehearsal
 
 #: what pushes along the positive and the negative Hill axes are called
 WAYS = (("up", "down"), ("ahead", "back"), ("north", "south"))
-#: a component smaller than this is not sentence, mm/s
+#: a component smaller than this is not named, mm/s
 LEAST_MM_S = 0.5
 #: seconds between the positions of a plan's path that are recorded
 PATH_PERIOD_S = 60.0
