@@ -86,14 +86,14 @@ def compare(first: Path, second: Path) -> int:
     """
     configs = [configuration.read(folder) for folder in (first, second)]
     confidence = float(read_summary(first).get("confidence_percent", sweep.CONFIDENCE_PERCENT))
-    flown = [tables.read_parquet(folder, artifacts.EPISODES) for folder in (first, second)]
-    compared = statistics.compare(*flown, confidence)
-    rows = statistics.common_cases(*flown)
+    here, there = (tables.read_parquet(folder, artifacts.EPISODES) for folder in (first, second))
+    compared = statistics.compare(here, there, confidence)
+    rows = statistics.common_cases(here, there)
     ahead = [
         statistics.percent_ahead(episodes["delta_v_m_s"][of_run], episodes["ahead_delta_v_m_s"][of_run])
         if "ahead_delta_v_m_s" in episodes
         else 0.0
-        for episodes, of_run in zip(flown, rows, strict=True)
+        for episodes, of_run in zip((here, there), rows, strict=True)
     ]
     _print(sweep_page.compared_table((first.name, second.name), compared, ahead, confidence))
     sys.stdout.write("p: Wilcoxon's signed ranks; for shares of flights McNemar's exact test\n")
