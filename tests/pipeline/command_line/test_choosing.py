@@ -40,15 +40,15 @@ def test_every_table_of_fuel_says_what_rules_fire_of_it():
     """Where it names a controller whose pushes are chosen ahead."""
     shipped = (conf_folder() / "controller").glob("*.yaml")
     ahead = {path.stem for path in shipped if CHOSEN_AHEAD.search(path.read_text(encoding="utf-8"))}
-    told = set()
+    named = set()
     for path in [*DOCS.rglob("*.md"), DOCS.parent / "README.md"]:
         for table_of in re.findall(r"(?:^\|.*\n)+", path.read_text(encoding="utf-8"), re.MULTILINE):
             heads, *rows = table_of.splitlines()
             for row in rows if "m/s" in heads else ():
                 if names := ahead.intersection(re.findall(r"`(\w+)` \|", row)):
                     assert "that rules fire" in heads or "rules fire" in row or "rules the rest" in row, row
-                    told |= names
-    assert told == ahead
+                    named |= names
+    assert named == ahead
     assert all("rules fire" in choice[-2] for choice in CHOICES if choice[0] in ahead)
 
 
