@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from math import isfinite
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -84,16 +85,19 @@ def inputs(controller: FuzzyController, samples: Mapping[str, SensedInputs]) -> 
         for index, variable in enumerate(system.inputs):
             values = "unknown: nothing was logged"
             if some.are_flown:
-                values = _met(variable, some.inputs[:, index])
+                values = _met(
+                    variable, some.inputs[:, index], is_clipped=isfinite(system.limits_of(variable)[0])
+                )
             rows.append([variable.name, variable.description or "not described", extent(variable), values])
     return Table(["input", "meaning", "range", "met"], rows)
 
 
-def _met(variable: Variable, values: Floats) -> str:
+def _met(variable: Variable, values: Floats, *, is_clipped: bool) -> str:
     """Describe the values that an input had."""
     low, high = float(values.min()), float(values.max())
     outside = float(np.mean((values < variable.minimum) | (values > variable.maximum)))
-    beyond = f"; {wording.percent(outside)} beyond its range, and taken as its end" if outside else ""
+    beyond = f"; {wording.percent(outside)} beyond its range" if outside else ""
+    beyond += ", clipped to it" if outside and is_clipped else ""
     return f"{shown(variable, low)} to {shown(variable, high)}{beyond}"
 
 

@@ -154,8 +154,8 @@ def concatenate(parts: Sequence[tuple[ComparisonRow, Mapping[str, Column]]]) -> 
 
 #: of the table in words; all columns but the first are of numbers
 HEADINGS = (
-    *("controller", "rules", "delta-v (m/s)", "rate (%)", "successful (%)", "outside (%)", "x optimum"),
-    *("layer: outside (%)", "delta-v (m/s)", "acted in (%)"),
+    *("controller", "rules", "delta-v (m/s)", "rate (%)", "successful (%)", "outside (%)", "times optimum"),
+    *("layer: outside (%)", "layer: delta-v (m/s)", "layer: acted in (%)"),
 )
 
 

@@ -101,7 +101,7 @@ def _uncovered(evidence: Mapping[str, Any]) -> Iterator[str]:
     domain = evidence["domain"]
     if domain and not all(proved_by(requirement) for requirement in requirements):
         left = f"{domain['num_left']:,} of {domain['num_tried']:,} fresh flights left it"
-        yield f"Inputs outside the operational domain, for what flights show ({left})."
+        yield f"Inputs outside the operational domain, as far as flights can show ({left})."
     for assumed in _assumed(requirements):
         yield f"Flights in which this does not hold, which a proof assumes: {assumed}."
     for name, _, _, not_shown in factors(evidence):

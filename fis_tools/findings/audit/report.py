@@ -232,9 +232,9 @@ _WORST_FIRST = tuple(sorted(Severity, reverse=True))
 
 #: What the measures mean, a sentence each; all are from 0 (worst) to 1.
 MEASURE_WORDS = (
-    "Completeness: how strongly the strongest rule fires where rules cover the inputs worst.",
-    "Rule consistency: how much the system answers what a rule says where that rule fires most strongly, "
-    "against the rule alone; our own index.",
+    "Completeness: the strength of the strongest rule where rules cover the inputs worst.",
+    "Rule consistency: how close the output, where a rule fires most strongly, comes to what that rule alone "
+    "would give; an index of our own.",
 )
 
 

@@ -239,9 +239,9 @@ export class FlightView {
     this.sunAt = sunEnd;
     this.startAt = this.on(path[0]);
     pen.beginPath(); pen.arc(this.startAt[0], this.startAt[1], 7, 0, TURN); pen.strokeStyle = colour.ink; pen.lineWidth = 2; pen.stroke();
-    this.word("start", this.startAt[0], this.startAt[1] + 4, colour.ink);
     const here = path[k], force = flight.force(k), size = norm(force);
-    const at = this.on(here);
+    const at = this.on(here), [startX, startY] = this.startAt;
+    if (!size || Math.hypot(at[0] - startX, at[1] - startY) > 60) this.word("start", startX, startY + 4, colour.ink); // else arrows are there
     if (size > 0) {
       force.forEach((part, axis) => {
         if (!part) return;

@@ -74,7 +74,7 @@ def test_inputs_beyond_their_range_are_told() -> None:
     met = np.array([[0.1, 0.0], [0.0, 0.05], [0.01, -0.01], [0.0, 0.0]])
     controller = replace(CHAMPION, systems=(system,))
     first, second = content.inputs(controller, {system.name: SensedInputs(met, "here", are_flown=True)}).rows
-    assert first[3] == "0 m/s to 0.1 m/s; 25 % beyond its range, and taken as its end"
+    assert first[3] == "0 m/s to 0.1 m/s; 25 % beyond its range, clipped to it"
     assert second[3] == "−0.01 m/s to 0.05 m/s"
 
 
