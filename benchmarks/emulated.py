@@ -20,8 +20,8 @@ from pipeline.onboard.sizes import sizes
 ROOM = 3_500_000
 HEADING = (
     "| controller | flights | commands that differ | instructions a period | at most | at the start "
-    "| code, kB | tables, kB | state, kB | bound of stack, bytes | stack used |\n"
-    "|---|---|---|---|---|---|---|---|---|---|---|\n"
+    "| code, kB | bound of stack, bytes | stack used |\n"
+    "|---|---|---|---|---|---|---|---|---|\n"
 )
 _PRINTED = re.compile(
     r"(Cortex-M\d): (\d+) instructions a period, (\d+) at most, (\d+) at the start; (\d+) bytes of stack, "
@@ -45,7 +45,7 @@ def row(words: Sequence[str], program: OnboardProgram, starts: Sequence[Scenario
     costs: dict[str, Cost] = {}
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
-        tables = export(program, starts[:1], folder).source.tables
+        export(program, starts[:1], folder)
         part: list[Any] = []
         for number, start in enumerate(starts, start=1):
             log = fly_logged(program.mission, program.controller, start, is_one_of_many=True)
@@ -57,15 +57,13 @@ def row(words: Sequence[str], program: OnboardProgram, starts: Sequence[Scenario
                 part = []
         script = (folder / "evidence" / "emulate.sh").read_text(encoding="utf-8")
         columns = [_column(folder, script, *item) for item in costs.items()]
-    (state,) = {cost.most[3] for cost in costs.values()}
     different, mean, most, at_start, code, bound, used = (
         " / ".join(dict.fromkeys(pair)) for pair in zip(*columns, strict=True)
     )
     num_commands = next(iter(costs.values())).num_commands
     return (
         f"| `{words[0]}` {' '.join(f'`{word}`' for word in words[1:])} | {len(starts)} | {different} of "
-        f"{num_commands:,} | {mean} | {most} | {at_start} | {code} | {sum(tables.values()) / 1e3:.1f} | "
-        f"{state / 1e3:.1f} | {bound} | {used} |"
+        f"{num_commands:,} | {mean} | {most} | {at_start} | {code} | {bound} | {used} |"
     )
 
 
