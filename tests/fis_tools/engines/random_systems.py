@@ -258,10 +258,10 @@ def any_shape(generator: np.random.Generator, variable: Variable) -> MembershipF
 
 
 def any_numbers(
-    kind: type[MembershipFunction], places: tuple[float, ...], spread: float
+    kind: type[MembershipFunction], corners: tuple[float, ...], spread: float
 ) -> MembershipFunction:
-    """A shape that is added, with numbers of the kinds that it declares; places rise in their order."""
-    rising = iter(places)
+    """A shape that is added, with numbers of the kinds that it declares; `corners` rise in their order."""
+    rising = iter(corners)
     values = {"width": spread, "deviation": spread, "slope": 1.0 / spread, "exponent": 2.0}
     kinds = kind.entry.kinds.items()
     return kind(**{name: next(rising) if what == "place" else values[what] for name, what in kinds})
