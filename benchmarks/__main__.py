@@ -22,6 +22,7 @@ CAMPAIGNS = (
     "dialects",
     "edit",
     "field",
+    "first_push",
     "flights",
     "foresight",
     "forge",
