@@ -36,7 +36,7 @@ def card(title: str) -> ui.element:
 
 
 def document() -> ui.element:
-    """Put a document there, to be told as ``innerHTML`` from `fis_tools.document.html`, which escapes."""
+    """Put a document there, as ``innerHTML`` from `fis_tools.document.html`, which escapes."""
     return ui.element("div").classes("document")
 
 

@@ -249,7 +249,7 @@ class PairedDifference:
         return self.low > 0.0 or self.high < 0.0
 
     def in_words(self, decimals: int) -> str:
-        """Return the mean with its interval, each with its sign and so many decimals."""
+        """Return the mean with its interval, each with its sign and a number of decimals."""
         return f"{self.mean:+.{decimals}f} ({self.low:+.{decimals}f} to {self.high:+.{decimals}f})"
 
 

@@ -130,7 +130,7 @@ class Frame:
 
 @dataclass(frozen=True)
 class Setting:
-    """What a translation is told besides the functions and their arguments.
+    """What a translation takes besides the functions and their arguments.
 
     Parameters
     ----------

@@ -30,7 +30,7 @@ DISTINCT_M_S, DISTINCT_S = 0.03, 300.0
 
 @dataclass(frozen=True)
 class Effort:
-    """How a search is done: so many plans side by side, priced so many times."""
+    """The effort of a search: how many plans are priced side by side, and how often."""
 
     num_plans: int
     num_generations: int

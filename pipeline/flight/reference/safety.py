@@ -99,7 +99,7 @@ class SafetyLayer:
         return force
 
     def is_safe(self, free: Floats, force: Floats, tolerance: float = TOLERANCE) -> bool:
-        """Return whether a force keeps the limits that are never given up, but for rounding."""
+        """Return whether a force keeps the limits that are never given up, apart from rounding."""
         return bool(self.excesses(free + self.gamma @ force, STANDING).max() <= tolerance)
 
     def assured(self, state: Floats, requested: Floats) -> tuple[Floats, str | None]:

@@ -16,7 +16,7 @@ KS2 = 1e6
 
 
 def see_push(flight: ReferenceFlight, k: int, state: Floats, is_inspected: Booleans) -> Floats:
-    """Return the push, m/s, by which most of what is soon dark, and coasting misses, would be seen.
+    """Return the push, m/s, that would show most of what is soon dark and coasting would miss.
 
     ``(rho I + sum w g g') dv = sum w s g``, turned aside near the chief.
     """

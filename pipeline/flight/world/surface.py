@@ -67,7 +67,7 @@ def regular_placement(num_points: int, radius_m: float) -> Floats:
 
 
 def fibonacci_placement(num_points: int, radius_m: float) -> Floats:
-    """Place exactly so many points on a spiral that turns by the golden angle from one to the next.
+    """Place exactly this number of points on a spiral that turns by the golden angle from one to the next.
 
     They go from +j to -j, with a point on either pole, as in AFRL's safe-autonomy-simulation.
     """
