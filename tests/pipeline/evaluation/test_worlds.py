@@ -44,6 +44,8 @@ def test_tables_have_a_line_a_world_and_say_who_breaks() -> None:
         'b, Sun random, layer none: no break shown by 100 cases; "all, late": -25 % delta-v',
     ]
     assert all(" ".join(line) in " ".join(comparison.format_worlds(ROWS).split()) for line in lines)
+    ahead = replace(ROWS[0], summary=ROWS[0].summary | {"ahead_delta_v_m_s": {"mean": 0.4}})
+    assert comparison.matrices([ahead])[0][2][1] == ["paper", "98 / 0.50, 20.0 % of it by rules / 0"]
 
 
 def test_a_rate_is_also_told_of_the_points_that_are_ever_lit() -> None:
