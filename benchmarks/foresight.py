@@ -2,13 +2,16 @@
 
 A row is a world: delta-v, success and flights outside the limits by the rules alone, and with foresight; the
 share of its fuel that rules fire, and processor time a start, once all is compiled. The missions are those of
-`benchmarks.missions`, for which controllers are scaled to the chief's size.
+`benchmarks.missions`, for which controllers are scaled to the chief's size. With ``--turns N`` the processor
+time of one thread is measured against that of rehearsals instead, both from the same starts by turns.
 """
 
 import argparse
 import time
 from collections.abc import Sequence
 from typing import Final
+
+import numpy as np
 
 from benchmarks.missions import MISSIONS, RANDOM_SUN
 from pipeline.command_line.config import compose_experiment
@@ -38,6 +41,13 @@ WORLDS: Final = {
     "low orbit, safety=robust": (LARGE, ("world=leo", "safety=robust")),
     "low orbit, 20 s late": (LARGE, ("world=leo", "actuators.delay_s=10")),
 } | {name: (LARGE, (RANDOM_SUN, *words)) for name, (_, words) in MISSIONS.items()}
+
+#: worlds in which processor time is measured, with the controller that only rehearses
+REHEARSED: Final = {
+    "Sun anywhere": "champion_27_one_push",
+    "fixes, real thrusters": "champion_27_one_push",
+    "low orbit, safety=robust": "champion_leo_rehearsed",
+}
 
 
 def scaled(controller: RuleController, mission: Mission, name: str) -> RuleController:
@@ -80,15 +90,43 @@ def row_of(name: str, num_cases: int, seed: int) -> str:
     return " | ".join([*cells, f"{seconds:.2f} s"])
 
 
+def print_turns(name: str, num_turns: int, num_cases: int, seed: int) -> None:
+    """Print how much processor time foresight takes, in a world, as multiples of that of rehearsals."""
+    planning, words = WORLDS[name]
+    settings = [f"seed={seed}", f"monte_carlo.num_cases={num_turns * num_cases}"]
+    experiment = compose_experiment(["+experiment=evaluate", *words, *settings]).experiment
+    mission, starts = experiment.mission, evaluation_scenarios(experiment)
+    controllers = [named(each, HOME) for each in (REHEARSED[name], planning)]
+    for controller in controllers:
+        fly_all(mission, controller, starts[:1], 1)
+    spent = np.empty((num_turns, 2))
+    for turn in range(num_turns):
+        for index in (0, 1) if turn % 2 else (1, 0):
+            began = time.process_time()
+            fly_all(mission, controllers[index], starts[turn * num_cases : (turn + 1) * num_cases], 1)
+            spent[turn, index] = (time.process_time() - began) / num_cases
+    ratios, (rehearsed, planned) = spent[:, 1] / spent[:, 0], spent.mean(axis=0)
+    print(
+        f"{name}: {planned:.3f} s a start, {REHEARSED[name]} {rehearsed:.3f} s;"
+        f" {planned / rehearsed:.2f} times,"
+    )
+    print(f"  {num_turns} turns of {num_cases} starts: {ratios.min():.2f} to {ratios.max():.2f}", flush=True)
+
+
 def main(given: Sequence[str]) -> int:
     """Print a row for each world."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks foresight", description=__doc__)
     parser.add_argument("names", nargs="*", metavar="NAME", help=f"of {', '.join(WORLDS)}; all unless given")
     parser.add_argument("--cases", type=int, default=48, help="starts in each world")
     parser.add_argument("--seed", type=int, default=62)
+    parser.add_argument("--turns", type=int, help="measure processor time by so many turns")
     options = parser.parse_args(given)
     if unknown := set(options.names) - set(WORLDS):
         parser.error(f"no world {sorted(unknown)[0]!r}; they are {', '.join(WORLDS)}")
+    if options.turns:
+        for name in options.names or REHEARSED:
+            print_turns(name, options.turns, options.cases, options.seed)
+        return 0
     cells = "m/s | success | outside"
     print(f"world | rules alone: {cells} | with foresight: {cells} | rules fire | time")
     for name in options.names or WORLDS:
