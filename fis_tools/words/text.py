@@ -377,7 +377,8 @@ def _variable(kind: str, variable: Variable) -> list[Block]:
     default = "" if variable.default is None else f"; {number(variable.default)} when no rule fires"
     points = f"{variable.num_points} {'uneven ' if variable.points is not None else ''}points"
     extent = f"{number(variable.minimum)} to {number(variable.maximum)}, {points}"
-    about = f"From {extent}{default}. {_on_one_line(variable.description)}".rstrip()
+    meaning = _on_one_line(variable.description)
+    about = f"From {extent}{default}{f': {meaning}' if meaning else '.'}"
     rows = [[term.name, shape_words(term)] for term in variable.terms]
     terms = [Table(["term", "membership function"], rows)] if rows else []
     return [Heading(f"{kind} {with_unit(variable)}", 3), Paragraph(about), *terms]
