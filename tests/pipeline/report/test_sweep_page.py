@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from pipeline.evaluation import statistics
 from pipeline.evaluation.monte_carlo import summarise
 from pipeline.report import sweep, sweep_page
 from pipeline.run import artifacts, configuration, manifests, tables, writing
@@ -142,6 +143,9 @@ def test_the_shares_of_fuel_stand_where_a_run_chose_pushes_ahead(tmp_path):
     columns = sweep.columns_of(results)["ahead_percent"]
     np.testing.assert_allclose(columns, [100.0 * share for share in shares.values()], rtol=1e-12)
     assert sweep_page.FUEL_SHARES in sweep_page.write(results)
+    compared = statistics.compare(flown["first", 3], flown["second", 3], 95.0)
+    _, of_two = sweep_page.compared_table(("A", "B"), compared, [0.0, 60.0], 95.0)
+    assert of_two.rows[-1] == (sweep_page.FUEL_SHARES, "", "40.0 / 60.0", "", "", "")
 
 
 @pytest.mark.slow
