@@ -79,7 +79,7 @@ def _processor_time() -> float:
     return time.process_time() + sum(ticks) / os.sysconf("SC_CLK_TCK")
 
 
-#: worlds for which champions were trained, by parts of their names, of which the first that fits counts
+#: worlds and Suns that champions were trained for, by parts of their names: the first that fits counts
 WORLDS = {
     "leo": ("world=leo",),
     "afrl_weighted": ("world=afrl_weighted",),
@@ -87,6 +87,7 @@ WORLDS = {
     "afrl": ("world=afrl",),
     "rso": ("world=rso",),
     "docking": ("problem=docking",),
+    "fixed_sun": (),
 }
 #: processor time over which flights are measured, s
 MEASURED_S = 5.0

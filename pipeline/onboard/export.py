@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from fis_tools.file_access import write_text
+from fis_tools.formats.c.text import WARNINGS
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.state.log import Scenario
 from pipeline.onboard.evidence import line_runs, loop_table, rule_table, traceability, vector_source
@@ -13,7 +14,7 @@ from pipeline.onboard.fmi import block_facts
 from pipeline.onboard.program import OnboardProgram
 from pipeline.onboard.recorded import Library, Recorded, differing, recorded
 from pipeline.onboard.sizes import Sizes, sizes, stack_table
-from pipeline.onboard.source import WARNINGS, Sources, rendered, sources
+from pipeline.onboard.source import Sources, rendered, sources
 
 #: functions of the source whose meaning is told to the analyser, since it does not know the library's
 SPECIFIED = ("nearest_whole", "power_of_two")
@@ -75,6 +76,7 @@ def export(program: OnboardProgram, scenarios: Sequence[Scenario], folder: Path)
         "name": program.controller.name,
         "world": program.world,
         "num_flights": len(flights),
+        "parameters": program.parameters,
         "warnings": WARNINGS,
         "specified": _specified(source.code),
         **block_facts(source.code, program.world.num_points),

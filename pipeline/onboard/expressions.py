@@ -140,6 +140,8 @@ class Expressions(Writer, ABC):
                 if type(symbol) not in COMPARISONS:
                     raise TranslationError(f"comparison {type(symbol).__name__}")
                 item = COMPARISONS[type(symbol)](left, right)
+            if isinstance(item, Expression):
+                item = self.function.known.get(item.text, item)
             result = item if result is None else self._both(result, item, True)
             left = right
         return result

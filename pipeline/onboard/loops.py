@@ -52,7 +52,7 @@ class Loops(Expressions, ABC):
         counter = self.fresh(name)
         condition = f"{counter} < {text_of(end, 'int')}"
         if isinstance(end, Expression):
-            condition = f"({condition}) && ({counter} < {most})"
+            condition = f"({counter} < {most}) && ({condition})"
         self.loops.append(Loop(self.function.name, counter, most - first, *self._line))
         self.emit(f"for (int {counter} = {first}; {condition}; ++{counter}) {{")
         self.function.depth += 1
@@ -150,12 +150,10 @@ class Loops(Expressions, ABC):
         condition = f"{counter} {'<' if step > 0 else '>'} {text_of(end, 'int')}"
         if step < 0 and (isinstance(first, Expression) or isinstance(end, Expression)):
             raise TranslationError("a loop downwards that is not known")
-        if declared is not None:
-            limit = declared(frame.names)
-            condition = f"({condition}) && ({counter} < {limit})"
-            most = (0, limit)
-        elif isinstance(end, Expression) and most is not None:
-            condition = f"({condition}) && ({counter} < {most[1]})"
+        if declared is not None and isinstance(end, Expression):
+            most = (0, min([declared(frame.names), *(most or ())[1:]]))
+        if isinstance(end, Expression) and most is not None:
+            condition = f"({counter} < {most[1]}) && ({condition})"
         if least is None or most is None:
             raise TranslationError(f"{UNBOUNDED} ({frame.source.name}, {name})")
         span = (least[0], max(most[1] - 1, least[0])) if step > 0 else (most[0] + 1, least[1])
@@ -185,6 +183,8 @@ class Loops(Expressions, ABC):
 
     def _write_while(self, statement: ast.While, frame: Frame) -> None:
         body = statements.without_jumps(statement.body, ast.Continue)
+        counts = statements.counted_by(body)
+        first = range_of(frame.names.get(counts)) if counts not in frame.variables else None
         for name in sorted(statements.assigned_names(body) & frame.names.keys()):
             self.make_variable(frame, name)
         declared = self.setting.bounds.get((frame.source.name, "while"))
@@ -195,4 +195,13 @@ class Loops(Expressions, ABC):
         self.emit(f"for (int {turn} = 0; {turn} < {limit}; ++{turn}) {{")
         goes_on = ast.copy_location(ast.UnaryOp(ast.Not(), statement.test), statement.test)
         leaves = ast.copy_location(ast.If(goes_on, [ast.Break()], []), statement.test)
+        if first is not None:
+            self._narrow(frame, counts, (first[0], first[1] + limit - 1))
         self._nested([ast.fix_missing_locations(leaves), *body], frame, {})
+        if first is not None:
+            self._narrow(frame, counts, (first[0], first[1] + limit))
+
+    @staticmethod
+    def _narrow(frame: Frame, name: str, span: tuple[int, int]) -> None:
+        """Note between which whole numbers a variable lies from here on."""
+        frame.names[name] = frame.variables[name] = replace(frame.variables[name], range=span)

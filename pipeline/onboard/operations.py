@@ -20,6 +20,7 @@ from pipeline.onboard.values import (
     LaneConstant,
     TranslationError,
     bare,
+    count_of,
     kind_of,
     range_of,
     text_of,
@@ -121,11 +122,7 @@ def _some(_: Translator, mask: Any) -> Any:
 
 
 def _count(translator: Translator, mask: Any) -> Any:
-    if not isinstance(mask, Expression):
-        return int(mask)
-    return Expression(
-        f"({mask.text} ? 1 : 0)", "int", range=(0, translator.function.lanes), mask=bare(mask.text)
-    )
+    return count_of(mask, translator.function.lanes)
 
 
 def _gather_rows(translator: Translator, array: Any, at: Any, offsets: Any, count: int, out: Any) -> None:

@@ -82,6 +82,10 @@ class Values:
                     self._rows.append(_Row(row, row + by_points, start - (end - first) + term, terms))
         self._table = np.concatenate([*parts, np.zeros(ROW)])
 
+    def known(self, index: int) -> float:
+        """Return the number at an index as the controller was designed."""
+        return float(self._values[index])
+
     def at(self, translator: Translator, index: Any) -> Any:
         """Return the value at an index."""
         if isinstance(index, Expression):
@@ -90,7 +94,7 @@ class Values:
                     table = Array("values", self._table.shape, data=self._table)
                     return translator.element(table, (index - row.first) * row.step + row.start)
             raise TranslationError(f"an index of values that is in none of its tables: {index.text}")
-        value = float(self._values[index])
+        value = self.known(index)
         if not 0 <= self._first <= index:
             return value
         number = index - self._first
@@ -223,13 +227,32 @@ def bounds(world: World) -> dict[tuple[str, str], Any]:
     return {
         ("preview", "while"): lambda names: -(-world.num_controls // world.preview_stride) + 1,
         ("note_deadlines", "while"): lambda names: world.num_controls,
-        ("count_ranks", "while"): lambda names: int(names["terms"]),
+        ("count_ranks", "while"): _most_ranks,
         ("grid_sums", "rank"): lambda names: int(names["system"].output_terms),
         ("cut_terms", "rule"): lambda names: int(names["rules"].at(names["bounds"] + names["terms"]).known),
         ("neighbours", "other"): lambda names: 2 * 16,
         ("choose_cluster", "filled"): lambda names: world.points.shape[2] - 1,
-        ("crossing_triangles", "flank"): lambda names: 2 * int(names["terms"]),
+        ("crossing_triangles", "flank"): _num_flanks,
     }
+
+
+def _num_flanks(names: Mapping[str, Any]) -> int:
+    """Return how many flanks the terms of an output have: on each side of a peak that is not at the edge."""
+    system, rules = names["system"], names["rules"]
+    peaks = (rules.at(system.rules + term).known for term in range(system.output_terms))
+    return sum(int(peak > 0) + int(peak < system.output_points - 1) for peak in peaks)
+
+
+def _most_ranks(names: Mapping[str, Any]) -> int:
+    """Return how many of the highest terms determine a height at most: in no piece are more above zero."""
+    system, values = names["system"], names["values"]
+    terms, num_pieces = int(system.output_terms), packing.num_pieces(int(system.output_points))
+    first = int(system.pieces)
+    highest = (
+        [values.known(first + 2 * (terms * piece + rank)) > 0.0 for rank in range(1, terms)]
+        for piece in range(num_pieces)
+    )
+    return 1 + max(([*are_above, False].index(False) for are_above in highest), default=0)
 
 
 def translate(mission: Mission, controller: Controller) -> OnboardProgram:

@@ -41,7 +41,7 @@ def sizes(folder: Path, compiler: str = "gcc", flags: Sequence[str] = FLAGS) -> 
     FileNotFoundError
         If the compiler is not installed.
     ValueError
-        If a frame has no constant size, or functions call each other in a circle.
+        If a frame has no constant bound, or functions call each other in a circle.
     """
     path, listing = shutil.which(compiler), shutil.which("size")
     if path is None or listing is None:
@@ -64,8 +64,8 @@ def stacks_of(graph: str) -> tuple[dict[str, int], dict[str, int]]:
     for title, name, size, kind in _NODE.findall(graph):
         names[title] = name
         if size:
-            if kind != "static":
-                raise ValueError(f"the frame of {name} is {kind}; it needs one of a constant size")
+            if kind not in ("static", "dynamic,bounded"):  # of the latter, the size is the greatest
+                raise ValueError(f"the frame of {name} is {kind}; it needs a constant bound")
             frames[title] = int(size)
     calls: dict[str, set[str]] = {title: set() for title in names}
     for caller, callee in _EDGE.findall(graph):

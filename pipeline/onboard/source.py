@@ -4,12 +4,12 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from textwrap import wrap
 from typing import Any
 
 import numpy as np
 
 from fis_tools.document.html import environment, read
+from fis_tools.formats.c.text import OPENING, broken, comment
 from fis_tools.model import conjunctions
 from fis_tools.model.thrust import LOGIC_REASONS, REASONS, SILENT_N
 from fis_tools.words.text import sentence
@@ -19,12 +19,6 @@ from pipeline.onboard.program import OnboardProgram
 from pipeline.onboard.values import Array, bare, number_text
 from pipeline.onboard.writer import Function, Line, pruned
 
-WIDTH = 110
-#: what the source compiles with, as C99 and as C++
-WARNINGS = (
-    *("-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wshadow", "-Wdouble-promotion", "-Wundef"),
-    *("-Wcast-qual", "-Werror"),
-)
 #: members of the state that the entries write or read
 OF_ENTRIES = frozenset(
     {"asked", "commanded", "coasts", "outputs", "leading", "num_unseen", "limit", "change"}
@@ -211,7 +205,7 @@ class ConstantTable:
 
         lengths = "".join(f"[{length}]" for length in self.data.shape)
         text = f"static const {self.kind} {self.name}{lengths} = {rows(self.data)};"
-        return wrap(text, WIDTH, subsequent_indent="    ", break_long_words=False, break_on_hyphens=False)
+        return broken(text)
 
 
 _STORE = re.compile(r"\s*state->(\w+(?:\[\d+\])*) = (.*);")
@@ -264,33 +258,23 @@ def _definition(function: Function) -> Iterator[Line]:
     """Return a function of C with a comment that says what it does and where its formula stands."""
     source, text = function.source, "\n".join(line.text for line in function.lines)
     yield Line("")
-    for comment in _comment(f"{source.summary} {source.file}: {source.name}."):
-        yield Line(comment)
+    about = f"{source.summary} {source.file}: {source.name}.".replace("``", "")
+    for text_line in comment([about]).split("\n"):
+        yield Line(text_line)
     yield Line(f"static {function.signature}", source.file, source.line)
     yield Line("{")
     for name in re.findall(r"(\w+)(?=,|\))", function.signature.partition("(")[2]):
         if not re.search(rf"(?<![\w>.]){name}\b", text):
             yield Line(f"    (void){name};")
     for line in function.lines:
-        indent = " " * (len(line.text) - len(line.text.lstrip()) + 8)
-        pieces = wrap(
-            line.text, WIDTH, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False
-        )
-        for piece in pieces:
+        for piece in broken(line.text, 8):
             yield Line(piece, line.file, line.number)
     yield Line("}")
 
 
-def _comment(text: str) -> list[str]:
-    plain = text.replace("*/", "* /").replace("/*", "/ *").replace("``", "")
-    if len(plain) <= WIDTH - 6:
-        return [f"/* {plain} */"]
-    return ["/*", *(f" * {line}" for line in wrap(plain, WIDTH - 3)), " */"]
-
-
 def _opening(program: OnboardProgram) -> Iterator[str]:
     """Return what stands above the tables: what this is, its rules in words, and what it includes."""
-    lines = [
+    paragraphs = [
         f"The on-board function of {program.controller.name}: each formula is translated from the "
         "Python that flies; its file and name stand above it. Compile with -ffp-contract=off and without "
         "-ffast-math: results depend on the order of operations.",
@@ -298,13 +282,7 @@ def _opening(program: OnboardProgram) -> Iterator[str]:
         "Its rules; the tables values and rules hold them as numbers.",
     ]
     for system in program.controller.systems:
-        lines += ["", f"{system.name}:"]
-        lines += [f"{number:3d}. {sentence(rule)}" for number, rule in enumerate(system.rules, start=1)]
-    yield "/*"
-    for line in lines:
-        for piece in wrap(line.replace("*/", "* /"), WIDTH - 3, subsequent_indent="") or [""]:
-            yield f" * {piece}".rstrip()
-    yield from (
-        *(" */", '#include "controller.h"', "", "#include <math.h>", "#include <stdbool.h>", ""),
-        *("#ifdef __FAST_MATH__", '#error "compile without -ffast-math"', "#endif", ""),
-    )
+        paragraphs += ["", f"{system.name}:"]
+        paragraphs += [f"{number:3d}. {sentence(rule)}" for number, rule in enumerate(system.rules, start=1)]
+    yield from comment(paragraphs).split("\n")
+    yield from ('#include "controller.h"', "", *OPENING.split("\n"))

@@ -14,6 +14,21 @@ def assigned_names(statements: Iterable[ast.stmt]) -> set[str]:
     }
 
 
+def counted_by(body: Sequence[ast.stmt]) -> str:
+    """Return the name that goes up by one at the end of a loop's body alone; "" for none."""
+    *others, last = body
+    if (
+        isinstance(last, ast.AugAssign)
+        and isinstance(last.op, ast.Add)
+        and isinstance(last.target, ast.Name)
+        and isinstance(last.value, ast.Constant)
+        and last.value.value == 1
+        and last.target.id not in assigned_names(others)
+    ):
+        return last.target.id
+    return ""
+
+
 def has_break(statements: Iterable[ast.stmt]) -> bool:
     """Return whether statements leave the loop around them."""
     return any(isinstance(node, ast.Break) for statement in statements for node in _in_this_loop(statement))

@@ -28,6 +28,8 @@ from pipeline.onboard.values import (
     LaneConstant,
     TranslationError,
     bare,
+    conclusions,
+    count_of,
     is_known,
     is_scalar,
     kind_of,
@@ -227,9 +229,8 @@ class Translator(Loops):
         else:
             raise TranslationError(f"{type(target).__name__} as a target")
         change = self.value(statement.value, frame)
-        if isinstance(change, Expression) and change.kind == "bool" and isinstance(statement.op, ast.Add):
-            runs, mask = self.function.runs, change.text
-            change = Expression(f"({mask} ? 1 : 0)", "int", range=(0, runs), mask=mask)
+        if isinstance(statement.op, ast.Add) and is_scalar(change) and kind_of(change) == "bool":
+            change = count_of(change, self.function.runs)
         if isinstance(change, Expression) and change.mask:
             self._count(statement, target, before, change, frame)
             return
@@ -250,7 +251,8 @@ class Translator(Loops):
         """Write a count of points that goes up by one where a mask holds, and never beyond their number."""
         if not isinstance(statement.op, ast.Add) or not isinstance(target, ast.Name) or change.range is None:
             raise TranslationError("a count that is no sum")
-        self.emit(f"if ({change.mask} && ({before.text} < {change.range[1]})) {{")
+        bound = f"{before.text} < {change.range[1]}"
+        self.emit(f"if ({bound}) {{" if change.mask == "true" else f"if ({change.mask} && ({bound})) {{")
         self.function.depth += 1
         self.emit(f"{before.text} += 1;")
         self.function.depth -= 1
@@ -264,13 +266,14 @@ class Translator(Loops):
         for name in sorted(bound & frame.names.keys()):
             self.make_variable(frame, name)
         outer = self.function.lines
-        branches = []
-        for body in (statement.body, statement.orelse):
+        branches, known = [], self.function.known
+        for body, holds in ((statement.body, True), (statement.orelse, False)):
             self.function.lines, self.function.depth = [], self.function.depth + 1
+            self.function.known = {**known, **conclusions(condition, holds=holds)}
             inner = replace(frame, names=dict(frame.names), variables=dict(frame.variables))
             result = self.block(body, inner)
             branches.append((self.function.lines, inner, result))
-            self.function.depth -= 1
+            self.function.known, self.function.depth = known, self.function.depth - 1
         (first, names, result), (second, other_names, other_result) = branches
         declarations: list[Line] = []
         self.function.lines = declarations
@@ -297,7 +300,7 @@ class Translator(Loops):
                 outer += second
             self.emit("}")
         elif second:
-            self.emit(f"if (!({text})) {{")
+            self.emit(f"if ({bare((~condition).text)}) {{")
             outer += second
             self.emit("}")
         return merged

@@ -113,6 +113,10 @@ class Expression:
     mask: str = ""
     #: of a whole number: the sum of its addends that are known
     offset: int = 0
+    #: of a condition: "&&", "||" or "!", and what it joins
+    joins: tuple[str, tuple["Expression", ...]] = ("", ())
+    #: of a condition: whether it compares constants of its function
+    is_fixed: bool = False
 
     __array_ufunc__ = None  # so that NumPy's numbers leave arithmetic to it
     __hash__ = None  # type: ignore[assignment]
@@ -195,7 +199,10 @@ class Expression:
         return self
 
     def __invert__(self) -> "Expression":
-        return Expression(f"(!{self.text})", "bool")
+        symbol, joined = self.joins
+        if symbol == "!" and not self.is_name:
+            return joined[0]
+        return Expression(f"(!{self.text})", "bool", joins=("!", (self,)))
 
     def __abs__(self) -> "Expression":
         if self.kind == "int":
@@ -205,8 +212,13 @@ class Expression:
     def _compared(self, other: Any, operator: str) -> Any:
         if not is_scalar(other):
             return NotImplemented
+        is_decided = _decided(operator, range_of(self), range_of(other))
+        if is_decided is not None:
+            return is_decided
         c_type = "int" if {kind_of(self), kind_of(other)} <= {"int", "bool"} else "double"
-        return Expression(f"({text_of(self, c_type)} {operator} {text_of(other, c_type)})", "bool")
+        is_fixed = self.is_name and (not isinstance(other, Expression) or other.is_name)
+        text = f"({text_of(self, c_type)} {operator} {text_of(other, c_type)})"
+        return Expression(text, "bool", is_fixed=is_fixed)
 
     def __lt__(self, other: Any) -> Any:
         return self._compared(other, "<")
@@ -228,7 +240,8 @@ class Expression:
 
     def _joined(self, other: Any, operator: str) -> Any:
         if isinstance(other, Expression):
-            return Expression(f"({self.text} {operator} {other.text})", "bool")
+            joins = (operator if operator in ("&&", "||") else "", (self, other))
+            return Expression(f"({self.text} {operator} {other.text})", "bool", joins=joins)
         if operator == "&&":
             return self if other else False
         if operator == "||":
@@ -251,11 +264,41 @@ class Expression:
     __rxor__ = __xor__
 
 
+def count_of(condition: Any, most: int) -> Any:
+    """Return what a count goes up by for a condition, which holds up to so many times."""
+    if isinstance(condition, Expression):
+        text = f"({condition.text} ? 1 : 0)"
+        return Expression(text, "int", range=(0, most), mask=bare(condition.text))
+    return Expression("1", "int", range=(0, most), mask="true") if condition else 0
+
+
+def conclusions(condition: Expression, *, holds: bool) -> dict[str, bool]:
+    """Return what else holds, or does not, where a condition does or does not: constants of the function."""
+    known = {condition.text: holds} if condition.is_name or condition.is_fixed else {}
+    symbol, joined = condition.joins
+    if symbol == "!" or (symbol and holds == (symbol == "&&")):
+        for part in joined:
+            known |= conclusions(part, holds=holds != (symbol == "!"))
+    return known
+
+
 def range_of(value: Any) -> Range:
     """Return the least and the greatest value of a whole number; None where it is not known."""
     if isinstance(value, Expression):
         return (0, 1) if value.kind == "bool" else value.range
     return (int(value), int(value)) if isinstance(value, int | np.integer) else None
+
+
+def _decided(operator: str, a: Range, b: Range) -> bool | None:
+    """Return how numbers from one range compare with those from another; None where it depends on them."""
+    if a is None or b is None:
+        return None
+    if operator in ("<", ">="):
+        is_less = True if a[1] < b[0] else False if a[0] >= b[1] else None
+        return is_less if operator == "<" or is_less is None else not is_less
+    if operator in (">", "<="):
+        return _decided("<" if operator == ">" else ">=", b, a)
+    return operator == "!=" if a[1] < b[0] or b[1] < a[0] else None
 
 
 def _offset_of(value: Any) -> int:

@@ -4,12 +4,13 @@ import ast
 import re
 from collections.abc import Callable, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
+from fis_tools.formats.c.text import WORDS
 from pipeline.onboard.values import (
     C_TYPES,
     Accumulator,
@@ -29,26 +30,9 @@ from pipeline.onboard.values import (
 
 PROJECT = Path(__file__).resolve().parents[2]
 #: words of C, and names of its library, that no variable may have
-RESERVED = frozenset(
+RESERVED = WORDS | frozenset(
     {
-        *("auto", "bool", "break", "case", "char", "const", "continue", "default", "do", "double", "else"),
-        *("enum", "extern", "false", "float", "for", "goto", "if", "inline", "int", "long", "register"),
-        *("restrict", "return", "short", "signed", "sizeof", "static", "struct", "switch", "true", "typedef"),
-        *(
-            "union",
-            "unsigned",
-            "void",
-            "volatile",
-            "while",
-            "abs",
-            "j0",
-            "j1",
-            "jn",
-            "y0",
-            "y1",
-            "yn",
-            "gamma",
-        ),
+        *("bool", "false", "true", "abs", "j0", "j1", "jn", "y0", "y1", "yn", "gamma"),
         *("sin", "cos", "tan", "sqrt", "floor", "ceil", "rint", "exp", "log", "pow", "least", "most"),
         *("total", "s", "near", "far", "time", "index", "signal"),
     }
@@ -115,6 +99,8 @@ class Function:
     lanes: int = 0
     #: how often what is written now runs at most, in a call of the function
     runs: int = 1
+    #: conditions that hold, or do not, where what is written now runs
+    known: Mapping[str, bool] = field(default_factory=dict)
     signature: str = ""
 
 
@@ -302,7 +288,7 @@ class Writer:
                 return leaf
             variable = self.fresh(leaf_name)
             self.emit(f"const {C_TYPES[leaf.kind]} {variable} = {bare(leaf.text)};")
-            return Expression(variable, leaf.kind, True, leaf.range, offset=leaf.offset)
+            return replace(leaf, text=variable, is_name=True, mask="")
 
         return map_leaves(value, settle, name)
 
@@ -333,7 +319,7 @@ class Writer:
         if len(leaves(value)) > 1:  # all are read before one is written
             value = self.stable(value, name)
         self._write(frame.variables[name], value)
-        frame.names[name] = frame.variables[name]
+        self.make_variable(frame, name)
 
     def _write(self, target: Any, value: Any) -> None:
         if isinstance(target, tuple):
@@ -356,21 +342,28 @@ class Writer:
             raise TranslationError(f"{target!r:.60} changes")
 
     def make_variable(self, frame: Frame, name: str) -> None:
-        """Let a name stand for variables of C from here on, if it stands for numbers."""
-        if name not in frame.variables and all(is_scalar(leaf) for leaf in leaves(frame.names[name])):
+        """Let a name stand for variables of C from here on, if it stands for numbers; of any range."""
+        if name in frame.variables:
+            frame.variables[name] = frame.names[name] = map_leaves(frame.variables[name], _of_any_range)
+        elif all(is_scalar(leaf) for leaf in leaves(frame.names[name])):
             frame.variables[name] = frame.names[name] = self.declared(frame.names[name], name)
 
     def _read(self, value: Any) -> Any:
-        """Return a value in which sums over vectors are those of the lane."""
-        lane = self.function.lane
-        if lane is None:
-            return value
-        return map_leaves(
-            value,
-            lambda leaf, _: (
-                Expression(f"{leaf.name}[{lane} % 8]", "lane") if isinstance(leaf, Accumulator) else leaf
-            ),
-        )
+        """Return a value in which sums over vectors are those of the lane, and known conditions are taken."""
+        lane, known = self.function.lane, self.function.known
+
+        def read(leaf: Any, _: str) -> Any:
+            if isinstance(leaf, Accumulator) and lane is not None:
+                return Expression(f"{leaf.name}[{lane} % 8]", "lane")
+            if isinstance(leaf, Expression) and leaf.is_name:
+                return known.get(leaf.text, leaf)
+            return leaf
+
+        return map_leaves(value, read)
+
+
+def _of_any_range(leaf: Any, _: str) -> Any:
+    return replace(leaf, range=None) if isinstance(leaf, Expression) else leaf
 
 
 _STORE = re.compile(r"\s*(\w+) = (.*);")

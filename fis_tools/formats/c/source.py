@@ -14,25 +14,14 @@ from fis_tools.formats import rendered
 from fis_tools.formats.c.library import called
 from fis_tools.formats.c.step import step_functions, step_structures
 from fis_tools.formats.c.system import System
-from fis_tools.formats.c.text import comment, identifiers
+from fis_tools.formats.c.text import OPENING, WARNINGS, comment, identifiers
 from fis_tools.model import FuzzyController, FuzzySystem, thrust
 from fis_tools.model.intervals import require_type_1
 from fis_tools.model.thrust import ThrustLogic
 from fis_tools.model.trees import require_unwired
 
-#: What the written file compiles with. Not ``-Wfloat-equal``: equal heights are told apart on purpose.
-WARNINGS = (
-    "-std=c99 -Wall -Wextra -Wpedantic -Wconversion -Wshadow -Wdouble-promotion -Wundef -Wcast-qual "
-    "-Wstrict-prototypes -Wmissing-prototypes -Werror"
-)
-_OPENING = """\
-#include <math.h>
-#include <stdbool.h>
-
-#ifdef __FAST_MATH__
-#error "compile without -ffast-math: results depend on exact comparisons"
-#endif
-"""
+#: what the written file compiles with
+FLAGS = " ".join(("-std=c99", *WARNINGS, "-Wstrict-prototypes", "-Wmissing-prototypes"))
 
 
 def write(controller: FuzzyController, bare: bool = False) -> str:
@@ -92,7 +81,7 @@ def write(controller: FuzzyController, bare: bool = False) -> str:
         needed.append(step_functions(controller, logic, infer))
         declared.insert(0, step_structures(controller, logic).rstrip())
     shared = called("".join(needed))
-    return "\n".join([_header(controller, logic, has_step), _OPENING, *declared, "", *shared, *needed])
+    return "\n".join([_header(controller, logic, has_step), OPENING, *declared, "", *shared, *needed])
 
 
 def function_name(system: FuzzySystem) -> str:
@@ -115,7 +104,7 @@ def _header(controller: FuzzyController, logic: ThrustLogic | None, has_step: bo
         controller=controller,
         logic=logic,
         has_step=has_step,
-        warnings=WARNINGS,
+        warnings=FLAGS,
         titles=dict.fromkeys(model.TOOLS[system.semantics].title for system in controller.systems),
     )
     title, *paragraphs = (" ".join(paragraph.split()) for paragraph in text.split("\n\n"))

@@ -4,10 +4,12 @@ from collections.abc import Mapping
 from textwrap import wrap
 
 from fis_tools.formats import rendered
-from fis_tools.formats.c.text import KEYWORDS, plain
+from fis_tools.formats.c.text import WORDS, plain
 from fis_tools.model import FuzzyController, Variable, thrust
 from fis_tools.model.thrust import ThrustLogic
 
+#: words that no signal may be called
+TAKEN = WORDS | {"attitude", "is_complete"}
 #: unit and meaning of what coasting is decided by
 _FORESEEN = {
     "missed": ("", "how many points coasting to the end would leave unseen"),
@@ -36,7 +38,7 @@ def members(controller: FuzzyController, logic: ThrustLogic) -> Mapping[str, tup
     foreseen = _FORESEEN if logic.may_coast else {}
     for name in dict.fromkeys([*sensed, *foreseen]):
         word = "".join(letter if letter.isascii() and letter.isalnum() else "_" for letter in name) or "_"
-        if word[0].isdigit() or word in KEYWORDS:
+        if word[0].isdigit() or word in TAKEN:
             word = f"signal_{word}"
         while word in taken:
             word += "_"

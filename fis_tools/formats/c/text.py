@@ -7,15 +7,29 @@ from textwrap import wrap
 
 from fis_tools.plain_text import distinct
 
-#: words that no member of a structure may be called
-KEYWORDS = frozenset(
+#: words of C
+WORDS = frozenset(
     {
         *("auto", "break", "case", "char", "const", "continue", "default", "do", "double", "else", "enum"),
         *("extern", "float", "for", "goto", "if", "inline", "int", "long", "register", "restrict", "return"),
         *("short", "signed", "sizeof", "static", "struct", "switch", "typedef", "union", "unsigned", "void"),
-        *("volatile", "while", "attitude", "is_complete"),
+        *("volatile", "while"),
     }
 )
+#: what C compiles with, also as C++. Not ``-Wfloat-equal``: equal numbers are told apart on purpose
+WARNINGS = (
+    *("-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wshadow", "-Wdouble-promotion", "-Wundef"),
+    *("-Wcast-qual", "-Werror"),
+)
+#: what a source begins with, below the comment that says what it is
+OPENING = """\
+#include <math.h>
+#include <stdbool.h>
+
+#ifdef __FAST_MATH__
+#error "compile without -ffast-math: results depend on exact comparisons"
+#endif
+"""
 WIDTH = 110
 _wrap = partial(wrap, break_long_words=False, break_on_hyphens=False)
 
@@ -48,8 +62,9 @@ def numbers(values: Sequence[float], indent: int) -> str:
     )
 
 
-def broken(line: str) -> list[str]:
-    """Break a statement that is too long between its words."""
+def broken(line: str, further: int = 4) -> list[str]:
+    """Break a statement that is too long between its words; what follows is indented further."""
     if len(line) <= WIDTH or line.endswith("*/"):
         return [line]
-    return _wrap(line.lstrip(), WIDTH, initial_indent=" " * 4, subsequent_indent=" " * 8)
+    before = " " * (len(line) - len(line.lstrip()))
+    return _wrap(line.lstrip(), WIDTH, initial_indent=before, subsequent_indent=before + " " * further)

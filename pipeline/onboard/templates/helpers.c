@@ -26,6 +26,7 @@ static double total(const double lanes[8])
 static double finite_number(double x)
 {
     double result = 0.0;
+
     if (x == x) {
         if (x > 1.0e9) {
             result = 1.0e9;
@@ -38,9 +39,7 @@ static double finite_number(double x)
     return result;
 }
 
-/*
- * The nearest whole number, the even one of two.
- */
+/* The nearest whole number, the even one of two. */
 /*@ requires -1050.0 <= x <= 1050.0;
     assigns \result \from x;
     ensures -1051.0 <= \result <= 1051.0; */
@@ -49,14 +48,13 @@ static double nearest_whole(double x)
     return rint(x);
 }
 
-/*
- * Two to the power of a whole number from -1100 to 1023; zero for any other.
- */
+/* Two to the power of a whole number from -1100 to 1023; zero for any other. */
 /*@ assigns \result \from exponent;
     ensures \is_finite(\result) && 0.0 <= \result <= 1.0e308; */
 static double power_of_two(double exponent)
 {
     double result = 0.0;
+
     if (exponent == exponent) {
         if ((exponent >= -1100.0) && (exponent <= 1023.0)) {
             result = ldexp(1.0, (int)exponent);

@@ -35,7 +35,7 @@ def run_in(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
 
 
 def gcc(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
-    return run_in(folder, program("gcc", "gcc"), *source.WARNINGS.split(), "-O2", *words)
+    return run_in(folder, program("gcc", "gcc"), *source.FLAGS.split(), "-O2", *words)
 
 
 def loaded(path: Path, text: str, *words: str) -> ctypes.CDLL:

@@ -39,7 +39,7 @@ APART = ("champion_any_sun", "decisions, body", "bare", "general")
 @pytest.mark.parametrize("name", APART)
 def test_gccs_analyser_finds_nothing(name: str, tmp_path: Path) -> None:
     (tmp_path / "controller.c").write_text(WRITTEN[name], encoding="utf-8")
-    warnings = [word for word in source.WARNINGS.split() if word != "-Werror"]
+    warnings = [word for word in source.FLAGS.split() if word != "-Werror"]
     done = run_in(tmp_path, program("gcc", "gcc"), *warnings, *ANALYSED, "-Werror", "-c", "controller.c")
     assert (done.returncode, done.stderr) == (0, "")
 

@@ -22,7 +22,12 @@ def test_a_stack_is_the_deepest_chain_of_frames():
     assert stacks == {"leaf": 24, "middle": 124, "step": 132}
 
 
-def test_frames_without_a_constant_size_and_circles_are_refused():
+def test_a_frame_that_grows_up_to_a_bound_counts_with_it():
+    bounded = GRAPH.replace("100 bytes (static)", "100 bytes (dynamic,bounded)")
+    assert stacks_of(bounded) == stacks_of(GRAPH)
+
+
+def test_frames_without_a_constant_bound_and_circles_are_refused():
     with pytest.raises(ValueError, match="frame of middle is dynamic"):
         stacks_of(GRAPH.replace("100 bytes (static)", "100 bytes (dynamic)"))
     circle = 'edge: { sourcename: "controller.c:leaf" targetname: "step" label: "" }\n}'
