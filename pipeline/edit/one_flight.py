@@ -118,7 +118,7 @@ class OneFlight(Panel):
             if log.is_decided[k]:
                 explanation = explain(system, log.fis_input[k, index, : len(system.inputs)])
                 for move in explanation.outputs[0].moves[:1]:
-                    words += f". Rule {move.rule} most: {sentence(system.rules[move.rule - 1])}"
+                    words += f". Mainly rule {move.rule}: {sentence(system.rules[move.rule - 1])}"
             sentences.append(words)
         planned = decision_at(self._cases.mission, log, k)
         return [*sentences, f"{planned[:1].upper()}{planned[1:]}."] if planned else sentences
