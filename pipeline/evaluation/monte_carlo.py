@@ -83,6 +83,7 @@ def episode_columns(mission: Mission, scenarios: list[Scenario], outcomes: Outco
         "inspectable_rate_percent": inspectable_rate(counts, outcomes.inspectable_count),
         **{name: vars(outcomes)[name] for name in OF_REACHED if isinstance(outcomes, ReachOutcomes)},
         **_propellant(mission, settings, outcomes),
+        **({} if mission.deputy.max_momentum_n_m_s is None else {"full_wheel_s": outcomes.full_wheel_s}),
         **{
             distribution.key: np.array([of[distribution.key] for of in settings])
             for distribution in distributions(mission.dispersions)
@@ -116,6 +117,9 @@ def summarise(episodes: Columns, confidence_percent: float) -> dict[str, Any]:
         shares["held"] = episodes["excess_m_s"] == 0.0
     if "propellant_kg" in episodes:
         names.append("propellant_kg")
+    if "full_wheel_s" in episodes:
+        names.append("full_wheel_s")
+        shares["wheel_full"] = episodes["full_wheel_s"] > 0.0
     if "inspectable_count" in episodes:  # these too
         names += ["inspectable_count", "inspectable_rate_percent"]
     return {name: asdict(statistic(episodes[name], confidence_percent)) for name in names} | {

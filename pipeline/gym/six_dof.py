@@ -142,6 +142,8 @@ class SixDofInspectionEnv(gymnasium.Env[NDArray[np.float32], NDArray[Any]]):
         changed = [part for part in LEFT_OUT if getattr(mission, part) != getattr(plain, part)]
         changed += ["sensor.rectangle_deg"] if mission.sensor.rectangle_deg is not None else []
         changed += ["chief.keep_out_m"] if mission.chief.keep_out_m else []
+        changed += ["attitude.gravity_gradient"] if mission.attitude.gravity_gradient else []
+        changed += ["deputy.max_momentum_n_m_s"] if mission.deputy.max_momentum_n_m_s is not None else []
         if changed or self.task.is_tilted:
             reason = ", ".join(changed) or "a Sun out of the orbit plane"
             raise ValueError(f"{reason}: this is not flown with six degrees of freedom; leave it out")

@@ -14,7 +14,7 @@ from pipeline.flight.fly.outlooks import finishing
 from pipeline.flight.fly.tours import rehearsal_samples, tour_names
 from pipeline.flight.goals.reach import ended, limit_at
 from pipeline.flight.state.log import LIMITS, REHEARSED, FlightLog, inspectable_rate, points_needed
-from pipeline.flight.world.limits import depths_in_spheres, metres_beyond
+from pipeline.flight.world.limits import depths_in_spheres, metres_beyond, wheel_is_full
 from pipeline.recording.foresight import decisions_in_words, is_planned
 from pipeline.settings.experiment import Mission
 
@@ -59,6 +59,7 @@ def events(
         happened += chosen_ahead(mission, log, controller)
     happened += _progress(mission, log) if inspects else ()
     happened += [*_limits(mission, log, near_limit_m), *_spheres(mission, log), *_safety(mission, log)]
+    happened += _wheels(mission, log)
     flown = controller
     if isinstance(controller, RuleController) and is_planned(log):
         flown = finishing(controller)
@@ -157,6 +158,16 @@ def _spheres(mission: Mission, log: FlightLog) -> Iterator[Event]:
             words = f"{depth[sample]:.1f} m inside" if is_inside[sample] else "outside again:"
             level: Level = "error" if is_inside[sample] else "info"
             yield Event(sample, level, f"{words} sphere {which} of those to stay out of")
+
+
+def _wheels(mission: Mission, log: FlightLog) -> Iterator[Event]:
+    """Yield where a wheel is full for the first time, and for how long some are in all."""
+    is_full = wheel_is_full(mission, log)
+    if is_full.any():
+        seconds = mission.attitude_period_s * float(is_full.sum())
+        most = mission.deputy.max_momentum_n_m_s
+        words = f"a wheel is full, at {most:g} N m s; in all one is for {seconds:g} s"
+        yield Event(int(np.argmax(is_full.any(axis=1))), "warning", words)
 
 
 def _coasting(mission: Mission, log: FlightLog, logic: ThrustLogic) -> Iterator[Event]:

@@ -49,6 +49,7 @@ class TwoBody(Dynamics, model="two_body"):
 
 #: of the start that is given, which counts for a single flight; kept with each run, for its stages to come
 IS_FLOWN = Only("telemetry.record_start=true", "optimum.cases=start", is_told=True)
+FLOWN = Only("attitude.mode=flown")
 NO_CASE = Only("case=null", "optimum.cases=start", is_told=True)
 
 
@@ -68,6 +69,8 @@ class DeputySettings(Settings, group="deputy"):
     """Greatest force along each Hill axis."""
     max_torque_n_m: types.Positive = 0.01
     """Greatest torque about each body axis."""
+    max_momentum_n_m_s: Annotated[types.Positive | None, FLOWN] = None
+    """Greatest angular momentum of a wheel along each body axis, at rest at the start; null: any."""
     min_distance_m: types.NotNegative = 15.0
     """Least distance from the chief; the limit itself is inside."""
     max_distance_m: types.Number = 200.0
@@ -188,9 +191,6 @@ class Sun(Settings, group="sun"):
         drawn = () if self.mode == "fixed" else self.elevation_range_deg or ()
         given = () if self.mode == "random" and drawn else (self.elevation_deg,)
         return min(given + drawn), max(given + drawn)
-
-
-FLOWN = Only("attitude.mode=flown")
 
 
 class Attitude(Settings, group="attitude"):

@@ -239,6 +239,15 @@ def _gradient(mission: Mission) -> Iterator[str]:
         )
 
 
+@relation("deputy.max_momentum_n_m_s", "deputy.inertia_kg_m2", "orbit.mean_motion_rad_s")
+def _wheels(mission: Mission) -> Iterator[str]:
+    """Check that the deputy's wheels can take up the rotation of Hill axes, about any axis."""
+    most = mission.deputy.max_momentum_n_m_s
+    needed = mission.orbit.mean_motion_rad_s * max(math.hypot(*row) for row in mission.deputy.inertia_kg_m2)
+    if mission.attitude.mode == "flown" and most is not None and not most >= needed:
+        yield f"to turn once an orbit takes {needed:.3g} N m s; raise the first, or lower another"
+
+
 @relation("attitude.proportional_gain", "attitude.derivative_gain", "attitude_period_s")
 def _gains(mission: Mission) -> Iterator[str]:
     """Check that the sampled attitude law is stable."""

@@ -11,9 +11,11 @@ from fis_tools.compiled.three import (
     Three,
     lane_of,
     length,
+    load_three,
     same,
     store_three,
     three_of,
+    times,
     write_lane,
     write_three,
 )
@@ -27,9 +29,10 @@ from pipeline.flight.period.steps import act, decide, look
 from pipeline.flight.state import arrays
 from pipeline.flight.state.arrays import Beyond, Control, FlightState, Guard, Law, Moment, Workspace, World
 from pipeline.flight.state.errors import ModelErrors
-from pipeline.flight.state.lanes import attitude_of, flight_of, write_row
+from pipeline.flight.state.lanes import attitude_of, flight_of, load_quaternion, write_row
 from pipeline.flight.state.log import NO_LOG, FlightLog
 from pipeline.flight.state.signals import SETTING, URGENCY
+from pipeline.physics.quaternion import to_hill
 
 
 class FlightBatch(NamedTuple):
@@ -88,13 +91,15 @@ def start_lanes(now: Moment, cases: Any, counted: Bytes) -> None:
         store(truth.attitude, component, splat(world.attitude_at_start[component], width))
     for component in range(3):
         store(truth.rate, component, splat(world.rate_at_start[component], width))
+    spun = to_hill(load_quaternion(truth.attitude), times(world.inertia, load_three(truth.rate, 0)))
+    store_three(lanes.momentum, 0, spun)  # the wheels are at rest
     zeros = splat(0.0, width)
     store_three(lanes.y_before, 0, Three(zeros, splat(1.0, width), zeros))
     store_three(lanes.change, 0, same(0.0, width))
     store(lanes.nearest, 0, splat(np.inf, width))
     for total in (lanes.spent, lanes.travelled, lanes.farthest, lanes.beyond):
         store(total, 0, zeros)
-    for total in (lanes.coasts, lanes.num_acted, lanes.corrected, lanes.limit):
+    for total in (lanes.coasts, lanes.num_acted, lanes.corrected, lanes.limit, lanes.num_full):
         store(total, 0, zeros)
 
 
@@ -118,6 +123,7 @@ def write_outcomes(now: Moment, flight: int, outcomes: Floats) -> None:
         row[arrays.OUTSIDE] = lanes.beyond[lane]
         row[arrays.SAFETY_PERIODS] = lanes.num_acted[lane]
         row[arrays.SAFETY_DELTA_V] = lanes.corrected[lane]
+        row[arrays.FULL_WHEELS] = lanes.num_full[lane] * world.attitude_period
 
 
 @compiled(error_model="numpy")

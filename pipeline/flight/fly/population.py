@@ -141,12 +141,12 @@ def outcomes_of(rows: Floats, inspectable_count: NDArray[np.int64], ahead_delta_
     The points that can be inspected, and what is fired as chosen ahead (m/s), are those of each start.
     """
     check_finite(rows)
-    spent, inspected, mean, nearest, farthest, outside, periods, corrected = np.moveaxis(rows, -1, 0)
+    spent, inspected, mean, nearest, farthest, outside, periods, corrected, full = np.moveaxis(rows, -1, 0)
     inspected, periods = np.rint(inspected).astype(np.int64), np.rint(periods).astype(np.int64)
     inspectable = np.broadcast_to(inspectable_count, rows.shape[:-1])
     ahead = np.broadcast_to(ahead_delta_v, rows.shape[:-1])
     distances = mean, nearest, farthest
-    return Outcomes(spent, inspected, inspectable, *distances, outside, periods, corrected, ahead)
+    return Outcomes(spent, inspected, inspectable, *distances, outside, periods, corrected, ahead, full)
 
 
 def check_finite(*numbers: Floats) -> None:

@@ -26,7 +26,7 @@ from pipeline.flight.reference.thrust import Decision
 from pipeline.flight.state import arrays
 from pipeline.flight.state.log import REHEARSED, FlightLog, Outcomes, Scenario, empty_log
 from pipeline.flight.world.bounds import bounds_of, process_noise, spheres_of
-from pipeline.flight.world.limits import metres_beyond
+from pipeline.flight.world.limits import metres_beyond, wheel_is_full
 from pipeline.flight.world.surface import surface_of
 from pipeline.settings.equipment import FilteredNavigation, RealActuators
 from pipeline.settings.experiment import Mission
@@ -148,9 +148,10 @@ def period_fields(flight: ReferenceFlight, seen: Look, done: Act) -> dict[str, A
         "command_reason": [list(REASONS).index(why) for why in done.reasons],
         "safety_limit": LIMIT_NAMES.index(done.limit),
         "safety_force_hill_n": done.change,
-        "attitude_quaternion": [attitude.as_quat() for attitude, _, _ in done.instants],
-        "attitude_rate_b_rad_s": [rate for _, rate, _ in done.instants],
-        "torque_b_n_m": [torque for _, _, torque in done.instants],
+        "attitude_quaternion": [attitude.as_quat() for attitude, *_ in done.instants],
+        "attitude_rate_b_rad_s": [rate for _, rate, *_ in done.instants],
+        "torque_b_n_m": [torque for _, _, torque, _ in done.instants],
+        "wheel_momentum_b_n_m_s": [held for *_, held in done.instants],
     }
 
 
@@ -194,6 +195,7 @@ def outcomes_of_logs(mission: Mission, logs: Sequence[FlightLog]) -> Outcomes:
     limit, is_ahead = mission.deputy.max_force_n, [log.command_reason == REHEARSED for log in logs]
     requested = [np.minimum(np.abs(log.force_asked_n), limit) for log in logs]
     ahead = np.array([forces[chosen].sum() for forces, chosen in zip(requested, is_ahead, strict=True)])
+    full = np.array([wheel_is_full(mission, log).sum() for log in logs], dtype=np.float64)
     return Outcomes(
         delta_v_m_s=np.array([log.delta_v_m_s[-1] for log in logs]),
         inspected_count=np.array([log.is_inspected[-1].sum() for log in logs], dtype=np.int64),
@@ -205,6 +207,7 @@ def outcomes_of_logs(mission: Mission, logs: Sequence[FlightLog]) -> Outcomes:
         safety_periods=np.array([np.count_nonzero(log.safety_limit) for log in logs], dtype=np.int64),
         safety_delta_v_m_s=changes * mission.control_period_s / mission.deputy.mass_kg,
         ahead_delta_v_m_s=ahead * mission.control_period_s / mission.deputy.mass_kg,
+        full_wheel_s=mission.attitude_period_s * full,
     )
 
 

@@ -27,6 +27,7 @@ file           law
 `thrust`       inference, dead bands, coasting: the force that is requested, and why
 `safety`       the least change of a force that keeps the limits
 `actuators`    impulses, delays, errors and layouts of thrusters, propellant
+`wheels`       what reaction wheels hold
 `pointing`     the desired attitude, and the law that turns the deputy to it
 ============== =====================================================================================
 """

@@ -19,6 +19,7 @@ from pipeline.flight.reference.pointing import Instant, looking, next_y, turn_th
 from pipeline.flight.reference.safety import SafetyLayer
 from pipeline.flight.reference.state import Look, ReferenceState
 from pipeline.flight.reference.thrust import Decision, decide, reasons
+from pipeline.flight.reference.wheels import momentum_at_start
 
 
 @dataclass
@@ -41,6 +42,7 @@ def start(flight: ReferenceFlight) -> ReferenceState:
         truth=truth,
         attitude=Rotation.from_quat(mission.deputy.initial_quaternion),
         rate=np.array(mission.rate_at_start_rad_s),
+        momentum=momentum_at_start(mission),
         y=None,
         is_inspected=np.zeros(len(flight.points), dtype=np.bool_),
         centres=np.empty((0, 3)),
@@ -97,8 +99,7 @@ def act(
     thrust = actuators.fired(flight, k, commanded, state.commands, seen.attitude, state.mass)
     remember_fired(flight, k, state, seen, thrust, state.mass)
     state.attitude = seen.attitude
-    turn = turn_through_period(flight, k, state, seen.known, seen.y, thrust)
-    state.attitude, state.rate, state.y, instants = turn
+    state.y, instants = turn_through_period(flight, k, state, seen.known, seen.y, thrust)
     mass = actuators.mass_after(flight, thrust, state.mass)
     mean_mass, duration = 0.5 * (state.mass + mass), mission.control_period_s
     if flight.earth is not None and flight.orbit is not None:

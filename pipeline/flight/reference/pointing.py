@@ -9,14 +9,15 @@ from pipeline.flight.reference.flight import ReferenceFlight
 from pipeline.flight.reference.motion import pushed
 from pipeline.flight.reference.state import ReferenceState
 from pipeline.flight.reference.turning import gradient_torque, turned
+from pipeline.flight.reference.wheels import momentum_after, wheels_turned
 from pipeline.settings.experiment import Mission
 
 #: |k x r|/|r| below which y* is not defined by the position, or, with pole blending, is carried along
 POLE, BLENDED_POLE = 1e-3, 0.2
 #: rate at which pole blending lets y* return, rad/s
 RETURN_RATE = 0.005
-#: attitude, rate and torque at an instant of the attitude clock
-Instant = tuple[Rotation, Floats, Floats]
+#: attitude, rate, torque and momentum of the wheels at an instant of the attitude clock
+Instant = tuple[Rotation, Floats, Floats, Floats]
 
 
 def next_y(mission: Mission, position: Floats, before: Floats | None) -> Floats:
@@ -61,8 +62,8 @@ def control_torque(mission: Mission, attitude: Rotation, desired: Rotation, rate
 
 def turn_through_period(
     flight: ReferenceFlight, k: int, state: ReferenceState, known: Floats, y: Floats, thrust: Thrust
-) -> tuple[Rotation, Floats, Floats, list[Instant]]:
-    """Turn the deputy through a control period, steered at every attitude instant.
+) -> tuple[Floats, list[Instant]]:
+    """Turn the deputy of `state` through a control period, steered at every attitude instant.
 
     Parameters
     ----------
@@ -73,7 +74,7 @@ def turn_through_period(
 
     Returns
     -------
-    attitude, rate, y
+    y
         At the end.
     instants : list of Instant
     """
@@ -87,11 +88,14 @@ def turn_through_period(
         desired = looking(known[:3], y) if played is None else played
         desired = desired * flight.tilt(k).inv()
         if mission.attitude.mode == "ideal":
-            instants.append((desired, np.zeros(3), np.zeros(3)))
+            instants.append((desired, np.zeros(3), np.zeros(3), np.zeros(3)))
             continue
-        torque = control_torque(mission, attitude, desired, rate) if torques is None else torques
-        instants.append((attitude, rate, torque))
-        turning = torque + np.cross(thrust.arm, attitude.inv().apply(thrust.fired)) + thrust.twist
-        turning = turning + gradient_torque(mission, attitude)
-        attitude, rate = turned(mission, attitude, rate, turning, mission.attitude_period_s)
-    return attitude, rate, y, instants
+        wanted = control_torque(mission, attitude, desired, rate) if torques is None else torques
+        torque, held = wheels_turned(mission, attitude, rate, state.momentum, wanted)
+        instants.append((attitude, rate, torque, held))
+        external = np.cross(thrust.arm, attitude.inv().apply(thrust.fired)) + thrust.twist
+        external = external + gradient_torque(mission, attitude)
+        state.momentum = momentum_after(mission, attitude, state.momentum, external)
+        attitude, rate = turned(mission, attitude, rate, torque + external, mission.attitude_period_s)
+    state.attitude, state.rate = attitude, rate
+    return y, instants

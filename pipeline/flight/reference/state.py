@@ -19,6 +19,8 @@ class ReferenceState:
         Position and velocity, m and m/s.
     attitude, rate
         Of the deputy, relative to Hill; the rate along body axes, rad/s.
+    momentum : (3,)
+        Of body and wheels, N m s, Hill axes.
     y : (3,) or None
         The desired second body axis of the last attitude instant; None before the first.
     is_inspected : (P,)
@@ -39,6 +41,7 @@ class ReferenceState:
     truth: Floats
     attitude: Rotation
     rate: Floats
+    momentum: Floats
     y: Floats | None
     is_inspected: Booleans
     centres: Floats

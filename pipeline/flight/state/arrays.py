@@ -28,7 +28,7 @@ NUM_PLACED, NUM_TRACKED = 3, 15
 TRACK_SPENT, TRACK_LEFT, TRACK_FORCE, TRACK_BORESIGHT, TRACK_TURN_RATE = 6, 7, 8, 11, 14
 #: columns of a row of outcomes
 DELTA_V, INSPECTED, MEAN_DISTANCE, MIN_DISTANCE, MAX_DISTANCE, OUTSIDE = 0, 1, 2, 3, 4, 5
-SAFETY_PERIODS, SAFETY_DELTA_V, NUM_OUTCOMES = 6, 7, 8
+SAFETY_PERIODS, SAFETY_DELTA_V, FULL_WHEELS, NUM_OUTCOMES = 6, 7, 8, 9
 
 
 class Guard(NamedTuple):
@@ -99,6 +99,7 @@ class World(NamedTuple):
     proportional_gain: Floats  # (3, 3) N m
     derivative_gain: Floats  # (3, 3) N m s
     max_torque: float
+    max_momentum: float  # of each wheel, N m s; infinite for any
     max_force: float
     min_distance: float
     max_distance: float
@@ -216,10 +217,12 @@ CARRIED: Rows = {
     "y_before": (3,),  # the desired attitude's y axis at the last instant
     "is_near_pole": (),  # 1 where y* follows from the one before
     "turns_fast": (),  # 1 where attitude is integrated by the general method
+    "momentum": (3,),  # of body and wheels together, N m s, where that of wheels is limited
+    "num_full": (),  # instants of the attitude clock at which a wheel is full
 }
 
-#: How flights are turned at an instant of the attitude clock.
-TURNED: Rows = {"attitude": (4,), "rate": (3,)}
+#: How flights are turned at an instant of the attitude clock; the last two are of limited wheels.
+TURNED: Rows = {"attitude": (4,), "rate": (3,), "torque": (3,), "held": (3,)}
 
 
 class FlightState(NamedTuple):

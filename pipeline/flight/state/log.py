@@ -20,6 +20,8 @@ FIRED, SILENT, DEAD_BAND, WAITING, COASTING, COMPLETE, CLIPPED, SAFETY, REHEARSE
 BELOW_LEAST_IMPULSE, DELAYED, EMPTY_TANK = range(9, len(REASONS))
 #: clip and safety layer count as changing a component above this, N; less is rounding
 LEAST_CHANGE_N = 1e-9
+#: of its greatest momentum, with which a wheel counts as full
+FULL = 0.99
 
 
 @dataclass(frozen=True)
@@ -61,6 +63,8 @@ class FlightLog(NamedTuple):
     attitude_quaternion: Annotated[Floats, "K", "S", 4]
     attitude_rate_b_rad_s: Annotated[Floats, "K", "S", 3]
     torque_b_n_m: Annotated[Floats, "K", "S", 3]  # as applied from that instant on
+    # of the wheels along body axes, at that instant; zeros where it is not limited
+    wheel_momentum_b_n_m_s: Annotated[Floats, "K", "S", 3]
     # commanded by the controller, before the clip, body axes (turned to them if it commands Hill axes)
     force_body_n: Annotated[Floats, "K", 3]
     force_hill_n: Annotated[Floats, "K", 3]  # as fired over the control period that follows
@@ -151,6 +155,7 @@ class Outcomes:
     safety_delta_v_m_s: Floats
     # of pushes chosen ahead, before the safety layer; the rules command the rest of `delta_v_m_s`
     ahead_delta_v_m_s: Floats
+    full_wheel_s: Floats  # time in which some wheel is full; zero where their momentum is not limited
 
     @property
     def is_violated(self) -> Booleans:

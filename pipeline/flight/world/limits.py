@@ -1,9 +1,9 @@
-"""By how much a logged flight exceeds its limits: on the distance, and spheres about parts of the chief."""
+"""What a logged flight does to its limits: on the distance, spheres about parts of the chief, and wheels."""
 
 import numpy as np
 
-from pipeline.array_types import Floats
-from pipeline.flight.state.log import FlightLog
+from pipeline.array_types import Booleans, Floats
+from pipeline.flight.state.log import FULL, FlightLog
 from pipeline.physics.quaternion import dcm_b_from_h
 from pipeline.settings.experiment import Mission
 
@@ -26,3 +26,9 @@ def metres_beyond(mission: Mission, log: FlightLog) -> Floats:
     distance, limits = np.linalg.norm(log.position_m, axis=1), mission.deputy
     beyond = np.maximum(limits.min_distance_m - distance, distance - limits.max_distance_m)
     return np.column_stack((beyond, depths_in_spheres(mission, log))).max(axis=1)
+
+
+def wheel_is_full(mission: Mission, log: FlightLog) -> Booleans:
+    """Return whether some wheel holds what it can, at each instant of the attitude clock, (K, S)."""
+    most = mission.deputy.max_momentum_n_m_s or np.inf
+    return np.asarray((np.abs(log.wheel_momentum_b_n_m_s) >= FULL * most).any(axis=2))

@@ -208,6 +208,7 @@ def pack_world(mission: Mission) -> World:
         proportional_gain=mission.attitude.proportional_gain * inertia,
         derivative_gain=mission.attitude.derivative_gain * inertia,
         max_torque=deputy.max_torque_n_m,
+        max_momentum=np.inf if deputy.max_momentum_n_m_s is None else deputy.max_momentum_n_m_s,
         max_force=deputy.max_force_n,
         min_distance=deputy.min_distance_m,
         max_distance=deputy.max_distance_m,

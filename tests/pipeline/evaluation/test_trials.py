@@ -135,6 +135,7 @@ def four_cases() -> dict[str, np.ndarray]:
         "safety_periods": [0, 2, 0, 6],
         "safety_delta_v_m_s": [0.0, 0.01, 0.0, 0.03],
         "ahead_delta_v_m_s": [0.0, 0.0, 0.1, 0.0],
+        "full_wheel_s": [0.0, 0.0, 40.0, 0.0],
     }
     episodes = Outcomes(**{name: np.array(values) for name, values in columns.items()})
     return episode_columns(mission(), scenarios, episodes)

@@ -36,6 +36,7 @@ SUN_RAD = 1e-6
 TURNED = (
     *("quaternion_b_from_h-", "angular_velocity_b_rad_s-"),
     *("attitude_quaternion", "attitude_rate_b_rad_s", "torque_b_n_m"),
+    "wheel_momentum_b_n_m_s",
 )
 #: fields that inference makes
 FORCES = (
@@ -187,7 +188,10 @@ def turning_error(flight, k, log, name):
     gains = mission.attitude.proportional_gain + mission.attitude.derivative_gain / step
     moment = np.linalg.norm(mission.deputy.inertia_kg_m2)
     if name == "torque_b_n_m":
-        return angle * moment * gains
+        # that of full wheels follows from what they hold
+        return angle * moment * (gains + (log.wheel_momentum_b_n_m_s[k].any() and 1.0 / step**2))
+    if name == "wheel_momentum_b_n_m_s":
+        return angle * moment / step
     return angle if "quaternion" in name else angle / step
 
 

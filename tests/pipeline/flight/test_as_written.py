@@ -99,7 +99,9 @@ FLIGHTS = {
     "paper": flight(),
     "clusters": flight(guidance=CLUSTERS),
     "full inertia": flight(
-        start=STARTS[1], deputy={"inertia_kg_m2": FULL_INERTIA} | TURNING, attitude={"gravity_gradient": True}
+        start=STARTS[1],
+        deputy={"inertia_kg_m2": FULL_INERTIA, "max_momentum_n_m_s": 0.04} | TURNING,
+        attitude={"gravity_gradient": True},
     ),
     "ball that is sometimes fast": flight(start=STARTS[1], deputy={"inertia_kg_m2": cases.ball(0.4)}),
     "pole blending": flight(start=cases.OVER_POLES[1], attitude={"pole_blending": True}),

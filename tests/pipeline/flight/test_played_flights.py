@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numba import njit
+from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from fis_tools.compiled.elementary import exponential
@@ -14,6 +15,7 @@ from pipeline.flight.control.controller import ControllerError, coast, open_loop
 from pipeline.flight.fly.simulation import fly_all, fly_logged
 from pipeline.flight.state.lanes import arctangent
 from pipeline.flight.state.log import Scenario
+from pipeline.recording.events import events
 from pipeline.settings.experiment import Mission
 from tests.pipeline.flight.as_written import assert_as_written
 from tests.pipeline.flight.cases import COMPLETED, MIXED, STARTS, mission
@@ -57,6 +59,70 @@ def test_what_is_played_is_flown_as_written(played, mode, tmp_path):
     # an evaluation flies the same
     nearest = np.linalg.norm(log.position_m, axis=1).min()
     assert fly_all(what, controller, STARTS[:1]).min_distance_m[0] == nearest
+
+
+@pytest.mark.parametrize("flight", ["compiled", "reference"])
+def test_a_slew_with_wheels_that_fill_takes_its_closed_form_time(flight, tmp_path):
+    """Through an angle A under a torque m, with a momentum H: ``J A/H + H/m``, mostly with a full wheel."""
+    moment, most, torque, angle = 2.0, 0.2, 0.01, 6.0
+    time = moment * angle / most + most / torque
+    what = mission(
+        deputy={
+            "inertia_kg_m2": (moment * np.eye(3)).tolist(),
+            "max_momentum_n_m_s": most,
+            "initial_angular_velocity_rad_s": (0.0, 0.0, 0.0),
+        },
+        duration_s=time,
+        flight=flight,
+    )
+    rows = np.zeros((round(time / 10.0), 3))
+    rows[:, 2] = np.where(10.0 * np.arange(len(rows)) < time - most / torque, torque, -torque)
+    slew = read_played(table(tmp_path / "slew.csv", TORQUES[0], rows), what)
+    log = fly_logged(what, slew, STARTS[0])
+    np.testing.assert_allclose(log.angular_velocity_b_rad_s[-1], 0.0, atol=1e-9)
+    end = Rotation.from_quat(log.quaternion_b_from_h[-1])
+    assert (end * Rotation.from_rotvec([0.0, 0.0, -angle])).magnitude() < 1e-6
+    assert log.angular_velocity_b_rad_s[:, 2].max() == pytest.approx(most / moment, rel=1e-9)
+    held = log.wheel_momentum_b_n_m_s.reshape(-1, 3)[:, 2]
+    assert held.min() == pytest.approx(-most, rel=1e-9)
+    # at each instant from 20 s on, up to that from which it is emptied
+    assert np.count_nonzero(held <= -0.99 * most) == 41
+    assert fly_all(what, slew, STARTS[:1]).full_wheel_s[0] == 41.0
+    words = [event.text for event in events(what, log, 5.0) if "wheel" in event.text]
+    assert words == ["a wheel is full, at 0.2 N m s; in all one is for 41 s"]
+
+
+def test_wheels_turn_the_body_as_scipy_integrates_both():
+    """Euler's equation of a body with wheels whose motors give what is logged, under gravity's gradient."""
+    inertia, most = np.array(FULL_INERTIA), 0.03
+    what = mission(
+        deputy=BEGUN | {"inertia_kg_m2": FULL_INERTIA, "max_momentum_n_m_s": most},
+        attitude={"gravity_gradient": True},
+        duration_s=200.0,
+    )
+    log = fly_logged(what, MIXED, STARTS[0])
+    n, inverse = what.orbit.mean_motion_rad_s, np.linalg.inv(inertia)
+    start = Rotation.from_quat(log.quaternion_b_from_h[0])
+    inertial = log.angular_velocity_b_rad_s[0] + start.inv().apply([0.0, 0.0, n])
+    state = np.concatenate((start.as_quat(), inertial, np.zeros(3)))
+    logged = zip(log.torque_b_n_m.reshape(-1, 3), log.wheel_momentum_b_n_m_s.reshape(-1, 3), strict=True)
+    for second, (torque, held) in enumerate(logged):
+        np.testing.assert_allclose(held, state[7:], atol=1e-6)
+        upward = Rotation.from_quat(state[:4]).inv().apply([np.cos(n * second), np.sin(n * second), 0.0])
+        pull = 3.0 * n**2 * np.cross(upward, inertia @ upward)
+
+        def rates(_time, s, torque=torque, pull=pull):
+            (x, y, z, c), w, held = s[:4], s[4:7], s[7:]
+            turn = 0.5 * np.array([[c, -z, y], [z, c, -x], [-y, x, c], [-x, -y, -z]]) @ w
+            motors = -torque - np.cross(w, held)
+            spin = inverse @ (pull - motors - np.cross(w, inertia @ w + held))
+            return np.concatenate((turn, spin, motors))
+
+        state = solve_ivp(rates, (0.0, 1.0), state, rtol=1e-9, atol=1e-11).y[:, -1]
+    end = Rotation.from_rotvec([0.0, 0.0, -n * 200.0]) * Rotation.from_quat(state[:4])
+    assert (end.inv() * Rotation.from_quat(log.quaternion_b_from_h[-1])).magnitude() < 1e-5
+    # they fill, and hold no more but for what the rate changes within a period
+    assert 0.99 * most < np.abs(log.wheel_momentum_b_n_m_s).max() < 1.01 * most
 
 
 def test_nothing_is_turned_by_torques_where_pointing_is_ideal(tmp_path):

@@ -135,9 +135,10 @@ BOOM = ((30.0, 0.0, 0.0, 6.0),)
         ({"chief": {"keep_out_m": BOOM}, "problem": {"kind": "reach"}}, "only inspections know"),
         ({"sensor": {"rectangle_deg": (9.0, 6.0), "up": (1.0, 0.0, 0.0)}}, "along one line"),
         ({"sensor": {"rectangle_deg": (90.0, 6.0)}}, "less than 90"),
+        ({"deputy": {"max_momentum_n_m_s": 0.0011}}, r"to turn once an orbit takes 0.00111 N m s"),
     ],
 )
-def test_rectangles_and_spheres_that_do_not_fit(settings, words):
+def test_rectangles_spheres_and_wheels_that_do_not_fit(settings, words):
     with pytest.raises(SettingError, match=words):
         mission_of(settings)
 

@@ -122,7 +122,7 @@ def parts_of(*controllers: list[tuple[float, int, float]], penalty: Penalty = PE
     """The parts of controllers' fitness, of whose flights delta-v, points and metres outside are given."""
     delta_v, points, outside = np.moveaxis(np.array(controllers), 2, 0)
     same = {"inspectable_count": 99, "safety_periods": 0, "safety_delta_v_m_s": 0.0}
-    same |= {"ahead_delta_v_m_s": 0.0}
+    same |= {"ahead_delta_v_m_s": 0.0, "full_wheel_s": 0.0}
     same |= {f"{kind}_distance_m": 70.0 for kind in ("mean", "min", "max")}
     constant = {name: np.full(points.shape, value) for name, value in same.items()}
     counts = points.astype(np.int64)

@@ -27,6 +27,7 @@ from fis_tools.compiled.three import (
     write_three,
 )
 from fis_tools.compiled.vectors import Vector, select, some, store
+from pipeline.flight.period.act.wheels import momentum_after, torque_of_wheels, wheel_momentum
 from pipeline.flight.state.arrays import Moment, Plans, World
 from pipeline.flight.state.lanes import (
     attitude_of,
@@ -36,7 +37,7 @@ from pipeline.flight.state.lanes import (
     write_attitude,
     write_row,
 )
-from pipeline.flight.state.log import FlightLog
+from pipeline.flight.state.log import FULL, FlightLog
 from pipeline.physics.attitude import euler
 from pipeline.physics.quaternion import Quaternion, axes_of, to_body
 
@@ -171,10 +172,19 @@ def turn_any(now: Moment, aims: Any, passed: Any, plans: Plans, lane: int) -> No
     """Turn one lane over a control period, for any inertia and rate, from its first row of `passed`."""
     world, state, lanes = now.world, now.state, now.state.lanes
     q, rate = attitude_of(passed[0].attitude, lane), lane_of(passed[0].rate, 0, lane)
+    has_wheels, total = world.max_momentum < np.inf, lane_of(lanes.momentum, 0, lane)
     for j in range(world.num_attitude_steps):
         write_attitude(passed[j].attitude, lane, q)
         write_lane(passed[j].rate, 0, lane, rate)
         torque = torque_at(now, aims, passed, plans, lane, j)
+        if has_wheels:
+            held = wheel_momentum(world, q, rate, total)
+            torque = torque_of_wheels(world, rate, held, torque)
+            if max(abs(held.x), abs(held.y), abs(held.z)) >= FULL * world.max_momentum:
+                lanes.num_full[lane] += 1.0
+            write_lane(passed[j].torque, 0, lane, torque)
+            write_lane(passed[j].held, 0, lane, held)
+        given = torque
         if world.turns_by_thrust:
             # of the thrust: arm x C f, and the twist
             force = to_body(q, lane_of(lanes.force, 0, lane))
@@ -182,9 +192,12 @@ def turn_any(now: Moment, aims: Any, passed: Any, plans: Plans, lane: int) -> No
             torque += thrust
         if world.gravity_gradient > 0.0 and not world.is_spherical:
             torque += gradient_torque(world, q)
+        if has_wheels:
+            total = momentum_after(world, q, total, torque - given)
         q, rate = turn_body(world, q, rate, torque)
     write_attitude(state.truth.attitude, lane, q)
     write_lane(state.truth.rate, 0, lane, rate)
+    write_lane(lanes.momentum, 0, lane, total)
 
 
 @compiled(error_model="numpy")
@@ -226,7 +239,11 @@ def write_instants(now: Moment, aims: Any, passed: Any, plans: Plans, log: Fligh
         write_row(log.attitude_quaternion[k, j], attitude, 0)
         if not world.is_attitude_ideal:
             rate = relative_rate(attitude_of(attitude, 0), lane_of(passed[j].rate, 0, 0), world.mean_motion)
-            write_three(log.torque_b_n_m[k, j], torque_at(now, aims, passed, plans, 0, j))
+            if world.max_momentum < np.inf:
+                write_row(log.torque_b_n_m[k, j], passed[j].torque, 0)
+                write_row(log.wheel_momentum_b_n_m_s[k, j], passed[j].held, 0)
+            else:
+                write_three(log.torque_b_n_m[k, j], torque_at(now, aims, passed, plans, 0, j))
             write_three(log.attitude_rate_b_rad_s[k, j], rate)
 
 
@@ -240,7 +257,7 @@ def turn_deputies(now: Moment, aims: Any, passed: Any, plans: Plans) -> None:
     rate = load_three(truth.rate, 0)
     # lanes that might turn too far for the series within this period take the general method
     gained = world.control_period * sqrt(3.0) * world.max_torque * world.inverse_inertia[0, 0]
-    is_by_law = not (world.turns_by_thrust or len(plans.turns.torques) > 0)
+    is_by_law = not (world.turns_by_thrust or len(plans.turns.torques) > 0 or world.max_momentum < np.inf)
     is_ball = is_by_law and world.is_spherical and h <= LONGEST_STEP_S * (1.0 + 1e-9)  # in one step
     slow = max(0.0, sqrt(LARGEST_SQUARE) / h - gained) if is_ball else 0.0
     is_fast = dot(rate, rate) >= slow * slow

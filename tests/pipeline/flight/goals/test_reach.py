@@ -27,6 +27,7 @@ from telemetry.file.summary import summarize
 
 NAMES = ("delta_v_m_s", "inspected_count", "inspectable_count", "mean_distance_m", "min_distance_m")
 NAMES += ("max_distance_m", "outside_m", "safety_periods", "safety_delta_v_m_s", "ahead_delta_v_m_s")
+NAMES += ("full_wheel_s",)
 
 
 def docking(*overrides: str, problem: str = "docking"):
