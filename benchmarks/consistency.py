@@ -10,6 +10,7 @@ within wider ones: all means of the table together lie within those with 95 % (B
 """
 
 import argparse
+import multiprocessing
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import fields, replace
@@ -17,8 +18,9 @@ from dataclasses import fields, replace
 import numpy as np
 from scipy.stats import chi2
 
+from fis_tools.processors import num_processors
 from pipeline.command_line.config import compose_experiment, conf_folder
-from pipeline.controllers.source import named
+from pipeline.controllers import source
 from pipeline.flight.cases.navigation import considered
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.fly.simulation import fly_logged
@@ -104,6 +106,19 @@ def judged(experiment: Experiment, controller: Controller) -> np.ndarray:
     return np.mean([squares(fly_logged(experiment.mission, controller, start)) for start in starts], axis=0)
 
 
+def judged_row(overrides: Sequence[str]) -> list[tuple[float, np.ndarray]]:
+    """Return the mean squares of a row of settings, by the factor on errors that a flight keeps."""
+    configured = composed(overrides)
+    controller = source.load(configured.controller, configured.mission)
+    experiments = {factor: larger(configured, factor) for factor in (1.0, 10.0)}
+    # no errors that a flight keeps: none larger
+    return [
+        (factor, judged(experiment, controller))
+        for factor, experiment in experiments.items()
+        if factor == 1.0 or experiment != configured
+    ]
+
+
 def bands(num_flights: int, num_means: int = 1) -> np.ndarray:
     """Return the least and the greatest mean square that are likely, of NEES and of NIS, shape (2, 2).
 
@@ -132,25 +147,24 @@ def main(words: Sequence[str] | None = None) -> int:
     parser.add_argument("--seed", type=int, default=6, help="of their starts and errors")
     parser.add_argument("--controller", default="paper_champion", help="an option of conf/controller")
     parser.add_argument("--only", default="", help="worlds with this text in their overrides")
+    parser.add_argument("--workers", type=int, help="processes; one a processor unless given")
     arguments = parser.parse_args(words)
     chosen = [overrides for overrides in table() if arguments.only in " ".join(overrides)]
     each, rows = bands(arguments.flights), []
     print(f"| settings | constant errors | {' | '.join(format_limits(each))} | inside |")
     print("|---|---|---|---|---|")
-    for overrides in chosen:
-        more = [f"controller={arguments.controller}", f"monte_carlo.num_cases={arguments.flights}"]
-        more.append(f"seed={arguments.seed}")
-        configured = composed((*overrides, *more))
-        controller = named(arguments.controller, configured.mission)
-        for factor in (1.0, 10.0):
-            experiment = larger(configured, factor)
-            if factor != 1.0 and experiment == configured:
-                continue  # no errors that a flight keeps
-            means = judged(experiment, controller)
-            rows.append(means)
-            cells = (", ".join(f"{mean:.2f}" for mean in row) for row in means)
-            share = f"{within(means, each)} of {means.size}"
-            print(f"| `{' '.join(overrides)}` | x {factor:g} | {' | '.join(cells)} | {share} |", flush=True)
+    more = [f"controller={arguments.controller}", f"monte_carlo.num_cases={arguments.flights}"]
+    more.append(f"seed={arguments.seed}")
+    flown = [(*overrides, *more) for overrides in chosen]
+    with multiprocessing.get_context("fork").Pool(arguments.workers or num_processors()) as pool:
+        for overrides, results in zip(chosen, pool.imap(judged_row, flown), strict=True):
+            for factor, means in results:
+                rows.append(means)
+                cells = (", ".join(f"{mean:.2f}" for mean in row) for row in means)
+                share = f"{within(means, each)} of {means.size}"
+                print(
+                    f"| `{' '.join(overrides)}` | x {factor:g} | {' | '.join(cells)} | {share} |", flush=True
+                )
     means = np.concatenate(rows, axis=1)
     together = bands(arguments.flights, means.size)
     print(

@@ -57,11 +57,13 @@ MORE_WAYS: tuple[tuple[str, ...], ...] = (
 )
 PAIR = ("champion_27", "paper_champion")
 #: of a log, what follows from the rest and so is left out of its hash, and what is hashed by another name: so
-#: hashes stay those of revisions that did not tell commands from what is fired, nor points and rehearsals
+#: hashes stay those of revisions that did not tell commands from what is fired, nor points, rehearsals and
+#: wheels
 FOLLOWING = (
     *("force_commanded_n", "reason", "is_missed", "is_candidate", "looks", "last_light_s"),
     *("push_costs_m_s", "tour_costs_m_s", "fix_m", "innovation_m", "innovation_square"),
     *("ahead_delta_v_m_s", "foresight_at", "foresight_plans", "foresight_prices_m_s", "foresight_ends_m_s"),
+    *("wheel_momentum_b_n_m_s", "full_wheel_s"),
 )
 KNOWN_AS = {"command_reason": "reason"}
 

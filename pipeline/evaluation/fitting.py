@@ -22,7 +22,7 @@ from pipeline.flight.state.signals import CONSTANTS
 from pipeline.scenarios import fitting_scenarios
 from pipeline.settings.experiment import Experiment, Mission
 from pipeline.training.genome import bounds_key
-from pipeline.training.similarity import Similarity, longest_time, sizes_worth_trying
+from pipeline.training.similarity import HOME, Similarity, longest_time, radius_of, sizes_worth_trying
 
 #: tempos that are drawn, the orbit's own more often than others
 TEMPOS: Final = (0.7, 1.0, 1.0, 1.0, 1.6, 2.5, 4.0)
@@ -175,6 +175,22 @@ def neighbours_of(
         clock = bool(generator.choice(CLOCKS))
         drawn.append(Variant(best.base, float(f"{size:.3g}"), float(f"{tempo:.3g}"), clock))
     return [variant for variant in drawn if _flies(variant.controller(bases[best.base], mission), mission)]
+
+
+def planning_variants(experiment: Experiment, planners: Mapping[str, FuzzyController]) -> list[Variant]:
+    """Return variants of controllers that plan: as shipped, and for a chief's size and a flight's length.
+
+    A plan is made by the mission's own geometry, so that its size matters less than that of rules.
+    """
+    mission, sizes = experiment.mission, [radius_of(HOME), radius_of(experiment.mission)]
+    size = float(f"{sizes[1] / sizes[0]:.3g}")
+    turns = [each.orbit.mean_motion_rad_s * each.duration_s for each in (HOME, mission)]
+    tempos = dict.fromkeys((1.0, max(1.0, float(f"{turns[0] / turns[1]:.3g}"))))
+    variants = []
+    for name in planners:
+        variants.append(Variant(name, is_shipped=True))
+        variants += [Variant(name, size, tempo, clock) for tempo in tempos for clock in (False, True)]
+    return [each for each in variants if _flies(each.controller(planners[each.base], mission), mission)]
 
 
 def _flies(controller: FuzzyController, mission: Mission) -> bool:

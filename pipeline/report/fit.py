@@ -9,7 +9,8 @@ from fis_tools.document.html import page, read
 from pipeline.run import artifacts
 
 #: rows of the table of flights, by their keys in the summary
-ROWS = {"shipped": "", "fitted": "fitted", "layered": "with safety=filter", "tuned": "tuned"}
+ROWS = {"shipped": "", "fitted": "fitted", "layered": "with safety=filter", "planned": "planning"}
+ROWS |= {"tuned": "tuned"}
 HEADS = ("", "flights", "success", "outside", "points missed", "delta-v (m/s)")
 
 

@@ -133,6 +133,8 @@ class FitSettings(Settings, group="fit", only=Only("stages=fit", is_told=True)):
 
     bases: types.Texts = ("champion_27", "champion_81", "champion_leo", "champion_any_sun")
     """Champions that compete, as shipped and scaled; names as in controller=NAME, or paths."""
+    planners: types.Texts = ("champion_27_rehearsed",)
+    """Champions that plan, which compete where the goal is missed; names as in controller=NAME, or paths."""
     draws: types.Count = 18
     """Sizes and tempos that each is scaled to."""
     neighbours: types.Natural = 20

@@ -54,7 +54,7 @@ def run(experiment: Experiment, folder: Path) -> Unimproved | None:
     Unimproved, optional
         Where nothing scaled or tuned flies better than the best champion as shipped.
     """
-    bases = load_bases(experiment)
+    bases, planners = load_bases(experiment), load_named("fit.planners", experiment.fit.planners)
     unseen = fitting.rung_scenarios(experiment, len(experiment.fit.cases))
     limits = limitations(experiment.mission, np.array([np.linalg.norm(start.position_m) for start in unseen]))
     for limit in limits:
@@ -97,11 +97,23 @@ def run(experiment: Experiment, folder: Path) -> Unimproved | None:
             controller = _named(experiment, rival, bases[rival.base])
             layered = stand("with safety=filter", rival.words, controller, mission)
             last = layered if layered.tally.success.count > last.tally.success.count else last
+    planned, ranked = None, list[tuple[Variant, FlightTally]]()
+    if not _reaches_goal(experiment, last) and (ranked := _ranked_planners(experiment, table, planners)):
+        controller = _named(experiment, ranked[0][0], planners[ranked[0][0].base])
+        planned = stand("planning", ranked[0][0].words, controller, experiment.mission)
+        last = planned if planned.tally.score > last.tally.score else last
     tuned = None
-    if _is_tuned(experiment, last) and (champion := _tuned(experiment, folder, last)) is not None:
+    # plans are made of what a controller's constants say, not of its rules
+    if (
+        last is not planned
+        and _is_tuned(experiment, last)
+        and (champion := _tuned(experiment, folder, last)) is not None
+    ):
         tuned = stand("tuned", last.words, champion, last.mission)
         last = tuned if tuned.tally.score > last.tally.score else last
-    is_improved = not (last is fitted and best.is_shipped)
+    is_improved = not (last is fitted and best.is_shipped) and not (
+        last is planned and ranked[0][0].is_shipped
+    )
     result = {
         "improved": is_improved,
         "words": last.words,
@@ -112,14 +124,15 @@ def run(experiment: Experiment, folder: Path) -> Unimproved | None:
         "fitted": _row(fitted.words, fitted.tally),
         "layered": layered and _row(layered.words, layered.tally),
         "layer_refused": refusal,
+        "planned": planned and _row(planned.words, planned.tally),
         "tuned": tuned and _row(tuned.words, tuned.tally),
         "last": _row(last.words, last.tally),
-        "rivals": [_row(variant.words, tally) for variant, tally in rivals],
+        "rivals": [_row(variant.words, tally) for variant, tally in (*rivals, *ranked)],
     }
     _write(experiment, folder, last.controller, result)
     if is_improved:
         return None
-    return Unimproved(f"not improved: {best.words} is handed back, none flies better; {last.tally.sentence}")
+    return Unimproved(f"not improved: {last.words} is handed back, none flies better; {last.tally.sentence}")
 
 
 def _tally(
@@ -157,6 +170,14 @@ def _best_with_layer(
     return max(variants, key=score)
 
 
+def _ranked_planners(
+    experiment: Experiment, table: "CompetitionTable", planners: Mapping[str, FuzzyController]
+) -> list[tuple[Variant, FlightTally]]:
+    """Return controllers that plan, with their flights in the last round but one and the last, best first."""
+    variants = fitting.planning_variants(experiment, planners)
+    return _halved(experiment, table, planners, variants, max(0, len(experiment.fit.cases) - 2))
+
+
 def load_bases(experiment: Experiment) -> dict[str, FuzzyController]:
     """Return the controllers that compete, by name: of `fit.bases`, and the configured one if it has rules.
 
@@ -165,18 +186,28 @@ def load_bases(experiment: Experiment) -> dict[str, FuzzyController]:
     ControllerError
         If one of `fit.bases` has no rules.
     """
-    bases = {}
-    for name in experiment.fit.bases:
-        base = source.named(name, HOME).fuzzy
-        if base is None:
-            raise ControllerError(
-                f"fit.bases has {name}, which has no rules to scale; name fuzzy controllers"
-            )
-        bases[name] = base
+    bases = load_named("fit.bases", experiment.fit.bases)
     configured = source.load(experiment.controller, HOME).fuzzy
     if configured is not None and configured.name not in bases:
         bases[configured.name] = configured
     return bases
+
+
+def load_named(key: str, names: Sequence[str]) -> dict[str, FuzzyController]:
+    """Return the controllers that a key names.
+
+    Raises
+    ------
+    ControllerError
+        If one has no rules.
+    """
+    loaded = {}
+    for name in names:
+        controller = source.named(name, HOME).fuzzy
+        if controller is None:
+            raise ControllerError(f"{key} has {name}, which has no rules to scale; name fuzzy controllers")
+        loaded[name] = controller
+    return loaded
 
 
 def _report(what: str, tally: FlightTally | None) -> None:

@@ -33,9 +33,10 @@ DIGITS: Final = 3
 #: units that stay as they are, and constants without a unit: counts and shares
 UNCHANGED: Final = ("rad", "")
 COUNTS: Final = (
-    *("coast_below_points", "rehearsal_tours", "rehearsal_smallest", "rehearsal_shapes", "rehearsal_draws"),
-    *("foresight_pushes", "foresight_points", "foresight_coast_points"),
+    *("rehearsal_tours", "rehearsal_smallest", "rehearsal_shapes", "rehearsal_draws", "foresight_pushes"),
 )
+#: the end of names of counts of points
+POINTS: Final = "_points"
 #: the time that must be whole control periods, those that must be so many of these, and those that must stay
 #: below half an orbit
 CLOCK: Final = "decision_period_s"
@@ -76,6 +77,7 @@ class Similarity:
         speed, mass = self.size / time, mission.deputy.mass_kg / home.deputy.mass_kg
         force = speed * mass * home.control_period_s / mission.control_period_s
         scaled = {"m": self.size, "s": time, "1e6 s^2": time**2, "m/s": speed, "N": force}
+        scaled[POINTS] = num_lit(mission) / num_lit(home)
         return scaled | dict.fromkeys(UNCHANGED, 1.0)
 
     def constant(self, name: str, value: float, clock_s: float = 0.0) -> float:
@@ -86,7 +88,7 @@ class Similarity:
         KeyError
             If there is no rule for its unit, or it has none and is not among `COUNTS`.
         """
-        unit = unit_of(name).symbol
+        unit = POINTS if name.endswith(POINTS) else unit_of(name).symbol
         if name in COUNTS or value == 0.0:
             return value
         if not unit:
@@ -104,8 +106,9 @@ class Similarity:
         """Return a controller of this mission from a shipped one, under its name and with its rules."""
         attributes = dict(base.attributes)
         clock_s = float(attributes.get(CLOCK, 0.0))
-        for name in attributes.keys() & CONSTANTS.keys():
-            value = float(attributes[name])
+        used = {name for name, kind in CONSTANTS.items() if name in attributes or kind.beside in attributes}
+        for name in used:
+            value = float(attributes.get(name, CONSTANTS[name].default))
             if (scaled := self.constant(name, value, clock_s)) != value:
                 attributes[name] = repr(scaled)
         systems = tuple(self._system(system) for system in base.systems)
@@ -195,13 +198,27 @@ def sizes_worth_trying(mission: Mission) -> tuple[float, float]:
     return 0.7 * min(ratios), 1.5 * max(ratios)
 
 
+def num_lit(mission: Mission) -> float:
+    """Return how many inspection points a Sun in the orbit's plane lights at some time of a flight.
+
+    The terminator sweeps over what is dark at first, half of a sphere, once in half an orbit.
+    """
+    turn = mission.orbit.mean_motion_rad_s * mission.duration_s
+    return len(inspection_points(mission)) * min(1.0, 0.5 + turn / (2.0 * math.pi))
+
+
+def radius_of(mission: Mission) -> float:
+    """Return the distance of a chief's farthest inspection point from its centre, m."""
+    return float(np.linalg.norm(inspection_points(mission), axis=1).max())
+
+
 def _lengths(mission: Mission) -> tuple[float, ...]:
     """Return the lengths of a mission: body, sight shell, keep-in."""
-    points = inspection_points(mission)
-    near, far = sight_shell(mission.deputy, mission.sensor, float(np.linalg.norm(points, axis=1).max()))
+    radius = radius_of(mission)
+    near, far = sight_shell(mission.deputy, mission.sensor, radius)
     # the low orbit of the shipped champions, whose camera sees 150 m
     far = min(far, 150.0) if mission is HOME else far
-    return float(np.linalg.norm(points, axis=1).max()), near, far, mission.deputy.max_distance_m
+    return radius, near, far, mission.deputy.max_distance_m
 
 
 @dataclass(frozen=True)
@@ -255,7 +272,7 @@ def limitations(mission: Mission, distances_m: Floats) -> list[Limitation]:
     deputy, motion = mission.deputy, mission.orbit.mean_motion_rad_s
     farthest, middle = float(distances_m.max()), float(distances_m.mean())
     force = deputy.max_force_n
-    radius = float(np.linalg.norm(inspection_points(mission), axis=1).max())
+    radius = radius_of(mission)
     near, far = sight_shell(deputy, mission.sensor, radius)
     outside = float(np.mean((distances_m < near) | (distances_m > far)))
     thrusters = mission.actuators

@@ -29,6 +29,8 @@ from pipeline.settings.mission import Dynamics
 FIXES = 1
 #: added to the first part of the spawn key for each draw of a rehearsal; greater than the parts of all stages
 REHEARSAL = 1 << 22
+#: up to this bias of the attitude, forces are turned to first order
+FIRST_ORDER_DEG = 5.0
 #: of a deputy that knows its state
 NO_ERRORS = NavigationErrors(np.zeros((0, 6)), np.zeros((0, 0, 3)), np.zeros((0, 0, 4)), np.zeros((0, 0, 3)))
 
@@ -83,8 +85,10 @@ def considered(mission: Mission) -> Floats:
     tilt = np.radians(navigation.attitude_bias_deg) ** 2
     variances[errors.OF_ATTITUDE : errors.OF_FIXES] = tilt
     variances[errors.OF_FIXES : errors.OF_SQUARES] = navigation.bias_m**2
-    # E (|turn|^2/2)^2 of the two turns across the line of sight
-    variances[errors.OF_SQUARES :] = 2.0 * tilt**2 * (navigation.measures == "range_bearing")
+    # E (|turn|^2/2)^2 of the two turns across the line of sight, and across a force
+    square = 2.0 * tilt**2
+    variances[errors.OF_SQUARES : errors.OF_SHORTENED] = square * (navigation.measures == "range_bearing")
+    variances[errors.OF_SHORTENED :] = square * (navigation.attitude_bias_deg > FIRST_ORDER_DEG)
     return variances
 
 

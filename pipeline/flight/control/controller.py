@@ -122,7 +122,7 @@ class RuleController:
 
     @cached_property
     def constants(self) -> Floats:
-        """Its constants, in the order of `CONSTANTS`; zero where not set.
+        """Its constants, in the order of `CONSTANTS`; their defaults, mostly zero, where not set.
 
         Raises
         ------
@@ -265,7 +265,7 @@ def _constants_of(controller: RuleController) -> Floats:
     attributes = dict(controller.fuzzy.attributes) if controller.fuzzy else {}
     values = np.zeros(len(CONSTANTS))
     for index, (name, kind) in enumerate(CONSTANTS.items()):
-        text = attributes.get(name, "0")
+        text = attributes.get(name, f"{kind.default:g}")
         try:
             values[index] = float(text)
         except ValueError:

@@ -14,8 +14,8 @@ from fis_tools.compiled.decorator import compiled
 from pipeline.array_types import Floats
 from pipeline.flight.fly.foresight import Outlook, price_pushes
 
-#: largest component of a push, m/s, and the share of what is left of a flight after which none begins
-REACH_M_S, LATEST = 0.2, 0.85
+#: share of what is left of a flight after which no push begins
+LATEST = 0.85
 #: least and greatest weight of a difference, and the share of genes that a mutant has
 LEAST_WEIGHT, MOST_WEIGHT, CROSSOVER = 0.3, 0.9, 0.9
 #: draws of a mutant besides one for each gene: three other plans, two weights, a gene that it has anyway
@@ -158,16 +158,17 @@ def search_pushes(
     outlook: Outlook,
     num_pushes: int,
     needed: int,
+    reach_m_s: float,
     effort: Effort,
     generator: np.random.Generator,
     last: Floats | None = None,
 ) -> PushSearch:
-    """Search for the cheapest plan by which a number of points is seen.
+    """Search for the cheapest plan, of components up to `reach_m_s`, by which so many points are seen.
 
     The genes of a `last` plan, those of plans near it, and doing nothing are among the first, if it is given.
     """
     num_samples, num_later = len(outlook.free), num_pushes - 1
-    reach = REACH_M_S / outlook.delta_v_per_force
+    reach = reach_m_s / outlook.delta_v_per_force
     latest = max(1.0, LATEST * (num_samples - 1))
     lowest = np.r_[np.full(3 * num_pushes, -reach), np.zeros(num_later)]
     highest = np.r_[np.full(3 * num_pushes, reach), np.full(num_later, latest)]

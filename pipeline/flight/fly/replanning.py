@@ -207,7 +207,7 @@ class _Choice:
     ) -> PushSearch:
         """Search several times for the cheapest plan of a flight; return the best result."""
         deputies, (outlook, needed) = self._deputies, self._outlooks[flight]
-        last = self._last(flight, num_pushes)
+        last, reach = self._last(flight, num_pushes), deputies.constant("foresight_reach_m_s")
         start = deputies.believed[flight]
         numbers = [*start.position_m, *start.velocity_m_s, start.sun_angle_rad, start.sun_elevation_rad]
         words = np.array(numbers).view(np.uint32).tolist()
@@ -215,7 +215,7 @@ class _Choice:
         for number, effort in enumerate(efforts):
             key = deputies.sample, attempt, number
             generator = np.random.default_rng(np.random.SeedSequence(words, spawn_key=key))
-            search = search_pushes(outlook, num_pushes, needed, effort, generator, last)
+            search = search_pushes(outlook, num_pushes, needed, reach, effort, generator, last)
             searches.append(search)
         self._num_priced[flight] += sum(search.costs.size for search in searches)
         return min(searches, key=lambda search: search.cost)

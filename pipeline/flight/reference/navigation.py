@@ -14,6 +14,8 @@ from pipeline.settings.experiment import Mission
 
 #: factor by which a rejected fix widens the covariance
 WIDER = 4.0
+#: up to this bias of the attitude, forces are turned to first order
+FIRST_ORDER_DEG = 5.0
 
 
 @dataclass
@@ -31,10 +33,10 @@ class Belief:
 
     Attributes
     ----------
-    state, covariance : (6,), (21, 21)
-        The covariance is of the state and, after it, of fifteen constant errors: scales and rotations of the
+    state, covariance : (6,), (24, 24)
+        The covariance is of the state and, after it, of eighteen constant errors: scales and rotations of the
         thrusters, rotations of the sensed attitude, biases of fixes, and shares of the distance, along the
-        body axes, by which rotated bearings shift a fix to second order.
+        body axes, by which rotated bearings shift a fix to second order, and rotated thrusters a force.
     acting : (K, 3)
         Commands in the control periods in which they act, in impulses, fired or not, N.
     has_fired : (K, 3)
@@ -66,14 +68,16 @@ def first_belief(flight: ReferenceFlight, state: Floats) -> Belief:
 
 
 def considered(mission: Mission) -> Floats:
-    """Return the variances of the constant errors, (15,)."""
+    """Return the variances of the constant errors, (18,)."""
     law, real = mission.filtered, mission.actuators if isinstance(mission.actuators, RealActuators) else None
+    second = np.sqrt(2.0) * np.radians(law.attitude_bias_deg) ** 2
     deviations = (
         real.scale_error if real else 0.0,
         np.radians(real.misalignment_deg) if real else 0.0,
         np.radians(law.attitude_bias_deg),
         law.bias_m,
-        np.sqrt(2.0) * np.radians(law.attitude_bias_deg) ** 2 * isinstance(law, RangeBearingFixes),
+        second * isinstance(law, RangeBearingFixes),
+        second * (law.attitude_bias_deg > FIRST_ORDER_DEG),
     )
     return np.square(np.repeat(deviations, 3))
 
@@ -130,7 +134,7 @@ def predicted(
     farther = max(1.0, float(belief.state[:3] @ belief.state[:3]) / mission.deputy.max_distance_m**2)
     unknown = (mission.deputy.mass_kg * (law.process_noise_m_s2 or 0.0) * farther) ** 2
     unknown += (law.execution_error**2 + tilt**2) * (force @ force)
-    noise, both = np.zeros((21, 21)), np.eye(21)
+    noise, both = np.zeros((24, 24)), np.eye(24)
     noise[:6, :6] = unknown * gamma @ gamma.T
     both[:6, :6], both[:6, 6:] = phi, gamma @ pushes(flight, belief, period)
     turns = np.radians([law.attitude_bias_deg, law.attitude_noise_deg])
@@ -138,10 +142,11 @@ def predicted(
 
 
 def pushes(flight: ReferenceFlight, belief: Belief, period: int) -> Floats:
-    """Return the forces that unit constant errors add, (3, 15): thrusters turn with the body sensed askew."""
+    """Return the forces that unit constant errors add, (3, 18): thrusters turn with the body sensed askew."""
     force = belief.acting[period]
     axes = belief.sensed[max(0, period - delay_periods(flight))]
-    forces = (np.diag(force), np.cross(np.eye(3), force).T, np.cross(force, axes).T, np.zeros((3, 6)))
+    turned = np.cross(np.eye(3), force).T, np.cross(force, axes).T
+    forces = (np.diag(force), *turned, np.zeros((3, 6)), axes.T * (axes @ force))
     return belief.has_fired[period][:, np.newaxis] * np.hstack(forces)
 
 
@@ -151,11 +156,11 @@ def correct(flight: ReferenceFlight, belief: Belief, at: int) -> None:
     Beyond the gate the fix is left out and P widens.
     """
     law, position = flight.mission.filtered, belief.state[:3]
-    shifts = np.zeros((3, 15))
+    shifts = np.zeros((3, 18))
     shifts[:, 9:12] = np.eye(3)
     if isinstance(law, RangeBearingFixes):
         shifts[:, 6:9] = np.cross(belief.sensed[at], position).T
-        shifts[:, 12:] = np.linalg.norm(position) * belief.sensed[at].T
+        shifts[:, 12:15] = np.linalg.norm(position) * belief.sensed[at].T
     seen, noise = np.hstack((np.eye(3, 6), shifts)), fix_covariance(law, position)
     spread = seen @ belief.covariance @ seen.T + noise
     measured = belief.fixes[at // flight.periods(law.fix_period_s)]
@@ -168,7 +173,7 @@ def correct(flight: ReferenceFlight, belief: Belief, at: int) -> None:
     gain = np.linalg.solve(spread, seen @ belief.covariance).T
     gain[6:] = 0.0
     belief.state = belief.state + gain[:6] @ residual
-    kept = np.eye(21) - gain @ seen
+    kept = np.eye(24) - gain @ seen
     belief.covariance = kept @ belief.covariance @ kept.T + gain @ noise @ gain.T
 
 

@@ -9,7 +9,7 @@ from pipeline.flight.reference.light import SunAngles, later
 from pipeline.flight.reference.motion import transition
 from pipeline.flight.reference.urgency import turned_aside, urgency
 
-#: seconds between looks; from nearer than NEAR_M a look falls short by at least LEAST_SHORT_M
+#: seconds between looks; see_near_m and see_short_m where a controller does not set them
 LOOK_PERIOD_S, NEAR_M, LEAST_SHORT_M = 60.0, 30.0, 1.0
 #: the square of a thousand seconds
 KS2 = 1e6
@@ -73,10 +73,11 @@ def shortfall(
     incidence limit needs and the excess of range; what shows a point is the camera itself.
     """
     points, normals = flight.surface_at(sample)
+    least = flight.constants.get("see_short_m", LEAST_SHORT_M)
     if flight.is_papers and flight.orbit is None:
         short = flight.mission.chief.inspection_radius_m - normals @ position
-        if np.linalg.norm(position) < NEAR_M:
-            short = np.maximum(short, LEAST_SHORT_M)
+        if np.linalg.norm(position) < flight.constants.get("see_near_m", NEAR_M):
+            short = np.maximum(short, least)
         return short, normals, np.asarray(short <= 0.0)
     sensor, apart = flight.mission.sensor, position - points
     distance = np.linalg.norm(apart, axis=1)
@@ -86,4 +87,4 @@ def shortfall(
     far = distance - (np.inf if sensor.max_range_m is None else sensor.max_range_m)
     towards = np.where((far > low)[:, np.newaxis], -sight, normals - cosine * sight)
     is_seen = seen_points(flight, sample, position, aimed(flight.mission, position), sun)
-    return np.maximum(np.maximum(low, far), LEAST_SHORT_M), towards, is_seen
+    return np.maximum(np.maximum(low, far), least), towards, is_seen

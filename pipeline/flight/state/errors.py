@@ -7,8 +7,9 @@ from pipeline.array_types import Floats, Integers
 from pipeline.physics.orbit import Course
 
 #: constant errors that the filter may consider, three each: scales of the thrusters, and where their
-#: rotations, those of the sensed attitude, biases of fixes, and squares of the attitude's rotations begin
-OF_ROTATION, OF_ATTITUDE, OF_FIXES, OF_SQUARES, MOST_CONSTANT = 3, 6, 9, 12, 15
+#: rotations, those of the sensed attitude, biases of fixes, and squares of the attitude's rotations begin, as
+#: they shift fixes and as they shorten forces
+OF_ROTATION, OF_ATTITUDE, OF_FIXES, OF_SQUARES, OF_SHORTENED, MOST_CONSTANT = 3, 6, 9, 12, 15, 18
 #: What navigation works with, a lane for each flight.
 ESTIMATED: Rows = {
     "filtered": (6,),  # estimate from the fixes up to `delay` periods ago

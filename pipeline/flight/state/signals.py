@@ -172,6 +172,8 @@ class ControllerConstant:
     is_tuned: bool = True  # whether evolution may tune it: no count of control periods, no choice
     needed_for: int = NOTHING  # flags of the signals that are not defined where it is zero
     such_as: str = ""  # a value to begin with, of one that is needed
+    default: float = 0.0  # where not set
+    beside: str = ""  # of one with a default, the constant without which it changes nothing
 
 
 #: a constant that evolution leaves as it is
@@ -258,6 +260,21 @@ CONSTANTS = {
     ),
     "foresight_coast_points": Chosen(
         "after them, coast with fewer points than this missed; as coast_below_points unless given"
+    ),
+    "see_near_m": Chosen(
+        "from nearer than this a look of see_push_* falls short by see_short_m at least; 30 unless given, m",
+        default=30.0,
+        beside="see_horizon_s",
+    ),
+    "see_short_m": Chosen(
+        "what a look that is not certain to show a point falls short by at least; 1 unless given, m",
+        default=1.0,
+        beside="see_horizon_s",
+    ),
+    "foresight_reach_m_s": Chosen(
+        "largest component of a push that is planned; 0.2 unless given, m/s",
+        default=0.2,
+        beside="foresight_pushes",
     ),
     "foresight_period_s": Chosen(
         "time after which a flight that can deviate from its plan is planned again, whole decision periods, s"

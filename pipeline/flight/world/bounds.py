@@ -26,6 +26,8 @@ SQRT_3 = sqrt(3.0)
 #: what the neglected acceleration amounts to as white noise, as a share of its bound: with it, errors are
 #: as large as the filter says (python -m benchmarks consistency)
 SHARE_OF_UNKNOWN = 0.06
+#: the same where no errors of thrusters widen what the filter allows for: ideal ones, or an empty tank
+SHARE_ALONE = 0.085
 #: kept besides, beyond the accumulated rounding of a flight
 ROUNDING_M = 0.001
 
@@ -267,8 +269,11 @@ def unknown_acceleration(mission: Mission) -> float:
 
 def process_noise(mission: Mission) -> float:
     """Return the standard deviation of the accelerations that the filter allows for, m/s^2."""
-    given = mission.filtered.process_noise_m_s2
-    return SHARE_OF_UNKNOWN * unknown_acceleration(mission) if given is None else given
+    given, actuators = mission.filtered.process_noise_m_s2, mission.actuators
+    if given is not None:
+        return given
+    is_alone = not isinstance(actuators, RealActuators) or actuators.specific_impulse_s is not None
+    return (SHARE_ALONE if is_alone else SHARE_OF_UNKNOWN) * unknown_acceleration(mission)
 
 
 def estimate_errors(mission: Mission) -> EstimateErrors:

@@ -109,7 +109,7 @@ FLIGHTS = {
     "attitude periods of 2.5 s": flight(attitude_period_s=2.5, deputy={"inertia_kg_m2": FULL_INERTIA}),
     "plan": flight(PLAN),
     "late fixes, late thrusters with errors": flight(
-        navigation=FIXES | LATE | {"gate_sigma": 4.0},
+        navigation=FIXES | LATE | {"gate_sigma": 4.0, "attitude_bias_deg": 6.0},
         actuators=REAL | {"delay_s": 10.0, "impulse_step_n_s": 0.01},
         safety=LAST,
     ),

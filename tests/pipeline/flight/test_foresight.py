@@ -107,7 +107,7 @@ def test_a_search_has_the_same_bits_in_plain_python():
 
     def search():
         generator, last = np.random.default_rng(1), np.full(7, 0.01)
-        return search_pushes(outlook, 2, needed, Effort(8, 3), generator, last)
+        return search_pushes(outlook, 2, needed, 0.2, Effort(8, 3), generator, last)
 
     compiled = search()
     with plainly("pipeline"):

@@ -27,7 +27,13 @@ SHIPPED = conf_folder() / "controller" / "champion_27.yaml"
 MISSION = ("chief.inspection_radius_m=2", "deputy.min_distance_m=5", "deputy.max_distance_m=60")
 SMALL = ("fit.bases=[champion_27]", "fit.draws=3", "fit.cases=[3,4]", "fit.kept=[2]", "fit.num_cases=5")
 SMALL += ("duration_s=1800", "attitude=ideal", "optimizer.population_size=5", "optimizer.generations=1")
-SMALL += ("fit.neighbours=2", "starts.num_cases=4", "optimizer.validation_cases=4", "optimizer.workers=1")
+SMALL += (
+    "fit.neighbours=2",
+    "fit.planners=[champion_81]",
+    "starts.num_cases=4",
+    "optimizer.validation_cases=4",
+    "optimizer.workers=1",
+)
 
 
 def composed(*overrides: str):
@@ -59,12 +65,29 @@ def test_a_fit_hands_back_a_controller_that_flies_and_says_how(done):
     assert [system.rules for system in champion.systems] == [
         system.rules for system in serialize.load(SHIPPED).systems
     ]
-    for tally in filter(None, (summary[name] for name in ("fitted", "layered", "tuned", "last"))):
+    for tally in filter(None, (summary[name] for name in ("fitted", "layered", "planned", "tuned", "last"))):
         assert sum(tally[end]["count"] for end in ("success", "exits", "misses")) == tally["num_cases"] == 5
     page = (folder / artifacts.FIT_PAGE).read_text(encoding="utf-8")
     for limit in summary["limits"]:
         assert limit["formula"] in page
     assert len(summary["limits"]) == 4
+    # the goal is missed by so few flights, and so others compete, as if they planned
+    assert summary["planned"]["words"].startswith("champion_81")
+    assert f"planning: {summary['planned']['words']}" in page
+
+
+def test_controllers_that_plan_are_scaled_by_the_chief_and_by_how_short_a_flight_is():
+    experiment = composed("fit.planners=[champion_27_rehearsed]", "duration_s=1200").experiment
+    planners = fit.load_named("fit.planners", experiment.fit.planners)
+    shipped, *scaled = fitting.planning_variants(experiment, planners)
+    assert shipped == Variant("champion_27_rehearsed", is_shipped=True)
+    assert [(each.size, each.tempo, each.decides_always) for each in scaled] == [
+        (0.2, tempo, clock) for tempo in (1.0, 3.0) for clock in (False, True)
+    ]
+    numbers = dict(scaled[-1].controller(planners["champion_27_rehearsed"], experiment.mission).attributes)
+    assert numbers["foresight_reach_m_s"] == "0.12"
+    # a third of a turn more than half of the points are lit: 0.5 + 0.0011068 1200/(2 pi) of them
+    assert float(numbers["foresight_coast_points"]) == pytest.approx(4.5 * 0.7114, rel=2e-3)
 
 
 def test_the_page_says_whether_the_goal_is_reached_and_how_to_fly(done):
@@ -94,7 +117,7 @@ def test_a_tuned_controller_that_flies_worse_is_not_handed_back(tmp_path, monkey
 
     monkeypatch.setattr(fit, "_is_tuned", lambda *_: True)
     monkeypatch.setattr(fit, "_tuned", tuned)
-    fitted(tmp_path, "fit.workers=1")
+    fitted(tmp_path, "fit.workers=1", "fit.planners=[]")
     summary = artifacts.read_json(tmp_path, artifacts.FIT)
     assert summary["tuned"]["success"]["count"] < summary["last"]["success"]["count"]
     assert summary["last"] == summary["fitted"]
@@ -134,7 +157,7 @@ def test_a_champion_that_nothing_betters_is_handed_back(tmp_path, monkeypatch):
     words = fitted(
         tmp_path,
         *("chief.inspection_radius_m=10", "deputy.min_distance_m=15", "deputy.max_distance_m=200"),
-        *("duration_s=3600", "fit.tunes=never", "fit.neighbours=0"),
+        *("duration_s=3600", "fit.tunes=never", "fit.neighbours=0", "fit.planners=[]"),
     )
     assert isinstance(words, Unimproved)
     assert words.startswith("not improved: champion_27 as shipped is handed back")

@@ -46,6 +46,12 @@ def test_every_constant_has_a_rule_by_its_unit(name):
     assert np.isfinite(similarity.constant(name, 100.0))
 
 
+def test_what_a_champion_leaves_to_its_default_is_scaled_too():
+    scaled = dict(Similarity(HOME, size=0.2).controller(base("champion_27")).attributes)
+    assert [scaled[name] for name in ("see_near_m", "see_short_m")] == ["6.0", "0.2"]
+    assert "see_near_m" not in dict(Similarity(HOME, size=0.2).controller(base("champion_leo")).attributes)
+
+
 def test_a_constant_without_a_rule_is_refused():
     with pytest.raises(KeyError, match="furlongs has no unit and no rule"):
         Similarity(HOME).constant("furlongs", 1.0)

@@ -5,6 +5,7 @@ serves them all. The page on signals derives it.
 """
 
 from math import cos, sin, sqrt
+from typing import NamedTuple
 
 import numpy as np
 
@@ -46,14 +47,19 @@ PUSH = slot("see_push_radial", "see_push_along_track", "see_push_cross_track")
 AIM = slot("aim_radial", "aim_along_track", "aim_cross_track")
 SEE_HORIZON, SEE_DAMPING = constant("see_horizon_s"), constant("see_damping_ks2")
 AIM_URGENT = constant("aim_urgent_m_s")
+SEE_NEAR, SEE_SHORT = constant("see_near_m"), constant("see_short_m")
 
 #: rows of `looks`, (5, P padded)
 COST, SHORT, SLOPE = 0, 1, 2
 #: the square of a thousand seconds: a push of 1 m/s moves the deputy by about 1 km in that time
 KS2 = 1e6
-#: closer to the chief's centre than 30 m its rim is out of the camera's view: no look from there is certain,
-#: each falls short by at least 1 m
-SQUARED_NEAR_M2, LEAST_SHORT_M = 900.0, 1.0
+
+
+class Doubt(NamedTuple):
+    """Of looks that are not certain to show a point, as the chief's rim is out of view from near it."""
+
+    squared_near: float  # of the distance within which none is, m^2
+    short: float  # by which they fall short at least, m
 
 
 @compiled(error_model="numpy", forceinline=True)
@@ -73,7 +79,9 @@ def await_dark(
 
 
 @compiled(error_model="numpy", forceinline=True)
-def shortfall(world: World, optics: Beyond | None, j: int, points: Three, eye: Eye) -> tuple[Vector, Three]:
+def shortfall(
+    world: World, optics: Beyond | None, doubt: Doubt, j: int, points: Three, eye: Eye
+) -> tuple[Vector, Three]:
     """Return how far a position is from seeing the points from j on, m, and the direction to move in.
 
     The way is the gradient of the shortfall, reversed, with respect to the place. In the paper's world the
@@ -83,7 +91,7 @@ def shortfall(world: World, optics: Beyond | None, j: int, points: Three, eye: E
     if optics is None:
         radius = sqrt(world.sight.horizon)
         direction = (1.0 / radius) * points
-        near = LEAST_SHORT_M if eye.square < SQUARED_NEAR_M2 else -np.inf
+        near = doubt.short if eye.square < doubt.squared_near else -np.inf
         short = radius - dot(direction, eye.position)
         return select(short > near, short, near), direction
     cosine, reach = sqrt(world.optics.incidence_squared), sqrt(world.optics.range_squared)
@@ -96,7 +104,7 @@ def shortfall(world: World, optics: Beyond | None, j: int, points: Three, eye: E
     short, far = cosine * distance - above, distance - reach
     is_far, lean = far > short, cosine * per_m
     short = select(is_far, far, short)
-    return select(short > LEAST_SHORT_M, short, LEAST_SHORT_M), chosen(is_far, -per_m * d, normal - lean * d)
+    return select(short > doubt.short, short, doubt.short), chosen(is_far, -per_m * d, normal - lean * d)
 
 
 @compiled(error_model="numpy", forceinline=True)
@@ -116,6 +124,7 @@ def keep_cheapest(looks: Floats, j: int, lit: Mask, short: Vector, slope: Three)
 def look_from(
     now: Moment,
     optics: Beyond | None,
+    doubt: Doubt,
     lane: int,
     k: int,
     phi_rows: PositionRows,
@@ -141,7 +150,7 @@ def look_from(
         lit = lit_points(world, optics, lit_marks, j, points, before > 0.0, beam)
         if not some(lit):
             continue
-        short, direction = shortfall(world, optics, j, points, eye)
+        short, direction = shortfall(world, optics, doubt, j, points, eye)
         if optics is None:
             store(setting, j, select(lit & (short <= 0.0), 0.0, before))
         elif not eye.is_blind:
@@ -198,6 +207,8 @@ def sense_push(
     look_turn = cos(look_angle), sin(look_angle)
     rate, damping = 1.0 / constant_of(control, URGENCY_TIME), constant_of(control, SEE_DAMPING)
     horizon, urgent = constant_of(control, SEE_HORIZON), constant_of(control, AIM_URGENT)
+    near = constant_of(control, SEE_NEAR)
+    doubt = Doubt(near * near, constant_of(control, SEE_SHORT))
     farthest = int(horizon / (world.control_period * world.look_stride) + 1e-9)
     num_looks = min(farthest, (world.num_controls - k) // world.look_stride)
     for lane in range(now.num_lanes):
@@ -210,9 +221,8 @@ def sense_push(
                 phi_rows = position_rows_of(world.looks, look)
                 coasted = drifted_position(phi_rows, position, velocity)
                 sample = k + look * world.look_stride
-                look_from(
-                    now, optics, lane, sample, phi_rows, coasted, sun, setting, looks, lit_marks, seen_marks
-                )
+                seen_from = now, optics, doubt, lane, sample, phi_rows, coasted, sun
+                look_from(*seen_from, setting, looks, lit_marks, seen_marks)
             push = fitted_push(now, lane, rate, damping, deadlines, setting, looks)
             push = turned_aside(now, control, lane, push, 1.0)
         write_lane(signals, PUSH, lane, push)

@@ -28,6 +28,7 @@ from pipeline.flight.state.errors import (
     OF_ATTITUDE,
     OF_FIXES,
     OF_ROTATION,
+    OF_SHORTENED,
     OF_SQUARES,
     Filter,
     Fixes,
@@ -75,6 +76,9 @@ def force_of(law: Filter, state: FlightState, index: int, force: Three, period: 
     if error >= OF_ATTITUDE:
         # thrusters turn with the true body
         sensed = 3 * max(0, period - law.command_delay)
+        if error >= OF_SHORTENED:
+            along = load_at(state.sensed, sensed + error - OF_SHORTENED, 0, 0, width)
+            return dot(along, force) * along
         return cross(force, load_at(state.sensed, sensed + error - OF_ATTITUDE, 0, 0, width))
     axis = unit(error % 3)
     if error >= OF_ROTATION:
@@ -86,6 +90,8 @@ def force_of(law: Filter, state: FlightState, index: int, force: Three, period: 
 def shift_of(law: Filter, state: FlightState, index: int, fix: int, position: Three) -> Three:
     """Return how far a unit of a constant error moves a fix, m, for the error's index in the filter."""
     width, error = width_of(state.estimate), law.constants[index]
+    if error >= OF_SHORTENED:
+        return same(0.0, width)
     if error >= OF_SQUARES:
         axis = load_at(state.sensed, 3 * fix * law.stride + error - OF_SQUARES, 0, 0, width)
         return length(position) * axis
@@ -121,7 +127,7 @@ def propagate_covariance(now: Moment, law: Filter, covariance: Floats, period: i
             store(half, (row, column, 0), entries)
     for index in range(len(law.constants)):
         felt = same(0.0, width)
-        if law.constants[index] < OF_FIXES:
+        if law.constants[index] < OF_FIXES or law.constants[index] >= OF_SHORTENED:
             felt = fired_part(state, period, force_of(law, state, index, requested, period))
         for row in range(6):
             push = dot(three_of(gamma[row]), felt)
