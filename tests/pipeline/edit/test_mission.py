@@ -161,7 +161,7 @@ def test_one_flight_says_which_rule_made_a_force(open_page, address) -> None:
     page = open_page(address)
     flight = page.get_by_role("region", name="One flight")
     expect(flight.get_by_text("0 s: ")).to_be_visible()
-    expect(flight.get_by_text("force_x: asked for")).to_contain_text("Rule")
+    expect(flight.get_by_text("force_x: asked for")).to_contain_text("rule")
     flight.get_by_role("slider", name="Time of the flight").focus()
     page.keyboard.press("ArrowRight")
     expect(flight.get_by_text("between two decisions").first).to_be_visible()
