@@ -6,6 +6,7 @@ Importing this module registers it with numba; `fis_tools.compiled.vector_memory
 
 import operator
 from collections.abc import Callable, Collection
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -55,27 +56,23 @@ def _binary(
         return result(joint) if isinstance(joint, VectorType) else None
 
     def lower(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        return emit(builder, *alike(context, builder, joint_type(*signature.args), args, signature.args))
-
-    def lower_threes(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        """Write the operation for each component of three-vectors."""
+        """Write the operation, for three-vectors component by component."""
+        kinds, result = signature.args, signature.return_type
+        if not _is_three(result):
+            return emit(builder, *alike(context, builder, joint_type(*kinds), args, kinds))
         components = []
-        for axis, wanted in enumerate(signature.return_type.types):
-            values = [
-                builder.extract_value(value, axis) if _is_three(kind) else value
-                for value, kind in zip(args, signature.args, strict=True)
-            ]
-            kinds = [_component(kind, axis) for kind in signature.args]
-            components.append(emit(builder, *alike(context, builder, wanted, values, kinds)))
-        return context.make_tuple(builder, signature.return_type, components)
+        for axis, wanted in enumerate(result.types):
+            pairs = zip(args, kinds, strict=True)
+            values = [builder.extract_value(x, axis) if _is_three(kind) else x for x, kind in pairs]
+            numbers = [_component(kind, axis) for kind in kinds]
+            components.append(emit(builder, *alike(context, builder, wanted, values, numbers)))
+        return context.make_tuple(builder, result, components)
 
     typed(operation, 2, typer)
     for kinds in ((VectorType, VectorType), (VectorType, types.Number), (types.Number, VectorType)):
         lower_builtin(operation, *kinds)(lower)
-    for is_three in threes:
-        for number in (VectorType, types.Number):
-            three_or_number = [types.BaseNamedTuple if is_one else number for is_one in is_three]
-            lower_builtin(operation, *three_or_number)(lower_threes)
+    for is_three, number in product(threes, (VectorType, types.Number)):
+        lower_builtin(operation, *(types.BaseNamedTuple if three else number for three in is_three))(lower)
 
 
 def _quotient(kind: Any) -> Any:
@@ -197,7 +194,7 @@ def _some(builder: Any, mask: Any) -> Any:
 
 def _count(builder: Any, mask: Any) -> Any:
     number = builder.bitcast(mask, ir.IntType(mask.type.count))
-    return builder.ctpop(number if number.type == I64 else builder.zext(number, I64))
+    return builder.ctpop(builder.zext(number, I64))
 
 
 def _power_of_two(builder: Any, exponent: Any) -> Any:

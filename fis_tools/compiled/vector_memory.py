@@ -87,16 +87,10 @@ def _pointer(context: Any, builder: Any, kind: Any, array: Any, at: Any, index: 
     """Return the pointer to the element of an array at an index."""
     whole = cgutils.create_struct_proxy(kind)(context, builder, value=array)
     kinds = members(index)
-    pairs = [(at, index)]
-    if kinds is not None:
-        pairs = list(zip(cgutils.unpack_tuple(builder, at, len(kinds)), kinds, strict=True))
-    numbers = [context.cast(builder, *pair, types.intp) for pair in pairs]
-    numbers += [ir.Constant(I64, 0)] * (kind.ndim - len(numbers))
-    offset = numbers[0]
-    for axis in range(1, kind.ndim):
-        offset = builder.mul(offset, builder.extract_value(whole.shape, axis))
-        offset = builder.add(offset, numbers[axis])
-    return builder.gep(whole.data, [offset])
+    parts = [at] if kinds is None else cgutils.unpack_tuple(builder, at, len(kinds))
+    numbers = [context.cast(builder, *pair, types.intp) for pair in zip(parts, kinds or [index], strict=True)]
+    numbers += [I64(0)] * (kind.ndim - len(numbers))
+    return cgutils.get_item_pointer(context, builder, kind, whole, numbers)
 
 
 def _load_type(array: Any, at: Any, width: Any) -> Any:
@@ -138,15 +132,19 @@ def _gather_type(array: Any, at: Any, offsets: Any) -> Any:
 @defined(vectors.gather, types.Array, types.Integer, VectorType, result=_gather_type)
 def _gather(context: Any, builder: Any, signature: Any, array: Any, at: Any, offsets: Any) -> Any:
     """Load one element for each lane, at the lane's offset."""
-    width = offsets.type.count
-    first = _pointer(context, builder, signature.args[0], array, at, signature.args[1])
-    whole = builder.fptosi(offsets, ir.VectorType(I64, width))
     gathered = ir.Constant(offsets.type, ir.Undefined)
     # one by one: on most processors a gather instruction is no faster
-    for lane in range(width):
-        element = builder.load(builder.gep(first, [builder.extract_element(whole, I32(lane))]), align=8)
-        gathered = builder.insert_element(gathered, element, I32(lane))
+    for lane, pointer in enumerate(_pointers(context, builder, signature, array, at, offsets)):
+        gathered = builder.insert_element(gathered, builder.load(pointer, align=8), I32(lane))
     return gathered
+
+
+def _pointers(context: Any, builder: Any, signature: Any, array: Any, at: Any, offsets: Any) -> list[Any]:
+    """Return the pointer of each lane, at its offset from an index of an array."""
+    first = _pointer(context, builder, signature.args[0], array, at, signature.args[1])
+    whole = builder.fptosi(offsets, ir.VectorType(I64, offsets.type.count))
+    lanes = range(offsets.type.count)
+    return [builder.gep(first, [builder.extract_element(whole, I32(lane))]) for lane in lanes]
 
 
 def _gather_rows_type(array: Any, at: Any, offsets: Any, count: Any, out: Any) -> Any:
@@ -159,16 +157,14 @@ def _gather_rows_type(array: Any, at: Any, offsets: Any, count: Any, out: Any) -
 )
 def _gather_rows(context: Any, builder: Any, signature: Any, *args: Any) -> Any:
     """Load rows at the lanes' offsets and store their columns; few columns without transposing squares."""
-    array, at, offsets, count, out = args
-    lanes = offsets.type.count
-    first = _pointer(context, builder, signature.args[0], array, at, signature.args[1])
-    whole = builder.fptosi(offsets, ir.VectorType(I64, lanes))
-    pointers = [builder.gep(first, [builder.extract_element(whole, I32(lane))]) for lane in range(lanes)]
+    *_, offsets, count, out = args
+    lanes, size = offsets.type.count, vectors.ROW
+    pointers = _pointers(context, builder, signature, *args[:3])
     wanted = context.cast(builder, count, signature.args[3], types.intp)
-
-    size = vectors.ROW
+    # a square that fewer lanes do not fill has some twice
+    rows = [builder.bitcast(pointer, ir.VectorType(F64, size).as_pointer()) for pointer in pointers] * size
     groups = [
-        _transposed(builder, _loaded(builder, (pointers * size)[group : group + size], size))
+        _transposed(builder, [builder.load(row, align=8) for row in rows[group : group + size]])
         for group in range(0, lanes, size)
     ]
     for row in range(size):
@@ -177,12 +173,6 @@ def _gather_rows(context: Any, builder: Any, signature: Any, *args: Any) -> Any:
             to = _pointer(context, builder, signature.args[4], out, I64(row), types.intp)
             builder.store(vector, builder.bitcast(to, vector.type.as_pointer()), align=8)
     return context.get_dummy_value()
-
-
-def _loaded(builder: Any, pointers: list[Any], size: int) -> list[Any]:
-    """Return `size` elements from each of some pointers on."""
-    row = ir.VectorType(F64, size).as_pointer()
-    return [builder.load(builder.bitcast(pointer, row), align=8) for pointer in pointers]
 
 
 def _transposed(builder: Any, rows: list[Any]) -> list[Any]:
@@ -200,14 +190,14 @@ def _transposed(builder: Any, rows: list[Any]) -> list[Any]:
     return rows
 
 
+def _first(count: int) -> Any:
+    """Return which lanes a shuffle takes: the first `count`."""
+    return ir.Constant(ir.VectorType(I32, count), list(range(count)))
+
+
 def _beside(builder: Any, parts: list[Any], lanes: int) -> Any:
     """Return the concatenation of vectors of one width, or the first lanes of a single one."""
     while len(parts) > 1:
-        both = 2 * parts[0].type.count
-        chosen = ir.Constant(ir.VectorType(I32, both), list(range(both)))
-        parts = [builder.shuffle_vector(*pair, chosen) for pair in zip(parts[::2], parts[1::2], strict=True)]
-    if parts[0].type.count == lanes:
-        return parts[0]
-    return builder.shuffle_vector(
-        parts[0], parts[0], ir.Constant(ir.VectorType(I32, lanes), list(range(lanes)))
-    )
+        pairs = zip(parts[::2], parts[1::2], strict=True)
+        parts = [builder.shuffle_vector(*pair, _first(2 * pair[0].type.count)) for pair in pairs]
+    return builder.shuffle_vector(parts[0], parts[0], _first(lanes))
