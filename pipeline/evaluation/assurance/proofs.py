@@ -1,5 +1,6 @@
 """What proofs demonstrate: bounds of rules, the safety layer's proof, and a tube of all starts."""
 
+import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -213,9 +214,12 @@ def _failing_thrusters(mission: Mission, real: RealActuators, bounds: SafetyBoun
             "safety.planned_force_n or safety.planned_braking_n"
         )
         failing[words] = not needed <= least
+    # what is used falls at least as fast as the specific impulse grows
+    enough = math.ceil((real.specific_impulse_s or 0.0) * used / real.propellant_kg)
     words = (
         f"the layer may use up {used:.3g} kg of propellant, and the tank holds {real.propellant_kg:g} kg "
-        "(actuators.propellant_kg): raise it or actuators.specific_impulse_s, or shorten the flight"
+        f"(actuators.propellant_kg): actuators.specific_impulse_s={enough} would do; raise either, or "
+        "shorten the flight"
     )
     failing[words] = real.specific_impulse_s is not None and not used <= real.propellant_kg
     return failing

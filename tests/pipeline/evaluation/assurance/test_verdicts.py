@@ -227,7 +227,7 @@ def test_with_bounds_the_layer_proves_its_limits_where_nothing_is_exact(override
         ((*ROBUST, "actuators.delay_s=10.0"), "commands are late"),
         ((*ROBUST, "actuators=layout", WEAKER), "in its weakest direction the layout gives 0.4 N"),
         ((*ROBUST, "actuators.scale_error=0.2"), "the thrusters cannot make good"),
-        ((*ROBUST, "actuators.specific_impulse_s=220.0"), "of propellant, and the tank holds 1 kg"),
+        ((*ROBUST, "actuators.specific_impulse_s=220.0"), "specific_impulse_s=354 would do"),
         ((*ROBUST, HEAVIER), "settings are dispersed"),
     ],
 )
