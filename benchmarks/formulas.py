@@ -9,7 +9,8 @@ reads what stands beside it, in compiled flights too; in the C tables stand in a
 traps. And where a signal or an output is NaN, the C takes zero, by design.
 
 ``--without-a-branch`` leaves a branch out of the C instead, one at a time: the comparison must see each that
-a flight takes.
+flights from some starts take, but for exits from loops that only save time. What is left out without any
+effect on what is answered in them is listed, and ends in an exit status of 1, as does a difference.
 """
 
 import argparse
@@ -36,7 +37,7 @@ from benchmarks.mutants import FORK, mutants_of
 
 #: imported once, before the process divides for each mutant
 LIBRARIES = ("numpy", "scipy.integrate", "numba", "pyarrow", "pydantic", "hydra", "jinja2")
-#: processor seconds for a mutant
+#: processor seconds for a mutant, and for each start from which branches are left out
 LIMIT_S = 60
 SHOWN, SILENT, REFUSED, ENDED, NOT_A_NUMBER, OUTSIDE, DIFFERENT = (
     *("changed alike", "no change in this flight", "refused by the translator", "ended before"),
@@ -57,10 +58,12 @@ static int inside(int index, int first, int end)
 """
 
 
-SEEN, NOT_TAKEN, WITHOUT_EFFECT = (
-    *("left out, C and flight differ", "not taken in this flight"),
-    "left out without effect in this flight",
+SEEN, NOT_TAKEN, EARLY, UNSEEN = (
+    *("left out, C and flight differ", "taken in no flight"),
+    *("an early exit left out, without effect", "left out without effect in any flight"),
 )
+#: starts from which a branch that is left out is flown
+NUM_STARTS = 6
 
 
 @dataclass(frozen=True)
@@ -79,7 +82,8 @@ class Flown:
 
 def fly(top: Path, words: Sequence[str], num_left_out: int, queue: Any) -> None:
     """Fly the code of a folder, and tell what its C commands."""
-    resource.setrlimit(resource.RLIMIT_CPU, (LIMIT_S, LIMIT_S))
+    limit_s = LIMIT_S * (NUM_STARTS if num_left_out else 1)
+    resource.setrlimit(resource.RLIMIT_CPU, (limit_s, limit_s))
     os.chdir(top)
     sys.path.insert(0, str(top))
     with open(os.devnull, "w") as out, contextlib.redirect_stderr(out):
@@ -120,32 +124,35 @@ def flown(words: Sequence[str], num_left_out: int) -> Flown:
         job = compose_experiment(["+experiment=evaluate", *words])
         mission = job.experiment.mission
         controller = load(job.config["controller"], mission)
-        start = evaluation_scenarios(job.experiment, slice(1))[0]
-        log = simulation.fly_logged(mission, controller, start, is_one_of_many=True)
+        starts = evaluation_scenarios(job.experiment, slice(NUM_STARTS if num_left_out else 1))
+        logs = [simulation.fly_logged(mission, controller, start, is_one_of_many=True) for start in starts]
         program = programs.translate(mission, controller)
     except TranslationError:
         return Flown(ended=REFUSED)
     except Exception as error:  # noqa: BLE001 - whatever a changed formula brings about
         return Flown(ended=f"{ENDED}: {type(error).__name__}")
+    log = logs[0]
     for numbers in (log.fis_input, log.fis_output_n, log.force_commanded_n):
         if np.isnan(numbers).any():
             return Flown(ended=NOT_A_NUMBER)
-    source, flight = sources(program), recorded(program, start, log)
+    source = sources(program)
+    flights = [recorded(program, *pair) for pair in zip(starts, logs, strict=True)]
     code = source.code.replace("#include <stdbool.h>\n", "#include <stdbool.h>\n" + INSIDE, 1)
 
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
         (folder / "controller.h").write_text(source.header, encoding="utf-8")
 
-        def num_different(text: str) -> int:
+        def answers(text: str) -> list[Any]:
             (folder / "controller.c").write_text(text, encoding="utf-8")
             library = Library(folder, flags=("-std=c99", "-O0", "-ffp-contract=off", *TRAP))
-            return len(differing(library.answers(flight), log))
+            return [library.answers(flight) for flight in flights]
 
         lines = frozenset((file, line) for _, file, line in source.origins)
-        result = num_different(code)
+        intact = answers(code)
+        result = sum(len(differing(*pair)) for pair in zip(intact, logs, strict=True))
         branches = [
-            (branch, _seen(num_different, taken, without))
+            (branch, _seen(answers, taken, without, intact))
             for branch, taken, without in left_out(code, source.origins, num_left_out)
         ]
     return Flown(log.force_commanded_n.tobytes(), result, lines, branches=branches)
@@ -166,14 +173,17 @@ def left_out(code: str, origins: Any, count: int) -> Iterator[tuple[str, str, st
         )
 
 
-def _seen(num_different: Callable[[str], int], taken: str, without: str) -> str:
-    """Return whether a flight takes a branch, and the comparison sees that it is left out."""
-    child = FORK.Process(target=num_different, args=(taken,))
+def _seen(answers: Callable[[str], list[Any]], taken: str, without: str, intact: Sequence[Any]) -> str:
+    """Return whether flights take a branch, and whether something answered shows that it is left out."""
+    child = FORK.Process(target=answers, args=(taken,))
     child.start()
     child.join()
     if child.exitcode != -signal.SIGILL:
         return NOT_TAKEN
-    return SEEN if num_different(without) else WITHOUT_EFFECT
+    changed = zip(answers(without), intact, strict=True)
+    if any((each != before).any() for each, before in changed):
+        return SEEN
+    return EARLY if re.search(r"__builtin_trap\(\);\n +break;", taken) else UNSEEN
 
 
 def in_a_child(top: Path, words: Sequence[str], num_left_out: int = 0) -> Flown:
@@ -268,7 +278,7 @@ def main() -> int:
             if counts[SHOWN] == options.mutants:
                 break
     sys.stdout.write("".join(f"{count} {result}\n" for result, count in counts.most_common()))
-    return 0 if counts[DIFFERENT] == 0 else 1
+    return 1 if counts[DIFFERENT] or counts[UNSEEN] else 0
 
 
 if __name__ == "__main__":
