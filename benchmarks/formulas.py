@@ -63,7 +63,7 @@ SEEN, NOT_TAKEN, EARLY, UNSEEN = (
     *("an early exit left out, without effect", "left out without effect in any flight"),
 )
 #: starts from which a branch that is left out is flown
-NUM_STARTS = 6
+NUM_STARTS = 60
 
 
 @dataclass(frozen=True)
