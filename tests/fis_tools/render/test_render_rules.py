@@ -174,4 +174,4 @@ def test_an_uneven_universe_is_told_as_one() -> None:
     uneven = with_input(FORCE_X, points=(0.0, 10.0, 50.0, 200.0), num_points=4)
     controller = FuzzyController("uneven", (uneven,))
     for write in (text.write, text.write_markdown, html.page, text.write_latex):
-        assert write(outline(controller)).count("From 0 to 200, 4 uneven points.") == 1
+        assert write(outline(controller)).count("From 0 to 200, 4 uneven points") == 1

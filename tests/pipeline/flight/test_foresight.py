@@ -182,9 +182,8 @@ def test_a_plan_is_flown_on_or_made_anew_by_what_it_falls_short(monkeypatch):
     np.testing.assert_array_equal(openings, foresee(short, controller, STARTS[:1]).openings[0])
 
 
-def test_where_no_plan_sees_enough_it_flies_as_rehearsed(monkeypatch):
-    monkeypatch.setattr("pipeline.flight.fly.pushes.REACH_M_S", 1e-4)
-    controller = foreseeing()
+def test_where_no_plan_sees_enough_it_flies_as_rehearsed():
+    controller = foreseeing(foresight_reach_m_s="0.0001")
     foreseen = foresee(MISSION, controller, STARTS, records=True)
     assert foreseen.is_rehearsed.all()
     assert np.isfinite(foreseen.decisions[0].ends[REHEARSED])

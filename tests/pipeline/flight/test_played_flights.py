@@ -137,8 +137,11 @@ def test_nothing_is_turned_by_torques_where_pointing_is_ideal(tmp_path):
         ("time_s,force_x_n,force_y_n\n", "has 0 columns force_z_n; give it one"),
         ("time_s,q1,q2,q3,q4,q1\n", "has 2 columns q1; give it one"),
         ("time_s,speed\n", "has a column 'speed'; besides time_s the columns are force_x_n"),
-        ("time_s,force_x_n,force_body_x_n\n", "has both force_x_n and force_body_x_n; keep one group"),
-        ("time_s,q1,torque_x_n_m\n", "has both torque_x_n_m and q1; keep one group"),
+        (
+            "time_s,force_x_n,force_body_x_n\n",
+            "has both force_x_n and force_body_x_n; keep one of the two groups",
+        ),
+        ("time_s,q1,torque_x_n_m\n", "has both torque_x_n_m and q1; keep one of the two groups"),
         ("time_s,q1,q2,q3,q4\n0,0,0,0,0.9\n", "data row 1 has an attitude of length 0.9; it must be 1"),
         ("time_s,q1,q2,q3,q4\n0,0,0,0\n", "line 2 is '0,0,0,0'; write 5 finite numbers"),
     ],

@@ -221,8 +221,20 @@ def sense_push(
                 phi_rows = position_rows_of(world.looks, look)
                 coasted = drifted_position(phi_rows, position, velocity)
                 sample = k + look * world.look_stride
-                seen_from = now, optics, doubt, lane, sample, phi_rows, coasted, sun
-                look_from(*seen_from, setting, looks, lit_marks, seen_marks)
+                look_from(
+                    now,
+                    optics,
+                    doubt,
+                    lane,
+                    sample,
+                    phi_rows,
+                    coasted,
+                    sun,
+                    setting,
+                    looks,
+                    lit_marks,
+                    seen_marks,
+                )
             push = fitted_push(now, lane, rate, damping, deadlines, setting, looks)
             push = turned_aside(now, control, lane, push, 1.0)
         write_lane(signals, PUSH, lane, push)
