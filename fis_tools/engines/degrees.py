@@ -5,6 +5,7 @@ variable's range, as in programs that do not clip inputs.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from math import cos, exp, pi, sqrt
 from typing import NamedTuple
 
@@ -50,6 +51,19 @@ class Shapes(NamedTuple):
     kinds: Integers
     numbers: Floats
     tables: Floats
+
+
+def tabulated(variable: model.Variable) -> model.Variable:
+    """Return a variable in which shapes without a compiled formula are tables of points."""
+    tables = {
+        term: model.Sampled(tuple(model.sample(variable, term).tolist()))
+        for term in variable.terms
+        if not (term.membership.entry.name in KINDS or isinstance(term.membership, model.Between))
+    }
+    if not tables:
+        return variable
+    terms = (replace(term, membership=tables.get(term, term.membership)) for term in variable.terms)
+    return replace(variable, terms=tuple(terms))
 
 
 def shapes_of(variables: Sequence[model.Variable]) -> Shapes:

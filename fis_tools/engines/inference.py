@@ -15,7 +15,7 @@ import numpy as np
 from fis_tools import model
 from fis_tools.array_types import Floats, Integers
 from fis_tools.engines.defuzzification import DEFUZZIFIERS, crossings, defuzzify_sampled
-from fis_tools.engines.degrees import KINDS
+from fis_tools.engines.degrees import tabulated
 from fis_tools.engines.inputs import Values, as_rows
 from fis_tools.model import TOOLS, Expression, FuzzySystem, Rule, Variable, memberships_at
 from fis_tools.model.intervals import has_intervals, twin
@@ -184,20 +184,9 @@ def _fuzzify(variable: Variable, value: float) -> Floats:
 
 
 def _evaluate_formulas(variable: Variable, value: float) -> Floats:
-    """Return the degrees of membership of a value, which may be outside of the range, by the formulas.
-
-    A shape whose formula is not compiled is a table there, and here too.
-    """
-    terms = [
-        term if term.membership.entry.name in KINDS else replace(term, membership=_table(variable, term))
-        for term in variable.terms
-    ]
+    """Return the degrees of membership of a value, which may be outside of the range, by the formulas."""
+    terms = tabulated(variable).terms
     return np.array([memberships_at(variable, term, np.array([value]))[0] for term in terms])
-
-
-def _table(variable: Variable, term: model.Term) -> model.Sampled:
-    """Return a shape's degrees of membership on the universe."""
-    return model.Sampled(tuple(float(degree) for degree in model.sample(variable, term)))
 
 
 def _fire(system: FuzzySystem, memberships: Sequence[Floats]) -> Floats:

@@ -11,6 +11,7 @@ from fis_tools.analysis import arrays
 from fis_tools.analysis.flight_data import FlownSystem
 from fis_tools.analysis.quadrature import quadrature
 from fis_tools.array_types import Floats
+from fis_tools.engines.degrees import tabulated
 from fis_tools.findings.explanation.points import in_short
 from fis_tools.model import (
     And,
@@ -116,7 +117,7 @@ def _input(system: FuzzySystem, variable: Variable) -> dict[str, Any]:
     data = _variable(variable)
     if not system.is_sampled:
         return data
-    for term, carried in zip(variable.terms, data["terms"], strict=True):
+    for term, carried in zip(tabulated(variable).terms, data["terms"], strict=True):
         shape = term.membership
         carried["shape"] = shape.entry.name
         carried["numbers"] = _doubles(np.array([getattr(shape, key) for key in shape.entry.kinds]))

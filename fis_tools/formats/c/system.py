@@ -10,6 +10,7 @@ import numpy as np
 
 from fis_tools import model
 from fis_tools.array_types import Floats, Integers
+from fis_tools.engines.degrees import tabulated
 from fis_tools.engines.program import Conclusion, assemble
 from fis_tools.formats import rendered
 from fis_tools.formats.c.library import conclude, defuzzifiers_of
@@ -117,7 +118,7 @@ class System:
         self.name = name
         self.system = system
         self.inputs = [
-            _Signal(variable, word, "formula", variable.terms, np.arange(0))
+            _Signal(variable, word, "formula", tabulated(variable).terms, np.arange(0))
             if system.is_sampled
             else _Signal(variable, word, "input", variable.terms, _bends(variable))
             for variable, word in zip(system.inputs, words, strict=False)

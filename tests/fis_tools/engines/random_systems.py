@@ -44,8 +44,7 @@ ACCUMULATIONS: tuple[Accumulation, ...] = tuple(w for w in get_args(Accumulation
 HEDGES: tuple[Hedge, ...] = get_args(Hedge)
 #: shapes of outputs that are weighed, and of interval type-2 systems
 ELSEWHERE = (shapes.Between, Constant, Formula, Linear, shapes.Polyline, Ramp)
-#: the kinds of draws below, and the shapes that none of them makes
-NUM_DRAWN = 12
+#: those that are drawn below, and those that are not, for they have been added since
 DRAWN = (
     *(shapes.Gaussian, shapes.Triangular, shapes.Trapezoidal, shapes.TwoSidedGaussian),
     *(shapes.GeneralizedBell, shapes.Sigmoid, shapes.SigmoidDifference, shapes.SigmoidProduct),
@@ -226,7 +225,7 @@ def any_shape(generator: np.random.Generator, variable: Variable) -> MembershipF
     spreads = [float(width * 10.0 ** generator.uniform(-2.5, 0.0)) for _ in range(2)]
     steepness = [float(10.0 ** generator.uniform(0, 2) / width) for _ in range(2)]
     is_steep = generator.random() < 0.2
-    kind = int(generator.integers(NUM_DRAWN + len(OTHERS)))
+    kind = int(generator.integers(12))
     if is_steep and kind in (0, 3, 4, 5, 6) and a < c:
         return {
             0: Spike(b, spreads[0]),
@@ -251,9 +250,9 @@ def any_shape(generator: np.random.Generator, variable: Variable) -> MembershipF
     has_width = {8: a < c, 9: b < d, 10: a < b and c < d}
     if kind in makers and has_width.get(kind, True):
         return makers[kind]()
-    if kind >= NUM_DRAWN:
-        return any_numbers(OTHERS[kind - NUM_DRAWN], (a, b, c, d), spreads[0])
     values = np.clip(generator.uniform(-0.5, 1.5, variable.num_points), 0.0, 1.0)
+    if OTHERS and values[0] > 0.5:  # so that a shape that is added changes no other draw
+        return any_numbers(OTHERS[len(values) % len(OTHERS)], (a, b, c, d), spreads[0])
     return shapes.Sampled(tuple(float(value) for value in values))
 
 
