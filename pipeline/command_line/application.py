@@ -218,8 +218,7 @@ def _call(invocation: Invocation) -> None:
     except Refused as refused:
         raise refused.args[0] from None
     except SystemExit as end:  # Hydra has printed what was asked for
-        if end.code:
-            raise
+        invocation.code = runs.MISTAKE if end.code else runs.OK
     except KeyboardInterrupt as interrupt:
         if invocation.sweep is None:
             raise

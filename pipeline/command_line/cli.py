@@ -30,6 +30,8 @@ from pipeline.run.sweep import SWEEP
 from pipeline.settings import schema
 
 INTERRUPTED = 130
+#: the command that compares two runs
+COMPARE = "compare="
 
 
 def main(arguments: Sequence[str] | None = None, *, replaces_process: bool = False) -> int:
@@ -73,25 +75,24 @@ def main(arguments: Sequence[str] | None = None, *, replaces_process: bool = Fal
 
 def _command_of(arguments: Sequence[str]) -> Callable[[], int]:
     """Return a function that runs the requested command and returns its exit code."""
-    if arguments and arguments[0] in COMMANDS:
-        module = import_module(f"pipeline.command_line.{COMMANDS[arguments[0]]}")
-        function: Callable[[Sequence[str]], int] = getattr(module, arguments[0])
-        if {"--help", "-h"} & set(arguments[1:]):
+    first, *others = arguments or [""]
+    if first.startswith(COMPARE) and "," in first:  # it is a group of settings, too
+        first, *others = "compare", *first.removeprefix(COMPARE).split(","), *others
+    if first in COMMANDS:
+        function: Callable[[Sequence[str]], int]
+        function = getattr(import_module(f"pipeline.command_line.{COMMANDS[first]}"), first)
+        if {"--help", "-h"}.intersection(others):
             text = cleandoc(function.__doc__ or "")  # of which sections are for programmers
             return partial(_print, re.split(r"\n\n(?:Returns|Raises)\n", text)[0] + "\n")
-        return partial(function, arguments[1:])
+        return partial(function, others)
     command = parse_arguments(arguments)
     if command.version:
         return partial(_print, f"{maker.DISTRIBUTION} {maker.product_version()}\n")
-    if command.help or not (command.overrides or command.resume or command.compare or command.hydra_options):
+    if command.help or not (command.overrides or command.resume or command.hydra_options):
         from pipeline.command_line.guide import help_on  # noqa: PLC0415 - it loads compiled code
 
         text = help_on(command.overrides if command.help else (), command.folders)
         return partial(_print, text, runs.OK if command.help else runs.MISTAKE)
-    if command.compare:
-        from pipeline.command_line.results import compare  # noqa: PLC0415 - as above
-
-        return partial(compare, *command.compare)
     return partial(run_command, command)
 
 
@@ -123,12 +124,13 @@ def run_command(command: CommandLine) -> int:
                 f"{folder} holds no run; give the folder of a run to repeat stages of it, or add "
                 "+experiment=NAME to start one there"
             )
-    if command.is_ours_to_print:
+    if command.cfg == "job" and not (command.resolve or command.package or command.info):
         job = compose_experiment(BasicSweeper.split_arguments(read, None)[0][0], command.config_dir)
         check_stages(job)
         return _print(schema.commented(job.config))
     words = words_of(read)
-    return run_application([*command.hydra_options, *words], [*command.config_option, *words])
+    option = ["--config-dir", str(command.config_dir.resolve())] if command.config_dir else []
+    return run_application([*command.hydra_options, *words], [*option, *words])
 
 
 def _resume(command: CommandLine, folder: Path, overrides: Sequence[Override]) -> int:
@@ -137,5 +139,6 @@ def _resume(command: CommandLine, folder: Path, overrides: Sequence[Override]) -
         return runs.resume(folder, overrides)
     with held(folder):  # also where nothing is left: a killed process may have left its lock
         words = resume_words(folder, overrides)
-    options = [option for option in command.hydra_options if option != "--multirun"]
-    return run_application(["--multirun", *options, *words], (), resumes=True) if words else runs.OK
+    if not words:
+        return runs.OK
+    return run_application(["--multirun", *command.hydra_options, *words], (), resumes=True)

@@ -32,19 +32,15 @@ COMPOSED_FROM: Final = (str(conf_folder()), "config", "1.3")
 WORLD = "world"
 #: groups that flights do not depend on
 NOT_FLOWN = ("compare", "assurance")
-#: launchers of Hydra that are packages of their own
-LAUNCHERS = {
-    "hydra/launcher/joblib": "hydra-joblib-launcher",
-    "hydra/launcher/submitit_local": "hydra-submitit-launcher",
-    "hydra/launcher/submitit_slurm": "hydra-submitit-launcher",
-}
+#: launchers of Hydra in packages of their own, which are named by the first word
+LAUNCHERS = ("joblib", "submitit_local", "submitit_slurm")
 #: what is said of these where they are not in the configuration
 ABSENT = {
-    "controller.path": "the controller that is chosen has no path; for a fuzzy controller write "
-    "controller=PATH, for a table of forces controller=open_loop controller.path=PATH",
+    "controller.path": "the controller that is chosen has no path; write controller=PATH",
     "controller.attributes": "the attributes of this controller stand in its file; to give one another value "
     "write +controller.attributes.NAME=..., with a plus",
     "dispersions": "nothing is dispersed until you say so; write +dispersions..., with a plus",
+    "hydra.launcher": "the launcher that is chosen has none; choose another, as hydra/launcher=joblib",
 }
 
 
@@ -230,17 +226,17 @@ def errors_in_words() -> Iterator[None]:
         cause = error.__cause__ if isinstance(error, HydraException) else None
         is_missing = isinstance(cause, ConfigAttributeError | ConfigKeyError)
         key = str(getattr(cause, "full_key", ""))
-        words = _not_in_configuration(key) if is_missing else first_line(error)
-        raise ConfigError(words) from error
+        words = [first_line(each) for each in (error, cause) if each is not None]
+        raise ConfigError(_not_in_configuration(key) if is_missing else ": ".join(words)) from error
 
 
 def _nearest_option(error: MissingConfigException) -> str:
     """Return the option that may be meant, or how to install it."""
-    wanted = error.missing_cfg_file or ""
-    if package := LAUNCHERS.get(wanted):
+    group, _, name = (error.missing_cfg_file or "").rpartition("/")
+    if group == "hydra/launcher" and name in LAUNCHERS:
+        package = f"hydra-{name.partition('_')[0]}-launcher"
         return f"; it needs {package}, install it: python -m pip install {package}"
-    group = wanted.rpartition("/")[0]
-    return did_you_mean(wanted, [f"{group}/{name}" for name in error.options or ()])
+    return did_you_mean(f"{group}/{name}", [f"{group}/{option}" for option in error.options or ()])
 
 
 def _not_in_configuration(key: str) -> str:
@@ -252,14 +248,9 @@ def _not_in_configuration(key: str) -> str:
         known = [f"{group}{mark}{name}" for name in beside] if OmegaConf.is_dict(beside) else []
         if likely := did_you_mean(key, known):
             return f"there is no key {key}{likely}"
-    if words := ABSENT.get(key) or ABSENT.get(top):
-        return words
-    if name != key and name in CONSTANTS:
-        return (
-            f"{key} is not in the configuration: the controller's file sets it, or leaves it at its default; "
-            f"write +{key}=..., with a plus"
-        )
-    if name != key:
+    if name != key and name not in CONSTANTS:
         return f"the controller sets no attribute {name}{did_you_mean(name, CONSTANTS)}"
+    if words := ABSENT.get(key) or ABSENT.get(key.rpartition(".")[0]) or ABSENT.get(top):
+        return f"there is no key {key}: {words}"
     cure = f"it is {RENAMED[key]} now" if key in RENAMED else f"if something else reads it, write +{key}=..."
     return f"there is no key {key} in the configuration; {cure}"

@@ -1,7 +1,7 @@
 """Overrides in Hydra's grammar: parsed, and checked against the known keys and the options of groups."""
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 
 from hydra.core.override_parser.overrides_parser import OverridesParser
@@ -14,12 +14,10 @@ from pipeline.settings.places import conf_folder
 
 #: groups of options, to the names of these
 Groups = Mapping[str, Sequence[str]]
-CONTROLLER = "controller"
-TABLE_SUFFIX = ".csv"
 #: endings of files that a group takes instead of an option, and the option that reads them
 SUFFIXES = {
-    CONTROLLER: {".json": "file", ".yaml": "file", ".yml": "file", ".onnx": "policy"},
-    "starts": {TABLE_SUFFIX: "file"},
+    "controller": {".json": "file", ".yaml": "file", ".yml": "file", ".onnx": "policy", ".csv": "open_loop"},
+    "starts": {".csv": "file"},
 }
 #: keys that name a folder
 FOLDERS = ("hydra.run.dir", "hydra.sweep.dir")
@@ -81,7 +79,7 @@ def parse(overrides: Iterable[str]) -> list[Override]:
 def rewrite_paths(overrides: Iterable[str]) -> list[str]:
     """Turn ``controller=PATH`` into ``controller=file controller.path=PATH``: a group cannot take a path.
 
-    Likewise ``starts=PATH``, and ``controller=policy`` for an ONNX file. A folder name that Hydra's grammar
+    Likewise for the other endings of `SUFFIXES`. A folder name that Hydra's grammar
     would split, such as ``seed=1``, is quoted. Several paths in a sweep,
     ``controller=a.json,b.json``, are rewritten together.
 
@@ -138,7 +136,20 @@ def read_overrides(words: Sequence[str], folders: Sequence[Path], *, is_multirun
             overrides[index : index + 1] = parse([f"{override.get_key_element()}={','.join(names)}"])
     check_overrides(overrides, groups)
     check_sweeps(overrides, is_multirun)
-    return overrides
+    varied = {override.key_or_group for override in overrides if override.is_sweep_override()}
+    return parse(_of_each_run(override, varied) for override in overrides)
+
+
+def _of_each_run(override: Override, varied: Collection[str]) -> str:
+    """Return an override as text: as a choice of one value if it sets a key of a group that varies.
+
+    Hydra composes a sweep first without what varies, and would look for the key in another option.
+    """
+    key, text = override.key_or_group, override.input_line or ""
+    is_free = key not in {*KNOWN, *varied} and top_of(key) in varied and "${" not in text
+    if not is_free or override.type != OverrideType.CHANGE or override.value() is None:
+        return text
+    return f"{key}=choice({text.partition('=')[2]})"
 
 
 def check_overrides(overrides: Sequence[Override], groups: Groups) -> None:
@@ -155,8 +166,8 @@ def check_overrides(overrides: Sequence[Override], groups: Groups) -> None:
         if key in groups and not isinstance(override.value(), dict):
             _check_choice(override, groups[key], plain)
         elif not is_key(key):
-            likely = did_you_mean(key, {*KNOWN, *groups})
-            raise ConfigError(f"there is no key {key}{likely.replace(f' {EXPERIMENT}?', f' +{EXPERIMENT}?')}")
+            likely = did_you_mean(key, {*KNOWN, *groups}).replace(f" {EXPERIMENT}?", f" +{EXPERIMENT}?")
+            raise ConfigError(f"there is no key {key or plain}{likely}")
         elif override.type == OverrideType.ADD and key in KNOWN:
             raise ConfigError(f"the key {key} exists already; write {plain} without the +")
 
@@ -172,11 +183,6 @@ def _check_choice(override: Override, known: Sequence[str], plain: str) -> None:
     if is_chosen and override.type == OverrideType.ADD:
         raise ConfigError(f"{group} is chosen already; write {plain} without the +")
     for choice in _choices(override):
-        if choice not in known and group == CONTROLLER and choice.lower().endswith(TABLE_SUFFIX):
-            raise ConfigError(
-                f"{group}={choice} is a table of forces, no fuzzy controller; write controller=open_loop "
-                f"controller.path={choice}"
-            )
         if choice not in known and override.type != OverrideType.DEL:
             raise ConfigError(f"there is no {group}={choice}{choices_of(choice, known)}")
 
@@ -192,9 +198,9 @@ def check_sweeps(overrides: Sequence[Override], is_multirun: bool) -> None:
                 f"{text} gives several values; add -m for a run of each, or write a list as key=[a,b] and a "
                 "text with a comma in quotes of its own"
             )
-        if not override.is_discrete_sweep():
+        if not override.is_discrete_sweep() or not any(True for _ in override.sweep_iterator()):
             raise ConfigError(
-                f"{text} is an interval; a sweep needs its values, as in key=1,2 or key=range(1,3)"
+                f"{text} is an interval, or empty; a sweep needs values, as in key=1,2 or key=range(1,3)"
             )
         if top_of(override.key_or_group) == HYDRA:
             raise ConfigError(

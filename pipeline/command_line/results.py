@@ -76,14 +76,19 @@ def summary(given: Sequence[str]) -> int:
     return OK
 
 
-def compare(first: Path, second: Path) -> int:
+def compare(given: Sequence[str]) -> int:
     """Print two runs side by side on the cases that they share.
+
+    Usage: python -m pipeline compare=RUN_A,RUN_B
 
     Raises
     ------
-    ValueError, OSError
-        If one cannot be read, was not evaluated, or they share no case.
+    ConfigError, ValueError, OSError
+        If there are not two, one cannot be read, was not evaluated, or they share no case.
     """
+    if len(given) != 2:
+        raise ConfigError("compare takes the folders of two runs and nothing else: compare=RUN_A,RUN_B")
+    first, second = (Path(word).expanduser() for word in given)
     configs = [configuration.read(folder) for folder in (first, second)]
     confidence = float(read_summary(first).get("confidence_percent", sweep.CONFIDENCE_PERCENT))
     here, there = (tables.read_parquet(folder, artifacts.EPISODES) for folder in (first, second))

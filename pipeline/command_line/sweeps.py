@@ -3,7 +3,7 @@
 import re
 import sys
 import time
-from collections.abc import Hashable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
@@ -22,6 +22,7 @@ from pipeline.command_line.overrides import HYDRA, SUFFIXES, quoted, top_of, wor
 from pipeline.preflight import check_before
 from pipeline.run import artifacts, configuration, lock, sweep
 from pipeline.run.sweep import DONE, Ending, SweptRun, state_of
+from pipeline.settings.keys import value_at
 
 #: the key that tells a resumed run its folder; no setting, and in no configuration that is kept
 RESUMED: Final = "resume"
@@ -40,13 +41,12 @@ def new_job(node: DictConfig, folder: Path) -> Job:
         User errors.
     """
     job = checked_job(node, node.hydra, folder)
-    starts = job.config.get("starts") or {}
-    for group, settings in (("controller", job.config["controller"]), ("starts", starts)):
-        path = settings.get("path")
+    for key in ("controller.path", "starts.path"):
+        path = value_at(job.config, key)
         if node.hydra.job.chdir and path is not None and not Path(str(path)).is_absolute():
             raise ConfigError(
-                f"{group}.path is {path}, and with hydra.job.chdir=true the run works in its "
-                "own folder; give an absolute path"
+                f"{key} is {path}, and with hydra.job.chdir=true the run works in its own folder; give an "
+                "absolute path"
             )
     check_stages(job)
     check_before(job.experiment)
@@ -99,7 +99,7 @@ class Sweep:
         sources = config.hydra.runtime.config_sources
         options = [f"--config-dir={source.path}" for source in sources if source.provider == "command-line"]
         options += [word for word in _hydra_words(config) if word.startswith("hydra.searchpath=")]
-        made, met = cls(folder, [], []), set[tuple[Hashable, ...]]()
+        made, met = cls(folder, [], []), list[dict[str, Any]]()
         for number, words in enumerate(chosen):
             try:
                 with errors_in_words():
@@ -114,15 +114,14 @@ class Sweep:
                 raise ConfigError(f"in the run with {chosen_here}: {error}" if varied else error) from error
             values, name = labels(node, varied), path.relative_to(folder).as_posix()
             differs = {key: str(value) for key, value in values.items()}
-            identity = tuple(each if isinstance(each, int | float) else str(each) for each in values.values())
-            if identity in met:
+            if values in met:  # 600 and 600.0 are one
                 same = ", ".join(f"{key}={value}" for key, value in differs.items())
                 raise ConfigError(f"two runs of the sweep would have {same}; give each value once")
             if name in [run.folder for run in made.runs]:
                 raise ConfigError(
                     f"two runs of the sweep would have the folder {name}; let hydra.sweep.subdir differ"
                 )
-            met.add(identity)
+            met.append(values)
             made.runs.append(SweptRun(name, differs, (*options, *words)))
         HydraConfig.instance().set_config(config)
         return made
@@ -131,8 +130,8 @@ class Sweep:
     def resumed(cls, config: DictConfig) -> "Sweep":
         """Return the runs of a sweep that are left, see `resume_words`."""
         folder = Path(config.hydra.sweep.dir).absolute()
-        _fix(config, folder, None)
-        return cls(folder, [], _left(folder))
+        _fix(config, folder, ())
+        return cls(folder, [], unfinished(folder))
 
     def write(self) -> None:
         """Write the file of the sweep, new or extended, and the configurations of new runs."""
@@ -158,9 +157,8 @@ class Sweep:
 
     @property
     def left(self) -> list[SweptRun]:
-        """The runs of this command that are not done."""
-        names = {run.folder for run in self.runs}
-        return [run for run in _left(self.folder) if run.folder in names]
+        """The runs of the sweep's folder that are not done."""
+        return unfinished(self.folder)
 
     @property
     def cure(self) -> str:
@@ -169,7 +167,7 @@ class Sweep:
 
     def end(self) -> int:
         """Print the sweep's results and the command for its summary; return the exit code."""
-        num_known, left = len(sweep.read(self.folder)), _left(self.folder)
+        num_known, left = len(sweep.read(self.folder)), self.left
         for run in left:
             word = f"failed: {run.folder}: {run.failure}" if run.failure else f"not done: {run.folder}"
             sys.stderr.write(f"{word}\n")
@@ -178,12 +176,12 @@ class Sweep:
             + (f"; to try the others again: {self.cure}" if left else "")
             + f"\nto see what came out: python -m pipeline summary {runs.shown_path(self.folder)}\n"
         )
-        lost = {run.folder for run in left}
-        codes = {run.folder: sweep.read_ending(self.folder / run.folder).code for run in self.runs}
-        return runs.most_telling(code or (runs.FAULT if run in lost else 0) for run, code in codes.items())
+        lost = {run.folder: runs.FAULT for run in left}
+        endings = {run.folder: sweep.read_ending(self.folder / run.folder) for run in self.runs}
+        return runs.most_telling(ending.code or lost.get(name, 0) for name, ending in endings.items())
 
 
-def _left(folder: Path) -> list[SweptRun]:
+def unfinished(folder: Path) -> list[SweptRun]:
     """Return the runs of a sweep that are not done."""
     return [run for run in sweep.read(folder) if state_of(folder, run) != DONE]
 
@@ -202,11 +200,11 @@ def _combinations(config: DictConfig) -> tuple[list[list[str]], list[str]]:
     return batch, [key for key, override in last.items() if override.is_sweep_override()]
 
 
-def _fix(config: DictConfig, folder: Path, varied: Sequence[str] | None) -> None:
+def _fix(config: DictConfig, folder: Path, varied: Sequence[str]) -> None:
     """Give all jobs of a sweep one folder, whatever their names, and each its own in it."""
     words = _hydra_words(config)
     fixed = [f"hydra.sweep.dir={quoted(str(folder))}"]
-    if varied is not None and not any(word.startswith("hydra.sweep.subdir=") for word in words):
+    if not any(word.startswith("hydra.sweep.subdir=") for word in words):
         keys = ",".join(f'"{key}"' for key in varied)
         fixed.append(f"hydra.sweep.subdir={quoted(f'${{run_folder:{keys}}}')}")
     with read_write(config.hydra):
@@ -276,7 +274,7 @@ def resume_words(folder: Path, overrides: Sequence[Override]) -> list[str]:
     """
     kept = [override for override in overrides if override.key_or_group != EXPERIMENT]
     runs.given_again([override for override in kept if top_of(override.key_or_group) != HYDRA])
-    left = _left(folder)
+    left = unfinished(folder)
     for run in sweep.read(folder):
         if run not in left:
             lock.drop_left(folder / run.folder)

@@ -48,11 +48,13 @@ def test_a_key_that_is_given_twice_labels_runs_by_what_they_fly(monkeypatch, ran
 
 def test_labels_are_what_was_composed(monkeypatch, ran):
     use_stages(monkeypatch)
-    words = ["controller=coast,natural_motion", "deputy.mass_kg=11.5,12", "sun=fixed,random"]
+    words = ["controller=lqr,receding_horizon", "controller.ring_size_m=40", "deputy.mass_kg=11.5,12"]
+    words += ["sun=fixed,random"]
     ran("-m", *FLY[:1], *words, "hydra.sweep.dir=s")
     for run in sweep.read(Path("s")):
         config = configuration.read(Path("s", run.folder))
         assert run.differs["controller"] == config["controller"]["kind"]
+        assert float(run.differs["controller.ring_size_m"]) == config["controller"]["ring_size_m"] == 40
         assert float(run.differs["deputy.mass_kg"]) == config["deputy"]["mass_kg"]
         assert run.differs["sun"] == config["sun"]["mode"]
         assert run.folder == "+".join(f"{key}={value}" for key, value in run.differs.items())
@@ -78,10 +80,14 @@ SAME = [
         ["controller=coast,lqr", "controller.ring_size_m=40,60"],
         "in the run with controller=coast, controller.ring_size_m=40: there is no key controller.ring_size_m",
     ),
+    (
+        ["controller=glob(ch*)", "controller.path=x"],
+        "in the run with controller=champion_27, controller.path=x: there is no key controller.path: the",
+    ),
     (["seed=1,2", "hydra/sweeper=other"], "Could not find 'hydra/sweeper/other'; did you mean"),
     (["seed=1,-2"], "in the run with seed=-2: seed is -2; it must be"),
     (["hydra.jobb.chdir=true"], "there is no key hydra.jobb; did you mean hydra.job?"),
-    (["hydra.launcher.jobs=2"], "there is no key hydra.launcher.jobs in the configuration"),
+    (["hydra.launcher.jobs=2"], "there is no key hydra.launcher.jobs: the launcher that is chosen"),
     (["hydra/launchers=joblib"], "there is no key hydra/launchers; did you mean hydra/launcher?"),
 ]
 
@@ -103,7 +109,8 @@ def test_a_sweep_that_cannot_be_is_refused_before_anything_is_made(
 def test_experiments_and_names_may_vary_in_a_sweep(word, monkeypatch, ran):
     use_stages(monkeypatch)
     base = [] if word.startswith("+experiment") else FLY[:1]
-    ran("-m", *base, "controller=coast", word, "stages=[scenario]", "hydra.sweep.dir=s")
+    mode = "hydra.mode=MULTIRUN" if word == "name=a,b" else "-m"
+    ran(mode, *base, "controller=coast", word, "stages=[scenario]", "hydra.sweep.dir=s")
     key, _, values = word.lstrip("+").removeprefix("hydra.sweeper.params.").partition("=")
     folders = [f"{key}={value}" for value in values.strip("'").split(",")]
     assert [run.folder for run in sweep.read(Path("s"))] == folders
@@ -161,16 +168,18 @@ def test_hydras_options_work(capfd):
     assert options > set(REFUSED)
     handlers = list(logging.getLogger().handlers)
     for words, message in (
-        (["--info", "defaults"], "Defaults List"),
+        (["--info"], "Defaults List"),
         (["--info", "searchpath"], "Config search path"),
         (["--cfg", "hydra"], "sweep:"),
         (["--cfg", "all", "-p", "hydra.run"], "dir: outputs/${name}"),
         (["--cfg", "job", "--resolve", "-p", "deputy.mass_kg"], "12.0"),
     ):
-        assert main([*FLY, *words]) == 0
+        assert main([*words, *FLY]) == 0
         assert logging.getLogger().handlers == handlers
         printed = capfd.readouterr()
         assert message in printed.out + printed.err, words
+    assert main([*FLY, "--cfg", "job", "-p", "nothing"]) == 2
+    assert capfd.readouterr().err == "package 'nothing' not found in config\n"
     assert main(["--hydra-help"]) == 0
     assert "== Flags ==" in capfd.readouterr().out
     for option in REFUSED:

@@ -27,7 +27,6 @@ pytestmark = [
 
 #: so short a training may not improve on what it was given
 DONE = (OK, UNIMPROVED)
-NAMES = [name.rpartition("/")[2] for name in LAUNCHERS]
 SMALL = [
     "stages=[scenario,train,evaluate]",
     "optimizer.population_size=8",
@@ -96,7 +95,7 @@ def check_lost(code: int, errors: str, folder: str) -> None:
 
 def test_the_commands_of_the_cluster_page_work_where_jobs_are_killed(basic, cluster, tmp_path, capsys):
     """In turn, in one folder, as its reader gives them; what was lost goes on under any launcher."""
-    last = NAMES[-1]
+    last = LAUNCHERS[-1]
     (start, *others), (beside,) = (
         [words for words in commands_of_page() if ("hydra/launcher=joblib" in words) == is_beside]
         for is_beside in (False, True)
@@ -112,7 +111,7 @@ def test_the_commands_of_the_cluster_page_work_where_jobs_are_killed(basic, clus
 
     cluster("beside/seed=1")
     check_lost(*ended(miniature(beside), capsys), "beside")
-    for launcher in (name for name in NAMES if name not in ("joblib", last)):
+    for launcher in (name for name in LAUNCHERS if name not in ("joblib", last)):
         cluster("beside/seed=1")
         check_lost(*ended(["resume=beside", f"hydra/launcher={launcher}"], capsys), "beside")
     code, errors = ended(["resume=beside", f"hydra/launcher={last}"], capsys)
@@ -160,15 +159,10 @@ def test_a_launcher_that_is_not_installed_is_named_with_its_cure(monkeypatch, ra
     for name in [name for name in launchers if name != "basic.yaml"]:
         monkeypatch.delitem(launchers, name)
     monkeypatch.chdir(tmp_path)
-    for name, package in LAUNCHERS.items():
-        words = [
-            "-m",
-            "+experiment=fly",
-            "controller=coast",
-            "seed=1,2",
-            name.replace("launcher/", "launcher="),
-        ]
-        assert f"install it: python -m pip install {package}" in ran(*words, code=2).err
+    for name in LAUNCHERS:
+        words = ["-m", "+experiment=fly", "controller=coast", "seed=1,2", f"hydra/launcher={name}"]
+        package = {"joblib": "joblib"}.get(name, "submitit")
+        assert f"install it: python -m pip install hydra-{package}-launcher" in ran(*words, code=2).err
     assert list(tmp_path.iterdir()) == []
 
 

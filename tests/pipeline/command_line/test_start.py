@@ -126,8 +126,7 @@ def test_options_stand_anywhere() -> None:
     command = parse_arguments(["seed=1", "-m", "name=a b", "--cfg", "job", "resume=x", "+experiment=fly"])
     assert command.overrides == ["seed=1", "name=a b", "+experiment=fly"]
     assert (command.multirun, command.cfg, command.resume, command.help) == (True, "job", Path("x"), False)
-    assert command.is_ours_to_print
-    assert not parse_arguments(["seed=1", "--cfg", "job", "--resolve"]).is_ours_to_print
+    assert command.hydra_options == ["-m", "--cfg", "job"]
 
 
 def test_paths_and_folders_are_quoted_for_the_grammar() -> None:
@@ -138,11 +137,14 @@ def test_paths_and_folders_are_quoted_for_the_grammar() -> None:
         overrides.check_sweeps(overrides.parse(["seed=interval(1,2)"]), is_multirun=True)
 
 
-def test_two_runs_are_compared_by_their_folders() -> None:
-    assert parse_arguments(["compare=outputs/a,b"]).compare == (Path("outputs/a"), Path("b"))
-    assert parse_arguments(["compare=default"]).compare == ()
-    with pytest.raises(overrides.ConfigError, match="takes nothing else"):
-        parse_arguments(["compare=a,b", "seed=1"])
+def test_two_runs_are_compared_by_their_folders(ran) -> None:
+    for words, message in (
+        (["compare=outputs/a,b"], "outputs/a is no folder"),
+        (["compare=a,b", "seed=1"], "compare takes the folders of two runs and nothing else"),
+        (["compare=a,b,c"], "compare takes the folders of two runs and nothing else"),
+        (["compare=default"], "no experiment is chosen"),
+    ):
+        assert message in ran(*words, code=2).err
 
 
 def test_the_folder_of_a_run_is_no_part_of_its_configuration() -> None:
