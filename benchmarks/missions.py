@@ -2,8 +2,8 @@
 
 Each mission is one that no shipped champion was made for, or for which the best as shipped is hard to beat.
 `+experiment=fit_mission` runs as a user would run it; printed are the best champion as shipped, what was
-fitted, where the goal is missed also with the safety layer, planning and tuned, and the processor time once
-all is compiled.
+fitted, where the goal is missed also with the safety layer, planning (and the share of its fuel that rules
+fire) and tuned, and the processor time once all is compiled.
 The last two missions were added after the search was settled. ``--store`` keeps the results of all missions
 for the picture of the pages.
 """
@@ -178,6 +178,11 @@ def share_in_words(tally: dict[str, Any] | None) -> str:
     return f"{100 * success['fraction']:.1f} [{100 * success['low']:.1f}, {100 * success['high']:.1f}]"
 
 
+def by_rules(summary: dict[str, Any]) -> str:
+    """Return the share of fuel that rules fire in the flights of what plans, %."""
+    return f"{100 - summary['planned']['ahead_percent']:.1f}" if summary["planned"] else "-"
+
+
 def main(given: Sequence[str]) -> int:
     """Fit the chosen missions, or all of them, and print the table."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks missions", description=__doc__)
@@ -189,16 +194,26 @@ def main(given: Sequence[str]) -> int:
     options = parser.parse_args(given)
     if unknown := [name for name in options.names if name not in MISSIONS]:
         parser.error(f"no mission {unknown[0]!r}; the missions are {', '.join(MISSIONS)}")
-    columns = "mission", "as shipped", "fitted", "with layer", "planning", "tuned", "delta-v", "CPU s"
-    print("{:38s} {:19s} {:19s} {:19s} {:19s} {:19s} {:>8s} {:>6s}".format(*columns))
+    columns = (
+        "mission",
+        "as shipped",
+        "fitted",
+        "with layer",
+        "planning",
+        "by rules",
+        "tuned",
+        "delta-v",
+        "CPU s",
+    )
+    print("{:38s} {:19s} {:19s} {:19s} {:19s} {:8s} {:19s} {:>8s} {:>6s}".format(*columns))
     stored = json.loads(STORED.read_text(encoding="utf-8")) if STORED.exists() else {}
     for name in options.names or MISSIONS:
         with redirect_stderr(StringIO()):
             fitted(name, (*COMPILE, f"seed={options.seed}"))
             summary = fitted(name, (f"seed={options.seed}", "fit.workers=1", "optimizer.workers=1"))
-        shares = [share_in_words(summary[key]) for key in FLOWN]
+        *shares, tuned = (f"{share_in_words(summary[key]):19s}" for key in FLOWN)
         print(
-            f"{MISSIONS[name][0]:38s} {' '.join(f'{share:19s}' for share in shares)} "
+            f"{MISSIONS[name][0]:38s} {' '.join(shares)} {by_rules(summary):8s} {tuned} "
             f"{summary['last']['delta_v']:8.3f} {summary['seconds']:6.0f}",
             flush=True,
         )

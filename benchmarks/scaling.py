@@ -15,7 +15,7 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from benchmarks.timing import line
+from benchmarks.timing import fuel_by_rules, line
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers.source import load
 from pipeline.flight.goals.flights import fly_all
@@ -102,18 +102,21 @@ def words_of(controller: str) -> tuple[str, ...]:
     return (f"controller={controller}", *world)
 
 
-def seconds_a_flight(controller: str) -> float:
-    """Return the processor time of a flight in one thread, s, over flights that take some seconds."""
+def price_of(controller: str) -> tuple[float, str]:
+    """Return the processor time of a flight in one thread, s, over flights that take some seconds.
+
+    And the share of fuel that rules fire in them, in words.
+    """
     experiment = compose_experiment(["+experiment=evaluate", *words_of(controller)]).experiment
     loaded, first, num_cases = load(experiment.controller, experiment.mission), 0, FEWEST
     fly_all(experiment.mission, loaded, evaluation_scenarios(experiment, [0]), 1)  # compiles if necessary
     while True:
         scenarios = evaluation_scenarios(experiment, range(first, first + num_cases))
         started = time.process_time()
-        fly_all(experiment.mission, loaded, scenarios, 1)
+        flown = fly_all(experiment.mission, loaded, scenarios, 1)
         spent = time.process_time() - started
         if spent >= MEASURED_S:
-            return spent / num_cases
+            return spent / num_cases, fuel_by_rules(flown)
         first, num_cases = first + num_cases, 4 * num_cases
 
 
@@ -123,10 +126,11 @@ def print_prices() -> None:
     print("| controller | ms a flight | 10^6: core hours | 10^9: core hours | cores for 10^9 in a day |")
     print("|---|---|---|---|---|")
     for name in names:
-        seconds = seconds_a_flight(name)
+        seconds, share = price_of(name)
         million, billion = 1e6 * seconds / 3600.0, 1e9 * seconds / 3600.0
         cores = math.ceil(1e9 * seconds / DAY_S)
-        print(f"| `{name}` | {1e3 * seconds:.3g} | {million:,.2f} | {billion:,.0f} | {cores:,} |", flush=True)
+        price = f"{1e3 * seconds:.3g} | {million:,.2f} | {billion:,.0f} | {cores:,}"
+        print(f"| `{name}`{share} | {price} |", flush=True)
 
 
 def main(arguments: Sequence[str]) -> int:

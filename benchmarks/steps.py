@@ -13,14 +13,14 @@ import numba
 import numpy as np
 from llvmlite import binding
 
-from benchmarks.timing import best_cpu_seconds, line
+from benchmarks.timing import best_cpu_seconds, fuel_by_rules, line
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers import source
 from pipeline.flight.cases.starts import cases_of
 from pipeline.flight.control.law import rehearsed_pushes
 from pipeline.flight.fly.population import fly_population
 from pipeline.flight.fly.rehearsals import rehearsed_openings
-from pipeline.flight.fly.simulation import law_for
+from pipeline.flight.fly.simulation import fly_all, law_for
 from pipeline.flight.world.pack import pack_world
 from pipeline.scenarios import evaluation_scenarios
 
@@ -73,7 +73,7 @@ def run(num_flights: int, *, stores: bool = False) -> list[str]:
             text += f" (stored: {stored[name]:.1f})"
             if ratios[name] > most:
                 slower.append(name)
-        line(name, text)
+        line(name, text + share_of(overrides))
     if stores:
         kept = {**kept, processor: ratios}
         STORED.write_text(json.dumps(kept, indent=2, sort_keys=True) + "\n", encoding="utf-8")
@@ -99,6 +99,17 @@ def print_parts(num_flights: int) -> None:
         ("keep to the safety layer", guarded - inferred),
     ):
         line(words, f"{1e9 * seconds:,.0f} ns, {100 * seconds / inferred:.0f} % of a step of paper_champion")
+
+
+def share_of(overrides: Sequence[str]) -> str:
+    """Return the share of fuel that rules fire, in words, from some starts; nothing if they fire all."""
+    experiment = compose_experiment(["+experiment=evaluate", *overrides]).experiment
+    controller = source.load(experiment.controller, experiment.mission)
+    if not len(rehearsed_pushes(controller)):
+        return ""
+    return fuel_by_rules(
+        fly_all(experiment.mission, controller, evaluation_scenarios(experiment, range(100)), 1)
+    )
 
 
 def step_seconds(overrides: Sequence[str], num_flights: int) -> float:

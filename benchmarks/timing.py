@@ -1,7 +1,10 @@
-"""Timing functions: the best of several repeats."""
+"""What benchmarks share: the best of several repeats, and words of their tables."""
 
 import time
 from collections.abc import Callable
+
+from pipeline.evaluation.statistics import percent_ahead
+from pipeline.flight.state.log import Outcomes
 
 
 def best_cpu_seconds(work: Callable[[], object], repeats: int = 5) -> float:
@@ -27,6 +30,12 @@ def best_wall_seconds(work: Callable[[], object], repeats: int = 5) -> float:
         work()
         times.append(time.perf_counter() - started)
     return min(times)
+
+
+def fuel_by_rules(flown: Outcomes) -> str:
+    """Return which share of fuel rules fire, in words; nothing where no push was chosen ahead."""
+    ahead = percent_ahead(flown.delta_v_m_s, flown.ahead_delta_v_m_s)
+    return f", rules fire {100.0 - ahead:.1f} %" if ahead > 0.0 else ""
 
 
 def line(what: str, value: str) -> None:

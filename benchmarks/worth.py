@@ -18,6 +18,7 @@ import numpy as np
 
 from benchmarks.linear_law import LinearLaw, flying
 from benchmarks.structures import WORDS
+from benchmarks.timing import fuel_by_rules
 from fis_tools.genes.planes import plane_gains
 from fis_tools.model import Gaussian, Term, Triangular, Variable, rule_table, table_rules
 from pipeline.command_line.config import compose_experiment
@@ -181,7 +182,7 @@ def row(words: Sequence[object], flown: Outcomes, threshold: float) -> str:
     line = (
         *words,
         f"{100 * inside.fraction:.1f} % ({100 * inside.low:.1f} to {100 * inside.high:.1f})",
-        f"{spent.mean:.3f} ({spent.low:.3f} to {spent.high:.3f})",
+        f"{spent.mean:.3f} ({spent.low:.3f} to {spent.high:.3f}){fuel_by_rules(flown)}",
         f"{flown.inspected_count.mean():.1f}",
         f"{100 * is_outside.mean():.1f} %",
     )

@@ -195,8 +195,7 @@ def percent_ahead(summary: Mapping[str, Any]) -> float:
 
 def by_rules(summary: Mapping[str, Any]) -> str:
     """Return which share of the fuel rules fired, in words; nothing where no push was chosen ahead."""
-    ahead = percent_ahead(summary)
-    return f", {100.0 - ahead:.1f} % of it by rules" if ahead > 0.0 else ""
+    return statistics.by_rules(percent_ahead(summary))
 
 
 def rate(row: ComparisonRow) -> str:

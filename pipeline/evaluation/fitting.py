@@ -13,7 +13,7 @@ from typing import Any, Final
 import numpy as np
 
 from fis_tools.model import FuzzyController
-from pipeline.evaluation.statistics import Fraction, fraction
+from pipeline.evaluation.statistics import Fraction, by_rules, fraction, percent_ahead
 from pipeline.flight.control.controller import ControllerError, from_fuzzy
 from pipeline.flight.control.law import law_of
 from pipeline.flight.goals.flights import fly_all
@@ -89,6 +89,8 @@ class FlightTally:
         Mean share of the points that can be inspected.
     delta_v : float
         Mean, m/s.
+    ahead_percent : float
+        Share of the fuel that was chosen ahead, by foresight or rehearsals; rules fire the rest.
     """
 
     num_cases: int
@@ -97,6 +99,7 @@ class FlightTally:
     misses: Fraction
     seen: float
     delta_v: float
+    ahead_percent: float = 0.0
 
     @property
     def score(self) -> float:
@@ -111,7 +114,7 @@ class FlightTally:
         return (
             f"{100 * rate.fraction:.1f} % of {self.num_cases} flights succeed ({100 * rate.low:.1f} to "
             f"{100 * rate.high:.1f}), {self.exits.count} left the limits, {self.misses.count} missed points, "
-            f"delta-v {self.delta_v:.3f} m/s"
+            f"delta-v {self.delta_v:.3f} m/s{by_rules(self.ahead_percent)}"
         )
 
 
@@ -136,7 +139,8 @@ def tally_of(
     ends = (is_seen & ~is_out, is_out, ~is_seen & ~is_out)
     success, exits, misses = (fraction(end, confidence_percent) for end in ends)
     means = float(shares.mean()), float(outcomes.delta_v_m_s.mean())
-    return FlightTally(len(scenarios), success, exits, misses, *means)
+    ahead = percent_ahead(outcomes.delta_v_m_s, outcomes.ahead_delta_v_m_s)
+    return FlightTally(len(scenarios), success, exits, misses, *means, ahead)
 
 
 def drawn_variants(experiment: Experiment, bases: Mapping[str, FuzzyController]) -> list[Variant]:
@@ -281,7 +285,7 @@ def with_filter(experiment: Experiment) -> Mission:
 
 COLUMNS: Final = (
     *("rung", "base", "size", "tempo", "decides_always", "is_shipped", "num_cases", "successes", "exits"),
-    *("misses", "seen", "delta_v_m_s", "score"),
+    *("misses", "seen", "delta_v_m_s", "ahead_percent", "score"),
 )
 
 
@@ -289,7 +293,7 @@ def row_of(rung: int, variant: Variant, tally: FlightTally) -> list[Any]:
     """Return the row of `COLUMNS` of a variant in a rung."""
     flags = str(variant.decides_always).lower(), str(variant.is_shipped).lower()
     counts = tally.success.count, tally.exits.count, tally.misses.count
-    means = tally.seen, tally.delta_v, tally.score
+    means = tally.seen, tally.delta_v, tally.ahead_percent, tally.score
     return [rung, variant.base, variant.size, variant.tempo, *flags, tally.num_cases, *counts, *means]
 
 
@@ -313,6 +317,6 @@ def read_row(row: Mapping[str, str], confidence_percent: float) -> tuple[tuple[i
         fraction(np.arange(num_cases) < int(row[name]), confidence_percent)
         for name in ("successes", "exits", "misses")
     )
-    means = float(row["seen"]), float(row["delta_v_m_s"])
+    means = [float(row[name]) for name in ("seen", "delta_v_m_s", "ahead_percent")]
     tally = FlightTally(num_cases, success, exits, misses, *means)
     return (int(row["rung"]), variant), tally

@@ -189,6 +189,11 @@ def percent_ahead(delta_v_m_s: Floats | float, ahead_m_s: Floats | float) -> flo
     return min(100.0, 100.0 * ahead / float(np.sum(delta_v_m_s))) if ahead > 0.0 else 0.0
 
 
+def by_rules(percent: float) -> str:
+    """Return which share of the fuel rules fired, in words, where some was chosen ahead, in per cent."""
+    return f", {100.0 - percent:.1f} % of it by rules" if percent > 0.0 else ""
+
+
 def succeeds(episodes: Columns) -> NDArray[np.bool_]:
     """Return which flights succeed: they inspect enough, and stay inside the limits."""
     return np.asarray(episodes["success"]) & ~np.asarray(episodes["violated"])

@@ -12,7 +12,8 @@ from pipeline.run import artifacts
 ROWS = {"shipped": "", "fitted": "fitted", "layered": "with safety=filter", "planned": "planning"}
 ROWS |= {"tuned": "tuned"}
 HEADS = ("", "flights", "success", "outside", "points missed", "delta-v (m/s)")
-
+#: heading of a further column, where a controller chose pushes ahead
+BY_RULES = "fuel by rules (%)"
 
 #: characters of a line of a command
 WIDTH = 96
@@ -85,7 +86,11 @@ def _wrapped(words: Sequence[str], is_complete: bool) -> str:
 def _table(rows: Sequence[tuple[str, Mapping[str, Any]]]) -> Table:
     """Return a table of tallies, each with what it is."""
     cells = [[": ".join(filter(None, (what, row["words"]))), *_cells(row)] for what, row in rows]
-    return Table(HEADS, cells, numbers=range(1, len(HEADS)))
+    heads, ahead = [*HEADS], [row["ahead_percent"] for _, row in rows]
+    if any(ahead):
+        heads.append(BY_RULES)
+        cells = [[*line, f"{100.0 - percent:.1f}"] for line, percent in zip(cells, ahead, strict=True)]
+    return Table(heads, cells, numbers=range(1, len(heads)))
 
 
 def _cells(tally: Mapping[str, Any]) -> list[str]:

@@ -46,7 +46,7 @@ UNITS: Mapping[str, Unit] = {
     "proportional_gain": Unit("1/s^2", 1e-12, 1e3),
     "derivative_gain": Unit("1/s", 1e-9, 1e3),
 }
-#: keys and groups of earlier versions to their present names
+#: keys, groups and controllers of earlier revisions to their present names
 RENAMED: Mapping[str, str] = {
     **{
         f"dynamics.{name}": f"orbit.{name}"
@@ -57,6 +57,7 @@ RENAMED: Mapping[str, str] = {
     "optimizer.penalty.c_99": "optimizer.penalty.missed_point_m_s",
     "search": "hparams_search",
     "tracking": "logger",
+    "champion_leo_foresight": "champion_leo_rehearsed",
 }
 #: keys of earlier versions that have no present one; runs that hold them are read without
 GONE = (

@@ -100,7 +100,7 @@ class FlightShares(Result):
         """Return in a sentence which rule contributes most, and how many never fire."""
         first = self.rules[0]
         silent = sum(rule.fired == 0.0 for rule in self.rules)
-        part = f"{percent(first.share)} of all that rules moved"
+        part = f"{percent(first.share)} of all contributions"
         contributes = f"rule {first.rule} contributes most ({part})"
         contributes = contributes if first.share > 0.0 else "no rule moved anything"
         over = f"{self.num_samples} inference{'' if self.num_samples == 1 else 's'}"

@@ -168,7 +168,7 @@ def test_whatever_plans_refuses_what_plans_do_not_know():
                 law_of(source.named(name, mission), mission)
         else:
             law_of(source.named(name, mission), mission)
-    assert min(planners[name] for name in ("natural_motion", "receding_horizon", "champion_leo_foresight"))
+    assert min(planners[name] for name in ("natural_motion", "receding_horizon", "champion_leo_rehearsed"))
     for mission in missions:
         with pytest.raises(SettingError, match="plans of least fuel do not know of"):
             check_light(mission)

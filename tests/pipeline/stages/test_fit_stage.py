@@ -14,7 +14,8 @@ from pipeline.evaluation import fitting
 from pipeline.evaluation.fitting import FlightTally, Variant
 from pipeline.evaluation.statistics import Fraction
 from pipeline.flight.control.controller import ControllerError
-from pipeline.report.fit import render_fit
+from pipeline.flight.goals.flights import fly_all
+from pipeline.report.fit import BY_RULES, render_fit
 from pipeline.run import artifacts, configuration
 from pipeline.run.runner import Unimproved
 from pipeline.settings.checks import SettingError
@@ -88,6 +89,16 @@ def test_controllers_that_plan_are_scaled_by_the_chief_and_by_how_short_a_flight
     assert numbers["foresight_reach_m_s"] == "0.12"
     # a third of a turn more than half of the points are lit: 0.5 + 0.0011068 1200/(2 pi) of them
     assert float(numbers["foresight_coast_points"]) == pytest.approx(4.5 * 0.7114, rel=2e-3)
+
+
+def test_where_pushes_were_chosen_ahead_the_page_tells_the_share_that_rules_fired(done):
+    summary = artifacts.read_json(done[1], artifacts.FIT)
+    planned = summary["planned"] | {"ahead_percent": 75.0}
+    pages = [render_fit("mine", "fit", summary | more) for more in ({}, {"planned": planned})]
+    assert [BY_RULES in page for page in pages] == [False, True]
+    flown = pages[1].partition("How they fly")[2].partition("</table>")[0]
+    rows = re.findall(r"<tr>.*?</tr>", flown, re.DOTALL)[1:]
+    assert [">25.0<" in row for row in rows] == [f"planning: {planned['words']}" in row for row in rows]
 
 
 def test_the_page_says_whether_the_goal_is_reached_and_how_to_fly(done):
@@ -207,11 +218,19 @@ def test_neighbours_are_near_the_best_and_begin_at_a_later_rung():
     assert fitting.num_flights(experiment, 4, 1) == 4 * 4
 
 
-def test_rows_of_the_table_are_read_as_they_were_written():
+def test_rows_of_the_table_are_read_as_they_were_written(monkeypatch):
     variant = Variant("champion_27", 0.37, 1.6, decides_always=True)
     experiment = composed().experiment
     base = serialize.load(SHIPPED)
+
+    def planned(*of):
+        """Fly, as if three quarters of the fuel had been chosen ahead."""
+        flown = fly_all(*of)
+        return replace(flown, ahead_delta_v_m_s=0.75 * flown.delta_v_m_s)
+
+    monkeypatch.setattr(fitting, "fly_all", planned)
     flown = fitting.tally_of(experiment.mission, base, fitting.rung_scenarios(experiment, 0), 95.0, 1)
+    assert flown.sentence.endswith(" m/s, 25.0 % of it by rules")
     row = dict(zip(fitting.COLUMNS, map(str, fitting.row_of(1, variant, flown)), strict=True))
     assert fitting.read_row(row, 95.0) == ((1, variant), flown)
 
