@@ -23,12 +23,13 @@ options: --help, --help EXPERIMENT (what people change in it), --help GROUP (its
 """
 
 import csv
+import shutil
+import textwrap
 from collections.abc import Sequence
 from itertools import takewhile
 from pathlib import Path
 from re import fullmatch
 
-from fis_tools.document.text import aligned
 from fis_tools.file_access import read_shipped, read_text
 from pipeline.command_line.arguments import ConfigError
 from pipeline.command_line.config import compose_node, plain
@@ -44,6 +45,8 @@ OFTEN = (
     *("deputy.initial_position_m", "safety", "duration_s", "deputy.mass_kg", "guidance"),
 )
 MOST_OFTEN = 10
+#: columns for what a name means, at least
+LEAST_ROOM = 30
 INDENT = 6 * " "
 #: how the purpose of a controller begins that is not flown for results
 TEMPLATE = "A start for searches"
@@ -115,8 +118,20 @@ def _help_text(folders: Sequence[Path], experiments: dict[str, str]) -> str:
     }
     lines = [__doc__ or ""]
     for title, rows in tables.items():
-        lines += [title, *(f"  {line}".rstrip() for line in aligned(list(rows.items()))), ""]
+        lines += [title, *_listing(rows), ""]
     return "\n".join(lines)
+
+
+def _listing(rows: dict[str, str]) -> list[str]:
+    """Return names with what they mean; where a terminal says how wide it is, in lines that fit."""
+    width = max(map(len, rows))
+    room = max(LEAST_ROOM, shutil.get_terminal_size((10_000, 24)).columns - width - 4)
+    lines: list[str] = []
+    for name, words in rows.items():
+        first, *others = textwrap.wrap(words, room, break_long_words=False, break_on_hyphens=False) or [""]
+        lines.append(f"  {name:<{width}}  {first}".rstrip())
+        lines += [f"  {'':<{width}}  {line}" for line in others]
+    return lines
 
 
 def _experiment(name: str, about: str) -> str:

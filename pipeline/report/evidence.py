@@ -26,7 +26,7 @@ from pipeline.settings.schema import as_yaml
 METHODS = {name: name.replace("_", " ") for name in ALL_METHODS}
 #: groups of masses, limits and gains, and what is not known of these
 DESIGN = {"deputy", "chief", "orbit", "sensor", "attitude"}
-OF_PAPER = "they are those of a published problem; no measurement of a spacecraft stands behind them"
+OF_PAPER = "they are those of a published problem; none was measured on a spacecraft"
 OWN = "they are of the configuration of this run, see provenance; no measurement is known to support them"
 #: what a proof covers, whatever flights have met; braces stand for its starts
 PROVED_SETS = {
@@ -197,7 +197,7 @@ def lead(evidence: Mapping[str, Any]) -> str:
     )
     first, *others = ranked
     rest = [
-        f"{', '.join(ids)}: {word}" + (", each as it is worded below" if word == "shown" else "")
+        f"{', '.join(ids)}: {word}" + (", as worded below" if word == "shown" else "")
         for word in reversed(ORDER)
         if (ids := [requirement["id"] for requirement in others if requirement["verdict"] == word])
     ]

@@ -266,14 +266,14 @@ def _of_cases(requirement: Requirement, judgement: Judgement) -> MethodResult:
     elif requirement.probability == 1.0:
         why = f"{sure} at least {percent(judgement.low)} of such cases meet it; only a proof shows it of all"
     elif judgement.verdict == "shown":
-        why = f"up to {judgement.num_allowed:,} failures show {claim}"
+        why = f"at most {judgement.num_allowed:,} may fail, to show {claim}"
     elif judgement.verdict == "refuted":
         why = f"{sure} at most {percent(judgement.high)} of such cases meet it"
     elif judgement.num_allowed < 0:
         needed = cases_needed(requirement.probability, requirement.confidence)
         why = f"{claim} needs {needed:,} cases without a failure"
     else:
-        why = f"only up to {judgement.num_allowed:,} failures show {claim}"
+        why = f"at most {judgement.num_allowed:,} may fail, to show {claim}"
     return MethodResult(judgement.verdict, failed, why)
 
 

@@ -192,6 +192,8 @@ def _draw_squares(ax: Axes, rows: Sequence[ComparisonRow], names: list[str], wor
 
 #: of names in a picture, in shares of its sides
 NAMES_APART = 0.06
+#: of more settings than so many, only those on the front are named
+MOST_NAMED = 12
 
 
 def front_of_runs(
@@ -225,14 +227,16 @@ def front_of_runs(
             ax.errorbar(*at, line, color=colour, markersize=5.5, elinewidth=0.8, linewidth=0.8, label=words)
     ax.set(xlabel="mean Δv (m/s)", ylabel=label)
     ax.margins(x=0.08, y=0.12)
-    means = np.column_stack([spent[:, 0], rates[:, 0]])[is_on_front]
-    _name_front(ax, [name for name, stands in zip(names, is_on_front, strict=True) if stands], means)
+    # the front first: of names that would overlap one is written
+    first = np.argsort(~is_on_front, kind="stable")
+    first = first[: len(names) if len(names) <= MOST_NAMED else np.count_nonzero(is_on_front)]
+    _name_settings(ax, [names[k] for k in first], np.column_stack([spent[:, 0], rates[:, 0]])[first])
     ax.grid()
     ax.legend(loc="lower right")
     return figure
 
 
-def _name_front(ax: Axes, names: Sequence[str], means: Floats) -> None:
+def _name_settings(ax: Axes, names: Sequence[str], means: Floats) -> None:
     """Write names at points, (n, 2), as many as can be read."""
     corner, opposite = np.transpose([ax.get_xlim(), ax.get_ylim()])
     named: list[Floats] = []

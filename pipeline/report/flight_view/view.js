@@ -353,5 +353,6 @@ export function isLit(point, sun) {
 
 /** Return the name of a push along an axis, such as "Push ahead, 28 mN." */
 export function pushText(axis, force) {
-  return `Push ${AXES[axis][+(force > 0)]}, ${(1000 * Math.abs(force)).toFixed(0)} mN.`;
+  const millinewtons = 1000 * Math.abs(force);
+  return `Push ${AXES[axis][+(force > 0)]}, ${millinewtons < 1 ? +millinewtons.toPrecision(1) : millinewtons.toFixed(0)} mN.`;
 }

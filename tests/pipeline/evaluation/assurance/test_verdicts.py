@@ -308,7 +308,7 @@ def test_the_verdict_of_all_evidence(word, evidence):
 
 def test_a_claim_about_a_share_stands_with_the_cases_whatever_a_search_finds():
     three = gathered(judgement=cases(3), searches=(searched(1.0, -0.5),), proof=OFF)
-    assert verdict(three).why == "up to 5 failures show 99 % with 90 % confidence"
+    assert verdict(three).why == "at most 5 may fail, to show 99 % with 90 % confidence"
     words = {name: result.word for name, result in verdicts.results_by_method(three).items()}
     expected = {"cases": "3 of 1,000 cases fail", "search": "failure found", "safety_layer": "does not apply"}
     assert words == expected
