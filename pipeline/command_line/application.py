@@ -23,7 +23,7 @@ from omegaconf import DictConfig
 from pipeline.command_line import runs
 from pipeline.command_line.config import COMPOSED_FROM, Job, checked_job, errors_in_words, hydra_apart
 from pipeline.command_line.overrides import first_line, parse
-from pipeline.command_line.sweeps import RESUMED, Sweep, new_job, recorded_command
+from pipeline.command_line.sweeps import RESUMED, Sweep, new_job, recorded_command, unfinished
 from pipeline.run import interrupts, sweep
 from pipeline.run.lock import held
 from pipeline.run.runner import Interrupted
@@ -74,10 +74,14 @@ class Refused(BaseException):
 
 
 @contextmanager
-def refusing() -> Iterator[None]:
-    """Re-raise errors inside as `Refused`; at the end raise interrupts that a library swallowed."""
+def refusing(config: DictConfig) -> Iterator[None]:
+    """Re-raise errors inside as `Refused`; at the end raise interrupts that a library swallowed.
+
+    Inside, the configuration's references to Hydra's own part are resolved.
+    """
     try:
         with errors_in_words(), interrupts.heeded():
+            HydraConfig.instance().set_config(config)
             yield
     except Exception as error:
         raise Refused(error) from error
@@ -91,8 +95,7 @@ class Preflight(Callback):
 
     def on_run_start(self, config: DictConfig, **kwargs: Any) -> None:
         """Check a run, and lock its folder."""
-        with refusing():
-            HydraConfig.instance().set_config(config)
+        with refusing(config):
             job = new_job(config, Path(config.hydra.run.dir))
             for invocation in invocations[-1:]:
                 invocation.locks.enter_context(held(job.folder))
@@ -100,8 +103,7 @@ class Preflight(Callback):
 
     def on_multirun_start(self, config: DictConfig, **kwargs: Any) -> None:
         """Check all runs of a sweep, lock its folder and write its file."""
-        with refusing():
-            HydraConfig.instance().set_config(config)
+        with refusing(config):
             for invocation in invocations[-1:]:
                 checked = Sweep.resumed(config) if invocation.resumes else Sweep.checked(config)
                 invocation.locks.enter_context(held(checked.folder))
@@ -222,7 +224,7 @@ def _call(invocation: Invocation) -> None:
     except KeyboardInterrupt as interrupt:
         if invocation.sweep is None:
             raise
-        left = len(invocation.sweep.left)
+        left = len(unfinished(invocation.sweep.folder))
         raise Interrupted(
             f"{interrupt or 'interrupted'}\n{left} runs of the sweep are left. To go on with all: "
             f"{invocation.sweep.cure}"

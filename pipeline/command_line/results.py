@@ -33,12 +33,7 @@ def verify(given: Sequence[str]) -> int:
     pipeline.run.maker.NotInForce
         If the run is reproducible, and this process is not.
     """
-    if len(given) not in (1, 2):
-        raise ConfigError(
-            "verify takes the folder of a run, and of another one to compare it with: "
-            "python -m pipeline verify outputs/NAME/TIME"
-        )
-    folder, *others = (Path(word).expanduser() for word in given)
+    folder, *others = _folders("verify", given, 1, 2)
     is_well = verification.verify_equal(folder, *others) if others else verification.verify(folder)
     return OK if is_well else DIFFERENT
 
@@ -56,12 +51,7 @@ def summary(given: Sequence[str]) -> int:
     ConfigError, ValueError, OSError
         If no sweep is given, or it cannot be read.
     """
-    if len(given) != 1:
-        raise ConfigError(
-            "summary takes the folder of one sweep, or of other runs: python -m pipeline summary "
-            "outputs/NAME-sweep/TIME"
-        )
-    folder = Path(given[0]).expanduser()
+    (folder,) = _folders("summary", given, 1)
     results = sweep.gather_results(folder)
     tables.write_parquet(folder / RUNS, sweep.columns_of(results))
     tables.write_parquet(folder / EFFECTS, sweep.effect_columns(results))
@@ -86,9 +76,7 @@ def compare(given: Sequence[str]) -> int:
     ConfigError, ValueError, OSError
         If there are not two, one cannot be read, was not evaluated, or they share no case.
     """
-    if len(given) != 2:
-        raise ConfigError("compare takes the folders of two runs and nothing else: compare=RUN_A,RUN_B")
-    first, second = (Path(word).expanduser() for word in given)
+    first, second = _folders("compare", given, 2)
     configs = [configuration.read(folder) for folder in (first, second)]
     confidence = float(read_summary(first).get("confidence_percent", sweep.CONFIDENCE_PERCENT))
     here, there = (tables.read_parquet(folder, artifacts.EPISODES) for folder in (first, second))
@@ -105,6 +93,17 @@ def compare(given: Sequence[str]) -> int:
     for difference in differences(present(configs[0]), present(configs[1]), but=(), words=("A", "B")):
         sys.stdout.write(f"they differ in {difference}\n")
     return OK
+
+
+def _folders(command: str, words: Sequence[str], *numbers: int) -> list[Path]:
+    """Return the folders that a command is given, which takes some number of them and nothing else."""
+    if len(words) not in numbers:
+        takes = f"{' or '.join(map(str, numbers))} {'folder' if numbers == (1,) else 'folders'}"
+        raise ConfigError(
+            f"{command} takes {takes} and nothing else, and {len(words)} words are given; see python -m "
+            f"pipeline {command} --help"
+        )
+    return [Path(word).expanduser() for word in words]
 
 
 def _print(blocks: Sequence[Block]) -> None:

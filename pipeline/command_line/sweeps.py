@@ -156,18 +156,13 @@ class Sweep:
         sys.stderr.write(f"{count} {name}: {word}; {seconds:.0f} s left\n")
 
     @property
-    def left(self) -> list[SweptRun]:
-        """The runs of the sweep's folder that are not done."""
-        return unfinished(self.folder)
-
-    @property
     def cure(self) -> str:
         """The command that resumes the sweep."""
         return f"python -m pipeline resume={runs.shown_path(self.folder)}"
 
     def end(self) -> int:
         """Print the sweep's results and the command for its summary; return the exit code."""
-        num_known, left = len(sweep.read(self.folder)), self.left
+        num_known, left = len(sweep.read(self.folder)), unfinished(self.folder)
         for run in left:
             word = f"failed: {run.folder}: {run.failure}" if run.failure else f"not done: {run.folder}"
             sys.stderr.write(f"{word}\n")

@@ -27,6 +27,12 @@ def expected(low: float | None, high: float) -> str:
     return f"at least {low:g}" if high == math.inf else f"from {low:g} to {high:g}"
 
 
+def each_once(key: str, values: Sequence[str]) -> None:
+    """Raise SettingError if a list of names is empty, or has one of them twice."""
+    if not values or len(set(values)) != len(values):
+        raise SettingError(f"{key} is [{', '.join(values)}]; name at least one, and each once")
+
+
 def divides(key: str, period_s: float, whole_key: str, whole_s: float) -> None:
     """Raise SettingError unless a period fits a whole number of times."""
     ratio = whole_s / period_s

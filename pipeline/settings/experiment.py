@@ -154,8 +154,7 @@ class FitSettings(Settings, group="fit", only=Only("stages=fit", is_told=True)):
 
     def __post_init__(self) -> None:
         """Check that there is a base, and a number of competitors kept after each round but the last."""
-        if not self.bases or len(set(self.bases)) != len(self.bases):
-            raise SettingError(f"fit.bases is [{', '.join(self.bases)}]; name at least one, and each once")
+        checks.each_once("fit.bases", self.bases)
         if len(self.cases) != len(self.kept) + 1:
             raise SettingError(
                 f"fit.cases has {len(self.cases)} numbers and fit.kept {len(self.kept)}; the second must "
@@ -178,11 +177,7 @@ class Compare(Settings, group="compare", only=Only("stages=compare", is_told=Tru
     def __post_init__(self) -> None:
         """Check that the table has rows, and no row twice."""
         for name in ("controllers", "suns", "safety"):
-            values = getattr(self, name)
-            if not values or len(set(values)) != len(values):
-                raise SettingError(
-                    f"compare.{name} is [{', '.join(values)}]; name at least one, and each once"
-                )
+            checks.each_once(f"compare.{name}", getattr(self, name))
 
 
 class Assurance(Settings, group="assurance", only=Only("stages=assure", is_told=True)):
