@@ -34,7 +34,15 @@ from pipeline.flight.fly.tours import tour_images
 from pipeline.flight.period.decide.thrust import is_decision
 from pipeline.flight.period.decide.urgency import note_deadlines
 from pipeline.flight.period.steps import act, decide, look
-from pipeline.flight.state.arrays import Beyond, Control, FlightState, Guard, Moment, Workspace, constant_of
+from pipeline.flight.state.arrays import (
+    Control,
+    FlightState,
+    FullOptics,
+    Guard,
+    Moment,
+    Workspace,
+    constant_of,
+)
 from pipeline.flight.state.errors import ModelErrors
 from pipeline.flight.state.lanes import clip, clip_three, load_quaternion, load_row
 from pipeline.flight.state.signals import BODY, CONSTANTS, FIRST_DEAD_BAND, SETTING, URGENCY
@@ -56,7 +64,7 @@ def command_linearly(now: Moment, control: Control, signals: Floats) -> None:
     width, behind = width_of(lanes), law.constants if law.constants >= 0 else len(control.values)
     first = behind - NUMBERS * len(law.axes)
     fires = load_row(lanes.coasts) == 0.0
-    store_three(lanes.asked, 0, same(0.0, width))
+    store_three(lanes.requested, 0, same(0.0, width))
     for system in range(len(law.axes)):
         numbers = control.values[first + NUMBERS * system : first + NUMBERS * (system + 1)]
         force = splat(numbers[OFFSET], width)
@@ -64,8 +72,8 @@ def command_linearly(now: Moment, control: Control, signals: Floats) -> None:
             force = force + numbers[index] * load(signals, law.signals[system, index], width)
         force, axis = clip(force, numbers[LIMIT]), law.axes[system]
         dead_band = constant_of(control, FIRST_DEAD_BAND + axis)
-        store(lanes.asked, axis, select(fires & (abs(force) >= dead_band), force, 0.0))
-    command = load_three(lanes.asked, 0)
+        store(lanes.requested, axis, select(fires & (abs(force) >= dead_band), force, 0.0))
+    command = load_three(lanes.requested, 0)
     if law.force_axes == BODY:
         command = to_hill(load_quaternion(now.state.belief.attitude), command)
     store_three(lanes.commanded, 0, clip_three(command, now.world.max_force))
@@ -73,7 +81,7 @@ def command_linearly(now: Moment, control: Control, signals: Floats) -> None:
 
 @compiled(nogil=True, error_model="numpy")
 def fly_linearly(
-    optics: Beyond | None,
+    optics: FullOptics | None,
     guard: Guard | None,
     clusters: bool | None,
     pushes: bool | None,

@@ -23,7 +23,7 @@ from pipeline.flight.period.look import optics as look_optics
 from pipeline.flight.period.look.guidance import num_clusters
 from pipeline.flight.period.look.optics import Beam, Eye
 from pipeline.flight.period.look.sight import choose_cluster, inspect
-from pipeline.flight.state.arrays import Beyond, Control, FlightState, Law, Moment, Workspace, World
+from pipeline.flight.state.arrays import Control, FlightState, FullOptics, Law, Moment, Workspace, World
 from pipeline.flight.state.signals import CONSTANTS, SETTING, URGENCY
 from pipeline.flight.world.pack import pack_world
 from pipeline.onboard.operations import OPERATIONS
@@ -169,15 +169,15 @@ def record_of(
 @compiled(error_model="numpy")
 def strongest_rule(rules: Integers, layout: Any, index: int, scratch: Any) -> int:
     """Return which rule of a system fires most strongly, in the order of `Packed.rules`; -1 for none."""
-    system, room = layout[index], scratch[0]
+    system, work = layout[index], scratch[0]
     terms, inputs = system.output_terms, system.num_inputs
     bounds = system.rules + terms
     slots = bounds + terms + 1
     strongest, leading = 0.0, -1
     for rule in range(rules[bounds + terms]):
-        strength = load(room.memberships, rules[slots + inputs * rule], width_of(room))
+        strength = load(work.memberships, rules[slots + inputs * rule], width_of(work))
         for column in range(1, inputs):
-            membership = load(room.memberships, rules[slots + inputs * rule + column], width_of(room))
+            membership = load(work.memberships, rules[slots + inputs * rule + column], width_of(work))
             strength = least(membership, strength)
         if strength > strongest:
             strongest, leading = strength, rule
@@ -187,7 +187,7 @@ def strongest_rule(rules: Integers, layout: Any, index: int, scratch: Any) -> in
 def without_camera(
     _: Translator,
     world: World,
-    optics: Beyond | None,
+    optics: FullOptics | None,
     beam: Beam,
     position: Three,
     boresight: Three,
@@ -300,13 +300,14 @@ def translate(mission: Mission, controller: Controller) -> OnboardProgram:
             "inspect",
             inspect,
             {
-                **{"now": now, "optics": optics, "lane": 0, "candidate": work.candidate},
+                **{"now": now, "optics": optics, "lane": 0, "candidate_marks": work.candidate_marks},
                 **{"lit_marks": work.lit, "seen_marks": work.seen},
             },
             {look_optics.eye_at: without_camera},
         )
     if has_clusters:
-        given = {"now": now, "lane": 0, "candidate": work.candidate, "work": work}
+        given = {"now": now, "lane": 0, "candidate_marks": work.candidate_marks}
+        given |= {name: getattr(work, name) for name in ("candidates", "labels", "distances", "sums")}
         translator.write("choose_cluster", choose_cluster, given)
     pushes = True if law.needs & SETTING else None
     arguments = {"now": now, "work": work, "optics": optics, "pushes": pushes, "control": control}

@@ -21,7 +21,7 @@ from pipeline.onboard.writer import Function, Line, pruned
 
 #: members of the state that the entries write or read
 OF_ENTRIES = frozenset(
-    {"asked", "commanded", "coasts", "outputs", "leading", "num_unseen", "limit", "change"}
+    {"requested", "commanded", "coasts", "outputs", "leading", "num_unseen", "limit", "change"}
 )
 #: positions are taken up to so many times the greatest distance allowed, speeds up to that within a time, s
 REACH, PASSAGE_S = 50.0, 2.0

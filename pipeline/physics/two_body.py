@@ -24,7 +24,7 @@ def to_inertial(course: Course, row: int, hill: Three) -> Three:
 
 
 @compiled(error_model="numpy", forceinline=True)
-def entered(course: Course, row: int, position: Three, velocity: Three) -> tuple[Three, Three]:
+def inertial_from_hill(course: Course, row: int, position: Three, velocity: Three) -> tuple[Three, Three]:
     """Transform position and velocity from rotating Hill axes to the inertial axes of a `Course`."""
     (x, y, z), (u, v, w) = position, velocity
     wx, wz = course.turning[row, 0], course.turning[row, 2]
@@ -33,7 +33,7 @@ def entered(course: Course, row: int, position: Three, velocity: Three) -> tuple
 
 
 @compiled(error_model="numpy", forceinline=True)
-def left(course: Course, row: int, position: Three, velocity: Three) -> tuple[Three, Three]:
+def hill_from_inertial(course: Course, row: int, position: Three, velocity: Three) -> tuple[Three, Three]:
     """Transform position and velocity from the inertial axes of a `Course` to rotating Hill axes."""
     x, y, z = times(course.axes[row], position)
     u, v, w = times(course.axes[row], velocity)

@@ -19,7 +19,7 @@ from pipeline.flight.period.decide.see_push import KS2
 from pipeline.flight.period.decide.tour import time_ahead
 from pipeline.flight.period.look.guidance import MIN_PROJECTION_M, POINTS
 from pipeline.flight.period.look.optics import beam_from, eye_at, note_lit, seen_points
-from pipeline.flight.state.arrays import Beyond, Workspace, World
+from pipeline.flight.state.arrays import FullOptics, Workspace, World
 from pipeline.flight.state.log import FlightLog
 from pipeline.flight.state.signals import TOUR_PARTS, TOUR_WAVES, constant
 from pipeline.physics.motion import state_transition
@@ -174,7 +174,7 @@ class _Decisions:
 @compiled(nogil=True, error_model="numpy")
 def note_lit_and_seen(
     world: World,
-    optics: Beyond | None,
+    optics: FullOptics | None,
     work: Workspace,
     suns: Floats,
     positions: Floats,

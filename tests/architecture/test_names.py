@@ -1,4 +1,4 @@
-"""Names of the field: no binding that names nothing, and one meaning for each name of a class."""
+"""Names of the field: no binding that names nothing, one meaning of a class's name, named working arrays."""
 
 import ast
 from collections import defaultdict
@@ -61,3 +61,22 @@ def test_a_class_name_has_one_meaning():
             if isinstance(node, ast.ClassDef):
                 where[node.name].append(path)
     assert {name: paths for name, paths in where.items() if len(paths) > 1} == {}
+
+
+def takers(tree, kind):
+    """The functions of a module that take an argument annotated as of a kind."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.FunctionDef):
+            given = node.args.posonlyargs + node.args.args + node.args.kwonlyargs
+            if any(arg.annotation and kind in ast.unparse(arg.annotation) for arg in given):
+                yield node.name
+
+
+def test_only_the_steps_of_a_period_take_the_whole_workspace():
+    whole = {
+        f"{path.removeprefix('pipeline/flight/period/')}:{name}"
+        for path, tree in sources("pipeline/flight/period")
+        for name in takers(tree, "Workspace")
+    }
+    steps = {f"steps.py:{name}" for name in ("look", "decide", "act")}
+    assert whole == steps | {"look/sight.py:see"}, "name the working arrays that a function reads and writes"

@@ -23,7 +23,7 @@ from pipeline.flight.cases.starts import starts_of
 from pipeline.flight.control.controller import Controller, PlanningController
 from pipeline.flight.fly.workspace import make_workspace, optics_in_use
 from pipeline.flight.period.look.optics import beam_of_case, strike_out_seen, want_all
-from pipeline.flight.state.arrays import Beyond, Workspace, World
+from pipeline.flight.state.arrays import FullOptics, Workspace, World
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.pack import pack_world
 from pipeline.physics.motion import free_path
@@ -162,7 +162,7 @@ def count_seen(world: World, scenario: Scenario, paths: Floats, stride: int = 1)
 @compiled(nogil=True, error_model="numpy")
 def note_seen_along(
     world: World,
-    optics: Beyond | None,
+    optics: FullOptics | None,
     work: Workspace,
     cases: Any,
     paths: Floats,

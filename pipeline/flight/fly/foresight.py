@@ -18,7 +18,7 @@ from pipeline.array_types import Bytes, Floats
 from pipeline.flight.cases.starts import StartRows
 from pipeline.flight.fly.workspace import make_workspace, optics_in_use
 from pipeline.flight.period.look.optics import beam_of_case, note_lit, want_all
-from pipeline.flight.state.arrays import Beyond, Workspace, World
+from pipeline.flight.state.arrays import FullOptics, Workspace, World
 from pipeline.physics.motion import repeated
 from pipeline.physics.sight import NORMAL
 from pipeline.settings.experiment import Mission
@@ -123,7 +123,7 @@ def lit_at_samples(world: World, starts: StartRows, work: Workspace | None = Non
 
 @compiled(nogil=True, error_model="numpy")
 def note_lit_at_samples(
-    world: World, optics: Beyond | None, work: Workspace, cases: Any, is_lit: Bytes
+    world: World, optics: FullOptics | None, work: Workspace, cases: Any, is_lit: Bytes
 ) -> None:
     """Set `is_lit`, (K+1, P padded), to 1 where a point is lit at a sample of the first case's flight."""
     for k in range(len(is_lit)):

@@ -9,7 +9,7 @@ from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.three import Three, lane_of, write_three
 from fis_tools.model.thrust import SILENT_N
 from pipeline.array_types import Booleans, Bytes, Floats, Integers
-from pipeline.flight.period.act.actuators import EMPTY, burns
+from pipeline.flight.period.act.actuators import EMPTY, needs_burn
 from pipeline.flight.period.act.attitude import relative_rate, write_instants
 from pipeline.flight.period.decide.motion import ETA_U, LAMBDA_U, sense_angles
 from pipeline.flight.period.decide.preview import FARTHEST, MISSED, NEAREST
@@ -17,7 +17,7 @@ from pipeline.flight.period.decide.see_push import COST, SHORT
 from pipeline.flight.period.decide.thrust import is_decision, may_coast
 from pipeline.flight.period.look.navigation import write_estimate
 from pipeline.flight.state import log as logs
-from pipeline.flight.state.arrays import Beyond, Control, Law, Moment, Workspace, World
+from pipeline.flight.state.arrays import Control, FullOptics, Law, Moment, Workspace, World
 from pipeline.flight.state.errors import ModelErrors
 from pipeline.flight.state.lanes import attitude_of, write_row
 from pipeline.flight.state.log import LEAST_CHANGE_N, FlightLog
@@ -63,7 +63,7 @@ def write_sample(
 def write_period(
     now: Moment,
     work: Workspace,
-    optics: Beyond | None,
+    optics: FullOptics | None,
     control: Control,
     errors: ModelErrors | None,
     log: FlightLog,
@@ -87,14 +87,14 @@ def write_period(
     write_row(log.force_commanded_n[k], lanes.commanded, 0)
     write_row(log.safety_force_hill_n[k], lanes.change, 0)
     if law.has_plan or is_opened:
-        write_row(log.force_asked_n[k], lanes.asked, 0)
-    requested = lane_of(lanes.asked, 0, 0)
+        write_row(log.force_asked_n[k], lanes.requested, 0)
+    requested = lane_of(lanes.requested, 0, 0)
     if law.force_axes == HILL:
         a, b, c, d = log.sensed_quaternion_b_from_h[k]
         requested = Three(0.0, 0.0, 0.0) + to_body((a, b, c, d), requested)  # added to zeros, none is -0.0
     write_three(log.force_body_n[k], requested)
     log.safety_limit[k] = int(lanes.limit[0])
-    if errors is not None and burns(errors.firing):
+    if errors is not None and needs_burn(errors.firing):
         log.mass_kg[k + 1] = state.thrusters.mass[0] / world.acceleration_per_force
     write_instants(now, work.aims, work.passed, law.plans, log)
 
@@ -115,7 +115,7 @@ def write_points(now: Moment, work: Workspace, law: Law, log: FlightLog) -> None
     """Log which points a decision's signals were made of."""
     k = now.k
     for j in range(now.world.num_points):
-        log.is_candidate[k, j] = work.candidate[j] > 0.0
+        log.is_candidate[k, j] = work.candidate_marks[j] > 0.0
         if law.needs & (URGENCY | SETTING):
             log.last_light_s[j] = work.deadlines[0, j]
         if law.needs & SETTING and work.setting[j] > 0.0 and work.looks[COST, j] < np.inf:

@@ -27,7 +27,16 @@ from pipeline.flight.period.decide.urgency import note_deadlines
 from pipeline.flight.period.look.navigation import update_covariance
 from pipeline.flight.period.steps import act, decide, look
 from pipeline.flight.state import arrays
-from pipeline.flight.state.arrays import Beyond, Control, FlightState, Guard, Law, Moment, Workspace, World
+from pipeline.flight.state.arrays import (
+    Control,
+    FlightState,
+    FullOptics,
+    Guard,
+    Law,
+    Moment,
+    Workspace,
+    World,
+)
 from pipeline.flight.state.errors import ModelErrors
 from pipeline.flight.state.lanes import attitude_of, flight_of, load_quaternion, write_row
 from pipeline.flight.state.log import NO_LOG, FlightLog
@@ -183,13 +192,13 @@ def open_with(now: Moment, openings: Floats) -> None:
     for lane in range(width_of(lanes) if now.k < openings.shape[1] else 0):
         row = openings[flight_of(now, lane), now.k]
         for axis in range(3 if row[3] > 0.0 else 0):
-            lanes.asked[axis, lane] = row[axis]
+            lanes.requested[axis, lane] = row[axis]
             lanes.commanded[axis, lane] = min(limit, max(-limit, row[axis]))
 
 
 @compiled(nogil=True, error_model="numpy")
 def fly_many(
-    optics: Beyond | None,
+    optics: FullOptics | None,
     guard: Guard | None,
     clusters: bool | None,
     pushes: bool | None,

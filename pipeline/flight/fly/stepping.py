@@ -18,7 +18,7 @@ from pipeline.flight.fly.plain import is_interpreted
 from pipeline.flight.fly.workspace import make_states, make_workspace, optics_in_use, points_of_cases
 from pipeline.flight.period.decide.thrust import command_given
 from pipeline.flight.period.steps import act, look
-from pipeline.flight.state.arrays import CASE, Beyond, FlightState, Guard, Moment, Plans, Workspace, World
+from pipeline.flight.state.arrays import CASE, FlightState, FullOptics, Guard, Moment, Plans, Workspace, World
 from pipeline.flight.state.errors import ModelErrors
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.state.signals import HILL_AXES
@@ -80,7 +80,7 @@ def write_observed(now: Moment, row: Floats) -> None:
 @compiled(nogil=True, error_model="numpy")
 def step_many(
     world: World,
-    optics: Beyond | None,
+    optics: FullOptics | None,
     guard: Guard | None,
     clusters: bool | None,
     errors: ModelErrors | None,

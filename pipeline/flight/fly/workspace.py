@@ -11,12 +11,12 @@ from pipeline.flight.cases.starts import Cases, StartRows
 from pipeline.flight.period.act.safety import MOST_CUTS
 from pipeline.flight.period.look.guidance import num_clusters
 from pipeline.flight.period.look.optics import note_inspectable
-from pipeline.flight.state.arrays import Beyond, FlightState, Guard, Law, Workspace, World, allocated
+from pipeline.flight.state.arrays import FlightState, FullOptics, Guard, Law, Workspace, World, allocated
 from pipeline.flight.state.errors import ModelErrors
 from pipeline.flight.state.signals import SETTING
 
 #: what `fly_many` is compiled for: light, safety layer, clusters, pushes, errors of the deputies' model
-Parts = tuple[Beyond | None, Guard | None, bool | None, bool | None, ModelErrors | None]
+Parts = tuple[FullOptics | None, Guard | None, bool | None, bool | None, ModelErrors | None]
 
 
 def make_states(world: World, errors: ModelErrors | None, lanes: int, count: int) -> FlightState:
@@ -44,7 +44,7 @@ def make_workspace(world: World, lanes: int = LANES) -> Workspace:
     return work
 
 
-def optics_in_use(world: World, elevations: Any) -> Beyond | None:
+def optics_in_use(world: World, elevations: Any) -> FullOptics | None:
     """Return the light and camera if they are not the paper's; None if they are.
 
     Of all Suns the elevations over the orbit plane, or whether any is out of it.
@@ -52,7 +52,7 @@ def optics_in_use(world: World, elevations: Any) -> Beyond | None:
     if not (world.has_optics or np.any(elevations) or world.course.is_on):
         return None
     is_rectangle = world.optics.tan_across < np.inf
-    return Beyond(closely=world.occlusion.edge > 0 or world.reflection.is_on or is_rectangle or None)
+    return FullOptics(by_point=world.occlusion.edge > 0 or world.reflection.is_on or is_rectangle or None)
 
 
 def parts_in_use(world: World, law: Law, cases: Cases) -> Parts:
@@ -93,7 +93,8 @@ def points_of_cases(
     """
     inspectable = np.empty((len(starts), world.points.shape[2]), dtype=np.uint8)
     optics = optics_in_use(world, starts.sun_elevation)
-    note(world, optics, work or make_workspace(world), starts, inspectable)
+    work = work or make_workspace(world)
+    note(world, optics, work.ahead, work.lit, starts, inspectable)
     if optics is None:
         return inspectable, np.ones((1, inspectable.shape[1]), dtype=np.uint8)
     is_paper = np.zeros(len(starts), dtype=np.bool_) if world.has_optics else starts.sun_elevation == 0.0

@@ -27,9 +27,9 @@ from pipeline.flight.period.decide.see_push import sense_push
 from pipeline.flight.period.decide.thrust import command, decide_to_coast, is_decision, may_coast
 from pipeline.flight.period.decide.tour import sense_tour
 from pipeline.flight.period.decide.urgency import sense_urgency
-from pipeline.flight.period.look.navigation import know_all, navigate, point_beside
+from pipeline.flight.period.look.navigation import believe_truth, navigate, turn_by_sensing_error
 from pipeline.flight.period.look.sight import see
-from pipeline.flight.state.arrays import Beyond, Control, Guard, Moment, Plans, Workspace
+from pipeline.flight.state.arrays import Control, FullOptics, Guard, Moment, Plans, Workspace
 from pipeline.flight.state.errors import ModelErrors
 from pipeline.flight.state.lanes import load_row
 from pipeline.flight.state.signals import ANGLES, APPROACH, ORBIT, PREVIEW, SETTING, TOUR, URGENCY
@@ -39,7 +39,7 @@ from pipeline.flight.state.signals import ANGLES, APPROACH, ORBIT, PREVIEW, SETT
 def look(
     now: Moment,
     work: Workspace,
-    optics: Beyond | None,
+    optics: FullOptics | None,
     clusters: bool | None,
     errors: ModelErrors | None,
     plans: Plans,
@@ -48,18 +48,18 @@ def look(
     if now.world.is_attitude_ideal:
         aim_at_once(now, work.aims, plans)
         if errors is not None and errors.fixes.is_on:
-            point_beside(now, errors.fixes.errors)
+            turn_by_sensing_error(now, errors.fixes.errors)
     see(now, work, optics, clusters)
     if errors is not None:
         if errors.fixes.is_on:
             navigate(now, errors.fixes)
         else:
-            know_all(now.state)
+            believe_truth(now.state)
 
 
 @compiled(error_model="numpy", forceinline=True)
 def decide(
-    now: Moment, work: Workspace, optics: Beyond | None, pushes: bool | None, control: Control
+    now: Moment, work: Workspace, optics: FullOptics | None, pushes: bool | None, control: Control
 ) -> None:
     """Sense what the controller needs, and command a force."""
     law, signals, deadlines = control.law, work.signals, work.deadlines
@@ -75,7 +75,7 @@ def decide(
             preview(now, optics, work.ahead, work.lit, work.seen, signals)
         if not law.has_plan:
             decide_to_coast(now, control, signals)
-        if law.needs & URGENCY:
+        if law.needs & URGENCY:  # before what leans towards the urgent direction
             sense_urgency(now, optics, control, deadlines, work.lit, signals)
         if pushes is not None and law.needs & SETTING:
             setting, looks = work.setting, work.looks

@@ -48,12 +48,12 @@ class Guard(NamedTuple):
     num_kept_in: int  # and inside the outer one
 
 
-class Beyond(NamedTuple):
-    """Light or a camera other than the paper's."""
+class FullOptics(NamedTuple):
+    """Marks at compile time that light or the camera is not the paper's; `World.optics` has the numbers."""
 
     # True where parts of the chief may hide one another, a point must be bright enough to be seen, or the
     # field of view is a rectangle; else None, which is known at compile time
-    closely: bool | None
+    by_point: bool | None
 
 
 class World(NamedTuple):
@@ -188,7 +188,7 @@ MOVING: Rows = {
 
 #: What else flights carry, one lane each. Forces and directions in Hill axes, SI units.
 CARRIED: Rows = {
-    "asked": (3,),  # force after dead bands, along the controller's axes
+    "requested": (3,),  # force after dead bands, along the controller's axes
     "commanded": (3,),  # within the thrust limit, and safe
     "force": (3,),  # as fired
     "arm": (3,),  # point where it acts, body axes, if that turns the deputy
@@ -198,8 +198,8 @@ CARRIED: Rows = {
     "height_at_start": (2,),  # cosine and sine of its elevation
     "sun": (2,),  # cosine and sine of its angle now
     "sun_height": (2,),  # cosine and sine of its elevation now
-    "shine": (3,),  # visible share of the Sun's disc at the instants of a step
-    "drag": (3,),  # additional acceleration where it varies, m/s^2
+    "shine": (3,),  # working array: visible share of the Sun's disc at the instants of a step
+    "drag": (3,),  # working array: additional acceleration where it varies, m/s^2
     "target": (3,),  # zero without candidates
     "num_counted": (),  # points that the flight counts
     "num_unseen": (),
@@ -213,10 +213,10 @@ CARRIED: Rows = {
     "corrected": (),  # delta-v of its changes
     "limit": (),  # for which it acted in this period
     "change": (3,),  # of the force by it
-    "is_unsafe": (),  # 1 where the safety layer must check more closely
+    "is_unsafe": (),  # working array: 1 where the safety layer must check more closely
     "y_before": (3,),  # the desired attitude's y axis at the last instant
-    "is_near_pole": (),  # 1 where y* follows from the one before
-    "turns_fast": (),  # 1 where attitude is integrated by the general method
+    "is_near_pole": (),  # working array: 1 where y* follows from the one before
+    "turns_fast": (),  # working array: 1 where attitude is integrated by the general method
     "momentum": (3,),  # of body and wheels together, N m s, where that of wheels is limited
     "num_full": (),  # instants of the attitude clock at which a wheel is full
 }
@@ -259,7 +259,7 @@ class Workspace(NamedTuple):
 
     aims: Annotated[Any, "S", TURNED]  # desired attitudes at the instants
     passed: Annotated[Any, "S", TURNED]  # attitudes and rates at them
-    candidate: Annotated[Floats, "P"]  # 1 where a point is lit and not inspected
+    candidate_marks: Annotated[Floats, "P"]  # 1 where a point is lit and not inspected
     lit: Annotated[Floats, "P"]  # 1 where a wanted point is lit
     seen: Annotated[Floats, "P"]  # 1 where one of these is seen
     ahead: Annotated[Floats, "P"]  # 1 where a point is neither inspected nor foreseen to be
@@ -269,7 +269,7 @@ class Workspace(NamedTuple):
     signals: Annotated[Floats, len(SIGNALS), "L"]  # in the order of `SIGNALS`
     outputs: Annotated[Floats, 3, "L"]  # of the controller's systems, N
     scratch: Any  # of `fis_tools.engines.kernel.make_scratch`
-    candidates: Annotated[Floats, 3, "P"]  # those of this sample, packed
+    candidates: Annotated[Floats, 3, "P"]  # positions of those so marked, side by side, m
     labels: Annotated[Floats, 2, "P"]
     distances: Annotated[Floats, "P"]
     sums: Annotated[Floats, "C", 4]

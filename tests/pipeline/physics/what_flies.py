@@ -9,7 +9,7 @@ from fis_tools.compiled.three import Three
 from pipeline.flight.period.act import attitude
 from pipeline.physics import motion
 from pipeline.physics.illumination import visible_share
-from pipeline.physics.two_body import entered, left, stepped
+from pipeline.physics.two_body import hill_from_inertial, inertial_from_hill, stepped
 
 
 def motion_over(mean_motion, seconds, mass):
@@ -34,12 +34,12 @@ def move_beside(course, period, state, force, sun):
         return visible_share(height, distance) if course.has_shadow else 1.0
 
     with plainly("pipeline"):
-        position, velocity = entered(course, row, Three(*state[:3]), Three(*state[3:]))
+        position, velocity = inertial_from_hill(course, row, Three(*state[:3]), Three(*state[3:]))
         for _ in range(course.num_steps):
             shares = Three(shine(row), shine(row + 1), shine(row + 2))
             position, velocity = stepped(course, row, position, velocity, Three(*force), light, shares)
             row += 2
-        position, velocity = left(course, row, position, velocity)
+        position, velocity = hill_from_inertial(course, row, position, velocity)
     return np.array([*position, *velocity])
 
 

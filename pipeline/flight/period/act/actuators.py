@@ -99,7 +99,7 @@ def fire(now: Moment, firing: Firing, is_reporting: bool) -> None:
         for lane in range(width):
             fire_layout(state, thrusters, lane, k)
     share = splat(1.0, width)
-    if burns(firing):
+    if needs_burn(firing):
         share = stop_when_empty(now.world, thrusters, state)
     if is_reporting and is_layout:
         report_layout(state, thrusters, k)
@@ -238,8 +238,8 @@ def report_axes(state: FlightState, thrusters: Thrusters, k: int, share: Vector)
 
 
 @compiled(error_model="numpy")
-def burns(firing: Firing) -> bool:
-    """Return whether thrusters consume propellant, or spend otherwise than the force tells."""
+def needs_burn(firing: Firing) -> bool:
+    """Return whether thrusters consume propellant, or spend more than the force tells, as a layout's do."""
     return firing.is_on and (firing.thrusters.exhaust_speed < np.inf or len(firing.thrusters.table) > 0)
 
 
@@ -250,7 +250,7 @@ def burn(world: World, firing: Firing, state: FlightState) -> Three:
     Thrusters of a layout spend what they fire, which the force alone does not tell.
     """
     lanes, thrusters, force = state.lanes, firing.thrusters, load_three(state.lanes.force, 0)
-    if not burns(firing):
+    if not needs_burn(firing):
         return force
     thrusts, along_axes = sums_of_thrusts(thrusters, state)
     mass, used = load_row(state.thrusters.mass), thrusts * (world.delta_v_per_force / thrusters.exhaust_speed)

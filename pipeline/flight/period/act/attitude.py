@@ -146,7 +146,7 @@ def relative_rate(q: Quaternion, rate: Three, n: float) -> Three:
 
 
 @compiled(error_model="numpy", forceinline=True)
-def turn_balls(now: Moment, aims: Any, passed: Any) -> None:
+def turn_spherical(now: Moment, aims: Any, passed: Any) -> None:
     """Turn all lanes over a control period, for spherical inertias and slow rotation."""
     world, state = now.world, now.state
     n, h = world.mean_motion, world.attitude_period
@@ -168,7 +168,7 @@ def turn_balls(now: Moment, aims: Any, passed: Any) -> None:
 
 
 @compiled(error_model="numpy")
-def turn_any(now: Moment, aims: Any, passed: Any, plans: Plans, lane: int) -> None:
+def turn_general(now: Moment, aims: Any, passed: Any, plans: Plans, lane: int) -> None:
     """Turn one lane over a control period, for any inertia and rate, from its first row of `passed`."""
     world, state, lanes = now.world, now.state, now.state.lanes
     q, rate = attitude_of(passed[0].attitude, lane), lane_of(passed[0].rate, 0, lane)
@@ -258,19 +258,19 @@ def turn_deputies(now: Moment, aims: Any, passed: Any, plans: Plans) -> None:
     # lanes that might turn too far for the series within this period take the general method
     gained = world.control_period * sqrt(3.0) * world.max_torque * world.inverse_inertia[0, 0]
     is_by_law = not (world.turns_by_thrust or len(plans.turns.torques) > 0 or world.max_momentum < np.inf)
-    is_ball = is_by_law and world.is_spherical and h <= LONGEST_STEP_S * (1.0 + 1e-9)  # in one step
-    slow = max(0.0, sqrt(LARGEST_SQUARE) / h - gained) if is_ball else 0.0
+    is_simple = is_by_law and world.is_spherical and h <= LONGEST_STEP_S * (1.0 + 1e-9)  # in one step
+    slow = max(0.0, sqrt(LARGEST_SQUARE) / h - gained) if is_simple else 0.0
     is_fast = dot(rate, rate) >= slow * slow
     store(lanes.turns_fast, 0, select(is_fast, 1.0, 0.0))
     if slow > 0.0:
-        turn_balls(now, aims, passed)
+        turn_spherical(now, aims, passed)
     else:
         store_quaternion(passed[0].attitude, load_quaternion(truth.attitude))
         store_three(passed[0].rate, 0, rate)
     if some(is_fast):
         for lane in range(now.num_lanes):
             if lanes.turns_fast[lane] > 0.0:
-                turn_any(now, aims, passed, plans, lane)
+                turn_general(now, aims, passed, plans, lane)
     # exponentials keep the norm except for rounding
     q1, q2, q3, q4 = load_quaternion(truth.attitude)
     scale = 1.5 - 0.5 * (q1 * q1 + q2 * q2 + q3 * q3 + q4 * q4)

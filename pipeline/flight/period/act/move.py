@@ -3,12 +3,13 @@
 from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.three import Three, dot, length, load_three, same, store_three, three_of, write_lane
 from fis_tools.compiled.vectors import store, width_of
+from pipeline.array_types import Floats
 from pipeline.flight.state.arrays import FlightState, Moment, World
 from pipeline.flight.state.lanes import flight_of, load_pair
 from pipeline.physics.illumination import visible_share
 from pipeline.physics.motion import position_after, propagator_of, velocity_after
 from pipeline.physics.orbit import Course
-from pipeline.physics.two_body import entered, left, stepped
+from pipeline.physics.two_body import hill_from_inertial, inertial_from_hill, stepped
 
 
 @compiled(error_model="numpy", forceinline=True)
@@ -29,10 +30,9 @@ def suns(state: FlightState) -> Three:
 
 
 @compiled(error_model="numpy")
-def note_sunshine(course: Course, state: FlightState, row: int) -> None:
-    """Write the visible share of the Sun's disc in each lane at the three rows of a step."""
+def note_sunshine(course: Course, state: FlightState, row: int, shines: Floats) -> None:
+    """Write the visible share of the Sun's disc at the three rows of a step from `row` on, (3, L)."""
     width = width_of(state.lanes)
-    shines = state.lanes.shine
     if course.radiation == 0.0 or not course.has_shadow:
         store_three(shines, 0, same(1.0, width))
         return
@@ -48,7 +48,9 @@ def note_sunshine(course: Course, state: FlightState, row: int) -> None:
 def move_about_earth(now: Moment, course: Course, force: Three) -> None:
     """Move all lanes by a control period under forces, N, Hill axes."""
     state, lanes, truth, row = now.state, now.state.lanes, now.state.truth, 2 * course.num_steps * now.k
-    position, velocity = entered(course, row, load_three(truth.position, 0), load_three(truth.velocity, 0))
+    position, velocity = inertial_from_hill(
+        course, row, load_three(truth.position, 0), load_three(truth.velocity, 0)
+    )
     pull = now.world.acceleration_per_force * force
     if len(course.varying) > 0:
         for lane in range(width_of(lanes)):
@@ -56,9 +58,9 @@ def move_about_earth(now: Moment, course: Course, force: Three) -> None:
         pull += load_three(lanes.drag, 0)
     light = -course.radiation * suns(state)
     for _ in range(course.num_steps):
-        note_sunshine(course, state, row)
+        note_sunshine(course, state, row, lanes.shine)
         position, velocity = stepped(course, row, position, velocity, pull, light, load_three(lanes.shine, 0))
         row += 2
-    position, velocity = left(course, row, position, velocity)
+    position, velocity = hill_from_inertial(course, row, position, velocity)
     store_three(truth.position, 0, position)
     store_three(truth.velocity, 0, velocity)

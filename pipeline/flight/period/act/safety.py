@@ -26,7 +26,7 @@ from fis_tools.compiled.three import (
     write_lane,
     write_three,
 )
-from fis_tools.compiled.vectors import least, most, select, some, splat, store, width_of
+from fis_tools.compiled.vectors import Mask, least, most, select, some, splat, store, width_of
 from pipeline.array_types import Floats
 from pipeline.flight.state.arrays import FlightState, Moment, World
 from pipeline.flight.state.lanes import clip_three
@@ -64,12 +64,12 @@ HALVINGS = 30
 
 
 @compiled(error_model="numpy")
-def look_ahead(world: World, state: FlightState) -> bool:
-    """Mark the lanes whose forces may lead to an unsafe state; return whether there are any."""
-    guard, lanes, belief, step = world.guard, state.lanes, state.belief, propagator_of(world.motion, 0)
-    width = width_of(lanes)
+def look_ahead(world: World, state: FlightState) -> Mask:
+    """Return the lanes whose commanded forces may lead to an unsafe state."""
+    guard, belief, step = world.guard, state.belief, propagator_of(world.motion, 0)
+    width = width_of(state.lanes)
     position, velocity = load_three(belief.position, 0), load_three(belief.velocity, 0)
-    force = load_three(lanes.commanded, 0)
+    force = load_three(state.lanes.commanded, 0)
     next_position, next_velocity = (
         position_after(step, position, velocity, force),
         velocity_after(step, position, velocity, force),
@@ -87,9 +87,7 @@ def look_ahead(world: World, state: FlightState) -> bool:
     is_unsafe = length(next_velocity) - guard.speed_at_chief - guard.speed_slope * length(next_position) > 0.0
     is_unsafe |= braking > guard.braking_force
     is_unsafe |= most(most(abs(force.x), abs(force.z)), abs(force.y)) > guard.planned_force
-    is_unsafe |= (closest < guard.keep_out * guard.keep_out) | (reach > guard.keep_in * guard.keep_in)
-    store(lanes.is_unsafe, 0, select(is_unsafe, 1.0, 0.0))
-    return some(is_unsafe)
+    return is_unsafe | (closest < guard.keep_out * guard.keep_out) | (reach > guard.keep_in * guard.keep_in)
 
 
 @compiled(error_model="numpy")
@@ -268,8 +266,10 @@ def assure(now: Moment, cuts: Floats) -> None:
     world, lanes, belief = now.world, now.state.lanes, now.state.belief
     store(lanes.limit, 0, splat(0.0, width_of(lanes)))
     store_three(lanes.change, 0, same(0.0, width_of(lanes)))
-    if not look_ahead(world, now.state):
+    is_unsafe = look_ahead(world, now.state)
+    if not some(is_unsafe):
         return
+    store(lanes.is_unsafe, 0, select(is_unsafe, 1.0, 0.0))  # to be read lane by lane
     for lane in range(now.num_lanes):
         if lanes.is_unsafe[lane] == 0.0:
             continue

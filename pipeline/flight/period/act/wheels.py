@@ -16,24 +16,33 @@ from pipeline.physics.quaternion import Quaternion, to_body, to_hill
 
 @compiled(error_model="numpy")
 def wheel_momentum(world: World, q: Quaternion, rate: Three, total: Three) -> Three:
-    """Return the momentum of the wheels, N m s, body axes, of that of all along Hill axes."""
+    """Return the momentum of the wheels, N m s, body axes.
+
+    `total` is that of body and wheels together, N m s, Hill axes.
+    """
     return to_body(q, total) - times(world.inertia, rate)
 
 
 @compiled(error_model="numpy")
 def torque_of_wheels(world: World, rate: Three, held: Three, torque: Three) -> Three:
-    """Return the torque nearest to a wanted one with which no wheel holds too much afterwards, N m."""
-    kept, h, most = cross(rate, held), world.attitude_period, world.max_momentum
+    """Return the torque nearest to a wanted one with which no wheel holds too much afterwards, N m.
+
+    `held` is the momentum of the wheels, N m s; all are along body axes.
+    """
+    kept, h, limit = cross(rate, held), world.attitude_period, world.max_momentum
     return Three(
-        min(max(torque.x, (held.x - most) / h - kept.x), (held.x + most) / h - kept.x),
-        min(max(torque.y, (held.y - most) / h - kept.y), (held.y + most) / h - kept.y),
-        min(max(torque.z, (held.z - most) / h - kept.z), (held.z + most) / h - kept.z),
+        min(max(torque.x, (held.x - limit) / h - kept.x), (held.x + limit) / h - kept.x),
+        min(max(torque.y, (held.y - limit) / h - kept.y), (held.y + limit) / h - kept.y),
+        min(max(torque.z, (held.z - limit) / h - kept.z), (held.z + limit) / h - kept.z),
     )
 
 
 @compiled(error_model="numpy")
 def momentum_after(world: World, q: Quaternion, total: Three, external: Three) -> Three:
-    """Return the momentum of all, along Hill axes, after an attitude period under an external torque."""
+    """Return the momentum of body and wheels, Hill axes, an attitude period later.
+
+    `total` is that before, N m s, Hill axes, and `external` the torque from outside, N m, body axes.
+    """
     h = world.attitude_period
     x, y, z = total + h * to_hill(q, external)
     s, c = sin(world.mean_motion * h), cos(world.mean_motion * h)

@@ -1,6 +1,6 @@
 """Preview for all lanes: the points that coasting to the flight's end would show.
 
-Places are previewed every `pipeline.flight.world.pack.PREVIEW_PERIOD_S`, with the camera aimed at the
+Positions are previewed every `pipeline.flight.world.pack.PREVIEW_PERIOD_S`, with the camera aimed at the
 chief's centre.
 """
 
@@ -10,7 +10,7 @@ from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.three import dot, lane_of
 from pipeline.array_types import Floats
 from pipeline.flight.period.look.optics import beam_at, strike_out_seen, turned_back
-from pipeline.flight.state.arrays import Beyond, Moment
+from pipeline.flight.state.arrays import FullOptics, Moment
 from pipeline.flight.state.signals import slot
 from pipeline.physics.motion import drifted_position, drifted_velocity, propagator_of
 
@@ -19,7 +19,12 @@ MISSED, NEAREST, FARTHEST = slot("missed"), slot("coasting_nearest"), slot("coas
 
 @compiled(error_model="numpy")
 def preview(
-    now: Moment, optics: Beyond | None, ahead: Floats, lit_marks: Floats, seen_marks: Floats, signals: Floats
+    now: Moment,
+    optics: FullOptics | None,
+    ahead: Floats,
+    lit_marks: Floats,
+    seen_marks: Floats,
+    signals: Floats,
 ) -> None:
     """Write for every lane the points missed by coasting, and the least and greatest distance on the way.
 

@@ -38,7 +38,7 @@ from pipeline.flight.period.look.optics import (
     seen_points,
     turned_back,
 )
-from pipeline.flight.state.arrays import Beyond, Control, Moment, World, constant_of
+from pipeline.flight.state.arrays import Control, FullOptics, Moment, World, constant_of
 from pipeline.flight.state.signals import constant, slot
 from pipeline.physics.motion import PositionRows, drifted_position, position_gradients, position_rows_of
 from pipeline.physics.sight import HEIGHT, NORMAL
@@ -56,10 +56,12 @@ KS2 = 1e6
 
 
 class Doubt(NamedTuple):
-    """Of looks that are not certain to show a point, as the chief's rim is out of view from near it."""
+    """Looks that may not show a point, as near the chief its rim is out of view."""
 
-    squared_near: float  # of the distance within which none is, m^2
-    short: float  # by which they fall short at least, m
+    squared_near: (
+        float  # of the distance within which looks are such in the paper's world, m^2; all are in others
+    )
+    short: float  # what they fall short by at least, m
 
 
 @compiled(error_model="numpy", forceinline=True)
@@ -80,13 +82,13 @@ def await_dark(
 
 @compiled(error_model="numpy", forceinline=True)
 def shortfall(
-    world: World, optics: Beyond | None, doubt: Doubt, j: int, points: Three, eye: Eye
+    world: World, optics: FullOptics | None, doubt: Doubt, j: int, points: Three, eye: Eye
 ) -> tuple[Vector, Three]:
     """Return how far a position is from seeing the points from j on, m, and the direction to move in.
 
-    The way is the gradient of the shortfall, reversed, with respect to the place. In the paper's world the
-    shortfall is that of the height above the horizon; in others it is the largest deficit, of the
-    height that the incidence limit needs at its distance or of nearness, linearised about the place.
+    That is the negative gradient of the shortfall. In the paper's world the shortfall is that of the height
+    above the horizon. In others it is the larger of two: how much too low the position is for the incidence
+    limit at its distance, and how far beyond the camera's range it is.
     """
     if optics is None:
         radius = sqrt(world.sight.horizon)
@@ -123,7 +125,7 @@ def keep_cheapest(looks: Floats, j: int, lit: Mask, short: Vector, slope: Three)
 @compiled(error_model="numpy", forceinline=True)
 def look_from(
     now: Moment,
-    optics: Beyond | None,
+    optics: FullOptics | None,
     doubt: Doubt,
     lane: int,
     k: int,
@@ -192,7 +194,7 @@ def fitted_push(
 @compiled(error_model="numpy")
 def sense_push(
     now: Moment,
-    optics: Beyond | None,
+    optics: FullOptics | None,
     control: Control,
     deadlines: Floats,
     setting: Floats,
@@ -201,7 +203,10 @@ def sense_push(
     seen_marks: Floats,
     signals: Floats,
 ) -> None:
-    """Write the push from which points that set are still seen, and the aim, of lanes that may fire."""
+    """Write the push that would still show points before they go dark, and the aim, for lanes that may fire.
+
+    The aim adds the urgent direction, which `signals` must hold. `setting` and `looks` are overwritten.
+    """
     world, lanes, belief, k = now.world, now.state.lanes, now.state.belief, now.k
     look_angle = world.mean_motion * world.control_period * world.look_stride
     look_turn = cos(look_angle), sin(look_angle)

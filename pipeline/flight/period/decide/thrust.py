@@ -47,7 +47,7 @@ def decide_to_coast(now: Moment, control: Control, signals: Floats) -> None:
 
 @compiled(error_model="numpy")
 def follow_plans(now: Moment, plans: Plans) -> None:
-    """Command the planned forces, plus the feedback on the known deviation from the path."""
+    """Request the planned forces, plus the feedback on the known deviation from the path."""
     state, belief, known, k = now.state, now.state.belief, np.empty(6), now.k
     for lane in range(width_of(state.lanes)):
         flight = flight_of(now, lane)
@@ -61,39 +61,41 @@ def follow_plans(now: Moment, plans: Plans) -> None:
                         known[component] - plans.paths[flight, k, component]
                     )
             planned = plans.forces[flight if len(plans.forces) > 1 else 0, k, axis]
-            state.lanes.asked[axis, lane] = planned + (answer if abs(answer) >= plans.least_answer else 0.0)
+            state.lanes.requested[axis, lane] = planned + (
+                answer if abs(answer) >= plans.least_answer else 0.0
+            )
 
 
 @compiled(error_model="numpy", forceinline=True)
 def infer_forces(now: Moment, control: Control, signals: Floats, outputs: Floats, scratch: Any) -> None:
-    """Infer what each system asks for, and command what is beyond its dead band and does not coast."""
+    """Infer each system's output from `signals`; request what is beyond its dead band and does not coast."""
     law, lanes = control.law, now.state.lanes
-    room, width = scratch[0], width_of(lanes)
+    inference, width = scratch[0], width_of(lanes)
     fires = load_row(lanes.coasts) == 0.0
     if not some(fires):
         return
     for system in range(len(law.axes)):
         for column in range(3):
-            store(room.inputs, column, load(signals, law.signals[system, column], width))
+            store(inference.inputs, column, load(signals, law.signals[system, column], width))
         infer(control.values, control.rules, law.layout, system, scratch)
         axis = law.axes[system]
         dead_band = constant_of(control, FIRST_DEAD_BAND + axis)
-        output = load_row(room.output)
+        output = load_row(inference.output)
         store(outputs, system, output)
         fired = select(fires & (abs(output) >= dead_band), output, 0.0)
-        store(lanes.asked, axis, load(lanes.asked, axis, width) + fired)
+        store(lanes.requested, axis, load(lanes.requested, axis, width) + fired)
 
 
 @compiled(error_model="numpy", forceinline=True)
 def command(now: Moment, control: Control, signals: Floats, outputs: Floats, scratch: Any) -> None:
-    """Write the forces of all lanes as asked for, and as commanded: in Hill axes, clipped."""
+    """Write the forces of all lanes as requested, and as commanded: in Hill axes, clipped."""
     law, lanes = control.law, now.state.lanes
-    store_three(lanes.asked, 0, same(0.0, width_of(lanes)))
+    store_three(lanes.requested, 0, same(0.0, width_of(lanes)))
     if law.has_plan:
         follow_plans(now, law.plans)
     elif is_decision(law, now.k):
         infer_forces(now, control, signals, outputs, scratch)
-    force = load_three(lanes.asked, 0)
+    force = load_three(lanes.requested, 0)
     if law.force_axes == BODY:
         force = to_hill(load_quaternion(now.state.belief.attitude), force)
     store_three(lanes.commanded, 0, clip_three(force, now.world.max_force))
@@ -102,5 +104,5 @@ def command(now: Moment, control: Control, signals: Floats, outputs: Floats, scr
 @compiled(error_model="numpy", forceinline=True)
 def command_given(now: Moment, force: Three) -> None:
     """Command forces given from outside, N, Hill axes, clipped."""
-    store_three(now.state.lanes.asked, 0, force)
+    store_three(now.state.lanes.requested, 0, force)
     store_three(now.state.lanes.commanded, 0, clip_three(force, now.world.max_force))

@@ -60,7 +60,10 @@ def time_ahead(
 
 @compiled(error_model="numpy")
 def sense_tour(now: Moment, control: Control, signals: Floats) -> None:
-    """Write the push, m/s, that brings every lane onto the tour, the closed path around the chief."""
+    """Write the push, m/s, that brings every lane onto the tour, the closed path around the chief.
+
+    The path leans towards the urgent direction, which `signals` must hold.
+    """
     lanes, belief, n = now.state.lanes, now.state.belief, now.world.mean_motion
     wait, least_height = constant_of(control, TOUR_WAIT), now.world.optics.least_height
     for lane in range(width_of(lanes)):

@@ -11,7 +11,7 @@ from pipeline.array_types import Floats
 from pipeline.flight.period.decide.motion import turned_aside
 from pipeline.flight.period.look.guidance import MIN_PROJECTION_M, POINTS
 from pipeline.flight.period.look.optics import beam_from, beam_now, lit_points, sun_after
-from pipeline.flight.state.arrays import Beyond, Control, Moment, constant_of
+from pipeline.flight.state.arrays import Control, FullOptics, Moment, constant_of
 from pipeline.flight.state.signals import constant, slot
 
 URGENT = slot("urgent_radial", "urgent_along_track", "urgent_cross_track")
@@ -19,7 +19,7 @@ URGENCY_TIME = constant("urgency_time_s")
 
 
 @compiled(error_model="numpy")
-def note_deadlines(now: Moment, optics: Beyond | None, deadlines: Floats, lit_marks: Floats) -> None:
+def note_deadlines(now: Moment, optics: FullOptics | None, deadlines: Floats, lit_marks: Floats) -> None:
     """Write when each point is lit for the last time, s, for every lane; zero for points never lit.
 
     Called at the start, when nothing is inspected.
@@ -50,7 +50,7 @@ def note_deadlines(now: Moment, optics: Beyond | None, deadlines: Floats, lit_ma
 @compiled(error_model="numpy")
 def sense_urgency(
     now: Moment,
-    optics: Beyond | None,
+    optics: FullOptics | None,
     control: Control,
     deadlines: Floats,
     lit_marks: Floats,

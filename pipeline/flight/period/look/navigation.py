@@ -229,8 +229,8 @@ def note_turn(now: Moment, errors: NavigationErrors) -> None:
 
 
 @compiled(error_model="numpy")
-def point_beside(now: Moment, errors: NavigationErrors) -> None:
-    """Set the attitudes of ideally pointing deputies, with the sensing error."""
+def turn_by_sensing_error(now: Moment, errors: NavigationErrors) -> None:
+    """Turn ideally pointing deputies by the error of the sensed attitude, which is then the desired one."""
     if errors.of_attitude.shape[1] > 0:
         note_turn(now, errors)
         attitude = now.state.truth.attitude
@@ -240,10 +240,11 @@ def point_beside(now: Moment, errors: NavigationErrors) -> None:
 
 
 @compiled(error_model="numpy")
-def sense_attitude(now: Moment, errors: NavigationErrors) -> None:
-    """Write the sensed attitude and boresight (Hill axes) into the belief, and the error into the estimate.
+def sense_attitude(now: Moment, errors: NavigationErrors, tilt: Floats) -> None:
+    """Write the sensed attitude and boresight (Hill axes) into the belief.
 
-    The error is a rotation about body axes, `turn`, and its small angles in Hill axes, `tilt`, rad.
+    Its error goes into `state.estimate.turn`, a rotation about body axes, and `tilt`, (3, L), its small
+    angles in Hill axes, rad; both stay as they are where there is none.
     """
     state, belief = now.state, now.state.belief
     q = load_quaternion(state.truth.attitude)
@@ -257,7 +258,7 @@ def sense_attitude(now: Moment, errors: NavigationErrors) -> None:
     store_quaternion(belief.attitude, sensed)
     store_three(belief.boresight, 0, to_hill(sensed, three_of(now.world.boresight)))
     # angles are twice the ratio of the quaternion's components
-    store_three(state.estimate.tilt, 0, to_hill(q, 2.0 * Three(a, b, c) / d))
+    store_three(tilt, 0, to_hill(q, 2.0 * Three(a, b, c) / d))
 
 
 @compiled(error_model="numpy")
@@ -277,14 +278,14 @@ def start_estimate(now: Moment, fixes: Fixes) -> None:
 
 
 @compiled(error_model="numpy")
-def measure(now: Moment, errors: NavigationErrors, fix: int) -> None:
-    """Take a fix of the true positions."""
+def measure(now: Moment, errors: NavigationErrors, tilt: Floats, fix: int) -> None:
+    """Take a fix of the true positions; bearings err by the `tilt` of the sensed attitude, rad, as well."""
     state = now.state
     for lane in range(width_of(state.estimate)):
         case, position = flight_of(now, lane), lane_of(state.truth.position, 0, lane)
         if errors.of_sight.shape[1] > 0:  # by a range and a bearing
             error = errors.of_sight[case, fix]
-            turned_by = three_of(error[1:]) + lane_of(state.estimate.tilt, 0, lane)
+            turned_by = three_of(error[1:]) + lane_of(tilt, 0, lane)
             towards = position + cross(turned_by, position)
             position = ((length(position) + error[0]) / length(towards)) * towards
         write_lane(state.fixes[fix], 0, lane, position + three_of(errors.of_fixes[case, fix]))
@@ -327,13 +328,13 @@ def navigate(now: Moment, fixes: Fixes) -> None:
     """Measure, filter, and write what the deputies believe at sample k."""
     state, law, k, first = now.state, fixes.law, now.k, now.world.first
     estimate, width = state.estimate, width_of(state.estimate)
-    sense_attitude(now, fixes.errors)
+    sense_attitude(now, fixes.errors, estimate.tilt)
     for axis in range(3):
         store_at(state.sensed, 3 * k + axis, 0, to_hill(load_quaternion(state.belief.attitude), unit(axis)))
     if k == first:
         start_estimate(now, fixes)
     if k % law.stride == 0:
-        measure(now, fixes.errors, k // law.stride)
+        measure(now, fixes.errors, estimate.tilt, k // law.stride)
     filtered_to = k - law.delay
     if filtered_to > first:
         propagate_covariance(now, law, estimate.covariance, filtered_to - 1)
@@ -349,7 +350,7 @@ def navigate(now: Moment, fixes: Fixes) -> None:
 
 
 @compiled(error_model="numpy", forceinline=True)
-def know_all(state: FlightState) -> None:
+def believe_truth(state: FlightState) -> None:
     """Write the true states as the deputies' estimates: navigation is exact."""
     store_three(state.belief.position, 0, load_three(state.truth.position, 0))
     store_three(state.belief.velocity, 0, load_three(state.truth.velocity, 0))

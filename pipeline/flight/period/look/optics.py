@@ -1,7 +1,7 @@
 """Which points of the chief are lit, and which a camera sees: in the paper's world, and in others.
 
 `optics` is None where light and camera are the paper's: then each answer is one line of
-`pipeline.physics.sight`, and numba leaves out the rest. `optics.closely` is None where no part of the chief
+`pipeline.physics.sight`, and numba leaves out the rest. `optics.by_point` is None where no part of the chief
 hides another and brightness does not matter, as in most worlds: a run-time check would slow flights by a
 sixth. Points are processed eight at a time.
 
@@ -18,7 +18,7 @@ from fis_tools.compiled.three import Three, cross, dot, lane_of, load_at, three_
 from fis_tools.compiled.vectors import Mask, Vector, borrowed, count, load, select, some, store
 from pipeline.array_types import Bytes, Floats
 from pipeline.flight.period.look.guidance import POINTS
-from pipeline.flight.state.arrays import Beyond, Moment, Workspace, World
+from pipeline.flight.state.arrays import FullOptics, Moment, World
 from pipeline.flight.state.lanes import attitude_of
 from pipeline.physics.attitude import desired_y
 from pipeline.physics.illumination import is_bright
@@ -102,51 +102,51 @@ def least_height_at(world: World, k: int) -> float:
 
 
 @compiled(error_model="numpy", forceinline=True)
-def beam_from(world: World, optics: Beyond | None, k: int, sun: Pair, height: Pair) -> Beam:
+def beam_from(world: World, optics: FullOptics | None, k: int, sun: Pair, height: Pair) -> Beam:
     """Return the sunlight at sample k from cosines and sines of the Sun's angle and elevation."""
     sample, cell = (k if len(world.points) > 1 else 0), 0
     if optics is None:
         return Beam(Three(sun[0], sun[1], 0.0), True, cell, sample)
     towards = sunlight(least_height_at(world, k), sun[0], sun[1], height[0], height[1])
-    if optics.closely is not None and world.occlusion.edge > 0:
+    if optics.by_point is not None and world.occlusion.edge > 0:
         cell = cell_towards(world, sample, towards)
     return Beam(towards, dot(towards, towards) > 0.0, cell, sample)
 
 
 @compiled(error_model="numpy", forceinline=True)
-def beam_at(now: Moment, optics: Beyond | None, lane: int, k: int, sun: Pair) -> Beam:
+def beam_at(now: Moment, optics: FullOptics | None, lane: int, k: int, sun: Pair) -> Beam:
     """Return the sunlight of a lane at sample k from cosine and sine of the Sun's angle, as high as now."""
     height = now.state.lanes.sun_height
     return beam_from(now.world, optics, k, sun, (height[0, lane], height[1, lane]))
 
 
 @compiled(error_model="numpy", forceinline=True)
-def beam_now(now: Moment, optics: Beyond | None, lane: int) -> Beam:
+def beam_now(now: Moment, optics: FullOptics | None, lane: int) -> Beam:
     """Return the sunlight of a lane now."""
     sun = now.state.lanes.sun
     return beam_at(now, optics, lane, now.k, (sun[0, lane], sun[1, lane]))
 
 
 @compiled(error_model="numpy")
-def level(optics: Beyond, boresight: Three) -> Three:
+def level(optics: FullOptics, boresight: Three) -> Three:
     """Return what is up in the image of a camera held as desired: the orbit normal, made perpendicular."""
-    if optics.closely is None:
+    if optics.by_point is None:
         return Three(0.0, 0.0, 0.0)
     away = -1.0 * boresight
     return cross(away, desired_y(away, Three(0.0, 1.0, 0.0)))
 
 
 @compiled(error_model="numpy", forceinline=True)
-def up_now(now: Moment, optics: Beyond | None, lane: int) -> Three:
+def up_now(now: Moment, optics: FullOptics | None, lane: int) -> Three:
     """Return what is up in the image of a lane's camera now, Hill axes."""
-    if optics is None or optics.closely is None:
+    if optics is None or optics.by_point is None:
         return Three(0.0, 0.0, 0.0)
     return to_hill(attitude_of(now.state.truth.attitude, lane), three_of(now.world.up))
 
 
 @compiled(error_model="numpy", forceinline=True)
 def eye_at(
-    world: World, optics: Beyond | None, beam: Beam, position: Three, boresight: Three, up: Three
+    world: World, optics: FullOptics | None, beam: Beam, position: Three, boresight: Three, up: Three
 ) -> Eye:
     """Return the camera at a position, with unit vectors as boresight and as what is up in its image."""
     is_blind = optics is not None and dot(boresight, beam.sun) > world.optics.most_sunward
@@ -155,7 +155,7 @@ def eye_at(
 
 
 @compiled(error_model="numpy", forceinline=True)
-def eye_on_chief(world: World, optics: Beyond | None, beam: Beam, position: Three) -> Eye:
+def eye_on_chief(world: World, optics: FullOptics | None, beam: Beam, position: Three) -> Eye:
     """Return the camera at a position, aimed at the chief's centre."""
     square = dot(position, position)
     if optics is not None:
@@ -168,7 +168,13 @@ def eye_on_chief(world: World, optics: Beyond | None, beam: Beam, position: Thre
 
 @compiled(error_model="numpy", forceinline=True)
 def lit_points(
-    world: World, optics: Beyond | None, lit_marks: Floats, j: int, points: Three, wanted: Mask, beam: Beam
+    world: World,
+    optics: FullOptics | None,
+    lit_marks: Floats,
+    j: int,
+    points: Three,
+    wanted: Mask,
+    beam: Beam,
 ) -> Mask:
     """Return which of the wanted points from j on are lit."""
     if optics is None:
@@ -176,7 +182,7 @@ def lit_points(
     along = dot(beam.sun, load_at(world.surface, beam.sample, NORMAL, j, POINTS))
     along += world.optics.past_terminator if beam.shines else 0.0
     lit = wanted & is_sunlit(along, load(world.surface, (beam.sample, HEIGHT, j), POINTS))
-    if optics.closely is not None and world.occlusion.edge > 0:
+    if optics.by_point is not None and world.occlusion.edge > 0:
         store(lit_marks, j, select(lit, 1.0, 0.0))
         for i in range(j, min(j + POINTS, world.num_points)):
             lit_marks[i] *= world.occlusion.is_free[beam.cell, i]
@@ -186,7 +192,7 @@ def lit_points(
 
 @compiled(error_model="numpy", forceinline=True)
 def seen_points(
-    world: World, optics: Beyond | None, seen_marks: Floats, j: int, points: Three, lit: Mask, eye: Eye
+    world: World, optics: FullOptics | None, seen_marks: Floats, j: int, points: Three, lit: Mask, eye: Eye
 ) -> Mask:
     """Return which of the lit points from j on a camera sees."""
     along, towards = dot(points, eye.position), dot(points, eye.boresight) - eye.along
@@ -200,7 +206,7 @@ def seen_points(
     squared = load(world.surface, (eye.beam.sample, SQUARE, j), POINTS) + eye.square
     squared -= 2.0 * along
     seen = lit & is_resolved(world.optics, above, towards, squared)
-    if optics.closely is not None:
+    if optics.by_point is not None:
         store(seen_marks, j, select(seen, 1.0, 0.0))
         if world.occlusion.edge > 0 or world.reflection.is_on or world.optics.tan_across < np.inf:
             leave_out_hidden_and_dim(world, seen_marks, j, eye)
@@ -232,7 +238,7 @@ def leave_out_hidden_and_dim(world: World, seen_marks: Floats, j: int, eye: Eye)
 @compiled(error_model="numpy", forceinline=True)
 def strike_out_seen(
     world: World,
-    optics: Beyond | None,
+    optics: FullOptics | None,
     ahead: Floats,
     lit_marks: Floats,
     seen_marks: Floats,
@@ -268,7 +274,7 @@ def want_all(world: World, ahead: Floats) -> None:
 
 
 @compiled(error_model="numpy", forceinline=True)
-def beam_of_case(world: World, optics: Beyond | None, case: Any, k: int) -> Beam:
+def beam_of_case(world: World, optics: FullOptics | None, case: Any, k: int) -> Beam:
     """Return the sunlight of a start, of `CASE`, at sample k."""
     at_start = (cos(case.sun_angle), sin(case.sun_angle)), (cos(case.sun_elevation), sin(case.sun_elevation))
     sun, height = sun_after(world, at_start[0], at_start[1], k)
@@ -276,8 +282,8 @@ def beam_of_case(world: World, optics: Beyond | None, case: Any, k: int) -> Beam
 
 
 @compiled(error_model="numpy", forceinline=True)
-def note_lit(world: World, optics: Beyond | None, ahead: Floats, lit_marks: Floats, beam: Beam) -> int:
-    """Mark in `lit_marks` the points of `ahead` that are lit, and remove them there.
+def note_lit(world: World, optics: FullOptics | None, ahead: Floats, lit_marks: Floats, beam: Beam) -> int:
+    """Mark in `lit_marks` the points of `ahead` that are lit, and remove them from `ahead`.
 
     Returns the number of vectors of points with some left.
     """
@@ -295,11 +301,10 @@ def note_lit(world: World, optics: Beyond | None, ahead: Floats, lit_marks: Floa
 
 @compiled(nogil=True, error_model="numpy")
 def note_inspectable(
-    world: World, optics: Beyond | None, work: Workspace, cases: Any, inspectable: Bytes
+    world: World, optics: FullOptics | None, ahead: Floats, lit_marks: Floats, cases: Any, inspectable: Bytes
 ) -> None:
     """Write which points are lit at some sample of each case's flight, shape (m, P padded) of 0 or 1."""
-    world, work, cases, inspectable = borrowed((world, work, cases, inspectable))
-    ahead, lit_marks = work.ahead, work.lit
+    world, ahead, lit_marks, cases, inspectable = borrowed((world, ahead, lit_marks, cases, inspectable))
     for row in range(len(cases)):
         num_left = 1
         want_all(world, ahead)
