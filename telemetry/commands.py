@@ -212,7 +212,7 @@ def replay(files: tuple[Path, ...], /, shown: Shown = WINDOW) -> None:
     """Show flights in rerun, in our layout.
 
     Shows the scene around the chief, the curves with their limits, the rules that fired, and the events.
-    Opens a window unless --save or --web is given. Space plays; drag the time at the bottom.
+    Opens a window unless --save or --web is given. Space plays; drag the time line at the bottom.
 
     For example:
 

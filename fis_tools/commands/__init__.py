@@ -13,7 +13,7 @@ COMMANDS = {
     ),
     "learn": ("files", "Make a fuzzy system from a table of numbers."),
     "audit": ("findings", "List what a reviewer should know: gaps, slips, idle rules."),
-    "explain": ("findings", "Tell why: which rules moved the output, what would flip it."),
+    "explain": ("findings", "Explain an output: which rules moved it, what would flip it."),
     "bounds": ("analysis", "Prove what the outputs can and cannot be in a region."),
     "domain": ("analysis", "Report when logged flights left the operational domain."),
     "simplify": ("findings", "Make a simpler controller that answers nearly the same."),

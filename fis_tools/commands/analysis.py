@@ -45,9 +45,9 @@ def bounds(
     Parameters
     ----------
     where
-        conditions on inputs [default: all that their ranges hold]
+        conditions on inputs [default: none but their ranges]
     question
-        conditions on outputs: can they hold? [default: how far the outputs go]
+        conditions on outputs: can they hold? [default: print bounds of the outputs]
     boxes
         give up after so many boxes
     seconds

@@ -200,7 +200,7 @@ class InstantArguments(FlightArguments):
     Parameters
     ----------
     inputs
-        the inputs, in the units that `show` prints: NAME=NUMBER,NAME=NUMBER
+        the inputs, in the units that the command show prints: NAME=NUMBER,NAME=NUMBER
     time
         of logged data: the inputs at this time, in seconds; of a table without times: of this row
     """

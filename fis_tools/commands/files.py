@@ -63,7 +63,7 @@ def export(
     format
         what to write
     output
-        where to [default: printed]; with a file a system, a folder if its name has no ending
+        where to [default: printed]; a folder if its name has no ending and each system has its file
     bare
         c: inference alone, without the thrust logic of a controller that commands a force
     """
@@ -241,7 +241,7 @@ class RecipeOptions(Recipe):
     output_terms
         terms of an output of sets, 2 to 7
     max_inputs
-        columns that rules ask for at most, those that matter most
+        how many columns rules may ask for: those that matter most
     tune
         move the peaks of terms to where errors are least, or leave them evenly spaced
     """

@@ -41,7 +41,7 @@ def audit(
 ) -> int:
     """List what a reviewer should know: gaps, slips, idle rules.
 
-    The exit status is 0; with --fail-on it is 1 where there is a finding so severe or worse; a mistake
+    The exit status is 0; with --fail-on it is 1 where a finding is that severe or worse; a mistake
     gives 2.
 
     For example:
@@ -77,7 +77,7 @@ def audit(
     json
         print it for programs (schema fuzzy-audit, version 2)
     fail_on
-        end with status 1 if there is a finding so severe or worse
+        end with status 1 if a finding is that severe or worse
     thresholds
         what counts as a finding: NAME=NUMBER,NAME=NUMBER
     """
@@ -117,7 +117,7 @@ def explain(
     all: bool = False,
     json: bool = False,
 ) -> None:
-    """Tell why: which rules moved the output, what would flip it.
+    """Explain an output: which rules moved it, what would flip it.
 
     With --inputs or --time it explains one inference: the share of each rule in the output (Shapley values,
     which add up to how far all rules moved it), what would be missing without the rule ("needed": nothing
@@ -140,9 +140,9 @@ def explain(
     crossing
         look for what takes the output across this value, in its unit [default: 0, its sign]
     steps
-        tell the inference step by step instead
+        show the inference step by step instead
     all
-        tell also the rules that hardly moved anything
+        list also the rules that hardly moved anything
     json
         print it for programs (schema fuzzy-explanation, version 2)
     """
@@ -311,7 +311,7 @@ def simplify(
     against the original; what changes least goes first, until nothing more fits the budget. It holds along
     the flights that are given, and at 4,096 points spread over the whole ranges of the inputs; between them a
     change can be larger. With --flights-only far more can go, but inputs that were not flown may give
-    anything, and other starts are flown worse. What comes out is an ordinary controller: fly it before you
+    anything, and flights from other starts get worse. The result is an ordinary controller: fly it before you
     trust it.
 
     For example:

@@ -253,7 +253,7 @@ def review(
     Parameters
     ----------
     evidence
-        the evidence.json that tells what became of the requirements
+        an evidence.json, with verdicts on the requirements
     output
         where to
     """

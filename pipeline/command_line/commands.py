@@ -48,7 +48,7 @@ def parse_evaluation(parser: CommandParser, arguments: Sequence[str]) -> tuple[A
 
 
 def edit(arguments: Sequence[str]) -> int:
-    """Open a page on which rules and terms change, and each touch flies 1,000 paired cases anew.
+    """Open a page to edit rules and terms; each change flies the same 1,000 cases again.
 
     Usage: python -m pipeline edit [key=value ...] [--port PORT] [--no-browser]
 

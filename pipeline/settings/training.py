@@ -134,7 +134,7 @@ class Encoding(Settings, group="optimizer.encoding", only=TRAINS):
     coast_below_points: types.NotNegativeInterval | None = None
     """Coast if coasting to the end would miss fewer points."""
     coast_margin_m: types.NotNegativeInterval | None = None
-    """Unless that comes nearer to a distance limit."""
+    """Coast only if that stays this far inside the distance limits."""
     urgency_time_s: types.NotNegativeInterval | None = None
     """Time before its last light within which a point becomes urgent."""
     skirt_distance_m: types.NotNegativeInterval | None = None

@@ -149,7 +149,7 @@ class Explanation(Result):
             [
                 f"{BY_DEFAULT if flip.takes_default else flip.other.name}: {flip.input.name} "
                 f"{'above' if flip.first > flip.given else 'below'} {amount(flip.input, flip.first)}, "
-                f"a change of {percent(flip.share)} of its range"
+                f"a change of {percent(flip.share) if flip.share <= 1.0 else 'more than all'} of its range"
                 for flip in self.class_flips
             ]
         )
@@ -298,7 +298,9 @@ def _flip_words(output: ExplainedOutput) -> Iterator[str]:
         if flip.change is None or flip.first is None:
             continue
         far = f"{amount(flip.input, abs(flip.change))}, to {amount(flip.input, flip.first)}"
-        size = "any change" if flip.share <= ANY_CHANGE else f"{far} ({percent(flip.share)} of its range)"
+        # from beyond its range an input may change by more than all of it
+        share = f" ({percent(flip.share)} of its range)" if flip.share <= 1.0 else ""
+        size = "any change" if flip.share <= ANY_CHANGE else f"{far}{share}"
         yield f"{flip.input.name} {flip.direction} by {size}{_landing(flip)}"
     for name in dict.fromkeys(flip.input.name for flip in output.flips):
         stuck = [flip for flip in output.flips if flip.input.name == name and flip.change is None]

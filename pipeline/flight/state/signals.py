@@ -206,7 +206,7 @@ CONSTANTS = {
     "coast_below_points": ControllerConstant(
         "coast if coasting to the end would miss fewer points than this"
     ),
-    "coast_margin_m": ControllerConstant("unless that would come nearer than this to a distance limit, m"),
+    "coast_margin_m": ControllerConstant("coast only if that stays this far inside the distance limits, m"),
     "decision_period_s": Chosen(
         "time from one decision to the next, whole control periods; a force lasts one of these, s"
     ),
@@ -255,11 +255,9 @@ CONSTANTS = {
     ),
     "rehearsal_period_s": Chosen("time after which the tours are simulated again, whole decision periods, s"),
     "foresight_pushes": Chosen("how many pushes are planned together by geometry, and fired: 2 or 3"),
-    "foresight_points": Chosen(
-        "their plan misses fewer points than this; as coast_below_points unless given"
-    ),
+    "foresight_points": Chosen("a plan must miss fewer points than this; as coast_below_points unless given"),
     "foresight_coast_points": Chosen(
-        "after them, coast with fewer points than this missed; as coast_below_points unless given"
+        "after a plan, coast if that would miss fewer points than this; as coast_below_points unless given"
     ),
     "see_near_m": Chosen(
         "from nearer than this a look of see_push_* falls short by see_short_m at least; 30 unless given, m",

@@ -91,6 +91,8 @@ def test_a_change_counts_from_the_input_as_given() -> None:
     assert by_way(explanation.outputs[0].flips)[-1].change == pytest.approx(-1.0, abs=2e-9)
     assert "x = 1.5 m (taken as 1 m, the end of its range)" in explanation.text()
     assert "x up" not in explanation.text()
+    # more than the whole range, and so no share of it
+    assert "x down by 2 m, to 0.5 m\n" in explain(ramp_system(), [2.5]).text()
 
 
 def test_parts_of_the_whole_are_told_where_they_are_parts() -> None:
