@@ -238,7 +238,7 @@ def test_the_board_reads_verdicts_a_flight_and_what_is_not_covered(assured, evid
             assert f"{entry['id']} {entry['title']} is {entry['verdict']}." in words
     assert "Flights longer than 3,600 s, starts other than at 50 to 100 m and at rest." in words
     systems = serialize.load(conf_folder() / "controller" / "champion_any_sun.yaml").systems
-    assert f"{sum(len(system.rules) for system in systems)} rules do not stand on a sheet" in words
+    assert f"{sum(len(system.rules) for system in systems)} rules do not fit on a sheet" in words
     assert evidence["controller"]["sha256"] in words
 
 
