@@ -203,9 +203,7 @@ def check_sweeps(overrides: Sequence[Override], is_multirun: bool) -> None:
                 f"{text} is an interval, or empty; a sweep needs values, as in key=1,2 or key=range(1,3)"
             )
         if top_of(override.key_or_group) == HYDRA:
-            raise ConfigError(
-                f"{text} gives several values, and a whole sweep takes one; start a sweep for each"
-            )
+            raise ConfigError(f"{text} gives several values, and a sweep takes one; start a sweep for each")
 
 
 def _choices(override: Override) -> list[str]:

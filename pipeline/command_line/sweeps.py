@@ -118,9 +118,7 @@ class Sweep:
                 same = ", ".join(f"{key}={value}" for key, value in differs.items())
                 raise ConfigError(f"two runs of the sweep would have {same}; give each value once")
             if name in [run.folder for run in made.runs]:
-                raise ConfigError(
-                    f"two runs of the sweep would have the folder {name}; let hydra.sweep.subdir differ"
-                )
+                raise ConfigError(f"two runs would have the folder {name}; let hydra.sweep.subdir differ")
             met.append(values)
             made.runs.append(SweptRun(name, differs, (*options, *words)))
         HydraConfig.instance().set_config(config)

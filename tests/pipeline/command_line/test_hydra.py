@@ -68,9 +68,9 @@ SAME = [
         "two runs of the sweep would have deputy.mass_kg=11",
     ),
     (["controller=coast,coast"], "two runs of the sweep would have controller=coast"),
-    (["seed=1,2", "hydra.sweep.subdir=one"], "two runs of the sweep would have the folder one"),
-    (["hydra.sweep.dir=A,B"], "hydra.sweep.dir=A,B gives several values, and a whole sweep takes one"),
-    (["hydra/launcher=basic,joblib"], "gives several values, and a whole sweep takes one"),
+    (["seed=1,2", "hydra.sweep.subdir=one"], "two runs would have the folder one"),
+    (["hydra.sweep.dir=A,B"], "hydra.sweep.dir=A,B gives several values, and a sweep takes one"),
+    (["hydra/launcher=basic,joblib"], "gives several values, and a sweep takes one"),
     (["controller=glob(x*)"], "controller=glob(x*) matches none; the choices are aim, "),
     (
         ["controller=glob([coast,f*])"],
