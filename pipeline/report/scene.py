@@ -108,7 +108,7 @@ def _reasons(mission: Mission, log: FlightLog, controller: Controller) -> tuple[
     words = list(REASONS.values())
     texts = [text[:1].upper() + text[1:] + "." for text in words]
     if controller.systems and controller.force_axes != HILL:
-        texts[words.index(REASONS["fired"])] = "Rules ask for it along the deputy's axes."
+        texts[words.index(REASONS["fired"])] = "Rules ask along the deputy's axes."
     indices = np.array(log.reason)
     made = _pushing_rules(log, controller, delay)
     for event in chosen_ahead(mission, log, controller):

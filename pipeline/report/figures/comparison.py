@@ -237,14 +237,16 @@ def front_of_runs(
 
 
 def _name_settings(ax: Axes, names: Sequence[str], means: Floats) -> None:
-    """Write names at points, (n, 2), as many as can be read."""
+    """Write names above points, (n, 2), or below them, as many as can be read."""
     corner, opposite = np.transpose([ax.get_xlim(), ax.get_ylim()])
-    named: list[Floats] = []
+    named: dict[int, list[Floats]] = {5: [], -11: []}
     for name, mean in zip(names, means, strict=True):
         position = (mean - corner) / (opposite - corner)
-        if all(np.max(np.abs(position - other)) >= NAMES_APART for other in named):
-            named.append(position)
-            ax.annotate(name, mean, (5, 5), textcoords="offset points", fontsize=7.5, color=style.INK)
+        for up, others in named.items():
+            if all(np.max(np.abs(position - other)) >= NAMES_APART for other in others):
+                others.append(position)
+                ax.annotate(name, mean, (5, up), textcoords="offset points", fontsize=7.5, color=style.INK)
+                break
 
 
 #: how a controller's flight ended: words, colour, marker
