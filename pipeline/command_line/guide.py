@@ -24,11 +24,11 @@ options: --help, --help EXPERIMENT (what people change in it), --help GROUP (its
 
 import csv
 import shutil
-import textwrap
 from collections.abc import Sequence
 from itertools import takewhile
 from pathlib import Path
 from re import fullmatch
+from textwrap import TextWrapper
 
 from fis_tools.file_access import read_shipped, read_text
 from pipeline.command_line.arguments import ConfigError
@@ -125,13 +125,10 @@ def _help_text(folders: Sequence[Path], experiments: dict[str, str]) -> str:
 def _listing(rows: dict[str, str]) -> list[str]:
     """Return names with what they mean; where a terminal says how wide it is, in lines that fit."""
     width = max(map(len, rows))
-    room = max(LEAST_ROOM, shutil.get_terminal_size((10_000, 24)).columns - width - 4)
-    lines: list[str] = []
-    for name, words in rows.items():
-        first, *others = textwrap.wrap(words, room, break_long_words=False, break_on_hyphens=False) or [""]
-        lines.append(f"  {name:<{width}}  {first}".rstrip())
-        lines += [f"  {'':<{width}}  {line}" for line in others]
-    return lines
+    columns = max(width + 4 + LEAST_ROOM, shutil.get_terminal_size((10_000, 24)).columns)
+    beneath = " " * (width + 4)
+    wrapper = TextWrapper(columns, "", beneath, break_long_words=False, break_on_hyphens=False)
+    return [wrapper.fill(f"  {name:<{width}}  {words}") for name, words in rows.items()]
 
 
 def _experiment(name: str, about: str) -> str:
