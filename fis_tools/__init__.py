@@ -44,7 +44,7 @@ __all__ = [
 ]
 
 #: Where the names are that are found here; imported when they are asked for, since most take a while.
-_PLACES = {
+_MODULES = {
     "CompiledSystem": "engines.compiler",
     "MissingExtra": "errors",
     "compile": "engines.compiler",
@@ -58,9 +58,9 @@ def __getattr__(name: str) -> Any:
     """Import a name of `__all__` from the module that defines it."""
     if name == "review":  # a package that can be called
         return import_module(f"{__name__}.review")
-    if name not in _PLACES:
+    if name not in _MODULES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_PLACES[name]}"), name)
+    return getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)
 
 
 def _controller(thing: object) -> "FuzzyController":

@@ -261,6 +261,7 @@ def output_ranges(
         for sign in (-1.0, 1.0):
 
             def promise(least: Floats, greatest: Floats, index: int = index, sign: float = sign) -> Floats:
+                """Return an upper bound on what is maximised: the output, or its negative."""
                 return greatest[:, index] if sign > 0.0 else -least[:, index]
 
             search = subdivide(packed, where, promise, tolerance=gap, **limits)

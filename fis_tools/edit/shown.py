@@ -82,12 +82,12 @@ def _points(x: Floats, values: Floats) -> str:
 def _handles(shape: MembershipFunction) -> Iterator[dict[str, Any]]:
     """Yield the handles of a term: its places, and its widths, to the right of their places."""
     kinds = shape.entry.kinds
-    first = next((getattr(shape, key) for key, kind in kinds.items() if kind == "place"), 0.0)
+    first = next((getattr(shape, key) for key, kind in kinds.items() if kind == "location"), 0.0)
     for key, kind in kinds.items():
-        if kind != "place" and (kind not in ("width", "deviation") or key.startswith("left_")):
+        if kind != "location" and (kind not in ("width", "deviation") or key.startswith("left_")):
             continue
         of = key.removesuffix("standard_deviation") + "mean"
-        origin, value = 0.0 if kind == "place" else getattr(shape, of, first), getattr(shape, key)
+        origin, value = 0.0 if kind == "location" else getattr(shape, of, first), getattr(shape, key)
         x = origin + value
         height = float(shape_values(np.array([x]), shape)[0])
         yield {"key": key, "x": x, "y": height, "value": value, "origin": origin}

@@ -94,14 +94,14 @@ def reshaped(variable: Variable, term: Term, name: str) -> Term:
     middle = 0.5 * float(low + high)
     width = max(float(high - low), 0.01 * variable.span)
     kinds = SHAPES[name].entry.kinds
-    position_keys = [key for key, kind in kinds.items() if kind == "place"]
+    position_keys = [key for key, kind in kinds.items() if kind == "location"]
     spread = (
         np.linspace(middle - width, middle + width, len(position_keys))
         if len(position_keys) > 1
         else [middle]
     )
     sizes = {"width": width / 2, "deviation": width / 2 / HALF_WIDTH, "slope": 8.0 / width, "exponent": 2.0}
-    numbers = {key: sizes[kind] for key, kind in kinds.items() if kind != "place"}
+    numbers = {key: sizes[kind] for key, kind in kinds.items() if kind != "location"}
     numbers |= dict(zip(position_keys, map(float, spread), strict=True))
     return Term(term.name, SHAPES[name](**numbers))
 
@@ -130,6 +130,7 @@ def turned(system: FuzzySystem, rule: int, side: str, index: int, step: int) -> 
         return terms[(system.variable(variable).term_index(term) + step) % len(terms)].name
 
     def stepped(clause: Is) -> Is:
+        """Return the statement at `index`, of those visited in turn, with the next term; others unchanged."""
         return Is(clause.variable, following(clause.variable, clause.term)) if next(seen) == index else clause
 
     if side == "if":

@@ -72,7 +72,7 @@ def _defuzzify(
         high = min(high, centre - _least_centroid(x, centre, -1.0, segments, sums, error))
         slack = rounding * max(abs(x[0]), abs(x[-1]))
         low, high = low - slack, high + slack
-        if area < SMALLEST_AREA * (1.0 + rounding):
+        if area < SMALLEST_AREA * (1.0 + rounding):  # divided by the smallest instead, it is nearer to 0
             low, high = min(low, 0.0), max(high, 0.0)
     if highest_low == 0.0:
         low, high = min(low, default), max(high, default)

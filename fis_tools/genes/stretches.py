@@ -121,7 +121,7 @@ class Stretches(Genes):
     def _stretched_term(self, term: Term, factor: float) -> Term:
         """Return a term stretched about zero: places and widths by the factor, slopes by its inverse."""
         shape = term.membership
-        powers = {"place": 1, "width": 1, "deviation": 1, "slope": -1, "exponent": 0}
+        powers = {"location": 1, "width": 1, "deviation": 1, "slope": -1, "exponent": 0}
         digits = None if self.digits is None else self.digits + MORE_DIGITS
         numbers = {
             name: rounded(getattr(shape, name) * factor ** powers[kind], digits)

@@ -4,7 +4,7 @@ import numpy as np
 
 from fis_tools.array_types import Floats
 from fis_tools.model import shapes  # noqa: F401 - those stand first in the registry
-from fis_tools.model.membership import MembershipFunction, MonotoneFunction, Place, Width, shape
+from fis_tools.model.membership import Location, MembershipFunction, MonotoneFunction, Width, shape
 
 
 @shape(
@@ -13,7 +13,7 @@ from fis_tools.model.membership import MembershipFunction, MonotoneFunction, Pla
 class Spike(MembershipFunction):
     """``exp(-10 |x - centre| / width)``."""
 
-    centre: Place
+    centre: Location
     width: Width
 
     def at(self, x: Floats) -> Floats:
@@ -31,7 +31,7 @@ class Spike(MembershipFunction):
 class Cosine(MembershipFunction):
     """One period of a cosine between 0 and 1 over `width`, with the crest at the `centre`; zero beyond."""
 
-    centre: Place
+    centre: Location
     width: Width
 
     def at(self, x: Floats) -> Floats:
@@ -50,8 +50,8 @@ class Cosine(MembershipFunction):
 class Concave(MonotoneFunction):
     """``(end - inflection) / (2 end - inflection - x)`` up to `end`, one beyond; falls if `end` is left."""
 
-    inflection: Place
-    end: Place
+    inflection: Location
+    end: Location
 
     def at(self, x: Floats) -> Floats:
         """Evaluate the formula."""
@@ -75,8 +75,8 @@ class Concave(MonotoneFunction):
 class SemiEllipse(MembershipFunction):
     """``sqrt(r^2 - (x - centre)^2) / r`` between `start` and `end`, r half of their distance; zero beyond."""
 
-    start: Place
-    end: Place
+    start: Location
+    end: Location
 
     def at(self, x: Floats) -> Floats:
         """Evaluate the formula."""
@@ -88,8 +88,8 @@ class SemiEllipse(MembershipFunction):
 class Arc(MonotoneFunction):
     """A quarter of an ellipse from zero at `start` to one at `end`, one beyond; falls if `end` is left."""
 
-    start: Place
-    end: Place
+    start: Location
+    end: Location
 
     def at(self, x: Floats) -> Floats:
         """Evaluate the formula."""
@@ -106,8 +106,8 @@ class Arc(MonotoneFunction):
 class Ramp(MonotoneFunction):
     """A straight line from zero at `start` to one at `end`, level beyond; falls if `end` is left."""
 
-    start: Place
-    end: Place
+    start: Location
+    end: Location
 
     def at(self, x: Floats) -> Floats:
         """Evaluate the formula."""

@@ -10,8 +10,8 @@ from fis_tools.array_types import Floats
 #: A file format of other programs that names shapes.
 Format = Literal["fis", "fll", "fcl"]
 # The kinds of numbers that a shape has.
-#: A point, in the unit of the variable.
-Place = Annotated[float, "place"]
+#: A location parameter, in the unit of the variable.
+Location = Annotated[float, "location"]
 #: A positive length, in the unit of the variable.
 Width = Annotated[float, "width"]
 #: A positive length whose square the formula divides by.
@@ -33,7 +33,7 @@ class Entry:
     phrase : str
         The shape in words, with its numbers in braces.
     kinds : mapping of str to str
-        Its numbers by name, and their kinds: ``"place"``, ``"width"`` and so on.
+        Its numbers by name, and their kinds: ``"location"``, ``"width"`` and so on.
     ascending : tuple of str
         Numbers that must not decrease from one to the next.
     flanks : tuple of (str, str)

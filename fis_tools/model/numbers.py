@@ -18,7 +18,7 @@ import numpy as np
 
 from fis_tools.array_types import Floats
 from fis_tools.model import fuzzylite_shapes  # noqa: F401 - those stand before numbers in the registry
-from fis_tools.model.membership import MembershipFunction, Place, shape
+from fis_tools.model.membership import Location, MembershipFunction, shape
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +44,7 @@ class Number(MembershipFunction):
 class Constant(Number):
     """The number `value`, in the unit of the output."""
 
-    value: Place
+    value: Location
 
     def row(self, num_inputs: int) -> tuple[float, ...]:
         """Return the factor of each input, then the constant."""
@@ -56,7 +56,7 @@ class Linear(Number):
     """The inputs, clipped to their universes, times `coefficients`, in their order, plus `constant`."""
 
     coefficients: tuple[float, ...]
-    constant: Place
+    constant: Location
 
     def row(self, num_inputs: int) -> tuple[float, ...]:
         """Return the factor of each input, then the constant."""
@@ -67,14 +67,14 @@ class Linear(Number):
 MOST_WORDS = 300
 DEEPEST = 50
 
-_ONE = (
+_UNARY = (
     "abs acos acosh asin asinh atan atanh ceil cos cosh exp fabs floor log log10 log1p sin sinh sqrt tan tanh"
 )
-_TWO = {"atan2": np.arctan2, "fmod": np.fmod, "max": np.fmax, "min": np.fmin, "pow": np.float_power}
+_BINARY = {"atan2": np.arctan2, "fmod": np.fmod, "max": np.fmax, "min": np.fmin, "pow": np.float_power}
 #: How many arguments each function takes, and the function.
 FUNCTIONS: Mapping[str, tuple[int, Callable[..., Any]]] = {
-    **{name: (1, getattr(np, name)) for name in _ONE.split()},
-    **{name: (2, function) for name, function in _TWO.items()},
+    **{name: (1, getattr(np, name)) for name in _UNARY.split()},
+    **{name: (2, function) for name, function in _BINARY.items()},
 }
 _OPERATORS: Mapping[str, Callable[..., Any]] = dict(
     zip("+-*/%^", (np.add, np.subtract, np.multiply, np.divide, np.fmod, np.float_power), strict=True)

@@ -14,9 +14,9 @@ from fis_tools.errors import Mistake
 from fis_tools.model.membership import (
     Deviation,
     Exponent,
+    Location,
     MembershipFunction,
     MonotoneFunction,
-    Place,
     Slope,
     Width,
     shape,
@@ -53,7 +53,7 @@ def gaussian(x: Floats, mean: Floats, standard_deviation: Floats) -> Floats:
 class Gaussian(MembershipFunction):
     """``exp(-(x - mean)^2 / (2 standard_deviation^2))``, in units of the variable."""
 
-    mean: Place
+    mean: Location
     standard_deviation: Deviation
 
     def at(self, x: Floats) -> Floats:
@@ -73,9 +73,9 @@ class Gaussian(MembershipFunction):
 class Triangular(MembershipFunction):
     """Zero at `left` and `right`, one at `peak`."""
 
-    left: Place
-    peak: Place
-    right: Place
+    left: Location
+    peak: Location
+    right: Location
 
     def at(self, x: Floats) -> Floats:
         """Evaluate the formula; a flank of zero width is a step."""
@@ -101,10 +101,10 @@ class Triangular(MembershipFunction):
 class Trapezoidal(MembershipFunction):
     """Zero at `left` and `right`, one from `left_top` to `right_top`."""
 
-    left: Place
-    left_top: Place
-    right_top: Place
-    right: Place
+    left: Location
+    left_top: Location
+    right_top: Location
+    right: Location
 
     def at(self, x: Floats) -> Floats:
         """Evaluate the formula; a flank of zero width is a step."""
@@ -136,9 +136,9 @@ class TwoSidedGaussian(MembershipFunction):
     If the means do not ascend it is the product of both between them.
     """
 
-    left_mean: Place
+    left_mean: Location
     left_standard_deviation: Deviation
-    right_mean: Place
+    right_mean: Location
     right_standard_deviation: Deviation
 
     def at(self, x: Floats) -> Floats:
@@ -162,7 +162,7 @@ class GeneralizedBell(MembershipFunction):
 
     width: Width
     slope: Exponent
-    centre: Place
+    centre: Location
 
     def at(self, x: Floats) -> Floats:
         """Evaluate the formula."""
@@ -179,7 +179,7 @@ class GeneralizedBell(MembershipFunction):
 class Sigmoid(MonotoneFunction):
     """``1 / (1 + exp(-slope (x - inflection)))``: 1/2 at the `inflection`; a negative `slope` falls."""
 
-    inflection: Place
+    inflection: Location
     slope: Slope
 
     def at(self, x: Floats) -> Floats:
@@ -194,9 +194,9 @@ class Sigmoid(MonotoneFunction):
 
 @dataclass(frozen=True, slots=True)
 class _TwoSigmoids(MembershipFunction):
-    first_inflection: Place
+    first_inflection: Location
     first_slope: Slope
-    second_inflection: Place
+    second_inflection: Location
     second_slope: Slope
 
     @property
@@ -249,8 +249,8 @@ class SigmoidProduct(_TwoSigmoids):
 class SShape(MonotoneFunction):
     """Two parabolas that rise from zero at `foot` over one half in the middle to one at `top`."""
 
-    foot: Place
-    top: Place
+    foot: Location
+    top: Location
 
     def at(self, x: Floats) -> Floats:
         """Evaluate the formula."""
@@ -272,8 +272,8 @@ class SShape(MonotoneFunction):
 class ZShape(MonotoneFunction):
     """Two parabolas that fall from one at `top` over one half in the middle to zero at `foot`."""
 
-    top: Place
-    foot: Place
+    top: Location
+    foot: Location
 
     def at(self, x: Floats) -> Floats:
         """Evaluate the formula."""
@@ -295,10 +295,10 @@ class ZShape(MonotoneFunction):
 class PiShape(MembershipFunction):
     """An S from `left` to `left_top`, one to `right_top`, a Z from there to `right`."""
 
-    left: Place
-    left_top: Place
-    right_top: Place
-    right: Place
+    left: Location
+    left_top: Location
+    right_top: Location
+    right: Location
 
     def at(self, x: Floats) -> Floats:
         """Evaluate the formula."""

@@ -127,7 +127,7 @@ def _rounded(kind: Kind, parameters: Numbers, digits: int, width: float) -> Numb
     """Round places to digits of the universe's width, spreads and slopes to digits of their own."""
     rounded = []
     for what, value in zip(kind.entry.kinds.values(), parameters, strict=True):
-        scale = width if what == "place" else abs(value)
+        scale = width if what == "location" else abs(value)
         rounded.append(round(value, digits - 1 - floor(log10(scale))) if scale > 0 else value)
     return tuple(rounded)
 

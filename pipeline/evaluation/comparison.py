@@ -44,7 +44,7 @@ PAPER_TEST = _reported("test", 1000, (5.62, 96.667, 66.629), (0.715, 3.919, 1.03
 FLOWN, PUBLISHED, PLANNED = "flown", "published", "plans of least fuel"
 
 #: columns of ``compare/table.csv``: of a row itself, of its times the optimum, of parts of its summary
-OWN = ("controller", "source", "world", "sun", "safety", "num_cases", "rules")
+ROW_FIELDS = ("controller", "source", "world", "sun", "safety", "num_cases", "rules")
 TIMES = ("times_optimum_mean", "times_optimum_as_seen_mean", "solved_cases")
 MEANS = (
     "delta_v_m_s",
@@ -55,7 +55,7 @@ MEANS = (
 )
 SHARES = ("success", SUCCESS, "violated", "safety_acted")
 HEADER = (
-    *(*OWN, *TIMES),
+    *(*ROW_FIELDS, *TIMES),
     *(f"{name}_{field.name}" for name in MEANS for field in fields(Statistic)),
     *(f"{name}_{field.name}" for name in SHARES for field in fields(Fraction)),
 )
@@ -130,7 +130,7 @@ def row_of(entry: Mapping[str, Any]) -> ComparisonRow:
 
 def as_cells(row: ComparisonRow) -> list[Any]:
     """Return the cells of a row of ``compare/table.csv``; empty where unknown."""
-    cells = {name: getattr(row, name) for name in OWN}
+    cells = {name: getattr(row, name) for name in ROW_FIELDS}
     if row.times:
         means = (row.times[name]["mean"] for name in ("times_optimum", "times_optimum_as_seen"))
         cells |= dict(zip(TIMES, (*means, row.times["num_cases"]), strict=True))

@@ -62,7 +62,7 @@ AFRL_SIX_DOF: Final = SixDofReward(**asdict(AFRL_WEIGHTED) | {"per_delta_v": 0.0
 
 
 #: where a state has its parts: position (m) and velocity (m/s), Hill axes; attitude; inertial rate (rad/s)
-PLACE, VELOCITY, ATTITUDE, RATE = slice(0, 3), slice(3, 6), slice(6, 10), slice(10, 13)
+POSITION, VELOCITY, ATTITUDE, RATE = slice(0, 3), slice(3, 6), slice(6, 10), slice(10, 13)
 
 
 @compiled
@@ -76,7 +76,7 @@ def slopes(
     most_rate: float,
     mean_motion: float,
 ) -> Floats:
-    """Return the time derivative of a state, shape (13,), as `PLACE` and the others divide it.
+    """Return the time derivative of a state, shape (13,), as `POSITION` and the others divide it.
 
     The push is an acceleration by thrust, m/s^2, the torque in N m, inertia and its inverse in kg m^2, all in
     body axes. No component of the inertial rate grows beyond the greatest, rad/s. The system's part is
@@ -211,7 +211,7 @@ class SixDofInspectionEnv(gymnasium.Env[NDArray[np.float32], NDArray[Any]]):
         self._look()
         per_force = mission.control_period_s / deputy.mass_kg
         self._spent += np.abs(force).sum() * per_force
-        distance = np.linalg.norm(self._state[PLACE])
+        distance = np.linalg.norm(self._state[POSITION])
         has_crashed, is_far = distance < deputy.min_distance_m, distance > deputy.max_distance_m
         gained = reward.per_point * (self.weight_inspected - self._paid)
         gained -= reward.per_delta_v * (np.abs(force).sum() + np.abs(torque).sum()) * per_force  # as AFRL
@@ -255,7 +255,7 @@ class SixDofInspectionEnv(gymnasium.Env[NDArray[np.float32], NDArray[Any]]):
     def _look(self) -> None:
         """Inspect what is lit and in view, in the chief's axes, by the formulas of every flight."""
         axes, optics = dcm_b_from_h(self._chief[self._k]), self._optics
-        position, camera, sun = axes @ self._state[PLACE], axes @ self._camera, axes @ self._sun
+        position, camera, sun = axes @ self._state[POSITION], axes @ self._camera, axes @ self._sun
         points, normals = self._surface.points, self._surface.normals
         apart, height = points - position, np.sum(normals * points, axis=1)
         with plainly("pipeline"):
@@ -266,7 +266,7 @@ class SixDofInspectionEnv(gymnasium.Env[NDArray[np.float32], NDArray[Any]]):
 
     def _for_this_step(self) -> float:
         """Return the reward for being alive and for facing the chief."""
-        reward, position = self._reward, self._state[PLACE]
+        reward, position = self._reward, self._state[POSITION]
         facing = -float(self._camera @ position) / np.linalg.norm(position)
         gained = reward.alive * (self._k * self._mission.control_period_s <= reward.alive_s)
         if facing >= 0.0:
@@ -280,12 +280,12 @@ class SixDofInspectionEnv(gymnasium.Env[NDArray[np.float32], NDArray[Any]]):
         length = max(float(np.linalg.norm(target)), 1e-9)
         left = (self._mission.num_controls - self._k) * self._mission.control_period_s
         state, directions = self._state, (self._sun, target / length, self._priority @ axes)
-        parts = state[PLACE], state[VELOCITY], state[ATTITUDE], state[RATE], *directions
+        parts = state[POSITION], state[VELOCITY], state[ATTITUDE], state[RATE], *directions
         return np.concatenate((*parts, [self.weight_inspected, left])).astype(np.float32)
 
     def _info(self) -> dict[str, Any]:
         """Return facts beside the observation: delta-v, m/s, points and weight inspected, success."""
-        deputy, distance = self._mission.deputy, np.linalg.norm(self._state[PLACE])
+        deputy, distance = self._mission.deputy, np.linalg.norm(self._state[POSITION])
         is_inside = bool(deputy.min_distance_m <= distance <= deputy.max_distance_m)
         counts = {"delta_v_m_s": self._spent, "num_inspected": float(self._is_inspected.sum())}
         is_success = self._has_enough and is_inside

@@ -76,7 +76,10 @@ def delta_v_bound(problem: PlanningProblem, needed: int, ceiling: float = inf) -
 
 
 def unavoidable(takes: dict[Edge, float], spare: int) -> float:
-    """Return the largest cost such that some edge has it after removing any `spare` vertices."""
+    """Return the greatest cost that remains on some edge whichever `spare` vertices are removed.
+
+    Points that may be missed remove their edges; see above.
+    """
     values = sorted(set(takes.values()))
 
     def is_covered(value: float) -> bool:

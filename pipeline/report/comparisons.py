@@ -42,7 +42,7 @@ def read_comparison(folder: Path) -> list[comparison.ComparisonRow]:
 def tables_of(rows: Sequence[comparison.ComparisonRow]) -> list[tuple[str, list[list[str]]]]:
     """Return a table for each Sun setting: the setting and its lines, with a cell for each of `HEADINGS`.
 
-    None where the rows are of several worlds.
+    There are no tables where the rows are of several worlds.
     """
     suns = [] if comparison.worlds_of(rows) else comparison.suns_of(rows)
     return [(sun, comparison.lines_of(rows, sun)) for sun in suns]

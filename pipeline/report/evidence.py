@@ -27,7 +27,7 @@ METHODS = {name: name.replace("_", " ") for name in ALL_METHODS}
 #: groups of masses, limits and gains, and what is not known of these
 DESIGN = {"deputy", "chief", "orbit", "sensor", "attitude"}
 OF_PAPER = "they are those of a published problem; none was measured on a spacecraft"
-OWN = "they are of the configuration of this run, see provenance; no measurement is known to support them"
+OF_RUN = "they are of the configuration of this run, see provenance; no measurement is known to support them"
 #: what a proof covers, whatever flights have met; braces stand for its starts
 PROVED_SETS = {
     "tube": "proved from {}",
@@ -424,7 +424,7 @@ def factors(evidence: Mapping[str, Any]) -> list[list[str]]:
     domain = evidence["domain"] or {}
     is_own = any(key.partition(".")[0] in DESIGN for key in conditions["settings"])
     facts = {
-        "origin": OWN if is_own else OF_PAPER,
+        "origin": OF_RUN if is_own else OF_PAPER,
         "recorded": sum("worst" in requirement for requirement in requirements),
         "product": evidence["versions"].get("product"),
         "revision": evidence["git_revision"] or "none (not in a repository)",

@@ -182,7 +182,7 @@ def scaled_shape(
             f"a term is a {shape.entry.name}, which cannot be scaled to another mission; "
             "give its system membership functions, constants or linear terms"
         )
-    powers = {"place": 1, "width": 1, "deviation": 1, "slope": -1, "exponent": 0}
+    powers = {"location": 1, "width": 1, "deviation": 1, "slope": -1, "exponent": 0}
     numbers = {
         name: rounded(getattr(shape, name) * factor ** powers[kind], 12)
         for name, kind in shape.entry.kinds.items()

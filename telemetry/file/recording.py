@@ -110,7 +110,7 @@ class Recording(Mapping[str, TopicColumns]):
 
     @property
     def rehearsals(self) -> dict[str, Rehearsal]:
-        """The rehearsals before the flight, by what was chosen."""
+        """The rehearsals, by what was chosen in each, such as ``first push`` or ``image of the tour``."""
         entries = topics.under(topics.REHEARSAL_METADATA_PREFIX, self.metadata)
         return {what: Rehearsal.from_metadata(entries) for what, entries in entries.items()}
 

@@ -17,8 +17,8 @@ TOOLKIT = tomllib.loads((PROJECT / "fis_tools" / "pyproject.toml").read_text(enc
 #: `all` is what the pipeline needs, without the editor
 EXTRAS = [extra for name, extra in TOOLKIT["optional-dependencies"].items() if name != "edit"]
 #: what the project asks for from an index: all but its own toolkit, and with what that asks for
-ASKED = chain(TABLE["dependencies"], TOOLKIT["dependencies"], *EXTRAS)
-NEEDED = [text for text in ASKED if Requirement(text).name != TOOLKIT["name"]]
+DECLARED = chain(TABLE["dependencies"], TOOLKIT["dependencies"], *EXTRAS)
+NEEDED = [text for text in DECLARED if Requirement(text).name != TOOLKIT["name"]]
 SKIPPED_FOLDERS = {".git", ".venv", "outputs", "build", "dist", "__pycache__"}
 #: written in halves, for this file is looked at too
 HALVES = (

@@ -273,7 +273,7 @@ def budget_words(budget: Budget, *, flown: bool) -> str:
     )
 
 
-_PLACES = {FLOWN: "along the logs", SPREAD: "at {:,} points over the ranges"}
+_SETS = {FLOWN: "along the logs", SPREAD: "at {:,} points over the ranges"}
 
 
 def _blocks(system: SimplifiedSystem) -> Iterator[Block]:
@@ -286,9 +286,9 @@ def _blocks(system: SimplifiedSystem) -> Iterator[Block]:
         departs = []
         for where, change in system.changes.items():
             most, mean = (amount(output, part[index] * output.span) for part in (change.largest, change.mean))
-            departs.append(f"{most} at most and {mean} on average {_PLACES[where].format(system.num_spread)}")
+            departs.append(f"{most} at most and {mean} on average {_SETS[where].format(system.num_spread)}")
         yield Paragraph(f"{name}: {output.name} departs by {'; by '.join(departs)}")
-    heads = [f"{word} {_PLACES[where].split()[-1]}" for where in sets for word in ("max,", "mean,")]
+    heads = [f"{word} {_SETS[where].split()[-1]}" for where in sets for word in ("max,", "mean,")]
     original = [str(len(system.original.rules)), str(num_terms(system.original))]
     rows = [[*original, *[""] * len(heads), "the original"]]
     for step in system.steps:

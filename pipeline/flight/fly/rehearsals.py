@@ -84,12 +84,14 @@ def rehearse_tours(
     """Fly the tours that a controller rehearses ahead, from some starts and from later on.
 
     Later rehearsals begin where the deputy believes to be by then, with errors like those at the start, the
-    points that are left, and the camera aimed. Settings dispersed over cases are known.
+    points that are left, and the camera aimed. `mission` has the settings drawn for these cases, if any: the
+    deputy knows them.
     """
     samples, num_tours = rehearsal_samples(controller, mission), len(tour_images(controller))
     costs = np.empty((len(scenarios), len(samples), num_tours))
     followed = np.zeros((len(scenarios), len(samples)), dtype=np.int64)
     known, believed = as_believed(mission, scenarios)
+    # tours are flown as `known`, without errors, and with drawn ones as `drawn`
     drawn, left = replace(mission, dispersions={}), None
     for rehearsal, sample in enumerate(samples):
         if sample > 0:

@@ -45,7 +45,7 @@ def seen_points(
 
 
 def held(attitude: Rotation, sensor: Sensor) -> Rotation:
-    """Return the axes of a camera on a body of an attitude."""
+    """Return the rotation from camera to Hill axes, for a body with this rotation from body to Hill axes."""
     boresight = np.array(sensor.boresight)
     up = np.array(sensor.up) - sensor.up @ boresight * boresight
     up = up / np.linalg.norm(up) if np.any(up) else np.cross(boresight, np.roll(boresight, 1))

@@ -122,7 +122,7 @@ def act(
 def remember_command(
     flight: ReferenceFlight, k: int, state: ReferenceState, seen: Look, commanded: Floats
 ) -> None:
-    """Note a command for the thrusters, which turn with the body whatever it senses, and for the filter."""
+    """Store a command for the filter; and for thrusters, turned as the true body is from the sensed one."""
     mission, meant = flight.mission, commanded
     if state.belief is not None:
         acts = k + actuators.delay_periods(flight)

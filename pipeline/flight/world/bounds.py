@@ -368,25 +368,27 @@ class _Recursion:
         return self.known.bound(rows, self.errors.constant_m, self.errors.risk)
 
     def bounds(self) -> SafetyBounds:
-        """Return the bounds; the numbers of the proof in its order."""
+        """Return the bounds, step by step as docs/explanation/safety.md proves them."""
+        # symbols of that page at the right
         mission, errors, safety = self.mission, self.errors, self.mission.safety
-        share, most = errors.share, mission.deputy.max_force_n
+        share, most = errors.share, mission.deputy.max_force_n  # e
+        # |h|
         standing = 3.0 * mission.deputy.mass_kg * mission.orbit.mean_motion_rad_s**2 * mission.keep_in_m
-        left = max(1e-3, 1.0 - self.turned * share)
-        weight = self.shifted * share / left
-        back = self._step_back(weight, left, standing)
+        left = max(1e-3, 1.0 - self.turned * share)  # 1 - c e
+        weight = self.shifted * share / left  # w
+        back = self._step_back(weight, left, standing)  # |g|
         does_close = back <= most
         back = back if does_close else 0.0
-        pushed = (1.0 + share) * (back + self.force_off) + errors.force_n
+        pushed = (1.0 + share) * (back + self.force_off) + errors.force_n  # of y, all but D k
         led, stop, missed = self._after_forces(weight, standing, (standing + self.turned * pushed) / left)
-        stepped = standing + self.turned * (share * stop + pushed)
+        stepped = standing + self.turned * (share * stop + pushed)  # |k| after a step back
         axis = max(led, stepped) + self.force_off + back
         does_close = does_close and axis + share * (stop + self.force_off + back) <= most
-        strayed = self.later_off + missed + weight * stepped
+        strayed = self.later_off + missed + weight * stepped  # how far p lies inside R1
         # in steps back the share grows by this, at most, as propellant is used up
         strayed += self.shifted * (1.0 + share) * errors.lighter * stepped / left**2
         # how far a sample may lie from halfway between the positions of two stops
-        off = share * stop + pushed
+        off = share * stop + pushed  # |y|
         halfway = norm(self.motion.control[0, :3] - 0.5 * self.pushed) * off
         fired = max(SQRT_3 * safety.planned_force_n, stop + self.force_off + back)
         bent, length = self._between(fired * (1.0 + share) + errors.force_n, stop)

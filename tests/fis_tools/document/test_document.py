@@ -92,23 +92,23 @@ class Grade(IntEnum):
 
 
 @dataclass(frozen=True, repr=False)
-class Found(Result):
+class Measured(Result):
     grade: Grade
     values: np.ndarray
-    parts: tuple["Found", ...] = ()
+    parts: tuple["Measured", ...] = ()
 
     def document(self) -> Document:
         return Document([Paragraph("found <it>")])
 
 
 def test_a_result_shows_itself_everywhere() -> None:
-    result = Found(Grade.GOOD, np.array([1.5]))
+    result = Measured(Grade.GOOD, np.array([1.5]))
     assert repr(result) == result.text() == "found <it>\n"
     assert result._repr_markdown_() == "found \\<it>\n"
 
 
 def test_data_are_plain_and_say_their_schema() -> None:
-    result = Found(Grade.GOOD, np.array([1.5]), (Found(Grade.GOOD, np.array([])),))
+    result = Measured(Grade.GOOD, np.array([1.5]), (Measured(Grade.GOOD, np.array([])),))
     content = {"grade": "good", "values": [1.5], "parts": [{"grade": "good", "values": [], "parts": []}]}
     assert document.plain(result) == content
     assert json.loads(document.as_json("s", 2, content)) == {"schema": "s", "schema_version": 2, **content}

@@ -263,7 +263,7 @@ def any_numbers(
     rising = iter(corners)
     values = {"width": spread, "deviation": spread, "slope": 1.0 / spread, "exponent": 2.0}
     kinds = kind.entry.kinds.items()
-    return kind(**{name: next(rising) if what == "place" else values[what] for name, what in kinds})
+    return kind(**{name: next(rising) if what == "location" else values[what] for name, what in kinds})
 
 
 def _any_rule(

@@ -157,7 +157,7 @@ SYSTEM = ("systems", 0)
 INPUT = (*SYSTEM, "inputs", 0)
 TERM = (*INPUT, "terms", 0)
 RULES = (*SYSTEM, "rules")
-ASKED = {"is": ["a", "b"]}
+PREMISE = {"is": ["a", "b"]}
 
 
 @pytest.mark.parametrize(
@@ -200,13 +200,13 @@ ASKED = {"is": ["a", "b"]}
         (_edit(*RULES, to=[{"if": {}, "then": []}]), ["expected one of is, not, and, or"]),
         (_edit(*RULES, to=[{"if": {"xor": []}, "then": []}]), ["unknown word 'xor'"]),
         (_edit(*RULES, to=[{"if": {"is": ["distance"]}, "then": []}]), ["1 words", "[variable, term]"]),
-        (_edit(*RULES, to=[{"if": ASKED}]), ["'then' is missing"]),
+        (_edit(*RULES, to=[{"if": PREMISE}]), ["'then' is missing"]),
         (_edit(*SYSTEM, "defuzzifier", to=None), ["defuzzifier is empty", "expected a word"]),
         (_edit(*SYSTEM, "outputs", 0, "accumulation", to=1), ["accumulation is 1", "expected a word"]),
         (_edit(*INPUT, "accumulation", to="max"), ["unknown key 'accumulation'"]),
         (_edit(*TERM, "shape", to="pi_shape"), ["unknown key 'mean'", "left_top"]),
         (_edit(*TERM, to={"name": "near", "shape": "s_shape", "foot": 1.0}), ["'top' is missing"]),
-        (_edit(*RULES, to=[{"if": ASKED, "then": [], "and_operator": 2}]), ["rules[0].and_operator is 2"]),
+        (_edit(*RULES, to=[{"if": PREMISE, "then": [], "and_operator": 2}]), ["rules[0].and_operator is 2"]),
     ],
 )
 def test_wrong_content_is_refused_with_a_sentence(change, words):

@@ -20,7 +20,7 @@ from tests.fis_tools.sample_controllers import gapped_system, table_system, term
 from tests.fis_tools.step_by_step import ends
 
 #: of the range: inside, on a grid point, at and beyond the ends
-PLACES = np.array([0.0, 0.13, 0.25, 0.5, 0.77, 1.0, -3.0, 4.0])
+NUMBERS = np.array([0.0, 0.13, 0.25, 0.5, 0.77, 1.0, -3.0, 4.0])
 
 
 def test_an_output_without_a_default_is_refused() -> None:
@@ -71,7 +71,7 @@ def test_a_batch_of_any_length_is_its_rows_bit_for_bit(num_rows: int) -> None:
     generator = np.random.default_rng(num_rows)
     smooth = full_table_system(generator, 3, is_smooth=True)
     for system, rows in (
-        (gapped_system(0.625), generator.choice(PLACES, (num_rows, 2))),
+        (gapped_system(0.625), generator.choice(NUMBERS, (num_rows, 2))),
         (smooth, inputs_for(smooth, generator, num_rows)),
     ):
         packed = pack(system)
@@ -84,7 +84,7 @@ def test_each_of_a_controllers_systems_is_evaluated_as_if_alone() -> None:
     packed = pack(*systems)
     for index, system in enumerate(systems):
         low, high = ends(system)
-        rows = low + PLACES[:5, np.newaxis] * (high - low)
+        rows = low + NUMBERS[:5, np.newaxis] * (high - low)
         np.testing.assert_array_equal(evaluate(packed, rows, index), evaluate(pack(system), rows))
 
 

@@ -185,9 +185,9 @@ NO_NUMBERS = {kind for kind in SHAPES.values() if not kind.entry.kinds} | {Linea
 
 @pytest.mark.parametrize("kind", [kind for kind in SHAPES.values() if kind not in NO_NUMBERS])
 def test_every_parameter_of_every_shape_has_its_limits(kind: type[MembershipFunction]) -> None:
-    """A width that is not positive, a place that is not a number: none passes, whichever shape has it."""
+    """A width that is not positive, a location that is not a number: none passes, whichever shape has it."""
     wrong = {
-        "place": (NAN, INF, None),
+        "location": (NAN, INF, None),
         "slope": (NAN, INF, None),
         "width": (-1.0, 0.0, NAN),
         "deviation": (-1.0, 0.0, NAN, 1e-170, 1e170),

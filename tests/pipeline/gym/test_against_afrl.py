@@ -16,7 +16,7 @@ from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.pack import inspection_points
 from pipeline.gym import AFRL, AFRL_WEIGHTED, InspectionEnv, SixDofInspectionEnv, task_of
-from pipeline.gym.six_dof import PLACE
+from pipeline.gym.six_dof import POSITION
 from pipeline.scenarios import evaluation_scenarios
 from tests.places import PROJECT
 
@@ -113,11 +113,11 @@ def agreed(env: InspectionEnv | SixDofInspectionEnv, episode: Episode) -> float:
 def moved(env: SixDofInspectionEnv, episode: Episode) -> float:
     """Fly an episode with its actions, whatever it shows; return how far off places are at most, m."""
     started(env, episode)
-    positions = [env.state[PLACE]]
+    positions = [env.state[POSITION]]
     for action in episode.actions:
         env._is_over = False  # theirs is flown past an end of ours
         env.step(action / GREATEST)
-        positions.append(env.state[PLACE])
+        positions.append(env.state[POSITION])
     return apart(positions, episode)
 
 

@@ -27,12 +27,12 @@ from tests.pipeline.flight.cases import mission
 from tests.pipeline.flight.missions import MEAN_MOTION, PAPER
 from tests.pipeline.physics.what_flies import motion_over, move_beside, propagate
 
-TOLD = json.loads((Path(__file__).parent / "basilisk" / "trajectories.json").read_text(encoding="utf-8"))
-TOLD_MOTION, PERIOD = TOLD["mean_motion_rad_s"], 10.0
+BASILISK = json.loads((Path(__file__).parent / "basilisk" / "trajectories.json").read_text(encoding="utf-8"))
+BASILISK_MEAN_MOTION, PERIOD = BASILISK["mean_motion_rad_s"], 10.0
 #: of the Earth, m^3/s^2
 GRAVITY = 3.986004418e14
-RADIUS = (GRAVITY / TOLD_MOTION**2) ** (1.0 / 3.0)
-SUN = sun_direction_h(*(radians(degrees) for degrees in TOLD["sun_deg"]))
+RADIUS = (GRAVITY / BASILISK_MEAN_MOTION**2) ** (1.0 / 3.0)
+SUN = sun_direction_h(*(radians(degrees) for degrees in BASILISK["sun_deg"]))
 #: about which a chief flies in a circle
 ANGLES = ("true_anomaly_deg", "inclination_deg", "latitude_argument_deg")
 SHAPE = ("eccentricity", *ANGLES)
@@ -54,9 +54,9 @@ def flown(along: Course, start: np.ndarray, forces: np.ndarray) -> np.ndarray:
     return np.array(states)
 
 
-@pytest.mark.parametrize("name", TOLD["cases"])
+@pytest.mark.parametrize("name", BASILISK["cases"])
 def test_basilisk_flies_the_same_hour(name):
-    case = TOLD["cases"][name]
+    case = BASILISK["cases"][name]
     along = course(case["dynamics"], 360, case["has_shadow"])
     start = [*case["position_m"], *case["velocity_m_s"]]
     path = flown(along, start, np.zeros((360, 3)))
@@ -65,10 +65,10 @@ def test_basilisk_flies_the_same_hour(name):
     np.testing.assert_allclose(path[samples, :3], case["path_m"], rtol=0.0, atol=1e-3)
 
 
-@pytest.mark.parametrize("name", TOLD["eclipses"])
+@pytest.mark.parametrize("name", BASILISK["eclipses"])
 def test_basilisk_sees_the_same_shadow(name):
     """To a sample, on ellipses too, by both flights."""
-    orbit = dict(TOLD["eclipses"][name])
+    orbit = dict(BASILISK["eclipses"][name])
     duration, turns, is_dark = (orbit.pop(key) for key in ("duration_s", "turns_s", "is_dark_at_start"))
     what = mission(
         orbit=OrbitSettings(kind="elements", **orbit),
@@ -76,7 +76,7 @@ def test_basilisk_sees_the_same_shadow(name):
         light={"shadow": "conical"},
         duration_s=duration,
     )
-    angle, elevation = np.radians(TOLD["sun_deg"])
+    angle, elevation = np.radians(BASILISK["sun_deg"])
     world, case = pack_world(what), SimpleNamespace(sun_angle=angle, sun_elevation=elevation)
     optics, samples = optics_in_use(world, np.array([elevation])), range(what.num_controls + 1)
     with plainly("pipeline"):
@@ -100,8 +100,8 @@ def plainly_flown(dynamics, radius: float, start: np.ndarray, forces: np.ndarray
         control_period_s=6.0 * PERIOD,
         duration_s=6.0 * PERIOD * len(forces),
     )
-    flight = reference_of(what, coast(), Scenario(start[:3], start[3:], *np.radians(TOLD["sun_deg"])))
-    sun = sun_direction(*np.radians(TOLD["sun_deg"]))
+    flight = reference_of(what, coast(), Scenario(start[:3], start[3:], *np.radians(BASILISK["sun_deg"])))
+    sun = sun_direction(*np.radians(BASILISK["sun_deg"]))
     states = [start]
     for k, force in enumerate(forces):
         states.append(moved(flight.earth, what, flight.orbit[k], sun, states[-1], force, 0.0))

@@ -16,7 +16,7 @@ from pipeline.evaluation.assurance.conditions import changed_settings
 from pipeline.evaluation.assurance.repeats import earlier_runs, repeats_in_words
 from pipeline.evaluation.assurance.verdicts import judge
 from pipeline.report.board import render_board
-from pipeline.report.evidence import OF_PAPER, OWN, render_evidence
+from pipeline.report.evidence import OF_PAPER, OF_RUN, render_evidence
 from pipeline.report.figures.flights import draw_flight
 from pipeline.run import artifacts, manifests
 from pipeline.settings.experiment import Mission
@@ -149,7 +149,7 @@ def test_the_page_tells_of_a_world_of_ones_own(evidence):
     mine = changed_settings({"deputy": {"mass_kg": 20.0, "max_force_n": 1}, "sun": {"mode": "fixed"}})
     assert mine == {"deputy.mass_kg": 20.0}
     text = render_evidence({**evidence, "conditions": {**evidence["conditions"], "settings": mine}})
-    assert OWN in text
+    assert OF_RUN in text
     assert OF_PAPER not in text
     assert re.search(r"deputy\.mass_<wbr>kg</t[hd]>\s*<td[^>]*>20.0 kg<", text)
 

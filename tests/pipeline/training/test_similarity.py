@@ -104,7 +104,11 @@ NUMBERED = [kind for kind in SHAPES.values() if kind.entry.kinds and not issubcl
 
 @pytest.mark.parametrize("kind", NUMBERED, ids=lambda kind: kind.__name__)
 def test_every_shape_stretches_with_its_variable(kind):
-    values = {"place": iter((1.0, 2.0, 3.0, 4.0)), "width": iter((0.7, 0.9)), "deviation": iter((0.5, 0.8))}
+    values = {
+        "location": iter((1.0, 2.0, 3.0, 4.0)),
+        "width": iter((0.7, 0.9)),
+        "deviation": iter((0.5, 0.8)),
+    }
     values |= {"slope": iter((1.3, -1.1)), "exponent": iter((1.5, 2.5))}
     shape = kind(**{name: next(values[of]) for name, of in kind.entry.kinds.items()})
     # no point of the universe is a corner, where some shapes are vertical
