@@ -226,8 +226,9 @@ def errors_in_words() -> Iterator[None]:
         cause = error.__cause__ if isinstance(error, HydraException) else None
         is_missing = isinstance(cause, ConfigAttributeError | ConfigKeyError)
         key = str(getattr(cause, "full_key", ""))
-        words = [first_line(each) for each in (error, cause) if each is not None]
-        raise ConfigError(_not_in_configuration(key) if is_missing else ": ".join(words)) from error
+        told = (error, cause) if isinstance(cause, OmegaConfBaseException) else (error,)
+        words = _not_in_configuration(key) if is_missing else ": ".join(map(first_line, told))
+        raise ConfigError(words) from error
 
 
 def _nearest_option(error: MissingConfigException) -> str:
