@@ -226,8 +226,8 @@ def errors_in_words() -> Iterator[None]:
         cause = error.__cause__ if isinstance(error, HydraException) else None
         is_missing = isinstance(cause, ConfigAttributeError | ConfigKeyError)
         key = str(getattr(cause, "full_key", ""))
-        told = (error, cause) if isinstance(cause, OmegaConfBaseException) else (error,)
-        words = _not_in_configuration(key) if is_missing else ": ".join(map(first_line, told))
+        errors = (error, cause) if isinstance(cause, OmegaConfBaseException) else (error,)
+        words = _not_in_configuration(key) if is_missing else ": ".join(map(first_line, errors))
         raise ConfigError(words) from error
 
 
