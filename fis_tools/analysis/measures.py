@@ -266,6 +266,7 @@ def _turning_points(variable: model.Variable) -> Floats:
     turns = np.sign(np.diff(terms))
     candidates = [x[[0, -1]], x[1:-1][np.any(turns[:, 1:] != turns[:, :-1], axis=0)], crossings(x, functions)]
     for index, function in enumerate(functions):
+        # where a function begins or ceases to equal another
         equal = np.pad(functions[index + 1 :] == function, ((0, 0), (1, 1)), constant_values=True)
         parting = equal[:, 1:-1] & ~(equal[:, :-2] & equal[:, 2:])
         candidates.append(x[np.any(parting, axis=0)])

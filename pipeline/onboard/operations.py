@@ -57,6 +57,7 @@ def _extreme(name: str, compute: Callable[[Any, Any], Any], symbol: str) -> Call
     """Return what writes Python's `min` or `max`, which keep the first of equal values."""
 
     def pair(translator: Translator, first: Any, second: Any) -> Any:
+        """Return the extreme of two values: as a number, a conditional of integers, or a call."""
         if _is_known(first, second):
             return compute(first, second)
         if kind_of(first) == kind_of(second) == "int":

@@ -411,6 +411,7 @@ def uncertain(conditions: Mapping[str, Any]) -> list[str]:
 
 
 def _listed(words: list[str]) -> str:
+    """Return what differs between cases as a phrase; the start always does."""
     *all_but_last, last = ["start", *words]
     return f"{', '.join(all_but_last)} and {last}" if all_but_last else last
 
