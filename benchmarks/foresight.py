@@ -62,11 +62,11 @@ def scaled(controller: RuleController, mission: Mission, name: str) -> RuleContr
 
 
 def tally(mission: Mission, flown: Outcomes, *, with_interval: bool) -> str:
-    """Return the cell of some flights: delta-v, with its interval if wanted, and success."""
+    """Return the cell of some flights: delta-v (m/s), with its interval if wanted, and success (%)."""
     delta_v = statistic(flown.delta_v_m_s, CONFIDENCE)
     is_success = flown.is_success(mission.inspection_threshold_percent) & ~flown.is_violated
     interval = f" ± {delta_v.high - delta_v.mean:.3f}" if with_interval else ""
-    return f"{delta_v.mean:.3f}{interval}, {100 * is_success.mean():.0f} %"
+    return f"{delta_v.mean:.3f}{interval}, {100 * is_success.mean():.0f}"
 
 
 def print_row(name: str, num_cases: int, seed: int) -> str:
@@ -86,7 +86,7 @@ def print_row(name: str, num_cases: int, seed: int) -> str:
     by_rules = 100.0 - percent_ahead(flown.delta_v_m_s, flown.ahead_delta_v_m_s)
     world = f"`{name}`" if name in MISSIONS else name
     cells = tally(mission, alone, with_interval=False), tally(mission, flown, with_interval=True)
-    print(f"| {' | '.join([world, *cells, f'{by_rules:.1f} %'])} |", flush=True)
+    print(f"| {' | '.join([world, *cells, f'{by_rules:.1f}'])} |", flush=True)
     outside = " and ".join(str(flights.is_violated.sum()) for flights in (alone, flown))
     return f"{name}: {outside} outside by the rules alone and with foresight, {seconds:.2f} s a start"
 
@@ -128,7 +128,7 @@ def main(given: Sequence[str]) -> int:
         for name in options.names or REHEARSED:
             print_turns(name, options.turns, options.cases, options.seed)
         return 0
-    print("| m/s, success | rules alone | with foresight | fuel that rules fire |\n|---|---|---|---|")
+    print("| m/s, success (%) | rules alone | with foresight | fuel that rules fire (%) |\n|---|---|---|---|")
     names = options.names or [name for name in WORLDS if name not in FROM_MORE_STARTS]
     print("\n".join([print_row(name, options.cases, options.seed) for name in names]))
     return 0
