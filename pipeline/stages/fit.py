@@ -17,7 +17,9 @@ from fis_tools.model import FuzzyController
 from pipeline.controllers import source
 from pipeline.evaluation import fitting
 from pipeline.evaluation.fitting import FlightTally, Variant, tally_of
+from pipeline.evaluation.reachable import most_success
 from pipeline.evaluation.selection import select
+from pipeline.evaluation.statistics import Fraction
 from pipeline.flight.control.controller import ControllerError, from_fuzzy
 from pipeline.flight.state.descriptions import with_descriptions
 from pipeline.flight.state.log import Scenario
@@ -30,10 +32,12 @@ from pipeline.settings.experiment import Experiment, Mission
 from pipeline.training.genome import genome_of
 from pipeline.training.judging import evolved
 from pipeline.training.progress import TrainingProgress
-from pipeline.training.similarity import HOME, limitations
+from pipeline.training.similarity import HOME, Limitation, limitations
 
 #: the table of the competition is written at most once in this many seconds: each time waits for the disk
 WRITE_EVERY_S: Final = 1.0
+#: controllers that plan, which take many times as long to fly, of which no more reach the last round
+PLANNERS_KEPT: Final = 2
 
 
 @dataclass(frozen=True)
@@ -56,9 +60,7 @@ def run(experiment: Experiment, folder: Path) -> Unimproved | None:
     """
     bases, planners = load_bases(experiment), load_named("fit.planners", experiment.fit.planners)
     unseen = fitting.rung_scenarios(experiment, len(experiment.fit.cases))
-    limits = limitations(experiment.mission, np.array([np.linalg.norm(start.position_m) for start in unseen]))
-    for limit in limits:
-        sys.stderr.write(f"  {'' if limit.is_kept else 'limited by the '}{limit.sentence}\n")
+    flyable, limits = _limits(experiment, unseen)
     table, drawn = CompetitionTable(experiment, folder), fitting.drawn_variants(experiment, bases)
     if not drawn:
         raise ControllerError(
@@ -77,15 +79,15 @@ def run(experiment: Experiment, folder: Path) -> Unimproved | None:
         controller = _named(experiment, best, bases[best.base])
         return stand("fitted", best.words, controller, experiment.mission)
 
-    best, contenders = rivals[0][0], [variant for variant, _ in rivals]
+    best, contenders = rivals[0][0], list(drawn)
     fitted = last = fit(best)
     if not _reaches_goal(experiment, last):
-        near = [*contenders, *fitting.neighbours_of(experiment, best, bases)]
+        near = [*(variant for variant, _ in rivals), *fitting.neighbours_of(experiment, best, bases)]
         rivals = _halved(experiment, table, bases, near, min(1, len(experiment.fit.cases) - 1))
         if rivals[0][0] != best and (nearby := fit(rivals[0][0])).tally.score > last.tally.score:
             best, fitted, last = rivals[0][0], nearby, nearby
         # what flies best alone, and all its neighbours, may fly badly under the layer
-        contenders += [variant for variant, _ in rivals if variant not in contenders]
+        contenders += [variant for variant in near if variant not in contenders]
     layered, refusal = None, ""
     if not _reaches_goal(experiment, last) and last.tally.exits.count > last.tally.misses.count:
         try:
@@ -120,6 +122,7 @@ def run(experiment: Experiment, folder: Path) -> Unimproved | None:
         "safety": last.mission.safety.kind,
         "goal_percent": experiment.fit.goal_percent,
         "limits": [vars(limit) | {"kept": limit.is_kept, "sentence": limit.sentence} for limit in limits],
+        "flyable": plain(flyable),
         "shipped": shipped and _row(shipped[0].words, shipped[1]),
         "fitted": _row(fitted.words, fitted.tally),
         "layered": layered and _row(layered.words, layered.tally),
@@ -133,6 +136,17 @@ def run(experiment: Experiment, folder: Path) -> Unimproved | None:
     if is_improved:
         return None
     return Unimproved(f"not improved: {last.words} is handed back, none flies better; {last.tally.sentence}")
+
+
+def _limits(experiment: Experiment, starts: list[Scenario]) -> tuple[Fraction, list[Limitation]]:
+    """Say what limits any controller from some starts; return from which share a flight may succeed."""
+    distances = np.array([np.linalg.norm(start.position_m) for start in starts])
+    goal, confidence = experiment.fit.goal_percent, experiment.monte_carlo.confidence_percent
+    flyable, reach = most_success(experiment.mission, starts, goal, confidence)
+    limits = [*limitations(experiment.mission, distances), reach]
+    for limit in limits:
+        sys.stderr.write(f"  {'' if limit.is_kept else 'limited by the '}{limit.sentence}\n")
+    return flyable, limits
 
 
 def _tally(
@@ -160,21 +174,23 @@ def _best_with_layer(
     variants: Sequence[Variant],
     bases: Mapping[str, FuzzyController],
 ) -> Variant:
-    """Return which variant of the last round flies best under the safety layer, from the round's starts."""
-    starts = fitting.rung_scenarios(experiment, len(experiment.fit.cases) - 1)
+    """Return which variant flies best under the safety layer, by a competition of its own."""
+    starts = [fitting.rung_scenarios(experiment, rung) for rung in range(len(experiment.fit.cases))]
 
-    def score(variant: Variant) -> float:
+    def judge(rung: int, variant: Variant) -> FlightTally:
         controller = variant.controller(bases[variant.base], experiment.mission)
-        return _tally(experiment, mission, controller, starts).score
+        return _tally(experiment, mission, controller, starts[rung])
 
-    return max(variants, key=score)
+    return fitting.halve(experiment, variants, judge)[0][0]
 
 
 def _ranked_planners(
     experiment: Experiment, table: "CompetitionTable", planners: Mapping[str, FuzzyController]
 ) -> list[tuple[Variant, FlightTally]]:
     """Return controllers that plan, with their flights in the last round but one and the last, best first."""
-    variants = fitting.planning_variants(experiment, planners)
+    variants, settings = fitting.planning_variants(experiment, planners), experiment.fit
+    kept = (*settings.kept[:-1], *(min(count, PLANNERS_KEPT) for count in settings.kept[-1:]))
+    experiment = replace(experiment, fit=replace(settings, kept=kept))
     return _halved(experiment, table, planners, variants, max(0, len(experiment.fit.cases) - 2))
 
 

@@ -111,6 +111,9 @@ class Similarity:
             value = float(attributes.get(name, CONSTANTS[name].default))
             if (scaled := self.constant(name, value, clock_s)) != value:
                 attributes[name] = repr(scaled)
+        # a metre by which plans miss a point costs as at home, which is too little where pushes are larger
+        if self.tempo > 1.0 and "foresight_pushes" in attributes and "coast_below_points" in attributes:
+            attributes.setdefault("foresight_points", attributes["coast_below_points"])
         systems = tuple(self._system(system) for system in base.systems)
         return replace(base, attributes=tuple(sorted(attributes.items())), systems=systems)
 
@@ -256,8 +259,8 @@ class Limitation:
         words = f"{', '.join(filter(None, (self.name, self.formula)))}: {self.value:.3g}"
         side = "at least" if self.is_least else "at most"
         if self.is_kept:
-            return f"{words} ({side} {self.limit:g} is fine)"
-        return f"{words}, which should be {side} {self.limit:g}: {self.consequence}"
+            return f"{words} ({side} {self.limit:.3g} is fine)"
+        return f"{words}, which should be {side} {self.limit:.3g}: {self.consequence}"
 
 
 def limitations(mission: Mission, distances_m: Floats) -> list[Limitation]:

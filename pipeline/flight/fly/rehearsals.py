@@ -26,8 +26,8 @@ from pipeline.flight.world.pack import pack_world
 from pipeline.settings.experiment import Mission
 from pipeline.threads import in_threads
 
-#: rehearsal costs of a point missed unless given, and of leaving the limits, more than any flight can spend
-POINT_M_S, OUTSIDE_M_S = 0.15, 1e4
+#: rehearsal cost of leaving the limits, more than any flight can spend
+OUTSIDE_M_S = 1e4
 #: flights that are drawn together: so many fly side by side at no further cost
 NUM_DRAWN = LANES
 
@@ -225,7 +225,7 @@ class _Ahead:
 def rehearsed_costs(controller: Controller, ends: Outcomes) -> Floats:
     """Return the costs by which rehearsals are compared, m/s, of the shape of the outcomes."""
     constants = controller.constants
-    price = constants[constant("rehearsal_point_m_s")] or POINT_M_S
+    price = constants[constant("rehearsal_point_m_s")]
     # missed points that the controller accepts cost nothing
     accepted = np.ceil(max(1.0, constants[constant("coast_below_points")])) - 1.0
     missed = np.maximum(0.0, ends.inspectable_count - ends.inspected_count - accepted)

@@ -228,7 +228,11 @@ CONSTANTS = {
     "rehearsal_reach_m_s": Chosen(
         "largest radial part of the simulated first pushes, of which the one that ends cheapest is fired, m/s"
     ),
-    "rehearsal_point_m_s": Chosen("price of a missed point in simulated flights; 0.15 unless given, m/s"),
+    "rehearsal_point_m_s": Chosen(
+        "price of a missed point in simulated flights; 0.15 unless given, m/s",
+        default=0.15,
+        beside="foresight_pushes",
+    ),
     "tour_time_s": ControllerConstant(
         "tour_push_* leads to where the tour is after this time, less than half an orbit, s",
         needed_for=TOUR,

@@ -71,7 +71,8 @@ def test_a_fit_hands_back_a_controller_that_flies_and_says_how(done):
     page = (folder / artifacts.FIT_PAGE).read_text(encoding="utf-8")
     for limit in summary["limits"]:
         assert limit["formula"] in page
-    assert len(summary["limits"]) == 4
+    assert len(summary["limits"]) == 5
+    assert summary["flyable"]["fraction"] == summary["limits"][-1]["value"]
     # the goal is missed by so few flights, and so others compete, as if they planned
     assert summary["planned"]["words"].startswith("champion_81")
     assert f"planning: {summary['planned']['words']}" in page
@@ -83,10 +84,14 @@ def test_controllers_that_plan_are_scaled_by_the_chief_and_by_how_short_a_flight
     shipped, *scaled = fitting.planning_variants(experiment, planners)
     assert shipped == Variant("champion_27_rehearsed", is_shipped=True)
     assert [(each.size, each.tempo, each.decides_always) for each in scaled] == [
-        (0.2, tempo, clock) for tempo in (1.0, 3.0) for clock in (False, True)
+        (0.2, tempo, clock) for tempo in (1.0, 3.0, 5.1) for clock in (False, True)
     ]
     numbers = dict(scaled[-1].controller(planners["champion_27_rehearsed"], experiment.mission).attributes)
-    assert numbers["foresight_reach_m_s"] == "0.12"
+    assert (numbers["foresight_reach_m_s"], numbers["rehearsal_point_m_s"]) == ("0.204", "0.153")
+    # where pushes are larger, points cost more than at home
+    assert numbers["foresight_points"] == numbers["coast_below_points"]
+    calm = dict(scaled[0].controller(planners["champion_27_rehearsed"], experiment.mission).attributes)
+    assert "foresight_points" not in calm
     # a third of a turn more than half of the points are lit: 0.5 + 0.0011068 1200/(2 pi) of them
     assert float(numbers["foresight_coast_points"]) == pytest.approx(4.5 * 0.7114, rel=2e-3)
 
