@@ -31,8 +31,8 @@ CLOCKS: Final = (False, False, True)
 #: factors, least and greatest, from the best to its neighbours
 NEAR_SIZES: Final = (0.8, 1.25)
 NEAR_TEMPOS: Final = (0.85, 1.15)
-#: tempos of what plans, in a flight of fewer turns than those at home, over how many times fewer
-QUICK: Final = (1.0, 1.7)
+#: tempo of what plans, in a flight of fewer turns than those at home, over how many times fewer
+QUICK: Final = 1.7
 #: part of the spawn key of the draws of sizes and tempos
 DRAWS: Final = 1 << 24
 #: what an exit costs beyond the success that it is none of, what sight of all points is worth below this
@@ -191,8 +191,8 @@ def planning_variants(experiment: Experiment, planners: Mapping[str, FuzzyContro
     mission, sizes = experiment.mission, [radius_of(HOME), radius_of(experiment.mission)]
     size = float(f"{sizes[1] / sizes[0]:.3g}")
     turns = [each.orbit.mean_motion_rad_s * each.duration_s for each in (HOME, mission)]
-    quick = [factor * turns[0] / turns[1] for factor in QUICK]
-    tempos = dict.fromkeys((1.0, *(max(1.0, float(f"{tempo:.3g}")) for tempo in quick if quick[0] > 1.0)))
+    fewer = turns[0] / turns[1]
+    tempos = (1.0, float(f"{QUICK * fewer:.3g}")) if fewer > 1.0 else (1.0,)
     variants = []
     for name in planners:
         variants.append(Variant(name, is_shipped=True))
