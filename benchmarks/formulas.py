@@ -4,13 +4,16 @@
 that the C of a controller comes from, or drops a branch, until that many changes showed in a flight. For
 each, the changed Python flies, and the C that is translated from it must command the same, bit for bit.
 
-Two kinds of changes have no flight to compare with, and are counted apart. A formula that leaves its table
+Some changes have no flight to compare with, and are counted apart. A formula that leaves its table
 reads what stands beside it, in compiled flights too; in the C tables stand in another order, and here it
-traps. And where a signal or an output is NaN, the C takes zero, by design.
+traps. Where a signal or an output is NaN, the C takes zero, and from where the state leaves the range of its
+inputs on, it fires nothing, by design. And a change may undo that a point's numbers do not depend on the
+points beside it in a vector, which the C works on one by one. It is told by flying it without skipping any
+vector of points, in Python and in C: then both command the same, but something else than before.
 
-``--without-a-branch`` leaves a branch out of the C instead, one at a time: the comparison must see each that
-flights from some starts take, but for exits from loops that only save time. What is left out without any
-effect on what is answered in them is listed, and ends in an exit status of 1, as does a difference.
+``--without-a-branch`` leaves a branch out of the C instead, one at a time: the comparison must see each, in
+flights from some starts or by inputs drawn at random, but for exits from loops that only save time. What is
+left out without any effect is listed, and ends in an exit status of 1, as does a difference.
 """
 
 import argparse
@@ -39,16 +42,17 @@ from benchmarks.mutants import FORK, mutants_of
 LIBRARIES = ("numpy", "scipy.integrate", "numba", "pyarrow", "pydantic", "hydra", "jinja2")
 #: processor seconds for a mutant, and for each start from which branches are left out
 LIMIT_S = 60
-SHOWN, SILENT, REFUSED, ENDED, NOT_A_NUMBER, OUTSIDE, DIFFERENT = (
+SHOWN, SILENT, REFUSED, ENDED, NOT_A_NUMBER, OUTSIDE, GUARDED, BESIDE, DIFFERENT = (
     *("changed alike", "no change in this flight", "refused by the translator", "ended before"),
-    *("a signal or an output is NaN", "reads beyond its table", "C and flight DIFFER"),
+    *("a signal or an output is NaN", "reads beyond its table", "alike until an input is out of range"),
+    *("depends on the points beside it in a vector", "C and flight DIFFER"),
 )
 
 
 #: what ends the C where an index leaves its table
 TRAP = ("-fsanitize=bounds", "-fsanitize-undefined-trap-on-error")
 INSIDE = """
-static int inside(int index, int first, int end)
+static int checked_index(int index, int first, int end)
 {
     if ((index < first) || (index >= end)) {
         __builtin_trap();
@@ -58,46 +62,52 @@ static int inside(int index, int first, int end)
 """
 
 
-SEEN, NOT_TAKEN, EARLY, UNSEEN = (
-    *("left out, C and flight differ", "taken in no flight"),
-    *("an early exit left out, without effect", "left out without effect in any flight"),
+SEEN, DRAWN, NOT_TAKEN, EARLY, UNSEEN = (
+    *("left out, C and flight differ", "left out, answers to inputs drawn at random differ"),
+    *("never taken", "an early exit left out, without effect", "left out without effect"),
 )
-#: starts from which a branch that is left out is flown
-NUM_STARTS = 60
+#: starts from which a branch that is left out is flown, and flights' worth of inputs that are drawn
+NUM_STARTS, NUM_DRAWN = 60, 20
 
 
 @dataclass(frozen=True)
 class Flown:
     """A flight, the C's answers to it, and the lines of Python that the C comes from.
 
-    `branches` are lines of the C at which one is taken, and what follows it without that.
+    `is_guarded` where the C refused an input: what comes then is not compared. `branches` are lines of the C
+    at which one is taken, and what follows it without that.
     """
 
     forces: bytes = b""
     num_different: int = 0
     lines: frozenset[tuple[str, int]] = frozenset()
     ended: str = ""
+    is_guarded: bool = False
     branches: Sequence[tuple[str, str]] = ()
 
 
-def fly(top: Path, words: Sequence[str], num_left_out: int, queue: Any) -> None:
+def fly(top: Path, words: Sequence[str], num_left_out: int, is_each: bool, queue: Any) -> None:
     """Fly the code of a folder, and tell what its C commands."""
     limit_s = LIMIT_S * (NUM_STARTS if num_left_out else 1)
     resource.setrlimit(resource.RLIMIT_CPU, (limit_s, limit_s))
     os.chdir(top)
     sys.path.insert(0, str(top))
     with open(os.devnull, "w") as out, contextlib.redirect_stderr(out):
-        queue.put(flown(words, num_left_out))
+        queue.put(flown(words, num_left_out, is_each))
 
 
-def flown(words: Sequence[str], num_left_out: int) -> Flown:
-    """Return what a flight and its C command, by the code that is first on the path."""
+def flown(words: Sequence[str], num_left_out: int, is_each: bool) -> Flown:
+    """Return what a flight and its C command, by the code that is first on the path.
+
+    With `is_each`, no vector of points is skipped.
+    """
     import numpy as np  # noqa: PLC0415 - imported before, and of the changed code:
 
-    from fis_tools.compiled.vectors import ROW  # noqa: PLC0415
+    from fis_tools.compiled.vectors import ROW, some  # noqa: PLC0415
     from pipeline.command_line.config import compose_experiment  # noqa: PLC0415
     from pipeline.controllers.source import load  # noqa: PLC0415
     from pipeline.flight.fly import simulation  # noqa: PLC0415
+    from pipeline.onboard import operations  # noqa: PLC0415
     from pipeline.onboard import program as programs  # noqa: PLC0415
     from pipeline.onboard.recorded import Library, differing, recorded  # noqa: PLC0415
     from pipeline.onboard.source import sources  # noqa: PLC0415
@@ -112,11 +122,18 @@ def flown(words: Sequence[str], num_left_out: int) -> Flown:
                 if row.first <= index.offset < row.end:
                     # of a term, a whole row of points is read, and those beyond its peak are not used
                     more = ROW if row.step > 1 else 0
-                    text = f"inside({index.text}, {row.first - more}, {row.end + more})"
+                    text = f"checked_index({index.text}, {row.first - more}, {row.end + more})"
                     return super().at(translator, Expression(text, "int", offset=index.offset))
             return super().at(translator, index)
 
     programs.Values = CheckedValues  # type: ignore[misc]
+    if is_each:
+        for module in list(sys.modules.values()):
+            if getattr(module, "some", None) is some:
+                module.some = every  # type: ignore[attr-defined]
+        operations.OPERATIONS[every] = (  # type: ignore[index]
+            lambda translator, mask: True if translator.function.lane else mask
+        )
     # as on board; beside a flight, a changed formula would see lanes that are empty
     for name in ("make_state", "make_workspace"):
         setattr(simulation, name, partial(getattr(simulation, name), lanes=1))
@@ -150,12 +167,50 @@ def flown(words: Sequence[str], num_left_out: int) -> Flown:
 
         lines = frozenset((file, line) for _, file, line in source.origins)
         intact = answers(code)
-        result = sum(len(differing(*pair)) for pair in zip(intact, logs, strict=True))
-        branches = [
-            (branch, _seen(answers, taken, without, intact))
-            for branch, taken, without in left_out(code, source.origins, num_left_out)
-        ]
-    return Flown(log.force_commanded_n.tobytes(), result, lines, branches=branches)
+        guarded = [np.append(np.flatnonzero(each["status"]), len(each))[0] for each in intact]
+        result = sum(
+            int((differing(*pair) < end).sum()) for *pair, end in zip(intact, logs, guarded, strict=True)
+        )
+        branches = []
+        num_flown = len(flights)
+        if num_left_out:
+            flights += drawn_flights(program)
+            intact = answers(code)
+        for branch, taken, without in left_out(code, source.origins, num_left_out):
+            branches.append((branch, _seen(answers, taken, without, intact, num_flown)))
+    is_guarded = any(end < len(each) for end, each in zip(guarded, intact, strict=False))
+    return Flown(log.force_commanded_n.tobytes(), result, lines, "", is_guarded, branches)
+
+
+def every(mask: Any) -> bool:
+    """Stand for `some` where no vector of points is to be skipped."""
+    return mask.size > 1 or bool(mask.any())
+
+
+def drawn_flights(program: Any) -> list[Any]:
+    """Return inputs of the on-board function that are drawn at random, in as many samples as flights have."""
+    import numpy as np  # noqa: PLC0415 - imported before, and of the changed code:
+
+    from pipeline.onboard.recorded import Recorded, start_type, step_type  # noqa: PLC0415
+
+    world, draw = program.world, np.random.default_rng(1)
+    count, num_points = world.num_controls, world.num_points
+
+    def unit(length: int) -> Any:
+        numbers = draw.normal(size=(count, length))
+        return numbers / np.linalg.norm(numbers, axis=1, keepdims=True)
+
+    flights = []
+    for _ in range(NUM_DRAWN):
+        start, steps = np.zeros((), start_type(num_points)), np.zeros(count, step_type(num_points))
+        start["sun_angle"], start["sun_elevation"], start["counts"] = unit(2)[0], unit(2)[0], 1
+        steps["period"], steps["attitude"] = np.arange(count), unit(4)
+        steps["sun_angle"], steps["sun_elevation"] = unit(2), unit(2)
+        steps["position_m"] = unit(3) * draw.uniform(world.min_distance, world.max_distance, (count, 1))
+        steps["velocity_m_s"] = unit(3) * draw.uniform(0.0, 1.0, (count, 1))
+        steps["unseen"] = draw.random((count, num_points)) < draw.random((count, 1))
+        flights.append(Recorded(start, steps, {}, []))
+    return flights
 
 
 def left_out(code: str, origins: Any, count: int) -> Iterator[tuple[str, str, str]]:
@@ -173,23 +228,25 @@ def left_out(code: str, origins: Any, count: int) -> Iterator[tuple[str, str, st
         )
 
 
-def _seen(answers: Callable[[str], list[Any]], taken: str, without: str, intact: Sequence[Any]) -> str:
-    """Return whether flights take a branch, and whether something answered shows that it is left out."""
+def _seen(
+    answers: Callable[[str], list[Any]], taken: str, without: str, intact: Sequence[Any], num_flown: int
+) -> str:
+    """Return whether a branch is taken, and whether something answered shows that it is left out."""
     child = FORK.Process(target=answers, args=(taken,))
     child.start()
     child.join()
     if child.exitcode != -signal.SIGILL:
         return NOT_TAKEN
-    changed = zip(answers(without), intact, strict=True)
-    if any((each != before).any() for each, before in changed):
-        return SEEN
+    changed = [(each != before).any() for each, before in zip(answers(without), intact, strict=True)]
+    if any(changed):
+        return SEEN if any(changed[:num_flown]) else DRAWN
     return EARLY if re.search(r"__builtin_trap\(\);\n +break;", taken) else UNSEEN
 
 
-def in_a_child(top: Path, words: Sequence[str], num_left_out: int = 0) -> Flown:
+def in_a_child(top: Path, words: Sequence[str], num_left_out: int = 0, *, is_each: bool = False) -> Flown:
     """Return what is flown in a process of its own."""
     queue = FORK.SimpleQueue()
-    child = FORK.Process(target=fly, args=(top, words, num_left_out, queue))
+    child = FORK.Process(target=fly, args=(top, words, num_left_out, is_each, queue))
     child.start()
     child.join()
     if child.exitcode == -signal.SIGILL:
@@ -237,13 +294,17 @@ def verdict(top: Path, mutant: dict[str, Any], words: Sequence[str], intact: Flo
         path.write_text("\n".join(lines), encoding="utf-8")
         Path(cache_from_source(str(path))).unlink(missing_ok=True)
         result = in_a_child(top, words)
+        each = in_a_child(top, words, is_each=True) if result.num_different else None
     finally:
         path.write_text(text, encoding="utf-8")
         Path(cache_from_source(str(path))).unlink(missing_ok=True)
     if result.ended:
         return result.ended
-    if result.num_different:
-        return DIFFERENT
+    if each is not None:
+        is_alike = each.forces not in (b"", result.forces) and each.num_different == 0
+        return BESIDE if is_alike else DIFFERENT
+    if result.is_guarded:
+        return GUARDED
     return SILENT if result.forces == intact.forces else SHOWN
 
 
@@ -252,6 +313,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.formulas", description=__doc__)
     parser.add_argument("--mutants", type=int, default=50)
     parser.add_argument("--without-a-branch", type=int, default=0, metavar="NUMBER")
+    parser.add_argument("--at", default="", metavar="FILE:LINE", help="changes of this line alone")
     parser.add_argument("words", nargs="*", default=["controller=champion_27", "duration_s=1200"])
     options = parser.parse_args()
     for library in LIBRARIES:
@@ -263,16 +325,21 @@ def main() -> int:
             Path.cwd(), top, ignore=shutil.ignore_patterns(".git", "build", "__pycache__", "tests")
         )
         intact = in_a_child(top, options.words, options.without_a_branch)
-        if intact.ended or intact.num_different:
+        each = in_a_child(top, options.words, is_each=True)
+        if intact.ended or intact.num_different or intact.is_guarded or each.num_different:
             raise RuntimeError(f"without a change: {intact.ended or DIFFERENT}")
+        if each.forces != intact.forces:
+            raise RuntimeError("without a change: a point depends on those beside it in a vector")
         for branch, result in intact.branches:
             counts[result] += 1
             sys.stdout.write(f"{branch}: {result}\n")
         draw = random.Random(1)  # noqa: S311 - the same each time
         for mutant in candidates(top, intact.lines, draw) if options.mutants else ():
+            where = f"{mutant['path']}:{mutant['number']}"
+            if not where.endswith(options.at):
+                continue
             result = verdict(top, mutant, options.words, intact)
             counts[result] += 1
-            where = f"{mutant['path']}:{mutant['number']}"
             sys.stdout.write(f"{where}: {mutant['line'].strip()} -> {mutant['new']}: {result}\n")
             sys.stdout.flush()
             if counts[SHOWN] == options.mutants:

@@ -15,7 +15,9 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
 from pathlib import Path
+from typing import get_args, get_type_hints
 
 from benchmarks import emulated
 from benchmarks.scaling import words_of
@@ -27,13 +29,11 @@ from pipeline.onboard.export import export
 from pipeline.onboard.program import OnboardProgram, translate
 from pipeline.onboard.recorded import Library, differing, recorded
 from pipeline.scenarios import evaluation_scenarios
+from pipeline.settings.mission import Guidance, Safety
 from pipeline.settings.places import conf_folder
 
-#: missions in which a champion is flown besides its own
-OTHERS: Mapping[str, tuple[str, ...]] = {
-    "champion_27": ("safety=filter",),
-    "paper_champion": ("guidance.kind=clusters",),
-}
+#: settings whose other kinds bring functions of their own on board
+KINDS: Mapping[str, type[Guidance | Safety]] = {"guidance": Guidance, "safety": Safety}
 #: compilers and levels of optimisation by which each flight is repeated
 COMPILERS, LEVELS = ("gcc", "clang"), ("-O0", "-O1", "-O2", "-O3")
 HEADING = (
@@ -55,12 +55,23 @@ FAULTS: Mapping[str, tuple[str, str]] = {
 
 
 def champions() -> Iterator[tuple[str, ...]]:
-    """Yield each champion that ships, and the words of the world that it is for."""
-    for path in sorted((conf_folder() / "controller").glob("*champion*.yaml")):
-        words = (path.stem, *words_of(path.stem)[1:])
-        yield words
-        if path.stem in OTHERS:
-            yield (*words, *OTHERS[path.stem])
+    """Yield each champion that ships, and the words of the world that it is for.
+
+    Then, for each other kind of a setting, the first champion of which it changes what is called on board.
+    """
+    paths = sorted((conf_folder() / "controller").glob("*champion*.yaml"))
+    rows = [(path.stem, *words_of(path.stem)[1:]) for path in paths]
+    yield from rows
+    for group, settings in KINDS.items():
+        kinds = set(get_args(get_type_hints(settings)["kind"])) - {settings().kind}
+        for word in sorted(f"{group}.kind={kind}" for kind in kinds):
+            yield next((*words, word) for words in rows if functions((*words, word)) > functions(words))
+
+
+@cache
+def functions(words: Sequence[str]) -> set[str]:
+    """Return the names of the functions of C that a champion is translated into."""
+    return {function.name for function in program_of(words)[0].translator.functions}
 
 
 def proved(folder: Path) -> tuple[int, float, float]:

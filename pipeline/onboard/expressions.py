@@ -2,8 +2,9 @@
 
 import ast
 import operator
+import re
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -19,10 +20,14 @@ from pipeline.onboard.values import (
     is_known,
     is_scalar,
     kind_of,
+    leaves,
     range_of,
     text_of,
 )
-from pipeline.onboard.writer import Frame, Writer
+from pipeline.onboard.writer import Frame, Line, Writer, change_arrays
+
+#: a value, and the lines that compute it
+Computed = tuple[Any, list[Line]]
 
 OPERATORS: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
     ast.Add: operator.add,
@@ -43,6 +48,10 @@ COMPARISONS: dict[type[ast.cmpop], Callable[[Any, Any], Any]] = {
     ast.Eq: operator.eq,
     ast.NotEq: operator.ne,
 }
+
+
+def _reads_arrays(value: Any) -> bool:
+    return any(isinstance(leaf, Expression) and re.search(r"\[|->", leaf.text) for leaf in leaves(value))
 
 
 class Expressions(Writer, ABC):
@@ -82,17 +91,38 @@ class Expressions(Writer, ABC):
             raise TranslationError(f"attribute {node.attr} of {type(owner).__name__}")
         return self.wrapped(getattr(owner, node.attr), node.attr)
 
+    @abstractmethod
+    def either(self, condition: Expression, taken: Computed, otherwise: Computed) -> Any:
+        """Return one value where a condition holds, else the other; only that one is computed."""
+
+    def apart(self, node: ast.expr, frame: Frame) -> Computed:
+        """Return what an expression is, and the lines that compute it, which are not written yet."""
+        outer, self.function.lines = self.function.lines, []
+        value = self.value(node, frame)
+        lines, self.function.lines = self.function.lines, outer
+        return value, lines
+
+    def in_order(self, nodes: Sequence[ast.expr], frame: Frame, *before: Any) -> list[Any]:
+        """Return values, and what expressions are, each as it is before the next one is computed."""
+        values = list(before)
+        for node in nodes:
+            value, lines = self.apart(node, frame)
+            if change_arrays(lines):
+                values = [self.stable(item, "value") if _reads_arrays(item) else item for item in values]
+            self.function.lines += lines
+            values.append(value)
+        return values
+
     def _value_tuple(self, node: ast.Tuple, frame: Frame) -> Any:
-        return tuple(self.value(item, frame) for item in node.elts)
+        return tuple(self.in_order(node.elts, frame))
 
     def _value_list(self, node: ast.List, frame: Frame) -> Any:
-        return [self.value(item, frame) for item in node.elts]
+        return self.in_order(node.elts, frame)
 
     def _value_binop(self, node: ast.BinOp, frame: Frame) -> Any:
         if type(node.op) not in OPERATORS:
             raise TranslationError(f"operator {type(node.op).__name__}")
-        left, right = self.value(node.left, frame), self.value(node.right, frame)
-        return self._combined(OPERATORS[type(node.op)], left, right)
+        return self._combined(OPERATORS[type(node.op)], *self.in_order([node.left, node.right], frame))
 
     def _combined(self, combine: Callable[[Any, Any], Any], left: Any, right: Any) -> Any:
         for item in (left, right):
@@ -118,7 +148,14 @@ class Expressions(Writer, ABC):
         is_and = isinstance(node.op, ast.And)
         result: Any = None
         for part in node.values:
-            item = self.value(part, frame)
+            item, lines = self.apart(part, frame)
+            if result is not None and change_arrays(lines):
+                either = ((item, lines), (False, [])) if is_and else ((True, []), (item, lines))
+                result = self.either(result, *either)
+                if isinstance(result, Expression):
+                    continue
+                return result
+            self.function.lines += lines
             if not isinstance(item, Expression):
                 if bool(item) != is_and:  # decides, but for what was to be computed before
                     return not is_and if result is None else self._both(result, not is_and, is_and)
@@ -131,9 +168,9 @@ class Expressions(Writer, ABC):
         return left & right if is_and else left | right
 
     def _value_compare(self, node: ast.Compare, frame: Frame) -> Any:
-        left, result = self.value(node.left, frame), None
-        for symbol, part in zip(node.ops, node.comparators, strict=True):
-            right = self.value(part, frame)
+        left, *others = self.in_order([node.left, *node.comparators], frame)
+        result = None
+        for symbol, right in zip(node.ops, others, strict=True):
             if isinstance(symbol, ast.Is | ast.IsNot):
                 item: Any = (left is right) == isinstance(symbol, ast.Is)
             else:
@@ -150,7 +187,11 @@ class Expressions(Writer, ABC):
         condition = self.value(node.test, frame)
         if not isinstance(condition, Expression):
             return self.value(node.body if condition else node.orelse, frame)
-        return self.chosen(condition, self.value(node.body, frame), self.value(node.orelse, frame))
+        first, second = self.apart(node.body, frame), self.apart(node.orelse, frame)
+        if change_arrays([*first[1], *second[1]]):
+            return self.either(condition, first, second)
+        self.function.lines += [*first[1], *second[1]]
+        return self.chosen(condition, first[0], second[0])
 
     def chosen(self, condition: Expression, first: Any, second: Any) -> Any:
         """Return the first where a condition holds, else the second."""
@@ -185,10 +226,12 @@ class Expressions(Writer, ABC):
 
     def _value_call(self, node: ast.Call, frame: Frame) -> Any:
         function = self.value(node.func, frame)
-        arguments = [self.value(item, frame) for item in node.args]
-        named = {item.arg: self.value(item.value, frame) for item in node.keywords if item.arg}
-        if len(named) != len(node.keywords):
+        names = [item.arg for item in node.keywords if item.arg]
+        if len(names) != len(node.keywords):
             raise TranslationError("arguments by **")
+        arguments = self.in_order([*node.args, *(item.value for item in node.keywords)], frame)
+        named = dict(zip(names, arguments[len(node.args) :], strict=True))
+        arguments = arguments[: len(node.args)]
         with self.located(frame, node):
             return self.call(function, arguments, named)
 

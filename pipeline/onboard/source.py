@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 
 from fis_tools.document.html import environment, read
-from fis_tools.formats.c.text import OPENING, broken, comment
+from fis_tools.formats.c.text import OPENING, broken, comment, table
 from fis_tools.model import conjunctions
 from fis_tools.model.thrust import LOGIC_REASONS, REASONS, SILENT_N
 from fis_tools.words.text import sentence
 from pipeline.flight.state.log import LEAST_CHANGE_N
 from pipeline.flight.state.signals import BODY, CONSTANTS
 from pipeline.onboard.program import OnboardProgram
-from pipeline.onboard.values import Array, bare, number_text
+from pipeline.onboard.values import Array, number_text
 from pipeline.onboard.writer import Function, Line, pruned
 
 #: members of the state that the entries write or read
@@ -113,6 +113,7 @@ def _facts(program: OnboardProgram, members: Mapping[str, Any], functions: set[s
         "parameters": {name: CONSTANTS[name].description for name in parameters},
         "choices": [name for name, _ in program.choices],
         "rows": [[row[name] for name in parameters] or [0.0] for _, row in program.choices],
+        "table": table,
         "rule_order": [[*order, *[0] * (longest - len(order))] for order in orders],
         "systems": [int(axis) for axis in law.axes],
         "limits": "0 none, 1 keep out, 2 keep in, 3 speed, 4 passive safety",
@@ -197,15 +198,8 @@ class ConstantTable:
 
     def definition(self) -> list[str]:
         """Return its definition in C."""
-
-        def rows(part: Any) -> str:
-            if np.ndim(part):
-                return "{" + ", ".join(map(rows, part)) + "}"
-            return str(int(part)) if self.kind == "int" else bare(number_text(float(part)))
-
-        lengths = "".join(f"[{length}]" for length in self.data.shape)
-        text = f"static const {self.kind} {self.name}{lengths} = {rows(self.data)};"
-        return broken(text)
+        values = self.data.astype(int if self.kind == "int" else float)
+        return table(self.kind, self.name, values.tolist()).split("\n")
 
 
 _STORE = re.compile(r"\s*state->(\w+(?:\[\d+\])*) = (.*);")

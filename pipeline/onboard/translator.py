@@ -18,7 +18,7 @@ from typing import Any
 
 from fis_tools.compiled.vectors import Three
 from pipeline.onboard import statements
-from pipeline.onboard.expressions import OPERATORS
+from pipeline.onboard.expressions import OPERATORS, Computed
 from pipeline.onboard.loops import Loops
 from pipeline.onboard.values import (
     C_TYPES,
@@ -228,7 +228,7 @@ class Translator(Loops):
             before = self.value(ast.Subscript(target.value, target.slice, ast.Load()), frame)
         else:
             raise TranslationError(f"{type(target).__name__} as a target")
-        change = self.value(statement.value, frame)
+        before, change = self.in_order([statement.value], frame, before)
         if isinstance(statement.op, ast.Add) and is_scalar(change) and kind_of(change) == "bool":
             change = count_of(change, self.function.runs)
         if isinstance(change, Expression) and change.mask:
@@ -282,7 +282,7 @@ class Translator(Loops):
             raise TranslationError("a branch returns, and the other goes on")
         if result is not None:
             merged = self._merged(result, other_result, "result", first, second)
-        for name in names.names.keys() & other_names.names.keys() - frame.names.keys():
+        for name in sorted(names.names.keys() & other_names.names.keys() - frame.names.keys()):
             try:
                 frame.names[name] = self._merged(
                     names.names[name], other_names.names[name], name, first, second
@@ -291,19 +291,30 @@ class Translator(Loops):
                 continue
         self.function.lines = outer
         outer += declarations
-        text = bare(condition.text)
+        self._branched(condition, first, second)
+        return merged
+
+    def either(self, condition: Expression, taken: Computed, otherwise: Computed) -> Any:
+        """Return one value where a condition holds, else the other; only that one is computed."""
+        (first, lines), (second, others) = taken, otherwise
+        branches = [[replace(line, text=f"    {line.text}") for line in each] for each in (lines, others)]
+        merged = self._merged(first, second, "either", *branches)
+        self._branched(condition, *branches)
+        return merged
+
+    def _branched(self, condition: Expression, first: list[Line], second: list[Line]) -> None:
+        """Write two branches, of which either may be empty."""
         if first:
-            self.emit(f"if ({text}) {{")
-            outer += first
+            self.emit(f"if ({bare(condition.text)}) {{")
+            self.function.lines += first
             if second:
                 self.emit("} else {")
-                outer += second
+                self.function.lines += second
             self.emit("}")
         elif second:
             self.emit(f"if ({bare((~condition).text)}) {{")
-            outer += second
+            self.function.lines += second
             self.emit("}")
-        return merged
 
     def _merged(self, first: Any, second: Any, name: str, lines: list[Line], others: list[Line]) -> Any:
         """Return what is either value, by which branch was taken; the branches write it into variables."""

@@ -12,6 +12,8 @@ from typing import Any, Literal
 
 import numpy as np
 
+from fis_tools.formats.c.text import exact
+
 #: "lane" is a double of one point of the chief, where the flight works on a vector of points
 Kind = Literal["double", "lane", "int", "bool"]
 C_TYPES: dict[Kind, str] = {"double": "double", "lane": "double", "int": "int", "bool": "bool"}
@@ -26,14 +28,10 @@ class LaneConstant(float):
 
 
 def number_text(value: float) -> str:
-    """Return a double as C: the shortest decimal that reads back as the same one."""
-    if math.isinf(value):
-        return "HUGE_VAL" if value > 0.0 else "(-HUGE_VAL)"  # INFINITY is a float
+    """Return a double as an operand of C."""
     if math.isnan(value):
         raise TranslationError("a number is NaN")
-    text = repr(float(value))
-    if "." not in text and "e" not in text:
-        text += ".0"
+    text = exact(float(value))
     return f"({text})" if text.startswith("-") else text
 
 

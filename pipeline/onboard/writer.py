@@ -2,7 +2,7 @@
 
 import ast
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -377,6 +377,19 @@ _PURE_CALLS = frozenset(
 )
 
 
+_CHANGE = re.compile(r"\(state\b|^\s*state->[^=;]*[^=;<>!]=[^=]|^\s*\w+\[[^=;]* =[^=]")
+
+
+def change_arrays(lines: Sequence[Line]) -> bool:
+    """Return whether lines write into arrays or the state, or call functions that may."""
+    return any(_CHANGE.search(line.text) for line in lines)
+
+
+def _calls(text: str | None) -> set[str]:
+    """Return the functions that a text calls, and that may change something."""
+    return set(re.findall(r"([A-Za-z_]\w*)\(", text or "")) - _PURE_CALLS
+
+
 def pruned(lines: list[Line]) -> list[Line]:
     """Leave out variables that nothing reads, and what is written into them."""
     while True:
@@ -384,16 +397,16 @@ def pruned(lines: list[Line]) -> list[Line]:
         for line in lines:
             match = _DECLARATION.fullmatch(line.text) or _STORE.fullmatch(line.text)
             for word in re.findall(r"[A-Za-z_]\w*", (match[2] or "") if match else line.text):
-                if match is None or word != match[1]:  # what only changes itself is not read
+                # what only changes itself is not read, unless something is called for what it does
+                if match is None or word != match[1] or _calls(match[2]):
                     reads[word] = reads.get(word, 0) + 1
         local = {match[1] for line in lines if (match := _DECLARATION.fullmatch(line.text))}
         kept = []
         for line in lines:
             match = _DECLARATION.fullmatch(line.text) or _STORE.fullmatch(line.text)
-            calls = set(re.findall(r"([A-Za-z_]\w*)\(", match[2] or "")) if match else set()
             if match is None or match[1] not in local or reads.get(match[1]):
                 kept.append(line)
-            elif calls - _PURE_CALLS:  # it is called for what it does
+            elif _calls(match[2]):  # it is called for what it does
                 indent = line.text[: len(line.text) - len(line.text.lstrip())]
                 kept.append(Line(f"{indent}(void){match[2]};", line.file, line.number))
         if kept == lines:

@@ -14,7 +14,7 @@ from fis_tools.engines.degrees import tabulated
 from fis_tools.engines.program import Conclusion, assemble
 from fis_tools.formats import rendered
 from fis_tools.formats.c.library import conclude, defuzzifiers_of
-from fis_tools.formats.c.text import broken, comment, identifiers, numbers
+from fis_tools.formats.c.text import broken, comment, identifiers, table
 from fis_tools.model import FuzzySystem, Term, Variable, memberships_at, sample
 from fis_tools.words.text import number, sentence, shape_words, summary, with_unit
 
@@ -74,11 +74,17 @@ class _Signal:
             return self.points.tolist()
         return self.variable.universe[self.bends].tolist()
 
-    def values(self, term: Term) -> list[float]:
-        """Return a term's memberships at the points of its table."""
+    @property
+    def rows(self) -> list[list[float]]:
+        """Each term's memberships at the points of its table."""
         if self.points is not None:
-            return memberships_at(self.variable, term, self.points).tolist()
-        return sample(self.variable, term)[self.bends].tolist()
+            return [memberships_at(self.variable, term, self.points).tolist() for term in self.terms]
+        return [sample(self.variable, term)[self.bends].tolist() for term in self.terms]
+
+    @property
+    def notes(self) -> list[str]:
+        """What the comments above the rows of its table say."""
+        return [f"{term.name}: {shape_words(term)}" for term in self.terms]
 
     @property
     def tables(self) -> list[tuple[int, Term, list[float], list[float]]]:
@@ -163,7 +169,7 @@ class System:
             most_points=max((len(c.universe) + len(c.runs) for c in cut), default=0),
             # gcc warns of moving within an array of one
             most_crossings=max([2, *(len(c.runs) for c in cut)]),
-            numbers=numbers,
+            table=table,
             comment=comment,
             shape_words=shape_words,
         )
@@ -249,13 +255,13 @@ class System:
                     taken = f"inputs[{index}]"
                     if isfinite(low):
                         taken = f"inside({taken}, {low!r}, {high!r})"
-                    terms.append(f"{float(factor)!r} * {taken}")
+                    terms.append(f"({float(factor)!r} * {taken})")
             return " + ".join(terms)
         first, second = (repr(float(getattr(shape, name))) for name in shape.entry.kinds)
-        location = f"where_{shape.entry.name}({strength} < 1.0 ? {strength} : 1.0, {first}, {second})"
+        location = f"where_{shape.entry.name}(({strength} < 1.0) ? {strength} : 1.0, {first}, {second})"
         if isinstance(shape, model.Sigmoid):  # reaches one nowhere
             end = output.maximum if shape.slope > 0.0 else output.minimum
-            return f"{strength} < 1.0 ? {location} : {float(end)!r}"
+            return f"({strength} < 1.0) ? {location} : {float(end)!r}"
         return location
 
 

@@ -3,7 +3,9 @@
 import re
 from collections.abc import Iterable, Sequence
 from functools import partial
+from math import isinf
 from textwrap import wrap
+from typing import Any
 
 from fis_tools.plain_text import distinct
 
@@ -32,6 +34,7 @@ OPENING = """\
 """
 WIDTH = 110
 _wrap = partial(wrap, break_long_words=False, break_on_hyphens=False)
+_INDENTED = {"initial_indent": "    ", "subsequent_indent": "    "}
 
 
 def comment(paragraphs: Sequence[str], indent: int = 0) -> str:
@@ -54,12 +57,31 @@ def identifiers(names: Iterable[str]) -> list[str]:
     return distinct(re.sub(r"[^A-Za-z0-9]+", "_", name).strip("_") or "unnamed" for name in names)
 
 
-def numbers(values: Sequence[float], indent: int) -> str:
-    """Write numbers that read back as the same doubles, as many on a line as fit."""
-    before = " " * indent
-    return "\n".join(
-        _wrap(", ".join(map(repr, values)), WIDTH, initial_indent=before, subsequent_indent=before)
-    )
+def exact(value: float) -> str:
+    """Write a number that reads back as the same double, or the same whole number."""
+    if not isinstance(value, int) and isinf(value):
+        return "HUGE_VAL" if value > 0.0 else "-HUGE_VAL"  # INFINITY is a float
+    return repr(value)
+
+
+def table(kind: str, name: str, values: Sequence[Any], notes: Sequence[str] = ()) -> str:
+    """Define a constant table of doubles or ints, of any number of axes; notes stand above its rows."""
+    lengths, part = "", values
+    while isinstance(part, Sequence):
+        lengths, part = f"{lengths}[{len(part)}]", part[0]
+    opening = f"static const {kind} {name}{lengths} = "
+    if not notes and len(line := f"{opening}{_braces(values)};") <= WIDTH:
+        return line
+    lines = []
+    for row, note in zip(values, notes, strict=True) if notes else ():
+        lines += [comment([note], 4), *_wrap(_braces(row) + ",", WIDTH, **_INDENTED)]
+    lines = lines or _wrap(_braces(values)[1:-1], WIDTH, **_INDENTED)
+    return "\n".join([f"{opening}{{", *lines, "};"])
+
+
+def _braces(values: Any) -> str:
+    """Write numbers, or rows of them, as an initializer."""
+    return f"{{{', '.join(map(_braces, values))}}}" if isinstance(values, Sequence) else exact(values)
 
 
 def broken(line: str, further: int = 4) -> list[str]:

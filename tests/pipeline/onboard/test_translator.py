@@ -1,13 +1,17 @@
-"""What the translator cannot translate it refuses, with file and line."""
+"""What the translator cannot translate it refuses, with file and line; what it translates comes in order."""
 
+import ctypes
 import re
+import shutil
+import subprocess
 
+import numpy as np
 import pytest
 
-from fis_tools.compiled.decorator import compiled
+from fis_tools.compiled.decorator import compiled, plainly
 from pipeline.onboard.operations import OPERATIONS
 from pipeline.onboard.translator import Translator
-from pipeline.onboard.values import Expression, TranslationError
+from pipeline.onboard.values import Array, Expression, TranslationError
 from pipeline.onboard.writer import Setting
 
 
@@ -92,3 +96,45 @@ def test_what_has_no_translation_is_refused_with_its_line(name):
 def test_a_truth_that_is_not_known_is_never_taken():
     with pytest.raises(TranslationError, match="not known"):
         bool(Expression("x", "bool"))
+
+
+@compiled
+def add(cells, x):
+    cells[0] = cells[0] + x
+    return cells[0]
+
+
+@compiled
+def ordered(cells, x):
+    if x > 0.0 and add(cells, x) > 1.0:
+        cells[1] = 1.0
+    if x < 0.0 or add(cells, 1.0) > 2.0:
+        cells[2] = 1.0
+    cells[3] = add(cells, 3.0) if x > 1.0 else 2.0 * add(cells, 5.0)
+    cells[4] = cells[0] - add(cells, x)
+    pair = (cells[0], add(cells, x))
+    cells[5] = pair[0]
+    cells[6] = 1.0 if cells[0] < add(cells, 7.0) else 0.0
+    cells[0] += add(cells, x)
+
+
+@pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc compiles what is written")
+def test_what_changes_an_array_is_called_when_python_calls_it(tmp_path):
+    translator, count = Translator(Setting(OPERATIONS)), 7
+    cells = Array("state->cells", (count,))
+    translator.write("entry", ordered, {"cells": cells, "x": Expression("x", is_name=True)})
+    functions = [
+        f"{each.signature} {{\n{chr(10).join(line.text for line in each.lines)}\n}}\n"
+        for each in translator.functions
+    ]
+    opening = f"#include <stdbool.h>\nstruct controller {{ double cells[{count}]; }};\n"
+    (tmp_path / "entry.c").write_text(opening + "".join(functions))
+    words = ["gcc", "-std=c99", "-shared", "-fPIC", "-o", tmp_path / "entry.so", tmp_path / "entry.c"]
+    subprocess.run(words, check=True)  # noqa: S603
+    entry = ctypes.CDLL(str(tmp_path / "entry.so")).entry
+    for x in (-1.0, 0.0, 0.5, 1.5):
+        by_c, by_python = (ctypes.c_double * count)(), np.zeros(count)
+        entry(by_c, ctypes.c_double(x))
+        with plainly("tests"):
+            ordered(by_python, x)
+        assert list(by_c) == by_python.tolist()
