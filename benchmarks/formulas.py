@@ -67,7 +67,7 @@ SEEN, DRAWN, NOT_TAKEN, EARLY, UNSEEN = (
     *("never taken", "an early exit left out, without effect", "left out without effect"),
 )
 #: starts from which a branch that is left out is flown, and flights' worth of inputs that are drawn
-NUM_STARTS, NUM_DRAWN = 60, 20
+NUM_STARTS, NUM_DRAWN = 20, 20
 
 
 @dataclass(frozen=True)
