@@ -103,11 +103,10 @@ def flown(words: Sequence[str], num_left_out: int, is_each: bool) -> Flown:
     """
     import numpy as np  # noqa: PLC0415 - imported before, and of the changed code:
 
-    from fis_tools.compiled.vectors import ROW, some  # noqa: PLC0415
+    from fis_tools.compiled.vectors import ROW  # noqa: PLC0415
     from pipeline.command_line.config import compose_experiment  # noqa: PLC0415
     from pipeline.controllers.source import load  # noqa: PLC0415
     from pipeline.flight.fly import simulation  # noqa: PLC0415
-    from pipeline.onboard import operations  # noqa: PLC0415
     from pipeline.onboard import program as programs  # noqa: PLC0415
     from pipeline.onboard.recorded import Library, differing, recorded  # noqa: PLC0415
     from pipeline.onboard.source import sources  # noqa: PLC0415
@@ -128,12 +127,7 @@ def flown(words: Sequence[str], num_left_out: int, is_each: bool) -> Flown:
 
     programs.Values = CheckedValues  # type: ignore[misc]
     if is_each:
-        for module in list(sys.modules.values()):
-            if getattr(module, "some", None) is some:
-                module.some = every  # type: ignore[attr-defined]
-        operations.OPERATIONS[every] = (  # type: ignore[index]
-            lambda translator, mask: True if translator.function.lane else mask
-        )
+        skip_none()
     # as on board; beside a flight, a changed formula would see lanes that are empty
     for name in ("make_state", "make_workspace"):
         setattr(simulation, name, partial(getattr(simulation, name), lanes=1))
@@ -180,6 +174,17 @@ def flown(words: Sequence[str], num_left_out: int, is_each: bool) -> Flown:
             branches.append((branch, _seen(answers, taken, without, intact, num_flown)))
     is_guarded = any(end < len(each) for end, each in zip(guarded, intact, strict=False))
     return Flown(log.force_commanded_n.tobytes(), result, lines, "", is_guarded, branches)
+
+
+def skip_none() -> None:
+    """Let no vector of points be skipped from here on, in Python and in C."""
+    from fis_tools.compiled.vectors import some  # noqa: PLC0415 - of the changed code, as above
+    from pipeline.onboard.operations import OPERATIONS  # noqa: PLC0415
+
+    for module in list(sys.modules.values()):
+        if getattr(module, "some", None) is some:
+            module.some = every  # type: ignore[attr-defined]
+    OPERATIONS[every] = lambda translator, mask: True if translator.function.lane else mask  # type: ignore[index]
 
 
 def every(mask: Any) -> bool:

@@ -244,6 +244,8 @@ class Writer:
         text = name
         for index, length in zip(array.indices, array.shape_whole, strict=False):
             if length != 1:
+                if isinstance(index, Expression) and index.kind not in ("int", "bool"):
+                    raise TranslationError(f"{index.text} indexes {array.name}, and is no whole number")
                 text += f"[{bare(text_of(index, 'int'))}]"
         return text
 
