@@ -150,7 +150,7 @@ def main(words: Sequence[str] | None = None) -> int:
     parser.add_argument("--workers", type=int, help="processes; one a processor unless given")
     arguments = parser.parse_args(words)
     chosen = [overrides for overrides in table() if arguments.only in " ".join(overrides)]
-    each, rows = bands(arguments.flights), []
+    each, rows = bands(arguments.flights), list[tuple[float, np.ndarray]]()
     print(f"| settings | constant errors | {' | '.join(format_limits(each))} | inside |")
     print("|---|---|---|---|---|")
     more = [f"controller={arguments.controller}", f"monte_carlo.num_cases={arguments.flights}"]
@@ -159,16 +159,21 @@ def main(words: Sequence[str] | None = None) -> int:
     with multiprocessing.get_context("fork").Pool(arguments.workers or num_processors()) as pool:
         for overrides, results in zip(chosen, pool.imap(judged_row, flown), strict=True):
             for factor, means in results:
-                rows.append(means)
+                rows.append((factor, means))
                 cells = (", ".join(f"{mean:.2f}" for mean in row) for row in means)
                 share = f"{within(means, each)} of {means.size}"
                 print(
                     f"| `{' '.join(overrides)}` | x {factor:g} | {' | '.join(cells)} | {share} |", flush=True
                 )
-    means = np.concatenate(rows, axis=1)
+    means = np.concatenate([row for _, row in rows], axis=1)
     together = bands(arguments.flights, means.size)
     print(
         f"\n{within(means, each)} of {means.size} means lie in their own bands; {within(means, together)} in "
         f"those that hold together: {'; '.join(format_limits(together))}"
     )
+    for factor in dict.fromkeys(factor for factor, _ in rows):
+        whole = [within(row, together) == row.size for other, row in rows if other == factor]
+        print(
+            f"constant errors x {factor:g}: all means of {sum(whole)} of {len(whole)} rows lie in the latter"
+        )
     return 0
