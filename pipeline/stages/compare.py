@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from threading import Event, Lock
 
+from fis_tools.formats.serialize import EDITED, EDITED_NAME
 from pipeline.array_types import Floats
 from pipeline.controllers.source import named
 from pipeline.evaluation import comparison
@@ -159,7 +160,7 @@ def _rows(lot: Lot, name: str, controller: Controller, note: Note) -> list[Row]:
             beside, _ = fly_cases(mission, controller, lot.solved.scenarios, workers)
             times = summarise_times(beside_optimum(beside, lot.solved.cases, lot.solved.harder))
         row = comparison.ComparisonRow(
-            controller=label_of(name, experiment.compare.controllers),
+            controller=label_of(name, experiment.compare.controllers) + _edited(name, controller),
             source=comparison.FLOWN,
             sun=experiment.sun.mode,
             safety=layer,
@@ -208,6 +209,12 @@ def label_of(name: str, names: Sequence[str]) -> str:
     """Return a controller's name in the table: its file's name if that is unique."""
     stem = Path(name).stem
     return stem if [Path(other).stem for other in names].count(stem) == 1 else name
+
+
+def _edited(name: str, controller: Controller) -> str:
+    """Return what a label adds where a file was changed after training, and its own name does not say so."""
+    changed = controller.fuzzy is not None and controller.fuzzy.name.endswith(EDITED_NAME)
+    return EDITED_NAME if changed and EDITED not in Path(name).stem else ""
 
 
 def guarded(mission: Mission, layer: str) -> Mission:

@@ -7,12 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.controllers.source import load
+from pipeline.controllers.source import load, named
 from pipeline.evaluation.comparison import HEADER, concatenate, row_of
 from pipeline.evaluation.monte_carlo import summarise
 from pipeline.flight.fly.simulation import fly_all
 from pipeline.run import artifacts, tables
 from pipeline.scenarios import evaluation_scenarios
+from pipeline.settings.places import conf_folder
 from pipeline.stages import compare
 from tests.pipeline.stages.cases import composed, prepared
 
@@ -142,3 +143,15 @@ def test_a_column_that_few_rows_have_is_nan_in_the_others(finished):
 def test_two_files_of_one_name_are_told_apart():
     names = ["lqr", "a/mine.yaml", "b/mine.yaml", "c/other.csv"]
     assert [compare.label_of(name, names) for name in names] == ["lqr", "a/mine.yaml", "b/mine.yaml", "other"]
+
+
+def test_an_edited_file_is_not_called_as_the_champion_it_was(tmp_path):
+    shipped, path = conf_folder() / "controller" / "champion_27.yaml", tmp_path / "champion_27.yaml"
+    text = shipped.read_text(encoding="utf-8")
+    path.write_text(text.replace("coast_below_points: 1.5", "coast_below_points: 2.5"), encoding="utf-8")
+    names = ["champion_27", str(path)]
+    words = f"compare.controllers=[{','.join(names)}]", "monte_carlo.num_cases=1", "compare.safety=[none]"
+    experiment = composed(*words, experiment="baselines").experiment
+    lot = compare.Lot(experiment, "", evaluation_scenarios(experiment), None)
+    rows = [compare.fly_rows(lot, name, named(name, experiment.mission)) for name in names]
+    assert [row.controller for ((row, _),) in rows] == ["champion_27", f"{path}, edited"]
