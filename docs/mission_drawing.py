@@ -22,7 +22,7 @@ def missions() -> Drawing:
     for share in (0, 25, 50, 75, 100):
         drawing.line([(share, 8.0), (share, bottom)], "grid")
         drawing.word(f"{share} %", (share, bottom), "small", 0.0, 18.0, "middle")
-    drawing.word("success, with 95 % intervals; an upright line: no flight does better", (0.0, 22.0), "small")
+    drawing.word("success, 95 % intervals; upright: the most possible", (0.0, 22.0), "small")
     drawing.word("s", (112.0, 22.0), "small", 0.0, 0.0, "end")
     for index, row in enumerate(rows):
         at = -ROW * (index + 0.5)
