@@ -16,6 +16,7 @@ import tempfile
 import time
 from collections.abc import Sequence
 from contextlib import redirect_stderr
+from dataclasses import replace
 from io import StringIO
 from pathlib import Path
 from typing import Any
@@ -32,7 +33,9 @@ from pipeline.flight.control.controller import from_fuzzy
 from pipeline.flight.goals.flights import fly_all
 from pipeline.optimum.plan import solve
 from pipeline.run import artifacts, configuration
+from pipeline.settings.equipment import Actuators, Navigation
 from pipeline.settings.experiment import Optimum
+from pipeline.settings.mission import Dynamics
 from pipeline.stages import fit
 
 STORED = Path(__file__).with_suffix(".json")
@@ -184,7 +187,8 @@ def solved(name: str, words: Sequence[str], controller: FuzzyController) -> dict
     starts = fitting.rung_scenarios(experiment, len(experiment.fit.cases))
     flown = fly_all(experiment.mission, from_fuzzy(controller), starts, 1)
     is_solved = flown.is_success(experiment.mission.inspection_threshold_percent) & ~flown.is_violated
-    mission = compose_experiment([*settings, *ERRORLESS]).experiment.mission
+    exact = {"navigation": Navigation(), "actuators": Actuators(), "dynamics": Dynamics(), "dispersions": {}}
+    mission = replace(experiment.mission, **exact)
     for index in np.flatnonzero(~is_solved).tolist():
         plan = solve(mission, starts[index], EFFORT, np.random.SeedSequence(index))
         is_solved[index] = plan.flight.is_feasible(plan.needed)
@@ -192,8 +196,7 @@ def solved(name: str, words: Sequence[str], controller: FuzzyController) -> dict
     return share
 
 
-#: a mission as plans of least fuel know it, and how hard these are searched for
-ERRORLESS = ("navigation=perfect", "actuators=ideal", "dynamics=cw")
+#: how hard plans of least fuel are searched for
 EFFORT = Optimum(restarts=12, burns=4, kicks=6)
 #: a fit that compiles, or loads, all that a real one calls
 COMPILE: tuple[str, ...] = (
