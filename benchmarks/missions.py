@@ -187,7 +187,12 @@ def solved(name: str, words: Sequence[str], controller: FuzzyController) -> dict
     starts = fitting.rung_scenarios(experiment, len(experiment.fit.cases))
     flown = fly_all(experiment.mission, from_fuzzy(controller), starts, 1)
     is_solved = flown.is_success(experiment.mission.inspection_threshold_percent) & ~flown.is_violated
-    exact = {"navigation": Navigation(), "actuators": Actuators(), "dynamics": Dynamics(), "dispersions": {}}
+    exact: dict[str, Any] = {
+        "navigation": Navigation(),
+        "actuators": Actuators(),
+        "dynamics": Dynamics(),
+        "dispersions": {},
+    }
     mission = replace(experiment.mission, **exact)
     for index in np.flatnonzero(~is_solved).tolist():
         plan = solve(mission, starts[index], EFFORT, np.random.SeedSequence(index))
