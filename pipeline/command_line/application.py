@@ -219,7 +219,9 @@ def _call(invocation: Invocation) -> None:
             application()
     except Refused as refused:
         raise refused.args[0] from None
-    except SystemExit as end:  # Hydra has printed what was asked for
+    except SystemExit as end:  # Hydra has printed what was asked for, or with 1 why it could not
+        if end.code not in (None, 0, 1):
+            raise
         invocation.code = runs.MISTAKE if end.code else runs.OK
     except KeyboardInterrupt as interrupt:
         if invocation.sweep is None:

@@ -280,7 +280,7 @@ def test_a_constant_makes_it_better(all_cases, before, tutorial) -> None:
 
 def test_what_else_to_try(all_cases, before, tutorial) -> None:
     middle = list(all_cases.fly(pressed(1, 5)))[-1]
-    assert f"one press, and {succeeded(middle):.1f} % succeed" in tutorial
+    assert f"the middle of the table of `force_y` once: {succeeded(middle):.1f} % succeed" in tutorial
     band = list(all_cases.fly(typed("dead_band_force_x_n", "0.03")))[-1]
     assert f"success falls by {succeeded(before) - succeeded(band):.1f} percentage points" in tutorial
     changes = []
@@ -291,4 +291,4 @@ def test_what_else_to_try(all_cases, before, tutorial) -> None:
         now = list(all_cases.fly(pressed(axis, rule + 1, step=int(np.sign(towards)))))[-1]
         changes.append(abs(succeeded(now) - succeeded(before)))
     most = f"{max(changes):.1f} percentage points"
-    assert f"one step towards zero changes success by at most {most}" in tutorial
+    assert f"a step towards zero changes success by at most {most}" in tutorial
