@@ -118,14 +118,14 @@ class FlightArguments(ControllerArguments):
         return list(self.flights) or [path for path in [self.controller] if flights.is_flight(path)]
 
     def flown(self, controller: FuzzyController) -> dict[str, Floats] | None:
-        """Return the inputs that the controller's systems sensed along the flights; see `flown_inputs`."""
+        """Return what each system sensed along the flights, as `flown_inputs` does."""
         return flown_inputs(self.paths, controller, self.all_periods)
 
 
 def flown_inputs(
     paths: Sequence[str], controller: FuzzyController, all_periods: bool
 ) -> dict[str, Floats] | None:
-    """Return the inputs that a controller's systems sensed along flights; None without flights.
+    """Return what each system sensed along flights, by its name, (n, num_inputs); None without flights.
 
     The flights may be those of another controller, such as the one before a change, if its systems of the
     same names have the same inputs.

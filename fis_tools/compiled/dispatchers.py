@@ -76,7 +76,7 @@ class KeptCode(Cache):
         """Do nothing: it is always on."""
 
     def flush(self) -> None:
-        """Do nothing: code of another program has another name."""
+        """Do nothing: files of code are named by a fingerprint of their source, so none is out of date."""
 
 
 class FromPython(CPUDispatcher):

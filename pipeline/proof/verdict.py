@@ -236,7 +236,7 @@ def limit_fault(theorem: Theorem, now: Floats, after: Floats) -> str:
     """
     h, n = theorem.period_s, theorem.mean_motion_rad_s
     thrust = theorem.max_force_n / theorem.mass_kg
-    most = 2.0 * thrust  # of an acceleration along one axis: while it held, the sum below is less
+    most = 2.0 * thrust  # of an acceleration along one axis; the sum below, which bounds it, confirms this
     far, fast = np.abs(now[:3]).max(), np.abs(now[3:6]).max() + h * most
     if thrust + 3 * n**2 * (far + h * fast) + 2 * n * fast > most:
         return "the limit cannot be shown between samples, for gravity is not small beside the thrust"

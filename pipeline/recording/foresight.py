@@ -37,7 +37,10 @@ def push_in_words(push_mm_s: Floats) -> str:
 
 
 def plan_in_words(mission: Mission, plan: Floats, sample: int) -> str:
-    """Return a plan, (B, 4), from a sample on in words; see `replanning.PlannedDecision`."""
+    """Return a plan in words, with times from a sample on.
+
+    A row of a plan, (B, 4), is a push: the sample when it begins, -1 for none, and its force, N, Hill axes.
+    """
     per_force, words = 1e3 * mission.control_period_s / mission.deputy.mass_kg, []
     for begin, *force in plan[np.argsort(plan[:, 0], kind="stable")]:
         push = push_in_words(per_force * np.array(force)) if begin >= 0.0 else ""

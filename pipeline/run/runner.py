@@ -230,7 +230,7 @@ class _Log(logging.FileHandler):
             self._fail(error)
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Write a line."""
+        """Write a line, unless writing failed before."""
         if not self.has_failed:
             super().emit(record)
 

@@ -155,7 +155,7 @@ class _Choice:
         if is_first:
             rehearsed_flights = deputies.fly(rehearsing(deputies.controller))
             self.ends[RULES] = rehearsed_costs(deputies.controller, rehearsed_flights)
-            is_short |= self.ends[RULES] < self._cheapest
+            is_short |= self.ends[RULES] < self._cheapest_plan
         short = np.flatnonzero(is_short)
         for attempt, effort in enumerate(HARDER[num_pushes] if len(short) else ()):
             self._try_harder(short, (effort,) if is_first else efforts, attempt)
@@ -163,14 +163,17 @@ class _Choice:
             self.ends[REHEARSED, short] = _rehearsed(deputies.only(short))
 
     @property
-    def _cheapest(self) -> Floats:
+    def _cheapest_plan(self) -> Floats:
         """Cost of each flight by its best plan, (m,), m/s."""
         return np.asarray(self.ends[:2].min(axis=0))
 
     @property
     def is_rehearsed(self) -> Booleans:
-        """Whether the rules alone, or what they rehearse, are cheaper, (m,)."""
-        return np.asarray(np.fmin(self.ends[RULES], self.ends[REHEARSED]) < self._cheapest)
+        """Whether the rules, alone or with the best rehearsal, are cheaper than the best plan, (m,).
+
+        False where they were not flown ahead.
+        """
+        return np.asarray(np.fmin(self.ends[RULES], self.ends[REHEARSED]) < self._cheapest_plan)
 
     def decision(self) -> PlannedDecision:
         """Return the decision of the only deputy, for its log."""
@@ -227,7 +230,7 @@ class _Choice:
         ]
         openings, ends, _ = self._ahead(short, searches)
         for row, flight in enumerate(short.tolist()):
-            if ends[:, row].min() < self._cheapest[flight]:
+            if ends[:, row].min() < self._cheapest_plan[flight]:
                 self.openings[flight], self.ends[:2, flight] = openings[row], ends[:, row]
                 self._searches[flight] = searches[row]
 
