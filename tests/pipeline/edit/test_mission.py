@@ -264,7 +264,7 @@ def test_one_press_makes_it_worse(all_cases, before, tutorial) -> None:
     assert words["Inspect"] == "refuted"
     assert f"press {most_changed(before, now, 1)[0]}." in tutorial
     assert "positive_small (rule 8)" in findings(worse)
-    assert "its mirror image, rule 8, still pushes up" in tutorial
+    assert "mirror image, rule 8, still pushes up" in tutorial
 
 
 def test_a_constant_makes_it_better(all_cases, before, tutorial) -> None:
