@@ -34,8 +34,11 @@ WORLDS: Final = {
     "Sun fixed": (SMALL, ("sun=fixed",)),
     "two-body motion": (SMALL, (RANDOM_SUN, "dynamics=two_body")),
     "fixes, real thrusters": (SMALL, (RANDOM_SUN, *REAL)),
-    "these, 20 s late": (SMALL, (RANDOM_SUN, *REAL, "actuators.delay_s=10", "navigation.delay_s=10")),
-    "these, mass dispersed by 5 %": (
+    "fixes, real thrusters, 20 s late": (
+        SMALL,
+        (RANDOM_SUN, *REAL, "actuators.delay_s=10", "navigation.delay_s=10"),
+    ),
+    "fixes, real thrusters, mass dispersed by 5 %": (
         SMALL,
         (RANDOM_SUN, *REAL, "+dispersions.deputy.mass_kg={kind:normal,mean:12.0,std:0.6}"),
     ),
@@ -128,7 +131,11 @@ def main(given: Sequence[str]) -> int:
         for name in options.names or REHEARSED:
             print_turns(name, options.turns, options.cases, options.seed)
         return 0
-    print("| m/s, success (%) | rules alone | with foresight | fuel that rules fire (%) |\n|---|---|---|---|")
+    heads = (
+        *(f"{by}: m/s, success (%)" for by in ("rules alone", "with foresight")),
+        "fuel that rules fire (%)",
+    )
+    print(f"| world | {' | '.join(heads)} |\n|---|---|---|---|")
     names = options.names or [name for name in WORLDS if name not in FROM_MORE_STARTS]
     print("\n".join([print_row(name, options.cases, options.seed) for name in names]))
     return 0
