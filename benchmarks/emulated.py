@@ -19,9 +19,9 @@ from pipeline.onboard.sizes import sizes
 #: what the boards have for a vector, bytes
 ROOM = 3_500_000
 HEADING = (
-    "| controller | flights | commands that differ | instructions a period | at most | at the start "
-    "| code, kB | bound of stack, bytes | stack used |\n"
-    "|---|---|---|---|---|---|---|---|---|\n"
+    "| controller | commands that differ | mean instructions a period | most | at the start "
+    "| code, kB | stack bound, bytes | stack used |\n"
+    "|---|---|---|---|---|---|---|---|\n"
 )
 _PRINTED = re.compile(
     r"(Cortex-M\d): (\d+) instructions a period, (\d+) at most, (\d+) at the start; (\d+) bytes of stack, "
@@ -62,8 +62,8 @@ def row(words: Sequence[str], program: OnboardProgram, starts: Sequence[Scenario
     )
     num_commands = next(iter(costs.values())).num_commands
     return (
-        f"| `{words[0]}` {' '.join(f'`{word}`' for word in words[1:])} | {len(starts)} | {different} of "
-        f"{num_commands:,} | {mean} | {most} | {at_start} | {code} | {bound} | {used} |"
+        f"| `{words[0]}` {' '.join(f'`{word}`' for word in words[1:])} | {different} of {num_commands:,} "
+        f"| {mean} | {most} | {at_start} | {code} | {bound} | {used} |"
     )
 
 
