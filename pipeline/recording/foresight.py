@@ -60,11 +60,11 @@ def decisions_in_words(mission: Mission, log: FlightLog) -> Iterator[tuple[int, 
         sentence = f"planned: the last plan still sees enough, {plan}"
         if num_priced:
             sentence = (
-                f"planned: of {num_priced:,} plans, checked for light and sight, this is cheapest: {plan}"
+                f"planned: of {num_priced:,} plans, checked for light and sight, the cheapest is {plan}"
             )
         if np.isfinite(prices[1]):
             other, more = plan_in_words(mission, plans[1], sample), 1e3 * (prices[1] - prices[0])
-            sentence += f". The best other one, {other}, would cost {more:.0f} mm/s more"
+            sentence += f". The best that differs clearly, {other}, would cost {more:.0f} mm/s more"
         best = int(np.nanargmin(ends))
         then = {
             COASTING: "coasting follows",
