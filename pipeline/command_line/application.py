@@ -10,7 +10,7 @@ import threading
 import traceback
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -105,7 +105,7 @@ class Preflight(Callback):
         """Check all runs of a sweep, lock its folder and write its file."""
         with refusing(config):
             for invocation in invocations[-1:]:
-                checked = Sweep.resumed(config) if invocation.resumes else Sweep.checked(config)
+                checked = Sweep.checked(config, resumes=invocation.resumes)
                 invocation.locks.enter_context(held(checked.folder))
                 checked.write()
                 invocation.sweep = checked
@@ -132,7 +132,7 @@ def run_task(config: DictConfig) -> int:
     if invocation is None or invocation.job is None:  # called by another program, or without our callback
         return runs.run_or_resume(checked_job(config, settings, folder), words)
     try:
-        invocation.code = runs.run_new(invocation.job, folder, invocation.command)
+        invocation.code = runs.run_new(replace(invocation.job, folder=folder), invocation.command)
     except Exception as error:  # noqa: BLE001 - raised by `run_application`, or kept
         invocation.code, invocation.error = runs.FAULT, error
     return invocation.code
@@ -203,13 +203,9 @@ def run_application(words: Sequence[str], command: Sequence[str], *, resumes: bo
     Interrupted
     """
     invocation = Invocation(command, resumes, shows_tracebacks())
-    invocations.append(invocation)
-    try:
-        with hydra_apart(), _process_of(words), invocation.locks:
-            _call(invocation)
-            return invocation.sweep.end() if invocation.sweep else invocation.code
-    finally:
-        invocations.pop()
+    with hydra_apart(), _process_of(invocation, words), invocation.locks:
+        _call(invocation)
+        return invocation.sweep.end() if invocation.sweep else invocation.code
 
 
 def _call(invocation: Invocation) -> None:
@@ -240,14 +236,16 @@ def _call(invocation: Invocation) -> None:
 
 
 @contextmanager
-def _process_of(words: Sequence[str]) -> Iterator[None]:
-    """Give Hydra a process with some arguments, in which it raises errors; restore what it changes there."""
+def _process_of(invocation: Invocation, words: Sequence[str]) -> Iterator[None]:
+    """Give Hydra a process of an invocation, in which it raises errors; restore what it changes there."""
     arguments, full, root = sys.argv, os.environ.get(FULL_ERROR), logging.getLogger()
     level, handlers = root.level, list(root.handlers)
     sys.argv, os.environ[FULL_ERROR] = [*arguments[:1], *words], "1"
+    invocations.append(invocation)
     try:
         yield
     finally:
+        invocations.pop()
         sys.argv, root.handlers = arguments, handlers
         root.setLevel(level)
         os.environ.pop(FULL_ERROR)

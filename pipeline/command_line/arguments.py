@@ -95,8 +95,8 @@ def parse_arguments(arguments: Sequence[str]) -> CommandLine:
             raise ConfigError(f"{option} {why}")
     for word in unknown:
         if word.startswith("-"):
-            names = [name for action in parser._actions for name in action.option_strings]
-            raise ConfigError(f"there is no option {word}{did_you_mean(word, [*names, *KNOWN])}")
+            known = [*parser._option_string_actions, *KNOWN]
+            raise ConfigError(f"there is no option {word}{did_you_mean(word, known)}")
     overrides = [*command.overrides, *unknown]
     resumed = [word.removeprefix(RESUME) for word in overrides if word.startswith(RESUME)]
     command.resume = Path(resumed[-1]).expanduser() if resumed else None

@@ -91,7 +91,7 @@ def _command_of(arguments: Sequence[str]) -> Callable[[], int]:
     if command.help or not (command.overrides or command.resume or command.hydra_options):
         from pipeline.command_line.guide import help_on  # noqa: PLC0415 - it loads compiled code
 
-        text = help_on(command.overrides if command.help else (), command.folders)
+        text = help_on(command.overrides, command.folders)
         return partial(_print, text, runs.OK if command.help else runs.MISTAKE)
     return partial(run_command, command)
 
@@ -118,7 +118,7 @@ def run_command(command: CommandLine) -> int:
     if "hydra.run.dir" in by_key and not command.multirun:
         folder = Path(str(by_key["hydra.run.dir"].value()))
         if (folder / artifacts.MANIFEST).exists():
-            return runs.repeat(folder, read, command.config_dir)
+            return runs.repeat(folder, by_key, command.config_dir)
         if "stages" in by_key and EXPERIMENT not in by_key:
             raise ConfigError(
                 f"{folder} holds no run; give the folder of a run to repeat stages of it, or add "

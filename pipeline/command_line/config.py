@@ -139,13 +139,12 @@ def checked_job(config: DictConfig, settings: Any, folder: Path) -> Job:
         If a value is missing or not allowed, or an override sets a key that another setting makes idle.
     """
     words: list[str] = list(settings.overrides.task)
-    sources = [Path(source.path) for source in settings.runtime.config_sources if source.schema == "file"]
-    folders = [path for path in sources if path != conf_folder()]
+    folders = [Path(source.path) for source in settings.runtime.config_sources if source.schema == "file"]
     with errors_in_words():
         node = _without_hydra(config)
         missing = sorted(OmegaConf.missing_keys(node))
         if "stages" in missing:
-            names = ", ".join(options([conf_folder(), *folders]).get(EXPERIMENT, []))
+            names = ", ".join(options(folders)[EXPERIMENT])
             raise ConfigError(f"no experiment is chosen; add +experiment=NAME, where NAME is one of {names}")
         if missing:
             raise ConfigError(f"the key {missing[0]} has no value yet; add {missing[0]}=...")
@@ -153,7 +152,7 @@ def checked_job(config: DictConfig, settings: Any, folder: Path) -> Job:
     start_table.read_starts(values)
     _expand_worlds(values, words, folders)
     given = frozenset(
-        key for override in parse(words) for key in _keys_set(override.key_or_group, override.value())
+        key for override in parse(words) for key, _ in leaves({override.key_or_group: override.value()}, ())
     )
     whole, experiment, notes = checked(values, given)
     sys.stderr.writelines(f"note: {note}\n" for note in notes)
@@ -168,12 +167,6 @@ def _without_hydra(node: DictConfig) -> DictConfig:
 def plain(node: DictConfig, *, resolve: bool = True) -> dict[str, Any]:
     """Return a configuration without Hydra's own part as plain data."""
     return cast(dict[str, Any], OmegaConf.to_container(_without_hydra(node), resolve=resolve))
-
-
-def _keys_set(key: str, value: Any) -> Iterator[str]:
-    yield key
-    for name, inside in value.items() if isinstance(value, dict) else ():
-        yield from _keys_set(f"{key}.{name}", inside)
 
 
 def check_stages(job: Job) -> None:
@@ -224,11 +217,10 @@ def errors_in_words() -> Iterator[None]:
         raise ConfigError(f"{first_line(error)}{_nearest_option(error)}") from error
     except (HydraException, OmegaConfBaseException) as error:
         cause = error.__cause__ if isinstance(error, HydraException) else None
-        is_missing = isinstance(cause, ConfigAttributeError | ConfigKeyError)
-        key = str(getattr(cause, "full_key", ""))
+        if isinstance(cause, ConfigAttributeError | ConfigKeyError):
+            raise ConfigError(_not_in_configuration(str(cause.full_key))) from error
         errors = (error, cause) if isinstance(cause, OmegaConfBaseException) else (error,)
-        words = _not_in_configuration(key) if is_missing else ": ".join(map(first_line, errors))
-        raise ConfigError(words) from error
+        raise ConfigError(": ".join(map(first_line, errors))) from error
 
 
 def _nearest_option(error: MissingConfigException) -> str:

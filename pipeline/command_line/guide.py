@@ -89,24 +89,18 @@ def _help_text(folders: Sequence[Path], experiments: dict[str, str]) -> str:
     from pipeline.flight.state.signals import CONSTANTS, SIGNALS, TOUR_COEFFICIENTS  # noqa: PLC0415 - help alone
 
     controllers = {name: _first_comment(path) for name, path in _files(folders, "controller").items()}
-    templates = _templates(folders)
-    tour = {"tour_*_m": "mean and waves of the tour along each axis, and of its lift, m"}
+    templates = {name: controllers.pop(name) for name in _templates(folders)}
+    constants = {name: kind.description for name, kind in CONSTANTS.items() if name not in TOUR_COEFFICIENTS}
+    constants["tour_*_m"] = "mean and waves of the tour along each axis, and of its lift, m"
     tables = {
         "experiments (+experiment=NAME)": experiments,
-        "controllers (controller=NAME, or the path of a .json or .yaml file)": {
-            name: about for name, about in controllers.items() if name not in templates
-        },
-        "controllers from which searches start, not flown for results (controller=NAME)": {
-            name: controllers[name] for name in templates
-        },
+        "controllers (controller=NAME, or the path of a .json or .yaml file)": controllers,
+        "controllers from which searches start, not flown for results (controller=NAME)": templates,
         "signals that an input of a fuzzy system may sense, with their units": {
             name: f"[{signal.unit}] {signal.description}{signal.formula and f': {signal.formula}'}"
             for name, signal in SIGNALS.items()
         },
-        "constants that a controller may set as attributes; 0 switches what they do off": {
-            name: kind.description for name, kind in CONSTANTS.items() if name not in TOUR_COEFFICIENTS
-        }
-        | tour,
+        "constants that a controller may set as attributes; 0 switches what they do off": constants,
         "other choices (GROUP=NAME)": {
             name: ", ".join(names)
             for name, names in options(folders).items()

@@ -5,8 +5,8 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 
 from hydra.core.override_parser.overrides_parser import OverridesParser
-from hydra.core.override_parser.types import Glob, Override, OverrideType
-from hydra.errors import HydraException
+from hydra.core.override_parser.types import Glob, Override, OverrideType, Quote, QuotedString
+from hydra.errors import HydraException, OverrideParseException
 
 from pipeline.command_line.arguments import EXPERIMENT, ConfigError
 from pipeline.settings.keys import KNOWN, choices_of, did_you_mean, is_key
@@ -64,16 +64,13 @@ def parse(overrides: Iterable[str]) -> list[Override]:
     ConfigError
         If one does not follow it.
     """
-    parsed = []
-    for text in overrides:
-        try:
-            parsed += OverridesParser.create().parse_overrides([text])
-        except HydraException as error:
-            raise ConfigError(
-                f"{text!r} cannot be read as key=value ({first_line(error)}); put a value with commas, "
-                "'=' or brackets into quotes of its own, as in 'key=\"a, b\"'"
-            ) from error
-    return parsed
+    try:
+        return OverridesParser.create().parse_overrides(list(overrides))
+    except OverrideParseException as error:
+        raise ConfigError(
+            f"{error.override!r} cannot be read as key=value ({first_line(error)}); put a value with commas, "
+            "'=' or brackets into quotes of its own, as in 'key=\"a, b\"'"
+        ) from error
 
 
 def rewrite_paths(overrides: Iterable[str]) -> list[str]:
@@ -101,9 +98,7 @@ def rewrite_paths(overrides: Iterable[str]) -> list[str]:
         elif len(readers) == 1:
             rewritten += [f"{key}={readers.pop()}", f"{key}.path=" + ",".join(quoted(path) for path in paths)]
         else:
-            raise ConfigError(
-                f"{text!r} mixes names and paths, or kinds of files; sweep over one kind and then the other"
-            )
+            raise ConfigError(f"{text!r} mixes names and paths, or kinds of files; sweep over each alone")
     return rewritten
 
 
@@ -124,9 +119,8 @@ def read_overrides(words: Sequence[str], folders: Sequence[Path], *, is_multirun
         For unknown keys and options, with the nearest known one, and for sweeps that cannot be.
     """
     overrides = parse(rewrite_paths(words))
-    searched = (override.value() for override in overrides if override.key_or_group == "hydra.searchpath")
-    paths = [str(path) for value in searched for path in (value if isinstance(value, list) else [value])]
-    added = [Path(path.removeprefix("file://")) for path in paths if not path.startswith("pkg://")]
+    searched = [override for override in overrides if override.key_or_group == "hydra.searchpath"]
+    added = [Path(path.removeprefix("file://")) for override in searched for path in _choices(override)]
     groups = options([*folders, *added])
     for index, override in enumerate(overrides):
         if isinstance(value := override.value(), Glob):
@@ -189,10 +183,8 @@ def _check_choice(override: Override, known: Sequence[str], plain: str) -> None:
 
 def check_sweeps(overrides: Sequence[Override], is_multirun: bool) -> None:
     """Raise ConfigError for several values in a single run, ranges without a step, and several folders."""
-    for override in overrides:
+    for override in filter(Override.is_sweep_override, overrides):
         text = override.input_line
-        if not override.is_sweep_override():
-            continue
         if not is_multirun:
             raise ConfigError(
                 f"{text} gives several values; add -m for a run of each, or write a list as key=[a,b] and a "
@@ -216,9 +208,8 @@ def _choices(override: Override) -> list[str]:
 
 
 def quoted(text: str) -> str:
-    """Quote a value for Hydra's grammar, where a backslash counts only before a quote."""
-    escaped = re.sub(r"(\\*)'", r"\1\1\\'", text)
-    return "'" + re.sub(r"(\\+)$", r"\1\1", escaped) + "'"
+    """Quote a value for Hydra's grammar."""
+    return QuotedString(text, Quote.single).with_quotes()
 
 
 def first_line(error: BaseException) -> str:

@@ -77,20 +77,18 @@ def compare(given: Sequence[str]) -> int:
         If there are not two, one cannot be read, was not evaluated, or they share no case.
     """
     first, second = _folders("compare", given, 2)
-    configs = [configuration.read(folder) for folder in (first, second)]
+    configs = [present(configuration.read(folder)) for folder in (first, second)]
     confidence = float(read_summary(first).get("confidence_percent", sweep.CONFIDENCE_PERCENT))
     here, there = (tables.read_parquet(folder, artifacts.EPISODES) for folder in (first, second))
     compared = statistics.compare(here, there, confidence)
-    rows = statistics.common_cases(here, there)
-    ahead = [
-        statistics.percent_ahead(episodes["delta_v_m_s"][of_run], episodes["ahead_delta_v_m_s"][of_run])
-        if "ahead_delta_v_m_s" in episodes
-        else 0.0
-        for episodes, of_run in zip((here, there), rows, strict=True)
-    ]
+    ahead = []
+    for episodes, rows in zip((here, there), statistics.common_cases(here, there), strict=True):
+        delta_v = episodes["delta_v_m_s"]
+        ahead_delta_v = episodes.get("ahead_delta_v_m_s", 0.0 * delta_v)
+        ahead.append(statistics.percent_ahead(delta_v[rows], ahead_delta_v[rows]))
     _print(sweep_page.compared_table((first.name, second.name), compared, ahead, confidence))
     sys.stdout.write("p: Wilcoxon's signed ranks; for shares of flights McNemar's exact test\n")
-    for difference in differences(present(configs[0]), present(configs[1]), but=(), words=("A", "B")):
+    for difference in differences(configs[0], configs[1], but=(), words=("A", "B")):
         sys.stdout.write(f"they differ in {difference}\n")
     return OK
 

@@ -2,7 +2,7 @@
 
 import os
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,6 @@ from pipeline.run import artifacts, configuration, manifests
 from pipeline.run.lock import held
 from pipeline.run.runner import Unimproved, run_stages
 from pipeline.settings import schema
-from pipeline.settings.experiment import Experiment
 from pipeline.settings.keys import in_todays_words, with_values
 
 #: exit codes; the last one is of a run that was asked for a proof and found none
@@ -46,18 +45,17 @@ def error_text(error: Exception) -> str:
     return "\n".join([f"error: {error_sentence(error)}", *getattr(error, "__notes__", ())]) + "\n"
 
 
-def run_new(job: Job, folder: Path, command: Sequence[str]) -> int:
-    """Run an experiment in a folder, which the caller has locked; return the exit code.
+def run_new(job: Job, command: Sequence[str]) -> int:
+    """Run an experiment in its folder, which the caller has locked; return the exit code.
 
     Parameters
     ----------
     job : Job
-    folder : Path
     command : sequence of str
         The arguments that start it.
     """
-    check_vacant(job, folder)
-    return _run(job.config, job.experiment, folder, command=command)
+    check_vacant(job)
+    return _run(job, command=command)
 
 
 def run_or_resume(job: Job, command: Sequence[str]) -> int:
@@ -66,33 +64,33 @@ def run_or_resume(job: Job, command: Sequence[str]) -> int:
     A job of a cluster that was stopped is begun again by the same command.
     """
     if (job.folder / artifacts.MANIFEST).exists():
-        check_vacant(job, job.folder)
+        check_vacant(job)
         return resume(job.folder, ())
     with held(job.folder):
-        return run_new(job, job.folder, command)
+        return run_new(job, command)
 
 
-def check_vacant(job: Job, folder: Path) -> None:
-    """Raise ConfigError if a folder holds another run; the same run may be repeated.
+def check_vacant(job: Job) -> None:
+    """Raise ConfigError if its folder holds another run; the same run may be repeated.
 
     Raises
     ------
     ConfigError, pipeline.controllers.source.ControllerError
         Also if a command names a controller whose file has changed since the run began.
     """
-    if not (folder / artifacts.MANIFEST).exists():
-        if (folder / artifacts.CONFIG).exists():
-            _stored(folder)
+    if not (job.folder / artifacts.MANIFEST).exists():
+        if (job.folder / artifacts.CONFIG).exists():
+            _stored(job.folder)
         return
-    if not configuration.is_of(job.config, manifests.read(folder)):
-        path = shown_path(folder)
+    if not configuration.is_of(job.config, manifests.read(job.folder)):
+        path = shown_path(job.folder)
         raise ConfigError(
             f"{path} holds another run; choose another hydra.run.dir (for sweeps hydra.sweep.dir), or go on "
             f"with it by resume={path}"
         )
     from pipeline.controllers.source import require_kept  # noqa: PLC0415 - compiled code
 
-    require_kept(job.experiment, folder)
+    require_kept(job.experiment, job.folder)
 
 
 def shown_path(folder: Path) -> Path:
@@ -100,18 +98,12 @@ def shown_path(folder: Path) -> Path:
     return Path(os.path.relpath(folder)) if Path.cwd() in folder.parents else folder
 
 
-def _run(
-    config: dict[str, Any],
-    experiment: Experiment,
-    folder: Path,
-    stages: Sequence[str] | None = None,
-    command: Sequence[str] | None = None,
-) -> int:
-    """Run stages in a folder, and print where the files are and which proofs are missing."""
-    path = shown_path(folder)
+def _run(job: Job, stages: Sequence[str] | None = None, command: Sequence[str] | None = None) -> int:
+    """Run stages of a run, and print where the files are and which proofs are missing."""
+    path = shown_path(job.folder)
     sys.stderr.write(f"run folder: {path}\n")
     try:
-        missing = run_stages(experiment, config, path, stages, command)
+        missing = run_stages(job.experiment, job.config, path, stages, command)
     except MISTAKES as error:
         error.add_note(f"(what the program was doing: {path / artifacts.LOG})")
         raise
@@ -135,8 +127,8 @@ def resume(folder: Path, overrides: Sequence[Override], command: Sequence[str] |
     """
     configuration.read(folder)
     with held(folder):
-        stored, experiment = _stored(folder)
-        config = with_values(stored, given_again(overrides, experiment.name))
+        stored = _stored(folder)
+        config = with_values(stored.config, given_again(overrides, stored.experiment.name))
         experiment = schema.experiment_from(config)
         manifest = manifests.read_if_any(folder)
         finished = manifest.get("finished_stages", [])
@@ -146,7 +138,8 @@ def resume(folder: Path, overrides: Sequence[Override], command: Sequence[str] |
             sys.stdout.write(f"{folder}\n")
             return OK
         check_before(replace(experiment, stages=left))
-        return _run(config, replace(experiment, resume=True), folder, left, None if manifest else command)
+        job = Job(config, replace(experiment, resume=True), folder)
+        return _run(job, left, None if manifest else command)
 
 
 def given_again(overrides: Iterable[Override], name: str = "") -> dict[str, Any]:
@@ -175,22 +168,29 @@ def given_again(overrides: Iterable[Override], name: str = "") -> dict[str, Any]
     return given
 
 
-def repeat(folder: Path, overrides: Sequence[Override], config_dir: Path | None) -> int:
-    """Repeat stages on the files of an earlier run, with its configuration; return the exit code."""
-    configuration.read(folder)
+def repeat(folder: Path, overrides: Mapping[str, Override], config_dir: Path | None) -> int:
+    """Repeat stages on the files of an earlier run, with its configuration; return the exit code.
+
+    Parameters
+    ----------
+    folder : Path
+    overrides : mapping of str to Override
+        By key: the stages, and what they alone read.
+    config_dir : Path, optional
+        A user's own folder of configurations.
+    """
     with held(folder):
-        config, _ = _stored(folder)
-        by_key = {override.key_or_group: override for override in overrides}
-        stages = by_key.pop("stages").value() if "stages" in by_key else None
+        config = _stored(folder).config
+        given = {key: each.value() for key, each in overrides.items() if not key.startswith("hydra.")}
+        stages = given.pop("stages", None)
         if not isinstance(stages, list):
             raise ConfigError(
                 f"{folder} holds a run already; go on with resume={folder}, repeat a stage of it with "
                 "stages=[report], or choose another folder"
             )
         stages = [str(stage) for stage in stages]
-        given = {key: each.value() for key, each in by_key.items() if not key.startswith("hydra.")}
         if is_composed := any("." not in key and key not in schema.schema() for key in given):
-            new = compose_experiment(words_of(overrides), config_dir).config
+            new = compose_experiment(words_of(overrides.values()), config_dir).config
         else:
             new = with_values(config, given)
             for key, mark in schema.idle(new).items():
@@ -210,11 +210,11 @@ def repeat(folder: Path, overrides: Sequence[Override], config_dir: Path | None)
             from pipeline.controllers.source import require_kept  # noqa: PLC0415 - compiled code
 
             require_kept(experiment, folder)
-        return _run(config, experiment, folder, stages)
+        return _run(Job(config, experiment, folder), stages)
 
 
-def _stored(folder: Path) -> tuple[dict[str, Any], Experiment]:
-    """Return a run's configuration as it is stored, and its experiment.
+def _stored(folder: Path) -> Job:
+    """Return a run as it is stored.
 
     Raises
     ------
@@ -234,7 +234,7 @@ def _stored(folder: Path) -> tuple[dict[str, Any], Experiment]:
             "manifest's); restore it, or start a new run"
         )
     try:
-        return in_todays_words(config), schema.experiment_from(config)
+        return Job(in_todays_words(config), schema.experiment_from(config), folder)
     except ValueError as error:
         raise artifacts.ArtifactError(
             f"{folder / artifacts.CONFIG} is no configuration of this program's ({error}); use the program "

@@ -50,7 +50,7 @@ def new_job(node: DictConfig, folder: Path) -> Job:
             )
     check_stages(job)
     check_before(job.experiment)
-    runs.check_vacant(job, folder)
+    runs.check_vacant(job)
     return job
 
 
@@ -75,13 +75,15 @@ class Sweep:
     num_ended: int = 0
 
     @classmethod
-    def checked(cls, config: DictConfig) -> "Sweep":
+    def checked(cls, config: DictConfig, *, resumes: bool) -> "Sweep":
         """Compose and check every run of a sweep, and fix its folders for all jobs.
 
         Parameters
         ----------
         config : DictConfig
             What Hydra composed for all runs; its part ``hydra`` is completed.
+        resumes : bool
+            Whether the sweep goes on with the runs that are left, see `resume_words`.
 
         Raises
         ------
@@ -96,6 +98,8 @@ class Sweep:
         folder = Path(config.hydra.sweep.dir).absolute()
         chosen, varied = _combinations(config)
         _fix(config, folder, varied)
+        if resumes:
+            return cls(folder, [], unfinished(folder))
         sources = config.hydra.runtime.config_sources
         options = [f"--config-dir={source.path}" for source in sources if source.provider == "command-line"]
         options += [word for word in _hydra_words(config) if word.startswith("hydra.searchpath=")]
@@ -123,13 +127,6 @@ class Sweep:
             made.runs.append(SweptRun(name, differs, (*options, *words)))
         HydraConfig.instance().set_config(config)
         return made
-
-    @classmethod
-    def resumed(cls, config: DictConfig) -> "Sweep":
-        """Return the runs of a sweep that are left, see `resume_words`."""
-        folder = Path(config.hydra.sweep.dir).absolute()
-        _fix(config, folder, ())
-        return cls(folder, [], unfinished(folder))
 
     def write(self) -> None:
         """Write the file of the sweep, new or extended, and the configurations of new runs."""
