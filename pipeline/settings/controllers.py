@@ -130,8 +130,7 @@ class RecedingHorizon(Ring, kind="receding_horizon"):
             raise SettingError(
                 f"controller.solution_period_s is {self.solution_period_s:g}, controller.horizon_s "
                 f"{self.horizon_s:g} and controller.first_horizon_s {self.first_horizon_s:g}; no solution "
-                "may be flown beyond its horizon, and the first is the longest: put them in ascending order "
-                "(s)"
+                "may be flown beyond its horizon, and the first is the longest: let them ascend (s)"
             )
 
 

@@ -114,8 +114,7 @@ def _read(config: Mapping[str, Any]) -> Iterator[Distribution]:
     for key, value in leaves(config, ("kind",)):
         if not isinstance(value, Mapping):
             raise SettingError(
-                f"dispersions.{key} is {value!r}; give a distribution, as "
-                "{kind: normal, mean: 12.0, std: 0.1}"
+                f"dispersions.{key} is {value!r}; give a distribution, as {{kind: normal, mean: 12, std: 1}}"
             )
         if value:
             yield _distribution(key, value)

@@ -33,12 +33,14 @@ STAGES = (
 SHIPPED = "shipped"
 
 
+#: where the cases of the evaluation count; assurance has its own
+EVALUATED = Only(*(f"stages={stage}" for stage in STAGES if stage != "assure"))
+
+
 class MonteCarlo(Settings, group="monte_carlo"):
     """The evaluation: flights from starts drawn, isotropic and uniform in distance, or from a given table."""
 
-    num_cases: Annotated[types.Cases, Only(*(f"stages={stage}" for stage in STAGES if stage != "assure"))] = (
-        1000
-    )
+    num_cases: Annotated[types.Cases, EVALUATED] = 1000
     """Flights."""
     min_distance_m: Annotated[types.Positive, types.Follows()] = 50.0
     """Least distance of a start from the chief; null: 50, or what fits the limits and the camera."""

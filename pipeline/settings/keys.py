@@ -97,10 +97,9 @@ def in_todays_words(config: Mapping[str, Any]) -> dict[str, Any]:
         node, new_node = value_at(renamed, group), value_at(renamed, new_group)
         if isinstance(node, dict) and was in node and isinstance(new_node, dict) and name not in new_node:
             new_node[name] = node.pop(was)
-    logger = renamed.get("logger")
-    if isinstance(logger, dict) and logger.get("kind") == "mlflow":
+    if value_at(renamed, "logger.kind") == "mlflow":
         # a sink that is no more: such a run is read and goes on without
-        logger["kind"] = "none"
+        renamed["logger"]["kind"] = "none"
     return renamed
 
 

@@ -54,9 +54,7 @@ def read_mesh(path: str | None) -> Floats:
     twice_areas = np.linalg.norm(outward_of(corners), axis=1)
     kept: Floats = corners[twice_areas > 1e-12 * float(twice_areas.max(initial=0.0))]
     if len(kept) == 0:
-        raise SettingError(
-            f"chief.path is {mesh_path}, whose triangles have no area; give the mesh of a body"
-        )
+        raise SettingError(f"chief.path is {mesh_path}, whose triangles have no area; give a body's mesh")
     return kept
 
 

@@ -166,6 +166,8 @@ class Light(Settings, group="light"):
 
 
 GIVEN_ELEVATION = Only("sun.mode=fixed", "sun.mode=mixed", "sun.elevation_range_deg=null")
+DRAWN = Only("sun.mode=random", "sun.mode=mixed")
+Elevation = Annotated[types.Number, Field(ge=-90, le=90)]
 
 
 class Sun(Settings, group="sun"):
@@ -175,15 +177,10 @@ class Sun(Settings, group="sun"):
     """One angle for all cases, one drawn for each, or every second one drawn."""
     angle_deg: Annotated[types.Number, Only("sun.mode=fixed", "sun.mode=mixed"), types.Follows()] = 0.0
     """Angle of the fixed Sun at the start, from +i towards +j; null: that of the orbit's epoch, or 0."""
-    elevation_deg: Annotated[types.Number, Field(ge=-90, le=90), GIVEN_ELEVATION, types.Follows()] = 0.0
+    elevation_deg: Annotated[Elevation, GIVEN_ELEVATION, types.Follows()] = 0.0
     """Elevation of the Sun over the orbit plane, towards +k; null: that of the orbit's epoch, or 0."""
-    elevation_range_deg: Annotated[types.Interval | None, Only("sun.mode=random", "sun.mode=mixed")] = None
+    elevation_range_deg: Annotated[types.IntervalOf[Elevation] | None, DRAWN] = None
     """Range [low, high] of a drawn Sun's elevation; null: elevation_deg."""
-
-    def __post_init__(self) -> None:
-        """Check that no elevation is beyond the poles."""
-        for elevation in self.elevation_range_deg or ():
-            checks.within("sun.elevation_range_deg", elevation, -90.0, 90.0, "deg")
 
     @property
     def elevations_deg(self) -> tuple[float, float]:

@@ -27,6 +27,8 @@ Inclination = Annotated[types.Number, Field(ge=0, le=180)]
 #: where the deputy's motion, or the Sun's direction, depends on how the orbit lies
 ORIENTED = Only("dynamics.model=two_body", "orbit.epoch")
 ABOUT_A_PLANET = ("dynamics.model=two_body", "light.shadow=conical")
+#: where the planet's gravity counts
+OF_A_PLANET = Only(*ABOUT_A_PLANET, "orbit.kind=radius", "orbit.kind=elements")
 
 
 def _epoch(text: str) -> str:
@@ -123,9 +125,7 @@ class OrientedOrbit(OrbitSettings):
 class PlanetOrbit(OrientedOrbit):
     """An orbit about any planet."""
 
-    gravity_m3_s2: Annotated[
-        types.Positive, Only(*ABOUT_A_PLANET, "orbit.kind=radius", "orbit.kind=elements")
-    ] = EARTH_GRAVITY_M3_S2
+    gravity_m3_s2: Annotated[types.Positive, OF_A_PLANET] = EARTH_GRAVITY_M3_S2
     """Gravity of the planet, mu; the Earth's unless given."""
 
     @property

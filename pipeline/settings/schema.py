@@ -31,6 +31,8 @@ from pipeline.settings.types import Follows, Freely
 MOST_SHOWN = 60
 #: names of lower and upper limits in descriptions of types, where the first two exclude the limit itself
 LIMITS = (("gt", "exclusiveMinimum", "ge", "minimum"), ("lt", "exclusiveMaximum", "le", "maximum"))
+#: a configuration, or a group of it, as plain data
+Config = Mapping[str, Any]
 #: stands for a value that a configuration does not have
 ABSENT: Final = object()
 
@@ -56,7 +58,7 @@ class Key:
     default: Any
     only: tuple[Only, ...]
 
-    def exists(self, config: Mapping[str, Any]) -> bool:
+    def exists(self, config: Config) -> bool:
         """Return whether it is part of a configuration, whatever the stages."""
         return all(mark.is_of_stages or mark.holds(config) for mark in self.only)
 
@@ -102,7 +104,7 @@ def defaults() -> dict[str, Any]:
     return keys.with_values({}, given)
 
 
-def with_tried(config: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:
+def with_tried(config: Config, values: Mapping[str, Any]) -> dict[str, Any]:
     """Return a configuration with the values of a trial of a search.
 
     Raises
@@ -116,7 +118,7 @@ def with_tried(config: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str
     return keys.with_values(config, values)
 
 
-def completed(config: Mapping[str, Any]) -> dict[str, Any]:
+def completed(config: Config) -> dict[str, Any]:
     """Return a configuration with missing defaults filled in, without keys that do not exist in it."""
     absent = (key for key in schema().values() if keys.value_at(config, key.name, ABSENT) is ABSENT)
     whole = keys.with_values(config, {key.name: key.default for key in absent if key.default is not MISSING})
@@ -124,12 +126,12 @@ def completed(config: Mapping[str, Any]) -> dict[str, Any]:
     return keys.with_values(whole, following(whole))
 
 
-def present(config: Mapping[str, Any]) -> dict[str, Any]:
+def present(config: Config) -> dict[str, Any]:
     """Return a configuration, perhaps of an earlier version, under present names and `completed`."""
     return completed(keys.without(keys.in_todays_words(config), keys.GONE))
 
 
-def idle(config: Mapping[str, Any], *, stages: bool = False) -> dict[str, Only]:
+def idle(config: Config, *, stages: bool = False) -> dict[str, Only]:
     """Return the keys that are set or dispersed but do not exist, each with the condition that fails.
 
     Parameters
@@ -151,9 +153,7 @@ def idle(config: Mapping[str, Any], *, stages: bool = False) -> dict[str, Only]:
     return unmet
 
 
-def checked(
-    config: Mapping[str, Any], given: Collection[str]
-) -> tuple[dict[str, Any], Experiment, list[str]]:
+def checked(config: Config, given: Collection[str]) -> tuple[dict[str, Any], Experiment, list[str]]:
     """Return a composed configuration `completed`, its experiment, and notes on keys without effect.
 
     Parameters
@@ -180,7 +180,7 @@ def checked(
     return whole, _experiment(whole), notes
 
 
-def experiment_from(config: Mapping[str, Any]) -> Experiment:
+def experiment_from(config: Config) -> Experiment:
     """Build an experiment from a resolved configuration of plain data.
 
     Raises
@@ -192,7 +192,7 @@ def experiment_from(config: Mapping[str, Any]) -> Experiment:
     return _experiment(present(config))
 
 
-def _experiment(config: Mapping[str, Any]) -> Experiment:
+def _experiment(config: Config) -> Experiment:
     of_experiment, of_mission = names_of(Experiment), names_of(Mission)
     for name in config:
         if name not in of_experiment and name not in of_mission:
@@ -208,7 +208,7 @@ def free_keys() -> tuple[str, ...]:
     return tuple(name for name, given in marks.items() if any(isinstance(mark, Freely) for mark in given))
 
 
-def only_results(config: Mapping[str, Any]) -> dict[str, Any]:
+def only_results(config: Config) -> dict[str, Any]:
     """Return a configuration without the settings that no result depends on."""
     of_others = (key for key in keys.GONE if not key.startswith("optimizer."))
     return keys.without(keys.in_todays_words(config), [*free_keys(), *of_others])
@@ -245,10 +245,7 @@ def in_world(experiment: Experiment, name: str) -> Experiment:
 
 
 def differences(
-    then: Mapping[str, Any],
-    now: Mapping[str, Any],
-    but: Collection[str],
-    words: tuple[str, str] = ("then", "now"),
+    then: Config, now: Config, but: Collection[str], words: tuple[str, str] = ("then", "now")
 ) -> list[str]:
     """Return the keys in which two configurations differ, with both values, shortened.
 
@@ -267,7 +264,7 @@ def differences(
         Such as ``seed (then 1, now 2)``; a controller counts as one value.
     """
 
-    def flat(config: Mapping[str, Any]) -> dict[str, Any]:
+    def flat(config: Config) -> dict[str, Any]:
         counted = {name: value for name, value in config.items() if name not in (*but, keys.FREE)}
         controller = {keys.FREE: config.get(keys.FREE)} if keys.FREE not in but else {}
         return controller | dict(keys.leaves(counted, ()))
@@ -371,12 +368,12 @@ def help_on(group: str) -> str:
     return "\n".join(lines).replace("`", "")
 
 
-def commented(config: Mapping[str, Any]) -> str:
+def commented(config: Config) -> str:
     """Return a configuration as YAML, with the meaning of each key above it."""
     return "\n".join(_commented(config, "", "")) + "\n"
 
 
-def _commented(node: Mapping[str, Any], above: str, indent: str) -> Iterator[str]:
+def _commented(node: Config, above: str, indent: str) -> Iterator[str]:
     for name, value in node.items():
         key = f"{above}{name}"
         is_group = isinstance(value, dict) and value and key not in schema()

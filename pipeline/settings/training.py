@@ -102,9 +102,7 @@ class StartsOfFile(Starts, kind="file"):
         """Check that there is a table with as many starts."""
         super().__post_init__()
         if self.table is None:
-            raise SettingError(
-                "starts.kind is file and starts.table is null; choose a file by starts=PATH.csv"
-            )
+            raise SettingError("starts.kind is file and starts.table is null; choose starts=PATH.csv")
         start_table.check_count("starts", self.num_cases, self.table)
 
 
@@ -113,7 +111,7 @@ class Encoding(Settings, group="optimizer.encoding", only=TRAINS):
 
     mean_window: Annotated[types.Positive, Field(le=0.99)] = 0.9
     """Window of an inner mean, in spacings of evenly spaced terms."""
-    standard_deviation_fraction: types.PositiveInterval = (0.04, 0.3)
+    standard_deviation_fraction: types.IntervalOf[Annotated[types.Positive, Field(le=1)]] = (0.04, 0.3)
     """Bounds of standard deviations, in widths of a variable's range."""
     output_range_n: types.PositiveInterval = (0.01, 0.3)
     """Bounds of the half-width of the output's range."""
@@ -135,7 +133,7 @@ class Encoding(Settings, group="optimizer.encoding", only=TRAINS):
     """Coast if coasting to the end would miss fewer points."""
     coast_margin_m: types.NotNegativeInterval | None = None
     """Coast only if that stays this far inside the distance limits."""
-    urgency_time_s: types.NotNegativeInterval | None = None
+    urgency_time_s: types.IntervalOf[Annotated[types.Number, Field(ge=1)]] | None = None
     """Time before its last light within which a point becomes urgent."""
     skirt_distance_m: types.NotNegativeInterval | None = None
     """Nearer to the chief, directions turn aside from it."""
@@ -155,16 +153,12 @@ class Encoding(Settings, group="optimizer.encoding", only=TRAINS):
     """Each mean and wave of the tour that the controller sets."""
 
     def __post_init__(self) -> None:
-        """Check bounds that must stay in a range, and that stretched systems have genes."""
+        """Check that stretched systems have genes."""
         if self.stretch is not None and self.rules == "free":
             raise SettingError(
                 "optimizer.encoding.stretch is given and optimizer.encoding.rules is free; ranges stretch "
                 "with rules=planes or rules=fixed: choose one of them, or set stretch=null"
             )
-        for index, value in enumerate(self.standard_deviation_fraction):
-            checks.within(f"optimizer.encoding.standard_deviation_fraction[{index}]", value, 0.0, 1.0)
-        if self.urgency_time_s is not None:
-            checks.within("optimizer.encoding.urgency_time_s[0]", self.urgency_time_s[0], 1.0, math.inf, "s")
 
 
 class Penalty(Settings, group="optimizer.penalty", only=TRAINS):
@@ -199,6 +193,11 @@ class Penalty(Settings, group="optimizer.penalty", only=TRAINS):
 
 #: where local mutation takes steps
 LOCAL_STEPS = Only("optimizer.mutation=local", "optimizer.algorithm=nsga2")
+#: where there is a first step
+FIRST_STEP = Only(
+    *("optimizer.algorithm=cma_es", "optimizer.algorithm=nsga2"),
+    *("optimizer.mutation=local", "optimizer.first_population=near"),
+)
 
 
 class Optimizer(Settings, group="optimizer", only=TRAINS):
@@ -220,14 +219,7 @@ class Optimizer(Settings, group="optimizer", only=TRAINS):
     """Crossover and mutation; an adapting normal distribution; a front of two objectives."""
     next_round: Annotated[Literal["afresh", "carried"], Only("optimizer.rounds>1")] = "afresh"
     """How a later round begins: with a new population and the champion, or with the last population."""
-    initial_step: Annotated[
-        types.Number,
-        Field(ge=1e-6, le=1),
-        Only(
-            *("optimizer.algorithm=cma_es", "optimizer.algorithm=nsga2"),
-            *("optimizer.mutation=local", "optimizer.first_population=near"),
-        ),
-    ] = 0.1
+    initial_step: Annotated[types.Number, Field(ge=1e-6, le=1), FIRST_STEP] = 0.1
     """Standard deviation of local mutation, and of CMA-ES's first sample, in genes."""
     validation_cases: types.Natural = 0
     """Starts on which the best of all generations is chosen; 0: the last, if better than the given one."""

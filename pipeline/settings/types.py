@@ -6,7 +6,7 @@ in brackets. Comparisons are written so that NaN, which compares false with ever
 
 import math
 from collections.abc import Sequence
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
 from pydantic import AfterValidator, BeforeValidator, Field, Strict, ValidationInfo
 
@@ -177,7 +177,9 @@ Quaternion = Annotated[
     tuple[Number, ...], _long(4, "four, [q1, q2, q3, q4], scalar last"), AfterValidator(_unit_vector)
 ]
 Inertia = Annotated[tuple[tuple[Number, ...], ...], AfterValidator(_inertia)]
-#: a lower and a greater upper bound: of any numbers, of positive ones, of nonnegative ones
-Interval = Annotated[tuple[Number, ...], AfterValidator(_pair)]
-PositiveInterval = Annotated[tuple[Positive, ...], AfterValidator(_pair)]
-NotNegativeInterval = Annotated[tuple[NotNegative, ...], AfterValidator(_pair)]
+#: a lower and a greater upper bound: of some type, of any numbers, of positive ones, of nonnegative ones
+Bound = TypeVar("Bound")
+IntervalOf = Annotated[tuple[Bound, ...], AfterValidator(_pair)]
+Interval = IntervalOf[Number]
+PositiveInterval = IntervalOf[Positive]
+NotNegativeInterval = IntervalOf[NotNegative]
