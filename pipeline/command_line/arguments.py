@@ -23,8 +23,6 @@ REFUSED: Final = {
     "--config-name": "would replace our configuration; add to it with --config-dir",
     "--experimental-rerun": "would load a pickle; go on with resume=RUN_FOLDER instead",
 }
-#: options of Hydra that need no value
-INFO: Final = ("--info", "-i")
 RESUME: Final = "resume="
 
 
@@ -86,7 +84,7 @@ def parse_arguments(arguments: Sequence[str]) -> CommandLine:
     parser.add_argument("--version", action="store_true")
     parser.add_argument("--config-dir", "-cd", type=Path)
     words = [  # an override after --info is not what is to be shown
-        f"{word}=all" if word in INFO and _is_override(after) else word
+        f"{word}=all" if word in ("--info", "-i") and _is_override(after) else word
         for word, after in zip_longest(arguments, arguments[1:], fillvalue="")
     ]
     command, unknown = parser.parse_known_intermixed_args(words, CommandLine())

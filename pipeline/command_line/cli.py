@@ -4,6 +4,7 @@ Exit codes: 0 success, 1 a fault of the program (with a traceback), 2 a user err
 on standard error), 130 interrupted from the keyboard.
 """
 
+import os
 import re
 import signal
 import sys
@@ -110,6 +111,11 @@ def run_command(command: CommandLine) -> int:
         User errors.
     """
     if command.shell_completion:  # a shell asks for completions, or how to install them
+        if "COMP_LINE" not in os.environ and "query=" in " ".join(command.overrides):
+            raise ConfigError(
+                "-sc query=... is asked by a shell, which sets COMP_LINE; to let it complete words: "
+                'eval "$(inspection-pipeline -sc install=bash)"'
+            )
         return run_application([*command.hydra_options, *command.overrides], ())
     read = read_overrides(command.overrides, command.folders, is_multirun=command.multirun)
     if command.resume is not None:
@@ -121,8 +127,7 @@ def run_command(command: CommandLine) -> int:
             return runs.repeat(folder, by_key, command.config_dir)
         if "stages" in by_key and EXPERIMENT not in by_key:
             raise ConfigError(
-                f"{folder} holds no run; give the folder of a run to repeat stages of it, or add "
-                "+experiment=NAME to start one there"
+                f"{folder} holds no run; give a run's folder to repeat stages, or add +experiment=NAME"
             )
     if command.cfg == "job" and not (command.resolve or command.package or command.info):
         job = compose_experiment(BasicSweeper.split_arguments(read, None)[0][0], command.config_dir)

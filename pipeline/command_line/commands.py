@@ -96,9 +96,7 @@ def export_c(arguments: Sequence[str]) -> int:
     chosen, experiment = parse_evaluation(parser, arguments)
     folder: Path = chosen.output
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise ConfigError(
-            f"{folder} is not empty; give a new folder, for files of earlier exports are not removed"
-        )
+        raise ConfigError(f"{folder} is not empty; give a new folder: files of earlier exports would stay")
 
     from pipeline.controllers.source import load  # noqa: PLC0415 - compiled code, needed once the rest is right
     from pipeline.onboard.export import export  # noqa: PLC0415

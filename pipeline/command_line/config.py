@@ -29,7 +29,6 @@ from pipeline.settings.schema import checked, completed, defaults, idle
 
 #: the folder of configurations, the first of them, and the version of Hydra whose defaults count
 COMPOSED_FROM: Final = (str(conf_folder()), "config", "1.3")
-WORLD = "world"
 #: groups that flights do not depend on
 NOT_FLOWN = ("compare", "assurance")
 #: launchers of Hydra in packages of their own, which are named by the first word
@@ -192,7 +191,7 @@ def _expand_worlds(config: dict[str, Any], overrides: Sequence[str], folders: Se
     """
     worlds = value_at(config, "compare.worlds")
     for name, given in worlds.items() if isinstance(worlds, dict) else ():
-        changes = {WORLD: given} if isinstance(given, str) else given
+        changes = {"world": given} if isinstance(given, str) else given
         if not isinstance(changes, dict):
             continue
         chosen = {group: value for group, value in changes.items() if isinstance(value, str)}

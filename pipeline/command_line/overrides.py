@@ -155,11 +155,9 @@ def check_overrides(overrides: Sequence[Override], groups: Groups) -> None:
     """
     for override in overrides:
         key, plain = override.key_or_group, (override.input_line or "").lstrip("+")
-        if top_of(key) == HYDRA:
-            continue
         if key in groups and not isinstance(override.value(), dict):
             _check_choice(override, groups[key], plain)
-        elif not is_key(key):
+        elif top_of(key) != HYDRA and not is_key(key):
             likely = did_you_mean(key, {*KNOWN, *groups}).replace(f" {EXPERIMENT}?", f" +{EXPERIMENT}?")
             raise ConfigError(f"there is no key {key or plain}{likely}")
         elif override.type == OverrideType.ADD and key in KNOWN:
@@ -191,9 +189,7 @@ def check_sweeps(overrides: Sequence[Override], is_multirun: bool) -> None:
                 "text with a comma in quotes of its own"
             )
         if not override.is_discrete_sweep() or not any(True for _ in override.sweep_iterator()):
-            raise ConfigError(
-                f"{text} is an interval, or empty; a sweep needs values, as in key=1,2 or key=range(1,3)"
-            )
+            raise ConfigError(f"{text} is an interval, or empty; give values, as key=1,2 or key=range(1,3)")
         if top_of(override.key_or_group) == HYDRA:
             raise ConfigError(f"{text} gives several values, and a sweep takes one; start a sweep for each")
 

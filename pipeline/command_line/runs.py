@@ -85,8 +85,7 @@ def check_vacant(job: Job) -> None:
     if not configuration.is_of(job.config, manifests.read(job.folder)):
         path = shown_path(job.folder)
         raise ConfigError(
-            f"{path} holds another run; choose another hydra.run.dir (for sweeps hydra.sweep.dir), or go on "
-            f"with it by resume={path}"
+            f"{path} holds another run; choose another hydra.run.dir or hydra.sweep.dir, or resume={path}"
         )
     from pipeline.controllers.source import require_kept  # noqa: PLC0415 - compiled code
 
@@ -200,8 +199,7 @@ def repeat(folder: Path, overrides: Mapping[str, Override], config_dir: Path | N
         then, now = (schema.only_results(schema.present(compared)) for compared in (config, new))
         if changed := schema.differences(then, now, {*own_groups, "stages"}):
             raise ConfigError(
-                f"{folder} was made with another {', '.join(changed)}; drop what changes that, or start "
-                "a new run"
+                f"{folder} was made with another {', '.join(changed)}; drop what changes that, or start anew"
             )
         config = {**new, "stages": config["stages"]}
         experiment = schema.experiment_from(config)

@@ -6,7 +6,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, cast
 
 from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
 from hydra.core.global_hydra import GlobalHydra
@@ -26,8 +26,6 @@ from pipeline.settings.keys import value_at
 
 #: the key that tells a resumed run its folder; no setting, and in no configuration that is kept
 RESUMED: Final = "resume"
-#: endings of a sweep's folder beside which submitit keeps its files: it links there, and a sweep has no links
-SUBMITIT: Final = ".submitit"
 #: of a folder that is named by its run's differences
 LONGEST_NAME: Final = 120
 
@@ -45,8 +43,7 @@ def new_job(node: DictConfig, folder: Path) -> Job:
         path = value_at(job.config, key)
         if node.hydra.job.chdir and path is not None and not Path(str(path)).is_absolute():
             raise ConfigError(
-                f"{key} is {path}, and with hydra.job.chdir=true the run works in its own folder; give an "
-                "absolute path"
+                f"{key} is {path}, and with hydra.job.chdir=true runs work elsewhere; give an absolute path"
             )
     check_stages(job)
     check_before(job.experiment)
@@ -202,13 +199,13 @@ def _fix(config: DictConfig, folder: Path, varied: Sequence[str]) -> None:
         config.hydra.sweep.dir = str(folder)
         is_submitit = (config.hydra.launcher or {}).get("submitit_folder") is not None
         if is_submitit and not any(word.startswith("hydra.launcher.submitit_folder=") for word in words):
-            config.hydra.launcher.submitit_folder = f"{folder}{SUBMITIT}/%j"
+            # beside the sweep's folder: it makes links there, and a sweep has no links
+            config.hydra.launcher.submitit_folder = f"{folder}.submitit/%j"
 
 
 def _hydra_words(config: DictConfig) -> list[str]:
     """Return the overrides of Hydra's own keys, as they are written: references are resolved by each run."""
-    words: Any = OmegaConf.to_container(config.hydra.overrides.hydra, resolve=False)
-    return list(words)
+    return cast(list[str], OmegaConf.to_container(config.hydra.overrides.hydra, resolve=False))
 
 
 def labels(node: DictConfig, varied: Sequence[str]) -> dict[str, Any]:
@@ -266,8 +263,7 @@ def resume_words(folder: Path, overrides: Sequence[Override]) -> list[str]:
     runs.given_again([override for override in kept if top_of(override.key_or_group) != HYDRA])
     left = unfinished(folder)
     for run in sweep.read(folder):
-        if run not in left:
-            lock.drop_left(folder / run.folder)
+        lock.drop_left(folder / run.folder)
     for run in left:
         if not (folder / run.folder / artifacts.CONFIG).exists():
             configuration.write(folder / run.folder, _composed_again(run).config)

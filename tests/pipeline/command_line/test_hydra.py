@@ -187,6 +187,9 @@ def test_hydras_options_work(capfd):
 
 
 def test_a_shell_completes_keys_and_options(monkeypatch, capsys):
+    monkeypatch.delenv("COMP_LINE", raising=False)
+    assert main(["-sc", "query=bash"]) == 2
+    assert "is asked by a shell, which sets COMP_LINE; to let it" in capsys.readouterr().err
     for line, expected in (("x deputy.mass", "deputy.mass_kg="), ("x sun=ran", "sun=random")):
         monkeypatch.setenv("COMP_LINE", line)
         monkeypatch.setenv("COMP_POINT", str(len(line)))

@@ -58,7 +58,7 @@ MISTAKES = [
     ([*FLY, "--multi"], "there is no option --multi; did you mean --multirun?"),
     ([*FLY, "-x"], "there is no option -x"),
     ([*FLY, "--seed=3"], "there is no option --seed=3; did you mean seed?"),
-    ([*FLY, "-m", "seed=range(3,1)"], "seed=range(3,1) is an interval, or empty; a sweep needs values"),
+    ([*FLY, "-m", "seed=range(3,1)"], "seed=range(3,1) is an interval, or empty; give values, as key=1,2"),
     ([*FLY, "hydra.job.chdir=maybe"], "hydra.job.chdir=maybe: Value 'maybe'"),
     ([*FLY, "--cfg", "jo"], "invalid choice: 'jo'"),
     ([*FLY, "--config-dir"], "expected one argument"),
