@@ -1,20 +1,23 @@
 """Commands about one evaluation, whose keys are those of ``+experiment=evaluate``, and ``warm``."""
 
+import argparse
 import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Final
 
 from pipeline.command_line import runs
-from pipeline.command_line.arguments import EXPERIMENT, CommandParser, ConfigError, parse_arguments
+from pipeline.command_line.arguments import EXPERIMENT, RESUME, CommandParser, ConfigError, parse_arguments
 from pipeline.command_line.config import compose_experiment
 from pipeline.command_line.overrides import read_overrides, words_of
 from pipeline.preflight import check_before
 from pipeline.settings.experiment import Experiment
 
+#: the option of runs that these commands take, too
+CONFIG_DIR: Final = ("--config-dir", "-cd")
 #: what short runs are given
 FEW: Final = ("duration_s=600", "monte_carlo.num_cases=8")
 SMALL: Final = ("optimizer.population_size=8", "optimizer.generations=2")
@@ -38,13 +41,30 @@ def parse_evaluation(parser: CommandParser, arguments: Sequence[str]) -> tuple[A
     """
     chosen, rest = parser.parse_known_args(list(arguments))
     command = parse_arguments(rest)
-    overrides = read_overrides(command.overrides, command.folders, is_multirun=command.multirun)
+    options = [word for word in command.hydra_options if word.startswith("-")]
+    for word in [*options, *(word for word in rest if word.startswith((RESUME, "hydra.mode=")))]:
+        if not word.startswith(CONFIG_DIR):
+            raise ConfigError(
+                f"{parser.prog} takes no {word}; it is about one evaluation, given by key=value"
+            )
+    overrides = read_overrides(command.overrides, command.folders, is_multirun=False)
     words = words_of(overrides)
     if EXPERIMENT not in {override.key_or_group for override in overrides}:
         words.insert(0, f"+{EXPERIMENT}=evaluate")
     experiment = compose_experiment(words, command.config_dir).experiment
     check_before(experiment)
     return chosen, experiment
+
+
+def whole(low: int, high: int) -> Callable[[str], int]:
+    """Return a function that parses a whole number in a range, both ends included."""
+
+    def parsed(text: str) -> int:
+        if not (text.isdecimal() and low <= int(text) <= high):
+            raise argparse.ArgumentTypeError(f"{text!r} is no whole number from {low} to {high}")
+        return int(text)
+
+    return parsed
 
 
 def edit(arguments: Sequence[str]) -> int:
@@ -61,7 +81,7 @@ def edit(arguments: Sequence[str]) -> int:
         User errors.
     """
     parser = CommandParser("python -m pipeline edit")
-    parser.add_argument("--port", type=int, default=0, choices=range(1 << 16), metavar="PORT")
+    parser.add_argument("--port", type=whole(0, 65535), default=0, metavar="PORT")
     parser.add_argument("--no-browser", action="store_true")
     chosen, experiment = parse_evaluation(parser, arguments)
     from pipeline.edit.opening import open_editor  # noqa: PLC0415 - the other commands do without a server
@@ -92,7 +112,7 @@ def export_c(arguments: Sequence[str]) -> int:
     """
     parser = CommandParser("python -m pipeline export_c")
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="FOLDER")
-    parser.add_argument("--flights", type=int, default=3, choices=range(1, 10001), metavar="N")
+    parser.add_argument("--flights", type=whole(1, 10000), default=3, metavar="N")
     chosen, experiment = parse_evaluation(parser, arguments)
     folder: Path = chosen.output
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
@@ -100,12 +120,21 @@ def export_c(arguments: Sequence[str]) -> int:
 
     from pipeline.controllers.source import load  # noqa: PLC0415 - compiled code, needed once the rest is right
     from pipeline.onboard.export import export  # noqa: PLC0415
-    from pipeline.onboard.program import translate  # noqa: PLC0415
+    from pipeline.onboard.program import NotTranslatableError, translate  # noqa: PLC0415
     from pipeline.scenarios import evaluation_scenarios  # noqa: PLC0415
 
     mission = experiment.mission
-    program = translate(mission, load(experiment.controller, mission))
-    exported = export(program, evaluation_scenarios(experiment)[: chosen.flights], folder)
+    try:
+        program = translate(mission, load(experiment.controller, mission))
+    except NotTranslatableError as error:
+        raise ConfigError(str(error)) from error
+    try:
+        exported = export(program, evaluation_scenarios(experiment)[: chosen.flights], folder)
+    except OSError as error:
+        raise ConfigError(
+            f"{error.filename or folder} cannot be written ({error.strerror}); give -o a folder that can be, "
+            "or make room"
+        ) from error
     source = exported.source
     sys.stdout.write(
         f"{folder / 'controller.c'}: {source.code.count(chr(10))} lines, "

@@ -1,5 +1,6 @@
 """Overrides in Hydra's grammar: parsed, and checked against the known keys and the options of groups."""
 
+import os
 import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
@@ -69,7 +70,7 @@ def parse(overrides: Iterable[str]) -> list[Override]:
     except OverrideParseException as error:
         raise ConfigError(
             f"{error.override!r} cannot be read as key=value ({first_line(error)}); put a value with commas, "
-            "'=' or brackets into quotes of its own, as in 'key=\"a, b\"'"
+            "'=', brackets or letters beyond ASCII into quotes of its own, as in 'key=\"a, b\"'"
         ) from error
 
 
@@ -77,7 +78,7 @@ def rewrite_paths(overrides: Iterable[str]) -> list[str]:
     """Turn ``controller=PATH`` into ``controller=file controller.path=PATH``: a group cannot take a path.
 
     Likewise for the other endings of `SUFFIXES`. A folder name that Hydra's grammar
-    would split, such as ``seed=1``, is quoted. Several paths in a sweep,
+    lacks, such as ``seed=1`` or ``Läufe``, is quoted. Several paths in a sweep,
     ``controller=a.json,b.json``, are rewritten together.
 
     Raises
@@ -91,8 +92,8 @@ def rewrite_paths(overrides: Iterable[str]) -> list[str]:
         paths = _values(text, value) if key in SUFFIXES else []
         endings = SUFFIXES.get(key, {})
         readers = {endings.get(Path(path.lower()).suffix) for path in paths}
-        if key in FOLDERS and "=" in value and value[:1] not in "'\"":
-            rewritten.append(f"{key}={quoted(value)}")
+        if key in FOLDERS and value[:1] not in "'\"" and not _is_in_grammar(text):
+            rewritten.append(f"{key}={quoted(os.path.expanduser(value))}")
         elif readers <= {None}:
             rewritten.append(text)
         elif len(readers) == 1:
@@ -100,6 +101,13 @@ def rewrite_paths(overrides: Iterable[str]) -> list[str]:
         else:
             raise ConfigError(f"{text!r} mixes names and paths, or kinds of files; sweep over each alone")
     return rewritten
+
+
+def _is_in_grammar(text: str) -> bool:
+    try:
+        return bool(parse([text]))
+    except ConfigError:
+        return False
 
 
 def _values(text: str, value: str) -> list[str]:

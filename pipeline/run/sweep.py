@@ -85,9 +85,14 @@ def gather_runs(folder: Path) -> list[SweptRun]:
     pipeline.run.artifacts.ArtifactError
         If the folder contains no run, or a file in it is damaged.
     """
-    paths = [] if (folder / SWEEP).exists() else _run_folders(folder)
-    if not paths:
+    if (folder / SWEEP).exists():
         return read(folder)
+    paths = _run_folders(folder)
+    if not paths:
+        if artifacts.holds_run(folder):
+            raise artifacts.ArtifactError(f"{folder} is one run; give the folder that holds it")
+        what = "holds no runs" if folder.is_dir() else "is no folder"
+        raise artifacts.ArtifactError(f"{folder} {what}; give the folder of a sweep, or one with runs in it")
     configs = [schema.present(configuration.read(path)) for path in paths]
     labels = [_labels(config) for config in configs]
     keys = dict.fromkeys(key for values in labels for key in values)
@@ -128,10 +133,6 @@ def read(folder: Path) -> list[SweptRun]:
     pipeline.run.artifacts.ArtifactError
         If the folder contains no sweep, or its file is damaged.
     """
-    if not (folder / SWEEP).is_file():
-        raise artifacts.ArtifactError(
-            f"{folder} holds no sweep, it has no {SWEEP}; give the folder that python -m pipeline -m printed"
-        )
     content = artifacts.read_json(folder, SWEEP)
     with artifacts.explained(f"{folder / SWEEP} is no file of a sweep", "restore it"):
         if content["sweep_version"] != SWEEP_VERSION:

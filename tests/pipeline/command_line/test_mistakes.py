@@ -96,6 +96,18 @@ MISTAKES = [
     (["+experiment=fly", "controller=coast,other.json", "-m"], "mixes names and paths"),
     ([*BASELINES, "compare.controllers=[coast,missing.csv]"], "missing.csv cannot be read"),
     ([*EVALUATE, "optimum.reference=none"], "none has no optimum/cases.parquet; the stage optimum writes it"),
+    # commands about one evaluation
+    (["export_c", "controller=lqr", "-o", "c"], "'lqr' has no rules; choose a controller that has"),
+    (
+        ["export_c", "controller=coast", "-o", "c", "--flights", "0"],
+        "'0' is no whole number from 1 to 10000;",
+    ),
+    (
+        ["export_c", "controller=coast,lqr", "-m", "-o", "c"],
+        "export_c takes no -m; it is about one evaluation",
+    ),
+    (["edit", "controller=coast", "resume=x"], "edit takes no resume=x; it is about one evaluation"),
+    (["edit", "controller=coast", "--port=65536"], "'65536' is no whole number from 0 to 65535;"),
     (["resume=nowhere"], "nowhere is no folder; give the folder of a run"),
 ]
 

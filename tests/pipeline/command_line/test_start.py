@@ -133,6 +133,13 @@ def test_paths_and_folders_are_quoted_for_the_grammar() -> None:
     words = ["controller=x/a b.json,y/a b.json", "hydra.run.dir=out/seed=1"]
     paths = ["controller=file", "controller.path='x/a b.json','y/a b.json'"]
     assert overrides.rewrite_paths(words) == [*paths, "hydra.run.dir='out/seed=1'"]
+    outside = ["hydra.run.dir=Läufe (2)", "hydra.sweep.dir=a,b", "hydra.run.dir=~/#1"]
+    home = Path("~/#1").expanduser()
+    assert overrides.rewrite_paths(outside) == [
+        "hydra.run.dir='Läufe (2)'",
+        outside[1],
+        f"hydra.run.dir='{home}'",
+    ]
     with pytest.raises(overrides.ConfigError, match=r"seed=interval\(1,2\) is an interval"):
         overrides.check_sweeps(overrides.parse(["seed=interval(1,2)"]), is_multirun=True)
 

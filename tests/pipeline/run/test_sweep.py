@@ -120,7 +120,7 @@ def test_an_interrupted_sweep_goes_on_with_what_is_left(monkeypatch, ran):
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (None, "out holds no sweep, it has no sweep.json"),
+        (None, "out holds no runs; give the folder of a sweep, or"),
         ('{"sweep_version": 1, "runs": [{"folder": "../x"}]}', "is no file of a sweep"),
         ('{"sweep_version": 1, "runs": [{"folder": "/x", ' + REST + "}]}", "lies outside"),
         ('{"sweep_version": 1, "runs": [{"folder": "' + 256 * "x" + '", ' + REST + "}]}", "is longer than"),
@@ -137,6 +137,9 @@ def test_a_damaged_summary_is_refused_where_runs_are_summarised_or_compared(tmp_
     for name in ("a", "b"):
         for path, text in ((artifacts.CONFIG, "name: x"), (artifacts.SUMMARY, "{}")):
             writing.write_atomically(tmp_path / "out" / name / path, text)
+    (tmp_path / "out" / "b" / artifacts.MANIFEST).write_text("{}")
+    assert "out/b is one run; give the folder that holds it" in ran("summary", "out/b", code=2).err
+    assert "nowhere is no folder" in ran("summary", "nowhere", code=2).err
     runs = '[{"folder": "a", ' + REST + "}]"
     (tmp_path / "out" / "sweep.json").write_text(f'{{"sweep_version": 1, "runs": {runs}}}')
     for words in (("summary", "out"), ("compare=out/a,out/b",)):
