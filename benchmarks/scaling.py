@@ -6,6 +6,7 @@ processor time of parts of a second, flown in turn by this process and on worker
 """
 
 import argparse
+import math
 import os
 import statistics
 import subprocess
@@ -92,6 +93,7 @@ WORLDS = {
 MEASURED_S = 5.0
 #: flights that fill the vectors in which they fly side by side
 FEWEST = 64
+DAY_S = 86_400.0
 
 
 def words_of(controller: str) -> tuple[str, ...]:
@@ -119,13 +121,15 @@ def price_of(controller: str) -> tuple[float, str]:
 
 
 def print_prices() -> None:
-    """Print a row for each champion that ships: its flight, and a campaign of a billion."""
+    """Print a row for each champion that ships: its flight, and campaigns of a million and a billion."""
     names = sorted(path.stem for path in (conf_folder() / "controller").glob("*champion*.yaml"))
-    print("| controller | ms a flight | 10^9 flights: core hours |")
-    print("|---|---|---|")
+    print("| controller | ms a flight | 10^6: core hours | 10^9: core hours | cores for 10^9 in a day |")
+    print("|---|---|---|---|---|")
     for name in names:
         seconds, share = price_of(name)
-        price = f"{1e3 * seconds:.3g} | {1e9 * seconds / 3600.0:,.0f}"
+        million, billion = 1e6 * seconds / 3600.0, 1e9 * seconds / 3600.0
+        cores = math.ceil(1e9 * seconds / DAY_S)
+        price = f"{1e3 * seconds:.3g} | {million:,.2f} | {billion:,.0f} | {cores:,}"
         print(f"| `{name}`{share} | {price} |", flush=True)
 
 
