@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from fis_tools.document import Block, Document, text
-from pipeline.command_line.arguments import ConfigError
+from pipeline.command_line.arguments import CommandParser
 from pipeline.evaluation import statistics
 from pipeline.report import sweep, sweep_page, verification
 from pipeline.report.contents import read_summary
@@ -97,10 +97,8 @@ def _folders(command: str, words: Sequence[str], *numbers: int) -> list[Path]:
     """Return the folders that a command is given, which takes some number of them and nothing else."""
     if len(words) not in numbers:
         takes = f"{' or '.join(map(str, numbers))} {'folder' if numbers == (1,) else 'folders'}"
-        raise ConfigError(
-            f"{command} takes {takes} and nothing else, and {len(words)} words are given; see python -m "
-            f"pipeline {command} --help"
-        )
+        parser = CommandParser(f"python -m pipeline {command}")
+        parser.error(f"{command} takes {takes} and nothing else, and {len(words)} words are given")
     return [Path(word).expanduser() for word in words]
 
 

@@ -180,8 +180,7 @@ def _combinations(config: DictConfig) -> tuple[list[list[str]], list[str]]:
     """
     parameters = config.hydra.sweeper.get("params") or {}
     words = [*(f"{key}={value}" for key, value in parameters.items()), *config.hydra.overrides.task]
-    loader = GlobalHydra.instance().config_loader()
-    overrides = OverridesParser.create(config_loader=loader).parse_overrides(words)
+    overrides = OverridesParser.create(GlobalHydra.instance().config_loader()).parse_overrides(words)
     (batch,) = BasicSweeper.split_arguments(overrides, None)
     last = {override.get_key_element(): override for override in overrides}
     return batch, [key for key, override in last.items() if override.is_sweep_override()]

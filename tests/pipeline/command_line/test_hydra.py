@@ -237,6 +237,8 @@ def test_the_search_path_is_searched(monkeypatch, ran, tmp_path):
     (tmp_path / "mine/experiment/drift.yaml").write_text(
         "# @package _global_\ndefaults: [/experiment/fly]\nname: drift\n"
     )
+    helped = ran("--config-dir", str(tmp_path / "mine"), "--help", "drift").out
+    assert helped.startswith("+experiment=drift: \n  stages=[record]")
     path = f"hydra.searchpath=[file://{tmp_path / 'mine'}]"
     ran("+experiment=drift", "controller=coast", path, "hydra.run.dir=run")
     assert configuration.read(Path("run"))["name"] == "drift"
