@@ -178,8 +178,7 @@ def _check_choice(override: Override, known: Sequence[str], plain: str) -> None:
     # a group that ships has a choice by default, but for the experiment
     is_chosen = group != EXPERIMENT and (conf_folder() / group).is_dir()
     if not is_chosen and override.type == OverrideType.CHANGE:
-        what = "an experiment" if group == EXPERIMENT else f"an option of {group}"
-        raise ConfigError(f"{what} is added to the configuration: write +{plain}")
+        raise ConfigError(f"{group} has no choice yet; write +{plain}")
     if is_chosen and override.type == OverrideType.ADD:
         raise ConfigError(f"{group} is chosen already; write {plain} without the +")
     for choice in _choices(override):

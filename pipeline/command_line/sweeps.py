@@ -188,16 +188,16 @@ def _combinations(config: DictConfig) -> tuple[list[list[str]], list[str]]:
 
 def _fix(config: DictConfig, folder: Path, varied: Sequence[str]) -> None:
     """Give all jobs of a sweep one folder, whatever their names, and each its own in it."""
-    words = _hydra_words(config)
+    given = {word.partition("=")[0] for word in _hydra_words(config)}
     fixed = [f"hydra.sweep.dir={quoted(str(folder))}"]
-    if not any(word.startswith("hydra.sweep.subdir=") for word in words):
+    if "hydra.sweep.subdir" not in given:
         keys = ",".join(f'"{key}"' for key in varied)
         fixed.append(f"hydra.sweep.subdir={quoted(f'${{run_folder:{keys}}}')}")
     with read_write(config.hydra):
         config.hydra.overrides.hydra.extend(fixed)
         config.hydra.sweep.dir = str(folder)
         is_submitit = (config.hydra.launcher or {}).get("submitit_folder") is not None
-        if is_submitit and not any(word.startswith("hydra.launcher.submitit_folder=") for word in words):
+        if is_submitit and "hydra.launcher.submitit_folder" not in given:
             # beside the sweep's folder: it makes links there, and a sweep has no links
             config.hydra.launcher.submitit_folder = f"{folder}.submitit/%j"
 
