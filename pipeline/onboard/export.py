@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from fis_tools.file_access import write_text
-from fis_tools.formats.c.text import WARNINGS
+from fis_tools.formats.c.text import WARNINGS, plain
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.state.log import Scenario
 from pipeline.onboard.evidence import line_runs, loop_table, rule_table, traceability, vector_source
@@ -73,7 +73,7 @@ def export(program: OnboardProgram, scenarios: Sequence[Scenario], folder: Path)
     ]
     flights = [recorded(program, scenario, log) for scenario, log in zip(scenarios, logs, strict=True)]
     facts = {
-        "name": program.controller.name,
+        "name": plain(program.controller.name),
         "world": program.world,
         "num_flights": len(flights),
         "parameters": program.parameters,

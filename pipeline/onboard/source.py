@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from fis_tools.document.html import environment, read
-from fis_tools.formats.c.text import OPENING, broken, comment, table
+from fis_tools.formats.c.text import OPENING, broken, comment, plain, table
 from fis_tools.model import conjunctions
 from fis_tools.model.thrust import LOGIC_REASONS, REASONS, SILENT_N
 from fis_tools.words.text import sentence
@@ -87,7 +87,8 @@ def sources(program: OnboardProgram) -> Sources:
 
 @cache
 def _environment() -> Any:
-    forms = environment("pipeline.onboard", "templates", keep_trailing_newline=True)
+    options = {"autoescape": lambda name: name.endswith(".xml.jinja")}  # beside XML, code
+    forms = environment("pipeline.onboard", "templates", keep_trailing_newline=True, **options)
     forms.filters |= {"exact": number_text}
     return forms
 
@@ -105,7 +106,7 @@ def _facts(program: OnboardProgram, members: Mapping[str, Any], functions: set[s
     longest = max(map(len, orders), default=0)
     reach = REACH * world.max_distance
     return {
-        "name": program.controller.name,
+        "name": plain(program.controller.name),
         "world": world,
         "law": law,
         "functions": functions,

@@ -6,6 +6,7 @@ import os
 import re
 import shutil
 import subprocess
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -42,6 +43,8 @@ pytestmark = [
 ]
 STUBS = Path(__file__).parent / "stubs"
 SHORT = mission(duration_s=1200.0)
+#: a controller's name that would end comments, close attributes of XML and begin a directive
+HOSTILE = '27 */ #error "<a> & ??/'
 
 
 @cache
@@ -96,7 +99,7 @@ def test_the_safety_layer_changes_the_same_forces_for_the_same_limit(tmp_path):
 @pytest.fixture(scope="module")
 def exported(tmp_path_factory):
     folder = tmp_path_factory.mktemp("exported")
-    program = translate(SHORT, controller("champion_27"))
+    program = translate(SHORT, replace(controller("champion_27"), name=HOSTILE))
     return folder, program, export(program, random_starts(2, seed=1), folder)
 
 
@@ -156,6 +159,8 @@ def test_the_c_flies_in_closed_loop_to_the_same_states(exported, library):
 def test_an_export_is_compared_and_compiles_without_warnings_as_c_and_cpp(exported):
     folder, _, result = exported
     assert (result.num_different, result.num_commands) == (0, 240)
+    files = [path for path in folder.rglob("*") if path.is_file()]
+    assert [path for path in files if HOSTILE.encode() in path.read_bytes()] == []
     strict = ["-Wstrict-prototypes", "-Wmissing-prototypes"]
     for compiler in (["gcc", "-std=c99", *strict], ["g++", "-std=c++17", "-x", "c++"]):
         command = [*compiler, *WARNINGS, "-fsyntax-only", folder / "controller.c"]
