@@ -17,6 +17,8 @@ from pipeline.settings.groups import Settings
 
 #: WGS 84
 EARTH_RADIUS_M, EARTH_GRAVITY_M3_S2 = 6_378_137.0, 3.986004418e14
+#: least altitude, where the air ends an orbit within a turn
+LOWEST_M = 100_000.0
 #: relative difference within which two values of a planet's gravity agree
 GRAVITY_TOLERANCE = 1e-3
 #: the least and the greatest mean motion; the densest planets allow 0.0015 rad/s
@@ -186,7 +188,7 @@ class RadiusOrbit(PlanetOrbit, kind="radius"):
 class AltitudeOrbit(OrientedOrbit, kind="altitude"):
     """A circle at an altitude."""
 
-    altitude_m: Length = 500_000.0
+    altitude_m: Annotated[Length, Field(ge=LOWEST_M)] = 500_000.0
     """Altitude of a circular orbit over the Earth's equator."""
 
     @property

@@ -194,6 +194,17 @@ def _focus(mission: Mission) -> Iterator[str]:
         yield f"the first must be less than {most:g}, or nothing is ever in focus (m)"
 
 
+@relation("sensor.max_range_m", "deputy.min_distance_m", "chief.inspection_radius_m")
+def _range(mission: Mission) -> Iterator[str]:
+    """Check that the camera's range reaches points of the chief from the deputy's least distance."""
+    reach, chief = mission.sensor.max_range_m, mission.chief
+    if reach is None or chief.shape != "sphere" or mission.problem.kind != "inspection":
+        return
+    least = mission.deputy.min_distance_m - chief.inspection_radius_m
+    if not reach > least:
+        yield f"the first must be more than {least:g}, or no point is ever within range (m)"
+
+
 @relation("sensor.up", "sensor.boresight")
 def _upright(mission: Mission) -> Iterator[str]:
     """Check that what is up in the image is not along the boresight."""

@@ -96,6 +96,7 @@ REFUSED = [
     ("orbit.epoch=2026-13-01", "must be a date and time of UTC, as 2026-11-26T12:00:00"),
     ("orbit.epoch=2126-11-01", "must be from 1950 to 2050"),
     ("orbit=radius orbit.radius_m=6878", "makes a mean motion of 35 rad/s; it must be from 1e-08 to 0.1"),
+    ("orbit=altitude orbit.altitude_m=500", "orbit.altitude_m is 500; it must be at least 100000 (m)"),
     ("orbit.kind=tle", "orbit.tle has 0 lines; it must have two"),
     (
         "orbit.epoch=2026-11-26 +dispersions.orbit.inclination_deg={kind:uniform,low:1,high:2}",

@@ -116,6 +116,10 @@ def test_edges_belong_to_what_is_accepted():
     mission_of({"chief": {"inspection_radius_m": 15.0}})
     with pytest.raises(SettingError, match="a flight through the chief keeps its limits"):
         mission_of({"chief": {"inspection_radius_m": 15.01}})
+    mission_of({"sensor": {"max_range_m": 5.01}})
+    mission_of({"sensor": {"max_range_m": 5.0}, "chief": {"inspection_radius_m": 10.01}})
+    with pytest.raises(SettingError, match="must be more than 5, or no point is ever within range"):
+        mission_of({"sensor": {"max_range_m": 5.0}})
 
 
 def test_a_radius_is_no_setting_of_a_mesh():
