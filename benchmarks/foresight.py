@@ -120,13 +120,16 @@ def print_turns(name: str, num_turns: int, num_cases: int, seed: int) -> None:
 def main(given: Sequence[str]) -> int:
     """Print a row for each world."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks foresight", description=__doc__)
-    parser.add_argument("names", nargs="*", metavar="NAME", help=f"of {', '.join(WORLDS)}; all unless given")
+    worlds = ", ".join(WORLDS)
+    parser.add_argument(
+        "names", nargs="*", metavar="NAME", help=f"of {worlds.replace('%', '%%')}; all unless given"
+    )
     parser.add_argument("--cases", type=int, default=48, help="starts in each world")
     parser.add_argument("--seed", type=int, default=62)
     parser.add_argument("--turns", type=int, help="measure processor time by so many turns")
     options = parser.parse_args(given)
     if unknown := set(options.names) - set(WORLDS):
-        parser.error(f"no world {sorted(unknown)[0]!r}; they are {', '.join(WORLDS)}")
+        parser.error(f"no world {sorted(unknown)[0]!r}; they are {worlds}")
     if options.turns:
         for name in options.names or REHEARSED:
             print_turns(name, options.turns, options.cases, options.seed)

@@ -35,6 +35,9 @@ UNCHANGED: Final = ("rad", "")
 COUNTS: Final = (
     *("rehearsal_tours", "rehearsal_smallest", "rehearsal_shapes", "rehearsal_draws", "foresight_pushes"),
 )
+#: speeds of the whole mission, which cross the room inside its limits in a share of an orbit, however small
+#: the chief is
+ACROSS: Final = ("foresight_reach_m_s",)
 #: the end of names of counts of points
 POINTS: Final = "_points"
 #: the time that must be whole control periods, those that must be so many of these, and those that must stay
@@ -93,7 +96,9 @@ class Similarity:
             return value
         if not unit:
             raise KeyError(f"{name} has no unit and no rule by which it is scaled to another mission")
-        scaled = rounded(value * self.factors[unit], DIGITS)
+        room = self.mission.deputy.max_distance_m / HOME.deputy.max_distance_m
+        factor = self.factors[unit] * (room / self.size if name in ACROSS else 1.0)
+        scaled = rounded(value * factor, DIGITS)
         period = self.mission.control_period_s
         if name == CLOCK:
             return period if self.decides_always else max(period, round(scaled / period) * period)

@@ -52,6 +52,14 @@ def test_what_a_champion_leaves_to_its_default_is_scaled_too():
     assert "see_near_m" not in dict(Similarity(HOME, size=0.2).controller(base("champion_leo")).attributes)
 
 
+def test_pushes_that_are_planned_cross_a_mission_in_the_same_share_of_an_orbit():
+    for there in (mission(), mission(*THERE), mission("deputy.max_distance_m=60")):
+        room = there.deputy.max_distance_m * there.orbit.mean_motion_rad_s
+        for size in (0.2, 2.0):  # however small the chief is
+            reach = Similarity(there, size).constant("foresight_reach_m_s", 0.2)
+            assert reach / room == pytest.approx(0.2 / (200.0 * 0.0011068), rel=2e-3)
+
+
 def test_a_constant_without_a_rule_is_refused():
     with pytest.raises(KeyError, match="furlongs has no unit and no rule"):
         Similarity(HOME).constant("furlongs", 1.0)
