@@ -30,11 +30,11 @@ def priced(
 
 def outlook_of(problem: PlanningProblem, limits_m: tuple[float, float]) -> Outlook:
     """Return the fields of the planning problem by which plans are priced, and the limits."""
+    # the linear program that polishes plans keeps the limit on force
+    burns: dict[str, Any] = {"least_force": 0.0, "most_force": np.inf, "held": np.zeros((1, 3, 3)), "step": 1}
     shared = {name: getattr(problem, name) for name in Outlook._fields if hasattr(problem, name)}
     nearest, farthest = limits_m
-    return Outlook(
-        **shared, nearest=nearest, farthest=farthest, longest_way=np.inf, least_force=0.0, required=0
-    )
+    return Outlook(**shared, **burns, nearest=nearest, farthest=farthest, longest_way=np.inf, required=0)
 
 
 def search(problem: PlanningProblem, needed: int, num_burns: int, generator: np.random.Generator) -> Floats:

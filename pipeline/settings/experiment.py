@@ -143,7 +143,7 @@ class FitSettings(Settings, group="fit", only=Only("stages=fit", is_told=True)):
     """Further ones near the best, where that misses the goal."""
     cases: tuple[types.Count, ...] = (12, 40, 150)
     """Flights of each competitor in the first round, the second, and so on."""
-    kept: tuple[types.Count, ...] = (16, 5)
+    kept: tuple[types.Count, ...] = (16, 4)
     """Competitors that stay after each round but the last."""
     num_cases: types.Count = 300
     """Starts that no competitor has flown, on which the result is judged."""

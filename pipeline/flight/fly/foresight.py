@@ -53,13 +53,17 @@ class Outlook(NamedTuple):
     least_force: float  # a component smaller than this is not fired, N
     delta_v_per_force: float  # of 1 N held over a control period, m/s
     required: int  # points, of those to see, whose shortfall costs more
+    most_force: float  # of thrusters along an axis, N; larger pushes take several control periods
+    held: Floats  # (K+1, 3, 3) effect of 1 N held over so many control periods at the end of the last, m/N
+    step: int  # control periods from one sample to the next
 
 
 class Geometry(NamedTuple):
     """A chief with P points and a deputy's motion and camera at K+1 samples, in a mission."""
 
     drift: Floats  # (K+1, 3, 6) from position and velocity at the start to positions without force
-    gain: Floats  # (K+1, 3, 3) as of an `Outlook`, like the next three
+    gain: Floats  # (K+1, 3, 3) as of an `Outlook`, like the next four
+    held: Floats  # (K+1, 3, 3)
     points: Floats  # (K+1, 3, P)
     normals: Floats  # (K+1, 3, P)
     heights: Floats  # (P,)
@@ -83,6 +87,7 @@ def geometry_of(mission: Mission, world: World) -> Geometry:
     return Geometry(
         drift=drift,
         gain=gain,
+        held=np.cumsum(gain, axis=0),
         points=points,
         normals=points / radius if is_sphere else np.ascontiguousarray(normals),
         heights=np.full(num_points, radius) if is_sphere else np.sum(points[0] * normals[0], axis=0),
@@ -158,9 +163,26 @@ def lead_along(genes: Floats, num_pushes: int, outlook: Outlook, effects: Floats
         h = h if abs(h) >= outlook.least_force else 0.0
         spent = spent + abs(f) + abs(g) + abs(h)
         after = path[3 * begin :]
+        if max(abs(f), abs(g), abs(h)) > outlook.most_force:
+            for axis, force in enumerate((f, g, h)):
+                hold(after, axis, force, outlook)
+            continue
         for i in range(len(after)):
             after[i] = after[i] + effects[0, i] * f + effects[1, i] * g + effects[2, i] * h
     return spent
+
+
+@compiled(error_model="numpy")
+def hold(after: Floats, axis: int, force: float, outlook: Outlook) -> None:
+    """Add what a push does that takes more control periods than one to the positions after it begins, m.
+
+    `force` would be that of one period, N; it is divided among as many as thrusters need.
+    """
+    held, periods = outlook.held, max(1, int(np.ceil(abs(force) / outlook.most_force - 1e-9)))
+    for i in range(len(after)):
+        end = (i // 3) * outlook.step
+        effect = held[end, i % 3, axis] - held[max(0, end - periods), i % 3, axis]
+        after[i] = after[i] + effect * force / periods
 
 
 @compiled(error_model="numpy")

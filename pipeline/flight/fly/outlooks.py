@@ -249,6 +249,9 @@ class Deputies:
             least_force=self.least_force,
             delta_v_per_force=world.delta_v_per_force,
             required=required,
+            most_force=world.max_force,
+            held=geometry.held,
+            step=self.step,
         )
         return outlook, needed
 

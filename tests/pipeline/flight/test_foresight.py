@@ -1,5 +1,6 @@
 """Pushes planned by geometry: their price as the reference defines it, and flights of what is chosen."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -56,8 +57,10 @@ def foreseeing(**changes):
         {},
         {"sensor": {"max_incidence_deg": 70.0, "max_range_m": 90.0}, "light": {"shadow": "conical"}},
         {"chief": {"initial_angular_velocity_rad_s": (0.01, 0.004, -0.006)}},
+        # most pushes take several control periods
+        {"deputy": {"max_force_n": 0.03}},
     ],
-    ids=["paper", "camera and shadow", "tumbling"],
+    ids=["paper", "camera and shadow", "tumbling", "weak thrusters"],
 )
 def test_a_plan_costs_what_the_reference_says(changes):
     flown, generator = mission(attitude={"mode": "ideal"}, **changes), np.random.default_rng(2)
@@ -83,10 +86,13 @@ def test_a_plan_costs_what_the_reference_says(changes):
     nearest, farthest = flown.deputy.min_distance_m + 4.0 + margin, flown.deputy.max_distance_m - 4.0 - margin
     sight = np.full(flown.num_controls + 1, 10.0 / np.sin(np.radians(flown.sensor.half_angle_deg)))
     for plan, cost in zip(genes.T, costs, strict=True):
-        first, second = np.where(np.abs(plan[:6]) < outlook.least_force, 0.0, plan[:6]).reshape(2, 3)
-        pushes = {sample: first}
-        at = sample + step * int(plan[6])
-        pushes[at] = pushes.get(at, 0.0) + second
+        both = np.where(np.abs(plan[:6]) < outlook.least_force, 0.0, plan[:6]).reshape(2, 3)
+        pushes = {}
+        for begin, push in zip((sample, sample + step * int(plan[6])), both, strict=True):
+            for axis, force in enumerate(push):
+                num_periods = max(1, math.ceil(abs(force) / flown.deputy.max_force_n))
+                for at in range(begin, begin + num_periods):
+                    pushes.setdefault(at, np.zeros(3))[axis] += force / num_periods
         state, is_left = np.r_[believed.position_m, believed.velocity_m_s], left[: len(flight.points)] > 0
         counts, limits = (needed, outlook.required), (nearest, farthest, longest_way)
         expected = price(flight, sample, state, is_left, pushes, counts, margin, limits, step, sight)
