@@ -103,7 +103,7 @@ def parse_arguments(arguments: Sequence[str]) -> CommandLine:
     command.multirun |= "hydra.mode=MULTIRUN" in overrides
     command.folders = [conf_folder()]
     if command.config_dir is not None:
-        _check_config_dir(command.config_dir)
+        check_folder("--config-dir", command.config_dir)
         command.folders.append(command.config_dir)
     return command
 
@@ -112,10 +112,10 @@ def _is_override(word: str) -> bool:
     return word.startswith(("+", "~")) or "=" in word
 
 
-def _check_config_dir(folder: Path) -> None:
+def check_folder(option: str, folder: Path) -> None:
     """Raise ConfigError if a folder of configurations is none, or one that ships hides a file in it."""
     if not folder.is_dir():
-        raise ConfigError(f"--config-dir {folder} is no folder; give one with experiments of your own")
+        raise ConfigError(f"{option} {folder} is no folder; give one with experiments of your own")
     for path in sorted(folder.rglob("*.yaml")):
         shipped = conf_folder() / path.relative_to(folder)
         # Hydra reads the first that it finds; a copy may stay

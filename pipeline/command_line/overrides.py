@@ -9,7 +9,7 @@ from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import Glob, Override, OverrideType, Quote, QuotedString
 from hydra.errors import HydraException, OverrideParseException
 
-from pipeline.command_line.arguments import EXPERIMENT, ConfigError
+from pipeline.command_line.arguments import EXPERIMENT, ConfigError, check_folder
 from pipeline.settings.keys import KNOWN, choices_of, did_you_mean, is_key
 from pipeline.settings.places import conf_folder
 
@@ -128,7 +128,10 @@ def read_overrides(words: Sequence[str], folders: Sequence[Path], *, is_multirun
     """
     overrides = parse(rewrite_paths(words))
     searched = [override for override in overrides if override.key_or_group == "hydra.searchpath"]
-    added = [Path(path.removeprefix("file://")) for override in searched for path in _choices(override)]
+    paths = [path.removeprefix("file://") for override in searched for path in _choices(override)]
+    added = [Path(path) for path in paths if "://" not in path]  # else in a package
+    for folder in added:
+        check_folder("hydra.searchpath", folder)
     groups = options([*folders, *added])
     for index, override in enumerate(overrides):
         if isinstance(value := override.value(), Glob):
@@ -161,6 +164,9 @@ def check_overrides(overrides: Sequence[Override], groups: Groups) -> None:
     ------
     ConfigError
     """
+    chosen = [override.input_line for override in overrides if override.key_or_group == EXPERIMENT]
+    if len(chosen) > 1:
+        raise ConfigError(f"{' and '.join(map(str, chosen))} are given; keep one")
     for override in overrides:
         key, plain = override.key_or_group, (override.input_line or "").lstrip("+")
         if key in groups and not isinstance(override.value(), dict):

@@ -5,7 +5,7 @@ import sys
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Any, Final, cast
 
 from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
@@ -108,7 +108,9 @@ class Sweep:
                     with read_write(node.hydra):
                         node.hydra.job.num, node.hydra.job.id = number, str(number)
                     HydraConfig.instance().set_config(node)
-                    path = folder / str(node.hydra.sweep.subdir)
+                    path = folder / (subdir := PurePath(str(node.hydra.sweep.subdir)))
+                if subdir.is_absolute() or ".." in subdir.parts:
+                    raise ConfigError(f"hydra.sweep.subdir is {subdir}; name a folder inside the sweep's")
                 made.jobs.append(new_job(node, path))
             except (ValueError, OSError) as error:
                 chosen_here = ", ".join(word.lstrip("+") for word in words if word.split("=")[0] in varied)
