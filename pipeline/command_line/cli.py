@@ -119,11 +119,13 @@ def run_command(command: CommandLine) -> int:
         return run_application([*command.hydra_options, *command.overrides], ())
     read = read_overrides(command.overrides, command.folders, is_multirun=command.multirun)
     if command.resume is not None:
+        _check_runs(command, command.resume)
         return _resume(command, command.resume, read)
     by_key = {override.key_or_group: override for override in read}
     if "hydra.run.dir" in by_key and not command.multirun:
         folder = Path(str(by_key["hydra.run.dir"].value()))
         if (folder / artifacts.MANIFEST).exists():
+            _check_runs(command, folder)
             return runs.repeat(folder, by_key, command.config_dir)
         if "stages" in by_key and EXPERIMENT not in by_key:
             raise ConfigError(
@@ -136,6 +138,13 @@ def run_command(command: CommandLine) -> int:
     words = words_of(read)
     option = ["--config-dir", str(command.config_dir.resolve())] if command.config_dir else []
     return run_application([*command.hydra_options, *words], [*option, *words])
+
+
+def _check_runs(command: CommandLine, folder: Path) -> None:
+    """Raise ConfigError if a command that would go on in a run's folder asks for a configuration instead."""
+    if command.cfg or command.info:
+        path = folder / artifacts.CONFIG
+        raise ConfigError(f"--cfg and --info print what a new run would have; what this has is in {path}")
 
 
 def _resume(command: CommandLine, folder: Path, overrides: Sequence[Override]) -> int:

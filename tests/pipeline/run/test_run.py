@@ -160,6 +160,8 @@ def test_a_repeated_stage_may_have_its_own_settings_but_no_others(finished, monk
         ([*EVALUATE, "controller=tour", "++controller.attributes.tour_time_s=90000"], "give less than half"),
         ([*EVALUATE, run_dir], "holds a run already"),
         (["stages=[reprt]", run_dir], "did you mean report?"),
+        ([*short, "--cfg", "job"], "--cfg and --info print what a new run would have; what this has is in"),
+        ([f"resume={finished}", "--info"], "--cfg and --info print what a new run would have"),
     ):
         assert message in ran(*words, code=2).err
 
