@@ -40,8 +40,6 @@ class Invocation:
     ----------
     command : sequence of str
         The arguments with which a run is started.
-    resumes : bool
-        Whether a sweep goes on.
     shows_tracebacks : bool
         Whether user errors are raised, too.
     locks : ExitStack
@@ -56,7 +54,6 @@ class Invocation:
     """
 
     command: Sequence[str]
-    resumes: bool
     shows_tracebacks: bool
     locks: ExitStack = field(default_factory=ExitStack)
     job: Job | None = None
@@ -105,7 +102,7 @@ class Preflight(Callback):
         """Check all runs of a sweep, lock its folder and write its file."""
         with refusing(config):
             for invocation in invocations[-1:]:
-                checked = Sweep.checked(config, resumes=invocation.resumes)
+                checked = Sweep.checked(config)
                 invocation.locks.enter_context(held(checked.folder))
                 checked.write()
                 invocation.sweep = checked
@@ -184,7 +181,7 @@ def shows_tracebacks() -> bool:
     return invocations[-1].shows_tracebacks if invocations else os.environ.get(FULL_ERROR) == "1"
 
 
-def run_application(words: Sequence[str], command: Sequence[str], *, resumes: bool = False) -> int:
+def run_application(words: Sequence[str], command: Sequence[str]) -> int:
     """Run the application on a checked command line; return the exit code.
 
     Parameters
@@ -193,8 +190,6 @@ def run_application(words: Sequence[str], command: Sequence[str], *, resumes: bo
         Hydra's options, and overrides.
     command : sequence of str
         The arguments with which a run is started, as its manifest keeps them.
-    resumes : bool
-        Whether a sweep goes on.
 
     Raises
     ------
@@ -202,7 +197,7 @@ def run_application(words: Sequence[str], command: Sequence[str], *, resumes: bo
         User errors.
     Interrupted
     """
-    invocation = Invocation(command, resumes, shows_tracebacks())
+    invocation = Invocation(command, shows_tracebacks())
     with hydra_apart(), _process_of(invocation, words), invocation.locks:
         _call(invocation)
         return invocation.sweep.end() if invocation.sweep else invocation.code

@@ -30,7 +30,6 @@ from pipeline.run.runner import Interrupted
 from pipeline.run.sweep import SWEEP
 from pipeline.settings import schema
 
-INTERRUPTED = 130
 #: the command that compares two runs
 COMPARE = "compare="
 
@@ -63,10 +62,10 @@ def main(arguments: Sequence[str] | None = None, *, replaces_process: bool = Fal
                 maker.start_anew(sys.orig_argv[1:])
             code = maker.run_anew(["-m", "pipeline", *words])
             # so Python ends where an interrupt came while it ran a text, as imports of named tuples do
-            return INTERRUPTED if code == -signal.SIGINT else code
+            return runs.INTERRUPTED if code == -signal.SIGINT else code
         except Interrupted as interrupt:
             sys.stderr.write(f"\n{interrupt}\n")
-            return INTERRUPTED
+            return runs.INTERRUPTED
         except runs.MISTAKES as error:
             if shows_tracebacks():
                 raise
@@ -153,6 +152,4 @@ def _resume(command: CommandLine, folder: Path, overrides: Sequence[Override]) -
         return runs.resume(folder, overrides)
     with held(folder):  # also where nothing is left: a killed process may have left its lock
         words = resume_words(folder, overrides)
-    if not words:
-        return runs.OK
-    return run_application(["--multirun", *command.hydra_options, *words], (), resumes=True)
+    return run_application(["--multirun", *command.hydra_options, *words], ()) if words else runs.OK

@@ -1,11 +1,10 @@
 """Commands about one evaluation, whose keys are those of ``+experiment=evaluate``, and ``warm``."""
 
-import argparse
 import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -14,10 +13,9 @@ from pipeline.command_line.arguments import EXPERIMENT, RESUME, CommandParser, C
 from pipeline.command_line.config import compose_experiment
 from pipeline.command_line.overrides import read_overrides, words_of
 from pipeline.preflight import check_before
+from pipeline.settings.checks import within
 from pipeline.settings.experiment import Experiment
 
-#: the option of runs that these commands take, too
-CONFIG_DIR: Final = ("--config-dir", "-cd")
 #: what short runs are given
 FEW: Final = ("duration_s=600", "monte_carlo.num_cases=8")
 SMALL: Final = ("optimizer.population_size=8", "optimizer.generations=2")
@@ -41,12 +39,9 @@ def parse_evaluation(parser: CommandParser, arguments: Sequence[str]) -> tuple[A
     """
     chosen, rest = parser.parse_known_args(list(arguments))
     command = parse_arguments(rest)
-    options = [word for word in command.hydra_options if word.startswith("-")]
-    for word in [*options, *(word for word in rest if word.startswith((RESUME, "hydra.mode=")))]:
-        if not word.startswith(CONFIG_DIR):
-            raise ConfigError(
-                f"{parser.prog} takes no {word}; it is about one evaluation, given by key=value"
-            )
+    for word in rest:
+        if word.startswith(("-", RESUME, "hydra.mode=")) and not word.startswith(("--config-dir", "-cd")):
+            raise ConfigError(f"{parser.prog} takes no {word}; it is about one evaluation, by key=value")
     overrides = read_overrides(command.overrides, command.folders, is_multirun=False)
     words = words_of(overrides)
     if EXPERIMENT not in {override.key_or_group for override in overrides}:
@@ -54,17 +49,6 @@ def parse_evaluation(parser: CommandParser, arguments: Sequence[str]) -> tuple[A
     experiment = compose_experiment(words, command.config_dir).experiment
     check_before(experiment)
     return chosen, experiment
-
-
-def whole(low: int, high: int) -> Callable[[str], int]:
-    """Return a function that parses a whole number in a range, both ends included."""
-
-    def parsed(text: str) -> int:
-        if not (text.isdecimal() and low <= int(text) <= high):
-            raise argparse.ArgumentTypeError(f"{text!r} is no whole number from {low} to {high}")
-        return int(text)
-
-    return parsed
 
 
 def edit(arguments: Sequence[str]) -> int:
@@ -81,9 +65,10 @@ def edit(arguments: Sequence[str]) -> int:
         User errors.
     """
     parser = CommandParser("python -m pipeline edit")
-    parser.add_argument("--port", type=whole(0, 65535), default=0, metavar="PORT")
+    parser.add_argument("--port", type=int, default=0, metavar="PORT")
     parser.add_argument("--no-browser", action="store_true")
     chosen, experiment = parse_evaluation(parser, arguments)
+    within("--port", chosen.port, 0, 65535)
     from pipeline.edit.opening import open_editor  # noqa: PLC0415 - the other commands do without a server
 
     open_editor(experiment, chosen.port, opens_browser=not chosen.no_browser)
@@ -112,28 +97,26 @@ def export_c(arguments: Sequence[str]) -> int:
     """
     parser = CommandParser("python -m pipeline export_c")
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="FOLDER")
-    parser.add_argument("--flights", type=whole(1, 10000), default=3, metavar="N")
+    parser.add_argument("--flights", type=int, default=3, metavar="N")
     chosen, experiment = parse_evaluation(parser, arguments)
+    within("--flights", chosen.flights, 1, 10000)
     folder: Path = chosen.output
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise ConfigError(f"{folder} is not empty; give a new folder: files of earlier exports would stay")
 
     from pipeline.controllers.source import load  # noqa: PLC0415 - compiled code, needed once the rest is right
-    from pipeline.onboard.export import export  # noqa: PLC0415
-    from pipeline.onboard.program import NotTranslatableError, translate  # noqa: PLC0415
+    from pipeline.onboard import export, program  # noqa: PLC0415
     from pipeline.scenarios import evaluation_scenarios  # noqa: PLC0415
 
     mission = experiment.mission
     try:
-        program = translate(mission, load(experiment.controller, mission))
-    except NotTranslatableError as error:
+        translated = program.translate(mission, load(experiment.controller, mission))
+        exported = export.export(translated, evaluation_scenarios(experiment)[: chosen.flights], folder)
+    except program.NotTranslatableError as error:
         raise ConfigError(str(error)) from error
-    try:
-        exported = export(program, evaluation_scenarios(experiment)[: chosen.flights], folder)
     except OSError as error:
         raise ConfigError(
-            f"{error.filename or folder} cannot be written ({error.strerror}); give -o a folder that can be, "
-            "or make room"
+            f"{error.filename or folder} cannot be written ({error.strerror}); make room, or give another -o"
         ) from error
     source = exported.source
     sys.stdout.write(
@@ -162,8 +145,7 @@ def warm(given: Sequence[str]) -> int:
     ConfigError
         If anything is given.
     """
-    if given:
-        raise ConfigError("warm takes no arguments; python -m pipeline warm --help says what it does")
+    CommandParser("python -m pipeline warm").parse_args(given)
     with tempfile.TemporaryDirectory() as folder:
         for number, words in enumerate(WARMED):
             sys.stderr.write(f"[{number + 1}/{len(WARMED)}] {' '.join(words)}\n")

@@ -36,8 +36,7 @@ LAUNCHERS = ("joblib", "submitit_local", "submitit_slurm")
 #: what is said of these where they are not in the configuration
 ABSENT = {
     "controller.path": "the controller that is chosen has no path; write controller=PATH",
-    "controller.attributes": "the attributes of this controller stand in its file; to give one another value "
-    "write +controller.attributes.NAME=..., with a plus",
+    "controller.attributes": "attributes stand in its file; change one by +controller.attributes.NAME=...",
     "dispersions": "nothing is dispersed until you say so; write +dispersions..., with a plus",
     "hydra.launcher": "the launcher that is chosen has none; choose another, as hydra/launcher=joblib",
 }
@@ -111,10 +110,9 @@ def compose_node(overrides: Sequence[str], folders: Sequence[Path] = ()) -> Dict
     ------
     ConfigError
     """
-    words = [*overrides]
-    if folders and not any(text.startswith("hydra.searchpath") for text in overrides):
-        paths = ",".join(quoted(folder.resolve().as_uri()) for folder in folders)
-        words.append(f"hydra.searchpath=[{paths}]")
+    paths = ",".join(quoted(folder.resolve().as_uri()) for folder in folders)
+    has_path = any(text.startswith("hydra.searchpath") for text in overrides)
+    words = [*overrides] if has_path else [*overrides, f"hydra.searchpath=[{paths}]"]
     folder, name, version = COMPOSED_FROM
     with errors_in_words(), hydra_apart(), initialize_config_dir(folder, version_base=version):
         return compose(name, words, return_hydra_config=True)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import Glob, Override, OverrideType, Quote, QuotedString
-from hydra.errors import HydraException, OverrideParseException
+from hydra.errors import OverrideParseException
 
 from pipeline.command_line.arguments import EXPERIMENT, ConfigError, check_folder
 from pipeline.settings.keys import KNOWN, choices_of, did_you_mean, is_key
@@ -89,10 +89,10 @@ def rewrite_paths(overrides: Iterable[str]) -> list[str]:
     rewritten = []
     for text in overrides:
         key, _, value = text.partition("=")
-        paths = _values(text, value) if key in SUFFIXES else []
-        endings = SUFFIXES.get(key, {})
+        endings, override = SUFFIXES.get(key, {}), _in_grammar(text)
+        paths = _choices(override) if endings and override else [value]
         readers = {endings.get(Path(path.lower()).suffix) for path in paths}
-        if key in FOLDERS and value[:1] not in "'\"" and not _is_in_grammar(text):
+        if key in FOLDERS and value[:1] not in "'\"" and override is None:
             rewritten.append(f"{key}={quoted(os.path.expanduser(value))}")
         elif readers <= {None}:
             rewritten.append(text)
@@ -103,19 +103,12 @@ def rewrite_paths(overrides: Iterable[str]) -> list[str]:
     return rewritten
 
 
-def _is_in_grammar(text: str) -> bool:
+def _in_grammar(text: str) -> Override | None:
+    """Return an override, or None if it does not follow Hydra's grammar, as a path may not."""
     try:
-        return bool(parse([text]))
+        return parse([text])[0]
     except ConfigError:
-        return False
-
-
-def _values(text: str, value: str) -> list[str]:
-    """Split the value of a group; a path that is not in Hydra's grammar is kept whole."""
-    try:
-        return _choices(*parse([text]))
-    except (ConfigError, HydraException):
-        return [value]
+        return None
 
 
 def read_overrides(words: Sequence[str], folders: Sequence[Path], *, is_multirun: bool) -> list[Override]:
@@ -139,8 +132,8 @@ def read_overrides(words: Sequence[str], folders: Sequence[Path], *, is_multirun
             if not (names := value.filter(list(known))):
                 raise ConfigError(f"{override.input_line} matches none; the choices are {', '.join(known)}")
             overrides[index : index + 1] = parse([f"{override.get_key_element()}={','.join(names)}"])
-    check_overrides(overrides, groups)
     check_sweeps(overrides, is_multirun)
+    check_overrides(overrides, groups)
     varied = {override.key_or_group for override in overrides if override.is_sweep_override()}
     return parse(_of_each_run(override, varied) for override in overrides)
 
@@ -210,7 +203,7 @@ def check_sweeps(overrides: Sequence[Override], is_multirun: bool) -> None:
 def _choices(override: Override) -> list[str]:
     """Return all values that an override of a group takes, without quotes and escapes."""
     value = override.value()
-    if override.is_sweep_override():
+    if override.is_discrete_sweep() and not isinstance(value, Glob):
         return [str(parse([f"value={text}"])[0].value()) for text in override.sweep_string_iterator()]
     values = value if isinstance(value, list) else [value]
     return [str(item) for item in values if item is not None]

@@ -58,10 +58,8 @@ def summary(given: Sequence[str]) -> int:
     writing.write_atomically(folder / PAGE, sweep_page.write(results))
     parts = sweep_page.runs_table, sweep_page.settings_table, sweep_page.effects_table
     _print([block for part in parts for block in part(results)])
-    for run in results.offered:
-        sys.stdout.write(f"to fly {run.folder}: {run.fly}\n")
-    for run in results.failed[:MOST_PRINTED]:
-        sys.stdout.write(f"failed: {run.folder}: {run.failure}\n")
+    sys.stdout.writelines(f"to fly {run.folder}: {run.fly}\n" for run in results.offered)
+    sys.stdout.writelines(f"failed: {run.folder}: {run.failure}\n" for run in results.failed[:MOST_PRINTED])
     sys.stdout.write(f"written: {', '.join(str(folder / name) for name in (PAGE, RUNS, EFFECTS))}\n")
     return OK
 
@@ -88,8 +86,8 @@ def compare(given: Sequence[str]) -> int:
         ahead.append(statistics.percent_ahead(delta_v[rows], ahead_delta_v[rows]))
     _print(sweep_page.compared_table((first.name, second.name), compared, ahead, confidence))
     sys.stdout.write("p: Wilcoxon's signed ranks; for shares of flights McNemar's exact test\n")
-    for difference in differences(configs[0], configs[1], but=(), words=("A", "B")):
-        sys.stdout.write(f"they differ in {difference}\n")
+    different = differences(configs[0], configs[1], but=(), words=("A", "B"))
+    sys.stdout.writelines(f"they differ in {key}\n" for key in different)
     return OK
 
 

@@ -21,8 +21,8 @@ from pipeline.run.runner import Unimproved, run_stages
 from pipeline.settings import schema
 from pipeline.settings.keys import in_todays_words, with_values
 
-#: exit codes; the last one is of a run that was asked for a proof and found none
-OK, FAULT, MISTAKE, UNPROVED, UNIMPROVED = 0, 1, 2, 3, 4
+#: exit codes; the last three: a proof asked for was not found, training gained nothing, Ctrl-C
+OK, FAULT, MISTAKE, UNPROVED, UNIMPROVED, INTERRUPTED = 0, 1, 2, 3, 4, 130
 #: errors of the user's
 MISTAKES = (ValueError, OSError, MemoryError, MissingExtra)
 

@@ -72,15 +72,15 @@ class Sweep:
     num_ended: int = 0
 
     @classmethod
-    def checked(cls, config: DictConfig, *, resumes: bool) -> "Sweep":
+    def checked(cls, config: DictConfig) -> "Sweep":
         """Compose and check every run of a sweep, and fix its folders for all jobs.
+
+        Where a sweep goes on, see `resume_words`, the runs that are left need no more checks.
 
         Parameters
         ----------
         config : DictConfig
             What Hydra composed for all runs; its part ``hydra`` is completed.
-        resumes : bool
-            Whether the sweep goes on with the runs that are left, see `resume_words`.
 
         Raises
         ------
@@ -95,7 +95,7 @@ class Sweep:
         folder = Path(config.hydra.sweep.dir).absolute()
         chosen, varied = _combinations(config)
         _fix(config, folder, varied)
-        if resumes:
+        if any(word.startswith(f"+{RESUMED}=") for word in config.hydra.overrides.task):
             return cls(folder, [], unfinished(folder))
         sources = config.hydra.runtime.config_sources
         options = [f"--config-dir={source.path}" for source in sources if source.provider == "command-line"]

@@ -58,6 +58,7 @@ MISTAKES = [
     ([*FLY, "--multi"], "there is no option --multi; did you mean --multirun?"),
     ([*FLY, "-x"], "there is no option -x"),
     ([*FLY, "--seed=3"], "there is no option --seed=3; did you mean seed?"),
+    ([*FLY, "-m", "sun=interval(1,2)"], "sun=interval(1,2) is an interval, or empty"),
     ([*FLY, "-m", "seed=range(3,1)"], "seed=range(3,1) is an interval, or empty; give values, as key=1,2"),
     ([*FLY, "hydra.job.chdir=maybe"], "hydra.job.chdir=maybe: Value 'maybe'"),
     ([*FLY, "--cfg", "jo"], "invalid choice: 'jo'"),
@@ -99,15 +100,15 @@ MISTAKES = [
     # commands about one evaluation
     (["export_c", "controller=lqr", "-o", "c"], "'lqr' has no rules; choose a controller that has"),
     (
-        ["export_c", "controller=coast", "-o", "c", "--flights", "0"],
-        "'0' is no whole number from 1 to 10000;",
+        ["export_c", "controller=coast", "-o", "c", "--flights=0"],
+        "--flights is 0; it must be from 1 to 10000",
     ),
     (
         ["export_c", "controller=coast,lqr", "-m", "-o", "c"],
         "export_c takes no -m; it is about one evaluation",
     ),
     (["edit", "controller=coast", "resume=x"], "edit takes no resume=x; it is about one evaluation"),
-    (["edit", "controller=coast", "--port=65536"], "'65536' is no whole number from 0 to 65535;"),
+    (["edit", "controller=coast", "--port=65536"], "--port is 65536; it must be from 0 to 65535"),
     (["resume=nowhere"], "nowhere is no folder; give the folder of a run"),
 ]
 
