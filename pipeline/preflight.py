@@ -37,6 +37,7 @@ def check_before(experiment: Experiment) -> None:
 
         requirements = load_requirements(experiment.assurance.requirements)
         check_formulas(requirements, experiment.mission)
+    _check_fit(experiment)
     if "optimum" in experiment.stages:
         from pipeline.optimum.problem import check_light  # noqa: PLC0415 - compiled code, like the controller's
         from pipeline.optimum.solved import check_points  # noqa: PLC0415 - the same
@@ -71,3 +72,12 @@ def check_before(experiment: Experiment) -> None:
                 f"note: {controller.name} senses {', '.join(sensed)}, which are about points to inspect, and "
                 "there are none where problem.kind is reach\n"
             )
+
+
+def _check_fit(experiment: Experiment) -> None:
+    """Check that the controllers that a fit scales have rules."""
+    if "fit" in experiment.stages:
+        from pipeline.evaluation.fitting import load_bases, load_named  # noqa: PLC0415 - compiled code
+
+        load_bases(experiment)
+        load_named("fit.planners", experiment.fit.planners)

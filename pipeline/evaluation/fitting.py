@@ -13,6 +13,7 @@ from typing import Any, Final
 import numpy as np
 
 from fis_tools.model import FuzzyController
+from pipeline.controllers import source
 from pipeline.evaluation.statistics import Fraction, by_rules, fraction, percent_ahead
 from pipeline.flight.control.controller import ControllerError, from_fuzzy
 from pipeline.flight.control.law import law_of
@@ -323,3 +324,35 @@ def read_row(row: Mapping[str, str], confidence_percent: float) -> tuple[tuple[i
     means = [float(row[name]) for name in ("seen", "delta_v_m_s", "ahead_percent")]
     tally = FlightTally(num_cases, success, exits, misses, *means)
     return (int(row["rung"]), variant), tally
+
+
+def load_bases(experiment: Experiment) -> dict[str, FuzzyController]:
+    """Return the controllers that compete, by name: of `fit.bases`, and the configured one if it has rules.
+
+    Raises
+    ------
+    ControllerError
+        If one of `fit.bases` has no rules.
+    """
+    bases = load_named("fit.bases", experiment.fit.bases)
+    configured = source.load(experiment.controller, HOME).fuzzy
+    if configured is not None and configured.name not in bases:
+        bases[configured.name] = configured
+    return bases
+
+
+def load_named(key: str, names: Sequence[str]) -> dict[str, FuzzyController]:
+    """Return the controllers that a key names.
+
+    Raises
+    ------
+    ControllerError
+        If one has no rules.
+    """
+    loaded = {}
+    for name in names:
+        controller = source.named(name, HOME).fuzzy
+        if controller is None:
+            raise ControllerError(f"{key} has {name}, which has no rules to scale; name fuzzy controllers")
+        loaded[name] = controller
+    return loaded

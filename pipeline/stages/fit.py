@@ -14,7 +14,6 @@ import numpy as np
 from fis_tools.document import plain
 from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController
-from pipeline.controllers import source
 from pipeline.evaluation import fitting
 from pipeline.evaluation.fitting import FlightTally, Variant, tally_of
 from pipeline.evaluation.reachable import most_success
@@ -32,7 +31,7 @@ from pipeline.settings.experiment import Experiment, Mission
 from pipeline.training.genome import genome_of
 from pipeline.training.judging import evolved
 from pipeline.training.progress import TrainingProgress
-from pipeline.training.similarity import HOME, Limitation, limitations
+from pipeline.training.similarity import Limitation, limitations
 
 #: the table of the competition is written at most once in this many seconds: each time waits for the disk
 WRITE_EVERY_S: Final = 1.0
@@ -58,7 +57,8 @@ def run(experiment: Experiment, folder: Path) -> Unimproved | None:
     Unimproved, optional
         Where nothing scaled or tuned flies better than the best champion as shipped.
     """
-    bases, planners = load_bases(experiment), load_named("fit.planners", experiment.fit.planners)
+    bases = fitting.load_bases(experiment)
+    planners = fitting.load_named("fit.planners", experiment.fit.planners)
     unseen = fitting.rung_scenarios(experiment, len(experiment.fit.cases))
     flyable, limits = _limits(experiment, unseen)
     table, drawn = CompetitionTable(experiment, folder), fitting.drawn_variants(experiment, bases)
@@ -192,38 +192,6 @@ def _ranked_planners(
     kept = (*settings.kept[:-1], *(min(count, PLANNERS_KEPT) for count in settings.kept[-1:]))
     experiment = replace(experiment, fit=replace(settings, kept=kept))
     return _halved(experiment, table, planners, variants, max(0, len(experiment.fit.cases) - 2))
-
-
-def load_bases(experiment: Experiment) -> dict[str, FuzzyController]:
-    """Return the controllers that compete, by name: of `fit.bases`, and the configured one if it has rules.
-
-    Raises
-    ------
-    ControllerError
-        If one of `fit.bases` has no rules.
-    """
-    bases = load_named("fit.bases", experiment.fit.bases)
-    configured = source.load(experiment.controller, HOME).fuzzy
-    if configured is not None and configured.name not in bases:
-        bases[configured.name] = configured
-    return bases
-
-
-def load_named(key: str, names: Sequence[str]) -> dict[str, FuzzyController]:
-    """Return the controllers that a key names.
-
-    Raises
-    ------
-    ControllerError
-        If one has no rules.
-    """
-    loaded = {}
-    for name in names:
-        controller = source.named(name, HOME).fuzzy
-        if controller is None:
-            raise ControllerError(f"{key} has {name}, which has no rules to scale; name fuzzy controllers")
-        loaded[name] = controller
-    return loaded
 
 
 def _report(what: str, tally: FlightTally | None) -> None:

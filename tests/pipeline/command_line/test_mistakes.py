@@ -97,6 +97,11 @@ MISTAKES = [
     (["+experiment=fly", "controller=coast,other.json", "-m"], "mixes names and paths"),
     ([*BASELINES, "compare.controllers=[coast,missing.csv]"], "missing.csv cannot be read"),
     ([*EVALUATE, "optimum.reference=none"], "none has no optimum/cases.parquet; the stage optimum writes it"),
+    (["+experiment=fit_mission", "fit.bases=[lqr]"], "fit.bases has lqr, which has no rules to scale"),
+    (
+        ["+experiment=fit_mission", "fit.planners=[coast]"],
+        "fit.planners has coast, which has no rules to scale",
+    ),
     # commands about one evaluation
     (["export_c", "controller=lqr", "-o", "c"], "'lqr' has no rules; choose a controller that has"),
     (

@@ -80,7 +80,7 @@ def test_a_fit_hands_back_a_controller_that_flies_and_says_how(done):
 
 def test_controllers_that_plan_are_scaled_by_the_chief_and_by_how_short_a_flight_is():
     experiment = composed("fit.planners=[champion_27_rehearsed]", "duration_s=1200").experiment
-    planners = fit.load_named("fit.planners", experiment.fit.planners)
+    planners = fitting.load_named("fit.planners", experiment.fit.planners)
     shipped, *scaled = fitting.planning_variants(experiment, planners)
     assert shipped == Variant("champion_27_rehearsed", is_shipped=True)
     assert [(each.size, each.tempo, each.decides_always) for each in scaled] == [
