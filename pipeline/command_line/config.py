@@ -148,9 +148,8 @@ def checked_job(config: DictConfig, settings: Any, folder: Path) -> Job:
         values = plain(node)
     start_table.read_starts(values)
     _expand_worlds(values, words, folders)
-    given = frozenset(
-        key for override in parse(words) for key, _ in leaves({override.key_or_group: override.value()}, ())
-    )
+    pairs = (leaves({override.key_or_group: override.value()}, ()) for override in parse(words))
+    given = frozenset(key for of_override in pairs for key, _ in of_override)
     whole, experiment, notes = checked(values, given)
     sys.stderr.writelines(f"note: {note}\n" for note in notes)
     return Job(whole, experiment, folder, given)

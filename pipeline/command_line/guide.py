@@ -75,8 +75,7 @@ def help_on(words: Sequence[str], folders: Sequence[Path]) -> str:
     experiments = {name: _first_comment(path) for name, path in _files(folders, "experiment").items()}
     texts = [] if topics else [_help_text(folders, experiments)]
     for topic in topics:
-        about = experiments.get(topic)
-        text = schema.help_on(topic) if about is None else _experiment(topic, about, folders)
+        text = _experiment(topic, experiments, folders) if topic in experiments else schema.help_on(topic)
         if topic == "controller":
             text = f"{recommendations()}\n\n{text}".rstrip()
         if not text:
@@ -125,11 +124,11 @@ def _listing(rows: dict[str, str]) -> list[str]:
     return [wrapper.fill(f"  {name:<{width}}  {words}") for name, words in rows.items()]
 
 
-def _experiment(name: str, about: str, folders: Sequence[Path]) -> str:
+def _experiment(name: str, experiments: dict[str, str], folders: Sequence[Path]) -> str:
     """Return the help on an experiment: its purpose, and the keys that people change, with their values."""
     config, groups = plain(compose_node([f"+experiment={name}"], folders), resolve=False), options(folders)
     unread, stages = schema.idle(config, stages=True), value_at(config, "stages")
-    lines = [f"+experiment={name}: {about}", f"  stages={schema.as_yaml(stages)}"]
+    lines = [f"+experiment={name}: {experiments[name]}", f"  stages={schema.as_yaml(stages)}"]
     hidden = () if "train" in stages else _templates(folders)
     for key in [key for key in OFTEN if key in groups or key not in unread][:MOST_OFTEN]:
         if key in groups:

@@ -184,8 +184,7 @@ def repeat(folder: Path, overrides: Mapping[str, Override], config_dir: Path | N
         stages = given.pop("stages", None)
         if not isinstance(stages, list):
             raise ConfigError(
-                f"{folder} holds a run already; go on with resume={folder}, repeat a stage of it with "
-                "stages=[report], or choose another folder"
+                f"{folder} holds a run already; use resume={folder}, stages=[report] or another folder"
             )
         stages = [str(stage) for stage in stages]
         if is_composed := any("." not in key and key not in schema.schema() for key in given):

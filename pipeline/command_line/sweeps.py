@@ -42,9 +42,7 @@ def new_job(node: DictConfig, folder: Path) -> Job:
     for key in ("controller.path", "starts.path"):
         path = value_at(job.config, key)
         if node.hydra.job.chdir and path is not None and not Path(str(path)).is_absolute():
-            raise ConfigError(
-                f"{key} is {path}, and with hydra.job.chdir=true runs work elsewhere; give an absolute path"
-            )
+            raise ConfigError(f"{key} is {path}, and with hydra.job.chdir=true not found; make it absolute")
     check_stages(job)
     check_before(job.experiment)
     runs.check_vacant(job)
@@ -283,8 +281,6 @@ def _composed_again(run: SweptRun) -> Job:
     """Compose a run whose folder was deleted, from its recorded command."""
     if not run.command or any("${" in word for word in run.command):
         what = "its command refers to other values" if run.command else "how it was started is not known"
-        raise ConfigError(
-            f"{run.folder} was deleted, and {what}; start it by hand, or take it out of {sweep.SWEEP}"
-        )
+        raise ConfigError(f"{run.folder} was deleted, and {what}; start it by hand, or edit {sweep.SWEEP}")
     command = parse_arguments(run.command)
     return compose_experiment(command.overrides, command.config_dir)

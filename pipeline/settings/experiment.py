@@ -339,9 +339,7 @@ class Experiment(Settings, group=""):
             distance = math.hypot(*self.mission.deputy.initial_position_m)
             self._check_distance(f"deputy.initial_position_m is {distance:.6g} m from the chief", distance)
         elif self.case is not None and self.monte_carlo.table is not None and self.case >= count:
-            raise SettingError(
-                f"case is {self.case}, but there are {count} starts; choose one from 0 to {count - 1}"
-            )
+            raise SettingError(f"case is {self.case}, but there are {count} starts; choose 0 to {count - 1}")
 
     def _check_stages(self) -> None:
         if not self.stages:

@@ -27,9 +27,7 @@ def read_mesh(path: str | None) -> Floats:
     try:
         import trimesh  # noqa: PLC0415 - only when a mesh is flown
     except ImportError as error:
-        raise SettingError(
-            "chief.shape is mesh, which needs the package trimesh; run: pip install trimesh"
-        ) from error
+        raise SettingError("chief.shape is mesh, which needs trimesh; run: pip install trimesh") from error
     mesh_path = str(conf_folder() / "chief" / "satellite.obj") if path is None else path
     try:
         kind = "." + mesh_path.rpartition(".")[2].lower()

@@ -225,9 +225,7 @@ class TwoLineOrbit(OrbitSettings, kind="tle"):
             julian = ephemeris.J2000, ephemeris.days_of(self.epoch)
         fault, position_km, velocity_km_s = satellite.sgp4(*julian)
         if fault:
-            raise SettingError(
-                f"orbit.tle cannot be flown at the epoch, SGP4's error {fault}; give a newer element set"
-            )
+            raise SettingError(f"orbit.tle has no orbit at the epoch, SGP4's error {fault}; give a newer one")
         state = [1e3 * value for value in (*position_km, *velocity_km_s)]
         return elements_of(state), julian[0] - ephemeris.J2000 + julian[1]
 
