@@ -110,7 +110,9 @@ def export_c(arguments: Sequence[str]) -> int:
 
     mission = experiment.mission
     try:
-        translated = program.translate(mission, load(experiment.controller, mission))
+        translated = program.translate(
+            mission, load(experiment.controller, mission), is_tilted=any(experiment.sun.elevations_deg)
+        )
         exported = export.export(translated, evaluation_scenarios(experiment)[: chosen.flights], folder)
     except program.NotTranslatableError as error:
         raise ConfigError(str(error)) from error

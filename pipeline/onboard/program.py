@@ -211,6 +211,8 @@ class OnboardProgram:
         Constants that it reads and that may be changed.
     choices : sequence of (str, mapping of str to float)
         What may be chosen in flight: what it is called, and its constants; first what it was designed with.
+    is_sun_in_plane : bool
+        Whether it takes the Sun to stand in the orbit plane, without reading its elevation.
     """
 
     translator: Translator
@@ -220,6 +222,7 @@ class OnboardProgram:
     law: Law
     parameters: Sequence[str]
     choices: Sequence[tuple[str, Mapping[str, float]]]
+    is_sun_in_plane: bool
 
 
 def bounds(world: World) -> dict[tuple[str, str], Any]:
@@ -255,8 +258,15 @@ def _most_ranks(names: Mapping[str, Any]) -> int:
     return 1 + max(([*are_above, False].index(False) for are_above in highest), default=0)
 
 
-def translate(mission: Mission, controller: Controller) -> OnboardProgram:
+def translate(mission: Mission, controller: Controller, *, is_tilted: bool = False) -> OnboardProgram:
     """Return the on-board function of a controller in a mission.
+
+    Parameters
+    ----------
+    mission : Mission
+    controller : Controller
+    is_tilted : bool
+        Whether the Sun may stand out of the orbit plane in a world of the paper's light and camera.
 
     Raises
     ------
@@ -273,7 +283,7 @@ def translate(mission: Mission, controller: Controller) -> OnboardProgram:
             f"{controller.name!r} senses the cluster nearest to where the deputy truly is, which is not "
             "known on board; set navigation=perfect or guidance.kind=centroid"
         )
-    numbers, optics = controller.numbers, optics_in_use(world, 0.0)
+    numbers, optics = controller.numbers, optics_in_use(world, is_tilted)
     images = dict(zip(tour_names(controller), tour_images(controller), strict=False))
     choices = images or {"as designed": controller}
     constants = [choice.constants for choice in choices.values()]
@@ -320,7 +330,7 @@ def translate(mission: Mission, controller: Controller) -> OnboardProgram:
         (name, dict(zip(CONSTANTS, choice.constants.tolist(), strict=True)))
         for name, choice in choices.items()
     ]
-    return OnboardProgram(translator, controller, mission, world, law, parameters.used, named)
+    return OnboardProgram(translator, controller, mission, world, law, parameters.used, named, optics is None)
 
 
 def moment(translator: Translator, world: World) -> tuple[Moment, Any]:

@@ -113,6 +113,8 @@ def _facts(program: OnboardProgram, members: Mapping[str, Any], functions: set[s
         "members": {name: int(np.prod(shape)) for name, (shape, _) in members.items()},
         "parameters": {name: CONSTANTS[name].description for name in parameters},
         "choices": [name for name, _ in program.choices],
+        # where it decides anything, a Sun that this C does not model is refused
+        "is_sun_in_plane": program.is_sun_in_plane and not {"sun", "sun_at_start"}.isdisjoint(members),
         "rows": [[row[name] for name in parameters] or [0.0] for _, row in program.choices],
         "table": table,
         "rule_order": [[*order, *[0] * (longest - len(order))] for order in orders],

@@ -43,6 +43,8 @@ pytestmark = [
 ]
 STUBS = Path(__file__).parent / "stubs"
 SHORT = mission(duration_s=1200.0)
+#: the bit of the status that refuses a Sun, as the header defines it
+BAD_SUN = 16
 #: a controller's name that would end comments, close attributes of XML and begin a directive
 HOSTILE = '27 */ #error "<a> & ??/'
 
@@ -80,6 +82,21 @@ def test_clusters_are_those_of_the_flight(tmp_path):
     log = fly_logged(clustered, program.controller, start, is_one_of_many=True)
     assert len(differing(library.answers(recorded(program, start, log)), log)) == 0
     assert len(np.unique(log.target_m, axis=0)) > 20  # it is a centre that moves
+
+
+def test_the_sun_may_stand_out_of_the_orbit_plane(tmp_path):
+    program = translate(SHORT, controller("champion_27"), is_tilted=True)
+    library = written(program, tmp_path)
+    (start,) = random_starts(1, seed=5)
+    start = replace(start, sun_elevation_rad=0.4)
+    log = fly_logged(SHORT, program.controller, start, is_one_of_many=True)
+    flight = recorded(program, start, log)
+    assert len(differing(library.answers(flight), log)) == 0
+    assert np.any(log.force_commanded_n)
+    (tmp_path / "flat").mkdir()
+    answers = written(translate(SHORT, program.controller), tmp_path / "flat").answers(flight)
+    assert np.all(answers["status"] == BAD_SUN)
+    assert not np.any(answers["force_n"])
 
 
 def test_the_safety_layer_changes_the_same_forces_for_the_same_limit(tmp_path):
