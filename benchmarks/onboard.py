@@ -49,6 +49,7 @@ FAULTS: Mapping[str, tuple[str, str]] = {
     ),
     "a signal that is not finite": (r"finite_number\(state->signals", "(state->signals"),
     "a rule before the first": (r"state->leading\[system\] >= 0", "state->leading[system] >= -1"),
+    "a table read beyond its end": (r"(const int offset\w* = \d+ \+ \(int\)\()", r"\g<1>1e6 + "),
 }
 
 
