@@ -78,6 +78,7 @@ def test_review(page, tmp_path, monkeypatch, capsys):
     """Each page's commands run one after the other, on files of the names that they ask for."""
     shutil.copytree(DOCS / "examples", tmp_path / "docs" / "examples")
     shutil.copytree(PROJECT / "conf" / "controller", tmp_path / "conf" / "controller")
+    shutil.copy(PROJECT / "pyproject.toml", tmp_path)  # which says where controllers are
     monkeypatch.chdir(tmp_path)
     # an editor does not end by itself
     given = [words[3:] for words in commands(page) if words[2] == "fis_tools" and words[3] != "edit"]

@@ -31,7 +31,7 @@ MISSION = experiment_from(plain_config()).mission
 def test_constants_on_the_command_line_take_the_place_of_a_file_s():
     path = str(PROJECT / "conf/controller/champion_27.yaml")
     words = ["+experiment=evaluate", "controller=file", f"controller.path={path}"]
-    with pytest.raises(ConfigError, match=r"write \+controller.attributes.NAME=\.\.\., with"):
+    with pytest.raises(ConfigError, match=r"by \+controller.attributes.NAME=\.\.\.$"):
         compose_experiment([*words, "controller.attributes.decision_period_s=60"])
     composed = compose_experiment([*words, "+controller.attributes.decision_period_s=60"]).experiment
     by_name = ["+experiment=evaluate", "controller=champion_27", "controller.attributes.decision_period_s=60"]
