@@ -135,8 +135,8 @@ def main(given: Sequence[str]) -> int:
             print_turns(name, options.turns, options.cases, options.seed)
         return 0
     heads = (
-        *(f"{by}: m/s, success (%)" for by in ("rules alone", "with foresight")),
-        "fuel that rules fire (%)",
+        *(f"{by}: delta-v (m/s), success (%)" for by in ("rules alone", "with foresight")),
+        "share of fuel burnt by pushes that rules fire (%)",
     )
     print(f"| world | {' | '.join(heads)} |\n|---|---|---|---|")
     names = options.names or [name for name in WORLDS if name not in FROM_MORE_STARTS]
