@@ -4,7 +4,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from fis_tools.document import Block, Document, text
+from fis_tools.document import Document, text
 from pipeline.command_line.arguments import CommandParser
 from pipeline.evaluation import statistics
 from pipeline.report import sweep, sweep_page, verification
@@ -57,7 +57,7 @@ def summary(given: Sequence[str]) -> int:
     tables.write_parquet(folder / EFFECTS, sweep.effect_columns(results))
     writing.write_atomically(folder / PAGE, sweep_page.write(results))
     parts = sweep_page.runs_table, sweep_page.settings_table, sweep_page.effects_table
-    _print([block for part in parts for block in part(results)])
+    sys.stdout.write(text.write(Document([block for part in parts for block in part(results)])))
     sys.stdout.writelines(f"to fly {run.folder}: {run.fly}\n" for run in results.offered)
     sys.stdout.writelines(f"failed: {run.folder}: {run.failure}\n" for run in results.failed[:MOST_PRINTED])
     sys.stdout.write(f"written: {', '.join(str(folder / name) for name in (PAGE, RUNS, EFFECTS))}\n")
@@ -82,9 +82,10 @@ def compare(given: Sequence[str]) -> int:
     ahead = []
     for episodes, rows in zip((here, there), statistics.common_cases(here, there), strict=True):
         delta_v = episodes["delta_v_m_s"]
-        ahead_delta_v = episodes.get("ahead_delta_v_m_s", 0.0 * delta_v)
-        ahead.append(statistics.percent_ahead(delta_v[rows], ahead_delta_v[rows]))
-    _print(sweep_page.compared_table((first.name, second.name), compared, ahead, confidence))
+        planned = episodes.get("ahead_delta_v_m_s", 0.0 * delta_v)
+        ahead.append(statistics.percent_ahead(delta_v[rows], planned[rows]))
+    table = sweep_page.compared_table((first.name, second.name), compared, ahead, confidence)
+    sys.stdout.write(text.write(Document(table)))
     sys.stdout.write("p: Wilcoxon's signed ranks; for shares of flights McNemar's exact test\n")
     different = differences(configs[0], configs[1], but=(), words=("A", "B"))
     sys.stdout.writelines(f"they differ in {key}\n" for key in different)
@@ -98,7 +99,3 @@ def _folders(command: str, words: Sequence[str], *numbers: int) -> list[Path]:
         parser = CommandParser(f"python -m pipeline {command}")
         parser.error(f"{command} takes {takes} and nothing else, and {len(words)} words are given")
     return [Path(word).expanduser() for word in words]
-
-
-def _print(blocks: Sequence[Block]) -> None:
-    sys.stdout.write(text.write(Document(blocks)))
