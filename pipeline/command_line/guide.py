@@ -47,8 +47,8 @@ MOST_OFTEN = 10
 #: columns for what a name means, at least
 LEAST_ROOM = 30
 INDENT = 6 * " "
-#: how the purpose of a controller begins that is not flown for results
-TEMPLATE = "A start for searches"
+#: how the purpose of a controller begins in its file if it is not flown for results
+TEMPLATE = 'purpose: "A start for searches'
 
 #: what is no rule where one signs rules
 LOW_ORBIT = (
@@ -148,8 +148,7 @@ def _files(folders: Sequence[Path], group: str) -> dict[str, Path]:
 
 def _templates(folders: Sequence[Path]) -> list[str]:
     """Return the names of controllers from which searches start."""
-    start = f'purpose: "{TEMPLATE}'
-    return [name for name, path in _files(folders, "controller").items() if start in read_text(path)]
+    return [name for name, path in _files(folders, "controller").items() if TEMPLATE in read_text(path)]
 
 
 def _first_comment(path: Path) -> str:

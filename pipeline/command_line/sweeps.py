@@ -141,8 +141,7 @@ class Sweep:
     def report(self, folder: Path, ending: Ending) -> None:
         """Print the result of a run that has ended, and the time left."""
         self.num_ended += 1
-        left = len(self.runs) - self.num_ended
-        seconds = (time.perf_counter() - self.started) / self.num_ended * left
+        seconds = (time.perf_counter() - self.started) * (len(self.runs) / self.num_ended - 1.0)
         word = f"FAILED: {ending.failure}" if ending.failure else "done"
         name, count = folder.relative_to(self.folder), f"[{self.num_ended}/{len(self.runs)}]"
         sys.stderr.write(f"{count} {name}: {word}; {seconds:.0f} s left\n")

@@ -90,7 +90,7 @@ def test_help_lists_experiments_controllers_and_signals(arguments, code, capsys,
 def test_controllers_that_searches_start_from_are_listed_apart(ran):
     files = (conf_folder() / "controller").glob("*.yaml")
     fuzzy = [serialize.load(path) for path in files if "\nsystems:" in path.read_text(encoding="utf-8")]
-    starts = {each.name for each in fuzzy if each.purpose.startswith(TEMPLATE)}
+    starts = {each.name for each in fuzzy if f'purpose: "{each.purpose}'.startswith(TEMPLATE)}
     _, flown, apart, _ = re.split(r"^controllers |^signals ", ran("--help").out, flags=re.MULTILINE)
     assert set(re.findall(r"^  (\w+)", apart, re.MULTILINE)) == starts != set()
     assert {each.name for each in fuzzy} - starts <= set(re.findall(r"^  (\w+)", flown, re.MULTILINE))
