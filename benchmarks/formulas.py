@@ -208,9 +208,10 @@ def drawn_flights(program: Any) -> list[Any]:
     flights = []
     for _ in range(0, NUM_DRAWN, count):
         start, steps = np.zeros((), start_type(num_points)), np.zeros(count, step_type(num_points))
-        start["sun_angle"], start["sun_elevation"], start["counts"] = unit(2)[0], unit(2)[0], 1
+        elevations = np.tile((1.0, 0.0), (count, 1)) if program.is_sun_in_plane else unit(2)
+        start["sun_angle"], start["sun_elevation"], start["counts"] = unit(2)[0], elevations[0], 1
         steps["period"], steps["attitude"] = np.arange(count), unit(4)
-        steps["sun_angle"], steps["sun_elevation"] = unit(2), unit(2)
+        steps["sun_angle"], steps["sun_elevation"] = unit(2), elevations
         steps["position_m"] = unit(3) * draw.uniform(world.min_distance, world.max_distance, (count, 1))
         steps["velocity_m_s"] = unit(3) * draw.uniform(0.0, 1.0, (count, 1))
         steps["unseen"] = draw.random((count, num_points)) < draw.random((count, 1))
