@@ -95,7 +95,7 @@ def decision(mission: Mission, system: FuzzySystem, words: str, log: FlightLog, 
         f"`{variable.name}` is {value:.4g} {variable.unit}: {format_degrees(degrees)}"
         for variable, value, degrees in zip(system.inputs, values, worked.degrees, strict=True)
     )
-    yield "\n| rule | if | then | holds by |\n|---|---|---|---|"
+    yield "\n| rule | if | then | firing strength |\n|---|---|---|---|"
     for index, terms, then, strength in worked.rules:
         joined = " and ".join(
             f"{variable.name} is {name}" for variable, name in zip(system.inputs, terms, strict=True)
