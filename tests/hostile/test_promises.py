@@ -24,7 +24,7 @@ def names_of_tests() -> frozenset[tuple[str, str]]:
 def promises() -> list[str]:
     """The entries of lists, and the rows of tables, that promise something."""
     security = (PROJECT / "SECURITY.md").read_text(encoding="utf-8").partition("What is not promised")[0]
-    limits = LIMITS.read_text(encoding="utf-8").partition("## Tried")[0]
+    limits = LIMITS.read_text(encoding="utf-8").partition("## Tests under faults")[0]
     entries = re.findall(r"^- .*(?:\n  .*)*", f"{security}\n{limits}", re.MULTILINE)
     rows = [line for line in limits.splitlines() if line.startswith("| ") and "limit |" not in line]
     return [*entries, *rows]
