@@ -17,12 +17,15 @@ from pipeline.command_line.overrides import words_of
 from pipeline.preflight import check_before
 from pipeline.run import artifacts, configuration, manifests
 from pipeline.run.lock import held
-from pipeline.run.runner import Unimproved, run_stages
+from pipeline.run.runner import Missed, Unimproved, run_stages
 from pipeline.settings import schema
 from pipeline.settings.keys import in_todays_words, with_values
 
-#: exit codes; the last three: a proof asked for was not found, training gained nothing, Ctrl-C
-OK, FAULT, MISTAKE, UNPROVED, UNIMPROVED, INTERRUPTED = 0, 1, 2, 3, 4, 130
+#: exit codes; from the fourth on: a proof asked for was not found, training gained nothing, a fit misses its
+#: goal, Ctrl-C
+OK, FAULT, MISTAKE, UNPROVED, UNIMPROVED, MISSED, INTERRUPTED = 0, 1, 2, 3, 4, 5, 130
+#: those of stages that end with a sentence of their own; any other sentence is of a proof
+CODES = {Unimproved: UNIMPROVED, Missed: MISSED}
 #: errors of the user's
 MISTAKES = (ValueError, OSError, MemoryError, MissingExtra)
 
@@ -98,7 +101,7 @@ def shown_path(folder: Path) -> Path:
 
 
 def _run(job: Job, stages: Sequence[str] | None = None, command: Sequence[str] | None = None) -> int:
-    """Run stages of a run, and print where the files are and which proofs are missing."""
+    """Run stages of a run, and print where the files are and what is missing."""
     path = shown_path(job.folder)
     sys.stderr.write(f"run folder: {path}\n")
     try:
@@ -108,9 +111,7 @@ def _run(job: Job, stages: Sequence[str] | None = None, command: Sequence[str] |
         raise
     print_result(f"{path}\n")
     sys.stderr.writelines(f"{sentence}\n" for sentence in missing)
-    if not missing:
-        return OK
-    return UNIMPROVED if all(isinstance(words, Unimproved) for words in missing) else UNPROVED
+    return min((CODES.get(type(words), UNPROVED) for words in missing), default=OK)
 
 
 def resume(folder: Path, overrides: Sequence[Override], command: Sequence[str] | None = None) -> int:
@@ -240,5 +241,5 @@ def _stored(folder: Path) -> Job:
 
 
 def most_telling(codes: Iterable[int]) -> int:
-    """Return the exit code for several runs: a failure's, else that of one without proof or gain, else 0."""
-    return max(codes, key=(OK, UNPROVED, UNIMPROVED, FAULT, MISTAKE).index, default=OK)
+    """Return the exit code for several runs: a failure's, else that of one that lacks something, else 0."""
+    return max(codes, key=(OK, UNPROVED, UNIMPROVED, MISSED, FAULT, MISTAKE).index, default=OK)

@@ -76,7 +76,7 @@ class Variant:
         if self.is_shipped:
             return f"{self.base} as shipped"
         clock = ", deciding in every control period" if self.decides_always else ""
-        return f"{self.base} at {self.size:.2f} times its size and {self.tempo:g} times its tempo{clock}"
+        return f"{self.base} at {self.size:.3g} times its size and {self.tempo:.3g} times its tempo{clock}"
 
 
 @dataclass(frozen=True)
@@ -146,6 +146,24 @@ def tally_of(
     return FlightTally(len(scenarios), success, exits, misses, *means, ahead)
 
 
+def joined(first: FlightTally, second: FlightTally, confidence_percent: float) -> FlightTally:
+    """Return the tally of the flights of both."""
+    num_cases = first.num_cases + second.num_cases
+    shares = np.array([first.num_cases, second.num_cases]) / num_cases
+    success, exits, misses = (
+        fraction(
+            np.arange(num_cases) < getattr(first, end).count + getattr(second, end).count, confidence_percent
+        )
+        for end in ("success", "exits", "misses")
+    )
+    seen, delta_v = (
+        float(shares @ [getattr(first, name), getattr(second, name)]) for name in ("seen", "delta_v")
+    )
+    spent = shares * [first.delta_v, second.delta_v]
+    ahead = float(spent @ [first.ahead_percent, second.ahead_percent] / max(spent.sum(), 1e-12))
+    return FlightTally(num_cases, success, exits, misses, seen, delta_v, ahead)
+
+
 def drawn_variants(experiment: Experiment, bases: Mapping[str, FuzzyController]) -> list[Variant]:
     """Return the competitors: each base as shipped, and scaled to sizes drawn log-uniformly.
 
@@ -210,19 +228,21 @@ def _flies(controller: FuzzyController, mission: Mission) -> bool:
     return True
 
 
+#: all rungs of a halving
+EVERY: Final = slice(None)
 #: returns how a variant flies in a rung
 Judge = Callable[[int, Variant], FlightTally]
 
 
 def halve(
-    experiment: Experiment, variants: Sequence[Variant], judge: Judge, first: int = 0
+    experiment: Experiment, variants: Sequence[Variant], judge: Judge, rungs: slice = EVERY
 ) -> list[tuple[Variant, FlightTally]]:
-    """Return the variants of the last rung, best first, of those that begin at a rung.
+    """Return the variants of the last of some rungs, best first, of those that begin at the first of them.
 
     The best of those as shipped flies in every rung, so that scaling replaces none that flies better.
     """
     left, judged = list(variants), list[tuple[Variant, FlightTally]]()
-    for rung, (_, kept) in [*enumerate(rungs_of(experiment))][first:]:
+    for rung, (_, kept) in [*enumerate(rungs_of(experiment))][rungs]:
         judged = [(variant, judge(rung, variant)) for variant in left]
         judged.sort(key=lambda pair: -pair[1].score)
         order = [variant for variant, _ in judged]
@@ -231,10 +251,10 @@ def halve(
     return judged
 
 
-def num_flights(experiment: Experiment, num_variants: int, first: int = 0) -> int:
-    """Return how many flights halving takes from a rung on, at most."""
+def num_flights(experiment: Experiment, num_variants: int, rungs: slice = EVERY) -> int:
+    """Return how many flights some rungs of a halving take, at most."""
     total = 0
-    for cases, kept in rungs_of(experiment)[first:]:
+    for cases, kept in rungs_of(experiment)[rungs]:
         total += num_variants * cases
         num_variants = min(num_variants, kept + 1)
     return total

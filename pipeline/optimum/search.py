@@ -31,7 +31,7 @@ def priced(
 def outlook_of(problem: PlanningProblem, limits_m: tuple[float, float]) -> Outlook:
     """Return the fields of the planning problem by which plans are priced, and the limits."""
     # the linear program that polishes plans keeps the limit on force
-    burns: dict[str, Any] = {"least_force": 0.0, "most_force": np.inf, "held": np.zeros((1, 3, 3)), "step": 1}
+    burns: dict[str, Any] = {"least_force": 0.0, "most_force": np.inf, "held": np.zeros((3, 1, 3)), "step": 1}
     shared = {name: getattr(problem, name) for name in Outlook._fields if hasattr(problem, name)}
     nearest, farthest = limits_m
     return Outlook(**shared, **burns, nearest=nearest, farthest=farthest, longest_way=np.inf, required=0)

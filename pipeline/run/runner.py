@@ -23,6 +23,12 @@ class Unimproved(str):
     __slots__ = ()
 
 
+class Missed(str):
+    """A sentence that a fit misses its goal; the run then has an exit code of its own, too."""
+
+    __slots__ = ()
+
+
 class Interrupted(KeyboardInterrupt):
     """Interrupt from the keyboard during a run; says what was kept and how to continue."""
 
@@ -34,7 +40,7 @@ def run_stages(
     stages: Sequence[str] | None = None,
     command: Sequence[str] | None = None,
 ) -> list[str]:
-    """Run stages; return a sentence for each requested proof not found, and each training without gain.
+    """Run stages; return a sentence for each proof not found, training without gain, and goal missed.
 
     Parameters
     ----------

@@ -2,6 +2,7 @@
 
 import csv
 import io
+import math
 import sys
 import time
 from collections.abc import Mapping, Sequence
@@ -25,7 +26,7 @@ from pipeline.flight.state.log import Scenario
 from pipeline.report.fit import render_fit
 from pipeline.run import artifacts, manifests, tables, writing
 from pipeline.run.progress import Progress
-from pipeline.run.runner import Unimproved
+from pipeline.run.runner import Missed, Unimproved
 from pipeline.settings.checks import SettingError
 from pipeline.settings.experiment import Experiment, Mission
 from pipeline.training.genome import genome_of
@@ -35,8 +36,14 @@ from pipeline.training.similarity import Limitation, limitations
 
 #: the table of the competition is written at most once in this many seconds: each time waits for the disk
 WRITE_EVERY_S: Final = 1.0
-#: controllers that plan, which take many times as long to fly, of which no more reach the last round
+#: controllers that plan, which take many times as long to fly, of which no more reach later rounds
 PLANNERS_KEPT: Final = 2
+#: share of the unseen starts from which these fly; from the others only if that leaves open whether the goal
+#: is reached: what succeeds in 95 % of flights then reaches the default goal in 2.8 % of fits instead of 1.6
+FIRST_LOOK: Final = 0.4
+#: what each result is, by its key in the summary, in the order in which it is shown
+WHAT: Final = {"fitted": "fitted", "layered": "with safety=filter", "planned": "planning", "tuned": "tuned"}
+Ranked = list[tuple[Variant, FlightTally]]
 
 
 @dataclass(frozen=True)
@@ -47,95 +54,194 @@ class FitResult:
     controller: FuzzyController
     mission: Mission
     tally: FlightTally
+    is_shipped: bool
 
 
-def run(experiment: Experiment, folder: Path) -> Unimproved | None:
+def run(experiment: Experiment, folder: Path) -> Unimproved | Missed | None:
     """Fit a controller to the mission, and say beforehand what limits it.
 
     Returns
     -------
-    Unimproved, optional
-        Where nothing scaled or tuned flies better than the best champion as shipped.
+    Unimproved or Missed, optional
+        Where nothing flies better than the best champion as shipped; where the goal is missed.
     """
-    bases = fitting.load_bases(experiment)
-    planners = fitting.load_named("fit.planners", experiment.fit.planners)
-    unseen = fitting.rung_scenarios(experiment, len(experiment.fit.cases))
-    flyable, limits = _limits(experiment, unseen)
-    table, drawn = CompetitionTable(experiment, folder), fitting.drawn_variants(experiment, bases)
-    if not drawn:
-        raise ControllerError(
-            "none of fit.bases can fly this mission at any size; see their decision_period_s and tour_time_s"
-        )
-    rivals = _halved(experiment, table, bases, drawn)
-    shipped = next((rival for rival in rivals if rival[0].is_shipped), None)
-    _report("as shipped", shipped and shipped[1])
-
-    def stand(what: str, words: str, controller: FuzzyController, mission: Mission) -> FitResult:
-        tally = _tally(experiment, mission, controller, unseen)
-        _report(f"{what}, {words}", tally)
-        return FitResult(words, controller, mission, tally)
-
-    def fit(best: Variant) -> FitResult:
-        controller = _named(experiment, best, bases[best.base])
-        return stand("fitted", best.words, controller, experiment.mission)
-
-    best, contenders = rivals[0][0], list(drawn)
-    fitted = last = fit(best)
-    if not _reaches_goal(experiment, last):
-        near = [*(variant for variant, _ in rivals), *fitting.neighbours_of(experiment, best, bases)]
-        rivals = _halved(experiment, table, bases, near, min(1, len(experiment.fit.cases) - 1))
-        if rivals[0][0] != best and (nearby := fit(rivals[0][0])).tally.score > last.tally.score:
-            best, fitted, last = rivals[0][0], nearby, nearby
-        # what flies best alone, and all its neighbours, may fly badly under the layer
-        contenders += [variant for variant in near if variant not in contenders]
-    layered, refusal = None, ""
-    if not _reaches_goal(experiment, last) and last.tally.exits.count > last.tally.misses.count:
-        try:
-            mission = fitting.with_filter(experiment)
-        except SettingError as error:
-            refusal = str(error)
-        else:
-            rival = _best_with_layer(experiment, mission, contenders, bases)
-            controller = _named(experiment, rival, bases[rival.base])
-            layered = stand("with safety=filter", rival.words, controller, mission)
-            last = layered if layered.tally.success.count > last.tally.success.count else last
-    planned, ranked = None, list[tuple[Variant, FlightTally]]()
-    if not _reaches_goal(experiment, last) and (ranked := _ranked_planners(experiment, table, planners)):
-        controller = _named(experiment, ranked[0][0], planners[ranked[0][0].base])
-        planned = stand("planning", ranked[0][0].words, controller, experiment.mission)
-        last = planned if planned.tally.score > last.tally.score else last
-    tuned = None
-    # plans are made of what a controller's constants say, not of its rules
-    if (
-        last is not planned
-        and _is_tuned(experiment, last)
-        and (champion := _tuned(experiment, folder, last)) is not None
-    ):
-        tuned = stand("tuned", last.words, champion, last.mission)
-        last = tuned if tuned.tally.score > last.tally.score else last
-    is_improved = not (last is fitted and best.is_shipped) and not (
-        last is planned and ranked[0][0].is_shipped
-    )
-    result = {
-        "improved": is_improved,
-        "words": last.words,
-        "safety": last.mission.safety.kind,
-        "goal_percent": experiment.fit.goal_percent,
-        "limits": [vars(limit) | {"kept": limit.is_kept, "sentence": limit.sentence} for limit in limits],
-        "flyable": plain(flyable),
-        "shipped": shipped and _row(shipped[0].words, shipped[1]),
-        "fitted": _row(fitted.words, fitted.tally),
-        "layered": layered and _row(layered.words, layered.tally),
-        "layer_refused": refusal,
-        "planned": planned and _row(planned.words, planned.tally),
-        "tuned": tuned and _row(tuned.words, tuned.tally),
-        "last": _row(last.words, last.tally),
-        "rivals": [_row(variant.words, tally) for variant, tally in (*rivals, *ranked)],
-    }
+    fit = _Fit(experiment, folder)
+    last, is_improved = fit.run()
+    result = fit.summary() | {"improved": is_improved}
     _write(experiment, folder, last.controller, result)
+    if not _reaches_goal(experiment, last.tally):
+        return _missed(result, last)
     if is_improved:
         return None
     return Unimproved(f"not improved: {last.words} is handed back, none flies better; {last.tally.sentence}")
+
+
+class _Fit:
+    """A fit at work: what competes, and what came of it."""
+
+    def __init__(self, experiment: Experiment, folder: Path) -> None:
+        self._experiment, self._folder = experiment, folder
+        self._bases = fitting.load_bases(experiment)
+        self._planners = fitting.load_named("fit.planners", experiment.fit.planners)
+        self._unseen = fitting.rung_scenarios(experiment, len(experiment.fit.cases))
+        self._flyable, self._limits = _limits(experiment, self._unseen)
+        self._table = CompetitionTable(experiment, folder)
+        self._drawn = fitting.drawn_variants(experiment, self._bases)
+        if not self._drawn:
+            raise ControllerError(
+                "none of fit.bases can fly this mission at any size; see their decision_period_s and "
+                "tour_time_s"
+            )
+        self._near: list[Variant] = []
+        self._rivals: Ranked = []
+        self._ranked: Ranked = []
+        self._shipped: tuple[Variant, FlightTally] | None = None
+        self._refusal = ""
+        self._results: dict[str, FitResult] = {}
+        self._last: FitResult | None = None
+
+    def run(self) -> tuple[FitResult, bool]:
+        """Fit; return the result, and whether it is other than a champion as shipped.
+
+        Rules come first. Where the best clearly miss the goal before the last round, the layer and plans are
+        tried at once, and rules compete on only if these miss the goal too, without clearly beating them.
+        """
+        self._compete(slice(0, max(1, len(self._experiment.fit.cases) - 1)))
+        leader = self._rivals[0][1].success
+        if is_hopeless := 100.0 * leader.high < self._experiment.fit.goal_percent:
+            self._report_shipped()
+            self._try_layer(self._rivals[0][1])
+            self._try_plans()
+        last = self._last
+        if last is None or not (self._is_done or last.tally.success.low > leader.high):
+            self._compete(fitting.EVERY)
+            if not is_hopeless:
+                self._report_shipped()
+            last = self._try_rules()
+            if not is_hopeless:
+                self._try_layer(last.tally)
+                self._try_plans()
+            self._try_tuning()
+        last = self._last or last
+        return last, not last.is_shipped
+
+    @property
+    def _is_done(self) -> bool:
+        return self._last is not None and _reaches_goal(self._experiment, self._last.tally)
+
+    def _compete(self, rungs: slice) -> None:
+        """Let the rules drawn compete over some rounds."""
+        self._rivals = _halved(self._experiment, self._table, self._bases, self._drawn, rungs)
+        self._shipped = next((rival for rival in self._rivals if rival[0].is_shipped), None)
+
+    def _report_shipped(self) -> None:
+        _report("as shipped", self._shipped and self._shipped[1])
+
+    def _stand(self, key: str, variant: Variant, base: FuzzyController, mission: Mission) -> FitResult:
+        """Judge a variant on unseen starts, and keep it as the last result if it flies better."""
+        controller = _named(self._experiment, variant, base)
+        is_shipped = variant.is_shipped and mission == self._experiment.mission
+        result = self._judged(key, variant.words, controller, mission, is_shipped=is_shipped)
+        if key not in self._results or result.tally.score > self._results[key].tally.score:
+            self._results[key] = result
+        return result
+
+    def _judged(
+        self, key: str, words: str, controller: FuzzyController, mission: Mission, *, is_shipped: bool = False
+    ) -> FitResult:
+        """Return how a controller flies from unseen starts."""
+        first = math.ceil(FIRST_LOOK * len(self._unseen)) if key == "planned" else len(self._unseen)
+        tally = _tally(self._experiment, mission, controller, self._unseen[:first])
+        goal, rest = self._experiment.fit.goal_percent / 100.0, self._unseen[first:]
+        if rest and tally.success.low < goal <= tally.success.high:
+            more = _tally(self._experiment, mission, controller, rest)
+            tally = fitting.joined(tally, more, self._experiment.monte_carlo.confidence_percent)
+        _report(f"{WHAT[key]}, {words}", tally)
+        return FitResult(words, controller, mission, tally, is_shipped)
+
+    def _try_rules(self) -> FitResult:
+        """Judge the best rules, and their neighbours where these miss the goal; return the last result."""
+        experiment, best = self._experiment, self._rivals[0][0]
+        mission = experiment.mission
+        self._stand("fitted", best, self._bases[best.base], mission)
+        if not _reaches_goal(experiment, self._results["fitted"].tally):
+            neighbours = fitting.neighbours_of(experiment, best, self._bases)
+            self._near = [*(variant for variant, _ in self._rivals), *neighbours]
+            later = slice(min(1, len(experiment.fit.cases) - 1), None)
+            self._rivals = _halved(experiment, self._table, self._bases, self._near, later)
+            if (nearby := self._rivals[0][0]) != best:
+                self._stand("fitted", nearby, self._bases[nearby.base], mission)
+        return self._keep(self._results["fitted"])
+
+    def _keep(self, result: FitResult) -> FitResult:
+        """Keep a result if it flies better than the last; return the better one."""
+        if self._last is None or result.tally.score > self._last.tally.score:
+            self._last = result
+        return self._last
+
+    def _try_layer(self, tally: FlightTally) -> None:
+        """Try the safety layer where rules fly like a tally that misses the goal mostly by exits."""
+        if _reaches_goal(self._experiment, tally) or tally.exits.count <= tally.misses.count:
+            return
+        try:
+            mission = fitting.with_filter(self._experiment)
+        except SettingError as error:
+            self._refusal = str(error)
+            return
+        # what flies best alone, and all its neighbours, may fly badly under the layer
+        contenders = [*self._drawn, *(variant for variant in self._near if variant not in self._drawn)]
+        rival = _best_with_layer(self._experiment, mission, contenders, self._bases)
+        layered = self._stand("layered", rival, self._bases[rival.base], mission)
+        if self._last is None or layered.tally.success.count > self._last.tally.success.count:
+            self._last = layered
+
+    def _try_plans(self) -> None:
+        """Try what plans where the goal is missed: the best of the first round, or else of the last."""
+        variants = fitting.planning_variants(self._experiment, self._planners)
+        for rungs in (slice(0, 1), fitting.EVERY):
+            if self._is_done or not variants:
+                return
+            before = self._ranked[:1]
+            self._ranked = _ranked_planners(self._experiment, self._table, self._planners, variants, rungs)
+            best = self._ranked[0][0]
+            if not before or before[0][0] != best:
+                self._keep(self._stand("planned", best, self._planners[best.base], self._experiment.mission))
+
+    def _try_tuning(self) -> None:
+        """Tune the last result where that is wanted; plans are made of constants, which are not tuned."""
+        last = self._last
+        if last is None or last is self._results.get("planned") or not _is_tuned(self._experiment, last):
+            return
+        if (champion := _tuned(self._experiment, self._folder, last)) is not None:
+            self._results["tuned"] = self._judged("tuned", last.words, champion, last.mission)
+            self._keep(self._results["tuned"])
+
+    def summary(self) -> dict[str, Any]:
+        """Return the results as plain data."""
+        last, results = self._last, {key: self._results.get(key) for key in WHAT}
+        rows = {key: result and _row(result.words, result.tally) for key, result in results.items()}
+        limits = [vars(limit) | {"kept": limit.is_kept, "sentence": limit.sentence} for limit in self._limits]
+        return {
+            "words": last and last.words,
+            "safety": last and last.mission.safety.kind,
+            "goal_percent": self._experiment.fit.goal_percent,
+            "limits": limits,
+            "flyable": plain(self._flyable),
+            "shipped": self._shipped and _row(self._shipped[0].words, self._shipped[1]),
+            **rows,
+            "layer_refused": self._refusal,
+            "last": last and _row(last.words, last.tally),
+            "rivals": [_row(variant.words, tally) for variant, tally in (*self._rivals, *self._ranked)],
+        }
+
+
+def _missed(result: Mapping[str, Any], last: FitResult) -> Missed:
+    """Return the sentence that the goal is missed, and by what the mission is limited."""
+    limits = [f"limited by the {limit['sentence']}" for limit in result["limits"] if not limit["kept"]]
+    return Missed(
+        f"goal missed: the best, {last.words}, is not shown to succeed in {result['goal_percent']:g} % of "
+        f"flights; {last.tally.sentence}; {'; '.join(limits or ('no limit told above explains it',))}"
+    )
 
 
 def _limits(experiment: Experiment, starts: list[Scenario]) -> tuple[Fraction, list[Limitation]]:
@@ -163,9 +269,9 @@ def _row(words: str, tally: FlightTally) -> dict[str, Any]:
     return {"words": words, **row}
 
 
-def _reaches_goal(experiment: Experiment, result: FitResult) -> bool:
+def _reaches_goal(experiment: Experiment, tally: FlightTally) -> bool:
     """Return whether the success is above the goal, at the confidence of the evaluation."""
-    return result.tally.success.low >= experiment.fit.goal_percent / 100.0
+    return tally.success.low >= experiment.fit.goal_percent / 100.0
 
 
 def _best_with_layer(
@@ -185,13 +291,16 @@ def _best_with_layer(
 
 
 def _ranked_planners(
-    experiment: Experiment, table: "CompetitionTable", planners: Mapping[str, FuzzyController]
-) -> list[tuple[Variant, FlightTally]]:
-    """Return controllers that plan, with their flights in the last round but one and the last, best first."""
-    variants, settings = fitting.planning_variants(experiment, planners), experiment.fit
-    kept = (*settings.kept[:-1], *(min(count, PLANNERS_KEPT) for count in settings.kept[-1:]))
-    experiment = replace(experiment, fit=replace(settings, kept=kept))
-    return _halved(experiment, table, planners, variants, max(0, len(experiment.fit.cases) - 2))
+    experiment: Experiment,
+    table: "CompetitionTable",
+    planners: Mapping[str, FuzzyController],
+    variants: Sequence[Variant],
+    rungs: slice,
+) -> Ranked:
+    """Return variants of controllers that plan, with their flights in the last of some rounds, best first."""
+    kept = tuple(min(count, PLANNERS_KEPT) for count in experiment.fit.kept)
+    experiment = replace(experiment, fit=replace(experiment.fit, kept=kept))
+    return _halved(experiment, table, planners, variants, rungs)
 
 
 def _report(what: str, tally: FlightTally | None) -> None:
@@ -203,12 +312,12 @@ def _halved(
     table: "CompetitionTable",
     bases: Mapping[str, FuzzyController],
     variants: Sequence[Variant],
-    first: int = 0,
-) -> list[tuple[Variant, FlightTally]]:
-    """Run the halving from a rung on, or what is left of it; return the last round's variants, best first."""
+    rungs: slice,
+) -> Ranked:
+    """Run some rounds of the halving, or what is left of them; return the last one's variants, best first."""
     mission, settings = experiment.mission, experiment.fit
     starts = [fitting.rung_scenarios(experiment, rung) for rung in range(len(settings.cases))]
-    total, done = fitting.num_flights(experiment, len(variants), first), 0
+    total, done = fitting.num_flights(experiment, len(variants), rungs), 0
     with Progress("flight", total, 0) as progress:
 
         def judge(rung: int, variant: Variant) -> FlightTally:
@@ -221,7 +330,7 @@ def _halved(
             return table.tallies[rung, variant]
 
         try:
-            return fitting.halve(experiment, variants, judge, first)
+            return fitting.halve(experiment, variants, judge, rungs)
         finally:
             table.write()
 
@@ -254,7 +363,7 @@ class CompetitionTable:
 def _is_tuned(experiment: Experiment, result: FitResult) -> bool:
     """Return whether to tune the best controller: never with dispersions, which training does not fly."""
     tunes = experiment.fit.tunes
-    is_wanted = tunes == "always" or (tunes == "needed" and not _reaches_goal(experiment, result))
+    is_wanted = tunes == "always" or (tunes == "needed" and not _reaches_goal(experiment, result.tally))
     return is_wanted and not experiment.mission.dispersions
 
 

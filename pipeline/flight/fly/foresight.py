@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.compiled.decorator import compiled
-from fis_tools.compiled.vectors import least, load, most, store
+from fis_tools.compiled.vectors import least, load, most, some, store
 from pipeline.array_types import Bytes, Floats
 from pipeline.flight.cases.starts import StartRows
 from pipeline.flight.fly.workspace import make_workspace, optics_in_use
@@ -31,6 +31,8 @@ WAY_AS_FAR = 5.0
 NEVER = -1e3
 #: margin of the camera's pointing error for a slightly different flight
 ERROR_SHARE = 0.2
+#: of so many samples one is looked at first
+COARSE = 8
 #: plans that are evaluated side by side
 PLANS = 16
 
@@ -54,7 +56,7 @@ class Outlook(NamedTuple):
     delta_v_per_force: float  # of 1 N held over a control period, m/s
     required: int  # points, of those to see, whose shortfall costs more
     most_force: float  # of thrusters along an axis, N; larger pushes take several control periods
-    held: Floats  # (K+1, 3, 3) effect of 1 N held over so many control periods at the end of the last, m/N
+    held: Floats  # (3, step, n) of 1 N along each axis held over more periods, see `by_steps`, m/N
     step: int  # control periods from one sample to the next
 
 
@@ -62,8 +64,8 @@ class Geometry(NamedTuple):
     """A chief with P points and a deputy's motion and camera at K+1 samples, in a mission."""
 
     drift: Floats  # (K+1, 3, 6) from position and velocity at the start to positions without force
-    gain: Floats  # (K+1, 3, 3) as of an `Outlook`, like the next four
-    held: Floats  # (K+1, 3, 3)
+    gain: Floats  # (K+1, 3, 3) as of an `Outlook`
+    held: Floats  # (K+1, 3, 3) effect of 1 N held over so many control periods at the end of the last, m/N
     points: Floats  # (K+1, 3, P)
     normals: Floats  # (K+1, 3, P)
     heights: Floats  # (P,)
@@ -95,6 +97,16 @@ def geometry_of(mission: Mission, world: World) -> Geometry:
         cos_incidence=float(np.sqrt(world.optics.incidence_squared)),
         max_range=float(np.sqrt(world.optics.range_squared)),
     )
+
+
+def by_steps(held: Floats, step: int) -> Floats:
+    """Return effects of forces held over control periods, (K+1, 3, 3), by axis and by sample, (3, step, n).
+
+    Row r has those of r periods, of ``r + step`` and so on, three components each: the samples of an outlook
+    are `step` periods apart, so that it is read from one end to the other.
+    """
+    padded = np.pad(held, ((0, -len(held) % step), (0, 0), (0, 0)))
+    return np.ascontiguousarray(padded.reshape(-1, step, 3, 3).transpose(3, 1, 0, 2)).reshape(3, step, -1)
 
 
 def sight_along(positions: Floats, boresights: Floats, radius: float, half_angle_deg: float) -> Floats:
@@ -178,21 +190,27 @@ def hold(after: Floats, axis: int, force: float, outlook: Outlook) -> None:
 
     `force` would be that of one period, N; it is divided among as many as thrusters need.
     """
-    held, periods = outlook.held, max(1, int(np.ceil(abs(force) / outlook.most_force - 1e-9)))
-    for i in range(len(after)):
-        end = (i // 3) * outlook.step
-        effect = held[end, i % 3, axis] - held[max(0, end - periods), i % 3, axis]
-        after[i] = after[i] + effect * force / periods
+    step, periods = outlook.step, max(1, int(np.ceil(abs(force) / outlook.most_force - 1e-9)))
+    late = (periods + step - 1) // step  # samples by which the push has ended
+    ends, share = outlook.held[axis, 0], float(periods)
+    during, ended = after[: 3 * late], after[3 * late :]
+    for i in range(len(during)):
+        during[i] = during[i] + ends[i] * force / share
+    ends, begun = ends[3 * late :], outlook.held[axis, late * step - periods]
+    for i in range(len(ended)):
+        ended[i] = ended[i] + (ends[i] - begun[i]) * force / share
 
 
 @compiled(error_model="numpy")
 def price_shortfalls(best: Floats, needed: int, required: int) -> float:
     """Return what it costs by how much the `needed` points nearest to being seen fall short, m/s."""
     short, short_of_required = 0.0, 0.0
-    shortfalls = np.sort(-best)
-    for j in range(needed):
-        short += max(0.0, shortfalls[j])
-        if j < required:
+    # those that fall short of nothing cost nothing, and need no order
+    shortfalls = np.sort(-best[best < 0.0])
+    num_seen = len(best) - len(shortfalls)
+    for j in range(needed - num_seen):
+        short += shortfalls[j]
+        if num_seen + j < required:
             short_of_required = short
     return PRICE_OF_HEIGHT * short + PRICE_OF_REQUIRED * short_of_required
 
@@ -226,14 +244,21 @@ def price_pushes(genes: Floats, num_pushes: int, needed: int, outlook: Outlook, 
     path, spent, outside = np.empty(3 * num_samples), np.empty(PLANS), np.empty(PLANS)
     positions, best = np.empty((num_samples, 3, PLANS)), np.empty((num_points, PLANS))
     is_flat = cos_incidence == 0.0 and max_range == np.inf
+    left = np.arange(num_points)
+    order, count = np.empty(num_samples, dtype=np.int64), 0
+    for offset in range(COARSE):
+        for k in range((COARSE - 1 - offset) % COARSE, num_samples, COARSE):
+            order[count], count = k, count + 1
     for first in range(0, num_plans, PLANS):
         for lane in range(PLANS):
             # spare lanes repeat the last plan
             plan = min(first + lane, num_plans - 1)
             spent[lane] = lead_along(genes[:, plan], num_pushes, outlook, effects, path)
             positions[:, :, lane] = path.reshape(-1, 3)
-        best[:], outside[:] = NEVER, 0.0
-        for k in range(num_samples):
+        best[:], outside[:], num_left = NEVER, 0.0, num_points
+        for turn in range(num_samples):
+            # coarsely first: most points are soon seen by all plans
+            k = order[turn]
             x, y = load(positions, (k, 0, 0), PLANS), load(positions, (k, 1, 0), PLANS)
             z = load(positions, (k, 2, 0), PLANS)
             distance = np.sqrt(x * x + y * y + z * z)
@@ -245,15 +270,24 @@ def price_pushes(genes: Floats, num_pushes: int, needed: int, outlook: Outlook, 
                     way = most(abs(z - load(positions, (k - 1, 2, 0), PLANS)), way)
                     beyond = most(WAY_AS_FAR * (way - outlook.longest_way), beyond)
                 store(outside, 0, most(beyond, load(outside, 0, PLANS)))
-            room = distance - sight[k]
-            for j in range(num_points if sight[k] < np.inf else 0):
+            room, index = distance - sight[k], 0
+            while index < num_left and sight[k] < np.inf:
+                j = left[index]
+                index += 1
                 if is_lit[k, j]:
                     height = normals[k, 0, j] * x + normals[k, 1, j] * y + normals[k, 2, j] * z - heights[j]
-                    if not is_flat:
+                    reached, before = least(height, room), load(best, (j, 0), PLANS)
+                    # incidence and range only lower it: no root where it would not be the best anyway
+                    if not is_flat and some(reached > before):
                         dx, dy, dz = x - points[k, 0, j], y - points[k, 1, j], z - points[k, 2, j]
                         apart = np.sqrt(dx * dx + dy * dy + dz * dz)
                         height = least(height - cos_incidence * apart, max_range - apart)
-                    store(best, (j, 0), most(least(height, room), load(best, (j, 0), PLANS)))
+                        reached = least(height, room)
+                    reached = most(reached, before)
+                    store(best, (j, 0), reached)
+                    if not some(reached < 0.0):  # seen by all plans, by how much costs nothing
+                        index, num_left = index - 1, num_left - 1
+                        left[index], left[num_left] = left[num_left], j
         for lane in range(min(PLANS, num_plans - first)):
             cost = spent[lane] * outlook.delta_v_per_force
             cost = cost + price_shortfalls(best[:, lane], needed, outlook.required)

@@ -13,7 +13,14 @@ from pipeline.flight.cases.navigation import filter_of
 from pipeline.flight.cases.starts import Cases, cases_of, starts_of
 from pipeline.flight.control.controller import RuleController, from_fuzzy
 from pipeline.flight.control.law import law_of
-from pipeline.flight.fly.foresight import Geometry, Outlook, geometry_of, lit_at_samples, sight_along
+from pipeline.flight.fly.foresight import (
+    Geometry,
+    Outlook,
+    by_steps,
+    geometry_of,
+    lit_at_samples,
+    sight_along,
+)
 from pipeline.flight.fly.population import fly_population
 from pipeline.flight.fly.workspace import make_workspace
 from pipeline.flight.state.arrays import NUM_TRACKED, TRACK_BORESIGHT, World
@@ -90,6 +97,7 @@ def _strided(mission: Mission, sample: int, step: int) -> Geometry:
         gain=np.ascontiguousarray(geometry.gain[ahead]),
         points=np.ascontiguousarray(geometry.points[after]),
         normals=np.ascontiguousarray(geometry.normals[after]),
+        held=by_steps(geometry.held, step),
     )
 
 
@@ -250,7 +258,7 @@ class Deputies:
             delta_v_per_force=world.delta_v_per_force,
             required=required,
             most_force=world.max_force,
-            held=geometry.held,
+            held=parts.held,
             step=self.step,
         )
         return outlook, needed
