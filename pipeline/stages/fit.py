@@ -103,27 +103,43 @@ class _Fit:
     def run(self) -> tuple[FitResult, bool]:
         """Fit; return the result, and whether it is other than a champion as shipped.
 
-        Rules come first. Where the best clearly miss the goal before the last round, the layer and plans are
-        tried at once, and rules compete on only if these miss the goal too, without clearly beating them.
+        Rules come first. As soon as their best clearly miss the goal, the layer and plans are tried, and rules
+        are searched further only if these miss the goal too, without clearly beating them.
         """
         self._compete(slice(0, max(1, len(self._experiment.fit.cases) - 1)))
-        leader = self._rivals[0][1].success
-        if is_hopeless := 100.0 * leader.high < self._experiment.fit.goal_percent:
+        leader = self._rivals[0][1]
+        is_tried = self._is_hopeless(leader)
+        if is_tried:
             self._report_shipped()
-            self._try_layer(self._rivals[0][1])
-            self._try_plans()
+            self._try_others(leader)
         last = self._last
-        if last is None or not (self._is_done or last.tally.success.low > leader.high):
+        if last is None or not self._is_settled(leader):
             self._compete(fitting.EVERY)
-            if not is_hopeless:
+            if not is_tried:
                 self._report_shipped()
             last = self._try_rules()
-            if not is_hopeless:
-                self._try_layer(last.tally)
-                self._try_plans()
+            if not is_tried and (is_tried := self._is_hopeless(last.tally)):
+                self._try_others(last.tally)
+            if not self._is_settled(last.tally):
+                last = self._try_neighbours()
+                if not is_tried:
+                    self._try_others(last.tally)
             self._try_tuning()
         last = self._last or last
         return last, not last.is_shipped
+
+    def _is_hopeless(self, tally: FlightTally) -> bool:
+        """Return whether what flies like a tally clearly misses the goal."""
+        return 100.0 * tally.success.high < self._experiment.fit.goal_percent
+
+    def _is_settled(self, rules: FlightTally) -> bool:
+        """Return whether the last result reaches the goal, or clearly beats rules that fly like a tally."""
+        return self._is_done or (self._last is not None and self._last.tally.success.low > rules.success.high)
+
+    def _try_others(self, rules: FlightTally) -> None:
+        """Try what helps where rules that fly like a tally miss the goal: the layer, then plans."""
+        self._try_layer(rules)
+        self._try_plans()
 
     @property
     def _is_done(self) -> bool:
@@ -160,17 +176,19 @@ class _Fit:
         return FitResult(words, controller, mission, tally, is_shipped)
 
     def _try_rules(self) -> FitResult:
-        """Judge the best rules, and their neighbours where these miss the goal; return the last result."""
+        """Judge the best rules; return the last result."""
+        best = self._rivals[0][0]
+        return self._keep(self._stand("fitted", best, self._bases[best.base], self._experiment.mission))
+
+    def _try_neighbours(self) -> FitResult:
+        """Let neighbours of the best rules compete with the last round's; return the last result."""
         experiment, best = self._experiment, self._rivals[0][0]
-        mission = experiment.mission
-        self._stand("fitted", best, self._bases[best.base], mission)
-        if not _reaches_goal(experiment, self._results["fitted"].tally):
-            neighbours = fitting.neighbours_of(experiment, best, self._bases)
-            self._near = [*(variant for variant, _ in self._rivals), *neighbours]
-            later = slice(min(1, len(experiment.fit.cases) - 1), None)
-            self._rivals = _halved(experiment, self._table, self._bases, self._near, later)
-            if (nearby := self._rivals[0][0]) != best:
-                self._stand("fitted", nearby, self._bases[nearby.base], mission)
+        neighbours = fitting.neighbours_of(experiment, best, self._bases)
+        self._near = [*(variant for variant, _ in self._rivals), *neighbours]
+        later = slice(min(1, len(experiment.fit.cases) - 1), None)
+        self._rivals = _halved(experiment, self._table, self._bases, self._near, later)
+        if (nearby := self._rivals[0][0]) != best:
+            self._stand("fitted", nearby, self._bases[nearby.base], experiment.mission)
         return self._keep(self._results["fitted"])
 
     def _keep(self, result: FitResult) -> FitResult:
