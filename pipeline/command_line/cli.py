@@ -1,7 +1,8 @@
 """The command ``python -m pipeline``: checks first, then the stages.
 
 Exit codes: 0 success, 1 a fault of the program (with a traceback), 2 a user error (in sentences
-on standard error), 130 interrupted from the keyboard.
+on standard error), 3 a proof that was not found, 4 a training or fit that gained nothing, 5 a fit that misses
+its goal, 130 interrupted from the keyboard.
 """
 
 import os

@@ -146,7 +146,7 @@ class FitSettings(Settings, group="fit", only=Only("stages=fit", is_told=True)):
     kept: tuple[types.Count, ...] = (16, 4)
     """Competitors that stay after each round but the last."""
     num_cases: types.Count = 300
-    """Starts that no competitor has flown, on which the result is judged."""
+    """Starts that no competitor has flown, on which the result is judged; plans may fly from fewer."""
     goal_percent: Annotated[types.Number, Field(ge=0, le=100)] = 95.0
     """Lower bound of the success aimed at; where it is missed, the safety layer and tuning are tried."""
     tunes: Literal["needed", "always", "never"] = "needed"

@@ -103,8 +103,8 @@ class _Fit:
     def run(self) -> tuple[FitResult, bool]:
         """Fit; return the result, and whether it is other than a champion as shipped.
 
-        Rules come first. As soon as their best clearly miss the goal, the layer and plans are tried, and rules
-        are searched further only if these miss the goal too, without clearly beating them.
+        Rules come first. As soon as their best clearly miss the goal, the layer and plans are tried; rules
+        are searched further only if these miss the goal too, without clearly beating the rules.
         """
         self._compete(slice(0, max(1, len(self._experiment.fit.cases) - 1)))
         leader = self._rivals[0][1]

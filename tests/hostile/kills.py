@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
-from pipeline.command_line.runs import OK, UNIMPROVED, UNPROVED
+from pipeline.command_line.runs import MISSED, OK, UNIMPROVED, UNPROVED
 from pipeline.run import artifacts, lock, manifests, sweep
 from tests import slurm
 
@@ -227,7 +227,7 @@ def survive(
             if is_killed:
                 left -= 1
                 tally.kills[f"{how[0].name} {how[1]}{at}"] += 1
-            if code in (OK, UNPROVED, UNIMPROVED):
+            if code in (OK, UNPROVED, UNIMPROVED, MISSED):
                 while any(map(is_held, (root / folder).rglob(lock.LOCK))):  # by jobs of a killed launcher
                     time.sleep(1.0)
                 return
