@@ -53,14 +53,16 @@ def filter_of(mission: Mission) -> Filter:
         navigation.attitude_bias_deg,
     )
     bearing, tilt, bias = np.square(np.radians(angles))
-    variances = considered(mission)
+    variances, unknown = considered(mission), process_noise(mission)
     actuators = mission.actuators
     start = [navigation.initial_position_m] * 3 + [navigation.initial_velocity_m_s] * 3
     return Filter(
         round(navigation.fix_period_s / period),
         round(navigation.delay_s / period),
         np.diag(np.square(start)),
-        unit * (process_noise(mission) * mission.deputy.mass_kg) ** 2,
+        unit * (unknown.std_m_s2 * mission.deputy.mass_kg) ** 2,
+        unknown.nearest_m,
+        np.array(unknown.growth),
         unit * (navigation.execution_error**2 + tilt),
         round(actuators.delay_s / period) if isinstance(actuators, RealActuators) else 0,
         np.flatnonzero(variances),

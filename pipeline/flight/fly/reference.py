@@ -46,8 +46,8 @@ def reference_of(mission: Mission, controller: Controller, scenario: Scenario) -
     if isinstance(mission.navigation, FilteredNavigation):
         drawn = errors_of(mission, [scenario])
         errors |= {name: values[0] for name, values in drawn._asdict().items()}
-        filtered = replace(mission.navigation, process_noise_m_s2=process_noise(mission))
-        mission = replace(mission, navigation=filtered)
+        unknown = process_noise(mission)
+        errors["process"] = (unknown.std_m_s2, unknown.nearest_m, unknown.growth)
     if mission.actuators.kind == "real":
         table, thrust = thrusters_of(mission).table, thrust_errors(mission, [scenario])
         errors |= {"table": table, "matrices": thrust.matrices[0], "arm": thrust.arms[0]}

@@ -31,6 +31,9 @@ class DrawnErrors:
         Shares of a layout's thrusters in a newton along each body axis, and against it.
     more_drag : (K,)
         Beyond its constant, m/s^2.
+    process : tuple
+        What the filter allows for as white noise: its standard deviation, m/s^2, up to a distance, m, and
+        the coefficients of 1, x and x^2 by which it grows at x times that distance.
     margins : tuple of five float, optional
         What the safety layer keeps for errors: the radii between which it plans, m, the greatest force that
         it plans along an axis, the greatest of a stop and that of a step back, N.
@@ -44,6 +47,7 @@ class DrawnErrors:
     arm: Floats = field(default_factory=lambda: np.zeros(3))
     table: Floats = field(default_factory=lambda: _none(6))
     more_drag: Floats = field(default_factory=_none)
+    process: tuple[float, float, tuple[float, float, float]] = (0.0, 1.0, (0.0, 0.0, 1.0))
     margins: tuple[float, float, float, float, float] | None = None
 
     def thrust(self, k: int) -> Floats:

@@ -26,8 +26,9 @@ SQRT_3 = sqrt(3.0)
 #: what the neglected acceleration amounts to as white noise, as a share of its bound: with it, errors are
 #: as large as the filter says (python -m benchmarks consistency)
 SHARE_OF_UNKNOWN = 0.06
-#: the same where no errors of thrusters widen what the filter allows for: ideal ones, or an empty tank
-SHARE_ALONE = 0.085
+#: as many times more of it at the greatest distance, where no errors of thrusters widen what the filter
+#: allows for: ideal ones, or an empty tank
+MORE_ALONE = 1.4
 #: kept besides, beyond the accumulated rounding of a flight
 ROUNDING_M = 0.001
 
@@ -43,6 +44,30 @@ class ErrorBounds:
     lighter: float = 0.0  # part of the share by which a force counts for more as propellant is used up
     constant_m: float = 0.0  # of all fixes of a flight
     risk: float = 0.0  # that the noise of one part of the estimate leaves its bound
+
+
+@dataclass(frozen=True)
+class ProcessNoise:
+    """Standard deviation of the accelerations that the filter allows for, by the distance from the chief.
+
+    Attributes
+    ----------
+    std_m_s2 : float
+        To be multiplied by a polynomial of the distance.
+    nearest_m : float
+        Distances below it count as this one.
+    growth : tuple of three float
+        The polynomial's coefficients, of 1, x and x^2, with x the distance over the nearest.
+    """
+
+    std_m_s2: float
+    nearest_m: float
+    growth: tuple[float, float, float] = (0.0, 0.0, 1.0)
+
+    def at(self, distance_m: float) -> float:
+        """Return it at a distance, m/s^2."""
+        farther = max(1.0, distance_m / self.nearest_m)
+        return self.std_m_s2 * sum(part * farther**power for power, part in enumerate(self.growth))
 
 
 @dataclass(frozen=True)
@@ -267,13 +292,26 @@ def unknown_acceleration(mission: Mission) -> float:
     return attraction + abs(dynamics.drag_m_s2) + abs(dynamics.radiation_m_s2)
 
 
-def process_noise(mission: Mission) -> float:
-    """Return the standard deviation of the accelerations that the filter allows for, m/s^2."""
-    given, actuators = mission.filtered.process_noise_m_s2, mission.actuators
+def process_noise(mission: Mission) -> ProcessNoise:
+    """Return what the filter allows for as white noise.
+
+    Within the limits it is the same everywhere, and beyond them it grows as the second order of attraction
+    does. Where no errors of thrusters hide what it lacks far from the chief, it grows with the distance, as
+    the gradient of oblateness does, and by its second order.
+    """
+    given, farthest = mission.filtered.process_noise_m_s2, mission.deputy.max_distance_m
+    actuators, n = mission.actuators, mission.orbit.mean_motion_rad_s
     if given is not None:
-        return given
+        return ProcessNoise(given, farthest)
+    unknown, dynamics = unknown_acceleration(mission), mission.dynamics
     is_alone = not isinstance(actuators, RealActuators) or actuators.specific_impulse_s is not None
-    return (SHARE_ALONE if is_alone else SHARE_OF_UNKNOWN) * unknown_acceleration(mission)
+    if not is_alone or not isinstance(dynamics, TwoBody):
+        return ProcessNoise(SHARE_OF_UNKNOWN * unknown, farthest)
+    nearest = mission.deputy.min_distance_m
+    share = nearest / farthest
+    second = 6.0 * (n * farthest) ** 2 / mission.orbit.elements.semi_major_axis_m
+    growth = (1.0, MORE_ALONE * share, second / unknown * share**2)
+    return ProcessNoise(SHARE_OF_UNKNOWN * unknown, nearest, growth)
 
 
 def estimate_errors(mission: Mission) -> EstimateErrors:
@@ -294,7 +332,8 @@ def estimate_errors(mission: Mission) -> EstimateErrors:
     if isinstance(actuators, RealActuators):
         per_force += max(actuators.scale_error, radians(actuators.misalignment_deg)) ** 2
     square = 3.0 * safety.planned_force_n**2 * per_force
-    process = gamma @ gamma.T * (square + (process_noise(mission) * mission.deputy.mass_kg) ** 2)
+    unknown = process_noise(mission).at(mission.deputy.max_distance_m)
+    process = gamma @ gamma.T * (square + (unknown * mission.deputy.mass_kg) ** 2)
     noise, constant = 0.0, navigation.bias_m**2
     if isinstance(navigation, PositionFixes):
         noise = navigation.noise_m**2

@@ -124,6 +124,13 @@ FLIGHTS = {
     "fixes, far beyond the limits": flight(
         start=replace(STARTS[0], position_m=np.array([0.0, 1000.0, 0.0])), attitude=IDEAL, navigation=FIXES
     ),
+    "fixes about the oblate Earth, noise of the distance": flight(
+        start=replace(STARTS[0], position_m=np.array([0.0, 400.0, 30.0])),
+        attitude=IDEAL,
+        navigation=FIXES | {"process_noise_m_s2": None},
+        dynamics=LOW_ORBIT,
+        orbit=ELLIPSE,
+    ),
     "range and bearing, errors that vary": flight(
         attitude=IDEAL,
         navigation=FIXES | SIGHTED,

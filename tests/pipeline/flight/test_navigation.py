@@ -170,6 +170,26 @@ def test_beyond_the_limits_the_filter_allows_for_what_its_equations_neglect() ->
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("position_m", [(300.0, 0.0, 0.0), (0.0, 2000.0, 0.0)])
+def test_adrift_errors_are_about_as_large_as_the_filter_says(position_m) -> None:
+    """Far from the chief, over an orbit about the oblate Earth, in which what is neglected comes and goes.
+
+    Noise that is the same within the limits and grows with the square beyond them leaves half of the squares.
+    """
+    what = mission(
+        navigation=KNOWN | {"gate_sigma": None, "process_noise_m_s2": None},
+        dynamics=LOW_ORBIT,
+        attitude={"mode": "ideal"},
+        duration_s=5680.0,
+    )
+    start = replace(STARTS[0], position_m=np.array(position_m), velocity_m_s=np.zeros(3))
+    logs = [fly_logged(what, COAST, replace(start, noise=(7, 0, case))) for case in range(20)]
+    means = [squared(logs, sample).mean() for sample in range(40, 560, 20)]
+    assert 4.0 < np.mean(means) < 7.0
+    assert max(means) < 10.0
+
+
+@pytest.mark.slow
 def test_what_is_turned_at_random_is_expected_shorter() -> None:
     """Forces by the attitude's errors, and places by bearings that use it: what is along them is unbiased."""
     sighted = {"measures": "range_bearing", "attitude_bias_deg": 6.0, "fix_period_s": 200.0}

@@ -5,6 +5,8 @@
 
 from math import sqrt
 
+import numpy as np
+
 from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.three import (
     Three,
@@ -107,8 +109,8 @@ def propagate_covariance(now: Moment, law: Filter, covariance: Floats, period: i
     """Propagate covariances through a control period.
 
     With G the pushes of constant errors of variances V on the state, ``C <- Phi C + G V`` and
-    ``P <- Phi P Phi' + Phi C_before G' + G C' + Q``. Beyond the greatest distance the acceleration in Q grows
-    with the square of the distance, as the second order of attraction does.
+    ``P <- Phi P Phi' + Phi C_before G' + G C' + Q``. The acceleration in Q grows with the distance, see
+    `pipeline.flight.world.bounds.process_noise`.
     """
     state, phi, gamma = now.state, now.world.motion.transition[0], now.world.motion.control[0]
     width, half, pushes = width_of(state.estimate), state.estimate.half, state.estimate.pushes
@@ -117,8 +119,9 @@ def propagate_covariance(now: Moment, law: Filter, covariance: Floats, period: i
     count = 6 + len(law.constants)
     square = dot(force, force)
     position = load_three(state.estimate.filtered, 0)
-    farther = most(dot(position, position) / (now.world.max_distance * now.world.max_distance), 1.0)
-    growth = farther * farther
+    farther = most(dot(position, position) / (law.nearest * law.nearest), 1.0)
+    growth = law.growth[0] + law.growth[1] * np.sqrt(farther) + law.growth[2] * farther
+    growth = growth * growth
     for row in range(6):
         for column in range(count):
             entries = splat(0.0, width)
