@@ -10,9 +10,10 @@ import errno
 import io
 import os
 import secrets
+import shutil
 import stat
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from io import BufferedReader
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO, Final, TextIO
@@ -157,6 +158,31 @@ def replacing(path: Path, mode: int | None = None) -> Iterator[BinaryIO]:
         unfinished.replace(path)
     finally:
         unfinished.unlink(missing_ok=True)
+
+
+@contextmanager
+def filling(folder: Path) -> Iterator[Path]:
+    """Yield a folder whose content moves into another, new or empty one, once the block is over.
+
+    If the block fails, nothing is left of what it wrote, nor of folders that were made for it.
+
+    Raises
+    ------
+    OSError
+        If the folder cannot be made or filled.
+    """
+    made = [each for each in (folder, *folder.parents) if not each.exists()]
+    unfinished = folder / f".{secrets.token_hex(4)}{UNFINISHED}"
+    try:
+        unfinished.mkdir(parents=True)
+        yield unfinished
+        for path in sorted(unfinished.iterdir()):
+            path.replace(folder / path.name)
+    finally:
+        shutil.rmtree(unfinished, ignore_errors=True)
+        with suppress(OSError):  # it is filled
+            for each in made:
+                each.rmdir()
 
 
 def _mode_to_keep(path: Path) -> int | None:

@@ -118,7 +118,7 @@ def export_c(arguments: Sequence[str]) -> int:
         raise ConfigError(str(error)) from error
     except OSError as error:
         raise ConfigError(
-            f"{error.filename or folder} cannot be written ({error.strerror}); make room, or give another -o"
+            f"{folder} cannot be written ({error.strerror}); make room, or give another -o"
         ) from error
     source = exported.source
     sys.stdout.write(

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from fis_tools.file_access import write_text
+from fis_tools.file_access import filling, write_text
 from fis_tools.formats.c.text import WARNINGS, plain
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.state.log import Scenario
@@ -20,7 +20,7 @@ from pipeline.onboard.source import Sources, rendered, sources
 SPECIFIED = ("nearest_whole", "power_of_two")
 #: a folder's files that are filled in, beside the source
 EVIDENCE = (
-    *("any_input.c", "main.c", "vector.h", "check.sh"),
+    *("any_input.c", "main.c", "vector.h", "check.sh", "prove.sh"),
     *("emulate.sh", "cortex/board.c", "cortex/board.h", "cortex/board.ld", "cortex/sums.c"),
 )
 WRAPPERS = (
@@ -57,6 +57,8 @@ class Exported:
 def export(program: OnboardProgram, scenarios: Sequence[Scenario], folder: Path) -> Exported:
     """Write the on-board function, and compare it with flights from some starts.
 
+    The folder is new or empty, and stays so if anything fails.
+
     Raises
     ------
     TranslationError
@@ -64,6 +66,11 @@ def export(program: OnboardProgram, scenarios: Sequence[Scenario], folder: Path)
     OSError
         If a file cannot be written.
     """
+    with filling(folder) as unfinished:
+        return _written(program, scenarios, unfinished)
+
+
+def _written(program: OnboardProgram, scenarios: Sequence[Scenario], folder: Path) -> Exported:
     source = sources(program)
     _write(folder / "controller.h", source.header)
     _write(folder / "controller.c", source.code)

@@ -150,10 +150,10 @@ class Library:
             self._functions = ctypes.CDLL(os.fspath(library))
         self._state = (ctypes.c_double * (1 << 16))()
 
-    def start(self, start: Any) -> None:
-        """Begin a flight, from a record of `start_type`."""
+    def start(self, start: Any) -> int:
+        """Begin a flight, from a record of `start_type`; return the status."""
         start = np.ascontiguousarray(start)
-        self._functions.controller_start(self._state, ctypes.c_void_p(start.ctypes.data))
+        return int(self._functions.controller_start(self._state, ctypes.c_void_p(start.ctypes.data)))
 
     def choose(self, parameters: Sequence[float]) -> None:
         """Change the constants that may be changed in flight."""

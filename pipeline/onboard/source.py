@@ -67,7 +67,7 @@ def sources(program: OnboardProgram) -> Sources:
         for name, member in program.translator.members.items()
         if name in OF_ENTRIES | read_members
     }
-    members.setdefault("num_unseen", ((1,), "double"))
+    members |= {"num_unseen": ((1,), "double"), "started": ((1,), "int")}
     code = [Line(text) for text in _opening(program)]
     code += [Line(text) for table in tables for text in table.definition()]
     code += [Line(text) for text in _helpers(lines)]

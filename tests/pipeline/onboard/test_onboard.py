@@ -1,6 +1,7 @@
 """The on-board function in C commands what the flight commanded, bit for bit, and refuses bad input."""
 
 import csv
+import errno
 import itertools
 import os
 import re
@@ -13,9 +14,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fmpy import simulate_fmu
+from fmpy.fmi1 import FMICallException
 from fmpy.validation import validate_fmu
 
-from benchmarks.onboard import proved
+from benchmarks.onboard import FAULTS, proved
 from docs.shown import BLOCK
 from fis_tools.formats import serialize
 from fis_tools.formats.c.text import WARNINGS
@@ -43,8 +45,8 @@ pytestmark = [
 ]
 STUBS = Path(__file__).parent / "stubs"
 SHORT = mission(duration_s=1200.0)
-#: the bit of the status that refuses a Sun, as the header defines it
-BAD_SUN = 16
+#: bits of the status, as the header defines them
+BAD_SUN, BAD_START, BAD_PARAMETERS = 16, 64, 128
 #: a controller's name that would end comments, close attributes of XML and begin a directive
 HOSTILE = '27 */ #error "<a> & ??/'
 
@@ -63,13 +65,43 @@ def written(program, folder):
     return Library(folder, flags=("-std=c99", "-O0", "-ffp-contract=off"))
 
 
-@pytest.mark.parametrize("name", SHIPPED)
-def test_c_commands_what_was_commanded_and_for_the_same_reason(name, tmp_path):
-    program = translate(SHORT, controller(name))
-    library = written(program, tmp_path)
-    (start,) = random_starts(1, seed=sorted(SHIPPED).index(name))
-    log = fly_logged(SHORT, controller(name), start, is_one_of_many=True)
-    answers = library.answers(recorded(program, start, log))
+@pytest.fixture(scope="module", params=SHIPPED)
+def shipped(request, tmp_path_factory):
+    program = translate(SHORT, controller(request.param))
+    library = written(program, tmp_path_factory.mktemp("shipped"))
+    (start,) = random_starts(1, seed=sorted(SHIPPED).index(request.param))
+    log = fly_logged(SHORT, program.controller, start, is_one_of_many=True)
+    return program, library, recorded(program, start, log), log
+
+
+def test_a_step_before_the_start_or_with_a_parameter_that_is_no_number_fires_nothing(shipped):
+    program, library, flight, _ = shipped
+    output = np.zeros(1, OUTPUT)
+
+    def refused(bit):
+        library.step(flight.steps[:1], output)
+        return output["status"][0] == bit and not np.any(output["force_n"])
+
+    (_, designed), *_ = program.choices
+    designed = [designed[name] for name in program.parameters]
+    library.choose(designed)
+    assert refused(BAD_START)
+    for field, value in itertools.product(("sun_angle", "sun_elevation"), (np.nan, np.inf, 2.0)):
+        start = flight.start.copy()
+        start[field][0] = value
+        assert library.start(start) == BAD_SUN
+        assert refused(BAD_START)
+    assert library.start(flight.start) == 0
+    for index, value in itertools.product(range(len(designed)), (np.nan, np.inf)):
+        library.choose([*designed[:index], value, *designed[index + 1 :]])
+        assert refused(BAD_PARAMETERS)
+    library.choose(designed)
+    assert refused(0) or np.any(output["force_n"])
+
+
+def test_c_commands_what_was_commanded_and_for_the_same_reason(shipped):
+    _, library, flight, log = shipped
+    answers = library.answers(flight)
     assert len(differing(answers, log)) == 0
     assert np.any(answers["leading_rule"] > 0) or np.any(answers["reason"] == REHEARSED)
 
@@ -95,7 +127,7 @@ def test_the_sun_may_stand_out_of_the_orbit_plane(tmp_path):
     assert np.any(log.force_commanded_n)
     (tmp_path / "flat").mkdir()
     answers = written(translate(SHORT, program.controller), tmp_path / "flat").answers(flight)
-    assert np.all(answers["status"] == BAD_SUN)
+    assert np.all(answers["status"] == BAD_SUN + BAD_START)
     assert not np.any(answers["force_n"])
 
 
@@ -147,6 +179,35 @@ def test_the_analyser_finds_no_error_for_any_input_and_reaches_what_is_written(e
     assert reached >= 98.0
 
 
+def test_the_check_of_a_folder_fails_if_the_analyser_leaves_an_alarm(exported, tmp_path):
+    programs.program("frama-c", "frama-c-base")
+    folder = shutil.copytree(exported[0], tmp_path / "faulty")
+    code = folder / "controller.c"
+    code.write_text(re.sub(*FAULTS["a signal that is not finite"], code.read_text(), count=1))
+    path = alone(tmp_path, "frama-c", "sed", "grep", "tail")
+    script = ["/bin/sh", folder / "evidence" / "check.sh"]
+    done = subprocess.run(script, check=False, env={"PATH": path}, capture_output=True, text=True)  # noqa: S603
+    assert "0 commands differ" in done.stdout  # a number in range is not changed
+    assert re.search(r"[1-9]\d* alarms? generated", done.stdout)
+    assert done.returncode == 1
+
+
+@pytest.mark.parametrize("failure", [KeyboardInterrupt(), OSError(errno.ENOSPC, "No space left on device")])
+def test_an_export_that_fails_leaves_nothing(exported, failure, tmp_path, monkeypatch):
+    def fail(*_):
+        raise failure
+
+    monkeypatch.setattr("pipeline.onboard.export.vector_source", fail)
+    folder = tmp_path / "new" / "export"
+    with pytest.raises(type(failure)):
+        export(exported[1], random_starts(1, seed=1), folder)
+    assert list(tmp_path.iterdir()) == []
+    folder.mkdir(parents=True)
+    with pytest.raises(type(failure)):
+        export(exported[1], random_starts(1, seed=1), folder)
+    assert list(folder.iterdir()) == []
+
+
 def joined(code, line):
     """The text of a comment from a line on, its lines joined."""
     return " ".join(part.removeprefix(" * ") for part in code[line - 1 : line + 4])
@@ -183,7 +244,7 @@ def test_an_export_is_compared_and_compiles_without_warnings_as_c_and_cpp(export
         command = [*compiler, *WARNINGS, "-fsyntax-only", folder / "controller.c"]
         subprocess.run(command, check=True, timeout=120)  # noqa: S603
     script = ["/bin/sh", folder / "evidence" / "check.sh"]
-    subprocess.run(script, check=True, timeout=600, env={"PATH": gcc_alone(folder)})  # noqa: S603
+    subprocess.run(script, check=True, timeout=600, env={"PATH": alone(folder.parent)})  # noqa: S603
 
 
 @pytest.fixture(scope="module")
@@ -191,11 +252,11 @@ def library(exported):
     return Library(exported[0])
 
 
-def gcc_alone(folder):
-    """A path with the programs of a check, but for the slow ones."""
-    programs = folder.parent / "programs"
+def alone(folder, *others):
+    """A path with gcc and others of the programs of a check."""
+    programs = folder / "programs"
     programs.mkdir()
-    for name in ("gcc", "as", "ld", "collect2", "sh", "rm", "dirname"):
+    for name in ("gcc", "as", "ld", "collect2", "sh", "rm", "dirname", *others):
         if path := shutil.which(name):
             (programs / name).symlink_to(path)
     return str(programs)
@@ -247,6 +308,12 @@ def test_an_fmi_block_commands_the_same(exported, blocks, version):
     commanded = np.stack([simulated[name][1:] for name in forces], axis=1)
     assert np.array_equal(commanded, log.force_commanded_n)
     assert np.any(commanded)
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_an_fmi_block_does_not_begin_with_a_sun_that_is_none(blocks, version):
+    with pytest.raises(FMICallException, match="ExitInitializationMode"):
+        simulate_fmu(str(blocks / f"fmi{version}.fmu"), start_values={"sun_angle[1]": np.nan})
 
 
 @pytest.fixture(scope="module")
