@@ -169,8 +169,10 @@ def filling(folder: Path) -> Iterator[Path]:
     Raises
     ------
     OSError
-        If the folder cannot be made or filled.
+        If the folder holds something, or cannot be made or filled.
     """
+    if folder.exists() and any(folder.iterdir()):
+        raise RefusedFileError(errno.ENOTEMPTY, "it is not empty", str(folder))
     made = [each for each in (folder, *folder.parents) if not each.exists()]
     unfinished = folder / f".{secrets.token_hex(4)}{UNFINISHED}"
     try:

@@ -1,5 +1,6 @@
 """YAML that other people wrote, as plain data: limited while it is parsed, before it is put together."""
 
+from contextlib import suppress
 from typing import Any, Final
 
 import yaml
@@ -30,6 +31,15 @@ def parse(content: bytes | str, most_bytes: int) -> Any:
         raise ValueError(str(error)) from error
     _check_keys(parsed)
     return parsed
+
+
+def is_mapping(content: bytes) -> bool:
+    """Return whether a text is a YAML mapping, or empty; also for what is no YAML."""
+    with suppress(yaml.YAMLError):
+        for event in yaml.parse(content, LOADER):
+            if isinstance(event, yaml.NodeEvent):
+                return isinstance(event, yaml.MappingStartEvent)
+    return True
 
 
 def _check_events(content: bytes | str) -> None:

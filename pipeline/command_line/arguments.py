@@ -8,6 +8,7 @@ from typing import Any, Final, NoReturn
 
 from hydra._internal.utils import get_args_parser
 
+from fis_tools import plain_yaml
 from fis_tools.file_access import read_bytes, read_shipped
 from pipeline.settings.keys import KNOWN, choices_of, did_you_mean
 from pipeline.settings.places import conf_folder
@@ -24,6 +25,8 @@ REFUSED: Final = {
     "--experimental-rerun": "would load a pickle; go on with resume=RUN_FOLDER instead",
 }
 RESUME: Final = "resume="
+#: keys that name a folder
+FOLDERS: Final = ("hydra.run.dir", "hydra.sweep.dir")
 
 
 class ConfigError(ValueError):
@@ -72,7 +75,8 @@ def parse_arguments(arguments: Sequence[str]) -> CommandLine:
     Raises
     ------
     ConfigError
-        If an option or its value is unknown, or the first word is neither an option nor an override.
+        If an option or its value is unknown, the first word is neither an option nor an override, or a
+        folder has no name.
     """
     first = arguments[0] if arguments else ""
     if first and not first.startswith("-") and not _is_override(first):
@@ -91,11 +95,13 @@ def parse_arguments(arguments: Sequence[str]) -> CommandLine:
     for option, why in REFUSED.items():
         if getattr(command, option.lstrip("-").replace("-", "_")):
             raise ConfigError(f"{option} {why}")
-    for word in unknown:
+    overrides = [*command.overrides, *unknown]
+    for word in overrides:
         if word.startswith("-"):
             known = [*parser._option_string_actions, *KNOWN]
             raise ConfigError(f"there is no option {word}{did_you_mean(word, known)}")
-    overrides = [*command.overrides, *unknown]
+        if word.rstrip("'\"") in (RESUME, *(f"{key}=" for key in FOLDERS)):
+            raise ConfigError(f"{word} names no folder; write one behind it, or leave it out")
     resumed = [word.removeprefix(RESUME) for word in overrides if word.startswith(RESUME)]
     command.resume = Path(resumed[-1]).expanduser() if resumed else None
     command.overrides = [word for word in overrides if not word.startswith(RESUME)]
@@ -112,12 +118,22 @@ def _is_override(word: str) -> bool:
     return word.startswith(("+", "~")) or "=" in word
 
 
+def is_change(word: str) -> bool:
+    """Return whether a word changes a setting, and neither resumes nor sweeps."""
+    return _is_override(word) and not word.startswith(("-", RESUME, "hydra.mode="))
+
+
 def check_folder(option: str, folder: Path) -> None:
-    """Raise ConfigError if a folder of configurations is none, or one that ships hides a file in it."""
+    """Raise ConfigError for a folder of configurations that is none, or has a file that cannot be used.
+
+    That is a file that one that ships hides, or an option that is no mapping.
+    """
     if not folder.is_dir():
         raise ConfigError(f"{option} {folder} is no folder; give one with experiments of your own")
     for path in sorted(folder.rglob("*.yaml")):
-        shipped = conf_folder() / path.relative_to(folder)
+        group, shipped = path.relative_to(folder).parts[0], conf_folder() / path.relative_to(folder)
         # Hydra reads the first that it finds; a copy may stay
         if shipped.is_file() and read_shipped(shipped).encode() != read_bytes(path):
             raise ConfigError(f"{path} has the name of one that ships, which is read in its place; rename it")
+        if (conf_folder() / group).is_dir() and not plain_yaml.is_mapping(read_bytes(path.resolve())):
+            raise ConfigError(f"{path} is no mapping; write settings into it as key: value, or move it away")

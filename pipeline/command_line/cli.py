@@ -117,7 +117,7 @@ def run_command(command: CommandLine) -> int:
                 'eval "$(inspection-pipeline -sc install=bash)"'
             )
         return run_application([*command.hydra_options, *command.overrides], ())
-    read = read_overrides(command.overrides, command.folders, is_multirun=command.multirun)
+    read = read_overrides(command.overrides, command.folders, "" if command.multirun else "add -m to run all")
     if command.resume is not None:
         _check_runs(command, command.resume)
         return _resume(command, command.resume, read)

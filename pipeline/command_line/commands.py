@@ -5,11 +5,12 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, Final
 
 from pipeline.command_line import runs
-from pipeline.command_line.arguments import EXPERIMENT, RESUME, CommandParser, ConfigError, parse_arguments
+from pipeline.command_line.arguments import EXPERIMENT, CommandParser, ConfigError, is_change, parse_arguments
 from pipeline.command_line.config import compose_experiment
 from pipeline.command_line.overrides import read_overrides, words_of
 from pipeline.preflight import check_before
@@ -38,11 +39,11 @@ def parse_evaluation(parser: CommandParser, arguments: Sequence[str]) -> tuple[A
         For options, keys and values that cannot be used.
     """
     chosen, rest = parser.parse_known_args(list(arguments))
-    command = parse_arguments(rest)
-    for word in rest:
-        if word.startswith(("-", RESUME, "hydra.mode=")) and not word.startswith(("--config-dir", "-cd")):
+    for before, word in pairwise(["", *rest]):
+        if not is_change(word) and {before, word.partition("=")[0]}.isdisjoint({"--config-dir", "-cd"}):
             raise ConfigError(f"{parser.prog} takes no {word}; it is about one evaluation, by key=value")
-    overrides = read_overrides(command.overrides, command.folders, is_multirun=False)
+    command = parse_arguments(rest)
+    overrides = read_overrides(command.overrides, command.folders, "give one")
     words = words_of(overrides)
     if EXPERIMENT not in {override.key_or_group for override in overrides}:
         words.insert(0, f"+{EXPERIMENT}=evaluate")
@@ -101,9 +102,6 @@ def export_c(arguments: Sequence[str]) -> int:
     chosen, experiment = parse_evaluation(parser, arguments)
     within("--flights", chosen.flights, 1, 10000)
     folder: Path = chosen.output
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise ConfigError(f"{folder} is not empty; give a new folder: files of earlier exports would stay")
-
     from pipeline.controllers.source import load  # noqa: PLC0415 - compiled code, needed once the rest is right
     from pipeline.onboard import export, program  # noqa: PLC0415
     from pipeline.scenarios import evaluation_scenarios  # noqa: PLC0415
@@ -118,7 +116,7 @@ def export_c(arguments: Sequence[str]) -> int:
         raise ConfigError(str(error)) from error
     except OSError as error:
         raise ConfigError(
-            f"{folder} cannot be written ({error.strerror}); make room, or give another -o"
+            f"{folder} cannot be filled ({error.strerror}); give a new folder, or make room"
         ) from error
     source = exported.source
     sys.stdout.write(

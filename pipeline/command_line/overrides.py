@@ -4,12 +4,13 @@ import os
 import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import Any, cast
 
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import Glob, Override, OverrideType, Quote, QuotedString
 from hydra.errors import OverrideParseException
 
-from pipeline.command_line.arguments import EXPERIMENT, ConfigError, check_folder
+from pipeline.command_line.arguments import EXPERIMENT, FOLDERS, ConfigError, check_folder
 from pipeline.settings.keys import KNOWN, choices_of, did_you_mean, is_key
 from pipeline.settings.places import conf_folder
 
@@ -20,8 +21,8 @@ SUFFIXES = {
     "controller": {".json": "file", ".yaml": "file", ".yml": "file", ".onnx": "policy", ".csv": "open_loop"},
     "starts": {".csv": "file"},
 }
-#: keys that name a folder
-FOLDERS = ("hydra.run.dir", "hydra.sweep.dir")
+#: of a sweep, which checks all before any begins
+MOST_RUNS = 10_000
 HYDRA = "hydra"
 #: folders of the configuration that are not groups of options: Hydra's own, and requirements, read by name
 NOT_CHOSEN = (HYDRA, "requirements")
@@ -90,7 +91,7 @@ def rewrite_paths(overrides: Iterable[str]) -> list[str]:
     for text in overrides:
         key, _, value = text.partition("=")
         endings, override = SUFFIXES.get(key, {}), _in_grammar(text)
-        paths = _choices(override) if endings and override else [value]
+        paths = _choices(override) if endings and override and not override.is_range_sweep() else [value]
         readers = {endings.get(Path(path.lower()).suffix) for path in paths}
         if key in FOLDERS and value[:1] not in "'\"" and override is None:
             rewritten.append(f"{key}={quoted(os.path.expanduser(value))}")
@@ -111,8 +112,16 @@ def _in_grammar(text: str) -> Override | None:
         return None
 
 
-def read_overrides(words: Sequence[str], folders: Sequence[Path], *, is_multirun: bool) -> list[Override]:
+def read_overrides(words: Sequence[str], folders: Sequence[Path], cure: str) -> list[Override]:
     """Parse and check the overrides of a command line, with paths rewritten.
+
+    Parameters
+    ----------
+    words : sequence of str
+    folders : sequence of Path
+        Of configurations.
+    cure : str
+        What to do about several values of a key; "" where they are a sweep.
 
     Raises
     ------
@@ -132,7 +141,7 @@ def read_overrides(words: Sequence[str], folders: Sequence[Path], *, is_multirun
             if not (names := value.filter(list(known))):
                 raise ConfigError(f"{override.input_line} matches none; the choices are {', '.join(known)}")
             overrides[index : index + 1] = parse([f"{override.get_key_element()}={','.join(names)}"])
-    check_sweeps(overrides, is_multirun)
+    check_sweeps(overrides, cure)
     check_overrides(overrides, groups)
     varied = {override.key_or_group for override in overrides if override.is_sweep_override()}
     return parse(_of_each_run(override, varied) for override in overrides)
@@ -185,15 +194,24 @@ def _check_choice(override: Override, known: Sequence[str], plain: str) -> None:
             raise ConfigError(f"there is no {group}={choice}{choices_of(choice, known)}")
 
 
-def check_sweeps(overrides: Sequence[Override], is_multirun: bool) -> None:
-    """Raise ConfigError for several values in a single run, ranges without a step, and several folders."""
+def check_sweeps(overrides: Sequence[Override], cure: str) -> None:
+    """Raise ConfigError for several values in a single run, ranges without a step, and several folders.
+
+    Also for too many runs, whose values are not listed.
+    """
+    count = 1.0
     for override in filter(Override.is_sweep_override, overrides):
-        text = override.input_line
-        if not is_multirun:
+        text, value = override.input_line, cast(Any, override.value())
+        if cure:
             raise ConfigError(
-                f"{text} gives several values; add -m for a run of each, or write a list as key=[a,b] and a "
-                "text with a comma in quotes of its own"
+                f"{text} gives several values; {cure}, or write a list as key=[a,b] and a text with a comma "
+                "in quotes of its own"
             )
+        if override.is_discrete_sweep():
+            is_choice = hasattr(value, "list")
+            count *= len(value.list) if is_choice else (value.stop - value.start) / (value.step or 1)
+        if count > MOST_RUNS:
+            raise ConfigError(f"{text} makes {count:,.0f} runs; a sweep takes {MOST_RUNS:,}: give fewer")
         if not override.is_discrete_sweep() or not any(True for _ in override.sweep_iterator()):
             raise ConfigError(f"{text} is an interval, or empty; give values, as key=1,2 or key=range(1,3)")
         if top_of(override.key_or_group) == HYDRA:

@@ -99,6 +99,8 @@ class Sweep:
         options = [f"--config-dir={source.path}" for source in sources if source.provider == "command-line"]
         options += [word for word in _hydra_words(config) if word.startswith("hydra.searchpath=")]
         made, met = cls(folder, [], []), list[dict[str, Any]]()
+        if len(chosen) > 100:  # each takes a fifth of a second
+            sys.stderr.write(f"{len(chosen)} runs are checked before the first begins\n")
         for number, words in enumerate(chosen):
             try:
                 with errors_in_words():

@@ -144,7 +144,7 @@ def test_paths_and_folders_are_quoted_for_the_grammar() -> None:
         f"hydra.run.dir='{home}'",
     ]
     with pytest.raises(overrides.ConfigError, match=r"seed=interval\(1,2\) is an interval"):
-        overrides.check_sweeps(overrides.parse(["seed=interval(1,2)"]), is_multirun=True)
+        overrides.check_sweeps(overrides.parse(["seed=interval(1,2)"]), "")
 
 
 def test_two_runs_are_compared_by_their_folders(ran) -> None:
