@@ -207,12 +207,11 @@ def check_sweeps(overrides: Sequence[Override], cure: str) -> None:
                 f"{text} gives several values; {cure}, or write a list as key=[a,b] and a text with a comma "
                 "in quotes of its own"
             )
-        if override.is_discrete_sweep():
-            is_choice = hasattr(value, "list")
-            count *= len(value.list) if is_choice else (value.stop - value.start) / (value.step or 1)
+        length = override.is_range_sweep() and (value.stop - value.start) / (value.step or 1)
+        count *= len(value.list) if override.is_choice_sweep() else length
         if count > MOST_RUNS:
             raise ConfigError(f"{text} makes {count:,.0f} runs; a sweep takes {MOST_RUNS:,}: give fewer")
-        if not override.is_discrete_sweep() or not any(True for _ in override.sweep_iterator()):
+        if count <= 0:
             raise ConfigError(f"{text} is an interval, or empty; give values, as key=1,2 or key=range(1,3)")
         if top_of(override.key_or_group) == HYDRA:
             raise ConfigError(f"{text} gives several values, and a sweep takes one; start a sweep for each")
