@@ -74,7 +74,7 @@ def functions(words: Sequence[str]) -> set[str]:
 
 def proved(folder: Path) -> tuple[int, float]:
     """Return EVA's number of alarms, and the percentage of statements that it reached."""
-    script = ["/bin/sh", folder / "evidence" / "prove.sh"]
+    script: list[str | Path] = ["/bin/sh", folder / "evidence" / "prove.sh"]
     done = subprocess.run(script, capture_output=True, text=True, check=False)  # noqa: S603
     alarms = re.search(r"(\d+) alarms? generated", done.stdout)
     reached = re.search(r"(\d+) statements reached \(out of (\d+)\)", done.stdout)
