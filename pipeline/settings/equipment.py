@@ -63,7 +63,8 @@ class FilteredNavigation(Navigation, mode="fixes"):
     """Standard deviations beyond which a fix is not believed; null: all are."""
     process_noise_m_s2: types.NotNegative | None = None
     """Standard deviation of accelerations unknown to the filter; null: 0.06 of the bound on those that
-    Clohessy and Wiltshire's equations neglect, 0.085 with ideal thrusters or a tank."""
+    Clohessy and Wiltshire's equations neglect, and more with the distance from the chief if thrusters are
+    ideal or have a tank."""
     execution_error: Annotated[types.NotNegative, Field(le=1)] = 0.0
     """Standard deviation, a share, of further errors of forces that the filter allows for."""
     initial_position_m: Annotated[types.Positive, Field(le=1e4)] = 1.0

@@ -62,6 +62,7 @@ def filter_of(mission: Mission) -> Filter:
         np.diag(np.square(start)),
         unit * (unknown.std_m_s2 * mission.deputy.mass_kg) ** 2,
         unknown.nearest_m,
+        unknown.farthest_m,
         np.array(unknown.growth),
         unit * (navigation.execution_error**2 + tilt),
         round(actuators.delay_s / period) if isinstance(actuators, RealActuators) else 0,

@@ -47,7 +47,7 @@ def reference_of(mission: Mission, controller: Controller, scenario: Scenario) -
         drawn = errors_of(mission, [scenario])
         errors |= {name: values[0] for name, values in drawn._asdict().items()}
         unknown = process_noise(mission)
-        errors["process"] = (unknown.std_m_s2, unknown.nearest_m, unknown.growth)
+        errors["process"] = (unknown.std_m_s2, unknown.nearest_m, unknown.farthest_m, unknown.growth)
     if mission.actuators.kind == "real":
         table, thrust = thrusters_of(mission).table, thrust_errors(mission, [scenario])
         errors |= {"table": table, "matrices": thrust.matrices[0], "arm": thrust.arms[0]}

@@ -32,8 +32,9 @@ class DrawnErrors:
     more_drag : (K,)
         Beyond its constant, m/s^2.
     process : tuple
-        What the filter allows for as white noise: its standard deviation, m/s^2, up to a distance, m, and
-        the coefficients of 1, x and x^2 by which it grows at x times that distance.
+        What the filter allows for as white noise: its standard deviation, m/s^2, the distance below which
+        it is the same, m, the greatest distance, m, and coefficients of 1, x and x^2 by which it is
+        multiplied at x times the latter.
     margins : tuple of five float, optional
         What the safety layer keeps for errors: the radii between which it plans, m, the greatest force that
         it plans along an axis, the greatest of a stop and that of a step back, N.
@@ -47,7 +48,7 @@ class DrawnErrors:
     arm: Floats = field(default_factory=lambda: np.zeros(3))
     table: Floats = field(default_factory=lambda: _none(6))
     more_drag: Floats = field(default_factory=_none)
-    process: tuple[float, float, tuple[float, float, float]] = (0.0, 1.0, (0.0, 0.0, 1.0))
+    process: tuple[float, float, float, tuple[float, float, float]] = (0.0, 1.0, 1.0, (0.0, 0.0, 1.0))
     margins: tuple[float, float, float, float, float] | None = None
 
     def thrust(self, k: int) -> Floats:

@@ -131,9 +131,9 @@ def predicted(
     force = belief.has_fired[period] * belief.acting[period]
     phi, gamma = transition(mission.orbit.mean_motion_rad_s, mission.control_period_s, mission.deputy.mass_kg)
     tilt = np.radians(law.attitude_noise_deg)
-    std, nearest, growth = flight.errors.process
-    farther = max(1.0, float(np.linalg.norm(belief.state[:3])) / nearest)
-    unknown = (mission.deputy.mass_kg * std * float(np.polyval(growth[::-1], farther))) ** 2
+    std, nearest, farthest, growth = flight.errors.process
+    share = max(nearest, float(np.linalg.norm(belief.state[:3]))) / farthest
+    unknown = (mission.deputy.mass_kg * std * float(np.polyval(growth[::-1], share))) ** 2
     unknown += (law.execution_error**2 + tilt**2) * (force @ force)
     noise, both = np.zeros((24, 24)), np.eye(24)
     noise[:6, :6] = unknown * gamma @ gamma.T

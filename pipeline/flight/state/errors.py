@@ -38,7 +38,8 @@ class Filter(NamedTuple):
     at_start: Floats  # (6, 6) covariance of the first estimate
     process: Floats  # (6, 6) added to the covariance in each control period
     nearest: float  # distance from the chief from which on the former grows, m
-    growth: Floats  # (3,) of its root, by powers of the distance over the nearest
+    farthest: float  # the greatest distance allowed, m
+    growth: Floats  # (3,) of its root, by powers of the distance over the greatest
     process_per_force: Floats  # (6, 6) added as well for each square newton commanded
     command_delay: int  # control periods from a command to its force
     constants: Integers  # (E,) constant errors that are considered, as numbers up to `MOST_CONSTANT`

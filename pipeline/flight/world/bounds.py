@@ -56,18 +56,21 @@ class ProcessNoise:
         To be multiplied by a polynomial of the distance.
     nearest_m : float
         Distances below it count as this one.
+    farthest_m : float
+        The greatest distance allowed.
     growth : tuple of three float
-        The polynomial's coefficients, of 1, x and x^2, with x the distance over the nearest.
+        The polynomial's coefficients, of 1, x and x^2, with x the distance over the greatest.
     """
 
     std_m_s2: float
     nearest_m: float
+    farthest_m: float
     growth: tuple[float, float, float] = (0.0, 0.0, 1.0)
 
     def at(self, distance_m: float) -> float:
         """Return it at a distance, m/s^2."""
-        farther = max(1.0, distance_m / self.nearest_m)
-        return self.std_m_s2 * sum(part * farther**power for power, part in enumerate(self.growth))
+        share = max(self.nearest_m, distance_m) / self.farthest_m
+        return self.std_m_s2 * sum(part * share**power for power, part in enumerate(self.growth))
 
 
 @dataclass(frozen=True)
@@ -302,16 +305,13 @@ def process_noise(mission: Mission) -> ProcessNoise:
     given, farthest = mission.filtered.process_noise_m_s2, mission.deputy.max_distance_m
     actuators, n = mission.actuators, mission.orbit.mean_motion_rad_s
     if given is not None:
-        return ProcessNoise(given, farthest)
+        return ProcessNoise(given, farthest, farthest)
     unknown, dynamics = unknown_acceleration(mission), mission.dynamics
     is_alone = not isinstance(actuators, RealActuators) or actuators.specific_impulse_s is not None
     if not is_alone or not isinstance(dynamics, TwoBody):
-        return ProcessNoise(SHARE_OF_UNKNOWN * unknown, farthest)
-    nearest = mission.deputy.min_distance_m
-    share = nearest / farthest
+        return ProcessNoise(SHARE_OF_UNKNOWN * unknown, farthest, farthest)
     second = 6.0 * (n * farthest) ** 2 / mission.orbit.elements.semi_major_axis_m
-    growth = (1.0, MORE_ALONE * share, second / unknown * share**2)
-    return ProcessNoise(SHARE_OF_UNKNOWN * unknown, nearest, growth)
+    return ProcessNoise(SHARE_OF_UNKNOWN * unknown, 0.0, farthest, (1.0, MORE_ALONE, second / unknown))
 
 
 def estimate_errors(mission: Mission) -> EstimateErrors:

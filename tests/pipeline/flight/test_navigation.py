@@ -12,7 +12,8 @@ from scipy.optimize import nnls
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2, kstest, norm, truncnorm, uniform
 
-from pipeline.command_line.config import compose_experiment
+from pipeline.command_line.config import compose_experiment, conf_folder
+from pipeline.command_line.overrides import options
 from pipeline.flight.cases.actuators import thrust_errors
 from pipeline.flight.cases.dispersions import groups_of, mission_of_case
 from pipeline.flight.cases.navigation import errors_of
@@ -20,6 +21,7 @@ from pipeline.flight.cases.processes import drag_in_time, in_time
 from pipeline.flight.control.controller import coast, open_loop
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.state.log import FlightLog, Scenario
+from pipeline.flight.world.bounds import process_noise
 from pipeline.flight.world.layout import layout_of
 from pipeline.settings.experiment import Mission, SettingError
 from tests.pipeline.flight.cases import STARTS, STEERING, mission
@@ -85,6 +87,19 @@ def test_estimates_are_as_good_as_the_filter_says(navigation, actuators, most_m)
             assert low < total < high, (sample, size)
     if most_m is not None:
         assert np.sqrt(np.mean([np.diag(log.estimate_covariance[-1])[:3] for log in logs])) < most_m
+
+
+@pytest.mark.parametrize("dynamics", options([conf_folder()])["dynamics"])
+@pytest.mark.parametrize("problem", options([conf_folder()])["problem"])
+def test_covariances_are_numbers_in_each_problem(problem: str, dynamics: str) -> None:
+    """Also where the least distance is zero, and the deputy passes through it."""
+    words = ["+experiment=fly", f"problem={problem}", "controller=coast", "navigation=fixes"]
+    what = compose_experiment([*words, f"dynamics={dynamics}", "duration_s=600"]).experiment.mission
+    noise = process_noise(what)
+    assert np.isfinite([noise.at(0.0), noise.at(what.deputy.max_distance_m)]).all()
+    log = fly_logged(what, coast(), replace(STARTS[0], velocity_m_s=-STARTS[0].position_m / 300.0))
+    assert np.isfinite(log.estimate_covariance).all()
+    assert (np.linalg.eigvalsh(log.estimate_covariance) > 0.0).all()
 
 
 def test_errors_are_drawn_as_the_settings_say() -> None:

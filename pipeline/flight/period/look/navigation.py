@@ -119,8 +119,9 @@ def propagate_covariance(now: Moment, law: Filter, covariance: Floats, period: i
     count = 6 + len(law.constants)
     square = dot(force, force)
     position = load_three(state.estimate.filtered, 0)
-    farther = most(dot(position, position) / (law.nearest * law.nearest), 1.0)
-    growth = law.growth[0] + law.growth[1] * np.sqrt(farther) + law.growth[2] * farther
+    share = law.nearest / law.farthest
+    square_share = most(dot(position, position) / (law.farthest * law.farthest), share * share)
+    growth = law.growth[0] + law.growth[1] * np.sqrt(square_share) + law.growth[2] * square_share
     growth = growth * growth
     for row in range(6):
         for column in range(count):
