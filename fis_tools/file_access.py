@@ -164,13 +164,16 @@ def replacing(path: Path, mode: int | None = None) -> Iterator[BinaryIO]:
 def filling(folder: Path) -> Iterator[Path]:
     """Yield a folder whose content moves into another, new or empty one, once the block is over.
 
-    If the block fails, nothing is left of what it wrote, nor of folders that were made for it.
+    If the block fails, nothing is left of what it wrote, nor of folders that were made for it. What a killed
+    program left there is removed.
 
     Raises
     ------
     OSError
         If the folder holds something, or cannot be made or filled.
     """
+    for leftover in folder.glob(f".????????{UNFINISHED}/") if folder.is_dir() else ():
+        shutil.rmtree(leftover)
     if folder.exists() and any(folder.iterdir()):
         raise RefusedFileError(errno.ENOTEMPTY, "it is not empty", str(folder))
     made = [each for each in (folder, *folder.parents) if not each.exists()]

@@ -100,7 +100,7 @@ def parse_arguments(arguments: Sequence[str]) -> CommandLine:
         if word.startswith("-"):
             known = [*parser._option_string_actions, *KNOWN]
             raise ConfigError(f"there is no option {word}{did_you_mean(word, known)}")
-        if word.rstrip("'\"") in (RESUME, *(f"{key}=" for key in FOLDERS)):
+        if word.lstrip("+").rstrip("'\" ") in (RESUME, *(f"{key}=" for key in FOLDERS)):
             raise ConfigError(f"{word} names no folder; write one behind it, or leave it out")
     resumed = [word.removeprefix(RESUME) for word in overrides if word.startswith(RESUME)]
     command.resume = Path(resumed[-1]).expanduser() if resumed else None
@@ -130,7 +130,7 @@ def check_folder(option: str, folder: Path) -> None:
     """
     if not folder.is_dir():
         raise ConfigError(f"{option} {folder} is no folder; give one with experiments of your own")
-    for path in sorted(folder.rglob("*.yaml")):
+    for path in sorted(filter(Path.is_file, folder.rglob("*.yaml"))):
         group, shipped = path.relative_to(folder).parts[0], conf_folder() / path.relative_to(folder)
         # Hydra reads the first that it finds; a copy may stay
         if shipped.is_file() and read_shipped(shipped).encode() != read_bytes(path):

@@ -189,6 +189,8 @@ def _check_choice(override: Override, known: Sequence[str], plain: str) -> None:
         raise ConfigError(f"{group} has no choice yet; write +{plain}")
     if is_chosen and override.type == OverrideType.ADD:
         raise ConfigError(f"{group} is chosen already; write {plain} without the +")
+    if isinstance(override.value(), list):
+        raise ConfigError(f"{plain} gives a list; give one of {group}, or with -m several as {group}=a,b")
     for choice in _choices(override):
         if choice not in known and override.type != OverrideType.DEL:
             raise ConfigError(f"there is no {group}={choice}{choices_of(choice, known)}")
@@ -204,14 +206,14 @@ def check_sweeps(overrides: Sequence[Override], cure: str) -> None:
         text, value = override.input_line, cast(Any, override.value())
         if cure:
             raise ConfigError(
-                f"{text} gives several values; {cure}, or write a list as key=[a,b] and a text with a comma "
-                "in quotes of its own"
+                f"{text} gives several values; {cure}, or write a key's list as key=[a,b] and a text with a "
+                "comma in quotes of its own"
             )
-        length = override.is_range_sweep() and (value.stop - value.start) / (value.step or 1)
+        length = override.is_range_sweep() and value.step and (value.stop - value.start) / value.step
         count *= len(value.list) if override.is_choice_sweep() else length
         if count > MOST_RUNS:
-            raise ConfigError(f"{text} makes {count:,.0f} runs; a sweep takes {MOST_RUNS:,}: give fewer")
-        if count <= 0:
+            raise ConfigError(f"with {text} these are {count:,.0f} runs; give at most {MOST_RUNS:,}")
+        if not count > 0:  # as if a number of a range is none
             raise ConfigError(f"{text} is an interval, or empty; give values, as key=1,2 or key=range(1,3)")
         if top_of(override.key_or_group) == HYDRA:
             raise ConfigError(f"{text} gives several values, and a sweep takes one; start a sweep for each")

@@ -122,3 +122,14 @@ def test_links_where_a_flight_is_rescued_or_exported_are_not_followed(tmp_path, 
 def test_a_name_that_no_file_can_have_is_refused_as_one_that_is_not_there(ending):
     with pytest.raises(ControllerFileError, match=r"no such file|cannot be read"):
         read_controller("a" * 5000 + ending)
+
+
+def test_a_folder_is_filled_whole_or_not_at_all(tmp_path) -> None:
+    """What a killed program left there is no obstacle; any other file is."""
+    (tmp_path / f".01234567{file_access.UNFINISHED}" / "evidence").mkdir(parents=True)
+    with file_access.filling(tmp_path) as unfinished:
+        (unfinished / "a.c").write_text("")
+        assert list(tmp_path.glob("*.c")) == []
+    assert [path.name for path in tmp_path.iterdir()] == ["a.c"]
+    with pytest.raises(OSError, match="it is not empty"), file_access.filling(tmp_path):
+        pass

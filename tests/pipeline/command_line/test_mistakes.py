@@ -61,15 +61,20 @@ MISTAKES = [
     ([*FLY, "-m", "sun=interval(1,2)"], "sun=interval(1,2) is an interval, or empty"),
     (
         [*FLY, "-m", "seed=range(0,1000000000)"],
-        "seed=range(0,1000000000) makes 1,000,000,000 runs; a sweep takes 10,000",
+        "with seed=range(0,1000000000) these are 1,000,000,000 runs; give at most",
     ),
-    ([*FLY, "-m", "seed=shuffle(range(0,1000000000))"], "makes 1,000,000,000 runs; a sweep takes 10,000"),
-    ([*FLY[:1], "-m", "controller=range(0,1000000000)"], "makes 1,000,000,000 runs; a sweep takes 10,000"),
-    ([*FLY, "-m", "seed=range(0,5000)", "sun=fixed,random,mixed"], "makes 15,000 runs; a sweep takes 10,000"),
+    ([*FLY, "-m", "seed=shuffle(range(0,1000000000))"], "these are 1,000,000,000 runs; give at most"),
+    ([*FLY[:1], "-m", "controller=range(0,1000000000)"], "these are 1,000,000,000 runs; give at most"),
+    ([*FLY, "-m", "seed=range(0,5000)", "sun=fixed,random,mixed"], "these are 15,000 runs; give at most"),
+    ([*FLY, "-m", "seed=range(nan,5)"], "seed=range(nan,5) is an interval, or empty"),
+    ([*FLY, "-m", "seed=range(1,3,0)"], "seed=range(1,3,0) is an interval, or empty"),
+    ([*FLY[:1], "controller=[coast,lqr]"], "controller=[coast,lqr] gives a list; give one of controller"),
     ([*FLY, "-m", "seed=range(3,1)"], "seed=range(3,1) is an interval, or empty; give values, as key=1,2"),
     ([*FLY, "hydra.job.chdir=maybe"], "hydra.job.chdir=maybe: Value 'maybe'"),
     ([*FLY, "hydra.run.dir="], "hydra.run.dir= names no folder; write one behind it, or leave it out"),
     ([*FLY, "-m", "seed=1,2", "hydra.sweep.dir=''"], "hydra.sweep.dir='' names no folder"),
+    ([*FLY, "++hydra.run.dir="], "hydra.run.dir= names no folder"),
+    ([*FLY, 'hydra.run.dir=" "'], "names no folder"),
     (["resume="], "resume= names no folder"),
     ([*FLY, "--cfg", "jo"], "invalid choice: 'jo'"),
     ([*FLY, "--config-dir"], "expected one argument"),
@@ -193,6 +198,15 @@ def test_mistakes_in_files_of_the_users(content, message, tmp_path, monkeypatch,
         words = ["+experiment=own", "controller=coast", "--config-dir", "mine"]
     assert message in ran(*words, code=2).err
     assert not (tmp_path / "outputs").exists()
+
+
+def test_what_is_no_file_among_configurations_is_passed_over(tmp_path, ran):
+    """Editors leave links to nowhere beside a file that is not saved yet."""
+    world = tmp_path / "world"
+    (world / "folder.yaml").mkdir(parents=True)
+    (world / ".#own.yaml").symlink_to("nobody@nowhere.1")
+    (world / "own.yaml").write_text("# @package _global_\nduration_s: 600\n")
+    assert "duration_s: 600" in ran(*FLY, f"--config-dir={tmp_path}", "world=own", "--cfg", "job").out
 
 
 @pytest.mark.parametrize("command", COMMANDS)
