@@ -26,8 +26,8 @@ SQRT_3 = sqrt(3.0)
 #: what the neglected acceleration amounts to as white noise, as a share of its bound: with it, errors are
 #: as large as the filter says (python -m benchmarks consistency)
 SHARE_OF_UNKNOWN = 0.06
-#: as many times more of it at the greatest distance, where no errors of thrusters widen what the filter
-#: allows for: ideal ones, or an empty tank
+#: by how many times that share the noise has grown at the greatest distance, where no errors of thrusters
+#: widen what the filter allows for: if they are ideal, or have a tank, which may be empty
 MORE_ALONE = 1.4
 #: kept besides, beyond the accumulated rounding of a flight
 ROUNDING_M = 0.001
