@@ -239,12 +239,18 @@ def _evaluation_row(evaluation: Evaluation) -> list[str]:
     spent, rate = (summary[name] for name in ("delta_v_m_s", "inspection_rate_percent"))
     return [
         f"all {count} of the evaluation{'' if evaluation.is_own else ' of another controller'}",
-        f"{spent['mean']:.3f} ± {spent['standard_deviation']:.3f}",
-        f"{rate['mean']:.2f} ± {rate['standard_deviation']:.2f}",
+        _spread(spent, 3),
+        _spread(rate, 2),
         _share(summary.get(SUCCESS), count),
         UNKNOWN,
         *(_share(summary.get(name), count) for name in ("violated", "safety_acted")),
     ]
+
+
+def _spread(statistic: Mapping[str, float | None], decimals: int) -> str:
+    """Return a mean with its standard deviation, which one flight does not have."""
+    mean, deviation = statistic["mean"], statistic["standard_deviation"]
+    return f"{mean:.{decimals}f}" if deviation is None else f"{mean:.{decimals}f} ± {deviation:.{decimals}f}"
 
 
 def _share(statistic: Mapping[str, float] | None, count: int) -> str:

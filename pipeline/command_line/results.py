@@ -6,7 +6,7 @@ from pathlib import Path
 
 from fis_tools.document import Document, text
 from pipeline.command_line.arguments import CommandParser
-from pipeline.evaluation import statistics
+from pipeline.evaluation import paired_runs, statistics
 from pipeline.report import sweep, sweep_page, verification
 from pipeline.report.contents import read_summary
 from pipeline.run import artifacts, configuration, tables, writing
@@ -78,15 +78,14 @@ def compare(given: Sequence[str]) -> int:
     configs = [present(configuration.read(folder)) for folder in (first, second)]
     confidence = float(read_summary(first).get("confidence_percent", sweep.CONFIDENCE_PERCENT))
     here, there = (tables.read_parquet(folder, artifacts.EPISODES) for folder in (first, second))
-    compared = statistics.compare(here, there, confidence)
+    compared = paired_runs.compare(here, there, confidence)
     ahead = []
-    for episodes, rows in zip((here, there), statistics.common_cases(here, there), strict=True):
+    for episodes, rows in zip((here, there), paired_runs.common_cases(here, there), strict=True):
         delta_v = episodes["delta_v_m_s"]
         planned = episodes.get("ahead_delta_v_m_s", 0.0 * delta_v)
         ahead.append(statistics.percent_ahead(delta_v[rows], planned[rows]))
     table = sweep_page.compared_table((first.name, second.name), compared, ahead, confidence)
     sys.stdout.write(text.write(Document(table)))
-    sys.stdout.write("p: Wilcoxon's signed ranks; for shares of flights McNemar's exact test\n")
     different = differences(configs[0], configs[1], but=(), words=("A", "B"))
     sys.stdout.writelines(f"they differ in {key}\n" for key in different)
     return OK

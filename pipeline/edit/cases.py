@@ -15,7 +15,8 @@ from pipeline.evaluation.assurance.quantities import TrackFacts
 from pipeline.evaluation.assurance.requirements import CASES, Requirement, verified_by_method
 from pipeline.evaluation.assurance.verdicts import Evidence, judge, verdict
 from pipeline.evaluation.monte_carlo import episode_columns, fly_tracked
-from pipeline.evaluation.statistics import Column, Compared, compare, succeeds
+from pipeline.evaluation.paired_runs import Compared, compare
+from pipeline.evaluation.statistics import Column, succeeds
 from pipeline.flight.control.controller import RuleController, from_fuzzy
 from pipeline.flight.control.law import law_of
 from pipeline.flight.fly.outlooks import rules_alone
@@ -128,7 +129,7 @@ class EditorCases:
         return Flown(episode_columns(self.mission, scenarios, outcomes) | {"case": cases}, evaluated)
 
     def compare(self, before: Flown, after: Flown) -> list[Compared]:
-        """Compare two controllers on their common cases, see `pipeline.evaluation.statistics.compare`."""
+        """Compare two controllers on their common cases, see `pipeline.evaluation.paired_runs.compare`."""
         return compare(before.episodes, after.episodes, self._settings.confidence_percent)
 
     def log(self, fuzzy: FuzzyController, case: int) -> FlightLog:

@@ -14,7 +14,7 @@ from pipeline.edit.cases import EditorCases, Flown, most_changed
 from pipeline.edit.one_flight import OneFlight
 from pipeline.evaluation.assurance.requirements import Requirement
 from pipeline.evaluation.assurance.verdicts import percent
-from pipeline.evaluation.statistics import Compared
+from pipeline.evaluation.paired_runs import Compared
 from pipeline.flight.fly.replanning import foresees
 
 #: bins of the histogram at most, and from one label to the next; flights that are shown
@@ -116,7 +116,7 @@ def _numbers(compared: Sequence[Compared]) -> Table:
         is_better = (difference.mean < 0.0) == row.metric.is_less_better
         kind = "better" if is_better else "worse"
         unit = "percentage points" if row.metric.unit == "%" else row.metric.unit
-        mark = Mark(f"{difference.in_words(decimals)} {unit}", kind if difference.excludes_zero else "")
+        mark = Mark(f"{difference.in_words(decimals)} {unit}", kind if row.is_shown else "")
         means = [f"{mean:.{decimals}f} {row.metric.unit}" for mean in row.means]
         rows.append([row.metric.label, *means, mark if row.better + row.worse else "none"])
     heads = [f"{compared[0].difference.count:,} flights", OPENED, NOW, "difference (interval)"]

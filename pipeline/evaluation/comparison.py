@@ -9,7 +9,9 @@ from numpy.typing import NDArray
 
 from fis_tools.document import Block, Document, Heading, Paragraph, Table, text
 from pipeline.evaluation import statistics
+from pipeline.evaluation.beside_optimum import times_in_words
 from pipeline.evaluation.monte_carlo import SUCCESS, summarise
+from pipeline.evaluation.paired import shown
 from pipeline.evaluation.statistics import Fraction, Statistic
 from pipeline.flight.state.log import points_needed
 from pipeline.flight.world.pack import inspection_points
@@ -18,6 +20,8 @@ from pipeline.settings.experiment import Experiment
 
 Column = NDArray[Any]
 
+#: of verdicts, where a run does not say
+CONFIDENCE_PERCENT = 95.0
 #: whose results stand beside ours: summaries of its training and test
 PAPER_NAME = "Choi, Kim and Leeghim, AAS 25-727"
 
@@ -43,9 +47,18 @@ PAPER_TEST = _reported("test", 1000, (5.62, 96.667, 66.629), (0.715, 3.919, 1.03
 
 FLOWN, PUBLISHED, PLANNED = "flown", "published", "plans of least fuel"
 
+#: parts of a mean ratio
+ENDS = ("mean", "low", "high")
 #: columns of ``compare/table.csv``: of a row itself, of its times the optimum, of parts of its summary
 ROW_FIELDS = ("controller", "source", "world", "sun", "safety", "num_cases", "rules")
-TIMES = ("times_optimum_mean", "times_optimum_as_seen_mean", "solved_cases")
+TIMES = (
+    *(
+        f"{name}_{part}"
+        for name in ("times_optimum", "times_optimum_as_seen", "times_bound")
+        for part in ENDS
+    ),
+    "solved_cases",
+)
 MEANS = (
     "delta_v_m_s",
     "inspection_rate_percent",
@@ -80,7 +93,7 @@ class ComparisonRow:
     summary : mapping
         Of `pipeline.evaluation.monte_carlo.summarise`, or the known part of it.
     times : mapping, optional
-        Of `pipeline.optimum.solved.summarise_times`.
+        Of `pipeline.evaluation.beside_optimum.summarise_times`.
     world : str
         Its name in ``compare.worlds``; empty for the experiment's own.
     """
@@ -132,8 +145,10 @@ def as_cells(row: ComparisonRow) -> list[Any]:
     """Return the cells of a row of ``compare/table.csv``; empty where unknown."""
     cells = {name: getattr(row, name) for name in ROW_FIELDS}
     if row.times:
-        means = (row.times[name]["mean"] for name in ("times_optimum", "times_optimum_as_seen"))
-        cells |= dict(zip(TIMES, (*means, row.times["num_cases"]), strict=True))
+        for name in ("times_optimum", "times_optimum_as_seen", "times_bound"):
+            # those of earlier versions have no intervals, nor bounds
+            cells |= {f"{name}_{part}": (row.times.get(name) or {}).get(part) for part in ENDS}
+        cells["solved_cases"] = row.times["num_cases"]
     for name in (*MEANS, *SHARES):
         cells |= {f"{name}_{part}": value for part, value in row.summary.get(name, {}).items()}
     return ["" if cells.get(name) is None else cells[name] for name in HEADER]
@@ -154,7 +169,16 @@ def concatenate(parts: Sequence[tuple[ComparisonRow, Mapping[str, Column]]]) -> 
 
 #: of the table in words; all columns but the first are of numbers
 HEADINGS = (
-    *("controller", "rules", "delta-v (m/s)", "rate (%)", "successful (%)", "outside (%)", "times optimum"),
+    *(
+        "controller",
+        "rules",
+        "delta-v (m/s)",
+        "rate (%)",
+        "successful (%)",
+        "outside (%)",
+        "times the best plans",
+        "times the bound",
+    ),
     *("layer: outside (%)", "layer: delta-v (m/s)", "layer: acted in (%)"),
 )
 
@@ -172,14 +196,15 @@ def cells_in_words(row: ComparisonRow, guarded: ComparisonRow | None) -> list[st
         rate(row),
         share(row, SUCCESS),
         share(row, "violated"),
-        f"{row.times['times_optimum']['mean']:.1f}" if row.times else "",
+        *(times_in_words((row.times or {}).get(name), 1) for name in ("times_optimum", "times_bound")),
         *layer,
     ]
 
 
-def spread(measure: Mapping[str, float], decimals: int) -> str:
-    """Return a mean with its standard deviation, of a part of a summary."""
-    return f"{measure['mean']:.{decimals}f} ± {measure['standard_deviation']:.{decimals}f}"
+def spread(measure: Mapping[str, float | None], decimals: int) -> str:
+    """Return a mean with its standard deviation, of a part of a summary; of one flight, the mean alone."""
+    mean, deviation = measure["mean"], measure["standard_deviation"]
+    return f"{mean:.{decimals}f}" if deviation is None else f"{mean:.{decimals}f} ± {deviation:.{decimals}f}"
 
 
 def fuel_in_words(summary: Mapping[str, Any]) -> str:
@@ -259,8 +284,10 @@ def describe_columns(experiment: Experiment) -> list[str]:
     return [
         f"{flown}successful: at least {experiment.mission.inspection_threshold_percent:g} % of the points, "
         f"inside the limits; outside: {deputy.min_distance_m:g} to {deputy.max_distance_m:g} m left.",
-        f"*published ({PAPER_NAME}), its Sun and its distance limits not stated; the optimum "
-        "knows the whole flight beforehand, and is of other cases.",
+        f"*published ({PAPER_NAME}), with the same distance limits; its Sun is not stated. The best plans "
+        "found know the whole flight beforehand, and are of other cases; the bound is what every plan burns "
+        f"at least. Both ratios are means over these cases with {cases.confidence_percent:g} % bootstrap "
+        "intervals.",
     ]
 
 
@@ -296,17 +323,47 @@ def matrices(rows: Sequence[ComparisonRow]) -> list[tuple[str, str, list[list[st
     return tables
 
 
-def is_worse(row: ComparisonRow, first: ComparisonRow) -> bool:
-    """Return whether a controller fails: the intervals of success or of leaving the limits do not overlap."""
-    now, then = row.summary, first.summary
-    return bool(
-        now[SUCCESS]["high"] < then[SUCCESS]["low"] or now["violated"]["low"] > then["violated"]["high"]
+def worse_p_values(row: ComparisonRow, first: ComparisonRow) -> list[float]:
+    """Return the p-values of not succeeding less often than in another world, and of not leaving more often.
+
+    By Fisher's exact test of two shares, one-sided (J. R. Stat. Soc. 98, 1935).
+    """
+    from scipy.stats import hypergeom  # noqa: PLC0415 - slower to import than a thousand flights
+
+    total = row.num_cases + first.num_cases
+    (won, left), (won_first, left_first) = (
+        [int(of.summary[name]["count"]) for name in (SUCCESS, "violated")] for of in (row, first)
     )
+    fewer = hypergeom.cdf(won, total, won + won_first, row.num_cases)
+    more = hypergeom.sf(left - 1, total, left + left_first, row.num_cases)
+    return [float(fewer), float(more)]
 
 
-def verdicts(rows: Sequence[ComparisonRow]) -> list[str]:
+def broken_worlds(
+    rows: Sequence[ComparisonRow], confidence_percent: float = CONFIDENCE_PERCENT
+) -> set[tuple[str, str, str, str]]:
+    """Return the Suns, layers, controllers and worlds in which they are shown to do worse than in the first.
+
+    However many are compared, none of them is due to chance alone, with the confidence (Holm's method).
+    """
+    of_controllers: dict[tuple[str, str, str], list[ComparisonRow]] = {}
+    for row in (row for row in rows if row.source == FLOWN):
+        of_controllers.setdefault((row.sun, row.safety, row.controller), []).append(row)
+    pairs = [(row, group[0]) for group in of_controllers.values() for row in group[1:]]
+    p_values = [p_value for pair in pairs for p_value in worse_p_values(*pair)]
+    is_shown = iter(shown(p_values, confidence_percent))
+    are_broken = [any(both) for both in zip(is_shown, is_shown, strict=True)]
+    return {place_of(row) for (row, _), is_broken in zip(pairs, are_broken, strict=True) if is_broken}
+
+
+def place_of(row: ComparisonRow) -> tuple[str, str, str, str]:
+    """Return the Sun, layer, controller and world of a row."""
+    return row.sun, row.safety, row.controller, row.world
+
+
+def verdicts(rows: Sequence[ComparisonRow], confidence_percent: float = CONFIDENCE_PERCENT) -> list[str]:
     """Return for each controller, Sun and layer a line on where it fails, and the cost of the last world."""
-    lines = []
+    lines, are_broken = [], broken_worlds(rows, confidence_percent)
     flown = [row for row in rows if row.source == FLOWN]
     for sun, layer, controller in dict.fromkeys((row.sun, row.safety, row.controller) for row in flown):
         first, *others = [
@@ -314,7 +371,7 @@ def verdicts(rows: Sequence[ComparisonRow]) -> list[str]:
         ]
         if not others:
             continue
-        broken = [f'"{row.world}"' for row in others if is_worse(row, first)]
+        broken = [f'"{row.world}"' for row in others if place_of(row) in are_broken]
         spent, least = (row.summary["delta_v_m_s"]["mean"] for row in (others[-1], first))
         cost = f'; "{others[-1].world}": {100 * (spent / least - 1):+.0f} % delta-v' if least > 0.0 else ""
         none = f"no break shown by {first.num_cases:,} cases"
@@ -323,11 +380,11 @@ def verdicts(rows: Sequence[ComparisonRow]) -> list[str]:
     return lines
 
 
-def format_worlds(rows: Sequence[ComparisonRow]) -> str:
+def format_worlds(rows: Sequence[ComparisonRow], confidence_percent: float = CONFIDENCE_PERCENT) -> str:
     """Return the tables as plain text, and which controllers hold."""
     parts = []
     for sun, layer, lines in matrices(rows):
         heads, *rows_told = lines
         title = Paragraph(f"Sun {sun}, safety layer {layer}: {LEGEND}:")
         parts.append(text.write(Document([title, Table(heads, rows_told)])))
-    return "\n".join([*parts, *verdicts(rows)])
+    return "\n".join([*parts, *verdicts(rows, confidence_percent)])

@@ -11,8 +11,8 @@ from typing import Final
 import numpy as np
 
 from fis_tools.formats import serialize
+from pipeline.evaluation.paired_runs import on_front
 from pipeline.evaluation.selection import MEMBER, Selection, SelectionJudgement
-from pipeline.evaluation.statistics import on_front
 from pipeline.run import artifacts, tables, writing
 from pipeline.settings.experiment import Experiment
 from pipeline.training.genome import Genome

@@ -1,5 +1,6 @@
 """An evaluation: one controller from many starts, as a table and as statistics."""
 
+import math
 from dataclasses import asdict
 from typing import Any
 
@@ -122,7 +123,12 @@ def summarise(episodes: Columns, confidence_percent: float) -> dict[str, Any]:
         shares["wheel_full"] = episodes["full_wheel_s"] > 0.0
     if "inspectable_count" in episodes:  # these too
         names += ["inspectable_count", "inspectable_rate_percent"]
-    return {name: asdict(statistic(episodes[name], confidence_percent)) for name in names} | {
+    # none of these quantities is negative, and rates end at 100 %
+    most = {name: 100.0 for name in names if name.endswith("_percent")}
+    means = {
+        name: statistic(episodes[name], confidence_percent, 0.0, most.get(name, math.inf)) for name in names
+    }
+    return {name: asdict(mean) for name, mean in means.items()} | {
         name: asdict(fraction(share, confidence_percent)) for name, share in shares.items()
     }
 

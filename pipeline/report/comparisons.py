@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 
 from pipeline.evaluation import comparison
+from pipeline.evaluation.beside_optimum import summarise_times
 from pipeline.evaluation.monte_carlo import SUCCESS
 from pipeline.evaluation.statistics import Columns
 from pipeline.flight.control.controller import Controller, open_loop
 from pipeline.flight.goals.flights import fly_all, fly_logged
 from pipeline.flight.state.log import FlightLog
-from pipeline.optimum.solved import IncomparableError, solved_for, summarise_times
+from pipeline.optimum.solved import IncomparableError, solved_for
 from pipeline.report.figures.comparison import ControllerMark
 from pipeline.run import artifacts, tables
 from pipeline.scenarios import evaluation_scenarios
@@ -62,7 +63,8 @@ def marks_of(rows: Sequence[comparison.ComparisonRow]) -> list[tuple[str, list[C
 
 
 def _pair(measure: Mapping[str, Any]) -> tuple[float, float]:
-    return float(measure["mean"]), float(measure["standard_deviation"])
+    # one flight has no deviation
+    return float(measure["mean"]), float(measure["standard_deviation"] or 0.0)
 
 
 #: of what there are percentiles: name and decimals
@@ -170,7 +172,7 @@ class BesideOptimum:
     columns : mapping of (n,) arrays, optional
         Those of ``evaluate/optimum.parquet``.
     summary : mapping
-        Of `pipeline.optimum.solved.summarise_times`; empty without columns.
+        Of `pipeline.evaluation.beside_optimum.summarise_times`; empty without columns.
     reason : str
         Why nothing was compared; empty where it was, or where the run did not say.
     """
@@ -207,7 +209,9 @@ def read_beside(folder: Path, summary: Mapping[str, Any]) -> BesideOptimum:
                 f"{folder / artifacts.BESIDE_OPTIMUM} has no {missing[0] if missing else 'cases'}; "
                 "repeat the stage evaluate"
             )
-        return BesideOptimum(columns, summarise_times(columns), "")
+        return BesideOptimum(
+            columns, summarise_times(columns, float(summary.get("confidence_percent", 95.0))), ""
+        )
     return BesideOptimum(None, {}, str(value_at(summary, "optimum.not_compared", "")))
 
 

@@ -1,5 +1,6 @@
 """The results of a sweep: which setting is better, by how much, how sure; and how to fly the best."""
 
+import math
 import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -12,23 +13,21 @@ from numpy.typing import NDArray
 
 from pipeline.evaluation.comparison import percent_ahead
 from pipeline.evaluation.monte_carlo import SUCCESS
-from pipeline.evaluation.statistics import (
+from pipeline.evaluation.paired_runs import (
     METRICS,
+    REPLICATE,
     Effect,
     Metric,
     common_cases,
     effects,
-    fraction,
     on_front,
-    statistic,
 )
+from pipeline.evaluation.statistics import Statistic, fraction, statistic
 from pipeline.report.contents import read_summary
 from pipeline.run import artifacts, configuration, sweep, tables
 
 Columns = dict[str, list[Any] | NDArray[Any]]
 
-#: what settings are repeated with: it is none itself
-REPLICATE = "seed"
 #: stages that make another controller for each seed; without them a seed only draws cases
 MAKING = {"train", "search"}
 #: metrics that are shares of flights, and what summaries call them
@@ -42,7 +41,7 @@ MOST_OFFERED = 5
 
 
 class Estimate(NamedTuple):
-    """A metric of flights with its interval."""
+    """A metric of flights with its interval; NaN at both ends where there is none."""
 
     value: float
     low: float
@@ -51,7 +50,7 @@ class Estimate(NamedTuple):
     def in_words(self, metric: Metric) -> str:
         """Return the value with its interval."""
         value, low, high = (f"{number:.{metric.decimals}f}" for number in self)
-        return f"{value} ({low} to {high})"
+        return value if math.isnan(self.low) else f"{value} ({low} to {high})"
 
 
 Estimates = Mapping[str, Estimate]
@@ -208,12 +207,7 @@ def gather_results(folder: Path) -> SweepResults:
     estimated = effects(flown, confidence, pools_seeds=not makes_controllers)
     settings = _settings(runs, episodes, confidence, pools_seeds=not makes_controllers)
     return SweepResults(
-        folder,
-        tuple(runs),
-        tuple(settings),
-        tuple(effect for effect in estimated if effect.factor != REPLICATE),
-        confidence,
-        not makes_controllers,
+        folder, tuple(runs), tuple(settings), tuple(estimated), confidence, not makes_controllers
     )
 
 
@@ -232,7 +226,9 @@ def _run_result(folder: Path, run: sweep.SweptRun, summary: Mapping[str, Any] | 
 def _estimate_of(summary: Mapping[str, Any], name: str) -> Estimate:
     measure = summary[SHARES.get(name, name)]
     value, scale = ("fraction", 100.0) if name in SHARES else ("mean", 1.0)
-    return Estimate(*(scale * float(measure[part]) for part in (value, "low", "high")))
+    return Estimate(
+        *(math.nan if measure[part] is None else scale * measure[part] for part in (value, "low", "high"))
+    )
 
 
 def _settings(
@@ -270,15 +266,17 @@ def _over_cases(values: NDArray[np.float64], metric: Metric, confidence: float) 
     if metric.name in SHARES:
         share = fraction(values > 0.0, confidence)
         return Estimate(*(100.0 * part for part in (share.fraction, share.low, share.high)))
-    mean = statistic(values, confidence)
-    return Estimate(mean.mean, mean.low, mean.high)
+    return _estimate(statistic(values, confidence, 0.0, metric.most))
 
 
 def _over_runs(values: Sequence[float], metric: Metric, confidence: float) -> Estimate:
     """Return the estimate of the mean over runs, each of which counts once."""
-    mean = statistic(np.array(values), confidence)
-    low, high = max(mean.low, 0.0), min(mean.high, metric.most)
-    return Estimate(mean.mean, low, high)
+    return _estimate(statistic(np.array(values), confidence, 0.0, metric.most))
+
+
+def _estimate(mean: Statistic) -> Estimate:
+    """Return an estimate, whose ends are NaN where a single value has no interval."""
+    return Estimate(*(math.nan if part is None else part for part in (mean.mean, mean.low, mean.high)))
 
 
 def _fly_command(folder: Path, run: sweep.SweptRun) -> str:
@@ -323,6 +321,8 @@ def effect_columns(results: SweepResults) -> Columns:
         "difference": np.array([effect.difference.mean for effect in rows]),
         "low": np.array([effect.difference.low for effect in rows]),
         "high": np.array([effect.difference.high for effect in rows]),
+        "p_value": np.array([effect.difference.p_value for effect in rows]),
+        "is_shown": np.array([effect.is_shown for effect in rows], dtype=bool),
         "pairs": np.array([effect.difference.count for effect in rows], dtype=np.int64),
         "pairs_of": [effect.unit for effect in rows],
     }

@@ -5,16 +5,22 @@ from collections.abc import Sequence
 import numpy as np
 
 from fis_tools.document import Block, Code, Document, Figure, Heading, Items, Paragraph, Table, html
-from pipeline.evaluation.statistics import METRICS, Compared, Effect, Metric, PairedDifference
+from pipeline.evaluation.paired_runs import METRICS, REPLICATE, Compared, Effect, Metric
 from pipeline.report.figures.comparison import front_of_runs
 from pipeline.report.figures.style import caption_of, illustrate, style
-from pipeline.report.sweep import REPLICATE, SweepResults
+from pipeline.report.sweep import SweepResults
 
 #: heading of the shares of fuel, where a run chose pushes ahead
 FUEL_SHARES = "fuel by rules / chosen ahead (%)"
 #: metrics in sentences, where their labels are no nouns
 NOUNS = {"success": "success rate", "violated": "flights outside the limits"}
 DOTS_PER_INCH = 100
+#: what a star means, and where p-values and intervals come from
+STAR = "* shown by its test, however many are compared here (Holm's method):"
+TESTS = (
+    "p: Wilcoxon's signed ranks; for shares of flights McNemar's exact test. Intervals of means are "
+    "Student's, those of shares Tango's by scores."
+)
 
 
 def _headed(metric: Metric) -> str:
@@ -75,11 +81,11 @@ def effects_table(results: SweepResults) -> list[Block]:
         return []
     rows, sentences = [], []
     for (factor, baseline, level), group in groups.items():
-        gained = [differing(effect.difference, effect.metric) for effect in group]
+        gained = [differing(effect) for effect in group]
         pairs = f"{group[0].difference.count:,} {group[0].unit}"
         rows.append((f"{factor}: {level} against {baseline}", pairs, *gained))
         sentences.append(f"{factor}={level} against {baseline}: {_verdict(group)}.")
-    title = f"Paired differences, {results.confidence_percent:g} % intervals; * interval excludes zero:"
+    title = f"Paired differences, {results.confidence_percent:g} % intervals; {STAR}"
     return [Items(sentences), Paragraph(title), Table(["setting", "pairs of", *map(_headed, METRICS)], rows)]
 
 
@@ -89,18 +95,16 @@ def _verdict(group: Sequence[Effect]) -> str:
     for effect in group:
         metric, difference = effect.metric, effect.difference
         is_better = (difference.mean < 0.0) == metric.is_less_better
-        kind = ("better" if is_better else "worse") if difference.excludes_zero else "no difference shown"
+        kind = ("better" if is_better else "worse") if effect.is_shown else "no difference shown"
         unit = "percentage points" if metric.unit == "%" else metric.unit
         amount = f" by {abs(difference.mean):.{metric.decimals}f} {unit}"
-        words[kind].append(NOUNS.get(metric.name, metric.label) + amount * difference.excludes_zero)
+        words[kind].append(NOUNS.get(metric.name, metric.label) + amount * effect.is_shown)
     return "; ".join(f"{kind} in {', '.join(names)}" for kind, names in words.items() if names)
 
 
-def differing(difference: PairedDifference, metric: Metric) -> str:
-    """Write a difference with its interval; a star where it excludes zero."""
-    if difference.count < 2:
-        return f"{difference.mean:+.{metric.decimals}f} (one pair)"
-    return difference.in_words(metric.decimals) + ("*" if difference.excludes_zero else "")
+def differing(row: Compared | Effect) -> str:
+    """Write a difference with its interval; a star where it is shown."""
+    return row.difference.in_words(row.metric.decimals) + ("*" if row.is_shown else "")
 
 
 def compared_table(
@@ -112,13 +116,13 @@ def compared_table(
     for row in compared:
         means = [f"{mean:.{row.metric.decimals}f}" for mean in row.means]
         counts = f"{row.better:,} / {row.worse:,} / {count - row.better - row.worse:,}"
-        gained = differing(row.difference, row.metric)
-        rows.append((_headed(row.metric), *means, gained, counts, f"{row.p_value:.2g}"))
+        p_value = f"{row.difference.p_value:.2g}"
+        rows.append((_headed(row.metric), *means, differing(row), counts, p_value))
     if any(ahead):
         rows.append((FUEL_SHARES, *map(_shares, ahead), "", "", ""))
-    title = f"{count:,} common cases; B against A, {confidence:g} % intervals; * interval excludes zero:"
+    title = f"{count:,} common cases; B against A, {confidence:g} % intervals; {STAR}"
     heads = ["", f"A: {names[0]}", f"B: {names[1]}", "B - A", "B better / worse / equal", "p"]
-    return [Paragraph(title), Table(heads, rows, numbers=range(1, len(heads)))]
+    return [Paragraph(title), Table(heads, rows, numbers=range(1, len(heads))), Paragraph(TESTS)]
 
 
 def write(results: SweepResults) -> str:

@@ -12,11 +12,12 @@ from fis_tools.formats.serialize import EDITED, EDITED_NAME
 from pipeline.array_types import Floats
 from pipeline.controllers.source import named
 from pipeline.evaluation import comparison
+from pipeline.evaluation.beside_optimum import beside_optimum, summarise_times
 from pipeline.evaluation.monte_carlo import episode_columns, fly_cases, summarise
 from pipeline.flight.control.controller import Controller, Planner, PlanningController
 from pipeline.flight.goals.flights import fly_all
 from pipeline.flight.state.log import Outcomes, Scenario, combined
-from pipeline.optimum.solved import IncomparableError, Solved, beside_optimum, solved_for, summarise_times
+from pipeline.optimum.solved import IncomparableError, Solved, solved_for
 from pipeline.run import artifacts, tables, writing
 from pipeline.run.engine import open_pool
 from pipeline.run.progress import Progress
@@ -158,7 +159,8 @@ def _rows(lot: Lot, name: str, controller: Controller, note: Note) -> list[Row]:
         if lot.solved is not None:
             workers = experiment.monte_carlo.workers
             beside, _ = fly_cases(mission, controller, lot.solved.scenarios, workers)
-            times = summarise_times(beside_optimum(beside, lot.solved.cases, lot.solved.harder))
+            columns = beside_optimum(beside, lot.solved.cases, lot.solved.harder)
+            times = summarise_times(columns, experiment.monte_carlo.confidence_percent)
         row = comparison.ComparisonRow(
             controller=label_of(name, experiment.compare.controllers) + _edited(name, controller),
             source=comparison.FLOWN,
@@ -242,7 +244,9 @@ def _fly_cases(
 def _summary(experiment: Experiment, rows: list[comparison.ComparisonRow]) -> str:
     """Write the table and the meaning of its columns."""
     table = (
-        comparison.format_worlds(rows) if experiment.compare.worlds else comparison.format_comparison(rows)
+        comparison.format_worlds(rows, experiment.monte_carlo.confidence_percent)
+        if experiment.compare.worlds
+        else comparison.format_comparison(rows)
     )
     meaning = "".join(f"  {line}\n" for line in comparison.describe_columns(experiment))
     return f"\n{table}\n\n{meaning}"

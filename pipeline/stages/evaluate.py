@@ -13,12 +13,13 @@ from typing import Any
 import numpy as np
 
 from pipeline.controllers.source import controller_of_run, sha256_of
-from pipeline.evaluation.comparison import by_rules
+from pipeline.evaluation.beside_optimum import beside_optimum, summarise_times, times_in_words
+from pipeline.evaluation.comparison import by_rules, spread
 from pipeline.evaluation.monte_carlo import SUCCESS, episode_columns, fly_cases, summarise
 from pipeline.evaluation.statistics import Column, percentiles, sensitivity
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.goals.flights import fly_all
-from pipeline.optimum.solved import IncomparableError, beside_optimum, solved_for, summarise_times
+from pipeline.optimum.solved import IncomparableError, solved_for
 from pipeline.run import artifacts, engine, tables, writing
 from pipeline.run.engine import TaskPool
 from pipeline.run.progress import Progress
@@ -53,10 +54,9 @@ def run(experiment: Experiment, folder: Path) -> None:
     writing.write_json(folder / artifacts.SUMMARY, summary)
     # not before: what is killed until then goes on from its parts
     shutil.rmtree(folder / artifacts.EPISODE_PARTS, ignore_errors=True)
-    delta_v = summary["delta_v_m_s"]
     sys.stderr.write(
         f"  {num_cases} cases in {seconds:.2f} s, Sun {experiment.sun_in_words}: "
-        f"delta-v {delta_v['mean']:.3f} +- {delta_v['standard_deviation']:.3f} m/s{by_rules(summary)}, "
+        f"delta-v {spread(summary['delta_v_m_s'], 3)} m/s{by_rules(summary)}, "
         f"{_done_in_words(summary)}, "
         f"success {100 * summary[SUCCESS]['fraction']:.1f} %, "
         f"outside {100 * summary['violated']['fraction']:.1f} %\n"
@@ -69,8 +69,7 @@ def run(experiment: Experiment, folder: Path) -> None:
 def _done_in_words(summary: Mapping[str, Any]) -> str:
     """Return the flights' success rate and delta-v in a line."""
     if "end_s" not in summary:
-        rate = summary["inspection_rate_percent"]
-        return f"rate {rate['mean']:.2f} +- {rate['standard_deviation']:.2f} %"
+        return f"rate {spread(summary['inspection_rate_percent'], 2)} %"
     end, speed = summary["end_s"], summary["end_speed_m_s"]
     return f"at the end after {end['mean']:.0f} s with {speed['mean']:.3f} m/s, never above the limit " + (
         f"{100 * summary['held']['fraction']:.1f} %"
@@ -153,7 +152,8 @@ def _beside_optimum(experiment: Experiment, controller: Controller, folder: Path
     columns = beside_optimum(episodes, solved.cases, solved.harder)
     tables.write_parquet(path, columns)
     points = int(solved.summary["points_asked"])
-    return {"reference": experiment.optimum.reference, "points_asked": points, **summarise_times(columns)}
+    times = summarise_times(columns, experiment.monte_carlo.confidence_percent)
+    return {"reference": experiment.optimum.reference, "points_asked": points, **times}
 
 
 def _dispersed(
@@ -180,9 +180,9 @@ def _beside_in_words(beside: Mapping[str, Any]) -> str:
     """Return a line on the ratio of fuel to the optimum; nothing if it is not compared."""
     if "not_compared" in beside:
         return ""
-    times = beside["times_optimum"]
+    as_seen, bound = (times_in_words(beside[name], 2) for name in ("times_optimum_as_seen", "times_bound"))
     return (
-        f"  {times['mean']:.2f} times the optimum, on average over {beside['num_cases']} solved cases "
-        f"({times['min']:.2f} to {times['max']:.2f}), {beside['num_successful']} of them successful; "
-        f"{beside['times_optimum_as_seen']['mean']:.2f} times the plans that inspect as many points\n"
+        f"  {times_in_words(beside['times_optimum'], 2)} times the best plans found, on average over "
+        f"{beside['num_cases']} solved cases, {beside['num_successful']} of them successful; {as_seen} times "
+        f"those that inspect as many points; {bound} times what every plan burns at least\n"
     )

@@ -16,7 +16,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from fis_tools.render.theme import readable_on
 from pipeline.array_types import Booleans, Floats
-from pipeline.evaluation.comparison import FLOWN, ComparisonRow, is_worse
+from pipeline.evaluation.comparison import FLOWN, ComparisonRow, broken_worlds, place_of
 from pipeline.evaluation.monte_carlo import SUCCESS
 from pipeline.evaluation.statistics import Columns, succeeds
 from pipeline.report.figures import style
@@ -162,21 +162,21 @@ def by_world(rows: Sequence[ComparisonRow]) -> Figure:
     flown = [row for row in rows if row.source == FLOWN]
     names, worlds = (list(dict.fromkeys(getattr(row, of) for row in flown)) for of in ("controller", "world"))
     kinds = list(dict.fromkeys((row.sun, row.safety) for row in flown))
-    height = 1.1 + 0.42 * len(worlds)
+    height, broken = 1.1 + 0.42 * len(worlds), broken_worlds(flown)
     figure = Figure(figsize=(9.6, 0.4 + height * len(kinds)), layout="constrained")
     for ax, kind in zip(figure.subplots(len(kinds), 1, squeeze=False)[:, 0], kinds, strict=True):
-        _draw_squares(ax, [row for row in flown if (row.sun, row.safety) == kind], names, worlds)
+        _draw_squares(ax, [row for row in flown if (row.sun, row.safety) == kind], names, worlds, broken)
         ax.set_title("Sun {}, safety layer {}".format(*kind))
     return figure
 
 
-def _draw_squares(ax: Axes, rows: Sequence[ComparisonRow], names: list[str], worlds: list[str]) -> None:
+def _draw_squares(
+    ax: Axes, rows: Sequence[ComparisonRow], names: list[str], worlds: list[str], broken: set[Any]
+) -> None:
     """Draw a square a row, with the share of successful flights and the mean delta-v (m/s)."""
-    first: dict[str, ComparisonRow] = {}
     for row in rows:
         x, y = names.index(row.controller), worlds.index(row.world)
-        is_broken = is_worse(row, first.setdefault(row.controller, row))
-        edge, width = (style.VERMILION, 1.8) if is_broken else (style.PAPER, 1.0)
+        edge, width = (style.VERMILION, 1.8) if place_of(row) in broken else (style.PAPER, 1.0)
         success = float(row.summary[SUCCESS]["fraction"])
         corner = (x - 0.47, y - 0.45)
         ax.add_patch(Rectangle(corner, 0.94, 0.9, facecolor=SHADES(success), edgecolor=edge, linewidth=width))

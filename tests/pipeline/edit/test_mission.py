@@ -20,7 +20,8 @@ from pipeline.controllers.source import load
 from pipeline.edit.cases import FIRST, EditorCases, most_changed
 from pipeline.evaluation.assurance.requirements import parse_requirements
 from pipeline.evaluation.monte_carlo import fly_cases
-from pipeline.evaluation.statistics import METRICS, succeeds
+from pipeline.evaluation.paired_runs import METRICS
+from pipeline.evaluation.statistics import succeeds
 from pipeline.settings.places import requirements_path
 from tests.browser import serious_violations
 from tests.editors import served

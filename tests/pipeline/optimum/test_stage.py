@@ -10,6 +10,7 @@ import pytest
 
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers import source
+from pipeline.evaluation import beside_optimum
 from pipeline.evaluation.monte_carlo import fly_cases
 from pipeline.flight.control.controller import open_loop
 from pipeline.flight.fly.simulation import fly_all
@@ -167,7 +168,7 @@ def test_a_flight_is_beside_the_cheapest_plan_that_sees_as_much():
     solved = solved_for(evaluation("sun=random"))
     seen = np.array([98, 99, 95, *np.full(47, 60)])
     flown = {"delta_v_m_s": np.full(50, 0.5), "inspected_count": seen}
-    columns = reference.beside_optimum(flown, solved.cases, solved.harder)
+    columns = beside_optimum.beside_optimum(flown, solved.cases, solved.harder)
     plans = [solved.cases, *solved.harder]
     for row, count in enumerate(seen.tolist()):
         enough = [p["delta_v_m_s"][row] for p in plans if p["inspected_count"][row] >= count]
@@ -210,9 +211,16 @@ def test_a_case_outside_the_limits_is_no_success():
         "delta_v_m_s": np.array([0.2, 0.6, 0.4]),
         "optimum_delta_v_m_s": np.full(3, 0.1),
     }
-    summary = reference.summarise_times(columns)
+    columns["optimum_bound_m_s"] = np.array([0.05, 0.1, 0.0])
+    summary = beside_optimum.summarise_times(columns, 95.0)
     assert summary["num_successful"] == 1
-    assert summary["times_optimum"] == {"mean": 4.0, "median": 4.0, "min": 2.0, "max": 6.0, "max_case": 9}
+    times = summary["times_optimum"]
+    ends = {name: times[name] for name in ("mean", "median", "min", "max", "max_case")}
+    assert ends == {"mean": 4.0, "median": 4.0, "min": 2.0, "max": 6.0, "max_case": 9}
+    assert 2.0 <= times["low"] < 4.0 < times["high"] <= 6.0
+    assert summary["times_optimum_of_successful"] == {"mean": 2.0, "low": None, "high": None}
+    # a case without a bound has no ratio to it
+    assert summary["times_bound"]["mean"] == pytest.approx((4.0 + 6.0) / 2)
 
 
 @pytest.mark.parametrize(

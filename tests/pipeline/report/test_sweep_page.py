@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from pipeline.evaluation import statistics
+from pipeline.evaluation import paired_runs
 from pipeline.evaluation.monte_carlo import summarise
 from pipeline.report import sweep, sweep_page
 from pipeline.run import artifacts, configuration, manifests, tables, writing
 from pipeline.run.sweep import SweptRun
 from pipeline.run.sweep import write as write_sweep
 from tests.browser import WIDTHS, assert_tables_fit
-from tests.pipeline.evaluation.test_statistics import evaluation
+from tests.pipeline.evaluation.test_paired_runs import evaluation
 
 SEEDS = (1, 2, 3)
 #: of each controller, how much more it burns than the first, m/s
@@ -143,8 +143,8 @@ def test_the_shares_of_fuel_stand_where_a_run_chose_pushes_ahead(tmp_path):
     columns = sweep.columns_of(results)["ahead_percent"]
     np.testing.assert_allclose(columns, [100.0 * share for share in shares.values()], rtol=1e-12)
     assert sweep_page.FUEL_SHARES in sweep_page.write(results)
-    compared = statistics.compare(flown["first", 3], flown["second", 3], 95.0)
-    _, of_two = sweep_page.compared_table(("A", "B"), compared, [0.0, 60.0], 95.0)
+    compared = paired_runs.compare(flown["first", 3], flown["second", 3], 95.0)
+    _, of_two, _ = sweep_page.compared_table(("A", "B"), compared, [0.0, 60.0], 95.0)
     assert of_two.rows[-1] == (sweep_page.FUEL_SHARES, "", "40.0 / 60.0", "", "", "")
 
 

@@ -66,7 +66,7 @@ def test_the_summary_tells_what_flew_and_how_well(evaluated, capsys):
     assert {name: summary[name] for name in list(summary)[6:-2]} == summarise(episodes, 90.0)
     delta_v = episodes["delta_v_m_s"]
     output = capsys.readouterr().err
-    assert f"delta-v {delta_v.mean():.3f} +- {delta_v.std(ddof=1):.3f} m/s" in output
+    assert f"delta-v {delta_v.mean():.3f} ± {delta_v.std(ddof=1):.3f} m/s" in output
     assert "5 cases in" in output
     assert "Sun random" in output
 
