@@ -36,6 +36,7 @@ CAMPAIGNS = (
     "policies",
     "scaling",
     "soak",
+    "trainings",
     "tube",
     "worth",
 )

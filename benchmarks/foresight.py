@@ -68,7 +68,7 @@ def tally(mission: Mission, flown: Outcomes, *, with_interval: bool) -> str:
     """Return the cell of some flights: delta-v (m/s), with its interval if wanted, and success (%)."""
     delta_v = statistic(flown.delta_v_m_s, CONFIDENCE)
     is_success = flown.is_success(mission.inspection_threshold_percent) & ~flown.is_violated
-    interval = f" ± {delta_v.high - delta_v.mean:.3f}" if with_interval else ""
+    interval = f" ({delta_v.low:.3f}–{delta_v.high:.3f})" if with_interval else ""
     return f"{delta_v.mean:.3f}{interval}, {100 * is_success.mean():.0f}"
 
 
