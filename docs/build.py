@@ -112,7 +112,8 @@ def write_home(site: Path) -> None:
         Where it links to a page that the site does not have.
     """
     text = home.page()
-    links = (link.partition("#")[0] for link in re.findall(r'href="([^"]+)"', text.partition("<script")[0]))
+    addresses = re.findall(r'href="(?!data:)([^"]+)"', text.partition("<script")[0])
+    links = (link.partition("#")[0] for link in addresses)
     if missing := sorted({link for link in links if not (site / link).is_file()}):
         sys.exit(f"the first page links to pages that the site lacks: {', '.join(missing)}")
     (site / "index.html").write_text(text, encoding="utf-8")

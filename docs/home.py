@@ -62,16 +62,17 @@ def page() -> str:
         STYLE=style,
         STYLE_HASH=hash_of(style),
         FRAME=(VIEW / "frame.html").read_text(encoding="utf-8"),
-        MOTION=picture("motion"),
-        SLICE=picture("slice_of_rules"),
+        ICON=picture("assets/favicon"),
+        MOTION=picture("images/drawings/motion"),
+        SLICE=picture("images/drawings/slice_of_rules"),
         NUM_OTHERS=table["num_starts"] - 1,
         FACTS="".join(f'<li><a href="{link}"><b>{number}</b></a>{text}</li>' for number, text, link in FACTS),
     )
 
 
 def picture(name: str) -> str:
-    """Return one of the drawings as an address that holds it."""
-    drawn = (PROJECT / "docs" / "images" / "drawings" / f"{name}.svg").read_bytes()
+    """Return a drawing as an address that holds it, for the page is one file."""
+    drawn = (PROJECT / "docs" / f"{name}.svg").read_bytes()
     return f"data:image/svg+xml;base64,{base64.b64encode(drawn).decode()}"
 
 

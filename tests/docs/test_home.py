@@ -232,5 +232,6 @@ def test_the_page_fits_and_axe_finds_nothing(opened, page_text, axe, width, sche
 
 def test_the_first_page_is_small(page_text):
     assert len(gzip.compress(page_text.encode())) < 100_000
+    assert '<link rel="icon" href="data:' in page_text  # some browsers ask for it, others do not
     assert not re.search(r"https?://(?!www\.w3\.org/2000/svg)", page_text.partition("<script")[0])
     assert Path(home.FOLDER, "flight.wasm").stat().st_size < 200_000
