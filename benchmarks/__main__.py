@@ -33,6 +33,7 @@ CAMPAIGNS = (
     "networks",
     "never_worse",
     "onboard",
+    "planted",
     "policies",
     "scaling",
     "soak",

@@ -9,8 +9,10 @@ import pytest
 from omegaconf import OmegaConf
 
 from pipeline.command_line.cli import main
+from tests import selection
 from tests.browser import axe, browser, opened
 from tests.commands import running
+from tests.durations import Recorder
 from tests.editors import open_page, window
 
 # fixtures for all tests: a process runs one browser
@@ -54,6 +56,34 @@ def _load(file: IO[str], load: Any = OmegaConf.load) -> Any:
 OmegaConf.load = staticmethod(_load)  # type: ignore[method-assign, assignment]
 
 
+pytest_addoption = selection.add_options
+pytest_collection_modifyitems = selection.select
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Take the plan of the process that started this one."""
+    if config.option.record:
+        config.pluginmanager.register(Recorder())
+    if hasattr(config, "workerinput"):
+        config.stash[selection.PLAN] = selection.Plan(*config.workerinput["plan"])
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_configure_node(node: Any) -> None:
+    """Give each process the plan."""
+    node.workerinput["plan"] = list(node.config.stash[selection.PLAN])
+
+
+def pytest_report_header(config: pytest.Config) -> str:
+    """Say which tests are run, where nobody named them."""
+    return config.stash[selection.PLAN].heading
+
+
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """End a run of one minute in time."""
+    selection.skip_after_a_minute(item.config)
+
+
 @pytest.fixture
 def ran(capsys):
     """Run a command of the pipeline, see `running`."""
@@ -61,17 +91,32 @@ def ran(capsys):
 
 
 @pytest.hookimpl(tryfirst=True)
-def pytest_cmdline_main(config: pytest.Config) -> None:
-    """Run all tests on all processors; named files, and what is debugged, stay in one process without -n.
+def pytest_cmdline_main(config: pytest.Config) -> int | None:
+    """Plan a run; one of many tests takes all processors, named files and what is debugged one without -n.
 
     Neighbours stay together, so that a module's fixtures are seldom made twice; a process that has nothing
-    left to do takes over half of what another has before it.
+    left to do takes over half of what another has before it. The tests of `--changed` start in their order.
     """
     option = config.option
-    if "PYTEST_XDIST_WORKER" in os.environ or not config.pluginmanager.hasplugin("xdist"):
-        return
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        return None
+    has_processes = config.pluginmanager.hasplugin("xdist")
     is_whole = config.args_source == pytest.Config.ArgsSource.TESTPATHS
-    if option.numprocesses is None and is_whole and not (option.usepdb or option.collectonly):
+    if (
+        has_processes
+        and option.numprocesses is None
+        and is_whole
+        and not (option.usepdb or option.collectonly)
+    ):
         option.numprocesses = min(os.cpu_count() or 1, MOST_PROCESSES)
-    if option.numprocesses and option.dist == "no":
-        option.dist = "worksteal"
+    num_processes = getattr(option, "numprocesses", None) or 1
+    plan = config.stash[selection.PLAN] = selection.planned(config, num_processes)
+    if plan.way == "changed":
+        if not plan.chosen:
+            print("no file differs that a test can reach; --all takes all tests")  # noqa: T201
+            return 0
+        config.args = list(plan.chosen)
+    if has_processes and option.numprocesses and option.dist == "no":
+        option.dist = "load" if plan.way == "changed" else "worksteal"
+        option.maxschedchunk = 2 if plan.way == "changed" else None
+    return None

@@ -9,7 +9,7 @@ from pipeline.command_line.cli import main
 from pipeline.evaluation.monte_carlo import summarise
 from pipeline.run import artifacts, lock, manifests, sweep, tables, writing
 from tests.pipeline.command_line.cases import EVALUATE, FLY, use_stages
-from tests.pipeline.evaluation.test_statistics import evaluation
+from tests.pipeline.evaluation.test_paired_runs import evaluation
 
 OUT = Path("out")
 

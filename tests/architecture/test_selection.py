@@ -1,0 +1,69 @@
+"""Which tests a run takes: none is lost between shards, and those near a change come first."""
+
+import re
+from collections import Counter
+
+import pytest
+
+from tests import durations
+from tests.distance import distances
+from tests.places import PROJECT
+from tests.selection import nearest, shard_of
+
+FILES = sorted(path.relative_to(PROJECT).as_posix() for path in (PROJECT / "tests").rglob("test_*.py"))
+
+
+@pytest.mark.parametrize("count", [1, 2, 4, 7])
+def test_each_file_is_in_one_shard_and_no_shard_is_empty(count):
+    parts = shard_of(FILES, count)
+    assert parts.keys() == set(FILES)
+    assert set(parts.values()) == set(range(1, count + 1))
+
+
+def test_shards_take_equally_long():
+    known = durations.read()
+    seconds = Counter()
+    for file, part in shard_of(FILES, 4).items():
+        seconds[part] += sum(s for speed in durations.SPEEDS for s, _ in known[speed].get(file, {}).values())
+    assert max(seconds.values()) < 1.1 * min(seconds.values())
+
+
+@pytest.mark.parametrize(
+    "module",
+    ["pipeline/evaluation/statistics.py", "pipeline/recording/events.py", "telemetry/file/reader.py"],
+)
+def test_what_imports_a_module_is_one_step_from_it(module):
+    """By the words of the imports, which the graph is not asked for."""
+    folder, name = module.removesuffix(".py").replace("/", ".").rsplit(".", 1)
+    imports = re.compile(
+        rf"^\s*(from {folder} import .*\b{name}\b|(from|import) {folder}\.{name}\b)", re.MULTILINE
+    )
+    direct = {file for file in FILES if imports.search((PROJECT / file).read_text(encoding="utf-8"))}
+    steps = distances([module])
+    assert direct
+    assert {steps[file] for file in direct} == {1}
+
+
+def test_a_changed_test_comes_first_and_another_file_leads_to_those_that_name_it():
+    assert distances([FILES[0]])[FILES[0]] == 0
+    assert distances(["conf/controller/champion_leo.yaml"])["tests/pipeline/command_line/test_conf.py"] <= 2
+    assert not distances(["no/such/file.bin"]).keys() - set(FILES)
+
+
+def test_the_nearest_come_first_and_the_budget_holds():
+    module = "pipeline/evaluation/statistics.py"
+    known, steps = durations.read()["fast"], distances([module])
+    chosen = nearest([module], known, 10.0)
+    assert sum(known[file][name][0] for file, names in chosen.items() for name in names) <= 10.0
+    assert [steps[file] for file in chosen] == sorted(steps[file] for file in chosen)
+    assert next(iter(chosen)) == "tests/pipeline/evaluation/test_statistics.py"
+    assert not nearest([module], known, 0.0, of_file_s=1.0)
+
+
+def test_a_file_without_durations_is_taken_whole():
+    assert nearest([FILES[0]], {}, 10.0, {FILES[0]: 5.0}) == {FILES[0]: [""]}
+
+
+def test_most_files_of_tests_are_measured():
+    known = durations.read()
+    assert len(known["fast"].keys() | known["slow"].keys()) > 0.9 * len(FILES)
