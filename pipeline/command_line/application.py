@@ -23,7 +23,7 @@ from omegaconf import DictConfig
 from pipeline.command_line import runs
 from pipeline.command_line.config import COMPOSED_FROM, Job, checked_job, errors_in_words, hydra_apart
 from pipeline.command_line.overrides import first_line, parse
-from pipeline.command_line.sweeps import RESUMED, Sweep, new_job, recorded_command, unfinished
+from pipeline.command_line.sweeps import RESUMED, Sweep, literal, new_job, recorded_command, unfinished
 from pipeline.run import interrupts, sweep
 from pipeline.run.lock import held
 from pipeline.run.runner import Interrupted
@@ -197,6 +197,7 @@ def run_application(words: Sequence[str], command: Sequence[str]) -> int:
         User errors.
     Interrupted
     """
+    literal(Path.cwd())
     invocation = Invocation(command, shows_tracebacks())
     with hydra_apart(), _process_of(invocation, words), invocation.locks:
         _call(invocation)

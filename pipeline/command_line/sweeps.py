@@ -15,16 +15,16 @@ from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import Override
 from omegaconf import DictConfig, OmegaConf, read_write
 
-from pipeline.command_line import runs
-from pipeline.command_line.arguments import EXPERIMENT, ConfigError, parse_arguments
-from pipeline.command_line.config import Job, check_stages, checked_job, compose_experiment, errors_in_words
+from pipeline.command_line import runs, stored_words
+from pipeline.command_line.arguments import EXPERIMENT, ConfigError
+from pipeline.command_line.config import Job, check_stages, checked_job, errors_in_words
 from pipeline.command_line.overrides import HYDRA, SUFFIXES, quoted, top_of, words_of
 from pipeline.preflight import check_before
 from pipeline.run import artifacts, configuration, lock, sweep
 from pipeline.run.sweep import DONE, Ending, SweptRun, state_of
 from pipeline.settings.keys import value_at
 
-#: the key that tells a resumed run its folder; no setting, and in no configuration that is kept
+#: the key that tells a resumed run its number in the sweep; no setting, and in no configuration that is kept
 RESUMED: Final = "resume"
 #: of a folder that is named by its run's differences
 LONGEST_NAME: Final = 120
@@ -90,7 +90,7 @@ class Sweep:
                 "a sweep is made by hydra/sweeper=basic, whose runs are checked before any begins; for a "
                 "search over settings add the stage search, see hparams_search"
             )
-        folder = Path(config.hydra.sweep.dir).absolute()
+        folder = literal(Path(config.hydra.sweep.dir).absolute())
         chosen, varied = _combinations(config)
         _fix(config, folder, varied)
         if any(word.startswith(f"+{RESUMED}=") for word in config.hydra.overrides.task):
@@ -108,9 +108,13 @@ class Sweep:
                     with read_write(node.hydra):
                         node.hydra.job.num, node.hydra.job.id = number, str(number)
                     HydraConfig.instance().set_config(node)
-                    path = folder / (subdir := PurePath(str(node.hydra.sweep.subdir)))
-                if subdir.is_absolute() or ".." in subdir.parts:
-                    raise ConfigError(f"hydra.sweep.subdir is {subdir}; name a folder inside the sweep's")
+                    path = folder / (subdir := str(PurePath(str(node.hydra.sweep.subdir))))
+                try:
+                    sweep.check_folder(subdir)
+                except ValueError as error:
+                    raise ConfigError(
+                        f"hydra.sweep.subdir is {subdir}; name a folder inside the sweep's ({error})"
+                    ) from error
                 made.jobs.append(new_job(node, path))
             except (ValueError, OSError) as error:
                 chosen_here = ", ".join(word.lstrip("+") for word in words if word.split("=")[0] in varied)
@@ -123,7 +127,7 @@ class Sweep:
             if name in [run.folder for run in made.runs]:
                 raise ConfigError(f"two runs would have the folder {name}; let hydra.sweep.subdir differ")
             met.append(values)
-            made.runs.append(SweptRun(name, differs, (*options, *words)))
+            made.runs.append(SweptRun(name, differs, (*options, *words), config=made.jobs[-1].config))
         HydraConfig.instance().set_config(config)
         return made
 
@@ -235,8 +239,14 @@ def run_folder(*varied: str, _root_: DictConfig) -> str:
     return name if len(name) <= LONGEST_NAME else f"{number}-{name[:LONGEST_NAME]}"
 
 
+def swept_folder(number: int, *, _root_: DictConfig) -> str:
+    """Return the folder of a run by its number in its sweep; it is a plain name."""
+    return sweep.read(Path(_root_.hydra.sweep.dir))[number].folder
+
+
 # in every process that imports this module, so also where a launcher runs a job
 OmegaConf.register_new_resolver("run_folder", run_folder, replace=True)
+OmegaConf.register_new_resolver("swept_folder", swept_folder, replace=True)
 
 
 def recorded_command(folder: Path, run: Path) -> tuple[str, ...]:
@@ -266,22 +276,21 @@ def resume_words(folder: Path, overrides: Sequence[Override]) -> list[str]:
         lock.drop_left(folder / run.folder)
     for run in left:
         if not (folder / run.folder / artifacts.CONFIG).exists():
-            configuration.write(folder / run.folder, _composed_again(run).config)
+            configuration.write(folder / run.folder, run.config or stored_words.config_of(folder, run))
     if not left:
         sys.stderr.write(f"nothing is left to do: all {len(sweep.read(folder))} runs are finished\n")
         return []
+    numbers = {run.folder: number for number, run in enumerate(sweep.read(folder))}
     return [
-        f"+{RESUMED}=" + ",".join(quoted(run.folder) for run in left),
-        f"hydra.sweep.dir={quoted(str(folder.absolute()))}",
-        f"hydra.sweep.subdir=${{{RESUMED}}}",
+        f"+{RESUMED}=" + ",".join(str(numbers[run.folder]) for run in left),
+        f"hydra.sweep.dir={quoted(str(literal(folder.absolute())))}",
+        f"hydra.sweep.subdir={quoted(f'${{swept_folder:${{{RESUMED}}}}}')}",
         *words_of(kept),
     ]
 
 
-def _composed_again(run: SweptRun) -> Job:
-    """Compose a run whose folder was deleted, from its recorded command."""
-    if not run.command or any("${" in word for word in run.command):
-        what = "its command refers to other values" if run.command else "how it was started is not known"
-        raise ConfigError(f"{run.folder} was deleted, and {what}; start it by hand, or edit {sweep.SWEEP}")
-    command = parse_arguments(run.command)
-    return compose_experiment(command.overrides, command.config_dir)
+def literal(folder: Path) -> Path:
+    """Return a folder; raise ConfigError if Hydra would take a part of its name for an expression."""
+    if "${" in str(folder):
+        raise ConfigError(f"{folder} has ${{ in its name, which Hydra would replace; rename the folder")
+    return folder

@@ -1,11 +1,12 @@
-"""The file of a sweep: its runs, and their differences.
+"""The file of a sweep: its runs, their differences and their checked configurations.
 
 What became of a run is in its own folder, wherever it ran: its manifest, and how it ended unless well.
 """
 
 import os
+import re
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path, PurePosixPath
 from typing import Any, Final, NamedTuple
 
@@ -13,11 +14,18 @@ from pipeline.run import artifacts, configuration, manifests, writing
 from pipeline.settings import keys, schema
 
 SWEEP: Final = "sweep.json"
-SWEEP_VERSION: Final = 1
+#: 2 added configurations
+SWEEP_VERSION: Final = 2
+VERSIONS_READ: Final = (1, 2)
 #: of a run that did not end well, in its folder; the point keeps it out of the manifest
 ENDING: Final = ".ending.json"
 #: see `pipeline.run.manifests.fits`
-RUN_SHAPE: Final = {"folder": str, "differs": dict, "command": [str], "failure": str}
+RUN_SHAPE: Final = {
+    **{"folder": str, "differs": dict, "command": [str], "failure": str},
+    **{"config": {str: object}, "without": [str]},
+}
+#: a name, or several, of folders inside a sweep's: nothing in it means anything to a shell, a page or Hydra
+PLAIN_FOLDER: Final = re.compile(r"(?!.*\.\.)[\w+=(\[][\w.+=,@()\[\] -]*(/[\w+=(\[][\w.+=,@()\[\] -]*)*")
 #: of a folder, bytes, on the usual file systems
 LONGEST_NAME: Final = 255
 
@@ -35,15 +43,18 @@ class SweptRun:
     differs : mapping of str to str
         Key to value in this run, for the keys that vary in the sweep.
     command : tuple of str
-        The arguments with which it would be started alone.
+        The arguments with which it would be started alone, to be read by people: nothing composes them.
     failure : str
         Why it failed; empty if it did not. Earlier versions kept it in the sweep's file.
+    config : mapping
+        Its checked configuration; empty where it is not known: earlier versions kept none.
     """
 
     folder: str
     differs: Mapping[str, str]
     command: tuple[str, ...]
     failure: str = ""
+    config: Mapping[str, Any] = field(default_factory=dict)
 
 
 class Ending(NamedTuple):
@@ -71,10 +82,20 @@ def read_ending(folder: Path) -> Ending:
 
 
 def write(folder: Path, runs: Sequence[SweptRun]) -> None:
-    """Write the file of a sweep."""
-    writing.write_json(
-        folder / SWEEP, {"sweep_version": SWEEP_VERSION, "runs": [asdict(run) for run in runs]}
-    )
+    """Write the file of a sweep: a configuration, and in what those of the runs differ from it."""
+    shared = next((run.config for run in runs if run.config), {})
+    entries = []
+    for run in runs:
+        entry = {**asdict(run), "config": {}, "without": []}
+        if run.config:
+            entry["config"] = {
+                key: value for key, value in run.config.items() if key not in shared or shared[key] != value
+            }
+            entry["without"] = [key for key in shared if key not in run.config]
+        else:
+            del entry["config"], entry["without"]
+        entries.append(entry)
+    writing.write_json(folder / SWEEP, {"sweep_version": SWEEP_VERSION, "config": shared, "runs": entries})
 
 
 def gather_runs(folder: Path) -> list[SweptRun]:
@@ -135,24 +156,39 @@ def read(folder: Path) -> list[SweptRun]:
     """
     content = artifacts.read_json(folder, SWEEP)
     with artifacts.explained(f"{folder / SWEEP} is no file of a sweep", "restore it"):
-        if content["sweep_version"] != SWEEP_VERSION:
-            raise ValueError(f"its version is {content['sweep_version']}, {SWEEP_VERSION} is read")
-        runs = [_run_of(entry) for entry in content["runs"]]
+        if (version := content["sweep_version"]) not in VERSIONS_READ:
+            raise ValueError(f"its version is {version}, {' and '.join(map(str, VERSIONS_READ))} are read")
+        shared = content.get("config", {})
+        if not isinstance(shared, dict):
+            raise ValueError("its config is no mapping")
+        runs = [_run_of(entry, shared) for entry in content["runs"]]
     return [replace(run, failure=read_ending(folder / run.folder).failure or run.failure) for run in runs]
 
 
-def _run_of(entry: Mapping[str, Any]) -> SweptRun:
+def _run_of(entry: Mapping[str, Any], shared: Mapping[str, Any]) -> SweptRun:
     """Return a run, after checking that its folder is inside the sweep's."""
     if not manifests.fits(entry, RUN_SHAPE):
         raise ValueError(f"{str(entry)[:80]} is no run")
-    folder = str(entry["folder"])
+    check_folder(folder := str(entry["folder"]))
+    differs = {key: str(value) for key, value in entry["differs"].items()}
+    config: dict[str, Any] = {}
+    if "config" in entry:
+        differing, missing = entry["config"], set(entry["without"])
+        # in the order in which they were written
+        kept = {key: value for key, value in shared.items() if key not in missing}
+        config = {key: differing.get(key, value) for key, value in kept.items()} | differing
+    return SweptRun(folder, differs, tuple(entry["command"]), entry["failure"], config)
+
+
+def check_folder(folder: str) -> None:
+    """Raise ValueError unless a run's folder is a plain name inside the sweep's."""
     path = PurePosixPath(folder)
     if path.is_absolute() or ".." in path.parts:
         raise ValueError(f"{folder} lies outside")
     if max(len(part.encode()) for part in (".", *path.parts)) > LONGEST_NAME:
         raise ValueError(f"{folder[:80]}... is longer than the name of a folder can be")
-    differs = {key: str(value) for key, value in entry["differs"].items()}
-    return SweptRun(folder, differs, tuple(entry["command"]), entry["failure"])
+    if not PLAIN_FOLDER.fullmatch(folder):
+        raise ValueError(f"{folder!r} is no plain name of a folder: letters, digits and . + = , @ ( ) [ ] -")
 
 
 def state_of(folder: Path, run: SweptRun) -> str:
