@@ -306,6 +306,7 @@ def _domain(evidence: Mapping[str, Any]) -> Iterator[Block]:
 def _case_facts(cases: Mapping[str, Any], unit: str) -> list[list[str]]:
     """Return the rows on a requirement's random flights: failures, shares and margins."""
     allowed, needed, margin = cases["num_allowed"], cases["needed_without_failure"], cases["margin"]
+    known = cases["num_known"]
     few = "too few cases" if needed else "all cases must meet it: only a proof shows it"
     bounds = f"{_percent(cases['low'])} to {_percent(cases['high'])}"
     occurred = [[f"with {text}", f"{count:,}"] for text, count in cases["premises"].items()]
@@ -317,6 +318,7 @@ def _case_facts(cases: Mapping[str, Any], unit: str) -> list[list[str]]:
         margins = [["margin, at the claim's share", at_share], ["median margin", median], *margins]
     return [
         ["flown", f"{cases['num_cases']:,}"],
+        *([["flown by earlier tries, not counted again", f"{known:,}"]] if known else []),
         *occurred,
         ["failed", f"{cases['num_failed']:,}"],
         ["failures that the claim allows", f"at most {allowed:,}" if allowed >= 0 else few],

@@ -54,7 +54,7 @@ def _checked(what: str, check: Callable[[], bool]) -> bool:
 def _check_files(folder: Path) -> bool:
     """Compare a run's files with their hashes; print which differ, and return whether none does.
 
-    The configuration is also compared by content.
+    A file that the manifest does not name differs, too. The configuration is also compared by content.
     """
     manifest = manifests.read(folder)
     expected: dict[str, str] = manifest.get("sha256", {})
@@ -65,13 +65,14 @@ def _check_files(folder: Path) -> bool:
     if artifacts.CONFIG in present and not _is_own_config(folder, manifest):
         changed.add(artifacts.CONFIG)
     missing, strangers = sorted(set(expected) - present), list(artifacts.strangers(folder))
+    unknown = sorted(present - set(expected))
     lines = [f"files: {len((present & set(expected)) - changed)} as they were written"]
     lines += [f"  {name} has CHANGED since it was written" for name in sorted(changed)]
     lines += [f"  {name} is MISSING" for name in missing]
-    lines += [f"  {name} is not in the manifest" for name in sorted(present - set(expected))]
+    lines += [f"  {name} is not in the manifest" for name in unknown]
     lines += [f"  {stranger}, which is not followed" for stranger in strangers]
     sys.stdout.write("\n".join(lines) + "\n")
-    return not (changed or missing or strangers)
+    return not (changed or missing or unknown or strangers)
 
 
 def _is_own_config(folder: Path, manifest: Mapping[str, Any]) -> bool:

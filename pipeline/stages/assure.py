@@ -14,7 +14,7 @@ from fis_tools.analysis.domain import as_mapping
 from fis_tools.file_access import read_bytes
 from fis_tools.formats.serialize import fingerprint
 from pipeline.controllers.source import controller_of_run, sha256_of
-from pipeline.evaluation.assurance import evidence
+from pipeline.evaluation.assurance import evidence, repeats
 from pipeline.evaluation.assurance.campaign import (
     Campaign,
     FormulaResult,
@@ -29,7 +29,7 @@ from pipeline.evaluation.assurance.evidence import Domain, domain_of, left_on
 from pipeline.evaluation.assurance.formula import COASTING, kind_of, predicates, quantities_of
 from pipeline.evaluation.assurance.proofs import TubeProof, certificates, check_questions, safety_proof
 from pipeline.evaluation.assurance.quantities import track_of
-from pipeline.evaluation.assurance.repeats import earlier_runs, repeats_in_words
+from pipeline.evaluation.assurance.repeats import repeats_in_words
 from pipeline.evaluation.assurance.requirements import (
     BOUNDS,
     CASES,
@@ -78,7 +78,7 @@ Worst = tuple[float, str, Scenario, str]
 
 
 def run(experiment: Experiment, folder: Path) -> str:
-    """Gather the evidence, write it as data and as a page; an earlier run's evidence is removed.
+    """Gather the evidence, write it as data and as a page; the ledger keeps what was tried before.
 
     Return which proofs were asked for in vain, empty if none.
 
@@ -92,11 +92,14 @@ def run(experiment: Experiment, folder: Path) -> str:
     text = requirements_text(experiment.assurance.requirements)
     requirements = parse_requirements(text, experiment.assurance.requirements)
     _print_needs(requirements.requirements, experiment.assurance.num_cases)
+    repeats.seed_ledger(folder)
     for path in (folder / artifacts.WORST_FLIGHTS).glob("*.mcap"):
         path.unlink()
     writing.write_atomically(folder / artifacts.REQUIREMENTS, text)
     with open_pool(experiment.engine, experiment.assurance.workers) as pool:
         gathered = _gather(experiment, folder, requirements, pool)
+    # first: whoever reads the evidence finds it in the ledger
+    repeats.append(folder, gathered)
     writing.write_json(folder / artifacts.EVIDENCE, gathered)
     page = render_evidence(gathered, _tube_drawn(experiment, folder, gathered["requirements"]))
     writing.write_atomically(folder / artifacts.EVIDENCE_PAGE, page)
@@ -151,13 +154,16 @@ def _gather(
     domain = _domain(experiment, controller, folder)
     proof = safety_proof(mission, scenarios, start_bounds(experiment.monte_carlo))
     recorder = FlightRecorder(experiment, controller, configuration.read(folder))
+    subject = _subject(experiment, folder, controller)
+    tries, flights = repeats.earlier_tries(folder, subject), (experiment.seed, settings.num_cases)
     entries, all_evidence = [], []
     for requirement in requirements.requirements:
         outcome = outcomes.get(requirement.id)
         judgement = None
         if outcome is not None and CASES in requirement.verified_by:
             claim = requirement.probability, requirement.confidence
-            judgement = judge(outcome.margins, outcome.is_met, *claim, outcome.num_occurred)
+            before = repeats.tried(requirement, flights, tries)
+            judgement = judge(outcome.margins, outcome.is_met, *claim, outcome.num_occurred, before)
         searches = _searches(experiment, campaign, requirement, outcome, pool)
         bounds = certificates(requirement, controller) if BOUNDS in requirement.verified_by else ()
         layer = proof if SAFETY_LAYER in requirement.verified_by else None
@@ -182,13 +188,13 @@ def _gather(
         entries.append(evidence.requirement_entry(collected, outcome, recorded))
     _write(folder, artifacts.SEARCHED, evidence.search_columns(mission, all_evidence))
     _write(folder, artifacts.PROOF_BOXES, evidence.box_columns(all_evidence))
-    gathered = {
+    return {
         **_provenance(experiment, folder, controller, requirements),
         "domain": None if domain is None else evidence.domain_entry(domain),
         "requirements": entries,
         "joint": evidence.joint_claim(entries),
+        "earlier": repeats.listed(tries, flights),
     }
-    return {**gathered, "earlier": earlier_runs(folder, gathered)}
 
 
 def _scenarios(experiment: Experiment, num_cases: int) -> list[Scenario]:
@@ -358,20 +364,27 @@ def _write(folder: Path, name: str, table: Mapping[str, Any]) -> None:
         (folder / name).unlink(missing_ok=True)
 
 
+def _subject(experiment: Experiment, folder: Path, controller: Controller) -> dict[str, Any]:
+    """Return whom the evidence is about, and under which conditions."""
+    return {
+        "controller": {"name": controller.name, "sha256": sha256_of(controller)},
+        "conditions": conditions_of(experiment, configuration.read(folder)),
+    }
+
+
 def _provenance(
     experiment: Experiment, folder: Path, controller: Controller, requirements: Requirements
 ) -> dict[str, Any]:
     """Return the subject and the sources of the evidence."""
     gathered = f"{artifacts.ASSURANCE}/", f"{Path(artifacts.THEOREM).parent}/"
     files = [name for name in artifacts.list_artifacts(folder) if name.startswith(gathered)]
-    excluded = artifacts.EVIDENCE, artifacts.EVIDENCE_PAGE, artifacts.BOARD_PAGE
+    excluded = artifacts.EVIDENCE, artifacts.LEDGER, artifacts.EVIDENCE_PAGE, artifacts.BOARD_PAGE
     config = configuration.read(folder)
     return {
         "schema": evidence.SCHEMA,
         "schema_version": evidence.SCHEMA_VERSION,
         "name": requirements.name,
-        "controller": {"name": controller.name, "sha256": sha256_of(controller)},
-        "conditions": conditions_of(experiment, config),
+        **_subject(experiment, folder, controller),
         "config_hash": configuration.config_hash(config),
         **maker.present_maker(),
         "sha256": {name: artifacts.file_hash(folder / name) for name in files if name not in excluded},

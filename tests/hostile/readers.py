@@ -34,7 +34,7 @@ from pipeline.command_line.guide import help_on
 from pipeline.controllers.played import read_played
 from pipeline.controllers.policies import read_policy
 from pipeline.evaluation.assurance import repeats
-from pipeline.evaluation.assurance.requirements import load_requirements
+from pipeline.evaluation.assurance.requirements import Requirement, load_requirements
 from pipeline.flight.world import surface
 from pipeline.optimum.solved import read_solved
 from pipeline.proof.certificate import read_proof
@@ -223,14 +223,18 @@ def _parts(path: Path) -> object:
 
 #: evidence of a run beside another
 EARLIER = {
-    "controller": "one", "sha256": {artifacts.REQUIREMENTS: "0"}, "conditions": {"seed": 2, "num_cases": 9},
-    "requirements": [{"id": "R1", "verdict": "shown"}],
+    "controller": {"name": "one", "sha256": "0"}, "conditions": {"seed": 2, "num_cases": 9},
+    "requirements": [
+        {"id": "R1", "verdict": "shown", "formula": "x > 1", "methods": {"cases": {"verdict": "shown"}}}
+    ],
 }  # fmt: skip
 
 
 def _earlier(path: Path) -> object:
     (folder := path.parents[2] / "this").mkdir(exist_ok=True)
-    return repeats.earlier_runs(folder, EARLIER | {"conditions": {"seed": 1, "num_cases": 9}})
+    tries = repeats.earlier_tries(folder, EARLIER | {"conditions": {"seed": 1, "num_cases": 9}})
+    claim = Requirement("R1", "", "", "", "", "", "", ("cases",), "x > 1", None, 0.9, 0.9)
+    return repeats.tried(claim, (1, 9), tries)
 
 
 def _run_files(path: Path) -> object:
@@ -400,7 +404,12 @@ READERS: Final[Mapping[str, Reader]] = {
     "quoted_theorem": Reader(_in_file(artifacts.THEOREM, lambda path: assure._theorem(path.parents[1])),
                              lambda _: [b'{"goal": [0.5], "num_periods": 200}'], "tree",
                              (ValueError, RecursionError)),
-    "earlier_runs": Reader(_in_file(f"other/{artifacts.EVIDENCE}", _earlier),
+    "earlier_ledgers": Reader(
+        _in_file(f"other/{artifacts.LEDGER}", _earlier),
+        lambda _: [json.dumps(repeats.entry_of(EARLIER)).encode()],
+        "tree",
+    ),
+    "earlier_tries": Reader(_in_file(f"other/{artifacts.EVIDENCE}", _earlier),
                            lambda _: [json.dumps(EARLIER).encode()], "tree", REFUSALS),
     "processors": Reader(_in_file("proc/self/cgroup", _processors),
                          lambda _: [b"0::/a/b\n7:cpu,cpuacct:/a\n"], "text", ()),

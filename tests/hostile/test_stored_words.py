@@ -67,7 +67,7 @@ def test_a_stored_word_that_is_no_plain_value_is_refused_by_name(word, monkeypat
 @pytest.mark.parametrize(
     "folder",
     [
-        "${oc.env:HOME}/x",
+        "${oc.env:ELSEWHERE}/x",
         "..",
         "a/../b",
         "/a",
@@ -84,7 +84,7 @@ def test_a_stored_word_that_is_no_plain_value_is_refused_by_name(word, monkeypat
     ],
 )
 def test_the_folder_of_a_stored_run_is_a_plain_name(folder, tmp_path, monkeypatch, ran):
-    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    monkeypatch.setenv("ELSEWHERE", str(tmp_path / "elsewhere"))
     called = use_stages(monkeypatch)
     old_sweep("s", folder=folder)
     for words in (["resume=s"], ["summary", "s"]):

@@ -109,3 +109,11 @@ def test_a_link_is_told_and_not_followed(run, tmp_path, ran):
     output = ran("verify", run, code=1).out
     assert f"{FLIGHT} is a link to {tmp_path / 'outside'}, which is not followed" in output
     assert f"{FLIGHT} is MISSING" in output
+
+
+def test_a_file_that_is_not_in_the_manifest_is_no_file_of_the_run(run, ran):
+    """As where a file is altered and its line deleted."""
+    manifest = json.loads((run / "manifest.json").read_text())
+    del manifest["sha256"][FLIGHT]
+    (run / "manifest.json").write_text(json.dumps(manifest))
+    assert f"{FLIGHT} is not in the manifest" in ran("verify", run, code=1).out

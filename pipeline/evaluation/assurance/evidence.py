@@ -134,7 +134,7 @@ def requirement_entry(
         "unproved": list(verdicts.unproved(evidence)),
     }
     if evidence.judgement is not None:
-        share, confidence = requirement.probability, requirement.confidence
+        share, confidence = requirement.probability, evidence.judgement.confidence
         needed = None if share == 1.0 else verdicts.cases_needed(share, confidence)
         entry["cases"] = {**asdict(evidence.judgement), "needed_without_failure": needed}
         if random is not None:

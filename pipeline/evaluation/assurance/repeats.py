@@ -1,82 +1,267 @@
-"""Earlier runs that judged the same controller by the same requirements, so that repeating is visible."""
+"""All tries of a claim: a ledger in each run's folder, found again wherever it stands, and what they cost.
+
+A claim that flights show has a risk, one minus its confidence. All tries of it share this risk, so that
+trying until it is shown does not help: each try's number of cases is fixed beforehand, it is judged by cases
+alone that no earlier try flew, and spends what a test of so many cases risks; what follows may spend half of
+what is left. By Bonferroni's inequality the sum holds for any number of tries (Lan and DeMets, "Discrete
+sequential boundaries for clinical trials", Biometrika 70, 1983).
+"""
 
 import json
-from collections.abc import Mapping
+import os
+import sys
+from collections import deque
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from fis_tools.file_access import read_bytes
-from pipeline.run import artifacts
+from fis_tools.plain_text import plain
+from pipeline.evaluation.assurance.requirements import Requirement
+from pipeline.evaluation.assurance.verdicts import Tried, failures_allowed
+from pipeline.run import artifacts, sweep, writing
 
-#: so many folders beside a run are looked into, the newest
-MOST_FOLDERS = 100
+#: folders that are looked into, those nearest to the top first
+MOST_FOLDERS: Final = 20_000
 #: larger evidence is none
-MOST_BYTES = 64 * 1024**2
+MOST_BYTES: Final = 64 * 1024**2
+#: the folder that runs stand in, unless the user says otherwise
+OUTPUTS: Final = "outputs"
 #: conditions that tell repeated flights from the first ones
-DRAWN = ("seed", "num_cases")
+DRAWN: Final = ("seed", "num_cases")
 
 
-def earlier_runs(folder: Path, evidence: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Return earlier runs beside a run that judged the same by other random flights, the oldest first.
+@dataclass(frozen=True)
+class Try:
+    """An earlier try of the claims of some requirements.
+
+    Parameters
+    ----------
+    folder : str
+        Below the folder that was searched.
+    seed, num_cases : int
+    verdicts : mapping of str to str
+        By the ids of requirements.
+    by_cases : mapping of str to str
+        By formula: the verdict of the flights alone.
+    """
+
+    folder: str
+    seed: int
+    num_cases: int
+    verdicts: Mapping[str, str]
+    by_cases: Mapping[str, str]
+
+    @property
+    def flights(self) -> tuple[int, int]:
+        """What tells its flights from those of other tries."""
+        return self.seed, self.num_cases
+
+
+def searched_folder(folder: Path) -> Path:
+    """Return the folder below which tries are looked for.
+
+    It is the outermost folder around a run that holds a sweep or other evidence, is called ``outputs``, or is
+    the working directory; at least the one that the run stands in.
+    """
+    around = folder.resolve().parents
+    outer = [path for path in around if path in (Path.cwd(), around[0]) or _holds_runs(path)]
+    return min(outer, key=lambda path: len(path.parts))
+
+
+def _holds_runs(folder: Path) -> bool:
+    """Return whether runs are to be expected in a folder."""
+    if folder.name == OUTPUTS or (folder / sweep.SWEEP).is_file() or (folder / artifacts.EVIDENCE).is_file():
+        return True
+    with suppress(OSError), os.scandir(folder) as inside:
+        return any(Path(item.path, artifacts.EVIDENCE).is_file() for item in inside if not item.is_symlink())
+    return False
+
+
+def earlier_tries(folder: Path, subject: Mapping[str, Any]) -> list[Try]:
+    """Return the tries that judged the same controller under the same conditions, the oldest first.
 
     Parameters
     ----------
     folder : Path
-        Of the run.
-    evidence : mapping
-        The run's own, as plain data.
+        Of the run, whose own ledger counts, too.
+    subject : mapping
+        With the ``controller`` and the ``conditions`` of the evidence.
 
-    Returns
-    -------
-    list of dict
-        With ``folder``, its name, ``seed``, ``num_cases``, and ``verdicts``, by the ids of requirements. Runs
-        that cannot be read are left out.
+    Raises
+    ------
+    pipeline.run.artifacts.ArtifactError
+        If the ledger of this run cannot be read: it must not be forgotten.
     """
-    dated = []
-    with suppress(OSError):
-        for path in folder.resolve().parent.iterdir():
-            if path.name != folder.resolve().name and not path.is_symlink():
-                with suppress(OSError):
-                    dated.append(((path / artifacts.EVIDENCE).stat().st_mtime, path))
-    runs = []
-    for _, path in sorted(dated)[-MOST_FOLDERS:]:
-        with suppress(OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError):
-            other = json.loads(read_bytes(path / artifacts.EVIDENCE, MOST_BYTES))
-            if _question(other) == _question(evidence) and _flights(other) != _flights(evidence):
-                verdicts = {entry["id"]: str(entry["verdict"]) for entry in other["requirements"]}
-                runs.append({"folder": path.name, **_flights(other), "verdicts": verdicts})
-    return runs
+    top, dated = searched_folder(folder), []
+    for path in _folders(top):
+        is_this = path == folder.resolve()
+        name = "this run" if is_this else path.relative_to(top).as_posix()
+        try:
+            for number, entry in enumerate(_entries(path)):
+                if _question(entry) == _question(subject):
+                    dated.append((_date(path), name, number, _try_of(entry, name)))
+        except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
+            if is_this and (path / artifacts.LEDGER).exists():
+                raise artifacts.ArtifactError(
+                    f"{folder / artifacts.LEDGER} cannot be read, and what was tried must not be forgotten; "
+                    "restore it, or start a new run"
+                ) from error
+            sys.stderr.write(f"  note: what {name} has tried cannot be read, and does not count\n")
+    return [entry for *_, entry in sorted(dated, key=lambda item: item[:3])]
+
+
+def _folders(top: Path) -> Iterator[Path]:
+    """Yield the folders with evidence below one, links not followed, those nearest to it first."""
+    waiting, count = deque([top]), 0
+    while waiting:
+        path, count = waiting.popleft(), count + 1
+        if count > MOST_FOLDERS:
+            sys.stderr.write(f"  note: earlier tries are sought in {MOST_FOLDERS:,} folders alone\n")
+            return
+        with suppress(OSError), os.scandir(path) as inside:
+            names = sorted(item.name for item in inside if item.is_dir(follow_symlinks=False))
+            if artifacts.ASSURANCE in names:
+                yield path
+            waiting += [path / name for name in names if not name.startswith(".")]
+
+
+def _date(folder: Path) -> float:
+    names = (artifacts.LEDGER, artifacts.EVIDENCE)
+    return next((folder / name).stat().st_mtime for name in names if (folder / name).exists())
+
+
+def _entries(folder: Path) -> list[dict[str, Any]]:
+    """Return the entries of a run's ledger; earlier versions have their evidence alone."""
+    if (folder / artifacts.LEDGER).exists():
+        content = read_bytes(folder / artifacts.LEDGER, MOST_BYTES)
+        return [plain(json.loads(line)) for line in content.splitlines()]
+    if (folder / artifacts.EVIDENCE).exists():
+        return [entry_of(plain(json.loads(read_bytes(folder / artifacts.EVIDENCE, MOST_BYTES))))]
+    return []
+
+
+def entry_of(evidence: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what the ledger keeps of evidence."""
+    claims = [
+        {
+            "id": str(entry["id"]),
+            "formula": entry.get("formula"),
+            "probability": entry.get("probability"),
+            "confidence": entry.get("confidence"),
+            "verdict": str(entry["verdict"]),
+            "by_cases": entry.get("methods", {}).get("cases", {}).get("verdict"),
+        }
+        for entry in evidence["requirements"]
+    ]
+    subject = {name: evidence[name] for name in ("controller", "conditions")}
+    entry: dict[str, Any] = json.loads(json.dumps({**subject, "claims": claims}))
+    return entry
+
+
+def append(folder: Path, evidence: Mapping[str, Any]) -> None:
+    """Append evidence to the ledger of its run; what stands there stays; the same again adds nothing."""
+    entry, path = entry_of(evidence), folder / artifacts.LEDGER
+    entries = _entries(folder) if path.exists() else []
+    if entry not in entries:
+        before = read_bytes(path, MOST_BYTES) if entries else b""
+        line = json.dumps(entry, ensure_ascii=False, sort_keys=True)
+        writing.write_atomically(path, before + f"{line}\n".encode())
+
+
+def seed_ledger(folder: Path) -> None:
+    """Keep the evidence of an earlier version, which has no ledger, before it is replaced."""
+    if (folder / artifacts.EVIDENCE).exists() and not (folder / artifacts.LEDGER).exists():
+        with suppress(ValueError, LookupError, TypeError, AttributeError, RecursionError):
+            append(folder, plain(json.loads(read_bytes(folder / artifacts.EVIDENCE, MOST_BYTES))))
+
+
+def _try_of(entry: Mapping[str, Any], folder: str) -> Try:
+    claims = entry["claims"]
+    return Try(
+        folder,
+        int(entry["conditions"]["seed"]),
+        int(entry["conditions"]["num_cases"]),
+        {str(claim["id"]): str(claim["verdict"]) for claim in claims},
+        {_formula(claim["formula"]): str(claim["by_cases"]) for claim in claims if claim["by_cases"]},
+    )
+
+
+def _formula(text: str | None) -> str:
+    """Return a formula without its spaces."""
+    return "".join(str(text or "").split())
 
 
 def _question(evidence: Mapping[str, Any]) -> tuple[Any, ...]:
-    """Return what a run judged: controller, requirements and conditions, without the random draw."""
+    """Return what a run judged: controller and conditions, without the random draw."""
     conditions = {key: value for key, value in evidence["conditions"].items() if key not in DRAWN}
-    # as JSON holds them
-    values = [list(value) if isinstance(value, tuple) else value for value in conditions.values()]
-    return evidence["controller"], evidence["sha256"][artifacts.REQUIREMENTS], list(conditions), values
+    controller = evidence["controller"]
+    return controller["sha256"] or controller["name"], json.dumps(conditions, sort_keys=True)
 
 
-def _flights(evidence: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the seed and the number of cases of a run."""
-    return {key: evidence["conditions"][key] for key in DRAWN}
+def tried(requirement: Requirement, flights: tuple[int, int], tries: Sequence[Try]) -> Tried:
+    """Return what earlier tries leave of a claim.
+
+    Parameters
+    ----------
+    requirement : Requirement
+    flights : (int, int)
+        Seed and number of cases of the present try.
+    tries : sequence of Try
+    """
+    formula = _formula(requirement.formula_text)
+    same = [entry for entry in tries if formula in entry.by_cases]
+    refuting = [entry for entry in same if entry.by_cases[formula] == "refuted" and entry.flights != flights]
+    # the same flights again are judged as they were the first time
+    first = next((index for index, entry in enumerate(same) if entry.flights == flights), len(same))
+    left = risk = 1.0 - requirement.confidence
+    known: dict[int, int] = {}
+    for seed, num_cases in dict.fromkeys(entry.flights for entry in same[:first]):
+        num_new = max(num_cases - known.get(seed, 0), 0)
+        left -= _risk_of(num_new, requirement.probability, left if left == risk else left / 2)
+        known[seed] = max(num_cases, known.get(seed, 0))
+    return Tried(
+        num_tries=len({entry.flights for entry in same[:first]}),
+        num_known=min(known.get(flights[0], 0), flights[1]),
+        risk=left if left == risk else left / 2,
+        refuted_by=f"{refuting[0].folder} ({_cases_in_words(refuting[0])})" if refuting else "",
+    )
+
+
+def _risk_of(num_cases: int, probability: float, risk: float) -> float:
+    """Return how likely a test of so many cases shows a claim that is just not true."""
+    from scipy.special import bdtr  # noqa: PLC0415 - slower to import than a thousand flights
+
+    allowed = failures_allowed(num_cases, probability, 1.0 - risk)
+    return float(bdtr(allowed, num_cases, 1.0 - probability)) if allowed >= 0 else 0.0
+
+
+def listed(tries: Sequence[Try], flights: tuple[int, int]) -> list[dict[str, Any]]:
+    """Return the tries by other flights as plain data."""
+    names = ("folder", "seed", "num_cases", "verdicts")
+    return [{name: getattr(entry, name) for name in names} for entry in tries if entry.flights != flights]
+
+
+def _cases_in_words(entry: Try) -> str:
+    return f"seed {entry.seed}, {entry.num_cases:,} cases"
 
 
 def repeats_in_words(evidence: Mapping[str, Any]) -> str:
-    """Return the verdicts of earlier runs in a few sentences, empty without any."""
+    """Return the verdicts of other tries in a few sentences, empty without any."""
     runs = evidence["earlier"]
     verdicts = {entry["id"]: entry["verdict"] for entry in evidence["requirements"]}
     if not runs:
         return ""
-    words, gained = [], set()
+    words = []
     for run in runs:
         differing = {name: word for name, word in run["verdicts"].items() if word != verdicts.get(name)}
-        gained |= {name for name in differing if str(verdicts.get(name)).startswith("shown")}
         words_of_run = ", ".join(f"{name} {word}" for name, word in differing.items()) or "the same verdicts"
         words.append(f"{run['folder']} (seed {run['seed']}, {run['num_cases']:,} cases): {words_of_run}")
-    count = "An earlier run" if len(runs) == 1 else f"{len(runs)} earlier runs"
-    text = f"{count} beside this one judged the same by other flights. {'; '.join(words)}."
-    if gained:
-        names = ", ".join(sorted(gained))
-        text += f" {names}: what is repeated until it is shown does not have the confidence that is stated."
-    return text
+    count = "Another try" if len(runs) == 1 else f"{len(runs)} other tries"
+    return (
+        f"{count} judged the same controller under the same conditions by other flights. {'; '.join(words)}. "
+        "Tries of a claim share its risk: each counts the cases alone that no earlier one flew, and spends a "
+        "part of what is left of one minus the confidence."
+    )

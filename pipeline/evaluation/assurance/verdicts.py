@@ -25,6 +25,27 @@ ORDER: tuple[Verdict, ...] = get_args(Verdict)
 
 
 @dataclass(frozen=True)
+class Tried:
+    """What earlier tries of a claim leave to the next one.
+
+    Parameters
+    ----------
+    num_tries : int
+    num_known : int
+        Of the cases, so many from the first on were flown before; they do not count again.
+    risk : float
+        That the claim is shown though it is not true.
+    refuted_by : str
+        Where it was refuted; empty if nowhere.
+    """
+
+    num_tries: int
+    num_known: int
+    risk: float
+    refuted_by: str = ""
+
+
+@dataclass(frozen=True)
 class Judgement:
     """The result of n cases for a claim.
 
@@ -34,7 +55,8 @@ class Judgement:
         ``shown``: the lower bound of the share that meets it is at least the claimed one; ``refuted``: the
         upper bound is below; else ``not shown``.
     num_cases, num_failed, num_allowed : int
-        Flown; not met; and most failures for which the claim would still be shown (-1: too few cases).
+        Flown, without those that earlier tries flew; not met; and most failures for which the claim would
+        still be shown (-1: too few cases).
     low, high : float
         One-sided bounds of the share that meets it, each with the claim's confidence.
     margin : float, optional
@@ -43,6 +65,12 @@ class Judgement:
     worst_margin, median_margin : float
     premises : dict of str to int
         In how many cases the premise of each implication occurs, by its text.
+    confidence : float
+        With which the cases are judged: above the claim's after other tries.
+    num_tries, num_known, num_known_failed : int
+        Earlier tries; cases that these flew; and how many of them do not meet it.
+    refuted_by : str
+        Where another try refuted the claim.
     """
 
     verdict: Verdict
@@ -55,6 +83,11 @@ class Judgement:
     worst_margin: float
     median_margin: float
     premises: dict[str, int] = field(default_factory=dict)
+    confidence: float = 0.0
+    num_tries: int = 0
+    num_known: int = 0
+    num_known_failed: int = 0
+    refuted_by: str = ""
 
     @property
     def idle_premises(self) -> list[str]:
@@ -105,6 +138,7 @@ def judge(
     probability: float,
     confidence: float,
     premises: Mapping[str, int] | None = None,
+    tried: Tried | None = None,
 ) -> Judgement:
     """Judge a claim by n cases.
 
@@ -116,15 +150,23 @@ def judge(
         A probability of one means all cases; a single failure refutes it.
     premises : mapping of str to int, optional
         In how many cases the premise of each implication occurs; if one never does, the claim is not shown.
+    tried : Tried, optional
+        What earlier tries leave.
     """
-    num_cases, num_failed = len(margins), int(np.count_nonzero(~is_met))
+    tried = Tried(0, 0, 1.0 - confidence) if tried is None else tried
+    if tried.num_tries:
+        confidence = 1.0 - tried.risk
+    is_new = is_met[tried.num_known :]
+    num_cases, num_failed = len(is_new), int(np.count_nonzero(~is_new))
     allowed = failures_allowed(num_cases, probability, confidence)
     low, high = share_bounds(num_cases - num_failed, num_cases, confidence)
-    ascending = np.sort(margins)
+    ascending = np.sort(margins[tried.num_known :])
     verdict: Verdict = "shown" if num_failed <= allowed else "refuted" if high < probability else "not shown"
     occurred = dict(premises or {})
     if verdict == "shown" and not all(occurred.values()):
         verdict = "not shown"
+    if tried.refuted_by:
+        verdict = "refuted"
     return Judgement(
         verdict=verdict,
         num_cases=num_cases,
@@ -133,9 +175,14 @@ def judge(
         low=low,
         high=high,
         margin=float(ascending[allowed]) if allowed >= 0 else None,
-        worst_margin=float(ascending[0]),
+        worst_margin=float(np.min(margins)),
         median_margin=float(np.median(margins)),
         premises=occurred,
+        confidence=confidence,
+        num_tries=tried.num_tries,
+        num_known=tried.num_known,
+        num_known_failed=int(np.count_nonzero(~is_met[: tried.num_known])),
+        refuted_by=tried.refuted_by,
     )
 
 
@@ -239,7 +286,8 @@ def verdict(evidence: Evidence) -> MethodResult:
     """
     judged = results_by_method(evidence)
     failed = any(search.first_failed is not None for search in evidence.searches)
-    has_failed = failed or (evidence.judgement is not None and evidence.judgement.num_failed > 0)
+    judgement = evidence.judgement
+    has_failed = failed or (judgement is not None and judgement.num_failed + judgement.num_known_failed > 0)
     for method, what in ((SAFETY_LAYER, "of the safety layer"), (TUBE, "by a tube of all starts")):
         proof = judged.get(method)
         if proof is not None and proof.is_proof:
@@ -258,8 +306,14 @@ def _of_cases(requirement: Requirement, judgement: Judgement) -> MethodResult:
     """Judge a requirement by its random flights; return the verdict, with the reason in words."""
     sure = f"with {percent(requirement.confidence)} confidence"
     claim = f"{percent(requirement.probability)} {sure}"
-    failed = f"{judgement.num_failed:,} of {judgement.num_cases:,} cases fail"
-    if judgement.idle_premises and not judgement.num_failed:
+    noun = "new cases" if judgement.num_tries else "cases"
+    failed = f"{judgement.num_failed:,} of {judgement.num_cases:,} {noun} fail"
+    if judgement.num_tries and not judgement.refuted_by:
+        count = "1 earlier try" if judgement.num_tries == 1 else f"{judgement.num_tries} earlier tries"
+        claim += f" after {count}, which leaves a confidence of {percent(judgement.confidence)} to reach"
+    if judgement.refuted_by:
+        why = f"another try refuted it, {judgement.refuted_by}"
+    elif judgement.idle_premises and not judgement.num_failed:
         idle = " and ".join(judgement.idle_premises)
         failed = f"premise in 0 of {judgement.num_cases:,}"
         why = f"the premise {idle} occurred in none of {judgement.num_cases:,} flights, so they show nothing"
@@ -270,8 +324,8 @@ def _of_cases(requirement: Requirement, judgement: Judgement) -> MethodResult:
     elif judgement.verdict == "refuted":
         why = f"{sure} at most {percent(judgement.high)} of such cases meet it"
     elif judgement.num_allowed < 0:
-        needed = cases_needed(requirement.probability, requirement.confidence)
-        why = f"{claim} needs {needed:,} cases without a failure"
+        needed = cases_needed(requirement.probability, judgement.confidence)
+        why = f"{claim} needs {needed:,} {noun} without a failure"
     else:
         why = f"at most {judgement.num_allowed:,} may fail, to show {claim}"
     return MethodResult(judgement.verdict, failed, why)

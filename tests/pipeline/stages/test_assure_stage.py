@@ -3,6 +3,7 @@
 import hashlib
 import html
 import re
+import shutil
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -13,7 +14,7 @@ from fis_tools.formats import serialize
 from fis_tools.words.text import sentence
 from pipeline.command_line.cli import main
 from pipeline.evaluation.assurance.conditions import changed_settings
-from pipeline.evaluation.assurance.repeats import earlier_runs, repeats_in_words
+from pipeline.evaluation.assurance.repeats import earlier_tries
 from pipeline.evaluation.assurance.verdicts import judge
 from pipeline.report.board import render_board
 from pipeline.report.evidence import OF_PAPER, OF_RUN, render_evidence
@@ -174,21 +175,46 @@ def test_runs_of_the_same_question_beside_are_told(assured, evidence, tmp_path, 
     assert again["earlier"] == [{"folder": "run", "seed": 1, "num_cases": 60, "verdicts": verdicts}]
     for text in (errors, (assured.parent / "again" / artifacts.EVIDENCE_PAGE).read_text(encoding="utf-8")):
         assert (
-            "An earlier run beside this one judged the same by other flights. run (seed 1, 60 cases)" in text
+            "Another try judged the same controller under the same conditions by other flights. run (seed 1"
+            in text
         )
-    # what is shown after it was not is said to have less than its confidence
-    (run,) = again["earlier"]
-    was = {**again, "earlier": [{**run, "verdicts": {**verdicts, "R6": "not shown"}}]}
-    assert "R6: what is repeated until it is shown does not have the confidence" in repeats_in_words(was)
-    # another question, the same flights, and what cannot be read are none of them
+    for entry in (entry for entry in again["requirements"] if "cases" in entry):
+        assert (entry["cases"]["num_tries"], entry["cases"]["num_known"]) == (1, 0)
+        assert entry["cases"]["confidence"] >= entry["confidence"]
+    # another question, and what cannot be read, are none of them
     question = {**again, "controller": {"name": "other", "sha256": "0"}}
-    assert earlier_runs(assured.parent / "again", question) == []
-    assert earlier_runs(assured.parent / "again", {**evidence, "earlier": []}) == []
+    assert earlier_tries(assured.parent / "again", question) == []
     for name, content in (("torn", "{"), ("list", "[]"), ("bare", "{}")):
         path = tmp_path / name / artifacts.EVIDENCE
         path.parent.mkdir(parents=True)
         path.write_text(content, encoding="utf-8")
-    assert earlier_runs(tmp_path / "mine", again) == []
+    assert earlier_tries(tmp_path / "mine", again) == []
+
+
+def test_what_was_refuted_is_not_shown_by_a_second_try(assured, evidence, tmp_path, ran):
+    """In the same folder with fewer cases, and in one below it."""
+    folder = tmp_path / "run"
+    shutil.copytree(assured, folder)
+    before = {entry["id"]: entry for entry in evidence["requirements"] if "cases" in entry}
+    path = folder / artifacts.LEDGER
+    path.write_text(path.read_text().replace('"by_cases": "shown"', '"by_cases": "refuted"'))
+    forged = path.read_bytes()
+    few = ["assurance.num_cases=30"]
+    ran("stages=[assure]", *few, f"hydra.run.dir={folder}", code=None)
+    ran("+experiment=assure", *SMALL, *few, f"hydra.run.dir={folder / 'deeper' / 'run'}", code=None)
+    assert path.read_bytes().startswith(forged)
+    assert len(path.read_bytes().splitlines()) == 2
+    for second in (folder, folder / "deeper" / "run"):
+        again = artifacts.read_json(second, artifacts.EVIDENCE)
+        assert [run["num_cases"] for run in again["earlier"]] == [60]
+        for entry in (entry for entry in again["requirements"] if "cases" in entry):
+            assert entry["methods"]["cases"]["verdict"] != "shown"
+            if before[entry["id"]]["methods"]["cases"]["verdict"] == "shown":
+                assert "another try refuted it" in entry["methods"]["cases"]["why"]
+            assert (entry["cases"]["num_cases"], entry["cases"]["num_known"]) == (0, 30)
+    path.write_text("{")
+    message = "what was tried must not be forgotten"
+    assert message in ran("stages=[assure]", *few, f"hydra.run.dir={folder}", code=2).err
 
 
 def test_it_repeats_to_the_last_bit(assured, evidence):
