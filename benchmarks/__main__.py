@@ -18,6 +18,7 @@ CAMPAIGNS = (
     "additions",
     "adversaries",
     "basilisk",
+    "budget",
     "consistency",
     "dialects",
     "edit",

@@ -130,10 +130,15 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("-w", "--world", action="append", help=f"of {', '.join(WORLDS)}; all unless given")
     parser.add_argument("--cases", type=int, default=1000, help="starts; no more than 100 for a slow one")
     parser.add_argument("--seed", type=int, default=6, help="of the starts")
+    parser.add_argument(
+        "--speed", type=float, help="greatest speed of the starts, m/s; the world's unless given"
+    )
     options = parser.parse_args(arguments)
     for world in options.world or WORLDS:
         words = [f"world={world}", f"monte_carlo.num_cases={options.cases}", f"seed={options.seed}"]
-        print(f"\n`world={world}`, {options.cases} starts\n")
+        if options.speed is not None:
+            words.append(f"monte_carlo.max_speed_m_s={options.speed}")
+        print(f"\n`{' '.join(words)}`\n")
         print("| controller | points (%) | delta-v (m/s) | their success | our success | out of bounds |")
         print("|---|---|---|---|---|---|", flush=True)
         for name in options.controller or WORLDS[world]:
