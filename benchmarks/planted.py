@@ -48,7 +48,7 @@ def tried(top: Path, bug: tuple[str, str, str]) -> str:
     done = subprocess.run(words, cwd=top, env=environment, capture_output=True, text=True, check=False)  # noqa: S603
     seconds, processor_s = time.monotonic() - started, sum(os.times()[2:4]) - before_s
     path.write_text(intact, encoding="utf-8")
-    failed = re.findall(r"^(?:FAILED|ERROR) ([^ ]+)", done.stdout, re.MULTILINE)
+    failed = re.findall(r"^(?:FAILED|ERROR) (\S+)", done.stdout, re.MULTILINE)
     counts = re.findall(r"(\d+) (?:passed|failed)", (done.stdout.splitlines() or [""])[-1])
     first = f"`{failed[0].partition('[')[0]}`" if failed else "none"
     return f"| `{name}` | `{after}` | {sum(map(int, counts))} | {seconds:.0f} | {processor_s:.0f} | {first} |"
