@@ -16,7 +16,11 @@ from pipeline.settings.places import conf_folder
 #: the group that experiments are chosen from
 EXPERIMENT: Final = "experiment"
 #: commands beside experiments, and the modules with functions of their names, which few runs need
-_MODULES = {"commands": ("edit", "export_c", "warm"), "results": ("compare", "summary", "verify")}
+_MODULES = {
+    "commands": ("edit", "export_c", "warm"),
+    "flown_again": ("fly",),
+    "results": ("compare", "summary", "verify"),
+}
 COMMANDS: Final = {name: module for module, names in _MODULES.items() for name in names}
 #: options of Hydra that this program lacks, and why
 REFUSED: Final = {

@@ -11,6 +11,7 @@ usage: python -m pipeline +experiment=NAME [controller=NAME_OR_PATH] [key=value 
   python -m pipeline compare=RUN_A,RUN_B                           two runs on the cases that they share
   python -m pipeline resume=RUN_FOLDER                             go on where a run, or a sweep, stopped
   python -m pipeline verify RUN_FOLDER                             check its files, repeat its flights
+  python -m pipeline fly RUN_FOLDER case=7                         fly a case of it again, recorded
   python -m pipeline edit controller=champion_27                   edit it; each change flies 1,000 cases
   python -m pipeline warm                                          compile what the experiments need
   python -m pipeline stages=[report] hydra.run.dir=RUN_FOLDER      repeat a stage on a run's files

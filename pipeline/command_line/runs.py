@@ -83,7 +83,7 @@ def check_vacant(job: Job) -> None:
     """
     if not (job.folder / artifacts.MANIFEST).exists():
         if (job.folder / artifacts.CONFIG).exists():
-            _stored(job.folder)
+            stored(job.folder)
         return
     if not configuration.is_of(job.config, manifests.read(job.folder)):
         path = shown_path(job.folder)
@@ -127,8 +127,8 @@ def resume(folder: Path, overrides: Sequence[Override], command: Sequence[str] |
     """
     configuration.read(folder)
     with held(folder):
-        stored = _stored(folder)
-        config = with_values(stored.config, given_again(overrides, stored.experiment.name))
+        run = stored(folder)
+        config = with_values(run.config, given_again(overrides, run.experiment.name))
         experiment = schema.experiment_from(config)
         manifest = manifests.read_if_any(folder)
         finished = manifest.get("finished_stages", [])
@@ -180,7 +180,7 @@ def repeat(folder: Path, overrides: Mapping[str, Override], config_dir: Path | N
         A user's own folder of configurations.
     """
     with held(folder):
-        config = _stored(folder).config
+        config = stored(folder).config
         given = {key: each.value() for key, each in overrides.items() if not key.startswith("hydra.")}
         stages = given.pop("stages", None)
         if not isinstance(stages, list):
@@ -211,7 +211,7 @@ def repeat(folder: Path, overrides: Mapping[str, Override], config_dir: Path | N
         return _run(Job(config, experiment, folder), stages)
 
 
-def _stored(folder: Path) -> Job:
+def stored(folder: Path) -> Job:
     """Return a run as it is stored.
 
     Raises

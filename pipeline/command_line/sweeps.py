@@ -20,7 +20,7 @@ from pipeline.command_line.arguments import EXPERIMENT, ConfigError
 from pipeline.command_line.config import Job, check_stages, checked_job, errors_in_words
 from pipeline.command_line.overrides import HYDRA, SUFFIXES, quoted, top_of, words_of
 from pipeline.preflight import check_before
-from pipeline.run import artifacts, configuration, lock, sweep
+from pipeline.run import artifacts, configuration, lock, sweep, typed
 from pipeline.run.sweep import DONE, Ending, SweptRun, state_of
 from pipeline.settings.keys import value_at
 
@@ -155,7 +155,7 @@ class Sweep:
     @property
     def cure(self) -> str:
         """The command that resumes the sweep."""
-        return f"python -m pipeline resume={runs.shown_path(self.folder)}"
+        return typed.resume(runs.shown_path(self.folder))
 
     def end(self) -> int:
         """Print the sweep's results and the command for its summary; return the exit code."""
@@ -166,7 +166,7 @@ class Sweep:
         sys.stderr.write(
             f"{num_known - len(left)} of {num_known} runs are done"
             + (f"; to try the others again: {self.cure}" if left else "")
-            + f"\nto see what came out: python -m pipeline summary {runs.shown_path(self.folder)}\n"
+            + f"\nto see what came out: {typed.summary(runs.shown_path(self.folder))}\n"
         )
         lost = {run.folder: runs.FAULT for run in left}
         endings = {run.folder: sweep.read_ending(self.folder / run.folder) for run in self.runs}

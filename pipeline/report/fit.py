@@ -1,12 +1,11 @@
 """The page of a fit: what limits the mission, how the controllers fly, and what to do next."""
 
-import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from fis_tools.document import Block, Code, Document, Heading, Items, Paragraph, Table
 from fis_tools.document.html import page, read
-from pipeline.run import artifacts
+from pipeline.run import typed
 
 #: rows of the table of flights, by their keys in the summary
 ROWS = {"shipped": "", "fitted": "fitted", "layered": "with safety=filter", "planned": "planning"}
@@ -15,16 +14,8 @@ HEADS = ("", "flights", "success", "outside", "points missed", "delta-v (m/s)")
 #: heading of a further column, where a controller chose pushes ahead
 BY_RULES = "fuel by rules (%)"
 
-#: characters of a line of a command
-WIDTH = 96
-#: words of a command that are of the fit, not of the mission
-OF_FIT = (
-    *("+experiment=", "fit.", "optimizer", "starts", "stages=", "hydra.", "name=", "seed="),
-    *("safety=", "controller=", "resume="),
-)
 
-
-def render_fit(name: str, folder: str, result: Mapping[str, Any], command: Sequence[str] = ()) -> str:
+def render_fit(name: str, folder: str, result: Mapping[str, Any]) -> str:
     """Render the page.
 
     Parameters
@@ -35,14 +26,12 @@ def render_fit(name: str, folder: str, result: Mapping[str, Any], command: Seque
         Of the run.
     result : mapping
         Of `fit/summary.json`.
-    command : sequence of str
-        Words after ``python -m pipeline`` by which the run was started; none where that is not known.
     """
-    blocks = list(_blocks(name, folder, result, command))
+    blocks = list(_blocks(name, folder, result))
     return page(Document(blocks), read("templates/report.css", "pipeline.report"))
 
 
-def _blocks(name: str, folder: str, result: Mapping[str, Any], command: Sequence[str]) -> Iterator[Block]:
+def _blocks(name: str, folder: str, result: Mapping[str, Any]) -> Iterator[Block]:
     """Yield the page on a fitted controller: its success, what limits the mission, how to fly it."""
     last, is_layered = result["last"], result["safety"] != "none"
     yield Heading(name, 1)
@@ -62,25 +51,9 @@ def _blocks(name: str, folder: str, result: Mapping[str, Any], command: Sequence
     if result["layer_refused"]:
         yield Paragraph(f"The safety layer could not be tried: {result['layer_refused']}.")
     yield Heading("Fly it")
-    mission = [word for word in command if not word.startswith(OF_FIT)]
-    words = [f"controller={folder}/{artifacts.FIT_CONTROLLER}", *mission]
-    words.append(f"safety={'filter' if is_layered else 'none'}")
-    yield Code(_wrapped(["python -m pipeline +experiment=evaluate", *map(shlex.quote, words)], bool(command)))
-    if not command:
-        yield Paragraph("For the dots put the settings of the mission, or world=NAME.")
+    yield Code(typed.fly(folder))
     yield Heading("The last round of the competition")
     yield _table([("", rival) for rival in result["rivals"]])
-
-
-def _wrapped(words: Sequence[str], is_complete: bool) -> str:
-    """Return a command in lines of `WIDTH` or less where its words allow that, with dots if some are left."""
-    lines = [words[0]]
-    for word in (*words[1:], *(() if is_complete else ("...",))):
-        if len(lines[-1]) + len(word) < WIDTH:
-            lines[-1] += f" {word}"
-        else:
-            lines.append(f"    {word}")
-    return " \\\n".join(lines)
 
 
 def _table(rows: Sequence[tuple[str, Mapping[str, Any]]]) -> Table:

@@ -1,7 +1,6 @@
 """The results of a sweep: which setting is better, by how much, how sure; and how to fly the best."""
 
 import math
-import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -24,7 +23,10 @@ from pipeline.evaluation.paired_runs import (
 )
 from pipeline.evaluation.statistics import Statistic, fraction, statistic
 from pipeline.report.contents import read_summary
-from pipeline.run import artifacts, configuration, sweep, tables
+from pipeline.run import artifacts, configuration, sweep, tables, typed
+from pipeline.settings.experiment import Mission
+from pipeline.settings.groups import names_of
+from pipeline.settings.keys import FREE
 
 Columns = dict[str, list[Any] | NDArray[Any]]
 
@@ -34,8 +36,8 @@ MAKING = {"train", "search"}
 SHARES = {"success": SUCCESS, "violated": "violated"}
 #: of intervals, where the runs do not say
 CONFIDENCE_PERCENT = 95.0
-#: words of a run's command that say nothing about a single flight
-NOT_FLOWN = ("+experiment=", "stages=", "hydra.", "seed=", "name=", "monte_carlo", "optimizer", "starts")
+#: the controllers that a run made or kept
+KEPT = (artifacts.CHAMPION, artifacts.CONTROLLER)
 #: of the settings on the front, how many are offered to be flown
 MOST_OFFERED = 5
 
@@ -69,7 +71,9 @@ class RunResult(sweep.SweptRun):
     estimates : mapping of str to Estimate
         By the name of a metric; empty where nothing was evaluated.
     fly : str
-        The command that flies its controller; empty where nothing was evaluated.
+        The command that flies a case of it again; empty where nothing was evaluated.
+    flown : str
+        A hash of its controller and world; empty where nothing was evaluated.
     percent_ahead : float
         Share of its fuel that was chosen ahead; NaN where nothing was evaluated.
     """
@@ -78,6 +82,7 @@ class RunResult(sweep.SweptRun):
     num_cases: int = 0
     estimates: Estimates = field(default_factory=dict)
     fly: str = ""
+    flown: str = ""
     percent_ahead: float = np.nan
 
     @property
@@ -182,7 +187,7 @@ class SweepResults:
     def offered(self) -> list[RunResult]:
         """The best run of the first settings on the front, each controller and world once."""
         best = [setting.best for setting in self.front]
-        return list({run.fly: run for run in reversed(best)}.values())[::-1][:MOST_OFFERED]
+        return list({run.flown: run for run in reversed(best)}.values())[::-1][:MOST_OFFERED]
 
 
 def gather_results(folder: Path) -> SweepResults:
@@ -217,10 +222,17 @@ def _run_result(folder: Path, run: sweep.SweptRun, summary: Mapping[str, Any] | 
     if summary is None:
         return result
     estimates = {metric.name: _estimate_of(summary, metric.name) for metric in METRICS}
-    fly = _fly_command(folder / run.folder, run)
+    fly = typed.fly(folder / run.folder)
     ahead = percent_ahead(summary)
     num_cases = int(summary["num_cases"])
-    return replace(result, num_cases=num_cases, estimates=estimates, fly=fly, percent_ahead=ahead)
+    return replace(
+        result,
+        num_cases=num_cases,
+        estimates=estimates,
+        fly=fly,
+        flown=_flown(folder / run.folder),
+        percent_ahead=ahead,
+    )
 
 
 def _estimate_of(summary: Mapping[str, Any], name: str) -> Estimate:
@@ -279,15 +291,12 @@ def _estimate(mean: Statistic) -> Estimate:
     return Estimate(*(math.nan if part is None else part for part in (mean.mean, mean.low, mean.high)))
 
 
-def _fly_command(folder: Path, run: sweep.SweptRun) -> str:
-    """Return the command that flies the controller of a run once, in the world of the run."""
-    kept = [word for word in run.command if not word.startswith(NOT_FLOWN)]
-    for name in (artifacts.CHAMPION, artifacts.CONTROLLER):
-        if (folder / name).exists():
-            kept = [word for word in kept if not word.startswith("controller")]
-            kept.append(f"controller={folder / name}")
-            break
-    return shlex.join(["python", "-m", "pipeline", "+experiment=fly", *kept])
+def _flown(folder: Path) -> str:
+    """Return a hash of the controller and the world that a run flies, whatever cases it draws."""
+    config = configuration.read(folder)
+    flown = {key: config[key] for key in (*names_of(Mission), FREE, "sun") if key in config}
+    made = [artifacts.file_hash(folder / name) for name in KEPT if (folder / name).exists()]
+    return configuration.config_hash({**flown, "made": made})
 
 
 def columns_of(results: SweepResults) -> Columns:

@@ -9,6 +9,7 @@ from pipeline.evaluation.paired_runs import METRICS, REPLICATE, Compared, Effect
 from pipeline.report.figures.comparison import front_of_runs
 from pipeline.report.figures.style import caption_of, illustrate, style
 from pipeline.report.sweep import SweepResults
+from pipeline.run import typed
 
 #: heading of the shares of fuel, where a run chose pushes ahead
 FUEL_SHARES = "fuel by rules / chosen ahead (%)"
@@ -155,7 +156,7 @@ def _document(results: SweepResults) -> Document:
     failures = [f"{run.folder}: {run.failure}" for run in results.failed]
     if failures:
         blocks += [Heading("Failed"), Items(failures), Paragraph("To try them again:")]
-        blocks.append(Code(f"python -m pipeline resume={folder}"))
+        blocks.append(Code(typed.resume(folder)))
     return Document([*blocks, Heading("Runs"), *runs_table(results)])
 
 

@@ -1,7 +1,6 @@
 """Runs the stages of an experiment in a folder, one after the other, and keeps the manifest up to date."""
 
 import logging
-import shlex
 import sys
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -11,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from fis_tools.streams import guarded
-from pipeline.run import artifacts, configuration, interrupts, maker, manifests, writing
+from pipeline.run import artifacts, configuration, interrupts, maker, manifests, typed, writing
 from pipeline.settings.experiment import STAGES, Experiment, Mission
 
 _LOG = logging.getLogger("pipeline")
@@ -214,13 +213,12 @@ def scene_of(mission: Mission) -> dict[str, float]:
 
 def _kept(folder: Path, stage: str, finished: Sequence[str]) -> str:
     """Return a sentence on what an interrupted run has kept and how to continue."""
-    command = shlex.quote(f"resume={folder}")
     files = [name for name in artifacts.list_artifacts(folder) if name != artifacts.CONFIG]
     if (folder / artifacts.CHECKPOINT).exists():
         files.append(artifacts.CHECKPOINT)
     done = f"finished before: {', '.join(finished)}" if finished else "no stage was finished before"
     kept = f"kept in {folder}: {', '.join(files)}" if files else f"nothing to keep in {folder} yet"
-    return f"interrupted in the stage {stage} ({done}); {kept}. To go on: python -m pipeline {command}"
+    return f"interrupted in the stage {stage} ({done}); {kept}. To go on: {typed.resume(folder)}"
 
 
 class _Log(logging.FileHandler):

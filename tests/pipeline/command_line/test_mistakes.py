@@ -80,7 +80,10 @@ MISTAKES = [
     ([*FLY, "--config-dir"], "expected one argument"),
     ([*FLY, "--config-dir=nowhere"], "--config-dir nowhere is no folder"),
     ([*FLY, "--experimental-rerun=x.pickle"], "would load a pickle"),
-    (["check", "x"], "no command check; the commands are compare, edit, export_c, summary, verify, warm. An"),
+    (
+        ["check", "x"],
+        "no command check; the commands are compare, edit, export_c, fly, summary, verify, warm.",
+    ),
     # values
     ([*FLY, "deputy.mass_kg=-1"], "deputy.mass_kg is -1; it must be greater than 0 (kg)"),
     (

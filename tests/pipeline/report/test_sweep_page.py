@@ -104,7 +104,8 @@ def test_the_page_says_which_setting_is_better_by_how_much_and_how_sure(tmp_path
     assert "controller=second against first: worse in delta-v by 0.0500 m/s" in page
     # by delta-v and rate the third alone stands: it inspects as much for less
     assert [setting.name for setting in results.front] == ["controller=third"]
-    assert page.count("python -m pipeline +experiment=fly controller=third") == 1
+    assert page.count("python -m pipeline fly ") == 1
+    assert f"python -m pipeline fly {tmp_path}/controller=third+seed=" in page
     # no run chose pushes ahead
     assert sweep_page.FUEL_SHARES not in page
     assert "ahead_percent" not in sweep.columns_of(results)
