@@ -19,7 +19,7 @@ from pipeline.settings.experiment import Experiment
 
 #: what short runs are given
 FEW: Final = ("duration_s=600", "monte_carlo.num_cases=8")
-SMALL: Final = ("optimizer.population_size=8", "optimizer.generations=2")
+SMALL: Final = ("optimizer.population_size=8", "optimizer.generations=2", "optimizer.rounds=1")
 #: short runs, whose kinds of flight are those of the shipped experiments
 WARMED: Final[Sequence[Sequence[str]]] = (
     ("+experiment=fly", "controller=champion_27"),

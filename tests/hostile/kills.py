@@ -26,10 +26,10 @@ SMALL: Final = (
 CHAMPION: Final = "+experiment=evaluate controller=paper_champion"
 _TRAINED: Final = "stages=[scenario,train,evaluate]"
 _SWEEP: Final = f"-m {CHAMPION} stages=[scenario,evaluate] seed=1,2,3"
-_LAUNCHED: Final = f"-m +experiment=train {_TRAINED} seed=1,2"
+_LAUNCHED: Final = f"-m +experiment=train_paper {_TRAINED} seed=1,2"
 _WORDS: Final = {
-    "genetic": "+experiment=train stages=[scenario,train,evaluate,record]",
-    "rounds": f"""+experiment=train {_TRAINED} starts=random
+    "genetic": "+experiment=train_paper stages=[scenario,train,evaluate,record]",
+    "rounds": f"""+experiment=train_paper {_TRAINED} starts=random
         optimizer.rounds=3 optimizer.generations=4 optimizer.validation_cases=8""",
     "cma_es": f"""+experiment=train_planes {_TRAINED} starts.num_cases=8 starts.num_hard=0
         optimizer.rounds=1 optimizer.validation_cases=8""",

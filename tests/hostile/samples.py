@@ -73,7 +73,7 @@ def saved_checkpoint(folder: Path) -> Sequence[bytes]:
     def evaluate_round(_index: int, _champion: object) -> Callable[[Any], dict[str, Any]]:
         return lambda genomes: {"fitness": genomes.sum(axis=1)}
 
-    optimizer = compose_experiment(["+experiment=train"]).experiment.optimizer
+    optimizer = compose_experiment(["+experiment=train_paper"]).experiment.optimizer
     small = replace(optimizer, population_size=6, generations=2)
     evolve_rounds(evaluate_round, 3, small, 1, checkpoint=folder / "made.npz")
     return [(folder / "made.npz").read_bytes()]

@@ -31,6 +31,7 @@ SMALL = [
     "stages=[scenario,train,evaluate]",
     "optimizer.population_size=8",
     "optimizer.generations=6",
+    "optimizer.rounds=1",
     "monte_carlo.num_cases=8",
     "duration_s=600",
 ]

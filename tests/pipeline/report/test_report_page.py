@@ -31,7 +31,7 @@ from tests.pipeline.report.runs import HOSTILE, SECTIONS, page_of, run_of, small
 from tests.policies import Page, check_policy, check_references
 
 #: with limits that some of the flights keep and others do not
-TRAIN = ("+experiment=train", "inspection_threshold_percent=30", "deputy.max_distance_m=120")
+TRAIN = ("+experiment=train_paper", "inspection_threshold_percent=30", "deputy.max_distance_m=120")
 
 
 @pytest.fixture(scope="module")
@@ -349,7 +349,7 @@ def test_the_command_is_the_one_that_was_typed(tmp_path):
 @pytest.mark.slow
 def test_training_flights_start_where_the_last_round_did(tmp_path):
     write_training(tmp_path)
-    overrides = ("+experiment=train", "starts=random", "starts.num_cases=3", "optimizer.rounds=2")
+    overrides = ("+experiment=train_paper", "starts=random", "starts.num_cases=3", "optimizer.rounds=2")
     experiment = run_of(tmp_path, ("scenario",), *overrides)
     contents = gather(experiment, tmp_path)
     assert contents.training_round == 2

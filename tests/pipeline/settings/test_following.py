@@ -39,7 +39,7 @@ def test_the_whole_chief_is_in_view_from_the_sight_shell():
 
 
 def composed(*overrides: str):
-    return compose_experiment(["+experiment=train", *overrides]).experiment
+    return compose_experiment(["+experiment=train_paper", *overrides]).experiment
 
 
 def test_the_paper_s_starts_stay_where_they_fit():

@@ -13,11 +13,11 @@ MINIATURE += ("optimizer.population_size=6", "optimizer.generations=3", "optimiz
 
 
 @cache
-def composed(*overrides: str, experiment: str = "train") -> Job:
+def composed(*overrides: str, experiment: str = "train_paper") -> Job:
     return compose_experiment([f"+experiment={experiment}", *MINIATURE, *overrides])
 
 
-def prepared(folder: Path, *overrides: str, experiment: str = "train") -> Job:
+def prepared(folder: Path, *overrides: str, experiment: str = "train_paper") -> Job:
     """A run's folder as the stages find it, and what they are to do there."""
     run = composed(*overrides, experiment=experiment)
     configuration.write(folder, run.config)

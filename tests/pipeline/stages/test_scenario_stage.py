@@ -69,7 +69,7 @@ def composed(path: Path, *words: str) -> Experiment:
 def test_what_a_run_wrote_is_flown_again_to_the_last_bit(tmp_path: Path) -> None:
     run = prepared(tmp_path, "starts=random", "starts.num_cases=3", "sun=random").experiment
     scenario.run(run, tmp_path)
-    again = composed(tmp_path / artifacts.SCENARIOS, "+experiment=train")
+    again = composed(tmp_path / artifacts.SCENARIOS, "+experiment=train_paper")
     for starts_of, given in ((training_scenarios, again.starts), (evaluation_scenarios, again.monte_carlo)):
         first, second = starts_of(run), starts_of(again)
         assert len(first) == len(second) == given.num_cases
@@ -83,7 +83,7 @@ def test_what_a_run_wrote_is_flown_again_to_the_last_bit(tmp_path: Path) -> None
 def test_a_table_without_sets_serves_training_and_evaluation(tmp_path: Path) -> None:
     path = tmp_path / "own.csv"
     path.write_text(f"velocity_y_m_s,{HEADER}\n-0.1,60,0,0,1.5\n0,0,-70,5,2\n")
-    experiment = composed(path, "+experiment=train")
+    experiment = composed(path, "+experiment=train_paper")
     for starts in (training_scenarios(experiment, 4), evaluation_scenarios(replace(experiment, seed=9))):
         assert [start.sun_angle_rad for start in starts] == [1.5, 2.0]
         np.testing.assert_array_equal(starts[0].velocity_m_s, [0.0, -0.1, 0.0])

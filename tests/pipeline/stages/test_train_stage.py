@@ -139,7 +139,7 @@ def test_the_champion_is_the_last_genome_and_says_where_it_comes_from(trained):
     assert champion.systems == encoding_of(run.experiment).decode(genomes(folder)[-1]).systems
     assert champion.attributes == (("force_axes", "body"),)
     provenance = dict(champion.provenance)
-    assert (provenance["experiment"], provenance["seed"]) == ("train", "1")
+    assert (provenance["experiment"], provenance["seed"]) == ("train_paper", "1")
     assert provenance["config_hash"] == configuration.config_hash(run.config)
     assert float(provenance["training_fitness"]) == logbook(folder)[-1]["best"]
     assert (provenance["generations"], provenance["interrupted"]) == ("4", "false")
