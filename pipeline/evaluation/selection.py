@@ -324,7 +324,7 @@ def _judgements(
     experiment: Experiment, candidates: Sequence[Candidate], outcomes: Outcomes, round_index: int
 ) -> list[SelectionJudgement]:
     """Return the judgement of each candidate, whose outcomes are a row each."""
-    mission, penalty = experiment.mission, experiment.optimizer.penalty.of_round(round_index)
+    mission, penalty = experiment.mission, experiment.optimizer.penalty_of_round(round_index)
     success = _is_success(experiment, outcomes)
     rates = (fraction(row, experiment.monte_carlo.confidence_percent) for row in success)
     inspected = inspectable_rate(outcomes.inspected_count, outcomes.inspectable_count)

@@ -184,9 +184,9 @@ class Penalty(Settings, group="optimizer.penalty", only=TRAINS):
     far_margin_m: types.NotNegative = 0.0
     """How much less the greatest distance is in training."""
 
-    def of_round(self, round_index: int) -> "Penalty":
-        """Return the prices of a round, counted from 0."""
-        factor = self.growth**round_index
+    def of_round(self, changes: int) -> "Penalty":
+        """Return the prices after so many changes."""
+        factor = self.growth**changes
         short, missed = factor * self.short_point_m_s, factor * self.missed_point_m_s
         return replace(self, short_point_m_s=short, missed_point_m_s=missed)
 
@@ -236,6 +236,18 @@ class Optimizer(Settings, group="optimizer", only=TRAINS):
                 f"which prices grow to 1e{digits:.0f} m/s; they may grow to {MOST_PRICE:g}: lower one of them"
             )
 
+    def begins_apart(self, round_index: int) -> bool:
+        """Return whether a round, counted from 0, goes on from no other."""
+        return round_index == 0
+
+    def changes_before(self, round_index: int) -> int:
+        """Return how often prices have grown and steps have shrunk when a round begins."""
+        return round_index
+
+    def penalty_of_round(self, round_index: int) -> Penalty:
+        """Return the prices of a round, counted from 0."""
+        return self.penalty.of_round(self.changes_before(round_index))
+
     def step_of_round(self, round_index: int) -> float:
         """Return the step with which a round begins, counted from 0, in genes."""
         return self.initial_step
@@ -258,10 +270,23 @@ class GeneticAlgorithm(Optimizer, algorithm="genetic"):
     """Besides the controller: drawn anywhere, or its local mutants."""
     cooling: Annotated[types.Number, Field(ge=0.1, le=1), LOCAL_STEPS] = 1.0
     """Factor on the steps of local mutation from round to round."""
+    islands: Annotated[types.Count, Only("optimizer.rounds>1")] = 1
+    """First rounds that begin apart, with populations of their own; the next goes on with the best of all."""
 
     def __post_init__(self) -> None:
-        """Check that rates leave room for one another."""
+        """Check that rates leave room for one another, and that islands meet."""
         super().__post_init__()
+        if self.islands > 1 and (self.islands >= self.rounds or self.next_round != "carried"):
+            raise SettingError(
+                f"optimizer.islands is {self.islands} with optimizer.rounds={self.rounds} and "
+                f"optimizer.next_round={self.next_round}; a round must go on with what the islands end with: "
+                f"set optimizer.rounds to at least {self.islands + 1} and optimizer.next_round=carried"
+            )
+        if self.islands > self.population_size:
+            raise SettingError(
+                f"optimizer.islands is {self.islands} and optimizer.population_size {self.population_size}; "
+                "each island gives at least one individual: lower the first, or raise the second"
+            )
         if self.split == "whole" and self.crossover_rate + self.elitism_rate > 1.0 + 1e-9:
             raise SettingError(
                 f"optimizer.crossover_rate is {self.crossover_rate} and optimizer.elitism_rate "
@@ -271,7 +296,16 @@ class GeneticAlgorithm(Optimizer, algorithm="genetic"):
 
     def step_of_round(self, round_index: int) -> float:
         """Return the step with which a round begins, counted from 0, in genes."""
-        return 1.0 if self.mutation == "adaptive_feasible" else self.initial_step * self.cooling**round_index
+        changes = self.changes_before(round_index)
+        return 1.0 if self.mutation == "adaptive_feasible" else self.initial_step * self.cooling**changes
+
+    def begins_apart(self, round_index: int) -> bool:
+        """Return whether a round, counted from 0, goes on from no other."""
+        return round_index < self.islands
+
+    def changes_before(self, round_index: int) -> int:
+        """Return how often prices have grown and steps have shrunk when a round begins."""
+        return max(0, round_index - self.islands + 1)
 
 
 class CmaEs(Optimizer, algorithm="cma_es"):

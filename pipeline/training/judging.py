@@ -62,7 +62,7 @@ def fitness_from(
     experiment: Experiment, genome: Genome, scenarios: list[Scenario], round_index: int, pool: TaskPool = HERE
 ) -> Evaluate:
     """Return the function that flies genomes from some starts and evaluates them with a round's prices."""
-    penalty = experiment.optimizer.penalty.of_round(round_index)
+    penalty = experiment.optimizer.penalty_of_round(round_index)
     fly = flights_from(experiment, genome, scenarios, pool)
 
     def evaluate(genomes: Floats) -> dict[str, Floats]:
@@ -86,7 +86,7 @@ def costs_of(
     pool: TaskPool = HERE,
 ) -> Floats:
     """Return the cost of each flight of a genome at the prices of a round, m/s, shape (scenarios,)."""
-    penalty = experiment.optimizer.penalty.of_round(round_index)
+    penalty = experiment.optimizer.penalty_of_round(round_index)
     outcomes = flights_from(experiment, genome, scenarios, pool)(champion[np.newaxis])
     return costs(outcomes, penalty, experiment.mission).reshape(-1)
 

@@ -143,8 +143,10 @@ def begin(
         state.strategy = before.strategy if before and is_carried else initial
         _sample_generation(state, evaluate, settings)
         return state
-    if before and is_carried:
-        genomes = before.genomes
+    if before and settings.begins_apart(round_index):
+        state.apart = np.concatenate((before.apart.reshape(-1, seeds.shape[1]), _best(before, settings)))
+    if before and is_carried and not settings.begins_apart(round_index):
+        genomes = before.genomes if not before.apart.size else _of_all_islands(before, settings)
     elif not isinstance(settings, GeneticAlgorithm) or settings.first_population == "near":
         genomes = scatter(seeds, settings, state)
     else:
@@ -152,6 +154,19 @@ def begin(
         genomes[: len(seeds)] = seeds
     _evaluate_all(state, evaluate, genomes)
     return state
+
+
+def _best(state: EvolutionState, settings: Optimizer) -> Floats:
+    """Return what an island gives to the round that goes on with all: its share of the best, best first."""
+    share = settings.population_size // settings.islands if isinstance(settings, GeneticAlgorithm) else 0
+    return state.genomes[np.argsort(state.fitness, kind="stable")[:share]]
+
+
+def _of_all_islands(last: EvolutionState, settings: Optimizer) -> Floats:
+    """Return the best of all islands, of which the last fills up the population; (population_size, genes)."""
+    rest = settings.population_size - len(last.apart)
+    best = last.genomes[np.argsort(last.fitness, kind="stable")[:rest]]
+    return np.concatenate((last.apart, best))
 
 
 def advance(state: EvolutionState, evaluate: Evaluate, settings: Optimizer) -> None:

@@ -59,6 +59,8 @@ FREE = ("generations", "stall_generations", "rounds", "encoding", "penalty", "wo
 def _fingerprint(settings: Optimizer, seed: int, num_genes: int) -> dict[str, Any]:
     """Return the settings that a resumed run must share to equal an uninterrupted one."""
     names = [field.name for field in fields(settings) if field.name not in FREE]
+    # checkpoints of earlier versions do not tell of it
+    names = [name for name in names if name != "islands" or settings.begins_apart(1)]
     return {"seed": seed, "genes": num_genes} | {f"optimizer.{n}": getattr(settings, n) for n in names}
 
 
@@ -78,7 +80,8 @@ def evolve_rounds(
     Parameters
     ----------
     evaluate_for_round : callable
-        Takes a round's index and the champion of the round before, None in the first, and returns the round's
+        Takes a round's index and the champion of the round before, None where there is none or the round
+        begins apart, and returns the round's
         fitness function; the same arguments must give the same function, or a resumed run differs from an
         uninterrupted one. A fitness function takes genomes of shape
         (n, num_genes) and returns arrays of shape (n,): ``fitness``, to be minimised, and its parts. It must
@@ -136,7 +139,8 @@ def evolve_rounds(
     try:
         for round_index in range(state.round if state else 0, settings.rounds):
             earlier = [generation.champion for generation in history if generation.round < round_index]
-            evaluate = evaluate_for_round(round_index, earlier[-1] if earlier else None)
+            is_apart = settings.begins_apart(round_index)
+            evaluate = evaluate_for_round(round_index, earlier[-1] if earlier and not is_apart else None)
             if state is None or state.round < round_index:
                 state = generations.begin(evaluate, seeds, settings, seed, round_index, state)
                 history = state.history
@@ -144,7 +148,8 @@ def evolve_rounds(
             while not _is_finished(state, settings):
                 generations.advance(state, evaluate, settings)
                 finish_generation(state)
-            seeds = history[-1].champion[np.newaxis]
+            if not settings.begins_apart(round_index + 1):
+                seeds = history[-1].champion[np.newaxis]
     except KeyboardInterrupt:
         if not history:
             raise

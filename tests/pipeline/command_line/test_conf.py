@@ -101,6 +101,8 @@ def test_no_controller_that_breaks_a_limit_beats_one_that_breaks_none(name):
     greatest = 3 * deputy.max_force_n / deputy.mass_kg * experiment.mission.duration_s
     cases = experiment.starts.num_cases
     short, missed = penalty.short_point_m_s, penalty.missed_point_m_s
-    if name == "train_paper":  # the champion's training puts a price on points, see conf/optimizer/champion.yaml
+    if (
+        name == "train_paper"
+    ):  # the champion's training puts a price on points, see conf/optimizer/champion.yaml
         assert short / cases > greatest + 99 * missed
     assert penalty.outside_m_s / cases > greatest + 95 * short + 99 * missed

@@ -135,7 +135,7 @@ def test_each_champions_fitness_is_found_again_from_its_genome(trained):
 def test_the_champion_is_the_last_genome_and_says_where_it_comes_from(trained):
     run, folder = trained
     champion = serialize.load(folder / artifacts.CHAMPION)
-    assert champion.name == "paper_train"
+    assert champion.name == "paper_train_paper"
     assert champion.systems == encoding_of(run.experiment).decode(genomes(folder)[-1]).systems
     assert champion.attributes == (("force_axes", "body"),)
     provenance = dict(champion.provenance)

@@ -8,6 +8,7 @@ import threading
 import numpy as np
 import pytest
 
+from pipeline.settings.checks import SettingError
 from pipeline.training.evolution import generations
 from pipeline.training.evolution.rounds import Evolution, evolve_rounds
 from pipeline.training.evolution.state import CheckpointError
@@ -94,6 +95,61 @@ def test_rounds_start_afresh_from_the_last_champion():
         assert result.history[11 * index].step_size == 1.0
     # the same fitness function: the champion carried over can only be beaten
     assert result.history[22].best <= result.history[21].best
+
+
+ISLANDS = {"islands": 3, "rounds": 5, "next_round": "carried", "mutation": "local", "cooling": 0.5}
+
+
+def test_islands_begin_apart_and_the_next_round_goes_on_with_the_best_of_all():
+    """Forty individuals: thirteen of either of the first two islands, and fourteen of the last."""
+    spheres, champions = [Sphere() for _ in range(5)], []
+
+    def evaluate_for_round(index, champion):
+        champions.append(champion)
+        return spheres[index]
+
+    settings = optimizer(generations=6, **ISLANDS)
+    initial = np.full((1, NUM_GENES), 0.9)
+    result = evolve_rounds(evaluate_for_round, NUM_GENES, settings, seed=1, initial=initial)
+    assert [champion is None for champion in champions] == [True, True, True, False, False]
+    firsts = [sphere.batches[0] for sphere in spheres]
+    for first in firsts[:3]:
+        np.testing.assert_array_equal(first[0], initial[0])
+    assert not np.array_equal(firsts[0][1:], firsts[1][1:])
+    last = {genome.tobytes() for genome in firsts[3]}
+    for index in range(3):
+        met = np.concatenate(spheres[index].batches)
+        assert result.history[7 * index + 6].champion.tobytes() in last
+        assert len(last & {genome.tobytes() for genome in met}) >= 10  # some are equal
+    steps = [result.history[7 * index].step_size for index in range(5)]
+    assert steps == [0.1, 0.1, 0.1, 0.05, 0.025]
+    assert [settings.changes_before(index) for index in range(5)] == [0, 0, 0, 1, 2]
+
+
+def test_islands_that_are_interrupted_go_on_as_if_they_were_not(tmp_path):
+    settings, whole = optimizer(generations=3, **ISLANDS), []
+    undisturbed = evolve(Sphere(), settings, seed=4)
+
+    def stop_at(count):
+        def stop(history):
+            if len(history) == count:
+                raise KeyboardInterrupt
+
+        return stop
+
+    path = tmp_path / "checkpoint.npz"
+    for count in (5, 9, 13, 14, 17):
+        evolve(Sphere(), settings, seed=4, checkpoint=path, resume=True, on_generation=stop_at(count))
+        whole.append(evolve(Sphere(), settings, seed=4, checkpoint=path, resume=True))
+        path.unlink()
+    for resumed in whole:
+        assert_same(resumed, undisturbed)
+
+
+def test_islands_that_never_meet_are_refused():
+    for changes in ({"rounds": 3}, {"next_round": "afresh"}, {"population_size": 2}):
+        with pytest.raises(SettingError, match="islands is 3"):
+            optimizer(**(ISLANDS | changes))
 
 
 def test_stall_ends_a_round():
