@@ -1,5 +1,6 @@
 """Free text that came with data: units, descriptions, facts. It is shown in terminals and on pages."""
 
+import json
 import re
 from collections.abc import Iterable
 from typing import Any, Final
@@ -20,6 +21,17 @@ def plain(data: Any) -> Any:
     if isinstance(data, list | tuple):
         return type(data)(map(plain, data))
     return data
+
+
+def parse_json(content: str | bytes) -> Any:
+    """Parse JSON that somebody may have written, with its texts made `plain`.
+
+    Raises
+    ------
+    ValueError, RecursionError
+        If it is none, or deeper than Python's stack.
+    """
+    return plain(json.loads(content))
 
 
 def as_number(data: Any) -> float | None:

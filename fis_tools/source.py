@@ -3,7 +3,6 @@
 Objects of Python programs are written ``module.py:object``; reading one runs the program.
 """
 
-import json
 import os
 import re
 import runpy
@@ -17,6 +16,7 @@ from fis_tools.errors import ControllerFileError, raised_as, suggestion
 from fis_tools.file_access import read_text
 from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController, FuzzySystem
+from fis_tools.plain_text import parse_json
 
 MANIFEST = "manifest.json"
 #: where a folder whose manifest names no champion has it
@@ -129,7 +129,7 @@ def _of_program(path: Path | str, trust: bool) -> FuzzyController:
 def _champion_of(folder: Path) -> str:
     """Return the name of the champion of a folder, as its manifest says."""
     try:
-        return str(json.loads(read_text(folder / MANIFEST))["files"]["champion"])
+        return str(parse_json(read_text(folder / MANIFEST))["files"]["champion"])
     except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return CHAMPION
 

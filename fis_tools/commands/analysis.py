@@ -1,6 +1,5 @@
 """`bounds`, `domain`: outputs in a region, and flights that left the operational domain."""
 
-import json
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -15,6 +14,7 @@ from fis_tools.commands.arguments import ControllerArguments, analysing, expecte
 from fis_tools.errors import ControllerFileError, Mistake, raised_as
 from fis_tools.file_access import read_text
 from fis_tools.model import whole
+from fis_tools.plain_text import parse_json
 
 
 def bounds(
@@ -110,7 +110,7 @@ def domain(domain: str, flights: tuple[str, ...], /) -> int:
 def _read(path: Path) -> tuple[Box, ...]:
     """Read an operational domain from its file."""
     try:
-        content = json.loads(read_text(path))
+        content = parse_json(read_text(path))
     except (OSError, ValueError, RecursionError) as error:
         raise ControllerFileError(f"{path} cannot be read ({error}); give a domain.json") from error
     return from_mapping(content, str(path))

@@ -1,5 +1,6 @@
 """The content of a review page, in words and tables: opening, constants, systems, findings."""
 
+import hashlib
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from math import isfinite
@@ -18,7 +19,7 @@ from fis_tools.errors import ControllerFileError
 from fis_tools.file_access import read_text
 from fis_tools.findings.audit import Audit, Finding
 from fis_tools.model import FuzzyController, FuzzySystem, Variable, peak
-from fis_tools.plain_text import as_number
+from fis_tools.plain_text import as_number, parse_json
 from fis_tools.review.flown import Evaluation, Flight, SensedInputs
 from fis_tools.words import text as wording
 from fis_tools.words.text import amount, number
@@ -150,12 +151,32 @@ def verdicts(evidence: Mapping[str, Any], rows: Sequence[Sequence[str]]) -> list
     flown = evidence.get("conditions") or {}
     named = ("Sun", "safety", "navigation", "thrusters", "dynamics")
     words = ", ".join(f"{name} {flown[name.lower()]}" for name in named if flown.get(name.lower()))
-    caption = f"For flights with {words}." if words else ""
+    caption = f"For flights with {words}. " if words else ""
+    caption += (
+        "Checked here: the evidence names this controller by its hash, and "
+        f"{evidence['manifest']}. python -m pipeline verify checks a run, and the checker a proof in it."
+    )
     title = Heading("Verdicts", id="requirements")
-    return [title, Table(["requirement", "verdict"], rows, caption=caption)]
+    heads = ["requirement", "verdict", "checked"]
+    return [title, Table(heads, [[*row, UNCHECKED] for row in rows], caption=caption)]
+
+
+def _as_the_manifest_says(path: Path) -> str:
+    """Return in words whether evidence is as the manifest of its run says."""
+    folder = path.resolve().parent.parent
+    name = path.resolve().relative_to(folder).as_posix()
+    try:
+        hashes = parse_json(read_text(folder / "manifest.json"))["sha256"]
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        return "beside it is no manifest of a run, so that nobody can tell whether it was altered"
+    if hashes.get(name) != hashlib.sha256(read_text(path).encode()).hexdigest():
+        return "ALTERED: it is not what the manifest of its run says"
+    return "it is as the manifest of its run says"
 
 
 SCHEMA = "evidence"
+#: of a verdict that is repeated from a file
+UNCHECKED = "as the file says, not checked here"
 
 
 def read_evidence(path: Path | str, fingerprint: str) -> tuple[dict[str, Any], list[list[str]]]:
@@ -167,7 +188,7 @@ def read_evidence(path: Path | str, fingerprint: str) -> tuple[dict[str, Any], l
         If the file cannot be read, is no evidence, or is about another controller.
     """
     try:
-        content = json.loads(read_text(path))
+        content = parse_json(read_text(path))
         if content["schema"] != SCHEMA:
             raise ValueError(content["schema"])
         name, sha256 = (content["controller"].get(key) for key in ("name", "sha256"))
@@ -191,7 +212,7 @@ def read_evidence(path: Path | str, fingerprint: str) -> tuple[dict[str, Any], l
             f"{path} is about the controller {name!r} with the SHA-256 {sha256}, "
             f"but this one has {fingerprint}; give the evidence of this controller"
         )
-    return content, requirements
+    return content | {"manifest": _as_the_manifest_says(Path(path))}, requirements
 
 
 #: ends of names that tell a unit

@@ -3,7 +3,6 @@
 Both are called flights in the code; the page calls them logs where no flight is among them.
 """
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +17,7 @@ from fis_tools.document import Table
 from fis_tools.errors import ControllerFileError, raised_as
 from fis_tools.file_access import read_text
 from fis_tools.model import FuzzyController, FuzzySystem
+from fis_tools.plain_text import parse_json
 
 
 @dataclass(frozen=True)
@@ -152,7 +152,7 @@ def evaluations(paths: Sequence[Path | str], sha256: str) -> list[Evaluation]:
             with raised_as(
                 ControllerFileError, OSError, ValueError, RecursionError, where=f"{folder / SUMMARY}: "
             ):
-                summary = json.loads(read_text(folder / SUMMARY))
+                summary = parse_json(read_text(folder / SUMMARY))
             if not isinstance(summary, dict):
                 raise ControllerFileError(f"{folder / SUMMARY}: it is no summary of an evaluation")
             is_own = summary.get("controller_sha256") == sha256

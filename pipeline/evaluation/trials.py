@@ -25,6 +25,7 @@ from optuna.storages.journal import BaseJournalBackend
 from optuna.trial import FrozenTrial, Trial, TrialState
 
 from fis_tools.file_access import read_text
+from fis_tools.plain_text import parse_json
 from pipeline.run import writing
 from pipeline.settings.checks import SettingError
 from pipeline.settings.experiment import HparamsSearch
@@ -89,7 +90,7 @@ def trials(journal: Path, search: HparamsSearch, seed: int, judge: Judge) -> Ite
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
         study, kept = _resumed(journal, search)
-        space = {dimension.key: _distribution(dimension) for dimension in dimensions(search.space)}
+        space = _space(search)
         for number in range(search.trials):
             if number >= len(study.get_trials(deepcopy=False)):
                 # each trial draws from its own seed, so that a resumed search proposes the same
@@ -109,7 +110,7 @@ class _Journal(BaseJournalBackend):
 
     def __init__(self, path: Path, text: str) -> None:
         self._path = path
-        self._logs: list[dict[str, Any]] = [json.loads(line) for line in text.splitlines()]
+        self._logs: list[dict[str, Any]] = [parse_json(line) for line in text.splitlines()]
 
     def read_logs(self, log_number_from: int) -> list[dict[str, Any]]:
         """Return the steps from a number on."""
@@ -133,10 +134,15 @@ def _resumed(path: Path, search: HparamsSearch) -> tuple[optuna.Study, _Journal]
         pass
     except Exception as error:  # noqa: BLE001 - whatever Optuna raises of what it did not write
         sys.stderr.write(
-            f"note: {path} is damaged ({type(error).__name__}); the search begins anew, with the same "
+            f"note: {path} cannot be gone on with ({_reason(error)}); the search begins anew, with the same "
             "trials\n"
         )
     return _opened(path, "", search)
+
+
+def _reason(error: Exception) -> str:
+    """Return what is wrong with a journal, in Optuna's words only by their kind."""
+    return str(error) if str(error).startswith("it ") else f"damaged: {type(error).__name__}"
 
 
 def _opened(path: Path, text: str, search: HparamsSearch) -> tuple[optuna.Study, _Journal]:
@@ -146,8 +152,11 @@ def _opened(path: Path, text: str, search: HparamsSearch) -> tuple[optuna.Study,
     study = optuna.create_study(
         storage=JournalStorage(journal), study_name=NAME, pruner=pruner, load_if_exists=True
     )
-    if not all(trial.state.is_finished() for trial in study.get_trials(deepcopy=False)):
+    done, space = study.get_trials(deepcopy=False), _space(search)
+    if not all(trial.state.is_finished() for trial in done):
         raise ValueError("it has a trial that did not end")
+    if any(trial.distributions != space for trial in done):
+        raise ValueError("it is of another search space")
     return study, journal
 
 
@@ -172,6 +181,11 @@ def _result_of(trial: FrozenTrial) -> TrialResult:
     blocks = tuple(cost for _, cost in sorted(trial.intermediate_values.items()))
     refused = str(trial.user_attrs.get(REFUSED, ""))
     return TrialResult(trial.number, trial.params, blocks, trial.state.name.lower(), refused)
+
+
+def _space(search: HparamsSearch) -> dict[str, BaseDistribution]:
+    """Return Optuna's distribution of each key of the space."""
+    return {dimension.key: _distribution(dimension) for dimension in dimensions(search.space)}
 
 
 def _distribution(dimension: Dimension) -> BaseDistribution:

@@ -1,7 +1,6 @@
 """Flies a recorded flight again from nothing but its recording, and compares the two."""
 
 import base64
-import json
 import tempfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -13,6 +12,7 @@ import numpy as np
 import telemetry
 from fis_tools.analysis.flights import CONTROLLER_ATTACHMENT
 from fis_tools.formats import serialize
+from fis_tools.plain_text import parse_json
 from pipeline.controllers import source
 from pipeline.controllers.played import from_mapping
 from pipeline.controllers.policies import policy_of
@@ -144,7 +144,7 @@ def _start_of(recording: Recording) -> Scenario:
 
 def _controller_of(recording: Recording, experiment: Experiment) -> Controller:
     """Return the controller that is attached; the forces of one that plays them are those recorded."""
-    content = _attached(recording, CONTROLLER_ATTACHMENT, "controller", json.loads)
+    content = _attached(recording, CONTROLLER_ATTACHMENT, "controller", parse_json)
     if "systems" in content:
         return from_fuzzy(serialize.from_mapping(content))
     if content.get("kind") == "open_loop" and "forces_n" in content:

@@ -1,7 +1,6 @@
 """The names of the files of a run's folder, and access to them."""
 
 import hashlib
-import json
 import os
 import stat
 from collections.abc import Iterator, Mapping
@@ -10,7 +9,7 @@ from pathlib import Path, PurePath
 from typing import Any, Final
 
 from fis_tools.file_access import open_regular, read_text
-from fis_tools.plain_text import plain
+from fis_tools.plain_text import parse_json
 from pipeline.settings.experiment import STAGES
 
 CONFIG: Final = "config.yaml"
@@ -147,7 +146,7 @@ def read_json(folder: Path, name: str) -> Any:
     """
     path = require(folder, name)
     with explained(f"{path} cannot be read", "repeat the stage that writes it", RecursionError):
-        return plain(json.loads(read_text(path)))
+        return parse_json(read_text(path))
 
 
 def text_of(folder: Path, name: str) -> str:

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import IO, Final
 
 from fis_tools.file_access import open_folder, open_lock, open_text
+from fis_tools.plain_text import parse_json
 from pipeline.run import artifacts, writing
 
 LOCK: Final = ".lock"
@@ -138,7 +139,7 @@ def _holder(stream: IO[str]) -> str:
     """Return the holder named in a lock file; empty if it cannot be read."""
     stream.seek(0)
     try:
-        holder = json.loads(stream.read(1000))
+        holder = parse_json(stream.read(1000))
         return f"process {int(holder['process'])} on {holder['host']} since {holder['since']}"
     except (ValueError, KeyError, TypeError):
         return ""

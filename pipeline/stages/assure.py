@@ -13,6 +13,7 @@ import numpy as np
 from fis_tools.analysis.domain import as_mapping
 from fis_tools.file_access import read_bytes
 from fis_tools.formats.serialize import fingerprint
+from fis_tools.plain_text import parse_json
 from pipeline.controllers.source import controller_of_run, sha256_of
 from pipeline.evaluation.assurance import evidence, repeats
 from pipeline.evaluation.assurance.campaign import (
@@ -257,7 +258,7 @@ def _tube(experiment: Experiment, controller: Controller, folder: Path) -> TubeP
 
 
 def _theorem(folder: Path) -> Any:
-    return json.loads(read_bytes(folder / artifacts.THEOREM, MOST_BYTES))
+    return parse_json(read_bytes(folder / artifacts.THEOREM, MOST_BYTES))
 
 
 def _check(folder: Path, written: Mapping[str, Any]) -> tuple[str, bool]:

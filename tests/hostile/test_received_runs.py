@@ -1,6 +1,7 @@
 """What is received from somebody else is data: a run's folder leads nowhere else, and text is cleaned."""
 
 import hashlib
+import io
 import json
 import os
 from pathlib import Path
@@ -10,8 +11,11 @@ import pytest
 import telemetry
 from fis_tools.formats import serialize
 from fis_tools.plain_text import MISSING_SIGN, plain
+from fis_tools.review import page as review_page
+from fis_tools.review.content import read_evidence
 from pipeline.command_line.cli import main
-from pipeline.run import artifacts, configuration, manifests, writing
+from pipeline.run import artifacts, configuration, lock, manifests, writing
+from pipeline.stages import assure
 from telemetry.file import metadata
 from tests.fis_tools.sample_controllers import PAPER_LIKE
 from tests.pipeline.command_line.cases import EVALUATE, plain_config, use_stages
@@ -134,3 +138,46 @@ def test_what_a_recording_and_a_configuration_say(tmp_path):
     assert telemetry.read(path).metadata["fis.x"]["output_name"] == f"{MISSING_SIGN}[2J"
     read = configuration.parse(b'{name: "\\e[31m", list: ["\\u202e"]}')
     assert read == {"name": f"{MISSING_SIGN}[31m", "list": [MISSING_SIGN]}
+
+
+@pytest.mark.parametrize("text", HARMFUL)
+def test_what_a_lock_a_proof_and_evidence_say_is_made_plain(text, tmp_path):
+    holder = {"process": 1, "host": text, "since": text}
+    said = lock._holder(io.StringIO(json.dumps(holder)))
+    (tmp_path / "prove").mkdir()
+    (tmp_path / artifacts.THEOREM).write_text(json.dumps({"fault": text}))
+    requirement = {"id": text, "title": text, "sentence": text}
+    evidence = {
+        "schema": "evidence",
+        "controller": {"name": text, "sha256": "0"},
+        "requirements": [requirement],
+    }
+    (tmp_path / "evidence.json").write_text(json.dumps(evidence))
+    read = read_evidence(tmp_path / "evidence.json", "0")
+    for words in (said, str(assure._theorem(tmp_path)["fault"]), *read[1][0]):
+        assert MISSING_SIGN in words
+        assert not set(words) & set("\x1b\x9b\u202e\u2066\ud800\x00\x07\u2028")
+
+
+def test_a_verdict_is_told_with_what_was_checked_of_it(tmp_path):
+    """Forged evidence names a controller by its hash as well; the manifest of its run tells."""
+    folder = tmp_path / "run"
+    requirement = {"id": "R1", "sentence": "Shown: nothing ever fails."}
+    evidence = {"schema": "evidence", "requirements": [requirement]}
+    evidence["controller"] = {"name": "x", "sha256": serialize.fingerprint(PAPER_LIKE)}
+    writing.write_atomically(folder / artifacts.CONFIG, "x")
+    writing.write_json(folder / artifacts.EVIDENCE, evidence)
+    path = folder / artifacts.EVIDENCE
+
+    def page():
+        return review_page.write(PAPER_LIKE, evidence=path)
+
+    assert "beside it is no manifest of a run" in page()
+    digest = artifacts.file_hash(path)
+    writing.write_json(folder / artifacts.MANIFEST, {"sha256": {artifacts.EVIDENCE: digest}})
+    assert "it is as the manifest of its run says" in page()
+    requirement["sentence"] = "Shown: all of it."
+    writing.write_json(path, evidence)
+    assert "ALTERED: it is not what the manifest of its run says" in page()
+    row = page().partition("Shown: all of it.")[2][:200]
+    assert "as the file says, not checked here" in row

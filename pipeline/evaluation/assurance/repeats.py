@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from fis_tools.file_access import read_bytes
-from fis_tools.plain_text import plain
+from fis_tools.plain_text import parse_json
 from pipeline.evaluation.assurance.requirements import Requirement
 from pipeline.evaluation.assurance.verdicts import Tried, failures_allowed
 from pipeline.run import artifacts, sweep, writing
@@ -137,9 +137,9 @@ def _entries(folder: Path) -> list[dict[str, Any]]:
     """Return the entries of a run's ledger; earlier versions have their evidence alone."""
     if (folder / artifacts.LEDGER).exists():
         content = read_bytes(folder / artifacts.LEDGER, MOST_BYTES)
-        return [plain(json.loads(line)) for line in content.splitlines()]
+        return [parse_json(line) for line in content.splitlines()]
     if (folder / artifacts.EVIDENCE).exists():
-        return [entry_of(plain(json.loads(read_bytes(folder / artifacts.EVIDENCE, MOST_BYTES))))]
+        return [entry_of(parse_json(read_bytes(folder / artifacts.EVIDENCE, MOST_BYTES)))]
     return []
 
 
@@ -175,7 +175,7 @@ def seed_ledger(folder: Path) -> None:
     """Keep the evidence of an earlier version, which has no ledger, before it is replaced."""
     if (folder / artifacts.EVIDENCE).exists() and not (folder / artifacts.LEDGER).exists():
         with suppress(ValueError, LookupError, TypeError, AttributeError, RecursionError):
-            append(folder, plain(json.loads(read_bytes(folder / artifacts.EVIDENCE, MOST_BYTES))))
+            append(folder, parse_json(read_bytes(folder / artifacts.EVIDENCE, MOST_BYTES)))
 
 
 def _try_of(entry: Mapping[str, Any], folder: str) -> Try:

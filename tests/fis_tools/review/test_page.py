@@ -250,7 +250,7 @@ def test_how_it_flew_requirements_and_constants_are_told(opened, tmp_path):
     assert "57 of 60" not in logged
     assert "90 % confidence intervals of shares in brackets" in logged
     assert "3 of 60: 5.0 % (1.7 to 13.7) inspect too little" in logged
-    for words in ("R1", "failed", "For flights with Sun random, safety filter."):
+    for words in ("R1", "failed", "not checked here", "For flights with Sun random, safety filter."):
         assert words in requirements
     assert "255.2" in shown.locator("#constants tr", has_text="urgency_time_s").inner_text()
     order = shown.evaluate("[...document.querySelectorAll('main > section')].map(({ id }) => id)")

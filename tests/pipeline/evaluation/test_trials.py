@@ -164,3 +164,13 @@ def test_a_summary_by_hand() -> None:
     assert summary["safety_acted"]["count"] == 2
     both, expected = summary["success_and_within_limits"], binomtest(2, 4).proportion_ci(0.9, "wilson")
     assert (both["low"], both["high"]) == pytest.approx((expected.low, expected.high))
+
+
+def test_a_journal_of_another_search_space_is_not_gone_on_with(tmp_path, capsys):
+    """Such as a received one, whose trials would become the best."""
+    journal = tmp_path / "journal.log"
+    other = {"sun": {"mode": {"choices": ["mixed", "random"]}}, "optimizer": SPACE["optimizer"]}
+    list(trials(journal, search(trials=3, space=other), 3, judge))
+    again = list(trials(journal, search(trials=3), 3, judge))
+    assert "it is of another search space" in capsys.readouterr().err
+    assert again == list(trials(tmp_path / "new.log", search(trials=3), 3, judge))
