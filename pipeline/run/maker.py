@@ -16,8 +16,9 @@ import subprocess
 import sys
 import threading
 import tomllib
-from collections.abc import Iterable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from contextvars import ContextVar
 from functools import cache
 from importlib import metadata
 from pathlib import Path
@@ -77,6 +78,43 @@ def unlike(maker: Mapping[str, Any], other: Mapping[str, Any]) -> list[str]:
     if maker.get("sources") != other.get("sources"):
         differences.append("other sources" if maker.get("sources") else "unknown sources")
     return differences + changed("processor", ROUNDING)
+
+
+def unfit(asker: Mapping[str, Any], other: Mapping[str, Any]) -> list[str]:
+    """Return in words why results of another process may not stand beside those of one that asks for them.
+
+    Program and libraries must be the same. If the asker is reproducible, the other must be so too, and round
+    alike; else processors may differ, which the manifest names.
+    """
+    is_reproducible = asker["processor"]["reproducible"]
+    if is_reproducible and not other["processor"]["reproducible"]:
+        return [f"not started for reproducible=true, with {start_variables()}"]
+    # the kernel of the operating system rounds nothing
+    versions = {name: number for name, number in asker["versions"].items() if name != "platform"}
+    rounding = asker["processor"] if is_reproducible else {}
+    return unlike({**asker, "versions": versions, "processor": rounding}, other)
+
+
+#: makers of the tasks that others have carried out since `collected` began; None outside it
+_others: ContextVar[list[Mapping[str, Any]] | None] = ContextVar("_others", default=None)
+
+
+@contextmanager
+def collected() -> Iterator[list[Mapping[str, Any]]]:
+    """Yield a list that gets each maker with which `collect` is called inside, once."""
+    made: list[Mapping[str, Any]] = []
+    token = _others.set(made)
+    try:
+        yield made
+    finally:
+        _others.reset(token)
+
+
+def collect(maker: Mapping[str, Any]) -> None:
+    """Record that a maker, of this process or another, has made a part of the present stage."""
+    others = _others.get()
+    if others is not None and maker not in others:
+        others.append(maker)
 
 
 def sources_hash() -> str:
@@ -203,8 +241,14 @@ def require_reproducible() -> None:
     NotInForce
     """
     if not is_in_force():
-        settings = " ".join(f"{name}='{value}'" for name, value in environment().items())
-        raise NotInForce(f"reproducible is true, and Python was not started for it; start it with {settings}")
+        raise NotInForce(
+            f"reproducible is true, and Python was not started for it; start it with {start_variables()}"
+        )
+
+
+def start_variables() -> str:
+    """Return the `environment` as it is written before a command."""
+    return " ".join(f"{name}='{value}'" for name, value in environment().items())
 
 
 def run_anew(words: Sequence[str]) -> int:

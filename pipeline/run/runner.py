@@ -77,7 +77,8 @@ def _run_stages(
     stages = experiment.stages if stages is None else tuple(stages)
     folder.mkdir(parents=True, exist_ok=True)
     manifest = manifest_of(experiment, config, manifests.read_if_any(folder), command)
-    _begin(manifest, stages[0], is_resumed=experiment.resume)
+    present = manifest["makers"].index(maker.present_maker())
+    _begin(manifest, stages[0], present, is_resumed=experiment.resume)
     configuration.write(folder, config)
     manifests.write(folder, manifest)
     missing: list[str] = []
@@ -86,7 +87,7 @@ def _run_stages(
             sys.stderr.write(f"[{index}/{len(stages)}] {name}\n")
             started = time.perf_counter()
             try:
-                with interrupts.heeded():
+                with _makers_named(manifest, name), interrupts.heeded():
                     unproved = import_module(f"pipeline.stages.{name}").run(experiment, folder)
             except KeyboardInterrupt as error:
                 manifests.write(folder, manifest)
@@ -105,7 +106,7 @@ def _run_stages(
             ]
             manifest["finished_stages"] = [*before, name]
             if index < len(stages):
-                _begin(manifest, stages[index], is_resumed=False)
+                _begin(manifest, stages[index], present, is_resumed=False)
             manifests.write(folder, manifest)
     return missing
 
@@ -140,14 +141,14 @@ def manifest_of(
     Returns
     -------
     dict
-        Among others ``makers``, all that have worked on the run, the present one last; ``made_by``, for each
+        Among others ``makers``, all that have worked on the run, on any machine; ``made_by``, for each
         stage that was begun the indices of its makers; ``scene``, parameters for plotting its flights;
         ``controller_edited``, how the configured controller differs from what its provenance tells of.
     """
-    makers = _makers(earlier)
+    makers, present = _makers(earlier), maker.present_maker()
     if_any = {
         "controller_edited": _edited(config.get("controller", {})),
-        "git_revision": makers[-1]["git_revision"],
+        "git_revision": present["git_revision"],
     }
     return {
         "manifest_version": manifests.MANIFEST_VERSION,
@@ -158,7 +159,7 @@ def manifest_of(
         "finished_stages": earlier.get("finished_stages", []),
         "files": manifests.ROLES,
         "scene": scene_of(experiment.mission),
-        "versions": makers[-1]["versions"],
+        "versions": present["versions"],
         "makers": makers,
         "made_by": dict(earlier.get("made_by", {})),
         **{name: value for name, value in if_any.items() if value is not None},
@@ -166,24 +167,37 @@ def manifest_of(
 
 
 def _makers(earlier: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Return the makers of a run with the present one last; report its differences from the one before."""
+    """Return the makers of a run with the present one; report its differences from the last before."""
     before: list[dict[str, Any]] = earlier.get("makers", [])
     if not before and "versions" in earlier:  # a run of a version that kept only the last one
         before = [{"versions": earlier["versions"], "git_revision": earlier.get("git_revision")}]
     now = maker.present_maker()
+    if now in before:
+        return before
     if before and (differing := maker.unlike(before[-1], now)):
         sys.stderr.write(
             f"note: another maker began this run ({'; '.join(differing)}); what is made now may differ from "
             "what it would have made, and the manifest names both\n"
         )
-    return before if before and before[-1] == now else [*before, now]
+    return [*before, now]
 
 
-def _begin(manifest: dict[str, Any], stage: str, *, is_resumed: bool) -> None:
-    """Record the present maker of a stage; a resumed stage may have several."""
-    made_by, present = manifest["made_by"], len(manifest["makers"]) - 1
-    earlier = made_by.get(stage, []) if is_resumed else []
-    made_by[stage] = [*(index for index in earlier if index != present), present]
+def _begin(manifest: dict[str, Any], stage: str, present: int, *, is_resumed: bool) -> None:
+    """Record the present maker of a stage, by its index; a resumed stage may have several."""
+    earlier = manifest["made_by"].get(stage, []) if is_resumed else []
+    manifest["made_by"][stage] = [*(index for index in earlier if index != present), present]
+
+
+@contextmanager
+def _makers_named(manifest: dict[str, Any], stage: str) -> Iterator[None]:
+    """Record the makers of the tasks that others carry out for a stage, even if it fails."""
+    with maker.collected() as others:
+        try:
+            yield
+        finally:
+            makers, made_by = manifest["makers"], manifest["made_by"][stage]
+            makers += [other for other in others if other not in makers]
+            made_by += sorted({makers.index(other) for other in others} - set(made_by))
 
 
 def _edited(source: Mapping[str, Any]) -> str | None:

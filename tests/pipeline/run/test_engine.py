@@ -14,8 +14,9 @@ import pytest
 
 from pipeline.command_line.cli import main
 from pipeline.command_line.runs import UNIMPROVED
-from pipeline.run import artifacts, engine, maker, tables
-from pipeline.run.engine import HERE, SUBMITTED_PER_WORKER, EngineError, check_engine, open_pool
+from pipeline.run import artifacts, cluster, maker, tables
+from pipeline.run.cluster import SUBMITTED_PER_WORKER, EngineError
+from pipeline.run.engine import HERE, check_engine, open_pool
 from pipeline.settings.experiment import Engine, SettingError
 
 LOCAL, DASK = Engine(kind="local"), Engine(kind="dask")
@@ -164,7 +165,7 @@ def test_an_evaluation_has_the_same_bytes_and_goes_on_with_another_engine(tmp_pa
 
 
 @contextmanager
-def cluster(folder: Path):
+def started(folder: Path):
     """A scheduler and a worker as somebody starts them, in processes of their own."""
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
     path = folder / "scheduler.json"
@@ -192,7 +193,7 @@ def test_a_lost_scheduler_is_told_and_what_is_done_is_kept(tmp_path, monkeypatch
 
     local, lost = tmp_path / "local", tmp_path / "lost"
     assert main([*EVALUATE, f"hydra.run.dir={local}"]) == 0
-    with cluster(tmp_path) as (scheduler, path):
+    with started(tmp_path) as (scheduler, path):
         while not path.exists():
             time.sleep(0.05)
         with suppress(json.JSONDecodeError):
@@ -263,4 +264,4 @@ def test_one_part_is_flown_here_and_says_so(tmp_path, ran):
 
 
 def test_only_the_loggers_of_dask_are_silenced():
-    assert all(name.split(".")[0] in ("distributed", "tornado", "asyncio") for name in engine.LOGGERS)
+    assert all(name.split(".")[0] in ("distributed", "tornado", "asyncio") for name in cluster.LOGGERS)
