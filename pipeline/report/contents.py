@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.file_access import open_text, read_bytes
+from fis_tools.file_access import open_regular, open_text, read_bytes
 from pipeline.controllers.source import controller_of_run
 from pipeline.evaluation.comparison import PAPER_TEST, PAPER_TRAINING, ComparisonRow, Reported
 from pipeline.evaluation.front import COLUMNS as FRONT_COLUMNS
@@ -26,8 +26,10 @@ from pipeline.run import artifacts, configuration, manifests, tables
 from pipeline.scenarios import evaluation_scenarios, start_shown, training_scenarios
 from pipeline.settings.experiment import Experiment
 from pipeline.settings.keys import value_at
-from pipeline.settings.start_table import POSITION
+from pipeline.settings.start_table import POSITION, TRAINING
 
+#: of a row of starts that are read
+MOST_BYTES = 1000
 #: what a summary says of each metric and of each share of flights
 SUMMARY_PARTS: Mapping[str, type] = {
     **dict.fromkeys(("delta_v_m_s", "inspection_rate_percent", "mean_distance_m"), Statistic),
@@ -155,7 +157,7 @@ def gather(experiment: Experiment, folder: Path) -> Contents:
     summary, episodes = (evaluation.summary, evaluation.episodes) if evaluation else ({}, None)
     beside = comparisons.read_beside(folder, summary)
     # recorded starts of a training are named there, too
-    has_starts = "\ntraining-" in artifacts.text_of(folder, artifacts.SCENARIOS)
+    has_starts = begins_with_training(folder)
     # the last round that the logbook tells of; the first without one
     last = int(logbook["round"][-1]) if logbook else 0
     starts = training_scenarios(experiment, last) if controller and (has_trained or has_starts) else []
@@ -181,6 +183,17 @@ def gather(experiment: Experiment, folder: Path) -> Contents:
         command=command_of(folder, manifest),
         recordings={path.relative_to(folder).as_posix(): path.stat().st_size for path in recordings},
     )
+
+
+def begins_with_training(folder: Path) -> bool:
+    """Return whether the table of starts begins with those of a training, where they stand first."""
+    if not (folder / artifacts.SCENARIOS).exists():
+        return False
+    path = artifacts.require(folder, artifacts.SCENARIOS)
+    explained = artifacts.explained(f"{path} cannot be read", "repeat the stage scenario")
+    with explained, open_regular(path) as stream:  # of a campaign, larger than what is received may be
+        stream.readline(MOST_BYTES)
+        return stream.readline(MOST_BYTES).startswith(TRAINING.encode())
 
 
 def read_evaluation(folder: Path, confidence_percent: float) -> FlightSet | None:

@@ -7,9 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fis_tools.file_access import MAX_BYTES
 from pipeline.command_line.config import compose_experiment
 from pipeline.command_line.overrides import rewrite_paths
 from pipeline.flight.state.log import Scenario
+from pipeline.report.contents import begins_with_training
 from pipeline.run import artifacts
 from pipeline.scenarios import evaluation_scenarios, training_scenarios
 from pipeline.settings.experiment import Experiment, SettingError
@@ -111,3 +113,13 @@ def test_tables_that_cannot_be(tmp_path: Path, text: str, message: str) -> None:
         composed(path, "+experiment=evaluate")
     with pytest.raises(SettingError, match=r"nowhere.csv cannot be read"):
         composed(tmp_path / "nowhere.csv", "+experiment=evaluate")
+
+
+def test_starts_of_a_campaign_may_be_more_than_a_file_that_is_received(tmp_path: Path) -> None:
+    path = tmp_path / artifacts.SCENARIOS
+    assert not begins_with_training(tmp_path)
+    many = "evaluation,0\n" * (MAX_BYTES // 10)
+    for rows_of_training, expected in (("", False), ("training-0,0\n", True)):
+        path.write_text(f"set,case\n{rows_of_training}{many}", encoding="utf-8")
+        assert path.stat().st_size > MAX_BYTES
+        assert begins_with_training(tmp_path) is expected
