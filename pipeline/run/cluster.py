@@ -275,6 +275,8 @@ def open_client(num_workers: int) -> Iterator[Any]:
     with ExitStack() as stack:
         # a task is not to blame for workers that are killed
         stack.enter_context(dask.config.set({"distributed.scheduler.allowed-failures": MOST_DEATHS}))
+        # a scheduler of ours answers no page
+        stack.enter_context(dask.config.set({"distributed.scheduler.http.routes": []}))
         try:
             if address is None:
                 cluster = stack.enter_context(_local_cluster(distributed, num_workers))

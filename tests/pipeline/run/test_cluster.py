@@ -173,3 +173,14 @@ def test_a_reproducible_process_takes_results_of_reproducible_ones_alone():
     assert (
         maker.unfit(ordinary, {**other_libm, "versions": present["versions"] | {"platform": "Linux-9"}}) == []
     )
+
+
+def test_a_cluster_of_this_machine_answers_no_page():
+    import urllib.error  # noqa: PLC0415
+    import urllib.request  # noqa: PLC0415
+
+    with cluster.open_client(1) as client:
+        port = client.cluster.scheduler.http_server.port
+        for page in ("json/identity.json", "health", "info/main/workers.html"):
+            with pytest.raises(urllib.error.HTTPError, match="404"):
+                urllib.request.urlopen(f"http://127.0.0.1:{port}/{page}", timeout=10)
