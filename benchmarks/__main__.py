@@ -17,6 +17,7 @@ from benchmarks import commands, inference, learning, recording, start, steps, t
 CAMPAIGNS = (
     "additions",
     "adversaries",
+    "after",
     "basilisk",
     "budget",
     "consistency",

@@ -27,7 +27,7 @@ from pipeline.evaluation.assurance.campaign import (
 )
 from pipeline.evaluation.assurance.conditions import box_in_words, conditions_of, start_bounds
 from pipeline.evaluation.assurance.evidence import Domain, domain_of, left_on
-from pipeline.evaluation.assurance.formula import COASTING, kind_of, predicates, quantities_of
+from pipeline.evaluation.assurance.formula import OF_COASTING, kind_of, predicates, quantities_of
 from pipeline.evaluation.assurance.proofs import TubeProof, certificates, check_questions, safety_proof
 from pipeline.evaluation.assurance.quantities import track_of
 from pipeline.evaluation.assurance.repeats import repeats_in_words
@@ -335,7 +335,7 @@ def _record_worst(
     recorded = float(again[requirement.id].margins[0])
     # tracks have single precision: the larger the numbers compared, the larger the error of the margin
     largest = max(abs(predicate.constant) for predicate in predicates(requirement.formula)) + abs(margin)
-    coasts = any(kind_of(name) == COASTING for name in quantities_of(requirement.formula))
+    coasts = any(kind_of(name) in OF_COASTING for name in quantities_of(requirement.formula))
     if not abs(recorded - margin) <= (MOST_COASTED_OFF_M if coasts else max(1e-5, 1e-6 * largest)):
         raise artifacts.ArtifactError(
             f"{path} has a margin of {recorded:g}, but {source} was found with {margin:g}; the flight is "

@@ -123,8 +123,9 @@ _TOKEN: Final = re.compile(
 _END: Final = "the end"
 #: the unit of a factor that makes a speed of a distance
 RATE: Final = "per_s"
-#: the quantity that may be of a time ahead, in brackets
-COASTING: Final = "coasting_distance"
+#: quantities that may be of a time ahead, in brackets: how near free motion comes, and how far it goes
+COASTING, COASTING_FARTHEST = "coasting_distance", "coasting_farthest"
+OF_COASTING: Final = (COASTING, COASTING_FARTHEST)
 #: a day's free motion; beyond it the linear equations say nothing
 MOST_COASTED_S: Final = 86_400.0
 
@@ -299,7 +300,7 @@ class _RequirementParser:
             self.refuse(f"there is no quantity {name}{cure}")
         self._advance()
         unit = self._units[name]
-        if name == COASTING and self._accept("["):
+        if name in OF_COASTING and self._accept("["):
             position, seconds = self._position, self._seconds()
             if not 0.0 < seconds <= MOST_COASTED_S:
                 self.refuse(f"it looks ahead by more than 0 s and up to {MOST_COASTED_S:g} s", position)

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.array_types import Floats, Integers
-from pipeline.evaluation.assurance.coasting import coasting_distance
-from pipeline.evaluation.assurance.formula import COASTING, seconds_of
+from pipeline.evaluation.assurance.coasting import coasting_distances
+from pipeline.evaluation.assurance.formula import COASTING, COASTING_FARTHEST, kind_of, seconds_of
 from pipeline.flight.state import arrays
 from pipeline.flight.state.log import inspectable_rate
 from pipeline.physics.quaternion import seen_from_hill
@@ -77,14 +77,15 @@ def _degrees_between(first: Floats, second: Floats) -> Floats:
     return np.degrees(np.arctan2(sines, np.sum(first * second, axis=-1)))
 
 
-def _coasting(seconds: float | None) -> OfTracks:
-    """Return the quantity of `coasting_distance` over some seconds, an orbit unless given."""
+def _coasting(name: str, seconds: float | None = None) -> OfTracks:
+    """Return a quantity of `coasting_distances` over some seconds, an orbit unless given."""
+    end = 0 if name == COASTING else 1
 
-    def nearest(tracks: Floats, facts: TrackFacts) -> Floats:
+    def distance(tracks: Floats, facts: TrackFacts) -> Floats:
         duration = 2.0 * np.pi / facts.mean_motion if seconds is None else seconds
-        return coasting_distance(tracks[..., :6], facts.mean_motion, duration)
+        return coasting_distances(tracks[..., :6], facts.mean_motion, duration)[end]
 
-    return nearest
+    return distance
 
 
 def _along(name: str, topic: str, unit: str, first: int) -> dict[str, Quantity]:
@@ -102,7 +103,13 @@ QUANTITIES: Mapping[str, Quantity] = {
         "m",
         f"{DEPUTY_STATE}.position_m",
         "the least from the chief's centre if nothing more is fired, in the next orbit or so many seconds",
-        _coasting(None),
+        _coasting(COASTING),
+    ),
+    COASTING_FARTHEST: Quantity(
+        "m",
+        f"{DEPUTY_STATE}.position_m",
+        "the greatest from the chief's centre if nothing more is fired, in the next orbit or so many seconds",
+        _coasting(COASTING_FARTHEST),
     ),
     **_along("position", f"{DEPUTY_STATE}.position_m", "m", 0),
     "speed": Quantity(
@@ -145,6 +152,7 @@ QUANTITIES: Mapping[str, Quantity] = {
 EXTREMES: Mapping[str, tuple[str, str]] = {
     "distance": ("the nearest {} from its centre", "the farthest {} from its centre"),
     COASTING: ("the nearest by coasting {} from its centre", "the farthest by coasting {} from its centre"),
+    COASTING_FARTHEST: ("the nearest by coasting at most {} away", "the farthest by coasting {} away"),
     "speed": ("the slowest at {}", "the fastest at {}"),
     "delta_v": ("the cheapest at {}", "the most expensive at {}"),
     "inspection_rate": ("the least at {}", "the most at {}"),
@@ -163,7 +171,7 @@ def of_tracks(tracks: NDArray[Any], facts: TrackFacts, names: Iterable[str]) -> 
 def _of_name(name: str) -> OfTracks:
     """Return the function that computes a quantity, which may have seconds in brackets."""
     seconds = seconds_of(name)
-    return QUANTITIES[name].of_tracks if seconds is None else _coasting(seconds)
+    return QUANTITIES[name].of_tracks if seconds is None else _coasting(kind_of(name), seconds)
 
 
 def track_of(recording: Recording, mean_motion: float) -> tuple[Floats, TrackFacts]:

@@ -128,7 +128,7 @@ def test_a_formula_about_what_is_never_flown_is_refused():
 FACTS = TrackFacts(10, np.array([8]), 0.0011)
 
 
-def test_a_deputy_that_coasts_comes_as_near_as_scipy_brings_it():
+def test_a_deputy_that_coasts_comes_as_near_and_goes_as_far_as_scipy_brings_it():
     generator, n = np.random.default_rng(3), FACTS.mean_motion
     states = np.hstack([generator.normal(0.0, 50.0, (30, 3)), generator.normal(0.0, 0.08, (30, 3))])
 
@@ -141,13 +141,17 @@ def test_a_deputy_that_coasts_comes_as_near_as_scipy_brings_it():
         paths = [
             solve_ivp(rates, times[[0, -1]], s, "DOP853", times, rtol=1e-11, atol=1e-11).y for s in states
         ]
-        nearest = [np.linalg.norm(path[:3], axis=0).min() for path in paths]
-        formula = {"all": parse(f"always ({text} >= 15 m)", UNITS)}
+        distances = [np.linalg.norm(path[:3], axis=0) for path in paths]
+        far = text.replace("distance", "farthest")
+        formula = {
+            "all": parse(f"always ({text} >= 15 m)", UNITS),
+            "far": parse(f"always ({far} <= 200 m)", UNITS),
+        }
         track = np.pad(states, ((0, 0), (0, 9)))[np.newaxis]
-        margins = [
-            evaluate_formulas(track[:, [k]], FACTS, formula, 10.0)["all"].margins[0] for k in range(30)
-        ]
-        np.testing.assert_allclose(margins, np.subtract(nearest, 15.0), rtol=0.0, atol=2e-3)
+        margins = [evaluate_formulas(track[:, [k]], FACTS, formula, 10.0) for k in range(30)]
+        near, away = ([each[name].margins[0] for each in margins] for name in ("all", "far"))
+        np.testing.assert_allclose(near, [path.min() - 15.0 for path in distances], rtol=0.0, atol=2e-3)
+        np.testing.assert_allclose(away, [200.0 - path.max() for path in distances], rtol=1e-4, atol=2e-3)
     assert render(formula["all"], UNITS) == "always coasting_distance[755] >= 15 m"
     assert parse(render(formula["all"], UNITS), UNITS) == formula["all"]
     with pytest.raises(FormulaError, match="looks ahead by more than 0 s and up to 86400 s"):
