@@ -12,11 +12,12 @@ from typing import Any, Literal
 
 import numpy as np
 
-from fis_tools.analysis.branch_and_bound import Progress, Subdivision, subdivide
+from fis_tools.analysis.branch_and_bound import Progress, Subdivision, broken, subdivide
 from fis_tools.analysis.condition import Condition, Region, linear_bounds, read_conditions, read_region
 from fis_tools.array_types import Floats
 from fis_tools.document import Document, Paragraph, Result
 from fis_tools.engines import bounded_trees
+from fis_tools.engines.interval import NotBounded
 from fis_tools.model import Inferable, Variable
 from fis_tools.words.text import number, quantity
 
@@ -283,6 +284,10 @@ def _range(system: Inferable, output: Variable, where: Region, low: Subdivision,
     greatest, greatest_at = attained[-1] if attained else (-np.inf, {})
     outer = Interval(-_most(low), _most(high))
     inner = Interval(least, greatest)
+    if inner.low < outer.low or inner.high > outer.high:
+        worst = least_at if inner.low < outer.low else greatest_at
+        value = inner.low if inner.low < outer.low else inner.high
+        raise NotBounded(broken(np.array(list(worst.values())), np.array([value])))
     num_open = len(low.open_promises) + len(high.open_promises)
     return Range(output, outer, inner, least_at, greatest_at, low.num_boxes + high.num_boxes, where, num_open)
 

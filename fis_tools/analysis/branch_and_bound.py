@@ -13,7 +13,7 @@ import numpy as np
 
 from fis_tools.analysis.condition import Region
 from fis_tools.array_types import Floats
-from fis_tools.engines import bounded_trees
+from fis_tools.engines import bounded_trees, interval
 from fis_tools.engines.bounded_trees import SMALLEST_VARIATION, TreeProgram
 from fis_tools.engines.program import Program
 
@@ -21,6 +21,8 @@ from fis_tools.engines.program import Program
 Promise = Callable[[Floats, Floats], Floats]
 #: Called with the number of boxes looked at and how many of them are open.
 Progress = Callable[[int, int], None]
+#: By how much, relative to 1 or more, what inputs are worth may exceed a promise by how sums are rounded.
+ROUNDING = 1e-12
 #: Boxes that are split together.
 BATCH = 128
 
@@ -92,6 +94,11 @@ def subdivide(
         The search ends after this time.
     progress : callable, optional
         Told how it goes on.
+
+    Raises
+    ------
+    fis_tools.engines.interval.NotBounded
+        If an input tried in a box is worth more than the box promises, so that bounds do not hold.
     """
     ends = time.monotonic() + max_seconds
     low, high = region.low[np.newaxis], region.high[np.newaxis]
@@ -103,7 +110,7 @@ def subdivide(
         least, greatest, variation = bounded_trees.bound(system, low, high)
         promises = np.nan_to_num(promise(least, greatest), nan=-np.inf)  # no rule fires: nothing is promised
         num_boxes += len(low)
-        worth, inputs = _try(system, region, promise, low, high)
+        worth, inputs = _try(system, region, promise, low, high, promises)
         if worth > best:
             best, best_inputs = worth, inputs
         for row in np.flatnonzero(promises >= floor):
@@ -143,17 +150,37 @@ def subdivide(
 
 
 def _try(
-    system: Program | TreeProgram, region: Region, promise: Promise, low: Floats, high: Floats
+    system: Program | TreeProgram,
+    region: Region,
+    promise: Promise,
+    low: Floats,
+    high: Floats,
+    promises: Floats,
 ) -> tuple[float, Floats]:
-    """Evaluate the middle and two corners of each box; return the greatest value and its input."""
+    """Evaluate the middle and two corners of each box; return the greatest value and its input.
+
+    None may be worth more than its box promises.
+    """
     points = np.concatenate([0.5 * low + 0.5 * high, low, high])
-    points = points[region.holds(points)]
+    held = region.holds(points)
+    points, promises = points[held], np.tile(promises, 3)[held]
     if not len(points):
         return -np.inf, region.low
     outputs = bounded_trees.evaluate(system, points)
     worth = np.nan_to_num(promise(outputs, outputs), nan=-np.inf)
+    is_broken = worth - ROUNDING * np.maximum(1.0, np.abs(worth)) > promises
+    if is_broken.any():
+        raise interval.NotBounded(broken(points[np.argmax(is_broken)], outputs[np.argmax(is_broken)]))
     best = int(np.argmax(worth))
     return float(worth[best]), points[best]
+
+
+def broken(inputs: Floats, outputs: Floats) -> str:
+    """Return a sentence on outputs that lie outside of their bounds."""
+    return (
+        f"at the inputs {inputs.tolist()} the outputs are {outputs.tolist()}, beyond what was bounded: this "
+        "is a mistake of the program, so it says nothing; please report it with the controller"
+    )
 
 
 def _index_to_split(low: Floats, high: Floats, variation: Floats) -> int | None:

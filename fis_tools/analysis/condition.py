@@ -160,16 +160,31 @@ def _notes(system: Inferable, asked_low: Floats, asked_high: Floats) -> tuple[st
         for variable, *limits_given in zip(system.inputs, asked_low, asked_high, strict=True)
         if any(np.isfinite(end) and not variable.minimum <= end <= variable.maximum for end in limits_given)
     ]
-    return tool + tuple(
-        f"{variable.name} beyond its range of {number(variable.minimum)} to "
-        f"{quantity(variable, variable.maximum)} "
-        + (
-            "counts as the end of it"
-            if np.isfinite(system.limits_of(variable)).all()
-            else "is taken as it is"
+    return (
+        tool
+        + _ranges_taken(system, asked_low, asked_high)
+        + tuple(
+            f"{variable.name} beyond its range of {number(variable.minimum)} to "
+            f"{quantity(variable, variable.maximum)} "
+            + (
+                "counts as the end of it"
+                if np.isfinite(system.limits_of(variable)).all()
+                else "is taken as it is"
+            )
+            for variable in beyond
         )
-        for variable in beyond
     )
+
+
+def _ranges_taken(system: Inferable, asked_low: Floats, asked_high: Floats) -> tuple[str, ...]:
+    """Say where inputs that are not clipped are taken to end, as nobody asked for another end."""
+    words = []
+    for variable, *limits_given in zip(system.inputs, asked_low, asked_high, strict=True):
+        if np.isinf(system.limits_of(variable)).any() and np.isinf(limits_given).any():
+            ends = zip(limits_given, (variable.minimum, variable.maximum), strict=True)
+            low, high = (float(end if np.isfinite(end) else limit) for end, limit in ends)
+            words.append(f"{variable.name} from {number(low)} to {quantity(variable, high)}")
+    return (f"nothing is said beyond {', '.join(words)}",) if words else ()
 
 
 def _box(system: Inferable, asked_low: Floats, asked_high: Floats) -> tuple[Floats, Floats]:

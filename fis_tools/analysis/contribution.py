@@ -133,12 +133,12 @@ def concluded_numbers(
     program: Program, weighing: Weighing, firing: Floats, strengths: Floats, inputs: Floats
 ) -> Floats:
     """Return the number that each rule concludes, (n, c)."""
-    low, high = program.ends.T
+    low, high = program.limits.T
     clipped = np.clip(inputs, low, high)
     num_inputs = clipped.shape[1]
     numbers = np.empty(strengths.shape)
     outputs = interpreter.conclude(program, firing, inputs).T if weighing.formulas else np.empty((0, 0))
-    formulas = formula_values(weighing, inputs, program.ends, outputs)
+    formulas = formula_values(weighing, inputs, program.limits, outputs)
     for column, kind in enumerate(weighing.kinds):
         row = weighing.parameters[column]
         if kind == NUMBER:

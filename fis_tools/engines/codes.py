@@ -53,9 +53,9 @@ def combine(operator: int, a: float, b: float) -> float:  # noqa: PLR0911, PLR09
             return min((either - 2.0 * both) / (1.0 - both), 1.0)
         return 1.0 if both == 1.0 else 1.0 - (1.0 - a) * (1.0 - b) / (1.0 - both)
     if operator == DRASTIC_PRODUCT:
-        return a if b == 1.0 else b if a == 1.0 else 0.0
+        return a if b >= 1.0 else b if a >= 1.0 else 0.0
     if operator == DRASTIC_SUM:
-        return a if b == 0.0 else b if a == 0.0 else 1.0
+        return a if b <= 0.0 else b if a <= 0.0 else 1.0
     if operator == NILPOTENT_MINIMUM:
         return min(a, b) if either > 1.0 else 0.0
     if operator == NILPOTENT_MAXIMUM:
@@ -79,7 +79,7 @@ def change(operator: int, a: float) -> float:
     if operator == SELDOM:
         half = max(a if a <= 0.5 else 1.0 - a, 0.0)
         return float(np.sqrt(0.5 * half)) if a <= 0.5 else float(1.0 - np.sqrt(0.5 * half))
-    return 1.0 - a
+    return max(1.0 - a, 0.0)
 
 
 DEFUZZIFIERS: dict[str, int] = {name: code for code, name in enumerate(get_args(model.Defuzzifier))}

@@ -14,12 +14,15 @@ TIE = 1e-12
 
 
 def defuzzify_sampled(system: FuzzySystem, variable: Variable, x: Floats, y: Floats) -> float:
-    """Defuzzify heights at points as another program does; `fis_tools.engines.sampling` is its fast twin."""
+    """Defuzzify heights at points as another program does; `fis_tools.engines.sampling` is its fast twin.
+
+    Return NaN where the program finds no number although some heights are positive.
+    """
     method, by_magnitude = system.defuzzifier_of(variable), TOOLS[system.semantics].is_by_magnitude
+    y = y / y.max()
     if method == "centroid":
-        heights = y / y.max()
-        return float(np.clip((x * heights).sum() / heights.sum(), x[0], x[-1]))
-    top = x[y >= y.max() * (1.0 - TIE)]
+        return float(np.clip((x * y).sum() / y.sum(), x[0], x[-1]))
+    top = x[y >= 1.0 - TIE]
     if method == "mom":
         return float(np.mean(top))
     if method in {"som", "lom"}:
@@ -31,15 +34,20 @@ def defuzzify_sampled(system: FuzzySystem, variable: Variable, x: Floats, y: Flo
     if system.semantics == "fuzzylite":
         distance = np.abs(running / running[-1] - 0.5)
         return float(np.mean(x[distance <= distance.min() + TIE]))
+    return _meeting(x, y)
+
+
+def _meeting(x: Floats, y: Floats) -> float:
+    """Return where walks meet, always on the side with the smaller sum; NaN if the lower one's is zero."""
     low, high, sum_low, sum_high = 0, len(x) - 1, 0.0, 0.0
-    while low < high:  # always on the side with the smaller sum
+    while low < high:
         if sum_low <= sum_high * (1.0 + TIE):
             low += 1
             sum_low += y[low]
         else:
             high -= 1
             sum_high += y[high]
-    return float(min(x[0] + (x[1] - x[0]) * low, x[-1]))
+    return float(min(x[0] + (x[1] - x[0]) * low, x[-1])) if sum_low > 0.0 else np.nan
 
 
 def crossings(grid: Floats, mf: Floats, cut: float) -> Floats:

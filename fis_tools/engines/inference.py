@@ -19,7 +19,14 @@ from fis_tools.engines.degrees import tabulated
 from fis_tools.engines.inputs import Values, as_rows
 from fis_tools.model import TOOLS, Expression, FuzzySystem, Rule, Variable, memberships_at
 from fis_tools.model.intervals import has_intervals, twin
-from fis_tools.model.operators import ACCUMULATIONS, AGGREGATIONS, AND_OPERATORS, HEDGES, OR_OPERATORS
+from fis_tools.model.operators import (
+    ACCUMULATIONS,
+    AGGREGATIONS,
+    AND_OPERATORS,
+    HEDGES,
+    OR_OPERATORS,
+    complement,
+)
 
 
 @dataclass(frozen=True)
@@ -61,7 +68,7 @@ class OutputInference:
     value : float
         The defuzzified output, or the default.
     is_default : bool
-        Whether nothing fired, so that `value` is the default.
+        Whether nothing fired, or the defuzzifier found no number in what did, so that `value` is the default.
     weighing : WeightedConclusions or None
         The weighted conclusions, for a weighted output.
     """
@@ -167,6 +174,7 @@ def _infer_intervals(system: FuzzySystem, values: Floats, clipped: Floats) -> In
 
 def _reduced(system: FuzzySystem, x: Floats, low: Floats, high: Floats) -> float:
     """Return the number of ascending points whose weights lie between bounds; every switch is tried."""
+    low, high = low / high.max(), high / high.max()
     if system.type_reduction == "nie-tan":
         return float((x * (low + high)).sum() / (low + high).sum())
     ends = []
@@ -202,7 +210,7 @@ def _fire(system: FuzzySystem, memberships: Sequence[Floats]) -> Floats:
             case model.Is(variable, term):
                 return degrees[variable, term]
             case model.Not(operand):
-                return 1.0 - degree(rule, operand)
+                return complement(degree(rule, operand))
             case model.Hedged(hedge, operand):
                 return HEDGES[hedge](degree(rule, operand))
             case model.And(operands):
@@ -250,6 +258,8 @@ def _infer_output(system: FuzzySystem, variable: Variable, firing: Floats, value
         value = _default(system, variable)
     elif system.is_sampled:
         value = defuzzify_sampled(system, variable, universe, aggregated)
+        if np.isnan(value):
+            value, is_default = _default(system, variable), True
     else:
         value = DEFUZZIFIERS[system.defuzzifier_of(variable)](universe, aggregated)
     return OutputInference(variable, cuts, universe, aggregated, value, is_default)

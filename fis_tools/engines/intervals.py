@@ -10,7 +10,7 @@ import numpy as np
 from fis_tools.array_types import Floats
 from fis_tools.compiled.decorator import compiled
 from fis_tools.engines.program import Conclusion, Weighing
-from fis_tools.engines.sampling import FAINT, aggregate
+from fis_tools.engines.sampling import FAINT, RAISE, aggregate
 
 EPSILON = float(np.finfo(np.float64).eps)
 
@@ -60,9 +60,8 @@ def weigh_interval(
 @compiled(error_model="numpy", nogil=True)
 def reduce_interval(x: Floats, low: Floats, high: Floats, is_mean: bool) -> float:
     """Return the type-reduced number of ascending points whose weights lie between bounds."""
-    highest = high.max()
-    if highest < FAINT:
-        low, high = low / highest, high / highest
+    if high.max() < FAINT:
+        low, high = low * RAISE, high * RAISE
     if is_mean:  # Nie and Tan's type reduction
         both = low + high
         return float(min(max((x * both).sum() / both.sum(), x[0]), x[-1]))

@@ -26,7 +26,7 @@ def combine_lanes(operator: int, degrees: Floats, left: int, right: int, result:
     elif operator == codes.PROBABILISTIC_SUM:
         store(degrees, result, (a + b) - a * b)
     elif operator == codes.NOT:
-        store(degrees, result, 1.0 - a)
+        store(degrees, result, most(1.0 - a, 0.0))
     else:
         for lane in range(LANES):
             degrees[result + lane] = combine(operator, degrees[left + lane], degrees[right + lane])

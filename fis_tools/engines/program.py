@@ -245,13 +245,6 @@ class Program:
         """Number of rules."""
         return len(self.antecedents.rule_slots)
 
-    @cached_property
-    def ends(self) -> Floats:
-        """The first and the last point of each input, (num_inputs, 2)."""
-        layout = self.antecedents.inputs
-        first, count = layout[:, 2], layout[:, 1]
-        return np.stack([self.antecedents.universes[at] for at in (first, first + count - 1)], axis=1)
-
     @property
     def asks_for_inputs(self) -> bool:
         """Whether a rule concludes a number that depends on the inputs."""

@@ -33,19 +33,26 @@ def bound_sampled(conclusion: Conclusion, strengths: Floats, out: Floats) -> Non
         aggregate(conclusion, strengths[box, :, 1].copy(), cuts, high)
         low *= 1.0 - rounding
         high *= 1.0 + rounding
-        if high.max() == 0.0:
+        first = 1 if _walks(conclusion) else 0  # jFuzzyLogic's walk leaves out the first point
+        if high[first:].max() == 0.0:
             out[box] = default, default
             continue
         least, greatest = _bounds(conclusion, low, high)
-        may_be_silent = low.max() == 0.0
+        may_be_silent = low[first:].max() == 0.0
         if conclusion.defuzzifier == codes.CENTROID and _relate(conclusion, strengths[box], low, high):
             low *= 1.0 - rounding
             high *= 1.0 + rounding
             narrowed = _bounds(conclusion, low, high)
             least, greatest = max(least, narrowed[0]), min(greatest, narrowed[1])
         out[box] = max(least, x[0]), min(greatest, x[-1])
-        if may_be_silent and not np.isnan(default):  # perhaps no rule fires; NaN is no output to bound
+        if may_be_silent and not np.isnan(default):  # NaN is no output to bound
             out[box] = min(out[box, 0], default), max(out[box, 1], default)
+
+
+@compiled(error_model="numpy", nogil=True)
+def _walks(conclusion: Conclusion) -> bool:
+    """Return whether half of the sum is found by walks from both ends."""
+    return conclusion.defuzzifier == codes.BISECTOR and conclusion.sampling == codes.FCL
 
 
 @compiled(error_model="numpy", nogil=True)
@@ -93,6 +100,8 @@ def _bounds(conclusion: Conclusion, low: Floats, high: Floats) -> tuple[float, f
     slack = 4 * EPSILON * (len(x) + 4) * max(abs(x[0]), abs(x[-1]))
     if conclusion.defuzzifier == codes.CENTROID:
         least, greatest = extreme_mean(x, low, high, 1), extreme_mean(x, low, high, -1)
+    elif _walks(conclusion):
+        least, greatest = _meetings(x, low, high)
     elif conclusion.defuzzifier == codes.BISECTOR:
         least, greatest = _bisectors(conclusion.sampling, x, low, high)
     else:
@@ -106,11 +115,8 @@ def _bisectors(sampling: int, x: Floats, low: Floats, high: Floats) -> tuple[flo
     """Return the first and the last point at which half of a sum may be reached, widened by a point.
 
     Ties count: fuzzylite takes the mean of all points that are as near to half, also those before and behind
-    at which hardly anything is added. jFuzzyLogic leaves both ends out of its sums.
+    at which hardly anything is added.
     """
-    if sampling == codes.FCL:
-        low, high = low.copy(), high.copy()
-        low[0] = low[-1] = high[0] = high[-1] = 0.0
     first, last = -1, len(x) - 1
     left_high, left_low = 0.0, 0.0
     right_low, right_high = low.sum(), high.sum()
@@ -133,3 +139,38 @@ def _bisectors(sampling: int, x: Floats, low: Floats, high: Floats) -> tuple[flo
             last += 1
             behind += low[last]
     return x[first], x[last]
+
+
+@compiled(error_model="numpy", nogil=True)
+def _meetings(x: Floats, low: Floats, high: Floats) -> tuple[float, float]:
+    """Return the first and the last point at which jFuzzyLogic's walks from both ends may meet.
+
+    With S the sum of the heights of points, and n the last one, they meet at k only if S(1..k-1), which the
+    lower walk had when it went on to k, is no more than S(k..n-1), and S(1..k), which the upper walk compared
+    itself with at most when it went on, is no less than S(k+1..n-1). Both walks leave out an end. They meet
+    at n only if S(1..n-1) is zero: the upper walk never went on. Else some height up to k is positive, and
+    some from k on.
+    """
+    last = len(x) - 1
+    share = 4 * EPSILON * (len(x) + 4) + 4.0 * TIE
+    inner_low, inner_high = low[1:last].sum(), high[1:last].sum()
+    before_low, to_high = 0.0, 0.0
+    least, greatest = last, 0
+    rest_high, rest_low = inner_high, inner_low
+    end = 0
+    for point in range(1, last):
+        end = point if high[point] > 0.0 else end
+    for point in range(1, end + 1):
+        to_high += high[point]
+        rest_low -= low[point]
+        # of S(1..k), S(k+1..n-1); of S(1..k-1), S(k..n-1)
+        if to_high > 0.0 and to_high >= rest_low * (1.0 - share) - share * inner_low:
+            least = min(least, point)
+        if before_low <= rest_high * (1.0 + share) + share * inner_high:
+            greatest = max(greatest, point)
+        before_low += low[point]
+        rest_high -= high[point]
+    if inner_low == 0.0 and high[last] > 0.0:
+        greatest = last
+    # points are added up from the first one, by steps as wide as the first
+    return min(x[least], x[0] + (x[1] - x[0]) * least), max(x[greatest], x[0] + (x[1] - x[0]) * greatest)

@@ -12,8 +12,9 @@ from fis_tools.engines.codes import combine
 from fis_tools.engines.defuzzification import TIE
 from fis_tools.engines.program import Conclusion, Summation
 
-#: Heights below this are scaled before they are summed: products with them would lose digits.
-FAINT = 1e-200
+#: Heights below this are raised before they are summed, as products with them would lose digits: by a power
+#: of two, which adds no rounding. The reciprocal of the highest, where it is denormal, would overflow.
+FAINT, RAISE = 1e-200, 2.0**600
 
 
 @compiled(error_model="numpy", nogil=True)
@@ -47,37 +48,40 @@ def aggregate(conclusion: Conclusion | Summation, firing: Floats, cuts: Floats, 
 
 @compiled(error_model="numpy", nogil=True)
 def defuzzify(conclusion: Conclusion | Summation, heights: Floats) -> float:
-    """Return the number of aggregated heights; the default if all are zero."""
+    """Return the number of aggregated heights, which it may scale; the default if all are zero."""
     x, method = conclusion.universe, conclusion.defuzzifier
     highest = heights.max()
     if highest == 0.0:
         return float(conclusion.default)
+    if highest < FAINT:
+        highest *= RAISE
+        for point in range(len(heights)):
+            heights[point] *= RAISE
     if method == codes.CENTROID:
-        return _centroid(x, heights, highest)
+        return _centroid(x, heights)
     if method == codes.BISECTOR:
-        return _bisector(conclusion.sampling, x, heights)
+        return _bisector(conclusion.sampling, x, heights, conclusion.default)
     return _of_maximum(conclusion.sampling, method, x, heights, highest)
 
 
 @compiled(error_model="numpy", nogil=True)
-def _centroid(x: Floats, heights: Floats, highest: float) -> float:
-    """Return the centroid of heights at points, inside their range; scaled where all are tiny."""
-    scale = 1.0 / highest if highest < FAINT else 1.0
+def _centroid(x: Floats, heights: Floats) -> float:
+    """Return the centroid of heights at points, inside their range."""
     area, moment = 0.0, 0.0
     for point in range(len(x)):
-        height = heights[point] * scale
-        area += height
-        moment += x[point] * height
+        area += heights[point]
+        moment += x[point] * heights[point]
     return float(min(max(moment / area, x[0]), x[-1]))
 
 
 @compiled(error_model="numpy", nogil=True)
-def _bisector(sampling: int, x: Floats, heights: Floats) -> float:
+def _bisector(sampling: int, x: Floats, heights: Floats, default: float) -> float:
     """Return the point with half of the sum on either side, as each program finds it.
 
     MATLAB takes the first point at which half is reached; fuzzylite the mean of those whose running share is
-    nearest to a half; jFuzzyLogic walks from both ends, always on the side with the smaller sum. Sums are
-    compared up to rounding, so that all engines take the same points.
+    nearest to a half; jFuzzyLogic walks from both ends, always on the side with the smaller sum, and finds
+    nothing where all that it summed from the left is zero. Sums are compared up to rounding, so that all
+    engines take the same points.
     """
     total = heights.sum()
     if sampling == codes.FCL:
@@ -89,6 +93,8 @@ def _bisector(sampling: int, x: Floats, heights: Floats) -> float:
             else:
                 high -= 1
                 sum_high += heights[high]
+        if sum_low == 0.0:
+            return default
         return float(min(x[0] + (x[1] - x[0]) * low, x[-1]))
     running, nearest = 0.0, np.inf
     for point in range(len(x)):

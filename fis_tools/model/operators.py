@@ -1,9 +1,11 @@
 """Operators on degrees of truth, by name: those behind `and` and `or`, and hedges.
 
-Each takes arrays, or numbers, in [0, 1]. The or-operators are the duals of the and-operators at the same
-place in the list: ``or(a, b) = 1 - and(1 - a, 1 - b)``. Definitions as in Klement, Mesiar and Pap,
-*Triangular Norms* (2000), names as in fuzzylite and Octave's fuzzy-logic-toolkit. Hedges are those of IEEE
-1855, annex A, whose `intensify` is `intensely` here; each keeps 0 and 1 and increases in between.
+Each takes arrays, or numbers, in [0, 1], or above by rounding. Except for rounding none falls when an
+argument rises, so that bounds of the arguments bound the result, also across a jump: tests are for one or
+more, zero or less. The or-operators are the duals of the and-operators at the same place in the list:
+``or(a, b) = 1 - and(1 - a, 1 - b)``. Definitions as in Klement, Mesiar and Pap, *Triangular Norms* (2000),
+names as in fuzzylite and Octave's fuzzy-logic-toolkit. Hedges are those of IEEE 1855, annex A, whose
+`intensify` is `intensely` here; each keeps 0 and 1 and increases in between.
 """
 
 from collections.abc import Callable
@@ -62,8 +64,8 @@ def hamacher_product(a: Floats, b: Floats) -> Floats:
 
 
 def drastic_product(a: Floats, b: Floats) -> Floats:
-    """Return one operand where the other is one, else zero."""
-    return np.where(b == 1.0, a, np.where(a == 1.0, b, 0.0))
+    """Return one operand where the other is one, or more by rounding; else zero."""
+    return np.where(b >= 1.0, a, np.where(a >= 1.0, b, 0.0))
 
 
 def nilpotent_minimum(a: Floats, b: Floats) -> Floats:
@@ -98,8 +100,8 @@ def hamacher_sum(a: Floats, b: Floats) -> Floats:
 
 
 def drastic_sum(a: Floats, b: Floats) -> Floats:
-    """Return one operand where the other is zero, else one."""
-    return np.where(b == 0.0, a, np.where(a == 0.0, b, 1.0))
+    """Return one operand where the other is zero, or less by rounding; else one."""
+    return np.where(b <= 0.0, a, np.where(a <= 0.0, b, 1.0))
 
 
 def nilpotent_maximum(a: Floats, b: Floats) -> Floats:
@@ -107,8 +109,13 @@ def nilpotent_maximum(a: Floats, b: Floats) -> Floats:
     return np.where(a + b < 1.0, np.fmax(a, b), 1.0)
 
 
+def complement(a: Floats) -> Floats:
+    """Return ``1 - a``; zero of what rounding has made more than one."""
+    return np.fmax(1.0 - a, 0.0)
+
+
 def somewhat(a: Floats) -> Floats:
-    """Return the square root of `a`, which rounding may have made negative."""
+    """Return the square root of `a`."""
     return np.sqrt(np.fmax(a, 0.0))
 
 

@@ -242,13 +242,20 @@ def _firing_lines(inference: Inference, most_rules: int) -> list[str]:
     return lines or ["   no rule fires"]
 
 
+def why_default(output: OutputInference) -> str:
+    """Return why an output is its default."""
+    if output.aggregated.any():
+        return "its defuzzifier finds no number in what the rules that fire conclude"
+    return "no rule that concludes on it fires"
+
+
 def _output_lines(output: OutputInference, system: FuzzySystem) -> list[str]:
     """Return an output's inference as lines: its cut terms or numbers, and its value."""
     variable = output.variable
     cuts = [(term.name, cut) for term, cut in zip(variable.terms, output.cuts, strict=True) if cut > 0]
     result = f"   {variable.name} = {quantity(variable, output.value)}"
     if output.is_default:
-        return [f"{result}, its default: no rule that concludes on it fires"]
+        return [f"{result}, its default: {why_default(output)}"]
     if output.weighing is not None:
         method = METHODS[system.defuzzifier_of(variable)]
         numbers = zip(output.weighing.rules, output.weighing.strengths, output.weighing.numbers, strict=True)

@@ -21,6 +21,7 @@ from fis_tools.findings.explanation.one_system import (
     crossing_blocks,
     explain_system,
     plain_output,
+    stays_in_range,
 )
 from fis_tools.model import FuzzyTree, Variable
 from fis_tools.words.text import amount, inferred_as, sentence, signed
@@ -169,6 +170,7 @@ def explain_chain(
             frozenset(),
             float(crossing),
             tuple(flip for flip in all_flips if flip.output == variable),
+            any(stays_in_range(system, variable) for system in tree.systems if variable in system.outputs),
         )
         for variable, step in zip(tree.outputs, inference.outputs, strict=True)
     )

@@ -29,7 +29,7 @@ class Flip:
     ----------
     output, input : Variable
     way : int
-        1 towards the upper end, -1 towards the lower one.
+        1 towards the upper end, -1 towards the lower one; from beyond a range one way leads back to it.
     given : float
         The input where the way begins, in its unit.
     side : int
@@ -182,6 +182,8 @@ def _searched(
             while abs(first[index] - last[index]) > LOCATED * compiled.system.inputs[index].span:
                 middle = last.copy()
                 middle[index] = 0.5 * (last[index] + first[index])
+                if middle[index] in (last[index], first[index]):  # beyond a range numbers may lie far apart
+                    break
                 is_there = _is_across(side_of(compiled(middle[np.newaxis])), sides[0])[0]
                 last, first = (last, middle) if is_there else (middle, first)
             ends = (last, first)
@@ -191,13 +193,16 @@ def _searched(
 def _ways(compiled: CompiledSystem | CompiledTree, given: Floats) -> Iterator[tuple[int, int, Floats]]:
     """Yield, for each input and direction, samples from the present value to that end of the range."""
     variables = compiled.system.inputs
-    start = np.clip(given, [v.minimum for v in variables], [v.maximum for v in variables])
+    start = np.clip(given, *np.transpose([compiled.system.limits_of(v) for v in variables]))
     for index, variable in enumerate(variables):
         parts = np.arange(STEPS) / STEPS
         universe = variable.universe
         fine = (universe[:-1, np.newaxis] + np.diff(universe)[:, np.newaxis] * parts).ravel()
         fine = np.append(fine, universe[-1])
         value = start[index]
+        end = min(max(value, universe[0]), universe[-1])
+        if end != value and np.isfinite(value):  # from beyond the range: on the way back to it, too
+            fine = np.union1d(fine, np.linspace(value, end, len(fine)))
         for direction, samples in ((1, fine[fine > value]), (-1, fine[fine < value][::-1])):
             rows = np.tile(start, (1 + len(samples), 1))
             rows[1:, index] = samples

@@ -83,6 +83,9 @@ class ExplainedOutput:
         The value that the flips are about.
     flips : tuple of Flip
         The smallest changes first.
+    is_in_range : bool
+        Whether it lies in its range whatever the inputs: a mean of points does, what rules conclude as
+        numbers, or a default, may not.
     """
 
     variable: Variable
@@ -93,6 +96,7 @@ class ExplainedOutput:
     holding: frozenset[int]
     crossing: float
     flips: tuple[Flip, ...]
+    is_in_range: bool = True
 
 
 @dataclass(frozen=True, repr=False)
@@ -250,6 +254,12 @@ class Explanation(Result):
         return rows, f"{fire} {share}"
 
 
+def stays_in_range(system: FuzzySystem, output: Variable) -> bool:
+    """Return whether an output lies in its range whatever the inputs."""
+    silent = output.minimum if output.default is None else output.default
+    return not system.weighs(output) and output.minimum <= silent <= output.maximum
+
+
 def crossing_blocks(output: ExplainedOutput) -> list[Block]:
     """Return what would take an output across; nothing about a sign that it cannot have."""
     is_inside = output.variable.minimum < output.crossing < output.variable.maximum
@@ -275,7 +285,13 @@ def _value(output: ExplainedOutput) -> str:
     """Return an output's value in words, and how far rules moved it."""
     value = f"{output.variable.name} = {amount(output.variable, output.value)}"
     if output.is_default:
-        return f"{value}, its default: no rule that concludes on it fires"
+        fires = any(move.strength > 0.0 for move in output.moves)
+        why = (
+            "its defuzzifier finds none in what rules conclude"
+            if fires
+            else "no rule that concludes on it fires"
+        )
+        return f"{value}, its default: {why}"
     variable, silent = output.variable, output.variable.default or 0.0
     words = f"{signed(variable, output.value - silent)} from {amount(variable, silent)}, where no rule fires"
     sampled = f", sampled with a standard error of {amount(variable, output.error)} at most"
@@ -285,7 +301,8 @@ def _value(output: ExplainedOutput) -> str:
 def _flip_words(output: ExplainedOutput) -> Iterator[str]:
     """Yield the flips in words, the smallest change first, then the inputs that cannot cause one."""
     variable, crossing = output.variable, output.crossing
-    if not variable.minimum < crossing < variable.maximum and all(f.change is None for f in output.flips):
+    is_inside = variable.minimum < crossing < variable.maximum or not output.is_in_range
+    if not is_inside and all(f.change is None for f in output.flips):
         yield (
             f"nothing can: {variable.name} lies between {amount(variable, variable.minimum)} and "
             f"{amount(variable, variable.maximum)}, on one side of {amount(variable, crossing)}"
@@ -372,6 +389,7 @@ def explain_system(
         of_output = tuple(flip for flip in all_flips if flip.output == output.variable)
         reasons = (tuple(moves), float(error[0, index]), frozenset(holding_back(compiled.system, index)))
         value = (output.variable, output.value, output.is_default)
-        outputs.append(ExplainedOutput(*value, *reasons, float(crossing), of_output))
+        is_in_range = stays_in_range(compiled.system, output.variable)
+        outputs.append(ExplainedOutput(*value, *reasons, float(crossing), of_output, is_in_range))
     turned = class_flips(compiled, given) if is_classifier(compiled.system) else ()
     return Explanation(compiled.system, tuple(given.tolist()), tuple(outputs), turned, points)

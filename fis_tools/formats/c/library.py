@@ -15,6 +15,8 @@ DEFUZZIFIERS = {
     "som": "smallest_of_maximum",
     "lom": "largest_of_maximum",
 }
+#: Those that find no number in some heights; their last argument is what they return then.
+MAY_FIND_NOTHING = ("sampled_bisector_fcl",)
 
 
 def defuzzifiers_of(system: FuzzySystem) -> dict[str, str]:

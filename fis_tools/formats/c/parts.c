@@ -131,7 +131,7 @@ static double greatest(const double y[], int count)
 
 static double fuzzy_not(double a)
 {
-    return 1.0 - a;
+    return fmax(1.0 - a, 0.0);
 }
 
 static double fuzzy_very(double a)
@@ -186,7 +186,7 @@ static double fuzzy_hamacher_product(double a, double b)
 
 static double fuzzy_drastic_product(double a, double b)
 {
-    return (b == 1.0) ? a : ((a == 1.0) ? b : 0.0);
+    return (b >= 1.0) ? a : ((a >= 1.0) ? b : 0.0);
 }
 
 static double fuzzy_nilpotent_minimum(double a, double b)
@@ -221,7 +221,7 @@ static double fuzzy_hamacher_sum(double a, double b)
 
 static double fuzzy_drastic_sum(double a, double b)
 {
-    return (b == 0.0) ? a : ((a == 0.0) ? b : 1.0);
+    return (b <= 0.0) ? a : ((a <= 0.0) ? b : 1.0);
 }
 
 static double fuzzy_nilpotent_maximum(double a, double b)
@@ -578,11 +578,17 @@ static double counted(double degree)
     return (degree >= 1e-290) ? degree : 0.0;
 }
 
+/* What heights are multiplied by before they are summed: products with faint ones would lose digits, a power of
+ * two adds no rounding. */
+static double raise_faint(const double y[], int count)
+{
+    return (greatest(y, count) < 1e-200) ? ldexp(1.0, 600) : 1.0;
+}
+
 /* The mean of points, weighted by heights. */
 static double sampled_centroid(const double x[], const double y[], int count)
 {
-    const double highest = greatest(y, count);
-    const double scale = (highest < 1e-200) ? (1.0 / highest) : 1.0;
+    const double scale = raise_faint(y, count);
     double moment = 0.0;
     double area = 0.0;
 
@@ -596,15 +602,16 @@ static double sampled_centroid(const double x[], const double y[], int count)
 /* The first point at which half of the sum of heights is reached, as in MATLAB. */
 static double sampled_bisector_matlab(const double x[], const double y[], int count)
 {
+    const double scale = raise_faint(y, count);
     double total = 0.0;
     double running = 0.0;
     int point;
 
     for (point = 0; point < count; ++point) {
-        total += y[point];
+        total += y[point] * scale;
     }
     for (point = 0; point < (count - 1); ++point) {
-        running += y[point];
+        running += y[point] * scale;
         if (running >= (total / 2.0 * (1.0 - 1e-12))) {
             break;
         }
@@ -615,6 +622,7 @@ static double sampled_bisector_matlab(const double x[], const double y[], int co
 /* The mean of the points whose running share of the sum is nearest to a half, as in fuzzylite. */
 static double sampled_bisector_fuzzylite(const double x[], const double y[], int count)
 {
+    const double scale = raise_faint(y, count);
     double total = 0.0;
     double running = 0.0;
     double nearest = 2.0;
@@ -622,15 +630,15 @@ static double sampled_bisector_fuzzylite(const double x[], const double y[], int
     int found = 0;
 
     for (int point = 0; point < count; ++point) {
-        total += y[point];
+        total += y[point] * scale;
     }
     for (int point = 0; point < count; ++point) {
-        running += y[point];
+        running += y[point] * scale;
         nearest = fmin(nearest, fabs((running / total) - 0.5));
     }
     running = 0.0;
     for (int point = 0; point < count; ++point) {
-        running += y[point];
+        running += y[point] * scale;
         if (fabs((running / total) - 0.5) <= (nearest + 1e-12)) {
             ++found;
             moment += x[point];
@@ -639,8 +647,9 @@ static double sampled_bisector_fuzzylite(const double x[], const double y[], int
     return moment / found;
 }
 
-/* Where walks from both ends meet, always on the side with the smaller sum, as in jFuzzyLogic. */
-static double sampled_bisector_fcl(const double x[], const double y[], int count)
+/* Where walks from both ends meet, always on the side with the smaller sum, as in jFuzzyLogic, which finds
+ * nothing where all that it summed from the left is zero. */
+static double sampled_bisector_fcl(const double x[], const double y[], int count, double nothing)
 {
     double sum_low = 0.0;
     double sum_high = 0.0;
@@ -656,7 +665,7 @@ static double sampled_bisector_fcl(const double x[], const double y[], int count
             sum_high += y[high];
         }
     }
-    return fmin(x[0] + ((x[1] - x[0]) * low), x[count - 1]);
+    return (sum_low > 0.0) ? fmin(x[0] + ((x[1] - x[0]) * low), x[count - 1]) : nothing;
 }
 
 /* Whether a height is the highest up to rounding. */

@@ -13,7 +13,7 @@ from fis_tools.array_types import Floats, Integers
 from fis_tools.engines.degrees import tabulated
 from fis_tools.engines.program import Conclusion, assemble
 from fis_tools.formats import rendered
-from fis_tools.formats.c.library import conclude, defuzzifiers_of
+from fis_tools.formats.c.library import MAY_FIND_NOTHING, conclude, defuzzifiers_of
 from fis_tools.formats.c.text import broken, comment, identifiers, table
 from fis_tools.model import FuzzySystem, Term, Variable, memberships_at, sample
 from fis_tools.words.text import number, sentence, shape_words, summary, with_unit
@@ -166,6 +166,7 @@ class System:
             about=comment(list(self._about())),
             rules=list(self._rules()),
             defuzzifiers=defuzzifiers_of(self.system),
+            may_find_nothing=MAY_FIND_NOTHING,
             most_points=max((len(c.universe) + len(c.runs) for c in cut), default=0),
             # gcc warns of moving within an array of one
             most_crossings=max([2, *(len(c.runs) for c in cut)]),

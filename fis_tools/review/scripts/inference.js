@@ -49,7 +49,7 @@ function fuzzify(system, clipped) {
 function degree(rule, expression, memberships) {
   const [kind, operand, term] = expression;
   if (kind === "is") return memberships[operand][term];
-  if (kind === "not") return 1 - degree(rule, operand, memberships);
+  if (kind === "not") return Math.max(1 - degree(rule, operand, memberships), 0);
   if (kind in HEDGES) return HEDGES[kind](degree(rule, operand, memberships));
   const combine = kind === "and" ? AND_OPERATORS[rule.and_operator] : OR_OPERATORS[rule.or_operator];
   let combined = degree(rule, operand[0], memberships);
@@ -217,12 +217,10 @@ const DEFUZZIFIERS = {
 
 /** The centre of points, weighted by heights. */
 function sampledCentroid(x, y) {
-  const top = y.reduce((a, b) => Math.max(a, b));
-  const scale = top < 1e-200 ? 1 / top : 1;
   let [area, moment] = [0, 0];
   for (let i = 0; i < x.length; i++) {
-    area += y[i] * scale;
-    moment += x[i] * (y[i] * scale);
+    area += y[i];
+    moment += x[i] * y[i];
   }
   return Math.min(Math.max(moment / area, x[0]), x.at(-1));
 }
@@ -248,12 +246,14 @@ const BISECTORS = {
       if (sumLow <= sumHigh * (1 + TIE)) sumLow += y[++low];
       else sumHigh += y[--high];
     }
-    return Math.min(x[0] + (x[1] - x[0]) * low, x.at(-1));
+    return sumLow > 0 ? Math.min(x[0] + (x[1] - x[0]) * low, x.at(-1)) : NaN;
   },
 };
 
-/** What a program makes of heights at points. */
-function defuzzifySampled({ semantics }, method, x, y) {
+/** What a program makes of heights at points; NaN where it finds no number. Faint heights are raised first. */
+function defuzzifySampled({ semantics }, method, x, heights) {
+  const isFaint = heights.reduce((a, b) => Math.max(a, b)) < 1e-200;
+  const y = isFaint ? heights.map((height) => height * 2 ** 600) : heights;
   if (method === "centroid") return sampledCentroid(x, y);
   if (method === "bisector") return BISECTORS[semantics](x, y);
   const top = y.reduce((a, b) => Math.max(a, b)) * (1 - TIE);
@@ -270,13 +270,14 @@ function conclude(system, output, firing) {
   const cuts = cutTerms(system, output, firing);
   const isPolygon = isCut(variable) && !isSampled(system);
   const [points, heights] = isPolygon ? aggregate(variable, cuts) : aggregateByRule(system, output, firing);
-  const isDefault = heights.every((height) => height === 0);
+  const fires = heights.some((height) => height !== 0);
   const silent = variable.default ?? (isSampled(system) ? NaN : 0);
   const defuzzify = isSampled(system)
     ? defuzzifySampled.bind(null, system, variable.defuzzifier)
     : DEFUZZIFIERS[variable.defuzzifier];
-  const value = isDefault ? silent : defuzzify(points, heights);
-  return { cuts, points, heights, value, isDefault };
+  const value = fires ? defuzzify(points, heights) : silent;
+  const isDefault = !fires || (isSampled(system) && Number.isNaN(value));
+  return { cuts, points, heights, value: isDefault ? silent : value, isDefault };
 }
 
 /** All steps of one inference. */

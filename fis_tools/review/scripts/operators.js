@@ -10,7 +10,7 @@ const AND_OPERATORS = {
     const either = a + b - both;
     return both / (either === 0 ? 1 : either);
   },
-  drastic_product: (a, b) => (b === 1 ? a : a === 1 ? b : 0),
+  drastic_product: (a, b) => (b >= 1 ? a : a >= 1 ? b : 0),
   nilpotent_minimum: (a, b) => (a + b > 1 ? Math.min(a, b) : 0),
 };
 
@@ -24,7 +24,7 @@ const OR_OPERATORS = {
     if (both < 0.5) return Math.min((a + b - 2 * both) / (1 - both), 1);
     return both === 1 ? 1 : 1 - ((1 - a) * (1 - b)) / (1 - both);
   },
-  drastic_sum: (a, b) => (b === 0 ? a : a === 0 ? b : 1),
+  drastic_sum: (a, b) => (b <= 0 ? a : a <= 0 ? b : 1),
   nilpotent_maximum: (a, b) => (a + b < 1 ? Math.max(a, b) : 1),
 };
 
