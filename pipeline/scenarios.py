@@ -7,6 +7,7 @@ positions under any Sun setting.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import lru_cache
 from itertools import product
 from typing import Any
 
@@ -140,17 +141,23 @@ def evaluation_scenarios(
 ) -> list[Scenario]:
     """Return the starts of the evaluation's cases, or of some of them."""
     monte_carlo = experiment.monte_carlo
+    chosen = range(monte_carlo.num_cases)[cases] if isinstance(cases, slice) else cases
     if monte_carlo.table is not None:
-        given = _given(monte_carlo.table, experiment.seed, EVALUATION)
-        return given[cases] if isinstance(cases, slice) else [given[case] for case in cases]
-    drawn = range(monte_carlo.num_cases)[cases] if isinstance(cases, slice) else cases
-    return _drawn(experiment, monte_carlo, EVALUATION, drawn)
+        return _given(monte_carlo.table, experiment.seed, EVALUATION, chosen)
+    return _drawn(experiment, monte_carlo, EVALUATION, chosen)
 
 
-def _given(table: str, seed: int, stage: int) -> list[Scenario]:
-    """Return the starts in a table, whose random errors are those of a seed and a stage."""
-    starts = enumerate(starts_in(numbers(table, "the table of starts")))
-    return [replace(start, noise=(seed, stage, case)) for case, start in starts]
+def _given(table: str, seed: int, stage: int, cases: Sequence[int] | None = None) -> list[Scenario]:
+    """Return the starts in a table, or some of them; their random errors are those of a seed and a stage."""
+    columns = _numbers(table)
+    chosen = range(len(columns[POSITION[0]])) if cases is None else cases
+    starts = starts_in({name: column[np.asarray(chosen, np.intp)] for name, column in columns.items()})
+    return [replace(start, noise=(seed, stage, case)) for case, start in zip(chosen, starts, strict=True)]
+
+
+@lru_cache(maxsize=2)  # of training and of the evaluation, each of whose parts asks for some rows
+def _numbers(table: str) -> Mapping[str, NDArray[np.float64]]:
+    return numbers(table, "the table of starts")
 
 
 def starts_in(columns: Mapping[str, NDArray[Any]]) -> list[Scenario]:

@@ -1,13 +1,16 @@
 """An evaluation: one controller from many starts, as a table and as statistics."""
 
 import math
+from collections import defaultdict
+from collections.abc import Iterable
 from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.evaluation.statistics import Column, Columns, fraction, statistic, succeeds
+from pipeline.evaluation import blocks
+from pipeline.evaluation.statistics import Column, Columns, statistic, succeeds
 from pipeline.flight.cases.dispersions import drawn
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.goals.flights import fly_all
@@ -106,6 +109,26 @@ def _propellant(mission: Mission, settings: list[dict[str, float]], outcomes: Ou
 
 def summarise(episodes: Columns, confidence_percent: float) -> dict[str, Any]:
     """Return means with standard deviations and intervals, and shares of cases with Wilson intervals."""
+    return summarise_blocks(blocks.cut(episodes), confidence_percent)
+
+
+def summarise_blocks(parts: Iterable[Columns], confidence_percent: float) -> dict[str, Any]:
+    """Return what `summarise` does of flights that come in blocks, see `pipeline.evaluation.blocks`."""
+    means, shares = defaultdict[str, list[blocks.Part]](list), defaultdict[str, list[tuple[int, int]]](list)
+    for part in parts:
+        names, is_so = _summarised(part)
+        for name in names:
+            values = part[name]
+            means[name].append((len(values), statistic(values, confidence_percent, 0.0, _most(name))))
+        for name, share in is_so.items():
+            shares[name].append((int(np.sum(share)), len(share)))
+    return {
+        name: asdict(blocks.joined(of, confidence_percent, 0.0, _most(name))) for name, of in means.items()
+    } | {name: asdict(blocks.joined_share(of, confidence_percent)) for name, of in shares.items()}
+
+
+def _summarised(episodes: Columns) -> tuple[list[str], dict[str, NDArray[np.bool_]]]:
+    """Return the columns whose means are told, and what flights share."""
     names = ["delta_v_m_s", "inspection_rate_percent", "mean_distance_m"]
     shares = {"success": episodes["success"], "violated": episodes["violated"], SUCCESS: succeeds(episodes)}
     if "safety_periods" in episodes:  # missing in those of earlier versions
@@ -123,14 +146,12 @@ def summarise(episodes: Columns, confidence_percent: float) -> dict[str, Any]:
         shares["wheel_full"] = episodes["full_wheel_s"] > 0.0
     if "inspectable_count" in episodes:  # these too
         names += ["inspectable_count", "inspectable_rate_percent"]
-    # none of these quantities is negative, and rates end at 100 %
-    most = {name: 100.0 for name in names if name.endswith("_percent")}
-    means = {
-        name: statistic(episodes[name], confidence_percent, 0.0, most.get(name, math.inf)) for name in names
-    }
-    return {name: asdict(mean) for name, mean in means.items()} | {
-        name: asdict(fraction(share, confidence_percent)) for name, share in shares.items()
-    }
+    return names, shares
+
+
+def _most(name: str) -> float:
+    """Return the most that the mean of a quantity can be; the least is 0 for all that are summarised."""
+    return 100.0 if name.endswith("_percent") else math.inf
 
 
 def rank(episodes: Columns) -> NDArray[np.int64]:

@@ -22,6 +22,9 @@ from pipeline.scenarios import evaluation_scenarios
 from pipeline.settings.experiment import Experiment, Safety
 from pipeline.settings.keys import value_at
 
+#: starts that are drawn and flown at a time
+FLOWN_AT_ONCE = 10_000
+
 
 def read_comparison(folder: Path) -> list[comparison.ComparisonRow]:
     """Read the rows of the stage compare; none if it has not run.
@@ -306,13 +309,19 @@ def fly_without(experiment: Experiment, controller: Controller, episodes: Column
     if not acted.size:
         return None
     cases = episodes["case"][acted].tolist()
-    scenarios = evaluation_scenarios(experiment, cases)
-    unguarded = replace(mission, safety=Safety())
-    outcomes = fly_all(unguarded, controller, scenarios, experiment.monte_carlo.workers)
-    limits = mission.deputy
-    beyond = np.maximum(
-        limits.min_distance_m - outcomes.min_distance_m, outcomes.max_distance_m - limits.max_distance_m
-    )
-    row = int(np.argmax(beyond))
-    logs = (fly_logged(world, controller, scenarios[row]) for world in (mission, unguarded))
-    return Without(int(outcomes.is_violated.sum()), cases[row], *logs)
+    unguarded, limits = replace(mission, safety=Safety()), mission.deputy
+    num_outside, worst, worst_case = 0, -math.inf, cases[0]
+    for first in range(0, len(cases), FLOWN_AT_ONCE):
+        part = cases[first : first + FLOWN_AT_ONCE]
+        scenarios = evaluation_scenarios(experiment, part)
+        outcomes = fly_all(unguarded, controller, scenarios, experiment.monte_carlo.workers)
+        num_outside += int(outcomes.is_violated.sum())
+        beyond = np.maximum(
+            limits.min_distance_m - outcomes.min_distance_m, outcomes.max_distance_m - limits.max_distance_m
+        )
+        row = int(np.argmax(beyond))
+        if beyond[row] > worst:
+            worst, worst_case = float(beyond[row]), part[row]
+    (start,) = evaluation_scenarios(experiment, [worst_case])
+    logs = (fly_logged(world, controller, start) for world in (mission, unguarded))
+    return Without(num_outside, worst_case, *logs)

@@ -199,18 +199,17 @@ def begins_with_training(folder: Path) -> bool:
 def read_evaluation(folder: Path, confidence_percent: float) -> FlightSet | None:
     """Read the files of the stage evaluate that exist."""
     has_summary = (folder / artifacts.SUMMARY).exists()
-    episodes = _table(folder, artifacts.EPISODES)
-    if episodes is None:
+    if not (folder / artifacts.EPISODES).exists():
         return FlightSet(None, None, read_summary(folder)) if has_summary else None
-    rows = _table(folder, artifacts.TRAJECTORIES)
-    tracks = None if rows is None else tracks_of(rows, episodes["case"])
+    episodes = tables.Columns(folder, artifacts.EPISODES)
+    has_tracks = (folder / artifacts.TRAJECTORIES).exists()
+    tracks = (
+        tracks_of(tables.read_parquet(folder, artifacts.TRAJECTORIES), episodes["case"])
+        if has_tracks
+        else None
+    )
     summary = read_summary(folder) if has_summary else _summary(episodes, confidence_percent)
     return FlightSet(episodes, tracks, summary)
-
-
-def _table(folder: Path, name: str) -> dict[str, NDArray[Any]] | None:
-    """Read a table of a run; None if it does not exist."""
-    return tables.read_parquet(folder, name) if (folder / name).exists() else None
 
 
 def _summary(episodes: Columns, confidence_percent: float) -> dict[str, Any]:

@@ -1,10 +1,10 @@
 """Tables of a run's folder: Parquet and CSV, written atomically, and read back as columns."""
 
-import os
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager
+from itertools import chain, islice
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 from fis_tools.file_access import open_regular
 from fis_tools.formats.csv import rows_as_text
 from pipeline.run import artifacts, writing
+from pipeline.settings.sizes import BLOCK_ROWS
 
-#: rows that a table's groups have, however many were written at a time
-GROUP_ROWS: Final = 65536
+#: rows that a table's groups have, however many were written at a time, and rows of CSV written at a time
+GROUP_ROWS, CSV_ROWS = BLOCK_ROWS, 1000
 #: limits of a table's unpacked size: this much, or a multiple of the size of its file, up to the last
 SMALL_BYTES, MOST_TIMES, MOST_BYTES = 256 * 1024**2, 64, 4 * 1024**3
 
@@ -81,7 +82,28 @@ class RunTable(dict[str, NDArray[Any]]):
         self._path = path
 
     def __missing__(self, name: str) -> NDArray[Any]:
-        raise artifacts.ArtifactError(f"{self._path} has no column {name}; repeat the stage that writes it")
+        raise _missing(self._path, name)
+
+
+def _missing(path: Path, name: str) -> artifacts.ArtifactError:
+    return artifacts.ArtifactError(f"{path} has no column {name}; repeat the stage that writes it")
+
+
+def _explained(path: Path) -> AbstractContextManager[None]:
+    return artifacts.explained(f"{path} cannot be read", "repeat the stage that writes it", pa.ArrowException)
+
+
+def _check_size(file: pq.ParquetFile, path: Path, only: str | None = None) -> None:
+    """Raise ValueError if a table, or one column of it, unpacks to more than is read."""
+    claimed, most = file.metadata, min(MOST_BYTES, max(SMALL_BYTES, MOST_TIMES * path.stat().st_size))
+    leaves = [file.schema.column(leaf).path.split(".")[0] for leaf in range(claimed.num_columns)]
+    chosen = [leaf for leaf, name in enumerate(leaves) if only in (None, name)]
+    groups = map(claimed.row_group, range(claimed.num_row_groups))
+    packed = sum(group.column(leaf).total_uncompressed_size for group in groups for leaf in chosen)
+    # runs of equal numbers are packed as one
+    unpacked = max(packed, 8 * claimed.num_rows * len(chosen))
+    if unpacked > most:
+        raise ValueError(f"it unpacks to {unpacked} bytes, and at most {most} are read")
 
 
 def read_parquet(folder: Path, name: str) -> RunTable:
@@ -93,20 +115,9 @@ def read_parquet(folder: Path, name: str) -> RunTable:
         If it is missing or cannot be read.
     """
     path = artifacts.require(folder, name)
-    explained = artifacts.explained(
-        f"{path} cannot be read", "repeat the stage that writes it", pa.ArrowException
-    )
-    with explained, open_regular(path) as stream:
-        file, size = pq.ParquetFile(stream), os.fstat(stream.fileno()).st_size
-        claimed = file.metadata
-        groups = map(claimed.row_group, range(claimed.num_row_groups))
-        # runs of equal numbers are packed as one
-        unpacked = max(
-            sum(group.total_byte_size for group in groups), 8 * claimed.num_rows * claimed.num_columns
-        )
-        most = min(MOST_BYTES, max(SMALL_BYTES, MOST_TIMES * size))
-        if unpacked > most:
-            raise ValueError(f"it unpacks to {unpacked} bytes, and at most {most} are read")
+    with _explained(path), open_regular(path) as stream:
+        file = pq.ParquetFile(stream)
+        _check_size(file, path)
         table = file.read()
     return RunTable(path, {column: table[column].to_numpy() for column in table.column_names})
 
@@ -116,29 +127,52 @@ def _schema_of(path: Path) -> pa.Schema:
         return pq.read_schema(stream)
 
 
-def _column(path: Path, name: str) -> NDArray[Any]:
-    with open_regular(path) as stream:
-        return pq.read_table(stream, columns=[name])[name].to_numpy()
-
-
 class Columns(Mapping[str, NDArray[Any]]):
-    """The columns of a table in one or more files, each read on request.
+    """The columns of a run's table, each read on request, so that a table may be larger than memory.
+
+    A column that is missing raises ArtifactError.
 
     Parameters
     ----------
-    paths : sequence of Path
-        Parquet files of ours with the same columns, in the order of their rows.
+    folder : Path
+        The run's.
+    name : str
+        Of the table in it.
+
+    Raises
+    ------
+    pipeline.run.artifacts.ArtifactError
+        If it is missing or cannot be read.
     """
 
-    def __init__(self, paths: Sequence[Path]) -> None:
-        self._paths = paths
-        self._names = _schema_of(paths[0]).names
+    def __init__(self, folder: Path, name: str) -> None:
+        self._path = artifacts.require(folder, name)
+        with self._opened() as file:
+            self._names = file.schema_arrow.names
+
+    @contextmanager
+    def _opened(self) -> Iterator[pq.ParquetFile]:
+        with _explained(self._path), open_regular(self._path) as stream:
+            yield pq.ParquetFile(stream)
 
     def __getitem__(self, name: str) -> NDArray[Any]:
         """Read a column."""
+        self._require(name)
+        with self._opened() as file:
+            _check_size(file, self._path, name)
+            return file.read([name])[name].to_numpy()
+
+    def _require(self, name: str) -> None:
         if name not in self._names:
-            raise KeyError(name)
-        return np.concatenate([_column(path, name) for path in self._paths])
+            raise _missing(self._path, name)
+
+    def __contains__(self, name: object) -> bool:
+        """Return whether there is a column."""
+        return name in self._names
+
+    def get(self, name: str, default: Any = None) -> Any:
+        """Read a column; return the default if there is none."""
+        return self[name] if name in self._names else default
 
     def __iter__(self) -> Iterator[str]:
         """Return an iterator over the names of the columns."""
@@ -148,7 +182,36 @@ class Columns(Mapping[str, NDArray[Any]]):
         """Return the number of columns."""
         return len(self._names)
 
+    def blocks(self) -> Iterator[Mapping[str, NDArray[Any]]]:
+        """Yield the rows in blocks, as they were written, of columns that are read on request."""
+        with self._opened() as file:
+            for group in range(file.num_row_groups):
+                yield _Block(self, file, group)
 
-def write_csv(path: Path, names: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
-    """Write rows under a header."""
-    writing.write_atomically(path, rows_as_text([names, *rows]))
+
+class _Block(Mapping[str, NDArray[Any]]):
+    """Some rows of a table that is open."""
+
+    def __init__(self, whole: Columns, file: pq.ParquetFile, group: int) -> None:
+        self._whole, self._file, self._group = whole, file, group
+
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        self._whole._require(name)
+        return self._file.read_row_group(self._group, columns=[name])[name].to_numpy()
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._whole
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._whole)
+
+    def __len__(self) -> int:
+        return len(self._whole)
+
+
+def write_csv(path: Path, names: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
+    """Write rows under a header, few of them in memory at a time."""
+    left = chain([names], rows)
+    with writing.beside(path) as stream:
+        while block := list(islice(left, CSV_ROWS)):
+            stream.write(rows_as_text(block).encode())

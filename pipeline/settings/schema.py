@@ -16,7 +16,7 @@ from typing import Any, Final, get_type_hints
 import yaml
 from pydantic import TypeAdapter
 
-from pipeline.settings import checks, keys, types
+from pipeline.settings import checks, keys, sizes
 from pipeline.settings.checks import SettingError
 from pipeline.settings.conditions import Only
 from pipeline.settings.controllers import PLANNED
@@ -344,7 +344,7 @@ def range_of(key: Key) -> str:
     low, high = (next((described[name] for name in names if name in described), None) for names in LIMITS)
     if choices := described.get("enum", {"boolean": ("true", "false")}.get(kind)):
         words = ", ".join(f"`{choice}`" for choice in choices)
-    elif high is not None and (kind != "integer" or high < types.MOST):
+    elif high is not None and (kind != "integer" or high < sizes.MOST):
         words = checks.expected(low, high)
     elif low is not None:
         words = "greater than 0" if described.keys() & LIMITS[0][:2] else checks.expected(low, math.inf)

@@ -10,6 +10,7 @@ from typing import Annotated, Any, TypeVar
 
 from pydantic import AfterValidator, BeforeValidator, Field, Strict, ValidationInfo
 
+from pipeline.settings import sizes
 from pipeline.settings.keys import unit_of
 
 
@@ -154,12 +155,10 @@ Positive = Annotated[Number, Field(gt=0), AfterValidator(_not_vanishing)]
 NotNegative = Annotated[Number, Field(ge=0)]
 Share = Annotated[Number, Field(ge=0, le=1)]
 Whole = Annotated[int, Strict(), BeforeValidator(_whole)]
-#: beyond a million a run takes years or more memory than any computer has
-MOST = 1_000_000
-Natural = Annotated[Whole, Field(ge=0, le=MOST)]
-Count = Annotated[Whole, Field(ge=1, le=MOST)]
-#: flown in parts, so that memory hardly grows with them
-Cases = Annotated[Whole, Field(ge=1, le=100 * MOST)]
+Natural = Annotated[Whole, Field(ge=0, le=sizes.MOST)]
+Count = Annotated[Whole, Field(ge=1, le=sizes.MOST)]
+#: flown in parts
+Cases = Annotated[Whole, Field(ge=1, le=sizes.MOST_CASES)]
 Seed = Annotated[Whole, Field(ge=0, le=2**63 - 1)]
 #: worker threads; None is one per processor
 Workers = Annotated[Whole | None, Field(ge=1, le=1024), Freely()]

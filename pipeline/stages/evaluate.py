@@ -4,19 +4,21 @@ import shlex
 import shutil
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from pipeline.controllers.source import controller_of_run, sha256_of
+from pipeline.evaluation import blocks
 from pipeline.evaluation.beside_optimum import beside_optimum, summarise_times, times_in_words
 from pipeline.evaluation.comparison import by_rules, spread
-from pipeline.evaluation.monte_carlo import SUCCESS, episode_columns, fly_cases, summarise
-from pipeline.evaluation.statistics import Column, percentiles, sensitivity
+from pipeline.evaluation.monte_carlo import SUCCESS, episode_columns, fly_cases, summarise_blocks
+from pipeline.evaluation.statistics import Column, sensitivity
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.goals.flights import fly_all
 from pipeline.optimum.solved import IncomparableError, solved_for
@@ -27,6 +29,9 @@ from pipeline.scenarios import evaluation_scenarios
 from pipeline.settings.dispersions import distributions
 from pipeline.settings.experiment import Experiment
 from pipeline.settings.start_table import POSITION
+
+#: the flights of a campaign without its dispersions, until they are summarised
+NOMINAL = f"{artifacts.EPISODE_PARTS}/nominal.parquet"
 
 
 def run(experiment: Experiment, folder: Path) -> None:
@@ -46,8 +51,8 @@ def run(experiment: Experiment, folder: Path) -> None:
         "num_cases": num_cases,
         "seed": experiment.seed,
         "confidence_percent": confidence,
-        **summarise(episodes, confidence),
-        "percentiles": percentiles(episodes, confidence),
+        **summarise_blocks(parts_of(episodes), confidence),
+        "percentiles": blocks.percentiles(partial(parts_of, episodes), confidence),
         **dispersed,
         "optimum": _beside_optimum(experiment, controller, folder),
     }
@@ -64,6 +69,11 @@ def run(experiment: Experiment, folder: Path) -> None:
     sys.stderr.write(_beside_in_words(summary["optimum"]))
     if (folder / artifacts.TRAJECTORIES).exists():
         sys.stderr.write(f"  to see them all: python -m telemetry campaign {shlex.quote(str(folder))}\n")
+
+
+def parts_of(episodes: Mapping[str, Column]) -> Iterable[Mapping[str, Column]]:
+    """Return flights in blocks, of a table or in memory."""
+    return episodes.blocks() if isinstance(episodes, tables.Columns) else blocks.cut(episodes)
 
 
 def _done_in_words(summary: Mapping[str, Any]) -> str:
@@ -96,7 +106,7 @@ def _flown(
         (folder / artifacts.TRAJECTORIES).unlink(missing_ok=True)
         paths = _fly_parts(experiment, controller, folder / artifacts.EPISODE_PARTS / "cases", pool)
         tables.join_parquet(folder / artifacts.EPISODES, paths)
-        return tables.Columns([folder / artifacts.EPISODES])
+        return tables.Columns(folder, artifacts.EPISODES)
     scenarios, workers = evaluation_scenarios(experiment), experiment.monte_carlo.workers
     episodes, tracks = fly_cases(experiment.mission, controller, scenarios, workers)
     tables.write_parquet(folder / artifacts.EPISODES, episodes)
@@ -167,13 +177,14 @@ def _dispersed(
     undispersed = replace(experiment, mission=replace(mission, dispersions={}))
     nominal: Mapping[str, Column]
     if _is_in_parts(experiment):
-        nominal = tables.Columns(
-            _fly_parts(undispersed, controller, folder / artifacts.EPISODE_PARTS / "nominal", pool)
-        )
+        paths = _fly_parts(undispersed, controller, folder / artifacts.EPISODE_PARTS / "nominal", pool)
+        tables.join_parquet(folder / NOMINAL, paths)
+        nominal = tables.Columns(folder, NOMINAL)
     else:
         scenarios, workers = evaluation_scenarios(experiment), experiment.monte_carlo.workers
         nominal, _ = fly_cases(undispersed.mission, controller, scenarios, workers)
-    return {"sensitivity": sensitivity(episodes, keys, confidence), "nominal": summarise(nominal, confidence)}
+    ranked = sensitivity(episodes, keys, confidence)
+    return {"sensitivity": ranked, "nominal": summarise_blocks(parts_of(nominal), confidence)}
 
 
 def _beside_in_words(beside: Mapping[str, Any]) -> str:

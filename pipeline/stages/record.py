@@ -6,10 +6,9 @@ import shlex
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.controllers.source import controller_of_run
 from pipeline.evaluation.monte_carlo import rank
@@ -85,11 +84,11 @@ def flights_of(experiment: Experiment, folder: Path) -> list[FlightToRecord]:
     return flights
 
 
-def _columns(folder: Path, name: str) -> dict[str, NDArray[Any]]:
+def _columns(folder: Path, name: str) -> Columns:
     # a flight from a given start needs no tables
     from pipeline.run import tables  # noqa: PLC0415
 
-    return tables.read_parquet(folder, name)
+    return tables.Columns(folder, name)
 
 
 def _last_round(folder: Path) -> int:
@@ -100,14 +99,19 @@ def _last_round(folder: Path) -> int:
 
 def _ranked_flights(experiment: Experiment, episodes: Columns) -> list[FlightToRecord]:
     """Return the worst, the median and the best flight of an evaluation."""
-    scenarios = evaluation_scenarios(experiment)
     order = rank(episodes)
-    flights = []
-    for name, row in (("worst", order[0]), ("median", order[len(order) // 2]), ("best", order[-1])):
-        case = int(episodes["case"][row])
-        expected = int(episodes["inspected_count"][row]), float(episodes["delta_v_m_s"][row])
-        flights.append(FlightToRecord(f"{name}-case-{case}", f"case-{case}", scenarios[case], expected))
-    return flights
+    rows = [int(row) for row in (order[0], order[len(order) // 2], order[-1])]
+    cases = episodes["case"][rows].tolist()
+    expected = zip(
+        episodes["inspected_count"][rows].tolist(), episodes["delta_v_m_s"][rows].tolist(), strict=True
+    )
+    ranked = zip(
+        ("worst", "median", "best"), cases, evaluation_scenarios(experiment, cases), expected, strict=True
+    )
+    return [
+        FlightToRecord(f"{name}-case-{case}", f"case-{case}", scenario, flown)
+        for name, case, scenario, flown in ranked
+    ]
 
 
 def _record(experiment: Experiment, folder: Path, flights: list[FlightToRecord]) -> None:

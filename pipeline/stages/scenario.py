@@ -1,27 +1,59 @@
-"""Write the starts of all flights of the experiment: scenarios.csv."""
+"""Write the starts of the experiment's flights: scenarios.csv."""
 
+import sys
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 from pipeline.flight.state.log import Scenario
 from pipeline.run import artifacts, tables
+from pipeline.run.progress import Progress
 from pipeline.scenarios import evaluation_scenarios, training_scenarios
 from pipeline.settings.experiment import Experiment
+from pipeline.settings.sizes import MOST_LISTED
 from pipeline.settings.start_table import COLUMNS, EVALUATION, TRAINING
+
+#: starts that are drawn between two lines of progress
+BLOCK = 5000
 
 
 def run(experiment: Experiment, folder: Path) -> None:
-    """Draw and write the starts of each round of training and of the evaluation."""
+    """Draw and write the starts of each round of training and of the evaluation.
+
+    Those of an evaluation with more than `MOST_LISTED` cases are drawn only where they are flown.
+    """
+    num_cases = experiment.monte_carlo.num_cases if "evaluate" in experiment.stages else 0
+    has_training = "train" in experiment.stages or experiment.telemetry.record_training
+    if num_cases > MOST_LISTED:
+        sys.stderr.write(
+            f"  the {num_cases:,} starts of the evaluation are drawn where they are flown, and kept in "
+            f"{artifacts.EPISODES}; {artifacts.SCENARIOS} lists at most {MOST_LISTED:,}\n"
+        )
+        if not has_training:
+            (folder / artifacts.SCENARIOS).unlink(missing_ok=True)
+            return
+    is_listed = 0 < num_cases <= MOST_LISTED
+    tables.write_csv(folder / artifacts.SCENARIOS, COLUMNS, _rows(experiment, has_training, is_listed))
+
+
+def _rows(experiment: Experiment, has_training: bool, is_listed: bool) -> Iterator[list[Any]]:
+    """Yield the rows of training, then those of the evaluation, drawn as they are asked for."""
     rounds = experiment.optimizer.rounds if experiment.starts.is_redrawn else 1
-    sets: dict[str, list[Scenario]] = {}
-    if "train" in experiment.stages or experiment.telemetry.record_training:
-        for index in range(rounds):
-            sets[f"{TRAINING}{index}"] = training_scenarios(experiment, index)
-    if "evaluate" in experiment.stages:
-        sets[EVALUATION] = evaluation_scenarios(experiment)
-    rows: list[list[Any]] = []
-    for name, scenarios in sets.items():
-        for case, at in enumerate(scenarios):
-            suns = at.sun_angle_rad, at.sun_elevation_rad
-            rows.append([name, case, *at.position_m.tolist(), *at.velocity_m_s.tolist(), *suns])
-    tables.write_csv(folder / artifacts.SCENARIOS, COLUMNS, rows)
+    for index in range(rounds if has_training else 0):
+        yield from _rows_of(f"{TRAINING}{index}", 0, training_scenarios(experiment, index))
+    if not is_listed:
+        return
+    num_cases = experiment.monte_carlo.num_cases
+    with Progress("start:", num_cases, 0) as progress:
+        for first in range(0, num_cases, BLOCK):
+            past = min(first + BLOCK, num_cases)
+            yield from _rows_of(EVALUATION, first, evaluation_scenarios(experiment, slice(first, past)))
+            if num_cases > BLOCK:
+                progress.show(past)
+
+
+def _rows_of(name: str, first: int, scenarios: Sequence[Scenario]) -> Iterator[list[Any]]:
+    """Yield the rows of some cases of a set, from a first one."""
+    for case, at in enumerate(scenarios, first):
+        suns = at.sun_angle_rad, at.sun_elevation_rad
+        yield [name, case, *at.position_m.tolist(), *at.velocity_m_s.tolist(), *suns]

@@ -216,7 +216,7 @@ def _parts(path: Path) -> object:
         tables.join_parquet(path.with_name("joined.parquet"), [path])
         return [
             np.max(column) if column.dtype.kind in "biuf" else column
-            for column in tables.Columns([path]).values()
+            for column in tables.Columns(path.parent, path.name).values()
         ]
     return tables.read_parquet(path.parent, path.name)
 

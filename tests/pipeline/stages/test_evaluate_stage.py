@@ -11,6 +11,7 @@ import pytest
 from fis_tools.formats import serialize
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers import source as controller_source
+from pipeline.evaluation import blocks
 from pipeline.evaluation.monte_carlo import summarise
 from pipeline.run import artifacts, tables
 from pipeline.run.artifacts import ArtifactError
@@ -119,3 +120,35 @@ def test_the_best_trial_is_told_and_its_champion_kept(tmp_path):
     assert serialize.load(tmp_path / artifacts.CHAMPION) == champion
     with pytest.raises(SettingError, match=r"stages has search, and hparams_search.space is empty"):
         compose_experiment(["+experiment=evaluate", "controller=coast", "stages=[search]"])
+
+
+def test_a_summary_does_not_depend_on_the_parts_of_a_campaign(tmp_path, monkeypatch):
+    monkeypatch.setattr(tables, "GROUP_ROWS", 16)
+    monkeypatch.setattr(blocks, "BLOCK_ROWS", 16)
+    dispersed = "+dispersions.deputy.mass_kg={kind: normal, mean: 12, std: 0.2, low: 11, high: 13}"
+    summaries = []
+    for part_cases in (7, 33, 50):
+        folder = tmp_path / str(part_cases)
+        words = ("monte_carlo.num_cases=50", f"engine.part_cases={part_cases}", dispersed, *SUN)
+        evaluate.run(prepared(folder, *words, experiment="evaluate").experiment, folder)
+        assert sum(1 for _ in tables.Columns(folder, artifacts.EPISODES).blocks()) == 4
+        assert not (folder / artifacts.EPISODE_PARTS).exists()
+        summaries.append((folder / artifacts.SUMMARY).read_text())
+    assert "sensitivity" in summaries[0]
+    assert summaries[0] == summaries[1] == summaries[2]
+
+
+def test_a_table_larger_than_is_read_at_once_is_recorded_and_reported(tmp_path, monkeypatch):
+    run = prepared(tmp_path, *SUN, experiment="evaluate")
+    carried_out(run, tmp_path, "evaluate")
+    size = (tmp_path / artifacts.EPISODES).stat().st_size
+    monkeypatch.setattr(tables, "MOST_BYTES", 300)
+    with pytest.raises(ArtifactError, match="unpacks to"):
+        tables.read_parquet(tmp_path, artifacts.EPISODES)
+    assert size > 300
+    (tmp_path / artifacts.TRAJECTORIES).unlink()
+    carried_out(run, tmp_path, "record", "report")
+    assert (tmp_path / artifacts.REPORT).exists()
+    monkeypatch.setattr(tables, "MOST_BYTES", 30)
+    with pytest.raises(ArtifactError, match="unpacks to"):
+        tables.Columns(tmp_path, artifacts.EPISODES)["delta_v_m_s"]

@@ -12,7 +12,7 @@ from pipeline.command_line.config import compose_experiment
 from pipeline.command_line.overrides import rewrite_paths
 from pipeline.flight.state.log import Scenario
 from pipeline.report.contents import begins_with_training
-from pipeline.run import artifacts
+from pipeline.run import artifacts, tables
 from pipeline.scenarios import evaluation_scenarios, training_scenarios
 from pipeline.settings.experiment import Experiment, SettingError
 from pipeline.stages import scenario
@@ -123,3 +123,28 @@ def test_starts_of_a_campaign_may_be_more_than_a_file_that_is_received(tmp_path:
         path.write_text(f"set,case\n{rows_of_training}{many}", encoding="utf-8")
         assert path.stat().st_size > MAX_BYTES
         assert begins_with_training(tmp_path) is expected
+
+
+def test_more_starts_than_are_listed_are_drawn_where_they_are_flown(tmp_path, monkeypatch, capsys):
+    run = prepared(tmp_path, experiment="evaluate").experiment
+    scenario.run(run, tmp_path)
+    assert (tmp_path / artifacts.SCENARIOS).exists()
+    monkeypatch.setattr(scenario, "MOST_LISTED", run.monte_carlo.num_cases - 1)
+    scenario.run(run, tmp_path)
+    assert not (tmp_path / artifacts.SCENARIOS).exists()
+    sentence = (
+        f"the 5 starts of the evaluation are drawn where they are flown, and kept in {artifacts.EPISODES}"
+    )
+    assert sentence in capsys.readouterr().err
+    # those of a training are listed all the same
+    scenario.run(prepared(tmp_path).experiment, tmp_path)
+    assert {row["set"] for row in rows(tmp_path)} == {"training-0"}
+
+
+def test_starts_are_listed_in_blocks(tmp_path, monkeypatch, capsys):
+    run = prepared(tmp_path, "sun=random", "monte_carlo.num_cases=23", experiment="evaluate").experiment
+    monkeypatch.setattr(scenario, "BLOCK", 5)
+    monkeypatch.setattr(tables, "CSV_ROWS", 3)
+    scenario.run(run, tmp_path)
+    assert_written(rows(tmp_path), "evaluation", evaluation_scenarios(run))
+    assert "start: 23/23" in capsys.readouterr().err
