@@ -23,6 +23,7 @@ from pipeline.run.engine import HERE, open_pool
 from pipeline.scenarios import evaluation_scenarios
 from pipeline.settings.experiment import Engine
 from pipeline.settings.places import conf_folder
+from pipeline.settings.sizes import MOST_CASES
 from pipeline.stages.evaluate import fly_part
 from tests.hostile.kills import command, workers_of
 
@@ -121,15 +122,17 @@ def price_of(controller: str) -> tuple[float, str]:
 
 
 def print_prices() -> None:
-    """Print a row for each champion that ships: its flight, and campaigns of a million and a billion."""
+    """Print a row for each champion that ships: its flight, a million of them, and the largest campaign."""
     names = sorted(path.stem for path in (conf_folder() / "controller").glob("*champion*.yaml"))
-    print("| controller | ms a flight | 10^6: core hours | 10^9: core hours | cores for 10^9 in a day |")
+    most = f"10^{math.log10(MOST_CASES):g}"
+    hours = f"10^6 flights: core hours | {most} flights: core hours"
+    print(f"| controller | ms a flight | {hours} | cores for {most} in a day |")
     print("|---|---|---|---|---|")
     for name in names:
         seconds, share = price_of(name)
-        million, billion = 1e6 * seconds / 3600.0, 1e9 * seconds / 3600.0
-        cores = math.ceil(1e9 * seconds / DAY_S)
-        price = f"{1e3 * seconds:.3g} | {million:,.2f} | {billion:,.0f} | {cores:,}"
+        million, whole = 1e6 * seconds / 3600.0, MOST_CASES * seconds / 3600.0
+        cores = math.ceil(MOST_CASES * seconds / DAY_S)
+        price = f"{1e3 * seconds:.3g} | {million:,.2f} | {whole:,.1f} | {cores:,}"
         print(f"| `{name}`{share} | {price} |", flush=True)
 
 
