@@ -76,7 +76,7 @@ class ReferenceFlight:
     @cached_property
     def chief(self) -> list[Rotation]:
         """The chief's attitude at each sample."""
-        return chief_attitudes(self.mission)
+        return chief_attitudes(self.mission, self.hill_axes)
 
     @cached_property
     def earth(self) -> Earth | None:

@@ -50,15 +50,17 @@ def gradient_torque(mission: Mission, attitude: Rotation) -> Floats:
     return 3.0 * mission.orbit.mean_motion_rad_s**2 * np.cross(upward, inertia @ upward)
 
 
-def chief_attitudes(mission: Mission) -> list[Rotation]:
-    """Return the chief's attitude at each sample, from its axes to Hill's."""
+def chief_attitudes(mission: Mission, hill_axes: list[Floats]) -> list[Rotation]:
+    """Return the chief's attitude at each sample, from its axes to Hill's.
+
+    `hill_axes` are rows i, j, k at each sample, in axes that do not turn; empty where they turn uniformly.
+    """
     times = mission.control_period_s * np.arange(mission.num_controls + 1)
     rate, n = mission.chief.initial_angular_velocity_rad_s, mission.orbit.mean_motion_rad_s
     if rate is None:
         return [Rotation.identity()] * len(times)
     euler = _euler(np.array(mission.chief.inertia_kg_m2), np.zeros(3))
     path = solve_ivp(euler, (0.0, times[-1]), [0.0, 0.0, 0.0, 1.0, *rate], t_eval=times, **TOLERANCES).y
-    return [
-        Rotation.from_rotvec([0.0, 0.0, -n * time]) * Rotation.from_quat(row[:4])
-        for time, row in zip(times, path.T, strict=True)
-    ]
+    hill = [Rotation.from_matrix(rows) for rows in hill_axes]
+    hill = hill or [Rotation.from_rotvec([0.0, 0.0, -n * time]) for time in times]
+    return [turn * Rotation.from_quat(row[:4]) for turn, row in zip(hill, path.T, strict=True)]

@@ -1,11 +1,13 @@
 """The chief's orbit, where the deputy moves about the Earth or its shadow matters, and its attitude."""
 
 import math
+from functools import lru_cache
 
 import numpy as np
 
 from pipeline.array_types import Floats
 from pipeline.physics.attitude import longest_tumbling_step, tumble
+from pipeline.physics.course import TrueCourse, seen_from_course, true_course
 from pipeline.physics.illumination import EARTH_RADIUS_M
 from pipeline.physics.orbit import NO_COURSE, Course, Elements, course_of
 from pipeline.settings.experiment import Mission, SettingError
@@ -28,6 +30,20 @@ def chief_course(mission: Mission, **changes: float) -> Course:
     elements = Elements(**{name: given[name] for name in Elements._fields})._replace(**changes)
     chief = orbit.mean_motion_rad_s, orbit.elements.semi_major_axis_m, elements
     return course_of(*chief, mission.light.shadow != "none", mission.control_period_s, mission.num_controls)
+
+
+@lru_cache(maxsize=4)  # what is made of a mission asks for it several times
+def true_course_of(mission: Mission) -> TrueCourse | None:
+    """Return the true course of a mission's chief; None where Hill axes turn uniformly.
+
+    They do on a circle about a sphere, where the mean motion tells all. On an ellipse, or about an oblate
+    Earth, whatever turns relative to Hill axes follows the true course.
+    """
+    dynamics = mission.dynamics
+    if not isinstance(dynamics, TwoBody):
+        return None
+    is_round = mission.orbit.elements.eccentricity == 0.0 and dynamics.j2 == 0.0
+    return None if is_round else true_course(chief_course(mission))
 
 
 def chief_distances(mission: Mission, course: Course) -> Floats:
@@ -115,8 +131,10 @@ def chief_attitudes(mission: Mission) -> Floats:
     inertia = np.array(mission.chief.inertia_kg_m2, dtype=np.float64)
     inverse = np.linalg.inv(inertia).astype(np.float64)
     quaternion, rate_c = attitudes[0].copy(), np.array(rate, dtype=np.float64)
-    steps, n = num_chief_steps(mission), mission.orbit.mean_motion_rad_s
+    steps, course = num_chief_steps(mission), true_course_of(mission)
+    # on a true course first relative to axes that do not turn
+    n = mission.orbit.mean_motion_rad_s if course is None else 0.0
     for k in range(1, len(attitudes)):
         quaternion, rate_c = tumble(quaternion, rate_c, inertia, inverse, n, mission.control_period_s, steps)
         attitudes[k] = quaternion
-    return attitudes
+    return attitudes if course is None else seen_from_course(course, attitudes)
