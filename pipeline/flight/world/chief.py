@@ -12,6 +12,7 @@ from pipeline.physics.illumination import EARTH_RADIUS_M
 from pipeline.physics.orbit import NO_COURSE, Course, Elements, course_of
 from pipeline.settings.experiment import Mission, SettingError
 from pipeline.settings.mission import TwoBody
+from pipeline.settings.orbit import LOWEST_M
 
 
 def chief_course(mission: Mission, **changes: float) -> Course:
@@ -20,7 +21,7 @@ def chief_course(mission: Mission, **changes: float) -> Course:
     Raises
     ------
     SettingError
-        If the orbit intersects the Earth.
+        If the orbit dips into the air.
     """
     orbit, dynamics = mission.orbit, mission.dynamics
     if not isinstance(dynamics, TwoBody):
@@ -75,16 +76,17 @@ def shadowing_radius(mission: Mission) -> float:
 
 
 def check_perigee(mission: Mission) -> None:
-    """Raise SettingError if an orbit intersects the Earth."""
+    """Raise SettingError if an orbit about the Earth dips into the air that would end it."""
     dynamics, elements = mission.dynamics, mission.orbit.elements
     if not isinstance(dynamics, TwoBody) or not mission.orbit.is_of_earth:
         return
-    perigee = elements.semi_major_axis_m * (1.0 - elements.eccentricity)
-    if not perigee > EARTH_RADIUS_M:
+    perigee = elements.semi_major_axis_m * (1.0 - elements.eccentricity) - EARTH_RADIUS_M
+    if not perigee >= LOWEST_M:
+        where = "in the air" if perigee > 0.0 else "inside the Earth"
         raise SettingError(
-            f"the orbit's perigee is {perigee:,.0f} m from the Earth's centre, inside the Earth about which "
-            f"dynamics.model={dynamics.model} flies; it must be greater than {EARTH_RADIUS_M:,.0f} m: "
-            "give a higher orbit, or a lower orbit.eccentricity"
+            f"the orbit's perigee is at an altitude of {perigee / 1e3:,.1f} km, {where}; with "
+            f"dynamics.model={dynamics.model} it must be at {LOWEST_M / 1e3:g} km or more, below which the "
+            "air ends an orbit within a turn: give a higher orbit, or a lower orbit.eccentricity"
         )
 
 

@@ -8,7 +8,8 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from pipeline.flight.fly.reference import reference_of
-from pipeline.flight.world.chief import chief_attitudes, true_course_of
+from pipeline.flight.world.chief import check_perigee, chief_attitudes, true_course_of
+from pipeline.settings.checks import SettingError
 from pipeline.settings.mission import TwoBody
 from pipeline.settings.orbit import OrbitSettings
 from tests.pipeline.flight.cases import STARTS, STEERING, mission
@@ -105,3 +106,18 @@ def test_the_reference_flight_turns_the_chief_alike(name):
     expected = Rotation.from_quat(chief_attitudes(what))
     errors = [(a.inv() * b).magnitude() for a, b in zip(chief, expected, strict=True)]
     assert np.degrees(max(errors)) < 1e-5
+
+
+@pytest.mark.parametrize(
+    ("eccentricity", "words"), [(0.739, "10.7 km, in the air"), (0.75, "-258.6 km, inside the Earth")]
+)
+def test_perigees_in_the_air_are_refused(eccentricity, words):
+    what = flown("transfer", RATES["fixed"], J2)
+    with pytest.raises(SettingError, match=f"altitude of {words}.* at 100 km or more"):
+        check_perigee(replace(what, orbit=replace(what.orbit, eccentricity=eccentricity)))
+
+
+def test_perigees_above_the_air_are_flown():
+    what = flown("transfer", RATES["fixed"], J2)
+    just_above = 1.0 - (EARTH + 100_001.0) / what.orbit.elements.semi_major_axis_m
+    check_perigee(replace(what, orbit=replace(what.orbit, eccentricity=just_above)))
