@@ -28,12 +28,14 @@ ROLES: Final[Mapping[str, str]] = {
     "recordings": artifacts.RECORDINGS,
 }
 
+#: the shape of a maker, see `pipeline.run.maker.present_maker`
+MAKER_SHAPE: Final[Mapping[Any, Any]] = {"versions": {str: str}, "processor": dict}
 #: the shape of a manifest, see `fits`; those of earlier versions may lack all but `MANIFEST_NEEDS`
 MANIFEST_SHAPE: Final[Mapping[Any, Any]] = {
     "config_hash": str,
     "finished_stages": [str],
     "sha256": {str: str},
-    "makers": [{"versions": {str: str}, "processor": dict}],
+    "makers": [MAKER_SHAPE],
     "made_by": {str: [int]},
     "command": [str],
     "files": {str: str},

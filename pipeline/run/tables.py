@@ -1,7 +1,7 @@
 """Tables of a run's folder: Parquet and CSV, written atomically, and read back as columns."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, suppress
 from itertools import chain, islice
 from pathlib import Path
 from typing import Any
@@ -22,14 +22,27 @@ GROUP_ROWS, CSV_ROWS = BLOCK_ROWS, 1000
 SMALL_BYTES, MOST_TIMES, MOST_BYTES = 256 * 1024**2, 64, 4 * 1024**3
 
 
-def write_parquet(path: Path, columns: Mapping[str, Any]) -> None:
-    """Write columns of equal length; a two-dimensional one becomes a list per row."""
+def write_parquet(path: Path, columns: Mapping[str, Any], notes: Mapping[str, str] | None = None) -> None:
+    """Write columns of equal length; a two-dimensional one becomes a list per row.
+
+    Notes are kept in the file beside its columns, see `notes_of`.
+    """
     arrays = {
         name: pa.array(list(column) if np.ndim(column) == 2 else column) for name, column in columns.items()
     }
     table = pa.table(arrays)
     with _writer(path, table.schema) as writer:
         writer.write_table(table, GROUP_ROWS)
+        if notes:
+            writer.add_key_value_metadata(notes)
+
+
+def notes_of(path: Path) -> dict[str, str]:
+    """Return the notes in a table's file; none if it cannot be read."""
+    with suppress(pa.ArrowException, OSError, ValueError), open_regular(path) as stream:
+        notes = pq.ParquetFile(stream).metadata.metadata or {}
+        return {name.decode(): text.decode() for name, text in notes.items()}
+    return {}
 
 
 def join_parquet(path: Path, parts: Sequence[Path]) -> None:

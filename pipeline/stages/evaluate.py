@@ -1,5 +1,6 @@
 """Fly the controller from all evaluation starts: episodes, trajectories, summary, the optimum."""
 
+import json
 import shlex
 import shutil
 import sys
@@ -13,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from fis_tools.plain_text import parse_json
 from pipeline.controllers.source import controller_of_run, sha256_of
 from pipeline.evaluation import blocks
 from pipeline.evaluation.beside_optimum import beside_optimum, summarise_times, times_in_words
@@ -22,7 +24,7 @@ from pipeline.evaluation.statistics import Column, sensitivity
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.goals.flights import fly_all
 from pipeline.optimum.solved import IncomparableError, solved_for
-from pipeline.run import artifacts, engine, tables, writing
+from pipeline.run import artifacts, engine, maker, manifests, tables, writing
 from pipeline.run.engine import TaskPool
 from pipeline.run.progress import Progress
 from pipeline.scenarios import evaluation_scenarios
@@ -30,6 +32,8 @@ from pipeline.settings.dispersions import distributions
 from pipeline.settings.experiment import Experiment
 from pipeline.settings.start_table import POSITION
 
+#: the note in the file of a part that tells who made it, as JSON
+MAKER = "maker"
 #: the flights of a campaign without its dispersions, until they are summarised
 NOMINAL = f"{artifacts.EPISODE_PARTS}/nominal.parquet"
 
@@ -132,13 +136,36 @@ def _fly_parts(
     bounds = [(first, min(first + length, cases.num_cases)) for first in range(0, cases.num_cases, length)]
     # a resumed run may be cut into other parts
     paths = [parts_folder / f"{first:09d}-{last:09d}.parquet" for first, last in bounds]
-    left = [part for part, path in enumerate(paths) if not path.exists()]
+    left = [part for part, path in enumerate(paths) if not _is_kept(path)]
     tasks = [(experiment, controller, bounds[part], pool.threads(cases.workers)) for part in left]
     with Progress("part:", len(paths), len(paths) - len(left)) as progress:
-        for done, (index, columns) in enumerate(pool.run(fly_part, tasks), len(paths) - len(left) + 1):
-            tables.write_parquet(paths[left[index]], columns)
+        results = enumerate(pool.run(_fly_and_sign, tasks), len(paths) - len(left) + 1)
+        for done, (index, (columns, made_by)) in results:
+            tables.write_parquet(paths[left[index]], columns, {MAKER: json.dumps(made_by)})
             progress.show(done)
     return paths
+
+
+def _is_kept(path: Path) -> bool:
+    """Return whether a part is there and tells who made it, who is then named in the manifest."""
+    if not path.exists():
+        return False
+    try:
+        made_by = parse_json(tables.notes_of(path)[MAKER])
+    except (KeyError, ValueError, RecursionError):
+        return False
+    if (
+        not manifests.fits(made_by, manifests.MAKER_SHAPE)
+        or not made_by.keys() >= manifests.MAKER_SHAPE.keys()
+    ):
+        return False
+    maker.collect(made_by)
+    return True
+
+
+def _fly_and_sign(*task: Any) -> tuple[dict[str, Column], dict[str, Any]]:
+    """Return what `fly_part` does, and who did it."""
+    return fly_part(*task), maker.present_maker()
 
 
 def fly_part(

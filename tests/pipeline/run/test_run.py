@@ -309,11 +309,11 @@ def test_a_campaign_in_parts_is_the_same_and_goes_on(of_file, tmp_path, monkeypa
     assert main([*words, f"hydra.run.dir={whole}"]) == 0
     written, room, write = [], 2, tables.write_parquet
 
-    def write_some(path, columns):
+    def write_some(path, *content):
         if len(written) == room:
             raise KeyboardInterrupt
         written.append(path)
-        write(path, columns)
+        write(path, *content)
 
     monkeypatch.setattr(tables, "write_parquet", write_some)
     assert main([*words, "engine.part_cases=6", f"hydra.run.dir={parted}"]) == 130

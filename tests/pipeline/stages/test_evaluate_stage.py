@@ -13,7 +13,7 @@ from pipeline.command_line.config import compose_experiment
 from pipeline.controllers import source as controller_source
 from pipeline.evaluation import blocks
 from pipeline.evaluation.monte_carlo import summarise
-from pipeline.run import artifacts, tables
+from pipeline.run import artifacts, maker, tables
 from pipeline.run.artifacts import ArtifactError
 from pipeline.settings.experiment import SettingError
 from pipeline.stages import evaluate, search
@@ -152,3 +152,36 @@ def test_a_table_larger_than_is_read_at_once_is_recorded_and_reported(tmp_path, 
     monkeypatch.setattr(tables, "MOST_BYTES", 30)
     with pytest.raises(ArtifactError, match="unpacks to"):
         tables.Columns(tmp_path, artifacts.EPISODES)["delta_v_m_s"]
+
+
+def test_parts_that_are_flown_no_more_name_their_makers(tmp_path, monkeypatch):
+    run = prepared(tmp_path, "engine.part_cases=2", *SUN, experiment="evaluate")
+    # as a process that is killed leaves them: the last part is missing, the manifest names no other maker
+    elsewhere = maker.present_maker() | {"git_revision": "of another machine"}
+    with monkeypatch.context() as patched:
+        patched.setattr(maker, "present_maker", lambda: elsewhere)
+        patched.setattr(tables, "join_parquet", lambda *_: (_ for _ in ()).throw(KeyError("killed")))
+        with pytest.raises(KeyError, match="killed"):
+            evaluate.run(run.experiment, tmp_path)
+    parts = sorted((tmp_path / artifacts.EPISODE_PARTS).rglob("*.parquet"))
+    assert [part.stem for part in parts] == [
+        "000000000-000000002",
+        "000000002-000000004",
+        "000000004-000000005",
+    ]
+    parts[2].unlink()
+    # a part that does not tell who made it is flown again
+    tables.write_parquet(parts[1], dict(tables.Columns(parts[1].parent, parts[1].name)))
+    kept = parts[0].stat().st_ino
+    resumed = replace(run, experiment=replace(run.experiment, resume=True))
+    inodes, join = [], tables.join_parquet
+    monkeypatch.setattr(
+        tables, "join_parquet",
+        lambda path, of: (inodes.extend(part.stat().st_ino for part in of), join(path, of)),
+    )  # fmt: skip
+    carried_out(resumed, tmp_path, "evaluate")
+    assert inodes[0] == kept
+    manifest = artifacts.read_json(tmp_path, artifacts.MANIFEST)
+    assert manifest["makers"] == [maker.present_maker(), elsewhere]
+    assert sorted(manifest["made_by"]["evaluate"]) == [0, 1]
+    assert not pq.read_schema(tmp_path / artifacts.EPISODES).metadata
