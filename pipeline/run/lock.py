@@ -5,7 +5,6 @@ over.
 """
 
 import json
-import logging
 import os
 import platform
 import sys
@@ -21,11 +20,9 @@ from pipeline.run import artifacts, writing
 
 LOCK: Final = ".lock"
 
-_LOG: Final = logging.getLogger(__name__)
-
 
 class HeldError(artifacts.ArtifactError):
-    """A run's folder in which another process is at work."""
+    """A run's folder in which another process is, or may be, at work."""
 
 
 @contextmanager
@@ -40,7 +37,7 @@ def held(folder: Path) -> Iterator[None]:
     Raises
     ------
     HeldError
-        If another process holds it.
+        If another process holds it, or its file system has no locks.
     pipeline.run.artifacts.ArtifactError
         If it contains links, pipes or devices.
     pipeline.run.writing.WriteError
@@ -103,7 +100,7 @@ def _locked(path: Path) -> IO[str]:
 
 
 def _lock(descriptor: int, path: Path) -> None:
-    """Lock an open file or folder if the file system can; raise HeldError if another process holds it."""
+    """Lock an open file or folder; raise HeldError if another process holds it, or nobody can lock it."""
     import fcntl  # noqa: PLC0415 - not on every system
 
     try:
@@ -115,8 +112,12 @@ def _lock(descriptor: int, path: Path) -> None:
         raise HeldError(
             f"{path.parent} is held by {holder}; wait for it, stop it, or choose another folder"
         ) from error
-    except OSError:
-        _LOG.info("%s cannot be locked by its file system", path.parent)
+    except OSError as error:
+        raise HeldError(
+            f"{path.parent} cannot be locked by its file system ({error.strerror}), so that a second process "
+            "could work in it unnoticed; choose a folder on another, hydra.run.dir=..., and move the run "
+            "there if it is to go on"
+        ) from error
 
 
 def _is_at(stream: IO[str], path: Path) -> bool:

@@ -1,5 +1,7 @@
 """Who made a run, with what processor: makers are named and told, files checked, results reproduced."""
 
+import errno
+import fcntl
 import json
 import os
 import platform
@@ -122,6 +124,19 @@ def test_one_process_holds_a_folder_until_it_is_gone(tmp_path, monkeypatch, ran)
     assert f"was held by process {process.pid} on" in printed
     assert "its lock is taken over" in printed
     assert not (folder / LOCK).exists()
+
+
+@pytest.mark.parametrize("number", [errno.ENOLCK, errno.EOPNOTSUPP])
+def test_a_folder_without_locks_is_refused(number, tmp_path, monkeypatch, ran):
+    def flock(_descriptor, _how):
+        raise OSError(number, os.strerror(number))
+
+    called = use_stages(monkeypatch)
+    monkeypatch.setattr(fcntl, "flock", flock)
+    words = ran(*FLY, f"hydra.run.dir={tmp_path / 'run'}", code=2).err
+    assert f"run cannot be locked by its file system ({os.strerror(number)}), so that a second" in words
+    assert "gone" not in words
+    assert called == []
 
 
 def test_a_second_run_of_another_seed_leaves_the_first_ones_results_alone(tmp_path, monkeypatch, capsys):
