@@ -177,6 +177,18 @@ _extreme(vectors.least, "<")
 _extreme(vectors.most, ">")
 
 
+def _degrees_type(x: Any, y: Any) -> Any:
+    return x if isinstance(x, VectorType) and x == y else None
+
+
+@defined(vectors.higher, VectorType, VectorType, result=_degrees_type)
+def _higher(context: Any, builder: Any, signature: Any, *degrees: Any) -> Any:
+    """Choose the vector whose bits are the larger integer, lane by lane."""
+    kind = degrees[0].type
+    x, y = (builder.bitcast(degree, ir.VectorType(I64, kind.count)) for degree in degrees)
+    return builder.bitcast(builder.select(builder.icmp_signed(">", x, y), x, y), kind)
+
+
 def _total(builder: Any, vector: Any) -> Any:
     """Add the upper half of a vector to the lower until one lane is left."""
     half = vector.type.count // 2

@@ -26,6 +26,9 @@ from fis_tools.compiled.vector_types import (
 
 covers_this_module()
 
+#: so many columns or fewer are gathered without transposing whole squares
+NARROW = 2
+
 # Elements of arrays: numba supports them itself, but would try lists, dictionaries and texts first
 
 
@@ -157,22 +160,47 @@ def _gather_rows_type(array: Any, at: Any, offsets: Any, count: Any, out: Any) -
 )
 def _gather_rows(context: Any, builder: Any, signature: Any, *args: Any) -> Any:
     """Load rows at the lanes' offsets and store their columns; few columns without transposing squares."""
-    *_, offsets, count, out = args
-    lanes, size = offsets.type.count, vectors.ROW
+    *_, count, out = args
     pointers = _pointers(context, builder, signature, *args[:3])
     wanted = context.cast(builder, count, signature.args[3], types.intp)
-    # a square that fewer lanes do not fill has some twice
-    rows = [builder.bitcast(pointer, ir.VectorType(F64, size).as_pointer()) for pointer in pointers] * size
-    groups = [
-        _transposed(builder, [builder.load(row, align=8) for row in rows[group : group + size]])
-        for group in range(0, lanes, size)
-    ]
-    for row in range(size):
-        vector = _beside(builder, [group[row] for group in groups], lanes)
-        with builder.if_then(builder.icmp_signed("<", I64(row), wanted)):
-            to = _pointer(context, builder, signature.args[4], out, I64(row), types.intp)
-            builder.store(vector, builder.bitcast(to, vector.type.as_pointer()), align=8)
+
+    def write(columns: list[Any]) -> None:
+        for row, vector in enumerate(columns):
+            with builder.if_then(builder.icmp_signed("<", I64(row), wanted)):
+                to = _pointer(context, builder, signature.args[4], out, I64(row), types.intp)
+                builder.store(vector, builder.bitcast(to, vector.type.as_pointer()), align=8)
+
+    with builder.if_else(builder.icmp_signed("<=", wanted, I64(NARROW))) as (few, many):
+        with few:
+            write(_columns(builder, pointers, NARROW))
+        with many:
+            write(_columns_by_squares(builder, pointers, vectors.ROW))
     return context.get_dummy_value()
+
+
+def _loaded(builder: Any, pointers: list[Any], size: int) -> list[Any]:
+    """Return `size` elements from each pointer on."""
+    row = ir.VectorType(F64, size).as_pointer()
+    return [builder.load(builder.bitcast(pointer, row), align=8) for pointer in pointers]
+
+
+def _columns(builder: Any, pointers: list[Any], size: int) -> list[Any]:
+    """Return the columns of short rows: of all rows side by side every `size`-th element."""
+    lanes = len(pointers)
+    rows = _beside(builder, _loaded(builder, pointers, size), lanes * size)
+    every = [list(range(column, lanes * size, size)) for column in range(size)]
+    return [
+        builder.shuffle_vector(rows, rows, ir.Constant(ir.VectorType(I32, lanes), chosen)) for chosen in every
+    ]
+
+
+def _columns_by_squares(builder: Any, pointers: list[Any], size: int) -> list[Any]:
+    """Return the columns of rows as long as a square is high; one not filled has some twice."""
+    groups = [
+        _transposed(builder, _loaded(builder, (pointers * size)[group : group + size], size))
+        for group in range(0, len(pointers), size)
+    ]
+    return [_beside(builder, [group[row] for group in groups], len(pointers)) for row in range(size)]
 
 
 def _transposed(builder: Any, rows: list[Any]) -> list[Any]:

@@ -167,6 +167,15 @@ def most(x: Vector, y: Vector) -> Vector:
     return select(x > y, x, y)
 
 
+def higher(x: Vector, y: Vector) -> Vector:
+    """Return the larger of two degrees of truth: nonnegative numbers, neither NaN.
+
+    It equals `most` for those, since their bits are in the same order as integers, which a processor compares
+    while it compares floats for `least`.
+    """
+    return most(x, y)
+
+
 def total(vector: Vector) -> float:
     """Return the sum over the lanes: the upper half is added to the lower one until one lane is left."""
     while len(vector) > 1:

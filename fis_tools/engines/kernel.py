@@ -23,6 +23,7 @@ from fis_tools.compiled.vectors import (
     Vector,
     aligned,
     gather_rows,
+    higher,
     least,
     load,
     most,
@@ -100,7 +101,7 @@ def cut_terms(rules: Integers, system: Any, memberships: Floats, cuts: Floats) -
             strength = load(memberships, rules[slots + inputs * rule], width)
             for index in range(1, inputs):
                 strength = least(load(memberships, rules[slots + inputs * rule + index], width), strength)
-            cut = most(strength, cut)
+            cut = higher(strength, cut)
         store(cuts, term, cut)
 
 
@@ -117,7 +118,7 @@ def count_ranks(values: Floats, rules: Integers, piece: int, system: Any, cuts: 
     rank = 0
     while rank == 0 or (rank < terms and some(floor < values[bounds + 2 * rank])):
         cut = load(cuts, rules[ranks + rank], width)
-        floor = most(least(cut, values[bounds + 2 * rank + 1]), floor)
+        floor = higher(least(cut, values[bounds + 2 * rank + 1]), floor)
         rank += 1
     return rank
 
@@ -144,7 +145,7 @@ def grid_sums(values: Floats, rules: Integers, system: Any, cuts: Floats) -> tup
             for rank in range(1, num_ranks):
                 term = rules[ranks + rank]
                 cut = load(cuts, term, width)
-                height = most(least(spread(values, row + term, width), cut), height)
+                height = higher(least(spread(values, row + term, width), cut), height)
             first = height if point == 0 else first
             last = height
             total += height
@@ -185,9 +186,9 @@ def heights_in(terms: int, fraction: Vector, ends: Floats, cuts: Floats) -> tupl
     for term in range(terms):
         cut = load(cuts, term, width)
         left_value, right_value = load(ends, term, width), load(ends, terms + term, width)
-        left = most(least(left_value, cut), left)
-        inside = most(least(left_value + fraction * (right_value - left_value), cut), inside)
-        right = most(least(right_value, cut), right)
+        left = higher(least(left_value, cut), left)
+        inside = higher(least(left_value + fraction * (right_value - left_value), cut), inside)
+        right = higher(least(right_value, cut), right)
     return left, inside, right
 
 

@@ -181,6 +181,7 @@ OPERATIONS: Mapping[Any, Callable[..., Any]] = {
     vectors.select: _select,
     vectors.least: _least,
     vectors.most: _most,
+    vectors.higher: _most,
     vectors.total: _total,
     vectors.some: _some,
     vectors.count: _count,
