@@ -18,6 +18,7 @@ CAMPAIGNS = (
     "additions",
     "adversaries",
     "after",
+    "agree",
     "basilisk",
     "budget",
     "consistency",

@@ -142,7 +142,8 @@ def concluded_numbers(
     for column, kind in enumerate(weighing.kinds):
         row = weighing.parameters[column]
         if kind == NUMBER:
-            numbers[:, column] = clipped @ row[:num_inputs] + row[num_inputs]
+            counts = np.flatnonzero(row[:num_inputs])  # an input that does not count may be infinite
+            numbers[:, column] = clipped[:, counts] @ row[counts] + row[num_inputs]
             continue
         if kind == FORMULA:
             numbers[:, column] = formulas[:, int(row[0])]

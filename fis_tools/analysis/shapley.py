@@ -27,6 +27,7 @@ from fis_tools.analysis.weighted_shares import weighted_shares
 from fis_tools.array_types import Booleans, Floats, Integers
 from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.vectors import width_of
+from fis_tools.engines.codes import UNBOUNDED_SUM
 from fis_tools.engines.compiler import CompiledSystem
 from fis_tools.engines.kernel import conclude, make_scratch
 from fis_tools.engines.packing import Packed
@@ -223,7 +224,8 @@ def shares(
     error = np.zeros((len(firing), values.shape[2]))
     for index, conclusion in enumerate(compiled.program.conclusions):
         match = _match(compiled, index, firing, np.asarray(inputs))
-        if isinstance(conclusion, Weighing):
+        # where rules that conclude one number join their strengths, a rule's part depends on the others
+        if isinstance(conclusion, Weighing) and conclusion.accumulation == UNBOUNDED_SUM:
             values[:, :, index] = weighted_shares(
                 compiled.program, conclusion, firing, match.plays, np.asarray(inputs)
             )
@@ -353,9 +355,10 @@ def _one_worth(match: _Match, game: _Game, members: Booleans) -> Floats:
 def _worth(match: _Match, samples: Integers, rules: Integers, members: Booleans) -> Floats:
     """Return the outputs, (g, c), of coalitions, (c, num_players), of rules that play, (g, num_players)."""
     concluded = match.concluding(samples, rules, members)
-    return np.where(
-        members.any(axis=1), concluded, match.compiled.system.outputs[match.output_index].default or 0.0
-    )
+    default = match.compiled.system.outputs[match.output_index].default
+    if default is None:  # also where what rules conclude comes to nothing
+        concluded = np.nan_to_num(concluded, nan=0.0, posinf=np.inf, neginf=-np.inf)
+    return np.where(members.any(axis=1), concluded, default or 0.0)
 
 
 def importance(compiled: CompiledSystem, inputs: Floats) -> Floats:

@@ -249,7 +249,8 @@ def weigh_rows(  # noqa: PLR0912 - a branch for each kind of conclusion
             elif kinds[index] == codes.NUMBER:
                 number = parameters[index, num_inputs]
                 for column in range(num_inputs):
-                    number += parameters[index, column] * clipped[column]
+                    if parameters[index, column] != 0.0:
+                        number += parameters[index, column] * clipped[column]
             elif kinds[index] == codes.FORMULA:
                 number = formulas[sample, int(parameters[index, 0])]
             else:

@@ -193,6 +193,8 @@ def _interpolated(tables: Floats, start: int, count: int, x: float) -> float:
     if x > points[count - 1]:
         return float(values[count - 1])
     right = np.searchsorted(points, x)
+    if x == points[right]:  # exact, also where its value is faint beside its neighbour's
+        return float(values[right])
     left = right - 1
     share = (x - points[left]) / (points[right] - points[left])
     return float(values[left] + (values[right] - values[left]) * share)

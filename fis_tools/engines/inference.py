@@ -312,7 +312,8 @@ def _concluded(system: FuzzySystem, variable: Variable, term: int, strength: flo
     if isinstance(shape, model.Number):
         *coefficients, number = shape.row(len(system.inputs))
         for coefficient, each in zip(coefficients, system.inputs, strict=True):
-            number += coefficient * values[each.name]
+            if coefficient != 0.0:  # an input that does not count may be infinite
+                number += coefficient * values[each.name]
         return float(number)
     assert isinstance(shape, model.MonotoneFunction)  # noqa: S101 - others are rejected by validation
     number = float(shape.inverse(np.array(min(strength, 1.0))))

@@ -270,7 +270,9 @@ def average_rows(antecedents: Antecedents, weighing: Weighing, values: Floats, o
             number = splat(parameters[index, num_inputs], LANES)
             if not weighed.is_constant:
                 for column in range(num_inputs):
-                    number += load(inputs, column * LANES, LANES) * parameters[index, column]
+                    if parameters[index, column] != 0.0:
+                        number += load(inputs, column * LANES, LANES) * parameters[index, column]
+                number = select(strength != 0.0, number, 0.0)  # it may be infinite at infinite inputs
             total += strength
             moment += strength * number
         fires = total != 0.0

@@ -49,8 +49,9 @@ def weigh_interval(
             x[index] = upper.parameters[index, num_inputs]
             for column in range(num_inputs):
                 value = min(max(values[sample, column], limits[column, 0]), limits[column, 1])
-                x[index] += upper.parameters[index, column] * value
-        if high.max() == 0.0:
+                if upper.parameters[index, column] != 0.0:
+                    x[index] += upper.parameters[index, column] * value
+        if not high.any():
             out[sample] = upper.default
         else:
             order = np.argsort(x)
@@ -122,7 +123,7 @@ def bound_weighed(lower: Weighing, upper: Weighing, is_mean: bool, strengths: Fl
 @compiled(error_model="numpy", nogil=True)
 def _bound_box(x: Floats, low: Floats, high: Floats, is_mean: bool, default: float, out: Floats) -> None:
     """Write bounds of the reduced number of points with bounded lower and upper weights, each (2, m)."""
-    if high[1].max() == 0.0:
+    if not high[1].any():
         out[:] = default
         return
     slack = 8 * EPSILON * (len(x) + 4) * max(abs(x[0]), abs(x[-1]))

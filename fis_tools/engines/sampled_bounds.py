@@ -34,11 +34,11 @@ def bound_sampled(conclusion: Conclusion, strengths: Floats, out: Floats) -> Non
         low *= 1.0 - rounding
         high *= 1.0 + rounding
         first = 1 if _walks(conclusion) else 0  # jFuzzyLogic's walk leaves out the first point
-        if high[first:].max() == 0.0:
+        if not high[first:].any():
             out[box] = default, default
             continue
         least, greatest = _bounds(conclusion, low, high)
-        may_be_silent = low[first:].max() == 0.0
+        may_be_silent = not low[first:].any()
         if conclusion.defuzzifier == codes.CENTROID and _relate(conclusion, strengths[box], low, high):
             low *= 1.0 - rounding
             high *= 1.0 + rounding

@@ -567,6 +567,9 @@ static double degree_table(double x, const double points[], const double values[
     while (points[right] < x) {
         ++right;
     }
+    if (!(points[right] > x)) {
+        return values[right];
+    }
     return values[right - 1]
         + ((values[right] - values[right - 1])
            * ((x - points[right - 1]) / (points[right] - points[right - 1])));

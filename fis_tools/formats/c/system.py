@@ -18,7 +18,8 @@ from fis_tools.formats.c.text import broken, comment, identifiers, table
 from fis_tools.model import FuzzySystem, Term, Variable, memberships_at, sample
 from fis_tools.words.text import number, sentence, shape_words, summary, with_unit
 
-#: a membership is on a straight line if it differs from it by less: by rounding
+#: a membership is on a straight line if it differs from it by a smaller part of itself and its neighbours, by
+#: rounding: a faint one may decide where others are zero
 STRAIGHT = 1e-14
 
 
@@ -31,10 +32,12 @@ def _bends(variable: Variable) -> Integers:
     rows = np.array([sample(variable, term) for term in variable.terms])
     middle = (universe[1:-1] - universe[:-2]) / (universe[2:] - universe[:-2])
     straight = rows[:, :-2] + middle * (rows[:, 2:] - rows[:, :-2])
-    is_bent = (np.abs(rows[:, 1:-1] - straight) > STRAIGHT).any(axis=0)
+    highest = np.max([rows[:, :-2], rows[:, 1:-1], rows[:, 2:]], axis=0)
+    is_bent = (np.abs(rows[:, 1:-1] - straight) > STRAIGHT * highest).any(axis=0)
     kept = np.flatnonzero([True, *is_bent, True])
     again = np.array([np.interp(universe, universe[kept], row[kept]) for row in rows])
-    return kept if np.abs(again - rows).max() < 10.0 * STRAIGHT else np.arange(len(universe))
+    is_equal = np.abs(again - rows) <= 10.0 * STRAIGHT * np.minimum(again, rows)
+    return kept if is_equal.all() else np.arange(len(universe))
 
 
 Kind = Literal["input", "formula", "weighed", "cut", "implied", "silent"]

@@ -49,6 +49,7 @@ function tableAt(x, points, values) {
   if (x > points[points.length - 1]) return values[points.length - 1];
   let right = 0;
   while (points[right] < x) right++;
+  if (points[right] === x) return values[right];
   const share = (x - points[right - 1]) / (points[right] - points[right - 1]);
   return values[right - 1] + (values[right] - values[right - 1]) * share;
 }

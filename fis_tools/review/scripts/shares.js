@@ -161,7 +161,8 @@ function shares(system, output, { firing }, quadrature) {
     if (!members.length) return variable.default ?? 0;
     const heard = silent.slice();
     for (const player of members) heard[players[player]] = firing[players[player]];
-    return conclude(system, output, heard).value;
+    const { value } = conclude(system, output, heard);
+    return variable.default === null && Number.isNaN(value) ? 0 : value;
   };
   const activations = players.map((rule) =>
     system.rules[rule].consequents

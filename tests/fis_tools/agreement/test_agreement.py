@@ -1,0 +1,90 @@
+"""A short part of ``python -m benchmarks agree``, and that it finds mistakes in each form."""
+
+import numpy as np
+import pytest
+
+from fis_tools.model import ALL_SEMANTICS, operators
+from fis_tools.model.membership import SHAPES
+from fis_tools.model.systems import used_terms
+from tests.fis_tools.agreement import compared, drawn, forms
+from tests.fis_tools.agreement.shrunk import shrunk
+
+SEED = 20
+
+
+def cases(count: int, num_rows: int = 12) -> list[forms.Case]:
+    made = []
+    for number in range(count):
+        generator = np.random.default_rng([SEED, number])
+        system = drawn.system(generator, f"drawn {number}")
+        made.append((system, drawn.points(system, generator, num_rows)))
+    return made
+
+
+def test_all_forms_of_inference_agree(tmp_path):
+    assert list(map(str, compared.differences(cases(25), tmp_path))) == []
+
+
+def test_everything_registered_is_drawn():
+    systems = [system for system, _ in cases(500, 1)]
+    rules = [rule for system in systems for rule in system.rules]
+    assert {system.semantics for system in systems} == set(ALL_SEMANTICS)
+    shapes = {type(term.membership) for s in systems for v in s.variables for term in v.terms}
+    assert shapes == set(SHAPES.values())
+    assert {rule.and_operator for rule in rules} >= set(operators.AND_OPERATORS)
+    assert {rule.or_operator for rule in rules} >= set(operators.OR_OPERATORS)
+    outputs = [(system, output) for system in systems for output in system.outputs]
+    assert {s.defuzzifier_of(o) for s, o in outputs} == {*drawn._set_defuzzifiers(), *operators.WEIGHING}
+    assert {o.aggregation for _, o in outputs} == set(operators.AGGREGATIONS)
+    assert {o.accumulation for _, o in outputs} == set(operators.ACCUMULATIONS)
+    assert {len(system.inputs) for system in systems} == {1, 2, 3, 4, 5, 6}
+    text = "".join(str(rule.antecedent) for rule in rules)
+    assert all(f"hedge='{hedge}'" in text for hedge in operators.HEDGES)
+
+
+@pytest.mark.parametrize("form", forms.FORMS)
+def test_a_form_that_is_wrong_is_found_and_shrunk(tmp_path, monkeypatch, form):
+    """An answer that is off by a millionth of the range at inputs above the middle of the first one."""
+    right = forms.FORMS[form]
+
+    def wrong(cases, folder):
+        answers = right(cases, folder)
+        for (system, rows), given in zip(cases, answers, strict=True):
+            if given is not None:
+                middle = 0.5 * (system.inputs[0].minimum + system.inputs[0].maximum)
+                given[rows[:, 0] > middle, 0] += 1e-6 * system.outputs[0].span
+        return answers
+
+    monkeypatch.setitem(forms.FORMS, form, wrong)
+    differing = compared.differences(cases(6), tmp_path, (form,))
+    assert differing
+
+    def fails(system, row):
+        return bool(compared.differences([(system, row[np.newaxis])], tmp_path, (form,)))
+
+    first = next(d for d in differing if len(d.system.rules) > 1)
+    small, row = shrunk(first.system, first.row, fails, most=25)
+    assert fails(small, row)
+    assert len(used_terms(small.rules)) < len(used_terms(first.system.rules))
+
+
+def test_a_bound_that_is_broken_is_found(tmp_path, monkeypatch):
+    bound = compared.interval.bound
+
+    def narrow(program, low, high):
+        least, greatest, variation = bound(program, low, high)
+        return least, least + 0.7 * (greatest - least), variation
+
+    monkeypatch.setattr(compared.interval, "bound", narrow)
+    assert compared.differences(cases(6), tmp_path, ("bounds",))
+
+
+def test_shares_that_do_not_add_up_are_found(tmp_path, monkeypatch):
+    shares = compared.shapley.shares
+
+    def fewer(compiled, rows):
+        result = shares(compiled, rows)
+        return result._replace(values=0.9 * result.values)
+
+    monkeypatch.setattr(compared.shapley, "shares", fewer)
+    assert compared.differences(cases(6), tmp_path, ("explain",))
