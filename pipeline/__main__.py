@@ -17,13 +17,15 @@ def main(arguments: Sequence[str] | None = None, *, replaces_process: bool = Fal
         return cli.main(arguments, replaces_process=replaces_process)
     except KeyboardInterrupt:
         with guarded():
-            sys.stderr.write("\ninterrupted before anything was done; nothing to keep\n")
-        return 130
+            sys.stderr.write(
+                f"\ninterrupted{interrupts.in_words()} before anything was done; nothing to keep\n"
+            )
+        return interrupts.exit_code()
 
 
 def program() -> NoReturn:
     """Run the command line of this process, and end it."""
-    interrupts.remember()
+    interrupts.remember(*interrupts.SIGNALS)
     run_program(partial(main, replaces_process=True))
 
 

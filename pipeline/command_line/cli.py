@@ -66,7 +66,7 @@ def main(arguments: Sequence[str] | None = None, *, replaces_process: bool = Fal
             return runs.INTERRUPTED if code == -signal.SIGINT else code
         except Interrupted as interrupt:
             sys.stderr.write(f"\n{interrupt}\n")
-            return runs.INTERRUPTED
+            return interrupts.exit_code()
         except runs.MISTAKES as error:
             if shows_tracebacks():
                 raise

@@ -91,7 +91,7 @@ def _run_stages(
                     unproved = import_module(f"pipeline.stages.{name}").run(experiment, folder)
             except KeyboardInterrupt as error:
                 manifests.write(folder, manifest)
-                _LOG.info("stage %s interrupted", name)
+                _LOG.info("stage %s interrupted%s", name, interrupts.in_words())
                 raise Interrupted(_kept(folder, name, manifest["finished_stages"])) from error
             except Exception:  # raised again below: here the run's own log records it too
                 _check_there(folder)
@@ -232,7 +232,8 @@ def _kept(folder: Path, stage: str, finished: Sequence[str]) -> str:
         files.append(artifacts.CHECKPOINT)
     done = f"finished before: {', '.join(finished)}" if finished else "no stage was finished before"
     kept = f"kept in {folder}: {', '.join(files)}" if files else f"nothing to keep in {folder} yet"
-    return f"interrupted in the stage {stage} ({done}); {kept}. To go on: {typed.resume(folder)}"
+    begin = f"interrupted{interrupts.in_words()} in the stage {stage}"
+    return f"{begin} ({done}); {kept}. To go on: {typed.resume(folder)}"
 
 
 class _Log(logging.FileHandler):
@@ -277,7 +278,9 @@ class _Log(logging.FileHandler):
 def _logged_to(path: Path) -> Iterator[None]:
     """Append the packages' log messages to a file."""
     handler = _Log(path)
-    handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(name)s: %(message)s"))
+    formatter = logging.Formatter("%(asctime)s UTC %(levelname)s %(name)s: %(message)s")
+    formatter.converter = time.gmtime
+    handler.setFormatter(formatter)
     loggers = [logging.getLogger(name) for name in ("pipeline", "fis_tools", "telemetry")]
     levels = [logger.level for logger in loggers]
     for logger in loggers:

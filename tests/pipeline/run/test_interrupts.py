@@ -1,0 +1,42 @@
+"""Signals that end a process: a run tells what it kept, and how to go on."""
+
+import signal
+import subprocess
+import sys
+
+import pytest
+
+from pipeline.run import artifacts, interrupts
+from tests.places import PROJECT
+
+#: in parts that take an hour, of which nothing is compiled
+FLIGHTS = ("flight=reference", "duration_s=60", "monte_carlo.num_cases=20000", "engine.part_cases=20")
+WORDS = ("+experiment=evaluate", "controller=coast", "stages=[evaluate]", *FLIGHTS)
+
+
+@pytest.fixture(params=interrupts.SIGNALS)
+def name(request):
+    """A signal that is not ignored, as nohup would have it: what is started inherits that."""
+    before = signal.signal(signal.Signals[request.param], signal.SIG_DFL)
+    yield request.param
+    signal.signal(signal.Signals[request.param], before)
+
+
+def test_a_signal_ends_a_run_in_a_sentence(name, tmp_path):
+    folder, number = tmp_path / "run", signal.Signals[name]
+    command = [sys.executable, "-m", "pipeline", *WORDS, f"hydra.run.dir={folder}"]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, cwd=PROJECT) as process:  # noqa: S603
+        try:
+            lines = iter(process.stderr.readline, "")
+            assert any("part: " in line for line in lines)
+            process.send_signal(number)
+            words = process.stderr.read()
+            assert process.wait() == 128 + number, words
+        finally:
+            process.kill()
+    assert f"interrupted by {name} in the stage evaluate (no stage was finished before)" in words
+    assert f"To go on: python -m pipeline resume={folder}" in words
+    assert "Traceback" not in words
+    *_, last = (folder / artifacts.LOG).read_text().splitlines()
+    assert last.endswith(f"UTC INFO pipeline: stage evaluate interrupted by {name}")
+    assert list((folder / artifacts.EPISODE_PARTS).rglob("*.parquet"))
