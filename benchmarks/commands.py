@@ -42,7 +42,7 @@ def run_training(generations: int | None) -> None:
     number = 500 if generations is None else generations
     with tempfile.TemporaryDirectory() as folder:
         command = [
-            sys.executable, "-m", "pipeline", "+experiment=train", f"optimizer.generations={number}",
+            sys.executable, "-m", "pipeline", "+experiment=train_paper", f"optimizer.generations={number}",
             "stages=[scenario,train]", f"hydra.run.dir={folder}/run",
         ]  # fmt: skip
         started = time.perf_counter()

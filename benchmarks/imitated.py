@@ -124,7 +124,7 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("words", nargs="*", help="of the world")
     options = parser.parse_args(arguments)
     base = [*options.words, f"monte_carlo.num_cases={options.cases}", f"seed={options.seed}"]
-    experiment: Any = compose_experiment(["+experiment=train", *base]).experiment
+    experiment: Any = compose_experiment(["+experiment=train_paper", *base]).experiment
     mission, controller = experiment.mission, named(options.policy, experiment.mission)
     policy: Any = controller.pilot
     judged = evaluation_scenarios(experiment)

@@ -3,7 +3,7 @@
 A training is one draw: a table of one training says little about the next. For each setting of the sweeps,
 made for instance by
 
-    python -m pipeline -m +experiment=train 'seed=range(21,51)' 'stages=[scenario,train,evaluate]'
+    python -m pipeline -m +experiment=train 'seed=range(21,41)' 'stages=[scenario,train,evaluate]'
 
 it prints each training's flights from test starts, the interquartile mean over trainings with its bootstrap
 interval (Agarwal et al., NeurIPS 34, 2021), and how many trainings are good enough. It computes with NumPy
