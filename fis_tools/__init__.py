@@ -18,11 +18,12 @@ import sys
 from collections.abc import Mapping
 from functools import partial
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from fis_tools.engines.compiler import CompiledSystem, compile
+    from fis_tools.engines.compiler import CompiledSystem
     from fis_tools.errors import MissingExtra
     from fis_tools.learning.learner import imitate, learn
     from fis_tools.model import FuzzyController, Inferable
@@ -47,7 +48,6 @@ __all__ = [
 _MODULES = {
     "CompiledSystem": "engines.compiler",
     "MissingExtra": "errors",
-    "compile": "engines.compiler",
     "imitate": "learning.learner",
     "learn": "learning.learner",
     "read_controller": "source",
@@ -55,12 +55,12 @@ _MODULES = {
 
 
 def __getattr__(name: str) -> Any:
-    """Import a name of `__all__` from the module that defines it."""
-    if name == "review":  # a package that can be called
-        return import_module(f"{__name__}.review")
-    if name not in _MODULES:
+    """Import a name of `__all__` from the module that defines it, or a package or module of this one."""
+    if name in _MODULES:
+        return getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)
+    if name.startswith("_") or find_spec(f"{__name__}.{name}") is None:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)
+    return import_module(f"{__name__}.{name}")
 
 
 def _controller(thing: object) -> "FuzzyController":
@@ -73,6 +73,13 @@ def _whole(thing: object) -> "Inferable":
     from fis_tools.model import FuzzyTree, whole  # noqa: PLC0415
 
     return thing if isinstance(thing, FuzzyTree) else whole(_controller(thing), "pass one of them")
+
+
+def compile(thing: object, **options: Any) -> Any:
+    """Compile into a function of whole arrays, from a file too; see `fis_tools.engines.compiler.compile`."""
+    from fis_tools.engines import compiler  # noqa: PLC0415
+
+    return compiler.compile(_whole(thing) if isinstance(thing, str | Path) else thing, **options)
 
 
 def audit(thing: object) -> Any:

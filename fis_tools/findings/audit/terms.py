@@ -6,9 +6,8 @@ from itertools import combinations
 
 import numpy as np
 
-from fis_tools.analysis.arrays import distinguishability
+from fis_tools.analysis.arrays import MOST_PAIRED, crossings, distinguishability
 from fis_tools.analysis.measures import Measures, centre
-from fis_tools.array_types import Floats
 from fis_tools.findings.audit.report import Finding, Findings, Severity, Thresholds
 from fis_tools.model import FuzzySystem, Variable, memberships_at, used_terms
 from fis_tools.words.text import amount, listed, number, percent
@@ -204,32 +203,42 @@ def _covered(system: FuzzySystem, variable: Variable, measures: Measures, thresh
     if worst.least >= thresholds.coverage or variable in system.outputs:
         return
     least, fired = number(round(worst.least, 3)), measures.completeness.least
-    x, terms, level = variable.universe, variable.memberships, thresholds.coverage
-    low = _covered_up_to(x, terms, worst.at, level)
-    high = _covered_up_to(x[::-1], terms[:, ::-1], worst.at, level)
+    stretches = _gaps(variable, worst.at, thresholds.coverage)
+    words = [f"from {amount(variable, low)} to {amount(variable, high)}" for low, high in stretches]
+    gaps = "a gap" if len(words) == 1 else f"{len(words)} gaps,"
+    low, high = next((low, high) for low, high in stretches if low <= worst.at <= high)
     severity = Severity.WARNING if fired < thresholds.coverage else Severity.NOTE
     yield Finding(
         "coverage",
         Severity.SERIOUS if fired < thresholds.fired else severity,
-        f"{variable.name} has a gap from {amount(variable, low)} to {amount(variable, high)}: no term "
+        f"{variable.name} has {gaps} {listed(words, len(words))}: no term "
         f"reaches a membership of {thresholds.coverage:g} there, and at {amount(variable, worst.at)} the "
         f"best one reaches {least}.",
         f"Widen the terms on both sides until each value has a membership of {thresholds.coverage:g} in one.",
-        evidence={"least": worst.least, "at": worst.at, "from": low, "to": high},
+        evidence={"least": worst.least, "at": worst.at, "from": low, "to": high, "gaps": len(words)},
     )
 
 
-def _covered_up_to(x: Floats, terms: Floats, at: float, level: float) -> float:
-    """Return the last point before an uncovered value, along x, at which some term reaches a membership."""
-    is_before = (x - at) * (x[-1] - x[0]) <= 0.0
-    covered = np.flatnonzero(is_before & (terms.max(axis=0) >= level))
-    if not len(covered):
-        return float(x[0])
-    last = int(covered[-1])
-    holds = terms[:, last] >= level
-    value, next_value = terms[holds, last], terms[holds, last + 1]
-    fraction = float(((value - level) / (value - next_value)).max())
-    return float(x[last] + fraction * (x[last + 1] - x[last]))
+def _gaps(variable: Variable, worst: float, level: float) -> list[tuple[float, float]]:
+    """Return where no term reaches a membership, ascending: the ends of each stretch.
+
+    The highest membership is linear between points of the universe and crossings of terms.
+    """
+    universe, functions = variable.universe, variable.memberships
+    others = crossings(universe, functions) if len(functions) <= MOST_PAIRED else np.array([worst])
+    x = np.union1d(universe, np.append(others, worst))
+    top = np.max([np.interp(x, universe, function) for function in functions], axis=0)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], top < level, [False]]).astype(np.int8)))
+    stretches = []
+    for first, last in zip(edges[::2].tolist(), (edges[1::2] - 1).tolist(), strict=True):
+        ends = [
+            x[here] + (x[next_] - x[here]) * (level - top[here]) / (top[next_] - top[here])
+            if 0 <= next_ < len(x)
+            else x[here]
+            for here, next_ in ((first, first - 1), (last, last + 1))
+        ]
+        stretches.append((float(ends[0]), float(ends[1])))
+    return stretches
 
 
 def _alike(variable: Variable, thresholds: Thresholds) -> Findings:

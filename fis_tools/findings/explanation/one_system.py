@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fis_tools.analysis import shapley
+from fis_tools.analysis.arrays import FIRED
 from fis_tools.analysis.contribution import contributions, holding_back
 from fis_tools.analysis.flight_data import Points
 from fis_tools.document import Block, Document, Heading, Items, Paragraph, Result, Table, plain
@@ -133,6 +134,7 @@ class Explanation(Result):
                 [Table(["share", "needed", "strength", "rule"], rows, numbers=(0, 1, 2))] if rows else []
             )
             blocks += [Paragraph(rest)] if rest else []
+            blocks += [Paragraph(words) for words in _without_shares(output)]
             blocks += [] if is_classifier(self.system) else crossing_blocks(output)
         if is_classifier(self.system):
             blocks += self._class_words()
@@ -293,9 +295,24 @@ def _value(output: ExplainedOutput) -> str:
         )
         return f"{value}, its default: {why}"
     variable, silent = output.variable, output.variable.default or 0.0
-    words = f"{signed(variable, output.value - silent)} from {amount(variable, silent)}, where no rule fires"
+    start = "where no rule fires"
+    if variable.default is None:
+        start = "from which shares count, as there is no output where no rule fires"
+    words = f"{signed(variable, output.value - silent)} from {amount(variable, silent)}, {start}"
     sampled = f", sampled with a standard error of {amount(variable, output.error)} at most"
     return f"{value}: {words}. By shares{sampled if output.error else ''}:"
+
+
+def _without_shares(output: ExplainedOutput) -> Iterator[str]:
+    """Say which rules matter though they fire too weakly to play, see `fis_tools.analysis.shapley`."""
+    least = NEGLIGIBLE * output.variable.span
+    weak = [move for move in output.moves if move.strength < FIRED and abs(move.needed) > least]
+    without = [str(move.rule) for move in sorted(weak, key=lambda move: move.rule) if move.share == 0.0]
+    if without:
+        does = "rule {} fires at less than {:g} and so has" if len(without) == 1 else ""
+        does = does or "rules {} fire at less than {:g} and so have"
+        words = does.format(listed(without, MOST_RULES), FIRED)
+        yield f"{words} no share of their own: what they do counts in the shares of the others"
 
 
 def _flip_words(output: ExplainedOutput) -> Iterator[str]:

@@ -15,10 +15,12 @@ from fis_tools.engines.compiler import compile
 from fis_tools.engines.inference import infer
 from fis_tools.engines.interval import NotBounded
 from fis_tools.engines.outward import combine_bounds
+from fis_tools.findings.audit import audit
 from fis_tools.findings.explanation import explain, flips
-from fis_tools.model import operators
+from fis_tools.model import FuzzyController, operators
 from fis_tools.source import read_controller
 from tests.fis_tools.engines import extremes
+from tests.fis_tools.sample_controllers import TIPPER
 
 
 @pytest.fixture
@@ -140,3 +142,22 @@ def test_a_search_from_far_beyond_a_range_ends(read):
     system = read(extremes.SUGENO, ".fis")
     for far in (1e12, -1e300):
         assert flips(system, [far], 1.0)
+
+
+def test_all_gaps_are_told(read):
+    """Ends are where triangles have 0.2, by hand."""
+    audited = audit(FuzzyController("c", (read(extremes.GAPS, ".fis"),)))
+    findings = [finding for finding in audited.findings if finding.id == "coverage"]
+    ends = {f.variable: re.findall(r"from ([0-9.]+) to ([0-9.]+)", f.sentence) for f in findings}
+    assert ends["b"] == [("0", "26.04"), ("26.36", "28.12"), ("28.76", "29.36"), ("29.84", "30")]
+    assert ends["a"] == [("0", "8"), ("87.2", "101.2"), ("123.6", "129.6"), ("153.6", "160")]
+
+
+def test_an_output_without_a_default_is_not_said_to_have_one(read):
+    words = str(explain(read(extremes.TAKAGI, ".fll"), [0.5]))
+    assert "from 0, from which shares count, as there is no output where no rule fires" in words
+
+
+def test_rules_too_weak_to_have_a_share_are_named():
+    words = str(explain(read_controller(TIPPER).systems[0], [3.8, 4.3]))
+    assert re.search(r"rules? [0-9, and]+ fires? at less than 0.05 and so ha(s|ve) no share", words)

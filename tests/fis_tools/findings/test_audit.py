@@ -113,7 +113,7 @@ WIDER = replace(TORQUE, minimum=-3.0, maximum=3.0, num_points=301)
         ("unused-term", pd_of([t.replace("ZE", "PS") for t in TABLE]), NOTE, ("torque", "ZE"), ""),
         ("term-height", LOW, WARNING, ("rate", "ZE"), ""),
         ("term-height", LOWEST, SERIOUS, ("rate", "ZE"), ""),
-        ("coverage", GAP, SERIOUS, ("error",), "has a gap from"),
+        ("coverage", GAP, SERIOUS, ("error",), "has 2 gaps, from"),
         ("look-alike-terms", ALIKE, WARNING, ("rate", "NS", "ZE"), "mean nearly the same"),
         ("name-order", SWAPPED, SERIOUS, ("rate", "NS", "ZE"), "lies at 0 deg/s, above ZE at -1 deg/s"),
         ("term-order", SWAPPED, WARNING, ("rate", "NS", "ZE"), ""),
@@ -324,14 +324,14 @@ def test_an_audit_is_told_as_text_and_as_data():
     assert text_of.startswith("pd: ")
     assert text_of.index("SERIOUS") < text_of.index("NOTE") < text_of.index("MEASURES")
     assert all(len(line) <= 90 for line in text_of.splitlines())
-    assert "error has a gap" in text_of
+    assert "error has 2 gaps" in text_of
     held = json.loads(as_json(SCHEMA, SCHEMA_VERSION, result.plain()))
     assert (held["schema"], held["schema_version"]) == ("fuzzy-audit", 2)
     assert sum(held["summary"].values()) == len(held["findings"])
     severities = [Severity[finding["severity"].upper()] for finding in held["findings"]]
     assert severities == sorted(severities, reverse=True)
     assert held["systems"][0]["measures"]["completeness"]["exact"] is True
-    assert "error has a gap" in result._repr_markdown_()
+    assert "error has 2 gaps" in result._repr_markdown_()
 
 
 def test_every_kind_of_system_is_audited():
