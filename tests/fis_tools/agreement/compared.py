@@ -178,7 +178,11 @@ def _explain(claim: str, system: FuzzySystem, rows: Floats, steps: list[Inferenc
             if not np.isfinite(value) or (step.outputs[index].is_default and total[index] == 0.0):
                 continue
             scale = max(variable.span, abs(value), abs(silent))
-            if not abs(silent + total[index] - value) <= SHARES_TOLERANCE * scale:
+            summed = step.values.copy()
+            summed[index] = silent + total[index]
+            if not abs(summed[index] - value) <= SHARES_TOLERANCE * scale and not is_near(
+                system, summed, step
+            ):
                 yield Difference(claim, system, row, str(value), f"shares add up to {silent + total[index]}")
 
 
