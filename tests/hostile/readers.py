@@ -25,7 +25,7 @@ from fis_tools.formats.c import source
 from fis_tools.learning import table
 from fis_tools.model.validate import InvalidSystem
 from fis_tools.processors import num_processors
-from fis_tools.review.content import read_evidence
+from fis_tools.review import content as review_content
 from fis_tools.review.flown import evaluations
 from fis_tools.source import named, read_controller
 from pipeline.command_line.arguments import parse_arguments
@@ -39,7 +39,7 @@ from pipeline.flight.world import surface
 from pipeline.optimum.solved import read_solved
 from pipeline.proof.certificate import read_proof
 from pipeline.recording.reflight import fly_again
-from pipeline.report.contents import command_of, read_numbers
+from pipeline.report.contents import begins_with_training, command_of, read_numbers
 from pipeline.report.figures.training import HISTORY_COLUMNS
 from pipeline.run import artifacts, configuration, manifests, sweep, tables
 from pipeline.settings import mesh, start_table
@@ -212,6 +212,7 @@ def _solved(path: Path) -> object:
 
 
 def _parts(path: Path) -> object:
+    tables.notes_of(path)
     with contextlib.suppress(pa.ArrowException, OSError, ValueError):
         tables.join_parquet(path.with_name("joined.parquet"), [path])
         return [
@@ -230,15 +231,24 @@ EARLIER = {
 }  # fmt: skip
 
 
+def _evidence(path: Path) -> object:
+    (path.parents[1] / "manifest.json").write_text('{"sha256": {"assure/evidence.json": "0"}}')
+    says = review_content._as_the_manifest_says(path)
+    return says, review_content.read_evidence(path, "0" * 64)
+
+
 def _earlier(path: Path) -> object:
     (folder := path.parents[2] / "this").mkdir(exist_ok=True)
     tries = repeats.earlier_tries(folder, EARLIER | {"conditions": {"seed": 1, "num_cases": 9}})
     claim = Requirement("R1", "", "", "", "", "", "", ("cases",), "x > 1", None, 0.9, 0.9)
+    repeats.seed_ledger(path.parents[1])
+    repeats.append(path.parents[1], EARLIER | {"conditions": {"seed": 1, "num_cases": 9}})
     return repeats.tried(claim, (1, 9), tries)
 
 
 def _run_files(path: Path) -> object:
-    return artifacts.text_of(path.parent, path.name), artifacts.file_hash(path)
+    begins = begins_with_training(path.parent)
+    return begins, artifacts.text_of(path.parent, path.name), artifacts.file_hash(path)
 
 
 @cache
@@ -377,7 +387,7 @@ READERS: Final[Mapping[str, Reader]] = {
     "logged_csv": Reader(_in_file("table.csv", _logged), lambda _: [CSV], "text"),
     "logged_parquet": Reader(_in_file("table.parquet", _logged), numbers_as_parquet, "table"),
     "domain": Reader(_in_file("domain.json", read_domain), _domain, "tree", REFUSALS),
-    "evidence": Reader(_in_file("evidence.json", lambda path: read_evidence(path, "0" * 64)),
+    "evidence": Reader(_in_file("assure/evidence.json", _evidence),
                        lambda _: [json.dumps(EVIDENCE).encode()], "tree", REFUSALS),
     "summary": Reader(_in_file("evaluate/summary.json", lambda path: evaluations([path.parents[1]], "")),
                       lambda _: [json.dumps(SUMMARY).encode()], "tree", REFUSALS),

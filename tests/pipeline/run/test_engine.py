@@ -149,11 +149,11 @@ def test_an_evaluation_has_the_same_bytes_and_goes_on_with_another_engine(tmp_pa
     assert content(whole, artifacts.SUMMARY) == content(local, artifacts.SUMMARY)
     write, written = tables.write_parquet, []
 
-    def write_some(path, columns):
+    def write_some(path, columns, *notes):
         if len(written) == 4:
             raise KeyboardInterrupt
         written.append(path)
-        write(path, columns)
+        write(path, columns, *notes)
 
     with monkeypatch.context() as patch:
         patch.setattr(tables, "write_parquet", write_some)
@@ -200,8 +200,8 @@ def test_a_lost_scheduler_is_told_and_what_is_done_is_kept(tmp_path, monkeypatch
             scheduler_address = json.loads(path.read_text())["address"]
         write = tables.write_parquet
 
-        def write_and_kill(path, columns):
-            write(path, columns)
+        def write_and_kill(path, columns, *notes):
+            write(path, columns, *notes)
             scheduler.kill()
 
         with dask.config.set({"scheduler-address": scheduler_address}), monkeypatch.context() as patch:

@@ -87,7 +87,7 @@ def test_a_sweep_with_injected_failures_is_summarised(monkeypatch, ran):
     assert results["pairs"][heavier].tolist() == [4 * 40]
     page = (OUT / "summary.html").read_text()
     assert all(name in page for name in failed)
-    assert "controller=coast" in page
+    assert "python -m pipeline fly out/" in page
 
     use_stages(monkeypatch, evaluate=evaluate)
     assert "16 of 16 runs are done" in ran("resume=out").err
