@@ -66,4 +66,4 @@ def test_a_file_without_durations_is_taken_whole():
 
 def test_most_files_of_tests_are_measured():
     known = durations.read()
-    assert len(known["fast"].keys() | known["slow"].keys()) > 0.9 * len(FILES)
+    assert len(known["fast"].keys() | known["slow"].keys()) > 0.8 * len(FILES)
