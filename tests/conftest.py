@@ -98,7 +98,7 @@ def pytest_cmdline_main(config: pytest.Config) -> int | None:
     left to do takes over half of what another has before it. The tests of `--changed` start in their order.
     """
     option = config.option
-    if "PYTEST_XDIST_WORKER" in os.environ:
+    if hasattr(config, "workerinput"):
         return None
     has_processes = config.pluginmanager.hasplugin("xdist")
     is_whole = config.args_source == pytest.Config.ArgsSource.TESTPATHS

@@ -16,7 +16,7 @@ from fis_tools.document import Block, Heading, Items, Paragraph, Table
 from fis_tools.engines.compiler import compile
 from fis_tools.engines.interval import NotBounded
 from fis_tools.errors import ControllerFileError
-from fis_tools.file_access import read_text
+from fis_tools.file_access import read_bytes, read_text
 from fis_tools.findings.audit import Audit, Finding
 from fis_tools.model import FuzzyController, FuzzySystem, Variable, peak
 from fis_tools.plain_text import as_number, parse_json
@@ -166,10 +166,10 @@ def _as_the_manifest_says(path: Path) -> str:
     folder = path.resolve().parent.parent
     name = path.resolve().relative_to(folder).as_posix()
     try:
-        hashes = parse_json(read_text(folder / "manifest.json"))["sha256"]
-    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        written = parse_json(read_text(folder / "manifest.json"))["sha256"].get(name)
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
         return "beside it is no manifest of a run, so that nobody can tell whether it was altered"
-    if hashes.get(name) != hashlib.sha256(read_text(path).encode()).hexdigest():
+    if written != hashlib.sha256(read_bytes(path)).hexdigest():
         return "ALTERED: it is not what the manifest of its run says"
     return "it is as the manifest of its run says"
 
