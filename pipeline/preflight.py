@@ -35,7 +35,7 @@ def check_before(experiment: Experiment) -> None:
     if "assure" in experiment.stages:
         from pipeline.evaluation.assurance.requirements import check_formulas, load_requirements  # noqa: PLC0415
 
-        requirements = load_requirements(experiment.assurance.requirements)
+        requirements = load_requirements(experiment.assurance.requirements, experiment.mission)
         check_formulas(requirements, experiment.mission)
     _check_fit(experiment)
     if "optimum" in experiment.stages:
@@ -75,9 +75,10 @@ def check_before(experiment: Experiment) -> None:
 
 
 def _check_fit(experiment: Experiment) -> None:
-    """Check that the controllers that a fit scales have rules."""
+    """Check that the controllers that a fit scales have rules, and that its goal can be shown."""
     if "fit" in experiment.stages:
-        from pipeline.evaluation.fitting import load_bases, load_named  # noqa: PLC0415 - compiled code
+        from pipeline.evaluation.fitting import check_goal, load_bases, load_named  # noqa: PLC0415 - compiled code
 
+        check_goal(experiment)
         load_bases(experiment)
         load_named("fit.planners", experiment.fit.planners)

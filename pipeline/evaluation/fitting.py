@@ -14,13 +14,14 @@ import numpy as np
 
 from fis_tools.model import FuzzyController
 from pipeline.controllers import source
-from pipeline.evaluation.statistics import Fraction, by_rules, fraction, percent_ahead
+from pipeline.evaluation.statistics import Fraction, by_rules, fraction, normal_quantile, percent_ahead
 from pipeline.flight.control.controller import ControllerError, from_fuzzy
 from pipeline.flight.control.law import law_of
 from pipeline.flight.goals.flights import fly_all
 from pipeline.flight.state.log import Scenario, inspectable_rate
 from pipeline.flight.state.signals import CONSTANTS
 from pipeline.scenarios import fitting_scenarios
+from pipeline.settings.checks import SettingError
 from pipeline.settings.experiment import Experiment, Mission
 from pipeline.training.genome import bounds_key
 from pipeline.training.similarity import HOME, Similarity, longest_time, radius_of, sizes_worth_trying
@@ -270,6 +271,39 @@ def rung_scenarios(experiment: Experiment, rung: int) -> list[Scenario]:
     """Return the starts of a rung; those after the last rung are of the validation."""
     cases = (*experiment.fit.cases, experiment.fit.num_cases)
     return fitting_scenarios(experiment, rung, cases[rung], is_unseen=rung == len(cases) - 1)
+
+
+def check_goal(experiment: Experiment) -> None:
+    """Check that a fit's goal is shown if all flights that judge its result succeed.
+
+    Raises
+    ------
+    SettingError
+        If not even these would show it: before the fit, which takes minutes.
+    """
+    goal, confidence = experiment.fit.goal_percent, experiment.monte_carlo.confidence_percent
+    if experiment.monte_carlo.table is None:
+        key, number = "fit.num_cases", experiment.fit.num_cases
+    else:
+        key, number = "monte_carlo.table", len(rung_scenarios(experiment, len(experiment.fit.cases)))
+    best = 100.0 * fraction(np.ones(number, dtype=np.bool_), confidence).low
+    if best >= goal:
+        return
+    cure = "lower the goal" if goal == 100.0 else f"give {_fewest(goal, confidence):,} or lower the goal"
+    raise SettingError(
+        f"fit.goal_percent is {goal:g}, which {number:,} flights ({key}) cannot show: if all succeed, the "
+        f"success is at least {best:.1f} % at {confidence:g} % confidence; {cure}"
+    )
+
+
+def _fewest(goal_percent: float, confidence_percent: float) -> int:
+    """Return the least number of flights that show a goal below 100 % if all succeed."""
+    share, square = goal_percent / 100.0, normal_quantile(confidence_percent) ** 2
+    # of n successes out of n the interval begins at n/(n + z^2)
+    number = max(1, math.ceil(square * share / (1.0 - share)))
+    while fraction(np.ones(number, dtype=np.bool_), confidence_percent).low < share:
+        number += 1
+    return number
 
 
 def tuning_of(experiment: Experiment, controller: FuzzyController, tally: FlightTally) -> Experiment:

@@ -6,6 +6,7 @@ from dataclasses import replace
 from html import unescape
 
 import pytest
+from scipy.stats import binomtest
 
 from fis_tools.formats import serialize
 from fis_tools.model import Triangular
@@ -203,6 +204,28 @@ def test_tallies_join_as_if_their_flights_were_one_set():
         assert getattr(together, name) == pytest.approx(getattr(both, name), rel=1e-12)
 
 
+@pytest.mark.parametrize(("goal", "confidence"), [(95.0, 95.0), (99.0, 90.0), (50.0, 99.0), (95.001, 95.0)])
+def test_a_goal_that_the_flights_given_cannot_show_is_refused_with_the_number_that_can(goal, confidence):
+    words = f"fit.goal_percent={goal}", f"monte_carlo.confidence_percent={confidence}"
+    with pytest.raises(SettingError, match="cannot show: if all succeed") as refused:
+        fitting.check_goal(composed(*words, "fit.num_cases=2").experiment)
+    enough = int(str(refused.value).rpartition("give ")[2].partition(" ")[0].replace(",", ""))
+
+    def least(number):
+        interval = binomtest(number, number).proportion_ci(confidence / 100.0, method="wilson")
+        return 100.0 * interval.low
+
+    assert least(enough) >= goal > least(enough - 1)
+    fitting.check_goal(composed(*words, f"fit.num_cases={enough}").experiment)
+    with pytest.raises(SettingError, match=f"give {enough} or lower the goal"):
+        fitting.check_goal(composed(*words, f"fit.num_cases={enough - 1}").experiment)
+
+
+def test_a_goal_of_all_flights_is_refused_as_no_number_shows_it():
+    with pytest.raises(SettingError, match="confidence; lower the goal"):
+        fitting.check_goal(composed("fit.goal_percent=100", "fit.num_cases=1000").experiment)
+
+
 def test_sizes_and_tempos_are_told_by_their_significant_digits():
     words = Variant("champion_27", 0.00341, 12.345).words
     assert words == "champion_27 at 0.00341 times its size and 12.3 times its tempo"
@@ -232,12 +255,15 @@ def test_where_rules_clearly_miss_the_goal_plans_come_first(tmp_path, monkeypatc
 @pytest.mark.slow
 def test_a_goal_that_is_missed_has_an_exit_code_and_a_last_line(tmp_path, ran):
     words = ["+experiment=fit_mission", *MISSION, *SMALL, "duration_s=300", "fit.tunes=never"]
+    words += ["fit.goal_percent=50"]
     errors = ran(*words, f"hydra.run.dir={tmp_path}", code=MISSED).err
     last = errors.strip().splitlines()[-1]
     summary = artifacts.read_json(tmp_path, artifacts.FIT)
-    assert summary["last"]["success"]["count"] == 0
+    success, number = summary["last"]["success"], summary["last"]["num_cases"]
+    assert success["low"] < 0.5
     assert last.startswith("goal missed: ")
-    assert f"0.0 % of {summary['last']['num_cases']} flights succeed (0.0 to " in last
+    percent, low = 100.0 * success["count"] / number, 100.0 * success["low"]
+    assert f"{percent:.1f} % of {number} flights succeed ({low:.1f} to " in last
     reasons = [limit["sentence"] for limit in summary["limits"] if not limit["kept"]]
     assert any("radians of the orbit that a flight lasts" in reason for reason in reasons)
     assert last.endswith("; ".join(f"limited by the {reason}" for reason in reasons))
