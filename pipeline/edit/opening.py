@@ -25,7 +25,7 @@ def open_editor(experiment: Experiment, port: int, *, opens_browser: bool) -> No
     controller = load(experiment.controller, experiment.mission).fuzzy
     if controller is None:
         raise SettingError("this controller has no rules to edit; choose one that has, such as champion_27")
-    cases = EditorCases(experiment, load_requirements(experiment.assurance.requirements))
+    cases = EditorCases(experiment, load_requirements(experiment.assurance.requirements, experiment.mission))
     path = Path(str(experiment.controller.get("path", f"{controller.name}.yaml")))
     meanings = {name: kind.description for name, kind in CONSTANTS.items()}
 

@@ -90,7 +90,7 @@ def run(experiment: Experiment, folder: Path) -> str:
     pipeline.run.artifacts.ArtifactError
         If a recorded flight differs from the one that was found.
     """
-    text = requirements_text(experiment.assurance.requirements)
+    text = requirements_text(experiment.assurance.requirements, experiment.mission)
     requirements = parse_requirements(text, experiment.assurance.requirements)
     _print_needs(requirements.requirements, experiment.assurance.num_cases)
     repeats.seed_ledger(folder)

@@ -1,7 +1,8 @@
 """Requirements from a file: their identity, methods of verification and confidence."""
 
+import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any, Final
 
 from fis_tools.file_access import read_text
@@ -10,7 +11,7 @@ from pipeline.evaluation.assurance.quantities import UNITS
 from pipeline.evaluation.assurance.robustness import idle_window, late_window
 from pipeline.run import configuration
 from pipeline.settings.experiment import Mission
-from pipeline.settings.keys import choices_of, did_you_mean
+from pipeline.settings.keys import choices_of, did_you_mean, value_at
 from pipeline.settings.places import requirements_path
 
 SCHEMA: Final = ("requirements", 2)
@@ -30,6 +31,10 @@ ACCEPTANCE: Final = (
     "a share of catastrophic failures must be accepted in words: say who accepts it and why, or leave "
     "probability out, and only a proof shows the requirement"
 )
+
+
+#: a key in braces, which stands for its number
+_NUMBER: Final = re.compile(r"\{([a-z][\w.]*)\}")
 
 
 class RequirementError(ValueError):
@@ -104,20 +109,42 @@ class Requirements:
     requirements: tuple[Requirement, ...]
 
 
-def load_requirements(name: str) -> tuple[Requirement, ...]:
-    """Load the requirements of a name that ships, or of a file.
+def load_requirements(name: str, mission: Mission) -> tuple[Requirement, ...]:
+    """Load the requirements of a name that ships, or of a file, for a mission.
 
     Raises
     ------
     RequirementError, OSError
         If there are none, or they cannot be read.
     """
-    return parse_requirements(requirements_text(name), name).requirements
+    return parse_requirements(requirements_text(name, mission), name).requirements
 
 
-def requirements_text(name: str) -> str:
-    """Return the text of the requirements of a name that ships, or of a file; raise OSError for none."""
-    return read_text(requirements_path(name))
+def requirements_text(name: str, mission: Mission) -> str:
+    """Return the text of the requirements of a name that ships, or of a file, with a mission's numbers.
+
+    A number stands for its key in braces, such as ``{deputy.min_distance_m}``: so a mission's own limits are
+    those that are judged.
+
+    Raises
+    ------
+    RequirementError
+        If there is no such number.
+    OSError
+        If there are no such requirements.
+    """
+    settings = asdict(mission)
+
+    def number(braces: re.Match[str]) -> str:
+        value = value_at(settings, key := braces[1])
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            named = ", ".join(f"{{{each}}}" for each in ("deputy.max_distance_m", "duration_s"))
+            raise RequirementError(
+                f"{name}: {{{key}}} is no number of the mission; braces hold the key of one, such as {named}"
+            )
+        return repr(value).removesuffix(".0")
+
+    return _NUMBER.sub(number, read_text(requirements_path(name)))
 
 
 def parse_requirements(text: str, source: str) -> Requirements:

@@ -18,11 +18,11 @@ from pipeline.command_line.cli import main
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers.source import load
 from pipeline.edit.cases import FIRST, EditorCases, most_changed
-from pipeline.evaluation.assurance.requirements import parse_requirements
+from pipeline.evaluation.assurance.requirements import parse_requirements, requirements_text
 from pipeline.evaluation.monte_carlo import fly_cases
 from pipeline.evaluation.paired_runs import METRICS
 from pipeline.evaluation.statistics import succeeds
-from pipeline.settings.places import requirements_path
+from pipeline.settings.experiment import Mission
 from tests.browser import serious_violations
 from tests.editors import served
 from tests.places import PROJECT
@@ -39,7 +39,7 @@ CORNERS = [(axis, rule) for axis in range(3) for rule in (0, 2, 6, 8)]
 def cases_of(*words: str) -> EditorCases:
     """The flights of an evaluation of the champion under a random Sun."""
     named = ["+experiment=evaluate", "controller=champion_27", "sun=random", *words]
-    text = requirements_path("inspection").read_text(encoding="utf-8")
+    text = requirements_text("inspection", Mission())
     return EditorCases(
         compose_experiment(named).experiment, parse_requirements(text, "inspection").requirements
     )

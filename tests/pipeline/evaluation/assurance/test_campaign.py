@@ -36,7 +36,7 @@ from pipeline.settings.experiment import Mission
 from telemetry.file.reader import read as read_recording
 from tests.pipeline.evaluation.assurance.cases import champion, experiment, scenarios
 
-REQUIREMENTS = load_requirements("inspection")
+REQUIREMENTS = load_requirements("inspection", Mission())
 KEEP_OUT = REQUIREMENTS[0]
 EXPERIMENT = experiment()
 MISSION = EXPERIMENT.mission
@@ -73,7 +73,7 @@ def test_enough_is_inspected_in_a_low_orbit_where_a_flight_succeeds(tmp_path: Pa
     composed = compose_experiment(["+experiment=assure", "controller=champion_leo", "world=leo"]).experiment
     flown, pilot = evaluation_scenarios(composed)[:150], named("champion_leo", composed.mission)
     outcomes = fly_all(composed.mission, pilot, flown)
-    requirements = load_requirements(composed.assurance.requirements)
+    requirements = load_requirements(composed.assurance.requirements, composed.mission)
     is_met = Campaign(composed.mission, pilot).judge(flown, requirements)["R3"].is_met
     np.testing.assert_array_equal(is_met, outcomes.is_success(95.0))
     assert 0 < np.count_nonzero(is_met) < 150

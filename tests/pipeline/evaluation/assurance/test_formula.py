@@ -2,6 +2,7 @@
 
 import copy
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -222,7 +223,7 @@ def test_windows_are_in_seconds_whatever_the_period():
         assert robustness.robustness(stl.parse(text, PLAIN), signals, 10.0)[0] == least
 
 
-SHIPPED = requirements_path("inspection").read_text(encoding="utf-8")
+SHIPPED = requirements.requirements_text("inspection", Mission())
 
 
 def test_what_ships_can_be_read_and_uses_every_way_of_verification():
@@ -277,6 +278,30 @@ def test_mistakes_name_the_requirement_and_the_cure(text, words):
     with pytest.raises(RequirementError) as caught:
         parse_requirements(text, "mine")
     assert words in str(caught.value)
+
+
+def test_a_missions_own_limits_are_those_that_what_ships_judges():
+    deputy = replace(Mission().deputy, min_distance_m=12.0, max_distance_m=150.5, max_force_n=0.25)
+    mission = replace(Mission(), deputy=deputy, duration_s=1800.0, inspection_threshold_percent=80.0)
+    shipped = requirements.load_requirements("inspection", mission)
+    after = requirements.load_requirements("inspection_after", mission)
+    assert [each.formula_text for each in (*shipped[:3], *after)] == [
+        "always (distance >= 12 m)",
+        "always (distance <= 150.5 m)",
+        "eventually[0:1800] (inspection_rate >= 80 %)",
+        "eventually always (coasting_farthest <= 150.5 m and coasting_distance >= 12 m)",
+        "always[10:1800] (coasting_distance >= 12 m)",
+    ]
+    assert "at least 12 m" in shipped[0].text
+    assert shipped[5].questions[:2] == (Question("force_x > 0.25"), Question("force_x < -0.25"))
+
+
+@pytest.mark.parametrize("key", ["deputy.min_distance", "deputy", "coast_when_complete"])
+def test_braces_hold_the_key_of_a_number(tmp_path, key):
+    path = tmp_path / "mine.yaml"
+    path.write_text(changed(0, formula=f"always (distance >= {{{key}}} m)"), encoding="utf-8")
+    with pytest.raises(RequirementError, match=rf"{{{key}}} is no number of the mission; braces"):
+        requirements.load_requirements(str(path), Mission())
 
 
 def test_requirements_that_are_not_there_are_told_with_those_that_ship(tmp_path):
@@ -353,7 +378,8 @@ def test_a_confidence_that_says_nothing_or_cannot_be_had_is_refused(confidence):
 @pytest.mark.parametrize("world", options([conf_folder()])["world"])
 def test_each_world_is_asked_for_its_own_limits(world):
     experiment = compose_experiment(["+experiment=assure", f"world={world}"]).experiment
-    mission, shipped = experiment.mission, requirements.load_requirements(experiment.assurance.requirements)
+    mission = experiment.mission
+    shipped = requirements.load_requirements(experiment.assurance.requirements, mission)
     requirements.check_formulas(shipped, mission)
     near, far = f">= {mission.deputy.min_distance_m} m", f"<= {mission.deputy.max_distance_m} m"
     expected = [stl.parse(f"always distance {limit}", UNITS) for limit in (near, far)]

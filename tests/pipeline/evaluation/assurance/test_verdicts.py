@@ -25,6 +25,7 @@ from pipeline.flight.control.controller import from_fuzzy
 from pipeline.flight.period.act.safety import most_exceeded
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.pack import pack_world
+from pipeline.settings.experiment import Mission
 from tests.fis_tools import step_by_step
 from tests.pipeline.evaluation.assurance.cases import champion, experiment, scenarios
 from tests.places import PROJECT
@@ -138,7 +139,7 @@ def test_questions_of_all_shipped_requirements_are_answered_by_all_shipped_rules
     assert controllers
     for path in (PROJECT / "conf/requirements").glob("*.yaml"):
         for controller in controllers:
-            proofs.check_questions(load_requirements(path.stem), controller)
+            proofs.check_questions(load_requirements(path.stem, Mission()), controller)
 
 
 KEPT = "always (distance >= 15 m)"
