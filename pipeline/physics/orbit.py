@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fis_tools.compiled.decorator import compiled
-from fis_tools.compiled.three import Three, cross, dot, length, three_of, write_three
+from fis_tools.compiled.three import Three, cross, dot, length, three_of, times, write_three
 from pipeline.array_types import Floats
 from pipeline.physics.illumination import EARTH_RADIUS_M
 
@@ -53,6 +53,8 @@ class Course(NamedTuple):
     common: Floats
     # (m, K, 3) further acceleration by drag in each control period of flights, Hill axes; none if constant
     varying: Floats = np.zeros((0, 0, 3))
+    # (K+1, 3, 3) from the Sun's direction at the start to that at each sample, axes fixed; none if it stays
+    sun_turns: Floats = np.zeros((0, 3, 3))
 
 
 #: a course that is not used
@@ -79,6 +81,12 @@ def attraction(course: Course, position: Three) -> Three:
     return (-course.gravity / (distance * (distance * distance))) * position + oblate_attraction(
         course, position
     )
+
+
+@compiled(error_model="numpy", forceinline=True)
+def sun_moved(course: Course, k: int, at_start: Three) -> Three:
+    """Return the direction of the Sun at a sample from that at the start, axes fixed."""
+    return times(course.sun_turns[k], at_start) if len(course.sun_turns) > 0 else at_start
 
 
 @compiled(error_model="numpy", forceinline=True)

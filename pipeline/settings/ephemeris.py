@@ -25,11 +25,19 @@ def days_of(epoch: str) -> float:
     return (time - datetime(2000, 1, 1, 12, tzinfo=UTC)).total_seconds() / 86_400.0
 
 
+def sun_longitude(days: float) -> float:
+    """Return the Sun's longitude along the ecliptic some days after J2000, equinox of date, rad."""
+    mean_longitude, anomaly = 280.460 + 0.9856474 * days, radians(357.528 + 0.9856003 * days)
+    return radians(mean_longitude + 1.915 * sin(anomaly) + 0.020 * sin(2.0 * anomaly))
+
+
+def _obliquity(days: float) -> float:
+    return radians(23.439 - 0.0000004 * days)
+
+
 def sun_direction(days: float) -> tuple[float, float, float]:
     """Return the unit vector to the Sun some days after J2000, equator and equinox of date."""
-    mean_longitude, anomaly = 280.460 + 0.9856474 * days, radians(357.528 + 0.9856003 * days)
-    longitude = radians(mean_longitude + 1.915 * sin(anomaly) + 0.020 * sin(2.0 * anomaly))
-    obliquity = radians(23.439 - 0.0000004 * days)
+    longitude, obliquity = sun_longitude(days), _obliquity(days)
     return cos(longitude), cos(obliquity) * sin(longitude), sin(obliquity) * sin(longitude)
 
 
@@ -37,9 +45,27 @@ def sun_in_hill_deg(
     days: float, inclination_deg: float, raan_deg: float, latitude_argument_deg: float
 ) -> tuple[float, float]:
     """Return the Sun's angle in the orbit plane, from +i towards +j, and its elevation over it, deg."""
-    x, y, z = sun_direction(days)
-    slope, node = radians(inclination_deg), radians(raan_deg)
-    level, across = x * cos(node) + y * sin(node), y * cos(node) - x * sin(node)
-    ahead, up = across * cos(slope) + z * sin(slope), z * cos(slope) - across * sin(slope)
+    level, ahead, up = _in_plane(sun_direction(days), inclination_deg, raan_deg)
     angle = degrees(atan2(ahead, level)) - latitude_argument_deg
     return angle % 360.0, degrees(asin(up))
+
+
+def ecliptic_pole_in_hill(
+    days: float, inclination_deg: float, raan_deg: float, latitude_argument_deg: float
+) -> tuple[float, float, float]:
+    """Return the unit vector along the ecliptic's pole, about which the Sun moves, Hill axes."""
+    pole = 0.0, -sin(_obliquity(days)), cos(_obliquity(days))
+    level, ahead, up = _in_plane(pole, inclination_deg, raan_deg)
+    latitude = radians(latitude_argument_deg)
+    along = level * cos(latitude) + ahead * sin(latitude)
+    return along, ahead * cos(latitude) - level * sin(latitude), up
+
+
+def _in_plane(
+    direction: tuple[float, float, float], inclination_deg: float, raan_deg: float
+) -> tuple[float, float, float]:
+    """Return components towards the ascending node, ahead of it in the orbit plane, and along its normal."""
+    x, y, z = direction
+    slope, node = radians(inclination_deg), radians(raan_deg)
+    level, across = x * cos(node) + y * sin(node), y * cos(node) - x * sin(node)
+    return level, across * cos(slope) + z * sin(slope), z * cos(slope) - across * sin(slope)

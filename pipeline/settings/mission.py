@@ -18,6 +18,8 @@ from pipeline.settings.relations import check_relations
 
 #: beyond this many points a flight fills a computer's memory
 MOST_POINTS = 10_000
+#: on a circle about an oblate Earth, the longest flight that counts with the mean motion, s
+LONG_S = 86_400.0
 #: the least is beyond the accumulated rounding of a flight
 Margin = Annotated[types.Number, Field(ge=0.001)]
 UNIT_INERTIA = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
@@ -345,6 +347,16 @@ class Mission(Settings, group=""):
         """Greatest force along each Hill axis with which the safety layer plans to stop."""
         given = self.safety.braking_force_n
         return 0.8 * self.deputy.max_force_n if given is None else given
+
+    @property
+    def has_true_course(self) -> bool:
+        """Whether what turns, and what is predicted, follows the chief's orbit instead of its mean motion."""
+        dynamics, course = self.dynamics, self.orbit.course
+        if not isinstance(dynamics, TwoBody) or course != "auto":
+            return isinstance(dynamics, TwoBody) and course == "true"
+        # on a circle oblateness turns Hill axes by half a degree more an orbit, and moves paths by a metre
+        is_told = self.chief.initial_angular_velocity_rad_s is not None or self.duration_s > LONG_S
+        return self.orbit.elements.eccentricity > 0.0 or (dynamics.j2 > 0.0 and is_told)
 
     @property
     def num_controls(self) -> int:

@@ -5,6 +5,7 @@ Angles are to the equator and the equinox of date. With `orbit.epoch` the Sun's 
 
 import math
 from abc import abstractmethod
+from collections.abc import Iterable
 from functools import cached_property
 from typing import Annotated, Literal, NamedTuple
 
@@ -80,6 +81,9 @@ class OrbitSettings(Settings, group="orbit"):
     """What gives it: the mean motion, Kepler's elements, a circle's radius or altitude, or a TLE."""
     epoch: Annotated[types.Text, AfterValidator(_epoch)] | None = None
     """Time of the start, UTC, from which the Sun's direction follows; null: unknown."""
+    course: Annotated[Literal["auto", "uniform", "true"], Only("dynamics.model=two_body")] = "auto"
+    """How Hill axes turn: by the mean motion (uniform), or by the orbit, and the Sun moves (true); auto: true
+    on an ellipse and, about an oblate Earth, beside a turning chief and in flights longer than a day."""
 
     @property
     def mean_motion_rad_s(self) -> float:
@@ -98,12 +102,30 @@ class OrbitSettings(Settings, group="orbit"):
         return True
 
     @property
+    def days_at_start(self) -> float | None:
+        """Days from J2000 to the start; None without an epoch."""
+        return None if self.epoch is None else ephemeris.days_of(self.epoch)
+
+    @property
     def sun_at_epoch_deg(self) -> tuple[float, float] | None:
         """The Sun's angle in the orbit plane and its elevation over it; None without an epoch."""
-        if self.epoch is None:
+        if self.days_at_start is None:
             return None
         _, _, *angles, _ = self.elements
-        return ephemeris.sun_in_hill_deg(ephemeris.days_of(self.epoch), *angles)
+        return ephemeris.sun_in_hill_deg(self.days_at_start, *angles)
+
+    def sun_moved(self, seconds: Iterable[float]) -> tuple[tuple[float, float, float], list[float]]:
+        """Return the axis about which the Sun turns, Hill axes of the start, and its turns by then, rad.
+
+        It stays among the stars without an epoch.
+        """
+        start = self.days_at_start
+        if start is None:
+            return (0.0, 0.0, 1.0), [0.0 for _ in seconds]
+        _, _, *angles, _ = self.elements
+        first, day = ephemeris.sun_longitude(start), 86_400.0
+        turns = [ephemeris.sun_longitude(start + time / day) - first for time in seconds]
+        return ephemeris.ecliptic_pole_in_hill(start, *angles), turns
 
 
 class OrientedOrbit(OrbitSettings):
@@ -235,10 +257,9 @@ class TwoLineOrbit(OrbitSettings, kind="tle"):
         return self.osculating[0]
 
     @property
-    def sun_at_epoch_deg(self) -> tuple[float, float] | None:
-        """The Sun's angle in the orbit plane and its elevation, at the epoch or that of the element set."""
-        _, _, *angles, _ = self.elements
-        return ephemeris.sun_in_hill_deg(self.osculating[1], *angles)
+    def days_at_start(self) -> float:
+        """Days from J2000 to the epoch, or to that of the element set."""
+        return self.osculating[1]
 
 
 def elements_of(state: list[float]) -> KeplerElements:

@@ -41,7 +41,7 @@ def write_sample(
     write_row(log.quaternion_b_from_h[k], truth.attitude, 0)
     write_row(log.sensed_quaternion_b_from_h[k], belief.attitude, 0)
     if not world.is_attitude_ideal:
-        rate = relative_rate(attitude_of(truth.attitude, 0), lane_of(truth.rate, 0, 0), n)
+        rate = relative_rate(world, k, attitude_of(truth.attitude, 0), lane_of(truth.rate, 0, 0))
         write_three(log.angular_velocity_b_rad_s[k], rate)
     log.num_candidates[k] = int(lanes.num_candidates[0])
     log.sun_angle_rad[k] = case.sun_angle - n * world.control_period * k

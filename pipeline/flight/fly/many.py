@@ -166,7 +166,7 @@ def write_track(now: Moment, lane: int, row: NDArray[np.float32]) -> None:
         row[arrays.TRACK_TURN_RATE] = 0.0
         if not world.is_attitude_ideal:
             attitude, rate = attitude_of(truth.attitude, lane), lane_of(truth.rate, 0, lane)
-            row[arrays.TRACK_TURN_RATE] = length(relative_rate(attitude, rate, world.mean_motion))
+            row[arrays.TRACK_TURN_RATE] = length(relative_rate(world, now.k, attitude, rate))
 
 
 @compiled(error_model="numpy", inline="always")

@@ -3,6 +3,7 @@
 from collections import defaultdict
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -76,7 +77,7 @@ class ReferenceFlight:
     @cached_property
     def chief(self) -> list[Rotation]:
         """The chief's attitude at each sample."""
-        return chief_attitudes(self.mission, self.hill_axes)
+        return chief_attitudes(self.mission, self.hill_axes if self.mission.has_true_course else [])
 
     @cached_property
     def earth(self) -> Earth | None:
@@ -97,6 +98,16 @@ class ReferenceFlight:
         return [hill_axes(self.earth, chief)[0] for chief in self.orbit]
 
     @cached_property
+    def hill_rates(self) -> Floats:
+        """Mean rate of Hill axes in each control period, the last once more, Hill axes, (K+1, 3), rad/s."""
+        num_samples = self.mission.num_controls + 1
+        if not self.mission.has_true_course:
+            return np.tile([0.0, 0.0, self.mission.orbit.mean_motion_rad_s], (num_samples, 1))
+        axes = [Rotation.from_matrix(rows) for rows in self.hill_axes]
+        turns = [(before * after.inv()).as_rotvec() for before, after in pairwise(axes)]
+        return np.array([*turns, turns[-1]]) / self.mission.control_period_s
+
+    @cached_property
     def distances(self) -> Floats:
         """The chief's distance from the Earth's centre at each sample, m, (K+1,); of a circle, its radius."""
         if self.orbit is None or self.mission.orbit.elements.eccentricity == 0.0:
@@ -110,8 +121,21 @@ class ReferenceFlight:
         start = self.scenario.sun_angle_rad, self.scenario.sun_elevation_rad
         if self.orbit is None:
             return [later(self.mission, start, k) for k in samples]
-        directions = [self.hill_axes[k] @ sun_direction(*start) for k in samples]
+        directions = [self.hill_axes[k] @ self.fixed_suns[k] for k in samples]
         return [(float(np.arctan2(y, x)), float(np.arctan2(z, np.hypot(x, y)))) for x, y, z in directions]
+
+    @cached_property
+    def fixed_suns(self) -> Floats:
+        """Unit vectors to the Sun at each sample, Hill axes of the start, (K+1, 3).
+
+        With an epoch the Sun moves along the ecliptic wherever Hill axes follow a true course.
+        """
+        start = sun_direction(self.scenario.sun_angle_rad, self.scenario.sun_elevation_rad)
+        times = self.mission.control_period_s * np.arange(self.mission.num_controls + 1)
+        if not self.mission.has_true_course:
+            return np.tile(start, (len(times), 1))
+        pole, turns = self.mission.orbit.sun_moved(times)
+        return Rotation.from_rotvec(np.outer(turns, pole)).apply(start)
 
     @cached_property
     def mesh(self) -> Mesh | None:

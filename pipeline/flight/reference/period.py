@@ -13,7 +13,6 @@ from pipeline.flight.reference.actuators import Thrust
 from pipeline.flight.reference.camera import held, seen_points
 from pipeline.flight.reference.flight import ReferenceFlight
 from pipeline.flight.reference.guidance import chosen_target
-from pipeline.flight.reference.light import sun_direction
 from pipeline.flight.reference.motion import pushed
 from pipeline.flight.reference.pointing import Instant, looking, next_y, turn_through_period
 from pipeline.flight.reference.safety import SafetyLayer
@@ -42,7 +41,7 @@ def start(flight: ReferenceFlight) -> ReferenceState:
         truth=truth,
         attitude=Rotation.from_quat(mission.deputy.initial_quaternion),
         rate=np.array(mission.rate_at_start_rad_s),
-        momentum=momentum_at_start(mission),
+        momentum=momentum_at_start(mission, flight.hill_rates[0]),
         y=None,
         is_inspected=np.zeros(len(flight.points), dtype=np.bool_),
         centres=np.empty((0, 3)),
@@ -104,7 +103,7 @@ def act(
     mean_mass, duration = 0.5 * (state.mass + mass), mission.control_period_s
     if flight.earth is not None and flight.orbit is not None:
         more_drag = float(flight.errors.more_drag[k]) if len(flight.errors.more_drag) else 0.0
-        sun = sun_direction(flight.scenario.sun_angle_rad, flight.scenario.sun_elevation_rad)
+        sun = flight.fixed_suns[k]
         push = thrust.fired / mean_mass
         state.truth = two_body.moved(
             flight.earth, mission, flight.orbit[k], sun, state.truth, push, more_drag

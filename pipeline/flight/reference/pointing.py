@@ -80,6 +80,7 @@ def turn_through_period(
     """
     mission, attitude, rate = flight.mission, state.attitude, state.rate
     instants: list[Instant] = []
+    hill = flight.hill_rates[k]
     played, torques = flight.played(k)
     for tick in range(mission.num_attitude_steps):
         if tick:
@@ -91,11 +92,13 @@ def turn_through_period(
             instants.append((desired, np.zeros(3), np.zeros(3), np.zeros(3)))
             continue
         wanted = control_torque(mission, attitude, desired, rate) if torques is None else torques
-        torque, held = wheels_turned(mission, attitude, rate, state.momentum, wanted)
+        torque, held = wheels_turned(mission, hill, attitude, rate, state.momentum, wanted)
         instants.append((attitude, rate, torque, held))
         external = np.cross(thrust.arm, attitude.inv().apply(thrust.fired)) + thrust.twist
         external = external + gradient_torque(mission, attitude)
-        state.momentum = momentum_after(mission, attitude, state.momentum, external)
-        attitude, rate = turned(mission, attitude, rate, torque + external, mission.attitude_period_s)
+        state.momentum = momentum_after(mission, hill, attitude, state.momentum, external)
+        attitude, rate = turned(mission, hill, attitude, rate, torque + external, mission.attitude_period_s)
+    # relative to Hill axes as they turn from here on
+    rate = rate + attitude.inv().apply(hill - flight.hill_rates[k + 1])
     state.attitude, state.rate = attitude, rate
     return y, instants

@@ -27,10 +27,12 @@ def _euler(inertia: Floats, torque: Floats) -> Callable[[float, Floats], Floats]
 
 
 def turned(
-    mission: Mission, attitude: Rotation, rate: Floats, torque: Floats, duration: float
+    mission: Mission, hill: Floats, attitude: Rotation, rate: Floats, torque: Floats, duration: float
 ) -> tuple[Rotation, Floats]:
-    """Return the deputy's attitude and rate, relative to Hill, after a torque held along its axes, N m."""
-    hill = np.array([0.0, 0.0, mission.orbit.mean_motion_rad_s])
+    """Return the deputy's attitude and rate, relative to Hill, after a torque held along its axes, N m.
+
+    Hill axes turn at the rate `hill`, (3,), rad/s.
+    """
     euler = _euler(np.array(mission.deputy.inertia_kg_m2), torque)
     start = np.concatenate((attitude.as_quat(), rate + attitude.inv().apply(hill)))
     end = solve_ivp(euler, (0.0, duration), start, first_step=duration, **TOLERANCES).y[:, -1]

@@ -12,27 +12,29 @@ from pipeline.array_types import Floats
 from pipeline.settings.experiment import Mission
 
 
-def _inertial(mission: Mission, attitude: Rotation, rate: Floats) -> Floats:
-    """Return the inertial rate, rad/s, body axes, of a rate relative to Hill."""
-    return rate + attitude.inv().apply([0.0, 0.0, mission.orbit.mean_motion_rad_s])
+def _inertial(hill: Floats, attitude: Rotation, rate: Floats) -> Floats:
+    """Return the inertial rate, rad/s, body axes, of a rate relative to Hill axes, which turn at `hill`."""
+    return rate + attitude.inv().apply(hill)
 
 
-def momentum_at_start(mission: Mission) -> Floats:
-    """Return the momentum of the deputy with its wheels at rest, N m s, Hill axes."""
+def momentum_at_start(mission: Mission, hill: Floats) -> Floats:
+    """Return the momentum of the deputy with its wheels at rest, N m s, Hill axes, which turn at `hill`."""
     attitude = Rotation.from_quat(mission.deputy.initial_quaternion)
-    rate = _inertial(mission, attitude, np.array(mission.rate_at_start_rad_s))
+    rate = _inertial(hill, attitude, np.array(mission.rate_at_start_rad_s))
     return np.asarray(attitude.apply(np.array(mission.deputy.inertia_kg_m2) @ rate))
 
 
-def momentum_after(mission: Mission, attitude: Rotation, momentum: Floats, external: Floats) -> Floats:
+def momentum_after(
+    mission: Mission, hill: Floats, attitude: Rotation, momentum: Floats, external: Floats
+) -> Floats:
     """Return it an attitude period later; the torque is held from this attitude on, N m, body axes."""
     period = mission.attitude_period_s
-    turn = Rotation.from_rotvec([0.0, 0.0, -mission.orbit.mean_motion_rad_s * period])
+    turn = Rotation.from_rotvec(-hill * period)
     return np.asarray(turn.apply(momentum + period * attitude.apply(external)))
 
 
 def wheels_turned(
-    mission: Mission, attitude: Rotation, rate: Floats, momentum: Floats, wanted: Floats
+    mission: Mission, hill: Floats, attitude: Rotation, rate: Floats, momentum: Floats, wanted: Floats
 ) -> tuple[Floats, Floats]:
     """Return the torque that wheels give for one that is wanted, N m, and what they hold before, N m s.
 
@@ -41,7 +43,7 @@ def wheels_turned(
     most = mission.deputy.max_momentum_n_m_s
     if most is None:
         return wanted, np.zeros(3)
-    inertial = _inertial(mission, attitude, rate)
+    inertial = _inertial(hill, attitude, rate)
     held = attitude.inv().apply(momentum) - np.array(mission.deputy.inertia_kg_m2) @ inertial
     after = held - mission.attitude_period_s * (wanted + np.cross(inertial, held))
     return wanted + (after - np.clip(after, -most, most)) / mission.attitude_period_s, held

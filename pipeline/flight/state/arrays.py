@@ -64,6 +64,8 @@ class World(NamedTuple):
     last: int  # sample at which they end: `num_controls`, but for those flown up to an earlier one
     num_attitude_steps: int
     mean_motion: float
+    # (K+1 or 1, 3) of Hill axes, rad/s: in each control period of a true course, or uniform
+    hill_rates: Floats
     control_period: float
     attitude_period: float
     acceleration_per_force: float

@@ -7,7 +7,7 @@ import numpy as np
 
 from pipeline.array_types import Floats
 from pipeline.physics.attitude import longest_tumbling_step, tumble
-from pipeline.physics.course import TrueCourse, seen_from_course, true_course
+from pipeline.physics.course import TrueCourse, seen_from_course, true_course, turned_about
 from pipeline.physics.illumination import EARTH_RADIUS_M
 from pipeline.physics.orbit import NO_COURSE, Course, Elements, course_of
 from pipeline.settings.experiment import Mission, SettingError
@@ -30,7 +30,11 @@ def chief_course(mission: Mission, **changes: float) -> Course:
     given = vars(dynamics) | orbit.elements._asdict()
     elements = Elements(**{name: given[name] for name in Elements._fields})._replace(**changes)
     chief = orbit.mean_motion_rad_s, orbit.elements.semi_major_axis_m, elements
-    return course_of(*chief, mission.light.shadow != "none", mission.control_period_s, mission.num_controls)
+    course = course_of(*chief, mission.light.shadow != "none", mission.control_period_s, mission.num_controls)
+    if orbit.days_at_start is None or not mission.has_true_course:
+        return course
+    pole, turns = orbit.sun_moved(mission.control_period_s * np.arange(mission.num_controls + 1))
+    return course._replace(sun_turns=turned_about(np.array(pole), np.array(turns)))
 
 
 @lru_cache(maxsize=4)  # what is made of a mission asks for it several times
@@ -40,11 +44,13 @@ def true_course_of(mission: Mission) -> TrueCourse | None:
     They do on a circle about a sphere, where the mean motion tells all. On an ellipse, or about an oblate
     Earth, whatever turns relative to Hill axes follows the true course.
     """
-    dynamics = mission.dynamics
-    if not isinstance(dynamics, TwoBody):
-        return None
-    is_round = mission.orbit.elements.eccentricity == 0.0 and dynamics.j2 == 0.0
-    return None if is_round else true_course(chief_course(mission))
+    return true_course(chief_course(mission)) if mission.has_true_course else None
+
+
+def hill_rates(mission: Mission) -> Floats:
+    """Return `World.hill_rates`."""
+    course = true_course_of(mission)
+    return np.array([[0.0, 0.0, mission.orbit.mean_motion_rad_s]]) if course is None else course.rates
 
 
 def chief_distances(mission: Mission, course: Course) -> Floats:

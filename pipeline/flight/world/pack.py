@@ -8,7 +8,13 @@ from pipeline.array_types import Floats
 from pipeline.flight.period.look.guidance import POINTS
 from pipeline.flight.state.arrays import World
 from pipeline.flight.world.bounds import guard_of
-from pipeline.flight.world.chief import chief_attitudes, chief_course, chief_distances, shadowing_radius
+from pipeline.flight.world.chief import (
+    chief_attitudes,
+    chief_course,
+    chief_distances,
+    hill_rates,
+    shadowing_radius,
+)
 from pipeline.flight.world.surface import ChiefSurface, surface_of
 from pipeline.physics.illumination import Reflection, least_sun_height, sun_direction_h, visible_share
 from pipeline.physics.motion import motion_over, orbit_parts
@@ -163,7 +169,7 @@ def pack_world(mission: Mission) -> World:
     patches[:] = placed[:, :, order]
     inertia = np.array(deputy.inertia_kg_m2, dtype=np.float64)
     start_dcm = dcm_b_from_h(np.array(deputy.initial_quaternion, dtype=np.float64))
-    actuators = mission.actuators
+    actuators, rates = mission.actuators, hill_rates(mission)
     course = chief_course(mission)
     instants = mission.attitude_period_s * np.arange(mission.num_attitude_steps)
     stride, look = max(1, round(PREVIEW_PERIOD_S / period)), max(1, round(LOOK_PERIOD_S / period))
@@ -173,6 +179,7 @@ def pack_world(mission: Mission) -> World:
         last=mission.num_controls,
         num_attitude_steps=mission.num_attitude_steps,
         mean_motion=orbit.mean_motion_rad_s,
+        hill_rates=rates,
         control_period=period,
         attitude_period=mission.attitude_period_s,
         acceleration_per_force=1.0 / deputy.mass_kg,
@@ -201,7 +208,7 @@ def pack_world(mission: Mission) -> World:
         keep_out=keep_out_of(mission, axes),
         attitude_at_start=np.array(deputy.initial_quaternion, dtype=np.float64),
         # inertial: relative to Hill, and of Hill axes
-        rate_at_start=np.array(mission.rate_at_start_rad_s) + orbit.mean_motion_rad_s * start_dcm[:, 2],
+        rate_at_start=np.array(mission.rate_at_start_rad_s) + start_dcm @ rates[0],
         is_spherical=bool(np.array_equal(inertia, inertia[0, 0] * np.eye(3))),
         inertia=inertia,
         inverse_inertia=np.linalg.inv(inertia).astype(np.float64),

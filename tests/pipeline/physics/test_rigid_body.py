@@ -25,12 +25,11 @@ CHIEF_INERTIA = np.array([[900.0, 30.0, -50.0], [30.0, 1200.0, 20.0], [-50.0, 20
 
 def turned_by_scipy(inertia, rate, torque, duration):
     """Attitude from body to Hill axes, and the inertial rate in the body, after a held torque."""
-    deputy, orbit = SimpleNamespace(inertia_kg_m2=inertia), SimpleNamespace(mean_motion_rad_s=MEAN_MOTION)
-    what = SimpleNamespace(deputy=deputy, orbit=orbit)
+    what = SimpleNamespace(deputy=SimpleNamespace(inertia_kg_m2=inertia))
     attitude, relative = Rotation.identity(), np.array(rate) - HILL_RATE
     num_parts = int(np.ceil(duration / 10.0 * max(1.0, np.linalg.norm(rate))))
     for _ in range(num_parts):
-        attitude, relative = turning.turned(what, attitude, relative, torque, duration / num_parts)
+        attitude, relative = turning.turned(what, HILL_RATE, attitude, relative, torque, duration / num_parts)
     return attitude, relative + attitude.inv().apply(HILL_RATE)
 
 

@@ -43,23 +43,29 @@ def move_beside(course, period, state, force, sun):
     return np.array([*position, *velocity])
 
 
+def turning_by(mean_motion):
+    """Return the rates of Hill axes that turn uniformly, as a world has them."""
+    return np.array([[0.0, 0.0, mean_motion]])
+
+
 def hill_rate_b(quaternion, mean_motion):
     """Return the rate of Hill axes in body axes."""
+    world, still = SimpleNamespace(hill_rates=turning_by(mean_motion)), Three(0.0, 0.0, 0.0)
     with plainly("pipeline"):
-        return -np.array(attitude.relative_rate(tuple(quaternion), Three(0.0, 0.0, 0.0), mean_motion))
+        return -np.array(attitude.relative_rate(world, 0, tuple(quaternion), still))
 
 
 def turned(quaternion, rate, inertia, torque, seconds, mean_motion=0.0):
     """Return attitude and rate relative to Hill after a held torque."""
     world = SimpleNamespace(
         attitude_period=seconds,
-        mean_motion=mean_motion,
+        hill_rates=turning_by(mean_motion),
         inertia=inertia,
         inverse_inertia=np.linalg.inv(inertia),
     )
     inertial = Three(*(rate + hill_rate_b(quaternion, mean_motion)))
     with plainly("pipeline"):
-        quaternion, inertial = attitude.turn_body(world, tuple(quaternion), inertial, Three(*torque))
+        quaternion, inertial = attitude.turn_body(world, 0, tuple(quaternion), inertial, Three(*torque))
     quaternion = np.array(quaternion) / np.linalg.norm(quaternion)
     return quaternion, np.array(inertial) - hill_rate_b(quaternion, mean_motion)
 
@@ -68,11 +74,11 @@ def turned_by_gradient(quaternion, inertia, seconds, mean_motion):
     """Return attitudes after each second under gravity's gradient alone, from rest relative to Hill."""
     inverse, gradient = np.linalg.inv(inertia), 3.0 * mean_motion**2
     named = {"inertia": inertia, "inverse_inertia": inverse, "gravity_gradient": gradient}
-    world = SimpleNamespace(attitude_period=1.0, mean_motion=mean_motion, **named)
+    world = SimpleNamespace(attitude_period=1.0, hill_rates=turning_by(mean_motion), **named)
     q, rate, attitudes = tuple(quaternion), Three(*hill_rate_b(quaternion, mean_motion)), [quaternion]
     with plainly("pipeline"):
         for _ in range(seconds):
-            q, rate = attitude.turn_body(world, q, rate, attitude.gradient_torque(world, q))
+            q, rate = attitude.turn_body(world, 0, q, rate, attitude.gradient_torque(world, q))
             attitudes.append(np.array(q) / np.linalg.norm(q))
     return np.array(attitudes)
 
@@ -83,10 +89,10 @@ def control_torque(quaternion, desired, rate, proportional_gain, derivative_gain
         proportional_gain=proportional_gain,
         derivative_gain=derivative_gain,
         max_torque=max_torque,
-        mean_motion=0.0,
+        hill_rates=turning_by(0.0),
     )
     with plainly("pipeline"):
-        return np.array(attitude.control_torque(world, tuple(quaternion), tuple(desired), Three(*rate)))
+        return np.array(attitude.control_torque(world, 0, tuple(quaternion), tuple(desired), Three(*rate)))
 
 
 def error_vector(quaternion, desired):

@@ -5,7 +5,8 @@ Between two instants the torque m is held. With w the deputy's *inertial* rate i
 exponential of a fourth-order Magnus expansion, ``theta = h (w0 + 4 wm + w1)/6 + h^2 (w0 x w1)/12``,
 ``wm = (w0 + w1)/2 + h (w0' - w1')/8`` (Blanes, Casas, Oteo and Ros, "The Magnus expansion and some of its
 applications", Physics Reports 470, 2009), while the Hill frame turns by ``n h`` about k:
-``q <- exp(-n h k/2) q exp(theta/2)``.
+``q <- exp(-n h k/2) q exp(theta/2)``. On a true course it turns at the mean rate of each control
+period, and so exactly from sample to sample.
 """
 
 from math import cos, sin, sqrt
@@ -28,6 +29,7 @@ from fis_tools.compiled.three import (
 )
 from fis_tools.compiled.vectors import Vector, select, some, store
 from pipeline.flight.period.act.wheels import momentum_after, torque_of_wheels, wheel_momentum
+from pipeline.flight.period.look.hill import hill_rate, hill_turn, is_true
 from pipeline.flight.state.arrays import Moment, Plans, World
 from pipeline.flight.state.lanes import (
     attitude_of,
@@ -62,17 +64,23 @@ def half_angle_series(square: float) -> tuple[float, float]:
 
 
 @compiled(error_model="numpy", forceinline=True)
-def turn(q: Quaternion, a: Three, s: Vector, c: Vector, hill_sin: float, hill_cos: float) -> Quaternion:
-    """Turn an attitude by a rotation vector a in body axes while the Hill frame turns about k.
+def turn(q: Quaternion, a: Three, s: Vector, c: Vector, hill: Quaternion, is_level: bool) -> Quaternion:
+    """Turn an attitude by a rotation vector a in body axes while the Hill frame turns, level about k alone.
 
     s and c are ``sin(|a|/2)/|a|`` and ``cos(|a|/2)``. Written so that the products do not wait for them: this
     is the longest dependency chain of operations in a flight.
     """
     q1, q2, q3, q4 = q
-    p1 = hill_cos * q1 + hill_sin * q2
-    p2 = hill_cos * q2 - hill_sin * q1
-    p3 = hill_cos * q3 - hill_sin * q4
-    p4 = hill_cos * q4 + hill_sin * q3
+    x, y, z, w = hill
+    p1 = w * q1 + z * q2
+    p2 = w * q2 - z * q1
+    p3 = w * q3 - z * q4
+    p4 = w * q4 + z * q3
+    if not is_level:
+        p1 = p1 - (x * q4 + y * q3)
+        p2 = p2 + (x * q3 - y * q4)
+        p3 = p3 + (y * q1 - x * q2)
+        p4 = p4 + (x * q1 + y * q2)
     return (
         c * p1 + s * (p4 * a.x + (p2 * a.z - p3 * a.y)),
         c * p2 + s * (p4 * a.y + (p3 * a.x - p1 * a.z)),
@@ -105,14 +113,14 @@ def spin(world: World, w: Three, torque: Three, h: float) -> tuple[Three, Three]
 
 
 @compiled(error_model="numpy")
-def turn_body(world: World, q: Quaternion, rate: Three, torque: Three) -> tuple[Quaternion, Three]:
-    """Turn a body of any inertia under a held torque for one attitude period."""
+def turn_body(world: World, k: int, q: Quaternion, rate: Three, torque: Three) -> tuple[Quaternion, Three]:
+    """Turn a body of any inertia under a held torque for one attitude period of control period k."""
     steps = int(np.ceil(world.attitude_period / LONGEST_STEP_S - 1e-9))
     speed = sqrt(dot(rate, rate))
     if speed > FAST_RATE:
         steps *= 2 * int(np.ceil(speed / FAST_RATE - 1.0))
     h = world.attitude_period / steps
-    hill_sin, hill_cos = sin(0.5 * world.mean_motion * h), cos(0.5 * world.mean_motion * h)
+    hill, is_level = hill_turn(world, k, h), not is_true(world)
     for _ in range(steps):
         rate, a = spin(world, rate, torque, h)
         square = dot(a, a)
@@ -120,7 +128,7 @@ def turn_body(world: World, q: Quaternion, rate: Three, torque: Three) -> tuple[
         if square > LARGEST_SQUARE:
             angle = sqrt(square)
             sine, cosine = sin(0.5 * angle) / angle, cos(0.5 * angle)
-        q = turn(q, a, sine, cosine, hill_sin, hill_cos)
+        q = turn(q, a, sine, cosine, hill, is_level)
     return q, rate
 
 
@@ -139,30 +147,34 @@ def error_of(q: Quaternion, aim: Quaternion) -> Three:
 
 
 @compiled(error_model="numpy", forceinline=True)
-def relative_rate(q: Quaternion, rate: Three, n: float) -> Three:
-    """Return the rate relative to Hill of a body with an inertial rate, rad/s, body axes."""
+def relative_rate(world: World, k: int, q: Quaternion, rate: Three) -> Three:
+    """Return the rate relative to Hill of a body with an inertial rate at sample k, rad/s, body axes."""
     x, y, z = axes_of(q)
-    return rate - n * Three(x.z, y.z, z.z)
+    hill = hill_rate(world, k)
+    relative = rate - hill.z * Three(x.z, y.z, z.z)
+    if is_true(world):
+        relative = relative - hill.x * Three(x.x, y.x, z.x) - hill.y * Three(x.y, y.y, z.y)
+    return relative
 
 
 @compiled(error_model="numpy", forceinline=True)
 def turn_spherical(now: Moment, aims: Any, passed: Any) -> None:
     """Turn all lanes over a control period, for spherical inertias and slow rotation."""
     world, state = now.world, now.state
-    n, h = world.mean_motion, world.attitude_period
-    hill_sin, hill_cos = sin(0.5 * n * h), cos(0.5 * n * h)
+    k, h = now.k, world.attitude_period
+    hill, is_level = hill_turn(world, k, h), not is_true(world)
     kp, kd, step = world.proportional_gain[0, 0], world.derivative_gain[0, 0], h * world.inverse_inertia[0, 0]
     half, twelfth = 0.5 * h * step, h * h * step / 12.0
     q, rate = load_quaternion(state.truth.attitude), load_three(state.truth.rate, 0)
     for j in range(world.num_attitude_steps):
         store_quaternion(passed[j].attitude, q)
         store_three(passed[j].rate, 0, rate)
-        e, u = error_of(q, load_quaternion(aims[j].attitude)), relative_rate(q, rate, n)
+        e, u = error_of(q, load_quaternion(aims[j].attitude)), relative_rate(world, k, q, rate)
         torque = clip_three(-kp * e - kd * u, world.max_torque)
         # one small step, in which the rate is linear in time
         a = h * rate + half * torque + twelfth * cross(rate, torque)
         sine, cosine = half_angle_series(dot(a, a))
-        q, rate = turn(q, a, sine, cosine, hill_sin, hill_cos), rate + step * torque
+        q, rate = turn(q, a, sine, cosine, hill, is_level), rate + step * torque
     store_quaternion(state.truth.attitude, q)
     store_three(state.truth.rate, 0, rate)
 
@@ -193,8 +205,8 @@ def turn_general(now: Moment, aims: Any, passed: Any, plans: Plans, lane: int) -
         if world.gravity_gradient > 0.0 and not world.is_spherical:
             torque += gradient_torque(world, q)
         if has_wheels:
-            total = momentum_after(world, q, total, torque - given)
-        q, rate = turn_body(world, q, rate, torque)
+            total = momentum_after(world, now.k, q, total, torque - given)
+        q, rate = turn_body(world, now.k, q, rate, torque)
     write_attitude(state.truth.attitude, lane, q)
     write_lane(state.truth.rate, 0, lane, rate)
     write_lane(lanes.momentum, 0, lane, total)
@@ -208,9 +220,9 @@ def gradient_torque(world: World, q: Quaternion) -> Three:
 
 
 @compiled(error_model="numpy", forceinline=True)
-def control_torque(world: World, q: Quaternion, aim: Quaternion, rate: Three) -> Three:
+def control_torque(world: World, k: int, q: Quaternion, aim: Quaternion, rate: Three) -> Three:
     """Return the torque of the attitude law, N m, body axes: ``-Kp q_e - Kd w``, each axis clipped."""
-    u = relative_rate(q, rate, world.mean_motion)
+    u = relative_rate(world, k, q, rate)
     p, d = times(world.proportional_gain, error_of(q, aim)), times(world.derivative_gain, u)
     return clip_three(-1.0 * p - d, world.max_torque)
 
@@ -227,7 +239,7 @@ def torque_at(now: Moment, aims: Any, passed: Any, plans: Plans, lane: int, inst
             played = clip_three(three_of(plans.turns.torques[now.k]), now.world.max_torque)
         return played
     aim, attitude = attitude_of(aims[instant].attitude, lane), attitude_of(passed[instant].attitude, lane)
-    return control_torque(now.world, attitude, aim, lane_of(passed[instant].rate, 0, lane))
+    return control_torque(now.world, now.k, attitude, aim, lane_of(passed[instant].rate, 0, lane))
 
 
 @compiled(error_model="numpy")
@@ -238,7 +250,7 @@ def write_instants(now: Moment, aims: Any, passed: Any, plans: Plans, log: Fligh
         attitude = aims[j].attitude if world.is_attitude_ideal else passed[j].attitude
         write_row(log.attitude_quaternion[k, j], attitude, 0)
         if not world.is_attitude_ideal:
-            rate = relative_rate(attitude_of(attitude, 0), lane_of(passed[j].rate, 0, 0), world.mean_motion)
+            rate = relative_rate(world, k, attitude_of(attitude, 0), lane_of(passed[j].rate, 0, 0))
             if world.max_momentum < np.inf:
                 write_row(log.torque_b_n_m[k, j], passed[j].torque, 0)
                 write_row(log.wheel_momentum_b_n_m_s[k, j], passed[j].held, 0)

@@ -8,7 +8,7 @@ from pipeline.flight.state.arrays import FlightState, Moment, World
 from pipeline.flight.state.lanes import flight_of, load_pair
 from pipeline.physics.illumination import visible_share
 from pipeline.physics.motion import position_after, propagator_of, velocity_after
-from pipeline.physics.orbit import Course
+from pipeline.physics.orbit import Course, sun_moved
 from pipeline.physics.two_body import hill_from_inertial, inertial_from_hill, stepped
 
 
@@ -22,21 +22,20 @@ def move(world: World, state: FlightState, force: Three) -> None:
 
 
 @compiled(error_model="numpy", forceinline=True)
-def suns(state: FlightState) -> Three:
-    """Return the unit vectors towards the Sun in all lanes, axes of the course."""
+def suns(course: Course, state: FlightState, k: int) -> Three:
+    """Return the unit vectors towards the Sun in all lanes at sample k, axes of the course."""
     cosine, sine = load_pair(state.lanes.sun_at_start)
     flat, high = load_pair(state.lanes.height_at_start)
-    return Three(flat * cosine, flat * sine, high)
+    return sun_moved(course, k, Three(flat * cosine, flat * sine, high))
 
 
 @compiled(error_model="numpy")
-def note_sunshine(course: Course, state: FlightState, row: int, shines: Floats) -> None:
+def note_sunshine(course: Course, state: FlightState, sun: Three, row: int, shines: Floats) -> None:
     """Write the visible share of the Sun's disc at the three rows of a step from `row` on, (3, L)."""
     width = width_of(state.lanes)
     if course.radiation == 0.0 or not course.has_shadow:
         store_three(shines, 0, same(1.0, width))
         return
-    sun = suns(state)
     for part in range(3):
         store(shines, part, dot(three_of(course.axes[row + part, 0]), sun))
         radius = length(three_of(course.positions[row + part]))
@@ -56,9 +55,10 @@ def move_about_earth(now: Moment, course: Course, force: Three) -> None:
         for lane in range(width_of(lanes)):
             write_lane(lanes.drag, 0, lane, three_of(course.varying[flight_of(now, lane), now.k]))
         pull += load_three(lanes.drag, 0)
-    light = -course.radiation * suns(state)
+    sun = suns(course, state, now.k)
+    light = -course.radiation * sun
     for _ in range(course.num_steps):
-        note_sunshine(course, state, row, lanes.shine)
+        note_sunshine(course, state, sun, row, lanes.shine)
         position, velocity = stepped(course, row, position, velocity, pull, light, load_three(lanes.shine, 0))
         row += 2
     position, velocity = hill_from_inertial(course, row, position, velocity)

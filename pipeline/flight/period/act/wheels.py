@@ -10,6 +10,7 @@ from math import cos, sin
 
 from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.three import Three, cross, times
+from pipeline.flight.period.look.hill import hill_turn, is_true
 from pipeline.flight.state.arrays import World
 from pipeline.physics.quaternion import Quaternion, to_body, to_hill
 
@@ -38,12 +39,14 @@ def torque_of_wheels(world: World, rate: Three, held: Three, torque: Three) -> T
 
 
 @compiled(error_model="numpy")
-def momentum_after(world: World, q: Quaternion, total: Three, external: Three) -> Three:
-    """Return the momentum of body and wheels, Hill axes, an attitude period later.
+def momentum_after(world: World, k: int, q: Quaternion, total: Three, external: Three) -> Three:
+    """Return the momentum of body and wheels, Hill axes, an attitude period of control period k later.
 
     `total` is that before, N m s, Hill axes, and `external` the torque from outside, N m, body axes.
     """
     h = world.attitude_period
     x, y, z = total + h * to_hill(q, external)
+    if is_true(world):
+        return to_body(hill_turn(world, k, h), Three(x, y, z))
     s, c = sin(world.mean_motion * h), cos(world.mean_motion * h)
     return Three(c * x + s * y, c * y - s * x, z)

@@ -22,6 +22,7 @@ from pipeline.flight.state.arrays import FullOptics, Moment, World
 from pipeline.flight.state.lanes import attitude_of
 from pipeline.physics.attitude import desired_y
 from pipeline.physics.illumination import is_bright
+from pipeline.physics.orbit import sun_moved
 from pipeline.physics.quaternion import to_hill
 from pipeline.physics.sight import (
     HEIGHT,
@@ -82,7 +83,8 @@ def sun_after(world: World, sun: Pair, height: Pair, k: int) -> tuple[Pair, Pair
     """
     if world.course.is_on:
         at_start = Three(height[0] * sun[0], height[0] * sun[1], height[1])
-        x, y, z = times(world.course.axes[2 * world.course.num_steps * k], at_start)
+        moved = sun_moved(world.course, k, at_start)
+        x, y, z = times(world.course.axes[2 * world.course.num_steps * k], moved)
         flat = np.sqrt(x * x + y * y)
         return (x / flat, y / flat), (flat, z)
     angle = world.mean_motion * world.control_period * k
