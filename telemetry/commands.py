@@ -38,6 +38,7 @@ from telemetry.file.compare import compare as comparison_of
 from telemetry.file.compare import in_words as comparison_in_words
 from telemetry.file.partial_file import PARTIAL_SUFFIX
 from telemetry.file.reader import read
+from telemetry.file.recover import Recovery
 from telemetry.file.recover import recover as rescue
 from telemetry.file.summary import in_words as summary_in_words
 from telemetry.file.summary import summarize
@@ -79,9 +80,9 @@ def info(file: Path, /, *, json: bool = False) -> None:
 def recover(file: Path, /, *, output: Output = None) -> None:
     """Rescue every flushed step of a truncated or damaged file into a new one.
 
-    A process that is killed leaves its flight as NAME.mcap.partial. Whatever is provably intact in it, or in
-    a truncated or damaged file, is written to a new file that every other command reads. The old file stays
-    as it is.
+    A process that is killed leaves its flight as NAME.mcap.partial. Whatever is intact in it, or in a
+    truncated or damaged file, is written to a new file that every other command reads; messages whose writer
+    gave no checksums are kept, and counted. The old file stays as it is.
 
     For example:
 
@@ -101,20 +102,28 @@ def recover(file: Path, /, *, output: Output = None) -> None:
         if file.name.endswith(PARTIAL_SUFFIX):
             # killed between the last byte and the renaming
             cure = f"rename it to {file.name.removesuffix(PARTIAL_SUFFIX)}"
-        print(f"{file} is intact, with {recovery.num_messages} messages: {cure}")
+        print(f"{file} is intact, with {recovery.num_messages} messages: {cure}{_unchecked(recovery)}")
         return
     reach = "" if recovery.end_s is None else f", up to {recovery.end_s:g} s"
     print(
         f"{recovery.output} holds {recovery.num_messages} messages{reach}; "
         f"{recovery.num_damaged_records} damaged records and {recovery.num_bytes_lost} bytes at the end "
-        "were left out"
+        f"were left out{_unchecked(recovery)}"
     )
+    if recovery.refused:
+        print(f"warning: some of {file} is not read: {recovery.refused}", file=sys.stderr)
     if recovery.num_messages == 0:
         print(
             f"warning: no step of the flight could be rescued from {file}, only its description "
             "(metadata and attachments); fly the episode again",
             file=sys.stderr,
         )
+
+
+def _unchecked(recovery: Recovery) -> str:
+    """Say how many messages the writer gave no checksum."""
+    count = recovery.num_unchecked
+    return f"; {count} messages have no checksum, so wrong bytes in them would not show" if count else ""
 
 
 def export(file: Path, /, *, format: Literal["csv", "parquet"] = "csv", output: Output = None) -> None:

@@ -159,6 +159,7 @@ class FlightRecorder:
         has_goal, is_rectangle = mission.problem.kind == "reach", mission.sensor.rectangle_deg is not None
         description = EpisodeDescription(
             scenario_id=scenario_id,
+            epoch=mission.orbit.start_time,
             seed=self._seed,
             position_m=tuple(scenario.position_m.tolist()),
             velocity_m_s=tuple(scenario.velocity_m_s.tolist()),

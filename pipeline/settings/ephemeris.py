@@ -3,13 +3,21 @@
 It is good to 0.01 deg from 1950 to 2050; times are of UTC, which differ from the formula's by a minute.
 """
 
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from math import asin, atan2, cos, degrees, radians, sin
 from typing import Final
 
 #: Julian date of 2000 January 1, 12 h
 J2000: Final = 2_451_545.0
 MOST_DAYS: Final = 50 * 365.25
+
+
+_J2000: Final = datetime(2000, 1, 1, 12, tzinfo=UTC)
+
+
+def time_of(days: float) -> str:
+    """Return the time of UTC some days after J2000, ISO 8601."""
+    return (_J2000 + timedelta(days=days)).isoformat()
 
 
 def days_of(epoch: str) -> float:
@@ -22,7 +30,7 @@ def days_of(epoch: str) -> float:
     """
     time = datetime.fromisoformat(epoch)
     time = time.replace(tzinfo=UTC) if time.tzinfo is None else time
-    return (time - datetime(2000, 1, 1, 12, tzinfo=UTC)).total_seconds() / 86_400.0
+    return (time - _J2000).total_seconds() / 86_400.0
 
 
 def sun_longitude(days: float) -> float:

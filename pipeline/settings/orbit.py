@@ -107,6 +107,12 @@ class OrbitSettings(Settings, group="orbit"):
         return None if self.epoch is None else ephemeris.days_of(self.epoch)
 
     @property
+    def start_time(self) -> str | None:
+        """The time of the start, UTC, ISO 8601; None if it is unknown."""
+        days = self.days_at_start
+        return None if days is None else ephemeris.time_of(days)
+
+    @property
     def sun_at_epoch_deg(self) -> tuple[float, float] | None:
         """The Sun's angle in the orbit plane and its elevation over it; None without an epoch."""
         if self.days_at_start is None:

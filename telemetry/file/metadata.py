@@ -10,12 +10,16 @@ import sys
 import zlib
 from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, fields
+from datetime import UTC, datetime, timedelta
 from typing import Any, Final, Self
 
 from telemetry.file import RecordingError
 
 #: keys with text, and with lists of words; all others have numbers
-TEXTS: Final = ("scenario_id", "product_version", "config_hash", "output_name", "output_unit", "output_axes")
+TEXTS: Final = (
+    *("scenario_id", "product_version", "config_hash", "epoch"),
+    *("output_name", "output_unit", "output_axes"),
+)
 WORDS: Final = ("input_names", "input_units", "rules", "names")
 #: keys with a list of numbers, and how many; None for any number
 NUMBERS_OF: Final[Mapping[str, int | None]] = {
@@ -100,6 +104,8 @@ class EpisodeDescription(Description):
     ----------
     scenario_id, product_version, config_hash : str
         The start, the version of the product, and the hash of the configuration.
+    epoch : str
+        Date and time of UTC at which the simulation time is 0, ISO 8601; None where the mission has none.
     seed : int
     noise : tuple of 3 ints
         Seed, stage and case that errors of navigation and thrusters are drawn from.
@@ -126,6 +132,7 @@ class EpisodeDescription(Description):
     """
 
     scenario_id: str | None = None
+    epoch: str | None = None
     seed: int | None = None
     noise: tuple[float, ...] | None = None
     settings: tuple[float, ...] | None = None
@@ -220,6 +227,40 @@ class Rehearsal(Description):
                 f"metadata 'paths_m' has {len(self.paths_m)} numbers for {len(self.names)} names, but as "
                 f"many positions of three numbers for each are expected; {CURE}"
             )
+
+
+#: before which MCAP has no times
+UNIX_EPOCH: Final = datetime(1970, 1, 1, tzinfo=UTC)
+
+
+def epoch_of(episode: Mapping[str, str]) -> datetime | None:
+    """Return the time, UTC, at which the simulation time is 0, by the metadata of an episode.
+
+    Raises
+    ------
+    RecordingError
+        If it is no date and time.
+    """
+    text = episode.get("epoch")
+    if text is None:
+        return None
+    try:
+        time = datetime.fromisoformat(text)
+        return time.replace(tzinfo=UTC) if time.tzinfo is None else time.astimezone(UTC)
+    except (ValueError, OverflowError) as error:
+        raise _unfit("epoch", text, "a date and time of UTC, as 2026-11-26T12:00:00, is") from error
+
+
+def epoch_ns_of(episode: Mapping[str, str]) -> int:
+    """Return what time stamps have at simulation time 0, ns; 0 without an epoch, or before 1970.
+
+    Raises
+    ------
+    RecordingError
+        If the epoch is no date and time.
+    """
+    epoch = epoch_of(episode)
+    return max(0, (epoch - UNIX_EPOCH) // timedelta(microseconds=1) * 1000) if epoch else 0
 
 
 def _decoded(key: str, text: str) -> Any:

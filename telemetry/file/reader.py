@@ -3,10 +3,10 @@
 import os
 import shlex
 import struct
-import zlib
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 from math import inf
 from operator import itemgetter
@@ -17,19 +17,21 @@ import numpy as np
 import zstandard
 from google.protobuf.message import DecodeError
 from mcap.exceptions import McapError
-from mcap.reader import FOOTER_SIZE, SeekingReader
-from mcap.records import Channel, Footer, Schema
-from mcap.stream_reader import MAGIC_SIZE, StreamReader
+from mcap.opcode import Opcode
+from mcap.records import Channel, Chunk, McapRecord, Message, Schema
+from mcap.stream_reader import MAGIC_SIZE
 from mcap.writer import MCAP0_MAGIC
 
 from fis_tools.file_access import open_regular
 from telemetry.file import RecordingError, claims, columns, explained, topics
-from telemetry.file.metadata import FisDescription, unsealed
+from telemetry.file.layout import Layout
+from telemetry.file.metadata import FisDescription, epoch_ns_of, unsealed
 from telemetry.file.recording import Recording, TopicColumns
+from telemetry.file.records import NO_SCHEMA, Extent, record, records_in
+from telemetry.file.topics import EPISODE_METADATA
 
 __all__ = ["Recording", "RecordingError", "read"]
 
-CHECKSUM_SIZE: Final = 4
 #: what the mcap library raises on damaged bytes
 DAMAGE: Final = (
     *(McapError, DecodeError, zstandard.ZstdError, struct.error),
@@ -69,16 +71,15 @@ def read(
     _check_span(start_s, end_s)
     wanted = [topics] if isinstance(topics, str) else None if topics is None else list(topics)
     with _opened(path) as stream, damage_explained(path):
-        _check_summary(stream)
-        reader = SeekingReader(stream, validate_crcs=True)
-        _check_claims(reader, stream)
-        chosen = _chosen_channels(path, reader, wanted)
-        metadata = {record.name: unsealed(record.name, record.metadata) for record in reader.iter_metadata()}
-        attachments = {record.name: record.data for record in reader.iter_attachments()}
-        messages = _messages(reader, chosen.keys(), start_s, end_s, path.stat().st_size)
+        file = Layout.of(stream)
+        metadata = {entry.name: unsealed(entry.name, entry.metadata) for entry in file.metadata()}
+        attachments = {entry.name: entry.data for entry in file.attachments()}
+        epoch_ns = epoch_ns_of(metadata.get(EPISODE_METADATA, {}))
+        messages = _Messages(file, wanted, *_span_ns(start_s, end_s, epoch_ns))
+        messages.read()
         streams = {
-            topic: _topic_columns(topic, schema, messages[topic], metadata)
-            for topic, schema in chosen.items()
+            topic: _topic_columns(path, topic, schema, messages.of_topic[topic], epoch_ns, metadata)
+            for topic, schema in messages.schema_of(path).items()
         }
         return Recording(path, streams, metadata, attachments)
 
@@ -94,11 +95,22 @@ def _check_span(start_s: float | None, end_s: float | None) -> None:
         )
 
 
+def _span_ns(start_s: float | None, end_s: float | None, epoch_ns: int) -> tuple[int | None, int | None]:
+    """Return the first and last time to read as messages have them, ns."""
+    limits = (None if s is None or abs(s) == inf else round(s * topics.NANOSECONDS) for s in (start_s, end_s))
+    start_ns, end_ns = (None if limit is None else limit + epoch_ns for limit in limits)
+    return start_ns, end_ns
+
+
 @contextmanager
 def damage_explained(path: Path) -> Iterator[None]:
     """Turn the errors of the mcap library on damaged bytes into a `RecordingError`."""
     try:
         yield
+    except RecordingError:
+        raise
+    except claims.NotReadError as error:
+        raise RecordingError(f"{path} is not read: {error}; write it anew within these limits") from error
     except DAMAGE as error:
         raise RecordingError(
             f"{path} is damaged ({error or type(error).__name__}), but only intact recordings can be read; "
@@ -142,101 +154,153 @@ def check_is_whole(path: Path, stream: BinaryIO) -> None:
         )
 
 
-def _check_summary(stream: BinaryIO) -> None:
-    """Check the index against its checksum, which the library does not do."""
-    stream.seek(-(FOOTER_SIZE + MAGIC_SIZE), os.SEEK_END)
-    footer = next(StreamReader(stream, skip_magic=True).records)
-    if not isinstance(footer, Footer):
-        raise McapError("it has no footer")
-    end = stream.seek(-(MAGIC_SIZE + CHECKSUM_SIZE), os.SEEK_END)
-    stream.seek(footer.summary_start)
-    if zlib.crc32(stream.read(end - footer.summary_start)) != footer.summary_crc:
-        raise McapError("its index does not match its checksum")
-    stream.seek(0)
+@dataclass
+class _Messages:
+    """The messages of the wanted topics within a time, as they are gathered from a file.
 
-
-def _check_claims(reader: SeekingReader, stream: BinaryIO) -> None:
-    """Check the unpacked size of chunks before any is unpacked, and the attachments."""
-    size, summary = stream.seek(0, os.SEEK_END), reader.get_summary()
-    claims.check_index(claims.chunk_claims(stream, size), summary.chunk_indexes if summary else ())
-    for index in summary.attachment_indexes if summary else ():
-        stream.seek(index.offset)
-        check_attachment(stream.read(index.length))
-
-
-def check_attachment(record_bytes: bytes) -> None:
-    """Check an attachment against its checksum, which the library does not do.
-
-    Raises
-    ------
-    McapError
-        If it does not match.
+    Parameters
+    ----------
+    file : Layout
+    wanted : list of str or None
+        Topics and patterns; None for all.
+    start_ns, end_ns : int or None
+        The first and last time; None for no limit.
+    of_topic : dict of str to list of (time, content)
     """
-    checksum = int.from_bytes(record_bytes[-CHECKSUM_SIZE:], "little")
-    if zlib.crc32(record_bytes[claims.FRAME.size : -CHECKSUM_SIZE]) != checksum:
-        raise McapError("an attachment does not match its checksum")
 
+    file: Layout
+    wanted: list[str] | None
+    start_ns: int | None
+    end_ns: int | None
+    of_topic: dict[str, list[tuple[int, bytes]]] = field(default_factory=lambda: defaultdict(list))
+    schemas: dict[int, Schema] = field(default_factory=dict)
+    channels: dict[int, Channel] = field(default_factory=dict)
+    _chosen: dict[int, bool] = field(default_factory=dict)
 
-def _chosen_channels(path: Path, reader: SeekingReader, wanted: list[str] | None) -> dict[str, str]:
-    """Return the wanted topics of a file, each with the name of its schema."""
-    summary = reader.get_summary()
-    if summary is None:
-        raise McapError("it has no summary")
-    schemas: dict[int, Schema] = summary.schemas
-    channels: Iterable[Channel] = summary.channels.values()
-    available = {
-        channel.topic: schemas[channel.schema_id].name
-        for channel in channels
-        if channel.message_encoding == "protobuf" and schemas[channel.schema_id].name in columns.DECODERS
-    }
-    if wanted is None:
-        return available
-    for pattern in wanted:
-        if "*" not in pattern and pattern not in available:
-            raise RecordingError(
-                f"{path} has no topic {pattern!r}; choose from {', '.join(sorted(available)) or 'none'}"
-            )
-    return {
-        topic: schema
-        for topic, schema in available.items()
-        if any(fnmatchcase(topic, pattern) for pattern in wanted)
-    }
+    def __post_init__(self) -> None:
+        """Begin with what the summary describes."""
+        self.schemas |= self.file.schemas
+        self.channels |= self.file.channels
 
+    def read(self) -> None:
+        """Read what is asked for: all chunks only if that is needed to know which topics there are."""
+        heads, num_messages, is_whole = self.file.chunk_heads(), 0, True
+        if self.file.has_loose_messages:
+            self.file.check_data()
+        for frame in self.file.data:
+            if frame.opcode in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE):
+                num_messages += self._add(record(self.file.stream, frame))
+            elif frame.opcode == Opcode.CHUNK:
+                if not self._is_needed(frame, heads[frame.offset]):
+                    is_whole = False
+                    continue
+                chunk = record(self.file.stream, frame)
+                for entry in records_in(chunk) if isinstance(chunk, Chunk) else ():
+                    num_messages += self._add(entry)
+                    claims.check_total(0, num_messages, self.file.size)
+        counted = None if self.file.statistics is None else self.file.statistics.message_count
+        if is_whole and counted not in (None, num_messages):
+            raise McapError(f"its summary counts {counted} messages; {num_messages} are there")
+        for messages in self.of_topic.values():
+            messages.sort(key=itemgetter(0))
 
-def _messages(
-    reader: SeekingReader, chosen: Iterable[str], start_s: float | None, end_s: float | None, size: int
-) -> dict[str, list[tuple[int, bytes]]]:
-    """Return the times (ns) and contents of the messages of each topic, in order of time."""
-    messages: dict[str, list[tuple[int, bytes]]] = defaultdict(list)
-    most = claims.most_messages(size)
-    decoded = reader.iter_messages(
-        topics=list(chosen),
-        starting_at=None if start_s is None or start_s == -inf else round(start_s * topics.NANOSECONDS),
-        ending_before=None if end_s is None or end_s == inf else round(end_s * topics.NANOSECONDS) + 1,
-        # a queue that orders the messages of all topics takes as long as all the rest
-        log_time_order=False,
-    )
-    for count, (_schema, channel, message) in enumerate(decoded, start=1):
-        if count > most:
-            raise McapError(f"it holds more than {most} messages, which is all that is read of {size} bytes")
-        messages[channel.topic].append((message.log_time, message.data))
-    for of_topic in messages.values():
-        of_topic.sort(key=itemgetter(0))
-    return messages
+    def _is_needed(self, frame: Extent, head: claims.ChunkHead) -> bool:
+        """Return whether a chunk may hold what is asked for."""
+        if not self.file.names_all_channels or self.file.has_loose_messages:
+            return True
+        is_early = self.start_ns is not None and head.end_ns < self.start_ns
+        is_late = self.end_ns is not None and head.start_ns > self.end_ns
+        if is_early or is_late:
+            return False
+        chosen = [number for number in self.channels if self._is_chosen(number)]
+        return bool(chosen) and self.file.may_hold(frame.offset, chosen)
+
+    def _add(self, entry: McapRecord) -> bool:
+        """Keep what a record describes, or a message that is asked for; return whether it is a message."""
+        if isinstance(entry, Schema):
+            self.schemas.setdefault(entry.id, entry)
+        elif isinstance(entry, Channel):
+            self.channels.setdefault(entry.id, entry)
+        elif isinstance(entry, Message):
+            if entry.channel_id not in self.channels:
+                raise McapError("it holds a message of a channel that it does not describe")
+            is_early = self.start_ns is not None and entry.log_time < self.start_ns
+            is_late = self.end_ns is not None and entry.log_time > self.end_ns
+            if not (is_early or is_late) and self._is_chosen(entry.channel_id):
+                self.of_topic[self.channels[entry.channel_id].topic].append((entry.log_time, entry.data))
+            return True
+        return False
+
+    def _schema(self, number: int) -> str | None:
+        """Return the name of a channel's schema; None if messages of it are not read."""
+        channel = self.channels[number]
+        if channel.message_encoding != "protobuf" or channel.schema_id == NO_SCHEMA:
+            return None
+        if channel.schema_id not in self.schemas:
+            raise McapError(f"it does not describe the schema of {channel.topic}")
+        name = self.schemas[channel.schema_id].name
+        return name if name in columns.DECODERS else None
+
+    def _is_chosen(self, number: int) -> bool:
+        """Return whether messages of a channel are asked for, and can be decoded."""
+        if number not in self._chosen:
+            topic, patterns = self.channels[number].topic, ["*"] if self.wanted is None else self.wanted
+            is_wanted = any(fnmatchcase(topic, pattern) for pattern in patterns)
+            self._chosen[number] = is_wanted and self._schema(number) is not None
+        return self._chosen[number]
+
+    def schema_of(self, path: Path) -> dict[str, str]:
+        """Return the topics that are asked for, each with the name of its schema.
+
+        Raises
+        ------
+        RecordingError
+            If one is not there, or has messages of two kinds.
+        """
+        available: dict[str, str] = {}
+        for number, channel in self.channels.items():
+            name = self._schema(number)
+            if name is not None and available.setdefault(channel.topic, name) != name:
+                raise RecordingError(
+                    f"{path} has messages of two kinds on {channel.topic}, {available[channel.topic]} and "
+                    f"{name}, but a table needs one; write each on a topic of its own"
+                )
+        for pattern in self.wanted or ():
+            if "*" not in pattern and pattern not in available:
+                raise RecordingError(
+                    f"{path} has no topic {pattern!r}; choose from {', '.join(sorted(available)) or 'none'}"
+                )
+        chosen = {self.channels[number].topic for number in self.channels if self._is_chosen(number)}
+        return {topic: schema for topic, schema in available.items() if topic in chosen}
 
 
 def _topic_columns(
-    topic: str, schema: str, messages: list[tuple[int, bytes]], metadata: Mapping[str, Mapping[str, str]]
+    path: Path,
+    topic: str,
+    schema: str,
+    messages: list[tuple[int, bytes]],
+    epoch_ns: int,
+    metadata: Mapping[str, Mapping[str, str]],
 ) -> TopicColumns:
     """Decode the messages of a topic to columns with units."""
-    decoded = columns.DECODERS[schema]([content for _, content in messages])
+    try:
+        decoded = columns.DECODERS[schema]([content for _, content in messages])
+    except RecordingError as error:
+        raise RecordingError(f"{path}: on {topic}, {error}") from error
+    except DAMAGE as error:
+        raise RecordingError(
+            f"{path} has messages on {topic} that are not of its schema, {schema} "
+            f"({error or type(error).__name__}), and cannot be decoded; read other topics of it"
+        ) from error
     units = {field: topics.unit_of(field) for field in decoded}
     fis_metadata = metadata.get(topics.FIS_METADATA_PREFIX + topic.removeprefix(topics.FIS_PREFIX))
     if topic.startswith(topics.FIS_PREFIX) and fis_metadata is not None and "input_units" in fis_metadata:
         units["inputs"] = ", ".join(FisDescription.from_metadata(fis_metadata).input_units)
     if topic == topics.CHIEF_POINTS and "state" not in decoded:
-        raise ValueError(f"the points on {topic} have no colours")
+        raise RecordingError(
+            f"{path}: the points on {topic} have no colours, which tell their states; read other topics of it"
+        )
     if topic == topics.CHIEF_PULLS:
         units |= metadata.get(topics.PULLS_METADATA, {})
-    time_s = np.array([time_ns for time_ns, _ in messages], dtype=np.float64) / topics.NANOSECONDS
-    return TopicColumns(topic, schema, time_s, decoded, units)
+    time_ns = np.array([time_ns - epoch_ns for time_ns, _ in messages], dtype=np.float64)
+    return TopicColumns(topic, schema, time_ns / topics.NANOSECONDS, decoded, units)

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 
 from telemetry.array_types import Floats
 from telemetry.file import RecordingError, columns, topics
-from telemetry.file.metadata import EpisodeDescription, FisDescription, Rehearsal
+from telemetry.file.metadata import EpisodeDescription, FisDescription, Rehearsal, epoch_of
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -107,6 +108,11 @@ class Recording(Mapping[str, TopicColumns]):
     def episode(self) -> EpisodeDescription:
         """Description of the episode; unknown values are None."""
         return EpisodeDescription.from_metadata(self.metadata.get(topics.EPISODE_METADATA, {}))
+
+    @property
+    def epoch(self) -> datetime | None:
+        """The time, UTC, at which the simulation time is 0; None where the mission has none."""
+        return epoch_of(self.metadata.get(topics.EPISODE_METADATA, {}))
 
     @property
     def rehearsals(self) -> dict[str, Rehearsal]:

@@ -1,28 +1,32 @@
-"""Recovery of what is provably intact in a truncated or damaged recording.
+"""Recovery of what is intact in a truncated or damaged recording.
 
 A record counts if all of its bytes are there. A chunk of messages counts as a whole, if its checksum matches;
-a chunk that was being written when the file was truncated has no matching one.
+a chunk that was being written when the file was truncated has no matching one. Where the writer gave no
+checksums, as the format allows, whatever can be read counts, and is told as unchecked. A message outside
+chunks counts in a file whose chunks have checksums only if the data as a whole have one that matches:
+otherwise a damaged record may look like it.
 """
 
-from collections.abc import Iterator
+import zlib
 from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
 from typing import Final
 
 from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, Chunk, Footer, McapRecord, Message, Metadata, Schema
-from mcap.stream_reader import StreamReader, breakup_chunk
+from mcap.records import Attachment, Channel, Chunk, DataEnd, McapRecord, Message, Metadata, Schema
 from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 
 from fis_tools.file_access import read_bytes, replacing
 from telemetry.file import RecordingError, claims, explained, topics
-from telemetry.file.metadata import sealed, unsealed
+from telemetry.file.claims import ChunkHead
+from telemetry.file.metadata import epoch_ns_of, sealed, unsealed
 from telemetry.file.partial_file import PARTIAL_SUFFIX
-from telemetry.file.reader import DAMAGE, check_attachment
+from telemetry.file.reader import DAMAGE
+from telemetry.file.records import FRAME, KNOWN, NO_SCHEMA, Extent, frames, record, records_in
 
-_KNOWN: Final = frozenset(map(int, Opcode))
-
+#: kinds of records from here on are for everybody's own use
+FIRST_PRIVATE: Final = 0x80
 #: of a recording that is rescued, which is read at once; an hour's flight takes some MB
 MOST_BYTES = 256 * 1024**2
 
@@ -37,6 +41,12 @@ class Recovery:
         Bytes of the source outside complete records.
     num_damaged_records : int
         Complete records with wrong bytes.
+    num_unchecked : int
+        Messages that no checksum covers.
+    has_checksums : bool
+        Whether the chunks of the source have any.
+    refused : str
+        Why some records are not read, though they may be intact; empty if all are.
     is_finished : bool
         Whether the source ends as a recording does.
     output : Path or None
@@ -47,6 +57,9 @@ class Recovery:
 
     num_bytes_lost: int
     num_damaged_records: int = 0
+    num_unchecked: int = 0
+    has_checksums: bool = False
+    refused: str = ""
     is_finished: bool = False
     output: Path | None = None
     metadata: list[Metadata] = field(default_factory=list)
@@ -56,7 +69,7 @@ class Recovery:
     chunks: list[list[Message]] = field(default_factory=list)
 
     def add(self, record: McapRecord) -> None:
-        """Keep a record; schemas and channels appear in a chunk and again in the summary."""
+        """Keep a record; schemas and channels appear before messages and again in the summary."""
         if isinstance(record, Metadata):
             self.metadata.append(record)
         elif isinstance(record, Attachment):
@@ -70,7 +83,8 @@ class Recovery:
 
     def drop_unexplained(self) -> None:
         """Drop messages of channels that no intact record describes: they cannot be decoded."""
-        self.channels = {i: c for i, c in self.channels.items() if c.schema_id in self.schemas}
+        known = {*self.schemas, NO_SCHEMA}
+        self.channels = {i: c for i, c in self.channels.items() if c.schema_id in known}
         self.chunks = [[m for m in chunk if m.channel_id in self.channels] for chunk in self.chunks]
 
     @property
@@ -82,7 +96,9 @@ class Recovery:
     def end_s(self) -> float | None:
         """Simulation time of the last one; None if there is none."""
         times = [message.log_time for chunk in self.chunks for message in chunk]
-        return max(times) / topics.NANOSECONDS if times else None
+        episodes = [entry.metadata for entry in self.metadata if entry.name == topics.EPISODE_METADATA]
+        epoch_ns = epoch_ns_of(episodes[-1]) if episodes else 0
+        return (max(times) - epoch_ns) / topics.NANOSECONDS if times else None
 
 
 def recover(path: Path | str, output: Path | str | None = None) -> Recovery:
@@ -109,8 +125,12 @@ def recover(path: Path | str, output: Path | str | None = None) -> Recovery:
     name = path.name.removesuffix(PARTIAL_SUFFIX).removesuffix(".mcap")
     output = path.with_name(f"{name}.recovered.mcap") if output is None else Path(output)
     recovery = _scan(_content(path))
-    if not recovery.is_finished or recovery.num_damaged_records:
+    if not recovery.is_finished or recovery.num_damaged_records or recovery.refused:
         if not recovery.metadata and not recovery.num_messages:
+            if recovery.refused:
+                raise RecordingError(
+                    f"{path} is not read: {recovery.refused}; write it anew within these limits"
+                )
             raise RecordingError(
                 f"nothing in {path} is intact: it ends before its first flushed step; fly the episode again"
             )
@@ -134,64 +154,78 @@ def _content(path: Path) -> bytes:
 def _scan(content: bytes) -> Recovery:
     """Return every intact record of a damaged file."""
     recovery = Recovery(num_bytes_lost=max(0, len(content) - len(MCAP0_MAGIC)))
-    room = claims.most_unpacked(len(content))
-    for record_bytes in _whole_records(content):
-        recovery.num_bytes_lost -= len(record_bytes)
+    source, unpacked, loose, is_in_data = BytesIO(content), 0, Recovery(0, chunks=[[]]), True
+    for frame in frames(source, len(content)):
+        recovery.num_bytes_lost -= FRAME.size + frame.length
+        recovery.is_finished = frame.opcode == Opcode.FOOTER
         try:
-            if record_bytes[0] == Opcode.CHUNK:
-                room -= claims.check_chunk(record_bytes[claims.FRAME.size :])
-                if room < 0 or recovery.num_messages > claims.most_messages(len(content)):
-                    raise ValueError("more than a recording of this size holds")
-            record = _parse(record_bytes)
-            records = _chunk_records(record) if isinstance(record, Chunk) else [record]
+            unpacked += _claimed(content, frame)
+            claims.check_total(unpacked, recovery.num_messages + loose.num_messages, len(content))
+            entry = _entry(source, frame)
+            if isinstance(entry, Message):
+                if not is_in_data:
+                    raise ValueError("a message after the end of the data")
+                loose.add(entry)
+                continue
+            _add(recovery, entry)
+        except claims.NotReadError as error:
+            recovery.refused = recovery.refused or str(error)
         except DAMAGE:
             recovery.num_damaged_records += 1
-            continue
-        if isinstance(record, Chunk):
-            recovery.chunks.append([])
-        for part in records:
-            recovery.add(part)
-        recovery.is_finished = isinstance(record, Footer)
+        else:
+            if isinstance(entry, DataEnd):
+                is_in_data = False
+                checksum = entry.data_section_crc
+                loose.is_finished = checksum != 0 and zlib.crc32(content[: frame.offset]) == checksum
     if content[len(content) - recovery.num_bytes_lost :] == MCAP0_MAGIC:
         recovery.num_bytes_lost = 0
     else:
         recovery.is_finished = False
+    _add_loose(recovery, loose)
     recovery.drop_unexplained()
     return recovery
 
 
-def _whole_records(content: bytes) -> Iterator[bytes]:
-    """Yield every complete record, up to the footer, which is the last one."""
-    start = len(MCAP0_MAGIC)
-    while start + claims.FRAME.size <= len(content):
-        opcode, length = claims.FRAME.unpack_from(content, start)
-        end = start + claims.FRAME.size + length
-        if end > len(content):
-            return
-        yield content[start:end]
-        if opcode == Opcode.FOOTER:
-            return
-        start = end
+def _claimed(content: bytes, frame: Extent) -> int:
+    """Return how many bytes a record unpacks to, checked; 0 if it is no chunk."""
+    begin = frame.offset + FRAME.size
+    return ChunkHead.of(content[begin : frame.end]).size if frame.opcode == Opcode.CHUNK else 0
 
 
-def _parse(record_bytes: bytes) -> McapRecord:
-    """Return the record that some bytes encode; raise one of `DAMAGE` if they are damaged."""
-    if record_bytes[0] not in _KNOWN:  # such as each nine zeros of a disk's empty blocks
+def _entry(source: BytesIO, frame: Extent) -> McapRecord | None:
+    """Return a record, None for one of a kind that is everybody's own; raise one of `DAMAGE` if damaged."""
+    if frame.opcode >= FIRST_PRIVATE:
+        return None
+    if frame.opcode not in KNOWN:  # such as each nine zeros of a disk's empty blocks
         raise ValueError("no record of the format")
-    if record_bytes[0] == Opcode.MESSAGE:
-        raise ValueError("message outside a chunk, without a checksum")
-    if record_bytes[0] == Opcode.ATTACHMENT:
-        check_attachment(record_bytes)
-    record = next(StreamReader(BytesIO(record_bytes), skip_magic=True, emit_chunks=True).records)
-    if isinstance(record, Metadata):
-        return Metadata(record.name, unsealed(record.name, record.metadata))
-    return record
+    entry = record(source, frame)
+    if isinstance(entry, Metadata):
+        return Metadata(entry.name, unsealed(entry.name, entry.metadata))
+    return entry
 
 
-def _chunk_records(chunk: Chunk) -> list[McapRecord]:
-    if chunk.uncompressed_crc == 0:
-        raise ValueError("chunk without a checksum")
-    return breakup_chunk(chunk, validate_crc=True)
+def _add(recovery: Recovery, entry: McapRecord | None) -> None:
+    """Keep a record, of a chunk all that is in it."""
+    if not isinstance(entry, Chunk):
+        if entry is not None:
+            recovery.add(entry)
+        return
+    parts = records_in(entry)
+    recovery.chunks.append([])
+    for part in parts:
+        recovery.add(part)
+    recovery.num_unchecked += 0 if entry.uncompressed_crc else len(recovery.chunks[-1])
+    recovery.has_checksums |= entry.uncompressed_crc != 0
+
+
+def _add_loose(recovery: Recovery, loose: Recovery) -> None:
+    """Keep the messages outside chunks, if a checksum covers them, or the file has none."""
+    is_checked = loose.is_finished
+    if recovery.has_checksums and not is_checked:
+        recovery.num_damaged_records += loose.num_messages
+    elif loose.num_messages:
+        recovery.chunks += loose.chunks
+        recovery.num_unchecked += 0 if is_checked else loose.num_messages
 
 
 def _write(source: Path, output: Path, recovery: Recovery) -> None:
@@ -225,7 +259,7 @@ def _copy(writer: Writer, source: Path, recovery: Recovery) -> None:
     for kind in recovery.schemas.values():
         schemas[kind.id] = writer.register_schema(kind.name, kind.encoding, kind.data)
     for channel in recovery.channels.values():
-        schema = schemas[channel.schema_id]
+        schema = schemas.get(channel.schema_id, NO_SCHEMA)
         channels[channel.id] = writer.register_channel(
             channel.topic, channel.message_encoding, schema, channel.metadata
         )

@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike
 from telemetry.array_types import Booleans, Floats, Integers
 from telemetry.file import RecordingError, explained, topics
 from telemetry.file.messages import LOG_LEVELS, cloud_of, encode, nanoseconds, point_cloud, rows, transform
-from telemetry.file.metadata import sealed
+from telemetry.file.metadata import epoch_ns_of, sealed
 from telemetry.file.partial_file import PARTIAL_SUFFIX, PartialFile
 from telemetry.file.schema import inspection_pb2
 
@@ -63,7 +63,8 @@ class EpisodeWriter:
     path : Path or str
         The file to write; an existing one is replaced when the new one is complete.
     metadata : mapping of str to mapping of str to str
-        `episode`, and ``fis.<name>`` for each fuzzy system, encoded by `telemetry.file.metadata`.
+        `episode`, and ``fis.<name>`` for each fuzzy system, encoded by `telemetry.file.metadata`. Time stamps
+        count from the episode's epoch, if it has one.
     attachments : mapping of str to bytes
         Files to store in the recording, by name.
 
@@ -80,6 +81,7 @@ class EpisodeWriter:
         self.path = Path(path)
         self._metadata = {name: dict(entries) for name, entries in metadata.items()}
         self._attachments = dict(attachments)
+        self._epoch_ns = epoch_ns_of(self._metadata.get(topics.EPISODE_METADATA, {}))
         self._channels: dict[str, tuple[int, type[Message]]] = {}
         #: times, channels and contents of the messages that are not in the file yet
         self._waiting: list[tuple[int, int, bytes]] = []
@@ -285,7 +287,7 @@ class EpisodeWriter:
         if not len(time_ns):
             return
         if "timestamp" in kind.DESCRIPTOR.fields_by_name:
-            seconds, nanos = np.divmod(time_ns, topics.NANOSECONDS)
+            seconds, nanos = np.divmod(time_ns + self._epoch_ns, topics.NANOSECONDS)
             columns = {"timestamp": {"seconds": seconds, "nanos": nanos}, **columns}
         times = time_ns.tolist()
         is_full = len(self._waiting_times) >= SAMPLES_PER_CHUNK
@@ -319,8 +321,9 @@ class EpisodeWriter:
         if not given:
             return
         for number, (time_ns, sample) in enumerate(groupby(given, _TIME), start=1):
+            stamp = self._epoch_ns + time_ns
             for _, channel, content in sample:
-                self._mcap.add_message(channel, time_ns, content, time_ns, self._num_written[channel])
+                self._mcap.add_message(channel, stamp, content, stamp, self._num_written[channel])
                 self._num_written[channel] += 1
             if number % SAMPLES_PER_CHUNK == 0:
                 self._mcap.flush()  # type: ignore[no-untyped-call]

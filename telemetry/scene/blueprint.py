@@ -1,6 +1,8 @@
 """Layouts of the views, for a window of about 1600 x 900, and the entities that they share."""
 
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from datetime import datetime
 from typing import Any, Final
 
 import numpy as np
@@ -14,6 +16,8 @@ from telemetry.scene.drawing import MAP_HEIGHT, MAP_NAME_WIDTH, MAP_WIDTH
 
 #: the timeline of a flight, s
 TIME: Final = "time"
+#: the same as dates of UTC, of a flight whose mission has an epoch
+DATE: Final = "date"
 #: an hour of flight in a minute
 PLAYBACK_SPEED: Final = 60.0
 
@@ -182,14 +186,38 @@ def _rule_map() -> rrb.View:
     return rrb.Spatial2DView(origin=RULE_MAP, name=name, background=BACKGROUND, visual_bounds=bounds)
 
 
-Stream = rr.RecordingStream
+@dataclass(frozen=True)
+class Stream:
+    """Where a scene is sent to.
+
+    Parameters
+    ----------
+    recording : rr.RecordingStream
+    epoch : datetime or None
+        The time, UTC, at which the simulation time is 0; with it the timeline `DATE` is there, too.
+    """
+
+    recording: rr.RecordingStream
+    epoch: datetime | None = None
+
+    def log(self, entity: str, content: Any, *, static: bool) -> None:
+        """Log an entity's content."""
+        self.recording.log(entity, content, static=static)
+
+
 BODY_COLOUR: Final = (44, 48, 62)
 SHELL_COLOUR: Final = (105, 42, 48)
 
 
 def send(stream: Stream, entity: str, time_s: Floats, columns: Iterable[rr.ComponentColumn]) -> None:
     """Send the components of an entity at each time."""
-    stream.send_columns(entity, [rr.TimeColumn(TIME, duration=time_s)], columns)
+    times = [rr.TimeColumn(TIME, duration=time_s)]
+    if stream.epoch is not None:
+        # numpy's times have no zone, and are of UTC
+        start = np.datetime64(stream.epoch.replace(tzinfo=None), "ns")
+        since = np.rint(np.asarray(time_s) * 1e9).astype(np.int64).astype("timedelta64[ns]")
+        times.append(rr.TimeColumn(DATE, timestamp=start + since))
+    stream.recording.send_columns(entity, times, columns)
 
 
 def send_chief(stream: Stream, radius_m: float | None) -> None:

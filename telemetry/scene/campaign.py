@@ -61,7 +61,8 @@ def scene(path: Path) -> Scene:
     farthest_m = float(np.percentile(evaluation.distance_m.max(axis=1), 90))
     layout = blueprint.campaign(distance, farthest_m=farthest_m)
 
-    def send_all(stream: blueprint.Stream) -> None:
+    def send_all(recording_stream: rr.RecordingStream) -> None:
+        stream = blueprint.Stream(recording_stream)
         surroundings = evaluation.surroundings
         blueprint.send_chief(stream, surroundings.chief_radius_m)
         blueprint.send_limits(stream, surroundings.min_distance_m, surroundings.max_distance_m)

@@ -184,6 +184,8 @@ def _facts(recording: Recording) -> list[tuple[str, str]]:
         ("distance", f"{outcome['min_distance_m']:.1f} to {outcome['max_distance_m']:.1f} m"),
         ("duration", f"{recording[topics.MISSION].time_s[-1]:.0f} s"),
     ]
+    if recording.epoch is not None:
+        facts.append(("start", f"{recording.epoch:%Y-%m-%d %H:%M:%S} UTC"))
     inspectable = outcome["inspectable_count"]
     if 0 < inspectable < num_points:
         facts.insert(1, ("ever lit", f"{inspectable} points"))

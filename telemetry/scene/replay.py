@@ -65,7 +65,8 @@ def scene(paths: Sequence[Path]) -> Scene:
     trails = [blueprint.trail_path(index) for index in range(len(recordings))]
     layout = blueprint.replay(mission, effort, fis, farthest_m=farthest_m, boresight=boresight, trails=trails)
 
-    def send_all(stream: Stream) -> None:
+    def send_all(recording_stream: rr.RecordingStream) -> None:
+        stream = Stream(recording_stream, recordings[0].epoch)
         blueprint.send_curves(stream, (*mission, *effort, *fis))
         _send_flight(stream, recordings[0])
         _send_plans(stream, recordings[0])

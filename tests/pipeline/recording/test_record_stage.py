@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mcap.reader import make_reader
 
 import telemetry
 from pipeline.command_line.config import Job, compose_experiment
@@ -17,6 +18,7 @@ from pipeline.scenarios import evaluation_scenarios, training_scenarios
 from pipeline.stages import record
 from tests.pipeline.command_line.cases import EVALUATE
 from tests.pipeline.recording import cases
+from tests.pipeline.settings.test_orbit import VANGUARD
 from tests.pipeline.stages.cases import carried_out
 
 pytestmark = pytest.mark.slow
@@ -192,3 +194,25 @@ def test_a_flight_that_leaves_the_limits_says_so(tmp_path, capsys, speed, senten
     start = "deputy.initial_position_m=[50,0,0]", f"deputy.initial_velocity_m_s=[{speed},0,0]"
     carried_out(cases.composed("controller=coast", "duration_s=60.0", *start), tmp_path)
     assert sentence in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "time_s"),
+    [
+        # date -u -d 2026-11-26T11:00:00 +%s
+        (["orbit=altitude", "orbit.epoch=2026-11-26T12:00:00+01:00"], 1_795_690_800.0),
+        # the day 179.78495062 of the year 2000, 946684800 s being its beginning
+        (
+            ["dynamics=two_body", "orbit.kind=tle", f"+orbit.tle={list(VANGUARD)}"],
+            946_684_800.0 + 178.78495062 * 86_400.0,
+        ),
+        (["duration_s=100"], 0.0),
+    ],
+)
+def test_time_stamps_count_from_the_missions_epoch(words, time_s, tmp_path):
+    flight = cases.staged(tmp_path, "duration_s=100", "controller=lqr", *words)
+    np.testing.assert_array_equal(flight["/mission"].time_s, np.arange(0.0, 101.0, 10.0))
+    assert flight.epoch is None or flight.epoch.timestamp() == pytest.approx(time_s, abs=1e-4)
+    with flight.path.open("rb") as stream:
+        stamps = [message.log_time / 1e9 for _, _, message in make_reader(stream).iter_messages()]
+    assert (stamps[0], stamps[-1]) == pytest.approx((time_s, time_s + 100.0), abs=1e-4)

@@ -251,3 +251,17 @@ def test_points_glow_by_how_much_they_add(short_file, tmp_path, monkeypatch):
     plain = flight["/chief/points"]["colour_rgba"].astype(np.uint32)
     np.testing.assert_array_equal(colours[:, 0] >> 24, plain[:, 0, 0])
     assert np.all(colours[10:, 3] >> 24 > plain[10:, 3, 0])
+
+
+def test_a_flight_with_an_epoch_is_shown_with_its_date(tmp_path):
+    flight = synthetic_flight.fly(4)
+    metadata = synthetic_flight.metadata(flight)
+    metadata["episode"]["epoch"] = "2026-11-26T12:00:00"
+    path = synthetic_flight.record(flight, tmp_path / "dated.mcap", metadata=metadata)
+    content = saved(replay.scene([path]), tmp_path)
+    (batch,) = content.batches["/scene/deputy"]
+    dates = batch.column("date").cast("timestamp[ns]").to_numpy()
+    expected = np.datetime64("2026-11-26T12:00:00") + np.arange(0, 50, 10).astype("timedelta64[s]")
+    np.testing.assert_array_equal(dates, expected)
+    (words,) = content.column("/summary", "TextDocument:text")
+    assert "| start | 2026-11-26 12:00:00 UTC |" in words[0]
