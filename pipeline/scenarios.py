@@ -139,9 +139,9 @@ def start_shown(experiment: Experiment) -> tuple[str, Scenario]:
 def evaluation_scenarios(
     experiment: Experiment, cases: slice | Sequence[int] = slice(None)
 ) -> list[Scenario]:
-    """Return the starts of the evaluation's cases, or of some of them."""
+    """Return the starts of the evaluation's cases, or of some: by number, or a slice of those flown."""
     monte_carlo = experiment.monte_carlo
-    chosen = range(monte_carlo.num_cases)[cases] if isinstance(cases, slice) else cases
+    chosen = monte_carlo.cases[cases] if isinstance(cases, slice) else cases
     if monte_carlo.table is not None:
         return _given(monte_carlo.table, experiment.seed, EVALUATION, chosen)
     return _drawn(experiment, monte_carlo, EVALUATION, chosen)

@@ -19,6 +19,7 @@ EXPERIMENT: Final = "experiment"
 _MODULES = {
     "commands": ("edit", "export_c", "warm"),
     "flown_again": ("fly",),
+    "merged": ("merge",),
     "results": ("compare", "summary", "verify"),
 }
 COMMANDS: Final = {name: module for module, names in _MODULES.items() for name in names}

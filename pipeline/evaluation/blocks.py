@@ -28,6 +28,8 @@ from pipeline.settings.sizes import BLOCK_ROWS
 
 #: the statistics of a block, after its number of rows
 Part = tuple[int, Statistic]
+#: returns the ranks of the ends of a percentile's interval, of the number of values, its share and confidence
+Ranks = Callable[[int, float, float], tuple[int, int]]
 #: bits of a number that one pass over all blocks decides
 DIGIT_BITS = 16
 
@@ -88,7 +90,9 @@ def joined_share(parts: Iterable[tuple[int, int]], confidence_percent: float) ->
     return fraction(is_so, confidence_percent)
 
 
-def percentiles(blocks: Callable[[], Iterable[Columns]], confidence_percent: float) -> dict[str, list[Any]]:
+def percentiles(
+    blocks: Callable[[], Iterable[Columns]], confidence_percent: float, ranks: Ranks | None = None
+) -> dict[str, list[Any]]:
     """Return percentiles with intervals by column, see `PERCENTS`.
 
     Parameters
@@ -96,30 +100,45 @@ def percentiles(blocks: Callable[[], Iterable[Columns]], confidence_percent: flo
     blocks : callable
         Returns the blocks anew each time, for several passes.
     confidence_percent : float
+    ranks : callable, optional
+        Returns the ranks of the interval's ends in place of those for a fixed number of flights, as
+        `pipeline.evaluation.sequential.order_ranks` does.
     """
     lengths = [len(block[next(iter(PERCENTS))]) for block in blocks()]
-    if len(lengths) == 1:
+    if len(lengths) == 1 and ranks is None:
         return next(iter([statistics.percentiles(block, confidence_percent) for block in blocks()]))
 
     def column(name: str) -> Callable[[], Iterable[Floats]]:
         return lambda: (block[name] for block in blocks())
 
     return {
-        name: [asdict(of) for of in _percentiles(column(name), sum(lengths), percents, confidence_percent)]
+        name: [
+            asdict(of)
+            for of in _percentiles(column(name), sum(lengths), percents, confidence_percent, ranks or _ranks)
+        ]
         for name, percents in PERCENTS.items()
     }
 
 
+def _ranks(number: int, share: float, confidence_percent: float) -> tuple[int, int]:
+    """Return the ranks, from 0, of the ends of a percentile's interval; see `statistics.percentile`."""
+    tail = 0.5 - confidence_percent / 200.0
+    return binomial_quantile(tail, number, share) - 1, binomial_quantile(1.0 - tail, number, share)
+
+
 def _percentiles(
-    blocks: Callable[[], Iterable[Floats]], number: int, percents: Sequence[float], confidence_percent: float
+    blocks: Callable[[], Iterable[Floats]],
+    number: int,
+    percents: Sequence[float],
+    confidence_percent: float,
+    ends_of: Ranks,
 ) -> list[Percentile]:
     """Return percentiles of the numbers of a column; see `statistics.percentile`, which sorts them."""
-    tail, ranks = 0.5 - confidence_percent / 200.0, []
+    ranks = []
     for share in (percent / 100.0 for percent in percents):
-        low = binomial_quantile(tail, number, share) - 1
-        high = binomial_quantile(1.0 - tail, number, share)
         # the first as `numpy.quantile` by the method inverted_cdf
-        ranks.append((max(math.ceil(number * share - 1.0), 0), low, high))
+        middle = max(math.ceil(number * share - 1.0), 0)
+        ranks.append((middle, *ends_of(number, share, confidence_percent)))
     inside = sorted({rank for each in ranks for rank in each if 0 <= rank < number})
     values = dict(zip(inside, selected(blocks, inside), strict=True))
     return [

@@ -116,18 +116,19 @@ def summarise_blocks(parts: Iterable[Columns], confidence_percent: float) -> dic
     """Return what `summarise` does of flights that come in blocks, see `pipeline.evaluation.blocks`."""
     means, shares = defaultdict[str, list[blocks.Part]](list), defaultdict[str, list[tuple[int, int]]](list)
     for part in parts:
-        names, is_so = _summarised(part)
+        names, is_so = summarised(part)
         for name in names:
             values = part[name]
-            means[name].append((len(values), statistic(values, confidence_percent, 0.0, _most(name))))
+            means[name].append((len(values), statistic(values, confidence_percent, 0.0, greatest_mean(name))))
         for name, share in is_so.items():
             shares[name].append((int(np.sum(share)), len(share)))
     return {
-        name: asdict(blocks.joined(of, confidence_percent, 0.0, _most(name))) for name, of in means.items()
+        name: asdict(blocks.joined(of, confidence_percent, 0.0, greatest_mean(name)))
+        for name, of in means.items()
     } | {name: asdict(blocks.joined_share(of, confidence_percent)) for name, of in shares.items()}
 
 
-def _summarised(episodes: Columns) -> tuple[list[str], dict[str, NDArray[np.bool_]]]:
+def summarised(episodes: Columns) -> tuple[list[str], dict[str, NDArray[np.bool_]]]:
     """Return the columns whose means are told, and what flights share."""
     names = ["delta_v_m_s", "inspection_rate_percent", "mean_distance_m"]
     shares = {"success": episodes["success"], "violated": episodes["violated"], SUCCESS: succeeds(episodes)}
@@ -149,7 +150,7 @@ def _summarised(episodes: Columns) -> tuple[list[str], dict[str, NDArray[np.bool
     return names, shares
 
 
-def _most(name: str) -> float:
+def greatest_mean(name: str) -> float:
     """Return the most that the mean of a quantity can be; the least is 0 for all that are summarised."""
     return 100.0 if name.endswith("_percent") else math.inf
 

@@ -155,11 +155,16 @@ def rank_correlation(first: Floats, second: Floats, confidence_percent: float) -
     ranks = [rankdata(values) - (len(values) + 1) / 2.0 for values in (first, second)]
     spread = math.sqrt(float(ranks[0] @ ranks[0]) * float(ranks[1] @ ranks[1]))
     value = float(ranks[0] @ ranks[1]) / spread if spread > 0.0 else 0.0
-    if len(first) < 4:
-        return Correlation(value, -1.0, 1.0)
-    reach = normal_quantile(confidence_percent) * math.sqrt((1.0 + value * value / 2.0) / (len(first) - 3))
+    return Correlation(value, *correlation_ends(value, len(first), normal_quantile(confidence_percent)))
+
+
+def correlation_ends(value: float, number: int, quantile: float) -> tuple[float, float]:
+    """Return the interval of a rank correlation, of a number of pairs and a normal quantile."""
+    if number < 4:
+        return -1.0, 1.0
+    reach = quantile * math.sqrt((1.0 + value * value / 2.0) / (number - 3))
     middle = math.atanh(max(-1.0 + 1e-12, min(1.0 - 1e-12, value)))
-    return Correlation(value, math.tanh(middle - reach), math.tanh(middle + reach))
+    return math.tanh(middle - reach), math.tanh(middle + reach)
 
 
 def normal_quantile(confidence_percent: float) -> float:

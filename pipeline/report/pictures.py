@@ -135,7 +135,7 @@ def _approach(contents: Contents) -> Iterator[Drawn]:
     yield from _front(contents)
     if contents.evaluation is None or controller is None:
         return
-    shown = range(min(MOST_DRAWN, experiment.monte_carlo.num_cases))
+    shown = experiment.monte_carlo.cases[:MOST_DRAWN]
     starts = evaluation_scenarios(experiment, shown)
     _, tracks = fly_tracked(mission, controller, starts, experiment.monte_carlo.workers)
     yield _captioned("approach", approach(tracks, mission.problem), "approach")

@@ -10,7 +10,7 @@ import signal
 import sys
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
@@ -139,7 +139,7 @@ def _first_line(error: BaseException) -> str:
 
 def run_on(
     client: Any, workers: Workers, function: Callable[..., Any], tasks: Sequence[tuple[Any, ...]]
-) -> Iterator[tuple[int, Any]]:
+) -> Generator[tuple[int, Any], None, None]:
     """Call a function with the arguments of each task; yield index and result of each as it ends.
 
     A result counts if what made it fits this process; what is declined, damaged or lost with its workers is

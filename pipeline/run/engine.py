@@ -4,7 +4,7 @@ A task is a function at the top of a module with its arguments. Its result depen
 is the same wherever the task runs and however often it has to be started again.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
 from contextlib import ExitStack, contextmanager
 from typing import Any, Final
@@ -37,7 +37,7 @@ class TaskPool:
 
     def run(
         self, function: Callable[..., Any], tasks: Sequence[tuple[Any, ...]]
-    ) -> Iterator[tuple[int, Any]]:
+    ) -> Generator[tuple[int, Any], None, None]:
         """Call a function with the arguments of each task; yield index and result of each as it ends.
 
         Raises
@@ -91,7 +91,7 @@ class ClusterPool(TaskPool):
 
     def run(
         self, function: Callable[..., Any], tasks: Sequence[tuple[Any, ...]]
-    ) -> Iterator[tuple[int, Any]]:
+    ) -> Generator[tuple[int, Any], None, None]:
         """Do tasks on the workers; see `pipeline.run.cluster.run_on`."""
         return cluster.run_on(self._client, self._workers, function, tasks)
 

@@ -1,6 +1,6 @@
 """Tables of a run's folder: Parquet and CSV, written atomically, and read back as columns."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, suppress
 from itertools import chain, islice
 from pathlib import Path
@@ -45,19 +45,36 @@ def notes_of(path: Path) -> dict[str, str]:
     return {}
 
 
-def join_parquet(path: Path, parts: Sequence[Path]) -> None:
+def join_parquet(
+    path: Path,
+    parts: Sequence[Path],
+    check: Callable[[Path, "RunTable", Mapping[str, str]], Any] = lambda *_: None,
+    num_rows: int | None = None,
+) -> None:
     """Join tables into one, byte for byte as if written at once, with few rows in memory.
 
     A column that a part leaves out, such as the velocities of starts at rest, is 0 there.
+
+    Parameters
+    ----------
+    path : Path
+    parts : sequence of Path
+    check : callable
+        Is called with the path, the columns and the notes of each part, and raises if they are wrong.
+    num_rows : int, optional
+        The first rows alone; all unless given.
     """
     widest = max(map(_schema_of, parts), key=len)
     # without the metadata that reading adds
     schema = pa.schema([(field.name, field.type) for field in widest])
-    left = schema.empty_table()
+    left, awaited = schema.empty_table(), num_rows
     with _writer(path, schema) as writer:
         for part in parts:
             with open_regular(part) as part_stream:
                 read = pq.read_table(part_stream)
+            check(part, _columns_of(part, read), notes_of(part))
+            read = read.slice(0, awaited)
+            awaited = None if awaited is None else awaited - len(read)
             zeros = np.zeros(len(read))
             columns = {name: read[name] if name in read.column_names else zeros for name in schema.names}
             left = pa.concat_tables([left, pa.table(columns, schema=schema)]).combine_chunks()
@@ -132,6 +149,10 @@ def read_parquet(folder: Path, name: str) -> RunTable:
         file = pq.ParquetFile(stream)
         _check_size(file, path)
         table = file.read()
+    return _columns_of(path, table)
+
+
+def _columns_of(path: Path, table: pa.Table) -> RunTable:
     return RunTable(path, {column: table[column].to_numpy() for column in table.column_names})
 
 

@@ -42,6 +42,14 @@ class MonteCarlo(Settings, group="monte_carlo"):
 
     num_cases: Annotated[types.Cases, EVALUATED] = 1000
     """Flights."""
+    only_cases: Annotated[types.CaseRange | None, Only("stages=evaluate")] = None
+    """A shard of these flights, [first case, the one after the last], for `merge`; null: all are flown."""
+    stop_width: Annotated[types.Positive | None, Only("stages=evaluate")] = None
+    """Width of the interval of stop_quantity at which flights end, at most num_cases; null: all are flown."""
+    stop_quantity: Annotated[
+        Literal["success_and_within_limits", "violated", "delta_v_m_s"], Only("monte_carlo.stop_width")
+    ] = "success_and_within_limits"
+    """Whose interval is to be so narrow: a share of the flights, or the mean delta-v (m/s)."""
     min_distance_m: Annotated[types.Positive, types.Follows()] = 50.0
     """Least distance of a start from the chief; null: 50, or what fits the limits and the camera."""
     max_distance_m: Annotated[types.Number, types.Follows()] = 100.0
@@ -63,6 +71,21 @@ class MonteCarlo(Settings, group="monte_carlo"):
         """Check that the shell's bounds ascend."""
         checks.shell("monte_carlo", self.min_distance_m, self.max_distance_m)
         start_table.check_count("monte_carlo", self.num_cases, self.table)
+        if self.only_cases is not None and self.only_cases[1] > self.num_cases:
+            raise SettingError(
+                f"monte_carlo.only_cases ends at {self.only_cases[1]}, and monte_carlo.num_cases is "
+                f"{self.num_cases}, of the whole campaign; raise that, or end earlier"
+            )
+        if self.only_cases is not None and self.stop_width is not None:
+            raise SettingError(
+                "monte_carlo.only_cases and monte_carlo.stop_width are given; where the whole would stop, a "
+                "shard of it does not know: leave one out"
+            )
+
+    @property
+    def cases(self) -> range:
+        """The numbers of the cases to fly."""
+        return range(*(self.only_cases or (0, self.num_cases)))
 
 
 class Optimum(
@@ -357,6 +380,11 @@ class Experiment(Settings, group=""):
             raise SettingError(
                 f"flight is reference and stages [{', '.join(self.stages)}]; the reference takes seconds a "
                 f"flight and flies for {', '.join(sorted(flown))} alone: leave flight=reference out"
+            )
+        if self.monte_carlo.only_cases is not None and not flown.issuperset(self.stages):
+            raise SettingError(
+                f"monte_carlo.only_cases is given and stages [{', '.join(self.stages)}]; a shard has "
+                f"{', '.join(sorted(flown))} alone: leave one of them out"
             )
         if "search" in self.stages and not self.hparams_search.space:
             raise SettingError(

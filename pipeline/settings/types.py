@@ -182,3 +182,5 @@ IntervalOf = Annotated[tuple[Bound, ...], AfterValidator(_pair)]
 Interval = IntervalOf[Number]
 PositiveInterval = IntervalOf[Positive]
 NotNegativeInterval = IntervalOf[NotNegative]
+#: the first case, and the one after the last
+CaseRange = IntervalOf[Annotated[Whole, Field(ge=0, le=sizes.MOST_CASES)]]

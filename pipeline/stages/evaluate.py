@@ -1,12 +1,11 @@
 """Fly the controller from all evaluation starts: episodes, trajectories, summary, the optimum."""
 
-import json
 import shlex
 import shutil
 import sys
 import time
 from collections.abc import Iterable, Mapping
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, closing
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -14,17 +13,17 @@ from typing import Any
 
 import numpy as np
 
-from fis_tools.plain_text import parse_json
 from pipeline.controllers.source import controller_of_run, sha256_of
-from pipeline.evaluation import blocks
+from pipeline.evaluation import blocks, parts, sequential
 from pipeline.evaluation.beside_optimum import beside_optimum, summarise_times, times_in_words
 from pipeline.evaluation.comparison import by_rules, spread
 from pipeline.evaluation.monte_carlo import SUCCESS, episode_columns, fly_cases, summarise_blocks
+from pipeline.evaluation.sequential import LOOK_CASES, Stop
 from pipeline.evaluation.statistics import Column, sensitivity
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.goals.flights import fly_all
 from pipeline.optimum.solved import IncomparableError, solved_for
-from pipeline.run import artifacts, engine, maker, manifests, tables, writing
+from pipeline.run import artifacts, engine, maker, tables, writing
 from pipeline.run.engine import TaskPool
 from pipeline.run.progress import Progress
 from pipeline.scenarios import evaluation_scenarios
@@ -32,8 +31,6 @@ from pipeline.settings.dispersions import distributions
 from pipeline.settings.experiment import Experiment
 from pipeline.settings.start_table import POSITION
 
-#: the note in the file of a part that tells who made it, as JSON
-MAKER = "maker"
 #: the flights of a campaign without its dispersions, until they are summarised
 NOMINAL = f"{artifacts.EPISODE_PARTS}/nominal.parquet"
 
@@ -43,21 +40,15 @@ def run(experiment: Experiment, folder: Path) -> None:
     controller = controller_of_run(experiment, folder)
     first = evaluation_scenarios(experiment, slice(1))
     fly_cases(experiment.mission, controller, first, 1)  # compiles if necessary
-    started, confidence = time.perf_counter(), experiment.monte_carlo.confidence_percent
-    with _open_pool(experiment) as pool:
+    started = time.perf_counter()
+    with _open_pool(experiment, folder) as pool:
         episodes = _flown(experiment, controller, folder, pool)
         seconds, num_cases = time.perf_counter() - started, len(episodes["case"])
-        dispersed = _dispersed(experiment, controller, episodes, folder, pool)
+        nominal = _nominal(experiment, controller, num_cases, folder, pool)
     summary = {
-        "controller": controller.name,
-        "controller_sha256": sha256_of(controller),
-        "sun": experiment.sun_in_words,
-        "num_cases": num_cases,
-        "seed": experiment.seed,
-        "confidence_percent": confidence,
-        **summarise_blocks(parts_of(episodes), confidence),
-        "percentiles": blocks.percentiles(partial(parts_of, episodes), confidence),
-        **dispersed,
+        **_subject(experiment, controller, num_cases),
+        **_results(experiment, episodes),
+        **({} if nominal is None else _dispersed(experiment, episodes, nominal)),
         "optimum": _beside_optimum(experiment, controller, folder),
     }
     writing.write_json(folder / artifacts.SUMMARY, summary)
@@ -70,9 +61,51 @@ def run(experiment: Experiment, folder: Path) -> None:
         f"success {100 * summary[SUCCESS]['fraction']:.1f} %, "
         f"outside {100 * summary['violated']['fraction']:.1f} %\n"
     )
+    sys.stderr.write(_stopped_in_words(summary))
     sys.stderr.write(_beside_in_words(summary["optimum"]))
     if (folder / artifacts.TRAJECTORIES).exists():
         sys.stderr.write(f"  to see them all: python -m telemetry campaign {shlex.quote(str(folder))}\n")
+
+
+def _subject(experiment: Experiment, controller: Controller, num_cases: int) -> dict[str, Any]:
+    """Return the part of a summary that tells what flew."""
+    cases = experiment.monte_carlo
+    stop = {"quantity": cases.stop_quantity, "width": cases.stop_width, "most_cases": cases.num_cases}
+    return {
+        "controller": controller.name,
+        "controller_sha256": sha256_of(controller),
+        "sun": experiment.sun_in_words,
+        "num_cases": num_cases,
+        **({} if cases.only_cases is None else {"only_cases": cases.only_cases}),
+        **({} if cases.stop_width is None else {"stop": stop}),
+        "seed": experiment.seed,
+        "confidence_percent": cases.confidence_percent,
+    }
+
+
+def _results(experiment: Experiment, episodes: Mapping[str, Column]) -> dict[str, Any]:
+    """Return the statistics of flights, whose intervals hold however their number came about."""
+    confidence, whole = experiment.monte_carlo.confidence_percent, partial(parts_of, episodes)
+    summary = summarise_blocks(whole(), confidence)
+    if experiment.monte_carlo.stop_width is None:
+        return {**summary, "percentiles": blocks.percentiles(whole, confidence)}
+    return {
+        **sequential.for_any_number(summary, len(episodes["case"]), confidence),
+        "percentiles": blocks.percentiles(whole, confidence, sequential.order_ranks),
+    }
+
+
+def _stopped_in_words(summary: Mapping[str, Any]) -> str:
+    """Return a line on whether flights stopped at the asked width; nothing if none was asked."""
+    if "stop" not in summary:
+        return ""
+    stop = summary["stop"]
+    width = summary[stop["quantity"]]["high"] - summary[stop["quantity"]]["low"]
+    how = "stopped" if width <= stop["width"] else f"not stopped within {stop['most_cases']:,} cases"
+    return (
+        f"  {how}: the interval of {stop['quantity']} is {width:.3g} wide, and {stop['width']:g} was asked; "
+        "all intervals hold for any number of flights\n"
+    )
 
 
 def parts_of(episodes: Mapping[str, Column]) -> Iterable[Mapping[str, Column]]:
@@ -90,10 +123,10 @@ def _done_in_words(summary: Mapping[str, Any]) -> str:
     )
 
 
-def _open_pool(experiment: Experiment) -> AbstractContextManager[TaskPool]:
+def _open_pool(experiment: Experiment, folder: Path) -> AbstractContextManager[TaskPool]:
     """Open what flies the parts of a campaign; the flights of a single part are flown here."""
     cases, settings = experiment.monte_carlo, experiment.engine
-    if not _is_in_parts(experiment) and settings.kind != "local":
+    if not _is_in_parts(experiment, folder) and settings.kind != "local":
         sys.stderr.write(
             f"  {cases.num_cases:,} cases are one part, which is flown here; a lower engine.part_cases makes "
             "several\n"
@@ -106,10 +139,13 @@ def _flown(
     experiment: Experiment, controller: Controller, folder: Path, pool: TaskPool
 ) -> Mapping[str, Column]:
     """Fly all cases and write their table; trajectories too, unless they are flown in parts."""
-    if _is_in_parts(experiment):
+    if _is_in_parts(experiment, folder):
         (folder / artifacts.TRAJECTORIES).unlink(missing_ok=True)
-        paths = _fly_parts(experiment, controller, folder / artifacts.EPISODE_PARTS / "cases", pool)
-        tables.join_parquet(folder / artifacts.EPISODES, paths)
+        cases, stop = experiment.monte_carlo, None
+        if cases.stop_width is not None:
+            stop = sequential.Stop(cases.stop_quantity, cases.stop_width, cases.confidence_percent)
+        path, parts_folder = folder / artifacts.EPISODES, folder / parts.FOLDERS[artifacts.EPISODES]
+        _fly_in_parts(experiment, controller, cases.cases, path, parts_folder, pool, stop)
         return tables.Columns(folder, artifacts.EPISODES)
     scenarios, workers = evaluation_scenarios(experiment), experiment.monte_carlo.workers
     episodes, tracks = fly_cases(experiment.mission, controller, scenarios, workers)
@@ -121,58 +157,60 @@ def _flown(
     return episodes
 
 
-def _is_in_parts(experiment: Experiment) -> bool:
-    """Return whether there are more cases than fit in one part."""
-    return experiment.monte_carlo.num_cases > experiment.engine.part_cases
+def _is_in_parts(experiment: Experiment, folder: Path) -> bool:
+    """Return whether flights are to be flown in parts: more than one has, a shard's, or what goes on so."""
+    cases = experiment.monte_carlo
+    is_begun = experiment.resume and any((folder / parts.FOLDERS[artifacts.EPISODES]).glob("*.parquet"))
+    is_cut = cases.only_cases is not None or cases.stop_width is not None
+    return cases.num_cases > experiment.engine.part_cases or is_cut or is_begun
 
 
-def _fly_parts(
-    experiment: Experiment, controller: Controller, parts_folder: Path, pool: TaskPool
-) -> list[Path]:
-    """Fly a campaign, each part into a file; a resumed one flies only the missing parts. Return the files."""
-    cases, length = experiment.monte_carlo, experiment.engine.part_cases
+def _fly_in_parts(
+    experiment: Experiment,
+    controller: Controller,
+    cases: range,
+    path: Path,
+    parts_folder: Path,
+    pool: TaskPool,
+    stop: Stop | None = None,
+) -> None:
+    """Fly cases, each part into a file, and join them; a resumed run flies only what is missing."""
     if not experiment.resume:
         shutil.rmtree(parts_folder, ignore_errors=True)
-    bounds = [(first, min(first + length, cases.num_cases)) for first in range(0, cases.num_cases, length)]
+    there = list(parts.kept(parts_folder, cases))
+    taken = (stop.take(part.first, part.columns) for part in there) if stop else ()
+    end = next(filter(None, taken), None)
     # a resumed run may be cut into other parts
-    paths = [parts_folder / f"{first:09d}-{last:09d}.parquet" for first, last in bounds]
-    left = [part for part, path in enumerate(paths) if not _is_kept(path)]
-    tasks = [(experiment, controller, bounds[part], pool.threads(cases.workers)) for part in left]
-    with Progress("part:", len(paths), len(paths) - len(left)) as progress:
-        results = enumerate(pool.run(_fly_and_sign, tasks), len(paths) - len(left) + 1)
-        for done, (index, (columns, made_by)) in results:
-            tables.write_parquet(paths[left[index]], columns, {MAKER: json.dumps(made_by)})
-            progress.show(done)
-    return paths
-
-
-def _is_kept(path: Path) -> bool:
-    """Return whether a part is there and tells who made it, who is then named in the manifest."""
-    if not path.exists():
-        return False
-    try:
-        made_by = parse_json(tables.notes_of(path)[MAKER])
-    except (KeyError, ValueError, RecursionError):
-        return False
-    if (
-        not manifests.fits(made_by, manifests.MAKER_SHAPE)
-        or not made_by.keys() >= manifests.MAKER_SHAPE.keys()
+    length = min(experiment.engine.part_cases, LOOK_CASES) if stop else experiment.engine.part_cases
+    left = [] if end else parts.missing(there, cases, length)
+    threads = pool.threads(experiment.monte_carlo.workers)
+    tasks = [(experiment, controller, bounds, threads) for bounds in left]
+    with (
+        Progress("part:", len(there) + len(left), len(there)) as progress,
+        closing(pool.run(fly_and_certify, tasks)) as results,
     ):
-        return False
-    maker.collect(made_by)
-    return True
+        for index, (columns, certificate) in results:
+            part = parts.CasePart(parts.path_of(parts_folder, *left[index]), *left[index])
+            parts.write(part.path, columns, certificate)
+            there.append(part)
+            progress.show(len(there))
+            if stop and (end := stop.take(part.first, columns)):
+                break
+    there.sort(key=lambda part: part.first)
+    parts.join(path, [part for part in there if end is None or part.first < end], end)
 
 
-def _fly_and_sign(*task: Any) -> tuple[dict[str, Column], dict[str, Any]]:
-    """Return what `fly_part` does, and who did it."""
-    return fly_part(*task), maker.present_maker()
+def fly_and_certify(*task: Any) -> tuple[dict[str, Column], dict[str, str]]:
+    """Return the columns that `fly_part` does, and their certificate, see `pipeline.evaluation.parts`."""
+    columns = fly_part(*task)
+    return columns, parts.certified(columns, [maker.present_maker()])
 
 
 def fly_part(
     experiment: Experiment, controller: Controller, bounds: tuple[int, int], workers: int | None
 ) -> dict[str, Column]:
     """Fly the cases from the first bound up to the second; return the columns of their table."""
-    scenarios = evaluation_scenarios(experiment, slice(*bounds))
+    scenarios = evaluation_scenarios(experiment, range(*bounds))
     outcomes = fly_all(experiment.mission, controller, scenarios, workers)
     return episode_columns(experiment.mission, scenarios, outcomes) | {"case": np.arange(*bounds)}
 
@@ -193,25 +231,37 @@ def _beside_optimum(experiment: Experiment, controller: Controller, folder: Path
     return {"reference": experiment.optimum.reference, "points_asked": points, **times}
 
 
+def _nominal(
+    experiment: Experiment, controller: Controller, num_cases: int, folder: Path, pool: TaskPool
+) -> Mapping[str, Column] | None:
+    """Fly the same cases without their dispersions; return None if there are none."""
+    if not experiment.mission.dispersions:
+        return None
+    undispersed = replace(experiment, mission=replace(experiment.mission, dispersions={}))
+    cases = experiment.monte_carlo.cases[:num_cases]
+    if not _is_in_parts(experiment, folder):
+        scenarios = evaluation_scenarios(experiment)
+        return fly_cases(undispersed.mission, controller, scenarios, experiment.monte_carlo.workers)[0]
+    is_shard = experiment.monte_carlo.only_cases is not None
+    name = artifacts.NOMINAL_EPISODES if is_shard else NOMINAL
+    parts_folder = folder / parts.FOLDERS[artifacts.NOMINAL_EPISODES]
+    _fly_in_parts(undispersed, controller, cases, folder / name, parts_folder, pool)
+    return tables.Columns(folder, name)
+
+
 def _dispersed(
-    experiment: Experiment, controller: Controller, episodes: Mapping[str, Any], folder: Path, pool: TaskPool
+    experiment: Experiment, episodes: Mapping[str, Column], nominal: Mapping[str, Column]
 ) -> dict[str, Any]:
-    """Return the sensitivity to each dispersion, and the results without any; {} if there are none."""
-    mission, confidence = experiment.mission, experiment.monte_carlo.confidence_percent
-    if not mission.dispersions:
-        return {}
-    keys = [distribution.key for distribution in distributions(mission.dispersions)]
-    undispersed = replace(experiment, mission=replace(mission, dispersions={}))
-    nominal: Mapping[str, Column]
-    if _is_in_parts(experiment):
-        paths = _fly_parts(undispersed, controller, folder / artifacts.EPISODE_PARTS / "nominal", pool)
-        tables.join_parquet(folder / NOMINAL, paths)
-        nominal = tables.Columns(folder, NOMINAL)
-    else:
-        scenarios, workers = evaluation_scenarios(experiment), experiment.monte_carlo.workers
-        nominal, _ = fly_cases(undispersed.mission, controller, scenarios, workers)
+    """Return the sensitivity to each dispersion, and the results without any."""
+    confidence = experiment.monte_carlo.confidence_percent
+    keys = [distribution.key for distribution in distributions(experiment.mission.dispersions)]
     ranked = sensitivity(episodes, keys, confidence)
-    return {"sensitivity": ranked, "nominal": summarise_blocks(parts_of(nominal), confidence)}
+    results = summarise_blocks(parts_of(nominal), confidence)
+    if experiment.monte_carlo.stop_width is not None:
+        number = len(episodes["case"])
+        ranked = [sequential.correlations_for_any_number(entry, number, confidence) for entry in ranked]
+        results = sequential.for_any_number(results, number, confidence)
+    return {"sensitivity": ranked, "nominal": results}
 
 
 def _beside_in_words(beside: Mapping[str, Any]) -> str:

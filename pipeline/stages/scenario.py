@@ -22,7 +22,7 @@ def run(experiment: Experiment, folder: Path) -> None:
 
     Those of an evaluation with more than `MOST_LISTED` cases are drawn only where they are flown.
     """
-    num_cases = experiment.monte_carlo.num_cases if "evaluate" in experiment.stages else 0
+    num_cases = len(experiment.monte_carlo.cases) if "evaluate" in experiment.stages else 0
     has_training = "train" in experiment.stages or experiment.telemetry.record_training
     if num_cases > MOST_LISTED:
         sys.stderr.write(
@@ -43,13 +43,13 @@ def _rows(experiment: Experiment, has_training: bool, is_listed: bool) -> Iterat
         yield from _rows_of(f"{TRAINING}{index}", 0, training_scenarios(experiment, index))
     if not is_listed:
         return
-    num_cases = experiment.monte_carlo.num_cases
-    with Progress("start:", num_cases, 0) as progress:
-        for first in range(0, num_cases, BLOCK):
-            past = min(first + BLOCK, num_cases)
-            yield from _rows_of(EVALUATION, first, evaluation_scenarios(experiment, slice(first, past)))
-            if num_cases > BLOCK:
-                progress.show(past)
+    cases = experiment.monte_carlo.cases
+    with Progress("start:", len(cases), 0) as progress:
+        for begin in range(0, len(cases), BLOCK):
+            block = cases[begin : begin + BLOCK]
+            yield from _rows_of(EVALUATION, block[0], evaluation_scenarios(experiment, block))
+            if len(cases) > BLOCK:
+                progress.show(begin + len(block))
 
 
 def _rows_of(name: str, first: int, scenarios: Sequence[Scenario]) -> Iterator[list[Any]]:

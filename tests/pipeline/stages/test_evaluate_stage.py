@@ -13,6 +13,7 @@ from pipeline.command_line.config import compose_experiment
 from pipeline.controllers import source as controller_source
 from pipeline.evaluation import blocks
 from pipeline.evaluation.monte_carlo import summarise
+from pipeline.evaluation.sequential import quantile
 from pipeline.run import artifacts, maker, tables
 from pipeline.run.artifacts import ArtifactError
 from pipeline.settings.experiment import SettingError
@@ -170,14 +171,14 @@ def test_parts_that_are_flown_no_more_name_their_makers(tmp_path, monkeypatch):
         "000000004-000000005",
     ]
     parts[2].unlink()
-    # a part that does not tell who made it is flown again
+    # a part that certifies nothing is flown again
     tables.write_parquet(parts[1], dict(tables.Columns(parts[1].parent, parts[1].name)))
     kept = parts[0].stat().st_ino
     resumed = replace(run, experiment=replace(run.experiment, resume=True))
     inodes, join = [], tables.join_parquet
     monkeypatch.setattr(
         tables, "join_parquet",
-        lambda path, of: (inodes.extend(part.stat().st_ino for part in of), join(path, of)),
+        lambda path, of, *more: (inodes.extend(part.stat().st_ino for part in of), join(path, of, *more)),
     )  # fmt: skip
     carried_out(resumed, tmp_path, "evaluate")
     assert inodes[0] == kept
@@ -185,3 +186,26 @@ def test_parts_that_are_flown_no_more_name_their_makers(tmp_path, monkeypatch):
     assert manifest["makers"] == [maker.present_maker(), elsewhere]
     assert sorted(manifest["made_by"]["evaluate"]) == [0, 1]
     assert not pq.read_schema(tmp_path / artifacts.EPISODES).metadata
+
+
+WHOLE = ("monte_carlo.num_cases=2500", "duration_s=100.0", "engine.part_cases=900")
+
+
+@pytest.mark.parametrize("part_cases", [300, 5000])
+def test_flights_end_where_the_interval_is_as_narrow_as_asked_in_any_cut(tmp_path, capsys, part_cases):
+    words = (*WHOLE, "monte_carlo.stop_quantity=delta_v_m_s", "monte_carlo.stop_width=0.004", *SUN)
+    run = prepared(tmp_path, *words, f"engine.part_cases={part_cases}", experiment="evaluate")
+    evaluate.run(run.experiment, tmp_path)
+    summary = artifacts.read_json(tmp_path, artifacts.SUMMARY)
+    delta_v = tables.read_parquet(tmp_path, artifacts.EPISODES)["delta_v_m_s"]
+    assert summary["stop"] == {"quantity": "delta_v_m_s", "width": 0.004, "most_cases": 2500}
+    assert summary["num_cases"] == len(delta_v)
+    widths = {
+        number: 2.0 * quantile(number, 90.0) * delta_v[:number].std(ddof=1) / number**0.5
+        for number in range(1000, len(delta_v) + 1, 1000)
+    }
+    assert summary["num_cases"] == next((number for number in widths if widths[number] <= 0.004), 2500)
+    mean = summary["delta_v_m_s"]
+    reach = quantile(len(delta_v), 90.0) * mean["standard_deviation"] / len(delta_v) ** 0.5
+    assert mean["high"] - mean["mean"] == pytest.approx(reach)
+    assert "all intervals hold for any number of flights" in capsys.readouterr().err

@@ -1,0 +1,176 @@
+"""Parts of a campaign: tables of consecutive cases, each of which certifies itself.
+
+In its file stand, beside the rows, who made them, their hash, and statistics from which shares, means and
+deviations of the whole follow. A part that tells other than it holds is not used.
+"""
+
+import hashlib
+import json
+import math
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from fis_tools.plain_text import parse_json
+from pipeline.evaluation.monte_carlo import summarised
+from pipeline.evaluation.statistics import Columns
+from pipeline.run import artifacts, maker, manifests, tables
+
+#: the notes in a part's file, as JSON: a list of makers, the hash of its rows, their statistics
+MAKERS, ROWS, STATISTICS = "makers", "rows_sha256", "statistics"
+#: where the parts of a table are until it is written
+FOLDERS: Final = {
+    artifacts.EPISODES: f"{artifacts.EPISODE_PARTS}/cases",
+    artifacts.NOMINAL_EPISODES: f"{artifacts.EPISODE_PARTS}/nominal",
+}
+#: the name of a part's file: its first case, and the one after its last
+NAME: Final = re.compile(r"(\d{9,})-(\d{9,})\.parquet")
+CURE: Final = "remove it and go on with resume=, which flies its cases again"
+
+
+@dataclass(frozen=True)
+class CasePart:
+    """A file with the cases from a first one up to another, which it does not hold."""
+
+    path: Path
+    first: int
+    past: int
+
+    @property
+    def columns(self) -> Columns:
+        """Read its rows."""
+        return tables.read_parquet(self.path.parent, self.path.name)
+
+    def check(self, columns: Columns, notes: Mapping[str, str]) -> list[dict[str, Any]]:
+        """Return who made the part's rows.
+
+        Raises
+        ------
+        pipeline.run.artifacts.ArtifactError
+            If they are not the rows that its notes certify.
+        """
+        with artifacts.explained(f"{self.path} certifies nothing", CURE, RecursionError):
+            claims = {name: parse_json(notes[name]) for name in (MAKERS, ROWS, STATISTICS)}
+            makers: list[dict[str, Any]] = claims[MAKERS]
+            if not manifests.fits(makers, [manifests.MAKER_SHAPE]) or not makers:
+                raise ValueError("it names no maker")
+            if any(not made_by.keys() >= manifests.MAKER_SHAPE.keys() for made_by in makers):
+                raise ValueError("it names a maker without program or processor")
+            if not np.array_equal(columns["case"], np.arange(self.first, self.past)):
+                raise ValueError("its cases are not those of its name")
+            if claims[ROWS] != rows_hash(columns):
+                raise ValueError("its rows are not those whose hash it tells")
+            if claims[STATISTICS] != sufficient(columns):
+                raise ValueError("its rows have other statistics than it tells")
+        return makers
+
+
+def path_of(folder: Path, first: int, past: int) -> Path:
+    """Return the path of the part with the cases from `first` up to `past`."""
+    return folder / f"{first:09d}-{past:09d}.parquet"
+
+
+def write(path: Path, columns: Columns, certificate: Mapping[str, str]) -> None:
+    """Write a part with its certificate, see `certified`."""
+    tables.write_parquet(path, columns, certificate)
+
+
+def certified(columns: Columns, makers: Sequence[Mapping[str, Any]]) -> dict[str, str]:
+    """Return the notes with which a part certifies itself.
+
+    Parameters
+    ----------
+    columns : mapping of (n,) arrays
+    makers : sequence of mapping
+        Of the rows, see `pipeline.run.maker.present_maker`.
+    """
+    return {
+        MAKERS: json.dumps(makers),
+        ROWS: json.dumps(rows_hash(columns)),
+        STATISTICS: json.dumps(sufficient(columns)),
+    }
+
+
+def rows_hash(columns: Columns) -> str:
+    """Return the SHA-256 of the names, types and values of columns, 64 hexadecimal digits."""
+    digest = hashlib.sha256()
+    for name in columns:
+        column = np.ascontiguousarray(columns[name])
+        digest.update(f"{name} {column.dtype.str} {len(column)}\n".encode())
+        digest.update(column.tobytes())
+    return digest.hexdigest()
+
+
+def sufficient(columns: Columns) -> dict[str, Any]:
+    """Return statistics of flights that add up over parts, and from which means and shares follow.
+
+    Returns
+    -------
+    dict
+        ``count``; ``true``, by share the number of flights; ``sums``, by quantity the sum of its values and
+        of their squares, both rounded once (Shewchuk, Discrete & Computational Geometry 18, 1997), so that
+        every machine adds alike.
+    """
+    names, shares = summarised(columns)
+    values = {name: np.asarray(columns[name], dtype=np.float64) for name in names}
+    return {
+        "count": len(columns["case"]),
+        "true": {name: int(np.count_nonzero(share)) for name, share in shares.items()},
+        "sums": {name: [math.fsum(of), math.fsum(of * of)] for name, of in values.items()},
+    }
+
+
+def kept(folder: Path, cases: range) -> Iterator[CasePart]:
+    """Yield the parts in a folder that certify themselves, in the order of cases, none of them twice.
+
+    Their makers are named in the manifest.
+    """
+    past = cases.start
+    for path in sorted(folder.glob("*.parquet"), key=_bounds):
+        first, end = _bounds(path)
+        if not past <= first < end <= cases.stop:
+            continue
+        part = CasePart(path, first, end)
+        try:
+            makers = part.check(part.columns, tables.notes_of(path))
+        except artifacts.ArtifactError:
+            continue
+        for made_by in makers:
+            maker.collect(made_by)
+        past = end
+        yield part
+
+
+def _bounds(path: Path) -> tuple[int, int]:
+    """Return the cases in a part's name; none if it is not one."""
+    named = NAME.fullmatch(path.name)
+    return (int(named[1]), int(named[2])) if named else (-1, -1)
+
+
+def missing(there: Sequence[CasePart], cases: range, length: int) -> list[tuple[int, int]]:
+    """Return the bounds of the parts to fly, of at most a length, where none is."""
+    ends = [cases.start, *(end for part in there for end in (part.first, part.past)), cases.stop]
+    gaps = zip(ends[::2], ends[1::2], strict=True)
+    return [
+        (first, min(first + length, past)) for begin, past in gaps for first in range(begin, past, length)
+    ]
+
+
+def join(path: Path, whole: Sequence[CasePart], num_cases: int | None = None) -> None:
+    """Join parts, or their first cases, in the order of cases, byte for byte as if written at once.
+
+    Raises
+    ------
+    pipeline.run.artifacts.ArtifactError
+        If a part is not what it certifies.
+    """
+    by_path = {part.path: part for part in whole}
+
+    def check(path: Path, columns: Columns, notes: Mapping[str, str]) -> None:
+        by_path[path].check(columns, notes)
+
+    tables.join_parquet(path, list(by_path), check, num_cases)
