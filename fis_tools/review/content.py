@@ -21,6 +21,7 @@ from fis_tools.findings.audit import Audit, Finding
 from fis_tools.model import FuzzyController, FuzzySystem, Variable, peak
 from fis_tools.plain_text import as_number, parse_json
 from fis_tools.review.flown import Evaluation, Flight, SensedInputs
+from fis_tools.review.proved import RIGHT, proof_in_words
 from fis_tools.words import text as wording
 from fis_tools.words.text import amount, number
 
@@ -152,13 +153,26 @@ def verdicts(evidence: Mapping[str, Any], rows: Sequence[Sequence[str]]) -> list
     named = ("Sun", "safety", "navigation", "thrusters", "dynamics")
     words = ", ".join(f"{name} {flown[name.lower()]}" for name in named if flown.get(name.lower()))
     caption = f"For flights with {words}. " if words else ""
-    caption += (
-        "Checked here: the evidence names this controller by its hash, and "
-        f"{evidence['manifest']}. python -m pipeline verify checks a run, and the checker a proof in it."
-    )
+    caption += f"Checked here: the evidence names this controller by its hash, and {evidence['manifest']}"
+    outcome, words = evidence["proof"]
+    caption += f"; {words}." if words else "."
+    caption += " python -m pipeline verify checks a run."
     title = Heading("Verdicts", id="requirements")
     heads = ["requirement", "verdict", "checked"]
-    return [title, Table(heads, [[*row, UNCHECKED] for row in rows], caption=caption)]
+    checked = [_checked(requirement, outcome) for requirement in evidence["requirements"]]
+    body = [[*row, check] for row, check in zip(rows, checked, strict=True)]
+    return [title, Table(heads, body, caption=caption)]
+
+
+def _checked(requirement: Mapping[str, Any], outcome: str) -> str:
+    """Return what was checked here of a verdict."""
+    methods = requirement.get("methods")
+    tube = methods.get(BY_PROOF) if isinstance(methods, dict) else None
+    if not isinstance(tube, dict) or not tube.get("is_proof") or not outcome:
+        return UNCHECKED
+    if outcome == RIGHT:
+        return "the proof was checked here, and is right; that it proves this is as the file says"
+    return "the proof was checked here, and is REFUSED"
 
 
 def _as_the_manifest_says(path: Path) -> str:
@@ -175,6 +189,8 @@ def _as_the_manifest_says(path: Path) -> str:
 
 
 SCHEMA = "evidence"
+#: the method of a requirement that a proof in the run shows
+BY_PROOF = "tube"
 #: of a verdict that is repeated from a file
 UNCHECKED = "as the file says, not checked here"
 
@@ -212,7 +228,8 @@ def read_evidence(path: Path | str, fingerprint: str) -> tuple[dict[str, Any], l
             f"{path} is about the controller {name!r} with the SHA-256 {sha256}, "
             f"but this one has {fingerprint}; give the evidence of this controller"
         )
-    return content | {"manifest": _as_the_manifest_says(Path(path))}, requirements
+    proof = proof_in_words(Path(path).resolve().parent.parent, fingerprint)
+    return content | {"manifest": _as_the_manifest_says(Path(path)), "proof": proof}, requirements
 
 
 #: ends of names that tell a unit

@@ -1,5 +1,6 @@
 """The review page: words, systems and flights in one self-contained file."""
 
+import shlex
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import compress
 from pathlib import Path
@@ -134,6 +135,7 @@ def write(
         opening=html.body(Document(opening_blocks)),
         sections=[block for block in opening_blocks if isinstance(block, Heading) and block.id],
         part=part,
+        option=f" --system {shlex.quote(part)}" if part else "",
         has_pictures=bool(controller.wires),
         fingerprint=fingerprint,
         checks=checks,
@@ -209,7 +211,7 @@ def _without_scripts(
 
 def _sign_off(controller: FuzzyController, part: str | None, checks: Iterable[str]) -> list[Block]:
     """Return the checklist and signature fields for paper."""
-    alone, option = (f"the system {part} alone of ", f" --system {part}") if part else ("", "")
+    alone, option = (f"the system {part} alone of ", f" --system {shlex.quote(part)}") if part else ("", "")
     return [
         Heading("Sign-off", id="sign-off"),
         Paragraph(

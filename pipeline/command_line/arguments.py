@@ -18,7 +18,7 @@ EXPERIMENT: Final = "experiment"
 #: commands beside experiments, and the modules with functions of their names, which few runs need
 _MODULES = {
     "commands": ("edit", "export_c", "warm"),
-    "flown_again": ("fly",),
+    "flown_again": ("again", "fly", "repeat"),
     "merged": ("merge",),
     "results": ("compare", "summary", "verify"),
 }

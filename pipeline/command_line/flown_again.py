@@ -1,4 +1,4 @@
-"""The command ``fly RUN``: a case of a run flown again in its own world, from the files in its folder."""
+"""Commands on the folder of a run, which need nothing else: ``fly``, ``again`` and ``repeat``."""
 
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
@@ -13,6 +13,7 @@ from pipeline.preflight import check_before
 from pipeline.run import artifacts
 from pipeline.run.lock import held
 from pipeline.settings import schema
+from pipeline.settings.experiment import STAGES
 from pipeline.settings.keys import with_values
 from pipeline.settings.places import conf_folder
 
@@ -59,11 +60,67 @@ def fly(given: Sequence[str]) -> int:
         config["controller"] = compose_experiment(["+experiment=fly", *words_of(chosen)]).config["controller"]
     cases = [override.value() for override in overrides if override.key_or_group == "case"]
     config = schema.present(with_values(config, {"case": cases[-1]} if cases else {}))
-    now = datetime.now(UTC).astimezone().strftime("%Y%m%d-%H%M%S-%f")
-    job = Job(config, schema.experiment_from(config), Path("outputs", f"{config['name']}-fly", now))
+    job = Job(config, schema.experiment_from(config), _new_folder(f"{config['name']}-fly"))
     check_before(job.experiment)
     with held(job.folder):
         return runs.run_new(job, ["fly", str(folder), *words])
+
+
+def again(given: Sequence[str]) -> int:
+    """Make the same run again, from its checked configuration, in a new folder.
+
+    Usage: python -m pipeline again RUN_FOLDER
+
+    A controller from a file must be as it was. Where everything that a result depends on is the same, so is
+    each file: `python -m pipeline verify RUN_FOLDER OTHER_RUN_FOLDER` compares them.
+
+    Raises
+    ------
+    ValueError, OSError
+        User errors.
+    """
+    parser = CommandParser("python -m pipeline again")
+    if len(given) != 1:
+        parser.error("again takes the folder of a run, and nothing else")
+    folder = Path(given[0]).expanduser()
+    stored = runs.stored(folder)
+    check_before(stored.experiment)
+    from pipeline.controllers.source import require_kept  # noqa: PLC0415 - compiled code
+
+    require_kept(stored.experiment, folder)
+    job = Job(stored.config, stored.experiment, _new_folder(stored.experiment.name))
+    with held(job.folder):
+        return runs.run_new(job, ["again", str(folder)])
+
+
+def repeat(given: Sequence[str]) -> int:
+    """Repeat stages of a run on its files, with its configuration.
+
+    Usage: python -m pipeline repeat RUN_FOLDER STAGE [STAGE ...]
+
+    With other settings of what a stage alone reads: python -m pipeline stages=[STAGE]
+    hydra.run.dir=RUN_FOLDER key=value.
+
+    Raises
+    ------
+    ValueError, OSError
+        User errors.
+    """
+    parser = CommandParser("python -m pipeline repeat")
+    if len(given) < 2:
+        parser.error(f"repeat takes the folder of a run, and stages: {', '.join(STAGES)}")
+    folder, *stages = given
+    if unknown := [stage for stage in stages if stage not in STAGES]:
+        raise ConfigError(f"there is no stage {', '.join(unknown)}; choose from {', '.join(STAGES)}")
+    words = [f"stages=[{','.join(stages)}]"]
+    (override,) = read_overrides(words, [conf_folder()], "give one")
+    return runs.repeat(Path(folder).expanduser(), {"stages": override}, None)
+
+
+def _new_folder(name: str) -> Path:
+    """Return where a run of a name goes that is made now."""
+    now = datetime.now(UTC).astimezone().strftime("%Y%m%d-%H%M%S-%f")
+    return Path("outputs", name, now)
 
 
 def made_by(folder: Path, config: Mapping[str, Any]) -> dict[str, Any]:

@@ -15,7 +15,8 @@ usage: python -m pipeline +experiment=NAME [controller=NAME_OR_PATH] [key=value 
   python -m pipeline fly RUN_FOLDER case=7                         fly a case of it again, recorded
   python -m pipeline edit controller=champion_27                   edit it; each change flies 1,000 cases
   python -m pipeline warm                                          compile what the experiments need
-  python -m pipeline stages=[report] hydra.run.dir=RUN_FOLDER      repeat a stage on a run's files
+  python -m pipeline again RUN_FOLDER                              the same run again, in a new folder
+  python -m pipeline repeat RUN_FOLDER report                      repeat stages on a run's files
   python -m telemetry replay FILE.mcap                             watch a recorded flight
   python -m fis_tools show CONTROLLER                              read a controller
 

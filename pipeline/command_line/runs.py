@@ -15,7 +15,7 @@ from pipeline.command_line.arguments import EXPERIMENT, ConfigError
 from pipeline.command_line.config import Job, compose_experiment
 from pipeline.command_line.overrides import words_of
 from pipeline.preflight import check_before
-from pipeline.run import artifacts, configuration, manifests
+from pipeline.run import artifacts, configuration, manifests, typed
 from pipeline.run.lock import held
 from pipeline.run.runner import Missed, Unimproved, run_stages
 from pipeline.settings import schema
@@ -88,7 +88,8 @@ def check_vacant(job: Job) -> None:
     if not configuration.is_of(job.config, manifests.read(job.folder)):
         path = shown_path(job.folder)
         raise ConfigError(
-            f"{path} holds another run; choose another hydra.run.dir or hydra.sweep.dir, or resume={path}"
+            f"{path} holds another run; choose another hydra.run.dir or hydra.sweep.dir, or go on with "
+            f"it: {typed.resume(path)}"
         )
     from pipeline.controllers.source import require_kept  # noqa: PLC0415 - compiled code
 
@@ -185,7 +186,8 @@ def repeat(folder: Path, overrides: Mapping[str, Override], config_dir: Path | N
         stages = given.pop("stages", None)
         if not isinstance(stages, list):
             raise ConfigError(
-                f"{folder} holds a run already; use resume={folder}, stages=[report] or another folder"
+                f"{folder} holds a run already; go on with it, {typed.resume(folder)}, repeat a stage, "
+                f"{typed.repeat(folder, 'report')}, or choose another folder"
             )
         stages = [str(stage) for stage in stages]
         if is_composed := any("." not in key and key not in schema.schema() for key in given):

@@ -18,7 +18,7 @@ from pipeline.evaluation.assurance.requirements import SEVERITIES
 from pipeline.evaluation.assurance.verdicts import ORDER
 from pipeline.report.figures.style import Illustration, caption_of
 from pipeline.report.page import sun_at_start
-from pipeline.run import artifacts
+from pipeline.run import artifacts, typed
 from pipeline.settings.keys import unit_of
 from pipeline.settings.schema import as_yaml
 
@@ -272,7 +272,7 @@ def _requirement(
     if worst := requirement.get("worst"):
         is_proved = bool(proved_by(requirement))
         left = [] if is_proved else [_departure(departure) for departure in worst["left_domain"]]
-        replay = Code(f"python -m telemetry replay {worst['recording']}")
+        replay = Code(typed.replay(str(worst["recording"])))
         facts = Table([], _worst_facts(worst, has_domain=not is_proved, has_sun=has_sun))
         yield Fold("The worst case that is known", [facts, replay, *([Items(left)] if left else [])])
 
@@ -300,7 +300,7 @@ def _domain(evidence: Mapping[str, Any]) -> Iterator[Block]:
     caption = f"What the systems sensed where inference decided, in {domain['num_made_from']:,} flights."
     yield Table(["input", "system", "least", "greatest"], rows, (2, 3), caption=caption)
     yield Paragraph("A monitor says when a recorded flight leaves it, in which input and by how much:")
-    yield Code(f"python -m fis_tools domain {artifacts.DOMAIN} FLIGHT.mcap")
+    yield Code(typed.domain(artifacts.DOMAIN))
 
 
 def _case_facts(cases: Mapping[str, Any], unit: str) -> list[list[str]]:
@@ -386,8 +386,8 @@ def _provenance(evidence: Mapping[str, Any]) -> Iterator[Block]:
         yield Paragraph("Settings of the mission and the Sun that differ from the defaults:")
         rows = [[key, f"{as_yaml(value)} {unit_of(key).symbol}".strip()] for key, value in settings.items()]
         yield Table([], rows)
-    yield Paragraph("The same evidence again, from the folder of the run:")
-    yield Code("python -m pipeline stages=[assure] hydra.run.dir=RUN_FOLDER")
+    yield Paragraph("The same evidence again, where RUN is the folder of the run:")
+    yield Code(typed.repeat(typed.RUN, "assure"))
     yield Fold("Versions", [Table([], [list(pair) for pair in evidence["versions"].items()])])
     yield Fold("Files and their SHA-256", [Table([], [list(pair) for pair in evidence["sha256"].items()])])
     yield Paragraph(f"The same as data: {artifacts.EVIDENCE}.")

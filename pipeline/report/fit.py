@@ -15,23 +15,21 @@ HEADS = ("", "flights", "success", "outside", "points missed", "delta-v (m/s)")
 BY_RULES = "fuel by rules (%)"
 
 
-def render_fit(name: str, folder: str, result: Mapping[str, Any]) -> str:
+def render_fit(name: str, result: Mapping[str, Any]) -> str:
     """Render the page.
 
     Parameters
     ----------
     name : str
         Of the controller.
-    folder : str
-        Of the run.
     result : mapping
         Of `fit/summary.json`.
     """
-    blocks = list(_blocks(name, folder, result))
+    blocks = list(_blocks(name, result))
     return page(Document(blocks), read("templates/report.css", "pipeline.report"))
 
 
-def _blocks(name: str, folder: str, result: Mapping[str, Any]) -> Iterator[Block]:
+def _blocks(name: str, result: Mapping[str, Any]) -> Iterator[Block]:
     """Yield the page on a fitted controller: its success, what limits the mission, how to fly it."""
     last, is_layered = result["last"], result["safety"] != "none"
     yield Heading(name, 1)
@@ -51,7 +49,8 @@ def _blocks(name: str, folder: str, result: Mapping[str, Any]) -> Iterator[Block
     if result["layer_refused"]:
         yield Paragraph(f"The safety layer could not be tried: {result['layer_refused']}.")
     yield Heading("Fly it")
-    yield Code(typed.fly(folder))
+    yield Paragraph("Where RUN is the folder of this run:")
+    yield Code(typed.fly(typed.RUN))
     yield Heading("The last round of the competition")
     yield _table([("", rival) for rival in result["rivals"]])
 

@@ -18,7 +18,7 @@ from pipeline.report import comparisons
 from pipeline.report.contents import Contents, FlightSet, ShownFlight
 from pipeline.report.figures.style import MOST_POINTS, Illustration, caption_of
 from pipeline.report.scene import scene_of_run
-from pipeline.run import artifacts
+from pipeline.run import artifacts, typed
 from pipeline.settings.experiment import Mission
 from pipeline.settings.start_table import POSITION
 
@@ -30,6 +30,8 @@ MEANS = (
     (INSPECTABLE, 2, "of what can be inspected (%)"),
     ("mean_distance_m", 2, "mean distance (m)"),
 )
+#: what the manifest says of how a run was started: to be read, not to be typed
+TYPED = "It was started, by whoever made this folder, with these words"
 #: of many training flights only so many have a row of their own
 MOST_ROWS = 64
 
@@ -55,6 +57,8 @@ def write(contents: Contents, illustrations: Mapping[str, Illustration]) -> str:
     has_unseen = any(has_uninspectable(flights.summary) for _, flights, _ in contents.sets)
     scene = scene_of_run(contents)
     return template("pipeline.report", "templates", "report.html").render(
+        typed=typed,
+        TYPED=TYPED,
         policy=policy(script=scene.script if scene else ""),
         scene=scene,
         contents=contents,
@@ -200,9 +204,12 @@ def _towards_goal(contents: Contents, illustrations: Mapping[str, Illustration])
     if contents.recordings:
         yield Heading("Recorded flights", id="recordings")
         yield Paragraph("Watch one, from the folder of the run:")
-        yield Code("\n".join(f"python -m telemetry replay {name}" for name in contents.recordings))
+        yield Code("\n".join(map(typed.replay, contents.recordings)))
     yield Heading("Provenance", id="provenance")
+    yield Paragraph("The same run again, where RUN is its folder:")
+    yield Code(typed.again(typed.RUN))
     if contents.command:
+        yield Paragraph(f"{TYPED}:")
         yield Code(contents.command)
     for name, value in contents.manifest.items():
         if name in ("config_hash", "seed", "git_revision"):

@@ -1,6 +1,5 @@
 """Fly the controller from all evaluation starts: episodes, trajectories, summary, the optimum."""
 
-import shlex
 import shutil
 import sys
 import time
@@ -23,7 +22,7 @@ from pipeline.evaluation.statistics import Column, sensitivity
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.goals.flights import fly_all
 from pipeline.optimum.solved import IncomparableError, solved_for
-from pipeline.run import artifacts, engine, maker, tables, writing
+from pipeline.run import artifacts, engine, maker, tables, typed, writing
 from pipeline.run.engine import TaskPool
 from pipeline.run.progress import Progress
 from pipeline.scenarios import evaluation_scenarios
@@ -64,7 +63,7 @@ def run(experiment: Experiment, folder: Path) -> None:
     sys.stderr.write(_stopped_in_words(summary))
     sys.stderr.write(_beside_in_words(summary["optimum"]))
     if (folder / artifacts.TRAJECTORIES).exists():
-        sys.stderr.write(f"  to see them all: python -m telemetry campaign {shlex.quote(str(folder))}\n")
+        sys.stderr.write(f"  to see them all: {typed.campaign(folder)}\n")
 
 
 def _subject(experiment: Experiment, controller: Controller, num_cases: int) -> dict[str, Any]:

@@ -425,5 +425,5 @@ def _write(
     writing.write_atomically(folder / artifacts.CHAMPION, serialize.dump_json(controller) + "\n")
     writing.write_atomically(folder / artifacts.FIT_CONTROLLER, serialize.dump_yaml(controller))
     writing.write_json(folder / artifacts.FIT, {"controller": controller.name, **result})
-    page = render_fit(controller.name, folder.as_posix(), result)
+    page = render_fit(controller.name, result)
     writing.write_atomically(folder / artifacts.FIT_PAGE, page)

@@ -2,7 +2,6 @@
 
 import math
 import re
-import shlex
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,7 +17,7 @@ from pipeline.flight.state.log import FlightLog, Scenario
 from pipeline.flight.world.limits import metres_beyond
 from pipeline.recording.events import points_in_words
 from pipeline.recording.recorder import FlightRecorder
-from pipeline.run import artifacts, configuration
+from pipeline.run import artifacts, configuration, typed
 from pipeline.scenarios import evaluation_scenarios, start_shown, training_scenarios
 from pipeline.settings.experiment import Experiment, Mission
 
@@ -125,7 +124,7 @@ def _record(experiment: Experiment, folder: Path, flights: list[FlightToRecord])
         recorder.record(path, flight.scenario, log, flight.scenario_id)
         sys.stderr.write(f"  {path.relative_to(folder).as_posix()}: {_in_words(experiment.mission, log)}\n")
     # the last: the best of an evaluation
-    sys.stderr.write(f"  to watch one: python -m telemetry replay {shlex.quote(str(path))}\n")
+    sys.stderr.write(f"  to watch one: {typed.replay(path)}\n")
 
 
 def _check_repeated(flight: FlightToRecord, flown: tuple[int, float]) -> None:

@@ -5,7 +5,6 @@ unknown values are left out.
 """
 
 import json
-import re
 import sys
 import zlib
 from collections.abc import Mapping
@@ -13,6 +12,7 @@ from dataclasses import MISSING, dataclass, fields
 from datetime import UTC, datetime, timedelta
 from typing import Any, Final, Self
 
+from fis_tools.plain_text import parse_json, plain
 from telemetry.file import RecordingError
 
 #: keys with text, and with lists of words; all others have numbers
@@ -268,14 +268,14 @@ def _decoded(key: str, text: str) -> Any:
     if key in TEXTS:
         return text
     try:
-        value = json.loads(text)
+        value = parse_json(text)
     except (ValueError, RecursionError) as error:
         raise _unfit(key, text, "a number or a list in JSON is") from error
     if key not in WORDS:
         return _numbers(key, text, value)
     if not isinstance(value, list):
         raise _unfit(key, text, "a JSON list of words is")
-    return tuple(plain(str(word)) for word in value)
+    return tuple(map(str, value))
 
 
 def _numbers(key: str, text: str, value: Any) -> Any:
@@ -293,15 +293,3 @@ def _numbers(key: str, text: str, value: Any) -> Any:
 
 def _unfit(key: str, text: str, expected: str) -> RecordingError:
     return RecordingError(f"metadata {key!r} is {text[:80]!r}, but {expected} expected; {CURE}")
-
-
-#: control characters but line ends and tabs, what turns the direction of writing, and halves of pairs
-UNFIT: Final = re.compile(
-    "[\\x00-\\x08\\x0b-\\x1f\\x7f-\\x9f\\u061c\\u200e\\u200f\\u2028-\\u202e\\u2066-\\u2069\\ud800-\\udfff]"
-)
-MISSING_SIGN: Final = "\N{REPLACEMENT CHARACTER}"
-
-
-def plain(text: str) -> str:
-    """Return text in which `UNFIT` characters are replaced."""
-    return UNFIT.sub(MISSING_SIGN, text)

@@ -1,6 +1,6 @@
 """The trajectories of an evaluation in a run's folder."""
 
-import json
+import shlex
 from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, fields
@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.file_access import open_regular, read_text
+from fis_tools.plain_text import parse_json
 from telemetry.array_types import Floats, Integers
 from telemetry.file import RecordingError, explained
 
@@ -128,7 +129,7 @@ def _manifest(folder: Path) -> dict[str, Any]:
     if not path.exists():
         return {}
     with explained(f"{path} cannot be read", "restore it", ValueError, RecursionError):
-        manifest = json.loads(read_text(path))
+        manifest = parse_json(read_text(path))
     return manifest if isinstance(manifest, dict) else {}
 
 
@@ -148,7 +149,7 @@ def read_evaluation(path: Path) -> EvaluatedCases:
     if path.is_file() and path.suffix != ".parquet":
         raise RecordingError(
             f"{path} is neither a run's folder nor its {FILES['evaluation_trajectories']}; to look at a "
-            f"flight: python -m telemetry replay {path}"
+            f"flight: python -m telemetry replay {shlex.quote(str(path))}"
         )
     table = path if path.suffix == ".parquet" else file_of(path, "evaluation_trajectories")
     root = table.parent.parent

@@ -52,6 +52,10 @@ _WORDS: Final = {
         optimum.kicks=0""",
     "compare": """+experiment=reproduce stages=[compare] compare.controllers=[paper_champion,coast]
         compare.suns=[fixed] compare.safety=[none] monte_carlo.num_cases=10""",
+    "fit": """+experiment=fit_mission fit.bases=[champion_27] fit.draws=1 fit.cases=[2,3] fit.kept=[1]
+        fit.num_cases=3 fit.goal_percent=40 fit.neighbours=1 fit.planners=[] optimizer.population_size=6
+        optimizer.generations=2 optimizer.rounds=1 monte_carlo.num_cases=3""",
+    "prove": "+experiment=prove",
     "report": f"{CHAMPION} stages=[scenario,evaluate,record,report] monte_carlo.num_cases=10",
 }
 #: kinds of runs, small; a sweep begins with ``-m``

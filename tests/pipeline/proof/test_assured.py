@@ -8,6 +8,8 @@ from pathlib import Path
 import pyarrow.parquet as pq
 import pytest
 
+from fis_tools.formats import serialize
+from fis_tools.review import page as review_page
 from pipeline.command_line.cli import main
 from tests.pipeline.proof.cases import NEAR
 
@@ -58,6 +60,13 @@ def test_a_requirement_is_shown_by_the_checked_proof_of_its_run_alone(
     text = page.read_text()
     assert ">tube<" in text
     assert 'id="tube-figure_1"' in text
+    controller = serialize.load(folder / "prove" / "controller.json")
+
+    def reviewed() -> str:
+        return review_page.write(controller, evidence=folder / "assure" / "evidence.json")
+
+    assert "it is as the manifest of its run says; the checker finds the proof in its run right" in reviewed()
+    assert "the proof was checked here, and is right" in reviewed()
     # the page argues from the proved set, not from what flights met
     assert "R1: proved from every start with x from 3 to 3.5 m" in " ".join(
         re.sub("<[^>]*>", " ", text).split()
@@ -90,6 +99,7 @@ def test_a_requirement_is_shown_by_the_checked_proof_of_its_run_alone(
     pq.write_table(boxes.slice(0, len(boxes) - 1), tube)
     assert repeated(3) == missing
     assert "the checker refuses the proof" in verdict()[1]
+    assert "the checker REFUSES the proof in its run" in reviewed()
     with monkeypatch.context() as patch:  # a process that dies refuses, too
         patch.setattr(sys, "executable", "/bin/false")
         assert repeated(3) == missing

@@ -158,7 +158,7 @@ def test_the_page_says_where_the_run_comes_from(trained):
     assert folder.as_posix() not in words
     for sentence in (
         *(manifest["config_hash"], manifest["versions"]["numpy"], manifest["sha256"][artifacts.EPISODES]),
-        "python -m pipeline stages=[report] hydra.run.dir=RUN",
+        *("python -m pipeline repeat RUN report", "python -m pipeline again RUN"),
         "command line of this run was not kept",
     ):
         assert sentence in words

@@ -109,7 +109,7 @@ def test_controllers_that_plan_are_scaled_by_the_chief_and_by_how_short_a_flight
 def test_where_pushes_were_chosen_ahead_the_page_tells_the_share_that_rules_fired(done):
     summary = artifacts.read_json(done[1], artifacts.FIT)
     planned = summary["planned"] | {"ahead_percent": 75.0}
-    pages = [render_fit("mine", "fit", summary | more) for more in ({}, {"planned": planned})]
+    pages = [render_fit("mine", summary | more) for more in ({}, {"planned": planned})]
     assert [BY_RULES in page for page in pages] == [False, True]
     flown = pages[1].partition("How they fly")[2].partition("</table>")[0]
     rows = re.findall(r"<tr>.*?</tr>", flown, re.DOTALL)[1:]
@@ -118,10 +118,11 @@ def test_where_pushes_were_chosen_ahead_the_page_tells_the_share_that_rules_fire
 
 def test_the_page_says_whether_the_goal_is_reached_and_how_to_fly(done):
     summary = artifacts.read_json(done[1], artifacts.FIT) | {"goal_percent": 99.9}
-    page = render_fit("mine", "outputs/my fit", summary)
+    page = render_fit("mine", summary)
     assert "misses the goal of 99.9 %" in page
     code = unescape(re.search(r"<pre[^>]*><code>(.*?)</code>", page, re.DOTALL)[1])
-    assert shlex.split(code) == ["python", "-m", "pipeline", "fly", "outputs/my fit"]
+    assert shlex.split(code) == ["python", "-m", "pipeline", "fly", "RUN"]
+    assert "Where RUN is the folder of this run" in page
 
 
 def test_a_tuned_controller_that_flies_worse_is_not_handed_back(tmp_path, monkeypatch):

@@ -21,10 +21,11 @@ from hypothesis import strategies as st
 import telemetry
 from docs.hooks import messages
 from fis_tools.model.thrust import COMPONENTS, COUNTED, REASONS, UNKNOWN
+from fis_tools.plain_text import plain
 from telemetry import RecordingError
 from telemetry.file import topics
 from telemetry.file.messages import encode
-from telemetry.file.metadata import EpisodeDescription, FisDescription, Rehearsal, plain, sealed, unsealed
+from telemetry.file.metadata import EpisodeDescription, FisDescription, Rehearsal, sealed, unsealed
 from telemetry.file.schema import inspection_pb2
 from telemetry.file.schema.inspection_pb2 import Control, MissionStatus
 from telemetry.file.topics import FIRED, FORCE_COMPONENTS, Reason
