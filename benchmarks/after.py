@@ -1,8 +1,7 @@
 """What follows the hour: ``python -m benchmarks after [CONTROLLER...] [key=value...]`` coasts on.
 
 For each controller it prints how many flights succeed, how many then stay inside the limits without force,
-and how many were never where a failure of all thrusters would lead to the chief within an orbit. Free motion
-is Clohessy and Wiltshire's, also where flights have another.
+and how many were never where a failure of all thrusters would lead to the chief within an orbit.
 """
 
 import argparse
@@ -12,14 +11,14 @@ import numpy as np
 
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers import source
-from pipeline.evaluation.assurance.coasting import coasting_distances
+from pipeline.evaluation.after import aftermath, stays
 from pipeline.evaluation.monte_carlo import fly_tracked
 from pipeline.evaluation.statistics import fraction
+from pipeline.flight.world.coasting import FreeMotion
 from pipeline.scenarios import evaluation_scenarios
 
 #: after the flight's end
 MINUTES = (5, 10, 20)
-ORBITS = (1, 3)
 #: of a track: position and velocity
 STATE = slice(0, 6)
 
@@ -46,17 +45,10 @@ def main(arguments: Sequence[str]) -> int:
         flown, tracks = fly_tracked(
             mission, source.named(name, mission), evaluation_scenarios(experiment), None
         )
-        states, n = tracks[..., STATE].astype(np.float64), mission.orbit.mean_motion_rad_s
-        least, most = mission.deputy.min_distance_m, mission.deputy.max_distance_m
-        succeeds = flown.is_success(mission.inspection_threshold_percent) & ~flown.is_violated
-        orbit = 2.0 * np.pi / n
-        shares = [succeeds]
-        for seconds in (*(60.0 * minutes for minutes in MINUTES), *(orbits * orbit for orbits in ORBITS)):
-            near, far = coasting_distances(states[:, -1], n, seconds)
-            shares.append((near >= least) & (far <= most))
-        # not of the start, which is not the controller's
-        near, _ = coasting_distances(states[:, 1:], n, orbit)
-        shares.append((near >= least).all(axis=1))
+        shares = [flown.is_success(mission.inspection_threshold_percent) & ~flown.is_violated]
+        motion, ends = FreeMotion(mission, 60.0 * MINUTES[-1]), tracks[:, -1, STATE].astype(np.float64)
+        shares += [stays(mission, motion, ends, 60.0 * minutes) for minutes in MINUTES]
+        shares += aftermath(mission, tracks) or []
         cells = [share_in_words(share) for share in shares]
         print(f"| `{name}` | {flown.delta_v_m_s.mean():.3f} | {' | '.join(cells)} |", flush=True)
     return 0

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from fis_tools.document import Block, Document, Heading, Paragraph, Table, text
 from pipeline.evaluation import statistics
+from pipeline.evaluation.after import Aftermath
 from pipeline.evaluation.beside_optimum import times_in_words
 from pipeline.evaluation.monte_carlo import SUCCESS, summarise
 from pipeline.evaluation.paired import shown
@@ -66,7 +67,7 @@ MEANS = (
     "safety_delta_v_m_s",
     "ahead_delta_v_m_s",
 )
-SHARES = ("success", SUCCESS, "violated", "safety_acted")
+SHARES = ("success", SUCCESS, "violated", "safety_acted", *Aftermath._fields)
 HEADER = (
     *(*ROW_FIELDS, *TIMES),
     *(f"{name}_{field.name}" for name in MEANS for field in fields(Statistic)),
@@ -176,6 +177,8 @@ HEADINGS = (
         "rate (%)",
         "successful (%)",
         "outside (%)",
+        "stays an orbit (%)",
+        "passively safe (%)",
         "times the best plans",
         "times the bound",
     ),
@@ -195,7 +198,7 @@ def cells_in_words(row: ComparisonRow, guarded: ComparisonRow | None) -> list[st
         fuel_in_words(row.summary),
         rate(row),
         share(row, SUCCESS),
-        share(row, "violated"),
+        *(share(row, name) for name in ("violated", "stays_orbit", "passively_safe")),
         *(times_in_words((row.times or {}).get(name), 1) for name in ("times_optimum", "times_bound")),
         *layer,
     ]
@@ -283,7 +286,9 @@ def describe_columns(experiment: Experiment) -> list[str]:
         return [f"{flown}successful: the goal is reached; outside: a crash there, or too fast for too long."]
     return [
         f"{flown}successful: at least {experiment.mission.inspection_threshold_percent:g} % of the points, "
-        f"inside the limits; outside: {deputy.min_distance_m:g} to {deputy.max_distance_m:g} m left.",
+        f"inside the limits; outside: {deputy.min_distance_m:g} to {deputy.max_distance_m:g} m left; stays: "
+        "inside them for an orbit after the end, if nothing more is fired; passively safe: after no failure "
+        f"of all thrusters nearer than {deputy.min_distance_m:g} m within an orbit.",
         f"*published ({PAPER_NAME}), with the same distance limits; its Sun is not stated. The best plans "
         "found know the whole flight beforehand, and are of other cases; the bound is what every plan burns "
         f"at least. Both ratios are means over these cases with {cases.confidence_percent:g} % bootstrap "
@@ -292,7 +297,7 @@ def describe_columns(experiment: Experiment) -> list[str]:
 
 
 #: contents of a cell of the table
-LEGEND = "successful inside the limits (%) / delta-v (m/s) / outside (%)"
+LEGEND = "successful inside the limits (%) / delta-v (m/s) / outside (%) / stays an orbit (%)"
 
 
 def worlds_of(rows: Sequence[ComparisonRow]) -> list[str]:
@@ -301,10 +306,11 @@ def worlds_of(rows: Sequence[ComparisonRow]) -> list[str]:
 
 
 def _cell(row: ComparisonRow) -> str:
-    """Return a flown row as success (%), mean delta-v (m/s), and share outside the limits (%)."""
+    """Return a flown row as success (%), mean delta-v (m/s), and shares outside and staying (%)."""
     success, outside = (100 * row.summary[name]["fraction"] for name in (SUCCESS, "violated"))
     spent = f"{row.summary['delta_v_m_s']['mean']:.2f}{by_rules(row.summary)}"
-    return f"{success:.0f} / {spent} / {outside:.0f}"
+    stays = row.summary.get("stays_orbit")  # missing in earlier versions
+    return f"{success:.0f} / {spent} / {outside:.0f}" + (f" / {100 * stays['fraction']:.0f}" if stays else "")
 
 
 def matrices(rows: Sequence[ComparisonRow]) -> list[tuple[str, str, list[list[str]]]]:

@@ -20,6 +20,7 @@ from pipeline.flight.control.law import law_of
 from pipeline.flight.goals.flights import fly_all
 from pipeline.flight.state.log import Scenario, inspectable_rate
 from pipeline.flight.state.signals import CONSTANTS
+from pipeline.flight.world.chief import turn_of
 from pipeline.scenarios import fitting_scenarios
 from pipeline.settings.checks import SettingError
 from pipeline.settings.experiment import Experiment, Mission
@@ -210,7 +211,7 @@ def planning_variants(experiment: Experiment, planners: Mapping[str, FuzzyContro
     """
     mission, sizes = experiment.mission, [radius_of(HOME), radius_of(experiment.mission)]
     size = float(f"{sizes[1] / sizes[0]:.3g}")
-    turns = [each.orbit.mean_motion_rad_s * each.duration_s for each in (HOME, mission)]
+    turns = [turn_of(each) for each in (HOME, mission)]
     fewer = turns[0] / turns[1]
     tempos = (1.0, float(f"{QUICK * fewer:.3g}")) if fewer > 1.0 else (1.0,)
     variants = []

@@ -10,13 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.evaluation import blocks
+from pipeline.evaluation.after import Aftermath, aftermath, joined
 from pipeline.evaluation.statistics import Column, Columns, statistic, succeeds
 from pipeline.flight.cases.dispersions import drawn
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.goals.flights import fly_all
 from pipeline.flight.goals.reach import ReachOutcomes
 from pipeline.flight.state.arrays import NUM_PLACED, NUM_TRACKED
-from pipeline.flight.state.log import Outcomes, Scenario, inspectable_rate
+from pipeline.flight.state.log import Outcomes, Scenario, combined, inspectable_rate
 from pipeline.flight.world.pack import inspection_points
 from pipeline.scenarios import columns_of
 from pipeline.settings.dispersions import distributions
@@ -26,6 +27,8 @@ from pipeline.settings.relations import STANDARD_GRAVITY_M_S2
 
 #: what a summary calls the share of flights that succeed; its ``success`` counts those outside the limits too
 SUCCESS = "success_and_within_limits"
+#: flights whose tracks are held at a time, to tell what follows them
+FOLLOWED = 4096
 #: columns of flights that must reach a goal, besides those of all
 OF_REACHED = ("end_s", "end_speed_m_s", "excess_m_s")
 
@@ -57,11 +60,31 @@ def fly_cases(
     tracks : (n, K+1, 3) float32
         Positions, m, Hill axes.
     """
-    outcomes, tracks = fly_tracked(mission, controller, scenarios, workers, num_tracked=NUM_PLACED)
-    return episode_columns(mission, scenarios, outcomes), tracks
+    if mission.problem.kind == "reach":
+        outcomes, tracks = fly_tracked(mission, controller, scenarios, workers, num_tracked=NUM_PLACED)
+        return episode_columns(mission, scenarios, outcomes), tracks
+    outcomes, tracks = fly_tracked(mission, controller, scenarios, workers)
+    after = aftermath(mission, tracks)
+    return episode_columns(mission, scenarios, outcomes, after), tracks[..., :NUM_PLACED]
 
 
-def episode_columns(mission: Mission, scenarios: list[Scenario], outcomes: Outcomes) -> dict[str, Column]:
+def fly_followed(
+    mission: Mission, controller: Controller, scenarios: list[Scenario], workers: int | None
+) -> tuple[Outcomes, Aftermath | None]:
+    """Fly all cases, in parts so that memory stays small; return their outcomes, and what follows them."""
+    if mission.problem.kind == "reach":
+        return fly_all(mission, controller, scenarios, workers), None
+    outcomes, after = [], []
+    for first in range(0, len(scenarios), FOLLOWED):
+        part, tracks = fly_tracked(mission, controller, scenarios[first : first + FOLLOWED], workers)
+        outcomes.append(part)
+        after.append(aftermath(mission, tracks))
+    return combined(outcomes), joined(after)
+
+
+def episode_columns(
+    mission: Mission, scenarios: list[Scenario], outcomes: Outcomes, after: Aftermath | None = None
+) -> dict[str, Column]:
     """Return the columns of `evaluate/episodes.parquet`, one entry per case."""
     counts, num_points = outcomes.inspected_count, len(inspection_points(mission))
     if isinstance(outcomes, ReachOutcomes):
@@ -86,6 +109,7 @@ def episode_columns(mission: Mission, scenarios: list[Scenario], outcomes: Outco
         "inspectable_count": outcomes.inspectable_count,
         "inspectable_rate_percent": inspectable_rate(counts, outcomes.inspectable_count),
         **{name: vars(outcomes)[name] for name in OF_REACHED if isinstance(outcomes, ReachOutcomes)},
+        **({} if after is None else after._asdict()),
         **_propellant(mission, settings, outcomes),
         **({} if mission.deputy.max_momentum_n_m_s is None else {"full_wheel_s": outcomes.full_wheel_s}),
         **{
@@ -137,6 +161,8 @@ def summarised(episodes: Columns) -> tuple[list[str], dict[str, NDArray[np.bool_
         shares["safety_acted"] = episodes["safety_periods"] > 0
     if "ahead_delta_v_m_s" in episodes:
         names.append("ahead_delta_v_m_s")
+    # missing where nothing follows, as after docking
+    shares |= {name: episodes[name] for name in Aftermath._fields if name in episodes}
     if "end_s" in episodes:
         names += OF_REACHED
         shares["held"] = episodes["excess_m_s"] == 0.0

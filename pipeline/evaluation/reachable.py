@@ -1,9 +1,10 @@
 """From which starts a flight may succeed, however it pushes: a bound, known before any controller flies.
 
 A point is seen from beyond its tangent plane, while it is lit, by a camera that has turned to the chief.
-By Clohessy and Wiltshire's equations forces of up to F along each axis lead by sample k at most
-``F sum_i |gain_i' n|_1`` beyond where free motion leads along a normal n: full thrust that way all the time.
-Where too few points come within reach like this, each by itself, no flight sees enough of them.
+By Clohessy and Wiltshire's equations, or along the chief's true course, forces of up to F along each axis
+lead by sample k at most ``F sum_i |gain_i' n|_1`` beyond where free motion leads along a normal n: full
+thrust that way all the time. Where too few points come within reach like this, each by itself, no flight sees
+enough of them.
 """
 
 import math
@@ -37,10 +38,11 @@ def may_succeed(mission: Mission, scenarios: list[Scenario]) -> Booleans:
     """
     world = pack_world(mission)
     geometry, work = geometry_of(mission, world), make_workspace(world)
-    reach = _most_reach(mission, geometry)
+    reach, is_true = _most_reach(mission, geometry), len(geometry.rows) > 0
+    drift = geometry.rows @ geometry.back[0] if is_true else geometry.drift
     answers = np.zeros(len(scenarios), dtype=np.bool_)
     for index, start in enumerate(scenarios):
-        free = geometry.drift @ np.r_[start.position_m, start.velocity_m_s]
+        free = drift @ np.r_[start.position_m, start.velocity_m_s]
         is_lit = lit_at_samples(world, starts_of([start]), work)
         heights = np.einsum("ka,kaj->kj", free, geometry.normals) + reach
         is_reached = is_lit & (heights >= geometry.heights)
@@ -77,8 +79,19 @@ def _most_reach(mission: Mission, geometry: Geometry) -> Floats:
         forces = np.array(thrusters.thrusters)[:, 3:]
         along = forces[:, :3] / np.linalg.norm(forces[:, :3], axis=1, keepdims=True) * forces[:, 3:]
         greatest = np.linalg.norm(np.maximum(along.clip(0.0).sum(axis=0), (-along).clip(0.0).sum(axis=0)))
-        reach = greatest * np.cumsum(np.linalg.norm(geometry.gain, ord=2, axis=(1, 2)))
+        if len(geometry.rows) > 0:
+            kicks = np.diff(geometry.sums, axis=0)
+            effects = [rows @ kicks[:k] for k, rows in enumerate(geometry.rows)]
+            reach = greatest * np.array([np.linalg.norm(each, ord=2, axis=(1, 2)).sum() for each in effects])
+        else:
+            reach = greatest * np.cumsum(np.linalg.norm(geometry.gain, ord=2, axis=(1, 2)))
         return np.asarray(np.broadcast_to(reach[:, np.newaxis], (len(reach), normals.shape[2])))
+    if len(geometry.rows) > 0:
+        pushes = np.diff(geometry.sums, axis=0).transpose(0, 2, 1).reshape(-1, 6)
+        reach = np.empty((len(normals), normals.shape[2]))
+        for k, normal in enumerate(normals):
+            reach[k] = np.abs(pushes[: 3 * k] @ (geometry.rows[k].T @ normal)).sum(axis=0)
+        return deputy.max_force_n * reach
     if np.all(normals == normals[0]):
         pushed = np.abs(np.einsum("kba,bj->kaj", geometry.gain, normals[0])).sum(axis=1)
         return np.asarray(deputy.max_force_n * np.cumsum(pushed, axis=0))

@@ -230,6 +230,7 @@ def bounds(world: World) -> dict[tuple[str, str], Any]:
     return {
         ("preview", "while"): lambda names: -(-world.num_controls // world.preview_stride) + 1,
         ("note_deadlines", "while"): lambda names: world.num_controls,
+        ("arrival", "while"): lambda names: len(world.transitions.onward),
         ("count_ranks", "while"): _most_ranks,
         ("grid_sums", "rank"): lambda names: int(names["system"].output_terms),
         ("cut_terms", "rule"): lambda names: int(names["rules"].at(names["bounds"] + names["terms"]).known),

@@ -28,6 +28,7 @@ from pipeline.physics.motion import free_path
 from pipeline.physics.quaternion import seen_from_hill
 from pipeline.physics.sight import Occlusion, cell_of
 from pipeline.settings.experiment import Mission, SettingError
+from pipeline.settings.relations import MOST_CIRCULAR
 
 
 @compiled(nogil=True, error_model="numpy")
@@ -117,7 +118,7 @@ class PlanningProblem:
 
 
 def check_light(mission: Mission) -> None:
-    """Raise SettingError for a mission with light, a camera or limits that plans do not know.
+    """Raise SettingError for a mission with an orbit, light, a camera or limits that plans do not know.
 
     Raises
     ------
@@ -127,6 +128,17 @@ def check_light(mission: Mission) -> None:
         raise SettingError(
             f"light.reflection is {mission.light.reflection}, which plans of least fuel do not know of; set "
             "light.reflection=none for them"
+        )
+    if mission.after_s > 0.0:
+        raise SettingError(
+            f"after_s is {mission.after_s:g}, and plans of least fuel do not know of what follows a flight; "
+            "set after_s=0 for them"
+        )
+    eccentricity = mission.orbit.elements.eccentricity
+    if mission.has_true_course and eccentricity > MOST_CIRCULAR:
+        raise SettingError(
+            f"orbit.eccentricity is {eccentricity:g}; plans of least fuel count with a circle, up to "
+            f"{MOST_CIRCULAR:g}: set orbit.course=uniform to take the orbit as one"
         )
     if (refusal := mission.refusal_of_plans("plans of least fuel")) is not None:
         raise SettingError(refusal)

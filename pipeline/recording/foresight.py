@@ -9,6 +9,7 @@ from pipeline.flight.fly.replanning import COASTING, ENDS, FINISHING, REHEARSED,
 from pipeline.flight.state.log import FlightLog
 from pipeline.flight.world.pack import pack_world
 from pipeline.physics.motion import repeated
+from pipeline.physics.transitions import follows_course
 from pipeline.settings.experiment import Mission
 from telemetry.file.metadata import Rehearsal
 
@@ -113,10 +114,19 @@ def recorded_decisions(mission: Mission, log: FlightLog) -> dict[str, Rehearsal]
 def _path(mission: Mission, log: FlightLog, sample: int, plan: Floats) -> Floats:
     """Return the positions to which a plan leads from a sample on, by linear motion, (n, 3), m."""
     world = pack_world(mission)
+    course = world.transitions
     known = np.r_[log.position_m[sample], log.velocity_m_s[sample]]
     if mission.navigation.mode == "fixes":
         known = log.estimate[sample]
     count = world.num_controls - sample
+    if follows_course(course):
+        constants, path = course.back[sample] @ known, np.empty((count + 1, 3))
+        forces = {int(begin): np.array(force) for begin, *force in plan if begin >= 0.0}
+        for k in range(sample, world.num_controls + 1):
+            path[k - sample] = course.onward[k, :3] @ constants
+            if k in forces and k < world.num_controls:
+                constants = constants + course.back[k + 1] @ course.pushes[k] @ forces[k]
+        return path[:: max(1, round(PATH_PERIOD_S / mission.control_period_s))]
     motion = repeated(world.motion, max(1, count))
     path = np.vstack([known[:3], motion.transition[:count, :3] @ known])
     for begin, *force in plan:

@@ -275,6 +275,8 @@ class Mission(Settings, group=""):
     """Time over which a force is held."""
     duration_s: types.Positive = 3600.0
     """Length of a flight; a multiple of control_period_s."""
+    after_s: Annotated[types.NotNegative, Only("problem.kind=inspection")] = 0.0
+    """How long a flight must stay within the distance limits after its end, without force; 0: not at all."""
     coast_when_complete: types.Flag = True
     """Whether no force follows once every point is inspected."""
     inspection_threshold_percent: Annotated[types.Number, Field(ge=0, le=100)] = 95.0

@@ -238,16 +238,11 @@ def _booms(mission: Mission) -> Iterator[str]:
         yield "chief.keep_out_m is given, which only inspections know; leave it out"
 
 
-@relation("attitude.gravity_gradient", "orbit.eccentricity")
-def _gradient(mission: Mission) -> Iterator[str]:
-    """Check that the gradient of gravity turns deputies on circular orbits."""
-    is_flown = mission.attitude.mode == "flown" and mission.attitude.gravity_gradient
-    eccentricity = mission.orbit.elements.eccentricity if is_flown else 0.0
-    if not eccentricity <= MOST_CIRCULAR:
-        yield (
-            f"the gradient's law is that of a circle, up to {MOST_CIRCULAR:g}, and the eccentricity is "
-            f"{eccentricity:g}; leave one of them out"
-        )
+@relation("after_s", "flight", "dynamics.model")
+def _after(mission: Mission) -> Iterator[str]:
+    """Check that what follows a flight is computed by what flies it."""
+    if mission.after_s > 0.0 and (mission.flight, mission.dynamics.model) == ("reference", "two_body"):
+        yield "the reference coasts on by Clohessy and Wiltshire's equations alone; change one of them"
 
 
 @relation("deputy.max_momentum_n_m_s", "deputy.inertia_kg_m2", "orbit.mean_motion_rad_s")

@@ -12,10 +12,10 @@ from fis_tools.formats.serialize import EDITED, EDITED_NAME
 from pipeline.array_types import Floats
 from pipeline.controllers.source import named
 from pipeline.evaluation import comparison
+from pipeline.evaluation.after import Aftermath, joined
 from pipeline.evaluation.beside_optimum import beside_optimum, summarise_times
-from pipeline.evaluation.monte_carlo import episode_columns, fly_cases, summarise
+from pipeline.evaluation.monte_carlo import episode_columns, fly_cases, fly_followed, summarise
 from pipeline.flight.control.controller import Controller, Planner, PlanningController
-from pipeline.flight.goals.flights import fly_all
 from pipeline.flight.state.log import Outcomes, Scenario, combined
 from pipeline.optimum.solved import IncomparableError, Solved, solved_for
 from pipeline.run import artifacts, tables, writing
@@ -229,13 +229,14 @@ def _fly_cases(
 ) -> dict[str, comparison.Column]:
     """Fly all starts part by part, with a line at the end."""
     started, scenarios = time.perf_counter(), lot.scenarios
-    parts: list[Outcomes] = []
+    parts, after = list[Outcomes](), list[Aftermath | None]()
     for first in range(0, len(scenarios), PART):
         part = scenarios[first : first + PART]
-        parts.append(fly_all(mission, controller, part, lot.experiment.monte_carlo.workers))
+        flown, follows = fly_followed(mission, controller, part, lot.experiment.monte_carlo.workers)
+        parts.append(flown)
+        after.append(follows)
         note(len(part), label)
-    outcomes = combined(parts)
-    episodes = episode_columns(mission, scenarios, outcomes)
+    episodes = episode_columns(mission, scenarios, combined(parts), joined(after))
     spent, seconds = episodes["delta_v_m_s"].mean(), time.perf_counter() - started
     sys.stderr.write(f"  {label}: {len(scenarios)} cases in {seconds:.1f} s, {spent:.3f} m/s\n")
     return episodes

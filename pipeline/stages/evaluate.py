@@ -16,11 +16,16 @@ from pipeline.controllers.source import controller_of_run, sha256_of
 from pipeline.evaluation import blocks, parts, sequential
 from pipeline.evaluation.beside_optimum import beside_optimum, summarise_times, times_in_words
 from pipeline.evaluation.comparison import by_rules, spread
-from pipeline.evaluation.monte_carlo import SUCCESS, episode_columns, fly_cases, summarise_blocks
+from pipeline.evaluation.monte_carlo import (
+    SUCCESS,
+    episode_columns,
+    fly_cases,
+    fly_followed,
+    summarise_blocks,
+)
 from pipeline.evaluation.sequential import LOOK_CASES, Stop
 from pipeline.evaluation.statistics import Column, sensitivity
 from pipeline.flight.control.controller import Controller
-from pipeline.flight.goals.flights import fly_all
 from pipeline.optimum.solved import IncomparableError, solved_for
 from pipeline.run import artifacts, engine, maker, tables, typed, writing
 from pipeline.run.engine import TaskPool
@@ -58,7 +63,7 @@ def run(experiment: Experiment, folder: Path) -> None:
         f"delta-v {spread(summary['delta_v_m_s'], 3)} m/s{by_rules(summary)}, "
         f"{_done_in_words(summary)}, "
         f"success {100 * summary[SUCCESS]['fraction']:.1f} %, "
-        f"outside {100 * summary['violated']['fraction']:.1f} %\n"
+        f"outside {100 * summary['violated']['fraction']:.1f} %{_after_in_words(summary)}\n"
     )
     sys.stderr.write(_stopped_in_words(summary))
     sys.stderr.write(_beside_in_words(summary["optimum"]))
@@ -120,6 +125,14 @@ def _done_in_words(summary: Mapping[str, Any]) -> str:
     return f"at the end after {end['mean']:.0f} s with {speed['mean']:.3f} m/s, never above the limit " + (
         f"{100 * summary['held']['fraction']:.1f} %"
     )
+
+
+def _after_in_words(summary: Mapping[str, Any]) -> str:
+    """Return how many flights stay for an orbit after their end, and are passively safe; empty if unknown."""
+    if "stays_orbit" not in summary:
+        return ""
+    stays, safe = (100 * summary[name]["fraction"] for name in ("stays_orbit", "passively_safe"))
+    return f", stays an orbit without thrust {stays:.1f} %, passively safe {safe:.1f} %"
 
 
 def _open_pool(experiment: Experiment, folder: Path) -> AbstractContextManager[TaskPool]:
@@ -210,8 +223,9 @@ def fly_part(
 ) -> dict[str, Column]:
     """Fly the cases from the first bound up to the second; return the columns of their table."""
     scenarios = evaluation_scenarios(experiment, range(*bounds))
-    outcomes = fly_all(experiment.mission, controller, scenarios, workers)
-    return episode_columns(experiment.mission, scenarios, outcomes) | {"case": np.arange(*bounds)}
+    outcomes, after = fly_followed(experiment.mission, controller, scenarios, workers)
+    columns = episode_columns(experiment.mission, scenarios, outcomes, after)
+    return columns | {"case": np.arange(*bounds)}
 
 
 def _beside_optimum(experiment: Experiment, controller: Controller, folder: Path) -> dict[str, Any]:

@@ -20,6 +20,7 @@ from fis_tools.model.shapes import Polyline, Sampled
 from pipeline.array_types import Floats
 from pipeline.flight.control.controller import ControllerError
 from pipeline.flight.state.signals import CONSTANTS
+from pipeline.flight.world.chief import tide_of, turn_of
 from pipeline.flight.world.pack import inspection_points
 from pipeline.settings.equipment import RealActuators
 from pipeline.settings.experiment import Mission
@@ -76,7 +77,7 @@ class Similarity:
         A force lasts a control period: it grows with the speed that it must give, and with the mass.
         """
         mission, home = self.mission, HOME
-        time = home.orbit.mean_motion_rad_s / (mission.orbit.mean_motion_rad_s * self.tempo)
+        time = home.orbit.mean_motion_rad_s / (mean_rate(mission) * self.tempo)
         speed, mass = self.size / time, mission.deputy.mass_kg / home.deputy.mass_kg
         force = speed * mass * home.control_period_s / mission.control_period_s
         scaled = {"m": self.size, "s": time, "1e6 s^2": time**2, "m/s": speed, "N": force}
@@ -211,8 +212,15 @@ def num_lit(mission: Mission) -> float:
 
     The terminator sweeps over what is dark at first, half of a sphere, once in half an orbit.
     """
-    turn = mission.orbit.mean_motion_rad_s * mission.duration_s
+    turn = turn_of(mission)
     return len(inspection_points(mission)) * min(1.0, 0.5 + turn / (2.0 * math.pi))
+
+
+def mean_rate(mission: Mission) -> float:
+    """Return the mean rate at which Hill axes turn in a flight, rad/s."""
+    if not mission.has_true_course:
+        return mission.orbit.mean_motion_rad_s
+    return turn_of(mission) / mission.duration_s
 
 
 def radius_of(mission: Mission) -> float:
@@ -277,7 +285,7 @@ def limitations(mission: Mission, distances_m: Floats) -> list[Limitation]:
     distances_m : (n,) array
         Distances of some starts from the chief.
     """
-    deputy, motion = mission.deputy, mission.orbit.mean_motion_rad_s
+    deputy, motion, is_true = mission.deputy, mean_rate(mission), mission.has_true_course
     farthest, middle = float(distances_m.max()), float(distances_m.mean())
     force = deputy.max_force_n
     radius = radius_of(mission)
@@ -288,19 +296,19 @@ def limitations(mission: Mission, distances_m: Floats) -> list[Limitation]:
     return [
         Limitation(
             f"thrust over what holds the deputy {farthest:.0f} m above the chief",
-            "F / (3 m n^2 d)",
-            force / (3.0 * deputy.mass_kg * motion**2 * farthest),
+            "F / (m (2 mu/R^3 + w^2) d) where that is least" if is_true else "F / (3 m n^2 d)",
+            force / (deputy.mass_kg * tide_of(mission) * farthest),
             *(1.0, True, "a start there cannot be held against the tide"),
         ),
         Limitation(
             "radians of the orbit that a flight lasts",
-            "n t",
-            motion * mission.duration_s,
+            "w t, by the mean rate w" if is_true else "n t",
+            turn_of(mission),
             *(math.pi, True, "less than half a turn of the Sun about the chief, and of free motion"),
         ),
         Limitation(
             f"least impulse over what moves the deputy {middle:.0f} m in an orbit",
-            "I / (m n d)",
+            "I / (m w d)" if is_true else "I / (m n d)",
             least / (deputy.mass_kg * motion * middle),
             *(0.1, False, "pushes are coarser than the motion that they steer"),
         ),

@@ -189,7 +189,7 @@ def premises(mission: Mission, bounds: SafetyBounds) -> tuple[tuple[str, ...], t
         "commands are late (actuators.delay_s)": bool(real and real.delay_s > 0.0),
         "a thruster fails (actuators.failed_thruster)": bool(real and real.failed_thruster is not None),
         "fixes have outliers (navigation.outlier_share)": is_fixed and navigation.outlier_share > 0.0,
-        "the thrusters cannot make good for such errors": not bounds.does_close,
+        _too_weak(mission, bounds): not bounds.does_close,
     }
     if real is not None:
         failing |= _failing_thrusters(mission, real, bounds)
@@ -200,6 +200,19 @@ def premises(mission: Mission, bounds: SafetyBounds) -> tuple[tuple[str, ...], t
     assumed = {estimate: is_fixed, sight: is_fixed and is_tilted, motion: mission.dynamics.model != "cw"}
     return tuple(premise for premise in failing if failing[premise]), tuple(
         premise for premise in assumed if assumed[premise]
+    )
+
+
+def _too_weak(mission: Mission, bounds: SafetyBounds) -> str:
+    """Return, in words, that thrusters cannot make good for errors, and what would do."""
+    words, needed = "the thrusters cannot make good for such errors", bounds.needed_force_n
+    if not math.isfinite(needed):
+        return f"{words}, however strong: lower the errors of navigation or thrusters"
+    return (
+        f"{words}: for {mission.deputy.mass_kg:g} kg that may take {needed:.4g} N along an axis, and "
+        f"deputy.max_force_n is {mission.deputy.max_force_n:g}; raise it, or lower safety.planned_force_n "
+        f"({mission.safety.planned_force_n:g}) or safety.planned_braking_n "
+        f"({mission.safety.planned_braking_n:g})"
     )
 
 

@@ -23,7 +23,7 @@ from pipeline.flight.world.bounds import process_noise
 from pipeline.physics.motion import motion_over
 from pipeline.settings.equipment import Actuators, Navigation, PositionFixes, RangeBearingFixes, RealActuators
 from pipeline.settings.experiment import Mission
-from pipeline.settings.mission import Dynamics
+from pipeline.settings.mission import Dynamics, TwoBody
 
 #: part of the spawn key of the random numbers for navigation, after the case
 FIXES = 1
@@ -147,11 +147,17 @@ def errors_of(mission: Mission, scenarios: list[Scenario]) -> NavigationErrors:
 def as_believed(mission: Mission, scenarios: list[Scenario]) -> tuple[Mission, list[Scenario]]:
     """Return the mission and the starts as the deputies believe them to be at the start.
 
-    Motion is linear and thrusters are ideal. A deputy that navigates by fixes is at its first
-    estimate, and knows its state from then on; later errors are drawn, but not known yet.
+    Motion is linear, or on a true course that of the orbit without drag and sunlight, and thrusters are
+    ideal. A deputy that navigates by fixes is at its first estimate, and knows its state from then on; later
+    errors are drawn, but not known yet.
     """
+    dynamics = mission.dynamics
+    if isinstance(dynamics, TwoBody) and mission.has_true_course:
+        dynamics = replace(dynamics, drag_m_s2=0.0, radiation_m_s2=0.0)
+    else:
+        dynamics = Dynamics()
     known = replace(
-        mission, navigation=Navigation(), actuators=Actuators(), dynamics=Dynamics(), dispersions={}
+        mission, navigation=Navigation(), actuators=Actuators(), dynamics=dynamics, dispersions={}
     )
     if mission.navigation.mode == "perfect":
         return known, scenarios

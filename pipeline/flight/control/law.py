@@ -19,6 +19,8 @@ from pipeline.flight.control.controller import (
     ControllerError,
     OpenLoopController,
     Planner,
+    PlanningController,
+    RegulatorController,
     RuleController,
     has_constants,
     sensed_by,
@@ -27,6 +29,7 @@ from pipeline.flight.state.arrays import AIMED, Law, Plans, Turns
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.state.signals import AXES, CONSTANTS, FORCE_AXES, NOTHING, SIGNALS, constant, slot
 from pipeline.settings.experiment import Mission
+from pipeline.settings.relations import MOST_CIRCULAR
 from pipeline.threads import in_threads
 
 #: fractions of the reach that the candidate first pushes of a rehearsal have along each Hill axis; radial
@@ -66,6 +69,7 @@ def law_of(controller: Controller, mission: Mission) -> Law:
         slots = [slot(variable.name) for variable in system.inputs]
         row[:] = (slots + [slots[-1]] * 3)[:3]
     check_tour(controller, mission)
+    check_course(controller, mission)
     refusal = mission.refusal_of_plans(f"the plans of {controller.name!r}, by its foresight_pushes,")
     if controller.constants[constant("foresight_pushes")] > 0.0 and refusal is not None:
         raise ControllerError(refusal)
@@ -150,6 +154,21 @@ def check_tour(controller: Controller, mission: Mission) -> None:
                 f"controller {controller.name!r} has {name} {time:g}; give less than half an orbit, "
                 f"{half:.0f} s"
             )
+
+
+def check_course(controller: Controller, mission: Mission) -> None:
+    """Raise ControllerError for what a controller computes by a circle's motion, where that leads astray."""
+    what, is_ellipse = "", mission.orbit.elements.eccentricity > MOST_CIRCULAR
+    if "closest_approach" in sensed_by(controller):
+        what = "senses closest_approach, which is that of a circular orbit"
+    elif is_ellipse and isinstance(controller, PlanningController | RegulatorController):
+        what = f"plans by the free motion of a circle, up to an eccentricity of {MOST_CIRCULAR:g}"
+    if what and mission.has_true_course:
+        raise ControllerError(
+            f"controller {controller.name!r} {what}, and orbit.eccentricity is "
+            f"{mission.orbit.elements.eccentricity:g}; choose another controller, or set "
+            "orbit.course=uniform to take the orbit as a circle"
+        )
 
 
 #: flies plans up to a sample; returns what the deputies know there, shape (m, 6), m and m/s, Hill axes

@@ -1,10 +1,11 @@
 """What a plan of a few pushes would come to, by geometry alone: its price, without a flight.
 
-Clohessy-Wiltshire motion is linear: the position at sample k is ``free_k + sum_i gain_(k-i) force_i``. The
-Sun's motion is known, and so is what is lit when. A point is seen from beyond its tangent plane, or from
-inside the cone and the sphere that limits on incidence and range bend it into, once the deputy is as far
-away as its camera needs to cover the chief (`sight`). Parts of the chief that hide others, a blinded camera
-and how bright a point is are left to the flight that every plan is tried in before it is fired.
+Clohessy-Wiltshire motion is linear: the position at sample k is ``free_k + sum_i gain_(k-i) force_i``. On a
+true course it is ``free_k + rows_k sum_i (sums_(i+1) - sums_i) force_i``. The Sun's motion is known, and so
+is what is lit when. A point is seen from beyond its tangent plane, or from inside the cone and the sphere
+that limits on incidence and range bend it into, once the deputy is as far away as its camera needs to cover
+the chief (`sight`). Parts of the chief that hide others, a blinded camera and how bright a point is are left
+to the flight that every plan is tried in before it is fired.
 """
 
 from typing import Any, NamedTuple
@@ -21,6 +22,7 @@ from pipeline.flight.period.look.optics import beam_of_case, note_lit, want_all
 from pipeline.flight.state.arrays import FullOptics, Workspace, World
 from pipeline.physics.motion import repeated
 from pipeline.physics.sight import NORMAL
+from pipeline.physics.transitions import follows_course
 from pipeline.settings.experiment import Mission
 
 #: prices of a metre, m/s: by which a point falls short, more where it is required, and outside the limits
@@ -35,6 +37,22 @@ ERROR_SHARE = 0.2
 COARSE = 8
 #: plans that are evaluated side by side
 PLANS = 16
+
+
+class Tail(NamedTuple):
+    """What free motion after a plan's pushes and its end depends on; without rows it costs nothing."""
+
+    # (T, 3, 6) from constants of free motion, the state where the plan begins, to positions so far apart, m
+    rows: Floats
+    spacing: float  # in control periods
+    constants: Floats  # (6,) without force
+    kicks: Floats  # (L+1, 6, 3) what 1 N held over so many control periods adds to the constants
+    num_after: int  # rows after the end at which both limits count
+    num_passive: int  # rows after a push at which the least distance counts, besides those to the next push
+
+
+#: free motion that costs nothing
+NO_TAIL = Tail(np.zeros((0, 3, 6)), 1.0, np.zeros(6), np.zeros((0, 6, 3)), 0, 0)
 
 
 class Outlook(NamedTuple):
@@ -58,6 +76,11 @@ class Outlook(NamedTuple):
     most_force: float  # of thrusters along an axis, N; larger pushes take several control periods
     held: Floats  # (3, step, n) of 1 N along each axis held over more periods, see `by_steps`, m/N
     step: int  # control periods from one sample to the next
+    # on a true course instead of gain and held, elsewhere empty: (S, 3, 6) from constants of free motion to
+    # positions, and (L, 6, 3) what 1 N held over so many control periods adds to these constants
+    rows: Floats = np.zeros((0, 3, 6))
+    sums: Floats = np.zeros((0, 6, 3))
+    tail: Tail = NO_TAIL
 
 
 class Geometry(NamedTuple):
@@ -72,12 +95,19 @@ class Geometry(NamedTuple):
     radius: float  # of the sphere that contains all points, m
     cos_incidence: float
     max_range: float
+    # on a true course, else empty: (K+1, 3, 6) from constants of free motion to positions, (K+1, 6, 6) from
+    # states to constants, and (K+1, 6, 3) what 1 N held since the start has added to them
+    rows: Floats = np.zeros((0, 3, 6))
+    back: Floats = np.zeros((0, 6, 6))
+    sums: Floats = np.zeros((0, 6, 3))
 
 
 def geometry_of(mission: Mission, world: World) -> Geometry:
     """Return the geometry of a mission, whose world is given too."""
     num_controls, num_points = world.num_controls, world.num_points
-    motion = repeated(world.motion, num_controls)
+    motion, course, after = repeated(world.motion, num_controls), world.transitions, num_controls + 1
+    kicks = course.back[1:after] @ course.pushes[:num_controls]
+    sums = np.concatenate([np.zeros((1, 6, 3)), np.cumsum(kicks, axis=0)])
     drift = np.concatenate([np.eye(6)[np.newaxis, :3], motion.transition[:, :3]])
     gain = np.concatenate([np.zeros((1, 3, 3)), motion.control[:, :3]])
     shape = (num_controls + 1, 3, num_points)
@@ -96,6 +126,9 @@ def geometry_of(mission: Mission, world: World) -> Geometry:
         radius=radius,
         cos_incidence=float(np.sqrt(world.optics.incidence_squared)),
         max_range=float(np.sqrt(world.optics.range_squared)),
+        rows=course.onward[:after, :3],
+        back=course.back[:after],
+        sums=sums if follows_course(course) else np.zeros((0, 6, 3)),
     )
 
 
@@ -202,6 +235,113 @@ def hold(after: Floats, axis: int, force: float, outlook: Outlook) -> None:
 
 
 @compiled(error_model="numpy")
+def lead_on_course(genes: Floats, num_pushes: int, outlook: Outlook, path: Floats) -> float:
+    """Write the positions of a plan at all samples of a true course into `path`; return the sum of forces, N.
+
+    Parameters are those of `lead_along`.
+    """
+    path[:] = outlook.free.ravel()
+    spent = 0.0
+    for push in range(num_pushes):
+        begin = 0 if push == 0 else int(genes[3 * num_pushes + push - 1])
+        for axis in range(3):
+            force = genes[3 * push + axis]
+            if abs(force) >= outlook.least_force:
+                spent += abs(force)
+                push_on_course(path, axis, force, begin, outlook)
+    return spent
+
+
+@compiled(error_model="numpy")
+def push_on_course(path: Floats, axis: int, force: float, begin: int, outlook: Outlook) -> None:
+    """Add what a push along an axis does to the positions after the sample at which it begins, m.
+
+    `force` would be that of one control period, N; it is divided among as many as thrusters need.
+    """
+    rows, sums, step = outlook.rows, outlook.sums, outlook.step
+    last, periods = len(sums) - 1, max(1, int(np.ceil(abs(force) / outlook.most_force - 1e-9)))
+    first = min(begin * step, last)
+    ended, share = min(first + periods, last), force / periods
+    for sample in range(begin + 1, len(rows)):
+        at = min(sample * step, ended)
+        for row in range(3):
+            moved = 0.0
+            for q in range(6):
+                moved += rows[sample, row, q] * (sums[at, q, axis] - sums[first, q, axis])
+            path[3 * sample + row] += moved * share
+
+
+@compiled(error_model="numpy")
+def lead(genes: Floats, num_pushes: int, outlook: Outlook, effects: Floats, path: Floats) -> float:
+    """Write the positions of a plan as `lead_along` or `lead_on_course` does; return the sum of forces."""
+    if len(outlook.rows) > 0:
+        return lead_on_course(genes, num_pushes, outlook, path)
+    return lead_along(genes, num_pushes, outlook, effects, path)
+
+
+@compiled(error_model="numpy")
+def constants_after(genes: Floats, num_pushes: int, outlook: Outlook, period: int, constants: Floats) -> None:
+    """Write the constants of free motion after the pushes of a plan that begin before a control period."""
+    kicks = outlook.tail.kicks
+    constants[:] = outlook.tail.constants
+    for push in range(num_pushes):
+        begin = 0 if push == 0 else outlook.step * int(genes[3 * num_pushes + push - 1])
+        for axis in range(3 if begin < period else 0):
+            force = genes[3 * push + axis]
+            if abs(force) >= outlook.least_force:
+                periods = max(1, int(np.ceil(abs(force) / outlook.most_force - 1e-9)))
+                end = min(begin + periods, len(kicks) - 1)
+                for q in range(6):
+                    constants[q] += (kicks[end, q, axis] - kicks[begin, q, axis]) * force / periods
+
+
+@compiled(error_model="numpy")
+def reach_of(rows: Floats, first: int, last: int, constants: Floats) -> tuple[float, float]:
+    """Return the least and the greatest distance of free motion at rows of a tail, m."""
+    least_square, most_square = np.inf, 0.0
+    for j in range(max(first, 0), min(last, len(rows) - 1) + 1):
+        square = 0.0
+        for axis in range(3):
+            along = 0.0
+            for q in range(6):
+                along += rows[j, axis, q] * constants[q]
+            square += along * along
+        least_square, most_square = min(least_square, square), max(most_square, square)
+    return np.sqrt(least_square), np.sqrt(most_square)
+
+
+@compiled(error_model="numpy")
+def outside_later(genes: Floats, num_pushes: int, outlook: Outlook) -> float:
+    """Return the most metres outside the limits of free motion after a plan's pushes, and after the end.
+
+    After each push the thrusters may fail, at any time up to the next one, or up to the end.
+    """
+    tail, last, worst = outlook.tail, len(outlook.tail.kicks) - 1, 0.0
+    if len(tail.rows) == 0:
+        return worst
+    constants = np.empty(6)
+    for push in range(num_pushes if tail.num_passive > 0 else 0):
+        begin = 0 if push == 0 else outlook.step * int(genes[3 * num_pushes + push - 1])
+        following = last
+        for other in range(num_pushes):
+            at = 0 if other == 0 else outlook.step * int(genes[3 * num_pushes + other - 1])
+            if begin < at < following:
+                following = at
+        constants_after(genes, num_pushes, outlook, begin + 1, constants)
+        first = int(np.ceil((begin + 1) / tail.spacing))
+        least, _ = reach_of(
+            tail.rows, first, int(np.ceil(following / tail.spacing)) + tail.num_passive, constants
+        )
+        worst = max(worst, outlook.nearest - least)
+    if tail.num_after > 0:
+        constants_after(genes, num_pushes, outlook, last, constants)
+        end = int(np.ceil(last / tail.spacing))
+        least, greatest = reach_of(tail.rows, end, end + tail.num_after, constants)
+        worst = max(worst, outlook.nearest - least, greatest - outlook.farthest)
+    return worst
+
+
+@compiled(error_model="numpy")
 def price_shortfalls(best: Floats, needed: int, required: int) -> float:
     """Return what it costs by how much the `needed` points nearest to being seen fall short, m/s."""
     short, short_of_required = 0.0, 0.0
@@ -253,9 +393,10 @@ def price_pushes(genes: Floats, num_pushes: int, needed: int, outlook: Outlook, 
         for lane in range(PLANS):
             # spare lanes repeat the last plan
             plan = min(first + lane, num_plans - 1)
-            spent[lane] = lead_along(genes[:, plan], num_pushes, outlook, effects, path)
+            spent[lane] = lead(genes[:, plan], num_pushes, outlook, effects, path)
+            outside[lane] = outside_later(genes[:, plan], num_pushes, outlook)
             positions[:, :, lane] = path.reshape(-1, 3)
-        best[:], outside[:], num_left = NEVER, 0.0, num_points
+        best[:], num_left = NEVER, num_points
         for turn in range(num_samples):
             # coarsely first: most points are soon seen by all plans
             k = order[turn]

@@ -19,7 +19,7 @@ from fis_tools.compiled.three import (
     write_lane,
     write_three,
 )
-from fis_tools.compiled.vectors import borrowed, splat, store, width_of
+from fis_tools.compiled.vectors import borrowed, most, splat, store, width_of
 from pipeline.array_types import Bytes, Floats, Integers
 from pipeline.flight.fly.logged import write_period, write_sample
 from pipeline.flight.period.act.attitude import relative_rate
@@ -38,10 +38,11 @@ from pipeline.flight.state.arrays import (
     World,
 )
 from pipeline.flight.state.errors import ModelErrors
-from pipeline.flight.state.lanes import attitude_of, flight_of, load_quaternion, write_row
+from pipeline.flight.state.lanes import attitude_of, flight_of, load_quaternion, load_row, write_row
 from pipeline.flight.state.log import NO_LOG, FlightLog
 from pipeline.flight.state.signals import SETTING, URGENCY
 from pipeline.physics.quaternion import to_hill
+from pipeline.physics.transitions import times_six
 
 
 class FlightBatch(NamedTuple):
@@ -110,6 +111,19 @@ def start_lanes(now: Moment, cases: Any, counted: Bytes) -> None:
         store(total, 0, zeros)
     for total in (lanes.coasts, lanes.num_acted, lanes.corrected, lanes.limit, lanes.num_full):
         store(total, 0, zeros)
+
+
+@compiled(error_model="numpy")
+def note_after(now: Moment) -> None:
+    """Count where coasting on from the flights' end leads outside the limits as the flights themselves."""
+    world, lanes, truth = now.world, now.state.lanes, now.state.truth
+    position, velocity = load_three(truth.position, 0), load_three(truth.velocity, 0)
+    for j in range(len(world.after)):
+        rows = world.after[j]
+        moved = times_six(rows, 0, position, velocity)
+        distance = length(Three(moved.x + rows[0, 6], moved.y + rows[1, 6], moved.z + rows[2, 6]))
+        beyond = most(world.min_distance - distance, distance - world.max_distance)
+        store(lanes.beyond, 0, most(beyond, load_row(lanes.beyond)))
 
 
 @compiled(error_model="numpy")
@@ -236,6 +250,8 @@ def fly_many(
                 counts = flights.counted[start if len(flights.counted) > 1 else 0]
                 write_sample(now, work.signals, errors, counts, log, flights.cases[start])
             if k == world.last:
+                if k == world.num_controls:
+                    note_after(now)
                 write_outcomes(now, flight, results.outcomes)
                 for lane in range(num_lanes if len(results.known) > 0 else 0):
                     write_known(now, lane, errors, results.known[flight + lane])

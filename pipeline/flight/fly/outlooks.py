@@ -6,6 +6,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from fis_tools.compiled.decorator import plainly
 from fis_tools.engines.kernel import LANES
 from pipeline.array_types import Booleans, Bytes, Floats, Integers
 from pipeline.flight.cases.actuators import thrusters_of
@@ -14,8 +15,10 @@ from pipeline.flight.cases.starts import Cases, cases_of, starts_of
 from pipeline.flight.control.controller import RuleController, from_fuzzy
 from pipeline.flight.control.law import law_of
 from pipeline.flight.fly.foresight import (
+    NO_TAIL,
     Geometry,
     Outlook,
+    Tail,
     by_steps,
     geometry_of,
     lit_at_samples,
@@ -27,12 +30,18 @@ from pipeline.flight.state.arrays import NUM_TRACKED, TRACK_BORESIGHT, World
 from pipeline.flight.state.log import Outcomes, Scenario
 from pipeline.flight.state.signals import constant
 from pipeline.flight.world.bounds import guard_of
+from pipeline.flight.world.chief import BEYOND_S, predicted_motion
+from pipeline.flight.world.coasting import rows_after
 from pipeline.flight.world.pack import pack_world
+from pipeline.physics.motion import motion_over, state_transition
+from pipeline.physics.transitions import follows_course
 from pipeline.settings.equipment import RealActuators
 from pipeline.settings.experiment import Mission
 
 #: time between the samples at which plans are priced, s, by the number of pushes
 LOOK_S = {2: 30.0, 3: 20.0}
+#: time between the instants at which plans are priced by what follows them, s
+TAIL_S = 60.0
 #: by how much plans see points beyond their horizons, and keep inside the limits besides what the rules keep:
 #: for what happens between two samples, m, and for what is not known, in standard deviations of the position
 MARGIN_M, SPREADS = 0.3, 1.0
@@ -92,8 +101,15 @@ def _strided(mission: Mission, sample: int, step: int) -> Geometry:
     """Return the geometry at every `step`-th sample from `sample` on, where motion begins."""
     geometry = _geometry(mission)
     ahead, after = slice(None, mission.num_controls + 1 - sample, step), slice(sample, None, step)
+    if len(geometry.rows) > 0:
+        rows = np.ascontiguousarray(geometry.rows[after])
+        sums = np.ascontiguousarray(geometry.sums[sample:] - geometry.sums[sample])
+        geometry = geometry._replace(rows=rows, sums=sums)
+        drift = rows @ geometry.back[sample]
+    else:
+        drift = np.ascontiguousarray(geometry.drift[ahead])
     return geometry._replace(
-        drift=np.ascontiguousarray(geometry.drift[ahead]),
+        drift=drift,
         gain=np.ascontiguousarray(geometry.gain[ahead]),
         points=np.ascontiguousarray(geometry.points[after]),
         normals=np.ascontiguousarray(geometry.normals[after]),
@@ -101,14 +117,48 @@ def _strided(mission: Mission, sample: int, step: int) -> Geometry:
     )
 
 
-def spread_after(mission: Mission, covariances: Floats, seconds: float) -> Floats:
-    """Return how far positions may be off after a time of free motion, (m,), m: a standard deviation.
+def tail_stride(mission: Mission) -> int:
+    """Return the control periods between the rows of a tail."""
+    return max(1, round(TAIL_S / mission.control_period_s))
+
+
+@lru_cache(maxsize=32)
+def tail_of(mission: Mission, sample: int, beyond_s: float) -> tuple[Floats, Floats, Floats]:
+    """Return rows and kicks of a `Tail` from a sample to so long after the end, and constants by states.
+
+    On a circle the constants of free motion are the state where it begins.
+    """
+    stride, period, num_periods = (
+        tail_stride(mission),
+        mission.control_period_s,
+        mission.num_controls - sample,
+    )
+    count = int(np.ceil((num_periods + beyond_s / period) / stride)) + 1
+    _, motion = predicted_motion(mission, max(BEYOND_S, beyond_s + stride * period))
+    if follows_course(motion):
+        after = slice(sample + 1, mission.num_controls + 1)
+        rows, constants = motion.onward[sample::stride, :3][:count], motion.back[sample]
+        kicks = motion.back[after] @ motion.pushes[sample : mission.num_controls]
+    else:
+        n, constants = mission.orbit.mean_motion_rad_s, np.eye(6)
+        push = motion_over(mission.orbit, mission.deputy, (period,)).control[0]
+        with plainly("pipeline"):
+            rows = np.array([state_transition(n, j * stride * period)[:3] for j in range(count)])
+            kicks = np.array([state_transition(n, -(i + 1) * period) @ push for i in range(num_periods)])
+    sums = np.concatenate([np.zeros((1, 6, 3)), np.cumsum(kicks, axis=0)])
+    return np.ascontiguousarray(rows), sums, constants
+
+
+def spread_after(mission: Mission, sample: int, covariances: Floats, seconds: float) -> Floats:
+    """Return how far positions may be off a time after a sample, in free motion, (m,), m: a deviation.
 
     It is the largest along any direction, of covariances of position and velocity, (m, 6, 6).
     """
     world = pack_world(mission)
     periods = round(seconds / world.control_period)
-    phi = np.linalg.matrix_power(world.motion.transition[0], periods)[:3]
+    phi, course = np.linalg.matrix_power(world.motion.transition[0], periods)[:3], world.transitions
+    if follows_course(course):
+        phi = course.onward[min(sample + periods, len(course.onward) - 1), :3] @ course.back[sample]
     return np.asarray(np.sqrt(np.linalg.eigvalsh(phi @ covariances @ phi.T)[:, -1].clip(0.0)))
 
 
@@ -146,7 +196,9 @@ class Deputies:
 
     def __post_init__(self) -> None:
         """Pack the mission as the deputies know it, from their sample on, with their safety layer."""
-        world = pack_world(self.known)._replace(first=self.sample, guard=guard_of(self.mission))
+        world = pack_world(self.known)._replace(
+            first=self.sample, guard=guard_of(self.mission), after=rows_after(self.known, self.after_s)
+        )
         object.__setattr__(self, "world", world)
 
     def constant(self, name: str) -> float:
@@ -157,6 +209,11 @@ class Deputies:
     def num_pushes(self) -> int:
         """How many pushes they plan together."""
         return round(self.constant("foresight_pushes"))
+
+    @property
+    def after_s(self) -> float:
+        """How long flights ahead must stay within the limits after their end, s."""
+        return max(self.mission.after_s, self.constant("foresight_after_s"))
 
     @property
     def step(self) -> int:
@@ -260,8 +317,21 @@ class Deputies:
             most_force=world.max_force,
             held=parts.held,
             step=self.step,
+            rows=parts.rows,
+            sums=parts.sums,
+            tail=self._tail(np.r_[scenario.position_m, scenario.velocity_m_s]),
         )
         return outlook, needed
+
+    def _tail(self, state: Floats) -> Tail:
+        """Return what prices what follows pushes and the end, of a flight in a state, (6,), m and m/s."""
+        after, passive = self.after_s, self.constant("foresight_passive_s")
+        if after == passive == 0.0:
+            return NO_TAIL
+        rows, kicks, constants = tail_of(self.known, self.sample, max(after, passive))
+        stride = tail_stride(self.known)
+        counts = [int(np.ceil(time / (stride * self.known.control_period_s))) for time in (after, passive)]
+        return Tail(rows, float(stride), constants @ state, kicks, *counts)
 
     def _points(self, flight: int) -> tuple[Booleans, int, int]:
         """Return which points left are lit when, and how many of them a plan must see, at what price.
@@ -314,7 +384,7 @@ def later(
     spreads = np.zeros(len(scenarios))
     if is_filtered:
         covariances = rows[:, 6 + num_points :].reshape(-1, 6, 6)
-        spreads = spread_after(mission, covariances, period * mission.control_period_s)
+        spreads = spread_after(mission, sample, covariances, period * mission.control_period_s)
     known = replace(deputies.known, attitude=replace(mission.attitude, mode="ideal"))
     return replace(deputies, known=known, believed=believed, spreads_m=spreads, sample=sample, left=left)
 
@@ -331,7 +401,7 @@ def at_start(
     spreads, world = np.zeros(len(believed)), pack_world(known)
     if mission.navigation.mode == "fixes":
         covariance = filter_of(mission).at_start[np.newaxis]
-        spreads[:] = spread_after(mission, covariance, period * mission.control_period_s)
+        spreads[:] = spread_after(mission, 0, covariance, period * mission.control_period_s)
     work = make_workspace(world)
     lit = [lit_at_samples(world, starts_of([start]), work) for start in believed]
     return Deputies(mission, known, controller, believed, spreads, 0, lit, lanes=lanes)

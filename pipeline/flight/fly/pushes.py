@@ -14,8 +14,8 @@ from fis_tools.compiled.decorator import compiled
 from pipeline.array_types import Floats
 from pipeline.flight.fly.foresight import Outlook, price_pushes
 
-#: share of what is left of a flight after which no push begins
-LATEST = 0.85
+#: share of what is left of a flight after which no push begins; where what follows the end counts
+LATEST, LATEST_OF_ENDS = 0.85, 0.99
 #: least and greatest weight of a difference, and the share of genes that a mutant has
 LEAST_WEIGHT, MOST_WEIGHT, CROSSOVER = 0.3, 0.9, 0.9
 #: draws of a mutant besides one for each gene: three other plans, two weights, a gene that it has anyway
@@ -169,7 +169,7 @@ def search_pushes(
     """
     num_samples, num_later = len(outlook.free), num_pushes - 1
     reach = reach_m_s / outlook.delta_v_per_force
-    latest = max(1.0, LATEST * (num_samples - 1))
+    latest = max(1.0, (LATEST_OF_ENDS if outlook.tail.num_after else LATEST) * (num_samples - 1))
     lowest = np.r_[np.full(3 * num_pushes, -reach), np.zeros(num_later)]
     highest = np.r_[np.full(3 * num_pushes, reach), np.full(num_later, latest)]
     genes = np.empty((effort.num_generations + 1, len(lowest), effort.num_plans))

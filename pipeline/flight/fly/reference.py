@@ -19,6 +19,7 @@ from pipeline.flight.reference.errors import DrawnErrors
 from pipeline.flight.reference.flight import ReferenceFlight
 from pipeline.flight.reference.guidance import relative_angle
 from pipeline.flight.reference.light import share_of_sun, sun_direction
+from pipeline.flight.reference.motion import drifted
 from pipeline.flight.reference.period import Act, period, start
 from pipeline.flight.reference.see_push import sought_looks
 from pipeline.flight.reference.state import Look, ReferenceState
@@ -32,6 +33,8 @@ from pipeline.settings.equipment import FilteredNavigation, RealActuators
 from pipeline.settings.experiment import Mission
 from pipeline.settings.mission import TwoBody
 
+#: between the instants at which what follows a flight's end is looked at, s
+LOOK_AFTER_S = 20.0
 #: names of limits in the order of `pipeline.flight.state.log.LIMITS`; None where none is exceeded
 LIMIT_NAMES = (None, "keep_out", "keep_in", "speed", "passive_safety")
 
@@ -187,10 +190,20 @@ def _senses(controller: Controller) -> list[str]:
     return [variable.name for system in controller.systems for variable in system.inputs]
 
 
+def beyond_after(mission: Mission, log: FlightLog) -> float:
+    """Return the most metres outside the limits of coasting on from a flight's end for `after_s`."""
+    if mission.after_s == 0.0:
+        return -np.inf
+    end, limits = np.r_[log.position_m[-1], log.velocity_m_s[-1]], mission.deputy
+    times = np.linspace(0.0, mission.after_s, int(np.ceil(mission.after_s / LOOK_AFTER_S)) + 1)
+    distances = np.array([np.linalg.norm(drifted(mission, end, time)[:3]) for time in times.tolist()])
+    return float(max(limits.min_distance_m - distances.min(), distances.max() - limits.max_distance_m))
+
+
 def outcomes_of_logs(mission: Mission, logs: Sequence[FlightLog]) -> Outcomes:
     """Return the outcomes of logged flights, (n,)."""
     distance = np.array([np.linalg.norm(log.position_m, axis=1) for log in logs])
-    beyond = np.array([metres_beyond(mission, log)[1:] for log in logs])
+    beyond = np.array([[*metres_beyond(mission, log)[1:], beyond_after(mission, log)] for log in logs])
     changes = np.array([np.abs(log.safety_force_hill_n).sum() for log in logs])
     limit, is_ahead = mission.deputy.max_force_n, [log.command_reason == REHEARSED for log in logs]
     requested = [np.minimum(np.abs(log.force_asked_n), limit) for log in logs]

@@ -159,7 +159,8 @@ class _Choice:
         short = np.flatnonzero(is_short)
         for attempt, effort in enumerate(HARDER[num_pushes] if len(short) else ()):
             self._try_harder(short, (effort,) if is_first else efforts, attempt)
-        if is_first and len(short):
+        # rehearsals do not look beyond what the mission itself asks for
+        if is_first and len(short) and deputies.after_s == deputies.mission.after_s:
             self.ends[REHEARSED, short] = _rehearsed(deputies.only(short))
 
     @property

@@ -16,6 +16,7 @@ file           law
 ============== =====================================================================================
 `motion`       Clohessy and Wiltshire's equations, free and forced; the closest approach
 `two_body`     the chief's orbit about an oblate Earth, and the deputy beside it
+`course`       motion beside a chief on its true course, as the deputy predicts it
 `turning`      Euler's equation: the deputy under torques, a chief that tumbles
 `light`        the Sun, the Earth's shadow, which points are lit
 `mesh`         which parts of a chief hide others

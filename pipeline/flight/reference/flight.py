@@ -15,9 +15,11 @@ from pipeline.flight.control.controller import (
     RegulatorController,
     RuleController,
 )
+from pipeline.flight.reference.course import PredictedCourse
 from pipeline.flight.reference.errors import DrawnErrors
 from pipeline.flight.reference.light import SunAngles, faces_sun, later, semi_major_axis, sun_direction
 from pipeline.flight.reference.mesh import Mesh
+from pipeline.flight.reference.motion import transition
 from pipeline.flight.reference.turning import chief_attitudes
 from pipeline.flight.reference.two_body import Earth, chief_orbit, hill_axes
 from pipeline.flight.state.log import Scenario
@@ -106,6 +108,46 @@ class ReferenceFlight:
         axes = [Rotation.from_matrix(rows) for rows in self.hill_axes]
         turns = [(before * after.inv()).as_rotvec() for before, after in pairwise(axes)]
         return np.array([*turns, turns[-1]]) / self.mission.control_period_s
+
+    @cached_property
+    def circular_rates(self) -> Floats:
+        """Rate of a circular orbit at the chief's distance at each sample, rad/s, (K+1,)."""
+        rate = np.full(self.mission.num_controls + 1, self.mission.orbit.mean_motion_rad_s)
+        if self.orbit is None or not self.mission.has_true_course:
+            return rate
+        return rate * (semi_major_axis(self.mission) / np.linalg.norm(self.orbit[:, :3], axis=1)) ** 1.5
+
+    @cached_property
+    def predicted(self) -> PredictedCourse | None:
+        """The chief's true course as the deputy predicts it; None where it counts with the mean motion."""
+        return (
+            PredictedCourse(self.earth, self.mission) if self.earth and self.mission.has_true_course else None
+        )
+
+    @cached_property
+    def predicted_suns(self) -> list[SunAngles]:
+        """The Sun at each sample of the predicted course, beyond the flight's end too."""
+        start = sun_direction(self.scenario.sun_angle_rad, self.scenario.sun_elevation_rad)
+        return [] if self.predicted is None else self.predicted.suns(start)
+
+    def transition(self, k: int, sample: int) -> Floats:
+        """Return Phi of free motion from one sample to a later one, (6, 6), as the deputy predicts it."""
+        if self.predicted is not None:
+            return self.predicted.between(k, sample)
+        return transition(self.mission.orbit.mean_motion_rad_s, self.time(sample - k))[0]
+
+    def step(self, k: int) -> tuple[Floats, Floats]:
+        """Return Phi, (6, 6), and Gamma, (6, 3), of a control period, as the deputy predicts it."""
+        if self.predicted is not None:
+            return self.predicted.step(k)
+        n, mass = self.mission.orbit.mean_motion_rad_s, self.mission.deputy.mass_kg
+        return transition(n, self.mission.control_period_s, mass)
+
+    def sun_at(self, k: int, sample: int) -> SunAngles:
+        """Return the Sun at a later sample, as the deputy predicts it at sample k."""
+        if self.predicted is not None:
+            return self.predicted_suns[sample]
+        return later(self.mission, self.suns[k], sample - k)
 
     @cached_property
     def distances(self) -> Floats:

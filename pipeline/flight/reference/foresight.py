@@ -5,8 +5,6 @@ import numpy as np
 from pipeline.array_types import Booleans, Floats
 from pipeline.flight.reference.camera import aimed, seen_points
 from pipeline.flight.reference.flight import ReferenceFlight
-from pipeline.flight.reference.light import later
-from pipeline.flight.reference.motion import drifted
 
 #: seconds between previewed positions
 PREVIEW_PERIOD_S = 120.0
@@ -21,10 +19,10 @@ def preview(
     is_left = flight.is_counted & ~is_inspected
     distances = [float(np.linalg.norm(state[:3]))]
     for sample in range(last, k, -stride):
-        position = drifted(flight.mission, state, (sample - k) * period)[:3]
+        position = (flight.transition(k, sample) @ state)[:3]
         distances.append(float(np.linalg.norm(position)))
         if is_left.any():
-            sun = later(flight.mission, flight.suns[k], sample - k)
+            sun = flight.sun_at(k, sample)
             is_seen = seen_points(flight, sample, position, aimed(flight.mission, position), sun)
             is_left &= ~(is_seen & flight.lit_at(sample, sun))
     return is_left, min(distances), max(distances)

@@ -8,7 +8,6 @@ from scipy.spatial.transform import Rotation
 from pipeline.array_types import Booleans, Floats
 from pipeline.flight.reference.actuators import delay_periods
 from pipeline.flight.reference.flight import ReferenceFlight
-from pipeline.flight.reference.motion import transition
 from pipeline.settings.equipment import FilteredNavigation, PositionFixes, RangeBearingFixes, RealActuators
 from pipeline.settings.experiment import Mission
 
@@ -129,7 +128,7 @@ def predicted(
     """
     mission, law = flight.mission, flight.mission.filtered
     force = belief.has_fired[period] * belief.acting[period]
-    phi, gamma = transition(mission.orbit.mean_motion_rad_s, mission.control_period_s, mission.deputy.mass_kg)
+    phi, gamma = flight.step(period)
     tilt = np.radians(law.attitude_noise_deg)
     std, nearest, farthest, growth = flight.errors.process
     share = max(nearest, float(np.linalg.norm(belief.state[:3]))) / farthest

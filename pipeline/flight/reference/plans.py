@@ -6,12 +6,14 @@ from numpy.typing import ArrayLike
 from pipeline.array_types import Booleans, Floats
 from pipeline.flight.reference.camera import least_cosine
 from pipeline.flight.reference.flight import ReferenceFlight
-from pipeline.flight.reference.motion import pushed
+from pipeline.flight.reference.motion import transition
 
 #: of a metre by which a point falls short of being seen, and of a metre outside the limits, m/s
 PRICE_OF_HEIGHT, PRICE_OF_DISTANCE = 0.01, 0.05
 #: what a metre costs more where a point is required, and of a way that is too long between two looks, m/s
 PRICE_OF_REQUIRED, PRICE_OF_WAY = 0.03, 0.25
+#: between the instants at which what follows a plan counts, s
+TAIL_S = 60.0
 #: the shortfall of a point that is never lit in view of the camera, m
 NEVER = 1000.0
 
@@ -27,6 +29,7 @@ def price(
     limits: tuple[float, float, float],
     step: int,
     sight: Floats,
+    after: tuple[float, float] = (0.0, 0.0),
 ) -> float:
     """Return the price of a plan, m/s.
 
@@ -51,6 +54,9 @@ def price(
         Control periods between the samples at which the plan is looked at.
     sight : (K+1,)
         Distance from which the camera covers the chief at each sample, m.
+    after : (float, float)
+        How long limits count after the end if nothing is fired, and the least distance after a failure at any
+        time after the first push, s.
     """
     mission, period, sensor = flight.mission, flight.mission.control_period_s, flight.mission.sensor
     best, outside, price_of_ways, before = np.full(len(is_left), -NEVER), 0.0, 0.0, state
@@ -69,8 +75,45 @@ def price(
                 room = np.minimum(room, sensor.max_range_m - margin - apart)
             room = np.minimum(room, distance - sight[k] - margin)
             best = np.where(flight.is_lit[k] & is_left, np.maximum(best, room), best)
-        state = pushed(mission, state, np.asarray(pushes.get(k, np.zeros(3)), dtype=np.float64), period)
+        outside = max(outside, _outside_later(flight, k, begin, state, pushes, limits, after))
+        phi, gamma = flight.step(k) if k < mission.num_controls else (np.eye(6), np.zeros((6, 3)))
+        state = phi @ state + gamma @ np.asarray(pushes.get(k, np.zeros(3)), dtype=np.float64)
     short = np.cumsum(np.r_[0.0, np.sort(np.maximum(0.0, -best))])
     seen_worse = PRICE_OF_HEIGHT * short[needed[0]] + PRICE_OF_REQUIRED * short[needed[1]]
     spent = sum(float(np.abs(force).sum()) for force in pushes.values()) * period / mission.deputy.mass_kg
     return float(spent + seen_worse + max(PRICE_OF_DISTANCE * outside, price_of_ways))
+
+
+def _outside_later(
+    flight: ReferenceFlight,
+    k: int,
+    begin: int,
+    state: Floats,
+    pushes: dict[int, ArrayLike],
+    limits: tuple[float, float, float],
+    after: tuple[float, float],
+) -> float:
+    """Return by how many metres free motion from a sample of a plan leads outside, minute by minute.
+
+    The state counts where a push has just ended, or the next one begins, and at the end of the flight.
+    """
+    mission, (after_s, passive_s) = flight.mission, after
+    n, period, stride = mission.orbit.mean_motion_rad_s, mission.control_period_s, flight.periods(TAIL_S)
+    outside, since = 0.0, k - begin
+
+    def distances(last_row: int) -> Floats:
+        rows = np.arange(-(-since // stride), last_row + 1)
+        times = period * (stride * rows - since)
+        return np.array([np.linalg.norm((transition(n, time)[0] @ state)[:3]) for time in times.tolist()])
+
+    def num_rows(seconds: float) -> int:
+        return int(np.ceil(seconds / (stride * period)))
+
+    following = min([other for other in pushes if other >= k], default=mission.num_controls) - begin
+    if passive_s > 0.0 and k - 1 in pushes:
+        near = distances(-(-following // stride) + num_rows(passive_s))
+        outside = max(outside, limits[0] - float(near.min()))
+    if after_s > 0.0 and k == mission.num_controls:
+        far = distances(-(-since // stride) + num_rows(after_s))
+        outside = max(outside, limits[0] - float(far.min()), float(far.max()) - limits[1])
+    return outside

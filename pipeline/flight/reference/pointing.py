@@ -95,7 +95,7 @@ def turn_through_period(
         torque, held = wheels_turned(mission, hill, attitude, rate, state.momentum, wanted)
         instants.append((attitude, rate, torque, held))
         external = np.cross(thrust.arm, attitude.inv().apply(thrust.fired)) + thrust.twist
-        external = external + gradient_torque(mission, attitude)
+        external = external + gradient_torque(mission, flight.circular_rates[k], attitude)
         state.momentum = momentum_after(mission, hill, attitude, state.momentum, external)
         attitude, rate = turned(mission, hill, attitude, rate, torque + external, mission.attitude_period_s)
     # relative to Hill axes as they turn from here on

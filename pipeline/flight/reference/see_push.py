@@ -5,8 +5,7 @@ import numpy as np
 from pipeline.array_types import Booleans, Floats
 from pipeline.flight.reference.camera import aimed, least_cosine, seen_points
 from pipeline.flight.reference.flight import ReferenceFlight
-from pipeline.flight.reference.light import SunAngles, later
-from pipeline.flight.reference.motion import transition
+from pipeline.flight.reference.light import SunAngles
 from pipeline.flight.reference.urgency import turned_aside, urgency
 
 #: seconds between looks; see_near_m and see_short_m where a controller does not set them
@@ -51,8 +50,8 @@ def cheapest_looks(
     is_shown, cheapest = ~is_sought, np.full(len(is_sought), np.inf)
     shortfalls, slopes = np.zeros(len(is_sought)), np.zeros((len(is_sought), 3))
     for sample in range(k + stride, min(mission.num_controls, k + looks * stride) + 1, stride):
-        phi, _ = transition(mission.orbit.mean_motion_rad_s, (sample - k) * period)
-        position, sun = (phi @ state)[:3], later(mission, flight.suns[k], sample - k)
+        phi, sun = flight.transition(k, sample), flight.sun_at(k, sample)
+        position = (phi @ state)[:3]
         is_lit = flight.lit_at(sample, sun)
         short, towards, shows = shortfall(flight, sample, position, sun)
         is_shown |= is_lit & shows

@@ -33,7 +33,7 @@ def signals(flight: ReferenceFlight, k: int, look: Look, names: Collection[str])
     }
     values |= {f"velocity_body_{a}": v for a, v in zip("xyz", look.sensed.inv().apply(velocity), strict=True)}
     values |= along("position", position) | along("velocity", velocity)
-    values |= natural_motion(flight, flight.suns[k][0], position, velocity)
+    values |= natural_motion(flight, k, position, velocity)
     values |= towards(flight.suns[k][0], position, look.target)
     if senses("closest_approach"):
         values["closest_approach"] = closest_approach(flight.mission, state)
@@ -56,14 +56,12 @@ def along(name: str, vector: Floats) -> dict[str, float]:
     return {f"{name}_{axis}": value for axis, value in zip(AXES, vector, strict=True)}
 
 
-def natural_motion(
-    flight: ReferenceFlight, angle: float, position: Floats, velocity: Floats
-) -> dict[str, float]:
+def natural_motion(flight: ReferenceFlight, k: int, position: Floats, velocity: Floats) -> dict[str, float]:
     """Return the ellipse of free motion: its centre, where that drifts, and the deputy's error on the ring.
 
-    `angle` is the Sun's, rad.
+    On a true course it is the ellipse of a circle at the rate at which Hill axes turn now.
     """
-    n, constants = flight.mission.orbit.mean_motion_rad_s, flight.constants
+    n, constants, angle = float(flight.hill_rates[k][2]), flight.constants, flight.suns[k][0]
     centre = np.array([4.0 * position[0] + 2.0 * velocity[1] / n, position[1] - 2.0 * velocity[0] / n])
     drift = -1.5 * n * centre[0] * constants["prediction_time_s"]
     bearing = angle - constants["ring_lead_rad"]

@@ -13,6 +13,8 @@ from pipeline.flight.reference.urgency import turned_aside
 
 def tour_push(flight: ReferenceFlight, k: int, state: Floats, urgent: Floats) -> Floats:
     """Return ``Phi_rv^-1 (r_tour(theta - n tau) - Phi_r s)``, turned aside near the chief, m/s."""
+    if flight.predicted is not None:
+        return tour_push_on_course(flight, k, state, urgent)
     angle, elevation = flight.suns[k]
     n, constants = flight.mission.orbit.mean_motion_rad_s, flight.constants
     time = time_ahead(flight, angle, elevation)
@@ -22,6 +24,35 @@ def tour_push(flight: ReferenceFlight, k: int, state: Floats, urgent: Floats) ->
     phi, _ = transition(n, time)
     push = np.linalg.solve(phi[:3, 3:], goal - phi[:3] @ state)
     return turned_aside(flight, np.asarray(push, dtype=np.float64), state[:3])
+
+
+def tour_push_on_course(flight: ReferenceFlight, k: int, state: Floats, urgent: Floats) -> Floats:
+    """Return the push on a true course, m/s, by the Sun and the motion that are predicted there."""
+    constants, sample = flight.constants, arrival(flight, k)
+    if sample == k:
+        return np.zeros(3)
+    goal = tour_position(constants, *flight.sun_at(k, sample)) + constants["tour_lean_m"] * urgent
+    phi = flight.transition(k, sample)
+    push = np.linalg.solve(phi[:3, 3:], goal - phi[:3] @ state)
+    return turned_aside(flight, np.asarray(push, dtype=np.float64), state[:3])
+
+
+def arrival(flight: ReferenceFlight, k: int) -> int:
+    """Return the sample at which the deputy is to be on the tour; k where that is too long in the dark."""
+    course, mission, constants = flight.predicted, flight.mission, flight.constants
+    assert course is not None  # noqa: S101 - what asks has one
+    period = mission.control_period_s
+    first = min(course.last, k + max(1, int(constants["tour_time_s"] / period + 0.5)))
+    latest = min(course.last, k + int(constants["tour_wait_s"] / period + 0.5))
+    is_circle = mission.orbit.elements.eccentricity == 0.0
+    if constants["tour_wait_s"] == 0.0:
+        return first
+    for sample in range(first, latest + 1):
+        distance = semi_major_axis(mission) if is_circle else course.distances[sample]
+        share = share_of_sun(mission, sun_direction(*flight.sun_at(k, sample)), float(distance))
+        if share >= mission.light.min_fraction:
+            return sample
+    return k
 
 
 def tour_position(constants: Mapping[str, float], angle: float, elevation: float) -> Floats:

@@ -40,16 +40,17 @@ def turned(
     return attitude, end[4:] - attitude.inv().apply(hill)
 
 
-def gradient_torque(mission: Mission, attitude: Rotation) -> Floats:
+def gradient_torque(mission: Mission, rate: float, attitude: Rotation) -> Floats:
     """Return the torque of gravity's gradient on the deputy, N m, body axes; zero unless it is asked for.
 
     Schaub and Junkins, Analytical Mechanics of Space Systems, 4.2: ``3 n^2 i x J i`` with the unit vector i
-    away from the Earth. It is held over an attitude period.
+    away from the Earth, and the rate n of a circular orbit at the chief's distance. It is held over an
+    attitude period.
     """
     if not mission.attitude.gravity_gradient:
         return np.zeros(3)
     inertia, upward = np.array(mission.deputy.inertia_kg_m2), attitude.inv().apply([1.0, 0.0, 0.0])
-    return 3.0 * mission.orbit.mean_motion_rad_s**2 * np.cross(upward, inertia @ upward)
+    return 3.0 * rate**2 * np.cross(upward, inertia @ upward)
 
 
 def chief_attitudes(mission: Mission, hill_axes: list[Floats]) -> list[Rotation]:

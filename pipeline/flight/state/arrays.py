@@ -19,6 +19,7 @@ from pipeline.physics.illumination import Reflection
 from pipeline.physics.motion import Motion
 from pipeline.physics.orbit import Course
 from pipeline.physics.sight import Occlusion, Optics, Sight
+from pipeline.physics.transitions import Transitions
 
 #: columns of a track: position (m, Hill axes), or these
 NUM_PLACED, NUM_TRACKED = 3, 15
@@ -84,7 +85,8 @@ class World(NamedTuple):
     sight: Sight
     has_optics: bool  # whether light or camera are not the paper's, whatever the Sun's elevation
     optics: Optics
-    # (K+1,) `Optics.least_height` at the chief's true distance on an eccentric orbit; none on a circle
+    # (K+1,) `Optics.least_height` at the chief's true distance on an eccentric orbit, and beyond the end as
+    # far as `transitions`; none on a circle
     least_heights: Floats
     reflection: Reflection
     surface: Floats  # (K+1 or 1, NUM_SURFACE, P padded) surface at points, Hill axes; zeros in the padding
@@ -105,7 +107,8 @@ class World(NamedTuple):
     max_force: float
     min_distance: float
     max_distance: float
-    gravity_gradient: float  # 3 n^2, or 0 where it turns nothing, 1/s^2
+    # (K+1 or 1,) 3 mu/R^3 of the chief, 3 n^2 on a circle, or 0 where it turns nothing, 1/s^2
+    gravity_gradient: Floats
     turns_by_thrust: bool
     is_attitude_ideal: bool
     has_pole_blending: bool
@@ -113,6 +116,9 @@ class World(NamedTuple):
     coasts_when_complete: bool
     guard: Guard
     course: Course  # of the chief about the Earth; off where motion is linear
+    # (J, 3, 7) from the state at the flight's end, and 1, to positions after it at which limits count, m
+    after: Floats
+    transitions: Transitions  # what deputies predict by; none where that is a uniform turn
 
 
 class Turns(NamedTuple):

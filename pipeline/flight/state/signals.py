@@ -281,6 +281,12 @@ CONSTANTS = {
     "foresight_period_s": Chosen(
         "time after which a flight that can deviate from its plan is planned again, whole decision periods, s"
     ),
+    "foresight_after_s": Chosen(
+        "how long a plan must lead within the distance limits after the flight's end, if nothing is fired, s"
+    ),
+    "foresight_passive_s": Chosen(
+        "how long a failure of all thrusters after any push of a plan must not lead to the chief, s"
+    ),
 }
 
 

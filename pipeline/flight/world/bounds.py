@@ -111,6 +111,7 @@ class SafetyBounds:
     braking_force_n: float = inf
     step_back_n: float = 0.0  # force beyond the stop that leads back from where even the stop is not safe
     does_close: bool = True  # whether thrusters make good for the errors, so that flights stay in the limits
+    needed_force_n: float = 0.0  # the greatest along an axis that making good may take
     greatest_force_n: float = 0.0  # greatest length of a force that is passed on
     propellant_kg: float = 0.0  # what a flight may use up
 
@@ -276,6 +277,20 @@ def largest_share(scale: float, turn: float, probability: float) -> float:
     return float(shares[ceil(count * probability + above)])
 
 
+def unpredicted_acceleration(mission: Mission) -> float:
+    """Return a bound on the acceleration that the deputy's own prediction neglects, m/s^2.
+
+    On a true course that is the second order of attraction at the perigee, drag and sunlight.
+    """
+    dynamics, elements = mission.dynamics, mission.orbit.elements
+    if not isinstance(dynamics, TwoBody) or not mission.has_true_course:
+        return unknown_acceleration(mission)
+    share = mission.deputy.max_distance_m / (elements.semi_major_axis_m * (1.0 - elements.eccentricity))
+    square = mission.orbit.mean_motion_rad_s**2 / (1.0 - elements.eccentricity) ** 3
+    second = 6.0 * square * share * mission.deputy.max_distance_m
+    return second + abs(dynamics.drag_m_s2) + abs(dynamics.radiation_m_s2)
+
+
 def unknown_acceleration(mission: Mission) -> float:
     """Return a bound on the acceleration that Clohessy and Wiltshire's equations neglect, m/s^2.
 
@@ -306,7 +321,7 @@ def process_noise(mission: Mission) -> ProcessNoise:
     actuators, n = mission.actuators, mission.orbit.mean_motion_rad_s
     if given is not None:
         return ProcessNoise(given, farthest, farthest)
-    unknown, dynamics = unknown_acceleration(mission), mission.dynamics
+    unknown, dynamics = unpredicted_acceleration(mission), mission.dynamics
     is_alone = not isinstance(actuators, RealActuators) or actuators.specific_impulse_s is not None
     if not is_alone or not isinstance(dynamics, TwoBody):
         return ProcessNoise(SHARE_OF_UNKNOWN * unknown, farthest, farthest)
@@ -416,13 +431,14 @@ class _Recursion:
         left = max(1e-3, 1.0 - self.turned * share)  # 1 - c e
         weight = self.shifted * share / left  # w
         back = self._step_back(weight, left, standing)  # |g|
-        does_close = back <= most
+        does_close, stepping = back <= most, back
         back = back if does_close else 0.0
         pushed = (1.0 + share) * (back + self.force_off) + errors.force_n  # of y, all but D k
         led, stop, missed = self._after_forces(weight, standing, (standing + self.turned * pushed) / left)
         stepped = standing + self.turned * (share * stop + pushed)  # |k| after a step back
         axis = max(led, stepped) + self.force_off + back
-        does_close = does_close and axis + share * (stop + self.force_off + back) <= most
+        needed = max(stepping, axis + share * (stop + self.force_off + back))
+        does_close = does_close and needed <= most
         strayed = self.later_off + missed + weight * stepped  # how far p lies inside R1
         # in steps back the share grows by this, at most, as propellant is used up
         strayed += self.shifted * (1.0 + share) * errors.lighter * stepped / left**2
@@ -435,7 +451,7 @@ class _Recursion:
         keep_out = keep_in + dip(near, length + 2.0 * bent)
         keep_out += dip(near, self.shifted * off)
         planned = safety.planned_force_n, self.braking, back
-        return SafetyBounds(errors, keep_out, keep_in, *planned, does_close, fired)
+        return SafetyBounds(errors, keep_out, keep_in, *planned, does_close, needed, fired)
 
     def _step_back(self, weight: float, left: float, standing: float) -> float:
         """Return the least force beyond the stop with which a step back does not lead towards the limit."""

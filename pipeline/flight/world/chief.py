@@ -10,13 +10,19 @@ from pipeline.physics.attitude import longest_tumbling_step, tumble
 from pipeline.physics.course import TrueCourse, seen_from_course, true_course, turned_about
 from pipeline.physics.illumination import EARTH_RADIUS_M
 from pipeline.physics.orbit import NO_COURSE, Course, Elements, course_of
+from pipeline.physics.transitions import NO_TRANSITIONS, Transitions, transitions_of
 from pipeline.settings.experiment import Mission, SettingError
 from pipeline.settings.mission import TwoBody
 from pipeline.settings.orbit import LOWEST_M
 
+#: how far beyond a flight's end deputies predict on a true course: as long as tours lead ahead, s
+BEYOND_S = 3600.0
 
-def chief_course(mission: Mission, **changes: float) -> Course:
+
+def chief_course(mission: Mission, beyond_s: float = 0.0, **changes: float) -> Course:
     """Return the course of a mission's chief, over the whole flight, with some of its `Elements` changed.
+
+    It reaches some seconds beyond the flight's end.
 
     Raises
     ------
@@ -30,10 +36,11 @@ def chief_course(mission: Mission, **changes: float) -> Course:
     given = vars(dynamics) | orbit.elements._asdict()
     elements = Elements(**{name: given[name] for name in Elements._fields})._replace(**changes)
     chief = orbit.mean_motion_rad_s, orbit.elements.semi_major_axis_m, elements
-    course = course_of(*chief, mission.light.shadow != "none", mission.control_period_s, mission.num_controls)
+    num_periods = mission.num_controls + math.ceil(beyond_s / mission.control_period_s)
+    course = course_of(*chief, mission.light.shadow != "none", mission.control_period_s, num_periods)
     if orbit.days_at_start is None or not mission.has_true_course:
         return course
-    pole, turns = orbit.sun_moved(mission.control_period_s * np.arange(mission.num_controls + 1))
+    pole, turns = orbit.sun_moved(mission.control_period_s * np.arange(num_periods + 1))
     return course._replace(sun_turns=turned_about(np.array(pole), np.array(turns)))
 
 
@@ -47,6 +54,46 @@ def true_course_of(mission: Mission) -> TrueCourse | None:
     return true_course(chief_course(mission)) if mission.has_true_course else None
 
 
+@lru_cache(maxsize=8)  # tables of a megabyte, which rehearsals ask for again and again
+def predicted_motion(mission: Mission, beyond_s: float = BEYOND_S) -> tuple[Course, Transitions]:
+    """Return the course that deputies predict by, to some seconds beyond the end, and motion along it.
+
+    Neither is of use where Hill axes turn uniformly, as predictions have it there.
+    """
+    if not mission.has_true_course:
+        return NO_COURSE, NO_TRANSITIONS
+    course = chief_course(mission, beyond_s)
+    return course, transitions_of(course, mission.deputy.mass_kg)
+
+
+def turn_of(mission: Mission) -> float:
+    """Return by what angle Hill axes turn in a flight, rad, and free motion and the Sun about the chief."""
+    course = true_course_of(mission)
+    if course is None:
+        return mission.orbit.mean_motion_rad_s * mission.duration_s
+    return float(mission.control_period_s * np.linalg.norm(course.rates[:-1], axis=1).sum())
+
+
+def tide_of(mission: Mission) -> float:
+    """Return the acceleration that holds a deputy at rest above the chief, over its height, 1/s^2.
+
+    On a true course it is the greatest of a flight, of ``2 mu/R^3 + w^2``, on a circle ``3 n^2``.
+    """
+    course, n = true_course_of(mission), mission.orbit.mean_motion_rad_s
+    if course is None:
+        return 3.0 * n**2
+    gravity = n**2 * mission.orbit.elements.semi_major_axis_m**3
+    return float((2.0 * gravity / course.radius**3 + course.rates[:, 2] ** 2).max())
+
+
+def gravity_gradients(mission: Mission) -> Floats:
+    """Return ``3 mu/R^3`` at each sample of a true course, else ``3 n^2``, (K+1 or 1,), 1/s^2."""
+    course, n = true_course_of(mission), mission.orbit.mean_motion_rad_s
+    if course is None:
+        return np.array([3.0 * n**2])
+    return np.asarray(3.0 * n**2 * (mission.orbit.elements.semi_major_axis_m / course.radius) ** 3)
+
+
 def hill_rates(mission: Mission) -> Floats:
     """Return `World.hill_rates`."""
     course = true_course_of(mission)
@@ -54,7 +101,7 @@ def hill_rates(mission: Mission) -> Floats:
 
 
 def chief_distances(mission: Mission, course: Course) -> Floats:
-    """Return the chief's distances from the Earth's centre at all samples of an eccentric orbit, m, (K+1,).
+    """Return the chief's distances from the Earth's centre at the samples of an eccentric orbit's course, m.
 
     None of a circle, whose radius is the semi-major axis, though oblateness moves it by some kilometres.
     """

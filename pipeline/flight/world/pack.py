@@ -12,9 +12,12 @@ from pipeline.flight.world.chief import (
     chief_attitudes,
     chief_course,
     chief_distances,
+    gravity_gradients,
     hill_rates,
+    predicted_motion,
     shadowing_radius,
 )
+from pipeline.flight.world.coasting import rows_after
 from pipeline.flight.world.surface import ChiefSurface, surface_of
 from pipeline.physics.illumination import Reflection, least_sun_height, sun_direction_h, visible_share
 from pipeline.physics.motion import motion_over, orbit_parts
@@ -170,7 +173,7 @@ def pack_world(mission: Mission) -> World:
     inertia = np.array(deputy.inertia_kg_m2, dtype=np.float64)
     start_dcm = dcm_b_from_h(np.array(deputy.initial_quaternion, dtype=np.float64))
     actuators, rates = mission.actuators, hill_rates(mission)
-    course = chief_course(mission)
+    course, (ahead, transitions) = chief_course(mission), predicted_motion(mission)
     instants = mission.attitude_period_s * np.arange(mission.num_attitude_steps)
     stride, look = max(1, round(PREVIEW_PERIOD_S / period)), max(1, round(LOOK_PERIOD_S / period))
     return World(
@@ -198,7 +201,7 @@ def pack_world(mission: Mission) -> World:
         sight=sight_of(mission.chief.inspection_radius_m, float(np.radians(mission.sensor.half_angle_deg))),
         has_optics=not sees_as_in_the_paper(mission),
         optics=optics_of(mission),
-        least_heights=least_heights_of(mission, course),
+        least_heights=least_heights_of(mission, ahead if ahead.is_on else course),
         reflection=reflection_of(mission.light),
         surface=surface_rows(surface, axes),
         occlusion=surface.occlusion,
@@ -219,7 +222,7 @@ def pack_world(mission: Mission) -> World:
         max_force=deputy.max_force_n,
         min_distance=deputy.min_distance_m,
         max_distance=deputy.max_distance_m,
-        gravity_gradient=3.0 * orbit.mean_motion_rad_s**2 if mission.attitude.gravity_gradient else 0.0,
+        gravity_gradient=gravity_gradients(mission) if mission.attitude.gravity_gradient else np.zeros(1),
         turns_by_thrust=isinstance(actuators, RealActuators)
         and (actuators.thrust_arm_m > 0.0 or actuators.thrusters is not None),
         is_attitude_ideal=mission.attitude.mode == "ideal",
@@ -228,4 +231,6 @@ def pack_world(mission: Mission) -> World:
         coasts_when_complete=mission.coast_when_complete,
         guard=guard_of(mission),
         course=course,
+        after=rows_after(mission, mission.after_s),
+        transitions=transitions,
     )

@@ -25,6 +25,8 @@ from pipeline.flight.reference.plans import price
 from pipeline.flight.state.log import REHEARSED as CHOSEN_AHEAD
 from pipeline.flight.world.pack import pack_world
 from pipeline.proof.verdict import NotProvable, system_of
+from pipeline.settings.mission import TwoBody
+from pipeline.settings.orbit import OrbitSettings
 from tests.fis_tools.sample_controllers import SHIPPED
 from tests.pipeline.flight.as_written import assert_as_written
 from tests.pipeline.flight.cases import SEEING, mission, random_starts, with_attributes
@@ -51,21 +53,41 @@ def foreseeing(**changes):
     return with_attributes(SEEING, **(constants | changes))
 
 
+ELLIPSE = {
+    "orbit": OrbitSettings(
+        kind="elements", semi_major_axis_m=9.6e6, eccentricity=0.3, true_anomaly_deg=290.0
+    ),
+    "dynamics": TwoBody(j2=1.08e-3),
+}
+
+
 @pytest.mark.parametrize(
-    "changes",
+    ("changes", "after"),
     [
-        {},
-        {"sensor": {"max_incidence_deg": 70.0, "max_range_m": 90.0}, "light": {"shadow": "conical"}},
-        {"chief": {"initial_angular_velocity_rad_s": (0.01, 0.004, -0.006)}},
+        ({}, (0.0, 0.0)),
+        (
+            {"sensor": {"max_incidence_deg": 70.0, "max_range_m": 90.0}, "light": {"shadow": "conical"}},
+            (0.0, 0.0),
+        ),
+        ({"chief": {"initial_angular_velocity_rad_s": (0.01, 0.004, -0.006)}}, (0.0, 0.0)),
         # most pushes take several control periods
-        {"deputy": {"max_force_n": 0.03}},
+        ({"deputy": {"max_force_n": 0.03}}, (0.0, 0.0)),
+        ({}, (12_000.0, 0.0)),
+        ({}, (0.0, 5677.0)),
+        ({}, (9_000.0, 3_000.0)),
+        pytest.param(ELLIPSE, (0.0, 0.0), marks=pytest.mark.slow),
     ],
-    ids=["paper", "camera and shadow", "tumbling", "weak thrusters"],
+    ids=[
+        *("paper", "camera and shadow", "tumbling", "weak thrusters"),
+        *("what follows the end", "failures", "both", "ellipse"),
+    ],
 )
-def test_a_plan_costs_what_the_reference_says(changes):
+def test_a_plan_costs_what_the_reference_says(changes, after):
     flown, generator = mission(attitude={"mode": "ideal"}, **changes), np.random.default_rng(2)
     start, sample, count = replace(STARTS[0], sun_elevation_rad=0.2), 40, 5
-    controller = foreseeing(coast_margin_m="4.0", coast_below_points="6", foresight_points="3")
+    constants = {"coast_margin_m": "4.0", "coast_below_points": "6", "foresight_points": "3"}
+    constants |= {"foresight_after_s": repr(after[0]), "foresight_passive_s": repr(after[1])}
+    controller = foreseeing(**constants)
     deputies = at_start(flown, flown, controller, [start], 0, 8)
     left = (generator.random(pack_world(flown).points.shape[2]) < 0.7).astype(np.uint8)
     believed = replace(
@@ -95,7 +117,7 @@ def test_a_plan_costs_what_the_reference_says(changes):
                     pushes.setdefault(at, np.zeros(3))[axis] += force / num_periods
         state, is_left = np.r_[believed.position_m, believed.velocity_m_s], left[: len(flight.points)] > 0
         counts, limits = (needed, outlook.required), (nearest, farthest, longest_way)
-        expected = price(flight, sample, state, is_left, pushes, counts, margin, limits, step, sight)
+        expected = price(flight, sample, state, is_left, pushes, counts, margin, limits, step, sight, after)
         assert cost == pytest.approx(expected, rel=1e-9, abs=1e-9)
         assert 0 < outlook.required < needed < is_left.sum()
 

@@ -73,12 +73,12 @@ def turned(quaternion, rate, inertia, torque, seconds, mean_motion=0.0):
 def turned_by_gradient(quaternion, inertia, seconds, mean_motion):
     """Return attitudes after each second under gravity's gradient alone, from rest relative to Hill."""
     inverse, gradient = np.linalg.inv(inertia), 3.0 * mean_motion**2
-    named = {"inertia": inertia, "inverse_inertia": inverse, "gravity_gradient": gradient}
+    named = {"inertia": inertia, "inverse_inertia": inverse, "gravity_gradient": np.array([gradient])}
     world = SimpleNamespace(attitude_period=1.0, hill_rates=turning_by(mean_motion), **named)
     q, rate, attitudes = tuple(quaternion), Three(*hill_rate_b(quaternion, mean_motion)), [quaternion]
     with plainly("pipeline"):
         for _ in range(seconds):
-            q, rate = attitude.turn_body(world, 0, q, rate, attitude.gradient_torque(world, q))
+            q, rate = attitude.turn_body(world, 0, q, rate, attitude.gradient_torque(world, 0, q))
             attitudes.append(np.array(q) / np.linalg.norm(q))
     return np.array(attitudes)
 

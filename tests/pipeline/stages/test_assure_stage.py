@@ -99,14 +99,16 @@ def test_the_worst_case_is_recorded_and_judged_again(assured, evidence):
     for entry in (entry for entry in evidence["requirements"] if "worst" in entry):
         worst = entry["worst"]
         assert (assured / worst["recording"]).stat().st_size > 1000
-        assert worst["recorded_margin"] == pytest.approx(worst["margin"], abs=1e-4)
+        # a day's coasting makes centimetres of what single precision leaves out
+        tolerance = 0.05 if "coasting" in entry["formula"] else 1e-4
+        assert worst["recorded_margin"] == pytest.approx(worst["margin"], abs=tolerance)
         of_searches = searched["margin"].to_numpy()[names == entry["id"]]
         assert worst["margin"] == min([entry["cases"]["worst_margin"], *of_searches])
     assert set(names) == {
         entry["id"] for entry in evidence["requirements"] if "search" in entry["verified_by"]
     }
     flights = sorted(path.name for path in (assured / artifacts.WORST_FLIGHTS).iterdir())
-    assert flights == [f"R{number}-worst.mcap" for number in range(1, 6)]
+    assert flights == [f"R{number}-worst.mcap" for number in (1, 2, 3, 4, 5, 7, 8)]
 
 
 def test_proofs_and_domain_are_files(assured, evidence):

@@ -202,8 +202,8 @@ def turn_general(now: Moment, aims: Any, passed: Any, plans: Plans, lane: int) -
             force = to_body(q, lane_of(lanes.force, 0, lane))
             thrust = cross(lane_of(lanes.arm, 0, lane), force) + lane_of(lanes.twist, 0, lane)
             torque += thrust
-        if world.gravity_gradient > 0.0 and not world.is_spherical:
-            torque += gradient_torque(world, q)
+        if world.gravity_gradient[0] > 0.0 and not world.is_spherical:
+            torque += gradient_torque(world, now.k, q)
         if has_wheels:
             total = momentum_after(world, now.k, q, total, torque - given)
         q, rate = turn_body(world, now.k, q, rate, torque)
@@ -213,10 +213,11 @@ def turn_general(now: Moment, aims: Any, passed: Any, plans: Plans, lane: int) -
 
 
 @compiled(error_model="numpy")
-def gradient_torque(world: World, q: Quaternion) -> Three:
-    """Return the torque of gravity's gradient, N m, body axes: ``3 n^2 i x J i``."""
+def gradient_torque(world: World, k: int, q: Quaternion) -> Three:
+    """Return the torque of gravity's gradient at sample k, N m, body axes: ``3 mu/R^3 i x J i``."""
     upward = to_body(q, Three(1.0, 0.0, 0.0))
-    return world.gravity_gradient * cross(upward, times(world.inertia, upward))
+    gradient = world.gravity_gradient[k if len(world.gravity_gradient) > 1 else 0]
+    return gradient * cross(upward, times(world.inertia, upward))
 
 
 @compiled(error_model="numpy", forceinline=True)

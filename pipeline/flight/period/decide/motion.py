@@ -13,6 +13,7 @@ from fis_tools.compiled.three import Three, dot, lane_of, length, load_three, st
 from fis_tools.compiled.vectors import Vector, least, most, select, store
 from pipeline.array_types import Floats
 from pipeline.flight.period.look.guidance import MIN_PROJECTION_M
+from pipeline.flight.period.look.hill import hill_rate
 from pipeline.flight.state.arrays import Control, Moment, constant_of
 from pipeline.flight.state.lanes import arctangent, load_pair, load_quaternion, store_pair
 from pipeline.flight.state.signals import constant, slot
@@ -64,8 +65,11 @@ def sense_angles(now: Moment, signals: Floats) -> None:
 
 @compiled(error_model="numpy")
 def sense_orbit(now: Moment, control: Control, signals: Floats) -> None:
-    """Write the signals of free motion of every lane."""
-    state, n = now.state, now.world.mean_motion
+    """Write the signals of free motion of every lane.
+
+    On a true course they are those of a circle at the rate at which Hill axes turn now.
+    """
+    state, n = now.state, hill_rate(now.world, now.k).z
     size, lead = constant_of(control, RING_SIZE), constant_of(control, RING_LEAD)
     drift = 1.5 * n * constant_of(control, PREDICTION_TIME)
     along, across = size * cos(lead), size * sin(lead)

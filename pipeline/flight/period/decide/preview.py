@@ -9,10 +9,11 @@ from math import cos, sin, sqrt
 from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.three import dot, lane_of
 from pipeline.array_types import Floats
-from pipeline.flight.period.look.optics import beam_at, strike_out_seen, turned_back
+from pipeline.flight.period.look.optics import beam_from, strike_out_seen, sun_ahead, turned_back
 from pipeline.flight.state.arrays import FullOptics, Moment
 from pipeline.flight.state.signals import slot
 from pipeline.physics.motion import drifted_position, drifted_velocity, propagator_of
+from pipeline.physics.transitions import constants_at, follows_course, position_at
 
 MISSED, NEAREST, FARTHEST = slot("missed"), slot("coasting_nearest"), slot("coasting_farthest")
 
@@ -48,18 +49,25 @@ def preview(
         for j in range(len(ahead) if num_left > 0 else 0):
             ahead[j] = state.unseen[lane, j if optics is not None else world.order[j]]
         step, sun_turn = first, first_turn
-        sample = k
+        sample, height = k, (lanes.sun_height[0, lane], lanes.sun_height[1, lane])
+        is_true, constants = follows_course(world.transitions), (position, velocity)
+        if is_true:
+            constants = constants_at(world.transitions, k, position, velocity)
         while sample < world.num_controls:
             sample += step
-            leap = propagator_of(world.strides, step)
-            moved = drifted_position(leap.position, position, velocity)
-            position, velocity = moved, drifted_velocity(leap, position, velocity)
-            sun = turned_back(sun, sun_turn)
+            if is_true:
+                position = position_at(world.transitions, sample, constants)
+                sun, height = sun_ahead(now, lane, sample)
+            else:
+                leap = propagator_of(world.strides, step)
+                moved = drifted_position(leap.position, position, velocity)
+                position, velocity = moved, drifted_velocity(leap, position, velocity)
+                sun = turned_back(sun, sun_turn)
             step, sun_turn = stride, stride_turn
             square = dot(position, position)
             nearest, farthest = min(nearest, square), max(farthest, square)
             if num_left > 0:
-                beam = beam_at(now, optics, lane, sample, sun)
+                beam = beam_from(world, optics, sample, sun, height)
                 num_left -= strike_out_seen(
                     world, optics, ahead, lit_marks, seen_marks, points, beam, position
                 )

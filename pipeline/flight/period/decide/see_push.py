@@ -32,16 +32,18 @@ from pipeline.flight.period.look.guidance import POINTS
 from pipeline.flight.period.look.optics import (
     Eye,
     Pair,
-    beam_at,
+    beam_from,
     eye_on_chief,
     lit_points,
     seen_points,
+    sun_ahead,
     turned_back,
 )
 from pipeline.flight.state.arrays import Control, FullOptics, Moment, World, constant_of
 from pipeline.flight.state.signals import constant, slot
 from pipeline.physics.motion import PositionRows, drifted_position, position_gradients, position_rows_of
 from pipeline.physics.sight import HEIGHT, NORMAL
+from pipeline.physics.transitions import constants_at, effect_of_push, follows_course, position_at
 
 PUSH = slot("see_push_radial", "see_push_along_track", "see_push_cross_track")
 AIM = slot("aim_radial", "aim_along_track", "aim_cross_track")
@@ -130,8 +132,10 @@ def look_from(
     lane: int,
     k: int,
     phi_rows: PositionRows,
+    effect: tuple[Three, Three, Three],
     position: Three,
     sun: Pair,
+    height: Pair,
     setting: Floats,
     looks: Floats,
     lit_marks: Floats,
@@ -140,9 +144,10 @@ def look_from(
     """Look from a position of the coasting path, m, at sample k, with the Sun as it is then.
 
     Points that are seen from there leave `setting`; of the others `looks` keeps the cheapest look so far.
+    On a true course `effect` is what a push now does to that position, else `phi_rows` tell it.
     """
-    world = now.world
-    beam = beam_at(now, optics, lane, k, sun)
+    world, is_true = now.world, follows_course(now.world.transitions)
+    beam = beam_from(world, optics, k, sun, height)
     eye = eye_on_chief(world, optics, beam, position)
     for j in range(0, len(setting) if beam.shines else 0, POINTS):
         before = load(setting, j, POINTS)
@@ -158,7 +163,10 @@ def look_from(
         elif not eye.is_blind:
             seen = seen_points(world, optics, seen_marks, j, points, lit, eye)
             store(setting, j, select(seen, 0.0, before))
-        keep_cheapest(looks, j, lit, short, position_gradients(phi_rows, direction)[1])
+        slope = position_gradients(phi_rows, direction)[1]
+        if is_true:
+            slope = Three(dot(effect[0], direction), dot(effect[1], direction), dot(effect[2], direction))
+        keep_cheapest(looks, j, lit, short, slope)
 
 
 @compiled(error_model="numpy")
@@ -210,6 +218,7 @@ def sense_push(
     world, lanes, belief, k = now.world, now.state.lanes, now.state.belief, now.k
     look_angle = world.mean_motion * world.control_period * world.look_stride
     look_turn = cos(look_angle), sin(look_angle)
+    is_true = follows_course(world.transitions)
     rate, damping = 1.0 / constant_of(control, URGENCY_TIME), constant_of(control, SEE_DAMPING)
     horizon, urgent = constant_of(control, SEE_HORIZON), constant_of(control, AIM_URGENT)
     near = constant_of(control, SEE_NEAR)
@@ -220,12 +229,21 @@ def sense_push(
         push = Three(0.0, 0.0, 0.0)
         if lanes.coasts[lane] == 0.0 and await_dark(now, lane, horizon, deadlines, setting, looks) > 0:
             sun = lanes.sun[0, lane], lanes.sun[1, lane]
+            height = lanes.sun_height[0, lane], lanes.sun_height[1, lane]
             position, velocity = lane_of(belief.position, 0, lane), lane_of(belief.velocity, 0, lane)
+            constants, effect = (position, velocity), (push, push, push)
+            if is_true:
+                constants = constants_at(world.transitions, k, position, velocity)
             for look in range(1, num_looks + 1):
-                sun = turned_back(sun, look_turn)
-                phi_rows = position_rows_of(world.looks, look)
-                coasted = drifted_position(phi_rows, position, velocity)
                 sample = k + look * world.look_stride
+                phi_rows = position_rows_of(world.looks, look)
+                if is_true:
+                    sun, height = sun_ahead(now, lane, sample)
+                    coasted = position_at(world.transitions, sample, constants)
+                    effect = effect_of_push(world.transitions, k, sample)
+                else:
+                    sun = turned_back(sun, look_turn)
+                    coasted = drifted_position(phi_rows, position, velocity)
                 look_from(
                     now,
                     optics,
@@ -233,8 +251,10 @@ def sense_push(
                     lane,
                     sample,
                     phi_rows,
+                    effect,
                     coasted,
                     sun,
+                    height,
                     setting,
                     looks,
                     lit_marks,

@@ -8,10 +8,11 @@ from fis_tools.compiled.vectors import width_of
 from pipeline.array_types import Floats
 from pipeline.flight.period.decide.motion import turned_aside
 from pipeline.flight.period.decide.urgency import URGENT
-from pipeline.flight.period.look.optics import Pair, turned_back
+from pipeline.flight.period.look.optics import Pair, least_height_at, sun_ahead, turned_back
 from pipeline.flight.state.arrays import Control, Moment, constant_of
 from pipeline.flight.state.signals import constant, slot
 from pipeline.physics.motion import drifted_position, position_rows_over, push_by
+from pipeline.physics.transitions import constants_at, follows_course, position_at, push_that_shifts
 
 TOUR_PUSH = slot("tour_push_radial", "tour_push_along_track", "tour_push_cross_track")
 TOUR_TIME, TOUR_WAIT, TOUR_LEAN = constant("tour_time_s"), constant("tour_wait_s"), constant("tour_lean_m")
@@ -59,6 +60,39 @@ def time_ahead(
 
 
 @compiled(error_model="numpy")
+def arrival(now: Moment, control: Control, lane: int) -> int:
+    """Return the sample at which a lane is to be on the tour, on a true course; now if it need not move yet.
+
+    As `time_ahead`; neither looks beyond the last sample that is predicted.
+    """
+    world, last = now.world, len(now.world.transitions.onward) - 1
+    time, wait = constant_of(control, TOUR_TIME), constant_of(control, TOUR_WAIT)
+    sample = min(last, now.k + max(1, int(time / world.control_period + 0.5)))
+    latest = min(last, now.k + int(wait / world.control_period + 0.5))
+    is_dark = wait > 0.0
+    while is_dark and sample <= latest:
+        sun, height = sun_ahead(now, lane, sample)
+        is_dark = height[0] * sun[0] < least_height_at(world, sample)
+        sample += 1 if is_dark else 0
+    return now.k if is_dark else sample
+
+
+@compiled(error_model="numpy")
+def true_tour_push(now: Moment, control: Control, signals: Floats, lane: int) -> Three:
+    """Return the push, m/s, that brings a lane onto the tour on a true course."""
+    motion, belief, arrives = now.world.transitions, now.state.belief, arrival(now, control, lane)
+    sample = max(arrives, now.k + 1)
+    sun, height = sun_ahead(now, lane, sample)
+    target = tour_at(control, sun[0], sun[1], height[1])
+    target += constant_of(control, TOUR_LEAN) * lane_of(signals, URGENT, lane)
+    position, velocity = lane_of(belief.position, 0, lane), lane_of(belief.velocity, 0, lane)
+    coasted = position_at(motion, sample, constants_at(motion, now.k, position, velocity))
+    push = push_that_shifts(motion, now.k, sample, target - coasted)
+    push = turned_aside(now, control, lane, push, 1.0)
+    return push if arrives > now.k else Three(0.0, 0.0, 0.0)
+
+
+@compiled(error_model="numpy")
 def sense_tour(now: Moment, control: Control, signals: Floats) -> None:
     """Write the push, m/s, that brings every lane onto the tour, the closed path around the chief.
 
@@ -67,6 +101,9 @@ def sense_tour(now: Moment, control: Control, signals: Floats) -> None:
     lanes, belief, n = now.state.lanes, now.state.belief, now.world.mean_motion
     wait, least_height = constant_of(control, TOUR_WAIT), now.world.optics.least_height
     for lane in range(width_of(lanes)):
+        if follows_course(now.world.transitions):
+            write_lane(signals, TOUR_PUSH, lane, true_tour_push(now, control, signals, lane))
+            continue
         sun = lanes.sun[0, lane], lanes.sun[1, lane]
         level, height = lanes.sun_height[0, lane], lanes.sun_height[1, lane]
         time = time_ahead(least_height, n, constant_of(control, TOUR_TIME), wait, sun, level)

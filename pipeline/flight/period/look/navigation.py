@@ -40,6 +40,7 @@ from pipeline.flight.state.lanes import flight_of, load_quaternion, store_quater
 from pipeline.flight.state.log import FlightLog
 from pipeline.physics.motion import position_after, propagator_of, velocity_after
 from pipeline.physics.quaternion import to_hill, turned
+from pipeline.physics.transitions import follows_course, state_after
 
 #: factor by which a rejected fix widens the covariance: after a few in a row the filter, not the fix, is
 #: assumed to be wrong, and fixes are accepted again
@@ -113,6 +114,8 @@ def propagate_covariance(now: Moment, law: Filter, covariance: Floats, period: i
     `pipeline.flight.world.bounds.process_noise`.
     """
     state, phi, gamma = now.state, now.world.motion.transition[0], now.world.motion.control[0]
+    if follows_course(now.world.transitions):
+        phi, gamma = now.world.transitions.steps[period], now.world.transitions.pushes[period]
     width, half, pushes = width_of(state.estimate), state.estimate.half, state.estimate.pushes
     requested = load_at(state.acting, period, 0, 0, width)
     force = fired_part(state, period, requested)
@@ -156,6 +159,11 @@ def advance(now: Moment, law: Filter, estimate: Floats, period: int) -> None:
     step, state = propagator_of(now.world.motion, 0), now.state
     force = law.kept * fired_part(state, period, load_at(state.acting, period, 0, 0, width_of(estimate)))
     position, velocity = load_three(estimate, 0), load_three(estimate, 3)
+    if follows_course(now.world.transitions):
+        position, velocity = state_after(now.world.transitions, period, position, velocity, force)
+        store_three(estimate, 0, position)
+        store_three(estimate, 3, velocity)
+        return
     store_three(estimate, 0, position_after(step, position, velocity, force))
     store_three(estimate, 3, velocity_after(step, position, velocity, force))
 

@@ -91,6 +91,17 @@ def sun_after(world: World, sun: Pair, height: Pair, k: int) -> tuple[Pair, Pair
     return turned_back(sun, (cos(angle), sin(angle))), height
 
 
+@compiled(error_model="numpy", forceinline=True)
+def sun_ahead(now: Moment, lane: int, k: int) -> tuple[Pair, Pair]:
+    """Return cosines and sines of the Sun's angle and elevation at a sample, as a true course has them."""
+    lanes = now.state.lanes
+    flat, high = lanes.height_at_start[0, lane], lanes.height_at_start[1, lane]
+    at_start = Three(flat * lanes.sun_at_start[0, lane], flat * lanes.sun_at_start[1, lane], high)
+    x, y, z = times(now.world.transitions.suns[k], at_start)
+    flat = sqrt(x * x + y * y)
+    return (x / flat, y / flat), (flat, z)
+
+
 @compiled(error_model="numpy")
 def cell_towards(world: World, sample: int, direction: Three) -> int:
     """Return the cell of the chief's occlusion that a direction in Hill axes falls into."""
@@ -116,17 +127,11 @@ def beam_from(world: World, optics: FullOptics | None, k: int, sun: Pair, height
 
 
 @compiled(error_model="numpy", forceinline=True)
-def beam_at(now: Moment, optics: FullOptics | None, lane: int, k: int, sun: Pair) -> Beam:
-    """Return the sunlight of a lane at sample k from cosine and sine of the Sun's angle, as high as now."""
-    height = now.state.lanes.sun_height
-    return beam_from(now.world, optics, k, sun, (height[0, lane], height[1, lane]))
-
-
-@compiled(error_model="numpy", forceinline=True)
 def beam_now(now: Moment, optics: FullOptics | None, lane: int) -> Beam:
     """Return the sunlight of a lane now."""
-    sun = now.state.lanes.sun
-    return beam_at(now, optics, lane, now.k, (sun[0, lane], sun[1, lane]))
+    sun, height = now.state.lanes.sun, now.state.lanes.sun_height
+    high = height[0, lane], height[1, lane]
+    return beam_from(now.world, optics, now.k, (sun[0, lane], sun[1, lane]), high)
 
 
 @compiled(error_model="numpy")

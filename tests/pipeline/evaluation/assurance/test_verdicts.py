@@ -24,6 +24,7 @@ from pipeline.evaluation.assurance.verdicts import Evidence, verdict
 from pipeline.flight.control.controller import from_fuzzy
 from pipeline.flight.period.act.safety import most_exceeded
 from pipeline.flight.state.log import Scenario
+from pipeline.flight.world.bounds import bounds_of
 from pipeline.flight.world.pack import pack_world
 from pipeline.settings.experiment import Mission
 from tests.fis_tools import step_by_step
@@ -238,6 +239,16 @@ def test_each_premise_that_fails_is_named_and_nothing_is_proved(overrides, premi
     if "safety=robust" in overrides:
         assert len(proof.failing) == 1
     assert not proof.proves(parse(KEPT, UNITS))
+
+
+def test_thrusters_too_weak_for_a_heavy_deputy_are_told_with_the_force_needed_and_a_cure_that_works():
+    heavy = "world=leo", "safety=robust", "deputy.mass_kg=25"
+    mission = experiment(*heavy).mission
+    (premise,) = proofs.premises(mission, bounds_of(mission))[0]
+    assert "for 25 kg that may take 1.0" in premise
+    assert "deputy.max_force_n is 1; raise it, or lower safety.planned_force_n (0.085)" in premise
+    lower = experiment(*heavy, "safety.planned_force_n=0.08").mission
+    assert proofs.premises(lower, bounds_of(lower))[0] == ()
 
 
 def test_starts_that_are_not_safe_states_are_told():

@@ -1,0 +1,115 @@
+"""What follows flights, against orbits that SciPy integrates without any rate of Hill axes."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from pipeline.evaluation.after import aftermath
+from pipeline.flight.control.controller import coast
+from pipeline.flight.fly.simulation import fly_all
+from pipeline.flight.state.log import Scenario
+from pipeline.settings.mission import TwoBody
+from pipeline.settings.orbit import OrbitSettings
+from tests.pipeline.flight.cases import mission
+
+GRAVITY, EARTH, J2, DRAG = 3.986004418e14, 6_378_137.0, 1.08262668e-3, 3e-7
+AXIS, SLOPE = 6_878_137.0, np.radians(51.6)
+MEAN_MOTION = np.sqrt(GRAVITY / AXIS**3)
+ORBIT_S = 2.0 * np.pi / MEAN_MOTION
+PERIOD = 10.0
+
+
+def flown(dynamics):
+    orbit = OrbitSettings(kind="elements", semi_major_axis_m=AXIS, inclination_deg=51.6)
+    return mission(orbit=orbit, dynamics=dynamics, duration_s=2.0 * PERIOD)
+
+
+def linear(state, times):
+    """Distances by Clohessy and Wiltshire's equations."""
+    n = MEAN_MOTION
+
+    def rates(_, s):
+        return [*s[3:], 3.0 * n * n * s[0] + 2.0 * n * s[4], -2.0 * n * s[3], -n * n * s[2]]
+
+    path = solve_ivp(rates, (0.0, times[-1]), state, method="DOP853", rtol=1e-11, atol=1e-9, t_eval=times).y
+    return np.linalg.norm(path[:3], axis=0)
+
+
+def pull(position, pole):
+    r, height = np.linalg.norm(position), position @ pole
+    oblate = -1.5 * J2 * GRAVITY * EARTH**2 / r**5
+    oblate = oblate * ((1.0 - 5.0 * height**2 / r**2) * position + 2.0 * height * pole)
+    return -GRAVITY / r**3 * position + oblate
+
+
+def about_the_earth(state, times, began):
+    """Distances beside a chief about an oblate Earth, with drag; the state is that at the time `began`."""
+    pole = np.array([0.0, np.sin(SLOPE), np.cos(SLOPE)])
+    chief = np.array([AXIS, 0.0, 0.0, 0.0, MEAN_MOTION * AXIS, 0.0])
+
+    def alone(_, s):
+        return np.concatenate((s[3:], pull(s[:3], pole)))
+
+    def both(_, s):
+        slowed = -DRAG * np.linalg.norm(s[3:6]) * s[3:6] * AXIS / GRAVITY
+        pulls = pull(s[:3], pole)
+        return np.concatenate((s[3:6], pulls, s[9:], pull(s[:3] + s[6:9], pole) - pulls + slowed))
+
+    tight = {"method": "DOP853", "rtol": 1e-11, "atol": 1e-7}
+    if began > 0.0:
+        chief = solve_ivp(alone, (0.0, began), chief, **tight).y[:, -1]
+    position, velocity, momentum = chief[:3], chief[3:], np.cross(chief[:3], chief[3:])
+    i, k = position / np.linalg.norm(position), momentum / np.linalg.norm(momentum)
+    axes, r = np.array([i, np.cross(k, i), k]), np.linalg.norm(position)
+    rate = momentum / r**2 + r * (pull(position, pole) @ k) / np.linalg.norm(momentum) * i
+    apart = axes.T @ state[:3]
+    start = np.concatenate((position, velocity, apart, axes.T @ state[3:] + np.cross(rate, apart)))
+    path = solve_ivp(both, (0.0, times[-1]), start, t_eval=times, **tight).y
+    return np.linalg.norm(path[6:9], axis=0)
+
+
+def states(count, seed):
+    """States near closed ellipses of 20 to 90 m, some of which pass near the chief or leave it."""
+    generator, drawn = np.random.default_rng(seed), []
+    for _ in range(count):
+        size, phase, across = generator.uniform(8.0, 95.0), *generator.uniform(0.0, 2.0 * np.pi, 2)
+        wide, ahead, drift = generator.uniform(0.0, 80.0), *generator.normal(0.0, [15.0, 1.5])
+        x, u = size * np.cos(phase), -size * MEAN_MOTION * np.sin(phase)
+        y, v = ahead - 2.0 * size * np.sin(phase), -2.0 * MEAN_MOTION * x - 1.5 * MEAN_MOTION * drift / 3.0
+        z, w = wide * np.cos(across), -wide * MEAN_MOTION * np.sin(across)
+        drawn.append([x, y, z, u, v, w])
+    return np.array(drawn)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("is_linear", [True, False], ids=["linear", "about the Earth"])
+def test_flights_stay_and_are_safe_as_integrations_have_it(is_linear):
+    what = flown(TwoBody(j2=J2, drag_m_s2=DRAG) if not is_linear else mission().dynamics)
+    ends, seen = states(24 if is_linear else 12, 3), []
+    tracks = np.repeat(ends[:, np.newaxis], 3, axis=1)  # at the start, a period later, and at the end
+    after = aftermath(what, tracks)
+    low, high = what.deputy.min_distance_m, what.deputy.max_distance_m
+    times = np.arange(0.0, 3.0 * ORBIT_S, 4.0)
+    is_first_orbit = times <= ORBIT_S
+    for state in ends:
+        of_end, *failures = (
+            linear(state, times) if is_linear else about_the_earth(state, times, began)
+            for began in ((2.0 * PERIOD, PERIOD, 2.0 * PERIOD) if not is_linear else (0.0, 0.0))
+        )
+        inside = (of_end >= low) & (of_end <= high)
+        is_safe = all((each[is_first_orbit] >= low).all() for each in failures)
+        seen.append((inside[is_first_orbit].all(), inside.all(), is_safe))
+    np.testing.assert_array_equal(np.column_stack(after), seen)
+    for column in np.column_stack(after).T:
+        assert 0 < column.sum() < len(ends)
+
+
+def test_a_mission_that_goes_on_counts_what_follows_as_outside():
+    starts = [Scenario(state[:3], state[3:], 0.0) for state in states(16, 5)]
+    plain, longer = (mission(duration_s=600.0, after_s=after) for after in (0.0, 6000.0))
+    before, counted = (fly_all(what, coast(), starts, 1) for what in (plain, longer))
+    # of coasting throughout, as if the flight were longer
+    whole = fly_all(mission(duration_s=6600.0), coast(), starts, 1)
+    assert before.is_violated.sum() < counted.is_violated.sum() < len(starts)
+    np.testing.assert_array_equal(counted.is_violated, whole.is_violated)
+    np.testing.assert_array_equal(counted.max_distance_m, before.max_distance_m)
