@@ -8,7 +8,9 @@ import re
 import runpy
 import sys
 import tomllib
+from collections.abc import Iterable
 from contextlib import redirect_stdout, suppress
+from importlib.metadata import entry_points
 from pathlib import Path
 
 from fis_tools.analysis import flights
@@ -21,6 +23,8 @@ from fis_tools.plain_text import parse_json
 MANIFEST = "manifest.json"
 #: where a folder whose manifest names no champion has it
 CHAMPION = "champion.json"
+#: the group of entry points by which installed packages name folders of controllers
+CONTROLLERS = "fis_tools.controllers"
 #: of a project's file, and the folders of controllers that it may name
 MOST_BYTES, MOST_FOLDERS = 1024**2, 100
 
@@ -63,22 +67,20 @@ def read_controller(path: Path | str, trust: bool = False) -> FuzzyController:
 
 
 def named(name: str) -> Path:
-    """Return the file of a controller that the current folder's project knows by this name.
+    """Return the file of a controller that the current folder's project knows by this name, or a package.
 
     A project tells where its controllers are in its ``pyproject.toml``: ``[tool.fis_tools] controllers =
-    ["FOLDER"]``.
+    ["FOLDER"]``. An installed package does so by an entry point of the group ``fis_tools.controllers``, as
+    ``mine = "mypackage.controllers"`` for the folder ``mypackage/controllers``; the project's come first.
 
     Raises
     ------
     ControllerFileError
         If there is none of this name, or several.
     """
-    files = [
-        path
-        for folder in _folders()
-        for path in _content(folder)
-        if path.suffix in serialize.ENDINGS and path.is_file()
-    ]
+    files = _controllers_in(_folders())
+    if name not in {path.stem for path in files}:
+        files += _controllers_in(_installed_folders())
     matches = [path for path in files if path.stem == name]
     if len(matches) == 1:
         return matches[0]
@@ -90,6 +92,22 @@ def named(name: str) -> Path:
         f"{name}: no such file or folder, and no controller of that name; give the path of a controller "
         f"file, of a run's folder or of a logged flight (.mcap){cure}"
     )
+
+
+def _controllers_in(folders: Iterable[Path]) -> list[Path]:
+    """Return the files of controllers in some folders."""
+    paths = [path for folder in folders for path in _content(folder)]
+    return [path for path in paths if path.suffix in serialize.ENDINGS and path.is_file()]
+
+
+def _installed_folders() -> list[Path]:
+    """Return the folders of controllers of installed packages, without importing these."""
+    folders = {
+        Path(str(point.dist.locate_file(point.value.replace(".", "/"))))
+        for point in entry_points(group=CONTROLLERS)
+        if point.dist is not None
+    }
+    return sorted(folders)
 
 
 def _folders() -> list[Path]:

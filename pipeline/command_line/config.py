@@ -64,6 +64,9 @@ class Job:
     given: frozenset[str] = frozenset()
 
 
+#: groups whose files set keys of others, and so begin with a line that says so
+AT_THE_TOP: Final = (EXPERIMENT, "world")
+
 #: the defaults of all keys, as plain data: what a value may be is judged once all is composed
 ConfigStore.instance().store(name="schema", node=defaults(), provider="pipeline")
 
@@ -139,6 +142,7 @@ def checked_job(config: DictConfig, settings: Any, folder: Path) -> Job:
     folders = [Path(source.path) for source in settings.runtime.config_sources if source.schema == "file"]
     with errors_in_words():
         node = _without_hydra(config)
+        _check_headers(node, words, folders)
         missing = sorted(OmegaConf.missing_keys(node))
         if "stages" in missing:
             names = ", ".join(options(folders)[EXPERIMENT])
@@ -153,6 +157,19 @@ def checked_job(config: DictConfig, settings: Any, folder: Path) -> Job:
     whole, experiment, notes = checked(values, given)
     sys.stderr.writelines(f"note: {note}\n" for note in notes)
     return Job(whole, experiment, folder, given)
+
+
+def _check_headers(node: DictConfig, words: Sequence[str], folders: Sequence[Path]) -> None:
+    """Raise ConfigError if a file that was chosen lacks the line that puts its keys at the top."""
+    for group in AT_THE_TOP:
+        if group in node:
+            names = [text.partition("=")[2] for text in words if text.lstrip("+").startswith(f"{group}=")]
+            paths = [folder / group / f"{name}.yaml" for name in names for folder in folders]
+            path = next((path for path in reversed(paths) if path.is_file()), f"the file of {group}")
+            raise ConfigError(
+                f"{path} lacks the line `# @package _global_`, so that its keys went below {group} and not "
+                "to the top of the configuration; make it the file's first line"
+            )
 
 
 def _without_hydra(node: DictConfig) -> DictConfig:

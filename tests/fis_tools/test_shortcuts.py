@@ -6,7 +6,10 @@ from pathlib import Path
 import pytest
 
 import fis_tools
-from tests.fis_tools.sample_controllers import EXAMPLES, TIPPER
+from fis_tools.errors import ControllerFileError
+from fis_tools.formats import serialize
+from fis_tools.source import named
+from tests.fis_tools.sample_controllers import EXAMPLES, PAPER_LIKE, TIPPER
 from tests.programs import run_python
 
 
@@ -37,3 +40,24 @@ def test_names_are_shown_and_nothing_heavy_is_imported() -> None:
         "import fis_tools.engines.compiler; assert 'skfuzzy' not in sys.modules"
     )
     run_python("-c", code)
+
+
+def test_an_installed_package_names_folders_of_controllers(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "site" / "mine" / "controllers"
+    folder.mkdir(parents=True)
+    (folder / "gentle.json").write_text(serialize.dump_json(PAPER_LIKE))
+    # importing it would end here
+    (tmp_path / "site" / "mine" / "__init__.py").write_text("raise SystemExit")
+    info = tmp_path / "site" / "mine-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: mine\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text("[fis_tools.controllers]\nmine = mine.controllers\n")
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(ControllerFileError, match="no controller of that name"):
+        named("gentle")
+    monkeypatch.syspath_prepend(str(tmp_path / "site"))
+    assert named("gentle") == folder / "gentle.json"
+    with pytest.raises(ControllerFileError, match="did you mean 'gentle'"):
+        named("gentel")

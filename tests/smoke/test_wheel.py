@@ -94,6 +94,9 @@ telemetry: {record_training: false, record_ranked: false, record_start: true}
     folder = tmp_path / run_python(*pipeline, "+experiment=drift", **installed).stdout.strip()
     assert (folder / "episodes" / "start.mcap").is_file()
     assert manifests.read(folder)["versions"]["product"] == maker.product_version()
+    assert "champion_27" in run_python("-m", "fis_tools", "show", "champion_27", **installed).stdout
+    named = run_python(*pipeline, "+experiment=drift", "controller=champion_27", "--cfg", "job", **installed)
+    assert "champion_27" in named.stdout
     assert "Drift for ten minutes." in run_python(*pipeline, "--help", **installed).stdout
 
 

@@ -30,7 +30,10 @@ def test_what_is_wanted_once_is_not_compiled_until_that_would_have_taken_no_long
     for _ in range(2):
         assert package.run(slow, COMPILE_AT_ONCE="0").stdout.split() == ["7", "0", "8", "0", "2.5", "0"]
     notices = package.run(ask.format("notice.LONG_S = 0"), COMPILE_AT_ONCE="0").stderr
-    words = "runs as plain Python for now: compiling takes about 1 s, once, or beforehand by make warm"
+    words = (
+        "runs as plain Python for now, as so few calls of it end sooner than compiling, which takes about "
+        "1 s, once, or beforehand by make warm"
+    )
     assert notices == f"  kernels.caller.twice {words}\n"
     # what has run as plain Python before, in any process, has taken longer than a nanosecond
     assert package.run(quick, COMPILE_AT_ONCE="0").stdout.split() == ["7", "1", "8", "1", "2.5", "2"]

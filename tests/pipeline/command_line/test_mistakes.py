@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.command_line.cli import COMMANDS
+from pipeline.command_line.config import AT_THE_TOP
 from pipeline.settings.experiment import STAGES
 from pipeline.settings.places import conf_folder
 from tests.pipeline.command_line.cases import EVALUATE, FLY, use_stages
@@ -201,6 +202,29 @@ def test_mistakes_in_files_of_the_users(content, message, tmp_path, monkeypatch,
         words = ["+experiment=own", "controller=coast", "--config-dir", "mine"]
     assert message in ran(*words, code=2).err
     assert not (tmp_path / "outputs").exists()
+
+
+@pytest.mark.parametrize("group", AT_THE_TOP)
+def test_a_file_without_the_line_that_puts_its_keys_at_the_top_is_named(group, tmp_path, monkeypatch, ran):
+    monkeypatch.chdir(tmp_path)
+    Path("mine", group).mkdir(parents=True)
+    Path("mine", group, "own.yaml").write_text("duration_s: 600\nstages: [record]\n")
+    words = ["controller=coast", f"+{group}=own", "--config-dir", "mine"]
+    if group != "experiment":
+        words = [*FLY, f"{group}=own", "--config-dir", "mine"]
+    said = ran(*words, code=2).err
+    assert f"mine/{group}/own.yaml lacks the line `# @package _global_`" in said
+    assert "did you mean" not in said
+
+
+def test_every_group_whose_files_need_that_line_is_known():
+    need = {
+        path.parent.name
+        for path in conf_folder().rglob("*.yaml")
+        if "# @package _global_" in path.read_text(encoding="utf-8")
+    }
+    # problem has keys of its own, too
+    assert need - {"problem"} == set(AT_THE_TOP)
 
 
 def test_what_is_no_file_among_configurations_is_passed_over(tmp_path, ran):

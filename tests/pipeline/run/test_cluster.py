@@ -179,7 +179,13 @@ def test_a_cluster_of_this_machine_answers_no_page():
     import urllib.error  # noqa: PLC0415
     import urllib.request  # noqa: PLC0415
 
+    import distributed  # noqa: PLC0415
+
     with cluster.open_client(1) as client:
+        assert client.cluster.scheduler_address.startswith("tls://127.0.0.1:")
+        address = client.cluster.scheduler_address.replace("tls://", "tcp://")
+        with pytest.raises(OSError):  # noqa: PT011 - whoever comes without the certificate is refused
+            distributed.Client(address, timeout=2)
         port = client.cluster.scheduler.http_server.port
         for page in ("json/identity.json", "health", "info/main/workers.html"):
             with pytest.raises(urllib.error.HTTPError, match="404"):
