@@ -1,9 +1,10 @@
 """What a training hands back: the controller that it was given, or the best champion of its generations.
 
 They fly from validation starts, which no generation has flown. Those whose intervals of success lie apart are
-ranked by success, the others by cost. What is best of many may owe that to the starts that chose it. It then
-flies from further ones, and is left out if it fails there more often than the given controller. So a search
-that went astray never replaces a controller that flies.
+ranked by success, unless they lie at or above the goal that the settings may have; the others by cost. What
+is best of many may owe that to the starts that chose it. It then flies from further ones, and is left out if
+it fails there more often than the given controller. So a search that went astray never replaces a controller
+that flies.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -212,10 +213,10 @@ def select(
     if len(candidates) > FINALISTS and front is None:
         first = judge(candidates, scenarios[: -(-len(scenarios) // FIRST_SHARE)])
         # the given controller and the last champion always fly from all starts
-        finalists = [*ranked(first)[:FINALISTS], first[0], first[-1]]
+        finalists = [*ranked(first, settings.success_goal_percent)[:FINALISTS], first[0], first[-1]]
         candidates = [judgement.candidate for judgement in first if judgement in finalists]
     final = judge(candidates, scenarios)
-    order = ranked(final)
+    order = ranked(final, settings.success_goal_percent)
     of_given = next((judgement for judgement in final if judgement.candidate.name == GIVEN), None)
     chosen, refused = order[0], list[SelectionJudgement]()
     if of_given is not None and _is_no_better(chosen, of_given):
@@ -235,13 +236,17 @@ def select(
     )
 
 
-def ranked(judged: Sequence[SelectionJudgement]) -> list[SelectionJudgement]:
+def ranked(
+    judged: Sequence[SelectionJudgement], goal_percent: float | None = None
+) -> list[SelectionJudgement]:
     """Return candidates from best to worst.
 
-    First those whose interval of success overlaps that of the highest success, by cost; then the others, by
-    success. Of equals the first given comes first.
+    First those whose interval of success reaches the goal, or overlaps that of the highest success, by cost;
+    then the others, by success. Of equals the first given comes first.
     """
     least = max((judgement.success for judgement in judged), key=lambda success: success.fraction).low
+    if goal_percent is not None:
+        least = min(least, goal_percent / 100.0)
 
     def key(judgement: SelectionJudgement) -> tuple[bool, float, float]:
         is_behind = judgement.success.high < least

@@ -191,6 +191,8 @@ class Penalty(Settings, group="optimizer.penalty", only=TRAINS):
         return replace(self, short_point_m_s=short, missed_point_m_s=missed)
 
 
+#: individuals of which CMA-ES needs at least so many
+LEAST_OF_CMA_ES = 5
 #: where local mutation takes steps
 LOCAL_STEPS = Only("optimizer.mutation=local", "optimizer.algorithm=nsga2")
 #: where there is a first step
@@ -223,10 +225,12 @@ class Optimizer(Settings, group="optimizer", only=TRAINS):
     """Standard deviation of local mutation, and of CMA-ES's first sample, in genes."""
     validation_cases: types.Natural = 0
     """Starts on which the best of all generations is chosen; 0: the last, if better than the given one."""
+    success_goal_percent: Annotated[types.Number | None, Field(ge=0, le=100)] = None
+    """Success beyond which the best are chosen by cost; null: by success wherever its intervals lie apart."""
 
     def __post_init__(self) -> None:
         """Check that the population suits the algorithm, and that prices stay numbers."""
-        least = {"cma_es": 5, "nsga2": 4}.get(self.algorithm, 2)
+        least = {"cma_es": LEAST_OF_CMA_ES, "nsga2": 4}.get(self.algorithm, 2)
         checks.within("optimizer.population_size", self.population_size, least, math.inf)
         prices = self.penalty.short_point_m_s, self.penalty.missed_point_m_s
         digits = (self.rounds - 1) * math.log10(self.penalty.growth) + math.log10(max(*prices, 1.0))
@@ -236,9 +240,9 @@ class Optimizer(Settings, group="optimizer", only=TRAINS):
                 f"which prices grow to 1e{digits:.0f} m/s; they may grow to {MOST_PRICE:g}: lower one of them"
             )
 
-    def begins_apart(self, round_index: int) -> bool:
-        """Return whether a round, counted from 0, goes on from no other."""
-        return round_index == 0
+    def lays_planes(self, round_index: int) -> bool:
+        """Return whether a round, counted from 0, seeks rule tables that are planes."""
+        return False
 
     def changes_before(self, round_index: int) -> int:
         """Return how often prices have grown and steps have shrunk when a round begins."""
@@ -270,23 +274,21 @@ class GeneticAlgorithm(Optimizer, algorithm="genetic"):
     """Besides the controller: drawn anywhere, or its local mutants."""
     cooling: Annotated[types.Number, Field(ge=0.1, le=1), LOCAL_STEPS] = 1.0
     """Factor on the steps of local mutation from round to round."""
-    islands: Annotated[types.Count, Only("optimizer.rounds>1")] = 1
-    """First rounds that begin apart, with populations of their own; the next goes on with the best of all."""
+    planes_rounds: Annotated[types.Natural, Only("optimizer.rounds>1")] = 0
+    """First rounds, in which CMA-ES seeks rule tables that are planes; the next begins near the best."""
 
     def __post_init__(self) -> None:
-        """Check that rates leave room for one another, and that islands meet."""
+        """Check that rates leave room for one another, and that planes leave rounds and rules to the rest."""
         super().__post_init__()
-        if self.islands > 1 and (self.islands >= self.rounds or self.next_round != "carried"):
+        if self.planes_rounds and (self.planes_rounds >= self.rounds or self.encoding.rules != "free"):
             raise SettingError(
-                f"optimizer.islands is {self.islands} with optimizer.rounds={self.rounds} and "
-                f"optimizer.next_round={self.next_round}; a round must go on with what the islands end with: "
-                f"set optimizer.rounds to at least {self.islands + 1} and optimizer.next_round=carried"
+                f"optimizer.planes_rounds is {self.planes_rounds} with optimizer.rounds={self.rounds} and "
+                f"optimizer.encoding.rules={self.encoding.rules}; a later round must free the rules of the "
+                f"planes: set optimizer.rounds to at least {self.planes_rounds + 1} and "
+                "optimizer.encoding.rules=free, or optimizer.planes_rounds=0"
             )
-        if self.islands > self.population_size:
-            raise SettingError(
-                f"optimizer.islands is {self.islands} and optimizer.population_size {self.population_size}; "
-                "each island gives at least one individual: lower the first, or raise the second"
-            )
+        if self.planes_rounds:
+            checks.within("optimizer.population_size", self.population_size, LEAST_OF_CMA_ES, math.inf)
         if self.split == "whole" and self.crossover_rate + self.elitism_rate > 1.0 + 1e-9:
             raise SettingError(
                 f"optimizer.crossover_rate is {self.crossover_rate} and optimizer.elitism_rate "
@@ -299,13 +301,13 @@ class GeneticAlgorithm(Optimizer, algorithm="genetic"):
         changes = self.changes_before(round_index)
         return 1.0 if self.mutation == "adaptive_feasible" else self.initial_step * self.cooling**changes
 
-    def begins_apart(self, round_index: int) -> bool:
-        """Return whether a round, counted from 0, goes on from no other."""
-        return round_index < self.islands
+    def lays_planes(self, round_index: int) -> bool:
+        """Return whether a round, counted from 0, seeks rule tables that are planes."""
+        return round_index < self.planes_rounds
 
     def changes_before(self, round_index: int) -> int:
         """Return how often prices have grown and steps have shrunk when a round begins."""
-        return max(0, round_index - self.islands + 1)
+        return max(0, round_index - self.planes_rounds)
 
 
 class CmaEs(Optimizer, algorithm="cma_es"):

@@ -107,6 +107,10 @@ class Genome:
                 words.append(f"{name} {value:g} to {min(max(value, low), high):g}")
         return words
 
+    def expand(self, genomes: Floats) -> Floats:
+        """Return genomes of the same controllers without a reduction, for some of shape (n, num_genes)."""
+        return np.hstack([self._system_genes(genomes), genomes[:, self._num_system_genes :]])
+
     def _system_genes(self, genomes: Floats) -> Floats:
         """Return the genes of the systems at full length."""
         genes = genomes[:, : self._num_system_genes]

@@ -21,10 +21,10 @@ from pipeline.run.engine import HERE, TaskPool
 from pipeline.scenarios import hard_candidates, training_scenarios
 from pipeline.settings.experiment import Experiment, Mission
 from pipeline.training.evolution.front import OBJECTIVE
-from pipeline.training.evolution.generations import Evaluate
+from pipeline.training.evolution.generations import Evaluate, Subspace
 from pipeline.training.evolution.rounds import Evolution, evolve_rounds
 from pipeline.training.fitness import costs, fitness_parts, objectives
-from pipeline.training.genome import Genome
+from pipeline.training.genome import Genome, genome_of
 
 
 def fitness_of_round(
@@ -122,11 +122,12 @@ def fly_fuzzy(
 
 def evolved(experiment: Experiment, genome: Genome, pool: TaskPool = HERE, **kept: Any) -> Evolution:
     """Train from the genome's template; keywords go to `evolve_rounds`."""
-    judge = partial(fitness_of_round, experiment, genome, pool=pool)
+    judge, settings = partial(fitness_of_round, experiment, genome, pool=pool), experiment.optimizer
     first = genome.encode()[np.newaxis]
-    return evolve_rounds(
-        judge, genome.num_genes, experiment.optimizer, experiment.seed, initial=first, **kept
-    )
+    if settings.lays_planes(0):
+        planar = genome_of(genome.template, replace(settings.encoding, rules="planes"))
+        kept["planes"] = Subspace(planar.encode(), planar.expand)
+    return evolve_rounds(judge, genome.num_genes, settings, experiment.seed, initial=first, **kept)
 
 
 def named_after(experiment: Experiment, genome: Genome, champion: Floats) -> FuzzyController:

@@ -3,7 +3,7 @@
 Smaller fitness is better. The genetic algorithm keeps each generation's elite as it is and fills the rest
 with children, first by crossover, then by mutation, whose parents are chosen in tournaments; NSGA-II keeps
 the best of parents and children by several objectives (`pipeline.training.evolution.front`); CMA-ES draws
-each generation anew.
+each generation anew. First rounds of the genetic algorithm may be CMA-ES's, among the few genes of planes.
 
 Operators are in `pipeline.training.evolution.operators`, rates those of Choi, Kim and Leeghim (AAS 25-727).
 
@@ -100,6 +100,25 @@ Evaluate = Callable[[Floats], Mapping[str, Floats]]
 #: a round's index and the champion of the one before (None in the first) -> the round's fitness function
 EvaluateForRound = Callable[[int, Floats | None], Evaluate]
 
+
+class Subspace(NamedTuple):
+    """Genomes that fewer genes describe.
+
+    Parameters
+    ----------
+    start : (k,) array
+        Genes in [0, 1] to start from.
+    expand : callable
+        From genes, (n, k), to whole genomes, (n, num_genes).
+    """
+
+    start: Floats
+    expand: Callable[[Floats], Floats]
+
+
+#: standard deviation of CMA-ES's first sample of planes, of which next to nothing is known, in genes
+PLANES_STEP = 0.3
+
 #: separates the random numbers of the evolution from those of scenarios with the same seed
 SPAWN_KEY = 0xE70
 
@@ -111,6 +130,7 @@ def begin(
     seed: int,
     round_index: int,
     before: EvolutionState | None,
+    planes: Subspace | None = None,
 ) -> EvolutionState:
     """Make and evaluate the first population of a round.
 
@@ -125,6 +145,8 @@ def begin(
     round_index : int
     before : EvolutionState, optional
         The final state of the round before.
+    planes : Subspace, optional
+        Where CMA-ES samples in this round, whatever the algorithm of the others.
 
     Returns
     -------
@@ -138,16 +160,16 @@ def begin(
     if before:
         state.evaluations, state.history = before.evaluations, before.history
     is_carried = before is not None and settings.next_round == "carried"
-    if isinstance(settings, CmaEs):
-        initial = _carried(_strategy(seeds[-1], settings.initial_step, settings))
+    if isinstance(settings, CmaEs) or planes:
+        centre, step = (planes.start, PLANES_STEP) if planes else (seeds[-1], settings.initial_step)
+        initial = _carried(_strategy(centre, step, settings))
         state.strategy = before.strategy if before and is_carried else initial
-        _sample_generation(state, evaluate, settings)
+        _sample_generation(state, evaluate, settings, planes)
         return state
-    if before and settings.begins_apart(round_index):
-        state.apart = np.concatenate((before.apart.reshape(-1, seeds.shape[1]), _best(before, settings)))
-    if before and is_carried and not settings.begins_apart(round_index):
-        genomes = before.genomes if not before.apart.size else _of_all_islands(before, settings)
-    elif not isinstance(settings, GeneticAlgorithm) or settings.first_population == "near":
+    follows_planes = before is not None and bool(before.strategy)
+    if before and is_carried and not follows_planes:
+        genomes = before.genomes
+    elif not isinstance(settings, GeneticAlgorithm) or settings.first_population == "near" or follows_planes:
         genomes = scatter(seeds, settings, state)
     else:
         genomes = state.generator.random((settings.population_size, seeds.shape[1]))
@@ -156,27 +178,16 @@ def begin(
     return state
 
 
-def _best(state: EvolutionState, settings: Optimizer) -> Floats:
-    """Return what an island gives to the round that goes on with all: its share of the best, best first."""
-    share = settings.population_size // settings.islands if isinstance(settings, GeneticAlgorithm) else 0
-    return state.genomes[np.argsort(state.fitness, kind="stable")[:share]]
-
-
-def _of_all_islands(last: EvolutionState, settings: Optimizer) -> Floats:
-    """Return the best of all islands, of which the last fills up the population; (population_size, genes)."""
-    rest = settings.population_size - len(last.apart)
-    best = last.genomes[np.argsort(last.fitness, kind="stable")[:rest]]
-    return np.concatenate((last.apart, best))
-
-
-def advance(state: EvolutionState, evaluate: Evaluate, settings: Optimizer) -> None:
-    """Replace a population by the next generation."""
+def advance(
+    state: EvolutionState, evaluate: Evaluate, settings: Optimizer, planes: Subspace | None = None
+) -> None:
+    """Replace a population by the next generation; see `begin` for the planes."""
     state.generation += 1
     if isinstance(settings, Nsga2):
         _select_generation(state, evaluate, settings)
         return
-    if not isinstance(settings, GeneticAlgorithm):
-        _sample_generation(state, evaluate, settings)
+    if not isinstance(settings, GeneticAlgorithm) or planes:
+        _sample_generation(state, evaluate, settings, planes)
         return
     if settings.mutation == "adaptive_feasible" and state.generation > 1:
         has_improved = state.history[-1].best < state.history[-2].best
@@ -222,11 +233,14 @@ def _select_generation(state: EvolutionState, evaluate: Evaluate, settings: Nsga
     state.evaluations += len(children)
 
 
-def _sample_generation(state: EvolutionState, evaluate: Evaluate, settings: Optimizer) -> None:
+def _sample_generation(
+    state: EvolutionState, evaluate: Evaluate, settings: Optimizer, planes: Subspace | None
+) -> None:
     """Draw a population from the strategy, evaluate it, and update the strategy."""
     state.step_size = float(state.strategy["sigma"])
     drawn = sample_strategy(state, settings)
-    _evaluate_all(state, evaluate, np.clip(drawn, 0.0, 1.0))
+    genes = np.clip(drawn, 0.0, 1.0)
+    _evaluate_all(state, evaluate, planes.expand(genes) if planes else genes)
     teach_strategy(state, settings, drawn, state.fitness)
 
 

@@ -16,7 +16,7 @@ from pipeline.array_types import Floats
 from pipeline.settings.experiment import Optimizer
 from pipeline.training.evolution import generations
 from pipeline.training.evolution.front import Front, front_of
-from pipeline.training.evolution.generations import EvaluateForRound
+from pipeline.training.evolution.generations import EvaluateForRound, Subspace
 from pipeline.training.evolution.state import EvolutionState, Generation, load, save
 
 #: called with the history so far, after each generation
@@ -59,8 +59,8 @@ FREE = ("generations", "stall_generations", "rounds", "encoding", "penalty", "wo
 def _fingerprint(settings: Optimizer, seed: int, num_genes: int) -> dict[str, Any]:
     """Return the settings that a resumed run must share to equal an uninterrupted one."""
     names = [field.name for field in fields(settings) if field.name not in FREE]
-    # checkpoints of earlier versions do not tell of it
-    names = [name for name in names if name != "islands" or settings.begins_apart(1)]
+    # checkpoints of earlier versions do not tell of planes
+    names = [name for name in names if name != "planes_rounds" or settings.lays_planes(0)]
     return {"seed": seed, "genes": num_genes} | {f"optimizer.{n}": getattr(settings, n) for n in names}
 
 
@@ -71,6 +71,7 @@ def evolve_rounds(
     seed: int,
     *,
     initial: Floats | None = None,
+    planes: Subspace | None = None,
     checkpoint: Path | None = None,
     resume: bool = False,
     on_generation: OnGeneration | None = None,
@@ -80,8 +81,7 @@ def evolve_rounds(
     Parameters
     ----------
     evaluate_for_round : callable
-        Takes a round's index and the champion of the round before, None where there is none or the round
-        begins apart, and returns the round's
+        Takes a round's index and the champion of the round before, None in the first, and returns the round's
         fitness function; the same arguments must give the same function, or a resumed run differs from an
         uninterrupted one. A fitness function takes genomes of shape
         (n, num_genes) and returns arrays of shape (n,): ``fitness``, to be minimised, and its parts. It must
@@ -96,6 +96,8 @@ def evolve_rounds(
     initial : (k, num_genes) array, optional
         Genomes in [0, 1] that the first round's population starts with. CMA-ES starts around the last of
         them, and needs one, as a first population near a genome does.
+    planes : Subspace, optional
+        Of the genomes whose rule tables are planes, where the settings have rounds that seek them.
     checkpoint : Path, optional
         File for the state after every generation (.npz).
     resume : bool
@@ -139,17 +141,16 @@ def evolve_rounds(
     try:
         for round_index in range(state.round if state else 0, settings.rounds):
             earlier = [generation.champion for generation in history if generation.round < round_index]
-            is_apart = settings.begins_apart(round_index)
-            evaluate = evaluate_for_round(round_index, earlier[-1] if earlier and not is_apart else None)
+            evaluate = evaluate_for_round(round_index, earlier[-1] if earlier else None)
+            of_round = planes if settings.lays_planes(round_index) else None
             if state is None or state.round < round_index:
-                state = generations.begin(evaluate, seeds, settings, seed, round_index, state)
+                state = generations.begin(evaluate, seeds, settings, seed, round_index, state, of_round)
                 history = state.history
                 finish_generation(state)
             while not _is_finished(state, settings):
-                generations.advance(state, evaluate, settings)
+                generations.advance(state, evaluate, settings, of_round)
                 finish_generation(state)
-            if not settings.begins_apart(round_index + 1):
-                seeds = history[-1].champion[np.newaxis]
+            seeds = history[-1].champion[np.newaxis]
     except KeyboardInterrupt:
         if not history:
             raise

@@ -78,9 +78,7 @@ class EvolutionState:
     generator : numpy Generator
         PCG64.
     strategy : dict of str to array
-        EvolutionState of CMA-ES; empty for the other algorithms.
-    apart : (n, num_genes) array
-        The best of the islands before, which wait for the round that goes on with all.
+        Of CMA-ES; empty for the other algorithms.
     history : list of Generation
         All generations so far.
     """
@@ -95,7 +93,6 @@ class EvolutionState:
     fitness: Floats = field(default_factory=lambda: np.empty(0))
     parts: dict[str, Floats] = field(default_factory=dict)
     strategy: dict[str, Floats] = field(default_factory=dict)
-    apart: Floats = field(default_factory=lambda: np.empty((0, 0)))
     history: list[Generation] = field(default_factory=list)
 
 
@@ -147,7 +144,6 @@ def save(path: Path, state: EvolutionState, fingerprint: Mapping[str, Any]) -> N
         "note": np.frombuffer(json.dumps(note).encode(), dtype=np.uint8),
         "genomes": state.genomes,
         "fitness": state.fitness,
-        "apart": state.apart,
         "parts": np.array(list(state.parts.values())).reshape(len(state.parts), len(state.fitness)),
         "champions": np.array([g.champion for g in state.history]),
         **{_STRATEGY + name: values for name, values in state.strategy.items()},
@@ -223,8 +219,6 @@ def _read(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
             note = json.loads(archive["note"].tobytes())
             learnt = [name for name in archive.files if name.startswith(_STRATEGY)]
             arrays = {name: archive[name] for name in (*_ARRAYS, *learnt)}
-            # earlier versions had no islands
-            arrays["apart"] = archive["apart"] if "apart" in archive.files else np.empty((0, 0))
     except _UNREADABLE as error:
         raise _damaged(path) from error
     if not isinstance(note, dict):
@@ -244,7 +238,6 @@ def _state_from(note: Mapping[str, Any], arrays: Mapping[str, Any]) -> Evolution
         **{name: note[name] for name in _NUMBERS},
         genomes=arrays["genomes"],
         fitness=arrays["fitness"],
-        apart=arrays["apart"],
         parts=dict(zip(note["parts"], arrays["parts"], strict=True)),
         python_state=python_state,
         generator=generator,

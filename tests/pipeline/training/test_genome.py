@@ -42,6 +42,16 @@ def test_what_flies_of_a_genome_is_the_controller_that_it_decodes_to(rules, cons
         np.testing.assert_array_equal(population.rules[row], decoded.rules[0])
 
 
+@pytest.mark.parametrize("rules", ["planes", "fixed"])
+def test_the_whole_genome_of_a_shorter_one_is_the_same_controller(rules):
+    short = genome_of(from_fuzzy(ELLIPSE), Encoding(rules=rules, **CONSTANT_BOUNDS))
+    whole = genome_of(from_fuzzy(ELLIPSE), Encoding(**CONSTANT_BOUNDS))
+    genomes = np.random.default_rng(4).random((5, short.num_genes))
+    for genes, expanded in zip(genomes, short.expand(genomes), strict=True):
+        assert len(expanded) == whole.num_genes
+        assert short.decode(genes) == whole.decode(expanded)
+
+
 def test_constants_run_from_their_least_to_their_greatest_and_others_stay():
     genome = genome_of(from_fuzzy(ELLIPSE), Encoding(**CONSTANT_BOUNDS))
     genes = np.zeros(genome.num_genes)

@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 
 from pipeline.settings.checks import SettingError
+from pipeline.settings.training import Encoding
 from pipeline.training.evolution import generations
+from pipeline.training.evolution.generations import Subspace
 from pipeline.training.evolution.rounds import Evolution, evolve_rounds
 from pipeline.training.evolution.state import CheckpointError
 from tests.pipeline.training.evolution.cases import NUM_GENES, Sphere, column, evolve, optimizer, rows_of
@@ -97,38 +99,44 @@ def test_rounds_start_afresh_from_the_last_champion():
     assert result.history[22].best <= result.history[21].best
 
 
-ISLANDS = {"islands": 3, "rounds": 5, "next_round": "carried", "mutation": "local", "cooling": 0.5}
+PLANES = {"planes_rounds": 2, "rounds": 4, "next_round": "carried", "mutation": "local", "cooling": 0.5}
+#: within each half of a genome, which one gene moves, genes differ by so much
+SLOPE = np.tile(np.linspace(0.0, 0.2, NUM_GENES // 2), 2)
+HALVES = Subspace(np.array([0.8, 0.6]), lambda genes: 0.8 * np.repeat(genes, NUM_GENES // 2, axis=1) + SLOPE)
 
 
-def test_islands_begin_apart_and_the_next_round_goes_on_with_the_best_of_all():
-    """Forty individuals: thirteen of either of the first two islands, and fourteen of the last."""
-    spheres, champions = [Sphere() for _ in range(5)], []
+def test_planes_are_sought_first_and_the_next_round_begins_near_their_champion():
+    spheres, champions = [Sphere() for _ in range(4)], []
 
     def evaluate_for_round(index, champion):
         champions.append(champion)
         return spheres[index]
 
-    settings = optimizer(generations=6, **ISLANDS)
-    initial = np.full((1, NUM_GENES), 0.9)
-    result = evolve_rounds(evaluate_for_round, NUM_GENES, settings, seed=1, initial=initial)
-    assert [champion is None for champion in champions] == [True, True, True, False, False]
-    firsts = [sphere.batches[0] for sphere in spheres]
-    for first in firsts[:3]:
-        np.testing.assert_array_equal(first[0], initial[0])
-    assert not np.array_equal(firsts[0][1:], firsts[1][1:])
-    last = {genome.tobytes() for genome in firsts[3]}
-    for index in range(3):
-        met = np.concatenate(spheres[index].batches)
-        assert result.history[7 * index + 6].champion.tobytes() in last
-        assert len(last & {genome.tobytes() for genome in met}) >= 10  # some are equal
-    steps = [result.history[7 * index].step_size for index in range(5)]
-    assert steps == [0.1, 0.1, 0.1, 0.05, 0.025]
-    assert [settings.changes_before(index) for index in range(5)] == [0, 0, 0, 1, 2]
+    settings = optimizer(generations=20, **PLANES)
+    result = evolve_rounds(evaluate_for_round, NUM_GENES, settings, seed=1, planes=HALVES)
+    of_rounds = [np.concatenate(sphere.batches) for sphere in spheres]
+    # the centre comes first
+    np.testing.assert_array_equal(of_rounds[0][0], HALVES.expand(HALVES.start[np.newaxis])[0])
+    for genomes in of_rounds[:2]:
+        np.testing.assert_allclose(genomes, HALVES.expand(genomes[:, :: NUM_GENES // 2] / 0.8))
+        assert len(genomes) == 21 * settings.population_size
+    ends = [result.history[21 * index + 20] for index in range(4)]
+    # least squares: the slopes remain
+    assert ends[1].best == pytest.approx(np.sum((SLOPE - SLOPE.mean()) ** 2), rel=1e-6)
+    np.testing.assert_array_equal(spheres[2].batches[0][0], ends[1].champion)
+    assert len(np.unique(spheres[2].batches[0], axis=0)) > 10
+    assert ends[3].best < ends[2].best < 0.5 * ends[1].best
+    assert champions[0] is None
+    for champion, end in zip(champions[1:], ends, strict=False):
+        np.testing.assert_array_equal(champion, end.champion)
+    steps = [result.history[21 * index].step_size for index in (0, 2, 3)]
+    assert steps == [generations.PLANES_STEP, 0.1, 0.05]
+    assert [settings.changes_before(index) for index in range(4)] == [0, 0, 0, 1]
 
 
-def test_islands_that_are_interrupted_go_on_as_if_they_were_not(tmp_path):
-    settings, whole = optimizer(generations=3, **ISLANDS), []
-    undisturbed = evolve(Sphere(), settings, seed=4)
+def test_planes_that_are_interrupted_go_on_as_if_they_were_not(tmp_path):
+    settings, whole = optimizer(generations=3, **PLANES), []
+    undisturbed = evolve(Sphere(), settings, seed=4, planes=HALVES)
 
     def stop_at(count):
         def stop(history):
@@ -138,18 +146,26 @@ def test_islands_that_are_interrupted_go_on_as_if_they_were_not(tmp_path):
         return stop
 
     path = tmp_path / "checkpoint.npz"
-    for count in (5, 9, 13, 14, 17):
-        evolve(Sphere(), settings, seed=4, checkpoint=path, resume=True, on_generation=stop_at(count))
-        whole.append(evolve(Sphere(), settings, seed=4, checkpoint=path, resume=True))
+    for count in (2, 4, 5, 8, 9, 12):
+        kept = {"planes": HALVES, "checkpoint": path, "resume": True}
+        evolve(Sphere(), settings, seed=4, on_generation=stop_at(count), **kept)
+        whole.append(evolve(Sphere(), settings, seed=4, **kept))
         path.unlink()
     for resumed in whole:
         assert_same(resumed, undisturbed)
 
 
-def test_islands_that_never_meet_are_refused():
-    for changes in ({"rounds": 3}, {"next_round": "afresh"}, {"population_size": 2}):
-        with pytest.raises(SettingError, match="islands is 3"):
-            optimizer(**(ISLANDS | changes))
+@pytest.mark.parametrize(
+    ("changes", "refusal"),
+    [
+        ({"rounds": 2}, "set optimizer.rounds to at least 3"),
+        ({"encoding": Encoding(rules="planes")}, "optimizer.encoding.rules=free"),
+        ({"population_size": 4}, "optimizer.population_size"),
+    ],
+)
+def test_planes_without_a_round_rules_or_individuals_to_go_on_with_are_refused(changes, refusal):
+    with pytest.raises(SettingError, match=refusal):
+        optimizer(**(PLANES | changes))
 
 
 def test_stall_ends_a_round():
