@@ -53,7 +53,10 @@ def _is_finished(state: EvolutionState, settings: Optimizer) -> bool:
 
 
 #: settings with which a training may go on when they are others than those that it began with
-FREE = ("generations", "stall_generations", "rounds", "encoding", "penalty", "workers", "validation_cases")
+FREE = (
+    *("generations", "stall_generations", "rounds", "encoding", "penalty", "workers"),
+    *("validation_cases", "success_goal_percent"),
+)
 
 
 def _fingerprint(settings: Optimizer, seed: int, num_genes: int) -> dict[str, Any]:

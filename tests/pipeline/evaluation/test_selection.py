@@ -39,8 +39,8 @@ def judged(flown):
 def test_success_counts_up_to_a_goal_and_cost_beyond(goal, order):
     names = [name for name, *_ in FLOWN]
     for flown in (FLOWN, FLOWN[::-1]):
-        found = ranked(judged(flown), goal)
-        assert [[name for name, *_ in flown][int(each.candidate.genome[0])] for each in found] == order
+        in_order = ranked(judged(flown), goal)
+        assert [[name for name, *_ in flown][int(each.candidate.genome[0])] for each in in_order] == order
     assert sorted(order) == sorted(names)
 
 
