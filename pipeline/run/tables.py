@@ -123,8 +123,10 @@ def _explained(path: Path) -> AbstractContextManager[None]:
     return artifacts.explained(f"{path} cannot be read", "repeat the stage that writes it", pa.ArrowException)
 
 
-def _check_size(file: pq.ParquetFile, path: Path, only: str | None = None) -> None:
-    """Raise ValueError if a table, or one column of it, unpacks to more than is read."""
+def _check(file: pq.ParquetFile, path: Path, only: str | None = None) -> None:
+    """Raise ValueError if a table, or a column of it, unpacks to more than is read, or names stand twice."""
+    if len(set(names := file.schema_arrow.names)) < len(names):
+        raise ValueError("two of its columns have one name")
     claimed, most = file.metadata, min(MOST_BYTES, max(SMALL_BYTES, MOST_TIMES * path.stat().st_size))
     leaves = [file.schema.column(leaf).path.split(".")[0] for leaf in range(claimed.num_columns)]
     chosen = [leaf for leaf, name in enumerate(leaves) if only in (None, name)]
@@ -147,7 +149,7 @@ def read_parquet(folder: Path, name: str) -> RunTable:
     path = artifacts.require(folder, name)
     with _explained(path), open_regular(path) as stream:
         file = pq.ParquetFile(stream)
-        _check_size(file, path)
+        _check(file, path)
         table = file.read()
     return _columns_of(path, table)
 
@@ -193,7 +195,7 @@ class Columns(Mapping[str, NDArray[Any]]):
         """Read a column."""
         self._require(name)
         with self._opened() as file:
-            _check_size(file, self._path, name)
+            _check(file, self._path, name)
             return file.read([name])[name].to_numpy()
 
     def _require(self, name: str) -> None:

@@ -1,30 +1,38 @@
-"""Every file that a run leaves, with hostile texts for its texts: nothing obeys them.
+"""Every file that a run or a sweep leaves, with hostile texts for its texts: nothing obeys them.
 
 Watched are files, processes and the network by Python's audit events, the environment by a secret in it, and
-what is printed by its characters.
+what is printed or written by its characters.
 """
 
-import json
+import csv
 import os
 import random
 import shutil
 import sys
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 import matplotlib as mpl
 import pytest
-import yaml
 
+from fis_tools.__main__ import main as fis_tools
+from pipeline.command_line.arguments import parse_arguments
 from pipeline.command_line.cli import main
+from pipeline.command_line.config import compose_experiment
+from pipeline.run import artifacts, sweep
+from pipeline.settings.experiment import STAGES
+from telemetry.commands import main as telemetry
 from tests.hostile import kills
+from tests.hostile.replaced import UNREAD, count_of, kind_of, replaced
 from tests.pipeline.command_line.cases import use_stages
 
 pytestmark = pytest.mark.slow
 
 #: in the environment
 WATCHED = "a-word-of-the-environment"
+MARKUP, FORMULA = "<script>alert(1)</script>", '=HYPERLINK("http://127.0.0.1:9/")'
 #: an option, interpolations, paths, an escape and a mark of direction, markup, a formula, a command
 HOSTILE = (
     "hydra.searchpath=[pkg://evil]",
@@ -33,14 +41,15 @@ HOSTILE = (
     "../outside",
     "/outside/of/all",
     "\x1b[31m\u202e",
-    "<script>alert(1)</script>",
-    '=HYPERLINK("http://127.0.0.1:9/")',
+    MARKUP,
+    FORMULA,
     "--config-dir=evil",
     "$(touch outside)",
 )
-KINDS = ("planned", "search", "assure")
-#: of each file, so many of its texts are replaced one at a time
-MOST_SINGLE = 4
+#: of `kills.KINDS`: those that together have every stage, and a sweep
+KINDS = ("planned", "cma_es", "search", "fit", "optimum", "compare", "prove", "assure", "report", "sweep")
+#: of a sweep, one of its runs is walked
+WALKED_RUN = "seed=1"
 WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
 #: audit events that change something at a path, which comes first
 CHANGES = {"os.mkdir", "os.rename", "os.remove", "os.rmdir", "os.link", "os.symlink", "os.truncate"}
@@ -81,45 +90,66 @@ def nothing_outside(folder: Path) -> Iterator[None]:
     assert [each for each in seen if not any(cache and cache in each for cache in caches)] == []
 
 
-def replaced(node, texts: Iterator[str | None]):
-    """The same plain data with the next text for each of its texts, keys aside; None leaves one."""
-    if isinstance(node, dict):
-        return {key: replaced(value, texts) for key, value in node.items()}
-    if isinstance(node, list):
-        return [replaced(value, texts) for value in node]
-    if isinstance(node, str):
-        text = next(texts)
-        return node if text is None else text
-    return node
-
-
-def attacks(path: Path, rng: random.Random) -> Iterator[str]:
-    """The contents of a file with all of its texts replaced by each hostile one, and some one at a time."""
-    content = path.read_text(encoding="utf-8")
-    if path.suffix == ".json":
-        data, write = json.loads(content), json.dumps
-    elif path.suffix == ".yaml":
-        data, write = yaml.safe_load(content), yaml.safe_dump
-    else:
-        words = content.replace(",", " ").split()
-        for text in HOSTILE:
-            yield content.replace(rng.choice(words), text) if words else text
+def attacks(path: Path, rng: random.Random) -> Iterator[bytes]:
+    """The contents of a file with each hostile text for one of its texts, and with some for all."""
+    content = path.read_bytes()
+    if not (count := count_of(path, content)):
         return
-    count = 0
-
-    def counted() -> Iterator[None]:
-        nonlocal count
-        while True:
-            count += 1
-            yield None
-
-    replaced(data, counted())
     for text in HOSTILE:
-        yield write(replaced(data, iter([text] * count)))
-    for index in rng.sample(range(count), min(count, MOST_SINGLE)):
-        texts = [None] * count
-        texts[index] = rng.choice(HOSTILE)
-        yield write(replaced(data, iter(texts)))
+        yield replaced(path, content, text, rng.randrange(count))
+    for text in rng.sample(HOSTILE, 2):
+        yield replaced(path, content, text)
+
+
+def files_of(made: Path) -> list[Path]:
+    """The files of a run that somebody reads; of a sweep those of one run and its own."""
+    paths = [path for path in sorted(made.rglob("*")) if path.is_file() and kind_of(path) not in UNREAD]
+    others = [run.folder for run in sweep.read(made) if run.folder != WALKED_RUN] if is_sweep(made) else []
+    # of many recordings, and tables of plans, one is as good as another
+    seen: set[tuple[Path, str]] = set()
+    kept = []
+    for path in paths:
+        sort = (path.parent, path.suffix)
+        is_one_of_many = path.suffix == ".mcap" or path.parent.name in ("plans", "flights")
+        if path.relative_to(made).parts[0] in others or (is_one_of_many and sort in seen):
+            continue
+        seen.add(sort)
+        kept.append(path)
+    return kept
+
+
+def is_sweep(folder: Path) -> bool:
+    return (folder / sweep.SWEEP).exists()
+
+
+def commands_on(path: Path, made: Path) -> Iterator[tuple[object, list[str]]]:
+    """What is done with a folder ``run`` in which a file is attacked: programs and their words."""
+    run = f"run/{WALKED_RUN}" if is_sweep(made) else "run"
+    if path.suffix == ".mcap":
+        yield main, ["verify", run]
+        yield telemetry, ["info", f"{run}/{path.relative_to(made).as_posix()}"]
+        return
+    yield main, ["resume=run"]
+    if is_sweep(made):
+        yield main, ["summary", "run"]
+    yield main, ["fly", run]
+    yield main, [f"hydra.run.dir={run}", "stages=[report]"]
+    yield main, ["verify", run]
+    if path.name == artifacts.MANIFEST or path.suffix in (".yaml", ".parquet"):
+        yield telemetry, ["campaign", run, "--save", "scene.rrd"]
+    if path.suffix in (".json", ".yaml"):
+        yield fis_tools, ["show", run]
+
+
+def test_the_kinds_have_every_stage_and_a_sweep(tmp_path):
+    stages: set[str] = set()
+    for kind in KINDS:
+        words = [
+            word for word in kills.words_of(kind, tmp_path) if word != "-m" and not word.startswith("seed=")
+        ]
+        stages.update(compose_experiment(parse_arguments(words).overrides).experiment.stages)
+    assert stages == set(STAGES)
+    assert any(kills.KINDS[kind][0] == "-m" for kind in KINDS)
 
 
 @pytest.fixture(scope="module", params=KINDS)
@@ -129,33 +159,41 @@ def made(request, tmp_path_factory):
     return folder
 
 
+def written(folder: Path) -> str:
+    """All that stands in the files of a folder."""
+    paths = [path for path in folder.rglob("*") if path.is_file() and path.suffix != ".mcap"]
+    return "".join(path.read_text(encoding="utf-8", errors="replace") for path in paths)
+
+
+def assert_harmless(folder: Path) -> None:
+    """Check pages for markup, and tables for what a spreadsheet would run."""
+    for path in folder.rglob("*.html"):
+        assert MARKUP not in path.read_text(encoding="utf-8"), path
+    for path in folder.rglob("*.csv"):
+        with path.open(encoding="utf-8", newline="") as stream:
+            assert not any(cell.startswith("=") for row in csv.reader(stream) for cell in row), path
+
+
 def test_nothing_obeys_what_a_file_says(made, tmp_path, monkeypatch, capfd):
     use_stages(monkeypatch)
     monkeypatch.chdir(tmp_path)
+    (tmp_path / "temporary").mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "temporary"))  # of libraries
     monkeypatch.setenv("WATCHED", WATCHED)
     monkeypatch.setenv("ELSEWHERE", str(tmp_path.parent / "elsewhere"))
     rng, run = random.Random(1), tmp_path / "run"  # noqa: S311
-    files = [
-        path
-        for path in sorted(made.rglob("*"))
-        if path.suffix in (".json", ".yaml", ".csv", ".log", ".jsonl")
-    ]
-    assert files
-    for path in files:
+    for path in files_of(made):
+        left = ["*.html", "figures", *(["*.mcap"] if path.suffix != ".mcap" else [])]
         for content in attacks(path, rng):
             shutil.rmtree(run, ignore_errors=True)
-            shutil.copytree(made, run, ignore=shutil.ignore_patterns("*.mcap", "figures", "*.html", "*.npz"))
-            (run / path.relative_to(made)).write_text(content, encoding="utf-8")
-            again = [["fly", "run"], ["hydra.run.dir=run", "stages=[report]"], ["verify", "run"]]
+            shutil.copytree(made, run, ignore=shutil.ignore_patterns(*left))
+            (run / path.relative_to(made)).write_bytes(content)
             with nothing_outside(tmp_path):
-                for words in [["resume=run"], *again]:
-                    assert main(words) in range(6)
+                for program, words in commands_on(path, made):
+                    assert program(words) in range(6), (path.name, words)
             printed = "".join(capfd.readouterr())
             assert "Traceback" not in printed, (path.name, content[:200], printed)
-            assert not set(printed) & {"\x1b", "\u202e"}, (path.name, printed)
-            left = "".join(
-                each.read_text(encoding="utf-8", errors="replace")
-                for each in tmp_path.rglob("*.*")
-                if each.is_file()
-            )
-            assert WATCHED not in printed + left, (path.name, content[:200])
+            assert not set(printed) & {"\x1b", "\u202e"}, (path.name, content[:200], printed)
+            assert WATCHED not in printed + written(tmp_path), (path.name, content[:200])
+            (run / path.relative_to(made)).unlink()  # the attack itself
+            assert_harmless(tmp_path)
