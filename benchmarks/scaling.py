@@ -18,13 +18,13 @@ from pathlib import Path
 from benchmarks.timing import fuel_by_rules, line
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers.source import load
+from pipeline.evaluation.parts import fly_part
 from pipeline.flight.goals.flights import fly_all
 from pipeline.run.engine import HERE, open_pool
 from pipeline.scenarios import evaluation_scenarios
 from pipeline.settings.experiment import Engine
 from pipeline.settings.places import conf_folder
 from pipeline.settings.sizes import MOST_CASES
-from pipeline.stages.evaluate import fly_part
 from tests.hostile.kills import command, workers_of
 
 

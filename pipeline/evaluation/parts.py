@@ -8,7 +8,9 @@ import hashlib
 import json
 import math
 import re
+import shutil
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -16,9 +18,15 @@ from typing import Any, Final
 import numpy as np
 
 from fis_tools.plain_text import parse_json
-from pipeline.evaluation.monte_carlo import summarised
-from pipeline.evaluation.statistics import Columns
+from pipeline.evaluation.monte_carlo import episode_columns, fly_followed, summarised
+from pipeline.evaluation.sequential import LOOK_CASES, Stop
+from pipeline.evaluation.statistics import Column, Columns
+from pipeline.flight.control.controller import Controller
 from pipeline.run import artifacts, maker, manifests, tables
+from pipeline.run.engine import TaskPool
+from pipeline.run.progress import Progress
+from pipeline.scenarios import evaluation_scenarios
+from pipeline.settings.experiment import Experiment
 
 #: the notes in a part's file, as JSON: a list of makers, the hash of its rows, their statistics
 MAKERS, ROWS, STATISTICS = "makers", "rows_sha256", "statistics"
@@ -174,3 +182,54 @@ def join(path: Path, whole: Sequence[CasePart], num_cases: int | None = None) ->
         by_path[path].check(columns, notes)
 
     tables.join_parquet(path, list(by_path), check, num_cases)
+
+
+def fly(
+    experiment: Experiment,
+    controller: Controller,
+    cases: range,
+    path: Path,
+    parts_folder: Path,
+    pool: TaskPool,
+    stop: Stop | None = None,
+) -> None:
+    """Fly cases, each part into a file, and join them; a resumed run flies only what is missing."""
+    if not experiment.resume:
+        shutil.rmtree(parts_folder, ignore_errors=True)
+    there = list(kept(parts_folder, cases))
+    taken = (stop.take(part.first, part.columns) for part in there) if stop else ()
+    end = next(filter(None, taken), None)
+    # a resumed run may be cut into other parts
+    length = min(experiment.engine.part_cases, LOOK_CASES) if stop else experiment.engine.part_cases
+    left = [] if end else missing(there, cases, length)
+    threads = pool.threads(experiment.monte_carlo.workers)
+    tasks = [(experiment, controller, bounds, threads) for bounds in left]
+    with (
+        Progress("part:", len(there) + len(left), len(there)) as progress,
+        closing(pool.run(fly_and_certify, tasks)) as results,
+    ):
+        for index, (columns, certificate) in results:
+            part = CasePart(path_of(parts_folder, *left[index]), *left[index])
+            write(part.path, columns, certificate)
+            there.append(part)
+            progress.show(len(there))
+            if stop and (end := stop.take(part.first, columns)):
+                break
+    there.sort(key=lambda part: part.first)
+    join(path, [part for part in there if end is None or part.first < end], end)
+
+
+def fly_and_certify(*task: Any) -> tuple[dict[str, Column], dict[str, str]]:
+    """Return the columns that `fly_part` does, and their certificate, see `certified`."""
+    columns = fly_part(*task)
+    return columns, certified(columns, [maker.present_maker()])
+
+
+def fly_part(
+    experiment: Experiment, controller: Controller, bounds: tuple[int, int], workers: int | None
+) -> dict[str, Column]:
+    """Fly the cases from the first bound up to the second; return the columns of their table."""
+    scenarios = evaluation_scenarios(experiment, range(*bounds))
+    outcomes, after = fly_followed(experiment.mission, controller, scenarios, workers)
+    columns = episode_columns(experiment.mission, scenarios, outcomes, after)
+    return columns | {"case": np.arange(*bounds)}

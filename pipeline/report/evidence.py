@@ -253,6 +253,8 @@ def _requirement(
         for histogram in cases["histograms"]:
             drawn = draw_margins(histogram, histogram["unit"], requirement["id"])
             details["cases"].append(Figure(element("figure", drawn)))
+    if splitting := requirement.get("splitting"):
+        details["splitting"].append(Table([], _splitting_facts(splitting)))
     if search := requirement.get("search"):
         details["search"] += [Paragraph(_full(search["sentence"])), Table([], _search_facts(search))]
     if bounds := requirement.get("bounds"):
@@ -325,6 +327,18 @@ def _case_facts(cases: Mapping[str, Any], unit: str) -> list[list[str]]:
         ["cases needed without a failure", f"{needed:,}" if needed else "no number is enough"],
         ["share that meets it, one-sided bounds", bounds],
         *margins,
+    ]
+
+
+def _splitting_facts(splitting: Mapping[str, Any]) -> list[list[str]]:
+    """Return the rows on how rare failures are."""
+    share, low, high = (splitting[name] for name in ("share", "low", "high"))
+    return [
+        ["share of cases that fail it", "no estimate" if share is None else f"{share:.3g}"],
+        ["one-sided bounds", "none" if high is None else f"{low:.3g} to {high:.3g}"],
+        ["flights", f"{splitting['num_flights']:,}"],
+        ["levels of the margin", ", ".join(f"{level:.4g}" for level in splitting["levels"])],
+        ["by each population", ", ".join(f"{each:.2g}" for each in splitting["populations"])],
     ]
 
 

@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from pipeline.settings import checks, start_table, types
+from pipeline.settings import checks, sizes, start_table, types
 from pipeline.settings.checks import SettingError
 from pipeline.settings.conditions import Only
 from pipeline.settings.controllers import check_controller
@@ -50,6 +50,8 @@ class MonteCarlo(Settings, group="monte_carlo"):
         Literal["success_and_within_limits", "violated", "delta_v_m_s"], Only("monte_carlo.stop_width")
     ] = "success_and_within_limits"
     """Whose interval is to be so narrow: a share of the flights, or the mean delta-v (m/s)."""
+    splitting_flights: Annotated[types.Natural, Only("stages=evaluate")] = 0
+    """Further flights that tell by splitting how rarely one leaves the limits; 0: none."""
     min_distance_m: Annotated[types.Positive, types.Follows()] = 50.0
     """Least distance of a start from the chief; null: 50, or what fits the limits and the camera."""
     max_distance_m: Annotated[types.Number, types.Follows()] = 100.0
@@ -80,6 +82,11 @@ class MonteCarlo(Settings, group="monte_carlo"):
             raise SettingError(
                 "monte_carlo.only_cases and monte_carlo.stop_width are given; where the whole would stop, a "
                 "shard of it does not know: leave one out"
+            )
+        if self.splitting_flights and self.table is not None:
+            raise SettingError(
+                "monte_carlo.splitting_flights is given, and so are the starts; splitting chooses its starts "
+                "itself: leave one out"
             )
 
     @property
@@ -222,6 +229,8 @@ class Assurance(Settings, group="assurance", only=Only("stages=assure", is_told=
     """Generations after the first flights."""
     search_step: Annotated[types.Positive, Field(le=1)] = 0.1
     """First step of a search, as a share of the range of what it varies."""
+    splitting_flights: Annotated[types.Whole, Field(ge=1000, le=sizes.MOST)] = 100_000
+    """Flights with which splitting tells how rare the failures of a requirement are."""
     domain_cases: types.Count = 200
     """Flights that make the operational domain, and as many others that test it."""
     workers: types.Workers = None
@@ -385,6 +394,11 @@ class Experiment(Settings, group=""):
             raise SettingError(
                 f"monte_carlo.only_cases is given and stages [{', '.join(self.stages)}]; a shard has "
                 f"{', '.join(sorted(flown))} alone: leave one of them out"
+            )
+        if self.monte_carlo.splitting_flights and self.mission.chief.keep_out_m:
+            raise SettingError(
+                "monte_carlo.splitting_flights and chief.keep_out_m are given; flights do not tell how near "
+                "they came to the spheres, which splitting must know: leave one out"
             )
         if "search" in self.stages and not self.hparams_search.space:
             raise SettingError(

@@ -20,16 +20,17 @@ from pipeline.evaluation.assurance.campaign import (
     Campaign,
     FormulaResult,
     WorstCaseSearch,
-    case_space,
     evaluate_formulas,
     search,
     search_efficiency,
 )
+from pipeline.evaluation.assurance.case_space import case_space
 from pipeline.evaluation.assurance.conditions import box_in_words, conditions_of, start_bounds
 from pipeline.evaluation.assurance.evidence import Domain, domain_of, left_on
 from pipeline.evaluation.assurance.formula import OF_COASTING, kind_of, predicates, quantities_of
 from pipeline.evaluation.assurance.proofs import TubeProof, certificates, check_questions, safety_proof
 from pipeline.evaluation.assurance.quantities import track_of
+from pipeline.evaluation.assurance.rare import RARE, NotMet
 from pipeline.evaluation.assurance.repeats import repeats_in_words
 from pipeline.evaluation.assurance.requirements import (
     BOUNDS,
@@ -37,6 +38,7 @@ from pipeline.evaluation.assurance.requirements import (
     METHODS,
     SAFETY_LAYER,
     SEARCH,
+    SPLITTING,
     TUBE,
     Requirement,
     Requirements,
@@ -45,6 +47,7 @@ from pipeline.evaluation.assurance.requirements import (
 )
 from pipeline.evaluation.assurance.sentences import ordinal
 from pipeline.evaluation.assurance.verdicts import Evidence, cases_needed, failures_allowed, judge, percent
+from pipeline.evaluation.splitting import POPULATIONS, RareShare, rare_share
 from pipeline.flight.cases.dispersions import drawn
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.goals.flights import fly_logged
@@ -58,6 +61,7 @@ from pipeline.report.figures.flights import draw_flight, draw_tube
 from pipeline.report.figures.style import Illustration
 from pipeline.run import artifacts, configuration, maker, tables, writing
 from pipeline.run.engine import TaskPool, open_pool
+from pipeline.run.progress import Progress
 from pipeline.scenarios import evaluation_scenarios
 from pipeline.settings.experiment import Experiment
 from telemetry.file import reader
@@ -166,6 +170,7 @@ def _gather(
             before = repeats.tried(requirement, flights, tries)
             judgement = judge(outcome.margins, outcome.is_met, *claim, outcome.num_occurred, before)
         searches = _searches(experiment, campaign, requirement, outcome, pool)
+        risk = repeats.splitting_risk(requirement, flights, tries)
         bounds = certificates(requirement, controller) if BOUNDS in requirement.verified_by else ()
         layer = proof if SAFETY_LAYER in requirement.verified_by else None
         tube = _tube(experiment, controller, folder) if TUBE in requirement.verified_by else None
@@ -180,6 +185,7 @@ def _gather(
             duration_s=mission.duration_s,
             period_s=mission.control_period_s,
             worst_unit=min((result.worst for result in flown), default=(0.0, ""))[1],
+            rare=_rare(experiment, campaign, requirement, risk, pool),
         )
         recorded = None
         if outcome is not None:
@@ -220,6 +226,22 @@ def _searches(
     searches = tuple(pool.map(search, tasks))
     sys.stderr.write(f"  {requirement.id}: {search_efficiency(searches, random).sentence}\n")
     return searches
+
+
+def _rare(
+    experiment: Experiment, campaign: Campaign, requirement: Requirement, risk: float, pool: TaskPool
+) -> RareShare | None:
+    """Return the share of cases that fail a requirement, by splitting, if it asks for that, and print it."""
+    if SPLITTING not in requirement.verified_by:
+        return None
+    drawn_cases = replace(experiment, monte_carlo=replace(experiment.monte_carlo, table=None))
+    law = NotMet(case_space(drawn_cases, is_exact=True), experiment.seed, campaign, requirement)
+    # each end of the interval has the risk
+    confidence, num_flights = 100.0 * (1.0 - 2.0 * risk), experiment.assurance.splitting_flights
+    with Progress(f"{requirement.id}, population:", POPULATIONS, 0) as progress:
+        rare = rare_share(law, num_flights, confidence, (experiment.seed, RARE, 1), pool, progress.show)
+    sys.stderr.write(f"  {requirement.id}: {rare.sentence} fail\n")
+    return rare
 
 
 def _tube(experiment: Experiment, controller: Controller, folder: Path) -> TubeProof:

@@ -4,8 +4,8 @@ import shutil
 import sys
 import time
 from collections.abc import Iterable, Mapping
-from contextlib import AbstractContextManager, closing
-from dataclasses import replace
+from contextlib import AbstractContextManager
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -14,20 +14,16 @@ import numpy as np
 
 from pipeline.controllers.source import controller_of_run, sha256_of
 from pipeline.evaluation import blocks, parts, sequential
+from pipeline.evaluation.assurance.case_space import case_space
+from pipeline.evaluation.assurance.rare import RARE, OutsideLimits
 from pipeline.evaluation.beside_optimum import beside_optimum, summarise_times, times_in_words
 from pipeline.evaluation.comparison import by_rules, spread
-from pipeline.evaluation.monte_carlo import (
-    SUCCESS,
-    episode_columns,
-    fly_cases,
-    fly_followed,
-    summarise_blocks,
-)
-from pipeline.evaluation.sequential import LOOK_CASES, Stop
+from pipeline.evaluation.monte_carlo import SUCCESS, fly_cases, summarise_blocks
+from pipeline.evaluation.splitting import POPULATIONS, RareShare, rare_share
 from pipeline.evaluation.statistics import Column, sensitivity
 from pipeline.flight.control.controller import Controller
 from pipeline.optimum.solved import IncomparableError, solved_for
-from pipeline.run import artifacts, engine, maker, tables, typed, writing
+from pipeline.run import artifacts, engine, tables, typed, writing
 from pipeline.run.engine import TaskPool
 from pipeline.run.progress import Progress
 from pipeline.scenarios import evaluation_scenarios
@@ -49,10 +45,12 @@ def run(experiment: Experiment, folder: Path) -> None:
         episodes = _flown(experiment, controller, folder, pool)
         seconds, num_cases = time.perf_counter() - started, len(episodes["case"])
         nominal = _nominal(experiment, controller, num_cases, folder, pool)
+        rare = _rare(experiment, controller, pool)
     summary = {
         **_subject(experiment, controller, num_cases),
         **_results(experiment, episodes),
         **({} if nominal is None else _dispersed(experiment, episodes, nominal)),
+        **({} if rare is None else {"violated_by_splitting": asdict(rare)}),
         "optimum": _beside_optimum(experiment, controller, folder),
     }
     writing.write_json(folder / artifacts.SUMMARY, summary)
@@ -66,6 +64,7 @@ def run(experiment: Experiment, folder: Path) -> None:
         f"outside {100 * summary['violated']['fraction']:.1f} %{_after_in_words(summary)}\n"
     )
     sys.stderr.write(_stopped_in_words(summary))
+    sys.stderr.write("" if rare is None else f"  outside: {rare.sentence}\n")
     sys.stderr.write(_beside_in_words(summary["optimum"]))
     if (folder / artifacts.TRAJECTORIES).exists():
         sys.stderr.write(f"  to see them all: {typed.campaign(folder)}\n")
@@ -157,7 +156,7 @@ def _flown(
         if cases.stop_width is not None:
             stop = sequential.Stop(cases.stop_quantity, cases.stop_width, cases.confidence_percent)
         path, parts_folder = folder / artifacts.EPISODES, folder / parts.FOLDERS[artifacts.EPISODES]
-        _fly_in_parts(experiment, controller, cases.cases, path, parts_folder, pool, stop)
+        parts.fly(experiment, controller, cases.cases, path, parts_folder, pool, stop)
         return tables.Columns(folder, artifacts.EPISODES)
     scenarios, workers = evaluation_scenarios(experiment), experiment.monte_carlo.workers
     episodes, tracks = fly_cases(experiment.mission, controller, scenarios, workers)
@@ -177,55 +176,16 @@ def _is_in_parts(experiment: Experiment, folder: Path) -> bool:
     return cases.num_cases > experiment.engine.part_cases or is_cut or is_begun
 
 
-def _fly_in_parts(
-    experiment: Experiment,
-    controller: Controller,
-    cases: range,
-    path: Path,
-    parts_folder: Path,
-    pool: TaskPool,
-    stop: Stop | None = None,
-) -> None:
-    """Fly cases, each part into a file, and join them; a resumed run flies only what is missing."""
-    if not experiment.resume:
-        shutil.rmtree(parts_folder, ignore_errors=True)
-    there = list(parts.kept(parts_folder, cases))
-    taken = (stop.take(part.first, part.columns) for part in there) if stop else ()
-    end = next(filter(None, taken), None)
-    # a resumed run may be cut into other parts
-    length = min(experiment.engine.part_cases, LOOK_CASES) if stop else experiment.engine.part_cases
-    left = [] if end else parts.missing(there, cases, length)
-    threads = pool.threads(experiment.monte_carlo.workers)
-    tasks = [(experiment, controller, bounds, threads) for bounds in left]
-    with (
-        Progress("part:", len(there) + len(left), len(there)) as progress,
-        closing(pool.run(fly_and_certify, tasks)) as results,
-    ):
-        for index, (columns, certificate) in results:
-            part = parts.CasePart(parts.path_of(parts_folder, *left[index]), *left[index])
-            parts.write(part.path, columns, certificate)
-            there.append(part)
-            progress.show(len(there))
-            if stop and (end := stop.take(part.first, columns)):
-                break
-    there.sort(key=lambda part: part.first)
-    parts.join(path, [part for part in there if end is None or part.first < end], end)
-
-
-def fly_and_certify(*task: Any) -> tuple[dict[str, Column], dict[str, str]]:
-    """Return the columns that `fly_part` does, and their certificate, see `pipeline.evaluation.parts`."""
-    columns = fly_part(*task)
-    return columns, parts.certified(columns, [maker.present_maker()])
-
-
-def fly_part(
-    experiment: Experiment, controller: Controller, bounds: tuple[int, int], workers: int | None
-) -> dict[str, Column]:
-    """Fly the cases from the first bound up to the second; return the columns of their table."""
-    scenarios = evaluation_scenarios(experiment, range(*bounds))
-    outcomes, after = fly_followed(experiment.mission, controller, scenarios, workers)
-    columns = episode_columns(experiment.mission, scenarios, outcomes, after)
-    return columns | {"case": np.arange(*bounds)}
+def _rare(experiment: Experiment, controller: Controller, pool: TaskPool) -> RareShare | None:
+    """Return how rarely a flight leaves the limits, by splitting; None of a shard, or if it is not asked."""
+    cases, mission = experiment.monte_carlo, experiment.mission
+    if not cases.splitting_flights or cases.only_cases is not None:
+        return None
+    space, threads = case_space(experiment, is_exact=True), pool.threads(cases.workers)
+    law = OutsideLimits(space, experiment.seed, mission, controller, threads)
+    with Progress("population:", POPULATIONS, 0) as progress:
+        seed = experiment.seed, RARE
+        return rare_share(law, cases.splitting_flights, cases.confidence_percent, seed, pool, progress.show)
 
 
 def _beside_optimum(experiment: Experiment, controller: Controller, folder: Path) -> dict[str, Any]:
@@ -258,7 +218,7 @@ def _nominal(
     is_shard = experiment.monte_carlo.only_cases is not None
     name = artifacts.NOMINAL_EPISODES if is_shard else NOMINAL
     parts_folder = folder / parts.FOLDERS[artifacts.NOMINAL_EPISODES]
-    _fly_in_parts(undispersed, controller, cases, folder / name, parts_folder, pool)
+    parts.fly(undispersed, controller, cases, folder / name, parts_folder, pool)
     return tables.Columns(folder, name)
 
 

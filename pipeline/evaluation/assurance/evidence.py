@@ -139,6 +139,8 @@ def requirement_entry(
         entry["cases"] = {**asdict(evidence.judgement), "needed_without_failure": needed}
         if random is not None:
             entry["cases"]["histograms"] = histograms(random, requirement.unit)
+    if evidence.rare is not None:
+        entry["splitting"] = asdict(evidence.rare)
     if evidence.searches and random is not None:
         entry["search"] = searches_entry(evidence.searches, random, requirement.unit)
     if evidence.certificates:

@@ -13,7 +13,7 @@ import sys
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
@@ -44,8 +44,8 @@ class Try:
     seed, num_cases : int
     verdicts : mapping of str to str
         By the ids of requirements.
-    by_cases : mapping of str to str
-        By formula: the verdict of the flights alone.
+    by_cases, by_splitting : mapping of str to str
+        By formula: the verdict of the flights alone, and that of splitting.
     """
 
     folder: str
@@ -53,6 +53,7 @@ class Try:
     num_cases: int
     verdicts: Mapping[str, str]
     by_cases: Mapping[str, str]
+    by_splitting: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def flights(self) -> tuple[int, int]:
@@ -153,6 +154,7 @@ def entry_of(evidence: Mapping[str, Any]) -> dict[str, Any]:
             "confidence": entry.get("confidence"),
             "verdict": str(entry["verdict"]),
             "by_cases": entry.get("methods", {}).get("cases", {}).get("verdict"),
+            "by_splitting": entry.get("methods", {}).get("splitting", {}).get("verdict"),
         }
         for entry in evidence["requirements"]
     ]
@@ -185,7 +187,10 @@ def _try_of(entry: Mapping[str, Any], folder: str) -> Try:
         int(entry["conditions"]["seed"]),
         int(entry["conditions"]["num_cases"]),
         {str(claim["id"]): str(claim["verdict"]) for claim in claims},
-        {_formula(claim["formula"]): str(claim["by_cases"]) for claim in claims if claim["by_cases"]},
+        *(
+            {_formula(claim["formula"]): str(claim[by]) for claim in claims if claim.get(by)}
+            for by in ("by_cases", "by_splitting")
+        ),
     )
 
 
@@ -228,6 +233,17 @@ def tried(requirement: Requirement, flights: tuple[int, int], tries: Sequence[Tr
         risk=left if left == risk else left / 2,
         refuted_by=f"{refuting[0].folder} ({_cases_in_words(refuting[0])})" if refuting else "",
     )
+
+
+def splitting_risk(requirement: Requirement, flights: tuple[int, int], tries: Sequence[Try]) -> float:
+    """Return the risk that splitting may spend: half of what earlier tries of the claim left.
+
+    Its interval spends all that it is given, so that even the first leaves half to others.
+    """
+    formula = _formula(requirement.formula_text)
+    before = list(dict.fromkeys(entry.flights for entry in tries if formula in entry.by_splitting))
+    number = before.index(flights) if flights in before else len(before)
+    return (1.0 - requirement.confidence) / 2.0 ** (number + 1)
 
 
 def _risk_of(num_cases: int, probability: float, risk: float) -> float:

@@ -15,10 +15,11 @@ from pipeline.settings.keys import choices_of, did_you_mean, value_at
 from pipeline.settings.places import requirements_path
 
 SCHEMA: Final = ("requirements", 2)
-#: methods of verification: many flights, a search for the worst case, boxes of inputs that bound the
-#: systems' outputs, the proof of the safety layer, and a tube of all starts
-CASES, SEARCH, BOUNDS, SAFETY_LAYER, TUBE = "cases", "search", "bounds", "safety_layer", "tube"
-METHODS: Final = (CASES, SEARCH, BOUNDS, SAFETY_LAYER, TUBE)
+#: methods of verification: many flights, splitting for rare failures, a search for the worst case, boxes of
+#: inputs that bound the systems' outputs, the proof of the safety layer, and a tube of all starts
+CASES, SPLITTING, SEARCH, BOUNDS = "cases", "splitting", "search", "bounds"
+SAFETY_LAYER, TUBE = "safety_layer", "tube"
+METHODS: Final = (CASES, SPLITTING, SEARCH, BOUNDS, SAFETY_LAYER, TUBE)
 #: how bad a failure is, the worst first
 SEVERITIES: Final = ("catastrophic", "critical", "marginal")
 TEXTS: Final = ("title", "text", "consequence", "severity", "reason", "source")
@@ -216,7 +217,7 @@ def _flown(entry: Mapping[str, Any], where: str) -> dict[str, Any]:
     except FormulaError as error:
         raise RequirementError(f"{where}, its formula:\n{error}") from error
     flown: dict[str, Any] = {"formula_text": text, "formula": formula}
-    if CASES in entry["verified_by"]:
+    if {CASES, SPLITTING}.intersection(entry["verified_by"]):
         flown["confidence"] = _confidence(entry, where)
         is_catastrophic = entry["severity"] == SEVERITIES[0]
         if "probability" in entry or not is_catastrophic:

@@ -17,7 +17,16 @@ from numpy.typing import NDArray
 from pipeline.array_types import Floats
 from pipeline.evaluation.assurance.campaign import WorstCaseSearch
 from pipeline.evaluation.assurance.proofs import Certificate, SafetyProof, TubeProof
-from pipeline.evaluation.assurance.requirements import BOUNDS, CASES, SAFETY_LAYER, SEARCH, TUBE, Requirement
+from pipeline.evaluation.assurance.requirements import (
+    BOUNDS,
+    CASES,
+    SAFETY_LAYER,
+    SEARCH,
+    SPLITTING,
+    TUBE,
+    Requirement,
+)
+from pipeline.evaluation.splitting import RareShare
 
 Verdict = Literal["shown", "shown in part", "not shown", "refuted"]
 #: from the best to the worst
@@ -247,6 +256,8 @@ class Evidence:
         Of the flights, and between their samples.
     worst_unit : str
         The unit of the least margin of all flights.
+    rare : RareShare, optional
+        The share of failures by splitting, whose ends are one-sided bounds.
     """
 
     requirement: Requirement
@@ -258,6 +269,7 @@ class Evidence:
     duration_s: float = 0.0
     period_s: float = 0.0
     worst_unit: str = ""
+    rare: RareShare | None = None
 
 
 def results_by_method(evidence: Evidence) -> dict[str, MethodResult]:
@@ -265,6 +277,8 @@ def results_by_method(evidence: Evidence) -> dict[str, MethodResult]:
     judged: dict[str, MethodResult] = {}
     if evidence.judgement is not None:
         judged[CASES] = _of_cases(evidence.requirement, evidence.judgement)
+    if evidence.rare is not None:
+        judged[SPLITTING] = _of_splitting(evidence.requirement, evidence.rare)
     if evidence.searches:
         judged[SEARCH] = _of_searches(evidence.searches)
     if BOUNDS in evidence.requirement.verified_by:
@@ -287,6 +301,7 @@ def verdict(evidence: Evidence) -> MethodResult:
     judged = results_by_method(evidence)
     failed = any(search.first_failed is not None for search in evidence.searches)
     judgement = evidence.judgement
+    failed = failed or (evidence.rare is not None and bool(evidence.rare.share))
     has_failed = failed or (judgement is not None and judgement.num_failed + judgement.num_known_failed > 0)
     for method, what in ((SAFETY_LAYER, "of the safety layer"), (TUBE, "by a tube of all starts")):
         proof = judged.get(method)
@@ -295,10 +310,11 @@ def verdict(evidence: Evidence) -> MethodResult:
                 return proof._replace(word=proof.verdict)
             if proof.probability == 1.0:
                 return MethodResult("refuted", "refuted", f"flights contradict the proof {what}")
-    if failed and evidence.requirement.probability == 1.0 and CASES in judged:
-        return judged[SEARCH]._replace(word="refuted")
-    decisive = [judged[name] for name in (CASES, BOUNDS) if name in judged] or list(judged.values())
-    worst = max(decisive, key=lambda result: ORDER.index(result.verdict))
+    if failed and evidence.requirement.probability == 1.0 and {CASES, SPLITTING} & judged.keys():
+        method = SEARCH if SEARCH in judged and judged[SEARCH].verdict == "refuted" else SPLITTING
+        return judged[method]._replace(word="refuted")
+    decisive = [judged[name] for name in (CASES, SPLITTING, BOUNDS) if name in judged]
+    worst = max(decisive or judged.values(), key=lambda result: ORDER.index(result.verdict))
     return worst._replace(word=worst.verdict)
 
 
@@ -329,6 +345,20 @@ def _of_cases(requirement: Requirement, judgement: Judgement) -> MethodResult:
     else:
         why = f"at most {judgement.num_allowed:,} may fail, to show {claim}"
     return MethodResult(judgement.verdict, failed, why)
+
+
+def _of_splitting(requirement: Requirement, rare: RareShare) -> MethodResult:
+    """Judge a requirement by splitting; return the verdict, with the reason in words."""
+    if rare.share is None or rare.high is None:
+        return MethodResult("not shown", "no estimate", rare.sentence)
+    allowed, sure = 1.0 - requirement.probability, f"with {percent(requirement.confidence)} confidence"
+    word = f"{rare.share:.2g} fail"
+    at_most, at_least = f"{sure} at most {rare.high:.3g} of such cases", f"{sure} at least {rare.low:.3g}"
+    if rare.high <= allowed:
+        return MethodResult("shown", word, f"{at_most} fail it, and {allowed:.3g} may")
+    if rare.low > allowed or requirement.probability == 1.0:
+        return MethodResult("refuted", word, f"{at_least} of such cases fail it, and {allowed:.3g} may")
+    return MethodResult("not shown", word, f"{at_most} fail it, {at_least}, and {allowed:.3g} may")
 
 
 def _of_searches(searches: Sequence[WorstCaseSearch]) -> MethodResult:

@@ -22,9 +22,10 @@ DASK = Engine(kind="dask")
 class Started:
     """A scheduler and its workers, processes by themselves, each with the sources in some folder."""
 
-    def __init__(self, folder: Path, sources: Path = maker.SOURCES) -> None:
+    def __init__(self, folder: Path, sources: Path = maker.SOURCES, words: tuple[str, ...] = ()) -> None:
         self.folder, self.file, self.processes = folder, folder / "scheduler.json", []
-        self.begin("scheduler", "--host", "127.0.0.1", "--port", "0", sources=sources, ALLOWED_FAILURES="0")
+        words = ("--host", "127.0.0.1", "--port", "0", *words)
+        self.begin("scheduler", *words, sources=sources, ALLOWED_FAILURES="0")
         while not self.file.exists() or not self.file.read_text().endswith("}"):
             time.sleep(0.05)
         self.address = json.loads(self.file.read_text())["address"]
@@ -145,6 +146,48 @@ def test_a_scheduler_without_this_program_is_told_in_a_sentence(tmp_path):
             pool.map(maker.sources_hash, [()])
     finally:
         processes.end()
+
+
+def certificate_in(folder: Path) -> dict[str, str]:
+    """The files of a certificate made for a test, by their role."""
+    from distributed import Security  # noqa: PLC0415 - an extra
+
+    folder.mkdir()
+    security = Security.temporary()
+    chain, key = security.tls_client_cert, security.tls_client_key
+    texts = {"ca-file": security.tls_ca_file, "cert": chain, "key": key}
+    for name, text in texts.items():
+        (folder / name).write_text(text)
+    return {name: str(folder / name) for name in texts}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["none", "other", "missing"])
+def test_a_wrong_certificate_is_told_in_a_sentence(tmp_path, kind):
+    import dask  # noqa: PLC0415 - an extra
+
+    right, other = certificate_in(tmp_path / "right"), certificate_in(tmp_path / "other")
+    words = ["--protocol", "tls", *(word for name in right for word in (f"--tls-{name}", right[name]))]
+    processes = Started(tmp_path, words=tuple(words))
+    given = {**other, "ca-file": str(tmp_path / "no file")} if kind == "missing" else other
+    tls = {
+        "distributed.comm.tls.ca-file": given["ca-file"],
+        "distributed.comm.tls.client.cert": given["cert"],
+        "distributed.comm.tls.client.key": given["key"],
+    }
+    settings = {"scheduler-address": processes.address, "distributed.comm.timeouts.connect": "5s"}
+    try:
+        with (
+            dask.config.set(settings | (tls if kind != "none" else {})),
+            pytest.raises(EngineError) as refused,
+            open_pool(DASK, None),
+        ):
+            pass
+    finally:
+        processes.end()
+    assert processes.address in str(refused.value)
+    assert "for tls:// give the files of the scheduler's certificate" in str(refused.value)
+    assert "or choose engine.kind=local" in str(refused.value)
 
 
 def test_a_result_tells_its_maker_and_whether_it_came_whole():

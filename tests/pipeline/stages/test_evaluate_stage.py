@@ -209,3 +209,15 @@ def test_flights_end_where_the_interval_is_as_narrow_as_asked_in_any_cut(tmp_pat
     reach = quantile(len(delta_v), 90.0) * mean["standard_deviation"] / len(delta_v) ** 0.5
     assert mean["high"] - mean["mean"] == pytest.approx(reach)
     assert "all intervals hold for any number of flights" in capsys.readouterr().err
+
+
+def test_splitting_tells_the_share_outside_the_limits_with_its_interval(tmp_path, capsys):
+    words = ("controller=lqr", "safety=none", "deputy.min_distance_m=50.0", "monte_carlo.num_cases=300", *SUN)
+    run = prepared(tmp_path, *words, "monte_carlo.splitting_flights=1500", experiment="evaluate")
+    evaluate.run(run.experiment, tmp_path)
+    summary = artifacts.read_json(tmp_path, artifacts.SUMMARY)
+    rare, plain = summary["violated_by_splitting"], summary["violated"]
+    assert rare["low"] < plain["high"]
+    assert plain["low"] < rare["high"]
+    assert rare["num_flights"] <= 1530
+    assert f"outside: {rare['share']:.3g} by splitting" in capsys.readouterr().err

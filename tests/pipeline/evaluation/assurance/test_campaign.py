@@ -11,14 +11,8 @@ from fis_tools.analysis.flights import read_outcome
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers.source import named
 from pipeline.evaluation.assurance import campaign
-from pipeline.evaluation.assurance.campaign import (
-    Campaign,
-    CaseSpace,
-    FormulaResult,
-    WorstCaseSearch,
-    case_space,
-    evaluate_formulas,
-)
+from pipeline.evaluation.assurance.campaign import Campaign, FormulaResult, WorstCaseSearch, evaluate_formulas
+from pipeline.evaluation.assurance.case_space import CaseSpace, case_space
 from pipeline.evaluation.assurance.formula import FormulaError, parse, render
 from pipeline.evaluation.assurance.quantities import QUANTITIES, UNITS, TrackFacts, track_of
 from pipeline.evaluation.assurance.requirements import Requirement, RequirementError, load_requirements
