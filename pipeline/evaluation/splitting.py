@@ -29,8 +29,8 @@ from pipeline.run.engine import HERE, TaskPool
 PASSED: Final = 0.1
 #: levels beyond which an event is given up: it is rarer than 1e-9, or cannot be approached
 MOST_LEVELS: Final = 10
-#: of all flights, the share of the pilot's cases
-PILOT: Final = 0.01
+#: of all flights, the share of the pilot's cases, and how many there are at least
+PILOT, LEAST_PILOT = 0.01, 200
 #: populations after the pilot
 POPULATIONS: Final = 12
 #: the first scale of moves, and how it follows the share of moves that are taken, which is to be the last
@@ -266,7 +266,7 @@ def rare_share(
     on_done : callable
         Is told of how many populations are done.
     """
-    plan = plan_of(law, max(10, round(PILOT * num_flights)), (*seed, 0))
+    plan = plan_of(law, max(LEAST_PILOT, round(PILOT * num_flights)), (*seed, 0))
     if 0.0 not in plan.levels:
         return RareShare(None, 0.0, None, confidence_percent, plan.num_flights, plan.levels, ())
     # as many cases as at first are flown once, and all but those that pass once more below each level
