@@ -69,11 +69,11 @@ def about_the_earth(state, times, began):
 
 
 def states(count, seed):
-    """States near closed ellipses of 20 to 90 m, some of which pass near the chief or leave it."""
+    """States near closed ellipses of up to 110 m, some of which pass near the chief or leave it."""
     generator, drawn = np.random.default_rng(seed), []
     for _ in range(count):
-        size, phase, across = generator.uniform(8.0, 95.0), *generator.uniform(0.0, 2.0 * np.pi, 2)
-        wide, ahead, drift = generator.uniform(0.0, 80.0), *generator.normal(0.0, [15.0, 1.5])
+        size, phase, across = generator.uniform(4.0, 110.0), *generator.uniform(0.0, 2.0 * np.pi, 2)
+        wide, ahead, drift = generator.uniform(0.0, 20.0), *generator.normal(0.0, [25.0, 10.0])
         x, u = size * np.cos(phase), -size * MEAN_MOTION * np.sin(phase)
         y, v = ahead - 2.0 * size * np.sin(phase), -2.0 * MEAN_MOTION * x - 1.5 * MEAN_MOTION * drift / 3.0
         z, w = wide * np.cos(across), -wide * MEAN_MOTION * np.sin(across)
