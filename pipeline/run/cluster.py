@@ -290,7 +290,8 @@ def open_client(num_workers: int) -> Iterator[Any]:
 
 def _no_client(address: str | None, error: Exception) -> str:
     """Return in words why there is no client, and what to do."""
-    if isinstance(error, TypeError | ValueError | FileNotFoundError) or "ssl" in _first_line(error).lower():
+    is_of_tls = any(word in _first_line(error).lower() for word in ("ssl", "certificate"))
+    if is_of_tls or isinstance(error, TypeError | ValueError | FileNotFoundError):
         return (
             f"Dask's configuration does not lead to a scheduler at {address} ({_first_line(error)}); for "
             "tls:// give the files of the scheduler's certificate under distributed.comm.tls in Dask's own "
