@@ -326,6 +326,8 @@ def process_noise(mission: Mission) -> ProcessNoise:
     if not is_alone or not isinstance(dynamics, TwoBody):
         return ProcessNoise(SHARE_OF_UNKNOWN * unknown, farthest, farthest)
     second = 6.0 * (n * farthest) ** 2 / mission.orbit.elements.semi_major_axis_m
+    if mission.has_true_course:
+        second /= SHARE_OF_UNKNOWN  # it lasts, and what is unknown besides no longer covers it
     return ProcessNoise(SHARE_OF_UNKNOWN * unknown, 0.0, farthest, (1.0, MORE_ALONE, second / unknown))
 
 
