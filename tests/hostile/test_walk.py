@@ -47,7 +47,7 @@ HOSTILE = (
     "$(touch outside)",
 )
 #: of `kills.KINDS`: those that together have every stage, and a sweep
-KINDS = ("planned", "cma_es", "search", "fit", "optimum", "compare", "prove", "assure", "report", "sweep")
+KINDS = ("planned", "search", "fit", "optimum", "cma_es", "compare", "prove", "assure", "report", "sweep")
 #: of a sweep, one of its runs is walked
 WALKED_RUN = "seed=1"
 WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
