@@ -177,13 +177,20 @@ HEADINGS = (
         "rate (%)",
         "successful (%)",
         "outside (%)",
-        "stays an orbit (%)",
-        "passively safe (%)",
+        "stays / passively safe (%)",
         "times the best plans",
         "times the bound",
     ),
     *("layer: outside (%)", "layer: delta-v (m/s)", "layer: acted in (%)"),
 )
+
+
+def after_in_words(row: ComparisonRow) -> str:
+    """Return which flights stay an orbit without thrust, and are passively safe, in per cent; or nothing."""
+    names = ("stays_orbit", "passively_safe")
+    if not all(name in row.summary for name in names):  # of earlier versions, and published rows
+        return ""
+    return " / ".join(f"{100 * row.summary[name]['fraction']:.0f}" for name in names)
 
 
 def cells_in_words(row: ComparisonRow, guarded: ComparisonRow | None) -> list[str]:
@@ -198,7 +205,8 @@ def cells_in_words(row: ComparisonRow, guarded: ComparisonRow | None) -> list[st
         fuel_in_words(row.summary),
         rate(row),
         share(row, SUCCESS),
-        *(share(row, name) for name in ("violated", "stays_orbit", "passively_safe")),
+        share(row, "violated"),
+        after_in_words(row),
         *(times_in_words((row.times or {}).get(name), 1) for name in ("times_optimum", "times_bound")),
         *layer,
     ]

@@ -127,11 +127,11 @@ def _done_in_words(summary: Mapping[str, Any]) -> str:
 
 
 def _after_in_words(summary: Mapping[str, Any]) -> str:
-    """Return how many flights stay for an orbit after their end, and are passively safe; empty if unknown."""
+    """Return a line on what follows the flights, and on thrusters that fail in them; empty if unknown."""
     if "stays_orbit" not in summary:
         return ""
     stays, safe = (100 * summary[name]["fraction"] for name in ("stays_orbit", "passively_safe"))
-    return f", stays an orbit without thrust {stays:.1f} %, passively safe {safe:.1f} %"
+    return f"\n  without thrust from then on {stays:.1f} % stay an orbit; {safe:.1f} % are passively safe"
 
 
 def _open_pool(experiment: Experiment, folder: Path) -> AbstractContextManager[TaskPool]:

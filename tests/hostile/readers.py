@@ -26,6 +26,7 @@ from fis_tools.learning import table
 from fis_tools.model.validate import InvalidSystem
 from fis_tools.processors import num_processors
 from fis_tools.review import content as review_content
+from fis_tools.review import proved
 from fis_tools.review.flown import evaluations
 from fis_tools.source import named, read_controller
 from pipeline.command_line.arguments import parse_arguments
@@ -390,6 +391,9 @@ READERS: Final[Mapping[str, Reader]] = {
     "domain": Reader(_in_file("domain.json", read_domain), _domain, "tree", REFUSALS),
     "evidence": Reader(_in_file("assure/evidence.json", _evidence),
                        lambda _: [json.dumps(EVIDENCE).encode()], "tree", REFUSALS),
+    "proof_beside_evidence": Reader(
+        _in_file(proved.THEOREM, lambda path: proved.proof_in_words(path.parents[1], "0" * 64)),
+        lambda _: [b'{"goal": [0.5], "num_periods": 200}'], "tree", REFUSALS),
     "summary": Reader(_in_file("evaluate/summary.json", lambda path: evaluations([path.parents[1]], "")),
                       lambda _: [json.dumps(SUMMARY).encode()], "tree", REFUSALS),
     "manifest": Reader(_in_file("manifest.json", _trained),

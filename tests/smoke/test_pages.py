@@ -32,7 +32,7 @@ GENERATED = ("live", "classics.md", "reference/commands.md", "reference/api")
 #: words of commands that work on what an earlier one made, or the reader has, and one that takes long
 NEED_A_FOLDER = (
     *("resume=", "compare=", "hydra.run.dir=", "--config-dir"),
-    *("verify", "summary", "fly", "edit", "warm", "export_c"),
+    *("verify", "summary", "fly", "again", "repeat", "merge", "edit", "warm", "export_c"),
 )
 
 

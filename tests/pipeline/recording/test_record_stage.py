@@ -210,7 +210,7 @@ def test_a_flight_that_leaves_the_limits_says_so(tmp_path, capsys, speed, senten
     ],
 )
 def test_time_stamps_count_from_the_missions_epoch(words, time_s, tmp_path):
-    flight = cases.staged(tmp_path, "duration_s=100", "controller=lqr", *words)
+    flight = cases.staged(tmp_path, "duration_s=100", "controller=coast", *words)
     np.testing.assert_array_equal(flight["/mission"].time_s, np.arange(0.0, 101.0, 10.0))
     assert flight.epoch is None or flight.epoch.timestamp() == pytest.approx(time_s, abs=1e-4)
     with flight.path.open("rb") as stream:

@@ -233,7 +233,7 @@ def test_mistakes_in_requirements_are_told_before_a_folder_is_made(tmp_path, ran
     words = ["+experiment=assure", *SMALL, f"hydra.run.dir={tmp_path / 'run'}"]
     assert "A1: verified_by must be a list" in ran(*words, f"assurance.requirements={mine}", code=2).err
     shipped = requirements_path("inspection").read_text(encoding="utf-8")
-    mine.write_text(shipped.replace("ask: force_y > 1", "ask: force_Y > 1"), encoding="utf-8")
+    mine.write_text(shipped.replace("ask: force_y > ", "ask: force_Y > "), encoding="utf-8")
     error = ran(*words, f"assurance.requirements={mine}", code=2).err
     fault = "R6, its bounds 'force_Y > 1': no system of champion_any_sun has this output; did you mean"
     assert fault in error

@@ -23,6 +23,10 @@ from tests.pipeline.stages.cases import carried_out, prepared
 SUN = ("sun=random", "monte_carlo.confidence_percent=90.0")
 
 
+#: what follows the flights
+AFTER = ("stays_orbit", "stays_three_orbits", "passively_safe")
+
+
 @pytest.fixture(scope="module")
 def evaluated(tmp_path_factory):
     folder = tmp_path_factory.mktemp("evaluated")
@@ -35,12 +39,12 @@ def test_episodes_have_a_row_a_case_and_the_promised_columns(evaluated):
     _, folder = evaluated
     table = pq.read_table(folder / artifacts.EPISODES)
     whole = {"case", "inspected_count", "safety_periods", "inspectable_count"}
-    kinds = {name: pa.int64() for name in whole} | dict.fromkeys(("success", "violated"), pa.bool_())
+    kinds = {name: pa.int64() for name in whole} | dict.fromkeys(("success", "violated", *AFTER), pa.bool_())
     names = """case position_x_m position_y_m position_z_m sun_angle_rad delta_v_m_s inspected_count
         inspection_rate_percent mean_distance_m min_distance_m max_distance_m success violated
         safety_periods safety_delta_v_m_s ahead_delta_v_m_s sun_elevation_rad inspectable_count
         inspectable_rate_percent"""
-    assert table.column_names == names.split()
+    assert table.column_names == [*names.split(), *AFTER]
     assert all(field.type == kinds.get(field.name, pa.float64()) for field in table.schema)
     assert table["case"].to_pylist() == [0, 1, 2, 3, 4]
     assert all(column.null_count == 0 for column in table.columns)
@@ -61,7 +65,8 @@ def test_the_summary_tells_what_flew_and_how_well(evaluated, capsys):
         inspection_rate_percent mean_distance_m safety_periods safety_delta_v_m_s ahead_delta_v_m_s
         inspectable_count inspectable_rate_percent success violated success_and_within_limits safety_acted
         percentiles optimum"""
-    assert list(summary) == names.split()
+    expected = names.split()
+    assert list(summary) == [*expected[:-2], *AFTER, *expected[-2:]]
     assert (summary["controller"], summary["sun"], summary["seed"]) == ("paper", "random", 1)
     assert (summary["num_cases"], summary["confidence_percent"]) == (5, 90.0)
     episodes = tables.read_parquet(folder, artifacts.EPISODES)
