@@ -83,7 +83,7 @@ MISTAKES = [
     ([*FLY, "--experimental-rerun=x.pickle"], "would load a pickle"),
     (
         ["check", "x"],
-        "no command check; the commands are compare, edit, export_c, fly, summary, verify, warm.",
+        "the commands are again, compare, edit, export_c, fly, merge, repeat, summary, verify, warm.",
     ),
     # values
     ([*FLY, "deputy.mass_kg=-1"], "deputy.mass_kg is -1; it must be greater than 0 (kg)"),

@@ -97,8 +97,10 @@ def test_first_some_then_all_cases_of_the_evaluation_are_flown(cases) -> None:
     first, every = cases.fly(CHAMPION)
     controller = replace(load({"path": str(PATH)}, cases.mission), fuzzy=CHAMPION)
     episodes, _ = fly_cases(cases.mission, controller, cases.scenarios)
-    assert list(every.episodes) == list(episodes)
-    for name, values in episodes.items():
+    # the page does not ask what follows a flight
+    assert set(episodes) - set(every.episodes) == {"stays_orbit", "stays_three_orbits", "passively_safe"}
+    for name in every.episodes:
+        values = episodes[name]
         np.testing.assert_array_equal(every.episodes[name], values)
         np.testing.assert_array_equal(first.episodes[name], values[:FIRST])
     # requirement R3 asks for the points that make a flight a success
