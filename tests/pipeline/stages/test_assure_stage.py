@@ -169,13 +169,15 @@ def test_the_argument_stands_as_the_worst_of_its_goals_and_names_their_shares(ev
 
 def test_runs_of_the_same_question_beside_are_told(assured, evidence, tmp_path, capsys):
     assert evidence["earlier"] == []
-    other = ["+experiment=assure", *SMALL, "seed=2", f"hydra.run.dir={assured.parent / 'again'}"]
+    beside = tmp_path / "beside"
+    shutil.copytree(assured, beside / "run")
+    other = ["+experiment=assure", *SMALL, "seed=2", f"hydra.run.dir={beside / 'again'}"]
     assert main(other) == 0
     errors = capsys.readouterr().err
-    again = artifacts.read_json(assured.parent / "again", artifacts.EVIDENCE)
+    again = artifacts.read_json(beside / "again", artifacts.EVIDENCE)
     verdicts = {entry["id"]: entry["verdict"] for entry in evidence["requirements"]}
     assert again["earlier"] == [{"folder": "run", "seed": 1, "num_cases": 60, "verdicts": verdicts}]
-    for text in (errors, (assured.parent / "again" / artifacts.EVIDENCE_PAGE).read_text(encoding="utf-8")):
+    for text in (errors, (beside / "again" / artifacts.EVIDENCE_PAGE).read_text(encoding="utf-8")):
         assert (
             "Another try judged the same controller under the same conditions by other flights. run (seed 1"
             in text
@@ -185,12 +187,12 @@ def test_runs_of_the_same_question_beside_are_told(assured, evidence, tmp_path, 
         assert entry["cases"]["confidence"] >= entry["confidence"]
     # another question, and what cannot be read, are none of them
     question = {**again, "controller": {"name": "other", "sha256": "0"}}
-    assert earlier_tries(assured.parent / "again", question) == []
+    assert earlier_tries(beside / "again", question) == []
     for name, content in (("torn", "{"), ("list", "[]"), ("bare", "{}")):
-        path = tmp_path / name / artifacts.EVIDENCE
+        path = tmp_path / "apart" / name / artifacts.EVIDENCE
         path.parent.mkdir(parents=True)
         path.write_text(content, encoding="utf-8")
-    assert earlier_tries(tmp_path / "mine", again) == []
+    assert earlier_tries(tmp_path / "apart" / "mine", again) == []
 
 
 def test_what_was_refuted_is_not_shown_by_a_second_try(assured, evidence, tmp_path, ran):
