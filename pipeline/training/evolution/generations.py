@@ -102,18 +102,10 @@ EvaluateForRound = Callable[[int, Floats | None], Evaluate]
 
 
 class Subspace(NamedTuple):
-    """Genomes that fewer genes describe.
+    """Genomes that fewer genes describe."""
 
-    Parameters
-    ----------
-    start : (k,) array
-        Genes in [0, 1] to start from.
-    expand : callable
-        From genes, (n, k), to whole genomes, (n, num_genes).
-    """
-
-    start: Floats
-    expand: Callable[[Floats], Floats]
+    start: Floats  # genes in [0, 1] to start from, (k,)
+    expand: Callable[[Floats], Floats]  # from genes, (n, k), to whole genomes, (n, num_genes)
 
 
 #: standard deviation of CMA-ES's first sample of planes, of which next to nothing is known, in genes
