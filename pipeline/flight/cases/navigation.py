@@ -19,7 +19,7 @@ from pipeline.flight.cases.processes import in_time, varies
 from pipeline.flight.state import errors
 from pipeline.flight.state.errors import Filter, Fixes, NavigationErrors
 from pipeline.flight.state.log import Scenario
-from pipeline.flight.world.bounds import process_noise
+from pipeline.flight.world.estimates import process_noise
 from pipeline.physics.motion import motion_over
 from pipeline.settings.equipment import Actuators, Navigation, PositionFixes, RangeBearingFixes, RealActuators
 from pipeline.settings.experiment import Mission

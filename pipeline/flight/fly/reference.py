@@ -26,7 +26,8 @@ from pipeline.flight.reference.state import Look, ReferenceState
 from pipeline.flight.reference.thrust import Decision
 from pipeline.flight.state import arrays
 from pipeline.flight.state.log import REHEARSED, FlightLog, Outcomes, Scenario, empty_log
-from pipeline.flight.world.bounds import bounds_of, process_noise, spheres_of
+from pipeline.flight.world.bounds import bounds_of, spheres_of
+from pipeline.flight.world.estimates import process_noise
 from pipeline.flight.world.limits import metres_beyond, wheel_is_full
 from pipeline.flight.world.surface import surface_of
 from pipeline.settings.equipment import FilteredNavigation, RealActuators

@@ -21,7 +21,7 @@ from pipeline.flight.cases.processes import drag_in_time, in_time
 from pipeline.flight.control.controller import coast, open_loop
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.state.log import FlightLog, Scenario
-from pipeline.flight.world.bounds import process_noise
+from pipeline.flight.world.estimates import process_noise
 from pipeline.flight.world.layout import layout_of
 from pipeline.settings.experiment import Mission, SettingError
 from tests.pipeline.flight.cases import STARTS, STEERING, mission

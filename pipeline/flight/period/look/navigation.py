@@ -111,7 +111,7 @@ def propagate_covariance(now: Moment, law: Filter, covariance: Floats, period: i
 
     With G the pushes of constant errors of variances V on the state, ``C <- Phi C + G V`` and
     ``P <- Phi P Phi' + Phi C_before G' + G C' + Q``. The acceleration in Q grows with the distance, see
-    `pipeline.flight.world.bounds.process_noise`.
+    `pipeline.flight.world.estimates.process_noise`.
     """
     state, phi, gamma = now.state, now.world.motion.transition[0], now.world.motion.control[0]
     if follows_course(now.world.transitions):
