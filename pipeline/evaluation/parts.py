@@ -9,6 +9,7 @@ import json
 import math
 import re
 import shutil
+import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
@@ -135,7 +136,7 @@ def sufficient(columns: Columns) -> dict[str, Any]:
 def kept(folder: Path, cases: range) -> Iterator[CasePart]:
     """Yield the parts in a folder that certify themselves, in the order of cases, none of them twice.
 
-    Their makers are named in the manifest.
+    Their makers are named in the manifest. Of others it is told that their cases are flown again.
     """
     past = cases.start
     for path in sorted(folder.glob("*.parquet"), key=_bounds):
@@ -145,7 +146,10 @@ def kept(folder: Path, cases: range) -> Iterator[CasePart]:
         part = CasePart(path, first, end)
         try:
             makers = part.check(part.columns, tables.notes_of(path))
-        except artifacts.ArtifactError:
+        except artifacts.ArtifactError as error:
+            sys.stderr.write(
+                f"  note: {path.name} is not used, its cases are flown again: {error.__cause__ or error}\n"
+            )
             continue
         for made_by in makers:
             maker.collect(made_by)

@@ -52,7 +52,7 @@ def test_means_and_deviations_follow_from_the_statistics_of_parts():
 
 
 @pytest.mark.parametrize("what", [*CERTIFIED, "rows", "cases", "file", "none"])
-def test_a_part_that_tells_other_than_it_holds_is_missing(tmp_path, what):
+def test_a_part_that_tells_other_than_it_holds_is_missing(tmp_path, what, capsys):
     path = written(tmp_path, 3, 7)
     table, notes = pq.read_table(path), dict(pq.read_metadata(path).metadata)
     columns = {name: table[name].to_numpy() for name in table.column_names}
@@ -72,6 +72,7 @@ def test_a_part_that_tells_other_than_it_holds_is_missing(tmp_path, what):
         content[40] ^= 0xFF
         path.write_bytes(content)
     assert list(parts.kept(tmp_path, range(10))) == []
+    assert f"{path.name} is not used, its cases are flown again: " in capsys.readouterr().err
     if what != "file":
         with pytest.raises(artifacts.ArtifactError, match=r"certifies nothing .*; remove it and go on"):
             parts.join(tmp_path / "joined", [parts.CasePart(path, *map(int, path.stem.split("-")))])
