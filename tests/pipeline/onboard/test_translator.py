@@ -2,7 +2,6 @@
 
 import ctypes
 import re
-import shutil
 import subprocess
 
 import numpy as np
@@ -13,6 +12,7 @@ from pipeline.onboard.operations import OPERATIONS
 from pipeline.onboard.translator import Translator
 from pipeline.onboard.values import Array, Expression, TranslationError
 from pipeline.onboard.writer import Setting
+from tests.programs import program
 
 
 @compiled
@@ -123,7 +123,6 @@ def ordered(cells, x):
     cells[0] += add(cells, x)
 
 
-@pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc compiles what is written")
 def test_what_changes_an_array_is_called_when_python_calls_it(tmp_path):
     translator, count = Translator(Setting(OPERATIONS)), 7
     cells = Array("state->cells", (count,))
@@ -134,8 +133,8 @@ def test_what_changes_an_array_is_called_when_python_calls_it(tmp_path):
     ]
     opening = f"#include <stdbool.h>\nstruct controller {{ double cells[{count}]; }};\n"
     (tmp_path / "entry.c").write_text(opening + "".join(functions))
-    words = ["gcc", "-std=c99", "-shared", "-fPIC", "-o", tmp_path / "entry.so", tmp_path / "entry.c"]
-    subprocess.run(words, check=True)  # noqa: S603
+    words = ["-std=c99", "-shared", "-fPIC", "-o", tmp_path / "entry.so", tmp_path / "entry.c"]
+    subprocess.run([program("gcc", "gcc"), *words], check=True)  # noqa: S603
     entry = ctypes.CDLL(str(tmp_path / "entry.so")).entry
     for x in (-1.0, 0.0, 0.5, 1.5):
         by_c, by_python = (ctypes.c_double * count)(), np.zeros(count)
