@@ -10,7 +10,8 @@ K. Zwirglmaier and D. Straub do it, Probabilistic Engineering Mechanics 41, 2015
 As the levels are fixed beforehand, the product of the shares that pass is an unbiased estimate, whatever the
 moves do (F. Cérou, P. Del Moral, T. Furon and A. Guyader, Sequential Monte Carlo for rare event estimation,
 Statistics and Computing 22, 2012). So the populations are independent estimates with the same mean, and
-Student's interval of it tells how sure it is, moves that mix badly included.
+Student's interval of it tells how far they agree. It misleads where their law is far from normal: a way into
+the event that few populations find, if any, makes most of them too small, and their spread with them.
 """
 
 import math

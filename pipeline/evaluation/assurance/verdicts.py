@@ -348,14 +348,19 @@ def _of_cases(requirement: Requirement, judgement: Judgement) -> MethodResult:
 
 
 def _of_splitting(requirement: Requirement, rare: RareShare) -> MethodResult:
-    """Judge a requirement by splitting; return the verdict, with the reason in words."""
+    """Judge a requirement by splitting; return the verdict, with the reason in words.
+
+    It shows a requirement in part at most: populations that all miss a way of failing agree on too small a
+    share, and nothing in their spread tells of it.
+    """
     if rare.share is None or rare.high is None:
         return MethodResult("not shown", "no estimate", rare.sentence)
     allowed, sure = 1.0 - requirement.probability, f"with {percent(requirement.confidence)} confidence"
     word = f"{rare.share:.2g} fail"
     at_most, at_least = f"{sure} at most {rare.high:.3g} of such cases", f"{sure} at least {rare.low:.3g}"
     if rare.high <= allowed:
-        return MethodResult("shown", word, f"{at_most} fail it, and {allowed:.3g} may")
+        found = "provided that some population has found each way of failing"
+        return MethodResult("shown in part", word, f"{at_most} fail it, {found}, and {allowed:.3g} may")
     if rare.low > allowed or requirement.probability == 1.0:
         return MethodResult("refuted", word, f"{at_least} of such cases fail it, and {allowed:.3g} may")
     return MethodResult("not shown", word, f"{at_most} fail it, {at_least}, and {allowed:.3g} may")

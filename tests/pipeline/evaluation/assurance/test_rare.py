@@ -97,7 +97,7 @@ def of_splitting(share, low, high):
 @pytest.mark.parametrize(
     ("share", "low", "high", "word"),
     [
-        (5e-4, 3e-4, 9e-4, "shown"),
+        (5e-4, 3e-4, 9e-4, "shown in part"),
         (9e-4, 7e-4, 1.1e-3, "not shown"),
         (3e-3, 2e-3, 4e-3, "refuted"),
         (None, 0.0, None, "not shown"),
