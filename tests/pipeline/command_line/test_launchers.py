@@ -157,7 +157,9 @@ def test_the_job_array_of_the_page_goes_on_where_a_job_was_killed_and_is_summari
 
 def test_a_launcher_that_is_not_installed_is_named_with_its_cure(monkeypatch, ran, tmp_path):
     from hydra.core.config_store import ConfigStore  # noqa: PLC0415
+    from hydra.core.plugins import Plugins  # noqa: PLC0415
 
+    Plugins.instance()  # by which launchers come into the store
     launchers = ConfigStore.instance().repo["hydra"]["launcher"]
     for name in [name for name in launchers if name != "basic.yaml"]:
         monkeypatch.delitem(launchers, name)
