@@ -9,7 +9,7 @@ import pytest
 from omegaconf import OmegaConf
 
 from pipeline.command_line.cli import main
-from tests import selection
+from tests import compositions, selection
 from tests.browser import axe, browser, opened
 from tests.commands import running
 from tests.durations import Recorder
@@ -54,6 +54,7 @@ def _load(file: IO[str], load: Any = OmegaConf.load) -> Any:
 
 
 OmegaConf.load = staticmethod(_load)  # type: ignore[method-assign, assignment]
+compositions.make_once()
 
 
 pytest_addoption = selection.add_options
@@ -82,6 +83,12 @@ def pytest_report_header(config: pytest.Config) -> str:
 def pytest_runtest_setup(item: pytest.Item) -> None:
     """End a run of one minute in time."""
     selection.skip_after_a_minute(item.config)
+
+
+def pytest_collection_finish() -> None:
+    """Keep what is loaded, and thousands of tests, out of every later search for garbage."""
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.fixture
