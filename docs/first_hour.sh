@@ -5,11 +5,12 @@
 #   docs/first_hour.sh flight review     some steps, with the python that is on the path
 #
 # After each step it prints seconds of processor time, the largest memory of a process, and what the step left on disk.
-# Everything is written to the folder first_hour, or to $FIRST_HOUR; FIRST_HOUR_CASES=20 flies few cases.
+# Everything is written to the folder first_hour, or to $FIRST_HOUR; FIRST_HOUR_CASES=20 flies few cases and short searches.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 folder=${FIRST_HOUR:-first_hour}
 cases=${FIRST_HOUR_CASES:-} searches=${FIRST_HOUR_CASES:+1}
+few=(${cases:+assurance.search_starts=8 assurance.search_population=5 assurance.search_generations=2 assurance.domain_cases=5})
 steps=(set_up flight flight_again start rule sweep review evidence learn)
 mkdir -p "$folder"
 
@@ -71,7 +72,7 @@ sweep() {
 
 review() { measured "a review" python -m fis_tools review conf/controller/champion_27.yaml -o "$folder/review.html"; }
 
-evidence() { pipeline "evidence" evidence +experiment=assure controller=paper_champion assurance.num_cases="${cases:-1000}" assurance.searches="${searches:-4}"; }
+evidence() { pipeline "evidence" evidence +experiment=assure controller=paper_champion assurance.num_cases="${cases:-1000}" assurance.searches="${searches:-4}" "${few[@]}"; }
 
 learn() {
   measured "learning from a table" python -m fis_tools learn docs/examples/iris.csv --target species -o "$folder/iris.json"
