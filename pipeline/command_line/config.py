@@ -38,6 +38,8 @@ ABSENT = {
     "controller.path": "the controller that is chosen has no path; write controller=PATH",
     "controller.attributes": "attributes stand in its file; change one by +controller.attributes.NAME=...",
     "dispersions": "nothing is dispersed until you say so; write +dispersions..., with a plus",
+    "tags": "a run has only the tags that you give it; write +tags..., with a plus",
+    "extensions": "a stage of your own has the settings that you give; write +extensions..., with a plus",
     "hydra.launcher": "the launcher that is chosen has none; choose another, as hydra/launcher=joblib",
 }
 

@@ -13,7 +13,7 @@ from pipeline.preflight import check_before
 from pipeline.run import artifacts
 from pipeline.run.lock import held
 from pipeline.settings import schema
-from pipeline.settings.experiment import STAGES
+from pipeline.settings.experiment import STAGES, check_stage_names
 from pipeline.settings.keys import with_values
 from pipeline.settings.places import conf_folder
 
@@ -110,8 +110,7 @@ def repeat(given: Sequence[str]) -> int:
     if len(given) < 2:
         parser.error(f"repeat takes the folder of a run, and stages: {', '.join(STAGES)}")
     folder, *stages = given
-    if unknown := [stage for stage in stages if stage not in STAGES]:
-        raise ConfigError(f"there is no stage {', '.join(unknown)}; choose from {', '.join(STAGES)}")
+    check_stage_names(stages)
     words = [f"stages=[{','.join(stages)}]"]
     (override,) = read_overrides(words, [conf_folder()], "give one")
     return runs.repeat(Path(folder).expanduser(), {"stages": override}, None)

@@ -13,13 +13,13 @@ from fis_tools.errors import MissingExtra
 from fis_tools.streams import print_result
 from pipeline.command_line.arguments import EXPERIMENT, ConfigError
 from pipeline.command_line.config import Job, compose_experiment
-from pipeline.command_line.overrides import words_of
+from pipeline.command_line.overrides import top_of, words_of
 from pipeline.preflight import check_before
 from pipeline.run import artifacts, configuration, manifests, typed
 from pipeline.run.lock import held
 from pipeline.run.runner import Missed, Unimproved, run_stages
 from pipeline.settings import schema
-from pipeline.settings.keys import in_todays_words, with_values
+from pipeline.settings.keys import TAGS, in_todays_words, with_values
 
 #: exit codes; from the fourth on: a proof asked for was not found, training gained nothing, a fit misses its
 #: goal, Ctrl-C
@@ -29,6 +29,8 @@ CODES = {Unimproved: UNIMPROVED, Missed: MISSED}
 #: errors of the user's
 MISTAKES = (ValueError, OSError, MemoryError, MissingExtra)
 
+#: the key that names a logger
+LOGGER = "logger.kind"
 #: groups that may be changed when a stage is repeated on an earlier run's files: those no other stage reads
 OWN_GROUPS = {"record": ("telemetry", "case"), "assure": ("assurance",), "report": ("report",)}
 
@@ -68,7 +70,8 @@ def run_or_resume(job: Job, command: Sequence[str]) -> int:
     """
     if (job.folder / artifacts.MANIFEST).exists():
         check_vacant(job)
-        return resume(job.folder, ())
+        logger = job.experiment.logger
+        return resume(job.folder, (), logger=logger.kind if logger.is_own else "")
     with held(job.folder):
         return run_new(job, command)
 
@@ -115,7 +118,9 @@ def _run(job: Job, stages: Sequence[str] | None = None, command: Sequence[str] |
     return min((CODES.get(type(words), UNPROVED) for words in missing), default=OK)
 
 
-def resume(folder: Path, overrides: Sequence[Override], command: Sequence[str] | None = None) -> int:
+def resume(
+    folder: Path, overrides: Sequence[Override], command: Sequence[str] | None = None, logger: str = ""
+) -> int:
     """Resume a run with its own configuration; return the exit code.
 
     Parameters
@@ -125,11 +130,14 @@ def resume(folder: Path, overrides: Sequence[Override], command: Sequence[str] |
         Those on the command line: of settings that no result depends on.
     command : sequence of str, optional
         The arguments with which it is started, for a run of a sweep that was not begun.
+    logger : str
+        A logger of one's own that is given now; that of a stored configuration is not called.
     """
     configuration.read(folder)
     with held(folder):
         run = stored(folder)
-        config = with_values(run.config, given_again(overrides, run.experiment.name))
+        given = given_again(overrides, run.experiment.name)
+        config = with_values(run.config, given | ({LOGGER: logger} if logger else {}))
         experiment = schema.experiment_from(config)
         manifest = manifests.read_if_any(folder)
         finished = manifest.get("finished_stages", [])
@@ -159,7 +167,7 @@ def given_again(overrides: Iterable[Override], name: str = "") -> dict[str, Any]
     """
     free, given = schema.free_keys(), {}
     for override in overrides:
-        if override.key_or_group in free:
+        if override.key_or_group in free or top_of(override.key_or_group) in free:
             given[override.key_or_group] = override.value()
         elif override.key_or_group != EXPERIMENT or override.value() != name:
             raise ConfigError(
@@ -203,7 +211,8 @@ def repeat(folder: Path, overrides: Mapping[str, Override], config_dir: Path | N
             raise ConfigError(
                 f"{folder} was made with another {', '.join(changed)}; drop what changes that, or start anew"
             )
-        config = {**new, "stages": config["stages"]}
+        noted = {**config.get(TAGS, {}), **new.get(TAGS, {})}
+        config = {**new, "stages": config["stages"], TAGS: noted}
         experiment = schema.experiment_from(config)
         check_before(replace(experiment, stages=tuple(stages)))
         if is_composed:
@@ -214,7 +223,7 @@ def repeat(folder: Path, overrides: Mapping[str, Override], config_dir: Path | N
 
 
 def stored(folder: Path) -> Job:
-    """Return a run as it is stored.
+    """Return a run as it is stored, but for a logger of one's own, which only a command calls.
 
     Raises
     ------
@@ -234,7 +243,10 @@ def stored(folder: Path) -> Job:
             "manifest's); restore it, or start a new run"
         )
     try:
-        return Job(in_todays_words(config), schema.experiment_from(config), folder)
+        config = in_todays_words(config)
+        if schema.experiment_from(config).logger.is_own:
+            config = with_values(config, {LOGGER: "none"})
+        return Job(config, schema.experiment_from(config), folder)
     except ValueError as error:
         raise artifacts.ArtifactError(
             f"{folder / artifacts.CONFIG} is no configuration of this program's ({error}); use the program "

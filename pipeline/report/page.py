@@ -20,6 +20,7 @@ from pipeline.report.figures.style import MOST_POINTS, Illustration, caption_of
 from pipeline.report.scene import scene_of_run
 from pipeline.run import artifacts, typed
 from pipeline.settings.experiment import Mission
+from pipeline.settings.keys import TAGS
 from pipeline.settings.start_table import POSITION
 
 INSPECTABLE = "inspectable_rate_percent"
@@ -214,6 +215,8 @@ def _towards_goal(contents: Contents, illustrations: Mapping[str, Illustration])
     for name, value in contents.manifest.items():
         if name in ("config_hash", "seed", "git_revision"):
             yield Paragraph(f"{name}: {value}")
+    for name, tag in contents.manifest.get(TAGS, {}).items():
+        yield Paragraph(f"{TAGS}.{name}: {tag}")
 
 
 def lead(who: str, summary: Mapping[str, Any], mission: Mission) -> str:

@@ -23,10 +23,10 @@ from pipeline.evaluation.paired_runs import (
 )
 from pipeline.evaluation.statistics import Statistic, fraction, statistic
 from pipeline.report.contents import read_summary
-from pipeline.run import artifacts, configuration, sweep, tables, typed
+from pipeline.run import artifacts, configuration, manifests, sweep, tables, typed
 from pipeline.settings.experiment import Mission
 from pipeline.settings.groups import names_of
-from pipeline.settings.keys import FREE
+from pipeline.settings.keys import FREE, TAGS
 
 Columns = dict[str, list[Any] | NDArray[Any]]
 
@@ -76,6 +76,8 @@ class RunResult(sweep.SweptRun):
         A hash of its controller and world; empty where nothing was evaluated.
     percent_ahead : float
         Share of its fuel that was chosen ahead; NaN where nothing was evaluated.
+    tags : mapping of str to str
+        What its user noted about it.
     """
 
     state: str
@@ -84,6 +86,7 @@ class RunResult(sweep.SweptRun):
     fly: str = ""
     flown: str = ""
     percent_ahead: float = np.nan
+    tags: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def setting(self) -> dict[str, str]:
@@ -155,6 +158,12 @@ class SweepResults:
         return list(dict.fromkeys(key for run in self.runs for key in run.differs))
 
     @property
+    def tags(self) -> dict[str, str]:
+        """The names of what is noted about runs, by keys, without those that the sweep is over."""
+        names = dict.fromkeys(name for run in self.runs for name in run.tags)
+        return {f"{TAGS}.{name}": name for name in names if f"{TAGS}.{name}" not in self.factors}
+
+    @property
     def evaluated(self) -> list[RunResult]:
         """The runs that were evaluated."""
         return [run for run in self.runs if run.estimates]
@@ -218,7 +227,8 @@ def gather_results(folder: Path) -> SweepResults:
 
 def _run_result(folder: Path, run: sweep.SweptRun, summary: Mapping[str, Any] | None) -> RunResult:
     """Return a run with the estimates of its metrics, if it was evaluated."""
-    result = RunResult(**vars(run), state=sweep.state_of(folder, run))
+    tags = manifests.read_if_any(folder / run.folder).get(TAGS, {})
+    result = RunResult(**vars(run), state=sweep.state_of(folder, run), tags=tags)
     if summary is None:
         return result
     estimates = {metric.name: _estimate_of(summary, metric.name) for metric in METRICS}
@@ -305,6 +315,7 @@ def columns_of(results: SweepResults) -> Columns:
     on_the_front = {run.folder for setting in results.front for run in setting.runs}
     columns: Columns = {"run": [run.folder for run in runs]}
     columns |= {key: [run.differs.get(key, "") for run in runs] for key in results.factors}
+    columns |= {key: [run.tags.get(name, "") for run in runs] for key, name in results.tags.items()}
     columns |= {"state": [run.state for run in runs], "failure": [run.failure for run in runs]}
     columns["num_cases"] = np.array([run.num_cases for run in runs])
     columns["on_front"] = np.array([run.folder in on_the_front for run in runs])

@@ -67,8 +67,9 @@ def runs_table(results: SweepResults) -> list[Block]:
             f"{run.estimates[metric.name].value:.{metric.decimals}f}" if run.estimates else ""
             for metric in METRICS
         ]
-        rows.append((run.folder, run.state, *values))
-    heads = ["run", "state", *map(_headed, METRICS)]
+        tags = [run.tags.get(name, "") for name in results.tags.values()]
+        rows.append((run.folder, *tags, run.state, *values))
+    heads = ["run", *results.tags, "state", *map(_headed, METRICS)]
     ahead = [run.percent_ahead for run in results.runs]
     return [Paragraph(f"{len(rows)} runs:"), Table(*_with_shares(heads, rows, ahead))]
 

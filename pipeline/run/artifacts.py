@@ -10,6 +10,7 @@ from typing import Any, Final
 
 from fis_tools.file_access import open_regular, read_text
 from fis_tools.plain_text import parse_json
+from pipeline.settings import plugged
 from pipeline.settings.experiment import STAGES
 
 CONFIG: Final = "config.yaml"
@@ -116,7 +117,7 @@ def check_no_strangers(folder: Path) -> None:
 def stage_of(name: str) -> str | None:
     """Return the stage that writes a file of a run, by the file's folder; None if no stage does."""
     first = PurePath(name).parts[0]
-    return ELSEWHERE.get(first, first if first in STAGES else None)
+    return ELSEWHERE.get(first, first if first in (*STAGES, *plugged.names(plugged.STAGES)) else None)
 
 
 def require(folder: Path, name: str) -> Path:

@@ -3,6 +3,7 @@
 from importlib.util import find_spec
 from typing import Final
 
+from pipeline.settings import plugged
 from pipeline.settings.checks import SettingError
 from pipeline.settings.experiment import Experiment
 
@@ -22,5 +23,10 @@ def require_packages(experiment: Experiment) -> None:
     """Raise SettingError unless all packages that the stages of an experiment need are installed."""
     if "search" in experiment.stages:
         require_package("optuna", "the stage search")
-    if "train" in experiment.stages and experiment.logger.kind != "none":
-        require_package("tensorboardX", f"logger={experiment.logger.kind}")
+    for stage in experiment.own_stages:
+        plugged.function(plugged.STAGES, stage)
+    logger = experiment.logger
+    if "train" in experiment.stages and logger.is_own:
+        plugged.function(plugged.LOGGERS, logger.kind)
+    elif "train" in experiment.stages and logger.kind != "none":
+        require_package("tensorboardX", f"logger={logger.kind}")

@@ -25,6 +25,7 @@ from pathlib import Path
 from typing import Any, Final, NoReturn
 
 from fis_tools.file_access import read_shipped
+from pipeline.settings import plugged
 
 DISTRIBUTION: Final = "fuzzy-spacecraft-inspection"
 SOURCES: Final = Path(__file__).resolve().parents[2]
@@ -168,7 +169,7 @@ def product_version() -> str:
 
 
 def versions() -> dict[str, str]:
-    """Return the versions of this product, Python, the relevant libraries, and the platform."""
+    """Return the versions of this product, Python, libraries, packages of one's own, and the platform."""
     numbers = {"product": product_version(), "python": platform.python_version()}
     numbers["platform"] = platform.platform()
     for library in LIBRARIES:
@@ -176,7 +177,7 @@ def versions() -> dict[str, str]:
             numbers[library] = metadata.version(library)
         except metadata.PackageNotFoundError:
             numbers[library] = "absent"
-    return numbers
+    return numbers | plugged.versions()
 
 
 def git_revision() -> str | None:

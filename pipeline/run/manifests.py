@@ -39,6 +39,7 @@ MANIFEST_SHAPE: Final[Mapping[Any, Any]] = {
     "made_by": {str: [int]},
     "command": [str],
     "files": {str: str},
+    "tags": {str: str},
     "versions": {str: str},
 }
 MANIFEST_NEEDS: Final = ("config_hash", "finished_stages")

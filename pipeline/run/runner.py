@@ -3,7 +3,7 @@
 import logging
 import sys
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from importlib import import_module
 from pathlib import Path
@@ -11,7 +11,8 @@ from typing import Any
 
 from fis_tools.streams import guarded
 from pipeline.run import artifacts, configuration, interrupts, maker, manifests, typed, writing
-from pipeline.settings.experiment import STAGES, Experiment, Mission
+from pipeline.settings import plugged
+from pipeline.settings.experiment import STAGES, Experiment, Mission, in_order
 
 _LOG = logging.getLogger("pipeline")
 
@@ -88,7 +89,7 @@ def _run_stages(
             started = time.perf_counter()
             try:
                 with _makers_named(manifest, name), interrupts.heeded():
-                    unproved = import_module(f"pipeline.stages.{name}").run(experiment, folder)
+                    unproved = stage_function(name)(experiment, folder)
             except KeyboardInterrupt as error:
                 manifests.write(folder, manifest)
                 _LOG.info("stage %s interrupted%s", name, interrupts.in_words())
@@ -101,14 +102,28 @@ def _run_stages(
             _LOG.info("stage %s took %.2f s", name, time.perf_counter() - started)
             missing += [unproved] if unproved else []
             # later stages were made from files that are no longer there
-            before = [
-                stage for stage in manifest["finished_stages"] if STAGES.index(stage) < STAGES.index(name)
-            ]
+            finished = manifest["finished_stages"]
+            order = in_order(experiment.stages, *finished, name)
+            before = [stage for stage in finished if order.index(stage) < order.index(name)]
             manifest["finished_stages"] = [*before, name]
             if index < len(stages):
                 _begin(manifest, stages[index], present, is_resumed=False)
             manifests.write(folder, manifest)
     return missing
+
+
+def stage_function(name: str) -> Callable[[Experiment, Path], str | None]:
+    """Return the function that runs a stage: a module's of ours, or one that an installed package offers.
+
+    Raises
+    ------
+    pipeline.settings.plugged.PluginError
+        If the package cannot be used.
+    """
+    if name in STAGES:
+        function: Any = import_module(f"pipeline.stages.{name}").run
+        return function
+    return plugged.function(plugged.STAGES, name)
 
 
 def _check_there(folder: Path) -> None:
@@ -149,6 +164,7 @@ def manifest_of(
     if_any = {
         "controller_edited": _edited(config.get("controller", {})),
         "git_revision": present["git_revision"],
+        "tags": experiment.tags or None,
     }
     return {
         "manifest_version": manifests.MANIFEST_VERSION,

@@ -6,13 +6,14 @@ Keys carry their units; degrees appear only in keys that end in ``_deg``. Invali
 """
 
 import math
+from collections.abc import Iterable, Sequence
 from dataclasses import field
 from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from pipeline.settings import checks, sizes, start_table, types
-from pipeline.settings.checks import SettingError
+from pipeline.settings import checks, plugged, sizes, start_table, types
+from pipeline.settings.checks import SettingError, no_choice
 from pipeline.settings.conditions import Only
 from pipeline.settings.controllers import check_controller
 from pipeline.settings.groups import Settings
@@ -28,6 +29,33 @@ STAGES = (
     *("scenario", "search", "fit", "train", "evaluate", "record"),
     *("optimum", "compare", "prove", "assure", "report"),
 )
+
+
+def check_stage_names(stages: Iterable[str]) -> None:
+    """Raise SettingError unless each is a stage that ships, or that an installed package offers."""
+    for stage in stages:
+        if stage not in STAGES and stage not in plugged.names(plugged.STAGES):
+            known = (*STAGES, *plugged.names(plugged.STAGES))
+            raise SettingError(f"stages has {stage!r}{choices_of(stage, known, 'stages')}")
+
+
+def in_order(stages: Sequence[str], *others: str) -> list[str]:
+    """Return all stages in the order in which they run: those that ship, with others where a run has them.
+
+    Parameters
+    ----------
+    stages : sequence of str
+        Of a run, as configured: stages of one's own stand behind the one before them there.
+    *others : str
+        Further stages, which come last if they are none of these.
+    """
+    order, before = list(STAGES), ""
+    for stage in stages:
+        if stage not in order:
+            order.insert(order.index(before) + 1 if before else 0, stage)
+        before = stage
+    return list(dict.fromkeys([*order, *others]))
+
 
 #: the minimum-fuel plans that come with the program, as a value of ``optimum.reference``
 SHIPPED = "shipped"
@@ -135,8 +163,18 @@ class Engine(Settings, group="engine"):
 class Logger(Settings, group="logger", only=Only("stages=train", is_told=True)):
     """Where each generation of a training is logged besides its logbook."""
 
-    kind: Annotated[Literal["none", "tensorboard"], types.Freely()] = "none"
-    """Nowhere else, or in train/tensorboard for TensorBoard."""
+    kind: Annotated[types.Text, types.Freely()] = "none"
+    """Nowhere else; tensorboard: in train/tensorboard; or a logger of your own, which a package offers."""
+
+    def __post_init__(self) -> None:
+        """Check that there is such a logger."""
+        if self.kind not in plugged.SHIPPED_LOGGERS and self.kind not in plugged.loggers():
+            raise SettingError(f"logger.kind is {no_choice(self.kind, plugged.loggers())}")
+
+    @property
+    def is_own(self) -> bool:
+        """Whether an installed package offers it."""
+        return self.kind not in plugged.SHIPPED_LOGGERS
 
 
 class HparamsSearch(Settings, group="hparams_search", only=Only("stages=search", is_told=True)):
@@ -280,6 +318,10 @@ class Experiment(Settings, group=""):
     controller : mapping
         As plain data: a controller written out (``schema``, ``systems``, …), ``{path: ...}`` of a controller
         file, ``{kind: open_loop, path: ...}`` of a force table, ``{kind: coast}``, or one of a planning kind.
+    tags : mapping of str to str
+        What is noted about the run.
+    extensions : mapping
+        Plain data for stages that installed packages offer, by the stage's name.
     reproducible : bool
         Whether libraries compute identically on all x86-64 processors.
     case : int, optional
@@ -292,7 +334,10 @@ class Experiment(Settings, group=""):
     """Names the run's folder: letters, digits, _ - and . only."""
     seed: types.Seed = 1
     """Seed of everything random."""
-    stages: Annotated[types.Texts, Field(description=f"What is done, in this order: {', '.join(STAGES)}.")]
+    stages: Annotated[
+        types.Texts,
+        Field(description=f"What is done, in this order: {', '.join(STAGES)}; your own anywhere among them."),
+    ]
     mission: Mission = field(default_factory=Mission)
     sun: Sun = field(default_factory=Sun)
     starts: Starts = field(default_factory=Starts)
@@ -314,6 +359,10 @@ class Experiment(Settings, group=""):
     """Whether libraries compute alike on all x86-64 processors."""
     case: Annotated[types.Natural | None, Only("telemetry.record_start=true")] = None
     """Case of the evaluation that telemetry.record_start flies; null: the given start."""
+    tags: types.Tags = field(default_factory=dict, hash=False)
+    """What you note about a run, a text by name; it stands beside its results, and nothing depends on it."""
+    extensions: dict[str, Any] = field(default_factory=dict, hash=False)
+    """Settings of stages of your own, by the stage's name."""
     resume: bool = False
 
     def __post_init__(self) -> None:
@@ -341,6 +390,11 @@ class Experiment(Settings, group=""):
                 f"report.training_case is {self.report.training_case}, but there are {self.starts.num_cases} "
                 f"training scenarios; choose one from 0 to {self.starts.num_cases - 1}"
             )
+
+    @property
+    def own_stages(self) -> tuple[str, ...]:
+        """The stages that installed packages offer."""
+        return tuple(stage for stage in self.stages if stage not in STAGES)
 
     @property
     def sun_in_words(self) -> str:
@@ -376,16 +430,20 @@ class Experiment(Settings, group=""):
     def _check_stages(self) -> None:
         if not self.stages:
             raise SettingError(f"stages is empty; name at least one of {', '.join(STAGES)}")
-        for stage in self.stages:
-            if stage not in STAGES:
-                raise SettingError(f"stages has {stage!r}{choices_of(stage, STAGES, 'stages')}")
-        if list(self.stages) != sorted(set(self.stages), key=STAGES.index):
+        check_stage_names(self.stages)
+        shipped = [stage for stage in self.stages if stage in STAGES]
+        if shipped != sorted(set(shipped), key=STAGES.index) or len(set(self.stages)) < len(self.stages):
+            anywhere = "; your own may stand anywhere" if self.own_stages else ""
             raise SettingError(
                 f"stages is [{', '.join(self.stages)}]; each reads what those before it wrote, so name each "
-                f"once in the order {', '.join(STAGES)}"
+                f"once in the order {', '.join(STAGES)}{anywhere}"
             )
+        for name in self.extensions:
+            if name not in (own := plugged.names(plugged.STAGES)):
+                known = choices_of(name, own, "stages of your own") if own else "; none is installed"
+                raise SettingError(f"extensions.{name} is of no stage of your own{known}")
         flown = {"scenario", "evaluate", "record", "report"}
-        if self.mission.flight == "reference" and not flown.issuperset(self.stages):
+        if self.mission.flight == "reference" and not flown.issuperset(shipped):
             raise SettingError(
                 f"flight is reference and stages [{', '.join(self.stages)}]; the reference takes seconds a "
                 f"flight and flies for {', '.join(sorted(flown))} alone: leave flight=reference out"

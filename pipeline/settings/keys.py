@@ -5,6 +5,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from typing import Any, Final, NamedTuple
 
 from fis_tools.errors import nearest
+from pipeline.settings import plugged
 
 #: the group whose keys depend on its kind; they are checked when the controller is read
 FREE = "controller"
@@ -67,13 +68,17 @@ GONE = (
 )
 #: the group whose keys are those of the configuration
 SPACE = "hparams_search.space"
+#: groups whose keys are words of the user's: what is noted about a run, and settings of stages of one's own
+TAGS, EXTENSIONS = "tags", "extensions"
+#: all groups with keys that are not known beforehand
+OPEN = (FREE, DISPERSIONS, SPACE, TAGS, EXTENSIONS)
 #: every dotted key and group of the configuration, as `pipeline.settings.groups` enters them
 KNOWN: set[str] = set()
 
 
 def is_key(key: str) -> bool:
     """Return whether a dotted key may be in the configuration."""
-    return key in KNOWN or key.startswith((FREE + ".", DISPERSIONS + ".", SPACE + "."))
+    return key in KNOWN or key.startswith(tuple(f"{group}." for group in OPEN))
 
 
 def unknown(key: str) -> str:
@@ -97,8 +102,8 @@ def in_todays_words(config: Mapping[str, Any]) -> dict[str, Any]:
         node, new_node = value_at(renamed, group), value_at(renamed, new_group)
         if isinstance(node, dict) and was in node and isinstance(new_node, dict) and name not in new_node:
             new_node[name] = node.pop(was)
-    if value_at(renamed, "logger.kind") == "mlflow":
-        # a sink that is no more: such a run is read and goes on without
+    if value_at(renamed, "logger.kind", "none") not in plugged.loggers():
+        # of a package that is not installed here: such a run is read and goes on without
         renamed["logger"]["kind"] = "none"
     return renamed
 

@@ -21,7 +21,7 @@ from pipeline.settings.checks import SettingError
 from pipeline.settings.conditions import Only
 from pipeline.settings.controllers import PLANNED
 from pipeline.settings.dispersions import IN_TIME
-from pipeline.settings.experiment import Experiment, Mission
+from pipeline.settings.experiment import STAGES, Experiment, Mission
 from pipeline.settings.following import OF_EPOCH, following
 from pipeline.settings.groups import GROUPS, conditions_of, descendants_of, names_of, texts_of
 from pipeline.settings.mission import SHARED
@@ -142,6 +142,8 @@ def idle(config: Config, *, stages: bool = False) -> dict[str, Only]:
         Whether also those that no stage of the run reads.
     """
     unmet: dict[str, Only] = {}
+    # what stages of one's own read is not known
+    stages = stages and set(config.get("stages", ())) <= set(STAGES)
     set_here = {name: name for name in schema() if keys.value_at(config, name, ABSENT) is not ABSENT}
     given = config.get(keys.DISPERSIONS)
     spread = given if isinstance(given, Mapping) else {}
@@ -211,7 +213,9 @@ def free_keys() -> tuple[str, ...]:
 def only_results(config: Config) -> dict[str, Any]:
     """Return a configuration without the settings that no result depends on."""
     of_others = (key for key in keys.GONE if not key.startswith("optimizer."))
-    return keys.without(keys.in_todays_words(config), [*free_keys(), *of_others])
+    counted = keys.without(keys.in_todays_words(config), [*free_keys(), *of_others])
+    counted.pop(keys.TAGS, None)
+    return counted
 
 
 def in_world(experiment: Experiment, name: str) -> Experiment:

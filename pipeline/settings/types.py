@@ -5,7 +5,8 @@ in brackets. Comparisons are written so that NaN, which compares false with ever
 """
 
 import math
-from collections.abc import Sequence
+import re
+from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, TypeVar
 
 from pydantic import AfterValidator, BeforeValidator, Field, Strict, ValidationInfo
@@ -147,6 +148,28 @@ def _not_vanishing(value: float, info: ValidationInfo) -> float:
     return value
 
 
+def _tags(value: Any) -> Any:
+    """Accept plain names with plain values of one line, as texts."""
+    if not isinstance(value, Mapping):
+        raise ValueError(f"{{key}} is {value!r}; it must be a group of names, as +{{key}}.campaign=spring")
+    for name, tag in value.items():
+        if not re.fullmatch(TAG_NAME, str(name)):
+            raise ValueError(
+                f"{{key}} has the name {str(name)[:80]!r}; a name is a letter and at most "
+                f"{MOST_TAG_NAME - 1} letters, digits, _ and -"
+            )
+        is_plain = isinstance(tag, str | int | float) and str(tag).isprintable()
+        if not is_plain or len(str(tag)) > MOST_TAG:
+            raise ValueError(
+                f"{{key}}.{name} is {str(tag)[:80]!r}; it must be a text of one line, or a number, of "
+                f"at most {MOST_TAG} printable characters"
+            )
+    return {str(name): str(tag) for name, tag in value.items()}
+
+
+#: of what is noted about a run: characters of a name and of a text
+MOST_TAG_NAME, MOST_TAG = 64, 200
+TAG_NAME = rf"[A-Za-z][A-Za-z0-9_-]{{0,{MOST_TAG_NAME - 1}}}"
 Text = Annotated[str, Strict()]
 Texts = tuple[Text, ...]
 Flag = Annotated[bool, Strict()]
@@ -154,6 +177,7 @@ Number = Annotated[float, Field(strict=True, allow_inf_nan=False), AfterValidato
 Positive = Annotated[Number, Field(gt=0), AfterValidator(_not_vanishing)]
 NotNegative = Annotated[Number, Field(ge=0)]
 Share = Annotated[Number, Field(ge=0, le=1)]
+Tags = Annotated[dict[str, str], BeforeValidator(_tags), Freely()]
 Whole = Annotated[int, Strict(), BeforeValidator(_whole)]
 Natural = Annotated[Whole, Field(ge=0, le=sizes.MOST)]
 Count = Annotated[Whole, Field(ge=1, le=sizes.MOST)]

@@ -82,6 +82,7 @@ def _subject(experiment: Experiment, controller: Controller, num_cases: int) -> 
         **({} if cases.only_cases is None else {"only_cases": cases.only_cases}),
         **({} if cases.stop_width is None else {"stop": stop}),
         "seed": experiment.seed,
+        **({"tags": experiment.tags} if experiment.tags else {}),
         "confidence_percent": cases.confidence_percent,
     }
 

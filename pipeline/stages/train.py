@@ -43,7 +43,7 @@ def run(experiment: Experiment, folder: Path) -> Unimproved | None:
     genome = genome_of(template, experiment.optimizer.encoding)
     for words in genome.clipped():
         sys.stderr.write(f"  the bounds of optimizer.encoding clip {words}\n")
-    with logged(experiment.logger, folder) as log, _open_pool(experiment, genome) as pool:
+    with logged(experiment, folder) as log, _open_pool(experiment, genome) as pool:
         result = _evolved(experiment, folder, genome, log, pool)
         selection = select(experiment, genome, result.history, template.fuzzy, pool, result.front)
         write_selection(folder, experiment, genome, selection, result)

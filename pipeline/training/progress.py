@@ -1,18 +1,22 @@
 """The progress of a training, wherever it is shown: the terminal, TensorBoard."""
 
+import logging
 import socket
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 from pipeline.run import artifacts
 from pipeline.run.extras import require_package
 from pipeline.run.progress import Progress
-from pipeline.settings.experiment import Logger, Optimizer
+from pipeline.settings import plugged
+from pipeline.settings.experiment import Experiment, Optimizer
 from pipeline.training.evolution.state import Generation
+
+_LOG = logging.getLogger("pipeline")
 
 #: logs a training so far, given all rows of its logbook
 Log = Callable[[Sequence[Mapping[str, float]]], None]
@@ -40,7 +44,7 @@ class TrainingProgress(Progress):
 
 
 @contextmanager
-def logged(logger: Logger, folder: Path) -> Iterator[Log]:
+def logged(experiment: Experiment, folder: Path) -> Iterator[Log]:
     """Open the logger of a training, and close it when the training ends.
 
     TensorBoard gets one scalar for each column of the logbook, over the generations. A resumed training
@@ -49,24 +53,60 @@ def logged(logger: Logger, folder: Path) -> Iterator[Log]:
 
     Parameters
     ----------
-    logger : Logger
+    experiment : Experiment
     folder : Path
         Of the run.
 
     Raises
     ------
-    SettingError
-        If the logger's package is not installed.
+    SettingError, pipeline.settings.plugged.PluginError
+        If the logger's package is not installed, or cannot be used.
     """
+    logger = experiment.logger
     if logger.kind == "none":
         yield lambda rows: None
         return
-    require_package("tensorboardX", f"logger={logger.kind}")
-    board = _Board(folder / artifacts.TENSORBOARD)
+    if not logger.is_own:
+        require_package("tensorboardX", f"logger={logger.kind}")
+    board = _Own(experiment, folder) if logger.is_own else _Board(folder / artifacts.TENSORBOARD)
     try:
         yield board.log
     finally:
         board.close()
+
+
+class _Own:
+    """A logger that an installed package offers; once it fails, the training goes on without it."""
+
+    def __init__(self, experiment: Experiment, folder: Path) -> None:
+        self._kind, self._stack = experiment.logger.kind, ExitStack()
+        opened = plugged.function(plugged.LOGGERS, self._kind)
+        self._log: Log = lambda rows: None
+        with self._reporting():
+            self._log = self._stack.enter_context(opened(experiment, folder))
+
+    @contextmanager
+    def _reporting(self) -> Iterator[None]:
+        """Report an error of the package's, and call it no more."""
+        try:
+            yield
+        except Exception as error:  # noqa: BLE001 - whatever it is, the training goes on
+            self._log = lambda rows: None
+            _LOG.exception("logger.kind=%s", self._kind)
+            sys.stderr.write(
+                f"note: logger.kind={self._kind} failed ({type(error).__name__}: {error}); the training goes "
+                f"on, and is not logged there from here on\n"
+            )
+
+    def log(self, rows: Sequence[Mapping[str, float]]) -> None:
+        """Pass the rows on."""
+        with self._reporting():
+            self._log(rows)
+
+    def close(self) -> None:
+        """Close it."""
+        with self._reporting():
+            self._stack.close()
 
 
 class _Board:

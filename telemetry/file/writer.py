@@ -1,6 +1,7 @@
 """Writing an episode to an MCAP file, which gets its final name only when it is complete."""
 
 import math
+import shlex
 import sys
 from bisect import bisect_right
 from collections import Counter
@@ -334,9 +335,9 @@ class EpisodeWriter:
 
     def _explained(self) -> AbstractContextManager[None]:
         """Turn errors in writing this recording into a RecordingError with a cure."""
+        partial = f"{self.path}{PARTIAL_SUFFIX}"
         cure = (
-            "it needs an existing, writable folder with about 1 MiB free: make room or choose another one "
-            "(`python -m telemetry recover` reads the steps that are already in "
-            f"{self.path.name}{PARTIAL_SUFFIX})"
+            "it needs an existing, writable folder with about 1 MiB free: make room or choose another one; "
+            f"rescue what is written already with `python -m telemetry recover {shlex.quote(partial)}`"
         )
         return explained(f"the recording {self.path} cannot be written", cure)

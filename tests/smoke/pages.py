@@ -10,6 +10,8 @@ DOCS = PROJECT / "docs"
 PAGES = [*sorted(PROJECT.glob("*.md")), PROJECT / "telemetry" / "README.md", *sorted(DOCS.rglob("*.md"))]
 #: run whole, with what it prints, by test_tutorial.py
 FOLLOWED = DOCS / "tutorial" / "your-own-case.md"
+#: whose package is installed, and whose commands are typed, by test_plugged.py
+PLUGGED = DOCS / "how-to" / "plug-in-your-own.md"
 #: what a page says where the reader puts a name of their own, and a name that will do
 PLACEHOLDERS = {"FROM": "ellipse", "NAME": "paper_champion", "SUN": "fixed", "LAYER": "filter"}
 
@@ -39,8 +41,8 @@ def words_of(command: str) -> list[str]:
 
 
 def calls_of(module: str) -> list[list[str]]:
-    """What follows ``python -m MODULE`` on all pages but the one that is run whole, each once."""
-    pages = [page for page in PAGES if page != FOLLOWED]
+    """What follows ``python -m MODULE`` on all pages but those that have a test of their own, each once."""
+    pages = [page for page in PAGES if page not in (FOLLOWED, PLUGGED)]
     calls = {tuple(words[3:]): None for page in pages for words in commands(page) if words[2] == module}
     return [list(words) for words in calls]
 

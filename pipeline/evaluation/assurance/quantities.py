@@ -5,7 +5,8 @@ number of points not yet inspected, and so on, see `pipeline.flight.fly.populati
 belongs to the sample from which it is fired, for the control period that follows; at the last one it is zero.
 """
 
-from collections.abc import Callable, Iterable, Mapping
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -18,6 +19,7 @@ from pipeline.evaluation.assurance.formula import COASTING, COASTING_FARTHEST, k
 from pipeline.flight.state import arrays
 from pipeline.flight.state.log import inspectable_rate
 from pipeline.physics.quaternion import seen_from_hill
+from pipeline.settings import plugged
 from telemetry.file.recording import Recording
 from telemetry.file.topics import DEPUTY_CONTROL, DEPUTY_STATE, MISSION
 
@@ -97,7 +99,8 @@ def _along(name: str, topic: str, unit: str, first: int) -> dict[str, Quantity]:
     }
 
 
-QUANTITIES: Mapping[str, Quantity] = {
+#: quantities that need no package of one's own
+SHIPPED: Mapping[str, Quantity] = {
     "distance": Quantity("m", f"{MISSION}.distance_m", "from the chief's centre", _length(0)),
     COASTING: Quantity(
         "m",
@@ -159,7 +162,57 @@ EXTREMES: Mapping[str, tuple[str, str]] = {
     "inspectable_rate": ("the least at {}", "the most at {}"),
 }
 
-UNITS: Mapping[str, str] = {name: quantity.unit for name, quantity in QUANTITIES.items()}
+
+class _Quantities(Mapping[str, Quantity]):
+    """Those that ship, then those that installed packages offer, loaded when they are asked for."""
+
+    def __getitem__(self, name: str) -> Quantity:
+        if name in SHIPPED:
+            return SHIPPED[name]
+        if name not in plugged.names(plugged.QUANTITIES):
+            raise KeyError(name)
+        quantity = plugged.load(plugged.QUANTITIES, name)
+        if not isinstance(quantity, Quantity):
+            raise plugged.PluginError(
+                f"{name} in the group {plugged.QUANTITIES} is {type(quantity).__name__}; it must be a "
+                f"Quantity of {__name__}"
+            )
+        return quantity
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(dict.fromkeys([*SHIPPED, *plugged.names(plugged.QUANTITIES)]))
+
+    def __len__(self) -> int:
+        return len(list(iter(self)))
+
+    def __contains__(self, name: object) -> bool:
+        return name in SHIPPED or name in plugged.names(plugged.QUANTITIES)
+
+
+class _Units(Mapping[str, str]):
+    """The units of quantities."""
+
+    def __getitem__(self, name: str) -> str:
+        return QUANTITIES[name].unit
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(QUANTITIES)
+
+    def __len__(self) -> int:
+        return len(QUANTITIES)
+
+    def __contains__(self, name: object) -> bool:
+        return name in QUANTITIES
+
+
+QUANTITIES: Mapping[str, Quantity] = _Quantities()
+UNITS: Mapping[str, str] = _Units()
+
+
+def units_for(text: str) -> dict[str, str]:
+    """Return the units of the quantities that ship, and of those of one's own that a formula names."""
+    own = set(re.findall(r"\w+", text)).intersection(plugged.names(plugged.QUANTITIES))
+    return {name: UNITS[name] for name in (*SHIPPED, *sorted(own.difference(SHIPPED)))}
 
 
 def of_tracks(tracks: NDArray[Any], facts: TrackFacts, names: Iterable[str]) -> dict[str, Floats]:

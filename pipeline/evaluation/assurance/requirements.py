@@ -7,7 +7,7 @@ from typing import Any, Final
 
 from fis_tools.file_access import read_text
 from pipeline.evaluation.assurance.formula import Formula, FormulaError, parse, quantities_of, unit_of
-from pipeline.evaluation.assurance.quantities import UNITS
+from pipeline.evaluation.assurance.quantities import units_for
 from pipeline.evaluation.assurance.robustness import idle_window, late_window
 from pipeline.run import configuration
 from pipeline.settings.experiment import Mission
@@ -213,7 +213,7 @@ def _flown(entry: Mapping[str, Any], where: str) -> dict[str, Any]:
     """Return the fields of a requirement that are about flights."""
     text = _text(entry, "formula", where)
     try:
-        formula = parse(text, UNITS)
+        formula = parse(text, units_for(text))
     except FormulaError as error:
         raise RequirementError(f"{where}, its formula:\n{error}") from error
     flown: dict[str, Any] = {"formula_text": text, "formula": formula}

@@ -1,9 +1,11 @@
 """Each command that is printed for the user is typed in a shell's words: it flies the mission of its run."""
 
 import ast
+import errno
 import hashlib
 import inspect
 import json
+import os
 import re
 import shlex
 from dataclasses import fields
@@ -21,6 +23,7 @@ from pipeline.run import artifacts, configuration, manifests, sweep, tables, typ
 from pipeline.settings.experiment import Mission
 from pipeline.settings.schema import experiment_from
 from telemetry.commands import main as watched
+from telemetry.file.partial_file import PartialFile
 from telemetry.file.topics import MISSION
 from tests.fis_tools.sample_controllers import PAPER_LIKE
 from tests.hostile import kills
@@ -207,6 +210,54 @@ def test_what_is_refused_tells_commands_that_go_on(ran, monkeypatch):
     assert [name for name, *_ in called] == ["record", "report", "report"]
 
 
+def offered_by(program, words, capsys):
+    """The command that a refusal offers between backquotes or at its end, as the words of a shell."""
+    capsys.readouterr()
+    assert program(words) == 2
+    said = capsys.readouterr().err
+    (command,) = re.findall(r"`(python -m telemetry [^`]*)`|: (python -m telemetry .*)$", said, re.MULTILINE)
+    return shlex.split("".join(command))
+
+
+def test_what_is_offered_for_a_recording_shows_the_mission_of_its_run(ran, capsys):
+    """A flight for a campaign, one that was cut off, and one that is damaged."""
+    ran(*FLY, "duration_s=600", "world=leo", f"hydra.run.dir='{NAME}'")
+    (path,) = Path(NAME, artifacts.RECORDINGS).glob("*.mcap")
+    replayed = offered_by(watched, ["campaign", str(path)], capsys)
+    assert replayed == shlex.split(typed.replay(path))
+    carry_out(replayed, "")
+    content, wanted = path.read_bytes(), mission_hash(configuration.read(Path(NAME)))
+    cut, damaged = (Path(NAME, name) for name in ("it's cut.mcap.partial", "$(damaged).mcap"))
+    cut.write_bytes(content[:-100])
+    damaged.write_bytes(content[: len(content) // 2] + b"\0\0" + content[len(content) // 2 + 2 :])
+    for broken in (cut, damaged):
+        words = offered_by(watched, ["info", str(broken)], capsys)
+        assert words[:4] == ["python", "-m", "telemetry", "recover"]
+        assert watched([*words[3:], "-o", "rescued.mcap"]) == 0
+        attached = telemetry.read(Path("rescued.mcap")).attachments[CONFIG_ATTACHMENT]
+        assert mission_hash(configuration.parse(attached)) == wanted
+        Path("rescued.mcap").unlink()
+
+
+def test_a_recording_that_cannot_be_written_offers_what_is_rescued(ran, monkeypatch):
+    """The disk fills before the end of the file is written."""
+    words = [*FLY, "duration_s=1800", f"hydra.run.dir='{NAME}'"]
+    commit = PartialFile.commit
+
+    def fill(self):
+        self.abandon()
+        os.truncate(self.partial_path, self.partial_path.stat().st_size - 100)
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(PartialFile, "commit", fill)
+    said = ran(*words, code=2).err
+    monkeypatch.setattr(PartialFile, "commit", commit)
+    (command,) = re.findall(r"`(python -m telemetry recover [^`]*)`", said)
+    assert watched([*shlex.split(command)[3:], "-o", "rescued.mcap"]) == 0
+    attached = telemetry.read(Path("rescued.mcap")).attachments[CONFIG_ATTACHMENT]
+    assert mission_hash(configuration.parse(attached)) == mission_hash(configuration.read(Path(NAME)))
+
+
 def test_again_makes_the_same_run_and_refuses_another_controller(ran, monkeypatch):
     use_stages(monkeypatch)
     Path("mine.json").write_text(serialize.dump_json(PAPER_LIKE))
@@ -238,8 +289,6 @@ HARMLESS = {
     ("pipeline/command_line/results.py", "command"),
     ("fis_tools/__main__.py", "chosen"),
     ("fis_tools/review/page.py", "option"),
-    ("telemetry/file/writer.py", "self.path.name"),
-    ("telemetry/file/writer.py", "PARTIAL_SUFFIX"),
 }
 
 
