@@ -22,8 +22,9 @@ from pipeline.evaluation.statistics import (
     Percentile,
     Statistic,
     binomial_quantile,
-    fraction,
+    share_of,
 )
+from pipeline.run import tables
 from pipeline.settings.sizes import BLOCK_ROWS
 
 #: the statistics of a block, after its number of rows
@@ -51,6 +52,23 @@ class _Rows(Mapping[str, Column]):
 
     def __len__(self) -> int:
         return len(self._whole)
+
+
+def blocks_of(columns: Columns) -> Iterable[Columns]:
+    """Return rows in blocks, of a table of a run or in memory."""
+    return columns.blocks() if isinstance(columns, tables.Columns) else cut(columns)
+
+
+def number_of(columns: Columns) -> int:
+    """Return the number of rows of a table of flights, or of flights in memory."""
+    return columns.num_rows if isinstance(columns, tables.Columns) else len(columns["case"])
+
+
+def values_at(columns: Columns, name: str, rows: Sequence[int]) -> list[Any]:
+    """Return a column in some rows, of a table of a run or in memory."""
+    if isinstance(columns, tables.Columns):
+        return columns.at(name, rows)
+    return [columns[name][row].item() for row in rows]
 
 
 def cut(columns: Columns) -> Iterator[Columns]:
@@ -85,9 +103,7 @@ def joined(parts: Sequence[Part], confidence_percent: float, least: float, most:
 def joined_share(parts: Iterable[tuple[int, int]], confidence_percent: float) -> Fraction:
     """Return a share with its interval, from the number of true values and of all values of each block."""
     counts, numbers = map(sum, zip(*parts, strict=True))
-    is_so = np.zeros(numbers, dtype=np.bool_)  # the interval needs no order
-    is_so[:counts] = True
-    return fraction(is_so, confidence_percent)
+    return share_of(counts, numbers, confidence_percent)
 
 
 def percentiles(

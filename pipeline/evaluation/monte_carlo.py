@@ -179,16 +179,3 @@ def summarised(episodes: Columns) -> tuple[list[str], dict[str, NDArray[np.bool_
 def greatest_mean(name: str) -> float:
     """Return the most that the mean of a quantity can be; the least is 0 for all that are summarised."""
     return 100.0 if name.endswith("_percent") else math.inf
-
-
-def rank(episodes: Columns) -> NDArray[np.int64]:
-    """Return the rows of an evaluation from the worst to the best.
-
-    A flight outside the limits is worse than one inside; then a smaller share of the points that can be
-    inspected is worse; then more delta-v. Equal ones stay in order.
-    """
-    rate = episodes.get(
-        "inspectable_rate_percent", episodes["inspected_count"]
-    )  # missing in earlier versions
-    keys = (-episodes["delta_v_m_s"], rate, ~episodes["violated"].astype(np.bool_))
-    return np.lexsort(keys)

@@ -1,7 +1,7 @@
 """Statistics of many flights: means, shares, percentiles and correlations, with their intervals."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -79,8 +79,12 @@ def students_half_width(values: Floats, confidence_percent: float) -> float:
 
 
 def fraction(is_so: NDArray[np.bool_], confidence_percent: float) -> Fraction:
-    """Return the share of true values, with the interval of Wilson (J. Am. Stat. Assoc. 22, 1927)."""
-    count, number = int(np.sum(is_so)), len(is_so)
+    """Return the share of true values with its interval, see `share_of`."""
+    return share_of(int(np.sum(is_so)), len(is_so), confidence_percent)
+
+
+def share_of(count: int, number: int, confidence_percent: float) -> Fraction:
+    """Return a share of some number, with the interval of Wilson (J. Am. Stat. Assoc. 22, 1927)."""
     z = normal_quantile(confidence_percent)
     share = count / number
     scale = 1.0 + z * z / number
@@ -144,20 +148,6 @@ def binomial_quantile(probability: float, number: int, share: float) -> int:
     return count - 1 if count > 0 and bdtr(count - 1, number, share) >= probability else count
 
 
-def rank_correlation(first: Floats, second: Floats, confidence_percent: float) -> Correlation:
-    """Return Spearman's correlation, zero if one of the two is constant.
-
-    Its interval is by Fisher's transformation, with the variance of Bonett and
-    Wright (Psychometrika 65, 2000).
-    """
-    from scipy.stats import rankdata  # noqa: PLC0415 - as in `binomial_quantile`
-
-    ranks = [rankdata(values) - (len(values) + 1) / 2.0 for values in (first, second)]
-    spread = math.sqrt(float(ranks[0] @ ranks[0]) * float(ranks[1] @ ranks[1]))
-    value = float(ranks[0] @ ranks[1]) / spread if spread > 0.0 else 0.0
-    return Correlation(value, *correlation_ends(value, len(first), normal_quantile(confidence_percent)))
-
-
 def correlation_ends(value: float, number: int, quantile: float) -> tuple[float, float]:
     """Return the interval of a rank correlation, of a number of pairs and a normal quantile."""
     if number < 4:
@@ -195,23 +185,6 @@ def percentiles(episodes: Columns, confidence_percent: float) -> dict[str, list[
         name: [asdict(percentile(episodes[name], percent, confidence_percent)) for percent in percents]
         for name, percents in PERCENTS.items()
     }
-
-
-def sensitivity(episodes: Columns, keys: Sequence[str], confidence_percent: float) -> list[dict[str, Any]]:
-    """Rank dispersed settings by their correlation with delta-v and rate.
-
-    Returns
-    -------
-    list of dict
-        ``key``, and by `RANKED` the rank correlation with its interval; the strongest first.
-    """
-    entries = []
-    for key in keys:
-        entry: dict[str, Any] = {"key": key}
-        for name in RANKED:
-            entry[name] = asdict(rank_correlation(episodes[key], episodes[name], confidence_percent))
-        entries.append(entry)
-    return sorted(entries, key=lambda entry: -max(abs(entry[name]["value"]) for name in RANKED))
 
 
 def percent_ahead(delta_v_m_s: Floats | float, ahead_m_s: Floats | float) -> float:

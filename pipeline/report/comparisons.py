@@ -1,7 +1,7 @@
 """What flights are compared with: other controllers, plans of least fuel, flights without dispersions."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -10,6 +10,7 @@ import numpy as np
 
 from pipeline.evaluation import comparison
 from pipeline.evaluation.beside_optimum import summarise_times
+from pipeline.evaluation.blocks import blocks_of
 from pipeline.evaluation.monte_carlo import SUCCESS
 from pipeline.evaluation.statistics import Columns
 from pipeline.flight.control.controller import Controller, open_loop
@@ -291,6 +292,14 @@ class Without:
     unguarded: FlightLog
 
 
+def _acted(episodes: Columns) -> Iterator[list[int]]:
+    """Yield the cases in which the safety layer acted, so many at a time as are flown at once."""
+    for block in blocks_of(episodes):
+        cases = block["case"][block["safety_periods"] > 0].tolist()
+        for first in range(0, len(cases), FLOWN_AT_ONCE):
+            yield cases[first : first + FLOWN_AT_ONCE]
+
+
 def fly_without(experiment: Experiment, controller: Controller, episodes: Columns | None) -> Without | None:
     """Fly the flights in which the safety layer acted without it; None if there are none.
 
@@ -305,14 +314,9 @@ def fly_without(experiment: Experiment, controller: Controller, episodes: Column
     # episodes of earlier versions do not tell
     if mission.safety.kind == "none" or episodes is None or "safety_periods" not in episodes:
         return None
-    acted = np.flatnonzero(episodes["safety_periods"] > 0)
-    if not acted.size:
-        return None
-    cases = episodes["case"][acted].tolist()
     unguarded, limits = replace(mission, safety=Safety()), mission.deputy
-    num_outside, worst, worst_case = 0, -math.inf, cases[0]
-    for first in range(0, len(cases), FLOWN_AT_ONCE):
-        part = cases[first : first + FLOWN_AT_ONCE]
+    num_outside, worst, worst_case = 0, -math.inf, -1
+    for part in _acted(episodes):
         scenarios = evaluation_scenarios(experiment, part)
         outcomes = fly_all(unguarded, controller, scenarios, experiment.monte_carlo.workers)
         num_outside += int(outcomes.is_violated.sum())
@@ -322,6 +326,8 @@ def fly_without(experiment: Experiment, controller: Controller, episodes: Column
         row = int(np.argmax(beyond))
         if beyond[row] > worst:
             worst, worst_case = float(beyond[row]), part[row]
+    if worst_case < 0:
+        return None
     (start,) = evaluation_scenarios(experiment, [worst_case])
     logs = (fly_logged(world, controller, start) for world in (mission, unguarded))
     return Without(num_outside, worst_case, *logs)

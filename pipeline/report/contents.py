@@ -5,6 +5,7 @@ import re
 import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,9 +14,11 @@ from numpy.typing import NDArray
 
 from fis_tools.file_access import open_regular, open_text, read_bytes
 from pipeline.controllers.source import controller_of_run
+from pipeline.evaluation.blocks import blocks_of, number_of, values_at
 from pipeline.evaluation.comparison import PAPER_TEST, PAPER_TRAINING, ComparisonRow, Reported
 from pipeline.evaluation.front import COLUMNS as FRONT_COLUMNS
-from pipeline.evaluation.monte_carlo import SUCCESS, fly_cases, rank, summarise
+from pipeline.evaluation.monte_carlo import SUCCESS, fly_cases, summarise
+from pipeline.evaluation.ranks import from_worst_to_best
 from pipeline.evaluation.statistics import Columns, Fraction, Statistic
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.goals.flights import fly_logged
@@ -213,7 +216,7 @@ def read_evaluation(folder: Path, confidence_percent: float) -> FlightSet | None
 
 
 def _summary(episodes: Columns, confidence_percent: float) -> dict[str, Any]:
-    counted = {"num_cases": len(episodes["case"]), "confidence_percent": confidence_percent}
+    counted = {"num_cases": number_of(episodes), "confidence_percent": confidence_percent}
     return counted | summarise(episodes, confidence_percent)
 
 
@@ -282,9 +285,8 @@ def fly_shown(
         title = "Flight from the given start" if experiment.case is None else f"Case {experiment.case}"
         chosen.append((name, title, start))
     if not chosen and episodes is not None:
-        order = rank(episodes)
-        row = int(order[len(order) // 2])
-        case = int(episodes["case"][row])
+        rows = from_worst_to_best(partial(blocks_of, episodes), [number_of(episodes) // 2])
+        (case,) = values_at(episodes, "case", rows)
         (start,) = evaluation_scenarios(experiment, [case])
         chosen.append((f"median-case-{case}", f"Case {case}, the median of the evaluation", start))
     return [

@@ -6,8 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from pipeline.evaluation.blocks import blocks_of, number_of
 from pipeline.evaluation.comparison import ComparisonRow, worlds_of
 from pipeline.evaluation.monte_carlo import fly_tracked
+from pipeline.evaluation.statistics import Column
 from pipeline.flight.state.log import FlightLog, points_needed
 from pipeline.flight.world.pack import inspection_points
 from pipeline.report.comparisons import marks_of
@@ -36,6 +38,8 @@ OWN_FILES = re.compile(
 
 #: flights in the picture of an approach to a goal
 MOST_DRAWN = 200
+#: flights whose distributions are drawn; of more, one in so many
+MOST_SPREAD = 1_000_000
 #: the name, the caption and the figure of a picture
 Drawn = tuple[str, str, style.Figure]
 
@@ -172,6 +176,13 @@ def _samples(contents: Contents) -> Iterator[Sample]:
     """Yield the quantities whose distributions are drawn."""
     for word, flights, reported in contents.sets:
         if flights.episodes is not None:
-            values = {name: np.asarray(flights.episodes[name], dtype=np.float64) for name in METRICS}
-            count = len(values["delta_v_m_s"])
-            yield Sample(f"{word}, {count:,} flights", values, reported.means)
+            count = number_of(flights.episodes)
+            every = -(-count // MOST_SPREAD)
+            drawn: dict[str, list[Column]] = {name: [] for name in METRICS}
+            for block in blocks_of(flights.episodes):
+                for name, of in drawn.items():
+                    of.append(np.asarray(block[name][::every], dtype=np.float64))
+            values = {name: np.concatenate(of) for name, of in drawn.items()}
+            share = f", one in {every:,} drawn" if every > 1 else ""
+            means = {name: float(flights.summary[name]["mean"]) for name in METRICS}
+            yield Sample(f"{word}, {count:,} flights{share}", values, reported.means, means)

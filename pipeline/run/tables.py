@@ -218,6 +218,22 @@ class Columns(Mapping[str, NDArray[Any]]):
         """Return the number of columns."""
         return len(self._names)
 
+    @property
+    def num_rows(self) -> int:
+        """The number of rows, which no column is read for."""
+        with self._opened() as file:
+            return int(file.metadata.num_rows)
+
+    def at(self, name: str, rows: Sequence[int]) -> list[Any]:
+        """Read a column in some rows."""
+        self._require(name)
+        with self._opened() as file:
+            sizes = [file.metadata.row_group(group).num_rows for group in range(file.num_row_groups)]
+            firsts = np.cumsum([0, *sizes])
+            groups = np.searchsorted(firsts, rows, "right") - 1
+            blocks = {group: _Block(self, file, int(group))[name] for group in set(groups.tolist())}
+        return [blocks[group][row - firsts[group]].item() for row, group in zip(rows, groups, strict=True)]
+
     def blocks(self) -> Iterator[Mapping[str, NDArray[Any]]]:
         """Yield the rows in blocks, as they were written, of columns that are read on request."""
         with self._opened() as file:

@@ -3,7 +3,7 @@
 import shutil
 import sys
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from contextlib import AbstractContextManager
 from dataclasses import asdict, replace
 from functools import partial
@@ -19,8 +19,9 @@ from pipeline.evaluation.assurance.rare import RARE, OutsideLimits
 from pipeline.evaluation.beside_optimum import beside_optimum, summarise_times, times_in_words
 from pipeline.evaluation.comparison import by_rules, spread
 from pipeline.evaluation.monte_carlo import SUCCESS, fly_cases, summarise_blocks
+from pipeline.evaluation.ranks import sensitivity
 from pipeline.evaluation.splitting import POPULATIONS, RareShare, rare_share
-from pipeline.evaluation.statistics import Column, sensitivity
+from pipeline.evaluation.statistics import Column
 from pipeline.flight.control.controller import Controller
 from pipeline.optimum.solved import IncomparableError, solved_for
 from pipeline.run import artifacts, engine, tables, typed, writing
@@ -43,7 +44,7 @@ def run(experiment: Experiment, folder: Path) -> None:
     started = time.perf_counter()
     with _open_pool(experiment, folder) as pool:
         episodes = _flown(experiment, controller, folder, pool)
-        seconds, num_cases = time.perf_counter() - started, len(episodes["case"])
+        seconds, num_cases = time.perf_counter() - started, blocks.number_of(episodes)
         nominal = _nominal(experiment, controller, num_cases, folder, pool)
         rare = _rare(experiment, controller, pool)
     summary = {
@@ -89,12 +90,12 @@ def _subject(experiment: Experiment, controller: Controller, num_cases: int) -> 
 
 def _results(experiment: Experiment, episodes: Mapping[str, Column]) -> dict[str, Any]:
     """Return the statistics of flights, whose intervals hold however their number came about."""
-    confidence, whole = experiment.monte_carlo.confidence_percent, partial(parts_of, episodes)
+    confidence, whole = experiment.monte_carlo.confidence_percent, partial(blocks.blocks_of, episodes)
     summary = summarise_blocks(whole(), confidence)
     if experiment.monte_carlo.stop_width is None:
         return {**summary, "percentiles": blocks.percentiles(whole, confidence)}
     return {
-        **sequential.for_any_number(summary, len(episodes["case"]), confidence),
+        **sequential.for_any_number(summary, blocks.number_of(episodes), confidence),
         "percentiles": blocks.percentiles(whole, confidence, sequential.order_ranks),
     }
 
@@ -110,11 +111,6 @@ def _stopped_in_words(summary: Mapping[str, Any]) -> str:
         f"  {how}: the interval of {stop['quantity']} is {width:.3g} wide, and {stop['width']:g} was asked; "
         "all intervals hold for any number of flights\n"
     )
-
-
-def parts_of(episodes: Mapping[str, Column]) -> Iterable[Mapping[str, Column]]:
-    """Return flights in blocks, of a table or in memory."""
-    return episodes.blocks() if isinstance(episodes, tables.Columns) else blocks.cut(episodes)
 
 
 def _done_in_words(summary: Mapping[str, Any]) -> str:
@@ -229,10 +225,10 @@ def _dispersed(
     """Return the sensitivity to each dispersion, and the results without any."""
     confidence = experiment.monte_carlo.confidence_percent
     keys = [distribution.key for distribution in distributions(experiment.mission.dispersions)]
-    ranked = sensitivity(episodes, keys, confidence)
-    results = summarise_blocks(parts_of(nominal), confidence)
+    ranked = sensitivity(partial(blocks.blocks_of, episodes), keys, confidence)
+    results = summarise_blocks(blocks.blocks_of(nominal), confidence)
     if experiment.monte_carlo.stop_width is not None:
-        number = len(episodes["case"])
+        number = blocks.number_of(episodes)
         ranked = [sequential.correlations_for_any_number(entry, number, confidence) for entry in ranked]
         results = sequential.for_any_number(results, number, confidence)
     return {"sensitivity": ranked, "nominal": results}

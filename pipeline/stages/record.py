@@ -5,13 +5,12 @@ import re
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from pipeline.controllers.source import controller_of_run
-from pipeline.evaluation.monte_carlo import rank
-from pipeline.evaluation.statistics import Columns
+from pipeline.evaluation.ranks import from_worst_to_best
 from pipeline.flight.goals.flights import achieved, fly_logged
 from pipeline.flight.state.log import FlightLog, Scenario
 from pipeline.flight.world.limits import metres_beyond
@@ -20,6 +19,9 @@ from pipeline.recording.recorder import FlightRecorder
 from pipeline.run import artifacts, configuration, typed
 from pipeline.scenarios import evaluation_scenarios, start_shown, training_scenarios
 from pipeline.settings.experiment import Experiment, Mission
+
+if TYPE_CHECKING:
+    from pipeline.run.tables import Columns
 
 #: only the first of many random training scenarios are recorded
 MOST_TRAINING_FLIGHTS: Final = 8
@@ -83,7 +85,7 @@ def flights_of(experiment: Experiment, folder: Path) -> list[FlightToRecord]:
     return flights
 
 
-def _columns(folder: Path, name: str) -> Columns:
+def _columns(folder: Path, name: str) -> "Columns":
     # a flight from a given start needs no tables
     from pipeline.run import tables  # noqa: PLC0415
 
@@ -96,14 +98,12 @@ def _last_round(folder: Path) -> int:
     return int(_columns(folder, artifacts.HISTORY)["round"][-1]) if is_there else 0
 
 
-def _ranked_flights(experiment: Experiment, episodes: Columns) -> list[FlightToRecord]:
+def _ranked_flights(experiment: Experiment, episodes: "Columns") -> list[FlightToRecord]:
     """Return the worst, the median and the best flight of an evaluation."""
-    order = rank(episodes)
-    rows = [int(row) for row in (order[0], order[len(order) // 2], order[-1])]
-    cases = episodes["case"][rows].tolist()
-    expected = zip(
-        episodes["inspected_count"][rows].tolist(), episodes["delta_v_m_s"][rows].tolist(), strict=True
-    )
+    number = episodes.num_rows
+    rows = from_worst_to_best(episodes.blocks, (0, number // 2, number - 1))
+    cases, counts, spent = (episodes.at(name, rows) for name in ("case", "inspected_count", "delta_v_m_s"))
+    expected = zip(counts, spent, strict=True)
     ranked = zip(
         ("worst", "median", "best"), cases, evaluation_scenarios(experiment, cases), expected, strict=True
     )

@@ -1,7 +1,7 @@
 """A flight over time, how the outcomes of many flights spread, and the tube of a proof over flights."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -94,11 +94,15 @@ METRICS = {
 
 @dataclass(frozen=True)
 class Sample:
-    """Values of flights of one kind: ``values`` maps the name of a metric to an array of shape (n,)."""
+    """Values of flights of one kind: ``values`` maps the name of a metric to an array of shape (n,).
+
+    If they are some of the flights, ``means`` are those of all.
+    """
 
     label: str
     values: Mapping[str, Floats]
     paper_means: Mapping[str, float]
+    means: Mapping[str, float] = field(default_factory=dict)
 
 
 def distributions(samples: Sequence[Sample], num_points: int) -> Figure:
@@ -127,7 +131,9 @@ def distributions(samples: Sequence[Sample], num_points: int) -> Figure:
                 _draw_values(ax, values)
             else:
                 _draw_histogram(ax, values, edges)
-            _mark_means(ax, float(values.mean()), sample.paper_means.get(metric), edges)
+            _mark_means(
+                ax, sample.means.get(metric, float(values.mean())), sample.paper_means.get(metric), edges
+            )
         rows[-1, column].set_xlabel(label)
     for sample, ax in zip(samples, rows[:, 0], strict=True):
         ax.set_title(sample.label, pad=18)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from pipeline.evaluation import statistics
+from pipeline.evaluation import ranks, statistics
 
 
 @pytest.mark.parametrize("confidence_percent", [90.0, 95.0, 99.0])
@@ -75,7 +75,9 @@ def test_rank_correlation_is_scipys() -> None:
     generator = np.random.default_rng(5)
     first = generator.normal(size=300)
     second = np.round(np.exp(0.7 * first + generator.normal(size=300)), 1)
-    correlation = statistics.rank_correlation(first, second, 95.0)
+    columns = {"first": first, "second": second, "ones": np.ones(300)}
+    pairs = [("first", "second"), ("first", "ones")]
+    correlation, of_constant = ranks.rank_correlations(lambda: [columns], pairs, 95.0)
     assert correlation.value == pytest.approx(stats.spearmanr(first, second).statistic, rel=1e-12)
     bootstrap = stats.bootstrap(
         (first, second), lambda x, y: stats.spearmanr(x, y).statistic, paired=True, vectorized=False,
@@ -83,4 +85,4 @@ def test_rank_correlation_is_scipys() -> None:
     )  # fmt: skip
     assert correlation.low == pytest.approx(bootstrap.confidence_interval.low, abs=0.03)
     assert correlation.high == pytest.approx(bootstrap.confidence_interval.high, abs=0.03)
-    assert statistics.rank_correlation(first, np.ones(300), 95.0).value == 0.0
+    assert of_constant.value == 0.0

@@ -9,7 +9,7 @@ from mcap.reader import make_reader
 
 import telemetry
 from pipeline.command_line.config import Job, compose_experiment
-from pipeline.evaluation.monte_carlo import rank
+from pipeline.evaluation.ranks import from_worst_to_best
 from pipeline.flight.cases.dispersions import mission_of_case
 from pipeline.recording.reflight import fly_again
 from pipeline.run import artifacts, tables, writing
@@ -47,13 +47,17 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+def ranked(columns: dict[str, np.ndarray]) -> list[int]:
+    return from_worst_to_best(lambda: [columns], range(len(columns["delta_v_m_s"])))
+
+
 def test_rank_by_violation_then_points_then_delta_v():
     rows = [(False, 97, 1.0), (True, 99, 0.1), (False, 97, 2.0), (False, 60, 0.2), (True, 20, 5.0)]
-    assert rank(table(rows)).tolist() == [4, 1, 3, 2, 0]
-    assert rank(table([(False, 97, 1.0)] * 3)).tolist() == [0, 1, 2]
+    assert ranked(table(rows)) == [4, 1, 3, 2, 0]
+    assert ranked(table([(False, 97, 1.0)] * 3)) == [0, 1, 2]
     # 92 of 94 points that are ever lit are more than 94 of 99
     lit = {"inspectable_rate_percent": np.array([9200 / 94, 9400 / 99])}
-    assert rank(table([(False, 92, 1.0), (False, 94, 1.0)]) | lit).tolist() == [1, 0]
+    assert ranked(table([(False, 92, 1.0), (False, 94, 1.0)]) | lit) == [1, 0]
 
 
 def test_worst_median_and_best_of_a_table(tmp_path, finished):
