@@ -82,8 +82,8 @@ def sensitivity(blocks: Blocks, keys: Sequence[str], confidence_percent: float) 
         ``key``, and by `RANKED` the rank correlation with its interval; the strongest first.
     """
     pairs = [(key, name) for key in keys for name in RANKED]
-    found = dict(zip(pairs, rank_correlations(blocks, pairs, confidence_percent), strict=True))
-    entries = [{"key": key} | {name: asdict(found[key, name]) for name in RANKED} for key in keys]
+    correlations = dict(zip(pairs, rank_correlations(blocks, pairs, confidence_percent), strict=True))
+    entries = [{"key": key} | {name: asdict(correlations[key, name]) for name in RANKED} for key in keys]
     return sorted(entries, key=lambda entry: -max(abs(entry[name]["value"]) for name in RANKED))
 
 

@@ -308,7 +308,7 @@ def _domain(evidence: Mapping[str, Any]) -> Iterator[Block]:
 def _case_facts(cases: Mapping[str, Any], unit: str) -> list[list[str]]:
     """Return the rows on a requirement's random flights: failures, shares and margins."""
     allowed, needed, margin = cases["num_allowed"], cases["needed_without_failure"], cases["margin"]
-    known = cases["num_known"]
+    known, anytime = cases["num_known"], cases.get("is_sequential", False)
     few = "too few cases" if needed else "all cases must meet it: only a proof shows it"
     bounds = f"{_percent(cases['low'])} to {_percent(cases['high'])}"
     occurred = [[f"with {text}", f"{count:,}"] for text, count in cases["premises"].items()]
@@ -325,7 +325,7 @@ def _case_facts(cases: Mapping[str, Any], unit: str) -> list[list[str]]:
         ["failed", f"{cases['num_failed']:,}"],
         ["failures that the claim allows", f"at most {allowed:,}" if allowed >= 0 else few],
         ["cases needed without a failure", f"{needed:,}" if needed else "no number is enough"],
-        ["share that meets it, one-sided bounds", bounds],
+        ["share that meets it, " + ("for any number of flights" if anytime else "one-sided bounds"), bounds],
         *margins,
     ]
 

@@ -257,6 +257,8 @@ class Assurance(Settings, group="assurance", only=Only("stages=assure", is_told=
     """Those that ship, by name, or the path of a file."""
     num_cases: types.Count = 10000
     """Flights on which claims are judged."""
+    stop_width: types.Positive | None = None
+    """Width of the intervals of the shares that meet claims at which flights end; null: all are flown."""
     searches: types.Count = 24
     """Searches for the worst case of each requirement."""
     search_starts: types.Count = 32
@@ -439,8 +441,8 @@ class Experiment(Settings, group=""):
                 f"once in the order {', '.join(STAGES)}{anywhere}"
             )
         for name in self.extensions:
-            if name not in (own := plugged.names(plugged.STAGES)):
-                known = choices_of(name, own, "stages of your own") if own else "; none is installed"
+            if name not in (offered := plugged.names(plugged.STAGES)):
+                known = choices_of(name, offered, "stages of your own") if offered else "; none is installed"
                 raise SettingError(f"extensions.{name} is of no stage of your own{known}")
         flown = {"scenario", "evaluate", "record", "report"}
         if self.mission.flight == "reference" and not flown.issuperset(shipped):

@@ -15,8 +15,10 @@ from fis_tools.file_access import read_bytes
 from fis_tools.formats.serialize import fingerprint
 from fis_tools.plain_text import parse_json
 from pipeline.controllers.source import controller_of_run, sha256_of
+from pipeline.evaluation import sequential
 from pipeline.evaluation.assurance import evidence, repeats
 from pipeline.evaluation.assurance.campaign import (
+    MET,
     Campaign,
     FormulaResult,
     WorstCaseSearch,
@@ -63,7 +65,7 @@ from pipeline.run import artifacts, configuration, maker, tables, writing
 from pipeline.run.engine import TaskPool, open_pool
 from pipeline.run.progress import Progress
 from pipeline.scenarios import evaluation_scenarios
-from pipeline.settings.experiment import Experiment
+from pipeline.settings.experiment import Assurance, Experiment
 from telemetry.file import reader
 from telemetry.file.topics import DEPUTY_CONTROL, DEPUTY_STATE, MISSION
 
@@ -96,7 +98,7 @@ def run(experiment: Experiment, folder: Path) -> str:
     """
     text = requirements_text(experiment.assurance.requirements, experiment.mission)
     requirements = parse_requirements(text, experiment.assurance.requirements)
-    _print_needs(requirements.requirements, experiment.assurance.num_cases)
+    _print_needs(requirements.requirements, experiment.assurance)
     repeats.seed_ledger(folder)
     for path in (folder / artifacts.WORST_FLIGHTS).glob("*.mcap"):
         path.unlink()
@@ -122,16 +124,19 @@ def run(experiment: Experiment, folder: Path) -> str:
     return f"no proof was found, though one was asked for, of {', '.join(unproved)}" if unproved else ""
 
 
-def _print_needs(requirements: Sequence[Requirement], num_cases: int) -> None:
+def _print_needs(requirements: Sequence[Requirement], settings: Assurance) -> None:
     """Print before anything flies how many cases the claims need."""
+    num_cases, is_sequential = settings.num_cases, settings.stop_width is not None
+    needs = sequential.cases_needed if is_sequential else cases_needed
+    allows = sequential.failures_allowed if is_sequential else failures_allowed
     for requirement in requirements:
         if CASES in requirement.verified_by and requirement.probability == 1.0:
             sys.stderr.write(f"  {requirement.id}: all cases must meet it, which only a proof shows\n")
         elif CASES in requirement.verified_by:
-            needed = [
-                cases_needed(requirement.probability, requirement.confidence, failed) for failed in (0, 1, 2)
-            ]
-            allowed = failures_allowed(num_cases, requirement.probability, requirement.confidence)
+            # flights that end by themselves leave half of the risk to other tries
+            sure = 0.5 + 0.5 * requirement.confidence if is_sequential else requirement.confidence
+            needed = [needs(requirement.probability, sure, failed) for failed in (0, 1, 2)]
+            allowed = allows(num_cases, requirement.probability, sure)
             claim = f"{percent(requirement.probability)} with {percent(requirement.confidence)} confidence"
             counts = ", ".join(f"{count:,}" for count in needed)
             room = f"{num_cases:,} allow {allowed:,}" if allowed >= 0 else f"{num_cases:,} are too few"
@@ -151,24 +156,33 @@ def _gather(
     campaign = Campaign(mission, controller, pool.threads(settings.workers))
     campaign.tracks(scenarios[:1])  # compiles if necessary
     started = time.perf_counter()
-    outcomes = campaign.judge(scenarios, requirements.requirements, pool, experiment.engine.part_cases)
-    sys.stderr.write(
-        f"  {len(scenarios):,} cases flown and judged in {time.perf_counter() - started:.1f} s\n"
-    )
+    # the question of a try is known before its flights are
+    tries = repeats.earlier_tries(folder, _subject(experiment, folder, controller))
+    is_sequential = settings.stop_width is not None
+    flights = repeats.flights_of(experiment.seed, settings.num_cases, is_sequential=is_sequential)
+    stops = _stops(settings, requirements.requirements, flights, tries)
+    part_cases = experiment.engine.part_cases
+    outcomes = campaign.judge(scenarios, requirements.requirements, pool, part_cases, stops)
+    num_flown = min((len(outcome.is_met) for outcome in outcomes.values()), default=len(scenarios))
+    experiment = replace(experiment, assurance=replace(settings, num_cases=num_flown))
+    scenarios = scenarios[:num_flown]
+    sys.stderr.write(f"  {num_flown:,} cases flown and judged in {time.perf_counter() - started:.1f} s\n")
+    if is_sequential:
+        how = "stopped" if num_flown < settings.num_cases else "not stopped: an interval is wider"
+        sys.stderr.write(f"  {how}; assurance.stop_width is {settings.stop_width:g}\n")
     _write(folder, artifacts.ASSURED_CASES, evidence.case_columns(mission, scenarios, outcomes))
     domain = _domain(experiment, controller, folder)
     proof = safety_proof(mission, scenarios, start_bounds(experiment.monte_carlo))
     recorder = FlightRecorder(experiment, controller, configuration.read(folder))
-    subject = _subject(experiment, folder, controller)
-    tries, flights = repeats.earlier_tries(folder, subject), (experiment.seed, settings.num_cases)
     entries, all_evidence = [], []
     for requirement in requirements.requirements:
         outcome = outcomes.get(requirement.id)
         judgement = None
         if outcome is not None and CASES in requirement.verified_by:
             claim = requirement.probability, requirement.confidence
-            before = repeats.tried(requirement, flights, tries)
-            judgement = judge(outcome.margins, outcome.is_met, *claim, outcome.num_occurred, before)
+            before = repeats.tried(requirement, flights, tries, num_flown)
+            flown_cases = outcome.margins, outcome.is_met
+            judgement = judge(*flown_cases, *claim, outcome.num_occurred, before, is_sequential=is_sequential)
         searches = _searches(experiment, campaign, requirement, outcome, pool)
         risk = repeats.splitting_risk(requirement, flights, tries)
         bounds = certificates(requirement, controller) if BOUNDS in requirement.verified_by else ()
@@ -201,6 +215,22 @@ def _gather(
         "requirements": entries,
         "joint": evidence.joint_claim(entries),
         "earlier": repeats.listed(tries, flights),
+    }
+
+
+def _stops(
+    settings: Assurance,
+    requirements: Sequence[Requirement],
+    flights: repeats.Flights,
+    tries: Sequence[repeats.Try],
+) -> dict[str, sequential.Stop]:
+    """Return where flights end by the interval of each claim that they judge; nothing if all are flown."""
+    if settings.stop_width is None:
+        return {}
+    judged = [each for each in requirements if CASES in each.verified_by and each.formula is not None]
+    risks = {each.id: repeats.tried(each, flights, tries).risk for each in judged}
+    return {
+        name: sequential.Stop(MET, settings.stop_width, 100.0 * (1.0 - risk)) for name, risk in risks.items()
     }
 
 

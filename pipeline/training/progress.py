@@ -68,14 +68,14 @@ def logged(experiment: Experiment, folder: Path) -> Iterator[Log]:
         return
     if not logger.is_own:
         require_package("tensorboardX", f"logger={logger.kind}")
-    board = _Own(experiment, folder) if logger.is_own else _Board(folder / artifacts.TENSORBOARD)
+    board = _OfferedLogger(experiment, folder) if logger.is_own else _Board(folder / artifacts.TENSORBOARD)
     try:
         yield board.log
     finally:
         board.close()
 
 
-class _Own:
+class _OfferedLogger:
     """A logger that an installed package offers; once it fails, the training goes on without it."""
 
     def __init__(self, experiment: Experiment, folder: Path) -> None:

@@ -7,6 +7,7 @@ worst of them. Every flight counts.
 """
 
 from collections.abc import Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass, fields
 from types import MappingProxyType
 from typing import NamedTuple
@@ -21,6 +22,7 @@ from pipeline.evaluation.assurance.quantities import UNITS, TrackFacts, of_track
 from pipeline.evaluation.assurance.requirements import Requirement, RequirementError, check_formulas
 from pipeline.evaluation.assurance.robustness import Samples, deciding_units, holds, premises, robustness
 from pipeline.evaluation.monte_carlo import fly_tracked
+from pipeline.evaluation.sequential import Stop
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.pack import inspection_points
@@ -32,6 +34,8 @@ from pipeline.training.evolution.rounds import evolve_rounds
 
 #: flights whose tracks are in memory at once, 22 kB per hour of flight
 PART = 1000
+#: the column of which cases meet a requirement, for a `Stop`
+MET = "met"
 #: flights too few to be worth sharing out
 FEW = 64
 
@@ -62,6 +66,13 @@ class FormulaResult(NamedTuple):
         case = int(np.argmin(self.margins))
         return float(self.margins[case]), str(self.units[case]) if len(self.units) else ""
 
+    def first(self, number: int) -> "FormulaResult":
+        """Return the result in the first cases."""
+        occurred = {text: occurs[:number] for text, occurs in self.premises.items()}
+        return FormulaResult(
+            self.margins[:number], self.is_met[:number], self.units[:number], MappingProxyType(occurred)
+        )
+
     @property
     def num_occurred(self) -> dict[str, int]:
         """Number of cases in which each premise occurs."""
@@ -89,6 +100,7 @@ class Campaign:
         requirements: Sequence[Requirement],
         pool: TaskPool = HERE,
         part_cases: int = PART,
+        stops: Mapping[str, Stop] = MappingProxyType({}),
     ) -> dict[str, FormulaResult]:
         """Fly scenarios; return the result of each requirement that has a formula, by its id.
 
@@ -100,6 +112,9 @@ class Campaign:
             Where parts of the flights are flown.
         part_cases : int
             Flights of a part; at most `PART` are.
+        stops : mapping of str to Stop
+            By the ids of requirements, of whose share that meets them the interval is watched: flights end
+            once all are narrow enough.
 
         Raises
         ------
@@ -115,8 +130,19 @@ class Campaign:
         size = min(PART, part_cases)
         starts = range(0, len(scenarios), size)
         tasks = [(self, list(scenarios[first : first + size]), formulas) for first in starts]
-        parts = pool.map(judge_part, tasks)
-        return {name: concatenate([part[name] for part in parts]) for name in formulas}
+        parts, ends = dict[int, dict[str, FormulaResult]](), dict[str, int]()
+        with closing(pool.run(judge_part, tasks)) as results:
+            for index, part in results:
+                parts[starts[index]] = part
+                for name in stops.keys() - ends.keys():
+                    if end := stops[name].take(starts[index], {MET: part[name].is_met}):
+                        ends[name] = end
+                if stops and len(ends) == len(stops):
+                    break
+        # parts may have come in any order, and after the last that counts
+        past = max(ends.values()) if stops and len(ends) == len(stops) else len(scenarios)
+        flown = [parts[first] for first in starts if first < past]
+        return {name: concatenate([part[name] for part in flown]).first(past) for name in formulas}
 
     @property
     def control_period_s(self) -> float:

@@ -31,6 +31,7 @@ def conditions_of(experiment: Experiment, config: Mapping[str, Any]) -> dict[str
     near, far, speed = start_bounds(cases)
     return {
         "num_cases": experiment.assurance.num_cases,
+        **({} if (width := experiment.assurance.stop_width) is None else {"stop_width": width}),
         "seed": experiment.seed,
         "starts": starts_in_words(cases),
         "start_distance_m": [near, far],

@@ -134,8 +134,8 @@ def requirement_entry(
         "unproved": list(verdicts.unproved(evidence)),
     }
     if evidence.judgement is not None:
-        share, confidence = requirement.probability, evidence.judgement.confidence
-        needed = None if share == 1.0 else verdicts.cases_needed(share, confidence)
+        share = requirement.probability
+        needed = None if share == 1.0 else verdicts.needed_by(evidence.judgement, share)
         entry["cases"] = {**asdict(evidence.judgement), "needed_without_failure": needed}
         if random is not None:
             entry["cases"]["histograms"] = histograms(random, requirement.unit)

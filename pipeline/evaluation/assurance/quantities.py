@@ -211,8 +211,8 @@ UNITS: Mapping[str, str] = _Units()
 
 def units_for(text: str) -> dict[str, str]:
     """Return the units of the quantities that ship, and of those of one's own that a formula names."""
-    own = set(re.findall(r"\w+", text)).intersection(plugged.names(plugged.QUANTITIES))
-    return {name: UNITS[name] for name in (*SHIPPED, *sorted(own.difference(SHIPPED)))}
+    offered = set(re.findall(r"\w+", text)).intersection(plugged.names(plugged.QUANTITIES))
+    return {name: UNITS[name] for name in (*SHIPPED, *sorted(offered.difference(SHIPPED)))}
 
 
 def of_tracks(tracks: NDArray[Any], facts: TrackFacts, names: Iterable[str]) -> dict[str, Floats]:

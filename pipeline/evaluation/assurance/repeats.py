@@ -3,8 +3,9 @@
 A claim that flights show has a risk, one minus its confidence. All tries of it share this risk, so that
 trying until it is shown does not help: each try's number of cases is fixed beforehand, it is judged by cases
 alone that no earlier try flew, and spends what a test of so many cases risks; what follows may spend half of
-what is left. By Bonferroni's inequality the sum holds for any number of tries (Lan and DeMets, "Discrete
-sequential boundaries for clinical trials", Biometrika 70, 1983).
+what is left. Flights that end by themselves spend half, and more flights of their seed are the same try. By
+Bonferroni's inequality the sum holds for any number of tries (Lan and DeMets, "Discrete sequential boundaries
+for clinical trials", Biometrika 70, 1983).
 """
 
 import json
@@ -30,7 +31,7 @@ MOST_BYTES: Final = 64 * 1024**2
 #: the folder that runs stand in, unless the user says otherwise
 OUTPUTS: Final = "outputs"
 #: conditions that tell repeated flights from the first ones
-DRAWN: Final = ("seed", "num_cases")
+DRAWN: Final = ("seed", "num_cases", "stop_width")
 
 
 @dataclass(frozen=True)
@@ -46,6 +47,8 @@ class Try:
         By the ids of requirements.
     by_cases, by_splitting : mapping of str to str
         By formula: the verdict of the flights alone, and that of splitting.
+    is_sequential : bool
+        Whether the flights themselves decided when they end.
     """
 
     folder: str
@@ -54,11 +57,21 @@ class Try:
     verdicts: Mapping[str, str]
     by_cases: Mapping[str, str]
     by_splitting: Mapping[str, str] = field(default_factory=dict)
+    is_sequential: bool = False
 
     @property
-    def flights(self) -> tuple[int, int]:
+    def flights(self) -> "Flights":
         """What tells its flights from those of other tries."""
-        return self.seed, self.num_cases
+        return flights_of(self.seed, self.num_cases, is_sequential=self.is_sequential)
+
+
+#: a seed and a number of cases; 0 for flights that end by themselves: more of them are the same try
+Flights = tuple[int, int]
+
+
+def flights_of(seed: int, num_cases: int, *, is_sequential: bool) -> Flights:
+    """Return what tells the flights of a try from those of others."""
+    return seed, 0 if is_sequential else num_cases
 
 
 def searched_folder(folder: Path) -> Path:
@@ -187,11 +200,15 @@ def _try_of(entry: Mapping[str, Any], folder: str) -> Try:
         int(entry["conditions"]["seed"]),
         int(entry["conditions"]["num_cases"]),
         {str(claim["id"]): str(claim["verdict"]) for claim in claims},
-        *(
-            {_formula(claim["formula"]): str(claim[by]) for claim in claims if claim.get(by)}
-            for by in ("by_cases", "by_splitting")
-        ),
+        _verdicts(claims, "by_cases"),
+        _verdicts(claims, "by_splitting"),
+        "stop_width" in entry["conditions"],
     )
+
+
+def _verdicts(claims: Sequence[Mapping[str, Any]], by: str) -> dict[str, str]:
+    """Return the verdicts of claims by a method, by formula."""
+    return {_formula(claim["formula"]): str(claim[by]) for claim in claims if claim.get(by)}
 
 
 def _formula(text: str | None) -> str:
@@ -206,15 +223,19 @@ def _question(evidence: Mapping[str, Any]) -> tuple[Any, ...]:
     return controller["sha256"] or controller["name"], json.dumps(conditions, sort_keys=True)
 
 
-def tried(requirement: Requirement, flights: tuple[int, int], tries: Sequence[Try]) -> Tried:
+def tried(
+    requirement: Requirement, flights: Flights, tries: Sequence[Try], num_flown: int | None = None
+) -> Tried:
     """Return what earlier tries leave of a claim.
 
     Parameters
     ----------
     requirement : Requirement
     flights : (int, int)
-        Seed and number of cases of the present try.
+        Of the present try, see `flights_of`.
     tries : sequence of Try
+    num_flown : int, optional
+        Cases of flights that ended by themselves.
     """
     formula = _formula(requirement.formula_text)
     same = [entry for entry in tries if formula in entry.by_cases]
@@ -222,20 +243,29 @@ def tried(requirement: Requirement, flights: tuple[int, int], tries: Sequence[Tr
     # the same flights again are judged as they were the first time
     first = next((index for index, entry in enumerate(same) if entry.flights == flights), len(same))
     left = risk = 1.0 - requirement.confidence
-    known: dict[int, int] = {}
-    for seed, num_cases in dict.fromkeys(entry.flights for entry in same[:first]):
-        num_new = max(num_cases - known.get(seed, 0), 0)
-        left -= _risk_of(num_new, requirement.probability, left if left == risk else left / 2)
-        known[seed] = max(num_cases, known.get(seed, 0))
+    known, counted = dict[int, int](), set[Flights]()
+    for entry in same[:first]:
+        num_before = known.get(entry.seed, 0)
+        known[entry.seed] = max(entry.num_cases, num_before)
+        if entry.flights not in counted:
+            num_new = known[entry.seed] - num_before
+            # an interval for any number of flights spends all that it is given
+            left -= (
+                left / 2
+                if entry.is_sequential
+                else _risk_of(num_new, requirement.probability, left if left == risk else left / 2)
+            )
+            counted.add(entry.flights)
+    is_sequential, num_cases = flights[1] == 0, num_flown if num_flown is not None else flights[1]
     return Tried(
         num_tries=len({entry.flights for entry in same[:first]}),
-        num_known=min(known.get(flights[0], 0), flights[1]),
-        risk=left if left == risk else left / 2,
+        num_known=min(known.get(flights[0], 0), num_cases),
+        risk=left if left == risk and not is_sequential else left / 2,
         refuted_by=f"{refuting[0].folder} ({_cases_in_words(refuting[0])})" if refuting else "",
     )
 
 
-def splitting_risk(requirement: Requirement, flights: tuple[int, int], tries: Sequence[Try]) -> float:
+def splitting_risk(requirement: Requirement, flights: Flights, tries: Sequence[Try]) -> float:
     """Return the risk that splitting may spend: half of what earlier tries of the claim left.
 
     Its interval spends all that it is given, so that even the first leaves half to others.
@@ -254,7 +284,7 @@ def _risk_of(num_cases: int, probability: float, risk: float) -> float:
     return float(bdtr(allowed, num_cases, 1.0 - probability)) if allowed >= 0 else 0.0
 
 
-def listed(tries: Sequence[Try], flights: tuple[int, int]) -> list[dict[str, Any]]:
+def listed(tries: Sequence[Try], flights: Flights) -> list[dict[str, Any]]:
     """Return the tries by other flights as plain data."""
     names = ("folder", "seed", "num_cases", "verdicts")
     return [{name: getattr(entry, name) for name in names} for entry in tries if entry.flights != flights]

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.array_types import Floats
+from pipeline.evaluation import sequential
 from pipeline.evaluation.assurance.campaign import WorstCaseSearch
 from pipeline.evaluation.assurance.proofs import Certificate, SafetyProof, TubeProof
 from pipeline.evaluation.assurance.requirements import (
@@ -80,6 +81,8 @@ class Judgement:
         Earlier tries; cases that these flew; and how many of them do not meet it.
     refuted_by : str
         Where another try refuted the claim.
+    is_sequential : bool
+        Whether the flights themselves decided when they end: bounds then hold for any number of flights.
     """
 
     verdict: Verdict
@@ -97,6 +100,7 @@ class Judgement:
     num_known: int = 0
     num_known_failed: int = 0
     refuted_by: str = ""
+    is_sequential: bool = False
 
     @property
     def idle_premises(self) -> list[str]:
@@ -148,6 +152,8 @@ def judge(
     confidence: float,
     premises: Mapping[str, int] | None = None,
     tried: Tried | None = None,
+    *,
+    is_sequential: bool = False,
 ) -> Judgement:
     """Judge a claim by n cases.
 
@@ -161,14 +167,21 @@ def judge(
         In how many cases the premise of each implication occurs; if one never does, the claim is not shown.
     tried : Tried, optional
         What earlier tries leave.
+    is_sequential : bool
+        Whether the flights themselves decided when they end, see `pipeline.evaluation.sequential`.
     """
     tried = Tried(0, 0, 1.0 - confidence) if tried is None else tried
-    if tried.num_tries:
+    if tried.num_tries or is_sequential:
         confidence = 1.0 - tried.risk
     is_new = is_met[tried.num_known :]
     num_cases, num_failed = len(is_new), int(np.count_nonzero(~is_new))
-    allowed = failures_allowed(num_cases, probability, confidence)
-    low, high = share_bounds(num_cases - num_failed, num_cases, confidence)
+    allow, bound = (
+        (sequential.failures_allowed, _sequential_bounds)
+        if is_sequential
+        else (failures_allowed, share_bounds)
+    )
+    allowed = allow(num_cases, probability, confidence)
+    low, high = bound(num_cases - num_failed, num_cases, confidence)
     ascending = np.sort(margins[tried.num_known :])
     verdict: Verdict = "shown" if num_failed <= allowed else "refuted" if high < probability else "not shown"
     occurred = dict(premises or {})
@@ -192,7 +205,19 @@ def judge(
         num_known=tried.num_known,
         num_known_failed=int(np.count_nonzero(~is_met[: tried.num_known])),
         refuted_by=tried.refuted_by,
+        is_sequential=is_sequential,
     )
+
+
+def _sequential_bounds(num_met: int, num_cases: int, confidence: float) -> tuple[float, float]:
+    """Return bounds of a share that hold for all numbers of cases at once; none of no case."""
+    return sequential.share_interval(num_met, num_cases, 100.0 * confidence) if num_cases else (0.0, 1.0)
+
+
+def needed_by(judgement: Judgement, probability: float) -> int:
+    """Return how many cases without a failure would show the claim of a judgement."""
+    needed = sequential.cases_needed if judgement.is_sequential else cases_needed
+    return needed(probability, judgement.confidence)
 
 
 def _shows(num_cases: int, num_failed: int, probability: float, confidence: float) -> bool:
@@ -340,7 +365,7 @@ def _of_cases(requirement: Requirement, judgement: Judgement) -> MethodResult:
     elif judgement.verdict == "refuted":
         why = f"{sure} at most {percent(judgement.high)} of such cases meet it"
     elif judgement.num_allowed < 0:
-        needed = cases_needed(requirement.probability, judgement.confidence)
+        needed = needed_by(judgement, requirement.probability)
         why = f"{claim} needs {needed:,} {noun} without a failure"
     else:
         why = f"at most {judgement.num_allowed:,} may fail, to show {claim}"
@@ -359,8 +384,8 @@ def _of_splitting(requirement: Requirement, rare: RareShare) -> MethodResult:
     word = f"{rare.share:.2g} fail"
     at_most, at_least = f"{sure} at most {rare.high:.3g} of such cases", f"{sure} at least {rare.low:.3g}"
     if rare.high <= allowed:
-        found = "provided that some population has found each way of failing"
-        return MethodResult("shown in part", word, f"{at_most} fail it, {found}, and {allowed:.3g} may")
+        proviso = "provided that some population has found each way of failing"
+        return MethodResult("shown in part", word, f"{at_most} fail it, {proviso}, and {allowed:.3g} may")
     if rare.low > allowed or requirement.probability == 1.0:
         return MethodResult("refuted", word, f"{at_least} of such cases fail it, and {allowed:.3g} may")
     return MethodResult("not shown", word, f"{at_most} fail it, {at_least}, and {allowed:.3g} may")

@@ -49,12 +49,12 @@ def test_rows_are_ranked_as_by_sorting(cut):
 def test_correlations_are_spearmans(cut):
     columns = whole_of(cut)
     pairs = [(key, name) for key in ("mass", "other", "case") for name in statistics.RANKED]
-    found = ranks.rank_correlations(cut, pairs, 95.0)
+    correlations = ranks.rank_correlations(cut, pairs, 95.0)
     # numbers between those of a sample count as equal; where there is one block, all are in it
     num_blocks = len(list(cut()))
     number = len(columns["case"])
     off = 1e-14 if num_blocks == 1 else 3.0 * num_blocks / number**1.5 + 20.0 * (num_blocks / number) ** 2
-    for (key, name), correlation in zip(pairs, found, strict=True):
+    for (key, name), correlation in zip(pairs, correlations, strict=True):
         expected = stats.spearmanr(columns[key], columns[name]).statistic
         assert correlation.value == pytest.approx(expected, rel=1e-12, abs=off)
         assert correlation.low < correlation.value < correlation.high
@@ -75,10 +75,10 @@ def test_numbers_between_those_of_a_sample_hardly_change_a_correlation(order, mo
         rows = np.argsort(columns["delta_v_m_s"])
         columns = {name: column[rows] for name, column in columns.items()}
     monkeypatch.setattr(blocks, "BLOCK_ROWS", 5000)  # a sample of 5,000 rows, in place of 65,536
-    (found,) = ranks.rank_correlations(partial(blocks.cut, columns), [("mass", "delta_v_m_s")], 95.0)
+    (correlation,) = ranks.rank_correlations(partial(blocks.cut, columns), [("mass", "delta_v_m_s")], 95.0)
     expected = stats.spearmanr(columns["mass"], columns["delta_v_m_s"]).statistic
-    assert abs(found.value - expected) < 1e-6
-    assert found.high - found.low > 1e-3
+    assert abs(correlation.value - expected) < 1e-6
+    assert correlation.high - correlation.low > 1e-3
 
 
 def test_a_table_is_read_in_some_rows(tmp_path, monkeypatch):

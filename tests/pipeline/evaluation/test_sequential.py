@@ -20,6 +20,20 @@ def test_the_interval_of_a_share_that_was_never_seen_has_a_closed_form(number, c
     assert (low, high) == (pytest.approx(1.0 - highest, rel=1e-9), 1.0)
 
 
+@pytest.mark.parametrize(("share", "confidence"), [(0.9, 0.95), (0.99, 0.9), (0.5, 0.99)])
+def test_the_failures_of_a_claim_are_those_whose_interval_lies_above_it(share, confidence):
+    for number in (1, 40, 500, 3000):
+        lows = [share_interval(number - failed, number, 100.0 * confidence)[0] for failed in range(number)]
+        most = sum(low >= share for low in lows) - 1
+        assert sequential.failures_allowed(number, share, confidence) == most
+    needed = [sequential.cases_needed(share, confidence, failed) for failed in (0, 1, 2)]
+    for failed, number in enumerate(needed):
+        ends = [share_interval(n - failed, n, 100.0 * confidence)[0] for n in (number - 1, number)]
+        assert ends[0] < share <= ends[1]
+    # closed form: (n + 1) p^n is the risk
+    assert (needed[0] + 1) * share ** needed[0] <= 1.0 - confidence < needed[0] * share ** (needed[0] - 1)
+
+
 @pytest.mark.parametrize(("count", "number"), [(1, 2), (3, 1000), (990, 1000), (500, 1000)])
 def test_the_ends_of_the_interval_of_a_share_are_where_its_likelihood_is_the_risk(count, number):
     for end in share_interval(count, number, 95.0):

@@ -292,3 +292,51 @@ def test_the_page_of_the_flagship_is_printed_on_two_sheets_with_all_its_rules(ev
 def test_axe_finds_nothing_serious_on_the_pages(assured, opened, axe, width, scheme, name):
     text = (assured / name).read_text(encoding="utf-8")
     assert serious_violations(opened(text, width=width, color_scheme=scheme), axe) == []
+
+
+WATCHED = """schema: requirements
+schema_version: 2
+name: watched
+requirements:
+  - id: W1
+    title: Stay near
+    text: The deputy stays within 90 m.
+    consequence: an example
+    severity: marginal
+    reason: About half of the coasting flights do.
+    source: an example
+    verified_by: [cases]
+    formula: always (distance <= 90 m)
+    probability: 0.2
+    confidence: 0.9
+"""
+
+
+def test_flights_end_at_a_width_whatever_the_parts(tmp_path, monkeypatch, ran):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "watched.yaml").write_text(WATCHED)
+    words = ["+experiment=assure", "controller=coast", "safety=none", "duration_s=300", "sun=random"]
+    words += ["assurance.requirements=watched.yaml", "assurance.num_cases=4000"]
+    shown = {}
+    for name, given in {"wide": (0.1,), "cut": (0.1, "engine.part_cases=300"), "narrow": (0.07,)}.items():
+        folder, width = tmp_path / name / "run", f"assurance.stop_width={given[0]}"
+        printed = ran(*words, width, *given[1:], f"hydra.run.dir={folder}").err
+        (entry,) = artifacts.read_json(folder, artifacts.EVIDENCE)["requirements"]
+        shown[name] = entry["cases"]
+        conditions = artifacts.read_json(folder, artifacts.EVIDENCE)["conditions"]
+        flown = pq.read_table(folder / artifacts.ASSURED_CASES).num_rows
+        assert conditions["num_cases"] == entry["cases"]["num_cases"] == flown
+        assert entry["cases"]["high"] - entry["cases"]["low"] <= given[0] == conditions["stop_width"]
+        assert f"{flown:,} cases flown and judged" in printed
+        assert "  stopped; assurance.stop_width is" in printed
+        assert entry["verdict"] == "shown"
+        assert "for any number of flights" in (folder / artifacts.EVIDENCE_PAGE).read_text(encoding="utf-8")
+    assert shown["wide"] == shown["cut"]
+    assert shown["narrow"]["num_cases"] > shown["wide"]["num_cases"]
+    # the same seed goes on: no other try
+    assert [each["num_tries"] for each in shown.values()] == [0, 0, 0]
+    other = tmp_path / "other"
+    ran(*words, "seed=9", "assurance.stop_width=0.1", f"hydra.run.dir={other}")
+    (entry,) = artifacts.read_json(other, artifacts.EVIDENCE)["requirements"]
+    assert (entry["cases"]["num_tries"], entry["cases"]["num_known"]) == (1, 0)
+    assert entry["cases"]["confidence"] == pytest.approx(0.975)

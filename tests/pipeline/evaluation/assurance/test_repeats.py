@@ -9,6 +9,7 @@ from pipeline.evaluation.assurance import repeats
 from pipeline.evaluation.assurance.repeats import Try, tried
 from pipeline.evaluation.assurance.requirements import Requirement
 from pipeline.evaluation.assurance.verdicts import judge
+from pipeline.evaluation.sequential import Stop, share_interval
 from pipeline.run import artifacts, sweep
 
 CLAIM = Requirement("R1", "", "", "", "", "", "", ("cases",), "x > 1", None, 0.95, 0.95)
@@ -45,6 +46,47 @@ def test_trying_until_it_is_shown_keeps_the_confidence(plan):
     alone = [any(judge(met - 0.5, met, SHARE, CONFIDENCE).verdict == "shown" for met in
                  rng.random((10, 93)) < SHARE) for _ in range(1000)]  # fmt: skip
     assert np.mean(alone) > 0.2
+
+
+def watched(entry_of_seed, width, seed, tries):
+    """Judge the cases of a seed until the interval is narrow, and enter the try."""
+    whole, flights = entry_of_seed[seed], repeats.flights_of(seed, 0, is_sequential=True)
+    stop = Stop("met", width, 100.0 * (1.0 - tried(CLAIM, flights, tries).risk))
+    is_met = whole[: stop.take(0, {"met": whole})]
+    before = tried(CLAIM, flights, tries, len(is_met))
+    judged = judge(is_met - 0.5, is_met, SHARE, CONFIDENCE, tried=before, is_sequential=True)
+    tries.append(Try("x", seed, len(is_met), {}, {"x>1": judged.verdict}, is_sequential=True))
+    return judged
+
+
+def test_stopping_at_a_width_and_going_on_until_it_is_shown_keeps_the_confidence():
+    """At a share just below the claimed one: three widths of three seeds, and a fixed number after them."""
+    rng = np.random.default_rng(2)
+    num_shown = 0
+    for _ in range(400):
+        cases = {seed: rng.random(6000) < SHARE - 1e-9 for seed in range(3)}
+        tries = []
+        verdicts = [
+            watched(cases, width, seed, tries).verdict for seed in cases for width in (0.06, 0.04, 0.03)
+        ]
+        verdicts.append(attempt({3: rng.random(500) < SHARE - 1e-9}, 500, 3, tries).verdict)
+        num_shown += "shown" in verdicts
+    assert num_shown <= 400 * 0.05 + 4 * np.sqrt(400 * 0.05 * 0.95)
+
+
+def test_more_flights_of_a_seed_are_the_same_try_where_a_width_ends_them():
+    cases = {seed: np.random.default_rng(seed).random(9000) < 0.99 for seed in (1, 2)}
+    tries = []
+    first, second = (watched(cases, width, 1, tries) for width in (0.05, 0.02))
+    assert second.num_cases > first.num_cases
+    assert (second.num_tries, second.num_known, second.verdict) == (0, 0, "shown")
+    assert first.confidence == second.confidence == pytest.approx(0.975)
+    third = watched(cases, 0.05, 2, tries)
+    assert (third.num_tries, third.confidence) == (1, pytest.approx(1.0 - 0.0125))
+    # a fixed number of them counts those alone that were not flown
+    assert tried(CLAIM, (1, 9000), tries).num_known == second.num_cases
+    low, high = share_interval(second.num_cases - second.num_failed, second.num_cases, 97.5)
+    assert (second.low, second.high) == (low, high)
 
 
 def test_the_first_try_has_the_whole_risk_and_too_few_cases_spend_none():
