@@ -2,7 +2,7 @@
 
 import copy
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from functools import cache, partial
 from pathlib import Path
 from types import SimpleNamespace
@@ -38,9 +38,9 @@ def leaves(node: dict[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:
 
 
 def use_stages(
-    monkeypatch: pytest.MonkeyPatch, **stages: Callable[[Experiment, Path], None]
+    monkeypatch: pytest.MonkeyPatch, real: Collection[str] = (), **stages: Callable[[Experiment, Path], None]
 ) -> list[tuple[str, Experiment, Path]]:
-    """Put functions in the place of the stages; the list fills with what was called, in order."""
+    """Put functions in the place of stages, but for some; the list fills with what was called, in order."""
     called: list[tuple[str, Experiment, Path]] = []
 
     def run_stage(name: str, experiment: Experiment, folder: Path) -> None:
@@ -50,7 +50,9 @@ def use_stages(
         else:
             (folder / f"{name}.txt").write_text(name)
 
-    for name in STAGES:
+    for name in real:
+        monkeypatch.delitem(sys.modules, f"pipeline.stages.{name}", raising=False)
+    for name in set(STAGES).difference(real):
         stand_in = SimpleNamespace(run=partial(run_stage, name))
         monkeypatch.setitem(sys.modules, f"pipeline.stages.{name}", stand_in)
     return called
