@@ -46,11 +46,11 @@ def _listed_once(create: Callable[..., DefaultsList]) -> Callable[..., DefaultsL
                 (chosen if is_choice else keys).append(each)
         # a test may take a choice away
         is_there = [repo.config_exists(f"{each.key_or_group}/{each.value()}") for each in chosen]
-        asked = sources, *how.values(), *is_there, *(each.input_line for each in chosen)
-        if asked not in _lists:
-            _lists[asked] = create(repo, overrides_list=chosen, **how)
-            _configurations[id(_lists[asked].defaults)] = b""
-        return replace(_lists[asked], config_overrides=keys)
+        question = sources, *how.values(), *is_there, *(each.input_line for each in chosen)
+        if question not in _lists:
+            _lists[question] = create(repo, overrides_list=chosen, **how)
+            _configurations[id(_lists[question].defaults)] = b""
+        return replace(_lists[question], config_overrides=keys)
 
     return listed
 
