@@ -77,8 +77,10 @@ def expected_s(compiled: Any) -> float:
 def report_plain(compiled: Any) -> None:
     """Report once that a function runs in plain Python for now, if compiling it takes long."""
     if (seconds := expected_s(compiled)) >= LONG_S:
+        # else it would contradict the line that it is compiled once
+        others = " for arguments of other types than it is compiled for" if compiled.signatures else ""
         line = (
-            f"{_name(compiled)} runs as plain Python for now, as so few calls of it end sooner than "
+            f"{_name(compiled)} runs as plain Python for now{others}, as so few calls of it end sooner than "
             f"compiling, which takes about {seconds:.0f} s, once"
         )
         _write(line + _advice(compiled))

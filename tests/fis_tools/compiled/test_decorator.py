@@ -35,6 +35,9 @@ def test_what_is_wanted_once_is_not_compiled_until_that_would_have_taken_no_long
         "1 s, once, or beforehand by make warm"
     )
     assert notices == f"  kernels.caller.twice {words}\n"
+    others = f"from kernels.caller import twice\ntwice(5)\n{ask.format('notice.LONG_S = 0')}"
+    notices = package.run(others, COMPILE_AT_ONCE="0").stderr
+    assert "plain Python for now for arguments of other types than it is compiled for, as so few" in notices
     # what has run as plain Python before, in any process, has taken longer than a nanosecond
     assert package.run(quick, COMPILE_AT_ONCE="0").stdout.split() == ["7", "1", "8", "1", "2.5", "2"]
 
