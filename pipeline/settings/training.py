@@ -193,6 +193,29 @@ class Penalty(Settings, group="optimizer.penalty", only=TRAINS):
 
 #: individuals of which CMA-ES needs at least so many
 LEAST_OF_CMA_ES = 5
+#: keys of planes that are sought
+SEEKS_PLANES = Only("optimizer.planes.rounds>0")
+
+
+class PlanesSearch(Settings, group="optimizer.planes", only=TRAINS):
+    """First rounds, in which CMA-ES seeks rule tables that are planes; the next begins near the best."""
+
+    rounds: Annotated[types.Natural, Only("optimizer.rounds>1"), Only("optimizer.algorithm=genetic")] = 0
+    """Of the optimizer's rounds the first so many."""
+    population_size: Annotated[types.Whole, Field(ge=LEAST_OF_CMA_ES, le=MOST_INDIVIDUALS), SEEKS_PLANES] = 32
+    """Individuals in a generation."""
+    generations: Annotated[types.Count, SEEKS_PLANES] = 74
+    """Generations after the first, in each of these rounds."""
+    initial_step: Annotated[types.Number, Field(ge=1e-6, le=1), SEEKS_PLANES] = 0.3
+    """Standard deviation of the first sample, in genes: next to nothing is known of planes."""
+    short_point_m_s: Annotated[types.NotNegative, SEEKS_PLANES] = 1.0
+    """Price of each point short of a success, in the first round."""
+    missed_point_m_s: Annotated[types.NotNegative, SEEKS_PLANES] = 0.05
+    """Price of each point that is not inspected, in the first round."""
+    growth: Annotated[types.Number, Field(ge=1, le=10), SEEKS_PLANES] = 1.6
+    """Factor on these prices from one of these rounds to the next."""
+
+
 #: where local mutation takes steps
 LOCAL_STEPS = Only("optimizer.mutation=local", "optimizer.algorithm=nsga2")
 #: where there is a first step
@@ -200,6 +223,18 @@ FIRST_STEP = Only(
     *("optimizer.algorithm=cma_es", "optimizer.algorithm=nsga2"),
     *("optimizer.mutation=local", "optimizer.first_population=near"),
 )
+
+
+def _check_prices(group: str, first: "Penalty | PlanesSearch", rounds_key: str, rounds: int) -> None:
+    """Refuse prices of points that grow beyond what flights can be compared by."""
+    digits = (rounds - 1) * math.log10(first.growth) + math.log10(
+        max(first.short_point_m_s, first.missed_point_m_s, 1.0)
+    )
+    if digits > math.log10(MOST_PRICE):
+        raise SettingError(
+            f"{group}.growth is {first.growth:g} and {rounds_key} {rounds}, by which prices grow to "
+            f"1e{digits:.0f} m/s; they may grow to {MOST_PRICE:g}: lower one of them"
+        )
 
 
 class Optimizer(Settings, group="optimizer", only=TRAINS):
@@ -215,6 +250,7 @@ class Optimizer(Settings, group="optimizer", only=TRAINS):
     """Rounds of training, each from the last one's champion."""
     encoding: Encoding = field(default_factory=Encoding)
     penalty: Penalty = field(default_factory=Penalty)
+    planes: PlanesSearch = field(default_factory=PlanesSearch)
     workers: types.Workers = None
     """Threads that fly; null: one a processor."""
     algorithm: Literal["genetic", "cma_es", "nsga2"] = "genetic"
@@ -232,25 +268,20 @@ class Optimizer(Settings, group="optimizer", only=TRAINS):
         """Check that the population suits the algorithm, and that prices stay numbers."""
         least = {"cma_es": LEAST_OF_CMA_ES, "nsga2": 4}.get(self.algorithm, 2)
         checks.within("optimizer.population_size", self.population_size, least, math.inf)
-        prices = self.penalty.short_point_m_s, self.penalty.missed_point_m_s
-        digits = (self.rounds - 1) * math.log10(self.penalty.growth) + math.log10(max(*prices, 1.0))
-        if digits > math.log10(MOST_PRICE):
-            raise SettingError(
-                f"optimizer.penalty.growth is {self.penalty.growth:g} and optimizer.rounds {self.rounds}, by "
-                f"which prices grow to 1e{digits:.0f} m/s; they may grow to {MOST_PRICE:g}: lower one of them"
-            )
+        _check_prices("optimizer.penalty", self.penalty, "optimizer.rounds", self.rounds)
 
-    def lays_planes(self, round_index: int) -> bool:
-        """Return whether a round, counted from 0, seeks rule tables that are planes."""
-        return False
+    @property
+    def num_planes_rounds(self) -> int:
+        """How many of the first rounds seek rule tables that are planes."""
+        return 0
 
-    def changes_before(self, round_index: int) -> int:
-        """Return how often prices have grown and steps have shrunk when a round begins."""
-        return round_index
+    def of_round(self, round_index: int) -> "Optimizer":
+        """Return the settings of the search in a round, counted from 0."""
+        return self
 
     def penalty_of_round(self, round_index: int) -> Penalty:
         """Return the prices of a round, counted from 0."""
-        return self.penalty.of_round(self.changes_before(round_index))
+        return self.penalty.of_round(round_index)
 
     def step_of_round(self, round_index: int) -> float:
         """Return the step with which a round begins, counted from 0, in genes."""
@@ -274,21 +305,19 @@ class GeneticAlgorithm(Optimizer, algorithm="genetic"):
     """Besides the controller: drawn anywhere, or its local mutants."""
     cooling: Annotated[types.Number, Field(ge=0.1, le=1), LOCAL_STEPS] = 1.0
     """Factor on the steps of local mutation from round to round."""
-    planes_rounds: Annotated[types.Natural, Only("optimizer.rounds>1")] = 0
-    """First rounds, in which CMA-ES seeks rule tables that are planes; the next begins near the best."""
 
     def __post_init__(self) -> None:
         """Check that rates leave room for one another, and that planes leave rounds and rules to the rest."""
         super().__post_init__()
-        if self.planes_rounds and (self.planes_rounds >= self.rounds or self.encoding.rules != "free"):
+        planes = self.planes.rounds
+        if planes and (planes >= self.rounds or self.encoding.rules != "free"):
             raise SettingError(
-                f"optimizer.planes_rounds is {self.planes_rounds} with optimizer.rounds={self.rounds} and "
+                f"optimizer.planes.rounds is {planes} with optimizer.rounds={self.rounds} and "
                 f"optimizer.encoding.rules={self.encoding.rules}; a later round must free the rules of the "
-                f"planes: set optimizer.rounds to at least {self.planes_rounds + 1} and "
-                "optimizer.encoding.rules=free, or optimizer.planes_rounds=0"
+                f"planes: set optimizer.rounds to at least {planes + 1} and optimizer.encoding.rules=free, "
+                "or optimizer.planes.rounds=0"
             )
-        if self.planes_rounds:
-            checks.within("optimizer.population_size", self.population_size, LEAST_OF_CMA_ES, math.inf)
+        _check_prices("optimizer.planes", self.planes, "optimizer.planes.rounds", planes)
         if self.split == "whole" and self.crossover_rate + self.elitism_rate > 1.0 + 1e-9:
             raise SettingError(
                 f"optimizer.crossover_rate is {self.crossover_rate} and optimizer.elitism_rate "
@@ -298,16 +327,34 @@ class GeneticAlgorithm(Optimizer, algorithm="genetic"):
 
     def step_of_round(self, round_index: int) -> float:
         """Return the step with which a round begins, counted from 0, in genes."""
-        changes = self.changes_before(round_index)
-        return 1.0 if self.mutation == "adaptive_feasible" else self.initial_step * self.cooling**changes
+        coolings = round_index - self.num_planes_rounds
+        return 1.0 if self.mutation == "adaptive_feasible" else self.initial_step * self.cooling**coolings
 
-    def lays_planes(self, round_index: int) -> bool:
-        """Return whether a round, counted from 0, seeks rule tables that are planes."""
-        return round_index < self.planes_rounds
+    @property
+    def num_planes_rounds(self) -> int:
+        """How many of the first rounds seek rule tables that are planes."""
+        return self.planes.rounds
 
-    def changes_before(self, round_index: int) -> int:
-        """Return how often prices have grown and steps have shrunk when a round begins."""
-        return max(0, round_index - self.planes_rounds)
+    def of_round(self, round_index: int) -> Optimizer:
+        """Return the settings of the search in a round, counted from 0."""
+        if round_index >= self.num_planes_rounds:
+            return self
+        shared = {name: getattr(self, name) for name in ("stall_generations", "rounds", "next_round")}
+        return CmaEs(
+            population_size=self.planes.population_size,
+            generations=self.planes.generations,
+            initial_step=self.planes.initial_step,
+            **shared,
+        )
+
+    def penalty_of_round(self, round_index: int) -> Penalty:
+        """Return the prices of a round, counted from 0."""
+        planes = self.planes
+        if round_index >= planes.rounds:
+            return self.penalty.of_round(round_index - planes.rounds)
+        short, missed = planes.short_point_m_s, planes.missed_point_m_s
+        first = replace(self.penalty, short_point_m_s=short, missed_point_m_s=missed, growth=planes.growth)
+        return first.of_round(round_index)
 
 
 class CmaEs(Optimizer, algorithm="cma_es"):

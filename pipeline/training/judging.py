@@ -124,7 +124,7 @@ def evolved(experiment: Experiment, genome: Genome, pool: TaskPool = HERE, **kep
     """Train from the genome's template; keywords go to `evolve_rounds`."""
     judge, settings = partial(fitness_of_round, experiment, genome, pool=pool), experiment.optimizer
     first = genome.encode()[np.newaxis]
-    if settings.lays_planes(0):
+    if settings.num_planes_rounds:
         planar = genome_of(genome.template, replace(settings.encoding, rules="planes"))
         kept["planes"] = Subspace(planar.encode(), planar.expand)
     return evolve_rounds(judge, genome.num_genes, settings, experiment.seed, initial=first, **kept)

@@ -6,6 +6,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
+from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
@@ -29,14 +30,16 @@ class TrainingProgress(Progress):
     """The generations of all rounds, each with its first population."""
 
     def __init__(self, settings: Optimizer) -> None:
-        self._per_round = settings.generations + 1
-        super().__init__("generation", settings.rounds * self._per_round)
+        per_round = (settings.of_round(index).generations + 1 for index in range(settings.rounds))
+        #: generations before each round, and all
+        self._before = [*accumulate(per_round, initial=0)]
+        super().__init__("generation", self._before[-1])
 
     def show_generation(self, generation: Generation) -> None:
         """Show a generation that has just been evaluated."""
         parts = generation.parts
         self.show(
-            generation.round * self._per_round + generation.generation + 1,
+            self._before[generation.round] + generation.generation + 1,
             f"round {generation.round + 1}, fitness {generation.best:.4g}: "
             f"delta-v {parts['delta_v_m_s']:.3f} m/s, {parts['points']:.2f} points, "
             f"{parts['short']:.0f} short, {parts['outside']:.0f} outside",

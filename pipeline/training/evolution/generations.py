@@ -108,9 +108,6 @@ class Subspace(NamedTuple):
     expand: Callable[[Floats], Floats]  # from genes, (n, k), to whole genomes, (n, num_genes)
 
 
-#: standard deviation of CMA-ES's first sample of planes, of which next to nothing is known, in genes
-PLANES_STEP = 0.3
-
 #: separates the random numbers of the evolution from those of scenarios with the same seed
 SPAWN_KEY = 0xE70
 
@@ -132,13 +129,14 @@ def begin(
     seeds : (k, num_genes) array
         Genomes to start with; CMA-ES samples around the last of them.
     settings : Optimizer
+        Of the round.
     seed : int
         Of the evolution; each round has random generators of its own.
     round_index : int
     before : EvolutionState, optional
         The final state of the round before.
     planes : Subspace, optional
-        Where CMA-ES samples in this round, whatever the algorithm of the others.
+        Where CMA-ES samples in this round.
 
     Returns
     -------
@@ -152,9 +150,8 @@ def begin(
     if before:
         state.evaluations, state.history = before.evaluations, before.history
     is_carried = before is not None and settings.next_round == "carried"
-    if isinstance(settings, CmaEs) or planes:
-        centre, step = (planes.start, PLANES_STEP) if planes else (seeds[-1], settings.initial_step)
-        initial = _carried(_strategy(centre, step, settings))
+    if isinstance(settings, CmaEs):
+        initial = _carried(_strategy(planes.start if planes else seeds[-1], step, settings))
         state.strategy = before.strategy if before and is_carried else initial
         _sample_generation(state, evaluate, settings, planes)
         return state
@@ -178,7 +175,7 @@ def advance(
     if isinstance(settings, Nsga2):
         _select_generation(state, evaluate, settings)
         return
-    if not isinstance(settings, GeneticAlgorithm) or planes:
+    if not isinstance(settings, GeneticAlgorithm):
         _sample_generation(state, evaluate, settings, planes)
         return
     if settings.mutation == "adaptive_feasible" and state.generation > 1:

@@ -6,7 +6,7 @@ evaluated again. All randomness comes from one seed.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -61,10 +61,14 @@ FREE = (
 
 def _fingerprint(settings: Optimizer, seed: int, num_genes: int) -> dict[str, Any]:
     """Return the settings that a resumed run must share to equal an uninterrupted one."""
-    names = [field.name for field in fields(settings) if field.name not in FREE]
+    values = {
+        field.name: getattr(settings, field.name) for field in fields(settings) if field.name not in FREE
+    }
+    planes = asdict(values.pop("planes"))
     # checkpoints of earlier versions do not tell of planes
-    names = [name for name in names if name != "planes_rounds" or settings.lays_planes(0)]
-    return {"seed": seed, "genes": num_genes} | {f"optimizer.{n}": getattr(settings, n) for n in names}
+    if settings.num_planes_rounds:
+        values |= {f"planes.{name}": value for name, value in planes.items()}
+    return {"seed": seed, "genes": num_genes} | {f"optimizer.{name}": value for name, value in values.items()}
 
 
 def evolve_rounds(
@@ -145,13 +149,14 @@ def evolve_rounds(
         for round_index in range(state.round if state else 0, settings.rounds):
             earlier = [generation.champion for generation in history if generation.round < round_index]
             evaluate = evaluate_for_round(round_index, earlier[-1] if earlier else None)
-            of_round = planes if settings.lays_planes(round_index) else None
+            of_round = settings.of_round(round_index)
+            within = planes if round_index < settings.num_planes_rounds else None
             if state is None or state.round < round_index:
-                state = generations.begin(evaluate, seeds, settings, seed, round_index, state, of_round)
+                state = generations.begin(evaluate, seeds, of_round, seed, round_index, state, within)
                 history = state.history
                 finish_generation(state)
-            while not _is_finished(state, settings):
-                generations.advance(state, evaluate, settings, of_round)
+            while not _is_finished(state, of_round):
+                generations.advance(state, evaluate, of_round, within)
                 finish_generation(state)
             seeds = history[-1].champion[np.newaxis]
     except KeyboardInterrupt:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from pipeline.settings.checks import SettingError
-from pipeline.settings.training import Encoding
+from pipeline.settings.training import Encoding, Penalty
 from pipeline.training.evolution import generations
 from pipeline.training.evolution.generations import Subspace
 from pipeline.training.evolution.rounds import Evolution, evolve_rounds
@@ -99,7 +99,10 @@ def test_rounds_start_afresh_from_the_last_champion():
     assert result.history[22].best <= result.history[21].best
 
 
-PLANES = {"planes_rounds": 2, "rounds": 4, "next_round": "carried", "mutation": "local", "cooling": 0.5}
+PLANES = {
+    "planes": {"rounds": 2, "population_size": 12, "generations": 30, "initial_step": 0.2, "growth": 2.0},
+    **{"rounds": 4, "next_round": "carried", "mutation": "local", "cooling": 0.5},
+}
 #: within each half of a genome, which one gene moves, genes differ by so much
 SLOPE = np.tile(np.linspace(0.0, 0.2, NUM_GENES // 2), 2)
 HALVES = Subspace(np.array([0.8, 0.6]), lambda genes: 0.8 * np.repeat(genes, NUM_GENES // 2, axis=1) + SLOPE)
@@ -119,8 +122,9 @@ def test_planes_are_sought_first_and_the_next_round_begins_near_their_champion()
     np.testing.assert_array_equal(of_rounds[0][0], HALVES.expand(HALVES.start[np.newaxis])[0])
     for genomes in of_rounds[:2]:
         np.testing.assert_allclose(genomes, HALVES.expand(genomes[:, :: NUM_GENES // 2] / 0.8))
-        assert len(genomes) == 21 * settings.population_size
-    ends = [result.history[21 * index + 20] for index in range(4)]
+        assert len(genomes) == 31 * 12
+    assert column(result, "generation") == 2 * [*range(31)] + 2 * [*range(21)]
+    ends = [result.history[index] for index in (30, 61, 82, 103)]
     # least squares: the slopes remain
     assert ends[1].best == pytest.approx(np.sum((SLOPE - SLOPE.mean()) ** 2), rel=1e-6)
     np.testing.assert_array_equal(spheres[2].batches[0][0], ends[1].champion)
@@ -129,9 +133,16 @@ def test_planes_are_sought_first_and_the_next_round_begins_near_their_champion()
     assert champions[0] is None
     for champion, end in zip(champions[1:], ends, strict=False):
         np.testing.assert_array_equal(champion, end.champion)
-    steps = [result.history[21 * index].step_size for index in (0, 2, 3)]
-    assert steps == [generations.PLANES_STEP, 0.1, 0.05]
-    assert [settings.changes_before(index) for index in range(4)] == [0, 0, 0, 1]
+    assert [result.history[index].step_size for index in (0, 62, 83)] == [0.2, 0.1, 0.05]
+
+
+def test_planes_have_prices_of_their_own():
+    penalty = {"short_point_m_s": 3.0, "missed_point_m_s": 0.5, "growth": 1.5, "outside_m_s": 7.0}
+    settings = optimizer(penalty=Penalty(**penalty), **PLANES)
+    prices = [settings.penalty_of_round(index) for index in range(4)]
+    assert [price.short_point_m_s for price in prices] == [1.0, 2.0, 3.0, 4.5]
+    assert [price.missed_point_m_s for price in prices] == [0.05, 0.1, 0.5, 0.75]
+    assert {price.outside_m_s for price in prices} == {7.0}
 
 
 def test_planes_that_are_interrupted_go_on_as_if_they_were_not(tmp_path):
@@ -146,7 +157,7 @@ def test_planes_that_are_interrupted_go_on_as_if_they_were_not(tmp_path):
         return stop
 
     path = tmp_path / "checkpoint.npz"
-    for count in (2, 4, 5, 8, 9, 12):
+    for count in (2, 31, 40, 62, 64, 69):
         kept = {"planes": HALVES, "checkpoint": path, "resume": True}
         evolve(Sphere(), settings, seed=4, on_generation=stop_at(count), **kept)
         whole.append(evolve(Sphere(), settings, seed=4, **kept))
@@ -160,7 +171,8 @@ def test_planes_that_are_interrupted_go_on_as_if_they_were_not(tmp_path):
     [
         ({"rounds": 2}, "set optimizer.rounds to at least 3"),
         ({"encoding": Encoding(rules="planes")}, "optimizer.encoding.rules=free"),
-        ({"population_size": 4}, "optimizer.population_size"),
+        ({"planes": {"rounds": 2, "population_size": 4}}, "optimizer.planes.population_size"),
+        ({"planes": {"rounds": 20, "growth": 10.0}, "rounds": 30}, "optimizer.planes.growth"),
     ],
 )
 def test_planes_without_a_round_rules_or_individuals_to_go_on_with_are_refused(changes, refusal):
