@@ -19,6 +19,7 @@ CAMPAIGNS = (
     "adversaries",
     "after",
     "agree",
+    "artefact",
     "basilisk",
     "budget",
     "consistency",

@@ -1,0 +1,316 @@
+"""Reproduce the paper over seeds: ``python -m benchmarks artefact FOLDER`` trains, evaluates, and tells.
+
+The arms, seeds, sizes and measures are those of docs/results/paper-protocol.md. Each arm is a sweep of
+`+experiment=train_paper` in the folder; what is there goes on, so that the command may be stopped and typed
+again. In the end ``trainings.parquet`` has a row for each training and ``generations.parquet`` the course of
+each, and ``tables.md`` and ``trainings.png`` are made from them; ``SHA256SUMS`` tells them all.
+``--tables`` makes these two anew from the two files of rows, and nothing else.
+
+Whatever is known by ``key=value`` goes to each sweep, such as ``engine=dask``.
+"""
+
+import argparse
+import hashlib
+import json
+import subprocess
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+from matplotlib.figure import Figure
+from pyarrow import parquet
+from scipy import stats
+
+from benchmarks.trainings import CONFIDENCE, NUM_RESAMPLES, TRIMMED
+from fis_tools.formats import serialize
+from fis_tools.model import FuzzyController, FuzzySystem, Variable, rule_table, table_rules
+
+FIRST_SEED = 1001
+#: seeds of the two arms that the paper's figures are held against, of the others, and generations
+SEEDS, SEEDS_OF_OTHERS, GENERATIONS = 30, 10, 500
+TRAININGS, COURSES, TABLES, PICTURE, SUMS, PROTOCOL = (
+    *(
+        "trainings.parquet",
+        "generations.parquet",
+        "tables.md",
+        "trainings.png",
+        "SHA256SUMS",
+        "protocol.json",
+    ),
+)
+WIDER = "three_inputs.json"
+
+#: what is crossed; the first of each is that of +experiment=train_paper
+FACTORS: Mapping[str, Mapping[str, Sequence[str]]] = {
+    "penalty": {
+        "strict order": (),
+        "prices": (
+            "optimizer.penalty.outside_m_s=1e5",
+            "optimizer.penalty.short_point_m_s=0.5",
+            "optimizer.penalty.missed_point_m_s=0.1",
+        ),
+    },
+    "outputs": {"to 0.3 N": (), "to 1 N": ("optimizer.encoding.output_range_n=[0.01,1.0]",)},
+    "inputs": {"two": (), "three": ("controller=file", "controller.path={folder}/" + WIDER)},
+}
+#: what is changed alone
+ALONE: Mapping[str, Sequence[str]] = {
+    "fires on once all is seen": ("coast_when_complete=false",),
+    "test starts by even angles": ("monte_carlo.directions=angles",),
+}
+#: column of a training, the heading of its table, and decimals
+MEASURES = {
+    "success_percent": ("success (%)", 1),
+    "outside_percent": ("outside (%)", 1),
+    "delta_v_m_s": ("delta-v (m/s)", 2),
+    "delta_v_deviation_m_s": ("its deviation (m/s)", 2),
+    "inspected_percent": ("inspected (%)", 1),
+    "mean_distance_m": ("distance (m)", 1),
+    "training_delta_v_m_s": ("delta-v in training (m/s)", 2),
+    "first_complete_generation": ("first generation with no start short", 0),
+}
+#: of the paper's tables 3 and 4; its standard deviations are over starts, not over trainings
+PAPER = {
+    "delta_v_m_s": 5.62,
+    "delta_v_deviation_m_s": 0.715,
+    "inspected_percent": 96.667,
+    "mean_distance_m": 66.629,
+    "training_delta_v_m_s": 4.799,
+}
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Train what is missing, then write rows, tables and the picture."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks artefact", description=__doc__)
+    parser.add_argument("folder", type=Path, help="a new one, or one to go on with")
+    parser.add_argument("keys", nargs="*", help="key=value for each sweep")
+    parser.add_argument("--seeds", type=int, default=SEEDS, help="of the first two arms")
+    parser.add_argument("--seeds-of-others", type=int, default=SEEDS_OF_OTHERS)
+    parser.add_argument("--generations", type=int, default=GENERATIONS)
+    parser.add_argument("--tables", action="store_true", help="only read the rows of a folder")
+    options = parser.parse_intermixed_args(arguments)
+    if not options.tables:
+        train_all(parser, options)
+    if not (options.folder / TRAININGS).exists():
+        parser.error(
+            f"{options.folder / TRAININGS} is missing; leave --tables out, or name a folder that has it"
+        )
+    rows = parquet.read_table(options.folder / TRAININGS).to_pylist()
+    text = tables(rows)
+    (options.folder / TABLES).write_text(text, encoding="utf-8")
+    picture(rows).savefig(options.folder / PICTURE, dpi=120)
+    names = sorted((TRAININGS, COURSES, TABLES, PICTURE))
+    sums = (hashlib.sha256((options.folder / name).read_bytes()).hexdigest() for name in names)
+    lines = (f"{digest}  {name}\n" for digest, name in zip(sums, names, strict=True))
+    (options.folder / SUMS).write_text("".join(lines), encoding="utf-8")
+    print(text)
+    return 0
+
+
+def arms() -> dict[str, tuple[Mapping[str, str], list[str]]]:
+    """Return each arm's name, its level of each factor, and its overrides; the first two have most seeds."""
+    crossed = {}
+    for levels in product(*FACTORS.values()):
+        chosen = dict(zip(FACTORS, levels, strict=True))
+        words = [word for factor, level in chosen.items() for word in FACTORS[factor][level]]
+        crossed[", ".join(f"{factor} {level}" for factor, level in chosen.items())] = chosen, words
+    base, *_ = crossed.values()
+    alone = {name: ({**base[0], "alone": name}, list(words)) for name, words in ALONE.items()}
+    # those that the paper's figures are held against first, then those with few changes
+    order = {name: (not is_main(chosen), len(words)) for name, (chosen, words) in crossed.items()}
+    return {name: crossed[name] for name in sorted(crossed, key=order.__getitem__)} | alone
+
+
+def train_all(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:
+    """Fly the sweeps of all arms, and write a row for each training and each generation."""
+    folder: Path = options.folder.resolve()
+    folder.mkdir(parents=True, exist_ok=True)
+    sizes = {name: getattr(options, name) for name in ("seeds", "seeds_of_others", "generations", "keys")}
+    kept = folder / PROTOCOL
+    if kept.exists() and json.loads(kept.read_text(encoding="utf-8")) != sizes:
+        parser.error(f"{kept} has other sizes than {json.dumps(sizes)}; give those, or another folder")
+    kept.write_text(json.dumps(sizes) + "\n", encoding="utf-8")
+    paper = serialize.load(Path(__file__).parents[1] / "conf" / "controller" / "paper.yaml")
+    (folder / WIDER).write_text(serialize.dump_json(with_three_inputs(paper)), encoding="utf-8")
+    rows: list[dict[str, Any]] = []
+    courses: list[dict[str, Any]] = []
+    for index, (name, (levels, words)) in enumerate(arms().items()):
+        sweep = folder / f"arm{index}"
+        count = options.seeds if is_main(levels) else options.seeds_of_others
+        print(f"{name}: {count} seeds in {sweep}", file=sys.stderr, flush=True)
+        command = [
+            *("-m", "+experiment=train_paper", f"seed=range({FIRST_SEED},{FIRST_SEED + count})"),
+            *("stages=[scenario,train,evaluate]", f"optimizer.generations={options.generations}"),
+            *(f"hydra.sweep.dir={sweep}", *(word.format(folder=folder) for word in words), *options.keys),
+        ]
+        if (sweep / "sweep.json").exists():
+            command = [f"resume={sweep}"]
+        subprocess.run([sys.executable, "-m", "pipeline", *command], check=False)  # noqa: S603
+        runs = [sweep / f"seed={seed}" for seed in range(FIRST_SEED, FIRST_SEED + count)]
+        if missing := [run.name for run in runs if not (run / "evaluate" / "episodes.parquet").exists()]:
+            parser.error(f"of {name}, {', '.join(missing)} did not end; type the command again to go on")
+        for run in runs:
+            row, course = read(run)
+            rows.append({"arm": name, **dict.fromkeys((*FACTORS, "alone"), "as there"), **levels, **row})
+            courses += [{"arm": name, "seed": row["seed"], **generation} for generation in course]
+    parquet.write_table(pa.Table.from_pylist(rows), folder / TRAININGS)
+    parquet.write_table(pa.Table.from_pylist(courses), folder / COURSES)
+
+
+def is_main(levels: Mapping[str, str]) -> bool:
+    """Return whether an arm is one of the two that the paper's figures are held against."""
+    return "alone" not in levels and all(
+        level == next(iter(FACTORS[factor])) for factor, level in levels.items() if factor != "penalty"
+    )
+
+
+def with_three_inputs(controller: FuzzyController) -> FuzzyController:
+    """Return a controller whose forces all have a distance, a velocity and an angle, and the same outputs.
+
+    The paper gives each force "two or three" of them. What is added does not change what a table concludes.
+    """
+    distance, first_angle = controller.systems[0].inputs[0], controller.systems[1].inputs[0]
+    systems = [widened(controller.systems[0], first_angle, 1)]
+    systems += [widened(system, distance, 0) for system in controller.systems[1:]]
+    return replace(controller, name="paper_three_inputs", systems=tuple(systems))
+
+
+def widened(system: FuzzySystem, added: Variable, place: int) -> FuzzySystem:
+    """Return a system with one more input, on which nothing depends yet."""
+    cells = rule_table(system)
+    assert cells is not None
+    (output,) = system.outputs
+    cells = cells.reshape([len(variable.terms) for variable in system.inputs])
+    cells = np.repeat(np.expand_dims(cells, place), len(added.terms), axis=place)
+    inputs = (*system.inputs[:place], added, *system.inputs[place:])
+    names = [output.terms[index].name for index in cells.reshape(-1).tolist()]
+    return replace(system, inputs=inputs, rules=table_rules(inputs, output, names))
+
+
+def read(run: Path) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+    """Return the row of a training, counted flight by flight, and its generations."""
+    flights = parquet.read_table(run / "evaluate" / "episodes.parquet").to_pydict()
+    inside = ~np.array(flights["violated"])
+    course = parquet.read_table(run / "train" / "history.parquet").drop_columns(["genome"]).to_pylist()
+    complete = [each["generation"] for each in course if each["short"] == 0 and each["outside"] == 0]
+    delta_v = np.array(flights["delta_v_m_s"])
+    row = {
+        "seed": json.loads((run / "manifest.json").read_text(encoding="utf-8"))["seed"],
+        "success_percent": 100.0 * float(np.mean(np.array(flights["success"]) & inside)),
+        "outside_percent": 100.0 * float(np.mean(~inside)),
+        "delta_v_m_s": float(delta_v.mean()),
+        "delta_v_deviation_m_s": float(delta_v.std(ddof=1)),
+        "inspected_percent": float(np.mean(flights["inspection_rate_percent"])),
+        "mean_distance_m": float(np.mean(flights["mean_distance_m"])),
+        "training_delta_v_m_s": course[-1]["delta_v_m_s"],
+        "first_complete_generation": float(min(complete, default=np.inf)),
+    }
+    return row, course
+
+
+def tables(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Return three Markdown tables: the arms, the effects of changes, and the paper's figures."""
+    names = list(dict.fromkeys(row["arm"] for row in rows))
+    groups = {name: [row for row in rows if row["arm"] == name] for name in names}
+    lines = [row_of(["", "trainings", *(heading for heading, _ in MEASURES.values())]), "|---" * 10 + "|"]
+    for name, group in groups.items():
+        cells = [told(column(group, key), decimals) for key, (_, decimals) in MEASURES.items()]
+        lines.append(row_of([name, str(len(group)), *cells]))
+    lines += ["", row_of(["changed", "pairs", *(heading for heading, _ in MEASURES.values())])]
+    lines.append("|---" * 10 + "|")
+    base = groups[names[0]]
+    for name in names[1:]:
+        seeds = {row["seed"]: row for row in groups[name]}
+        pairs = [(row, seeds[row["seed"]]) for row in base if row["seed"] in seeds]
+        cells = []
+        for key, (_, decimals) in MEASURES.items():
+            before, after = column([pair[0] for pair in pairs], key), column([pair[1] for pair in pairs], key)
+            cells.append(shift(before, after, decimals, len(names) - 1))
+        lines.append(row_of([name, str(len(pairs)), *cells]))
+    lines += ["", row_of(["", "the paper", *(name for name in names[:2])]), "|---" * 4 + "|"]
+    for key, value in PAPER.items():
+        cells = [told(column(groups[name], key), MEASURES[key][1]) for name in names[:2]]
+        lines.append(row_of([MEASURES[key][0], f"{value:g}", *cells]))
+    return "\n".join(lines) + "\n"
+
+
+def row_of(cells: Sequence[str]) -> str:
+    """Return a row of a Markdown table."""
+    return f"| {' | '.join(cells)} |"
+
+
+def column(rows: Sequence[Mapping[str, Any]], key: str) -> np.ndarray:
+    """Return a measure of some trainings."""
+    return np.array([row[key] for row in rows], dtype=np.float64)
+
+
+def told(values: np.ndarray, decimals: int) -> str:
+    """Return the interquartile mean over trainings with its interval, the least and the greatest."""
+    words = [
+        f"{value:.{decimals}f}" for value in (middle(values), *interval(values), values.min(), values.max())
+    ]
+    return f"{words[0]} ({words[1]}–{words[2]}), {words[3]} to {words[4]}"
+
+
+def shift(before: np.ndarray, after: np.ndarray, decimals: int, num_shifts: int) -> str:
+    """Return how the interquartile mean changes, with the interval of a bootstrap over pairs of one seed.
+
+    Of so many such intervals none misses, with 95 % confidence (Bonferroni).
+    """
+    draws = np.random.default_rng(0).integers(len(before), size=(NUM_RESAMPLES, len(before)))
+    with np.errstate(invalid="ignore"):
+        changes = stats.trim_mean(after[draws], TRIMMED, axis=1) - stats.trim_mean(
+            before[draws], TRIMMED, axis=1
+        )
+        change = middle(after) - middle(before)
+    if not np.isfinite(changes).all():
+        return "in some trainings never"
+    tail = 50.0 * (1.0 - CONFIDENCE) / num_shifts
+    low, high = np.percentile(changes, (tail, 100.0 - tail))
+    return f"{change:+.{decimals}f} ({low:+.{decimals}f} to {high:+.{decimals}f})"
+
+
+def middle(values: np.ndarray) -> float:
+    """Return the interquartile mean."""
+    return float(stats.trim_mean(values, TRIMMED))
+
+
+def interval(values: np.ndarray) -> Iterator[float]:
+    """Return the bootstrap interval of the interquartile mean over trainings."""
+    draws = np.random.default_rng(0).choice(values, (NUM_RESAMPLES, len(values)))
+    levels = 50.0 * (1.0 - CONFIDENCE), 50.0 * (1.0 + CONFIDENCE)
+    yield from np.percentile(stats.trim_mean(draws, TRIMMED, axis=1), levels, method="nearest").tolist()
+
+
+def picture(rows: Sequence[Mapping[str, Any]]) -> Figure:
+    """Draw each training's success and delta-v, arm by arm, with the paper's fuel."""
+    names = list(dict.fromkeys(row["arm"] for row in rows))
+    figure = Figure(figsize=(11, 0.55 * len(names) + 1.6), layout="constrained")
+    left, right = figure.subplots(1, 2, sharey=True)
+    for index, name in enumerate(names):
+        group = [row for row in rows if row["arm"] == name]
+        for ax, key in ((left, "success_percent"), (right, "delta_v_m_s")):
+            values = column(group, key)
+            ax.plot(values, np.full(len(values), index), "o", color="#4c78a8", alpha=0.45, markersize=5)
+            low, high = interval(values)
+            ax.plot([low, high], [index, index], color="#222222", linewidth=2)
+            ax.plot(middle(values), index, "|", color="#222222", markersize=14, markeredgewidth=2.5)
+    left.set_yticks(range(len(names)), names)
+    left.invert_yaxis()
+    left.set_xlabel("success of 1,000 test flights (%)")
+    left.set_xlim(-2, 102)
+    right.axvline(PAPER["delta_v_m_s"], color="#e45756", linestyle="--")
+    right.text(
+        PAPER["delta_v_m_s"], 0.02, " the paper", color="#e45756", transform=right.get_xaxis_transform()
+    )
+    right.set_xscale("log")
+    right.set_xlabel("mean delta-v of 1,000 test flights (m/s)")
+    for ax in (left, right):
+        ax.grid(axis="x", alpha=0.3)
+        ax.spines[["top", "right"]].set_visible(False)
+    return figure
