@@ -55,9 +55,9 @@ def test_tables_hold_interquartile_means_and_differences_of_pairs():
     first, second = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 100.0], [2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 101.0]
     text = artefact.tables(rows("a", first) + rows("b", second))
     arms, effects, _ = (part.splitlines() for part in text.split("\n\n"))
-    place = 2 + list(artefact.MEASURES).index("delta_v_m_s")
-    told = [[cell.strip() for cell in line.split("|")[1:-1]][place] for line in (*arms[2:], effects[2])]
-    assert told[0].startswith(f"{statistics.mean(first[2:6]):.2f} (")
-    assert told[0].endswith("1.00 to 100.00")
+    column = 2 + list(artefact.MEASURES).index("delta_v_m_s")
+    cells = [[cell.strip() for cell in line.split("|")[1:-1]][column] for line in (*arms[2:], effects[2])]
+    assert cells[0].startswith(f"{statistics.mean(first[2:6]):.2f} (")
+    assert cells[0].endswith("1.00 to 100.00")
     # each pair differs by one
-    assert told[2] == "+1.00 (+1.00 to +1.00)"
+    assert cells[2] == "+1.00 (+1.00 to +1.00)"
