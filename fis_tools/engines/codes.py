@@ -66,7 +66,7 @@ def combine(operator: int, a: float, b: float) -> float:  # noqa: PLR0911, PLR09
 
 
 @compiled(error_model="numpy", forceinline=True)
-def change(operator: int, a: float) -> float:
+def change(operator: int, a: float) -> float:  # noqa: PLR0911 - one line per hedge
     """Apply a hedge, or the complement, to a degree of truth."""
     if operator == VERY:
         return a * a
@@ -75,7 +75,9 @@ def change(operator: int, a: float) -> float:
     if operator == EXTREMELY:
         return a * a * a
     if operator == INTENSELY:
-        return 2.0 * a * a if a <= 0.5 else 1.0 - 2.0 * (1.0 - a) * (1.0 - a)
+        if a <= 0.5:
+            return 2.0 * a * a
+        return 1.0 - 2.0 * (1.0 - a) * (1.0 - a)
     if operator == SELDOM:
         half = max(a if a <= 0.5 else 1.0 - a, 0.0)
         return float(np.sqrt(0.5 * half)) if a <= 0.5 else float(1.0 - np.sqrt(0.5 * half))

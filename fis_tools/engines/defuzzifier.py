@@ -24,22 +24,16 @@ def conclude_by_term(conclusion: Conclusion, firing: Floats, out: Floats) -> Non
     num_terms, num_points = memberships.shape
     cuts, heights, crossings = np.empty(num_terms), np.empty(num_points), np.empty(len(runs))
     size = num_points + len(runs)
-    x, y, areas = np.empty(size), np.empty(size), np.empty(size)
+    x, y = np.empty(size), np.empty(size)
     for sample in range(len(firing)):
-        heights[:] = 0.0
         for term in range(num_terms):
             first = bounds[term]
             cut = firing[sample, rules[first]] * weights[first]
             for index in range(first + 1, bounds[term + 1]):
                 cut = combine(accumulation, firing[sample, rules[index]] * weights[index], cut)
             cuts[term] = cut
-            for point in range(num_points):
-                height = memberships[term, point]
-                height = height if height < cut else cut
-                heights[point] = height if height > heights[point] else heights[point]
-        num_crossings = _cross(universe, memberships, runs, cuts, crossings)
-        count = _merge(conclusion, heights, cuts, crossings[:num_crossings], x, y)
-        out[sample] = _defuzzify(conclusion.defuzzifier, x, y, count, areas, conclusion.default)
+        count = aggregate(universe, memberships, runs, cuts, heights, crossings, x, y)
+        out[sample] = defuzzify(conclusion.defuzzifier, x, y, count, conclusion.default)
 
 
 @compiled(error_model="numpy", nogil=True)
@@ -48,27 +42,47 @@ def conclude_by_rule(conclusion: Conclusion, firing: Floats, out: Floats) -> Non
     universe, memberships, rules, weights = conclusion[:4]
     terms, implication, aggregation = conclusion.terms, conclusion.implication, conclusion.aggregation
     count = len(universe)
-    heights, areas = np.empty(count), np.empty(count)
+    heights = np.empty(count)
     for sample in range(len(firing)):
         heights[:] = 0.0
         for index in range(len(rules)):
             strength = firing[sample, rules[index]] * weights[index]
-            for point in range(count):
-                implied = combine(implication, strength, memberships[terms[index], point])
-                heights[point] = combine(aggregation, heights[point], implied)
-        out[sample] = _defuzzify(conclusion.defuzzifier, universe, heights, count, areas, conclusion.default)
+            imply(implication, aggregation, memberships[terms[index]], strength, heights)
+        out[sample] = defuzzify(conclusion.defuzzifier, universe, heights, count, conclusion.default)
 
 
 @compiled(error_model="numpy", forceinline=True)
-def _defuzzify(defuzzifier: int, x: Floats, y: Floats, count: int, areas: Floats, default: float) -> float:
-    """Defuzzify an aggregated set, given by the first `count` points; return the default if it is zero."""
-    if not y[:count].any():
-        return default
-    if defuzzifier == codes.CENTROID:
-        return _centroid(x, y, count)
-    if defuzzifier == codes.BISECTOR:
-        return _bisector(x, y, count, areas)
-    return _of_maximum(defuzzifier, x, y, count)
+def imply(implication: int, aggregation: int, sampled: Floats, strength: float, heights: Floats) -> None:
+    """Aggregate what a rule implies with what those before it imply."""
+    for point in range(len(heights)):
+        implied = combine(implication, strength, sampled[point])
+        heights[point] = combine(aggregation, heights[point], implied)
+
+
+@compiled(error_model="numpy", forceinline=True)
+def aggregate(
+    universe: Floats,
+    memberships: Floats,
+    runs: Integers,
+    cuts: Floats,
+    heights: Floats,
+    crossings: Floats,
+    x: Floats,
+    y: Floats,
+) -> int:
+    """Write the highest of the cut terms at the universe's points and at crossings; return how many.
+
+    Heights and crossings are room to work in.
+    """
+    for point in range(len(universe)):
+        heights[point] = 0.0
+    for term in range(len(cuts)):
+        cut = cuts[term]
+        for point in range(len(universe)):
+            height = memberships[term, point] if memberships[term, point] < cut else cut
+            heights[point] = height if height > heights[point] else heights[point]
+    num_crossings = _cross(universe, memberships, runs, cuts, crossings)
+    return _merge(universe, memberships, heights, cuts, crossings, num_crossings, x, y)
 
 
 @compiled(error_model="numpy", forceinline=True)
@@ -80,7 +94,7 @@ def _cross(universe: Floats, memberships: Floats, runs: Integers, cuts: Floats, 
         cut = cuts[term]
         threshold = cut if cut > 0.0 else SMALLEST
         begins_above = memberships[term, left] >= threshold
-        if begins_above == (memberships[term, right] >= threshold):
+        if (memberships[term, right] >= threshold) == begins_above:
             continue
         while right - left > 1:
             middle = (left + right) // 2
@@ -100,13 +114,20 @@ def _cross(universe: Floats, memberships: Floats, runs: Integers, cuts: Floats, 
 
 @compiled(error_model="numpy", forceinline=True)
 def _merge(
-    conclusion: Conclusion, heights: Floats, cuts: Floats, crossings: Floats, x: Floats, y: Floats
+    universe: Floats,
+    memberships: Floats,
+    heights: Floats,
+    cuts: Floats,
+    crossings: Floats,
+    num_crossings: int,
+    x: Floats,
+    y: Floats,
 ) -> int:
     """Write the points of the universe and the crossings in ascending order, each once; return how many."""
-    universe, memberships = conclusion.universe, conclusion.memberships
     num_points = len(universe)
     count, point = 0, 0
-    for crossing in crossings:
+    for index in range(num_crossings):
+        crossing = crossings[index]
         while point < num_points and universe[point] <= crossing:
             x[count], y[count] = universe[point], heights[point]
             point += 1
@@ -130,70 +151,102 @@ def _merge(
     return count
 
 
+@compiled(error_model="numpy", forceinline=True)
+def defuzzify(defuzzifier: int, x: Floats, y: Floats, count: int, default: float) -> float:
+    """Defuzzify an aggregated set, given by the first `count` points; return the default if it is zero."""
+    highest = _greatest(y, count)
+    if highest == 0.0:
+        return default
+    if defuzzifier == codes.CENTROID:
+        return _polygon_centroid(x, y, count)
+    if defuzzifier == codes.BISECTOR:
+        return _polygon_bisector(x, y, count)
+    return _polygon_maximum(defuzzifier, x, y, count, highest)
+
+
+@compiled(error_model="numpy", forceinline=True)
+def _greatest(y: Floats, count: int) -> float:
+    """Return the greatest of heights."""
+    highest = 0.0
+    for point in range(count):
+        highest = y[point] if y[point] > highest else highest
+    return highest
+
+
 @compiled(error_model="numpy")
-def _centroid(x: Floats, y: Floats, count: int) -> float:
+def _polygon_centroid(x: Floats, y: Floats, count: int) -> float:
     """Return the centre of area of a polygon, summed segment by segment."""
     moment, area = 0.0, 0.0
     for right in range(1, count):
-        x1, x2, y1, y2 = x[right - 1], x[right], y[right - 1], y[right]
+        x1, x2, h1, h2 = x[right - 1], x[right], y[right - 1], y[right]
         width = x2 - x1
-        if y1 == y2:
-            centre, segment = 0.5 * (x1 + x2), width * y1
-        elif y1 == 0.0:
-            centre, segment = 2.0 / 3.0 * width + x1, 0.5 * width * y2
-        elif y2 == 0.0:
-            centre, segment = 1.0 / 3.0 * width + x1, 0.5 * width * y1
+        if h1 == h2:
+            centre, segment = 0.5 * (x1 + x2), width * h1
+        elif h1 == 0.0:
+            centre, segment = 2.0 / 3.0 * width + x1, 0.5 * width * h2
+        elif h2 == 0.0:
+            centre, segment = 1.0 / 3.0 * width + x1, 0.5 * width * h1
         else:
-            centre = (2.0 / 3.0 * width * (y2 + 0.5 * y1)) / (y1 + y2) + x1
-            segment = 0.5 * width * (y1 + y2)
+            centre = (2.0 / 3.0 * width * (h2 + 0.5 * h1)) / (h1 + h2) + x1
+            segment = 0.5 * width * (h1 + h2)
         moment += centre * segment
         area += segment
-    return moment / max(area, SMALLEST_AREA)
+    return moment / (area if area > SMALLEST_AREA else SMALLEST_AREA)
 
 
 @compiled(error_model="numpy")
-def _bisector(x: Floats, y: Floats, count: int, areas: Floats) -> float:
-    """Return the point with half of the area on either side; see `fis_tools.engines.inference`."""
+def _polygon_bisector(x: Floats, y: Floats, count: int) -> float:
+    """Return the point with half of the area on either side; with a gap in the polygon another one, or NaN.
+
+    As in scikit-fuzzy an empty segment starts the area left of it anew.
+    """
     total = 0.0
     for right in range(1, count):
-        y1, y2 = y[right - 1], y[right]
-        width = x[right] - x[right - 1]
-        total += width * y1 if y1 == y2 else 0.5 * width * (y1 + y2)
-        areas[right] = 0.0 if y1 == 0.0 and y2 == 0.0 else total
-    areas[0] = 0.0
-    right = 1
-    while not areas[right] >= total / 2.0:
-        right += 1
-    rest = total / 2.0 - areas[right - 1]
-    x1, x2, y1, y2 = x[right - 1], x[right], y[right - 1], y[right]
-    width = x2 - x1
-    slope = (y2 - y1) / width
+        total += _area_before(x, y, right)
+    end, left, running = 1, 0.0, _area_before(x, y, 1)
+    here = running
+    while not here >= total / 2.0:
+        end += 1
+        left = here
+        running += _area_before(x, y, end)
+        here = 0.0 if y[end - 1] == 0.0 and y[end] == 0.0 else running
+    rest = total / 2.0 - left
+    width, h1, h2 = x[end] - x[end - 1], y[end - 1], y[end]
     middle: float
-    if y1 == y2:
-        middle = rest / y1 + x1
-    elif y1 == 0.0:
-        middle = x1 + np.sqrt(2.0 * rest * width / y2)
-    elif y2 == 0.0:
-        middle = x2 - np.sqrt(width * width - 2.0 * rest * width / y1)
+    if h1 == h2:
+        middle = rest / h1 + x[end - 1]
+    elif h1 == 0.0:
+        middle = x[end - 1] + np.sqrt(2.0 * rest * width / h2)
+    elif h2 == 0.0:
+        middle = x[end] - np.sqrt(width * width - 2.0 * rest * width / h1)
     else:
-        middle = x1 - (y1 - np.sqrt(y1 * y1 + 2.0 * slope * rest)) / slope
+        slope = (h2 - h1) / width
+        middle = x[end - 1] - (h1 - np.sqrt(h1 * h1 + 2.0 * slope * rest)) / slope
     return middle
 
 
 @compiled(error_model="numpy")
-def _of_maximum(defuzzifier: int, x: Floats, y: Floats, count: int) -> float:
+def _area_before(x: Floats, y: Floats, right: int) -> float:
+    """Return the area between a point of a polygon and the one before it."""
+    width, h1, h2 = x[right] - x[right - 1], y[right - 1], y[right]
+    if h1 == h2:
+        return width * h1
+    return 0.5 * width * (h1 + h2)
+
+
+@compiled(error_model="numpy")
+def _polygon_maximum(defuzzifier: int, x: Floats, y: Floats, count: int, highest: float) -> float:
     """Return the mean, the smallest or the largest of the highest points."""
-    highest = y[:count].max()
-    total, num_maxima, least, greatest = 0.0, 0, 0.0, 0.0
+    total, num_maxima, smallest, largest = 0.0, 0, 0.0, 0.0
     for point in range(count):
         if y[point] == highest:
-            least = x[point] if num_maxima == 0 else least
-            greatest = x[point]
+            smallest = x[point] if num_maxima == 0 else smallest
+            largest = x[point]
             total += x[point]
             num_maxima += 1
     if defuzzifier == codes.MEAN_OF_MAXIMUM:
         return total / num_maxima
-    return least if defuzzifier == codes.SMALLEST_OF_MAXIMUM else greatest
+    return smallest if defuzzifier == codes.SMALLEST_OF_MAXIMUM else largest
 
 
 def weigh(

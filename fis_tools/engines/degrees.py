@@ -94,17 +94,30 @@ def shapes_of(variables: Sequence[model.Variable]) -> Shapes:
 @compiled(error_model="numpy")
 def degree(shapes: Shapes, term: int, x: float) -> float:
     """Return the membership of a number in a term, zero below `SMALLEST_MEMBERSHIP`."""
-    value = _formula(shapes, term, x)
+    return counted(_value(shapes, term, x))
+
+
+@compiled(error_model="numpy")
+def counted(value: float) -> float:
+    """Return a degree of truth, zero where it is too small to count."""
     return value if value >= SMALLEST_MEMBERSHIP else 0.0
 
 
 @compiled(error_model="numpy")
-def _formula(shapes: Shapes, term: int, x: float) -> float:  # noqa: PLR0911, PLR0912 - one line per shape
-    """Return the membership of a number in a term by the formula of its shape."""
-    row = shapes.numbers[term]
-    kind, a, b, c, d = shapes.kinds[term], row[0], row[1], row[2], row[3]
+def _value(shapes: Shapes, term: int, x: float) -> float:
+    """Return the membership of a number in a term by the formula of its shape, or by its table."""
+    row, kind = shapes.numbers[term], shapes.kinds[term]
     if kind == TABLE:
-        return _interpolated(shapes.tables, int(a), int(b), x)
+        start, end = int(row[0]), int(row[0]) + int(row[1])
+        return interpolated(shapes.tables[0, start:end], shapes.tables[1, start:end], x)
+    return formula(kind, x, row[0], row[1], row[2], row[3])
+
+
+@compiled(error_model="numpy")
+def formula(  # noqa: PLR0911, PLR0912 - one line per shape
+    kind: int, x: float, a: float, b: float, c: float, d: float
+) -> float:
+    """Return the membership of a number in a shape with up to four numbers."""
     if kind == GAUSSIAN:
         return _gaussian(x, a, b)
     if kind == TRIANGULAR:
@@ -185,19 +198,24 @@ def _circle(x: float, centre: float, radius: float) -> float:
 
 
 @compiled(error_model="numpy")
-def _interpolated(tables: Floats, start: int, count: int, x: float) -> float:
+def interpolated(points: Floats, values: Floats, x: float) -> float:
     """Return the value at a number between points, level beyond; at a jump the first of both."""
-    points, values = tables[0, start : start + count], tables[1, start : start + count]
     if x <= points[0]:
         return float(values[0])
-    if x > points[count - 1]:
-        return float(values[count - 1])
-    right = np.searchsorted(points, x)
+    right = len(points) - 1
+    if x > points[right]:
+        return float(values[right])
+    below = 0
+    while right - below > 1:
+        middle = (below + right) // 2
+        if points[middle] < x:
+            below = middle
+        else:
+            right = middle
     if x == points[right]:  # exact, also where its value is faint beside its neighbour's
         return float(values[right])
-    left = right - 1
-    share = (x - points[left]) / (points[right] - points[left])
-    return float(values[left] + (values[right] - values[left]) * share)
+    share = (x - points[below]) / (points[right] - points[below])
+    return float(values[below] + (values[right] - values[below]) * share)
 
 
 @compiled(error_model="numpy")
@@ -209,7 +227,7 @@ def degree_bounds(shapes: Shapes, term: int, low: float, high: float) -> tuple[f
     """
     row = shapes.numbers[term]
     kind, a, b, c, d = shapes.kinds[term], row[0], row[1], row[2], row[3]
-    left, right = _formula(shapes, term, low), _formula(shapes, term, high)
+    left, right = _value(shapes, term, low), _value(shapes, term, high)
     least, greatest = min(left, right), max(left, right)
     if kind in (SIGMOID_DIFFERENCE, SIGMOID_PRODUCT):
         first = _ordered(_sigmoid(low, a, b), _sigmoid(high, a, b))

@@ -3,13 +3,11 @@
 A result is a mean of points, or one of them, so it lies inside an output's range, however faintly rules fire.
 """
 
-import numpy as np
-
 from fis_tools.array_types import Floats
 from fis_tools.compiled.decorator import compiled
 from fis_tools.engines import codes
-from fis_tools.engines.codes import combine
 from fis_tools.engines.defuzzification import TIE
+from fis_tools.engines.defuzzifier import imply
 from fis_tools.engines.program import Conclusion, Summation
 
 #: Heights below this are raised before they are summed, as products with them would lose digits: by a power
@@ -41,41 +39,54 @@ def aggregate(conclusion: Conclusion | Summation, firing: Floats, cuts: Floats, 
         return
     for index in range(len(rules)):
         strength = firing[rules[index]] * weights[index]
-        for point in range(len(heights)):
-            implied = combine(implication, strength, memberships[terms[index], point])
-            heights[point] = combine(aggregation, heights[point], implied)
+        imply(implication, aggregation, memberships[terms[index]], strength, heights)
 
 
 @compiled(error_model="numpy", nogil=True)
 def defuzzify(conclusion: Conclusion | Summation, heights: Floats) -> float:
     """Return the number of aggregated heights, which it may scale; the default if all are zero."""
-    x, method = conclusion.universe, conclusion.defuzzifier
-    highest = heights.max()
-    if highest == 0.0:
-        return float(conclusion.default)
-    if highest < FAINT:
-        highest *= RAISE
-        for point in range(len(heights)):
-            heights[point] *= RAISE
-    if method == codes.CENTROID:
-        return _centroid(x, heights)
-    if method == codes.BISECTOR:
-        return _bisector(conclusion.sampling, x, heights, conclusion.default)
-    return _of_maximum(conclusion.sampling, method, x, heights, highest)
+    x, sampling, method = conclusion.universe, conclusion.sampling, conclusion.defuzzifier
+    return defuzzify_sampled(sampling, method, x, heights, conclusion.default)
 
 
 @compiled(error_model="numpy", nogil=True)
-def _centroid(x: Floats, heights: Floats) -> float:
+def defuzzify_sampled(sampling: int, method: int, x: Floats, heights: Floats, default: float) -> float:
+    """Return the number of heights at points, which it may scale; the default if all are zero."""
+    highest = _raise_faint(heights)
+    if highest == 0.0:
+        return default
+    if method == codes.CENTROID:
+        return _sampled_centroid(x, heights)
+    if method == codes.BISECTOR:
+        return _sampled_bisector(sampling, x, heights, default)
+    return _sampled_maximum(sampling, method, x, heights, highest)
+
+
+@compiled(error_model="numpy", nogil=True)
+def _raise_faint(heights: Floats) -> float:
+    """Raise heights that are all faint; return the highest."""
+    highest = 0.0
+    for point in range(len(heights)):
+        highest = heights[point] if heights[point] > highest else highest
+    if 0.0 < highest < FAINT:
+        highest *= RAISE
+        for point in range(len(heights)):
+            heights[point] *= RAISE
+    return highest
+
+
+@compiled(error_model="numpy", nogil=True)
+def _sampled_centroid(x: Floats, heights: Floats) -> float:
     """Return the centroid of heights at points, inside their range."""
     area, moment = 0.0, 0.0
     for point in range(len(x)):
         area += heights[point]
         moment += x[point] * heights[point]
-    return float(min(max(moment / area, x[0]), x[-1]))
+    return float(min(max(moment / area, x[0]), x[len(x) - 1]))
 
 
 @compiled(error_model="numpy", nogil=True)
-def _bisector(sampling: int, x: Floats, heights: Floats, default: float) -> float:
+def _sampled_bisector(sampling: int, x: Floats, heights: Floats, default: float) -> float:
     """Return the point with half of the sum on either side, as each program finds it.
 
     MATLAB takes the first point at which half is reached; fuzzylite the mean of those whose running share is
@@ -83,7 +94,6 @@ def _bisector(sampling: int, x: Floats, heights: Floats, default: float) -> floa
     nothing where all that it summed from the left is zero. Sums are compared up to rounding, so that all
     engines take the same points.
     """
-    total = heights.sum()
     if sampling == codes.FCL:
         low, high, sum_low, sum_high = 0, len(x) - 1, 0.0, 0.0
         while low < high:
@@ -95,13 +105,20 @@ def _bisector(sampling: int, x: Floats, heights: Floats, default: float) -> floa
                 sum_high += heights[high]
         if sum_low == 0.0:
             return default
-        return float(min(x[0] + (x[1] - x[0]) * low, x[-1]))
-    running, nearest = 0.0, np.inf
+        return float(min(x[0] + (x[1] - x[0]) * low, x[len(x) - 1]))
+    total = 0.0
+    for point in range(len(x)):
+        total += heights[point]
+    if sampling == codes.MATLAB:
+        last, running = 0, heights[0]
+        while last < len(x) - 1 and not running >= total / 2.0 * (1.0 - TIE):
+            last += 1
+            running += heights[last]
+        return float(x[last])
+    running, nearest = 0.0, 2.0
     for point in range(len(x)):
         running += heights[point]
         nearest = min(nearest, abs(running / total - 0.5))
-        if sampling == codes.MATLAB and running >= total / 2.0 * (1.0 - TIE):
-            return float(x[point])
     running, count, moment = 0.0, 0, 0.0
     for point in range(len(x)):
         running += heights[point]
@@ -112,22 +129,18 @@ def _bisector(sampling: int, x: Floats, heights: Floats, default: float) -> floa
 
 
 @compiled(error_model="numpy", nogil=True)
-def _of_maximum(sampling: int, method: int, x: Floats, heights: Floats, highest: float) -> float:
+def _sampled_maximum(sampling: int, method: int, x: Floats, heights: Floats, highest: float) -> float:
     """Return the mean, the smallest or the largest of the highest points; MATLAB's by magnitude.
 
     Points count as highest up to rounding, so that all engines take the same.
     """
-    count, total, smallest, largest = 0, 0.0, np.nan, np.nan
+    count, total, best, extreme = 0, 0.0, 0.0, 0.0
     for point in range(len(x)):
         if heights[point] >= highest * (1.0 - TIE):
-            value = x[point]
-            size = abs(value) if sampling == codes.MATLAB else value
-            if count == 0 or size < (abs(smallest) if sampling == codes.MATLAB else smallest):
-                smallest = value
-            if count == 0 or size > (abs(largest) if sampling == codes.MATLAB else largest):
-                largest = value
+            size = abs(x[point]) if sampling == codes.MATLAB else x[point]
+            if method == codes.MEAN_OF_MAXIMUM:
+                total += x[point]
+            elif count == 0 or (size < extreme if method == codes.SMALLEST_OF_MAXIMUM else size > extreme):
+                best, extreme = x[point], size
             count += 1
-            total += value
-    if method == codes.MEAN_OF_MAXIMUM:
-        return float(total / count)
-    return float(smallest if method == codes.SMALLEST_OF_MAXIMUM else largest)
+    return total / count if method == codes.MEAN_OF_MAXIMUM else best

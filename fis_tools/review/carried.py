@@ -12,6 +12,7 @@ from fis_tools.analysis.flight_data import FlownSystem
 from fis_tools.analysis.quadrature import quadrature
 from fis_tools.array_types import Floats
 from fis_tools.engines.degrees import tabulated
+from fis_tools.engines.program import Conclusion, assemble
 from fis_tools.findings.explanation.points import in_short
 from fis_tools.model import (
     And,
@@ -44,7 +45,8 @@ def system_data(system: FuzzySystem) -> dict[str, Any]:
         "outputs": [
             _output(system, variable)
             | {"defuzzifier": system.defuzzifier_of(variable), "implication": system.implication}
-            for variable in system.outputs
+            | ({"runs": conclusion.runs.tolist()} if isinstance(conclusion, Conclusion) else {})
+            for variable, conclusion in zip(system.outputs, assemble(system).conclusions, strict=True)
         ],
         "rules": [_rule(rule, system) for rule in system.rules],
     }

@@ -4,6 +4,7 @@ import shlex
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import compress
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from markupsafe import Markup
@@ -18,7 +19,7 @@ from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController, FuzzySystem, Inferable, tree
 from fis_tools.model.intervals import require_type_1
 from fis_tools.model.trees import require_unwired
-from fis_tools.review import carried, content, flown
+from fis_tools.review import carried, content, flown, transcribed
 from fis_tools.words.text import sentences, shape_words, summary, wires_in_words
 
 #: what the reviewer ticks before signing, by key
@@ -34,8 +35,7 @@ _DID = {"flight": "flew", "log": "answered"}
 
 #: joined in this order
 SCRIPTS = (
-    *("elements", "scale", "palette", "pointing", "canvases", "carried", "operators"),
-    *("degrees", "inference"),
+    *("elements", "scale", "palette", "pointing", "canvases", "carried", "inference"),
     *("shares", "sign_change", "state", "tables", "memberships", "inference_view", "rules_view"),
     *("response", "heat_map", "solid", "surface_view", "flight_view", "signature", "page"),
 )
@@ -115,17 +115,19 @@ def write(
     if any(system.weighed for system in systems):
         last = _sign_off(controller, part, checks.values())
         return _without_scripts(controller, opening_blocks, lead, samples, audited, last)
+    carried_systems = [carried.system_data(system) for system in systems]
     data = {
         "brightness": content.BRIGHTNESS,
         "sha256": fingerprint,
         "name": controller.name,
         "quadrature": carried.quadrature_data(systems),
-        "systems": [carried.system_data(system) for system in systems],
+        "systems": carried_systems,
         "noun": noun,
         "flights": [carried.flight_data(flight, systems, len(logged)) for flight in logged],
     }
     return _assemble(
         data,
+        _script(carried_systems),
         panel,
         controller=controller,
         facts=content.facts(controller.provenance),
@@ -153,11 +155,10 @@ def write(
     )
 
 
-def _assemble(data: object, panel: html.ScriptedPanel | None, **words: object) -> str:
+def _assemble(data: object, script: str, panel: html.ScriptedPanel | None, **words: object) -> str:
     """Render the template with words, data, style sheet and scripts."""
     # joined: where a panel's markup were added, the selectors before it would be escaped
     style = "".join((read("style.css", __package__), content.level_styles(), panel.style if panel else ""))
-    script = _script()
     return template("fis_tools", "review", "page.html").render(
         words,
         style=Markup(style),  # noqa: S704 - a file of this package
@@ -169,9 +170,9 @@ def _assemble(data: object, panel: html.ScriptedPanel | None, **words: object) -
     )
 
 
-def _script() -> str:
+def _script(systems: list[dict[str, Any]]) -> str:
     """Join the scripts into one that leaves nothing of its own behind."""
-    parts = [read(f"scripts/{name}.js", __package__) for name in SCRIPTS]
+    parts = [transcribed.script(systems), *(read(f"scripts/{name}.js", __package__) for name in SCRIPTS)]
     return '\n"use strict";\n(() => {\n' + "\n".join(parts) + "})();\n"
 
 

@@ -4,9 +4,10 @@ What is written takes the steps of `fis_tools.engines.inference` in the same ord
 arithmetic. Tables are constant, loops bounded, nothing is allocated, nothing global changes, and of the
 library only ``math.h`` and ``stdbool.h`` are included.
 
-A file has the functions of ``parts.c`` that it calls. Of the thrust logic there is one function, called
-once in each control period: `fis_tools.model.thrust` says what it is. The function does what
-`pipeline.flight.period.decide.thrust` does, but for the safety layer, which is no part of the controller.
+A file has the functions that it calls: of ``parts.c``, or transcribed from those that Python runs. Of the
+thrust logic there is one function, called once in each control period: `fis_tools.model.thrust` says what it
+is. The function does what `pipeline.flight.period.decide.thrust` does, but for the safety layer, which is no
+part of the controller.
 """
 
 from fis_tools import model
@@ -66,15 +67,7 @@ def write(controller: FuzzyController, bare: bool = False) -> str:
     signatures = [
         static + _signature(name, system.system) for name, system in zip(names, systems, strict=True)
     ]
-    needed = [
-        *dict.fromkeys(
-            system.conclude(output)[1]
-            for system in systems
-            for output in system.outputs
-            if output.kind == "implied"
-        ),
-        *(system.text(signature) for system, signature in zip(systems, signatures, strict=True)),
-    ]
+    needed = [system.text(signature) for system, signature in zip(systems, signatures, strict=True)]
     declared = [f"{signature};" for signature in signatures]
     if logic is not None and has_step:
         infer = dict(zip((system.system.name for system in systems), names, strict=True))

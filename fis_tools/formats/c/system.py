@@ -1,6 +1,6 @@
 """One fuzzy system as C: its tables, and the function that infers it."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import reduce
 from math import isfinite
@@ -13,8 +13,9 @@ from fis_tools.array_types import Floats, Integers
 from fis_tools.engines.degrees import tabulated
 from fis_tools.engines.program import Conclusion, assemble
 from fis_tools.formats import rendered
-from fis_tools.formats.c.library import MAY_FIND_NOTHING, conclude, defuzzifiers_of
-from fis_tools.formats.c.text import broken, comment, identifiers, table
+from fis_tools.formats.c.text import broken, comment, exact, identifiers, table
+from fis_tools.formats.c.transcribed import entries
+from fis_tools.formats.c.transcribed.writer import C
 from fis_tools.model import FuzzySystem, Term, Variable, memberships_at, sample
 from fis_tools.words.text import number, sentence, shape_words, summary, with_unit
 
@@ -102,10 +103,12 @@ class _Signal:
         """Return the call that evaluates a term at ``x``."""
         shape = term.membership
         if isinstance(shape, model.Polyline | model.Sampled):
-            table = f"table_{name}__{self.word}_{number}"
-            return f"degree_table(x, {table}[0], {table}[1], {len(_table(self.variable, term)[0])})"
-        numbers = ", ".join(repr(float(getattr(shape, key))) for key in shape.entry.kinds)
-        return f"degree_{shape.entry.name}(x, {numbers})"
+            table, count = f"table_{name}__{self.word}_{number}", len(_table(self.variable, term)[0])
+            rows = {"points": f"{table}[0]", "values": f"{table}[1]"}
+            sizes = dict.fromkeys(rows, (count,))
+            return C().calling(entries.ENTRIES["degree_table"](), {"x": "x", **rows}, sizes)
+        numbers = {key: repr(float(getattr(shape, key))) for key in shape.entry.kinds}
+        return C().calling(entries.degree_of(shape.entry.name), {"x": "x", **numbers}, {})
 
     def row(self, term: str) -> int:
         """Return which row of its table a term is."""
@@ -150,14 +153,15 @@ class System:
             kind, points = "implied", self.system.points_of(variable)
         return _Signal(variable, word, kind if terms else "silent", terms, indices, points)
 
-    def conclude(self, output: _Signal) -> tuple[str, str]:
-        """Return the name and text of the function that adds rules' implied sets where terms are not cut."""
-        return conclude(self.system.implication, output.variable.aggregation)
-
     def text(self, signature: str) -> str:
         """Render the tables, and the function: fuzzify the inputs, fire the rules, defuzzify the outputs."""
         outputs = zip(self.outputs, assemble(self.system).conclusions, strict=True)
-        cut = [c for output, c in outputs if output.kind == "cut" and isinstance(c, Conclusion)]
+        runs = {
+            output.word: conclusion.runs.tolist()
+            for output, conclusion in outputs
+            if output.kind == "cut" and isinstance(conclusion, Conclusion)
+        }
+        cut = [output for output in self.outputs if output.word in runs]
         text = rendered(
             "c/system.c.jinja",
             name=self.name,
@@ -168,16 +172,52 @@ class System:
             asked=self._wanted_terms,
             about=comment(list(self._about())),
             rules=list(self._rules()),
-            defuzzifiers=defuzzifiers_of(self.system),
-            may_find_nothing=MAY_FIND_NOTHING,
-            most_points=max((len(c.universe) + len(c.runs) for c in cut), default=0),
+            runs=runs,
+            ends={output.word: list(self._end(output, runs)) for output in self.outputs},
+            most_heights=max((len(output.universe) for output in cut), default=0),
+            most_points=max((len(output.universe) + len(runs[output.word]) for output in cut), default=0),
             # gcc warns of moving within an array of one
-            most_crossings=max([2, *(len(c.runs) for c in cut)]),
+            most_crossings=max([2, *(len(runs[output.word]) for output in cut)]),
             table=table,
             comment=comment,
             shape_words=shape_words,
         )
         return "\n".join(part for line in text.split("\n") for part in broken(line))
+
+    def _end(self, output: _Signal, runs: Mapping[str, list[list[int]]]) -> Iterator[str]:
+        """Yield the statement that aggregates terms that are cut, and the expression of what is concluded."""
+        word, suffix, count = output.word, f"{self.name}__{output.word}", len(output.universe)
+        default = output.variable.default
+        otherwise = "(double)NAN" if default is None else exact(float(default))
+        if output.kind == "silent":
+            yield otherwise
+            return
+        way = self.system.defuzzifier_of(output.variable)
+        if output.kind == "weighed":
+            mean = f"moment_{word}" if way == "weighted_sum" else f"(moment_{word} / total_{word})"
+            yield f"(total_{word} > 0.0) ? {mean} : {otherwise}"
+            return
+        defuzzify = entries.defuzzifying(self.system.semantics, way)
+        values = {"default_value": otherwise, "count": str(count)}
+        if output.kind == "implied":
+            heights = dict.fromkeys(("y", "heights"), f"heights_{word}")
+            values |= {"x": f"universe_{suffix}", **heights}
+            yield C().calling(defuzzify, values, dict.fromkeys(values, (count,)))
+            return
+        arrays = {
+            **{"universe": f"universe_{suffix}", "memberships": f"&memberships_{suffix}[0][0]"},
+            **{"runs": f"&runs_{suffix}[0][0]", "cuts": f"cuts_{word}"},
+            **{room: room for room in ("heights", "crossings", "x", "y")},
+        }
+        num_terms = len(output.terms)
+        sizes: dict[str, tuple[int, ...]] = {
+            "universe": (count,),
+            "memberships": (num_terms, count),
+            "cuts": (num_terms,),
+        }
+        sizes["runs"] = (len(runs[word]), 3)
+        yield f"count = {C().calling(entries.aggregating(), arrays, sizes)};"
+        yield C().calling(defuzzify, {"x": "x", "y": "y", **values, "count": "count"}, {})
 
     def _wanted_terms(self, input_: _Signal) -> list[int]:
         """Return the indices of an input's terms that rules ask for."""
@@ -213,10 +253,13 @@ class System:
             concluded = self._number(output.terms[row].membership, strength, output.variable)
             return f"weigh({strength}, {concluded}, &total_{word}, &moment_{word})"
         if output.kind == "implied":
-            return (
-                f"{self.conclude(output)[0]}(memberships_{self.name}__{word}[{row}], "
-                f"{len(output.universe)}, strength * {weight!r}, heights_{word})"
-            )
+            values = {
+                "sampled": f"memberships_{self.name}__{word}[{row}]",
+                "strength": f"strength * {weight!r}",
+                "heights": f"heights_{word}",
+            }
+            imply = entries.implying(self.system.implication, output.variable.aggregation)
+            return C().calling(imply, values, dict.fromkeys(values, (len(output.universe),)))
         target = f"cuts_{word}[{row}]"
         if target in cut:
             return f"{target} = fuzzy_{output.variable.accumulation}({scaled}, {target})"
@@ -262,7 +305,9 @@ class System:
                     terms.append(f"({float(factor)!r} * {taken})")
             return " + ".join(terms)
         first, second = (repr(float(getattr(shape, name))) for name in shape.entry.kinds)
-        location = f"where_{shape.entry.name}(({strength} < 1.0) ? {strength} : 1.0, {first}, {second})"
+        degree = f"({strength} < 1.0) ? {strength} : 1.0"
+        values = {"first": first, "second": second, "degree": degree}
+        location = C().calling(entries.where(shape.entry.name), values, {})
         if isinstance(shape, model.Sigmoid):  # reaches one nowhere
             end = output.maximum if shape.slope > 0.0 else output.minimum
             return f"({strength} < 1.0) ? {location} : {float(end)!r}"

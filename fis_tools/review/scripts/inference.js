@@ -1,8 +1,7 @@
-// Mamdani inference, step by step, with the arithmetic of fis_tools/inference.py in the same order.
+// Mamdani inference, step by step: what combines degrees, aggregates and defuzzifies is in TRANSCRIBED, written
+// from what Python runs.
 
-const SMALLEST_AREA = 2 ** -52;
-// Heights of sampled outputs that differ by less are equal but for rounding.
-const TIE = 1e-12;
+const { FUZZY, SHAPES, DEFUZZIFIERS } = TRANSCRIBED;
 
 /** The place of the last point of an ascending grid that is not above x; -1 below the first. */
 function placeIn(grid, x) {
@@ -36,6 +35,12 @@ function clipInputs(system, inputs) {
   });
 }
 
+/** How far a value, which may lie outside of the range, belongs to a term. */
+function degreeAt(x, { shape, numbers, points, heights }) {
+  const { counted, degreeTable } = TRANSCRIBED;
+  return counted(shape in SHAPES ? SHAPES[shape](x, ...numbers) : degreeTable(points, heights, x));
+}
+
 /** How far each clipped input belongs to each of its terms: an array an input. */
 function fuzzify(system, clipped) {
   return system.inputs.map(({ universe, terms }, input) => {
@@ -49,9 +54,8 @@ function fuzzify(system, clipped) {
 function degree(rule, expression, memberships) {
   const [kind, operand, term] = expression;
   if (kind === "is") return memberships[operand][term];
-  if (kind === "not") return Math.max(1 - degree(rule, operand, memberships), 0);
-  if (kind in HEDGES) return HEDGES[kind](degree(rule, operand, memberships));
-  const combine = kind === "and" ? AND_OPERATORS[rule.and_operator] : OR_OPERATORS[rule.or_operator];
+  if (kind !== "and" && kind !== "or") return FUZZY[kind](degree(rule, operand, memberships));
+  const combine = FUZZY[kind === "and" ? rule.and_operator : rule.or_operator];
   let combined = degree(rule, operand[0], memberships);
   for (let i = 1; i < operand.length; i++) combined = combine(combined, degree(rule, operand[i], memberships));
   return combined;
@@ -64,7 +68,7 @@ function fire(system, memberships) {
 
 /** The height each term of an output is cut at; NaN for a term that no rule concludes. */
 function cutTerms(system, output, firing) {
-  const accumulate = ACCUMULATIONS[system.outputs[output].accumulation];
+  const accumulate = FUZZY[system.outputs[output].accumulation];
   const cuts = new Float64Array(system.outputs[output].terms.length).fill(NaN);
   system.rules.forEach((rule, index) => {
     for (const [variable, term, weight] of rule.consequents) {
@@ -76,54 +80,14 @@ function cutTerms(system, output, firing) {
   return cuts;
 }
 
-/** Add to `found` where a membership function crosses its cut between two points of the grid. */
-function addCrossings(found, grid, values, cut) {
-  const reaches = (value) => (cut === 0 ? value > cut : value >= cut);
-  let isReached = reaches(values[0]);
-  for (let i = 0; i + 1 < grid.length; i++) {
-    const wasReached = isReached;
-    isReached = reaches(values[i + 1]);
-    if (wasReached !== isReached) {
-      found.push(grid[i] + ((cut - values[i]) * (grid[i + 1] - grid[i])) / (values[i + 1] - values[i]));
-    }
-  }
-}
-
-/** Join the points of a grid and others, ascending, each once. */
-function joinPoints(grid, others) {
-  const sorted = Float64Array.from(others).sort();
-  const points = new Float64Array(grid.length + sorted.length);
-  let count = 0;
-  let next = 0;
-  const add = (point) => {
-    if (count === 0 || point !== points[count - 1]) points[count++] = point;
-  };
-  for (let i = 0; i < grid.length; i++) {
-    while (next < sorted.length && sorted[next] < grid[i]) add(sorted[next++]);
-    add(grid[i]);
-  }
-  while (next < sorted.length) add(sorted[next++]);
-  return points.subarray(0, count);
-}
-
 /** The highest of the cut terms, at the universe's points and at the crossings: [points, heights]. */
-function aggregate(variable, cuts) {
-  const grid = variable.universe;
-  const concluded = variable.terms.map((_, term) => term).filter((term) => !Number.isNaN(cuts[term]));
-  const crossings = [];
-  for (const term of concluded) addCrossings(crossings, grid, variable.terms[term].values, cuts[term]);
-  const points = joinPoints(grid, crossings);
-  const heights = new Float64Array(points.length);
-  for (const term of concluded) {
-    const { values } = variable.terms[term];
-    let place = 0;
-    for (let i = 0; i < points.length; i++) {
-      while (place + 1 < grid.length && grid[place + 1] <= points[i]) place++;
-      const height = Math.min(cuts[term], interpolate(points[i], grid, values, place));
-      if (height > heights[i]) heights[i] = height;
-    }
-  }
-  return [points, heights];
+function aggregate({ universe, terms, runs }, cuts) {
+  const concluded = terms.map((_, term) => term).filter((term) => !Number.isNaN(cuts[term]));
+  const memberships = concluded.map((term) => terms[term].values);
+  const [heights, crossings, x, y] = Array.from({ length: 4 }, () => new Float64Array(universe.length + runs.length));
+  const held = concluded.map((term) => cuts[term]);
+  const count = TRANSCRIBED.aggregate(universe, memberships, runs, held, heights, crossings, x, y);
+  return [x.subarray(0, count), y.subarray(0, count)];
 }
 
 /** Whether the terms of an output are cut, and the highest of them counts. */
@@ -134,8 +98,7 @@ function isCut({ implication, aggregation }) {
 /** What each rule implies, aggregated one after the other at the universe's points: [points, heights]. */
 function aggregateByRule(system, output, firing) {
   const variable = system.outputs[output];
-  const imply = AND_OPERATORS[variable.implication];
-  const join = AGGREGATIONS[variable.aggregation];
+  const [imply, join] = [FUZZY[variable.implication], FUZZY[variable.aggregation]];
   const points = isSampled(system) ? variable.points : variable.universe;
   const heights = new Float64Array(points.length);
   system.rules.forEach((rule, index) => {
@@ -149,119 +112,12 @@ function aggregateByRule(system, output, firing) {
   return [points, heights];
 }
 
-/** The centre of area of a polygon, summed segment by segment. */
-function centroid(x, y) {
-  let moment = 0;
-  let area = 0;
-  for (let i = 0; i + 1 < x.length; i++) {
-    const [y1, y2] = [y[i], y[i + 1]];
-    if (y1 === 0 && y2 === 0) continue;
-    const width = x[i + 1] - x[i];
-    let centre;
-    let segment;
-    if (y1 === y2) {
-      centre = 0.5 * (x[i] + x[i + 1]);
-      segment = width * y1;
-    } else if (y1 === 0) {
-      centre = (2 / 3) * width + x[i];
-      segment = 0.5 * width * y2;
-    } else if (y2 === 0) {
-      centre = (1 / 3) * width + x[i];
-      segment = 0.5 * width * y1;
-    } else {
-      centre = ((2 / 3) * width * (y2 + 0.5 * y1)) / (y1 + y2) + x[i];
-      segment = 0.5 * width * (y1 + y2);
-    }
-    moment += centre * segment;
-    area += segment;
-  }
-  return moment / Math.max(area, SMALLEST_AREA);
-}
-
-/** Where half of the area lies on either side, as scikit-fuzzy takes it where the polygon has a gap. */
-function bisector(x, y) {
-  const areas = new Float64Array(x.length - 1);
-  let total = 0;
-  for (let i = 0; i + 1 < x.length; i++) {
-    if (y[i] === 0 && y[i + 1] === 0) continue;
-    if (y[i] === y[i + 1]) total += (x[i + 1] - x[i]) * y[i];
-    else total += 0.5 * (x[i + 1] - x[i]) * (y[i] + y[i + 1]);
-    areas[i] = total;
-  }
-  const i = areas.findIndex((area) => area >= total / 2);
-  const rest = total / 2 - (i > 0 ? areas[i - 1] : 0);
-  const [x1, x2, y1, y2] = [x[i], x[i + 1], y[i], y[i + 1]];
-  if (y1 === y2) return rest / y1 + x1;
-  if (y1 === 0) return x1 + Math.sqrt((2 * rest * (x2 - x1)) / y2);
-  if (y2 === 0) return x2 - Math.sqrt((x2 - x1) * (x2 - x1) - (2 * rest * (x2 - x1)) / y1);
-  const slope = (y2 - y1) / (x2 - x1);
-  return x1 - (y1 - Math.sqrt(y1 * y1 + 2 * slope * rest)) / slope;
-}
-
-/** The points where a polygon is highest. */
-function highest(x, y) {
-  const height = y.reduce((a, b) => Math.max(a, b));
-  return x.filter((_, i) => y[i] === height);
-}
-
-const DEFUZZIFIERS = {
-  centroid,
-  bisector,
-  mom: (x, y) => {
-    const points = highest(x, y);
-    return points.reduce((a, b) => a + b, 0) / points.length;
-  },
-  som: (x, y) => highest(x, y)[0],
-  lom: (x, y) => highest(x, y).at(-1),
-};
-
-/** The centre of points, weighted by heights. */
-function sampledCentroid(x, y) {
-  let [area, moment] = [0, 0];
-  for (let i = 0; i < x.length; i++) {
-    area += y[i];
-    moment += x[i] * y[i];
-  }
-  return Math.min(Math.max(moment / area, x[0]), x.at(-1));
-}
-
-/** Where half of the sum lies on either side, as each program finds it; see fis_tools/engines/sampling.py. */
-const BISECTORS = {
-  matlab: (x, y) => {
-    const half = y.reduce((a, b) => a + b, 0) / 2;
-    let running = 0;
-    return x.find((_, i) => (running += y[i]) >= half * (1 - TIE)) ?? x.at(-1);
-  },
-  fuzzylite: (x, y) => {
-    const total = y.reduce((a, b) => a + b, 0);
-    let running = 0;
-    const distances = Array.from(y, (height) => Math.abs((running += height) / total - 0.5));
-    const nearest = Math.min(...distances);
-    const points = x.filter((_, i) => distances[i] <= nearest + TIE);
-    return points.reduce((a, b) => a + b, 0) / points.length;
-  },
-  fcl: (x, y) => {
-    let [low, high, sumLow, sumHigh] = [0, x.length - 1, 0, 0];
-    while (low < high) {
-      if (sumLow <= sumHigh * (1 + TIE)) sumLow += y[++low];
-      else sumHigh += y[--high];
-    }
-    return sumLow > 0 ? Math.min(x[0] + (x[1] - x[0]) * low, x.at(-1)) : NaN;
-  },
-};
-
-/** What a program makes of heights at points; NaN where it finds no number. Faint heights are raised first. */
-function defuzzifySampled({ semantics }, method, x, heights) {
-  const isFaint = heights.reduce((a, b) => Math.max(a, b)) < 1e-200;
-  const y = isFaint ? heights.map((height) => height * 2 ** 600) : heights;
-  if (method === "centroid") return sampledCentroid(x, y);
-  if (method === "bisector") return BISECTORS[semantics](x, y);
-  const top = y.reduce((a, b) => Math.max(a, b)) * (1 - TIE);
-  const points = x.filter((_, i) => y[i] >= top);
-  if (method === "mom") return points.reduce((a, b) => a + b, 0) / points.length;
-  const sign = method === "som" ? 1 : -1;
-  const size = semantics === "matlab" ? Math.abs : (value) => value;
-  return points.reduce((a, b) => (sign * size(b) < sign * size(a) ? b : a));
+/** The number that heights at points become, some of which are positive; NaN where there is none. */
+function defuzzify(system, output, points, heights) {
+  const method = system.outputs[output].defuzzifier;
+  if (!isSampled(system)) return DEFUZZIFIERS[method](points, heights, points.length, NaN);
+  // it may raise faint heights: those that are shown stay
+  return DEFUZZIFIERS[`sampled_${system.semantics}_${method}`](points, heights.slice(), NaN);
 }
 
 /** What the rules conclude on one output: cuts, the aggregated polygon, and the number it becomes. */
@@ -272,10 +128,7 @@ function conclude(system, output, firing) {
   const [points, heights] = isPolygon ? aggregate(variable, cuts) : aggregateByRule(system, output, firing);
   const fires = heights.some((height) => height !== 0);
   const silent = variable.default ?? (isSampled(system) ? NaN : 0);
-  const defuzzify = isSampled(system)
-    ? defuzzifySampled.bind(null, system, variable.defuzzifier)
-    : DEFUZZIFIERS[variable.defuzzifier];
-  const value = fires ? defuzzify(points, heights) : silent;
+  const value = fires ? defuzzify(system, output, points, heights) : silent;
   const isDefault = !fires || (isSampled(system) && Number.isNaN(value));
   return { cuts, points, heights, value: isDefault ? silent : value, isDefault };
 }

@@ -169,7 +169,7 @@ function shares(system, output, { firing }, quadrature) {
       .filter(([place, , weight]) => place === output && weight > 0)
       .map(([, term, weight]) => [term, weight * firing[rule]]),
   );
-  const accumulate = variable.accumulation === "product" || variable.aggregation !== "max" ? null : ACCUMULATIONS[variable.accumulation];
+  const accumulate = variable.accumulation === "product" || variable.aggregation !== "max" ? null : FUZZY[variable.accumulation];
   const blocks = blocksOf(activations, accumulate);
   const found = blocks
     ? exactShares(blocks, players.length, worth, quadrature)

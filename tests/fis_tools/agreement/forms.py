@@ -19,10 +19,10 @@ from fis_tools.file_access import read_shipped
 from fis_tools.formats.c import source
 from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.model.intervals import has_intervals
-from fis_tools.review import carried
+from fis_tools.review import carried, transcribed
 from fis_tools.review import page as review_page
 
-#: A system and the inputs at which it is asked, (n, num_inputs).
+#: A system and the inputs at which it is requested, (n, num_inputs).
 Case = tuple[FuzzySystem, Floats]
 Form = Callable[[Sequence[Case], Path], list[Floats | None]]
 
@@ -90,26 +90,25 @@ def _called(library: ctypes.CDLL, number: int, system: FuzzySystem, rows: Floats
 def as_page(cases: Sequence[Case], folder: Path) -> list[Floats | None]:
     """The scripts of a review page, run by node; they take systems whose outputs are sets."""
     is_taken = [not (system.weighed or has_intervals(system)) for system, _ in cases]
-    texts = {
-        index: json.dumps(
-            {
-                "system": carried.system_data(system),
-                "rows": [list(map(_written, row)) for row in rows.tolist()],
-            }
-        )
+    requested = {
+        index: {
+            "system": carried.system_data(system),
+            "rows": [list(map(_written, row)) for row in rows.tolist()],
+        }
         for index, (system, rows) in enumerate(cases)
         if is_taken[index]
     }
-    names = ("carried", "operators", "degrees", "inference")
+    inference = transcribed.script([each["system"] for each in requested.values()])
     scripts = Path(review_page.__file__).with_name("scripts")
     path = folder / "page.js"
-    path.write_text("\n".join([*(read_shipped(scripts / f"{name}.js") for name in names), _DRIVER]), "utf-8")
+    parts = (read_shipped(scripts / f"{name}.js") for name in ("carried", "inference"))
+    path.write_text("\n".join([inference, *parts, _DRIVER]), "utf-8")
     command = ["node", str(path)]
     done = subprocess.run(  # noqa: S603
-        command, input=f"[{','.join(texts.values())}]", check=True, capture_output=True, text=True
+        command, input=json.dumps([*requested.values()]), check=True, capture_output=True, text=True
     )
     answers: list[Floats | None] = [None] * len(cases)
-    for index, answer in zip(texts, json.loads(done.stdout), strict=True):
+    for index, answer in zip(requested, json.loads(done.stdout), strict=True):
         shape = (len(cases[index][1]), len(cases[index][0].outputs))
         answers[index] = np.array(
             [[float(value.replace("Infinity", "inf")) for value in row] for row in answer]

@@ -120,8 +120,12 @@ def test_contributions_are_those_of_python(opened):
 )
 def test_shares_are_those_of_python(opened, monkeypatch, name, most):
     controller = CONTROLLERS[name]
-    limited = page._script().replace("MOST_COALITIONS = 4096", f"MOST_COALITIONS = {most}")
-    monkeypatch.setattr(page, "_script", lambda: limited)
+    script = page._script
+
+    def limited(systems):
+        return script(systems).replace("MOST_COALITIONS = 4096", f"MOST_COALITIONS = {most}")
+
+    monkeypatch.setattr(page, "_script", limited)
     browser_page = opened(page.write(controller))
     monkeypatch.setattr(shapley, "MOST_COALITIONS", most)
     generator = np.random.default_rng(3)
@@ -139,7 +143,7 @@ def test_shares_are_those_of_python(opened, monkeypatch, name, most):
 
 
 def test_the_limits_of_the_page_are_those_of_python():
-    script = page._script()
+    script = page._script([])
     for name in ("MOST_COALITIONS", "NUM_ORDERS", "SEED"):
         assert f"const {name} = {getattr(shapley, name)};" in script
     assert f"const FIRED = {arrays.FIRED};" in script

@@ -1,0 +1,1 @@
+"""The scalar functions of inference, transcribed from those that run; pages have them as JavaScript."""
