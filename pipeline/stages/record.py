@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from pipeline.controllers.source import controller_of_run
-from pipeline.evaluation.ranks import from_worst_to_best
 from pipeline.flight.goals.flights import achieved, fly_logged
 from pipeline.flight.state.log import FlightLog, Scenario
 from pipeline.flight.world.limits import metres_beyond
@@ -101,6 +100,8 @@ def _last_round(folder: Path) -> int:
 def _ranked_flights(experiment: Experiment, episodes: "Columns") -> list[FlightToRecord]:
     """Return the worst, the median and the best flight of an evaluation."""
     number = episodes.num_rows
+    from pipeline.evaluation.ranks import from_worst_to_best  # noqa: PLC0415 - imports Arrow
+
     rows = from_worst_to_best(episodes.blocks, (0, number // 2, number - 1))
     cases, counts, spent = (episodes.at(name, rows) for name in ("case", "inspected_count", "delta_v_m_s"))
     expected = zip(counts, spent, strict=True)

@@ -266,7 +266,7 @@ def test_again_makes_the_same_run_and_refuses_another_controller(ran, monkeypatc
     assert configuration.read(folder) == configuration.read(Path("run"))
     assert manifests.read(folder)["command"] == ["again", "run"]
     assert "again takes the folder of a run" in ran("again", code=2).err
-    assert "there is no stage fly" in ran("repeat", "run", "fly", code=2).err
+    assert "stages has 'fly'; the stages are scenario" in ran("repeat", "run", "fly", code=2).err
     assert "repeat takes the folder of a run, and stages" in ran("repeat", "run", code=2).err
 
 

@@ -15,13 +15,14 @@ import pytest
 
 from fis_tools import file_access
 from fis_tools.formats import serialize
+from pipeline.command_line.config import compose_experiment
 from pipeline.controllers import source
 from pipeline.evaluation import selection
 from pipeline.flight.control.controller import from_fuzzy
 from pipeline.flight.fly.simulation import fly_all
 from pipeline.run import artifacts, configuration, writing
 from pipeline.scenarios import hard_candidates, training_scenarios, validation_scenarios
-from pipeline.settings.experiment import Logger
+from pipeline.settings.experiment import Experiment
 from pipeline.settings.places import conf_folder
 from pipeline.stages import record, train
 from pipeline.training import judging
@@ -66,8 +67,12 @@ def events(path: Path) -> list[Any]:
 ROWS = [{"best": 2.5, "mean": 3.0}, {"best": 1.5, "mean": 2.0}]
 
 
+def on_tensorboard() -> Experiment:
+    return compose_experiment(["+experiment=train", "logger=tensorboard"]).experiment
+
+
 def test_tensorboard_gets_each_row_once(tmp_path):
-    with logged(Logger(kind="tensorboard"), tmp_path) as log:
+    with logged(on_tensorboard(), tmp_path) as log:
         log(ROWS[:1])
         log(ROWS)
     (path,) = (tmp_path / artifacts.TENSORBOARD).iterdir()
@@ -86,7 +91,7 @@ def test_a_log_for_tensorboard_that_cannot_be_written_ends_no_training(
         monkeypatch.setattr(record_writer, "open_file", lambda _: open("/dev/full", "wb"))  # noqa: SIM115
     else:
         writing.write_atomically(tmp_path / artifacts.TENSORBOARD, "")
-    with logged(Logger(kind="tensorboard"), tmp_path) as log:
+    with logged(on_tensorboard(), tmp_path) as log:
         log(ROWS[:1])
         log(ROWS)
     reason = "No space left on device" if is_full else "File exists"

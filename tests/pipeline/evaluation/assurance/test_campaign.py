@@ -54,7 +54,7 @@ def test_margins_are_those_of_the_outcomes_and_parts_do_not_matter(monkeypatch: 
         np.testing.assert_allclose(results[name].margins, margins, rtol=0, atol=2e-5)
     np.testing.assert_array_equal(results["R3"].is_met, outcomes.inspected_count >= 95)
     pool, counts = TaskPool(None), []
-    monkeypatch.setattr(pool, "map", lambda *work: counts.append(len(work[1])) or HERE.map(*work))
+    monkeypatch.setattr(pool, "run", lambda *work: counts.append(len(work[1])) or HERE.run(*work))
     for name, outcome in FLIGHTS.judge(flown, REQUIREMENTS, pool, part_cases=7).items():
         np.testing.assert_array_equal(outcome.margins, results[name].margins)
     assert counts == [6]  # the engine has them all
