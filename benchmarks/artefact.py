@@ -14,7 +14,7 @@ import hashlib
 import json
 import subprocess
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
@@ -27,7 +27,7 @@ from matplotlib.ticker import LogLocator, NullFormatter, ScalarFormatter
 from pyarrow import parquet
 from scipy import stats
 
-from benchmarks.trainings import CONFIDENCE, NUM_RESAMPLES, TRIMMED
+from benchmarks.trainings import CONFIDENCE, NUM_RESAMPLES, TRIMMED, interval, middle, spread
 from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController, FuzzySystem, Variable, rule_table, table_rules
 
@@ -220,7 +220,7 @@ def tables(rows: Sequence[Mapping[str, Any]]) -> str:
     groups = {name: [row for row in rows if row["arm"] == name] for name in names}
     lines = [row_of(["", "trainings", *(heading for heading, _ in MEASURES.values())]), "|---" * 10 + "|"]
     for name, group in groups.items():
-        cells = [told(column(group, key), decimals) for key, (_, decimals) in MEASURES.items()]
+        cells = [spread(column(group, key), decimals) for key, (_, decimals) in MEASURES.items()]
         lines.append(row_of([name, str(len(group)), *cells]))
     lines += ["", row_of(["changed", "pairs", *(heading for heading, _ in MEASURES.values())])]
     lines.append("|---" * 10 + "|")
@@ -235,7 +235,7 @@ def tables(rows: Sequence[Mapping[str, Any]]) -> str:
         lines.append(row_of([name, str(len(pairs)), *cells]))
     lines += ["", row_of(["", "the paper", *(name for name in names[:2])]), "|---" * 4 + "|"]
     for key, value in PAPER.items():
-        cells = [told(column(groups[name], key), MEASURES[key][1]) for name in names[:2]]
+        cells = [spread(column(groups[name], key), MEASURES[key][1]) for name in names[:2]]
         lines.append(row_of([MEASURES[key][0], f"{value:g}", *cells]))
     return "\n".join(lines) + "\n"
 
@@ -246,16 +246,8 @@ def row_of(cells: Sequence[str]) -> str:
 
 
 def column(rows: Sequence[Mapping[str, Any]], key: str) -> np.ndarray:
-    """Return a measure of some trainings."""
+    """Return a measure of some trainings, shape (trainings,)."""
     return np.array([row[key] for row in rows], dtype=np.float64)
-
-
-def told(values: np.ndarray, decimals: int) -> str:
-    """Return the interquartile mean over trainings with its interval, the least and the greatest."""
-    words = [
-        f"{value:.{decimals}f}" for value in (middle(values), *interval(values), values.min(), values.max())
-    ]
-    return f"{words[0]} ({words[1]}–{words[2]}), {words[3]} to {words[4]}"
 
 
 def shift(before: np.ndarray, after: np.ndarray, decimals: int, num_shifts: int) -> str:
@@ -274,18 +266,6 @@ def shift(before: np.ndarray, after: np.ndarray, decimals: int, num_shifts: int)
     tail = 50.0 * (1.0 - CONFIDENCE) / num_shifts
     low, high = np.percentile(changes, (tail, 100.0 - tail))
     return f"{change:+.{decimals}f} ({low:+.{decimals}f} to {high:+.{decimals}f})"
-
-
-def middle(values: np.ndarray) -> float:
-    """Return the interquartile mean."""
-    return float(stats.trim_mean(values, TRIMMED))
-
-
-def interval(values: np.ndarray) -> Iterator[float]:
-    """Return the bootstrap interval of the interquartile mean over trainings."""
-    draws = np.random.default_rng(0).choice(values, (NUM_RESAMPLES, len(values)))
-    levels = 50.0 * (1.0 - CONFIDENCE), 50.0 * (1.0 + CONFIDENCE)
-    yield from np.percentile(stats.trim_mean(draws, TRIMMED, axis=1), levels, method="nearest").tolist()
 
 
 def picture(rows: Sequence[Mapping[str, Any]]) -> Figure:

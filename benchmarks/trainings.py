@@ -92,13 +92,23 @@ def read(run: Path) -> Training:
     return Training(setting or "all", int(seed), *map(float, (*shares, flown["delta_v_m_s"].mean())))
 
 
+def middle(values: Sequence[float]) -> float:
+    """Return the interquartile mean over trainings."""
+    return float(stats.trim_mean(values, TRIMMED))
+
+
+def interval(values: Sequence[float]) -> tuple[float, float]:
+    """Return the bootstrap interval of the interquartile mean; its ends are among what is drawn."""
+    draws = np.random.default_rng(0).choice(values, (NUM_RESAMPLES, len(values)))
+    tail = 50.0 * (1.0 - CONFIDENCE)
+    ends = np.percentile(stats.trim_mean(draws, TRIMMED, axis=1), (tail, 100.0 - tail), method="nearest")
+    return float(ends[0]), float(ends[1])
+
+
 def spread(values: Sequence[float], decimals: int) -> str:
     """Return the interquartile mean with its interval, the least and the greatest."""
-    middle = stats.trim_mean(values, TRIMMED)
-    words = f"{middle:.{decimals}f}"
-    if len(values) > 1 and np.ptp(values) > 0.0:
-        draws = np.random.default_rng(0).choice(values, (NUM_RESAMPLES, len(values)))
-        tail = 50.0 * (1.0 - CONFIDENCE)
-        low, high = np.percentile(stats.trim_mean(draws, TRIMMED, axis=1), (tail, 100.0 - tail))
+    words = f"{middle(values):.{decimals}f}"
+    if min(values) < max(values):
+        low, high = interval(values)
         words += f" ({low:.{decimals}f}–{high:.{decimals}f})"
     return f"{words}, {min(values):.{decimals}f} to {max(values):.{decimals}f}"
