@@ -11,9 +11,10 @@ from fis_tools.model import FuzzyController
 from fis_tools.processors import num_processors
 from pipeline.array_types import Integers
 from pipeline.evaluation.assurance.campaign import FormulaResult, concatenate, evaluate_formulas
+from pipeline.evaluation.assurance.judgements import judge
 from pipeline.evaluation.assurance.quantities import TrackFacts
 from pipeline.evaluation.assurance.requirements import CASES, Requirement, verified_by_method
-from pipeline.evaluation.assurance.verdicts import Evidence, judge, verdict
+from pipeline.evaluation.assurance.verdicts import Evidence, verdict
 from pipeline.evaluation.monte_carlo import episode_columns, fly_tracked
 from pipeline.evaluation.paired_runs import Compared, compare
 from pipeline.evaluation.statistics import Column, succeeds

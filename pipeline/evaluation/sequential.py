@@ -35,34 +35,6 @@ def share_interval(count: int, number: int, confidence_percent: float) -> tuple[
     )
 
 
-def failures_allowed(number: int, probability: float, confidence: float) -> int:
-    """Return the most failures with which flights show a claim, whatever ended them; -1 if zero are too many.
-
-    Parameters
-    ----------
-    number : int
-    probability, confidence : float
-        Of the claim, between 0 and 1: the lower end of the interval is to be at least the first.
-    """
-
-    def is_too_many(failed: int) -> bool:
-        return share_interval(number - failed, number, 100.0 * confidence)[0] < probability
-
-    return bisect_left(range(number if probability < 1.0 else 0), True, key=is_too_many) - 1
-
-
-def cases_needed(probability: float, confidence: float, num_failed: int = 0) -> int:
-    """Return the least number of flights that shows a claim with some failures, whatever ended them."""
-
-    def shows(number: int) -> bool:
-        return failures_allowed(number, probability, confidence) >= num_failed
-
-    most = num_failed + 1
-    while not shows(most):
-        most *= 2
-    return bisect_left(range(most), True, lo=1, key=shows)
-
-
 def _end(count: int, number: int, confidence_percent: float, outer: float) -> float:
     """Return the end of the interval of a share between what was seen and an outer value, 0 or 1."""
     from scipy.optimize import brentq  # noqa: PLC0415 - slower to import than a thousand flights

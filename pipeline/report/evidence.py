@@ -12,10 +12,10 @@ from markupsafe import Markup
 from fis_tools.document import Block, Code, Document, Figure, Fold, Heading, Items, Mark, Paragraph, Table
 from fis_tools.document.html import element, page, read, template
 from pipeline.evaluation.assurance.evidence import joint_words
+from pipeline.evaluation.assurance.judgements import ORDER
 from pipeline.evaluation.assurance.repeats import repeats_in_words
 from pipeline.evaluation.assurance.requirements import METHODS as ALL_METHODS
 from pipeline.evaluation.assurance.requirements import SEVERITIES
-from pipeline.evaluation.assurance.verdicts import ORDER
 from pipeline.report.figures.style import Illustration, caption_of
 from pipeline.report.page import sun_at_start
 from pipeline.run import artifacts, typed

@@ -30,6 +30,7 @@ from pipeline.evaluation.assurance.case_space import case_space
 from pipeline.evaluation.assurance.conditions import box_in_words, conditions_of, start_bounds
 from pipeline.evaluation.assurance.evidence import Domain, domain_of, left_on
 from pipeline.evaluation.assurance.formula import OF_COASTING, kind_of, predicates, quantities_of
+from pipeline.evaluation.assurance.judgements import cases_needed, failures_allowed, judge
 from pipeline.evaluation.assurance.proofs import TubeProof, certificates, check_questions, safety_proof
 from pipeline.evaluation.assurance.quantities import track_of
 from pipeline.evaluation.assurance.rare import RARE, NotMet
@@ -48,7 +49,7 @@ from pipeline.evaluation.assurance.requirements import (
     requirements_text,
 )
 from pipeline.evaluation.assurance.sentences import ordinal
-from pipeline.evaluation.assurance.verdicts import Evidence, cases_needed, failures_allowed, judge, percent
+from pipeline.evaluation.assurance.verdicts import Evidence, percent
 from pipeline.evaluation.splitting import POPULATIONS, RareShare, rare_share
 from pipeline.flight.cases.dispersions import drawn
 from pipeline.flight.control.controller import Controller
@@ -127,16 +128,17 @@ def run(experiment: Experiment, folder: Path) -> str:
 def _print_needs(requirements: Sequence[Requirement], settings: Assurance) -> None:
     """Print before anything flies how many cases the claims need."""
     num_cases, is_sequential = settings.num_cases, settings.stop_width is not None
-    needs = sequential.cases_needed if is_sequential else cases_needed
-    allows = sequential.failures_allowed if is_sequential else failures_allowed
     for requirement in requirements:
         if CASES in requirement.verified_by and requirement.probability == 1.0:
             sys.stderr.write(f"  {requirement.id}: all cases must meet it, which only a proof shows\n")
         elif CASES in requirement.verified_by:
             # flights that end by themselves leave half of the risk to other tries
             sure = 0.5 + 0.5 * requirement.confidence if is_sequential else requirement.confidence
-            needed = [needs(requirement.probability, sure, failed) for failed in (0, 1, 2)]
-            allowed = allows(num_cases, requirement.probability, sure)
+            needed = [
+                cases_needed(requirement.probability, sure, failed, is_sequential=is_sequential)
+                for failed in (0, 1, 2)
+            ]
+            allowed = failures_allowed(num_cases, requirement.probability, sure, is_sequential=is_sequential)
             claim = f"{percent(requirement.probability)} with {percent(requirement.confidence)} confidence"
             counts = ", ".join(f"{count:,}" for count in needed)
             room = f"{num_cases:,} allow {allowed:,}" if allowed >= 0 else f"{num_cases:,} are too few"

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from fis_tools.analysis.domain import Box, Departure, box_of, departures
 from fis_tools.analysis.domain import as_mapping as domain_mapping
 from pipeline.array_types import Floats
-from pipeline.evaluation.assurance import sentences, verdicts
+from pipeline.evaluation.assurance import judgements, sentences, verdicts
 from pipeline.evaluation.assurance.campaign import FormulaResult, WorstCaseSearch, search_efficiency
 from pipeline.evaluation.assurance.requirements import Requirement
 from pipeline.flight.cases.dispersions import drawn
@@ -75,7 +75,7 @@ def domain_of(
         any(bool((box.beyond(inputs[box.system]) > 0.0).any()) for box in boxes) for inputs in flown[half:]
     )
     num_tried = len(scenarios) - half
-    _, high = verdicts.share_bounds(num_left, num_tried, confidence)
+    _, high = judgements.share_bounds(num_left, num_tried, confidence)
     return Domain(tuple(boxes), half, num_tried, num_left, high, confidence)
 
 
@@ -135,7 +135,7 @@ def requirement_entry(
     }
     if evidence.judgement is not None:
         share = requirement.probability
-        needed = None if share == 1.0 else verdicts.needed_by(evidence.judgement, share)
+        needed = None if share == 1.0 else judgements.needed_by(evidence.judgement, share)
         entry["cases"] = {**asdict(evidence.judgement), "needed_without_failure": needed}
         if random is not None:
             entry["cases"]["histograms"] = histograms(random, requirement.unit)

@@ -20,8 +20,8 @@ from typing import Any, Final
 
 from fis_tools.file_access import read_bytes
 from fis_tools.plain_text import parse_json
+from pipeline.evaluation.assurance.judgements import Tried, failures_allowed
 from pipeline.evaluation.assurance.requirements import Requirement
-from pipeline.evaluation.assurance.verdicts import Tried, failures_allowed
 from pipeline.run import artifacts, sweep, writing
 
 #: folders that are looked into, those nearest to the top first

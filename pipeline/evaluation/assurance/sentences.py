@@ -1,12 +1,12 @@
 """The verdict on a requirement in sentences: the claim and its scope, the flights, and missing proofs."""
 
 from pipeline.evaluation.assurance.formula import Always, Eventually, Predicate, kind_of
+from pipeline.evaluation.assurance.judgements import Judgement
 from pipeline.evaluation.assurance.quantities import EXTREMES, UNITS
 from pipeline.evaluation.assurance.requirements import Requirement
 from pipeline.evaluation.assurance.verdicts import (
     UNCHECKED,
     Evidence,
-    Judgement,
     MethodResult,
     percent,
     results_by_method,

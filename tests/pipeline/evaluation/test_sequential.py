@@ -7,6 +7,7 @@ import pytest
 from scipy.stats import binom
 
 from pipeline.evaluation import sequential
+from pipeline.evaluation.assurance.judgements import cases_needed, failures_allowed
 from pipeline.evaluation.sequential import LOOK_CASES, Stop, order_ranks, quantile, share_interval
 
 
@@ -25,8 +26,8 @@ def test_the_failures_of_a_claim_are_those_whose_interval_lies_above_it(share, c
     for number in (1, 40, 500, 3000):
         lows = [share_interval(number - failed, number, 100.0 * confidence)[0] for failed in range(number)]
         most = sum(low >= share for low in lows) - 1
-        assert sequential.failures_allowed(number, share, confidence) == most
-    needed = [sequential.cases_needed(share, confidence, failed) for failed in (0, 1, 2)]
+        assert failures_allowed(number, share, confidence, is_sequential=True) == most
+    needed = [cases_needed(share, confidence, failed, is_sequential=True) for failed in (0, 1, 2)]
     for failed, number in enumerate(needed):
         ends = [share_interval(n - failed, n, 100.0 * confidence)[0] for n in (number - 1, number)]
         assert ends[0] < share <= ends[1]

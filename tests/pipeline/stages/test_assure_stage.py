@@ -14,8 +14,8 @@ from fis_tools.formats import serialize
 from fis_tools.words.text import sentence
 from pipeline.command_line.cli import main
 from pipeline.evaluation.assurance.conditions import changed_settings
+from pipeline.evaluation.assurance.judgements import judge
 from pipeline.evaluation.assurance.repeats import earlier_tries
-from pipeline.evaluation.assurance.verdicts import judge
 from pipeline.report.board import render_board
 from pipeline.report.evidence import OF_PAPER, OF_RUN, render_evidence
 from pipeline.report.figures.flights import draw_flight

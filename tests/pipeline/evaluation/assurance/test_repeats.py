@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from pipeline.evaluation.assurance import repeats
+from pipeline.evaluation.assurance.judgements import judge
 from pipeline.evaluation.assurance.repeats import Try, tried
 from pipeline.evaluation.assurance.requirements import Requirement
-from pipeline.evaluation.assurance.verdicts import judge
 from pipeline.evaluation.sequential import Stop, share_interval
 from pipeline.run import artifacts, sweep
 
