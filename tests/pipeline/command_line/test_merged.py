@@ -67,7 +67,9 @@ def test_a_shard_has_the_cases_of_the_whole(flown):
     assert rows[1:] == (flown / "whole" / artifacts.SCENARIOS).read_text().splitlines()[11:34]
 
 
-def test_overlaps_that_differ_are_refused(shards, ran):
+def test_overlaps_that_differ_are_refused(shards, ran, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
     def change(columns):
         columns["delta_v_m_s"] = columns["delta_v_m_s"] + np.where(columns["case"] == 11, 1e-15, 0.0)
 
