@@ -173,7 +173,7 @@ def express(system: FuzzySystem, dialect: Dialect) -> Expressed:
 
 
 def refuse_joined(system: FuzzySystem) -> None:
-    """Refuse several rules that conclude the same Tsukamoto term, which fuzzylite merges into one.
+    """Refuse a Tsukamoto term that is concluded more than once, which fuzzylite merges into one.
 
     Raises
     ------
@@ -185,12 +185,15 @@ def refuse_joined(system: FuzzySystem) -> None:
         for index, consequent in system.conclusions_on(output):
             term, number = consequent.term, index + 1
             shape = output.terms[output.term_index(term)].membership
-            if isinstance(shape, model.MonotoneFunction) and seen.setdefault(term, number) != number:
+            if isinstance(shape, model.MonotoneFunction) and term in seen:
+                who = f"rules {seen[term]} and {number} conclude {term!r} of {output.name!r}"
+                if seen[term] == number:
+                    who = f"rule {number} concludes {term!r} of {output.name!r} twice"
                 raise NotExpressible(
-                    f"rules {seen[term]} and {number} conclude {term!r} of {output.name!r}: other programs "
-                    "add their strengths up before they look where the term has them, here each counts by "
-                    "itself; give each rule a term of its own"
+                    f"{who}: other programs add the strengths up before they look where the term has them, "
+                    "here each counts by itself; conclude a term of its own each time"
                 )
+            seen[term] = number
 
 
 def _with_known_hedges(system: FuzzySystem, dialect: Dialect) -> FuzzySystem:
