@@ -19,8 +19,10 @@ from fis_tools.array_types import Floats
 from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController, FuzzySystem
 from tests.fis_tools.agreement import drawn
-from tests.fis_tools.agreement.compared import CLAIMS, Difference, differences
+from tests.fis_tools.agreement.claims import CLAIMS
+from tests.fis_tools.agreement.compared import differences
 from tests.fis_tools.agreement.forms import FORMS
+from tests.fis_tools.agreement.nearness import Difference
 from tests.fis_tools.agreement.shrunk import shrunk
 
 #: systems that are compared together, and inputs of each
@@ -48,10 +50,13 @@ def smallest(difference: Difference, folder: Path) -> Difference:
 
 
 def keep(difference: Difference, kept: Path) -> Path:
-    """Write a difference's system as a controller; its purpose says what differs."""
+    """Write a difference's system as a controller; its purpose says what differs, an attribute at what."""
     kept.mkdir(parents=True, exist_ok=True)
     controller = FuzzyController(
-        difference.form.replace(" ", "-"), (difference.system,), purpose=str(difference)
+        difference.form.replace(" ", "-"),
+        (difference.system,),
+        purpose=str(difference),
+        attributes=(("inputs", " ".join(map(repr, difference.row.tolist()))),),
     )
     path = kept / f"{controller.name}-{serialize.fingerprint(controller)[:8]}.yaml"
     path.write_text(serialize.dump_yaml(controller), encoding="utf-8")

@@ -149,7 +149,7 @@ def concluded_numbers(
             numbers[:, column] = formulas[:, int(row[0])]
             continue
         shape = INVERTED[kind](*row[:2])
-        degrees = np.clip(strengths[:, column], np.finfo(np.float64).tiny, 1.0)
+        degrees = np.clip(strengths[:, column], np.finfo(np.float64).smallest_subnormal, 1.0)
         points = shape.inverse(degrees)
         ends = np.where(points > 0.0, weighing.high, weighing.low)
         numbers[:, column] = np.where(np.isinf(points), ends, points)

@@ -297,9 +297,9 @@ def _outward(kind: int, row: Floats, least: float, greatest: float) -> tuple[flo
         absolute = 16.0 * EPSILON * (1.0 + abs(a) / b)
     if kind == GENERALIZED_BELL:
         relative += 16.0 * EPSILON * b
-    if kind == CONCAVE:
+    if kind == CONCAVE and b != a:  # of no width it is exactly zero or one
         relative += 8.0 * EPSILON * (2.0 * abs(b) + abs(a)) / abs(b - a)
-    if kind in (SEMI_ELLIPSE, ARC):  # a root loses half of the digits near zero
+    if kind in (SEMI_ELLIPSE, ARC) and b != a:  # a root loses half of the digits near zero
         square = 16.0 * EPSILON * (1.0 + (abs(a) + abs(b)) / abs(b - a))
         least, greatest = sqrt(max(least * least - square, 0.0)), sqrt(greatest * greatest + square)
     least = max(least - relative * least - absolute, 0.0)

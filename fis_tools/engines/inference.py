@@ -157,6 +157,14 @@ def _infer_intervals(system: FuzzySystem, values: Floats, clipped: Floats) -> In
     bounds, count = twin(system), len(system.rules)
     memberships = tuple(map(_evaluate_formulas, bounds.inputs, clipped))
     firing = _fire(bounds, memberships)
+    outputs = tuple(infer_outputs(system, firing, clipped))
+    uppers = tuple(degrees[1::2] for degrees in memberships)
+    return Inference(system, values, clipped, uppers, firing[count:], outputs, firing[:count])
+
+
+def _interval_outputs(system: FuzzySystem, firing: Floats, clipped: Floats) -> list[OutputInference]:
+    """Reduce the outputs of an interval type-2 system from both firing strengths of each rule."""
+    bounds = twin(system)
     named = {variable.name: x for variable, x in zip(system.inputs, clipped, strict=True)}
     inferred = [_infer_output(bounds, output, firing, named) for output in bounds.outputs]
     outputs = []
@@ -168,8 +176,7 @@ def _infer_intervals(system: FuzzySystem, values: Floats, clipped: Floats) -> In
             low, high = lower.weighing.strengths[order], upper.weighing.strengths[order]
         value = upper.value if upper.is_default else _reduced(system, x, low, high)
         outputs.append(replace(upper, variable=variable, value=value))
-    uppers = tuple(degrees[1::2] for degrees in memberships)
-    return Inference(system, values, clipped, uppers, firing[count:], tuple(outputs), firing[:count])
+    return outputs
 
 
 def _reduced(system: FuzzySystem, x: Floats, low: Floats, high: Floats) -> float:
@@ -229,10 +236,12 @@ def infer_outputs(system: FuzzySystem, firing: Floats, clipped: Floats) -> list[
     ----------
     system : FuzzySystem
     firing : (num_rules,)
-        Firing strengths, before weights.
+        Firing strengths, before weights; of interval type-2 systems (2 num_rules,), all lower ones first.
     clipped : (num_inputs,)
         Inputs, inside the universes.
     """
+    if has_intervals(system):
+        return _interval_outputs(system, firing, clipped)
     values = {variable.name: x for variable, x in zip(system.inputs, clipped, strict=True)}
     outputs = []
     for variable in system.outputs:

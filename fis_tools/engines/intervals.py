@@ -43,18 +43,22 @@ def weigh_interval(
     count, num_inputs = len(upper.rules), values.shape[1]
     x, low, high = np.empty(count), np.empty(count), np.empty(count)
     for sample in range(len(firing)):
+        used = 0
         for index in range(count):
-            low[index] = firing[sample, lower.rules[index]] * lower.weights[index]
-            high[index] = firing[sample, upper.rules[index]] * upper.weights[index]
-            x[index] = upper.parameters[index, num_inputs]
+            high[used] = firing[sample, upper.rules[index]] * upper.weights[index]
+            if high[used] == 0.0:  # what it would conclude may be infinite
+                continue
+            low[used] = firing[sample, lower.rules[index]] * lower.weights[index]
+            x[used] = upper.parameters[index, num_inputs]
             for column in range(num_inputs):
                 value = min(max(values[sample, column], limits[column, 0]), limits[column, 1])
                 if upper.parameters[index, column] != 0.0:
-                    x[index] += upper.parameters[index, column] * value
-        if not high.any():
+                    x[used] += upper.parameters[index, column] * value
+            used += 1
+        if used == 0:
             out[sample] = upper.default
         else:
-            order = np.argsort(x)
+            order = np.argsort(x[:used])
             out[sample] = reduce_interval(x[order], low[order], high[order], is_mean)
 
 

@@ -333,6 +333,7 @@ class Polyline(MembershipFunction):
         right = np.clip(np.searchsorted(own_x, x, side="left"), 1, len(own_x) - 1)
         left = right - 1
         values = y[left] + (y[right] - y[left]) * ((x - own_x[left]) / (own_x[right] - own_x[left]))
+        values = np.where(x == own_x[right], y[right], values)  # a faint one would be lost
         return np.where(x <= own_x[0], y[0], np.where(x > own_x[-1], y[-1], values))
 
     @property

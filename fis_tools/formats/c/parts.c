@@ -49,6 +49,12 @@ static void fuzzify(double x, const double universe[], int num_points, const dou
     }
 }
 
+/* A number; in the place of an infinite one the end of a range. */
+static double finite_or_end(double number, double low, double high)
+{
+    return (isinf(number) == 0) ? number : ((number > 0.0) ? high : low);
+}
+
 /* Adds a number that a rule concludes, by the strength of the rule. */
 static void weigh(double strength, double number, double *total, double *moment)
 {

@@ -308,9 +308,11 @@ class System:
         degree = f"({strength} < 1.0) ? {strength} : 1.0"
         values = {"first": first, "second": second, "degree": degree}
         location = C().calling(entries.where(shape.entry.name), values, {})
-        if isinstance(shape, model.Sigmoid):  # reaches one nowhere
-            end = output.maximum if shape.slope > 0.0 else output.minimum
-            return f"({strength} < 1.0) ? {location} : {float(end)!r}"
+        if isinstance(
+            shape, model.Sigmoid | model.Concave
+        ):  # infinitely far at some
+            low, high = float(output.minimum), float(output.maximum)
+            return f"finite_or_end({location}, {low!r}, {high!r})"
         return location
 
 

@@ -27,6 +27,7 @@ from fis_tools.model import (
 from fis_tools.model.membership import SHAPES, MembershipFunction, MonotoneFunction
 from fis_tools.model.numbers import FUNCTIONS, Constant, Formula, Linear, Number
 from fis_tools.model.validate import problems
+from tests.fis_tools.engines.random_systems import full_table_system
 
 #: shapes with parameters alone, which are drawn by what kinds of numbers these are
 BY_KINDS = tuple(
@@ -43,9 +44,12 @@ def any_of(generator: np.random.Generator, choices: Sequence[_Choice]) -> _Choic
 
 
 def system(generator: np.random.Generator, name: str = "drawn") -> FuzzySystem:
-    """A valid system."""
+    """A valid system; one in ten is a table of rules with wide terms, which the kernel of flights infers."""
     while True:
-        drawn = _system(generator, name)
+        if generator.random() < 0.1:
+            drawn = replace(full_table_system(generator, is_smooth=True), name=name)
+        else:
+            drawn = _system(generator, name)
         if not problems(drawn):
             return drawn
 

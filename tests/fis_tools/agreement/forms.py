@@ -17,10 +17,11 @@ from fis_tools.engines.compiler import compile
 from fis_tools.errors import Mistake
 from fis_tools.file_access import read_shipped
 from fis_tools.formats.c import source
-from fis_tools.model import FuzzyController, FuzzySystem
+from fis_tools.model import FuzzyController, FuzzySystem, Hedged, parts_of
 from fis_tools.model.intervals import has_intervals
 from fis_tools.review import carried, transcribed
 from fis_tools.review import page as review_page
+from tests.fis_tools import control_systems
 
 #: A system and the inputs at which it is requested, (n, num_inputs).
 Case = tuple[FuzzySystem, Floats]
@@ -117,9 +118,31 @@ def as_page(cases: Sequence[Case], folder: Path) -> list[Floats | None]:
     return answers
 
 
+def by_scikit_fuzzy(cases: Sequence[Case], folder: Path) -> list[Floats | None]:
+    """scikit-fuzzy's own ``compute()``, for what it knows."""
+    return [
+        control_systems.by_scikit_fuzzy(system, rows) if _is_known(system) else None for system, rows in cases
+    ]
+
+
+def _is_known(system: FuzzySystem) -> bool:
+    """Whether scikit-fuzzy has all that a system says: no hedges, no numbers, one way to cut and to join."""
+    parts = [part for rule in system.rules for part in parts_of(rule.antecedent)]
+    return (
+        system.semantics == "scikit-fuzzy"
+        and system.implication == "min"
+        and not system.weighed
+        and not any(isinstance(part, Hedged) for part in parts)
+        and all(output.aggregation == "max" and output.default is not None for output in system.outputs)
+    )
+
+
 def _written(number: float) -> float | str:
     """A number as JavaScript's Number reads it; JSON has no infinity."""
     return number if np.isfinite(number) else ("Infinity" if number > 0 else "-Infinity")
 
 
-FORMS: dict[str, Form] = {"arrays": on_arrays, "one by one": one_by_one, "C": as_c, "page": as_page}
+FORMS: dict[str, Form] = {
+    **{"arrays": on_arrays, "one by one": one_by_one, "C": as_c, "page": as_page},
+    "scikit-fuzzy": by_scikit_fuzzy,
+}

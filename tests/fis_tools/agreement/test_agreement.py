@@ -1,15 +1,21 @@
 """A short part of ``python -m benchmarks agree``, and that it finds mistakes in each form."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from fis_tools.analysis.bounds import Answer
+from fis_tools.engines.compiler import compile
+from fis_tools.formats import serialize
 from fis_tools.model import ALL_SEMANTICS, operators
 from fis_tools.model.membership import SHAPES
 from fis_tools.model.systems import used_terms
-from tests.fis_tools.agreement import compared, drawn, forms
+from tests.fis_tools.agreement import claims, compared, drawn, forms
 from tests.fis_tools.agreement.shrunk import shrunk
 
 SEED = 20
+ONCE_DIFFERENT = Path(__file__).with_name("once_different")
 
 
 def cases(count: int, num_rows: int = 12) -> list[forms.Case]:
@@ -23,6 +29,18 @@ def cases(count: int, num_rows: int = 12) -> list[forms.Case]:
 
 def test_all_forms_of_inference_agree(tmp_path):
     assert list(map(str, compared.differences(cases(25), tmp_path))) == []
+
+
+@pytest.mark.parametrize("path", sorted(ONCE_DIFFERENT.glob("*.yaml")), ids=lambda path: path.stem)
+def test_what_once_differed_agrees(tmp_path, path):
+    controller = serialize.load(path)
+    row = [float(word) for word in dict(controller.attributes)["inputs"].split()]
+    cases = [(controller.systems[0], np.array([row]))]
+    assert list(map(str, compared.differences(cases, tmp_path))) == []
+
+
+def test_the_kernel_of_flights_is_drawn():
+    assert sum(compile(system).packed is not None for system, _ in cases(100, 1)) > 3
 
 
 def test_everything_registered_is_drawn():
@@ -69,22 +87,43 @@ def test_a_form_that_is_wrong_is_found_and_shrunk(tmp_path, monkeypatch, form):
 
 
 def test_a_bound_that_is_broken_is_found(tmp_path, monkeypatch):
-    bound = compared.interval.bound
+    bound = claims.interval.bound
 
     def narrow(program, low, high):
         least, greatest, variation = bound(program, low, high)
         return least, least + 0.7 * (greatest - least), variation
 
-    monkeypatch.setattr(compared.interval, "bound", narrow)
+    monkeypatch.setattr(claims.interval, "bound", narrow)
     assert compared.differences(cases(6), tmp_path, ("bounds",))
 
 
 def test_shares_that_do_not_add_up_are_found(tmp_path, monkeypatch):
-    shares = compared.shapley.shares
+    shares = claims.shapley.shares
 
     def fewer(compiled, rows):
         result = shares(compiled, rows)
         return result._replace(values=0.9 * result.values)
 
-    monkeypatch.setattr(compared.shapley, "shares", fewer)
+    monkeypatch.setattr(claims.shapley, "shares", fewer)
     assert compared.differences(cases(6), tmp_path, ("explain",))
+
+
+def test_a_no_to_what_is_attained_is_found(tmp_path, monkeypatch):
+    def never(system, question, **options):
+        return Answer(question, "", "no", 1)
+
+    monkeypatch.setattr(claims, "ask", never)
+    assert compared.differences(cases(6), tmp_path, ("no",))
+
+
+@pytest.mark.parametrize("claim", ["surface", "diff"])
+def test_a_surface_or_a_change_that_is_off_is_found(tmp_path, monkeypatch, claim):
+    evaluate = claims.arrays.evaluate
+    monkeypatch.setattr(claims.arrays, "evaluate", lambda *words: evaluate(*words) + 1e-3)
+    compared_outputs = claims.comparison._change
+
+    def moved(before, output, where, inputs, values):
+        return compared_outputs(before, output, where, inputs, values + 1e-3)
+
+    monkeypatch.setattr(claims.comparison, "_change", moved)
+    assert compared.differences(cases(6), tmp_path, (claim,))

@@ -1,0 +1,173 @@
+"""What the product claims about a system's outputs, held against the plain definition at the same inputs."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+
+from fis_tools.analysis import arrays, shapley
+from fis_tools.analysis.bounds import ask
+from fis_tools.array_types import Floats
+from fis_tools.engines import interval
+from fis_tools.engines.compiler import compile
+from fis_tools.engines.inference import Inference, infer, infer_outputs
+from fis_tools.findings.difference import comparison
+from fis_tools.findings.explanation import flips
+from fis_tools.model import FuzzySystem
+from tests.fis_tools.agreement.nearness import Difference, is_near, neighbours, sizes
+
+#: What finds where a claim is not what the definition says.
+Check = Callable[[str, FuzzySystem, Floats, list[Inference]], Iterator[Difference]]
+#: of shares, which are sums of many answers
+SHARES_TOLERANCE = 1e-7
+#: boxes that a question may take, and points along an axis of a surface
+NUM_BOXES, NUM_POINTS = 60, 4
+
+
+def bounds(claim: str, system: FuzzySystem, rows: Floats, steps: list[Inference]) -> Iterator[Difference]:
+    """Each output lies inside the bounds of boxes around its inputs: points, small and large ones."""
+    try:
+        program = interval.pack(system)
+    except interval.NotBounded:
+        return
+    generator = np.random.default_rng(11)
+    limits = np.array([system.limits_of(variable) for variable in system.inputs])
+    spans = np.array([variable.span for variable in system.inputs])
+    held = np.clip(rows, limits[:, 0], limits[:, 1])
+    is_finite = np.isfinite(held).all(axis=1)
+    for width in (0.0, 1e-12, 1e-3, 0.3):
+        down, up = generator.random((2, *rows.shape)) * width * spans
+        least, greatest, _ = interval.bound(program, held - down, held + up)
+        for index in np.flatnonzero(is_finite):
+            values = steps[index].values
+            slack = 1e-12 * sizes(system, values)
+            below, above = least[index] - slack > values, greatest[index] + slack < values
+            if (below | above | (np.isnan(least[index]) & ~np.isnan(values))).any():
+                box = (
+                    f"{[*zip(least[index].tolist(), greatest[index].tolist(), strict=True)]} of width {width}"
+                )
+                yield Difference(claim, system, rows[index], str(values.tolist()), box)
+
+
+def explain(claim: str, system: FuzzySystem, rows: Floats, steps: list[Inference]) -> Iterator[Difference]:
+    """Shares add up to the way from the default, at each input that inference takes."""
+    compiled = compile(system)
+    shared = shapley.shares(compiled, rows).values.sum(axis=1)
+    given = compiled(rows)
+    for row, total, step, answer in zip(rows, shared, steps, given, strict=True):
+        for index, variable in enumerate(system.outputs):
+            silent, value = variable.default or 0.0, answer[index]
+            if not np.isfinite(value) or (step.outputs[index].is_default and total[index] == 0.0):
+                continue
+            if not np.isfinite(total[index]) and _lacks_a_number(step, index):
+                continue
+            scale = max(variable.span, abs(value), abs(silent))
+            summed = step.values.copy()
+            summed[index] = silent + total[index]
+            if not abs(summed[index] - value) <= SHARES_TOLERANCE * scale and not is_near(
+                system, summed, step
+            ):
+                yield Difference(claim, system, row, str(value), f"shares add up to {silent + total[index]}")
+
+
+def _lacks_a_number(step: Inference, index: int) -> bool:
+    """Whether a formula has no value for some of the rules that fire, so that there are no shares."""
+    fires = np.flatnonzero(step.firing_strengths)
+    for chosen in product((0.0, 1.0), repeat=len(fires)):
+        firing = step.firing_strengths.copy()
+        firing[fires] *= chosen
+        value = infer_outputs(step.system, firing, step.clipped)[index].value
+        if not (np.isfinite(value) or (step.outputs[index].variable.default is None and not firing.any())):
+            return True
+    return False
+
+
+def crossing(claim: str, system: FuzzySystem, rows: Floats, steps: list[Inference]) -> Iterator[Difference]:
+    """What an input is changed to takes the output across the value."""
+    for row, step in zip(rows[:1], steps, strict=False):
+        if not np.isfinite(step.values).all():
+            continue
+        for flip in flips(system, row, 0.1):
+            if flip.first is None:
+                continue
+            changed = step.clipped.copy()
+            changed[system.inputs.index(flip.input)] = flip.first
+            inferred, index = infer(system, changed), system.outputs.index(flip.output)
+            value = inferred.values[index]
+            if np.sign(value - 0.1) == flip.side and not _may_cross(inferred, index, 0.1):
+                words = f"{flip.input.name} = {flip.first} crosses 0.1"
+                yield Difference(claim, system, row, f"{flip.output.name} = {value}", words)
+
+
+def _may_cross(inferred: Inference, index: int, value: float) -> bool:
+    """Whether an output lies on the other side for strengths that differ in their last digits."""
+    around = np.array([inferred.values[index], *(values[index] for values in neighbours(inferred))])
+    return bool((around <= value).any() and (around >= value).any())
+
+
+def no(claim: str, system: FuzzySystem, rows: Floats, steps: list[Inference]) -> Iterator[Difference]:
+    """What is attained is never answered with no, and an example is one by the definition."""
+    low, high = np.array([[variable.minimum, variable.maximum] for variable in system.inputs]).T
+    for row, step in zip(rows, steps, strict=True):
+        if not (np.isfinite(step.values).all() and (row >= low).all() and (row <= high).all()):
+            continue
+        for index, output in enumerate(system.outputs):
+            less = float(step.values[index] - 1e-9 * sizes(system, step.values)[index])
+            try:
+                answer = ask(system, f"{output.name} > {less!r}", max_boxes=NUM_BOXES)
+            except interval.NotBounded:
+                return
+            if answer.verdict == "no":
+                yield Difference(claim, system, row, f"{output.name} = {step.values[index]}", str(answer))
+            elif answer.verdict == "yes":
+                assert answer.example is not None
+                at = np.array([answer.example[variable.name] for variable in system.inputs])
+                inferred, given = (
+                    infer(system, at),
+                    np.array([answer.example[v.name] for v in system.outputs]),
+                )
+                if not is_near(system, given, inferred):
+                    yield Difference(claim, system, at, str(inferred.values), f"the example {given}")
+        return  # one row tells enough, since a question takes many boxes
+
+
+def surface(claim: str, system: FuzzySystem, rows: Floats, steps: list[Inference]) -> Iterator[Difference]:
+    """Each cell is the output at its inputs."""
+    if len(system.inputs) < 2 or not np.isfinite(rows[0]).all():
+        return
+    fixed = {
+        variable.name: float(value) for variable, value in zip(system.inputs[2:], rows[0][2:], strict=True)
+    }
+    for index, output in enumerate(system.outputs):
+        cells = arrays.surface(system, fixed=fixed, output=output.name, num_points=NUM_POINTS)
+        for (j, i), given in np.ndenumerate(cells.values):
+            at = np.array([cells.x[i], cells.y[j], *fixed.values()])
+            inferred = infer(system, at)
+            values = inferred.values.copy()
+            values[index] = given
+            if not is_near(system, values, inferred):
+                yield Difference(claim, system, at, str(inferred.values), f"{output.name} = {given}")
+
+
+def diff(claim: str, system: FuzzySystem, rows: Floats, steps: list[Inference]) -> Iterator[Difference]:
+    """Where an output is said to move most, both outputs are those of their systems, and so is the change."""
+    other = replace(system, rules=(*system.rules[1:], system.rules[0], system.rules[0]))
+    kept = rows[np.isfinite(rows).all(axis=1)]
+    for change in comparison.compare_outputs(other, system, kept):
+        at = np.array([change.inputs[variable.name] for variable in system.inputs])
+        index = system.outputs.index(change.output)
+        for side, given in ((other, change.before), (system, change.after)):
+            inferred = infer(side, at)
+            values = inferred.values.copy()
+            values[index] = given
+            if not is_near(side, values, inferred):
+                yield Difference(claim, side, at, str(inferred.values), f"{change.output.name} = {given}")
+        if change.largest != abs(change.after - change.before):
+            yield Difference(claim, system, at, str(abs(change.after - change.before)), str(change.largest))
+
+
+CLAIMS: dict[str, Check] = {
+    **{"bounds": bounds, "no": no, "explain": explain, "crossing": crossing},
+    **{"surface": surface, "diff": diff},
+}

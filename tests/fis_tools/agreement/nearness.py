@@ -1,0 +1,92 @@
+"""What every form must give: the plain definition's numbers, as far as rounding decides nothing.
+
+Forms may round memberships and strengths differently. Where the definition itself answers something else for
+strengths that differ in their last digits, as at a jump, any answer between these is right.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from fis_tools.array_types import Floats
+from fis_tools.engines import inference
+from fis_tools.engines.inference import Inference
+from fis_tools.model import FuzzySystem, Variable, shapes
+from fis_tools.model.intervals import has_intervals, twin
+
+#: of an output's range, or of its size
+TOLERANCE = 1e-9
+#: how many neighbours of strengths are tried, by how many units in the last place
+NEIGHBOURS, UNITS = 60, 64.0
+
+
+@dataclass(frozen=True)
+class Difference:
+    """A row at which a form, or a claim about outputs, is not what the definition says."""
+
+    form: str
+    system: FuzzySystem
+    row: Floats
+    expected: str
+    given: str
+
+    def __str__(self) -> str:
+        return f"{self.form} at {self.row.tolist()}: {self.given}, by the definition {self.expected}"
+
+
+def sizes(system: FuzzySystem, values: Floats) -> Floats:
+    """What differences of outputs are measured in: their ranges, or their own size."""
+    spans = np.array([variable.span for variable in system.outputs])
+    return np.maximum(spans, np.abs(np.where(np.isfinite(values), values, 0.0)))
+
+
+def is_near(system: FuzzySystem, given: Floats, inferred: Inference) -> bool:
+    """Whether a row of outputs is the definition's, or one of its neighbours'."""
+    expected = inferred.values
+    if is_equal(system, given, expected):
+        return True
+    around = np.array([expected, *neighbours(inferred)])
+    for index, value in enumerate(given):
+        column = around[:, index]
+        if not np.isfinite(value):
+            if np.isfinite(column).all():
+                return False
+            continue
+        slack = TOLERANCE * sizes(system, expected)[index]
+        known = column[np.isfinite(column)]
+        if not len(known) or not known.min() - slack <= value <= known.max() + slack:
+            return False
+    return True
+
+
+def is_equal(system: FuzzySystem, given: Floats, expected: Floats) -> bool:
+    with np.errstate(invalid="ignore"):
+        near = np.abs(given - expected) <= TOLERANCE * sizes(system, expected)
+    return bool((near | (~np.isfinite(given) & ~np.isfinite(expected))).all())
+
+
+def neighbours(inferred: Inference) -> Iterator[Floats]:
+    """The definition's outputs for memberships and strengths that differ in their last digits."""
+    system, degrees = inferred.system, inferred.memberships
+    if has_intervals(system):
+        system = twin(system)
+        degrees = tuple(map(inference._evaluate_formulas, system.inputs, inferred.clipped))
+    generator = np.random.default_rng(7)
+    for _ in range(NEIGHBOURS):
+        memberships = [
+            _shaken(generator, held, variable) for variable, held in zip(system.inputs, degrees, strict=True)
+        ]
+        firing = _shaken(generator, inference._fire(system, memberships))
+        outputs = inference.infer_outputs(inferred.system, firing, inferred.clipped)
+        yield np.array([output.value for output in outputs])
+
+
+def _shaken(generator: np.random.Generator, degrees: Floats, variable: Variable | None = None) -> Floats:
+    """Degrees with other last digits; those that are differences lose digits near zero."""
+    units = generator.choice([-UNITS, -1.0, 0.0, 1.0, UNITS], degrees.shape)
+    sizes_of = degrees.copy()
+    if variable is not None:
+        is_table = [isinstance(term.membership, shapes.Sampled | shapes.Polyline) for term in variable.terms]
+        sizes_of[is_table] = 1.0
+    return np.clip(degrees + units * np.spacing(sizes_of) * (sizes_of > 0.0), 0.0, 1.0)
