@@ -27,6 +27,7 @@ from telemetry.commands import main as telemetry
 from tests.hostile import kills
 from tests.hostile.replaced import UNREAD, count_of, kind_of, replaced
 from tests.pipeline.command_line.cases import use_stages
+from tests.smoke import miniature
 
 pytestmark = pytest.mark.slow
 
@@ -46,8 +47,8 @@ HOSTILE = (
     "--config-dir=evil",
     "$(touch outside)",
 )
-#: what a page could show otherwise than it reads; it is made by the stage itself
-SHOWN, REAL = (MARKUP, "\x1b[31m\u202e"), ("report",)
+#: what a page could show otherwise than it reads
+SHOWN = (MARKUP, "\x1b[31m\u202e")
 #: of `kills.KINDS`: those that together have every stage, and a sweep
 KINDS = ("planned", "search", "fit", "optimum", "cma_es", "compare", "prove", "assure", "report", "sweep")
 #: of a sweep, one of its runs is walked
@@ -178,27 +179,59 @@ def assert_harmless(folder: Path) -> None:
             assert not any(cell.startswith("=") for row in csv.reader(stream) for cell in row), path
 
 
-def test_nothing_obeys_what_a_file_says(made, tmp_path, monkeypatch, capfd):
-    """Stages are stand-ins, but for the page of a run with a text that is markup, or no character at all."""
+@pytest.fixture(scope="module", params=miniature.EXPERIMENTS, ids=lambda path: path.stem)
+def experiment(request, tmp_path_factory):
+    """The run of each experiment that ships, in miniature."""
+    folder = tmp_path_factory.mktemp(request.param.stem) / "made"
+    assert main([*miniature.words(request.param.stem), f"hydra.run.dir={folder}"]) in range(6)
+    return folder
+
+
+@pytest.fixture(autouse=True)
+def _elsewhere(tmp_path, monkeypatch):
+    """A folder to work in, and words of the environment that nothing may tell."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "temporary").mkdir()
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "temporary"))  # of libraries
     monkeypatch.setenv("WATCHED", WATCHED)
     monkeypatch.setenv("ELSEWHERE", str(tmp_path.parent / "elsewhere"))
-    rng, run = random.Random(1), tmp_path / "run"  # noqa: S311
+
+
+def carried_out(made, path, content, programs, capfd):
+    """Do things with a copy of a run in which a file has another content; check that nothing obeys it."""
+    run, folder = Path("run"), Path.cwd()
+    left = ["*.html", "figures", *(["*.mcap"] if path.suffix != ".mcap" else [])]
+    shutil.rmtree(run, ignore_errors=True)
+    shutil.copytree(made, run, ignore=shutil.ignore_patterns(*left))
+    (run / path.relative_to(made)).write_bytes(content)
+    with nothing_outside(folder):
+        for program, words in programs:
+            assert program(words) in range(6), (path.name, words)
+    printed = "".join(capfd.readouterr())
+    assert "Traceback" not in printed, (path.name, content[:200], printed)
+    assert not set(printed) & {"\x1b", "\u202e"}, (path.name, content[:200], printed)
+    assert WATCHED not in printed + written(folder), (path.name, content[:200])
+    (run / path.relative_to(made)).unlink()  # the attack itself
+    assert_harmless(folder)
+
+
+def test_nothing_obeys_what_a_file_says(made, monkeypatch, capfd):
+    """Stages are stand-ins."""
+    use_stages(monkeypatch)
+    rng = random.Random(1)  # noqa: S311
     for path in files_of(made):
-        left = ["*.html", "figures", *(["*.mcap"] if path.suffix != ".mcap" else [])]
+        for _, content in attacks(path, rng):
+            carried_out(made, path, content, commands_on(path, made), capfd)
+
+
+def test_no_page_of_any_experiment_shows_what_a_file_says_otherwise_than_it_reads(experiment, capfd):
+    """The stage itself writes the page, after a text of each file became markup, or no character at all."""
+    rng, num_pages = random.Random(1), 0  # noqa: S311
+    for path in files_of(experiment):
         for text, content in attacks(path, rng):
-            use_stages(monkeypatch, real=REAL if text in SHOWN else ())
-            shutil.rmtree(run, ignore_errors=True)
-            shutil.copytree(made, run, ignore=shutil.ignore_patterns(*left))
-            (run / path.relative_to(made)).write_bytes(content)
-            with nothing_outside(tmp_path):
-                for program, words in commands_on(path, made):
-                    assert program(words) in range(6), (path.name, words)
-            printed = "".join(capfd.readouterr())
-            assert "Traceback" not in printed, (path.name, content[:200], printed)
-            assert not set(printed) & {"\x1b", "\u202e"}, (path.name, content[:200], printed)
-            assert WATCHED not in printed + written(tmp_path), (path.name, content[:200])
-            (run / path.relative_to(made)).unlink()  # the attack itself
-            assert_harmless(tmp_path)
+            if text in SHOWN:
+                carried_out(
+                    experiment, path, content, [(main, ["hydra.run.dir=run", "stages=[report]"])], capfd
+                )
+                num_pages += len(list(Path("run").glob("*.html")))
+    assert num_pages

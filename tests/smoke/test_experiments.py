@@ -11,28 +11,11 @@ from fis_tools.formats import serialize
 from pipeline.command_line.cli import main
 from pipeline.command_line.runs import MISSED, OK, UNIMPROVED, UNPROVED
 from pipeline.run import artifacts, configuration, manifests
-from tests.places import PROJECT
 from tests.policies import Page, check_policy
+from tests.smoke import miniature
 from tests.state import unchanged
 
 pytestmark = pytest.mark.slow
-
-EXPERIMENTS = sorted((PROJECT / "conf" / "experiment").glob("*.yaml"))
-#: sizes at which any experiment ends within seconds
-MINIATURE = (
-    *("optimizer.population_size=6", "optimizer.generations=2", "optimizer.rounds=1"),
-    *("assurance.num_cases=3", "assurance.searches=1", "assurance.search_starts=3"),
-    *("assurance.search_population=5", "assurance.search_generations=1", "assurance.domain_cases=1"),
-    *("optimum.restarts=1", "optimum.kicks=0", "duration_s=600.0", "report.dots_per_inch=50"),
-    *("fit.bases=[champion_27]", "fit.draws=1", "fit.cases=[2,3]", "fit.kept=[1]", "fit.num_cases=3"),
-    *("fit.goal_percent=40", "fit.neighbours=1", "fit.planners=[]"),  # what plans is not tuned
-    "monte_carlo.num_cases=3",
-)
-#: and with so few kinds of flight that compiling them does
-FEW = {
-    "robustness": ("compare.safety=[none]", "compare.controllers=[lqr]"),
-    "reproduce": ("compare.controllers=[paper_champion,champion_27,natural_motion]",),
-}
 
 #: flights of ten minutes do not come to the goal that is to be proved
 PROVE_NOTHING = ("prove",)
@@ -44,15 +27,13 @@ SELDOM |= {artifacts.EPISODE_PARTS}
 FILES = {name for key, name in vars(artifacts).items() if key.isupper() and isinstance(name, str)} - SELDOM
 
 
-@pytest.fixture(scope="module", params=EXPERIMENTS, ids=lambda path: path.stem)
+@pytest.fixture(scope="module", params=miniature.EXPERIMENTS, ids=lambda path: path.stem)
 def finished(request, tmp_path_factory) -> tuple[str, Path, list[str]]:
     """An experiment, the folder of its run, and its stages."""
     experiment = request.param.stem
-    folder, small = tmp_path_factory.mktemp(experiment) / "run", [*MINIATURE, *FEW.get(experiment, ())]
-    if experiment == "assure":  # which has flights of its own, judged after an hour
-        small = [word for word in small if word not in ("monte_carlo.num_cases=3", "duration_s=600.0")]
+    folder = tmp_path_factory.mktemp(experiment) / "run"
     with unchanged():
-        code = main([f"+experiment={experiment}", *small, f"hydra.run.dir={folder}"])
+        code = main([*miniature.words(experiment), f"hydra.run.dir={folder}"])
     if (folder / artifacts.FIT).exists():
         assert code == MISSED  # which no goal of 95 % of so few flights is not
     elif (folder / artifacts.TRAINED).exists():
@@ -123,7 +104,7 @@ def test_the_report_needs_nothing_but_itself(finished):
 
 
 def test_the_same_seed_finds_the_same_champion_on_any_number_of_workers(tmp_path):
-    training, results = ("+experiment=train", *MINIATURE, "stages=[scenario,train,evaluate]"), []
+    training, results = (*miniature.words("train"), "stages=[scenario,train,evaluate]"), []
     for count in (1, 2):
         folder = tmp_path / str(count)
         workers = (f"optimizer.workers={count}", f"monte_carlo.workers={count}")

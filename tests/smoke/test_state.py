@@ -19,7 +19,7 @@ from pipeline.settings.experiment import STAGES
 from telemetry.commands import TERMINATED
 from telemetry.commands import main as telemetry_main
 from tests.places import PROJECT
-from tests.smoke.test_experiments import EXPERIMENTS
+from tests.smoke.miniature import EXPERIMENTS
 from tests.state import unchanged
 
 PROGRAMS = sorted(
