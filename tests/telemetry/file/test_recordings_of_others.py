@@ -1,5 +1,6 @@
 """Recordings that the official writer writes in every way that it can: read to equal tables, and rescued."""
 
+import importlib
 import inspect
 import struct
 from itertools import product
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, IndexType, Writer
+from mcap_protobuf.decoder import DecoderFactory
 from rerun.chunk import McapReader
 
 import telemetry
@@ -188,6 +190,39 @@ def test_a_flight_with_an_epoch_counts_from_it_and_is_read_from_0(short_file, tm
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(path.read_bytes()[:-100])
     assert recover(cut, tmp_path / "rescued.mcap").end_s == 1300.0
+
+
+def test_what_foxglove_reads_has_the_date(tmp_path):
+    """By the official reader: its times of log and publication, its schemas' own times, and the metadata."""
+    flight = synthetic_flight.fly(130)
+    metadata = synthetic_flight.metadata(flight)
+    metadata["episode"]["epoch"] = "2026-11-26T12:00:00+01:00"
+    path = synthetic_flight.record(flight, tmp_path / "dated.mcap", metadata=metadata)
+    epoch_ns, kinds = 1_795_690_800 * 10**9, set()
+    with path.open("rb") as stream:
+        reader = make_reader(stream, validate_crcs=True, decoder_factories=[DecoderFactory()])
+        statistics = reader.get_summary().statistics
+        assert (statistics.message_start_time, statistics.message_end_time) == (
+            epoch_ns,
+            epoch_ns + 1300 * 10**9,
+        )
+        (episode,) = [each.metadata for each in reader.iter_metadata() if each.name == "episode"]
+        assert episode["epoch"] == "2026-11-26T12:00:00+01:00"
+        for schema, channel, message, decoded in reader.iter_decoded_messages():
+            assert (schema.encoding, channel.message_encoding) == ("protobuf", "protobuf")
+            assert message.publish_time == message.log_time
+            assert (message.log_time - epoch_ns) % (10 * 10**9) == 0
+            package, _, name = schema.name.rpartition(".")
+            if package == "foxglove":
+                assert decoded.timestamp.ToNanoseconds() == message.log_time
+                if name not in kinds:
+                    theirs = getattr(
+                        importlib.import_module(f"foxglove_schemas_protobuf.{name}_pb2"), name
+                    ).DESCRIPTOR
+                    kept = {(field.name, field.number, field.type) for field in decoded.DESCRIPTOR.fields}
+                    assert kept == {(field.name, field.number, field.type) for field in theirs.fields}
+                kinds.add(name)
+    assert kinds == {"FrameTransform", "Log", "PointCloud", "PoseInFrame"}
 
 
 @pytest.mark.parametrize(("epoch", "text"), [("soon", "a date and time of UTC"), ("1950-01-01", None)])
