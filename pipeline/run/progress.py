@@ -21,12 +21,13 @@ class Progress:
         What is counted, such as ``generation``.
     total : int
     done : int, optional
-        Number done before; by default all but one of those shown first.
+        Number done before, for the bar. Lines count the time from what is shown first on: before, code is
+        compiled.
     """
 
     def __init__(self, what: str, total: int, done: int | None = None) -> None:
-        self._what, self._total, self._done_before = what, total, done
-        self._started, self._last_line = time.perf_counter(), -math.inf
+        self._what, self._total, self._last_line = what, total, -math.inf
+        self._first: tuple[float, int] | None = None
         console = Console(stderr=True)
         self._bar = Bar(
             TextColumn("  {task.description}"),
@@ -54,12 +55,20 @@ class Progress:
         if not self._bar.disable:
             self._bar.update(self._task, completed=done, description=text or self._what)
             return
-        if self._done_before is None:
-            self._done_before = done - 1
         now = time.perf_counter()
+        self._first = self._first or (now, done)
         if now - self._last_line >= SECONDS_BETWEEN_LINES or done == self._total:
             self._last_line = now
-            left = (now - self._started) / (done - self._done_before) * (self._total - done)
-            line = f"  {self._what} {done}/{self._total}, {text}, {left:.0f} s left\n"
-            sys.stderr.write(line.replace(", , ", ", "))
+            line = ", ".join(
+                filter(None, (f"  {self._what} {done}/{self._total}", text, self._left(now, done)))
+            )
+            sys.stderr.write(f"{line}\n")
             sys.stderr.flush()
+
+    def _left(self, now: float, done: int) -> str:
+        """Return the time left in words; nothing before two are known."""
+        assert self._first is not None  # noqa: S101 - as something is shown
+        started, first = self._first
+        if done == first and done < self._total:
+            return ""
+        return f"{(now - started) / max(1, done - first) * (self._total - done):.0f} s left"

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController
 from pipeline.array_types import Floats
 from pipeline.flight.cases.starts import cases_of
@@ -25,6 +26,9 @@ from pipeline.training.evolution.generations import Evaluate, Subspace
 from pipeline.training.evolution.rounds import Evolution, evolve_rounds
 from pipeline.training.fitness import costs, fitness_parts, objectives
 from pipeline.training.genome import Genome, genome_of
+
+#: stands in a champion's purpose before that of what the search started from
+_OF_TEMPLATE = "Its template's purpose was: "
 
 
 def fitness_of_round(
@@ -131,5 +135,8 @@ def evolved(experiment: Experiment, genome: Genome, pool: TaskPool = HERE, **kep
 
 
 def named_after(experiment: Experiment, genome: Genome, champion: Floats) -> FuzzyController:
-    """Return a champion's controller, named after the template and the experiment."""
-    return replace(genome.decode(champion), name=f"{genome.template.name}_{experiment.name}")
+    """Return a champion's controller, with a name and a purpose that tell of its template and experiment."""
+    controller = genome.decode(champion)
+    earlier = serialize.unmarked(controller).purpose.rpartition(_OF_TEMPLATE)[2]
+    purpose = f"Trained by {experiment.name}." + (f" {_OF_TEMPLATE}{earlier}" if earlier else "")
+    return replace(controller, name=f"{genome.template.name}_{experiment.name}", purpose=purpose)

@@ -248,6 +248,8 @@ def test_the_champion_is_the_best_of_all_generations_on_starts_of_its_own(tmp_pa
     champion = serialize.load(tmp_path / artifacts.CHAMPION)
     chosen = genomes(tmp_path)[3 * int(best["round"]) + int(best["generation"])]
     assert champion.systems == encoding_of(run).decode(chosen).systems
+    # a template may say that it is not trained
+    assert champion.purpose.startswith("Trained by train_champion. Its template's purpose was: A start for")
     facts = dict(champion.provenance)
     assert facts["improved"] == "true"
     assert facts["validation_fitness"] == best["cost_m_s"]
