@@ -234,7 +234,7 @@ class Safety(Settings, group="safety", only=Only("safety.kind=filter")):
     """Distance at which the greatest speed is speed_limit_m_s."""
     braking_force_n: types.Positive | None = None
     """Greatest force along each Hill axis to stop within a control period; null: 0.8 of the thrusters'."""
-    #: rarer errors of thrusters are not drawn: pipeline.flight.world.bounds
+    #: rarer errors of thrusters are not drawn: pipeline.flight.world.thrust_bounds
     probability: Annotated[types.Number, Field(gt=0, le=0.9999)] | None = None
     """Probability with which a flight's errors stay within what the margins allow; null: no margins."""
     #: this and the next: a compromise between fuel and success of champion_leo in world=leo, as tried

@@ -308,9 +308,7 @@ class System:
         degree = f"({strength} < 1.0) ? {strength} : 1.0"
         values = {"first": first, "second": second, "degree": degree}
         location = C().calling(entries.where(shape.entry.name), values, {})
-        if isinstance(
-            shape, model.Sigmoid | model.Concave
-        ):  # infinitely far at some
+        if isinstance(shape, model.Sigmoid | model.Concave):  # infinitely far at some
             low, high = float(output.minimum), float(output.maximum)
             return f"finite_or_end({location}, {low!r}, {high!r})"
         return location

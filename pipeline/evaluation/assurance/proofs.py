@@ -21,8 +21,8 @@ from pipeline.flight.period.act.safety import STANDING, most_exceeded
 from pipeline.flight.state.arrays import Guard
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.bounds import ROUNDING_M, SafetyBounds, bounds_of, is_exact, norm, spheres_of
-from pipeline.flight.world.layout import capacity_of
 from pipeline.flight.world.pack import pack_world
+from pipeline.flight.world.thrust_bounds import capacity_of
 from pipeline.settings.equipment import RangeBearingFixes, RealActuators
 from pipeline.settings.experiment import Mission
 from pipeline.settings.keys import choices_of

@@ -6,7 +6,7 @@ has the proof. Vectors are bounded by their lengths, matrices by their spectral 
 """
 
 from dataclasses import dataclass, replace
-from functools import cache, lru_cache
+from functools import lru_cache
 from math import ceil, inf, radians, sqrt
 
 import numpy as np
@@ -14,12 +14,11 @@ import numpy as np
 from pipeline.array_types import Floats
 from pipeline.flight.period.act.safety import STANDING
 from pipeline.flight.state.arrays import Guard
+from pipeline.flight.world import thrust_bounds
 from pipeline.flight.world.estimates import SQRT_3, EstimateErrors, estimate_errors, unknown_acceleration
-from pipeline.flight.world.layout import capacity_of, most_missed
 from pipeline.physics.motion import joined, motion_over, stop_of, stopped
 from pipeline.settings.equipment import RangeBearingFixes, RealActuators
 from pipeline.settings.experiment import Mission, SettingError
-from pipeline.settings.relations import STANDARD_GRAVITY_M_S2
 
 #: kept besides, beyond the accumulated rounding of a flight
 ROUNDING_M = 0.001
@@ -101,14 +100,13 @@ def _with_tank(
 
 def _propellant(mission: Mission, bounds: SafetyBounds, actuators: RealActuators) -> float:
     """Return the propellant of a flight, kg, that fires the greatest force in each control period."""
-    rounded = 0.5 * actuators.impulse_step_n_s / mission.control_period_s
-    if actuators.thrusters is None:
-        thrusts = SQRT_3 * (1.0 + bounds.errors.share) * bounds.greatest_force_n + 3.0 * rounded
-    else:
-        capacity = capacity_of(actuators.thrusters)
-        thrusts = capacity.thrusts_per_newton * bounds.greatest_force_n + capacity.most_at_once * rounded
-    speed = STANDARD_GRAVITY_M_S2 * (actuators.specific_impulse_s or np.inf)
-    return thrusts * mission.control_period_s * mission.num_controls / speed
+    return thrust_bounds.propellant(
+        actuators,
+        bounds.errors.share,
+        bounds.greatest_force_n,
+        mission.control_period_s,
+        mission.num_controls,
+    )
 
 
 def spheres_of(mission: Mission, bounds: SafetyBounds) -> tuple[float, float]:
@@ -177,13 +175,8 @@ def error_bounds(mission: Mission, known: EstimateErrors, lighter: float = 0.0) 
     period, mass = mission.control_period_s, mission.deputy.mass_kg
     share, force = 0.0, mass * unknown_acceleration(mission)
     if isinstance(actuators, RealActuators):
-        share = largest_share(actuators.scale_error, radians(actuators.misalignment_deg), 1.0 - 4.0 * part)
-        share += (1.0 + share) * lighter
-        half, least = 0.5 * actuators.impulse_step_n_s, actuators.least_impulse_n_s
-        if actuators.thrusters is None:
-            force += SQRT_3 * (least + half) / period * (1.0 + lighter)
-        else:  # which round before what they fire is turned and scaled
-            force += most_missed(actuators.thrusters, -half, least + half) / period * (1.0 + share)
+        share, missed = thrust_bounds.of_fired(actuators, period, 1.0 - 4.0 * part, lighter)
+        force += missed
     if not is_fixed:
         return ErrorBounds(share=share, force_n=force, lighter=lighter)
     # the stop's force and position, both now and after a period, and the attitude
@@ -196,23 +189,6 @@ def error_bounds(mission: Mission, known: EstimateErrors, lighter: float = 0.0) 
     turn = tilt + radians(noise * navigation.attitude_noise_deg)  # it changes as the body turns
     force += (1.0 + share) * turn * SQRT_3 * mission.deputy.max_force_n
     return ErrorBounds(position, speed, share, force, lighter, off, part_risk)
-
-
-@cache
-def largest_share(scale: float, turn: float, probability: float) -> float:
-    """Return a bound on ``|(I + S) R - I|``, for normal scales and a normal rotation, rad, at a probability.
-
-    A quantile of at least 200,000 draws, 25 of them beyond it, at the upper end of its 99.9 % interval.
-    """
-    from scipy.spatial.transform import Rotation  # noqa: PLC0415 - slow to import, used only here
-
-    generator, count = np.random.default_rng(0), max(200_000, ceil(25.0 / (1.0 - probability)))
-    scales, turns = generator.standard_normal((2, count, 3))
-    rotations = Rotation.from_rotvec(turn * turns).as_matrix()
-    off = rotations * (1.0 + scale * scales)[:, :, np.newaxis] - np.eye(3)
-    shares = np.sort(np.sqrt(np.linalg.eigvalsh(off @ off.transpose(0, 2, 1))[:, -1]))
-    above = 3.1 * sqrt(count * probability * (1.0 - probability))
-    return float(shares[ceil(count * probability + above)])
 
 
 def norm(matrix: Floats) -> float:

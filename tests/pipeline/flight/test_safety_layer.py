@@ -22,8 +22,9 @@ from pipeline.flight.period.act.safety import project
 from pipeline.flight.reference.motion import pushed, transition
 from pipeline.flight.reference.safety import SafetyLayer
 from pipeline.flight.state.log import PASSIVE_SAFETY, Scenario
-from pipeline.flight.world.bounds import SafetyBounds, bounds_of, guard_of, largest_share, spheres_of
-from pipeline.flight.world.layout import capacity_of, layout_of, most_missed
+from pipeline.flight.world.bounds import SafetyBounds, bounds_of, guard_of, spheres_of
+from pipeline.flight.world.layout import layout_of
+from pipeline.flight.world.thrust_bounds import capacity_of, largest_share, most_missed
 from pipeline.physics.motion import motion_over, stop_of, stopped
 from pipeline.settings.experiment import Mission, Safety, SettingError
 from tests.pipeline.flight.as_written import assert_as_written
