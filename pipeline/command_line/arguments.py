@@ -6,10 +6,9 @@ from itertools import zip_longest
 from pathlib import Path
 from typing import Any, Final, NoReturn
 
-from hydra._internal.utils import get_args_parser
-
 from fis_tools import plain_yaml
 from fis_tools.file_access import read_bytes, read_shipped
+from pipeline.command_line.hydra_parts import get_args_parser
 from pipeline.settings.keys import KNOWN, choices_of, did_you_mean
 from pipeline.settings.places import conf_folder
 

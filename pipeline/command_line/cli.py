@@ -15,7 +15,6 @@ from importlib import import_module
 from inspect import cleandoc
 from pathlib import Path
 
-from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
 from hydra.core.override_parser.types import Override
 
 from fis_tools.streams import guarded
@@ -23,6 +22,7 @@ from pipeline.command_line import runs
 from pipeline.command_line.application import run_application, shows_tracebacks
 from pipeline.command_line.arguments import COMMANDS, EXPERIMENT, CommandLine, ConfigError, parse_arguments
 from pipeline.command_line.config import check_stages, compose_experiment
+from pipeline.command_line.hydra_parts import split_arguments
 from pipeline.command_line.overrides import read_overrides, words_of
 from pipeline.command_line.sweeps import resume_words
 from pipeline.run import artifacts, interrupts, maker
@@ -130,7 +130,7 @@ def run_command(command: CommandLine) -> int:
         if "stages" in by_key and EXPERIMENT not in by_key:
             raise ConfigError(f"{folder} holds no run; give a run's folder, or start one by +experiment=NAME")
     if command.cfg == "job" and not (command.resolve or command.package or command.info):
-        job = compose_experiment(BasicSweeper.split_arguments(read, None)[0][0], command.config_dir)
+        job = compose_experiment(split_arguments(read, None)[0][0], command.config_dir)
         check_stages(job)
         return _print(schema.commented(job.config))
     words = words_of(read)

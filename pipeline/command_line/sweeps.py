@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path, PurePath
 from typing import Any, Final, cast
 
-from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.hydra_config import HydraConfig
 from hydra.core.override_parser.overrides_parser import OverridesParser
@@ -18,6 +17,7 @@ from omegaconf import DictConfig, OmegaConf, read_write
 from pipeline.command_line import runs, stored_words
 from pipeline.command_line.arguments import EXPERIMENT, ConfigError
 from pipeline.command_line.config import Job, check_stages, checked_job, errors_in_words
+from pipeline.command_line.hydra_parts import DEFAULT_SWEEPER, split_arguments
 from pipeline.command_line.overrides import HYDRA, SUFFIXES, quoted, top_of, words_of
 from pipeline.preflight import check_before
 from pipeline.run import artifacts, configuration, lock, sweep, typed
@@ -85,7 +85,7 @@ class Sweep:
         ConfigError
             If a run cannot be started, or two would be the same; it names the run.
         """
-        if config.hydra.sweeper._target_.rpartition(".")[2] != BasicSweeper.__name__:
+        if config.hydra.sweeper._target_.rpartition(".")[2] != DEFAULT_SWEEPER:
             raise ConfigError(
                 "a sweep is made by hydra/sweeper=basic, whose runs are checked before any begins; for a "
                 "search over settings add the stage search, see hparams_search"
@@ -186,7 +186,7 @@ def _combinations(config: DictConfig) -> tuple[list[list[str]], list[str]]:
     parameters = config.hydra.sweeper.get("params") or {}
     words = [*(f"{key}={value}" for key, value in parameters.items()), *config.hydra.overrides.task]
     overrides = OverridesParser.create(GlobalHydra.instance().config_loader()).parse_overrides(words)
-    (batch,) = BasicSweeper.split_arguments(overrides, None)
+    (batch,) = split_arguments(overrides, None)
     last = {override.get_key_element(): override for override in overrides}
     return batch, [key for key, override in last.items() if override.is_sweep_override()]
 
