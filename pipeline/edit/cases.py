@@ -124,8 +124,7 @@ class EditorCases:
         """Fly and judge cases in one thread."""
         scenarios = [self.scenarios[case] for case in cases]
         outcomes, tracks = fly_tracked(self.mission, controller, scenarios, workers=1)
-        motion = self.mission.orbit.mean_motion_rad_s
-        facts = TrackFacts(len(inspection_points(self.mission)), outcomes.inspectable_count, motion)
+        facts = TrackFacts(len(inspection_points(self.mission)), outcomes.inspectable_count, self.mission)
         evaluated = evaluate_formulas(tracks, facts, self._formulas, self.mission.control_period_s)
         return Flown(episode_columns(self.mission, scenarios, outcomes) | {"case": cases}, evaluated)
 

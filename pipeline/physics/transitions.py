@@ -170,6 +170,30 @@ def position_at(motion: Transitions, k: int, constants: tuple[Three, Three]) -> 
 
 
 @compiled(error_model="numpy", forceinline=True)
+def gradients_of(motion: Transitions, k: int, sample: int, along: Three) -> tuple[Three, Three]:
+    """Return the gradients of the position along a vector at a later sample of free motion.
+
+    The first is with respect to the position at sample k, the second (s) with respect to the velocity.
+    """
+    onward, back = motion.onward[sample], motion.back[k]
+    upper, lower = across_three(onward, 0, along), across_three(onward, 3, along)
+    return (
+        across_three(back, 0, upper) + across_three(back[3:], 0, lower),
+        across_three(back, 3, upper) + across_three(back[3:], 3, lower),
+    )
+
+
+@compiled(error_model="numpy", forceinline=True)
+def across_three(matrix: Floats, first: int, along: Three) -> Three:
+    """Return a vector times the upper three rows of a matrix, at three columns from `first` on."""
+    return Three(
+        dot(along, column(matrix, 0, first)),
+        dot(along, column(matrix, 0, first + 1)),
+        dot(along, column(matrix, 0, first + 2)),
+    )
+
+
+@compiled(error_model="numpy", forceinline=True)
 def effect_of_push(motion: Transitions, k: int, sample: int) -> tuple[Three, Three, Three]:
     """Return by what a push at sample k along each axis moves the position at a later sample, s."""
     onward, back = motion.onward[sample], motion.back[k]
@@ -209,6 +233,22 @@ def state_after(
     motion: Transitions, period: int, position: Three, velocity: Three, force: Three
 ) -> tuple[Three, Three]:
     """Return the state at the end of a control period under a held force, N."""
-    free, pushes = motion.steps[period], motion.pushes[period]
-    moved, moving = times_six(free, 0, position, velocity), times_six(free, 3, position, velocity)
-    return moved + times_three(pushes, 0, force), moving + times_three(pushes, 3, force)
+    free = motion.steps[period]
+    moved = times_six(free, 0, position, velocity), times_six(free, 3, position, velocity)
+    return pushed_in_period(motion, period, moved, force)
+
+
+@compiled(error_model="numpy", forceinline=True)
+def pushed_in_period(
+    motion: Transitions, period: int, free: tuple[Three, Three], force: Three
+) -> tuple[Three, Three]:
+    """Return the state at the end of a control period under a held force, N, from that without it."""
+    pushes = motion.pushes[period]
+    return free[0] + times_three(pushes, 0, force), free[1] + times_three(pushes, 3, force)
+
+
+@compiled(error_model="numpy", forceinline=True)
+def effect_in_period(motion: Transitions, period: int, p: Three, q: Three) -> Three:
+    """Return what each component of a held force adds to ``p . r + q . v`` in a period, per newton."""
+    pushes = motion.pushes[period]
+    return across_three(pushes, 0, p) + across_three(pushes[3:], 0, q)

@@ -7,9 +7,9 @@ import math
 from abc import abstractmethod
 from collections.abc import Iterable
 from functools import cached_property
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
-from pydantic import AfterValidator, Field, Strict
+from pydantic import AfterValidator, BeforeValidator, Field, Strict
 
 from pipeline.settings import ephemeris, types
 from pipeline.settings.checks import SettingError
@@ -63,6 +63,11 @@ def _two_lines(lines: tuple[str, ...]) -> tuple[str, ...]:
     return lines
 
 
+def _word(value: Any) -> Any:
+    """Return the word true where YAML has read it as a truth value."""
+    return "true" if value is True else value
+
+
 class KeplerElements(NamedTuple):
     """Osculating elements at the start of a flight."""
 
@@ -81,7 +86,9 @@ class OrbitSettings(Settings, group="orbit"):
     """What gives it: the mean motion, Kepler's elements, a circle's radius or altitude, or a TLE."""
     epoch: Annotated[types.Text, AfterValidator(_epoch)] | None = None
     """Time of the start, UTC, from which the Sun's direction follows; null: unknown."""
-    course: Annotated[Literal["auto", "uniform", "true"], Only("dynamics.model=two_body")] = "auto"
+    course: Annotated[
+        Literal["auto", "uniform", "true"], BeforeValidator(_word), Only("dynamics.model=two_body")
+    ] = "auto"
     """How Hill axes turn: by the mean motion (uniform), or by the orbit, and the Sun moves (true); auto: true
     on an ellipse and, about an oblate Earth, beside a turning chief and in flights longer than a day."""
 

@@ -384,7 +384,7 @@ def _record_worst(
     recorder.record(path, scenario, log, f"{requirement.id}-worst")
     assert requirement.formula is not None  # noqa: S101 - flown ones have one
     recording = reader.read(path, (DEPUTY_CONTROL, DEPUTY_STATE, MISSION))
-    track, facts = track_of(recording, mission.orbit.mean_motion_rad_s)
+    track, facts = track_of(recording, mission)
     again = evaluate_formulas(track, facts, {requirement.id: requirement.formula}, mission.control_period_s)
     recorded = float(again[requirement.id].margins[0])
     # tracks have single precision: the larger the numbers compared, the larger the error of the margin

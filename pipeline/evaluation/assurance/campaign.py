@@ -154,8 +154,7 @@ class Campaign:
         # a few fly side by side in one thread: shared out, they would leave vectors half empty
         workers = 1 if len(scenarios) < FEW else self._workers
         outcomes, tracks = fly_tracked(self._mission, self._controller, scenarios, workers)
-        motion = self._mission.orbit.mean_motion_rad_s
-        return tracks, TrackFacts(self._num_points, outcomes.inspectable_count, motion)
+        return tracks, TrackFacts(self._num_points, outcomes.inspectable_count, self._mission)
 
 
 def judge_part(

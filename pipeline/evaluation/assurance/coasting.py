@@ -6,7 +6,10 @@ import numpy as np
 
 from fis_tools.compiled.decorator import plainly
 from pipeline.array_types import Floats
+from pipeline.flight.world.coasting import FreeMotion
 from pipeline.physics.motion import state_transition
+from pipeline.settings.experiment import Mission
+from pipeline.settings.mission import TwoBody
 
 #: between the instants of which the nearest and the farthest are refined, s
 SPACING_S = 10.0
@@ -14,8 +17,59 @@ SPACING_S = 10.0
 CHUNK = 2000
 
 
-def coasting_distances(states: Floats, mean_motion: float, duration: float) -> tuple[Floats, Floats]:
-    """Return the least and the greatest distance of free motion from states over a duration.
+def coasting_distances(mission: Mission, states: Floats, duration: float) -> tuple[Floats, Floats]:
+    """Return the least and the greatest distance of free motion from the states of flights over a duration.
+
+    Motion is that of `pipeline.flight.world.coasting`: about the Earth along the chief's orbit, which is
+    followed for whole control periods.
+
+    Parameters
+    ----------
+    mission : Mission
+    states : (n, K+1, 6) array
+        Position, m, and velocity, m/s, Hill axes, at each sample.
+    duration : float
+        s.
+
+    Returns
+    -------
+    nearest, farthest : (n, K+1) arrays
+        m.
+    """
+    if not isinstance(mission.dynamics, TwoBody):
+        return by_mean_motion(states, mission.orbit.mean_motion_rad_s, duration)
+    motion, ends = FreeMotion(mission, duration), np.empty((2, *states.shape[:-1]))
+    for k in range(states.shape[1]):
+        for first in range(0, len(states), CHUNK):
+            path = motion.path(k, states[first : first + CHUNK, k], duration, SPACING_S)
+            squares = np.sum(path * path, axis=1)
+            ends[0, first : first + CHUNK, k] = least_of(squares)
+            ends[1, first : first + CHUNK, k] = -least_of(-squares)
+    nearest, farthest = np.sqrt(ends.clip(0.0))
+    return nearest, farthest
+
+
+def least_of(samples: Floats) -> Floats:
+    """Return the least of functions, (m,), from evenly spaced samples, (J, m): by the parabola through three.
+
+    The last sample may be nearer to the one before.
+    """
+    index = samples.argmin(axis=0)
+    lowest = np.take_along_axis(samples, index[np.newaxis], axis=0)[0]
+    if len(samples) < 4:
+        return np.asarray(lowest)
+    middle = index.clip(1, len(samples) - 3)
+    before, now, after = (
+        np.take_along_axis(samples, (middle + step)[np.newaxis], axis=0)[0] for step in (-1, 0, 1)
+    )
+    slope, bend = 0.5 * (after - before), after - 2.0 * now + before
+    is_valley = (bend > 0.0) & (index < len(samples) - 1)
+    step = np.where(is_valley, -slope / np.where(is_valley, bend, 1.0), 0.0).clip(-1.0, 1.0)
+    return np.minimum(lowest, now + step * (slope + 0.5 * step * bend))
+
+
+def by_mean_motion(states: Floats, mean_motion: float, duration: float) -> tuple[Floats, Floats]:
+    """Return the least and the greatest distance of a circle's free motion from states over a duration.
 
     By Clohessy and Wiltshire's equations; around the nearest and the farthest instant by the second-order
     series.

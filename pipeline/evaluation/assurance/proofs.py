@@ -280,7 +280,7 @@ def safety_proof(
         world = pack_world(mission)
         is_whole = are_safe(world.guard, *shell)
         flying = ((Three(*scenario.position_m), Three(*scenario.velocity_m_s)) for scenario in scenarios)
-        num_safe = sum(most_exceeded(world, scenario, STANDING)[2] <= 0.0 for scenario in flying)
+        num_safe = sum(most_exceeded(world, 0, scenario, STANDING)[2] <= 0.0 for scenario in flying)
     near, far, speed = shell
     counts, starts = (len(scenarios), num_safe), shell_in_words(near, far, speed)
     return SafetyProof(is_on, *spheres, *counts, starts, is_whole, failing, assumed, probability)

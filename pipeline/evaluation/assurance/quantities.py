@@ -20,6 +20,7 @@ from pipeline.flight.state import arrays
 from pipeline.flight.state.log import inspectable_rate
 from pipeline.physics.quaternion import seen_from_hill
 from pipeline.settings import plugged
+from pipeline.settings.experiment import Mission
 from telemetry.file.recording import Recording
 from telemetry.file.topics import DEPUTY_CONTROL, DEPUTY_STATE, MISSION
 
@@ -27,11 +28,16 @@ _BORESIGHT = slice(arrays.TRACK_BORESIGHT, arrays.TRACK_BORESIGHT + 3)
 
 
 class TrackFacts(NamedTuple):
-    """What tracks do not hold: the chief's mean motion, and points, in all and inspectable, (n,)."""
+    """What tracks do not hold: the mission, and points, in all and inspectable, (n,)."""
 
     number: int
     inspectable: Integers
-    mean_motion: float  # rad/s
+    mission: Mission
+
+    @property
+    def mean_motion(self) -> float:
+        """The chief's mean motion, rad/s."""
+        return self.mission.orbit.mean_motion_rad_s
 
 
 #: from tracks, (n, K+1, 15), and what they do not hold to (n, K+1)
@@ -85,7 +91,7 @@ def _coasting(name: str, seconds: float | None = None) -> OfTracks:
 
     def distance(tracks: Floats, facts: TrackFacts) -> Floats:
         duration = 2.0 * np.pi / facts.mean_motion if seconds is None else seconds
-        return coasting_distances(tracks[..., :6], facts.mean_motion, duration)[end]
+        return coasting_distances(facts.mission, tracks[..., :6], duration)[end]
 
     return distance
 
@@ -227,18 +233,18 @@ def _of_name(name: str) -> OfTracks:
     return QUANTITIES[name].of_tracks if seconds is None else _coasting(kind_of(name), seconds)
 
 
-def track_of(recording: Recording, mean_motion: float) -> tuple[Floats, TrackFacts]:
+def track_of(recording: Recording, mission: Mission) -> tuple[Floats, TrackFacts]:
     """Return the track of a recorded flight, (1, K+1, 15), and what it does not hold."""
-    state, mission, control = recording[DEPUTY_STATE], recording[MISSION], recording[DEPUTY_CONTROL]
-    num_points = int(np.asarray(mission["inspected_mask"]).shape[1])
-    inspectable = np.asarray(mission["inspectable_count"][-1:], dtype=np.int64)
-    left = num_points - np.asarray(mission["inspected_count"], dtype=np.float64)
+    state, inspection, control = recording[DEPUTY_STATE], recording[MISSION], recording[DEPUTY_CONTROL]
+    num_points = int(np.asarray(inspection["inspected_mask"]).shape[1])
+    inspectable = np.asarray(inspection["inspectable_count"][-1:], dtype=np.int64)
+    left = num_points - np.asarray(inspection["inspected_count"], dtype=np.float64)
     fired = np.vstack([control["force_hill_n"], np.zeros(3)])
     boresight = np.array(recording.episode.boresight, dtype=np.float64)
     boresights = seen_from_hill(state["quaternion"].astype(np.float64), boresight)
     turn_rates = np.linalg.norm(state["angular_velocity_rad_s"], axis=1)
-    spent = mission["delta_v_m_s"]
+    spent = inspection["delta_v_m_s"]
     columns = [state["position_m"], state["velocity_m_s"], spent, left, fired, boresights, turn_rates]
     return np.column_stack(columns)[np.newaxis].astype(np.float64), TrackFacts(
-        num_points, inspectable, mean_motion
+        num_points, inspectable, mission
     )

@@ -30,7 +30,7 @@ from pipeline.flight.state.arrays import NUM_TRACKED, TRACK_BORESIGHT, World
 from pipeline.flight.state.log import Outcomes, Scenario
 from pipeline.flight.state.signals import constant
 from pipeline.flight.world.bounds import guard_of
-from pipeline.flight.world.chief import BEYOND_S, predicted_motion
+from pipeline.flight.world.chief import predicted_motion
 from pipeline.flight.world.coasting import rows_after
 from pipeline.flight.world.pack import pack_world
 from pipeline.physics.motion import motion_over, state_transition
@@ -134,7 +134,7 @@ def tail_of(mission: Mission, sample: int, beyond_s: float) -> tuple[Floats, Flo
         mission.num_controls - sample,
     )
     count = int(np.ceil((num_periods + beyond_s / period) / stride)) + 1
-    _, motion = predicted_motion(mission, max(BEYOND_S, beyond_s + stride * period))
+    _, motion = predicted_motion(mission, beyond_s + stride * period)
     if follows_course(motion):
         after = slice(sample + 1, mission.num_controls + 1)
         rows, constants = motion.onward[sample::stride, :3][:count], motion.back[sample]

@@ -40,7 +40,9 @@ class PredictedCourse:
 
     def __init__(self, earth: Earth, mission: Mission) -> None:
         self._earth, self._mission, self._mass = earth, mission, mission.deputy.mass_kg
-        beyond = int(np.ceil(BEYOND_S / mission.control_period_s))
+        safety = mission.safety
+        drifts = [safety.passive_horizon_s, safety.keep_in_horizon_s] if safety.kind == "filter" else []
+        beyond = int(np.ceil(max([BEYOND_S, *drifts]) / mission.control_period_s))
         self.last = mission.num_controls + beyond
         self._steps: dict[int, tuple[Floats, Floats]] = {}
         self._times = mission.control_period_s * np.arange(self.last + 1)

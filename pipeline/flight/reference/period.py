@@ -93,7 +93,8 @@ def act(
     requested = np.clip(decision.wanted, -mission.deputy.max_force_n, mission.deputy.max_force_n)
     commanded, limit = requested, None
     if mission.safety.kind == "filter":
-        commanded, limit = SafetyLayer(mission, flight.errors.margins).assured(seen.known, requested)
+        layer = SafetyLayer(mission, flight.errors.margins, flight.predicted, k)
+        commanded, limit = layer.assured(seen.known, requested)
     remember_command(flight, k, state, seen, commanded)
     thrust = actuators.fired(flight, k, commanded, state.commands, seen.attitude, state.mass)
     remember_fired(flight, k, state, seen, thrust, state.mass)

@@ -6,6 +6,7 @@ from math import ceil
 import numpy as np
 
 from pipeline.array_types import Floats
+from pipeline.flight.reference.course import PredictedCourse
 from pipeline.flight.reference.motion import transition
 from pipeline.settings.experiment import Mission
 
@@ -21,10 +22,17 @@ Cut = tuple[Floats, float]
 
 
 class SafetyLayer:
-    """A mission's safety layer, with its own margins unless others are given, see `DrawnErrors`."""
+    """A mission's safety layer, with its own margins unless others are given, see `DrawnErrors`.
+
+    It looks ahead of sample k along a predicted course, and by the mean motion where none is given.
+    """
 
     def __init__(
-        self, mission: Mission, margins: tuple[float, float, float, float, float] | None = None
+        self,
+        mission: Mission,
+        margins: tuple[float, float, float, float, float] | None = None,
+        course: PredictedCourse | None = None,
+        k: int = 0,
     ) -> None:
         self.law, self.limit = mission.safety, mission.deputy.max_force_n
         self.period = mission.control_period_s
@@ -36,16 +44,20 @@ class SafetyLayer:
         n, mass = mission.orbit.mean_motion_rad_s, mission.deputy.mass_kg
         self.phi, self.gamma = transition(n, self.period, mass)
         self.stop = -np.linalg.solve(self.gamma[3:], self.phi[3:])
+        #: so that a force counts as the metres that it moves the deputy in a period
+        self.metres_per_newton = self.gamma[2, 2]
         horizons = self.law.passive_horizon_s, self.law.keep_in_horizon_s
         num_out, num_in = (ceil(horizon / self.period - 1e-9) for horizon in horizons)
-        drifts = [transition(n, j * self.period)[0][:3] for j in range(1, max(num_out, num_in) + 1)]
+        count = max(num_out, num_in)
+        drifts = [transition(n, j * self.period)[0][:3] for j in range(1, count + 1)]
         #: the positions that are checked: of the next state, stopped from there, and after free drift
         self.checks = np.array([np.eye(3, 6), self.phi[:3] + self.gamma[:3] @ self.stop, *drifts])
+        if course is not None:  # stops stay those of the mean motion
+            self.phi, self.gamma = course.step(k)
+            self.checks[STANDING:] = [course.between(k + 1, k + 2 + j)[:3] for j in range(count)]
         order = np.arange(len(self.checks))
         self.least = np.where(order < STANDING + num_out, self.out, -np.inf)
         self.greatest = np.where(order < STANDING + num_in, self.far, np.inf)
-        #: so that a force counts as the metres that it moves the deputy in a period
-        self.metres_per_newton = self.gamma[2, 2]
 
     def excesses(self, ahead: Floats, num_checks: int) -> Floats:
         """Return by how many metres a state exceeds each limit: two a check, speed, and three for braking."""

@@ -55,14 +55,17 @@ def true_course_of(mission: Mission) -> TrueCourse | None:
 
 
 @lru_cache(maxsize=8)  # tables of a megabyte, which rehearsals ask for again and again
-def predicted_motion(mission: Mission, beyond_s: float = BEYOND_S) -> tuple[Course, Transitions]:
-    """Return the course that deputies predict by, to some seconds beyond the end, and motion along it.
+def predicted_motion(mission: Mission, beyond_s: float = 0.0) -> tuple[Course, Transitions]:
+    """Return the course that deputies predict by, and motion along it.
 
-    Neither is of use where Hill axes turn uniformly, as predictions have it there.
+    They reach so many seconds beyond the end or, if that is longer, as far as tours and the safety layer look
+    ahead. Neither is of use where Hill axes turn uniformly, as predictions have it there.
     """
     if not mission.has_true_course:
         return NO_COURSE, NO_TRANSITIONS
-    course = chief_course(mission, beyond_s)
+    safety = mission.safety
+    drift_s = max(safety.passive_horizon_s, safety.keep_in_horizon_s) if safety.kind == "filter" else 0.0
+    course = chief_course(mission, max(BEYOND_S, beyond_s, drift_s))
     return course, transitions_of(course, mission.deputy.mass_kg)
 
 

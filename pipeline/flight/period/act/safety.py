@@ -9,6 +9,9 @@ f_stop, and on the speed, ``|v| <= v0 + v1 (|r| - d0)``.
 Limits on the distance in free drift from s, at all samples of a horizon, act early, while a small force is
 enough (passive safety: Breger and How, "Safe trajectories for autonomous rendezvous of spacecraft",
 J. Guidance 31, 2008). They yield to the others.
+
+On a true course states are predicted along the chief's orbit. Stops there are those of the mean motion, which
+the bounds on neglected accelerations cover.
 """
 
 import numpy as np
@@ -43,6 +46,15 @@ from pipeline.physics.motion import (
     stopping_force,
     velocity_after,
 )
+from pipeline.physics.transitions import (
+    constants_at,
+    effect_in_period,
+    follows_course,
+    gradients_of,
+    position_at,
+    pushed_in_period,
+    state_after,
+)
 
 #: position (m) and velocity (m/s) of one deputy, Hill axes
 Flying = tuple[Three, Three]
@@ -63,23 +75,45 @@ FAR = 1e9
 HALVINGS = 30
 
 
+@compiled(error_model="numpy", forceinline=True)
+def free_from(world: World, k: int, ahead: Flying) -> Flying:
+    """Return the constants of free motion from the state ahead of sample k; that state itself on a circle."""
+    if follows_course(world.transitions):
+        return constants_at(world.transitions, k + 1, ahead[0], ahead[1])
+    return ahead
+
+
+@compiled(error_model="numpy", forceinline=True)
+def checked_position(world: World, k: int, row: int, ahead: Flying, free: Flying) -> Three:
+    """Return the position of a check of the state ahead of sample k, m; `free` is that of `free_from`."""
+    if row >= STANDING and follows_course(world.transitions):
+        return position_at(world.transitions, k + 2 + row - STANDING, free)
+    return drifted_position(position_rows_of(world.guard.checks, row), ahead[0], ahead[1])
+
+
 @compiled(error_model="numpy")
-def look_ahead(world: World, state: FlightState) -> Mask:
-    """Return the lanes whose commanded forces may lead to an unsafe state."""
-    guard, belief, step = world.guard, state.belief, propagator_of(world.motion, 0)
+def look_ahead(world: World, k: int, state: FlightState) -> Mask:
+    """Return the lanes whose forces, commanded at sample k, may lead to an unsafe state."""
+    guard, belief = world.guard, state.belief
     width = width_of(state.lanes)
     position, velocity = load_three(belief.position, 0), load_three(belief.velocity, 0)
     force = load_three(state.lanes.commanded, 0)
-    next_position, next_velocity = (
-        position_after(step, position, velocity, force),
-        velocity_after(step, position, velocity, force),
-    )
+    if follows_course(world.transitions):
+        next_position, next_velocity = state_after(world.transitions, k, position, velocity, force)
+    else:
+        step = propagator_of(world.motion, 0)
+        next_position, next_velocity = (
+            position_after(step, position, velocity, force),
+            velocity_after(step, position, velocity, force),
+        )
     stop = stopping_force(guard.stop, next_position, next_velocity)
     braking = most(most(abs(stop.x), abs(stop.z)), abs(stop.y))
     closest, reach = splat(np.inf, width), splat(0.0, width)
+    ahead = next_position, next_velocity
+    free = free_from(world, k, ahead)
     for row in range(len(guard.checks.transition)):
-        checked_position = drifted_position(position_rows_of(guard.checks, row), next_position, next_velocity)
-        square = dot(checked_position, checked_position)
+        checked = checked_position(world, k, row, ahead, free)
+        square = dot(checked, checked)
         if row < guard.num_kept_out:
             closest = least(square, closest)
         if row < guard.num_kept_in:
@@ -91,22 +125,33 @@ def look_ahead(world: World, state: FlightState) -> Mask:
 
 
 @compiled(error_model="numpy")
-def next_state(world: World, free: Flying, force: Three) -> Flying:
-    """Return the next state under a force, from the next state without it."""
+def free_state(world: World, k: int, known: Flying) -> Flying:
+    """Return the state after sample k without a force."""
+    if follows_course(world.transitions):
+        return state_after(world.transitions, k, known[0], known[1], Three(0.0, 0.0, 0.0))
+    step = propagator_of(world.motion, 0)
+    return drifted_position(step.position, known[0], known[1]), drifted_velocity(step, known[0], known[1])
+
+
+@compiled(error_model="numpy")
+def next_state(world: World, k: int, free: Flying, force: Three) -> Flying:
+    """Return the state after sample k under a force, from that without it."""
+    if follows_course(world.transitions):
+        return pushed_in_period(world.transitions, k, free, force)
     step = propagator_of(world.motion, 0)
     return pushed(free[0], step.pushed_position, force), pushed(free[1], step.pushed_velocity, force)
 
 
 @compiled(error_model="numpy")
-def most_exceeded(world: World, ahead: Flying, num_checks: int) -> tuple[int, int, float]:
-    """Return the limit that a next state exceeds most, the index of its check, and the excess, m.
+def most_exceeded(world: World, k: int, ahead: Flying, num_checks: int) -> tuple[int, int, float]:
+    """Return the limit that the state after sample k exceeds most, the index of its check, and the excess, m.
 
     Speeds count by the distance covered in a period, braking forces by the displacement in one.
     """
-    guard = world.guard
+    guard, free = world.guard, free_from(world, k, ahead)
     limit, index, excess = SAFE, 0, 0.0
     for row in range(num_checks):
-        distance = length(drifted_position(position_rows_of(guard.checks, row), ahead[0], ahead[1]))
+        distance = length(checked_position(world, k, row, ahead, free))
         if row < guard.num_kept_out and guard.keep_out - distance > excess:
             limit, index, excess = PASSIVE_SAFETY, row, guard.keep_out - distance
             limit = KEEP_OUT if row < STANDING else limit
@@ -125,7 +170,9 @@ def most_exceeded(world: World, ahead: Flying, num_checks: int) -> tuple[int, in
 
 
 @compiled(error_model="numpy")
-def cut(world: World, free: Flying, ahead: Flying, limit: int, index: int, half_space: Floats) -> None:
+def cut(
+    world: World, k: int, free: Flying, ahead: Flying, limit: int, index: int, half_space: Floats
+) -> None:
     """Write the half-space ``g . f >= b`` that is tangent to a limit in the direction of a next state.
 
     Outside a sphere, the half-space lies in the safe set; inside one, it contains the safe set.
@@ -143,15 +190,21 @@ def cut(world: World, free: Flying, ahead: Flying, limit: int, index: int, half_
         p, q = guard.speed_slope * position / distance, -1.0 * velocity / speed
         level = SLACK / world.control_period - guard.speed_at_chief
     else:
-        position_rows = position_rows_of(guard.checks, index)
-        outward = drifted_position(position_rows, position, velocity)
+        outward = checked_position(world, k, index, ahead, free_from(world, k, ahead))
         sign = -1.0 if limit == KEEP_IN else 1.0
-        p, q = position_gradients(position_rows, (sign / max(length(outward), TOLERANCE)) * outward)
+        along = (sign / max(length(outward), TOLERANCE)) * outward
+        if index >= STANDING and follows_course(world.transitions):
+            p, q = gradients_of(world.transitions, k + 1, k + 2 + index - STANDING, along)
+        else:
+            p, q = position_gradients(position_rows_of(guard.checks, index), along)
         level = SLACK if index < STANDING else EARLY_SLACK
         level += -guard.keep_in if limit == KEEP_IN else guard.keep_out
     (x, y, z), (u, v, w) = free
     level = level - p.x * x - p.y * y - p.z * z - q.x * u - q.y * v - q.z * w
-    write_three(half_space, effect_along(propagator_of(world.motion, 0), p, q))
+    if follows_course(world.transitions):
+        write_three(half_space, effect_in_period(world.transitions, k, p, q))
+    else:
+        write_three(half_space, effect_along(propagator_of(world.motion, 0), p, q))
     half_space[3] = level
 
 
@@ -183,7 +236,9 @@ def project(requested: Three, cuts: Floats, num_cuts: int, max_force: float) -> 
 
 
 @compiled(error_model="numpy")
-def nearest_safe_force(world: World, free: Flying, requested: Three, num_checks: int, cuts: Floats) -> Three:
+def nearest_safe_force(
+    world: World, k: int, free: Flying, requested: Three, num_checks: int, cuts: Floats
+) -> Three:
     """Return the force nearest to the requested one that keeps the limits of the first checks, if any does.
 
     The most exceeded limit is replaced by a half-space, the force projected, and so on (Kelley, "The
@@ -193,23 +248,23 @@ def nearest_safe_force(world: World, free: Flying, requested: Three, num_checks:
     """
     force = clip_three(requested, world.guard.planned_force)
     for num_cuts in range(MOST_CUTS):
-        ahead = next_state(world, free, force)
-        limit, index, _ = most_exceeded(world, ahead, num_checks)
+        ahead = next_state(world, k, free, force)
+        limit, index, _ = most_exceeded(world, k, ahead, num_checks)
         if limit == SAFE:
             break
-        cut(world, free, ahead, limit, index, cuts[num_cuts])
+        cut(world, k, free, ahead, limit, index, cuts[num_cuts])
         force = project(requested, cuts, num_cuts + 1, world.guard.planned_force)
     return force
 
 
 @compiled(error_model="numpy")
-def is_safe(world: World, free: Flying, force: Three, tolerance: float) -> bool:
+def is_safe(world: World, k: int, free: Flying, force: Three, tolerance: float) -> bool:
     """Return whether a force keeps the limits that are never given up, except for rounding."""
-    return most_exceeded(world, next_state(world, free, force), STANDING)[2] <= tolerance
+    return most_exceeded(world, k, next_state(world, k, free, force), STANDING)[2] <= tolerance
 
 
 @compiled(error_model="numpy")
-def retreat(world: World, known: Flying, free: Flying, force: Three) -> Three:
+def retreat(world: World, k: int, known: Flying, free: Flying, force: Three) -> Three:
     """Return an unsafe force as far moved towards the stop as necessary, by bisection.
 
     Outside the safe set, where the stop is not safe either, the force stays: it was found to exceed least.
@@ -217,7 +272,7 @@ def retreat(world: World, known: Flying, free: Flying, force: Three) -> Three:
     """
     guard = world.guard
     stop = clip_three(stopping_force(guard.stop, known[0], known[1]), world.max_force)
-    if not is_safe(world, free, stop, 2.0 * TOLERANCE):
+    if not is_safe(world, k, free, stop, 2.0 * TOLERANCE):
         if guard.step_back > 0.0:
             stopped_position = drifted_position(position_rows_of(guard.checks, 1), known[0], known[1])
             push_back = guard.step_back / max(length(stopped_position), TOLERANCE)
@@ -228,7 +283,7 @@ def retreat(world: World, known: Flying, free: Flying, force: Three) -> Three:
     correction, low, high = force - stop, 0.0, 1.0
     for _ in range(HALVINGS):
         share = 0.5 * (low + high)
-        if is_safe(world, free, stop + share * correction, TOLERANCE):
+        if is_safe(world, k, free, stop + share * correction, TOLERANCE):
             low = share
         else:
             high = share
@@ -236,27 +291,27 @@ def retreat(world: World, known: Flying, free: Flying, force: Three) -> Three:
 
 
 @compiled(error_model="numpy")
-def corrected_force(world: World, known: Flying, requested: Three, cuts: Floats) -> tuple[Three, int]:
-    """Return the force that replaces an unsafe one, and the limit that caused the change.
+def corrected_force(world: World, k: int, known: Flying, requested: Three, cuts: Floats) -> tuple[Three, int]:
+    """Return the force that replaces an unsafe one at sample k, and the limit that caused the change.
 
     Tried in this order: all limits; only those that are never given up; as far from the stop as is safe.
     """
-    step, num_checks = propagator_of(world.motion, 0), len(world.guard.checks.transition)
-    free = drifted_position(step.position, known[0], known[1]), drifted_velocity(step, known[0], known[1])
-    ahead = next_state(world, free, requested)
-    limit = most_exceeded(world, ahead, STANDING)[0]
+    num_checks = len(world.guard.checks.transition)
+    free = free_state(world, k, known)
+    ahead = next_state(world, k, free, requested)
+    limit = most_exceeded(world, k, ahead, STANDING)[0]
     if limit == SAFE:
-        limit = most_exceeded(world, ahead, num_checks)[0]
+        limit = most_exceeded(world, k, ahead, num_checks)[0]
     if (
         limit == SAFE
         and max(abs(requested.x), abs(requested.y), abs(requested.z)) > world.guard.planned_force
     ):
         limit = SPEED
-    force = nearest_safe_force(world, free, requested, num_checks, cuts)
-    if not is_safe(world, free, force, TOLERANCE):
-        force = nearest_safe_force(world, free, requested, STANDING, cuts)
-        if not is_safe(world, free, force, TOLERANCE):
-            force = retreat(world, known, free, force)
+    force = nearest_safe_force(world, k, free, requested, num_checks, cuts)
+    if not is_safe(world, k, free, force, TOLERANCE):
+        force = nearest_safe_force(world, k, free, requested, STANDING, cuts)
+        if not is_safe(world, k, free, force, TOLERANCE):
+            force = retreat(world, k, known, free, force)
     return force, limit
 
 
@@ -266,7 +321,7 @@ def assure(now: Moment, cuts: Floats) -> None:
     world, lanes, belief = now.world, now.state.lanes, now.state.belief
     store(lanes.limit, 0, splat(0.0, width_of(lanes)))
     store_three(lanes.change, 0, same(0.0, width_of(lanes)))
-    is_unsafe = look_ahead(world, now.state)
+    is_unsafe = look_ahead(world, now.k, now.state)
     if not some(is_unsafe):
         return
     store(lanes.is_unsafe, 0, select(is_unsafe, 1.0, 0.0))  # to be read lane by lane
@@ -275,7 +330,7 @@ def assure(now: Moment, cuts: Floats) -> None:
             continue
         known = lane_of(belief.position, 0, lane), lane_of(belief.velocity, 0, lane)
         requested = lane_of(lanes.commanded, 0, lane)
-        force, limit = corrected_force(world, known, requested, cuts)
+        force, limit = corrected_force(world, now.k, known, requested, cuts)
         if limit == SAFE:
             continue  # it exceeds a limit by rounding alone
         lanes.num_acted[lane] += 1.0

@@ -14,10 +14,13 @@ from pipeline.evaluation.assurance import campaign
 from pipeline.evaluation.assurance.campaign import Campaign, FormulaResult, WorstCaseSearch, evaluate_formulas
 from pipeline.evaluation.assurance.case_space import CaseSpace, case_space
 from pipeline.evaluation.assurance.formula import FormulaError, parse, render
-from pipeline.evaluation.assurance.quantities import QUANTITIES, UNITS, TrackFacts, track_of
+from pipeline.evaluation.assurance.quantities import QUANTITIES, UNITS, TrackFacts, of_tracks, track_of
 from pipeline.evaluation.assurance.requirements import Requirement, RequirementError, load_requirements
 from pipeline.flight.cases.dispersions import mission_of_case
+from pipeline.flight.control.controller import coast
+from pipeline.flight.fly.reference import reference_of
 from pipeline.flight.fly.simulation import fly_all, fly_logged
+from pipeline.flight.reference.two_body import hill_axes
 from pipeline.flight.state.arrays import TRACK_BORESIGHT, TRACK_FORCE, TRACK_TURN_RATE
 from pipeline.flight.state.log import FlightLog, Scenario
 from pipeline.physics.quaternion import dcm_b_from_h
@@ -106,7 +109,7 @@ def test_tracks_are_those_of_logs_and_of_recordings(tmp_path: Path):
         assert np.ptp(exact[:, TRACK_TURN_RATE]) > 0.0
         assert np.any(exact[:-1, TRACK_FORCE:TRACK_BORESIGHT])
     recording = recorded(tmp_path / "flight.mcap", MISSION, scenario, log)
-    np.testing.assert_array_equal(track_of(recording, MISSION.orbit.mean_motion_rad_s)[0][0], exact)
+    np.testing.assert_array_equal(track_of(recording, MISSION)[0][0], exact)
     for quantity in QUANTITIES.values():
         topic, field = quantity.topic.split(".")
         assert len(recording[topic][field.partition("[")[0]]) >= MISSION.num_controls
@@ -119,7 +122,7 @@ def test_a_formula_about_what_is_never_flown_is_refused():
         FLIGHTS.judge(scenarios(1), [late])
 
 
-FACTS = TrackFacts(10, np.array([8]), 0.0011)
+FACTS = TrackFacts(10, np.array([8]), MISSION)
 
 
 def test_a_deputy_that_coasts_comes_as_near_and_goes_as_far_as_scipy_brings_it():
@@ -150,6 +153,34 @@ def test_a_deputy_that_coasts_comes_as_near_and_goes_as_far_as_scipy_brings_it()
     assert parse(render(formula["all"], UNITS), UNITS) == formula["all"]
     with pytest.raises(FormulaError, match="looks ahead by more than 0 s and up to 86400 s"):
         parse("always (coasting_distance[1e6] >= 15)", UNITS)
+
+
+def test_beside_an_ellipse_it_is_as_scipy_brings_both_craft_about_the_earth():
+    ellipse = "orbit=elements", "orbit.semi_major_axis_m=24478137", "orbit.eccentricity=0.725"
+    beside = *ellipse, "orbit.true_anomaly_deg=320", "dynamics=two_body", "dynamics.j2=1.08262668e-3"
+    mission = compose_experiment(
+        ["+experiment=evaluate", "controller=coast", "duration_s=600", *beside]
+    ).experiment.mission
+    flight, generator = reference_of(mission, coast(), scenarios(1)[0]), np.random.default_rng(4)
+    states = np.hstack([generator.normal(0.0, 50.0, (61, 3)), generator.normal(0.0, 0.05, (61, 3))])
+    track = np.pad(states, ((0, 0), (0, 9)))[np.newaxis]
+    names = "coasting_distance[1200]", "coasting_farthest[1200]"
+    near, far = of_tracks(track, TrackFacts(10, np.array([8]), mission), names).values()
+    for k in (0, 25, 60):
+        chief, (axes, turning) = flight.orbit[k], hill_axes(flight.earth, flight.orbit[k])
+        away = states[k, :3] @ axes
+        deputy = chief + np.concatenate([away, states[k, 3:] @ axes + np.cross(turning, away)])
+
+        def rates(_time, both):
+            pulls = [flight.earth.attraction(position) for position in (both[:3], both[6:9])]
+            return np.concatenate([both[3:6], pulls[0], both[9:], pulls[1]])
+
+        path = solve_ivp(
+            rates, (0.0, 1200.0), np.r_[chief, deputy], "DOP853", np.arange(1201.0), rtol=1e-12, atol=1e-9
+        ).y
+        distances = np.linalg.norm(path[6:9] - path[:3], axis=0)
+        # it leaves the second order of the attraction out
+        np.testing.assert_allclose([near[0, k], far[0, k]], [distances.min(), distances.max()], atol=0.05)
 
 
 def test_quantities_of_a_flight_by_hand():

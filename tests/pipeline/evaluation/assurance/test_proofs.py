@@ -133,7 +133,7 @@ def test_a_shell_is_safe_only_if_all_states_in_it_are(overrides):
             ways[:20] *= near
             ways[20:] *= near + width
             states = zip(ways, speed * moving, strict=True)
-            assert all(most_exceeded(world, (Three(*r), Three(*v)), 2)[2] <= 0.0 for r, v in states)
+            assert all(most_exceeded(world, 0, (Three(*r), Three(*v)), 2)[2] <= 0.0 for r, v in states)
     assert any(verdicts_of_shells)
     assert not all(verdicts_of_shells)
 
