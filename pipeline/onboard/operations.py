@@ -127,12 +127,13 @@ def _count(translator: Translator, mask: Any) -> Any:
 
 
 def _gather_rows(translator: Translator, array: Any, at: Any, offsets: Any, count: int, out: Any) -> None:
-    offset = translator.stable(at + _whole(translator, offsets), "offset")
+    offset = translator.stable(at + whole(translator, offsets), "offset")
     for row in range(count):
         translator.put(out, (row, 0), translator.element(array, offset + row))
 
 
-def _whole(_: Translator, value: Any) -> Any:
+def whole(_: Translator, value: Any) -> Any:
+    """Return a value as a whole number: a condition as 1 or 0."""
     if not isinstance(value, Expression):
         return int(value)
     if value.kind == "int":
@@ -192,7 +193,7 @@ OPERATIONS: Mapping[Any, Callable[..., Any]] = {
     min: _extreme("least", min, "<"),
     max: _extreme("most", max, ">"),
     len: _length,
-    int: _whole,
+    int: whole,
     float: _same,
     bool: _same,
     abs: lambda _, value: abs(value),
@@ -209,4 +210,5 @@ OPERATIONS: Mapping[Any, Callable[..., Any]] = {
     math.sin: _function("sin", math.sin),
     math.atan2: _function("atan2", math.atan2),
     math.atan: _function("atan", math.atan),
+    math.tan: _function("tan", math.tan),
 }

@@ -26,10 +26,13 @@ from pipeline.flight.period.look.sight import choose_cluster, inspect
 from pipeline.flight.state.arrays import Control, FlightState, FullOptics, Law, Moment, Workspace, World
 from pipeline.flight.state.signals import CONSTANTS, SETTING, URGENCY
 from pipeline.flight.world.pack import pack_world
+from pipeline.flight.world.surface import surface_of
+from pipeline.onboard.free_cells import FreeCells
 from pipeline.onboard.operations import OPERATIONS
 from pipeline.onboard.translator import Translator
 from pipeline.onboard.values import Array, Expression, Record, TranslationError
 from pipeline.onboard.writer import Setting
+from pipeline.physics.sight import is_free
 from pipeline.settings.experiment import Mission
 
 #: constants of a controller that are read from the state and can be changed in flight, unless they are zero:
@@ -294,6 +297,8 @@ def translate(mission: Mission, controller: Controller, *, is_tilted: bool = Fal
         kernel.infer: _infer_and_note,
         elementary.exponential: _exponential,
     }
+    if world.occlusion.edge > 0:
+        operations[is_free] = FreeCells(surface_of(mission))
     ranges = {"num_candidates": (0, world.num_points), "num_centres": (0, num_clusters(world.num_points))}
     translator = Translator(
         Setting(operations, bounds=bounds(world), unrolled=UNROLLED, ranges=ranges, guarded=GUARDED)

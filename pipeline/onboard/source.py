@@ -26,7 +26,7 @@ OF_ENTRIES = frozenset(
 #: positions are taken up to so many times the greatest distance allowed, speeds up to that within a time, s
 REACH, PASSAGE_S = 50.0, 2.0
 #: lanes of vectors are bytes of a double; of whole numbers there are four
-BYTES = {"double": 8, "int": 4}
+BYTES = {"double": 8, "int": 4, "unsigned char": 1}
 
 
 @dataclass(frozen=True)
@@ -152,6 +152,7 @@ class ConstantTable:
 
     def __init__(self, table: Array, lines: Iterable[Line]) -> None:
         self.name, self.kind = table.name, table.kind
+        self.c_type = "unsigned char" if np.asarray(table.data).dtype == np.uint8 else table.kind
         index = r"\[[^\[\]]*(?:\[[^\[\]]*\][^\[\]]*)*\]"
         accesses = re.compile(rf"(?<![\w>.]){self.name}((?:{index})+)")
         texts = [text for line in lines for text in accesses.findall(line.text)]
@@ -181,7 +182,7 @@ class ConstantTable:
     @property
     def num_bytes(self) -> int:
         """What it takes."""
-        return int(self.data.size) * BYTES[self.kind]
+        return int(self.data.size) * BYTES[self.c_type]
 
     def renamed(self, line: Line) -> Line:
         """Return a line that reads the columns that are kept."""
@@ -202,7 +203,7 @@ class ConstantTable:
     def definition(self) -> list[str]:
         """Return its definition in C."""
         values = self.data.astype(int if self.kind == "int" else float)
-        return table(self.kind, self.name, values.tolist()).split("\n")
+        return table(self.c_type, self.name, values.tolist()).split("\n")
 
 
 _STORE = re.compile(r"\s*state->(\w+(?:\[\d+\])*) = (.*);")

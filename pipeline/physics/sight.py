@@ -4,7 +4,7 @@ The conditions are the paper's (Choi, Kim and Leeghim, AAS 25-727), without squa
 vectors of points.
 """
 
-from math import atan, pi, tan
+from math import atan, pi, sqrt, tan
 from typing import NamedTuple
 
 import numpy as np
@@ -55,17 +55,31 @@ def cell_of(edge: int, direction: Three) -> int:
 
 
 @compiled
-def centre_of(edge: int, cell: int) -> Floats:
+def centre_of(edge: int, cell: int) -> Three:
     """Return the direction, a unit vector, of the centre of a cell."""
     face, rest = cell // (edge * edge), cell % (edge * edge)
     u = tan((2.0 * (rest // edge) + 1.0 - edge) / edge * 0.25 * pi)
     v = tan((2.0 * (rest % edge) + 1.0 - edge) / edge * 0.25 * pi)
     sign = 1.0 if face % 2 == 0 else -1.0
-    direction = np.empty(3)
-    axis = face // 2
-    direction[axis], direction[(axis + 1) % 3], direction[(axis + 2) % 3] = sign, u, v
-    unit: Floats = direction / np.sqrt(1.0 + u * u + v * v)
-    return unit
+    size, axis = sqrt(1.0 + u * u + v * v), face // 2
+    x, y, z = sign / size, u / size, v / size
+    if axis == 1:
+        x, y, z = z, x, y
+    elif axis == 2:
+        x, y, z = y, z, x
+    return Three(x, y, z)
+
+
+@compiled(error_model="numpy", forceinline=True)
+def is_free(occlusion: Occlusion, cell: int, point: int) -> int:
+    """Return 1 where a point is visible from the directions of a cell, else 0."""
+    return occlusion.is_free[cell, point]
+
+
+@compiled(error_model="numpy")
+def is_above_horizon(normals: Floats, edge: int, cell: int, point: int) -> bool:
+    """Return whether the centre of a cell is above the horizon of a point; on a convex body that is all."""
+    return dot(three_of(normals[point]), centre_of(edge, cell)) > 0.0
 
 
 @compiled(error_model="numpy")
@@ -88,7 +102,7 @@ def note_free(
 ) -> None:
     """Write which points each cell's direction sees; `triangles` as in `meets`, shape (T, 3, 3)."""
     for cell in range(len(is_free)):
-        direction = three_of(centre_of(edge, cell))
+        direction = centre_of(edge, cell)
         for point in range(len(points)):
             normal = three_of(normals[point])
             origin = three_of(points[point]) + lift * normal

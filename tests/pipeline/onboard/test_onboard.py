@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 from fmpy import simulate_fmu
 from fmpy.fmi1 import FMICallException
 from fmpy.validation import validate_fmu
@@ -143,6 +144,25 @@ def test_the_safety_layer_changes_the_same_forces_for_the_same_limit(tmp_path):
         assert np.array_equal(answers["safety_limit"], log.safety_limit)
         acted += np.count_nonzero(log.safety_limit)
     assert acted > 0
+
+
+@pytest.mark.parametrize("is_convex", [False, True])
+def test_what_a_chief_hides_of_itself_takes_a_bit_a_cell_and_nothing_if_it_is_convex(tmp_path, is_convex):
+    chief = {"shape": "mesh"}
+    if is_convex:
+        trimesh.creation.box((6.0, 4.0, 3.0)).export(tmp_path / "box.obj")
+        chief["path"] = str(tmp_path / "box.obj")
+    shaped = mission(duration_s=1200.0, chief=chief)
+    program = translate(shaped, controller("champion_27"))
+    library = written(program, tmp_path)
+    for start in random_starts(2, seed=5):
+        log = fly_logged(shaped, program.controller, start, is_one_of_many=True)
+        assert len(differing(library.answers(recorded(program, start, log)), log)) == 0
+        assert np.any(log.force_commanded_n)
+    cells, num_points = program.world.occlusion.is_free.shape
+    tables = sources(program).tables
+    assert tables.get("free_cells", 0) == (0 if is_convex else cells * -(-num_points // 8))
+    assert max(tables.values()) < cells * num_points / 4
 
 
 @pytest.fixture(scope="module")

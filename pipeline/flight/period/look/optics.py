@@ -31,6 +31,7 @@ from pipeline.physics.sight import (
     cell_of,
     fits_from,
     is_facing,
+    is_free,
     is_in_cone,
     is_in_rectangle,
     is_lit,
@@ -192,7 +193,7 @@ def lit_points(
     if optics.by_point is not None and world.occlusion.edge > 0:
         store(lit_marks, j, select(lit, 1.0, 0.0))
         for i in range(j, min(j + POINTS, world.num_points)):
-            lit_marks[i] *= world.occlusion.is_free[beam.cell, i]
+            lit_marks[i] *= is_free(world.occlusion, beam.cell, i)
         lit = load(lit_marks, j, POINTS) > 0.0
     return lit
 
@@ -235,7 +236,7 @@ def leave_out_hidden_and_dim(world: World, seen_marks: Floats, j: int, eye: Eye)
             seen_marks[i] = 0.0
             continue
         if world.occlusion.edge > 0:
-            seen_marks[i] = world.occlusion.is_free[cell_towards(world, sample, to_camera), i]
+            seen_marks[i] = is_free(world.occlusion, cell_towards(world, sample, to_camera), i)
         if world.reflection.is_on:
             normal = lane_of(world.surface[sample], NORMAL, i)
             if not is_bright(world.reflection, normal, eye.beam.sun, to_camera):
