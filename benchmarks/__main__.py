@@ -32,6 +32,7 @@ CAMPAIGNS = (
     "forge",
     "fuzz",
     "imitated",
+    "inference_mutants",
     "kills",
     "missions",
     "networks",

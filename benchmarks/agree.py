@@ -68,6 +68,7 @@ def main(arguments: Sequence[str]) -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks agree", description=__doc__)
     parser.add_argument("--minutes", type=float, default=1.0)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--first", action="store_true", help="end at the first difference, as it is")
     parser.add_argument("--most", type=int, default=20, help="differences that are shrunk, of each form")
     parser.add_argument("--keep", type=Path, default=Path("build/agree"), help="where what differs goes")
     options = parser.parse_args(arguments)
@@ -78,6 +79,12 @@ def main(arguments: Sequence[str]) -> int:
             batch = cases(options.seed, number, BATCH)
             number, num_systems = number + 1, num_systems + len(batch)
             num_rows += sum(len(rows) for _, rows in batch)
+            if options.first:
+                for form in (*FORMS, *CLAIMS):
+                    if differing := differences(batch, Path(root), (form,)):
+                        print(differing[0])
+                        return 1
+                continue
             told_of = set[tuple[str, str]]()
             for difference in differences(batch, Path(root)):
                 counts[difference.form] += 1

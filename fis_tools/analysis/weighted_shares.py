@@ -62,6 +62,7 @@ def weighted_shares(
         weights[:, rule] += strengths[:, column]
         sums[:, rule] += products[:, column]
     default = 0.0 if np.isnan(weighing.default) else weighing.default
+    plays = plays & (weights > 0.0)  # a faint strength times a weight may be nothing
     counts = np.count_nonzero(plays, axis=1)
     values = np.zeros(firing.shape)
     for count in np.unique(counts[counts > 0]).tolist():

@@ -65,8 +65,10 @@ def weigh_interval(
 @compiled(error_model="numpy", nogil=True)
 def reduce_interval(x: Floats, low: Floats, high: Floats, is_mean: bool) -> float:
     """Return the type-reduced number of ascending points whose weights lie between bounds."""
-    if high.max() < FAINT:
-        low, high = low * RAISE, high * RAISE
+    for index in range(len(x)):
+        if 0.0 < high[index] < FAINT or 0.0 < low[index] < FAINT:  # with few digits, or soon with few
+            low, high = low * RAISE, high * RAISE
+            break
     if is_mean:  # Nie and Tan's type reduction
         both = low + high
         return float(min(max((x * both).sum() / both.sum(), x[0]), x[-1]))

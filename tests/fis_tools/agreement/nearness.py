@@ -6,11 +6,12 @@ strengths that differ in their last digits, as at a jump, any answer between the
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from unittest.mock import patch
 
 import numpy as np
 
 from fis_tools.array_types import Floats
-from fis_tools.engines import inference
+from fis_tools.engines import defuzzification, inference
 from fis_tools.engines.inference import Inference
 from fis_tools.model import FuzzySystem, Variable, shapes
 from fis_tools.model.intervals import has_intervals, twin
@@ -19,6 +20,10 @@ from fis_tools.model.intervals import has_intervals, twin
 TOLERANCE = 1e-9
 #: how many neighbours of strengths are tried, by how many units in the last place
 NEIGHBOURS, UNITS = 60, 64.0
+
+
+#: what counts as equal heights
+TIES = tuple(defuzzification.TIE * factor for factor in (1.0, 0.5, 2.0))
 
 
 @dataclass(frozen=True)
@@ -73,12 +78,13 @@ def neighbours(inferred: Inference) -> Iterator[Floats]:
         system = twin(system)
         degrees = tuple(map(inference._evaluate_formulas, system.inputs, inferred.clipped))
     generator = np.random.default_rng(7)
-    for _ in range(NEIGHBOURS):
+    for number in range(NEIGHBOURS):
         memberships = [
             _shaken(generator, held, variable) for variable, held in zip(system.inputs, degrees, strict=True)
         ]
         firing = _shaken(generator, inference._fire(system, memberships))
-        outputs = inference.infer_outputs(inferred.system, firing, inferred.clipped)
+        with patch.object(defuzzification, "TIE", TIES[number % len(TIES)]):
+            outputs = inference.infer_outputs(inferred.system, firing, inferred.clipped)
         yield np.array([output.value for output in outputs])
 
 
