@@ -9,7 +9,7 @@ with the Earth's radius E and its pole p. It is integrated by Nystrom's method o
 Norsett and Wanner, Solving Ordinary Differential Equations I, II.14).
 """
 
-from math import cos, radians, sin, sqrt
+from math import cos, exp, radians, sin, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -33,6 +33,18 @@ class Elements(NamedTuple):
     j2: float  # coefficient of the Earth's oblateness
     drag_m_s2: float  # deceleration by drag, at the speed of a circular orbit
     radiation_m_s2: float  # acceleration by sunlight
+    scale_height_m: float | None  # over which the air thins by a factor e, from the perigee up; None: nowhere
+
+
+class Air(NamedTuple):
+    """How drag slows a craft, by its velocity and its distance from the Earth's centre; m and s.
+
+    The air is as dense as at the perigee, or thins exponentially from there (Vallado, section 8.6.2).
+    """
+
+    drag_per_square: float  # at the perigee's density, 1/m
+    thinning: float  # 1/m; 0: as dense everywhere
+    lowest: float  # distance of the perigee, m
 
 
 class Course(NamedTuple):
@@ -101,8 +113,15 @@ def velocity_at_end(velocity: Three, first: Three, middle: Three, last: Three, t
     return velocity + (time / 6.0) * (first + 4.0 * middle + last)
 
 
+@compiled(error_model="numpy", forceinline=True)
+def drag_of(air: Air, distance: float, velocity: Three) -> Three:
+    """Return the acceleration by drag, m/s^2."""
+    slowed = -air.drag_per_square * length(velocity) * velocity
+    return exp(air.thinning * (air.lowest - distance)) * slowed if air.thinning > 0.0 else slowed
+
+
 @compiled(error_model="numpy")
-def revolve(course: Course, drag_per_square: float, velocity: Three) -> None:
+def revolve(course: Course, air: Air, velocity: Three) -> None:
     """Integrate the chief's orbit from its first position, which the course holds, and its velocity there."""
     duration, positions, axes, turning = 0.5 * course.step, course.positions, course.axes, course.turning
     position = three_of(positions[0])
@@ -116,7 +135,7 @@ def revolve(course: Course, drag_per_square: float, velocity: Three) -> None:
         write_three(axes[at, 2], normal)
         turned = length(position) * dot(pull, normal) / momentum
         write_three(turning[at], Three(turned, 0.0, momentum / dot(position, position)))
-        slowed = -drag_per_square * length(velocity) * velocity
+        slowed = drag_of(air, length(position), velocity)
         write_three(course.common[at], slowed - oblate_attraction(course, position))
         middle = attraction(course, ahead(position, velocity, pull, 0.5 * duration))
         last = attraction(course, ahead(position, velocity, middle, duration))
@@ -146,5 +165,11 @@ def course_of(
     sunlight = elements.radiation_m_s2, has_shadow
     course = Course(True, num_steps, step, *earth, *sunlight, positions, axes, turning, common)
     velocity = sqrt(gravity / parameter) * Three(e * sin(anomaly), 1.0 + e * cos(anomaly), 0.0)
-    revolve(course, elements.drag_m_s2 * radius / gravity, velocity)
+    revolve(course, air_of(elements, radius, gravity), velocity)
     return course
+
+
+def air_of(elements: Elements, radius: float, gravity: float) -> Air:
+    """Return the air of an orbit by its semi-major axis, m, and the Earth's gravity, m^3/s^2."""
+    thinning = 1.0 / elements.scale_height_m if elements.scale_height_m else 0.0
+    return Air(elements.drag_m_s2 * radius / gravity, thinning, radius * (1.0 - elements.eccentricity))

@@ -47,6 +47,9 @@ class TwoBody(Dynamics, model="two_body"):
     """Acceleration by which drag slows the deputy more than the chief."""
     radiation_m_s2: types.Number = 0.0
     """Acceleration by which sunlight pushes the deputy more than the chief."""
+    scale_height_m: types.Positive | None = None
+    """Height over which drag falls by a factor e, from the perigee up: 53 km at 350 km, 64 km at 500 km
+    (Vallado, table 8-4); null: air of one density."""
 
 
 #: of the start that is given, which counts for a single flight; kept with each run, for its stages to come

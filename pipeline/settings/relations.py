@@ -285,11 +285,16 @@ def _holding(mission: Mission) -> Iterator[str]:
 
 @relation("deputy.max_force_n", "deputy.mass_kg", "dynamics.drag_m_s2", "dynamics.radiation_m_s2")
 def _disturbances(mission: Mission) -> Iterator[str]:
-    """Check that the thrusters are stronger than drag and radiation."""
+    """Check that the thrusters are stronger than drag, at the perigee's speed, and radiation."""
+    eccentricity = mission.orbit.elements.eccentricity
     most = mission.deputy.max_force_n / mission.deputy.mass_kg
     drag, radiation = (setting(mission, f"dynamics.{name}_m_s2") or 0.0 for name in ("drag", "radiation"))
+    drag *= (1.0 + eccentricity) / (1.0 - eccentricity)
     if not abs(drag) + abs(radiation) < most:
-        yield f"the last two together are no less than {most:.3g} m/s^2; lower them, or raise the force"
+        yield (
+            f"the last two together, at the perigee, are no less than {most:.3g} m/s^2; lower them, "
+            "or raise the force"
+        )
 
 
 @relation("actuators.failed_thruster", "actuators.thrusters")

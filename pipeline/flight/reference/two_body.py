@@ -50,9 +50,15 @@ class Earth:
             [radius, 0.0, 0.0, speed * e * np.sin(anomaly), speed * (1.0 + e * np.cos(anomaly)), 0.0]
         )
 
-    def drag(self, velocity: Floats) -> Floats:
-        """Return the direction of drag, of length one at the speed of a circular orbit."""
-        return np.asarray(-np.linalg.norm(velocity) * velocity * self.axis / self.gravity)
+    def drag(self, chief: Floats) -> Floats:
+        """Return the direction of drag on a state, of length one at the speed of a circular orbit.
+
+        With a scale height that is at the perigee, above which the air thins (Vallado, 8.6.2).
+        """
+        velocity, height = chief[3:], self.dynamics.scale_height_m
+        perigee = self.axis * (1.0 - self.elements.eccentricity)
+        density = 1.0 if height is None else np.exp((perigee - np.linalg.norm(chief[:3])) / height)
+        return np.asarray(-density * np.linalg.norm(velocity) * velocity * self.axis / self.gravity)
 
 
 def hill_axes(earth: Earth, chief: Floats) -> tuple[Floats, Floats]:
@@ -104,14 +110,14 @@ def moved(
         if mission.light.shadow != "none":
             shine = visible_share(axes[0] @ sun, float(np.linalg.norm(s[:3])))
         relative = earth.attraction(s[:3] + s[6:9]) - earth.attraction(s[:3])
-        relative = relative + dynamics.drag_m_s2 * earth.drag(s[3:6]) + axes.T @ (push + varied)
+        relative = relative + dynamics.drag_m_s2 * earth.drag(s[:6]) + axes.T @ (push + varied)
         relative = relative - shine * dynamics.radiation_m_s2 * sun
         return np.concatenate((s[3:6], earth.attraction(s[:3]), s[9:], relative))
 
     if more_drag:
         half = solve_ivp(rates, (0.0, 0.5 * period), np.concatenate((chief, np.zeros(6))), **TOLERANCES)
         middle = half.y[:6, -1]
-        varied = more_drag * hill_axes(earth, middle)[0] @ earth.drag(middle[3:])
+        varied = more_drag * hill_axes(earth, middle)[0] @ earth.drag(middle)
     axes, turning = hill_axes(earth, chief)
     position = axes.T @ state[:3]
     velocity = axes.T @ state[3:] + np.cross(turning, position)

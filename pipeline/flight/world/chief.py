@@ -29,12 +29,11 @@ def chief_course(mission: Mission, beyond_s: float = 0.0, **changes: float) -> C
     SettingError
         If the orbit dips into the air.
     """
-    orbit, dynamics = mission.orbit, mission.dynamics
-    if not isinstance(dynamics, TwoBody):
+    orbit = mission.orbit
+    if not isinstance(mission.dynamics, TwoBody):
         return NO_COURSE
     check_perigee(mission)
-    given = vars(dynamics) | orbit.elements._asdict()
-    elements = Elements(**{name: given[name] for name in Elements._fields})._replace(**changes)
+    elements = elements_of(mission)._replace(**changes)
     chief = orbit.mean_motion_rad_s, orbit.elements.semi_major_axis_m, elements
     num_periods = mission.num_controls + math.ceil(beyond_s / mission.control_period_s)
     course = course_of(*chief, mission.light.shadow != "none", mission.control_period_s, num_periods)
@@ -42,6 +41,21 @@ def chief_course(mission: Mission, beyond_s: float = 0.0, **changes: float) -> C
         return course
     pole, turns = orbit.sun_moved(mission.control_period_s * np.arange(num_periods + 1))
     return course._replace(sun_turns=turned_about(np.array(pole), np.array(turns)))
+
+
+def elements_of(mission: Mission) -> Elements:
+    """Return the orbit of a mission's chief about the Earth, and what accelerates the deputy more."""
+    given = vars(mission.dynamics) | mission.orbit.elements._asdict()
+    return Elements(**{name: given[name] for name in Elements._fields})
+
+
+def greatest_drag(mission: Mission, dynamics: TwoBody) -> float:
+    """Return the greatest acceleration by drag of a flight, m/s^2."""
+    drag = abs(dynamics.drag_m_s2)
+    if drag == 0.0 or (mission.orbit.elements.eccentricity == 0.0 and dynamics.scale_height_m is None):
+        return drag
+    slowed, free = (chief_course(mission, drag_m_s2=unit).common for unit in (1.0, 0.0))
+    return float(drag * np.linalg.norm(slowed - free, axis=1).max())
 
 
 @lru_cache(maxsize=4)  # what is made of a mission asks for it several times

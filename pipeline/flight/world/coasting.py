@@ -12,8 +12,9 @@ import numpy as np
 
 from fis_tools.compiled.decorator import plainly
 from pipeline.array_types import Floats
-from pipeline.flight.world.chief import chief_course, hill_rates
+from pipeline.flight.world.chief import chief_course, elements_of, hill_rates
 from pipeline.physics.motion import state_transition
+from pipeline.physics.orbit import air_of
 from pipeline.physics.transitions import Transitions, transitions_of
 from pipeline.settings.experiment import Mission
 from pipeline.settings.mission import TwoBody
@@ -71,9 +72,9 @@ def _tables(mission: Mission, beyond_s: float) -> tuple[Transitions, Floats]:
     rows = slice(None, None, 2 * course.num_steps)
     positions, axes = course.positions[rows], course.axes[rows]
     speeds = np.diff(positions, axis=0) / mission.control_period_s
-    # as a share of that on a circular orbit
-    share = mission.orbit.elements.semi_major_axis_m / course.gravity
-    slowed = -dynamics.drag_m_s2 * share * np.linalg.norm(speeds, axis=1)[:, np.newaxis] * speeds
+    air = air_of(elements_of(mission), mission.orbit.elements.semi_major_axis_m, course.gravity)
+    thinned = np.exp(air.thinning * (air.lowest - np.linalg.norm(positions[:-1], axis=1)))
+    slowed = -air.drag_per_square * (thinned * np.linalg.norm(speeds, axis=1))[:, np.newaxis] * speeds
     for k, pull in enumerate(slowed):
         drag[k + 1] = motion.steps[k] @ drag[k] + motion.pushes[k] @ (mass * axes[k] @ pull)
     return motion, drag

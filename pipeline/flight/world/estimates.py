@@ -10,6 +10,7 @@ from math import radians, sqrt
 import numpy as np
 
 from pipeline.array_types import Floats
+from pipeline.flight.world.chief import greatest_drag
 from pipeline.physics.illumination import EARTH_RADIUS_M
 from pipeline.physics.motion import motion_over
 from pipeline.settings.equipment import FilteredNavigation, PositionFixes, RangeBearingFixes, RealActuators
@@ -90,7 +91,7 @@ def unpredicted_acceleration(mission: Mission) -> float:
     share = mission.deputy.max_distance_m / (elements.semi_major_axis_m * (1.0 - elements.eccentricity))
     square = mission.orbit.mean_motion_rad_s**2 / (1.0 - elements.eccentricity) ** 3
     second = 6.0 * square * share * mission.deputy.max_distance_m
-    return second + abs(dynamics.drag_m_s2) + abs(dynamics.radiation_m_s2)
+    return second + greatest_drag(mission, dynamics) + abs(dynamics.radiation_m_s2)
 
 
 def unknown_acceleration(mission: Mission) -> float:
@@ -109,7 +110,7 @@ def unknown_acceleration(mission: Mission) -> float:
     oblateness = dynamics.j2 * (EARTH_RADIUS_M / radius) ** 2
     share_of_gradient = 6.0 * distance / radius + 40.0 * oblateness + 8.0 * rate_excess * (2.0 + rate_excess)
     attraction = n**2 * distance * share_of_gradient + 2.0 * n * speed * (rate_excess + 10.0 * oblateness)
-    return attraction + abs(dynamics.drag_m_s2) + abs(dynamics.radiation_m_s2)
+    return attraction + greatest_drag(mission, dynamics) + abs(dynamics.radiation_m_s2)
 
 
 def process_noise(mission: Mission) -> ProcessNoise:
