@@ -30,7 +30,7 @@ class Elements(NamedTuple):
     true_anomaly_deg: float  # from the perigee
     inclination_deg: float  # to the Earth's equator
     latitude_argument_deg: float  # from the ascending node
-    j2: float  # coefficient of the Earth's oblateness
+    j2: float  # coefficient of oblateness, at the Earth's radius
     drag_m_s2: float  # deceleration by drag, at the speed of a circular orbit
     radiation_m_s2: float  # acceleration by sunlight
     scale_height_m: float | None  # over which the air thins by a factor e, from the perigee up; None: nowhere
@@ -67,6 +67,8 @@ class Course(NamedTuple):
     varying: Floats = np.zeros((0, 0, 3))
     # (K+1, 3, 3) from the Sun's direction at the start to that at each sample, axes fixed; none if it stays
     sun_turns: Floats = np.zeros((0, 3, 3))
+    # by which the chief's distances are multiplied where the Earth stands for a planet that casts a shadow
+    earths: float = 1.0
 
 
 #: a course that is not used

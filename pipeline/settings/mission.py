@@ -41,8 +41,8 @@ class ClohessyWiltshire(Dynamics, model="cw"):
 class TwoBody(Dynamics, model="two_body"):
     """Two bodies about the Earth."""
 
-    j2: Annotated[types.NotNegative, Field(le=0.02)] = 0.0
-    """Coefficient of the Earth's oblateness; 0: a sphere."""
+    j2: Annotated[types.NotNegative, Field(le=0.1)] = 0.0
+    """Coefficient of the planet's oblateness; 0: a sphere."""
     drag_m_s2: types.Number = 0.0
     """Acceleration by which drag slows the deputy more than the chief."""
     radiation_m_s2: types.Number = 0.0

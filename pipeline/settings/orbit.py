@@ -109,6 +109,11 @@ class OrbitSettings(Settings, group="orbit"):
         return True
 
     @property
+    def earth_radii(self) -> float:
+        """The planet's radius over the Earth's."""
+        return 1.0
+
+    @property
     def days_at_start(self) -> float | None:
         """Days from J2000 to the start; None without an epoch."""
         return None if self.epoch is None else ephemeris.days_of(self.epoch)
@@ -164,11 +169,18 @@ class PlanetOrbit(OrientedOrbit):
 
     gravity_m3_s2: Annotated[types.Positive, OF_A_PLANET] = EARTH_GRAVITY_M3_S2
     """Gravity of the planet, mu; the Earth's unless given."""
+    planet_radius_m: Annotated[types.Positive, OF_A_PLANET] | None = None
+    """Equatorial radius of the planet, which casts the shadow and is oblate; null: the Earth's."""
 
     @property
     def is_of_earth(self) -> bool:
         """Whether it is about a planet with the Earth's gravity."""
         return abs(self.gravity_m3_s2 / EARTH_GRAVITY_M3_S2 - 1.0) <= GRAVITY_TOLERANCE
+
+    @property
+    def earth_radii(self) -> float:
+        """The planet's radius over the Earth's."""
+        return 1.0 if self.planet_radius_m is None else self.planet_radius_m / EARTH_RADIUS_M
 
 
 class EllipticOrbit(PlanetOrbit):

@@ -102,13 +102,19 @@ def _motion(mission: Mission) -> Iterator[str]:
 
 @relation("orbit.gravity_m3_s2", "light.shadow", "dynamics.j2", "orbit.epoch")
 def _earth(mission: Mission) -> Iterator[str]:
-    """Check that shadow, oblateness and the Sun at an epoch are the Earth's."""
+    """Check that shadow and oblateness are of a planet of known radius, and an epoch is about the Earth."""
     orbit, shadow = mission.orbit, mission.light.shadow
-    of_earth = [f"light.shadow={shadow}"] if shadow != "none" else []
-    of_earth += ["dynamics.j2 above 0"] if setting(mission, "dynamics.j2") else []
-    of_earth += ["orbit.epoch"] if orbit.epoch is not None else []
-    if of_earth and not orbit.is_of_earth:
-        yield f"that is another planet's, and {of_earth[0]} is about the Earth; leave one of them out"
+    if orbit.is_of_earth:
+        return
+    if orbit.epoch is not None:
+        yield "that is another planet's, and orbit.epoch is about the Earth; leave one of them out"
+    of_radius = [f"light.shadow={shadow}"] if shadow != "none" else []
+    of_radius += ["dynamics.j2 above 0"] if setting(mission, "dynamics.j2") else []
+    if of_radius and orbit.planet_radius_m is None:
+        yield (
+            f"that is another planet's, and {of_radius[0]} is about one of known radius; give "
+            "orbit.planet_radius_m, or leave one of them out"
+        )
 
 
 @relation("orbit.tle", "dynamics.model")

@@ -33,13 +33,19 @@ def semi_major_axis(mission: Mission) -> float:
     return float((gravity / n**2) ** (1.0 / 3.0))
 
 
-def visible_share(sun_height: float, radius: float) -> float:
+def planet_radius(mission: Mission) -> float:
+    """Return the radius of the planet that casts the shadow, m: the Earth's unless given."""
+    given = mission.orbit.planet_radius_m if isinstance(mission.orbit, PlanetOrbit) else None
+    return EARTH_RADIUS_M if given is None else given
+
+
+def visible_share(sun_height: float, radius: float, planet: float = EARTH_RADIUS_M) -> float:
     """Return the share of the Sun's disc beside the Earth's: two circles in the sky, the Earth's about -i.
 
     Montenbruck and Gill, Satellite Orbits, 2000, 3.4.2. `sun_height` is the component along i, `radius` the
-    distance from the Earth's centre, m.
+    distance from the Earth's centre, m, and `planet` the radius of the body that stands for the Earth.
     """
-    sun, earth = np.arcsin(SUN_RADIUS_M / ASTRONOMICAL_UNIT_M), np.arcsin(EARTH_RADIUS_M / radius)
+    sun, earth = np.arcsin(SUN_RADIUS_M / ASTRONOMICAL_UNIT_M), np.arcsin(planet / radius)
     apart = np.arccos(np.clip(-sun_height, -1.0, 1.0))
     if apart >= sun + earth:
         return 1.0
@@ -57,7 +63,9 @@ def share_of_sun(mission: Mission, sun: Floats, distance: float) -> float:
 
     `distance` is the chief's from the Earth's centre, m.
     """
-    return visible_share(sun[0], distance) if mission.light.shadow != "none" else 1.0
+    if mission.light.shadow == "none":
+        return 1.0
+    return visible_share(sun[0], distance, planet_radius(mission))
 
 
 def faces_sun(mission: Mission, points: Floats, normals: Floats, sun: Floats, distance: float) -> Booleans:

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from pipeline.array_types import Floats
-from pipeline.flight.reference.light import EARTH_RADIUS_M, semi_major_axis, visible_share
+from pipeline.flight.reference.light import planet_radius, semi_major_axis, visible_share
 from pipeline.settings.experiment import Mission
 from pipeline.settings.mission import TwoBody
 
@@ -23,7 +23,7 @@ class Earth:
     def __init__(self, mission: Mission, dynamics: TwoBody) -> None:
         self.elements, self.dynamics = mission.orbit.elements, dynamics
         self.axis = semi_major_axis(mission)
-        self.gravity = mission.orbit.mean_motion_rad_s**2 * self.axis**3
+        self.gravity, self.radius = mission.orbit.mean_motion_rad_s**2 * self.axis**3, planet_radius(mission)
         slope, latitude = np.radians([self.elements.inclination_deg, self.elements.latitude_argument_deg])
         self.pole = np.array(
             [np.sin(slope) * np.sin(latitude), np.sin(slope) * np.cos(latitude), np.cos(slope)]
@@ -37,7 +37,7 @@ class Earth:
     def attraction(self, position: Floats) -> Floats:
         """Return the attraction at a position from the Earth's centre, m, in m/s^2."""
         r, height = np.linalg.norm(position), position @ self.pole
-        oblate = -1.5 * self.dynamics.j2 * self.gravity * EARTH_RADIUS_M**2 / r**5
+        oblate = -1.5 * self.dynamics.j2 * self.gravity * self.radius**2 / r**5
         oblate = oblate * ((1.0 - 5.0 * height**2 / r**2) * position + 2.0 * height * self.pole)
         return np.asarray(-self.gravity / r**3 * position + oblate)
 
@@ -108,7 +108,7 @@ def moved(
         axes, _ = hill_axes(earth, s[:6])
         shine = 1.0
         if mission.light.shadow != "none":
-            shine = visible_share(axes[0] @ sun, float(np.linalg.norm(s[:3])))
+            shine = visible_share(axes[0] @ sun, float(np.linalg.norm(s[:3])), earth.radius)
         relative = earth.attraction(s[:3] + s[6:9]) - earth.attraction(s[:3])
         relative = relative + dynamics.drag_m_s2 * earth.drag(s[:6]) + axes.T @ (push + varied)
         relative = relative - shine * dynamics.radiation_m_s2 * sun

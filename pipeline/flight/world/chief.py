@@ -37,6 +37,7 @@ def chief_course(mission: Mission, beyond_s: float = 0.0, **changes: float) -> C
     chief = orbit.mean_motion_rad_s, orbit.elements.semi_major_axis_m, elements
     num_periods = mission.num_controls + math.ceil(beyond_s / mission.control_period_s)
     course = course_of(*chief, mission.light.shadow != "none", mission.control_period_s, num_periods)
+    course = course._replace(earths=1.0 / orbit.earth_radii)
     if orbit.days_at_start is None or not mission.has_true_course:
         return course
     pole, turns = orbit.sun_moved(mission.control_period_s * np.arange(num_periods + 1))
@@ -46,7 +47,8 @@ def chief_course(mission: Mission, beyond_s: float = 0.0, **changes: float) -> C
 def elements_of(mission: Mission) -> Elements:
     """Return the orbit of a mission's chief about the Earth, and what accelerates the deputy more."""
     given = vars(mission.dynamics) | mission.orbit.elements._asdict()
-    return Elements(**{name: given[name] for name in Elements._fields})
+    elements = Elements(**{name: given[name] for name in Elements._fields})
+    return elements._replace(j2=elements.j2 * mission.orbit.earth_radii**2)
 
 
 def greatest_drag(mission: Mission, dynamics: TwoBody) -> float:
@@ -121,36 +123,47 @@ def chief_distances(mission: Mission, course: Course) -> Floats:
     """Return the chief's distances from the Earth's centre at the samples of an eccentric orbit's course, m.
 
     None of a circle, whose radius is the semi-major axis, though oblateness moves it by some kilometres.
+    About another planet they are as many of the Earth's radii as of its own.
     """
     if not course.is_on or mission.orbit.elements.eccentricity == 0.0:
         return np.zeros(0)
-    return np.asarray(np.linalg.norm(course.positions[:: 2 * course.num_steps], axis=1))
+    return np.asarray(course.earths * np.linalg.norm(course.positions[:: 2 * course.num_steps], axis=1))
 
 
 def shadowing_radius(mission: Mission) -> float:
     """Return the semi-major axis of the orbit on which the chief passes through the Earth's shadow, m.
+
+    About another planet it is as many of the Earth's radii as of its own.
 
     Raises
     ------
     SettingError
         If the orbit lies inside the Earth.
     """
-    radius = mission.orbit.elements.semi_major_axis_m
-    if not radius > EARTH_RADIUS_M:
+    radius, earths = mission.orbit.elements.semi_major_axis_m, mission.orbit.earth_radii
+    if not radius > earths * EARTH_RADIUS_M:
+        planet = "Earth" if earths == 1.0 else "planet"
         raise SettingError(
-            f"the orbit's radius is {radius:,.0f} m, inside the Earth whose shadow light.shadow="
-            f"{mission.light.shadow} asks for; it must be greater than {EARTH_RADIUS_M:,.0f} m: give a "
-            "higher orbit"
+            f"the orbit's radius is {radius:,.0f} m, inside the {planet} whose shadow light.shadow="
+            f"{mission.light.shadow} asks for; it must be greater than {earths * EARTH_RADIUS_M:,.0f} m: "
+            "give a higher orbit"
         )
-    return radius
+    return radius / earths
 
 
 def check_perigee(mission: Mission) -> None:
-    """Raise SettingError if an orbit about the Earth dips into the air that would end it."""
-    dynamics, elements = mission.dynamics, mission.orbit.elements
-    if not isinstance(dynamics, TwoBody) or not mission.orbit.is_of_earth:
+    """Raise SettingError if an orbit dips into the Earth's air that would end it, or into another planet."""
+    dynamics, elements, orbit = mission.dynamics, mission.orbit.elements, mission.orbit
+    if not isinstance(dynamics, TwoBody):
         return
-    perigee = elements.semi_major_axis_m * (1.0 - elements.eccentricity) - EARTH_RADIUS_M
+    perigee = elements.semi_major_axis_m * (1.0 - elements.eccentricity) - EARTH_RADIUS_M * orbit.earth_radii
+    if not orbit.is_of_earth:
+        if orbit.earth_radii != 1.0 and not perigee > 0.0:
+            raise SettingError(
+                f"the orbit's perigee is {-perigee / 1e3:,.1f} km below orbit.planet_radius_m; give a higher "
+                "orbit, or a lower orbit.eccentricity"
+            )
+        return
     if not perigee >= LOWEST_M:
         where = "in the air" if perigee > 0.0 else "inside the Earth"
         raise SettingError(

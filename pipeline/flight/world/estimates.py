@@ -10,7 +10,7 @@ from math import radians, sqrt
 import numpy as np
 
 from pipeline.array_types import Floats
-from pipeline.flight.world.chief import greatest_drag
+from pipeline.flight.world.chief import elements_of, greatest_drag
 from pipeline.physics.illumination import EARTH_RADIUS_M
 from pipeline.physics.motion import motion_over
 from pipeline.settings.equipment import FilteredNavigation, PositionFixes, RangeBearingFixes, RealActuators
@@ -107,7 +107,7 @@ def unknown_acceleration(mission: Mission) -> float:
     radius, eccentricity = elements.semi_major_axis_m, elements.eccentricity
     speed = SQRT_3 * mission.deputy.max_force_n * mission.control_period_s / mission.deputy.mass_kg
     rate_excess: float = (1.0 + eccentricity) ** 2 / (1.0 - eccentricity**2) ** 1.5 - 1.0
-    oblateness = dynamics.j2 * (EARTH_RADIUS_M / radius) ** 2
+    oblateness = elements_of(mission).j2 * (EARTH_RADIUS_M / radius) ** 2
     share_of_gradient = 6.0 * distance / radius + 40.0 * oblateness + 8.0 * rate_excess * (2.0 + rate_excess)
     attraction = n**2 * distance * share_of_gradient + 2.0 * n * speed * (rate_excess + 10.0 * oblateness)
     return attraction + greatest_drag(mission, dynamics) + abs(dynamics.radiation_m_s2)

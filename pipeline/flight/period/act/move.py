@@ -38,7 +38,7 @@ def note_sunshine(course: Course, state: FlightState, sun: Three, row: int, shin
         return
     for part in range(3):
         store(shines, part, dot(three_of(course.axes[row + part, 0]), sun))
-        radius = length(three_of(course.positions[row + part]))
+        radius = course.earths * length(three_of(course.positions[row + part]))
         for lane in range(width):
             shines[part, lane] = visible_share(shines[part, lane], radius)
 
