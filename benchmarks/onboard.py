@@ -32,6 +32,14 @@ from pipeline.settings.places import conf_folder
 
 #: settings whose other kinds bring functions of their own on board
 KINDS: Mapping[str, type[Guidance | Safety]] = {"guidance": Guidance, "safety": Safety}
+#: missions that bring tables of their own: of what a chief's parts hide, and of an orbit that is no circle
+MISSIONS: tuple[tuple[str, ...], ...] = (
+    ("champion_27", "sun=random", "chief=satellite"),
+    (
+        *("champion_leo", "sun=random", "dynamics=two_body", "light=shadow", "orbit=elements"),
+        *("orbit.semi_major_axis_m=9615714", "orbit.eccentricity=0.3", "orbit.true_anomaly_deg=290"),
+    ),
+)
 #: compilers and levels of optimisation by which each flight is repeated
 COMPILERS, LEVELS = ("gcc", "clang"), ("-O0", "-O1", "-O2", "-O3")
 HEADING = (
@@ -53,13 +61,14 @@ FAULTS: Mapping[str, tuple[str, str]] = {
 
 
 def champions() -> Iterator[tuple[str, ...]]:
-    """Yield each champion that ships, and the words of the world that it is for.
+    """Yield each champion that ships, and the words of the world that it is for; then `MISSIONS`.
 
     Then, for each other kind of a setting, the first champion of which it changes what is called on board.
     """
     paths = sorted((conf_folder() / "controller").glob("*champion*.yaml"))
     rows = [(path.stem, *words_of(path.stem)[1:]) for path in paths]
     yield from rows
+    yield from MISSIONS
     for group, settings in KINDS.items():
         kinds = set(get_args(get_type_hints(settings)["kind"])) - {settings().kind}
         for word in sorted(f"{group}.kind={kind}" for kind in kinds):
