@@ -27,6 +27,7 @@ REASONS: Final = {
     "below_least_impulse": "less than the thrusters' least impulse, it was not fired",
     "delayed": "the thrusters had yet to fire it",
     "empty_tank": "the tank was empty, it was not fired",
+    "parked": "it leads onto a closed ellipse inside the limits: nothing was inferred",
 }
 #: those that the thrust logic gives: the others come before it, or after it
 LOGIC_REASONS: Final = ("fired", "silent", "dead_band", "waiting", "coasting", "complete", "clipped")
@@ -64,6 +65,8 @@ class ThrustLogic:
         force is fired; any others are those axes. Each component there is clipped; a safety layer may follow.
     plans_ahead : bool
         Whether pushes that are planned ahead, and not inferred, come first.
+    parks : bool
+        Whether a push that parks the deputy, and is not inferred, comes first.
     """
 
     decision_period_s: float
@@ -72,6 +75,7 @@ class ThrustLogic:
     dead_bands_n: tuple[float, float, float]
     force_axes: str
     plans_ahead: bool = False
+    parks: bool = False
 
     @property
     def is_turned(self) -> bool:
@@ -112,4 +116,5 @@ def thrust_logic(controller: FuzzyController) -> ThrustLogic | None:
         dead_bands_n=(x, y, z),
         force_axes=attributes["force_axes"],
         plans_ahead=number("foresight_pushes") > 0.0,
+        parks=number("park_below_points") > 0.0,
     )

@@ -13,7 +13,7 @@ from pipeline.flight.control.controller import Controller, RuleController
 from pipeline.flight.fly.outlooks import finishing
 from pipeline.flight.fly.tours import rehearsal_samples, tour_names
 from pipeline.flight.goals.reach import ended, limit_at
-from pipeline.flight.state.log import LIMITS, REHEARSED, FlightLog, inspectable_rate, points_needed
+from pipeline.flight.state.log import LIMITS, PARKED, REHEARSED, FlightLog, inspectable_rate, points_needed
 from pipeline.flight.world.limits import depths_in_spheres, metres_beyond, wheel_is_full
 from pipeline.recording.foresight import decisions_in_words, is_planned
 from pipeline.settings.experiment import Mission
@@ -65,6 +65,7 @@ def events(
         flown = finishing(controller)
     logic = thrust_logic(flown.fuzzy) if flown and flown.fuzzy else None
     happened += _coasting(mission, log, logic) if logic is not None and inspects else ()
+    happened += _parking(mission, log)
     if inspects:
         happened.append(_summary(mission, log))
     else:
@@ -170,13 +171,25 @@ def _wheels(mission: Mission, log: FlightLog) -> Iterator[Event]:
         yield Event(int(np.argmax(is_full.any(axis=1))), "warning", words)
 
 
+def _parking(mission: Mission, log: FlightLog) -> Iterator[Event]:
+    """Yield each push that parks."""
+    per_force = 1000.0 * mission.control_period_s / mission.deputy.mass_kg
+    for sample in np.flatnonzero((log.command_reason == PARKED).any(axis=1)).tolist():
+        x, y, z = (per_force * log.force_asked_n[sample]).tolist()
+        push = f"{x:.0f} mm/s radially, {y:.0f} along the track, {z:.0f} across"
+        yield Event(sample, "info", f"parks on a closed ellipse inside the limits: {push}")
+
+
 def _coasting(mission: Mission, log: FlightLog, logic: ThrustLogic) -> Iterator[Event]:
     """Yield when the controller begins and ceases to coast, and what coasting to the end would come to."""
     num_points, margin = int(log.is_inspectable.sum()), logic.coast_margin_m
     low, high = mission.deputy.min_distance_m + margin, mission.deputy.max_distance_m - margin
     was_coasting = False
     is_given = (log.command_reason == REHEARSED).all(axis=1)
-    for sample in np.flatnonzero(np.isfinite(log.foreseen[:, 0]) & ~is_given).tolist():
+    # what parks coasts for another reason
+    is_parked = ~log.is_decided & (log.foreseen[:, 0] >= logic.coast_below_points)
+    is_parked |= np.logical_or.accumulate((log.command_reason == PARKED).any(axis=1))
+    for sample in np.flatnonzero(np.isfinite(log.foreseen[:, 0]) & ~is_given & ~is_parked).tolist():
         missed, nearest, farthest = log.foreseen[sample].tolist()
         unseen = f"{missed:.0f} of {num_points} points unseen"
         is_coasting = not log.is_decided[sample]

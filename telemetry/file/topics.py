@@ -87,6 +87,7 @@ class Reason(IntEnum):
     BELOW_LEAST_IMPULSE = 10
     DELAYED = 11
     EMPTY_TANK = 12
+    PARKED = 13
 
 
 #: what was asked for was commanded or fired, as far as the thruster goes, or may have been

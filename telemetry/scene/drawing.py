@@ -267,6 +267,7 @@ WHY = {
     "waiting": "No burn until the next decision",
     "clipped": "at the thruster's limit",
     "safety": "changed by the safety layer",
+    "parked": "to park on a closed ellipse inside the limits",
 }
 #: reasons for which nothing is fired, the first that applies is told
 AT_REST = ("safety", "empty_tank", "below_least_impulse", "delayed", "dead_band", "waiting", "silent")
@@ -312,7 +313,7 @@ def _line(recording: Recording, row: int, left: int, was_asked: bool) -> str:
     force = control["force_hill_n"][row].astype(np.float64)
     reasons = [reason for reason in control["reason"][row].tolist() if reason in (*WHY, *ELSE)]
     if np.any(force):
-        limits = [WHY[reason] for reason in ("clipped", "safety") if reason in reasons]
+        limits = [WHY[reason] for reason in ("parked", "clipped", "safety") if reason in reasons]
         words = [f"Firing {_force(force)}{_leader(recording, row)}", *limits]
         return ", ".join(words) + f": {_points(left)}"
     if "complete" in reasons or left == 0:

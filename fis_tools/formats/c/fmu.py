@@ -68,6 +68,7 @@ def pack(controller: FuzzyController, fingerprint: str) -> tuple[bytes, list[str
     logic = thrust_logic(controller)
     if logic is not None:
         ahead = " and the pushes that it plans ahead" if logic.plans_ahead else ""
+        ahead += " and the push that parks" if logic.parks else ""
         losses.append(f"it holds inference alone, without the thrust logic of the controller{ahead}")
     return archive.getvalue(), losses
 

@@ -48,7 +48,7 @@ def write(controller: FuzzyController, bare: bool = False) -> str:
     ------
     ValueError
         If an attribute of the thrust logic is no number, a rule concludes a formula, or the controller plans
-        its pushes ahead.
+        its pushes ahead or parks.
     """
     require_type_1(controller.systems, "C")
     require_unwired([controller], "C")
@@ -58,6 +58,11 @@ def write(controller: FuzzyController, bare: bool = False) -> str:
         raise ValueError(
             f"controller {controller.name!r} plans its pushes ahead (foresight_pushes), which C source does "
             "not; write its rules alone with --bare, or leave foresight_pushes out"
+        )
+    if has_step and logic is not None and logic.parks:
+        raise ValueError(
+            f"controller {controller.name!r} parks (park_below_points), which takes the chief's points and "
+            "orbit; write its rules alone with --bare, or all of it with python -m pipeline export_c"
         )
     prefix = "infer" if logic is None or has_step else "bare_infer"
     words = identifiers(system.name for system in controller.systems)

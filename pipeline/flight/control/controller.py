@@ -299,6 +299,7 @@ def _constants_of(controller: RuleController) -> Floats:
     for name, what in (
         ("rehearsal_reach_m_s", "rehearses its first push"),
         ("foresight_pushes", "plans pushes"),
+        ("park_below_points", "parks"),
     ):
         if values[constant(name)] > 0.0 and controller.force_axes != "hill":
             raise ControllerError(

@@ -161,6 +161,8 @@ def check_course(controller: Controller, mission: Mission) -> None:
     what, is_ellipse = "", mission.orbit.elements.eccentricity > MOST_CIRCULAR
     if "closest_approach" in sensed_by(controller):
         what = "senses closest_approach, which is that of a circular orbit"
+    elif controller.constants[constant("park_below_points")] > 0.0:
+        what = "parks on an ellipse that is closed about a circular orbit alone"
     elif is_ellipse and isinstance(controller, PlanningController | RegulatorController):
         what = f"plans by the free motion of a circle, up to an eccentricity of {MOST_CIRCULAR:g}"
     if what and mission.has_true_course:

@@ -86,7 +86,7 @@ def write_period(
     write_row(log.force_hill_n[k], lanes.force, 0)
     write_row(log.force_commanded_n[k], lanes.commanded, 0)
     write_row(log.safety_force_hill_n[k], lanes.change, 0)
-    if law.has_plan or is_opened:
+    if law.has_plan or is_opened or lanes.parks[0] > 0.0:
         write_row(log.force_asked_n[k], lanes.requested, 0)
     requested = lane_of(lanes.requested, 0, 0)
     if law.force_axes == HILL:
@@ -153,6 +153,7 @@ def _of_commands(world: World, law: Law, log: FlightLog, num_counted: int, is_gi
         reasons[~is_decision] = logs.WAITING
         if world.coasts_when_complete:
             reasons[log.is_inspected[:-1].sum(axis=1) == num_counted] = logs.COMPLETE
+        reasons[is_decision & ~log.is_decided & (log.force_asked_n != 0.0).any(axis=1)] = logs.PARKED
     reasons[is_given] = logs.REHEARSED
     for is_changed, reason in (
         (np.abs(wanted_h) > world.max_force + LEAST_CHANGE_N, logs.CLIPPED),
@@ -184,5 +185,5 @@ def firing_reasons(log: FlightLog, delay: int, dry: float) -> Integers:
     fired_reasons = np.where(
         is_due, np.where(share_left > EMPTY, logs.BELOW_LEAST_IMPULSE, logs.EMPTY_TANK), fired_reasons
     )
-    as_commanded = np.isin(due, (logs.CLIPPED, logs.SAFETY, logs.REHEARSED)) & is_due
+    as_commanded = np.isin(due, (logs.CLIPPED, logs.SAFETY, logs.REHEARSED, logs.PARKED)) & is_due
     return np.where(is_fired, np.where(as_commanded, due, logs.FIRED), fired_reasons)

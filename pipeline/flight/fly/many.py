@@ -109,7 +109,7 @@ def start_lanes(now: Moment, cases: Any, counted: Bytes) -> None:
     store(lanes.nearest, 0, splat(np.inf, width))
     for total in (lanes.spent, lanes.travelled, lanes.farthest, lanes.beyond):
         store(total, 0, zeros)
-    for total in (lanes.coasts, lanes.num_acted, lanes.corrected, lanes.limit, lanes.num_full):
+    for total in (lanes.coasts, lanes.parks, lanes.num_acted, lanes.corrected, lanes.limit, lanes.num_full):
         store(total, 0, zeros)
 
 

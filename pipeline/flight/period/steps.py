@@ -22,6 +22,7 @@ from pipeline.flight.period.act.attitude import turn_deputies
 from pipeline.flight.period.act.move import move, move_about_earth
 from pipeline.flight.period.act.safety import assure
 from pipeline.flight.period.decide.motion import sense_angles, sense_approach, sense_orbit, sense_position
+from pipeline.flight.period.decide.parking import may_park, sense_parking
 from pipeline.flight.period.decide.preview import preview
 from pipeline.flight.period.decide.see_push import sense_push
 from pipeline.flight.period.decide.thrust import command, decide_to_coast, is_decision, may_coast
@@ -71,6 +72,8 @@ def decide(
             sense_orbit(now, control, signals)
         if law.needs & APPROACH:
             sense_approach(now, signals)
+        if may_park(control):  # before the preview, whose points are logged
+            sense_parking(now, optics, control, work.ahead, work.lit, work.seen, signals)
         if law.needs & PREVIEW or may_coast(control):
             preview(now, optics, work.ahead, work.lit, work.seen, signals)
         if not law.has_plan:

@@ -9,6 +9,7 @@ from pipeline.flight.reference.flight import ReferenceFlight
 from pipeline.flight.reference.foresight import foreseen
 from pipeline.flight.reference.guidance import SHORTEST_M, relative_angle
 from pipeline.flight.reference.motion import closest_approach
+from pipeline.flight.reference.parking import park_push
 from pipeline.flight.reference.see_push import see_push
 from pipeline.flight.reference.state import Look
 from pipeline.flight.reference.tour import tour_push
@@ -45,6 +46,9 @@ def signals(flight: ReferenceFlight, k: int, look: Look, names: Collection[str])
         urgent = urgent_direction(flight, k, position, look.is_lit & ~look.is_inspected)
     if senses("see_push", "aim"):
         push = see_push(flight, k, state, look.is_inspected)
+    if senses("park_push"):
+        parking = park_push(flight, k, state, look.is_inspected)
+        values |= along("park_push", np.zeros(3) if parking is None else parking)
     if senses("tour_push"):
         values |= along("tour_push", tour_push(flight, k, state, urgent))
     values |= along("urgent", urgent) | along("see_push", push)

@@ -12,6 +12,7 @@ from pipeline.array_types import Booleans, Floats
 from pipeline.flight.control.controller import PlanningController, RegulatorController
 from pipeline.flight.reference.flight import ReferenceFlight
 from pipeline.flight.reference.foresight import preview
+from pipeline.flight.reference.parking import park_push
 from pipeline.flight.reference.signals import signals
 from pipeline.flight.reference.state import Look, ReferenceState
 
@@ -54,10 +55,17 @@ def decide(flight: ReferenceFlight, k: int, look: Look, state: ReferenceState) -
         is_missed, nearest, farthest = preview(flight, k, look.known, look.is_inspected)
         ahead = np.array([is_missed.sum(), nearest, farthest])
         resting = "coasting" if is_enough(flight, ahead) else None
+    parking = None
+    if is_decision(flight, k) and not flight.has_plan and flight.constants["park_below_points"] > 0.0:
+        parking = park_push(flight, k, look.known, look.is_inspected)
+    if parking is not None:
+        resting = "parked" if parking.any() else resting or "coasting"
     if flight.given is not None and k < len(flight.given) and flight.given[k, 3] > 0.0:
         requested, resting = flight.given[k, :3], "rehearsed"
     elif flight.has_plan:
         requested = planned(flight, k, look.known, state)
+    elif parking is not None:
+        requested = parking * flight.mission.deputy.mass_kg / flight.mission.control_period_s
     elif resting is None:
         systems = flight.controller.systems
         names = {variable.name for system in systems for variable in system.inputs}
@@ -68,7 +76,7 @@ def decide(flight: ReferenceFlight, k: int, look: Look, state: ReferenceState) -
             inferred.append((inputs, output))
             requested[COMPONENTS[system.outputs[0].name]] += output
     commanded = requested
-    if not flight.has_plan and resting != "rehearsed":
+    if not flight.has_plan and resting not in ("rehearsed", "parked"):
         bands = np.array([flight.constants[f"dead_band_{name}_n"] for name in COMPONENTS])
         commanded = np.where(np.abs(requested) < bands, 0.0, requested)
     wanted = commanded if flight.controller.force_axes == "hill" else look.sensed.apply(commanded)
@@ -79,7 +87,12 @@ def rest(flight: ReferenceFlight, k: int, look: Look) -> str | None:
     """Return why nothing is decided at a sample; None if something may be."""
     if flight.mission.coast_when_complete and not (flight.is_counted & ~look.is_inspected).any():
         return "complete"
-    return "waiting" if k % max(1, flight.periods(flight.constants["decision_period_s"])) else None
+    return None if is_decision(flight, k) else "waiting"
+
+
+def is_decision(flight: ReferenceFlight, k: int) -> bool:
+    """Return whether a force is decided on at a sample."""
+    return k % max(1, flight.periods(flight.constants["decision_period_s"])) == 0
 
 
 def is_enough(flight: ReferenceFlight, ahead: Floats) -> bool:

@@ -201,7 +201,8 @@ CARRIED: Rows = {
     "force": (3,),  # as fired
     "arm": (3,),  # point where it acts, body axes, if that turns the deputy
     "twist": (3,),  # further torque of single thrusters, body axes
-    "coasts": (),  # 1 where nothing is fired
+    "coasts": (),  # 1 where nothing is inferred
+    "parks": (),  # 1 where the push that parks is fired instead, or none is needed
     "sun_at_start": (2,),  # cosine and sine of its angle
     "height_at_start": (2,),  # cosine and sine of its elevation
     "sun": (2,),  # cosine and sine of its angle now

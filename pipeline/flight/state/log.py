@@ -17,7 +17,7 @@ LIMITS = ("safe", "keep-out", "keep-in", "speed", "passive safety")
 
 #: what became of a component of the force, see `FlightLog.reason`; in the order of `REASONS`
 FIRED, SILENT, DEAD_BAND, WAITING, COASTING, COMPLETE, CLIPPED, SAFETY, REHEARSED = range(9)
-BELOW_LEAST_IMPULSE, DELAYED, EMPTY_TANK = range(9, len(REASONS))
+BELOW_LEAST_IMPULSE, DELAYED, EMPTY_TANK, PARKED = range(9, len(REASONS))
 #: clip and safety layer count as changing a component above this, N; less is rounding
 LEAST_CHANGE_N = 1e-9
 #: of its greatest momentum, with which a wheel counts as full

@@ -11,6 +11,7 @@ from functools import partial
 
 #: what must be computed before a signal can be read: flags, combined over all that a controller senses
 NOTHING, ANGLES, ORBIT, APPROACH, PREVIEW, URGENCY, SETTING, TOUR = 0, 1, 2, 4, 8, 16, 32, 64
+PARKING = 128
 
 
 @dataclass(frozen=True)
@@ -21,7 +22,7 @@ class Signal:
     description: str
     # what must be computed for it: `NOTHING` beyond what every flight computes, the relative `ANGLES`, free
     # motion, target and Sun (`ORBIT`), the closest `APPROACH`, the `PREVIEW` of coasting, `URGENCY`, the push
-    # that shows `SETTING` points, or the one that leads onto the `TOUR`
+    # that shows `SETTING` points, or the one that leads onto the `TOUR` or, for good, to a `PARKING` ellipse
     needs: int
     formula: str = ""  # in the symbols of docs/reference/signals.md; empty where the description is enough
 
@@ -145,6 +146,13 @@ SIGNALS = {
         "shifted towards lit, unseen points that soon go dark, is then",
         TOUR | URGENCY,
     ),
+    **_along_axes(
+        "park_push",
+        "m/s",
+        "cheapest push {} onto a closed ellipse of free motion that stays inside the limits and shows "
+        "enough; zero where there is none, or where none is needed",
+        PARKING,
+    ),
 }
 
 
@@ -258,6 +266,17 @@ CONSTANTS = {
         "how many flights with random errors are simulated, each of the tour that is cheapest so far"
     ),
     "rehearsal_period_s": Chosen("time after which the tours are simulated again, whole decision periods, s"),
+    "park_below_points": Chosen(
+        "park once that would miss fewer points than this: push onto a closed ellipse inside the limits",
+        needed_for=PARKING,
+        such_as="4.5",
+    ),
+    "park_reach_m_s": Chosen(
+        "largest radial part of a push that parks; 0.08 unless given, m/s",
+        default=0.08,
+        beside="park_below_points",
+    ),
+    "park_before_s": Chosen("in so long before the flight's end park whatever that would miss, s"),
     "foresight_pushes": Chosen("how many pushes are planned together by geometry, and fired: 2 or 3"),
     "foresight_points": Chosen("a plan must miss fewer points than this; as coast_below_points unless given"),
     "foresight_coast_points": Chosen(

@@ -48,6 +48,7 @@ class Control(_message.Message):
         BELOW_LEAST_IMPULSE: _ClassVar[Control.Reason]
         DELAYED: _ClassVar[Control.Reason]
         EMPTY_TANK: _ClassVar[Control.Reason]
+        PARKED: _ClassVar[Control.Reason]
     UNKNOWN: Control.Reason
     FIRED: Control.Reason
     SILENT: Control.Reason
@@ -61,6 +62,7 @@ class Control(_message.Message):
     BELOW_LEAST_IMPULSE: Control.Reason
     DELAYED: Control.Reason
     EMPTY_TANK: Control.Reason
+    PARKED: Control.Reason
     FORCE_BODY_N_FIELD_NUMBER: _ClassVar[int]
     FORCE_HILL_N_FIELD_NUMBER: _ClassVar[int]
     FORCE_ASKED_N_FIELD_NUMBER: _ClassVar[int]

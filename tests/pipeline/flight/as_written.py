@@ -45,7 +45,7 @@ FORCES = (
 )
 #: constants that are counts, which rounding does not touch
 WHOLE = (
-    *("coast_below_points", "decision_period_s", "rehearsal_tours"),
+    *("coast_below_points", "decision_period_s", "rehearsal_tours", "park_below_points"),
     *("rehearsal_draws", "rehearsal_shapes", "rehearsal_period_s"),
 )
 

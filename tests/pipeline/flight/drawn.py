@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.state.log import Scenario
-from pipeline.flight.state.signals import CONSTANTS, SIGNALS
+from pipeline.flight.state.signals import CONSTANTS, PARKING, SIGNALS
 from pipeline.flight.world.bounds import bounds_of, spheres_of
 from pipeline.settings.checks import SettingError
 from pipeline.settings.equipment import FilteredNavigation, RealActuators
@@ -202,7 +202,10 @@ def is_bearable(mission: Mission) -> bool:
 @st.composite
 def flown(draw: Any, mission: Mission) -> Controller:
     """A controller that senses any signals, the push that shows what sets among them, with any constants."""
-    names, half = list(SIGNALS), np.pi / mission.orbit.mean_motion_rad_s
+    axes = draw(st.sampled_from(["hill", "body"]))
+    parks = axes == "hill" and not mission.has_true_course and draw(st.booleans())
+    names = [name for name, signal in SIGNALS.items() if parks or not signal.needs & PARKING]
+    half = np.pi / mission.orbit.mean_motion_rad_s
     systems = []
     for axis, first in zip("xyz", ("see_push_radial", None, None), strict=True):
         sensed = [first] if first else []
@@ -220,13 +223,16 @@ def flown(draw: Any, mission: Mission) -> Controller:
         "decision_period_s": mission.control_period_s * draw(st.sampled_from([0, 1, 1, 2, 3])),
         "coast_below_points": draw(st.sampled_from([0.0, 0.0, 5.0, 30.0, 60.5, 100.0])),
     }
-    needed = [name for name, kind in CONSTANTS.items() if kind.needed_for and name not in constants]
+    if parks:
+        constants["park_below_points"] = draw(st.sampled_from([5.0, 30.0, 60.5, 100.0]))
+    others = {name: kind for name, kind in CONSTANTS.items() if name not in (*constants, "park_below_points")}
+    needed = [name for name, kind in others.items() if kind.needed_for]
     constants |= {name: draw(number(name, {"gt": 0.0}, 300.0)) for name in needed}
     for name in draw(st.lists(st.sampled_from(list(CONSTANTS)), unique=True)):
-        if name not in constants and not name.startswith(("rehearsal", "foresight")):
+        if name not in constants and not name.startswith(("rehearsal", "foresight", "park_below")):
             signed = {} if CONSTANTS[name].is_signed else {"ge": 0.0}
             constants[name] = draw(number(name, signed, 30.0 if name.endswith("_m") else 0.05))
-    return controller(tuple(systems), draw(st.sampled_from(["hill", "body"])), **constants)
+    return controller(tuple(systems), axes, **constants)
 
 
 def width_of(name: str) -> float:

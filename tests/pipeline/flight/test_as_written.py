@@ -158,6 +158,7 @@ FLIGHTS = {
     "what goes dark soon": flight(cases.HURRYING, STARTS[1], attitude=IDEAL),
     "a decision every half minute, safety layer": (guarded(PASSIVE), cases.PAUSING, starts_at_rest(3, 47)[0]),
     "the push that shows what sets on a tumbling chief": flight(cases.SEEING, attitude=IDEAL, chief=TUMBLING),
+    "the push that parks": flight(cases.PARKING, attitude=IDEAL),
     "the push onto a tour": flight(cases.TOURING, STARTS[1], attitude=IDEAL),
     "turned aside between the least distance and a skirt just outside it": flight(
         cases.touring(skirt_distance_m=15.5),
@@ -287,6 +288,7 @@ PLAIN = (
     *("paper", "clusters", "full inertia", "pole blending", "late fixes, late thrusters with errors"),
     *("free motion, target and Sun", "what coasting shows", "what goes dark soon"),
     *("the push that shows what sets on a tumbling chief", "the push onto a tour"),
+    "the push that parks",
     *("safety layer against a push", "about the oblate Earth, in and out of its shadow"),
 )
 

@@ -7,7 +7,7 @@ chief's centre.
 from math import cos, sin, sqrt
 
 from fis_tools.compiled.decorator import compiled
-from fis_tools.compiled.three import dot, lane_of
+from fis_tools.compiled.three import Three, dot, lane_of
 from pipeline.array_types import Floats
 from pipeline.flight.period.look.optics import beam_from, strike_out_seen, sun_ahead, turned_back
 from pipeline.flight.state.arrays import FullOptics, Moment
@@ -16,6 +16,60 @@ from pipeline.physics.motion import drifted_position, drifted_velocity, propagat
 from pipeline.physics.transitions import constants_at, follows_course, position_at
 
 MISSED, NEAREST, FARTHEST = slot("missed"), slot("coasting_nearest"), slot("coasting_farthest")
+
+
+@compiled(error_model="numpy")
+def coast_on(
+    now: Moment,
+    optics: FullOptics | None,
+    lane: int,
+    position: Three,
+    velocity: Three,
+    ahead: Floats,
+    lit_marks: Floats,
+    seen_marks: Floats,
+) -> tuple[int, float, float]:
+    """Return how many points coasting from a state misses, and its least and greatest distance squared, m^2.
+
+    Leaves in `ahead`, (P padded,), 1 for each of these points.
+    """
+    world, state, lanes, k = now.world, now.state, now.state.lanes, now.k
+    # neighbours are seen shortly after one another: in the paper's world, in the order of patches
+    points = world.patches if optics is None else world.points
+    stride = world.preview_stride
+    # previewed instants are the same at every preview, counted back from the end
+    first = (world.num_controls - k - 1) % stride + 1
+    turn = world.mean_motion * world.control_period
+    first_turn = cos(turn * first), sin(turn * first)
+    stride_turn = cos(turn * stride), sin(turn * stride)
+    num_left = int(lanes.num_unseen[lane])
+    sun = lanes.sun[0, lane], lanes.sun[1, lane]
+    nearest = dot(position, position)
+    farthest = nearest
+    for j in range(len(ahead) if num_left > 0 else 0):
+        ahead[j] = state.unseen[lane, j if optics is not None else world.order[j]]
+    step, sun_turn = first, first_turn
+    sample, height = k, (lanes.sun_height[0, lane], lanes.sun_height[1, lane])
+    is_true, constants = follows_course(world.transitions), (position, velocity)
+    if is_true:
+        constants = constants_at(world.transitions, k, position, velocity)
+    while sample < world.num_controls:
+        sample += step
+        if is_true:
+            position = position_at(world.transitions, sample, constants)
+            sun, height = sun_ahead(now, lane, sample)
+        else:
+            leap = propagator_of(world.strides, step)
+            moved = drifted_position(leap.position, position, velocity)
+            position, velocity = moved, drifted_velocity(leap, position, velocity)
+            sun = turned_back(sun, sun_turn)
+        step, sun_turn = stride, stride_turn
+        square = dot(position, position)
+        nearest, farthest = min(nearest, square), max(farthest, square)
+        if num_left > 0:
+            beam = beam_from(world, optics, sample, sun, height)
+            num_left -= strike_out_seen(world, optics, ahead, lit_marks, seen_marks, points, beam, position)
+    return num_left, nearest, farthest
 
 
 @compiled(error_model="numpy")
@@ -31,46 +85,12 @@ def preview(
 
     Leaves in `ahead`, (P padded,), 1 for each point missed by the last lane.
     """
-    world, state, lanes, belief, k = now.world, now.state, now.state.lanes, now.state.belief, now.k
-    # neighbours are seen shortly after one another: in the paper's world, in the order of patches
-    points = world.patches if optics is None else world.points
-    stride = world.preview_stride
-    # previewed instants are the same at every preview, counted back from the end
-    first = (world.num_controls - k - 1) % stride + 1
-    turn = world.mean_motion * world.control_period
-    first_turn = cos(turn * first), sin(turn * first)
-    stride_turn = cos(turn * stride), sin(turn * stride)
+    belief = now.state.belief
     for lane in range(now.num_lanes):
-        num_left = int(lanes.num_unseen[lane])
-        sun = lanes.sun[0, lane], lanes.sun[1, lane]
         position, velocity = lane_of(belief.position, 0, lane), lane_of(belief.velocity, 0, lane)
-        nearest = dot(position, position)
-        farthest = nearest
-        for j in range(len(ahead) if num_left > 0 else 0):
-            ahead[j] = state.unseen[lane, j if optics is not None else world.order[j]]
-        step, sun_turn = first, first_turn
-        sample, height = k, (lanes.sun_height[0, lane], lanes.sun_height[1, lane])
-        is_true, constants = follows_course(world.transitions), (position, velocity)
-        if is_true:
-            constants = constants_at(world.transitions, k, position, velocity)
-        while sample < world.num_controls:
-            sample += step
-            if is_true:
-                position = position_at(world.transitions, sample, constants)
-                sun, height = sun_ahead(now, lane, sample)
-            else:
-                leap = propagator_of(world.strides, step)
-                moved = drifted_position(leap.position, position, velocity)
-                position, velocity = moved, drifted_velocity(leap, position, velocity)
-                sun = turned_back(sun, sun_turn)
-            step, sun_turn = stride, stride_turn
-            square = dot(position, position)
-            nearest, farthest = min(nearest, square), max(farthest, square)
-            if num_left > 0:
-                beam = beam_from(world, optics, sample, sun, height)
-                num_left -= strike_out_seen(
-                    world, optics, ahead, lit_marks, seen_marks, points, beam, position
-                )
+        num_left, nearest, farthest = coast_on(
+            now, optics, lane, position, velocity, ahead, lit_marks, seen_marks
+        )
         signals[MISSED, lane] = num_left
         signals[NEAREST, lane] = sqrt(nearest)
         signals[FARTHEST, lane] = sqrt(farthest)

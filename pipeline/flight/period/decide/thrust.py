@@ -9,6 +9,7 @@ from fis_tools.compiled.three import Three, load_three, same, store_three
 from fis_tools.compiled.vectors import load, select, some, store, width_of
 from fis_tools.engines.kernel import infer
 from pipeline.array_types import Floats
+from pipeline.flight.period.decide.parking import PARK_PUSH, may_park
 from pipeline.flight.period.decide.preview import FARTHEST, MISSED, NEAREST
 from pipeline.flight.state.arrays import Control, Law, Moment, Plans, constant_of
 from pipeline.flight.state.lanes import clip_three, flight_of, load_quaternion, load_row
@@ -32,7 +33,7 @@ def may_coast(control: Control) -> bool:
 
 @compiled(error_model="numpy", forceinline=True)
 def decide_to_coast(now: Moment, control: Control, signals: Floats) -> None:
-    """Mark the lanes that fire nothing: all is seen, or coasting will show enough inside the limits."""
+    """Mark lanes that infer nothing: all is seen, coasting will show enough, or one parks."""
     world, lanes = now.world, now.state.lanes
     width = width_of(lanes)
     coasts = load_row(lanes.num_unseen) < (1.0 if world.coasts_when_complete else 0.0)
@@ -42,6 +43,8 @@ def decide_to_coast(now: Moment, control: Control, signals: Floats) -> None:
         is_enough &= load(signals, NEAREST, width) >= world.min_distance + margin
         is_enough &= load(signals, FARTHEST, width) <= world.max_distance - margin
         coasts |= is_enough
+    if may_park(control):
+        coasts |= load_row(lanes.parks) > 0.0
     store(lanes.coasts, 0, select(coasts, 1.0, 0.0))
 
 
@@ -87,6 +90,16 @@ def infer_forces(now: Moment, control: Control, signals: Floats, outputs: Floats
 
 
 @compiled(error_model="numpy", forceinline=True)
+def park(now: Moment, signals: Floats) -> None:
+    """Request the push that parks, in the lanes that do."""
+    lanes = now.state.lanes
+    width, parks = width_of(lanes), load_row(lanes.parks) > 0.0
+    for axis in range(3):
+        force = load(signals, PARK_PUSH + axis, width) / now.world.delta_v_per_force
+        store(lanes.requested, axis, select(parks, force, load(lanes.requested, axis, width)))
+
+
+@compiled(error_model="numpy", forceinline=True)
 def command(now: Moment, control: Control, signals: Floats, outputs: Floats, scratch: Any) -> None:
     """Write the forces of all lanes as requested, and as commanded: in Hill axes, clipped."""
     law, lanes = control.law, now.state.lanes
@@ -95,6 +108,8 @@ def command(now: Moment, control: Control, signals: Floats, outputs: Floats, scr
         follow_plans(now, law.plans)
     elif is_decision(law, now.k):
         infer_forces(now, control, signals, outputs, scratch)
+        if may_park(control):
+            park(now, signals)
     force = load_three(lanes.requested, 0)
     if law.force_axes == BODY:
         force = to_hill(load_quaternion(now.state.belief.attitude), force)
