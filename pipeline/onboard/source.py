@@ -121,6 +121,7 @@ def _facts(program: OnboardProgram, members: Mapping[str, Any], functions: set[s
         "systems": [int(axis) for axis in law.axes],
         "limits": "0 none, 1 keep out, 2 keep in, 3 speed, 4 passive safety",
         "reasons": {reason: REASONS[reason] for reason in (*LOGIC_REASONS, "safety", "rehearsed", "parked")},
+        "reason_numbers": {reason: number for number, reason in enumerate(REASONS)},
         "changed_n": LEAST_CHANGE_N,
         "silent_n": SILENT_N,
         "is_body": law.force_axes == BODY,

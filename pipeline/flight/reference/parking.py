@@ -10,8 +10,8 @@ from pipeline.flight.reference.foresight import preview
 
 #: radial parts that are tried each way; looks at a path in an orbit, for so many orbits
 RADIAL_STEPS, LOOKS, ORBITS = 8, 36, 3
-#: nearer than this to the chief's height the swing across the orbit plane stays as it is, m
-LEAST_HEIGHT_M = 1.0
+#: where half the way along the track to the ellipse's centre is shorter, m, its swing stays as it is
+LEAST_LENGTH_M = 1.0
 
 
 def park_push(flight: ReferenceFlight, k: int, state: Floats, is_inspected: Booleans) -> Floats | None:
@@ -32,14 +32,14 @@ def park_push(flight: ReferenceFlight, k: int, state: Floats, is_inspected: Bool
 
 
 def tried(flight: ReferenceFlight, state: Floats) -> Iterator[Floats]:
-    """Yield no push, and those that close the ellipse, with the swing as it is and in step, m/s."""
+    """Yield no push, and those that close the ellipse, with the swing as it is and shifted, m/s."""
     x, _, z, u, v, w = state
     n, reach = flight.mission.orbit.mean_motion_rad_s, flight.constants.get("park_reach_m_s", 0.08)
     yield np.zeros(3)
     for radial in np.linspace(-reach, reach, 2 * RADIAL_STEPS + 1):
         yield np.array([radial, -2.0 * n * x - v, 0.0])
-        if abs(x) >= LEAST_HEIGHT_M:
-            yield np.array([radial, -2.0 * n * x - v, z / x * (u + radial) - w])
+        if abs(u + radial) >= n * LEAST_LENGTH_M:
+            yield np.array([radial, -2.0 * n * x - v, -(n**2) * x * z / (u + radial) - w])
 
 
 def stays(flight: ReferenceFlight, state: Floats) -> bool:

@@ -2,10 +2,10 @@
 
 By Clohessy and Wiltshire's equations free motion is an ellipse whose centre drifts by ``-3 pi x_c`` an orbit;
 the push ``-n x_c / 2`` along the track stops that. Its radial part, of which some are tried, chooses where
-the ellipse lies and how large it is. Across the orbit plane the swing stays, or it is brought into step with
-the radial one: then the deputy never comes nearer than the smaller of both, wherever along the track the
-ellipse lies (e/i-vector separation; D'Amico and Montenbruck, Journal of Guidance, Control, and Dynamics 29,
-2006).
+the ellipse lies and how large it is. Across the orbit plane the swing stays, or it is shifted to a quarter
+of an orbit from the radial one: then the deputy never comes nearer than the smaller of both, wherever along
+the track the ellipse lies (e/i-vector separation; D'Amico and Montenbruck, Journal of Guidance, Control, and
+Dynamics 29, 2006).
 """
 
 from math import inf, pi
@@ -23,12 +23,12 @@ PARK_BELOW, PARK_REACH = constant("park_below_points"), constant("park_reach_m_s
 PARK_BEFORE, MARGIN = constant("park_before_s"), constant("coast_margin_m")
 #: radial parts that are tried each way, evenly up to the reach
 RADIAL_STEPS = 8
-#: for no push, and for each radial part with the swing as it is and in step
+#: for no push, and for each radial part with the swing as it is and shifted
 NUM_TRIED = 1 + 2 * (2 * RADIAL_STEPS + 1)
 #: for which a path must stay inside the limits
 ORBITS = 3
-#: nearer than this to the chief's height, m, no swing is brought into step
-LEAST_HEIGHT_M = 1.0
+#: where half the way along the track to the ellipse's centre is shorter than this, m, no swing is shifted
+LEAST_LENGTH_M = 1.0
 
 
 @compiled(error_model="numpy")
@@ -41,9 +41,9 @@ def may_park(control: Control) -> bool:
 def tried_push(mean_motion: float, reach: float, number: int, position: Three, velocity: Three) -> Three:
     """Return one of the pushes that are tried, m/s; the first is none."""
     radial = reach * ((number + 1) // 2 - 1 - RADIAL_STEPS) / RADIAL_STEPS
-    across = 0.0
-    if number % 2 == 0 and abs(position.x) >= LEAST_HEIGHT_M:
-        across = position.z * (velocity.x + radial) / position.x - velocity.z
+    across, half_way = 0.0, (velocity.x + radial) / mean_motion
+    if number % 2 == 0 and abs(half_way) >= LEAST_LENGTH_M:
+        across = -mean_motion * position.z * position.x / half_way - velocity.z
     along = -2.0 * mean_motion * position.x - velocity.y
     push = Three(radial, along, across)
     return push if number > 0 else Three(0.0, 0.0, 0.0)
@@ -59,10 +59,10 @@ def stays(world: World, margin: float, position: Three, velocity: Three) -> bool
     drift = -3.0 * pi * (4.0 * position.x + 2.0 * velocity.y / world.mean_motion)
     is_inside = True
     for part in range(ORBIT_PARTS):
-        place = drifted_position(position_rows_of(world.orbit_parts, part), position, velocity)
-        level = place.x * place.x + place.z * place.z
+        passed = drifted_position(position_rows_of(world.orbit_parts, part), position, velocity)
+        level = passed.x * passed.x + passed.z * passed.z
         for orbit in range(ORBITS):
-            along = place.y + orbit * drift
+            along = passed.y + orbit * drift
             square = level + along * along
             is_inside = is_inside and square >= least * least and square <= most * most
     return is_inside
