@@ -4,7 +4,8 @@ The arms, seeds, sizes and measures are those of docs/results/paper-protocol.md.
 `+experiment=train_paper` in the folder; what is there goes on, so that the command may be stopped and typed
 again. In the end ``trainings.parquet`` has a row for each training and ``generations.parquet`` the course of
 each, and ``tables.md`` and ``trainings.png`` are made from them; ``SHA256SUMS`` tells them all.
-``--tables`` makes these two anew from the two files of rows, and nothing else.
+``--tables`` makes these two anew from the two files of rows, and nothing else; ``--arms 2`` flies the first
+two arms alone.
 
 Whatever is known by ``key=value`` goes to each sweep, such as ``engine=dask``.
 """
@@ -16,7 +17,7 @@ import subprocess
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from itertools import product
+from itertools import islice, product
 from pathlib import Path
 from typing import Any
 
@@ -45,6 +46,8 @@ TRAININGS, COURSES, TABLES, PICTURE, SUMS, PROTOCOL = (
     ),
 )
 WIDER = "three_inputs.json"
+#: what counts as inspected, and as failed, in the protocol
+COMPLETE_PERCENT, FAILED_PERCENT = 95.0, 1.0
 
 #: what is crossed; the first of each is that of +experiment=train_paper
 FACTORS: Mapping[str, Mapping[str, Sequence[str]]] = {
@@ -93,6 +96,7 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("--seeds", type=int, default=SEEDS, help="of the first two arms")
     parser.add_argument("--seeds-of-others", type=int, default=SEEDS_OF_OTHERS)
     parser.add_argument("--generations", type=int, default=GENERATIONS)
+    parser.add_argument("--arms", type=int, default=None, help="only the first so many of them")
     parser.add_argument("--tables", action="store_true", help="only read the rows of a folder")
     options = parser.parse_args(arguments)
     if not options.tables:
@@ -140,7 +144,7 @@ def train_all(parser: argparse.ArgumentParser, options: argparse.Namespace) -> N
     (folder / WIDER).write_text(serialize.dump_json(with_three_inputs(paper)), encoding="utf-8")
     rows: list[dict[str, Any]] = []
     courses: list[dict[str, Any]] = []
-    for index, (name, (levels, words)) in enumerate(arms().items()):
+    for index, (name, (levels, words)) in enumerate(islice(arms().items(), options.arms)):
         sweep = folder / f"arm{index}"
         count = options.seeds if is_main(levels) else options.seeds_of_others
         print(f"{name}: {count} seeds in {sweep}", file=sys.stderr, flush=True)
@@ -159,8 +163,9 @@ def train_all(parser: argparse.ArgumentParser, options: argparse.Namespace) -> N
             row, course = read(run)
             rows.append({"arm": name, **dict.fromkeys((*FACTORS, "alone"), "as there"), **levels, **row})
             courses += [{"arm": name, "seed": row["seed"], **generation} for generation in course]
-    parquet.write_table(pa.Table.from_pylist(rows), folder / TRAININGS)
-    parquet.write_table(pa.Table.from_pylist(courses), folder / COURSES)
+        # after each arm, so that what is flown so far can be told
+        parquet.write_table(pa.Table.from_pylist(rows), folder / TRAININGS)
+        parquet.write_table(pa.Table.from_pylist(courses), folder / COURSES)
 
 
 def is_main(levels: Mapping[str, str]) -> bool:
@@ -233,11 +238,26 @@ def tables(rows: Sequence[Mapping[str, Any]]) -> str:
             before, after = column([pair[0] for pair in pairs], key), column([pair[1] for pair in pairs], key)
             cells.append(shift(before, after, decimals, len(names) - 1))
         lines.append(row_of([name, str(len(pairs)), *cells]))
-    lines += ["", row_of(["", "the paper", *(name for name in names[:2])]), "|---" * 4 + "|"]
+    lines += ["", row_of(["", "the paper", *names[:2]]), "|---" * (2 + len(names[:2])) + "|"]
     for key, value in PAPER.items():
         cells = [spread(column(groups[name], key), MEASURES[key][1]) for name in names[:2]]
         lines.append(row_of([MEASURES[key][0], f"{value:g}", *cells]))
+    lines += ["", *(f"- {name}: {sentence(groups[name])}" for name in names[:2])]
     return "\n".join(lines) + "\n"
+
+
+def sentence(group: Sequence[Mapping[str, Any]]) -> str:
+    """Return what the protocol counts: cheaper trainings, complete ones among them, and failed ones."""
+    fuel, seen, outside = (
+        column(group, key) for key in ("delta_v_m_s", "inspected_percent", "outside_percent")
+    )
+    is_cheaper = fuel < PAPER["delta_v_m_s"]
+    is_complete = is_cheaper & (seen >= COMPLETE_PERCENT)
+    return (
+        f"{is_cheaper.sum()} of {len(group)} burn less than {PAPER['delta_v_m_s']:g} m/s, "
+        f"{is_complete.sum()} of them inspect at least {COMPLETE_PERCENT:g} % on average; "
+        f"{(outside > FAILED_PERCENT).sum()} leave the limits in more than {FAILED_PERCENT:g} % of flights"
+    )
 
 
 def row_of(cells: Sequence[str]) -> str:

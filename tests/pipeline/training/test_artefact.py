@@ -54,10 +54,21 @@ def rows(arm: str, delta_v: list[float]) -> list[dict[str, object]]:
 def test_tables_hold_interquartile_means_and_differences_of_pairs():
     first, second = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 100.0], [2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 101.0]
     text = artefact.tables(rows("a", first) + rows("b", second))
-    arms, effects, _ = (part.splitlines() for part in text.split("\n\n"))
+    arms, effects, *_ = (part.splitlines() for part in text.split("\n\n"))
     column = 2 + list(artefact.MEASURES).index("delta_v_m_s")
     cells = [[cell.strip() for cell in line.split("|")[1:-1]][column] for line in (*arms[2:], effects[2])]
     assert cells[0].startswith(f"{statistics.mean(first[2:6]):.2f} (")
     assert cells[0].endswith("1.00 to 100.00")
     # each pair differs by one
     assert cells[2] == "+1.00 (+1.00 to +1.00)"
+
+
+def test_the_protocols_counts_are_told():
+    group = [
+        {"delta_v_m_s": fuel, "inspected_percent": seen, "outside_percent": outside}
+        for fuel, seen, outside in ((1.0, 96.0, 0.0), (2.0, 94.0, 5.0), (6.0, 99.0, 0.5))
+    ]
+    assert artefact.sentence(group) == (
+        "2 of 3 burn less than 5.62 m/s, 1 of them inspect at least 95 % on average; "
+        "1 leave the limits in more than 1 % of flights"
+    )
