@@ -37,6 +37,7 @@ CAMPAIGNS = (
     "missions",
     "networks",
     "never_worse",
+    "objects",
     "onboard",
     "planted",
     "policies",

@@ -12,17 +12,19 @@ import sys
 import threading
 import time
 from collections import defaultdict
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import cache as cached
 from functools import update_wrapper
 from importlib.util import find_spec
+from pathlib import Path
 from typing import Any, TypeVar, cast, overload
 
 import numpy as np
 
 from fis_tools.compiled import cache
+from fis_tools.compiled.shipped import load
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -51,6 +53,8 @@ class Compiled:
         self.py_func = function
         self.targetoptions = options
         self._package = function.__module__.partition(".")[0]
+        self._is_shipped = f"{function.__module__}.{function.__qualname__}" in load.names()
+        self._shipped: load.Shipped | None = None
 
     def __call__(self, *args: Any, **kwargs: Any) -> Any:
         """Call the compiled function."""
@@ -58,9 +62,19 @@ class Compiled:
         # what takes vectors is called in compiled code, or in plain Python with those of NumPy
         if plain and (plain == self._package or {"forceinline", "inline"} & self.targetoptions.keys()):
             return instead.get(self, self.py_func)(*args, **kwargs)
+        if self._is_shipped and not kwargs and (code := self.shipped_for(args)) is not None:
+            return code(*args)
         if kwargs:  # numba takes a tenth of a microsecond longer if there may be some
             return self.dispatcher(*args, **kwargs)
         return self.dispatcher(*args)
+
+    def shipped_for(self, args: Sequence[Any]) -> Callable[..., Any] | None:
+        """Return the code that comes with the product for arguments of these types; None if there is none."""
+        if not self._is_shipped or os.environ.get("NUMBA_DISABLE_JIT", "0") != "0":
+            return None
+        if self._shipped is None:
+            self._shipped = load.of(self)
+        return None if self._shipped is None else self._shipped.find(args)
 
     def prepared(self, *args: Any) -> Callable[..., Any]:
         """Return the compiled code for arguments of these types.
@@ -68,6 +82,8 @@ class Compiled:
         Calling it skips type resolution, which takes numba longer than a short function does when many
         arrays are passed. It must be called with exactly these types.
         """
+        if (code := self.shipped_for(args)) is not None:
+            return code
         if not is_compiling():
             return self.py_func
         from numba import typeof  # noqa: PLC0415 - takes a while, and most commands compile nothing
@@ -77,7 +93,9 @@ class Compiled:
     def __getattr__(self, name: str) -> Any:
         # Only names that are not yet set get here. One is `_numba_type_`, by which numba asks a global
         # of a function that it compiles for its type: the type is that of the dispatcher.
-        if name.startswith("__") or name in {"py_func", "targetoptions", "_package"}:
+        if name.startswith("__") or name in {
+            *("py_func", "targetoptions", "_package", "_is_shipped", "_shipped")
+        }:
             raise AttributeError(name)
         if name not in {"dispatcher", "inside"}:
             return getattr(self.inside if name == "_numba_type_" else self.dispatcher, name)
@@ -115,6 +133,11 @@ def compiled(function: F | None = None, /, **options: Any) -> F | Callable[[F], 
     return decorate if function is None else decorate(function)
 
 
+def plain(function: F) -> F:
+    """Return a compiled function as plain Python, for calls that are not worth compiling."""
+    return cast(F, cast(Compiled, function).py_func)
+
+
 @contextmanager
 def plainly(package: str, instead: dict[Any, Callable[..., Any]] | None = None) -> Iterator[None]:
     """Run the compiled functions of a package as plain Python inside; the results are the same.
@@ -144,7 +167,8 @@ def sparingly(function: F) -> F:
     def call(*args: Any) -> Any:
         """Call the function, compiled or plain; count the time that it runs plainly."""
         nonlocal is_known
-        if is_known:
+        if is_known or known.shipped_for(args) is not None:
+            is_known = True
             return known(*args)
         from numba import typeof  # noqa: PLC0415 - as above
 
@@ -174,6 +198,8 @@ def sparingly(function: F) -> F:
 
 def is_compiling() -> bool:
     """Return whether numba is installed, and not switched off by NUMBA_DISABLE_JIT=1."""
+    if "numba" not in sys.modules and not Path(".numba_config.yaml").exists():  # importing it takes long
+        return find_spec("numba") is not None and os.environ.get("NUMBA_DISABLE_JIT", "0") == "0"
     try:
         from numba import config  # noqa: PLC0415 - as above
     except ModuleNotFoundError:

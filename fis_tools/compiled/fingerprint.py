@@ -84,6 +84,24 @@ def described_functions(compiled: Any) -> dict[Any, tuple[Description, list[Any]
     return described
 
 
+def reached(compiled: Any) -> dict[Any, list[Any]]:
+    """Return a compiled function and all that it calls at any remove, each with what it calls itself."""
+    return {function: callees for function, (_, callees) in described_functions(compiled).items()}
+
+
+def described_values(compiled: Any) -> list[tuple[str, Description]]:
+    """Describe the values that a function names, sorted by their names, for no version of Python alone."""
+    function: FunctionType = compiled.py_func
+    names = tuple(sorted(_names(function.__code__)))
+    values = {name: function.__globals__[name] for name in names if name in function.__globals__}
+    cells = function.__closure__ or ()
+    values |= {
+        name: cell.cell_contents for name, cell in zip(function.__code__.co_freevars, cells, strict=True)
+    }
+    values["defaults"] = (*(function.__defaults__ or ()), *(function.__kwdefaults__ or {}).values())
+    return [(name, _described(value, names, [])) for name, value in sorted(values.items())]
+
+
 def _described_function(compiled: Any, callees: list[Any]) -> Description:
     """Describe a compiled function without those that it calls, which are added to the callees."""
     function: FunctionType = compiled.py_func

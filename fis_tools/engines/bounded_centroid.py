@@ -83,6 +83,7 @@ def _defuzzify(
 def _heights(conclusion: Conclusion, cuts: Floats, out: Floats) -> tuple[float, float]:
     """Bound the aggregated heights at the points of the universe; return the maximum of either bound."""
     out[:] = 0.0
+    highest_low = highest_high = 0.0
     for term in range(len(cuts)):
         low, high = cuts[term]
         if high > 0.0:
@@ -90,14 +91,20 @@ def _heights(conclusion: Conclusion, cuts: Floats, out: Floats) -> tuple[float, 
                 mu = conclusion.memberships[term, point]
                 out[point, 0] = max(out[point, 0], min(low, mu))
                 out[point, 1] = max(out[point, 1], min(high, mu))
-    return out[:, 0].max(), out[:, 1].max()
+                highest_low = max(highest_low, out[point, 0])
+                highest_high = max(highest_high, out[point, 1])
+    return highest_low, highest_high
 
 
 @compiled(error_model="numpy", nogil=True)
 def _support(x: Floats, heights: Floats) -> tuple[float, float]:
     """Return the ends of the segments in which the aggregated set may be positive."""
-    positive = np.flatnonzero(heights[:, 1])
-    return x[max(positive[0] - 1, 0)], x[min(positive[-1] + 1, len(x) - 1)]
+    first, last = 0, len(x) - 1
+    while heights[first, 1] == 0.0:
+        first += 1
+    while heights[last, 1] == 0.0:
+        last -= 1
+    return x[max(first - 1, 0)], x[min(last + 1, len(x) - 1)]
 
 
 @compiled(error_model="numpy", nogil=True)
@@ -148,7 +155,10 @@ def _segments(conclusion: Conclusion, centre: float, cuts: Floats, heights: Floa
     below.
     """
     x = conclusion.universe
-    relative_error = INTERPOLATION_ERROR * (1.0 + max(abs(x[0]), abs(x[-1])) / np.diff(x).min())
+    narrowest = x[1] - x[0]
+    for point in range(1, len(x) - 1):
+        narrowest = min(narrowest, x[point + 1] - x[point])
+    relative_error = INTERPOLATION_ERROR * (1.0 + max(abs(x[0]), abs(x[-1])) / narrowest)
     area = 0.0
     was_crossed, is_crossed = False, _is_crossed(conclusion, cuts, 0)
     for left in range(len(out)):

@@ -8,7 +8,7 @@ from math import sqrt
 
 import numpy as np
 
-from fis_tools.compiled.decorator import compiled
+from fis_tools.compiled.decorator import compiled, plainly
 from fis_tools.compiled.three import Three, dot
 from fis_tools.compiled.vectors import Vector
 from pipeline.array_types import Floats
@@ -66,9 +66,15 @@ def dcm_b_from_h(quaternion_b_from_h: Floats) -> Floats:
     return np.array(axes_of((q1, q2, q3, q4)))
 
 
+def dcms_b_from_h(quaternions_b_from_h: Floats) -> Floats:
+    """Return the matrix of `dcm_b_from_h` for each of K attitudes, (K, 4), without compiling; (K, 3, 3)."""
+    with plainly("pipeline"):
+        return np.ascontiguousarray(np.moveaxis(np.array(axes_of(tuple(quaternions_b_from_h.T))), -1, 0))
+
+
 def seen_from_hill(quaternions_b_from_h: Floats, vector_b: Floats) -> Floats:
     """Transform a vector from body to Hill axes at each of K attitudes, (K, 4); return shape (K, 3)."""
-    return np.array([dcm_b_from_h(quaternion).T @ vector_b for quaternion in quaternions_b_from_h])
+    return np.array([dcm.T @ vector_b for dcm in dcms_b_from_h(quaternions_b_from_h)])
 
 
 @compiled

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from fis_tools.compiled.decorator import plain
 from fis_tools.engines.kernel import LANES, make_scratch
 from pipeline.array_types import Bytes
 from pipeline.flight.cases.starts import Cases, StartRows
@@ -21,7 +22,7 @@ Parts = tuple[FullOptics | None, Guard | None, bool | None, bool | None, ModelEr
 
 def make_states(world: World, errors: ModelErrors | None, lanes: int, count: int) -> FlightState:
     """Allocate states of `lanes` flights side by side; every array has a further first axis of `count`."""
-    sizes = {"L": lanes, "P": world.points.shape[2], "C": num_clusters(world.num_points)}
+    sizes = {"L": lanes, "P": world.points.shape[2], "C": plain(num_clusters)(world.num_points)}
     sizes |= {"F": 0, "K": 0, "3K+3": 3, "N": 0}
     if errors is not None:
         sizes |= {"K": world.num_controls, "3K+3": 3 * world.num_controls + 3}
@@ -38,7 +39,7 @@ def make_state(world: World, errors: ModelErrors | None, lanes: int = LANES) -> 
 
 def make_workspace(world: World, lanes: int = LANES) -> Workspace:
     """Allocate the workspace of one thread, for `lanes` flights side by side."""
-    sizes = {"L": lanes, "P": world.points.shape[2], "C": num_clusters(world.num_points)}
+    sizes = {"L": lanes, "P": world.points.shape[2], "C": plain(num_clusters)(world.num_points)}
     sizes |= {"S": world.num_attitude_steps, "cuts": MOST_CUTS}
     work: Workspace = allocated(Workspace, sizes, scratch=make_scratch(lanes))
     return work

@@ -4,7 +4,7 @@ import numpy as np
 
 from pipeline.array_types import Booleans, Floats
 from pipeline.flight.state.log import FULL, FlightLog
-from pipeline.physics.quaternion import dcm_b_from_h
+from pipeline.physics.quaternion import dcms_b_from_h
 from pipeline.settings.experiment import Mission
 
 
@@ -13,8 +13,8 @@ def depths_in_spheres(mission: Mission, log: FlightLog) -> Floats:
     depths = np.empty((len(log.position_m), 0))
     if not mission.chief.keep_out_m:
         return depths
-    samples = zip(log.quaternion_c_from_h, log.position_m, strict=True)
-    position_c = np.array([dcm_b_from_h(quaternion) @ position for quaternion, position in samples])
+    samples = zip(dcms_b_from_h(log.quaternion_c_from_h), log.position_m, strict=True)
+    position_c = np.array([dcm @ position for dcm, position in samples])
     for *centre, radius in mission.chief.keep_out_m:
         depth = radius - np.linalg.norm(position_c - centre, axis=1)
         depths = np.column_stack((depths, depth))

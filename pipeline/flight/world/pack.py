@@ -22,7 +22,7 @@ from pipeline.flight.world.surface import ChiefSurface, surface_of
 from pipeline.physics.illumination import Reflection, least_sun_height, sun_direction_h, visible_share
 from pipeline.physics.motion import motion_over, orbit_parts
 from pipeline.physics.orbit import Course
-from pipeline.physics.quaternion import dcm_b_from_h
+from pipeline.physics.quaternion import dcms_b_from_h
 from pipeline.physics.sight import HEIGHT, NORMAL, NUM_SURFACE, SQUARE, Optics, sight_of
 from pipeline.settings.equipment import RealActuators, Sensor
 from pipeline.settings.experiment import Mission
@@ -162,7 +162,7 @@ def pack_world(mission: Mission) -> World:
     points = surface.points
     if mission.chief.initial_angular_velocity_rad_s is None:
         attitudes = attitudes[:1]
-    axes = np.array([dcm_b_from_h(quaternion) for quaternion in attitudes])
+    axes = dcms_b_from_h(attitudes)
     placed = aligned((len(axes), 3, padded(len(points), POINTS)))
     for k, turned in enumerate(axes):
         placed[k, :, : len(points)] = turned.T @ points.T
@@ -171,7 +171,7 @@ def pack_world(mission: Mission) -> World:
     patches = aligned(placed.shape)
     patches[:] = placed[:, :, order]
     inertia = np.array(deputy.inertia_kg_m2, dtype=np.float64)
-    start_dcm = dcm_b_from_h(np.array(deputy.initial_quaternion, dtype=np.float64))
+    start_dcm = dcms_b_from_h(np.array([deputy.initial_quaternion], dtype=np.float64))[0]
     actuators, rates = mission.actuators, hill_rates(mission)
     course, (ahead, transitions) = chief_course(mission), predicted_motion(mission)
     instants = mission.attitude_period_s * np.arange(mission.num_attitude_steps)

@@ -1,0 +1,177 @@
+"""Build the shipped machine code again: ``python -m benchmarks objects`` compares it with what is shipped.
+
+Each of `CALLS` is run with nothing compiled, as a processor of each family would run it; what numba compiles
+for it is made an object. With ``--write`` they are shipped. The same source, numba and llvmlite give the same
+bytes.
+"""
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from fis_tools.compiled.shipped import load
+from pipeline.command_line.commands import SMALL
+
+FEW = ("stages=[scenario,evaluate]", "monte_carlo.num_cases=8")
+#: What should wait for no compiler, as words after ``python -m pipeline``.
+CALLS: tuple[tuple[str, ...], ...] = (
+    ("+experiment=evaluate", "controller=champion_27", "monte_carlo.num_cases=20"),
+    ("+experiment=train", "stages=[scenario,train]", *SMALL),
+    ("+experiment=evaluate", "controller=champion_27", "safety=robust", *FEW),
+    ("+experiment=evaluate", "controller=champion_27_rehearsed", *FEW),
+    ("+experiment=evaluate", "controller=champion_leo", "world=leo", "monte_carlo.num_cases=8"),
+)
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Return 1 if what is built is not what is shipped."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks objects", description=__doc__)
+    parser.add_argument("--write", action="store_true", help="ship what is built")
+    parser.add_argument("--family", choices=tuple(load.FAMILIES), action="append", help="this one alone")
+    parser.add_argument("--into", type=Path, help=argparse.SUPPRESS)
+    options = parser.parse_args(arguments)
+    if options.into:
+        build(options.into, options.family[0])
+        return 0
+    with tempfile.TemporaryDirectory(prefix="objects-") as scratch:
+        folder = Path(scratch)
+        for family in options.family or load.FAMILIES:
+            run(folder, family)
+        if options.write:
+            ship(folder)
+            return 0
+        return compare(folder)
+
+
+def run(folder: Path, family: str) -> None:
+    """Build the objects of a family in a process of its own, which takes itself for one of its processors."""
+    environment = os.environ | {
+        **{"NUMBA_CPU_NAME": family, "NUMBA_CPU_FEATURES": "", load.SWITCH: "0", "COMPILE_AT_ONCE": "1"},
+        "NUMBA_CACHE_DIR": str(folder / "cache" / family),
+    }
+    command = [sys.executable, "-m", "benchmarks", "objects", "--family", family, "--into", str(folder)]
+    subprocess.run(command, check=True, env=environment)  # noqa: S603
+
+
+def build(folder: Path, family: str) -> None:
+    """Run all calls, and write an object of each function that numba compiles for them, with its facts."""
+    from fis_tools.compiled.fingerprint import functions_of  # noqa: PLC0415 - as below
+    from fis_tools.compiled.shipped import build as objects  # noqa: PLC0415 - it imports numba
+    from fis_tools.compiled.shipped.identity import digest, facts_of  # noqa: PLC0415
+    from pipeline.__main__ import main as run_pipeline  # noqa: PLC0415
+
+    with noting() as calls, tempfile.TemporaryDirectory() as scratch:
+        for number, words in enumerate(CALLS):
+            print(f"{family}: {' '.join(words)}", file=sys.stderr, flush=True)
+            if code := run_pipeline([*words, f"hydra.run.dir={scratch}/{number}"]):
+                raise SystemExit(code)
+    for (compiled, types), (kinds, _) in calls.items():
+        overload = compiled.dispatcher.overloads.get(kinds)
+        if overload is None or str(overload.signature.return_type) != "none":
+            continue
+        function = compiled.py_func
+        name = f"{function.__module__}.{function.__qualname__}"
+        key = objects.sha256(types.encode())[:16]
+        try:
+            content = objects.object_of(
+                overload.library.get_llvm_str(), overload.fndesc.llvm_func_name, kinds, family
+            )
+        except objects.NotShippedError as error:
+            print(f"  {name} is not shipped: {error}", file=sys.stderr)
+            continue
+        packed = objects.packed(content)
+        file = folder / family / f"{name.rpartition('.')[2].lstrip('_')}-{key}.o.xz"
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_bytes(packed)
+        facts = {
+            "function": name,
+            "types": key,
+            "digest": digest(compiled, {}),
+            "family": family,
+            "file": {"name": file.name, "sha256": objects.sha256(packed)},
+            "modules": facts_of(iter(functions_of(compiled))),
+        }
+        (folder / f"{family}-{file.name}.json").write_text(json.dumps(facts), encoding="utf-8")
+
+
+@contextmanager
+def noting() -> Iterator[dict[tuple[Any, str], tuple[Any, Any]]]:
+    """Note which compiled functions are called inside, with the types of their arguments."""
+    import numba  # noqa: PLC0415
+
+    from fis_tools.compiled.decorator import Compiled  # noqa: PLC0415
+    from fis_tools.compiled.shipped.arguments import UnknownArgumentError, signature  # noqa: PLC0415
+
+    calls: dict[tuple[Any, str], tuple[Any, Any]] = {}
+    plain_call, plain_prepared = Compiled.__call__, Compiled.prepared
+
+    def note(compiled: Any, args: tuple[Any, ...]) -> None:
+        try:
+            types = signature(args)
+        except UnknownArgumentError:
+            return
+        if (compiled, types) not in calls:
+            calls[compiled, types] = tuple(map(numba.typeof, args)), None
+
+    def call(self: Any, *args: Any, **kwargs: Any) -> Any:
+        if not kwargs:
+            note(self, args)
+        return plain_call(self, *args, **kwargs)
+
+    def prepared(self: Any, *args: Any) -> Any:
+        note(self, args)
+        return plain_prepared(self, *args)
+
+    Compiled.__call__, Compiled.prepared = call, prepared  # type: ignore[method-assign]
+    try:
+        yield calls
+    finally:
+        Compiled.__call__, Compiled.prepared = plain_call, plain_prepared  # type: ignore[method-assign]
+
+
+def indexed(folder: Path) -> dict[str, Any]:
+    """Return the index of what was built."""
+    functions: dict[str, Any] = {}
+    modules: dict[str, Any] = {}
+    for path in sorted(folder.glob("*.json")):
+        facts = json.loads(path.read_text(encoding="utf-8"))
+        held = functions.setdefault(facts["function"], {})
+        entry = held.setdefault(facts["types"], {"digest": facts["digest"], "families": {}})
+        entry["families"][facts["family"]] = facts["file"]
+        for name, module in facts["modules"].items():
+            held_module = modules.setdefault(name, {"sha256": module["sha256"], "functions": {}})
+            held_module["functions"] |= module["functions"]
+    return {"functions": dict(sorted(functions.items())), "modules": dict(sorted(modules.items()))}
+
+
+def ship(folder: Path) -> None:
+    """Put what was built in the place of what is shipped."""
+    for old in load.CODE.rglob("*.xz"):
+        old.unlink()
+    for new in folder.rglob("*.xz"):
+        target = load.CODE / new.relative_to(folder)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        target.write_bytes(new.read_bytes())
+    text = json.dumps(indexed(folder), indent=1, sort_keys=True) + "\n"
+    load.INDEX.write_text(text, encoding="utf-8")
+    sizes = [path.stat().st_size for path in load.CODE.rglob("*.xz")]
+    print(f"{len(sizes)} objects, {sum(sizes) / 1000:.0f} kB")
+
+
+def compare(folder: Path) -> int:
+    """Print what is built otherwise than it is shipped; return 1 if something is."""
+    differing = 0
+    for path in sorted(folder.rglob("*.xz")):
+        name = path.relative_to(folder)
+        shipped = load.CODE / name
+        same = shipped.exists() and shipped.read_bytes() == path.read_bytes()
+        differing += not same
+        print(f"{name}: {'the same bytes' if same else 'other bytes than shipped'}")
+    return int(differing > 0)

@@ -1,0 +1,189 @@
+"""Make the shipped code: objects of what numba compiled for one family of processors.
+
+numba's code is taken as it was optimised; what Python would call is left out, and room for arrays comes from
+the C library.
+"""
+
+import hashlib
+import lzma
+import re
+from collections.abc import Iterator
+from typing import Any, cast
+
+from llvmlite import binding
+from numba import types
+
+from fis_tools.compiled.shipped.load import ENTRY
+
+#: What numba's code calls for arrays that it makes; before each stand a count, the data and the size.
+RUNTIME = """
+declare ptr @malloc(i64)
+declare void @free(ptr)
+define ptr @NRT_MemInfo_alloc_aligned(i64 %size, i32 %align) {
+  %more = add i64 %size, 192
+  %info = call ptr @malloc(i64 %more)
+  %start = ptrtoint ptr %info to i64
+  %after = add i64 %start, 127
+  %rounded = and i64 %after, -64
+  %data = inttoptr i64 %rounded to ptr
+  store i64 1, ptr %info
+  %destructor = getelementptr i8, ptr %info, i64 8
+  store ptr null, ptr %destructor
+  %data_field = getelementptr i8, ptr %info, i64 24
+  store ptr %data, ptr %data_field
+  %size_field = getelementptr i8, ptr %info, i64 32
+  store i64 %size, ptr %size_field
+  ret ptr %info
+}
+define void @NRT_MemInfo_call_dtor(ptr %info) {
+  call void @free(ptr %info)
+  ret void
+}
+define ptr @NRT_MemInfo_alloc(i64 %size) {
+  %info = call ptr @NRT_MemInfo_alloc_aligned(i64 %size, i32 32)
+  ret ptr %info
+}
+define ptr @NRT_MemInfo_new_varsize_dtor(i64 %size, ptr %dtor) { ret ptr null }
+define ptr @NRT_Allocate(i64 %size) {
+  %data = call ptr @malloc(i64 %size)
+  ret ptr %data
+}
+define void @NRT_Free(ptr %data) {
+  call void @free(ptr %data)
+  ret void
+}
+"""
+#: What makes an exception: the status alone is passed on.
+WITHOUT_PYTHON = {
+    "PyErr_SetString": "define void @PyErr_SetString(ptr %kind, ptr %text) { ret void }",
+    "PyUnicode_FromKindAndData": (
+        "define ptr @PyUnicode_FromKindAndData(i32 %kind, ptr %data, i64 %size) { ret ptr null }"
+    ),
+    "PyObject_Hash": "define i64 @PyObject_Hash(ptr %object) { ret i64 0 }",
+    "PyTuple_Pack": "define ptr @PyTuple_Pack(i64 %count, ...) { ret ptr null }",
+}
+#: What may be called outside of an object: the C library, and LLVM's own.
+OUTSIDE = re.compile(r"llvm\.|(malloc|free|sqrt|sin|cos|atan2|asin|acos|exp|log|pow|tan|memset|memcpy|memmove)$")
+
+
+class NotShippedError(ValueError):
+    """Code that cannot be shipped; the text says why."""
+
+
+def leaf_kinds(kind: Any) -> Iterator[str]:
+    """Yield the types of LLVM in which numba passes an argument, as `arguments.Block` orders them."""
+    if isinstance(kind, types.NoneType):
+        yield "ptr"
+    elif isinstance(kind, types.BaseTuple):
+        for part in cast(Any, kind).types:
+            yield from leaf_kinds(part)
+    elif isinstance(kind, types.Record):
+        yield "ptr"
+    elif isinstance(kind, types.Array):
+        yield from ("ptr", "ptr", "i64", "i64", "ptr", *(("i64",) * (2 * kind.ndim)))
+    elif isinstance(kind, types.Boolean):
+        yield "i8"
+    elif isinstance(kind, types.Integer):
+        yield "i64"
+    elif isinstance(kind, types.Float):
+        yield "double"
+    else:
+        raise NotShippedError(f"an argument is of numba's type {kind}")
+
+
+def object_of(text: str, name: str, kinds: tuple[Any, ...], family: str) -> bytes:
+    """Return the object file of a function.
+
+    Parameters
+    ----------
+    text : str
+        LLVM's code of numba's library, optimised for the family.
+    name : str
+        Of numba's function in it.
+    kinds : tuple
+        numba's types of its arguments.
+    family : str
+        As LLVM names it.
+
+    Raises
+    ------
+    NotShippedError
+        If it calls what no object has, or passes its arguments in another way than is assumed.
+    """
+    text = _without_wrappers(text)
+    pattern = rf"^define [^@\n]*@\"?{re.escape(name)}\"?\((.*)\)[^)\n]*{{$"
+    header = re.search(pattern, text, re.MULTILINE)
+    if header is None:
+        raise NotShippedError(f"numba's code has no {name[:80]}")
+    # where the result and the exception go precede the arguments
+    parameters = [parameter.split()[0] for parameter in header[1].split(", ")]
+    leaves = [leaf for kind in kinds for leaf in leaf_kinds(kind)]
+    if parameters[2:] != leaves:
+        raise NotShippedError("numba passes arguments in another way than a block has them")
+    binding.initialize_all_targets()
+    binding.initialize_all_asmprinters()
+    target = binding.Target.from_triple(binding.get_process_triple())
+    machine = target.create_target_machine(
+        cpu=family, opt=3, reloc="default", codemodel="jitdefault", jit=True
+    )
+    whole = binding.parse_assembly(
+        f'target datalayout = "{machine.target_data}"\ntarget triple = "{machine.triple}"\n'
+        + RUNTIME
+        + "".join(f"{code}\n" for part, code in WITHOUT_PYTHON.items() if f"@{part}(" in text)
+        + _entry(name, parameters)
+    )
+    whole.link_in(binding.parse_assembly(text))
+    for number, defined in enumerate((*whole.functions, *whole.global_variables)):
+        if not defined.is_declaration and defined.name != ENTRY:
+            defined.linkage = binding.Linkage.internal
+            defined.name = f"f{number}"  # numba's names have what differs from process to process
+    whole.verify()
+    options = binding.create_pipeline_tuning_options(speed_level=1)
+    passes = binding.create_new_module_pass_manager()
+    passes.add_global_dead_code_eliminate_pass()
+    passes.run(whole, binding.create_pass_builder(machine, options))
+    outside = [each.name for each in whole.functions if each.is_declaration]
+    if unknown := [each for each in outside if not OUTSIDE.match(each)]:
+        raise NotShippedError(f"it calls {', '.join(unknown)}")
+    return bytes(machine.emit_object(whole))
+
+
+def packed(content: bytes) -> bytes:
+    """Return an object compressed, the same bytes each time."""
+    return lzma.compress(content, preset=9)
+
+
+def sha256(content: bytes) -> str:
+    """Return the hash by which a file is known."""
+    return hashlib.sha256(content).hexdigest()
+
+
+def _entry(name: str, parameters: list[str]) -> str:
+    lines = []
+    for index, leaf in enumerate(parameters[2:]):
+        lines.append(f"  %p{index} = getelementptr i8, ptr %block, i64 {8 * index}")
+        lines.append(f"  %a{index} = load {leaf}, ptr %p{index}, align 8")
+    passed = "".join(f", {leaf} %a{index}" for index, leaf in enumerate(parameters[2:]))
+    body = "\n".join(lines)
+    return f"""
+declare i32 @"{name}"({", ".join(parameters)})
+define i32 @{ENTRY}(ptr %block, ptr %unused) {{
+  %result = alloca [64 x i8], align 16
+  %exception = alloca ptr, align 8
+  store ptr null, ptr %exception
+{body}
+  %status = call i32 @"{name}"(ptr %result, ptr %exception{passed})
+  ret i32 %status
+}}
+"""
+
+
+def _without_wrappers(text: str) -> str:
+    """Return LLVM code without the functions that Python or C would call."""
+    lines, skips = [], False
+    for line in text.split("\n"):
+        skips |= bool(re.match(r'define .*@"?(?:_ZN7cpython|cfunc\.)', line))
+        if not skips:
+            lines.append(line)
+        skips &= line != "}"
+    return "\n".join(lines)

@@ -1,0 +1,152 @@
+"""Find shipped code for a call, link it by llvmlite, and call it."""
+
+import ctypes
+import hashlib
+import lzma
+import os
+import sys
+import threading
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from fis_tools.compiled.fingerprint import UnknownPartError
+from fis_tools.compiled.shipped.arguments import Block, UnknownArgumentError, signature
+from fis_tools.compiled.shipped.identity import digest
+from fis_tools.file_access import read_bytes, read_shipped
+from fis_tools.plain_text import parse_json
+
+CODE = Path(__file__).with_name("code")
+INDEX = CODE / "index.json"
+#: More than any of them has.
+MOST_BYTES = 1 << 24
+#: What a processor must have for the code of a family, the best first.
+FAMILIES = {
+    "x86-64-v4": ("avx512f", "avx512bw", "avx512cd", "avx512dq", "avx512vl"),
+    "x86-64-v3": ("avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe"),
+}
+#: Set to 0, everything is compiled.
+SWITCH = "FIS_TOOLS_SHIPPED"
+#: The name of the function in each object.
+ENTRY = "shipped_entry"
+
+_linking = threading.Lock()
+#: Linked code, with what must live as long.
+_held: list[Any] = []
+
+
+class Shipped:
+    """The shipped code of one function, by the types of its arguments."""
+
+    def __init__(self, compiled: Any, facts: dict[str, Any]) -> None:
+        self._compiled = compiled
+        self._facts = facts
+        self._codes: dict[str, Callable[[int, int], int] | None] = {}
+
+    def find(self, arguments: Sequence[Any]) -> "Callable[..., Any] | None":
+        """Return what calls the code for arguments of these types; None if there is none.
+
+        It must be called with arguments of exactly these types.
+        """
+        try:
+            types = signature(arguments)
+        except UnknownArgumentError:
+            return None
+        if types not in self._codes:
+            with _linking:
+                if types not in self._codes:
+                    self._codes[types] = self._linked(types)
+        code = self._codes[types]
+        return None if code is None else Call(code)
+
+    def _linked(self, types: str) -> Callable[[int, int], int] | None:
+        facts = self._facts.get(hashlib.sha256(types.encode()).hexdigest()[:16])
+        if facts is None or facts["digest"] != _digest(self._compiled):
+            return None
+        file = facts["families"].get(family())
+        if file is None:
+            return None
+        packed = read_bytes(CODE / family() / file["name"], MOST_BYTES)  # file: shipped, by its hash
+        if hashlib.sha256(packed).hexdigest() != file["sha256"]:
+            return None
+        return link(lzma.decompress(packed))
+
+
+class Call:
+    """Shipped code for arguments of some types; the same arguments again cost nothing to pass on."""
+
+    def __init__(self, code: Callable[[int, int], int]) -> None:
+        self._code = code
+        self._block: Block | None = None
+
+    def __call__(self, *arguments: Any) -> None:
+        """Call it; like the functions that are shipped, it returns nothing."""
+        block = self._block
+        if block is None or any(a is not b for a, b in zip(arguments, block.arguments, strict=True)):
+            block = self._block = Block(arguments)
+        status = self._code(block.address, 0)
+        if status not in (0, -2):  # numba's codes: done, and done without a result
+            raise RuntimeError(f"compiled code ended with status {status}; {SWITCH}=0 compiles it anew")
+
+
+@cache
+def index() -> dict[str, Any]:
+    """Return what is shipped; nothing where it is switched off."""
+    if os.environ.get(SWITCH) == "0" or not INDEX.exists():
+        return {"functions": {}, "modules": {}}
+    content: dict[str, Any] = parse_json(read_shipped(INDEX))
+    return content
+
+
+@cache
+def names() -> frozenset[str]:
+    """Return the functions that code is shipped of, by module and name."""
+    return frozenset(index()["functions"])
+
+
+def of(compiled: Any) -> Shipped | None:
+    """Return the shipped code of a function; None if there is none."""
+    facts = index()["functions"].get(f"{compiled.py_func.__module__}.{compiled.py_func.__qualname__}")
+    return None if facts is None else Shipped(compiled, facts)
+
+
+@cache
+def _digest(compiled: Any) -> str:
+    with suppress(UnknownPartError, OSError, TypeError):
+        return digest(compiled, index()["modules"])
+    return ""
+
+
+@cache
+def family() -> str:
+    """Return the best family of processors that this one belongs to; "" if it belongs to none."""
+    if not sys.platform.startswith("linux"):
+        return ""
+    with suppress(ModuleNotFoundError):
+        from llvmlite import binding  # noqa: PLC0415 - it takes a moment, and not all ship with it
+
+        features = binding.get_host_cpu_features()
+        for name, needed in FAMILIES.items():
+            if all(features.get(feature) for feature in needed):
+                return name
+    return ""
+
+
+def link(content: bytes) -> Callable[[int, int], int]:
+    """Link an object file, and return its entry, which takes the address of a block and one of a result."""
+    from llvmlite import binding  # noqa: PLC0415 - as above
+
+    binding.initialize_native_target()
+    binding.initialize_native_asmprinter()
+    machine = binding.Target.from_default_triple().create_target_machine(opt=3, jit=True)
+    module = binding.parse_assembly("")
+    engine = binding.create_mcjit_compiler(module, machine)
+    file = binding.ObjectFileRef.from_data(content)
+    engine.add_object_file(file)
+    engine.finalize_object()
+    _held.append((content, file, module, machine, engine))
+    kind = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p, ctypes.c_void_p)
+    function: Callable[[int, int], int] = kind(engine.get_function_address(ENTRY))
+    return function

@@ -1,0 +1,232 @@
+"""Shipped machine code: is it of today's source, does it load, and does anything else compile?"""
+
+import hashlib
+import json
+import os
+import subprocess
+import sys
+import threading
+from typing import NamedTuple
+
+import numba
+import numpy as np
+import pytest
+
+from fis_tools.compiled import dispatchers
+from fis_tools.compiled.decorator import Compiled, compiled
+from fis_tools.compiled.shipped import build, load
+from fis_tools.compiled.shipped.arguments import Block, UnknownArgumentError, signature
+from fis_tools.compiled.shipped.identity import digest
+
+SCALE = 3.0
+
+
+class Pair(NamedTuple):
+    left: np.ndarray
+    factor: float
+
+
+@compiled(nogil=True, error_model="numpy")
+def weigh(pair, count, is_doubled, nothing, out):
+    """Sum rows of what is scaled."""
+    room = np.empty(count)  # an array of its own
+    for index in range(count):
+        room[index] = SCALE * pair.left[index, 0] * pair.factor + np.sin(pair.left[index, 1])
+        if is_doubled:
+            room[index] *= 2.0
+    for index in range(count):
+        out[index] = room[index]
+
+
+@compiled
+def refuse(x):
+    if x[0] > 0.0:
+        raise ValueError("positive")
+
+
+def arguments(count=5, seed=1):
+    left = np.random.default_rng(seed).normal(size=(count, 2))
+    return Pair(left, 0.5), count, True, None, np.zeros(count)
+
+
+def linked(function, given):
+    """The code of a function, through an object file."""
+    python = function.py_func
+    dispatcher = dispatchers.for_compiled_code(python, function.targetoptions)
+    kinds = tuple(map(numba.typeof, given))
+    dispatcher.compile(kinds)
+    overload = dispatcher.overloads[kinds]
+    text, name = overload.library.get_llvm_str(), overload.fndesc.llvm_func_name
+    return load.Call(load.link(build.object_of(text, name, kinds, load.family())))
+
+
+needs_family = pytest.mark.skipif(not load.family(), reason="code is shipped for x86-64-v3 and v4 on Linux")
+
+
+@needs_family
+def test_an_object_gives_the_bits_of_the_function():
+    given, again = arguments(), arguments()
+    linked(weigh, given)(*given)
+    weigh.py_func(*again)
+    np.testing.assert_array_equal(given[-1], again[-1])
+
+
+@needs_family
+def test_threads_have_arrays_of_their_own():
+    call = linked(weigh, arguments())
+    batches = [arguments(2000, seed) for seed in range(4)]
+    calls = [load.Call(call._code) for _ in batches]
+
+    def work(call, batch):
+        for _ in range(50):
+            call(*batch)
+
+    threads = [threading.Thread(target=work, args=pair) for pair in zip(calls, batches, strict=True)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    for pair, count, is_doubled, nothing, out in batches:
+        expected = np.zeros(count)
+        weigh.py_func(pair, count, is_doubled, nothing, expected)
+        np.testing.assert_array_equal(out, expected)
+
+
+@needs_family
+def test_what_raises_says_so():
+    given = (np.array([1.0]),)
+    call = linked(refuse, given)
+    call(np.array([-1.0]))
+    with pytest.raises(RuntimeError, match="FIS_TOOLS_SHIPPED=0"):
+        call(*given)
+
+
+def test_types_are_told_apart():
+    given = arguments()
+    same = signature(given)
+    assert signature(arguments(7)) == same  # lengths are no types
+    for other in (
+        (given[0], 5.0, *given[2:]),
+        (given[0], 5, 1, *given[3:]),
+        (tuple(given[0]), *given[1:]),
+        (*given[:4], given[4].astype(np.float32)),
+        (*given[:4], given[4][:, np.newaxis]),
+        (*given[:3], np.zeros(1), given[4]),
+    ):
+        assert signature(other) != same
+    with pytest.raises(UnknownArgumentError, match="contiguous"):
+        signature((given[0].left.T,))
+    with pytest.raises(UnknownArgumentError, match="str"):
+        signature(("text",))
+
+
+def test_a_block_holds_addresses_and_bits():
+    given = arguments()
+    numbers = Block(given).numbers
+    assert numbers[4] == given[0].left.ctypes.data
+    assert numbers[9:10].view(np.float64)[0] == 0.5
+    assert numbers[10] == 5
+
+
+def source(body, constant="3.0", comment=""):
+    return f'''
+import numpy as np
+from fis_tools.compiled.decorator import compiled
+SCALE = {constant}
+@compiled
+def scaled(x):
+    """A docstring{comment}."""
+    {comment and "# " + comment}
+    {body}
+'''
+
+
+def digest_of(folder, monkeypatch, name, **changes):
+    (folder / f"{name}.py").write_text(source(**{"body": "return SCALE * x", **changes}))
+    monkeypatch.syspath_prepend(str(folder))
+    module = __import__(name)
+    module.scaled.py_func.__module__ = "same"  # of modules the name is part of the identity
+    return digest(module.scaled, {})
+
+
+def test_words_and_constants_count_and_comments_do_not(tmp_path, monkeypatch):
+    first = digest_of(tmp_path, monkeypatch, "shipped_one")
+    assert digest_of(tmp_path, monkeypatch, "shipped_two", comment="another") == first
+    assert digest_of(tmp_path, monkeypatch, "shipped_three", body="return  SCALE*x") == first
+    assert digest_of(tmp_path, monkeypatch, "shipped_four", body="return x * SCALE") != first
+    assert digest_of(tmp_path, monkeypatch, "shipped_five", constant="4.0") != first
+
+
+def shipped_functions():
+    content = json.loads(load.INDEX.read_text(encoding="utf-8"))
+    return [
+        (name, types, facts) for name, held in content["functions"].items() for types, facts in held.items()
+    ]
+
+
+def function_of(name) -> Compiled:
+    module, _, attribute = name.rpartition(".")
+    __import__(module)
+    return getattr(sys.modules[module], attribute)
+
+
+def test_what_is_shipped_is_of_todays_source():
+    """Otherwise it is compiled; ``python -m benchmarks objects --write`` builds it again."""
+    digests = {}
+    for name, _, facts in shipped_functions():
+        digests.setdefault(name, digest(function_of(name), {}))
+        assert facts["digest"] == digests[name], name
+
+
+def test_each_file_is_listed_with_its_hash_for_each_family():
+    listed = {}
+    for _, _, facts in shipped_functions():
+        assert set(facts["families"]) == set(load.FAMILIES)
+        for family, file in facts["families"].items():
+            listed[load.CODE / family / file["name"]] = file["sha256"]
+    files = {path: hashlib.sha256(path.read_bytes()).hexdigest() for path in load.CODE.rglob("*.xz")}
+    assert files == listed
+
+
+@needs_family
+def test_a_file_that_is_not_as_listed_is_not_run(tmp_path, monkeypatch):
+    name, types, facts = shipped_functions()[0]
+    (tmp_path / load.family()).mkdir()
+    file = facts["families"][load.family()]["name"]
+    (tmp_path / load.family() / file).write_bytes(b"something else")
+    monkeypatch.setattr(load, "CODE", tmp_path)
+    monkeypatch.setattr(load, "_digest", lambda compiled: facts["digest"])
+    shipped = load.Shipped(function_of(name), {"key": facts})
+    monkeypatch.setattr(load.hashlib, "sha256", _keyed(types, load.hashlib.sha256))
+    assert shipped._linked(types) is None
+
+
+def _keyed(types, plain):
+    class Key:
+        def hexdigest(self):
+            return "key" + 13 * " "
+
+    return lambda content: Key() if content == types.encode() else plain(content)
+
+
+@needs_family
+@pytest.mark.slow
+def test_a_first_evaluation_compiles_nothing_and_flies_what_is_compiled(tmp_path):
+    """All that is written for people and machines is the same, with shipped code and with numba's."""
+    outcomes = []
+    for switch in ("1", "0"):
+        folder = tmp_path / switch
+        command = [sys.executable, "-m", "pipeline", "+experiment=evaluate", "controller=champion_27"]
+        command += ["sun=random", "monte_carlo.num_cases=20", f"hydra.run.dir={folder}"]
+        cache = {"NUMBA_CACHE_DIR": str(tmp_path / "cache")} if switch == "1" else {}
+        done = subprocess.run(  # noqa: S603
+            command,
+            check=True,
+            capture_output=True,
+            text=True,
+            env=os.environ | {load.SWITCH: switch} | cache,
+        )
+        if switch == "1":
+            assert "compiling" not in done.stderr
+        outcomes.append((folder / "evaluate" / "episodes.parquet").read_bytes())
+    assert outcomes[0] == outcomes[1]
