@@ -13,7 +13,6 @@ from itertools import takewhile
 from typing import Any, Final
 
 import numpy as np
-from scipy.stats import binomtest
 
 from fis_tools.model import FuzzyController
 from pipeline.array_types import Booleans, Floats
@@ -273,6 +272,8 @@ def _failing_more_than(
     fly = flights_from(experiment, genome, starts, pool)
     (outcomes,) = pool.map(fly_fuzzy, [(mission, given, starts, threads)])
     given_succeeds = _is_success(experiment, outcomes)
+
+    from scipy.stats import binomtest  # noqa: PLC0415 - slower to import than a thousand flights
 
     def fails_more(candidate: Candidate) -> bool:
         assert candidate.genome is not None  # noqa: S101 - only the given one has no genome

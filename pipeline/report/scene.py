@@ -9,6 +9,7 @@ import numpy as np
 from markupsafe import Markup
 
 from fis_tools.analysis import shapley
+from fis_tools.compiled.decorator import plainly
 from fis_tools.document.html import ScriptedPanel, read
 from fis_tools.engines.compiler import compile
 from fis_tools.model.thrust import COMPONENTS, REASONS
@@ -95,7 +96,8 @@ def flight_table(log: FlightLog, mission: Mission) -> dict[str, Any]:
 def _free_motion(mean_motion: float) -> Floats:
     """Return the matrices from a state to its positions over one orbit, (NUM_COASTED, 3, 6)."""
     times = np.linspace(0.0, 2.0 * np.pi / mean_motion, NUM_COASTED)
-    return np.array([np.asarray(state_transition(mean_motion, time_s))[:3] for time_s in times])
+    with plainly("pipeline"):  # a hundred of them: compiling takes longer
+        return np.array([np.asarray(state_transition(mean_motion, time_s))[:3] for time_s in times])
 
 
 def _reasons(mission: Mission, log: FlightLog, controller: Controller) -> tuple[list[str], list[list[int]]]:

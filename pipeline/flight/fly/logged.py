@@ -22,7 +22,7 @@ from pipeline.flight.state.errors import ModelErrors
 from pipeline.flight.state.lanes import attitude_of, write_row
 from pipeline.flight.state.log import LEAST_CHANGE_N, FlightLog
 from pipeline.flight.state.signals import BODY, HILL, SETTING, URGENCY
-from pipeline.physics.quaternion import dcm_b_from_h, to_body
+from pipeline.physics.quaternion import dcms_b_from_h, to_body
 
 
 @compiled(error_model="numpy")
@@ -141,7 +141,8 @@ def write_reasons(
 def _of_commands(world: World, law: Law, log: FlightLog, num_counted: int, is_given: Booleans) -> Integers:
     """Return why each component was, or was not, commanded; later steps override earlier ones."""
     sensed = log.sensed_quaternion_b_from_h[:-1]
-    wanted_h = np.array([dcm_b_from_h(q).T @ body for q, body in zip(sensed, log.force_body_n, strict=True)])
+    turns = zip(dcms_b_from_h(sensed), log.force_body_n, strict=True)
+    wanted_h = np.array([dcm.T @ body for dcm, body in turns])
     wanted = log.force_body_n if law.force_axes == BODY else wanted_h
     # a dead band leaves all of a component or nothing, but for the rounding of the turn from body axes
     reasons = np.where(np.abs(wanted) < 0.5 * np.abs(log.force_asked_n), logs.DEAD_BAND, logs.FIRED)
