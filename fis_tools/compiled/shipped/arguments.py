@@ -1,11 +1,20 @@
 """Arguments of compiled code as one block of numbers, and their types as a text, without numba."""
 
 from collections.abc import Iterator, Sequence
+from itertools import chain, zip_longest
+from math import prod
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+#: Attributes of arrays; those with named fields take several times as long to answer in Python.
+_flags, _dtype, _shape, _strides, _interface = (
+    getattr(np.ndarray, name).__get__
+    for name in ("flags", "dtype", "shape", "strides", "__array_interface__")
+)
+#: In the place of an argument that there was none of before.
+_NOTHING: Any = (object(), "", [])
 #: The names of types of elements that have been described: a call describes the same ones many times.
 _names: dict[Any, str] = {}
 
@@ -33,9 +42,10 @@ def _kind(value: Any) -> str:  # noqa: PLR0911 - a case each
         name = f"{type(value).__module__}.{type(value).__qualname__}{fields}" if fields else ""
         return f"{name}({','.join(map(_kind, value))})"
     if isinstance(value, np.ndarray):
-        if not (value.flags.c_contiguous and value.flags.aligned and value.dtype.isnative):
+        flags, dtype = _flags(value), _dtype(value)
+        if not (flags.c_contiguous and flags.aligned and dtype.isnative):
             raise UnknownArgumentError("an array is not contiguous")
-        return f"{_element(value.dtype)}[{value.ndim}]"
+        return f"{_element(dtype)}[{len(_shape(value))}]"
     if isinstance(value, np.void):
         return f"record {_element(value.dtype)}"
     if isinstance(value, bool | np.bool_):
@@ -57,14 +67,26 @@ def _element(dtype: np.dtype[Any]) -> str:
 class Block:
     """Arguments in the order in which numba's code takes them, eight bytes for each number or pointer.
 
-    The arrays are not copied: the block holds their addresses, and the arguments as long as it lives.
+    The arrays are not copied: the block holds their addresses, and the arguments as long as it lives. What is
+    the same object as in an earlier block is taken from there.
     """
 
-    def __init__(self, arguments: Sequence[Any]) -> None:
+    def __init__(self, arguments: Sequence[Any], before: "Block | None" = None) -> None:
         self.arguments = tuple(arguments)
-        numbers = np.array([*_leaves(self.arguments)], dtype=np.int64)
-        self.numbers: NDArray[np.int64] = numbers
-        self.address = int(numbers.ctypes.data)
+        self.kinds: list[str] = []
+        parts: list[list[int]] = []
+        held = before.held() if before is not None and len(before.arguments) == len(arguments) else ()
+        for value, (earlier, kind, part) in zip_longest(arguments, held, fillvalue=_NOTHING):
+            is_same = value is earlier
+            self.kinds.append(kind if is_same else _kind(value))
+            parts.append(part if is_same else [*_leaves(value)])
+        self._parts = parts
+        self.numbers: NDArray[np.int64] = np.array([*chain.from_iterable(parts)], dtype=np.int64)
+        self.address = int(self.numbers.ctypes.data)
+
+    def held(self) -> Iterator[tuple[Any, str, list[int]]]:
+        """Return each argument with its type and its numbers."""
+        return zip(self.arguments, self.kinds, self._parts, strict=True)
 
 
 def _leaves(value: Any) -> Iterator[int]:
@@ -75,9 +97,10 @@ def _leaves(value: Any) -> Iterator[int]:
             yield from _leaves(part)
     elif isinstance(value, np.ndarray):
         # its owner and parent, which this code counts no references of, then size, item size and data
-        yield from (0, 0, value.size, value.itemsize, value.ctypes.data)
-        yield from value.shape
-        yield from value.strides
+        shape = _shape(value)
+        yield from (0, 0, prod(shape), _dtype(value).itemsize, _interface(value)["data"][0])
+        yield from shape
+        yield from _strides(value)
     elif isinstance(value, np.void):
         yield value.__array_interface__["data"][0]
     elif isinstance(value, float):

@@ -63,7 +63,9 @@ WITHOUT_PYTHON = {
     "PyTuple_Pack": "define ptr @PyTuple_Pack(i64 %count, ...) { ret ptr null }",
 }
 #: What may be called outside of an object: the C library, and LLVM's own.
-OUTSIDE = re.compile(r"llvm\.|(malloc|free|sqrt|sin|cos|atan2|asin|acos|exp|log|pow|tan|memset|memcpy|memmove)$")
+OUTSIDE = re.compile(
+    r"llvm\.|(malloc|free|sqrt|sin|cos|atan2|asin|acos|exp|log|pow|tan|memset|memcpy|memmove)$"
+)
 
 
 class NotShippedError(ValueError):

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from fis_tools.compiled.fingerprint import UnknownPartError
-from fis_tools.compiled.shipped.arguments import Block, UnknownArgumentError, signature
+from fis_tools.compiled.shipped.arguments import Block, UnknownArgumentError
 from fis_tools.compiled.shipped.identity import digest
 from fis_tools.file_access import read_bytes, read_shipped
 from fis_tools.plain_text import parse_json
@@ -29,6 +29,8 @@ FAMILIES = {
 }
 #: Set to 0, everything is compiled.
 SWITCH = "FIS_TOOLS_SHIPPED"
+#: Up to so many numbers the last arguments of a function are kept: those that come again cost nothing.
+FEW = 100
 #: The name of the function in each object.
 ENTRY = "shipped_entry"
 
@@ -44,6 +46,7 @@ class Shipped:
         self._compiled = compiled
         self._facts = facts
         self._codes: dict[str, Callable[[int, int], int] | None] = {}
+        self._last: Block | None = None
 
     def find(self, arguments: Sequence[Any]) -> "Callable[..., Any] | None":
         """Return what calls the code for arguments of these types; None if there is none.
@@ -51,15 +54,18 @@ class Shipped:
         It must be called with arguments of exactly these types.
         """
         try:
-            types = signature(arguments)
+            block = Block(arguments, self._last)
         except UnknownArgumentError:
             return None
+        types = ",".join(block.kinds)
         if types not in self._codes:
             with _linking:
                 if types not in self._codes:
                     self._codes[types] = self._linked(types)
+        if len(block.numbers) <= FEW:  # of many the arrays are large, and should not live longer
+            self._last = block
         code = self._codes[types]
-        return None if code is None else Call(code)
+        return None if code is None else Call(code, block)
 
     def _linked(self, types: str) -> Callable[[int, int], int] | None:
         facts = self._facts.get(hashlib.sha256(types.encode()).hexdigest()[:16])
@@ -77,15 +83,17 @@ class Shipped:
 class Call:
     """Shipped code for arguments of some types; the same arguments again cost nothing to pass on."""
 
-    def __init__(self, code: Callable[[int, int], int]) -> None:
+    def __init__(self, code: Callable[[int, int], int], block: Block) -> None:
         self._code = code
-        self._block: Block | None = None
+        self._block = block
 
     def __call__(self, *arguments: Any) -> None:
         """Call it; like the functions that are shipped, it returns nothing."""
         block = self._block
-        if block is None or any(a is not b for a, b in zip(arguments, block.arguments, strict=True)):
-            block = self._block = Block(arguments)
+        for given, held in zip(arguments, block.arguments, strict=True):
+            if given is not held:
+                block = self._block = Block(arguments, block)
+                break
         status = self._code(block.address, 0)
         if status not in (0, -2):  # numba's codes: done, and done without a result
             raise RuntimeError(f"compiled code ended with status {status}; {SWITCH}=0 compiles it anew")

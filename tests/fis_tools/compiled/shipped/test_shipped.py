@@ -57,7 +57,7 @@ def linked(function, given):
     dispatcher.compile(kinds)
     overload = dispatcher.overloads[kinds]
     text, name = overload.library.get_llvm_str(), overload.fndesc.llvm_func_name
-    return load.Call(load.link(build.object_of(text, name, kinds, load.family())))
+    return load.Call(load.link(build.object_of(text, name, kinds, load.family())), Block(given))
 
 
 needs_family = pytest.mark.skipif(not load.family(), reason="code is shipped for x86-64-v3 and v4 on Linux")
@@ -75,7 +75,7 @@ def test_an_object_gives_the_bits_of_the_function():
 def test_threads_have_arrays_of_their_own():
     call = linked(weigh, arguments())
     batches = [arguments(2000, seed) for seed in range(4)]
-    calls = [load.Call(call._code) for _ in batches]
+    calls = [load.Call(call._code, Block(batch)) for batch in batches]
 
     def work(call, batch):
         for _ in range(50):
@@ -126,6 +126,14 @@ def test_a_block_holds_addresses_and_bits():
     assert numbers[4] == given[0].left.ctypes.data
     assert numbers[9:10].view(np.float64)[0] == 0.5
     assert numbers[10] == 5
+
+
+def test_what_comes_again_is_taken_from_the_block_before():
+    first = arguments()
+    second = (first[0], 4, *first[2:4], np.zeros(7))
+    numbers = Block(second, Block(first)).numbers
+    np.testing.assert_array_equal(numbers, Block(second).numbers)
+    assert numbers[10] == 4
 
 
 def source(body, constant="3.0", comment=""):
