@@ -9,6 +9,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any, Final
 
+from fis_tools.compiled.shipped.load import shipped_words
 from pipeline.command_line import runs
 from pipeline.command_line.arguments import EXPERIMENT, CommandParser, ConfigError, is_change, parse_arguments
 from pipeline.command_line.config import compose_experiment
@@ -136,16 +137,22 @@ def export_c(arguments: Sequence[str]) -> int:
 def warm(given: Sequence[str]) -> int:
     """Compile what the shipped experiments need, so that later runs need not.
 
-    Usage: python -m pipeline warm
+    Usage: python -m pipeline warm [--info]
 
     Some short runs are run in a folder of their own. `python -m pipeline warm &` does it in the background.
+    With --info nothing is run: it tells which functions come with machine code for this processor, and
+    whether that is of the source as it is here; all others are compiled when they are first needed.
 
     Raises
     ------
     ConfigError
         If anything is given.
     """
-    CommandParser("python -m pipeline warm").parse_args(given)
+    parser = CommandParser("python -m pipeline warm")
+    parser.add_argument("--info", action="store_true", help="tell what comes compiled, and run nothing")
+    if parser.parse_args(given).info:
+        sys.stdout.write("".join(f"{line}\n" for line in shipped_words()))
+        return runs.OK
     with tempfile.TemporaryDirectory() as folder:
         for number, words in enumerate(WARMED):
             sys.stderr.write(f"[{number + 1}/{len(WARMED)}] {' '.join(words)}\n")

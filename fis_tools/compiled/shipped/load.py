@@ -6,9 +6,10 @@ import lzma
 import os
 import sys
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -118,6 +119,23 @@ def of(compiled: Any) -> Shipped | None:
     """Return the shipped code of a function; None if there is none."""
     facts = index()["functions"].get(f"{compiled.py_func.__module__}.{compiled.py_func.__qualname__}")
     return None if facts is None else Shipped(compiled, facts)
+
+
+def shipped_words() -> Iterator[str]:
+    """Tell in lines what comes compiled for this processor, and what of it is no longer used."""
+    if not (held := index()["functions"]):
+        yield f"no machine code comes with the product, or {SWITCH}=0 turns it off"
+        return
+    if not family():
+        yield f"machine code comes for {', '.join(FAMILIES)} on Linux, and this is another processor"
+        return
+    yield f"machine code for {family()}:"
+    for name, shapes in held.items():
+        module, _, attribute = name.rpartition(".")
+        compiled = getattr(import_module(module), attribute)
+        used = sum(facts["digest"] == _digest(compiled) for facts in shapes.values())
+        of_all = f"{used} of {len(shapes)} kinds of arguments"
+        yield f"  {name}: {of_all}" + ("" if used else "; its source is another here, so it is compiled")
 
 
 @cache

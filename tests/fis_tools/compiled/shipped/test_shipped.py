@@ -197,6 +197,18 @@ def test_each_file_is_listed_with_its_hash_for_each_family():
 
 
 @needs_family
+def test_what_comes_compiled_is_told(monkeypatch):
+    lines = [*load.shipped_words()]
+    assert load.family() in lines[0]
+    for name, held in load.index()["functions"].items():
+        assert f"  {name}: {len(held)} of {len(held)} kinds of arguments" in lines
+    monkeypatch.setattr(load, "_digest", lambda compiled: "another")
+    assert all("so it is compiled" in line for line in [*load.shipped_words()][1:])
+    monkeypatch.setattr(load, "index", lambda: {"functions": {}})
+    assert load.SWITCH in "".join(load.shipped_words())
+
+
+@needs_family
 def test_a_file_that_is_not_as_listed_is_not_run(tmp_path, monkeypatch):
     name, types, facts = shipped_functions()[0]
     (tmp_path / load.family()).mkdir()
