@@ -16,6 +16,7 @@ from types import FunctionType
 from typing import Any
 
 from fis_tools.compiled.fingerprint import described_values, reached
+from fis_tools.file_access import read_shipped
 
 #: Beside the functions: how vectors are compiled.
 VECTORS = ("borrowed_code", "vector_code", "vector_memory", "vector_types", "vectors")
@@ -54,15 +55,14 @@ def digest(compiled: Any, known: Mapping[str, Any]) -> str:
 def _module_digests(known: Mapping[str, Any]) -> Iterator[str]:
     for name in VECTORS:
         path = Path(__file__).parents[1] / f"{name}.py"
-        content = path.read_bytes()
         facts = known.get(f"fis_tools.compiled.{name}", {})
-        is_known = facts.get("sha256") == hashlib.sha256(content).hexdigest()
-        yield facts["functions"][""] if is_known else _digest_of(_words(content.decode("utf-8")))
+        is_known = facts.get("sha256") == _sha256(path)
+        yield facts["functions"][""] if is_known else _digest_of(_words(read_shipped(path)))
 
 
 def _words_of(function: FunctionType, known: Mapping[str, Any]) -> str:
     facts = known.get(function.__module__, {})
-    if facts and facts["sha256"] == _sha256(function.__code__.co_filename):
+    if facts and facts["sha256"] == _sha256(Path(function.__code__.co_filename)):
         digested = facts["functions"].get(function.__qualname__)
         if digested is not None:
             return str(digested)
@@ -70,8 +70,8 @@ def _words_of(function: FunctionType, known: Mapping[str, Any]) -> str:
 
 
 @cache
-def _sha256(path: str) -> str:
-    return hashlib.sha256(Path(path).read_bytes()).hexdigest()
+def _sha256(path: Path) -> str:
+    return hashlib.sha256(read_shipped(path).encode()).hexdigest()
 
 
 def words_digest(function: FunctionType) -> str:
@@ -84,13 +84,13 @@ def facts_of(functions: Iterator[FunctionType]) -> dict[str, Any]:
     facts: dict[str, Any] = {}
     for function in functions:
         held = facts.setdefault(
-            function.__module__, {"sha256": _sha256(function.__code__.co_filename), "functions": {}}
+            function.__module__, {"sha256": _sha256(Path(function.__code__.co_filename)), "functions": {}}
         )
         held["functions"][function.__qualname__] = words_digest(function)
     for name in VECTORS:
         path = Path(__file__).parents[1] / f"{name}.py"
-        held = facts.setdefault(f"fis_tools.compiled.{name}", {"sha256": _sha256(str(path)), "functions": {}})
-        held["functions"][""] = _digest_of(_words(path.read_text(encoding="utf-8")))
+        held = facts.setdefault(f"fis_tools.compiled.{name}", {"sha256": _sha256(path), "functions": {}})
+        held["functions"][""] = _digest_of(_words(read_shipped(path)))
     return {name: facts[name] for name in sorted(facts)}
 
 
