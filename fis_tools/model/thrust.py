@@ -66,7 +66,7 @@ class ThrustLogic:
     plans_ahead : bool
         Whether pushes that are planned ahead, and not inferred, come first.
     parks : bool
-        Whether a push that parks the deputy, and is not inferred, comes first.
+        Whether a push that ends the motion in a closed path, and is not inferred, comes first.
     """
 
     decision_period_s: float

@@ -61,8 +61,8 @@ def write(controller: FuzzyController, bare: bool = False) -> str:
         )
     if has_step and logic is not None and logic.parks:
         raise ValueError(
-            f"controller {controller.name!r} parks (park_below_points), which takes the chief's points and "
-            "orbit; write its rules alone with --bare, or all of it with python -m pipeline export_c"
+            f"controller {controller.name!r} parks (park_below_points), which takes more than its "
+            "rules; write its rules alone with --bare, or all of it with python -m pipeline export_c"
         )
     prefix = "infer" if logic is None or has_step else "bare_infer"
     words = identifiers(system.name for system in controller.systems)

@@ -25,6 +25,7 @@ file           law
 `navigation`   fixes, and the Kalman filter on them
 `signals`      what a controller senses; `urgency`, `foresight`, `see_push` and `tour` are the longer ones
 `plans`        what a plan of pushes comes to by geometry
+`parking`      the push onto a closed ellipse inside the limits
 `thrust`       inference, dead bands, coasting: the force that is requested, and why
 `safety`       the least change of a force that keeps the limits
 `actuators`    impulses, delays, errors and layouts of thrusters, propellant
