@@ -65,10 +65,8 @@ def weigh_interval(
 @compiled(error_model="numpy", nogil=True)
 def reduce_interval(x: Floats, low: Floats, high: Floats, is_mean: bool) -> float:
     """Return the type-reduced number of ascending points whose weights lie between bounds."""
-    for index in range(len(x)):
-        if 0.0 < high[index] < FAINT or 0.0 < low[index] < FAINT:  # with few digits, or soon with few
-            low, high = low * RAISE, high * RAISE
-            break
+    if high.max() < FAINT:
+        low, high = low * RAISE, high * RAISE
     if is_mean:  # Nie and Tan's type reduction
         both = low + high
         return float(min(max((x * both).sum() / both.sum(), x[0]), x[-1]))
@@ -79,8 +77,12 @@ def reduce_interval(x: Floats, low: Floats, high: Floats, is_mean: bool) -> floa
 def extreme_mean(x: Floats, low: Floats, high: Floats, sign: int) -> float:
     """Return the least (1) or the greatest (-1) mean of points whose weights lie between bounds.
 
-    Every switch from the lower to the upper bounds is tried.
+    Every switch from the lower to the upper bounds is tried. Faint weights, which have few digits, are raised.
     """
+    for index in range(len(x)):
+        if 0.0 < high[index] < FAINT or 0.0 < low[index] < FAINT:
+            low, high = low * RAISE, high * RAISE
+            break
     area, moment, extreme = low.sum(), (low * x).sum(), np.inf
     for step in range(len(x)):
         point = step if sign > 0 else len(x) - 1 - step
