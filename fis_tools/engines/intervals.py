@@ -77,7 +77,7 @@ def reduce_interval(x: Floats, low: Floats, high: Floats, is_mean: bool) -> floa
 def extreme_mean(x: Floats, low: Floats, high: Floats, sign: int) -> float:
     """Return the least (1) or the greatest (-1) mean of points whose weights lie between bounds.
 
-    Every switch from the lower to the upper bounds is tried. Faint weights, which have few digits, are raised.
+    Every switch from the lower to the upper bounds is tried. Faint weights have few digits, and are raised.
     """
     for index in range(len(x)):
         if 0.0 < high[index] < FAINT or 0.0 < low[index] < FAINT:
