@@ -15,7 +15,8 @@ from numba import types
 
 from fis_tools.compiled.shipped.load import ENTRY
 
-#: What numba's code calls for arrays that it makes; before each stand a count, the data and the size.
+#: What numba's code calls for arrays and lists that it makes; before each stand a count, a destructor, whether
+#: the data has room of its own, the data and the size.
 RUNTIME = """
 declare ptr @malloc(i64)
 declare void @free(ptr)
@@ -29,6 +30,8 @@ define ptr @NRT_MemInfo_alloc_aligned(i64 %size, i32 %align) {
   store i64 1, ptr %info
   %destructor = getelementptr i8, ptr %info, i64 8
   store ptr null, ptr %destructor
+  %own_field = getelementptr i8, ptr %info, i64 16
+  store i64 0, ptr %own_field
   %data_field = getelementptr i8, ptr %info, i64 24
   store ptr %data, ptr %data_field
   %size_field = getelementptr i8, ptr %info, i64 32
@@ -36,6 +39,24 @@ define ptr @NRT_MemInfo_alloc_aligned(i64 %size, i32 %align) {
   ret ptr %info
 }
 define void @NRT_MemInfo_call_dtor(ptr %info) {
+  %own_field = getelementptr i8, ptr %info, i64 16
+  %is_own = load i64, ptr %own_field
+  %is_list = icmp ne i64 %is_own, 0
+  br i1 %is_list, label %list, label %end
+list:
+  %data_field = getelementptr i8, ptr %info, i64 24
+  %data = load ptr, ptr %data_field
+  %destructor_field = getelementptr i8, ptr %info, i64 8
+  %destructor = load ptr, ptr %destructor_field
+  %has_destructor = icmp ne ptr %destructor, null
+  br i1 %has_destructor, label %destroy, label %freed
+destroy:
+  call void %destructor(ptr %data)
+  br label %freed
+freed:
+  call void @free(ptr %data)
+  br label %end
+end:
   call void @free(ptr %info)
   ret void
 }
@@ -43,7 +64,20 @@ define ptr @NRT_MemInfo_alloc(i64 %size) {
   %info = call ptr @NRT_MemInfo_alloc_aligned(i64 %size, i32 32)
   ret ptr %info
 }
-define ptr @NRT_MemInfo_new_varsize_dtor(i64 %size, ptr %dtor) { ret ptr null }
+define ptr @NRT_MemInfo_new_varsize_dtor(i64 %size, ptr %destructor) {
+  %data = call ptr @malloc(i64 %size)
+  %info = call ptr @malloc(i64 64)
+  store i64 1, ptr %info
+  %destructor_field = getelementptr i8, ptr %info, i64 8
+  store ptr %destructor, ptr %destructor_field
+  %own_field = getelementptr i8, ptr %info, i64 16
+  store i64 1, ptr %own_field
+  %data_field = getelementptr i8, ptr %info, i64 24
+  store ptr %data, ptr %data_field
+  %size_field = getelementptr i8, ptr %info, i64 32
+  store i64 %size, ptr %size_field
+  ret ptr %info
+}
 define ptr @NRT_Allocate(i64 %size) {
   %data = call ptr @malloc(i64 %size)
   ret ptr %data

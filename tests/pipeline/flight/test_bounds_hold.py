@@ -428,10 +428,13 @@ UNBENT = bounds._Recursion._between
 WEAKENED: dict[str, tuple[Any, tuple[Any, str, Any]]] = {
     "rounding": (test_thrusters_fire_within_the_bound, without("impulse_step_n_s")),
     "least impulse": (test_thrusters_fire_within_the_bound, without("least_impulse_n_s")),
-    "layout's impulses": (test_thrusters_fire_within_the_bound, weaker(thrust_bounds, "most_missed", halved)),
+    "layout's impulses": (
+        test_thrusters_fire_within_the_bound,
+        weaker(thrust_bounds, "most_missed", lambda missed: 0.1 * missed),
+    ),
     "layout's capacity": (
         test_thrusters_fire_within_the_bound,
-        weaker(thrust_bounds, "capacity_of", lambda has: has._replace(least_force_n=1.5 * has.least_force_n)),
+        weaker(thrust_bounds, "capacity_of", lambda has: has._replace(least_force_n=4.0 * has.least_force_n)),
     ),
     "premises": (test_thrusters_fire_within_the_bound, weaker(proofs, "premises", lambda _: ((), ()))),
     "share": (

@@ -31,7 +31,7 @@ FLOWN = [
 # with a shadow, for then all controllers under the layer fly by the same compiled code
 GUARDED = guarded(PASSIVE, duration_s=1800.0, light={"shadow": "conical"})
 START = Scenario(np.array([-40.0, 20.0, 30.0]), np.array([0.03, -0.02, -0.01]), 2.0, 0.0, (1, 0, 0))
-CALLED = ("fired", "clipped", "safety", "rehearsed")
+CALLED = ("fired", "clipped", "safety", "rehearsed", "parked")
 ROUNDING_N = 1e-12
 
 
