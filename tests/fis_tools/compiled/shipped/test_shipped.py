@@ -44,6 +44,16 @@ def refuse(x):
         raise ValueError("positive")
 
 
+@compiled
+def gather(x, out):
+    """Sum by turns, in a list."""
+    sums = [0.0, 0.0, 0.0]
+    for index in range(len(x)):
+        sums[index % 3] += x[index]
+    for index in range(3):
+        out[index] = sums[index]
+
+
 def arguments(count=5, seed=1):
     left = np.random.default_rng(seed).normal(size=(count, 2))
     return Pair(left, 0.5), count, True, None, np.zeros(count)
@@ -90,6 +100,13 @@ def test_threads_have_arrays_of_their_own():
         expected = np.zeros(count)
         weigh.py_func(pair, count, is_doubled, nothing, expected)
         np.testing.assert_array_equal(out, expected)
+
+
+@needs_family
+def test_lists_have_room():
+    given = np.arange(10.0), np.zeros(3)
+    linked(gather, given)(*given)
+    np.testing.assert_array_equal(given[1], [18.0, 12.0, 15.0])
 
 
 @needs_family
