@@ -87,7 +87,7 @@ def assert_commanded_as_asked(mission, controller, control):
     """Commanded is what was asked for outside the dead bands, clipped; along Hill axes; or by the layer."""
     is_own = ~(control["command_reason"] == "safety").any(axis=1)
     requested, commanded = control["force_asked_n"][is_own], control["force_commanded_n"][is_own]
-    is_rehearsed = control["command_reason"][is_own] == "rehearsed"
+    is_rehearsed = np.isin(control["command_reason"][is_own], ("rehearsed", "parked"))
     bands = dict(controller.fuzzy.attributes)
     bands = np.array([float(bands.get(f"dead_band_{name}_n", 0.0)) for name in COMPONENTS])
     passed = np.where((np.abs(requested) >= bands) | is_rehearsed, requested, 0.0)
@@ -121,7 +121,7 @@ def taking_effect(controller, control, axis, delay):
     later = np.zeros_like(fires)
     later[: len(fires) - delay] = fires[delay:]
     is_asked = np.abs(control["force_asked_n"][:, axis]) >= ROUNDING_N
-    is_inferred = ~np.isin(control["command_reason"][:, axis], ("rehearsed", "safety"))
+    is_inferred = ~np.isin(control["command_reason"][:, axis], ("rehearsed", "parked", "safety"))
     return is_asked & is_inferred & is_commanded[columns].any(axis=1) & later
 
 
