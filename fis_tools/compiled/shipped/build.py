@@ -15,8 +15,8 @@ from numba import types
 
 from fis_tools.compiled.shipped.load import ENTRY
 
-#: What numba's code calls for arrays and lists that it makes; before each stand a count, a destructor, whether
-#: the data has room of its own, the data and the size.
+#: What numba's code calls for arrays and lists that it makes; before each stand a count, a destructor,
+#: whether the data has room of its own, the data and the size.
 RUNTIME = """
 declare ptr @malloc(i64)
 declare void @free(ptr)
