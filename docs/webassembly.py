@@ -19,6 +19,7 @@ from llvmlite import binding
 from numba import types
 
 from fis_tools.compiled import borrowed_code  # noqa: F401 - registers our vectors with numba
+from fis_tools.compiled.shipped.build import without_wrappers
 
 FEATURES = "+simd128,+bulk-memory,+sign-ext,+nontrapping-fptoint,+mutable-globals"
 #: the two lengths that a call chooses: one flight is logged, or all are tracked
@@ -136,7 +137,7 @@ def code_of(function: Any, kinds: tuple[Any, ...], name: str, target: Any) -> tu
     """Return numba's LLVM code of a function under a new name, and the LLVM types of its parameters."""
     dispatcher: Any = numba.njit(nogil=True, error_model="numpy")(function.py_func)
     dispatcher.compile(kinds)
-    text = _without_wrappers(dispatcher.inspect_llvm(kinds))
+    text = without_wrappers(dispatcher.inspect_llvm(kinds))
     pattern = rf"^define [^@\n]*@(\S*{function.py_func.__name__}[^\s(]*)\((.*)\)[^)\n]*{{$"
     (main, parameters), *_ = re.findall(pattern, text, re.MULTILINE)
     text = re.sub(r"^define (?:linkonce_odr |linkonce |weak |hidden )*", "define internal ", text, flags=re.M)
@@ -148,17 +149,6 @@ def code_of(function: Any, kinds: tuple[Any, ...], name: str, target: Any) -> tu
     text = re.sub(r"^target datalayout.*$", f'target datalayout = "{target.target_data}"', text, flags=re.M)
     text = re.sub(r"^target triple.*$", f'target triple = "{target.triple}"', text, flags=re.M)
     return text, [parameter.split()[0] for parameter in parameters.split(", ")]
-
-
-def _without_wrappers(text: str) -> str:
-    """Return LLVM code without the functions that Python or C would call."""
-    lines, skips = [], False
-    for line in text.split("\n"):
-        skips |= bool(re.match(r'define .*@"?(?:_ZN7cpython|cfunc\.)', line))
-        if not skips:
-            lines.append(line)
-        skips &= line != "}"
-    return "\n".join(lines)
 
 
 def entry(name: str, chosen: tuple[str, ...], leaves: list[Operand], parameters: list[str]) -> str:

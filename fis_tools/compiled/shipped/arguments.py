@@ -69,6 +69,27 @@ class Block:
 
     The arrays are not copied: the block holds their addresses, and the arguments as long as it lives. What is
     the same object as in an earlier block is taken from there.
+
+    Parameters
+    ----------
+    arguments : sequence
+        Contiguous arrays, records, named and plain tuples of these, numbers, truth values, None.
+    before : Block, optional
+        An earlier one.
+
+    Attributes
+    ----------
+    numbers : (n,) int64
+        The block; a float64 stands in it with its bits.
+    address : int
+        Of its first number.
+    kinds : list of str
+        The type of each argument, as in `signature`.
+
+    Raises
+    ------
+    UnknownArgumentError
+        For an argument of another kind, or an array that is not contiguous.
     """
 
     def __init__(self, arguments: Sequence[Any], before: "Block | None" = None) -> None:

@@ -15,30 +15,38 @@ from numba import types
 
 from fis_tools.compiled.shipped.load import ENTRY
 
-#: What numba's code calls for arrays and lists that it makes; before each stand a count, a destructor,
-#: whether the data has room of its own, the data and the size.
-RUNTIME = """
+
+def head(destructor: str, *, is_list: bool) -> str:
+    """Return the LLVM code that writes what precedes an array or a list.
+
+    That is a count, a destructor, whether the data has room of its own, the data and the size.
+    """
+    return f"""  store i64 1, ptr %info
+  %destructor_field = getelementptr i8, ptr %info, i64 8
+  store ptr {destructor}, ptr %destructor_field
+  %own_field = getelementptr i8, ptr %info, i64 16
+  store i64 {int(is_list)}, ptr %own_field
+  %data_field = getelementptr i8, ptr %info, i64 24
+  store ptr %data, ptr %data_field
+  %size_field = getelementptr i8, ptr %info, i64 32
+  store i64 %size, ptr %size_field"""
+
+
+#: What numba's code calls for arrays and lists that it makes.
+RUNTIME = f"""
 declare ptr @malloc(i64)
 declare void @free(ptr)
-define ptr @NRT_MemInfo_alloc_aligned(i64 %size, i32 %align) {
+define ptr @NRT_MemInfo_alloc_aligned(i64 %size, i32 %align) {{
   %more = add i64 %size, 192
   %info = call ptr @malloc(i64 %more)
   %start = ptrtoint ptr %info to i64
   %after = add i64 %start, 127
   %rounded = and i64 %after, -64
   %data = inttoptr i64 %rounded to ptr
-  store i64 1, ptr %info
-  %destructor = getelementptr i8, ptr %info, i64 8
-  store ptr null, ptr %destructor
-  %own_field = getelementptr i8, ptr %info, i64 16
-  store i64 0, ptr %own_field
-  %data_field = getelementptr i8, ptr %info, i64 24
-  store ptr %data, ptr %data_field
-  %size_field = getelementptr i8, ptr %info, i64 32
-  store i64 %size, ptr %size_field
+{head("null", is_list=False)}
   ret ptr %info
-}
-define void @NRT_MemInfo_call_dtor(ptr %info) {
+}}
+define void @NRT_MemInfo_call_dtor(ptr %info) {{
   %own_field = getelementptr i8, ptr %info, i64 16
   %is_own = load i64, ptr %own_field
   %is_list = icmp ne i64 %is_own, 0
@@ -59,33 +67,25 @@ freed:
 end:
   call void @free(ptr %info)
   ret void
-}
-define ptr @NRT_MemInfo_alloc(i64 %size) {
+}}
+define ptr @NRT_MemInfo_alloc(i64 %size) {{
   %info = call ptr @NRT_MemInfo_alloc_aligned(i64 %size, i32 32)
   ret ptr %info
-}
-define ptr @NRT_MemInfo_new_varsize_dtor(i64 %size, ptr %destructor) {
+}}
+define ptr @NRT_MemInfo_new_varsize_dtor(i64 %size, ptr %destructor) {{
   %data = call ptr @malloc(i64 %size)
   %info = call ptr @malloc(i64 64)
-  store i64 1, ptr %info
-  %destructor_field = getelementptr i8, ptr %info, i64 8
-  store ptr %destructor, ptr %destructor_field
-  %own_field = getelementptr i8, ptr %info, i64 16
-  store i64 1, ptr %own_field
-  %data_field = getelementptr i8, ptr %info, i64 24
-  store ptr %data, ptr %data_field
-  %size_field = getelementptr i8, ptr %info, i64 32
-  store i64 %size, ptr %size_field
+{head("%destructor", is_list=True)}
   ret ptr %info
-}
-define ptr @NRT_Allocate(i64 %size) {
+}}
+define ptr @NRT_Allocate(i64 %size) {{
   %data = call ptr @malloc(i64 %size)
   ret ptr %data
-}
-define void @NRT_Free(ptr %data) {
+}}
+define void @NRT_Free(ptr %data) {{
   call void @free(ptr %data)
   ret void
-}
+}}
 """
 #: What makes an exception: the status alone is passed on.
 WITHOUT_PYTHON = {
@@ -146,7 +146,7 @@ def object_of(text: str, name: str, kinds: tuple[Any, ...], family: str) -> byte
     NotShippedError
         If it calls what no object has, or passes its arguments in another way than is assumed.
     """
-    text = _without_wrappers(text)
+    text = without_wrappers(text)
     pattern = rf"^define [^@\n]*@\"?{re.escape(name)}\"?\((.*)\)[^)\n]*{{$"
     header = re.search(pattern, text, re.MULTILINE)
     if header is None:
@@ -214,7 +214,7 @@ define i32 @{ENTRY}(ptr %block, ptr %unused) {{
 """
 
 
-def _without_wrappers(text: str) -> str:
+def without_wrappers(text: str) -> str:
     """Return LLVM code without the functions that Python or C would call."""
     lines, skips = [], False
     for line in text.split("\n"):
