@@ -1,5 +1,6 @@
 """From overrides to a checked configuration: Hydra composes it, the schema judges it, in our words."""
 
+import re
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -168,10 +169,14 @@ def _check_headers(node: DictConfig, words: Sequence[str], folders: Sequence[Pat
             names = [text.partition("=")[2] for text in words if text.lstrip("+").startswith(f"{group}=")]
             paths = [folder / group / f"{name}.yaml" for name in names for folder in folders]
             path = next((path for path in reversed(paths) if path.is_file()), f"the file of {group}")
-            raise ConfigError(
-                f"{path} lacks the line `# @package _global_`, so that its keys went below {group} and not "
-                "to the top of the configuration; make it the file's first line"
-            )
+            raise ConfigError(_lacks_header(path, group))
+
+
+def _lacks_header(path: Path | str, group: str) -> str:
+    return (
+        f"{path} lacks the line `# @package _global_`, so that its keys went below {group} and not to the "
+        "top of the configuration; make it the file's first line"
+    )
 
 
 def _without_hydra(node: DictConfig) -> DictConfig:
@@ -234,6 +239,9 @@ def errors_in_words() -> Iterator[None]:
         cause = error.__cause__ if isinstance(error, HydraException) else None
         if isinstance(cause, ConfigAttributeError | ConfigKeyError):
             raise ConfigError(_not_in_configuration(str(cause.full_key))) from error
+        # what such a file overrides in its defaults list is sought below its group, too
+        if astray := re.match(rf"In '(({'|'.join(AT_THE_TOP)})/[^']+)': .*@\2\.", str(error)):
+            raise ConfigError(_lacks_header(f"{astray[1]}.yaml", astray[2])) from error
         errors = (error, cause) if isinstance(cause, OmegaConfBaseException) else (error,)
         raise ConfigError(": ".join(map(first_line, errors))) from error
 

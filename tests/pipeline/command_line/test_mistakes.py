@@ -204,16 +204,20 @@ def test_mistakes_in_files_of_the_users(content, message, tmp_path, monkeypatch,
     assert not (tmp_path / "outputs").exists()
 
 
+@pytest.mark.parametrize("defaults", ["", "defaults:\n  - override /controller: coast\n"])
 @pytest.mark.parametrize("group", AT_THE_TOP)
-def test_a_file_without_the_line_that_puts_its_keys_at_the_top_is_named(group, tmp_path, monkeypatch, ran):
+def test_a_file_without_the_line_that_puts_its_keys_at_the_top_is_named(
+    group, defaults, tmp_path, monkeypatch, ran
+):
     monkeypatch.chdir(tmp_path)
     Path("mine", group).mkdir(parents=True)
-    Path("mine", group, "own.yaml").write_text("duration_s: 600\nstages: [record]\n")
+    Path("mine", group, "own.yaml").write_text(f"{defaults}duration_s: 600\nstages: [record]\n")
     words = ["controller=coast", f"+{group}=own", "--config-dir", "mine"]
     if group != "experiment":
         words = [*FLY, f"{group}=own", "--config-dir", "mine"]
     said = ran(*words, code=2).err
-    assert f"mine/{group}/own.yaml lacks the line `# @package _global_`" in said
+    folder = "" if defaults else "mine/"  # Hydra fails before it tells the folder
+    assert f"{folder}{group}/own.yaml lacks the line `# @package _global_`" in said
     assert "did you mean" not in said
 
 
