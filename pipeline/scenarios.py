@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from itertools import product
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -145,6 +145,37 @@ def evaluation_scenarios(
     if monte_carlo.table is not None:
         return _given(monte_carlo.table, experiment.seed, EVALUATION, chosen)
     return _drawn(experiment, monte_carlo, EVALUATION, chosen)
+
+
+class DrawnCases(Sequence[Scenario]):
+    """The starts of the evaluation's cases, each drawn when it is asked for: a million take no memory.
+
+    Parameters
+    ----------
+    experiment : Experiment
+    cases : range, optional
+        Some of the cases by number; those flown unless given.
+    """
+
+    def __init__(self, experiment: Experiment, cases: range | None = None) -> None:
+        self._experiment = experiment
+        self._cases = experiment.monte_carlo.cases if cases is None else cases
+
+    @overload
+    def __getitem__(self, index: int) -> Scenario: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> "DrawnCases": ...
+
+    def __getitem__(self, index: int | slice) -> "Scenario | DrawnCases":
+        """Draw a start; of a slice, none is drawn yet."""
+        if isinstance(index, slice):
+            return DrawnCases(self._experiment, self._cases[index])
+        return evaluation_scenarios(self._experiment, [self._cases[index]])[0]
+
+    def __len__(self) -> int:
+        """Return the number of cases."""
+        return len(self._cases)
 
 
 def _given(table: str, seed: int, stage: int, cases: Sequence[int] | None = None) -> list[Scenario]:

@@ -77,7 +77,7 @@ def compare(given: Sequence[str]) -> int:
     first, second = _folders("compare", given, 2)
     configs = [present(configuration.read(folder)) for folder in (first, second)]
     confidence = float(read_summary(first).get("confidence_percent", sweep.CONFIDENCE_PERCENT))
-    here, there = (tables.read_parquet(folder, artifacts.EPISODES) for folder in (first, second))
+    here, there = (tables.read_or_open(folder, artifacts.EPISODES) for folder in (first, second))
     compared = paired_runs.compare(here, there, confidence)
     ahead = []
     for episodes, rows in zip((here, there), paired_runs.common_cases(here, there), strict=True):

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from pipeline.array_types import Floats
 from pipeline.evaluation import paired
+from pipeline.evaluation.blocks import blocks_of, number_of
 from pipeline.evaluation.paired import PairedDifference
 from pipeline.evaluation.statistics import Columns, succeeds
 from pipeline.settings.start_table import POSITION, VELOCITY
@@ -48,18 +49,45 @@ METRICS = (
 
 
 def common_cases(first: Columns, second: Columns) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return the rows of the cases that two evaluations share, bit-identical in `START`."""
+    """Return the rows of the cases that two evaluations share, bit-identical in `START`.
 
-    def keys(episodes: Columns) -> list[bytes]:
-        count = len(episodes["case"])
-        zeros = np.zeros(count)  # earlier versions had no elevation
-        starts = np.column_stack([episodes.get(name, zeros) for name in START])
-        return [row.tobytes() for row in np.ascontiguousarray(starts, dtype=np.float64)]
+    Where both flew the same cases in the same order, each is paired with itself; of others each start counts
+    once.
+    """
+    if _fly_the_same(first, second):
+        rows = np.arange(number_of(first))
+        return rows, rows
+    mine, others = _keys(first), _keys(second)
+    starts, earliest = np.unique(mine, return_index=True)
+    other_starts, from_end = np.unique(others[::-1], return_index=True)
+    _, here, there = np.intersect1d(starts, other_starts, assume_unique=True, return_indices=True)
+    rows, other_rows = earliest[here], len(others) - 1 - from_end[there]
+    order = np.argsort(rows)
+    return rows[order], other_rows[order]
 
-    row_of = {key: row for row, key in enumerate(keys(second))}
-    pairs = [(row, row_of.pop(key)) for row, key in enumerate(keys(first)) if key in row_of]
-    rows = np.array(pairs, dtype=np.int64).reshape(-1, 2)
-    return rows[:, 0], rows[:, 1]
+
+def _fly_the_same(first: Columns, second: Columns) -> bool:
+    """Return whether two evaluations have equal cases, row by row; few of them are in memory at a time."""
+    if number_of(first) != number_of(second):
+        return False
+    pairs = zip(blocks_of(first), blocks_of(second), strict=False)
+    return all(
+        np.array_equal(block["case"], other["case"]) and np.array_equal(_bits(block), _bits(other))
+        for block, other in pairs
+    )
+
+
+def _bits(episodes: Columns) -> NDArray[np.uint64]:
+    """Return the bits of each start, (n, 8)."""
+    zeros = np.zeros(len(episodes["case"]))  # earlier versions had no elevation
+    starts = np.column_stack([np.asarray(episodes.get(name, zeros), np.float64) for name in START])
+    return starts.view(np.uint64)
+
+
+def _keys(episodes: Columns) -> NDArray[np.void]:
+    """Return the bits of each start as one value, (n,)."""
+    bits = _bits(episodes)
+    return bits.view(np.dtype((np.void, bits.itemsize * len(START)))).ravel()
 
 
 @dataclass(frozen=True)

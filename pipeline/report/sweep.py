@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.evaluation import statistics
 from pipeline.evaluation.comparison import percent_ahead
 from pipeline.evaluation.monte_carlo import SUCCESS
 from pipeline.evaluation.paired_runs import (
@@ -208,13 +209,13 @@ def gather_results(folder: Path) -> SweepResults:
         If the folder holds no run, or a file in it cannot be read.
     """
     runs, confidence, makes_controllers = [], CONFIDENCE_PERCENT, False
-    episodes: dict[str, tables.RunTable] = {}
+    episodes: dict[str, statistics.Columns] = {}
     for run in sweep.gather_runs(folder):
         path = folder / run.folder
         summary = read_summary(path) if (path / artifacts.SUMMARY).exists() else None
         if summary is not None:
             confidence = float(summary.get("confidence_percent", confidence))
-            episodes[run.folder] = tables.read_parquet(path, artifacts.EPISODES)
+            episodes[run.folder] = tables.read_or_open(path, artifacts.EPISODES)
             makes_controllers |= not MAKING.isdisjoint(configuration.read(path).get("stages", []))
         runs.append(_run_result(folder, run, summary))
     flown = [(run.differs, episodes[run.folder]) for run in runs if run.folder in episodes]
@@ -255,7 +256,7 @@ def _estimate_of(summary: Mapping[str, Any], name: str) -> Estimate:
 
 def _settings(
     runs: Sequence[RunResult],
-    episodes: Mapping[str, tables.RunTable],
+    episodes: Mapping[str, statistics.Columns],
     confidence: float,
     *,
     pools_seeds: bool,

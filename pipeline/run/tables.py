@@ -241,6 +241,18 @@ class Columns(Mapping[str, NDArray[Any]]):
                 yield _Block(self, file, group)
 
 
+def read_or_open(folder: Path, name: str) -> RunTable | Columns:
+    """Read the columns of a run's table if it is small; return a larger one to be read on request.
+
+    Raises
+    ------
+    pipeline.run.artifacts.ArtifactError
+        If it is missing or cannot be read.
+    """
+    columns = Columns(folder, name)
+    return read_parquet(folder, name) if columns.num_rows <= BLOCK_ROWS else columns
+
+
 class _Block(Mapping[str, NDArray[Any]]):
     """Some rows of a table that is open."""
 

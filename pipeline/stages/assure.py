@@ -65,7 +65,7 @@ from pipeline.report.figures.style import Illustration
 from pipeline.run import artifacts, configuration, maker, tables, writing
 from pipeline.run.engine import TaskPool, open_pool
 from pipeline.run.progress import Progress
-from pipeline.scenarios import evaluation_scenarios
+from pipeline.scenarios import DrawnCases
 from pipeline.settings.experiment import Assurance, Experiment
 from telemetry.file import reader
 from telemetry.file.topics import DEPUTY_CONTROL, DEPUTY_STATE, MISSION
@@ -156,7 +156,7 @@ def _gather(
     check_questions(requirements.requirements, controller)
     scenarios = _scenarios(experiment, settings.num_cases)
     campaign = Campaign(mission, controller, pool.threads(settings.workers))
-    campaign.tracks(scenarios[:1])  # compiles if necessary
+    campaign.tracks([scenarios[0]])  # compiles if necessary
     started = time.perf_counter()
     # the question of a try is known before its flights are
     tries = repeats.earlier_tries(folder, _subject(experiment, folder, controller))
@@ -164,7 +164,10 @@ def _gather(
     flights = repeats.flights_of(experiment.seed, settings.num_cases, is_sequential=is_sequential)
     stops = _stops(settings, requirements.requirements, flights, tries)
     part_cases = experiment.engine.part_cases
-    outcomes = campaign.judge(scenarios, requirements.requirements, pool, part_cases, stops)
+    with Progress("case:", settings.num_cases, 0) as progress:
+        outcomes = campaign.judge(
+            scenarios, requirements.requirements, pool, part_cases, stops, progress.show
+        )
     num_flown = min((len(outcome.is_met) for outcome in outcomes.values()), default=len(scenarios))
     experiment = replace(experiment, assurance=replace(settings, num_cases=num_flown))
     scenarios = scenarios[:num_flown]
@@ -236,10 +239,10 @@ def _stops(
     }
 
 
-def _scenarios(experiment: Experiment, num_cases: int) -> list[Scenario]:
+def _scenarios(experiment: Experiment, num_cases: int) -> DrawnCases:
     """Return the first cases that are drawn from this seed; claims are about random starts."""
     cases = replace(experiment.monte_carlo, num_cases=num_cases, table=None)
-    return evaluation_scenarios(replace(experiment, monte_carlo=cases))
+    return DrawnCases(replace(experiment, monte_carlo=cases), range(num_cases))
 
 
 def _searches(
@@ -338,7 +341,7 @@ def _tube_drawn(
         return None
     mission, num_cases = experiment.mission, min(MOST_DRAWN, experiment.assurance.num_cases)
     campaign = Campaign(mission, controller_of_run(experiment, folder), experiment.assurance.workers)
-    tracks, _ = campaign.tracks(_scenarios(experiment, num_cases))
+    tracks, _ = campaign.tracks(list(_scenarios(experiment, num_cases)))
     boxes = tables.read_parquet(folder, artifacts.TUBE)
     return draw_tube(boxes, tracks, mission, experiment.report.dots_per_inch)
 
@@ -346,7 +349,7 @@ def _tube_drawn(
 def _board(experiment: Experiment, folder: Path, gathered: Mapping[str, Any]) -> str:
     """Return the page that a board signs, with the first case."""
     mission, controller = experiment.mission, controller_of_run(experiment, folder)
-    tracks, points = Campaign(mission, controller).tracks(_scenarios(experiment, 1))
+    tracks, points = Campaign(mission, controller).tracks(list(_scenarios(experiment, 1)))
     flight = draw_flight(tracks[0], points.number, mission, experiment.report.dots_per_inch)
     return render_board(gathered, controller.systems, flight)
 

@@ -6,7 +6,7 @@ Transactions on Embedded Computing Systems 12, 2013. A search begins with random
 worst of them. Every flight counts.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, fields
 from types import MappingProxyType
@@ -101,12 +101,14 @@ class Campaign:
         pool: TaskPool = HERE,
         part_cases: int = PART,
         stops: Mapping[str, Stop] = MappingProxyType({}),
+        show: Callable[[int], None] = lambda _: None,
     ) -> dict[str, FormulaResult]:
         """Fly scenarios; return the result of each requirement that has a formula, by its id.
 
         Parameters
         ----------
         scenarios : sequence of Scenario
+            Parts of it are handed on as its slices: what draws its items does so where they are flown.
         requirements : sequence of Requirement
         pool : TaskPool
             Where parts of the flights are flown.
@@ -115,6 +117,8 @@ class Campaign:
         stops : mapping of str to Stop
             By the ids of requirements, of whose share that meets them the interval is watched: flights end
             once all are narrow enough.
+        show : callable
+            Is called with the number of cases that are flown, after each part.
 
         Raises
         ------
@@ -129,11 +133,12 @@ class Campaign:
         }
         size = min(PART, part_cases)
         starts = range(0, len(scenarios), size)
-        tasks = [(self, list(scenarios[first : first + size]), formulas) for first in starts]
+        tasks = [(self, scenarios[first : first + size], formulas) for first in starts]
         parts, ends = dict[int, dict[str, FormulaResult]](), dict[str, int]()
         with closing(pool.run(judge_part, tasks)) as results:
             for index, part in results:
                 parts[starts[index]] = part
+                show(min(size * len(parts), len(scenarios)))
                 for name in stops.keys() - ends.keys():
                     if end := stops[name].take(starts[index], {MET: part[name].is_met}):
                         ends[name] = end
@@ -158,10 +163,10 @@ class Campaign:
 
 
 def judge_part(
-    campaign: Campaign, scenarios: list[Scenario], formulas: Mapping[str, Formula]
+    campaign: Campaign, scenarios: Sequence[Scenario], formulas: Mapping[str, Formula]
 ) -> dict[str, FormulaResult]:
     """Fly some scenarios; return the results of formulas, by name."""
-    tracks, facts = campaign.tracks(scenarios)
+    tracks, facts = campaign.tracks(list(scenarios))
     return evaluate_formulas(tracks, facts, formulas, campaign.control_period_s)
 
 

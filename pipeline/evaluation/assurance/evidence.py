@@ -20,6 +20,7 @@ from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.state.log import FlightLog, Scenario
 from pipeline.scenarios import columns_of
 from pipeline.settings.experiment import Experiment, Mission
+from pipeline.settings.sizes import BLOCK_ROWS
 from pipeline.threads import in_threads
 
 
@@ -305,7 +306,19 @@ def box_columns(gathered: Sequence[verdicts.Evidence]) -> Columns:
 
 
 def _starts(mission: Mission, scenarios: Sequence[Scenario]) -> Columns:
-    """Return the columns of starts, Suns, and drawn settings."""
+    """Return the columns of starts, Suns, and drawn settings; few starts are in memory at a time."""
+    firsts = range(0, len(scenarios), BLOCK_ROWS)
+    blocks = [_block_of_starts(mission, list(scenarios[first : first + BLOCK_ROWS])) for first in firsts]
+    # where all starts of a block are at rest, it has no velocities
+    names = max(blocks, key=len)
+    zeros = [np.zeros(len(block["sun_angle_rad"])) for block in blocks]
+    return {
+        name: np.concatenate([block.get(name, zero) for block, zero in zip(blocks, zeros, strict=True)])
+        for name in names
+    }
+
+
+def _block_of_starts(mission: Mission, scenarios: Sequence[Scenario]) -> Columns:
     settings = [dict(drawn(mission, scenario)) for scenario in scenarios] if mission.dispersions else []
     return {
         **columns_of(scenarios),

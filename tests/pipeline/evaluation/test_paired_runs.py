@@ -4,9 +4,11 @@ import itertools
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy import stats
 
-from pipeline.evaluation import paired_runs
+from pipeline.evaluation import blocks, paired_runs
 from pipeline.evaluation.statistics import Columns
 
 
@@ -36,6 +38,23 @@ def test_common_cases_are_found_in_any_order() -> None:
     for other in (evaluation(2), moving):
         with pytest.raises(ValueError, match="share no case"):
             paired_runs.compare(first, other, 95.0)
+
+
+@given(rows=st.tuples(*[st.lists(st.integers(0, 6), min_size=1, max_size=12)] * 2), block=st.integers(1, 5))
+def test_each_start_counts_once_also_where_it_was_flown_twice(rows: tuple[list[int], list[int]], block: int):
+    def flown(starts: list[int]) -> dict[str, np.ndarray]:
+        columns = {name: np.array(starts) * 0.25 for name in paired_runs.START}
+        return {**columns, "case": np.arange(len(starts))}
+
+    wanted = {}
+    for row, start in enumerate(rows[0]):
+        if start in rows[1] and start not in wanted:
+            wanted[start] = (row, len(rows[1]) - 1 - rows[1][::-1].index(start))
+    same = [(row, row) for row in range(len(rows[0]))]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(blocks, "BLOCK_ROWS", block)
+        pairs = zip(*paired_runs.common_cases(*map(flown, rows)), strict=True)
+    assert list(pairs) == (same if rows[0] == rows[1] else list(wanted.values()))
 
 
 def test_two_runs_by_tests_of_scipy() -> None:

@@ -27,7 +27,7 @@ from pipeline.physics.quaternion import dcm_b_from_h
 from pipeline.recording.recorder import FlightRecorder
 from pipeline.recording.reflight import fly_again
 from pipeline.run.engine import HERE, TaskPool
-from pipeline.scenarios import evaluation_scenarios
+from pipeline.scenarios import DrawnCases, evaluation_scenarios
 from pipeline.settings.checks import SettingError
 from pipeline.settings.experiment import Mission
 from telemetry.file.reader import read as read_recording
@@ -61,6 +61,13 @@ def test_margins_are_those_of_the_outcomes_and_parts_do_not_matter(monkeypatch: 
     for name, outcome in FLIGHTS.judge(flown, REQUIREMENTS, pool, part_cases=7).items():
         np.testing.assert_array_equal(outcome.margins, results[name].margins)
     assert counts == [6]  # the engine has them all
+    flown_ones = []
+    drawn = FLIGHTS.judge(
+        DrawnCases(EXPERIMENT, range(40)), REQUIREMENTS, part_cases=7, show=flown_ones.append
+    )
+    assert flown_ones == [7, 14, 21, 28, 35, 40]
+    for name, outcome in drawn.items():
+        np.testing.assert_array_equal(outcome.margins, results[name].margins)
     monkeypatch.setattr(campaign, "PART", 3)
     for name, outcome in Campaign(MISSION, champion(), workers=1).judge(flown, REQUIREMENTS).items():
         np.testing.assert_array_equal(outcome.margins, results[name].margins)
