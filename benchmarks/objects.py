@@ -1,6 +1,6 @@
 """Build the shipped machine code again: ``python -m benchmarks objects`` compares it with what is shipped.
 
-Each of `CALLS` is run with nothing compiled, as a processor of each family would run it; what numba compiles
+Each of `calls` is run with nothing compiled, as a processor of each family would run it; what numba compiles
 for it is made an object. With ``--write`` they are shipped. The same source, numba and llvmlite give the same
 bytes.
 """
@@ -12,22 +12,30 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+from benchmarks.scaling import words_of
 from fis_tools.compiled.shipped import load
 from pipeline.command_line.commands import SMALL
+from pipeline.settings.places import conf_folder
 
 FEW = ("stages=[scenario,evaluate]", "monte_carlo.num_cases=8")
-#: What should wait for no compiler, as words after ``python -m pipeline``.
-CALLS: tuple[tuple[str, ...], ...] = (
-    ("+experiment=evaluate", "controller=champion_27", "monte_carlo.num_cases=20"),
-    ("+experiment=train", "stages=[scenario,train]", *SMALL),
-    ("+experiment=evaluate", "controller=champion_27", "safety=robust", *FEW),
-    ("+experiment=evaluate", "controller=champion_27_rehearsed", *FEW),
-    ("+experiment=evaluate", "controller=champion_leo", "world=leo", "monte_carlo.num_cases=8"),
-)
+RECORDED = ("stages=[scenario,evaluate,record]", "monte_carlo.num_cases=8")
+
+
+def calls() -> list[tuple[str, ...]]:
+    """Return what should wait for no compiler, as words after ``python -m pipeline``: README's, champions'."""
+    champions = sorted(path.stem for path in (conf_folder() / "controller").glob("*champion*.yaml"))
+    return [
+        ("+experiment=evaluate", "controller=champion_27", "monte_carlo.num_cases=20"),
+        ("+experiment=train", "stages=[scenario,train]", *SMALL),
+        ("+experiment=evaluate", "controller=champion_27", "safety=robust", *FEW),
+        *(("+experiment=evaluate", *words_of(name), *RECORDED) for name in champions),
+    ]
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -42,8 +50,9 @@ def main(arguments: Sequence[str]) -> int:
         return 0
     with tempfile.TemporaryDirectory(prefix="objects-") as scratch:
         folder = Path(scratch)
-        for family in options.family or load.FAMILIES:
-            run(folder, family)
+        # side by side: each keeps one processor busy most of the time
+        with ThreadPoolExecutor() as pool:
+            list(pool.map(partial(run, folder), options.family or load.FAMILIES))
         if options.write:
             ship(folder)
             return 0
@@ -68,21 +77,21 @@ def build(folder: Path, family: str) -> None:
     from pipeline.__main__ import main as run_pipeline  # noqa: PLC0415
 
     with noting() as calls, tempfile.TemporaryDirectory() as scratch:
-        for number, words in enumerate(CALLS):
+        for number, words in enumerate(calls()):
             print(f"{family}: {' '.join(words)}", file=sys.stderr, flush=True)
             if code := run_pipeline([*words, f"hydra.run.dir={scratch}/{number}"]):
                 raise SystemExit(code)
     for (compiled, types), (kinds, _) in calls.items():
         overload = compiled.dispatcher.overloads.get(kinds)
-        if overload is None or str(overload.signature.return_type) != "none":
+        if overload is None:
             continue
         function = compiled.py_func
         name = f"{function.__module__}.{function.__qualname__}"
         key = objects.sha256(types.encode())[:16]
         try:
-            content = objects.object_of(
-                overload.library.get_llvm_str(), overload.fndesc.llvm_func_name, kinds, family
-            )
+            result = objects.result_kind(overload.signature.return_type)
+            parts = overload.library.get_llvm_str(), overload.fndesc.llvm_func_name
+            content = objects.object_of(*parts, kinds, family, returns=bool(result))
         except objects.NotShippedError as error:
             print(f"  {name} is not shipped: {error}", file=sys.stderr)
             continue
@@ -94,6 +103,7 @@ def build(folder: Path, family: str) -> None:
             "function": name,
             "types": key,
             "digest": digest(compiled, {}),
+            "result": result,
             "family": family,
             "file": {"name": file.name, "sha256": objects.sha256(packed)},
             "modules": facts_of(iter(functions_of(compiled))),
@@ -145,6 +155,7 @@ def indexed(folder: Path) -> dict[str, Any]:
         held = functions.setdefault(facts["function"], {})
         entry = held.setdefault(facts["types"], {"digest": facts["digest"], "families": {}})
         entry["families"][facts["family"]] = facts["file"]
+        entry |= {"result": facts["result"]} if facts["result"] else {}
         for name, module in facts["modules"].items():
             held_module = modules.setdefault(name, {"sha256": module["sha256"], "functions": {}})
             held_module["functions"] |= module["functions"]

@@ -87,6 +87,84 @@ define void @NRT_Free(ptr %data) {{
   ret void
 }}
 """
+#: What some of numba's code calls besides: lists that grow, and arrays in another shape.
+FURTHER = {
+    "NRT_MemInfo_varsize_alloc": """
+define ptr @NRT_MemInfo_varsize_alloc(ptr %info, i64 %size) {
+  %data = call ptr @malloc(i64 %size)
+  %data_field = getelementptr i8, ptr %info, i64 24
+  store ptr %data, ptr %data_field
+  %size_field = getelementptr i8, ptr %info, i64 32
+  store i64 %size, ptr %size_field
+  ret ptr %data
+}""",
+    "NRT_MemInfo_varsize_realloc": """
+declare ptr @realloc(ptr, i64)
+define ptr @NRT_MemInfo_varsize_realloc(ptr %info, i64 %size) {
+  %data_field = getelementptr i8, ptr %info, i64 24
+  %before = load ptr, ptr %data_field
+  %data = call ptr @realloc(ptr %before, i64 %size)
+  store ptr %data, ptr %data_field
+  %size_field = getelementptr i8, ptr %info, i64 32
+  store i64 %size, ptr %size_field
+  ret ptr %data
+}""",
+    "NRT_MemInfo_varsize_free": """
+define void @NRT_MemInfo_varsize_free(ptr %info, ptr %data) {
+  call void @free(ptr %data)
+  %data_field = getelementptr i8, ptr %info, i64 24
+  %held = load ptr, ptr %data_field
+  %is_held = icmp eq ptr %data, %held
+  br i1 %is_held, label %forget, label %end
+forget:
+  store ptr null, ptr %data_field
+  br label %end
+end:
+  ret void
+}""",
+    # of arrays whose numbers lie one behind the other; of others it says no, and the call ends with an error
+    "numba_attempt_nocopy_reshape": """
+define i32 @numba_attempt_nocopy_reshape(i64 %axes, ptr %shape, ptr %strides, i64 %new_axes, ptr %new_shape,
+                                         ptr %new_strides, i64 %item_size, i32 %is_fortran) {
+entry:
+  br label %check
+check:
+  %left = phi i64 [ %axes, %entry ], [ %axis, %next ]
+  %expected = phi i64 [ %item_size, %entry ], [ %more, %next ]
+  %is_checked = icmp eq i64 %left, 0
+  br i1 %is_checked, label %fill, label %look
+look:
+  %axis = sub i64 %left, 1
+  %length_field = getelementptr i64, ptr %shape, i64 %axis
+  %length = load i64, ptr %length_field
+  %stride_field = getelementptr i64, ptr %strides, i64 %axis
+  %stride = load i64, ptr %stride_field
+  %is_next = icmp eq i64 %stride, %expected
+  %is_single = icmp eq i64 %length, 1
+  %fits = or i1 %is_next, %is_single
+  br i1 %fits, label %next, label %refused
+next:
+  %more = mul i64 %expected, %length
+  br label %check
+refused:
+  ret i32 0
+fill:
+  %new_left = phi i64 [ %new_axes, %check ], [ %new_axis, %write ]
+  %new_stride = phi i64 [ %item_size, %check ], [ %new_more, %write ]
+  %is_filled = icmp eq i64 %new_left, 0
+  br i1 %is_filled, label %end, label %write
+write:
+  %new_axis = sub i64 %new_left, 1
+  %new_stride_field = getelementptr i64, ptr %new_strides, i64 %new_axis
+  store i64 %new_stride, ptr %new_stride_field
+  %new_length_field = getelementptr i64, ptr %new_shape, i64 %new_axis
+  %new_length = load i64, ptr %new_length_field
+  %new_more = mul i64 %new_stride, %new_length
+  br label %fill
+end:
+  ret i32 1
+}""",
+}
 #: What makes an exception: the status alone is passed on.
 WITHOUT_PYTHON = {
     "PyErr_SetString": "define void @PyErr_SetString(ptr %kind, ptr %text) { ret void }",
@@ -98,8 +176,12 @@ WITHOUT_PYTHON = {
 }
 #: What may be called outside of an object: the C library, and LLVM's own.
 OUTSIDE = re.compile(
-    r"llvm\.|(malloc|free|sqrt|sin|cos|atan2|asin|acos|exp|log|pow|tan|memset|memcpy|memmove)$"
+    r"llvm\.|(malloc|realloc|free|sqrt|sin|cos|atan2|asin|acos|exp|log|pow|tan|memset|memcpy|memmove)$"
 )
+
+
+#: Results that are handed on, as the module `struct` names them.
+NUMBERS = {types.float64: "d", types.int64: "q", types.boolean: "?"}
 
 
 class NotShippedError(ValueError):
@@ -127,7 +209,24 @@ def leaf_kinds(kind: Any) -> Iterator[str]:
         raise NotShippedError(f"an argument is of numba's type {kind}")
 
 
-def object_of(text: str, name: str, kinds: tuple[Any, ...], family: str) -> bytes:
+def result_kind(kind: Any) -> str:
+    """Return the kind of a result, as `load.read_result` takes it.
+
+    Raises
+    ------
+    NotShippedError
+        If it is neither nothing, nor a number, nor a plain tuple of numbers.
+    """
+    if isinstance(kind, types.NoneType):
+        return ""
+    is_tuple = isinstance(kind, types.Tuple | types.UniTuple)
+    parts = cast(Any, kind).types if is_tuple else (kind,)
+    if all(part in NUMBERS for part in parts) and not (is_tuple and types.boolean in parts):
+        return ("," if is_tuple else "") + "".join(NUMBERS[part] for part in parts)
+    raise NotShippedError(f"it returns numba's type {kind}")
+
+
+def object_of(text: str, name: str, kinds: tuple[Any, ...], family: str, *, returns: bool = False) -> bytes:
     """Return the object file of a function.
 
     Parameters
@@ -140,6 +239,8 @@ def object_of(text: str, name: str, kinds: tuple[Any, ...], family: str) -> byte
         numba's types of its arguments.
     family : str
         As LLVM names it.
+    returns : bool
+        Whether it returns something: that is written behind the second argument of the entry.
 
     Raises
     ------
@@ -152,7 +253,7 @@ def object_of(text: str, name: str, kinds: tuple[Any, ...], family: str) -> byte
     if header is None:
         raise NotShippedError(f"numba's code has no {name[:80]}")
     # where the result and the exception go precede the arguments
-    parameters = [parameter.split()[0] for parameter in header[1].split(", ")]
+    parameters = re.findall(r"(\w+)[^%]*%[^\s,]+(?:, )?", header[1])
     leaves = [leaf for kind in kinds for leaf in leaf_kinds(kind)]
     if parameters[2:] != leaves:
         raise NotShippedError("numba passes arguments in another way than a block has them")
@@ -165,8 +266,8 @@ def object_of(text: str, name: str, kinds: tuple[Any, ...], family: str) -> byte
     whole = binding.parse_assembly(
         f'target datalayout = "{machine.target_data}"\ntarget triple = "{machine.triple}"\n'
         + RUNTIME
-        + "".join(f"{code}\n" for part, code in WITHOUT_PYTHON.items() if f"@{part}(" in text)
-        + _entry(name, parameters)
+        + "".join(f"{code}\n" for part, code in (WITHOUT_PYTHON | FURTHER).items() if f"@{part}(" in text)
+        + _entry(name, parameters, returns=returns)
     )
     whole.link_in(binding.parse_assembly(text))
     for number, defined in enumerate((*whole.functions, *whole.global_variables)):
@@ -194,21 +295,23 @@ def sha256(content: bytes) -> str:
     return hashlib.sha256(content).hexdigest()
 
 
-def _entry(name: str, parameters: list[str]) -> str:
+def _entry(name: str, parameters: list[str], *, returns: bool) -> str:
     lines = []
     for index, leaf in enumerate(parameters[2:]):
         lines.append(f"  %p{index} = getelementptr i8, ptr %block, i64 {8 * index}")
         lines.append(f"  %a{index} = load {leaf}, ptr %p{index}, align 8")
     passed = "".join(f", {leaf} %a{index}" for index, leaf in enumerate(parameters[2:]))
     body = "\n".join(lines)
+    into = "%result" if returns else "%nothing"
+    unused = "" if returns else "%nothing = alloca i64, align 8"
     return f"""
 declare i32 @"{name}"({", ".join(parameters)})
-define i32 @{ENTRY}(ptr %block, ptr %unused) {{
-  %result = alloca [64 x i8], align 16
+define i32 @{ENTRY}(ptr %block, ptr %result) {{
+  {unused}
   %exception = alloca ptr, align 8
   store ptr null, ptr %exception
 {body}
-  %status = call i32 @"{name}"(ptr %result, ptr %exception{passed})
+  %status = call i32 @"{name}"(ptr {into}, ptr %exception{passed})
   ret i32 %status
 }}
 """

@@ -4,6 +4,7 @@ import ctypes
 import hashlib
 import lzma
 import os
+import struct
 import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
@@ -32,6 +33,8 @@ FAMILIES = {
 SWITCH = "FIS_TOOLS_SHIPPED"
 #: Up to so many numbers the last arguments of a function are kept: those that come again cost nothing.
 FEW = 100
+#: Room for what a function returns.
+MOST_RESULT_BYTES = 64
 #: The name of the function in each object.
 ENTRY = "shipped_entry"
 
@@ -46,7 +49,7 @@ class Shipped:
     def __init__(self, compiled: Any, facts: dict[str, Any]) -> None:
         self._compiled = compiled
         self._facts = facts
-        self._codes: dict[str, Callable[[int, int], int] | None] = {}
+        self._codes: dict[str, tuple[Callable[[int, int], int] | None, str]] = {}
         self._last: Block | None = None
 
     def find(self, arguments: Sequence[Any]) -> "Callable[..., Any] | None":
@@ -65,41 +68,51 @@ class Shipped:
                     self._codes[types] = self._linked(types)
         if len(block.numbers) <= FEW:  # of many the arrays are large, and should not live longer
             self._last = block
-        code = self._codes[types]
-        return None if code is None else Call(code, block)
+        code, result = self._codes[types]
+        return None if code is None else Call(code, block, result)
 
-    def _linked(self, types: str) -> Callable[[int, int], int] | None:
+    def _linked(self, types: str) -> tuple[Callable[[int, int], int] | None, str]:
+        """Return the code for arguments of some types, and the kind of its result."""
         facts = self._facts.get(hashlib.sha256(types.encode()).hexdigest()[:16])
         if facts is None or facts["digest"] != _digest(self._compiled):
-            return None
+            return None, ""
         file = facts["families"].get(family())
         if file is None:
-            return None
+            return None, ""
         # what comes compiled only saves time: where it cannot be used, numba compiles
         with suppress(OSError, ValueError, RuntimeError, lzma.LZMAError):
             packed = read_bytes(CODE / family() / file["name"], MOST_BYTES)  # file: shipped, by its hash
             if hashlib.sha256(packed).hexdigest() == file["sha256"]:
-                return link(lzma.decompress(packed))
-        return None
+                return link(lzma.decompress(packed)), facts.get("result", "")
+        return None, ""
 
 
 class Call:
     """Shipped code for arguments of some types; the same arguments again cost nothing to pass on."""
 
-    def __init__(self, code: Callable[[int, int], int], block: Block) -> None:
+    def __init__(self, code: Callable[[int, int], int], block: Block, result: str = "") -> None:
         self._code = code
         self._block = block
+        self._result = result
 
-    def __call__(self, *arguments: Any) -> None:
-        """Call it; like the functions that are shipped, it returns nothing."""
+    def __call__(self, *arguments: Any) -> Any:
+        """Call it; return what it returns, nothing or numbers."""
         block = self._block
         for given, held in zip(arguments, block.arguments, strict=True):
             if given is not held:
                 block = self._block = Block(arguments, block)
                 break
-        status = self._code(block.address, 0)
+        room = ctypes.create_string_buffer(MOST_RESULT_BYTES) if self._result else None
+        status = self._code(block.address, 0 if room is None else ctypes.addressof(room))
         if status not in (0, -2):  # numba's codes: done, and done without a result
             raise RuntimeError(f"compiled code ended with status {status}; {SWITCH}=0 compiles it anew")
+        return None if room is None else read_result(self._result, room)
+
+
+def read_result(kind: str, room: "ctypes.Array[ctypes.c_char]") -> Any:
+    """Read a result: numbers as the module `struct` names them, a tuple of them behind a comma."""
+    numbers = struct.unpack_from(kind.lstrip(","), room)
+    return numbers if kind.startswith(",") else numbers[0]
 
 
 @cache

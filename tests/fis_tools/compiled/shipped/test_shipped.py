@@ -67,7 +67,9 @@ def linked(function, given):
     dispatcher.compile(kinds)
     overload = dispatcher.overloads[kinds]
     text, name = overload.library.get_llvm_str(), overload.fndesc.llvm_func_name
-    return load.Call(load.link(build.object_of(text, name, kinds, load.family())), Block(given))
+    result = build.result_kind(overload.signature.return_type)
+    content = build.object_of(text, name, kinds, load.family(), returns=bool(result))
+    return load.Call(load.link(content), Block(given), result)
 
 
 needs_family = pytest.mark.skipif(not load.family(), reason="code is shipped for x86-64-v3 and v4 on Linux")
@@ -107,6 +109,66 @@ def test_lists_have_room():
     given = np.arange(10.0), np.zeros(3)
     linked(gather, given)(*given)
     np.testing.assert_array_equal(given[1], [18.0, 12.0, 15.0])
+
+
+@compiled
+def arrange(x, out):
+    """Sort what is positive; sum columns of what is kept in a list that grows."""
+    kept = [0.5]
+    for value in np.sort(x[x > 0.0]):
+        kept.append(value)
+    table = out.reshape(3, -1)
+    for index in range(len(kept)):
+        table[index % 3, index // 3] = kept[index]
+
+
+@compiled
+def measure(x):
+    return len(x), x.sum(), x[0] * 0.1
+
+
+@compiled
+def longest(x):
+    return x.max()
+
+
+@compiled
+def is_longer(x):
+    return x[1] > 2.0
+
+
+@compiled
+def count(x):
+    return len(x)
+
+
+@needs_family
+def test_what_is_sorted_grows_or_takes_another_shape():
+    x, out, again = np.random.default_rng(1).normal(size=40), np.zeros(45), np.zeros(45)
+    linked(arrange, (x, out))(x, out)
+    arrange.py_func(x, again)
+    np.testing.assert_array_equal(out, again)
+
+
+@needs_family
+@pytest.mark.parametrize("function", [measure, longest, is_longer, count])
+def test_numbers_are_returned(function):
+    for x in (np.array([0.3, 7.0, 1.5]), np.array([0.3, -7.0])):
+        returned, expected = linked(function, (x,))(x), function.py_func(x)
+        assert returned == expected
+        assert type(returned) is type(expected) or isinstance(expected, np.generic)
+
+
+@compiled
+def doubled(x):
+    return 2.0 * x
+
+
+def test_arrays_that_are_returned_are_refused():
+    doubled(np.ones(2))
+    [overload] = doubled.inside.overloads.values() or doubled.dispatcher.overloads.values()
+    with pytest.raises(build.NotShippedError, match="returns numba's type array"):
+        build.result_kind(overload.signature.return_type)
 
 
 @needs_family
