@@ -186,7 +186,7 @@ def main(arguments: Sequence[str]) -> None:
     mission = job.experiment.mission
     program = translate(mission, source.load(job.config["controller"], mission))
     (scenario,) = importlib.import_module("pipeline.scenarios").evaluation_scenarios(job.experiment, slice(1))
-    log = fly_logged(mission, program.controller, scenario, is_one_of_many=True)
+    log = fly_logged(mission, program.controller, scenario)
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
         export(program, [scenario], folder)

@@ -48,7 +48,7 @@ def row(words: Sequence[str], program: OnboardProgram, starts: Sequence[Scenario
         export(program, starts[:1], folder)
         part: list[Any] = []
         for number, start in enumerate(starts, start=1):
-            log = fly_logged(program.mission, program.controller, start, is_one_of_many=True)
+            log = fly_logged(program.mission, program.controller, start)
             part.append((recorded(program, start, log), log))
             flights, logs = zip(*part, strict=True)
             starts_bytes, steps = vector_of(flights, logs)

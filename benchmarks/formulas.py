@@ -136,7 +136,7 @@ def flown(words: Sequence[str], num_left_out: int, is_each: bool) -> Flown:
         mission = job.experiment.mission
         controller = load(job.config["controller"], mission)
         starts = evaluation_scenarios(job.experiment, slice(NUM_STARTS if num_left_out else 1))
-        logs = [simulation.fly_logged(mission, controller, start, is_one_of_many=True) for start in starts]
+        logs = [simulation.fly_logged(mission, controller, start) for start in starts]
         program = programs.translate(mission, controller)
     except TranslationError:
         return Flown(ended=REFUSED)

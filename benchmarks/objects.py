@@ -1,8 +1,8 @@
 """Build the shipped machine code again: ``python -m benchmarks objects`` compares it with what is shipped.
 
-Each of `calls` is run with nothing compiled, as a processor of each family would run it; what numba compiles
-for it is made an object. With ``--write`` they are shipped. The same source, numba and llvmlite give the same
-bytes.
+Each of `commands` is run with nothing compiled, as a processor of each family would run it; what numba
+compiles for it is made an object. With ``--write`` they are shipped. The same source, numba and llvmlite give
+the same bytes.
 """
 
 import argparse
@@ -27,8 +27,8 @@ FEW = ("stages=[scenario,evaluate]", "monte_carlo.num_cases=8")
 RECORDED = ("stages=[scenario,evaluate,record]", "monte_carlo.num_cases=8")
 
 
-def calls() -> list[tuple[str, ...]]:
-    """Return what should wait for no compiler, as words after ``python -m pipeline``: README's, champions'."""
+def commands() -> list[tuple[str, ...]]:
+    """Return what should wait for no compiler, as words after ``python -m pipeline``: README's, champions."""
     champions = sorted(path.stem for path in (conf_folder() / "controller").glob("*champion*.yaml"))
     return [
         ("+experiment=evaluate", "controller=champion_27", "monte_carlo.num_cases=20"),
@@ -62,7 +62,7 @@ def main(arguments: Sequence[str]) -> int:
 def run(folder: Path, family: str) -> None:
     """Build the objects of a family in a process of its own, which takes itself for one of its processors."""
     environment = os.environ | {
-        **{"NUMBA_CPU_NAME": family, "NUMBA_CPU_FEATURES": "", load.SWITCH: "0", "COMPILE_AT_ONCE": "1"},
+        **{"NUMBA_CPU_NAME": family, "NUMBA_CPU_FEATURES": "", load.SWITCH: "0"},
         "NUMBA_CACHE_DIR": str(folder / "cache" / family),
     }
     command = [sys.executable, "-m", "benchmarks", "objects", "--family", family, "--into", str(folder)]
@@ -77,7 +77,7 @@ def build(folder: Path, family: str) -> None:
     from pipeline.__main__ import main as run_pipeline  # noqa: PLC0415
 
     with noting() as calls, tempfile.TemporaryDirectory() as scratch:
-        for number, words in enumerate(calls()):
+        for number, words in enumerate(commands()):
             print(f"{family}: {' '.join(words)}", file=sys.stderr, flush=True)
             if code := run_pipeline([*words, f"hydra.run.dir={scratch}/{number}"]):
                 raise SystemExit(code)

@@ -123,7 +123,7 @@ def row(words: Sequence[str], num_flights: int, *, is_proved: bool, is_by_all: b
         exported = export(program, starts[:1], folder)
         compiled, num_different, num_commands = libraries(folder, is_by_all=is_by_all), 0, 0
         for start in starts:
-            log = fly_logged(program.mission, program.controller, start, is_one_of_many=True)
+            log = fly_logged(program.mission, program.controller, start)
             flight = recorded(program, start, log)
             num_different += sum(len(differing(library.answers(flight), log)) for library in compiled)
             num_commands += len(flight.steps) * len(compiled)

@@ -34,9 +34,6 @@ if "PYTEST_XDIST_WORKER" in os.environ:
     os.sched_getaffinity = lambda _: set(range(share))
 
 
-# flights of nearly every kind are flown more than once here: none is worth flying as plain Python first
-os.environ["COMPILE_AT_ONCE"] = "1"
-
 # what modules and compilers hold is looked through for garbage a tenth as often
 gc.set_threshold(50_000, 20, 10)
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from fis_tools.compiled.fingerprint import UnknownPartError, fingerprint
-from fis_tools.file_access import read_bytes, read_text, write_bytes, write_text
+from fis_tools.file_access import read_bytes, write_bytes
 
 CACHE_NAME = "fis-tools"
 #: What is kept at most; what has not been used for the longest time is removed first.
@@ -102,20 +102,6 @@ def _remove_oldest(root: Path, latest: Path) -> None:
         total -= size
         with suppress(OSError):
             path.unlink()
-
-
-def plain_s(path: Path) -> float:
-    """Return the seconds for which a function has run as plain Python, as far as it is kept."""
-    with suppress(OSError, ValueError):  # it was never written, or never whole
-        return float(read_text(path.with_suffix(".plain_s"), MOST_DIGITS))  # file: our own count
-    return 0.0
-
-
-def add_plain_s(path: Path, seconds: float) -> None:
-    """Add to the seconds for which a function has run as plain Python, if it can be kept."""
-    with suppress(OSError):
-        path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-        write_text(path.with_suffix(".plain_s"), f"{plain_s(path) + seconds}\n")
 
 
 def cache_root() -> Path:

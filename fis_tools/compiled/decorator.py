@@ -10,8 +10,6 @@ packages, are unaffected.
 import os
 import sys
 import threading
-import time
-from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -23,7 +21,6 @@ from typing import Any, TypeVar, cast, overload
 
 import numpy as np
 
-from fis_tools.compiled import cache
 from fis_tools.compiled.shipped import load
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -33,9 +30,6 @@ _creating = threading.RLock()
 
 #: The package whose functions currently run as plain Python, and what runs instead of some; see `plainly`.
 _plain: ContextVar[tuple[str, dict[Any, Callable[..., Any]]]] = ContextVar("plain", default=("", {}))
-
-#: For how long functions have run as plain Python in this process, with arguments of which types.
-_plain_s: defaultdict[tuple[Any, Any], float] = defaultdict(float)
 
 
 class Compiled:
@@ -150,50 +144,6 @@ def plainly(package: str, instead: dict[Any, Callable[..., Any]] | None = None) 
             yield
     finally:
         _plain.reset(token)
-
-
-def sparingly(function: F) -> F:
-    """Return a function that calls a compiled function for a single result, at first in plain Python.
-
-    Unless its compiled code is in the cache, the function, and all functions of its package that it calls,
-    run as plain Python until they have done so, with arguments of these types and in all processes, for as
-    long as compiling is expected to take. The result is the same. Asking numba for types takes long, so the
-    function returned stops asking once it is compiled; call it with the same types. With COMPILE_AT_ONCE=1
-    nothing runs as plain Python.
-    """
-    known = cast(Compiled, function)
-    is_known = os.environ.get("COMPILE_AT_ONCE") == "1" or not is_compiling()
-
-    def call(*args: Any) -> Any:
-        """Call the function, compiled or plain; count the time that it runs plainly."""
-        nonlocal is_known
-        if is_known or known.shipped_for(args) is not None:
-            is_known = True
-            return known(*args)
-        from numba import typeof  # noqa: PLC0415 - as above
-
-        from fis_tools.compiled import notice  # noqa: PLC0415 - as above
-
-        types = tuple(map(typeof, args))
-        path = None
-        with notice.reporting_refusals():
-            path = cache.path_for(known.dispatcher, types)
-        is_compiled = types in known.signatures or (path is not None and path.is_file())
-        seconds = max(_plain_s[known, types], 0.0 if path is None else cache.plain_s(path))
-        is_known = is_compiled or seconds >= notice.expected_s(known)
-        if is_known:
-            return known(*args)
-        notice.report_plain(known)
-        began = time.thread_time()
-        with plainly(known._package):
-            result = known.py_func(*args)
-        seconds = time.thread_time() - began
-        _plain_s[known, types] += seconds
-        if path is not None:
-            cache.add_plain_s(path, seconds)
-        return result
-
-    return cast(F, call)
 
 
 def is_compiling() -> bool:

@@ -21,6 +21,8 @@ from fis_tools.waiting import waiting
 SHORTEST_S = 0.5
 #: Where compiling takes at least this long, it is said that a function runs as plain Python.
 LONG_S = 5.0
+#: Set to 1 by a package's command that compiles beforehand.
+WARMING = "FIS_TOOLS_WARMING"
 #: What compiling a function takes on average, s (`python -m benchmarks start`).
 SECONDS_A_FUNCTION = 0.12
 
@@ -73,25 +75,12 @@ def expected_s(compiled: Any) -> float:
     return max(1.0, SECONDS_A_FUNCTION * len(functions_of(compiled)))
 
 
-@cached
-def report_plain(compiled: Any) -> None:
-    """Report once that a function runs in plain Python for now, if compiling it takes long."""
-    if (seconds := expected_s(compiled)) >= LONG_S:
-        # else it would contradict the line that it is compiled once
-        others = " for arguments of other types than it is compiled for" if compiled.signatures else ""
-        line = (
-            f"{_name(compiled)} runs as plain Python for now{others}, as so few calls of it end sooner than "
-            f"compiling, which takes about {seconds:.0f} s, once"
-        )
-        _write(line + _advice(compiled))
-
-
 def _advice(compiled: Any) -> str:
     """Return the command that compiles a package beforehand, if it has one and this takes long, in words."""
     package = sys.modules.get(_name(compiled).partition(".")[0])
     command = getattr(package, "COMPILE_COMMAND", "")
-    # that command itself compiles at once
-    is_needed = expected_s(compiled) >= LONG_S and os.environ.get("COMPILE_AT_ONCE") != "1"
+    # that command itself needs no advice
+    is_needed = expected_s(compiled) >= LONG_S and os.environ.get(WARMING) != "1"
     return f", or beforehand by {command}" if command and is_needed else ""
 
 

@@ -9,6 +9,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any, Final
 
+from fis_tools.compiled.notice import WARMING
 from fis_tools.compiled.shipped.load import shipped_words
 from pipeline.command_line import runs
 from pipeline.command_line.arguments import EXPERIMENT, CommandParser, ConfigError, is_change, parse_arguments
@@ -157,8 +158,8 @@ def warm(given: Sequence[str]) -> int:
         for number, words in enumerate(WARMED):
             sys.stderr.write(f"[{number + 1}/{len(WARMED)}] {' '.join(words)}\n")
             command = [sys.executable, "-m", "pipeline", *words, f"hydra.run.dir={Path(folder, str(number))}"]
-            at_once = os.environ | {"COMPILE_AT_ONCE": "1"}
-            done = subprocess.run(command, check=False, stdout=subprocess.DEVNULL, env=at_once)  # noqa: S603
+            warming = os.environ | {WARMING: "1"}
+            done = subprocess.run(command, check=False, stdout=subprocess.DEVNULL, env=warming)  # noqa: S603
             if done.returncode:
                 return done.returncode
     return runs.OK

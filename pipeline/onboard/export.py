@@ -74,10 +74,7 @@ def _written(program: OnboardProgram, scenarios: Sequence[Scenario], folder: Pat
     source = sources(program)
     _write(folder / "controller.h", source.header)
     _write(folder / "controller.c", source.code)
-    logs = [
-        fly_logged(program.mission, program.controller, scenario, is_one_of_many=True)
-        for scenario in scenarios
-    ]
+    logs = [fly_logged(program.mission, program.controller, scenario) for scenario in scenarios]
     flights = [recorded(program, scenario, log) for scenario, log in zip(scenarios, logs, strict=True)]
     facts = {
         "name": plain(program.controller.name),

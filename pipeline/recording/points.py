@@ -3,7 +3,6 @@
 Some signals are made of points. Their formulas are those of docs/reference/signals.md.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -205,16 +204,15 @@ def note_lit_and_seen(
             lit[k, j], seen[k, j] = work.lit[j] > 0.0, ahead[j] > 0.0 and not eye.is_blind
 
 
-def lit_and_seen(
-    world: World, log: FlightLog, note: Callable[..., None] = note_lit_and_seen
-) -> tuple[Booleans, Booleans]:
+def lit_and_seen(world: World, log: FlightLog) -> tuple[Booleans, Booleans]:
     """Return which points not inspected are lit, and which dark ones are in view, at each sample."""
     angles, num_points = (log.sun_angle_rad, log.sun_elevation_rad), world.num_points
     left = np.zeros((len(log.position_m), world.points.shape[2]), dtype=np.uint8)
     left[:, :num_points] = ~log.is_inspected
-    axes = [seen_from_hill(log.quaternion_b_from_h, axis) for axis in (world.boresight, world.up)]
+    boresight, up = (seen_from_hill(log.quaternion_b_from_h, axis) for axis in (world.boresight, world.up))
     lit, seen = np.zeros_like(left), np.zeros_like(left)
     beyond = optics_in_use(world, log.sun_elevation_rad)
     suns = np.stack([turn(angle) for angle in angles for turn in (np.cos, np.sin)], axis=1)
-    note(world, beyond, make_workspace(world), suns, log.position_m, *axes, left, lit, seen)
+    work = make_workspace(world)
+    note_lit_and_seen(world, beyond, work, suns, log.position_m, boresight, up, left, lit, seen)
     return lit[:, :num_points] > 0, seen[:, :num_points] > 0

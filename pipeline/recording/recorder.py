@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 from fis_tools.analysis import shapley
 from fis_tools.analysis.contribution import holding_back
 from fis_tools.analysis.flights import CONTROLLER_ATTACHMENT
-from fis_tools.compiled.decorator import sparingly
 from fis_tools.engines.compiler import CompiledSystem, compile
 from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController
@@ -45,7 +44,7 @@ from pipeline.flight.world.surface import surface_of
 from pipeline.recording.events import events
 from pipeline.recording.firing import delay_of, is_fired
 from pipeline.recording.foresight import recorded_decisions
-from pipeline.recording.points import lit_and_seen, note_lit_and_seen, parts_of_points, sensed_of_points
+from pipeline.recording.points import lit_and_seen, parts_of_points, sensed_of_points
 from pipeline.run import configuration, maker
 from pipeline.settings.equipment import FilteredNavigation
 from pipeline.settings.experiment import Experiment, Mission
@@ -102,9 +101,6 @@ class FlightRecorder:
         self._enter(mission)
         if pulled := sensed_of_points(self._world, controller):
             self._systems[topics.PULLS_METADATA] = {name: SIGNALS[name].unit for name in pulled}
-        # what hides what on a mesh takes plain Python minutes
-        is_mesh = self._world.occlusion.edge > 0
-        self._note_lit_and_seen = note_lit_and_seen if is_mesh else sparingly(note_lit_and_seen)
         if len(corners := surface_of(mission).corners):
             self._attachments[topics.CHIEF_ATTACHMENT] = stl_of(corners)
         # whether flights depend on what their cases have drawn besides the start
@@ -309,7 +305,7 @@ class FlightRecorder:
 
     def _point_states(self, log: FlightLog) -> States:
         """Return each point's `PointState` at each sample, (K+1, P): the highest that applies."""
-        is_lit, is_seen = lit_and_seen(self._world, log, self._note_lit_and_seen)
+        is_lit, is_seen = lit_and_seen(self._world, log)
         # dark is zero, and of the others at most one applies
         return LIT * is_lit + IN_VIEW_BUT_DARK * is_seen + INSPECTED * log.is_inspected
 

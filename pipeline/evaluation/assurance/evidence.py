@@ -64,7 +64,7 @@ def domain_of(
     half = len(scenarios) // 2
 
     def flown_from(scenario: Scenario) -> dict[str, Floats]:
-        return sensed(fly_logged(experiment.mission, controller, scenario, is_one_of_many=True), controller)
+        return sensed(fly_logged(experiment.mission, controller, scenario), controller)
 
     flown = in_threads(flown_from, scenarios, workers=experiment.assurance.workers)
     boxes = []

@@ -1,6 +1,6 @@
 """Many flights at once: every controller of a population from every start, on all processors."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,6 @@ from pipeline.array_types import Bytes, Floats
 from pipeline.flight.cases.starts import Cases
 from pipeline.flight.fly.many import NO_TRACKS, NOTHING_KNOWN, FlightBatch, Results, fly_many
 from pipeline.flight.fly.workspace import Parts, make_state, make_workspace, parts_in_use, points_of_cases
-from pipeline.flight.period.look.optics import note_inspectable
 from pipeline.flight.state.arrays import NUM_OUTCOMES, FlightState, Law, Workspace, World
 from pipeline.flight.state.log import Outcomes
 from pipeline.threads import in_threads
@@ -43,13 +42,12 @@ def flights_of(
     openings: Floats | None = None,
     changes: Sequence[int] = (),
     wanted: Bytes | None = None,
-    note: Callable[..., None] = note_inspectable,
 ) -> tuple[Parts, FlightBatch, NDArray[np.uint8]]:
     """Return flights from some starts as compiled code takes them, and the points that can be inspected.
 
-    See `fly_population`; `note` marks the points that are lit in a flight.
+    See `fly_population`.
     """
-    inspectable, counted = points_of_cases(world, cases.starts, note) if wanted is None else (wanted, wanted)
+    inspectable, counted = points_of_cases(world, cases.starts) if wanted is None else (wanted, wanted)
     values, rules = numbers.values[:, np.newaxis], numbers.rules
     if len(changes):
         values, rules = numbers.values[np.newaxis], numbers.rules[:1]

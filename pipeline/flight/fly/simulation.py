@@ -3,7 +3,6 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from fis_tools.compiled.decorator import sparingly
 from fis_tools.engines.kernel import LANES
 from pipeline.array_types import Floats
 from pipeline.flight.cases.dispersions import groups_of, mission_of_case
@@ -27,7 +26,6 @@ from pipeline.flight.fly.rehearsals import by_tours, rehearse_tours, rehearsed_o
 from pipeline.flight.fly.replanning import Foreseen, PlannedDecision, foresee, foresees, foresight_fields
 from pipeline.flight.fly.tours import following, tour_images
 from pipeline.flight.fly.workspace import make_state, make_workspace
-from pipeline.flight.period.look.optics import note_inspectable
 from pipeline.flight.state.arrays import NUM_OUTCOMES, Law, Plans
 from pipeline.flight.state.log import FlightLog, Outcomes, Scenario, combined, empty_log
 from pipeline.flight.world.chief import chief_attitudes
@@ -193,10 +191,8 @@ def check_flown_ahead(mission: Mission, controller: Controller) -> None:
         )
 
 
-def fly_logged(
-    mission: Mission, controller: Controller, scenario: Scenario, *, is_one_of_many: bool = False
-) -> FlightLog:
-    """Fly one episode and log everything; only one of many is worth compiling at once, see `sparingly`.
+def fly_logged(mission: Mission, controller: Controller, scenario: Scenario) -> FlightLog:
+    """Fly one episode and log everything.
 
     Raises
     ------
@@ -235,15 +231,11 @@ def fly_logged(
     law, numbers = law_for(controller, mission, [scenario], 1), controller.numbers
     log = empty_log(mission.num_controls, mission.num_attitude_steps, world.num_points, len(law.axes))
     log.mass_kg[:] = mission.deputy.mass_kg
-    noted = note_inspectable if is_one_of_many else sparingly(note_inspectable)
-    parts, flights, inspectable = flights_of(
-        world, law, numbers, cases, openings, controller.changes, note=noted
-    )
+    parts, flights, inspectable = flights_of(world, law, numbers, cases, openings, controller.changes)
     results = Results(np.empty((1, NUM_OUTCOMES)), log)
     state, work = make_state(world, parts[-1]), make_workspace(world)
     with plain_if_interpreted(mission):
-        fly = fly_many if is_one_of_many or is_interpreted(mission) else sparingly(fly_many)
-        fly(*parts, flights, state, work, results, 0, 1)
+        fly_many(*parts, flights, state, work, results, 0, 1)
     num_counted = int(flights.counted[0, : world.num_points].sum())
     given = np.zeros(mission.num_controls, dtype=np.bool_)
     given[: flights.openings.shape[1]] = flights.openings[0, :, 3] > 0.0 if openings is not None else False

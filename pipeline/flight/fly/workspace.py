@@ -1,6 +1,5 @@
 """State and workspace of one thread, parts of a flight that are compiled when used, and points that count."""
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -74,12 +73,7 @@ def parts_in_use(world: World, law: Law, cases: Cases) -> Parts:
     )
 
 
-def points_of_cases(
-    world: World,
-    starts: StartRows,
-    note: Callable[..., None] = note_inspectable,
-    work: Workspace | None = None,
-) -> tuple[Bytes, Bytes]:
+def points_of_cases(world: World, starts: StartRows, work: Workspace | None = None) -> tuple[Bytes, Bytes]:
     """Return which points can be inspected in each case's flight, and which it counts, of 0 or 1.
 
     Points that are lit at some sample can be inspected. In the paper's world all points count, lit or not; in
@@ -95,7 +89,7 @@ def points_of_cases(
     inspectable = np.empty((len(starts), world.points.shape[2]), dtype=np.uint8)
     optics = optics_in_use(world, starts.sun_elevation)
     work = work or make_workspace(world)
-    note(world, optics, work.ahead, work.lit, starts, inspectable)
+    note_inspectable(world, optics, work.ahead, work.lit, starts, inspectable)
     if optics is None:
         return inspectable, np.ones((1, inspectable.shape[1]), dtype=np.uint8)
     is_paper = np.zeros(len(starts), dtype=np.bool_) if world.has_optics else starts.sun_elevation == 0.0

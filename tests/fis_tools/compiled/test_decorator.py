@@ -18,40 +18,6 @@ def package(tmp_path):
     return Package(tmp_path)
 
 
-@pytest.mark.slow
-def test_what_is_wanted_once_is_not_compiled_until_that_would_have_taken_no_longer(package):
-    ask = (
-        "from fis_tools.compiled import notice\nfrom fis_tools.compiled.decorator import sparingly\n"
-        "from kernels.caller import twice\n{}\n"
-        "for x in (5, 6, 0.5):\n    print(sparingly(twice)(x), len(twice.signatures), end=' ')"
-    )
-    slow, quick = ask.format(""), ask.format("notice.expected_s = lambda _: 1e-9")
-    package.write("__init__", "COMPILE_COMMAND = 'make warm'\n")
-    for _ in range(2):
-        assert package.run(slow, COMPILE_AT_ONCE="0").stdout.split() == ["7", "0", "8", "0", "2.5", "0"]
-    notices = package.run(ask.format("notice.LONG_S = 0"), COMPILE_AT_ONCE="0").stderr
-    words = (
-        "runs as plain Python for now, as so few calls of it end sooner than compiling, which takes about "
-        "1 s, once, or beforehand by make warm"
-    )
-    assert notices == f"  kernels.caller.twice {words}\n"
-    others = f"from kernels.caller import twice\ntwice(5)\n{ask.format('notice.LONG_S = 0')}"
-    notices = package.run(others, COMPILE_AT_ONCE="0").stderr
-    assert "plain Python for now for arguments of other types than it is compiled for, as so few" in notices
-    # what has run as plain Python before, in any process, has taken longer than a nanosecond
-    assert package.run(quick, COMPILE_AT_ONCE="0").stdout.split() == ["7", "1", "8", "1", "2.5", "2"]
-
-
-@pytest.mark.slow
-def test_the_first_call_is_compiled_where_that_is_asked_for_and_later_ones_where_code_is_kept(package):
-    ask = (
-        "from fis_tools.compiled.decorator import sparingly\nfrom kernels.caller import twice\n"
-        "print(sparingly(twice)(5), len(twice.signatures))"
-    )
-    for at_once, compiled in (("0", "0"), ("1", "1"), ("0", "1")):
-        assert package.run(ask, COMPILE_AT_ONCE=at_once).stdout.split() == ["7", compiled]
-
-
 #: Compiles functions for numbers of one type, and keeps the code of each as another process keeps its own.
 KEEP = """
 import time

@@ -8,6 +8,7 @@ from subprocess import CompletedProcess
 import pytest
 import yaml
 
+from fis_tools.compiled.notice import WARMING
 from fis_tools.formats import serialize
 from pipeline.command_line import cli, commands, overrides
 from pipeline.command_line.arguments import parse_arguments
@@ -54,11 +55,10 @@ def test_to_warm_experiments_are_compiled_at_once_in_new_folders_and_a_failure_e
     started, codes = [], [0] * len(commands.WARMED) + [2]
 
     def run(command, env, **_):
-        assert env["COMPILE_AT_ONCE"]
+        assert env[WARMING] == "1"
         started.append(command)
         return CompletedProcess(command, codes[len(started) - 1])
 
-    monkeypatch.delenv("COMPILE_AT_ONCE")
     monkeypatch.setattr(commands.subprocess, "run", run)
     assert cli.main(["warm"]) == 0
     assert len({command[-1] for command in started}) == len(commands.WARMED)

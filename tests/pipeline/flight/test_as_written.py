@@ -296,7 +296,7 @@ PLAIN = (
 @pytest.mark.slow
 @pytest.mark.parametrize("name", PLAIN)
 def test_plain_python_flies_as_compiled_code_does_to_the_last_bit(name: str) -> None:
-    """As `sparingly` promises, which lets the first flight of a kind go without compiling."""
+    """So that it can fly where there is no compiler."""
     what, controller, start = FLIGHTS[name]
     brief = replace(what, duration_s=40 * what.control_period_s)
     fast = fly_logged(brief, controller, start)

@@ -71,7 +71,7 @@ def shipped(request, tmp_path_factory):
     program = translate(SHORT, controller(request.param))
     library = written(program, tmp_path_factory.mktemp("shipped"))
     (start,) = random_starts(1, seed=sorted(SHIPPED).index(request.param))
-    log = fly_logged(SHORT, program.controller, start, is_one_of_many=True)
+    log = fly_logged(SHORT, program.controller, start)
     return program, library, recorded(program, start, log), log
 
 
@@ -112,7 +112,7 @@ def test_clusters_are_those_of_the_flight(tmp_path):
     program = translate(clustered, controller("paper_champion"))
     library = written(program, tmp_path)
     (start,) = random_starts(1, seed=5)
-    log = fly_logged(clustered, program.controller, start, is_one_of_many=True)
+    log = fly_logged(clustered, program.controller, start)
     assert len(differing(library.answers(recorded(program, start, log)), log)) == 0
     assert len(np.unique(log.target_m, axis=0)) > 20  # it is a centre that moves
 
@@ -122,7 +122,7 @@ def test_the_sun_may_stand_out_of_the_orbit_plane(tmp_path):
     library = written(program, tmp_path)
     (start,) = random_starts(1, seed=5)
     start = replace(start, sun_elevation_rad=0.4)
-    log = fly_logged(SHORT, program.controller, start, is_one_of_many=True)
+    log = fly_logged(SHORT, program.controller, start)
     flight = recorded(program, start, log)
     assert len(differing(library.answers(flight), log)) == 0
     assert np.any(log.force_commanded_n)
@@ -138,7 +138,7 @@ def test_the_safety_layer_changes_the_same_forces_for_the_same_limit(tmp_path):
     library = written(program, tmp_path)
     acted = 0
     for start in random_starts(3, seed=5):
-        log = fly_logged(guarded, program.controller, start, is_one_of_many=True)
+        log = fly_logged(guarded, program.controller, start)
         answers = library.answers(recorded(program, start, log))
         assert len(differing(answers, log)) == 0
         assert np.array_equal(answers["safety_limit"], log.safety_limit)
@@ -156,7 +156,7 @@ def test_what_a_chief_hides_of_itself_takes_a_bit_a_cell_and_nothing_if_it_is_co
     program = translate(shaped, controller("champion_27"))
     library = written(program, tmp_path)
     for start in random_starts(2, seed=5):
-        log = fly_logged(shaped, program.controller, start, is_one_of_many=True)
+        log = fly_logged(shaped, program.controller, start)
         assert len(differing(library.answers(recorded(program, start, log)), log)) == 0
         assert np.any(log.force_commanded_n)
     cells, num_points = program.world.occlusion.is_free.shape
@@ -236,7 +236,7 @@ def joined(code, line):
 def test_the_c_flies_in_closed_loop_to_the_same_states(exported, library):
     _, program, _ = exported
     (start,) = random_starts(1, seed=4)
-    log = fly_logged(SHORT, program.controller, start, is_one_of_many=True)
+    log = fly_logged(SHORT, program.controller, start)
     flight = recorded(program, start, log)
     flights = SteppedFlights(SHORT, 1, is_tilted=start.sun_elevation_rad != 0.0)
     flights.start(0, start)
@@ -304,7 +304,7 @@ def test_an_fmi_block_commands_the_same(exported, blocks, version):
     path, period = blocks / f"fmi{version}.fmu", program.world.control_period
     assert validate_fmu(str(path)) == []
     (start,) = random_starts(1, seed=3)
-    log = fly_logged(SHORT, program.controller, start, is_one_of_many=True)
+    log = fly_logged(SHORT, program.controller, start)
     flight = recorded(program, start, log)
     every = list(variables(program.world.num_points))
     names = [each.name for each in every if each.causality == "input"]
@@ -381,7 +381,7 @@ BAD = {
 def test_an_input_out_of_range_fires_nothing_and_says_which(exported, library, field):
     _, program, _ = exported
     (start,) = random_starts(1, seed=2)
-    flight = recorded(program, start, fly_logged(SHORT, program.controller, start, is_one_of_many=True))
+    flight = recorded(program, start, fly_logged(SHORT, program.controller, start))
     bit, values = BAD[field]
     for value in values:
         steps = flight.steps[:3].copy()
@@ -397,7 +397,7 @@ def test_an_input_out_of_range_fires_nothing_and_says_which(exported, library, f
 def test_constants_may_be_changed_in_flight(exported, library):
     _, program, _ = exported
     (start,) = random_starts(1, seed=3)
-    log = fly_logged(SHORT, program.controller, start, is_one_of_many=True)
+    log = fly_logged(SHORT, program.controller, start)
     flight = recorded(program, start, log)
     (_, designed), *_ = program.choices
     parameters = [1e3 if "dead_band" in name else designed[name] for name in program.parameters]
