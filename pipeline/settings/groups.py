@@ -6,14 +6,17 @@ group, says so once, for the check, the help and the reference page. So does a v
 a tag chooses, such as ``navigation.mode``, the one whose keys exist.
 """
 
+import ast
+import inspect
 import re
+import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import field, fields
 from functools import cache
+from itertools import pairwise
 from typing import Any, ClassVar, Literal, dataclass_transform, get_args, get_origin, get_type_hints
 
 from pydantic import ConfigDict, Field, GetCoreSchemaHandler, ValidationError
-from pydantic._internal._docs_extraction import extract_docstrings_from_cls
 from pydantic.dataclasses import dataclass as checked_dataclass
 from pydantic_core import CoreSchema, core_schema
 
@@ -107,9 +110,34 @@ def texts_of(kind: Any) -> dict[str, str]:
     texts: dict[str, str] = {}
     for owner in reversed(kind.__mro__[:-1]):
         given = getattr(owner, "__pydantic_fields__", {}).items()
-        texts |= extract_docstrings_from_cls(owner, use_inspect=True)
+        texts |= _texts_in(owner.__module__).get(owner.__qualname__, {})
         texts |= {name: entry.description for name, entry in given if entry.description}
     return {name: " ".join(text.split()) for name, text in texts.items()}
+
+
+@cache
+def _texts_in(module: str) -> Mapping[str, Mapping[str, str]]:
+    """Return the texts below the fields of each class of a module, by the class's qualified name."""
+    try:
+        tree = ast.parse(inspect.getsource(sys.modules[module]))
+    except (KeyError, OSError, TypeError):  # it is there without its source
+        return {}
+    return dict(_texts_below(tree, ""))
+
+
+def _texts_below(node: ast.Module | ast.ClassDef, prefix: str) -> Iterator[tuple[str, Mapping[str, str]]]:
+    for inner in node.body:
+        if isinstance(inner, ast.ClassDef):
+            name = f"{prefix}{inner.name}"
+            yield name, dict(_texts_of_fields(inner))
+            yield from _texts_below(inner, f"{name}.")
+
+
+def _texts_of_fields(node: ast.ClassDef) -> Iterator[tuple[str, str]]:
+    for pair in pairwise(node.body):
+        match pair:
+            case ast.AnnAssign(target=ast.Name(id=name)), ast.Expr(value=ast.Constant(value=str(text))):
+                yield name, inspect.cleandoc(text)
 
 
 #: fields that are not part of a configuration
