@@ -19,10 +19,11 @@ import numpy as np
 
 from pipeline.array_types import Floats
 from pipeline.command_line.config import compose_experiment
+from pipeline.constants import EARTH_GRAVITY_M3_S2
 from pipeline.controllers import source
 from pipeline.flight.fly.reference import reference_of
 from pipeline.flight.fly.simulation import fly_logged
-from pipeline.flight.reference.light import EARTH_GRAVITY, semi_major_axis
+from pipeline.flight.reference.light import semi_major_axis
 from pipeline.flight.reference.period import look, start
 from pipeline.flight.state.log import FlightLog, Scenario
 from pipeline.onboard.export import export
@@ -75,7 +76,7 @@ class Deputy:
         elements = orbital.ClassicElements()
         elements.a, elements.e, elements.i = semi_major_axis(mission), 0.0, radians(INCLINATION_DEG)
         elements.Omega = elements.omega = elements.f = 0.0
-        chief = tuple(map(np.array, orbital.elem2rv(EARTH_GRAVITY, elements)))
+        chief = tuple(map(np.array, orbital.elem2rv(EARTH_GRAVITY_M3_S2, elements)))
         deputy = orbital.hill2rv(*chief, np.array(scenario.position_m), np.array(scenario.velocity_m_s))
         body_from_inertial = rotation.MRP2C(list(SIGMA_BH)) @ orbital.hillFrame(*chief)
         turning = rotation.MRP2C(list(SIGMA_BH)) @ [0.0, 0.0, world.mean_motion]
@@ -85,7 +86,7 @@ class Deputy:
         process.addTask(simulation.CreateNewTask("motion", nano(STEP_S)), 2)
         process.addTask(simulation.CreateNewTask("control", nano(world.control_period)), 1)
         factory = bsk["simIncludeGravBody"].gravBodyFactory()
-        factory.createCustomGravObject("earth", EARTH_GRAVITY).isCentralBody = True
+        factory.createCustomGravObject("earth", EARTH_GRAVITY_M3_S2).isCentralBody = True
         converter = bsk["hillStateConverter"].hillStateConverter()
         thruster = bsk["extForceTorque"].ExtForceTorque()
         simulation.AddModelToTask("motion", thruster, 20)

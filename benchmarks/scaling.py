@@ -17,6 +17,7 @@ from pathlib import Path
 
 from benchmarks.timing import fuel_by_rules, line
 from pipeline.command_line.config import compose_experiment
+from pipeline.constants import DAY_S
 from pipeline.controllers.source import load
 from pipeline.evaluation.parts import fly_part
 from pipeline.flight.goals.flights import fly_all
@@ -94,7 +95,6 @@ WORLDS = {
 MEASURED_S = 5.0
 #: flights that fill the vectors in which they fly side by side
 FEWEST = 64
-DAY_S = 86_400.0
 
 
 def words_of(controller: str) -> tuple[str, ...]:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.constants import STANDARD_GRAVITY_M_S2
 from pipeline.evaluation import blocks
 from pipeline.evaluation.after import Aftermath, aftermath, joined
 from pipeline.evaluation.statistics import Column, Columns, statistic, succeeds
@@ -23,7 +24,6 @@ from pipeline.scenarios import columns_of
 from pipeline.settings.dispersions import distributions
 from pipeline.settings.equipment import RealActuators
 from pipeline.settings.experiment import Mission
-from pipeline.settings.relations import STANDARD_GRAVITY_M_S2
 
 #: what a summary calls the share of flights that succeed; its ``success`` counts those outside the limits too
 SUCCESS = "success_and_within_limits"

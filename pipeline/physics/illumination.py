@@ -8,9 +8,7 @@ import numpy as np
 from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.three import Three, dot
 from pipeline.array_types import Floats
-
-ASTRONOMICAL_UNIT_M = 149_597_870_700.0
-SUN_RADIUS_M, EARTH_RADIUS_M = 695_700_000.0, 6_378_137.0
+from pipeline.constants import ASTRONOMICAL_UNIT_M, EARTH_RADIUS_M, SUN_RADIUS_M
 
 
 @compiled

@@ -17,7 +17,7 @@ import numpy as np
 from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.three import Three, cross, dot, length, three_of, times, write_three
 from pipeline.array_types import Floats
-from pipeline.physics.illumination import EARTH_RADIUS_M
+from pipeline.constants import EARTH_RADIUS_M
 
 #: largest angle per step of the integration, on the fastest orbit through the perigee, rad
 LONGEST_STEP_RAD = 0.02

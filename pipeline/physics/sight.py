@@ -13,7 +13,7 @@ from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.three import Three, cross, dot, three_of
 from fis_tools.compiled.vectors import Mask, Vector, most
 from pipeline.array_types import Bytes, Floats
-from pipeline.physics.illumination import ASTRONOMICAL_UNIT_M
+from pipeline.constants import ASTRONOMICAL_UNIT_M
 
 #: cells along an edge of the cube
 EDGE_CELLS = 32

@@ -15,7 +15,7 @@ from pipeline.flight.fly.tours import rehearsal_samples, tour_names
 from pipeline.flight.goals.reach import ended, limit_at
 from pipeline.flight.state.log import LIMITS, PARKED, REHEARSED, FlightLog, inspectable_rate, points_needed
 from pipeline.flight.world.limits import depths_in_spheres, metres_beyond, wheel_is_full
-from pipeline.recording.foresight import decisions_in_words, is_planned
+from pipeline.recording.foresight import along_axes, decisions_in_words, is_planned, push_of
 from pipeline.settings.experiment import Mission
 
 Level = Literal["info", "warning", "error"]
@@ -92,11 +92,10 @@ def _approach(mission: Mission, log: FlightLog) -> Iterator[Event]:
 def chosen_ahead(mission: Mission, log: FlightLog, controller: Controller) -> Iterator[Event]:
     """Yield which pushes foresight chose, and which first push and which tours rehearsals chose."""
     if num_rehearsed := len(log.push_costs_m_s):
-        per_force = 1000.0 * mission.control_period_s / mission.deputy.mass_kg
-        x, y, z = (per_force * log.force_asked_n[0]).tolist()
+        push = along_axes(push_of(mission, log.force_asked_n[0]))
         text = (
             f"rehearsed: of {num_rehearsed} first pushes, each flown to the end by the rules, this one ends "
-            f"cheapest: {x:.0f} mm/s radially, {y:.0f} along the track, {z:.0f} across"
+            f"cheapest: {push}"
         )
         yield Event(0, "info", text)
     for sample, words in decisions_in_words(mission, log):
@@ -173,10 +172,8 @@ def _wheels(mission: Mission, log: FlightLog) -> Iterator[Event]:
 
 def _parking(mission: Mission, log: FlightLog) -> Iterator[Event]:
     """Yield each push that parks."""
-    per_force = 1000.0 * mission.control_period_s / mission.deputy.mass_kg
     for sample in np.flatnonzero((log.command_reason == PARKED).any(axis=1)).tolist():
-        x, y, z = (per_force * log.force_asked_n[sample]).tolist()
-        push = f"{x:.0f} mm/s radially, {y:.0f} along the track, {z:.0f} across"
+        push = along_axes(push_of(mission, log.force_asked_n[sample]))
         yield Event(sample, "info", f"parks on a closed ellipse inside the limits: {push}")
 
 

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from pipeline.array_types import Floats
+from pipeline.constants import MM_PER_M
 from pipeline.flight.fly.replanning import COASTING, ENDS, FINISHING, REHEARSED, RULES
 from pipeline.flight.state.log import FlightLog
 from pipeline.flight.world.pack import pack_world
@@ -26,6 +27,17 @@ def is_planned(log: FlightLog) -> bool:
     return len(log.foresight_at) > 0 and not len(log.push_costs_m_s) and not len(log.tour_costs_m_s)
 
 
+def push_of(mission: Mission, force_n: Floats) -> Floats:
+    """Return what forces that are held for a control period, N, change velocities by, mm/s; of any shape."""
+    return MM_PER_M * mission.control_period_s / mission.deputy.mass_kg * np.asarray(force_n)
+
+
+def along_axes(push_mm_s: Floats) -> str:
+    """Return the components of a push, mm/s along Hill axes, (3,), in words, axis by axis."""
+    x, y, z = push_mm_s.tolist()
+    return f"{x:.0f} mm/s radially, {y:.0f} along the track, {z:.0f} across"
+
+
 def push_in_words(push_mm_s: Floats) -> str:
     """Return a push, mm/s along Hill axes, in words, the largest component first."""
     order = np.argsort(-np.abs(push_mm_s), kind="stable")
@@ -42,9 +54,9 @@ def plan_in_words(mission: Mission, plan: Floats, sample: int) -> str:
 
     A row of a plan, (B, 4), is a push: the sample when it begins, -1 for none, and its force, N, Hill axes.
     """
-    per_force, words = 1e3 * mission.control_period_s / mission.deputy.mass_kg, []
+    words = []
     for begin, *force in plan[np.argsort(plan[:, 0], kind="stable")]:
-        push = push_in_words(per_force * np.array(force)) if begin >= 0.0 else ""
+        push = push_in_words(push_of(mission, np.array(force))) if begin >= 0.0 else ""
         minutes = (begin - sample) * mission.control_period_s / 60.0
         if push:
             words.append(f"{push} {'now' if begin == sample else f'after {minutes:.1f} min'}")
@@ -64,7 +76,7 @@ def decisions_in_words(mission: Mission, log: FlightLog) -> Iterator[tuple[int, 
                 f"planned: of {num_priced:,} plans, checked for light and sight, the cheapest is {plan}"
             )
         if np.isfinite(prices[1]):
-            other, more = plan_in_words(mission, plans[1], sample), 1e3 * (prices[1] - prices[0])
+            other, more = plan_in_words(mission, plans[1], sample), MM_PER_M * (prices[1] - prices[0])
             sentence += f". The best that differs clearly, {other}, would cost {more:.0f} mm/s more"
         best = int(np.nanargmin(ends))
         then = {

@@ -25,6 +25,7 @@ from fis_tools.model import FuzzyController
 from fis_tools.model.thrust import COMPONENTS, REASONS
 from fis_tools.words.text import sentences
 from pipeline.array_types import Floats
+from pipeline.constants import MM_PER_M
 from pipeline.controllers.played import to_mapping
 from pipeline.flight.cases.dispersions import drawn, mission_of_case
 from pipeline.flight.control.controller import (
@@ -43,7 +44,7 @@ from pipeline.flight.world.pack import pack_world
 from pipeline.flight.world.surface import surface_of
 from pipeline.recording.events import events
 from pipeline.recording.firing import delay_of, is_fired
-from pipeline.recording.foresight import recorded_decisions
+from pipeline.recording.foresight import along_axes, recorded_decisions
 from pipeline.recording.points import lit_and_seen, parts_of_points, sensed_of_points
 from pipeline.run import configuration, maker
 from pipeline.settings.equipment import FilteredNavigation
@@ -178,8 +179,7 @@ class FlightRecorder:
 
     def _rehearsals(self, log: FlightLog) -> dict[str, dict[str, str]]:
         """Return the estimated cost of each alternative: first pushes, tours, and plans of pushes."""
-        pushes = (1e3 * rehearsed_pushes(self.controller)).tolist()
-        ways = [f"{x:.0f} mm/s radially, {y:.0f} along the track, {z:.0f} across" for x, y, z in pushes]
+        ways = [along_axes(MM_PER_M * push) for push in rehearsed_pushes(self.controller)]
         period, names = self.mission.control_period_s, tour_names(self.controller)
         is_rehearsed = len(log.push_costs_m_s) > 0
         rehearsals = {"first push": (ways, log.push_costs_m_s, 0.0, period)} if is_rehearsed else {}

@@ -7,6 +7,8 @@ from datetime import UTC, datetime, timedelta
 from math import asin, atan2, cos, degrees, radians, sin
 from typing import Final
 
+from pipeline.constants import DAY_S
+
 #: Julian date of 2000 January 1, 12 h
 J2000: Final = 2_451_545.0
 MOST_DAYS: Final = 50 * 365.25
@@ -30,7 +32,7 @@ def days_of(epoch: str) -> float:
     """
     time = datetime.fromisoformat(epoch)
     time = time.replace(tzinfo=UTC) if time.tzinfo is None else time
-    return (time - _J2000).total_seconds() / 86_400.0
+    return (time - _J2000).total_seconds() / DAY_S
 
 
 def sun_longitude(days: float) -> float:

@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
+from pipeline.constants import DAY_S
 from pipeline.settings import checks, types
 from pipeline.settings.checks import SettingError
 from pipeline.settings.conditions import Only
@@ -19,7 +20,7 @@ from pipeline.settings.relations import check_relations
 #: beyond this many points a flight fills a computer's memory
 MOST_POINTS = 10_000
 #: on a circle about an oblate Earth, the longest flight that counts with the mean motion, s
-LONG_S = 86_400.0
+LONG_S = DAY_S
 #: the least is beyond the accumulated rounding of a flight
 Margin = Annotated[types.Number, Field(ge=0.001)]
 UNIT_INERTIA = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))

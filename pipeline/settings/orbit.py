@@ -11,13 +11,13 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import AfterValidator, BeforeValidator, Field, Strict
 
+from pipeline.constants import DAY_S, EARTH_GRAVITY_M3_S2, EARTH_RADIUS_M
 from pipeline.settings import ephemeris, types
 from pipeline.settings.checks import SettingError
 from pipeline.settings.conditions import Only
 from pipeline.settings.groups import Settings
 
 #: WGS 84
-EARTH_RADIUS_M, EARTH_GRAVITY_M3_S2 = 6_378_137.0, 3.986004418e14
 #: least altitude, where the air ends an orbit within a turn
 LOWEST_M = 100_000.0
 #: relative difference within which two values of a planet's gravity agree
@@ -141,8 +141,8 @@ class OrbitSettings(Settings, group="orbit"):
         if start is None:
             return (0.0, 0.0, 1.0), [0.0 for _ in seconds]
         _, _, *angles, _ = self.elements
-        first, day = ephemeris.sun_longitude(start), 86_400.0
-        turns = [ephemeris.sun_longitude(start + time / day) - first for time in seconds]
+        first = ephemeris.sun_longitude(start)
+        turns = [ephemeris.sun_longitude(start + time / DAY_S) - first for time in seconds]
         return ephemeris.ecliptic_pole_in_hill(start, *angles), turns
 
 

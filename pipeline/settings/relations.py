@@ -8,8 +8,9 @@ settings are checked where they are defined.
 import math
 from collections.abc import Callable, Iterator
 from functools import reduce
-from typing import Any, Final, NamedTuple
+from typing import Any, NamedTuple
 
+from pipeline.constants import STANDARD_GRAVITY_M_S2
 from pipeline.settings import checks
 from pipeline.settings.checks import SettingError
 from pipeline.settings.orbit import FASTEST_RAD_S, GRAVITY_TOLERANCE, SLOWEST_RAD_S, MeanMotionOrbit
@@ -18,8 +19,6 @@ from pipeline.settings.orbit import FASTEST_RAD_S, GRAVITY_TOLERANCE, SLOWEST_RA
 Mission = Any
 Refusals = Callable[[Mission], Iterator[str]]
 
-#: standard gravity: the exhaust speed is the specific impulse times this
-STANDARD_GRAVITY_M_S2: Final = 9.80665
 #: beyond these a flight fills a computer's memory
 MOST_CONTROLS, MOST_POINTS_SAMPLED, MOST_ATTITUDES = 100_000, 20_000_000, 5_000_000
 #: greatest eccentricity beside which Clohessy and Wiltshire's equations, with its mean motion, are of use

@@ -5,6 +5,7 @@ from collections import defaultdict
 
 import pytest
 
+from pipeline import constants
 from tests.places import PROJECT
 
 #: words that fit anything: that it is somewhere, or that somebody found it or wanted it
@@ -80,3 +81,17 @@ def test_only_the_steps_of_a_period_take_the_whole_workspace():
     }
     steps = {f"steps.py:{name}" for name in ("look", "decide", "act")}
     assert whole == steps | {"look/sight.py:see"}, "name the working arrays that a function reads and writes"
+
+
+def test_constants_of_nature_stand_in_one_place():
+    # a thousand is a number of many things
+    values = {value for name, value in vars(constants).items() if name.isupper() and value != 1000.0}
+    copies = [
+        f"{path}:{node.lineno} {node.value}"
+        for path, tree in sources(*PACKAGES, "benchmarks")
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Constant) and isinstance(node.value, float | int) and node.value in values
+        if path != "pipeline/constants.py"
+    ]
+    assert len(values) >= 6
+    assert copies == []

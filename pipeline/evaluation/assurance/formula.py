@@ -20,6 +20,7 @@ from dataclasses import dataclass
 from math import inf, isfinite
 from typing import Final, NoReturn
 
+from pipeline.constants import DAY_S
 from pipeline.settings.keys import did_you_mean
 
 
@@ -127,7 +128,7 @@ RATE: Final = "per_s"
 COASTING, COASTING_FARTHEST = "coasting_distance", "coasting_farthest"
 OF_COASTING: Final = (COASTING, COASTING_FARTHEST)
 #: a day's free motion; beyond it the linear equations say nothing
-MOST_COASTED_S: Final = 86_400.0
+MOST_COASTED_S: Final = DAY_S
 
 
 def seconds_of(name: str) -> float | None:

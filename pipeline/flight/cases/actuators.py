@@ -9,13 +9,13 @@ from math import ceil
 
 import numpy as np
 
+from pipeline.constants import STANDARD_GRAVITY_M_S2
 from pipeline.flight.cases.processes import in_time, varies
 from pipeline.flight.state.errors import Firing, ThrustErrors, Thrusters
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.layout import layout_of
 from pipeline.settings.equipment import RealActuators
 from pipeline.settings.experiment import Mission
-from pipeline.settings.relations import STANDARD_GRAVITY_M_S2
 
 #: part of the spawn key of the random numbers for the thrusters, after the case
 THRUSTERS = 2

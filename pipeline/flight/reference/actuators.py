@@ -7,10 +7,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from pipeline.array_types import Booleans, Floats
+from pipeline.constants import STANDARD_GRAVITY_M_S2
 from pipeline.flight.reference.flight import ReferenceFlight
 from pipeline.settings.equipment import RealActuators
 
-STANDARD_GRAVITY = 9.80665
 #: propellant that rounding leaves, as a share of the mass at the start
 EMPTY = 1e-12
 
@@ -126,5 +126,5 @@ def mass_after(flight: ReferenceFlight, thrust: Thrust, mass: float) -> float:
     law = flight.mission.actuators
     if not isinstance(law, RealActuators) or law.specific_impulse_s is None:
         return mass
-    speed = STANDARD_GRAVITY * law.specific_impulse_s
+    speed = STANDARD_GRAVITY_M_S2 * law.specific_impulse_s
     return mass - thrust.total * flight.mission.control_period_s / speed

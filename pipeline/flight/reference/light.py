@@ -3,11 +3,9 @@
 import numpy as np
 
 from pipeline.array_types import Booleans, Floats
+from pipeline.constants import ASTRONOMICAL_UNIT_M, EARTH_GRAVITY_M3_S2, EARTH_RADIUS_M, SUN_RADIUS_M
 from pipeline.settings.experiment import Mission
 from pipeline.settings.orbit import MeanMotionOrbit, PlanetOrbit
-
-ASTRONOMICAL_UNIT_M, SUN_RADIUS_M = 149_597_870_700.0, 695_700_000.0
-EARTH_RADIUS_M, EARTH_GRAVITY = 6_378_137.0, 3.986004418e14
 
 #: the Sun's angle in the orbit plane, from i towards j, and its elevation over that plane, rad
 SunAngles = tuple[float, float]
@@ -29,7 +27,7 @@ def semi_major_axis(mission: Mission) -> float:
     orbit, n = mission.orbit, mission.orbit.mean_motion_rad_s
     if isinstance(orbit, MeanMotionOrbit) and orbit.radius_m is not None:
         return orbit.radius_m
-    gravity = orbit.gravity_m3_s2 if isinstance(orbit, PlanetOrbit) else EARTH_GRAVITY
+    gravity = orbit.gravity_m3_s2 if isinstance(orbit, PlanetOrbit) else EARTH_GRAVITY_M3_S2
     return float((gravity / n**2) ** (1.0 / 3.0))
 
 

@@ -6,9 +6,9 @@ from functools import lru_cache
 import numpy as np
 
 from pipeline.array_types import Floats
+from pipeline.constants import EARTH_RADIUS_M
 from pipeline.physics.attitude import longest_tumbling_step, tumble
 from pipeline.physics.course import TrueCourse, seen_from_course, true_course, turned_about
-from pipeline.physics.illumination import EARTH_RADIUS_M
 from pipeline.physics.orbit import NO_COURSE, Course, Elements, course_of
 from pipeline.physics.transitions import NO_TRANSITIONS, Transitions, transitions_of
 from pipeline.settings.experiment import Mission, SettingError

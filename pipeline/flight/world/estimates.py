@@ -10,8 +10,8 @@ from math import radians, sqrt
 import numpy as np
 
 from pipeline.array_types import Floats
+from pipeline.constants import EARTH_RADIUS_M
 from pipeline.flight.world.chief import elements_of, greatest_drag
-from pipeline.physics.illumination import EARTH_RADIUS_M
 from pipeline.physics.motion import motion_over
 from pipeline.settings.equipment import FilteredNavigation, PositionFixes, RangeBearingFixes, RealActuators
 from pipeline.settings.experiment import Mission

@@ -13,10 +13,10 @@ from typing import NamedTuple
 import numpy as np
 
 from pipeline.array_types import Floats
+from pipeline.constants import STANDARD_GRAVITY_M_S2
 from pipeline.flight.world.estimates import SQRT_3
 from pipeline.flight.world.layout import layout_of
 from pipeline.settings.equipment import RealActuators
-from pipeline.settings.relations import STANDARD_GRAVITY_M_S2
 
 #: of a newton; what a thruster gives less of, by rounding, is nothing
 NOTHING = 1e-9

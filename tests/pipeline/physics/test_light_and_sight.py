@@ -6,9 +6,10 @@ from scipy.spatial import Delaunay
 from scipy.spatial.transform import Rotation
 
 from fis_tools.compiled.three import three_of
+from pipeline.constants import EARTH_RADIUS_M
 from pipeline.flight.world.surface import fibonacci_placement, regular_placement
 from pipeline.physics import illumination
-from pipeline.physics.illumination import EARTH_RADIUS_M, sun_direction_h, visible_share
+from pipeline.physics.illumination import sun_direction_h, visible_share
 from pipeline.physics.sight import Optics, fits_from, is_facing, is_in_cone, is_in_rectangle, is_lit, sight_of
 
 RADIUS = 10.0
