@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fis_tools.processors import num_processors
 from pipeline.constants import STANDARD_GRAVITY_M_S2
 from pipeline.evaluation import blocks
 from pipeline.evaluation.after import Aftermath, aftermath, joined
@@ -64,7 +65,7 @@ def fly_cases(
         outcomes, tracks = fly_tracked(mission, controller, scenarios, workers, num_tracked=NUM_PLACED)
         return episode_columns(mission, scenarios, outcomes), tracks
     outcomes, tracks = fly_tracked(mission, controller, scenarios, workers)
-    after = aftermath(mission, tracks)
+    after = aftermath(mission, tracks, workers or num_processors())
     return episode_columns(mission, scenarios, outcomes, after), tracks[..., :NUM_PLACED]
 
 
@@ -78,7 +79,7 @@ def fly_followed(
     for first in range(0, len(scenarios), FOLLOWED):
         part, tracks = fly_tracked(mission, controller, scenarios[first : first + FOLLOWED], workers)
         outcomes.append(part)
-        after.append(aftermath(mission, tracks))
+        after.append(aftermath(mission, tracks, workers or num_processors()))
     return combined(outcomes), joined(after)
 
 

@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.array_types import Floats, Integers
-from pipeline.evaluation.assurance.coasting import coasting_distances
 from pipeline.evaluation.assurance.formula import COASTING, COASTING_FARTHEST, kind_of, seconds_of
 from pipeline.flight.state import arrays
 from pipeline.flight.state.log import inspectable_rate
+from pipeline.flight.world.coasting import FreeMotion
 from pipeline.physics.quaternion import seen_from_hill
 from pipeline.settings import plugged
 from pipeline.settings.experiment import Mission
@@ -86,12 +86,12 @@ def _degrees_between(first: Floats, second: Floats) -> Floats:
 
 
 def _coasting(name: str, seconds: float | None = None) -> OfTracks:
-    """Return a quantity of `coasting_distances` over some seconds, an orbit unless given."""
+    """Return a quantity of `FreeMotion.distances` over some seconds, an orbit unless given."""
     end = 0 if name == COASTING else 1
 
     def distance(tracks: Floats, facts: TrackFacts) -> Floats:
         duration = 2.0 * np.pi / facts.mean_motion if seconds is None else seconds
-        return coasting_distances(facts.mission, tracks[..., :6], duration)[end]
+        return FreeMotion(facts.mission, duration).distances(tracks[..., :6], duration)[end]
 
     return distance
 

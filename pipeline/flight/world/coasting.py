@@ -7,17 +7,48 @@ moves a deputy by less than a metre in three low orbits, is left out.
 
 from functools import lru_cache
 from math import ceil
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from fis_tools.compiled.decorator import plainly
-from pipeline.array_types import Floats
-from pipeline.flight.world.chief import chief_course, elements_of, hill_rates
+from fis_tools.compiled.decorator import compiled, plainly
+from pipeline.array_types import Floats, Integers
+from pipeline.flight.world.chief import chief_course, elements_of
 from pipeline.physics.motion import state_transition
 from pipeline.physics.orbit import air_of
 from pipeline.physics.transitions import Transitions, transitions_of
 from pipeline.settings.experiment import Mission
 from pipeline.settings.mission import TwoBody
+from pipeline.threads import in_threads
+
+#: between the instants at which free motion is looked at, at most, s; control periods about the Earth may be
+#: longer
+SPACING_S = 10.0
+#: what is fired moves a deputy further, m, and m/s, within a control period, than the rounding of its track
+ROUNDED_M, ROUNDED_M_S = 1e-4, 2e-7
+
+
+class Arcs(NamedTuple):
+    """Free motion by its constants, which what is fired changes, at samples and at instants between them.
+
+    A state at sample k, m and m/s, is ``onward[k] c + drift[k]`` of its six constants c, which are
+    ``back[k] (state - drift[k])``; the position at instant j is ``rows[:, :, j] c + offsets[:, j]``.
+    """
+
+    onward: Floats  # (K+1, 6, 6)
+    back: Floats  # (K+1, 6, 6)
+    drift: Floats  # (K+1, 6)
+    rows: Floats  # (3, 6, J): one instant behind the other, as vectors take them
+    offsets: Floats  # (3, J)
+    first: Integers  # (K+1,) instant at sample k, or the next one
+    last: Integers  # (K+1,) last instant that sample k looks at
+    end_rows: Floats  # (K+1, 3, 6) of positions at the end of what sample k looks at
+    end_offsets: Floats  # (K+1, 3)
+
+
+#: those of its tables that have a row for each instant; the others have one for each sample
+BY_INSTANT = ("rows", "offsets")
 
 
 class FreeMotion:
@@ -26,7 +57,6 @@ class FreeMotion:
     def __init__(self, mission: Mission, beyond_s: float) -> None:
         self._mission, self._period = mission, mission.control_period_s
         self._tables = _tables(mission, beyond_s) if isinstance(mission.dynamics, TwoBody) else None
-        self.fastest = float(np.abs(hill_rates(mission)).max())
 
     def rows(self, k: int, seconds: float, spacing_s: float) -> Floats:
         """Return the rows, (J, 3, 7), of positions, m, by a state at sample k, m and m/s, and 1.
@@ -49,6 +79,216 @@ class FreeMotion:
         rows = self.rows(k, seconds, spacing_s)
         known = np.column_stack([states, np.ones(len(states))])
         return np.asarray((rows.reshape(-1, 7) @ known.T).reshape(len(rows), 3, len(states)))
+
+    def distances(
+        self, states: Floats, seconds: float, workers: int = 1, sample: int = 0
+    ) -> tuple[Floats, Floats]:
+        """Return the least and the greatest distance of free motion from the states of flights on.
+
+        Along the chief's orbit about the Earth it is followed for whole control periods.
+
+        Parameters
+        ----------
+        states : (n, S, 6) array
+            Position, m, and velocity, m/s, Hill axes, at each sample.
+        seconds : float
+        workers : int
+            Threads.
+        sample : int
+            That of the first state.
+
+        Returns
+        -------
+        nearest, farthest : (n, S) arrays
+            m.
+        """
+        whole = self._arcs(seconds)
+        arcs = Arcs(
+            *(table if name in BY_INSTANT else table[sample:] for name, table in whole._asdict().items())
+        )
+        states = np.ascontiguousarray(states, dtype=np.float64)
+        squares = np.empty((2, *states.shape[:2]))
+
+        def follow(flights: slice) -> None:
+            note_extremes(arcs, states[flights], squares[0, flights], squares[1, flights])
+
+        shares = [share for share in np.array_split(np.arange(len(states)), workers) if len(share)]
+        in_threads(follow, [slice(share[0], share[-1] + 1) for share in shares], workers=workers)
+        nearest, farthest = np.sqrt(squares.clip(0.0))
+        return nearest, farthest
+
+    def _arcs(self, seconds: float) -> Arcs:
+        num_samples, period = self._mission.num_controls + 1, self._period
+        if self._tables is None:
+            return _circular_arcs(self._mission.orbit.mean_motion_rad_s, period, num_samples, seconds)
+        course, drag = self._tables
+        stride, samples = max(1, round(SPACING_S / period)), np.arange(num_samples)
+        ends = samples + ceil(seconds / period - 1e-9)
+        instants = np.arange(0, ends[-1] + 1, stride)
+        return Arcs(
+            *(course.onward[samples], course.back[samples], drag[samples]),
+            *(
+                np.ascontiguousarray(course.onward[instants, :3].transpose(1, 2, 0)),
+                drag[instants, :3].T.copy(),
+            ),
+            *(-(-samples // stride), ends // stride),
+            *(np.ascontiguousarray(course.onward[ends, :3]), np.ascontiguousarray(drag[ends, :3])),
+        )
+
+
+@lru_cache(maxsize=4)
+def _circular_arcs(mean_motion: float, period: float, num_samples: int, seconds: float) -> Arcs:
+    """Return free motion by Clohessy and Wiltshire's equations; its constants are the state at the start."""
+    each, stride = max(1, ceil(period / SPACING_S)), max(1, int(SPACING_S / period))
+    spacing = period * stride if each == 1 else period / each
+
+    def transitions(times: NDArray[np.floating]) -> Floats:
+        with plainly("pipeline"):
+            return np.array([state_transition(mean_motion, time) for time in times.tolist()])
+
+    times = period * np.arange(num_samples)
+    samples = np.arange(num_samples)
+    # instants by whole numbers, so that no rounding parts an instant from its sample
+    first = samples * each if each > 1 else -(-samples // stride)
+    last = np.floor((times + seconds) / spacing + 1e-9).astype(np.int64)
+    instants = spacing * np.arange(last[-1] + 1)
+    drift = np.zeros((num_samples, 6))
+    return Arcs(
+        *(transitions(times), transitions(-times), drift),
+        *(
+            np.ascontiguousarray(transitions(instants)[:, :3].transpose(1, 2, 0)),
+            np.zeros((3, len(instants))),
+        ),
+        *(first, last),
+        *(np.ascontiguousarray(transitions(times + seconds)[:, :3]), drift[:, :3].copy()),
+    )
+
+
+@compiled(error_model="numpy")
+def square_at(rows: Floats, offsets: Floats, constants: Floats) -> float:
+    """Return the square of the distance, m^2, at rows of positions, (3, 6), with offsets, (3,)."""
+    square = 0.0
+    for axis in range(3):
+        along = offsets[axis]
+        for q in range(6):
+            along += rows[axis, q] * constants[q]
+        square += along * along
+    return square
+
+
+@compiled(error_model="numpy")
+def is_on_arc(arcs: Arcs, constants: Floats, sample: int, state: Floats) -> bool:
+    """Return whether free motion of some constants leads to a state, to the rounding of tracks."""
+    for row in range(6):
+        off = arcs.drift[sample, row] - state[row]
+        for q in range(6):
+            off += arcs.onward[sample, row, q] * constants[q]
+        if abs(off) > (ROUNDED_M if row < 3 else ROUNDED_M_S):
+            return False
+    return True
+
+
+@compiled(error_model="numpy")
+def with_vertex(squares: Floats, j: int, ahead: bool, behind: bool) -> tuple[float, float]:
+    """Return the least and the greatest at an instant and at the vertex of the parabola through three there.
+
+    The vertex counts where it is ahead of the instant, or behind it, by less than an interval.
+    """
+    before, now, after = squares[j - 1], squares[j], squares[j + 1]
+    slope, bend = 0.5 * (after - before), after - 2.0 * now + before
+    step = -slope / bend if bend != 0.0 else 0.0
+    if abs(step) >= 1.0 or (step > 0.0 and not ahead) or (step < 0.0 and not behind):
+        return now, now
+    square = now + step * (slope + 0.5 * step * bend)
+    return min(now, square), max(now, square)
+
+
+@compiled(nogil=True, error_model="numpy")
+def note_extremes(arcs: Arcs, states: Floats, nearest: Floats, farthest: Floats) -> None:
+    """Fill the squares of the least and of the greatest distance of free motion from each state on, m^2.
+
+    Samples between which nothing was fired are on one arc, which is looked at once.
+
+    Parameters
+    ----------
+    arcs : Arcs
+    states : (n, K+1, 6)
+    nearest, farthest : (n, K+1)
+        Filled.
+    """
+    num_samples, room = states.shape[1], arcs.rows.shape[2]
+    squares, least, most = np.empty(room), np.empty(room), np.empty(room)
+    constants = np.empty(6)
+    for flight in range(len(states)):
+        k = 0
+        while k < num_samples:
+            state, past = states[flight, k], k + 1
+            for row in range(6):
+                constants[row] = 0.0
+                for q in range(6):
+                    constants[row] += arcs.back[k, row, q] * (state[q] - arcs.drift[k, q])
+            while past < num_samples and arcs.first[past] <= arcs.last[k]:
+                if not is_on_arc(arcs, constants, past, states[flight, past]):
+                    break
+                past += 1
+            low, middle, high = arcs.first[k], arcs.last[k], arcs.last[past - 1]
+            look_along(arcs, constants, low, high, squares)
+            accumulate(squares, low, middle, high, least, most)
+            for sample in range(k, past):
+                now = states[flight, sample]
+                near = now[0] * now[0] + now[1] * now[1] + now[2] * now[2]
+                then = square_at(arcs.end_rows[sample], arcs.end_offsets[sample], constants)
+                begin, end = arcs.first[sample], arcs.last[sample]
+                lowest, greatest = within(squares, begin, end, low, middle, high, least, most)
+                nearest[flight, sample] = min(near, then, lowest)
+                farthest[flight, sample] = max(near, then, greatest)
+            k = past
+
+
+@compiled(error_model="numpy")
+def look_along(arcs: Arcs, constants: Floats, low: int, high: int, squares: Floats) -> None:
+    """Fill the squares of the distance, m^2, from an instant to another."""
+    a, b, c, d, e, f = constants[0], constants[1], constants[2], constants[3], constants[4], constants[5]
+    for axis in range(3):
+        rows, offsets = arcs.rows[axis], arcs.offsets[axis]
+        for j in range(low, high + 1):
+            along = offsets[j] + rows[0, j] * a + rows[1, j] * b + rows[2, j] * c
+            along = along + rows[3, j] * d + rows[4, j] * e + rows[5, j] * f
+            squares[j] = along * along if axis == 0 else squares[j] + along * along
+
+
+@compiled(error_model="numpy")
+def accumulate(squares: Floats, low: int, middle: int, high: int, least: Floats, most: Floats) -> None:
+    """Fill extremes between instants: before the middle from each to there, then from there to each."""
+    for j in range(middle - 1, low, -1):
+        least[j], most[j] = with_vertex(squares, j, True, True)
+        if j < middle - 1:
+            least[j], most[j] = min(least[j], least[j + 1]), max(most[j], most[j + 1])
+    after = max(middle, low + 1)
+    for j in range(after, high):
+        least[j], most[j] = with_vertex(squares, j, True, True)
+        if j > after:
+            least[j], most[j] = min(least[j], least[j - 1]), max(most[j], most[j - 1])
+
+
+@compiled(error_model="numpy")
+def within(
+    squares: Floats, begin: int, end: int, low: int, middle: int, high: int, least: Floats, most: Floats
+) -> tuple[float, float]:
+    """Return the extremes from an instant to another, with those that `accumulate` filled in between."""
+    near, far = np.inf, 0.0
+    if begin > end:
+        return near, far
+    for j in (begin, end):
+        lowest, greatest = squares[j], squares[j]
+        if low < j < high:
+            lowest, greatest = with_vertex(squares, j, j == begin, j == end)
+        near, far = min(near, lowest), max(far, greatest)
+    if begin + 1 < middle:
+        near, far = min(near, least[begin + 1]), max(far, most[begin + 1])
+    if end - 1 >= max(middle, begin + 1):
+        near, far = min(near, least[end - 1]), max(far, most[end - 1])
+    return near, far
 
 
 @lru_cache(maxsize=8)

@@ -3,11 +3,13 @@
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.linalg import expm
 
 from pipeline.evaluation.after import aftermath
 from pipeline.flight.control.controller import coast
 from pipeline.flight.fly.simulation import fly_all
 from pipeline.flight.state.log import Scenario
+from pipeline.flight.world.coasting import FreeMotion
 from pipeline.settings.mission import TwoBody
 from pipeline.settings.orbit import OrbitSettings
 from tests.pipeline.flight.cases import mission
@@ -113,3 +115,45 @@ def test_a_mission_that_goes_on_counts_what_follows_as_outside():
     assert before.is_violated.sum() < counted.is_violated.sum() < len(starts)
     np.testing.assert_array_equal(counted.is_violated, whole.is_violated)
     np.testing.assert_array_equal(counted.max_distance_m, before.max_distance_m)
+
+
+#: control periods, s, and for how long free motion is followed, s
+LOOKS = [(10.0, 1800.0), (10.0, ORBIT_S), (1.0, 900.0), (25.0, 3000.0), (10.0, 5.0), (4.0, 33.0)]
+
+
+@pytest.mark.parametrize(("period", "seconds"), LOOKS)
+def test_free_motion_from_every_sample_is_what_its_matrix_says(period, seconds):
+    n, num_periods = mission().orbit.mean_motion_rad_s, 60
+    rates = np.zeros((6, 6))
+    rates[:3, 3:] = np.eye(3)
+    rates[3, 0], rates[3, 4], rates[4, 3], rates[5, 2] = 3.0 * n * n, 2.0 * n, -2.0 * n, -n * n
+    over_period, over_second = expm(rates * period), expm(rates)
+    generator = np.random.default_rng(11)
+    tracks = np.empty((8, num_periods + 1, 6))
+    tracks[:, 0] = states(8, 7)
+    for k in range(num_periods):
+        # coasting, now and then a push, and one flight that never coasts
+        pushes = np.where(generator.random((8, 1)) < 0.1, generator.normal(0.0, 0.02, (8, 3)), 0.0)
+        pushes[0] = generator.normal(0.0, 1e-3, 3)
+        tracks[:, k + 1] = tracks[:, k] @ over_period.T
+        tracks[:, k + 1, 3:] += pushes
+    what = mission(duration_s=num_periods * period, control_period_s=period)
+    rounded = tracks.astype(np.float32).astype(np.float64)
+    nearest, farthest = FreeMotion(what, seconds).distances(rounded, seconds, workers=2)
+    now, least = tracks, np.linalg.norm(tracks[..., :3], axis=-1)
+    most = least
+    for _ in range(int(seconds)):
+        now = now @ over_second.T
+        distance = np.linalg.norm(now[..., :3], axis=-1)
+        least, most = np.minimum(least, distance), np.maximum(most, distance)
+    last = tracks @ expm(rates * seconds).T
+    distance = np.linalg.norm(last[..., :3], axis=-1)
+    least, most = np.minimum(least, distance), np.maximum(most, distance)
+    # what a second of the matrix may miss beside the chief
+    speed = 2.0 * n * most
+    missed = np.sqrt(least**2 + (0.5 * speed) ** 2) - least
+    assert (nearest <= least + 0.02).all()
+    assert (nearest >= least - 0.02 - missed).all()
+    np.testing.assert_allclose(farthest, most, rtol=0.0, atol=0.02)
+    only, _ = FreeMotion(what, seconds).distances(rounded[:, -1:], seconds, sample=num_periods)
+    np.testing.assert_allclose(only[:, 0], nearest[:, -1], rtol=0.0, atol=0.02)
