@@ -31,6 +31,8 @@ from tests.smoke import miniature
 
 pytestmark = pytest.mark.slow
 
+#: as each night: every text in every file, and all experiments; else half of the texts, drawn for each file
+IS_WHOLE = os.environ.get("EVERY_EXPERIMENT") == "1"
 #: in the environment
 WATCHED = "a-word-of-the-environment"
 MARKUP, FORMULA = "<script>alert(1)</script>", '=HYPERLINK("http://127.0.0.1:9/")'
@@ -100,9 +102,9 @@ def attacks(path: Path, rng: random.Random) -> Iterator[tuple[str, bytes]]:
     content = path.read_bytes()
     if not (count := count_of(path, content)):
         return
-    for text in HOSTILE:
+    for text in rng.sample(HOSTILE, len(HOSTILE) if IS_WHOLE else len(HOSTILE) // 2):
         yield text, replaced(path, content, text, rng.randrange(count))
-    for text in rng.sample(HOSTILE, 2):
+    for text in rng.sample(HOSTILE, 2 if IS_WHOLE else 1):
         yield text, replaced(path, content, text)
 
 
@@ -181,8 +183,8 @@ def assert_harmless(folder: Path) -> None:
             assert not any(cell.startswith("=") for row in csv.reader(stream) for cell in row), path
 
 
-#: every fourth, or with EVERY_EXPERIMENT=1, as each night, all: a run of each takes three minutes in all
-EXPERIMENTS = miniature.EXPERIMENTS[:: 1 if os.environ.get("EVERY_EXPERIMENT") == "1" else 4]
+#: every fourth, or where all is walked: a run of each takes three minutes in all
+EXPERIMENTS = miniature.EXPERIMENTS[:: 1 if IS_WHOLE else 4]
 
 
 @pytest.fixture(scope="module", params=EXPERIMENTS, ids=lambda path: path.stem)
