@@ -188,6 +188,7 @@ def written(page: str, runs: Mapping[str, Mapping[str, Any]]) -> str:
         guarded = {_name(row): row for row in of_sun if row.safety != "none"}
         head, rule, *lines = match[2].splitlines()
         columns = [kind.columns.get(LINK.sub(r"\1", cell)) for cell in _cells(head)]
+        # a later row of the same controller is of other flights
         written_lines = [_line(line, columns, plain, guarded) for line in lines]
         return match[0].replace(match[2], "\n".join([head, rule, *written_lines]) + "\n")
 
@@ -205,15 +206,15 @@ def _cells(line: str) -> list[str]:
 def _line(
     line: str,
     columns: list[Cell | None],
-    plain: Mapping[str, ComparisonRow],
+    plain: dict[str, ComparisonRow],
     guarded: Mapping[str, ComparisonRow],
 ) -> str:
-    """Return a line of a table with its figures; as it is if its first cell names nothing that flew."""
+    """Return a line of a table with its figures; as it is if its first cell names nothing that is left."""
     label, *cells = _cells(line)
     name = next((name for name in plain if f"`{name}`" in label or label.startswith(name)), None)
     if name is None:
         return line
-    row = plain[name]
+    row = plain.pop(name)
     ahead = percent_ahead(row.summary)
     label = BY_RULES.sub(f"{100.0 - ahead:.2g} %", AHEAD.sub(f"{ahead:.1f} %", label))
     filled = []
@@ -222,7 +223,7 @@ def _line(
         shows_layer = "[" in cell or column is _under_the_layer
         with_layer = guarded.get(name) if shows_layer else None
         filled.append(column(row, with_layer) if column and cell else cell)
-    return "| " + " | ".join([label, *filled]) + " |"
+    return re.sub("  +", " ", "| " + " | ".join([label, *filled]) + " |")
 
 
 if __name__ == "__main__":
