@@ -28,6 +28,21 @@ Observation = NDArray[np.float32]
 Started = tuple[Observation, dict[str, Any]]
 
 
+def picture(episodes: Episodes, episode: int) -> NDArray[np.uint8]:
+    """Draw an episode so far, (height, width, 3)."""
+    # slower to import than many flights
+    from pipeline.report.figures.style import PALETTE, pixels  # noqa: PLC0415
+    from pipeline.report.figures.trajectories import Tracks, trajectories  # noqa: PLC0415
+
+    facts = {name: float(values[episode]) for name, values in episodes.facts.items()}
+    positions = episodes.log(episode)[1].position_m[: episodes.num_samples(episode)]
+    if len(positions) == 1:  # a line has two ends
+        positions = np.repeat(positions, 2, axis=0)
+    words, colour = f"{facts['num_inspected']:.0f} points, {facts['delta_v_m_s']:.3f} m/s", PALETTE[0]
+    tracks = Tracks(positions[np.newaxis], [colour], {words: colour})
+    return pixels(trajectories(tracks, episodes.task.mission))
+
+
 class InspectionEnv(gymnasium.Env[Observation, NDArray[Any]]):
     """Inspect the chief: command a force each control period, in Hill axes.
 
@@ -89,20 +104,7 @@ class InspectionEnv(gymnasium.Env[Observation, NDArray[Any]]):
 
     def render(self) -> NDArray[np.uint8] | None:
         """Return a picture of the episode so far, (height, width, 3), where `render_mode` asks for it."""
-        if self.render_mode is None:
-            return None
-        # slower to import than many flights
-        from pipeline.report.figures.style import PALETTE, pixels  # noqa: PLC0415
-        from pipeline.report.figures.trajectories import Tracks, trajectories  # noqa: PLC0415
-
-        info, positions = self._info(), self.log().position_m[: self._episodes.num_samples(0)]
-        if len(positions) == 1:  # a line has two ends
-            positions = np.repeat(positions, 2, axis=0)
-        words = f"{info['num_inspected']:.0f} points, {info['delta_v_m_s']:.3f} m/s"
-        colour = PALETTE[0]
-        return pixels(
-            trajectories(Tracks(positions[np.newaxis], [colour], {words: colour}), self.task.mission)
-        )
+        return None if self.render_mode is None else picture(self._episodes, 0)
 
     def log(self) -> FlightLog:
         """Return everything that happened in the episode so far; what is left is flown without force."""
@@ -125,9 +127,17 @@ class InspectionVectorEnv(VectorEnv[Observation, NDArray[Any], NDArray[Any]]):
     num_envs : int
     overrides, reward, levels_n
         As for one.
+    render_mode : str, optional
+        ``rgb_array``, for `render`.
+    max_episode_steps : int, optional
+        Episodes are truncated after so many, or at the end of their flight.
     """
 
-    metadata = {"autoreset_mode": AutoresetMode.NEXT_STEP, "render_modes": []}  # noqa: RUF012 - as above
+    metadata = {  # noqa: RUF012 - as above
+        "autoreset_mode": AutoresetMode.NEXT_STEP,
+        "render_modes": ["rgb_array"],
+        "render_fps": 10,
+    }
 
     def __init__(
         self,
@@ -135,10 +145,13 @@ class InspectionVectorEnv(VectorEnv[Observation, NDArray[Any], NDArray[Any]]):
         overrides: Sequence[str] = (),
         reward: Reward | None = None,
         levels_n: float | None = None,
+        render_mode: str | None = None,
+        max_episode_steps: int | None = None,
     ) -> None:
-        if num_envs < 1:
-            raise ValueError(f"num_envs is {num_envs}; it must be at least 1")
-        self.num_envs = num_envs
+        for name, count in (("num_envs", num_envs), ("max_episode_steps", max_episode_steps)):
+            if count is not None and count < 1:
+                raise ValueError(f"{name} is {count}; it must be at least 1")
+        self.num_envs, self.render_mode, self._most_steps = num_envs, render_mode, max_episode_steps
         self.task: Task = task_of(obeyed(overrides), reward, levels_n)
         self.single_observation_space = self.task.observation_space()
         self.single_action_space = self.task.action_space()
@@ -189,6 +202,8 @@ class InspectionVectorEnv(VectorEnv[Observation, NDArray[Any], NDArray[Any]]):
         for flight in np.flatnonzero(self._has_ended):
             self._start(int(flight))
         rewards, terminated, truncated = self._episodes.step(actions)
+        if self._most_steps is not None:
+            truncated |= ~terminated & (self._episodes.flights.samples >= self._most_steps)
         self._has_ended = terminated | truncated
         return self._episodes.flights.seen, rewards, terminated, truncated, self._infos()
 
@@ -196,6 +211,12 @@ class InspectionVectorEnv(VectorEnv[Observation, NDArray[Any], NDArray[Any]]):
         """Return facts as vector environments have them: an array each, and a mask of where it is known."""
         facts = self._episodes.facts
         return facts | {f"_{name}": self._all for name in facts}
+
+    def render(self) -> tuple[NDArray[np.uint8], ...] | None:
+        """Return a picture of each episode so far, where `render_mode` asks for it."""
+        if self.render_mode is None:
+            return None
+        return tuple(picture(self._episodes, flight) for flight in range(self.num_envs))
 
     def record(self, flight: int, path: Path) -> None:
         """Record the episode of a flight so far as MCAP."""

@@ -35,6 +35,8 @@ DRAWN: Final = ("min_distance_m", "max_distance_m", "max_speed_m_s", "directions
 OBEYED: Final = {"world", "sun", *names_of(Mission), *(f"monte_carlo.{name}" for name in DRAWN)}
 #: first part of the spawn key of starts, beside those of `pipeline.scenarios`
 EPISODES = 1 << 22
+#: shares beyond 1 by no more are rounded, as float32 does
+ROUNDED = 1e-6
 #: seeds of starts are drawn below this
 MOST_SEED = 1 << 31
 
@@ -86,6 +88,42 @@ def nearest_in_orbit(orbit: HasMeanMotion, deputy: HasMass, state: Floats) -> fl
     num_seconds = ceil(2.0 * pi / orbit.mean_motion_rad_s)
     path = free_path(motion_over(orbit, deputy, (1.0,)), state, num_seconds)
     return float(np.linalg.norm(path[:, :3], axis=1).min())
+
+
+def shaped(actions: NDArray[Any], shape: tuple[int, ...]) -> Floats:
+    """Return actions as numbers.
+
+    Raises
+    ------
+    ValueError
+        If they have another shape.
+    """
+    values = np.asarray(actions, dtype=np.float64)
+    if values.shape != shape:
+        raise ValueError(f"actions have the shape {values.shape}; it must be {shape}")
+    return values
+
+
+def shares_of(actions: NDArray[Any], shape: tuple[int, ...]) -> Floats:
+    """Return actions that are shares of what can be commanded.
+
+    Raises
+    ------
+    ValueError
+        If they have another shape, or one is not from -1 to 1.
+    """
+    values = shaped(actions, shape)
+    if not np.all(np.abs(values) <= 1.0 + ROUNDED):
+        raise ValueError(
+            f"an action is {_farthest(values, 0.0):g}; each number is a share of what can be commanded and "
+            "must be from -1 to 1 (gymnasium.wrappers.ClipAction clips them)"
+        )
+    return np.asarray(np.clip(values, -1.0, 1.0))
+
+
+def _farthest(values: Floats, middle: float) -> float:
+    """Return the number that is farthest from the middle, or is none."""
+    return float(values.flat[np.argmax(np.nan_to_num(np.abs(values - middle), nan=np.inf))])
 
 
 @dataclass(frozen=True)
@@ -147,11 +185,22 @@ class Task:
         seed = int(generator.integers(MOST_SEED))
         return draw(seed, EPISODES, 0, self.experiment.monte_carlo, self.experiment.sun)
 
-    def forces(self, actions: NDArray[Any]) -> Floats:
-        """Return the forces of actions, shape (n, 3), N, Hill axes."""
-        values = np.asarray(actions, dtype=np.float64).reshape(-1, 3)
+    def forces(self, actions: NDArray[Any], num_flights: int) -> Floats:
+        """Return the forces of actions, shape (n, 3), N, Hill axes.
+
+        Raises
+        ------
+        ValueError
+            If they have another shape, or are outside `action_space`.
+        """
         if self.levels_n is None:
-            return np.asarray(np.clip(values, -1.0, 1.0) * self.mission.deputy.max_force_n)
+            return shares_of(actions, (num_flights, 3)) * self.mission.deputy.max_force_n
+        values = shaped(actions, (num_flights, 3))
+        if not np.isin(values, (0.0, 1.0, 2.0)).all():
+            raise ValueError(
+                f"an action is {_farthest(values, 1.0):g}; each number must be 0, 1 or 2, of which 1 fires "
+                "nothing"
+            )
         return np.asarray((values - 1.0) * self.levels_n)
 
 
@@ -262,7 +311,7 @@ class Episodes:
             The flight's time is over. See `Reward` for AFRL's ends.
         """
         flights, reward = self.flights, self.task.reward
-        forces = self.task.forces(actions)
+        forces = self.task.forces(actions, len(self._needed))
         is_begun = flights.samples >= 0
         rows = np.flatnonzero(is_begun)
         self._forces[rows, flights.samples[rows]] = forces[rows]

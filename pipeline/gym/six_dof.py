@@ -17,13 +17,20 @@ from scipy.integrate import solve_ivp
 from fis_tools.compiled.decorator import compiled, plainly
 from fis_tools.compiled.three import Three, three_of, times
 from pipeline.array_types import Floats
-from pipeline.flight.fly.stepping import check_given
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.chief import chief_attitudes
 from pipeline.flight.world.pack import optics_of
 from pipeline.flight.world.surface import surface_of
 from pipeline.gym.env import Started, checked_options, require_episode
-from pipeline.gym.episodes import AFRL_WEIGHTED, Reward, nearest_in_orbit, obeyed, priority_weights, task_of
+from pipeline.gym.episodes import (
+    AFRL_WEIGHTED,
+    Reward,
+    nearest_in_orbit,
+    obeyed,
+    priority_weights,
+    shares_of,
+    task_of,
+)
 from pipeline.physics.attitude import euler
 from pipeline.physics.illumination import sun_angle, sun_direction_h
 from pipeline.physics.quaternion import dcm_b_from_h, derivative, normalised
@@ -197,8 +204,7 @@ class SixDofInspectionEnv(gymnasium.Env[NDArray[np.float32], NDArray[Any]]):
         """
         require_episode(self._is_over)
         mission, deputy, reward = self._mission, self._mission.deputy, self._reward
-        shares = np.clip(np.asarray(action, dtype=np.float64), -1.0, 1.0)
-        check_given(shares)
+        shares = shares_of(action, (6,))
         force, torque = shares[:3] * deputy.max_force_n, shares[3:] * deputy.max_torque_n_m
         push, hill_rate = force / deputy.mass_kg, mission.orbit.mean_motion_rad_s
         settings = push, torque, self._inertia, np.linalg.inv(self._inertia), self._max_rate, hill_rate

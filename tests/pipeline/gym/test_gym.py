@@ -81,8 +81,28 @@ def test_an_action_that_is_no_number_is_refused() -> None:
         env.reset(seed=1)
         action = np.zeros(env.action_space.shape, dtype=np.float32)
         action[..., 1] = np.nan
-        with pytest.raises(ValueError, match="infinite or not a number"):
+        with pytest.raises(ValueError, match=r"an action is nan; .* from -1 to 1"):
             env.step(action)
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:.*infinity")
+def test_actions_outside_the_space_are_refused() -> None:
+    words = {"overrides": WORLDS["paper"]}
+    many = gymnasium.make_vec("pipeline.gym:Inspection-v0", num_envs=3, **words)
+    for env in (InspectionEnv(**words), many, gym.SixDofInspectionEnv(["world=afrl_six_dof"])):
+        env.reset(seed=1)
+        most = np.ones(env.action_space.shape, dtype=np.float32)
+        env.step(most)
+        for wrong, words in ((1.2 * most, "is 1.2"), (np.inf * most, "is inf"), (np.ones(9), "shape")):
+            with pytest.raises(ValueError, match=words):
+                env.step(wrong)
+    levels = InspectionEnv(WORLDS["paper"], levels_n=0.1)
+    levels.reset(seed=1)
+    levels.step(levels.action_space.sample())
+    for number in (255, -1, 1.5):
+        with pytest.raises(ValueError, match=f"is {number}; each number must be 0, 1 or 2"):
+            levels.step(np.array([1, number, 1]))
 
 
 @pytest.fixture(scope="module")
@@ -174,6 +194,25 @@ def test_many_flights_are_single_ones_and_start_anew() -> None:
             assert (alone[0] == seen[index]).all()
             assert alone[1:] == (rewards[index], terminated[index], truncated[index])
         has_ended = terminated | truncated
+
+
+@pytest.mark.slow
+def test_many_flights_are_drawn_and_end_when_asked() -> None:
+    words = {"overrides": WORLDS["paper"], "render_mode": "rgb_array", "max_episode_steps": 3}
+    many = gymnasium.make_vec("pipeline.gym:Inspection-v0", num_envs=2, **words)
+    alone = gymnasium.make("pipeline.gym:Inspection-v0", **words)
+    many.reset(seed=5)
+    alone.reset(seed=5)
+    for step in range(3):
+        action = np.full(3, 0.02, dtype=np.float32)
+        *_, is_cut, _ = many.step(np.stack([action, action]))
+        assert is_cut.all() == is_cut.any() == (step == 2) == alone.step(action)[3]
+    first, second = many.render()
+    np.testing.assert_array_equal(first, alone.render())
+    assert not np.array_equal(first, second)
+    with pytest.raises(ValueError, match="max_episode_steps is 0; it must be at least 1"):
+        gymnasium.make_vec("pipeline.gym:Inspection-v0", num_envs=2, max_episode_steps=0)
+    assert gymnasium.make_vec("pipeline.gym:Inspection-v0", num_envs=2).render() is None
 
 
 def test_normalised_observations_are_about_one() -> None:
