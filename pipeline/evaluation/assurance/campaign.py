@@ -192,11 +192,12 @@ def _evaluate(formula: Formula, quantities: Samples, period_s: float) -> Formula
     is_mixed = unit_of(formula) is None
     units = deciding_units(formula, quantities, margins) if is_mixed else np.empty(0, dtype=np.str_)
     occurred = premises(formula, quantities, period_s)
+    # copies: what is sliced would keep all samples of the flights in memory
     return FormulaResult(
-        margins,
-        holds(formula, quantities, period_s),
-        units,
-        {render(premise, UNITS): occurs for premise, occurs in occurred.items()},
+        np.array(margins),
+        np.array(holds(formula, quantities, period_s)),
+        np.array(units),
+        {render(premise, UNITS): np.array(occurs) for premise, occurs in occurred.items()},
     )
 
 

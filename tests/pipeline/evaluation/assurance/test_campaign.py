@@ -73,6 +73,16 @@ def test_margins_are_those_of_the_outcomes_and_parts_do_not_matter(monkeypatch: 
         np.testing.assert_array_equal(outcome.margins, results[name].margins)
 
 
+def test_a_result_keeps_none_of_what_it_was_computed_from():
+    flights = scenarios(3)
+    tracks, facts = FLIGHTS.tracks(flights)
+    texts = {"plain": "always distance >= 15", "implied": "always (distance <= 50 -> coasting_distance >= 1)"}
+    formulas = {name: parse(text, UNITS) for name, text in texts.items()}
+    for result in evaluate_formulas(tracks, facts, formulas, MISSION.control_period_s).values():
+        for part in (result.margins, result.is_met, result.units, *result.premises.values()):
+            assert part.base is None
+
+
 def test_enough_is_inspected_in_a_low_orbit_where_a_flight_succeeds(tmp_path: Path):
     composed = compose_experiment(["+experiment=assure", "controller=champion_leo", "world=leo"]).experiment
     flown, pilot = evaluation_scenarios(composed)[:150], named("champion_leo", composed.mission)
