@@ -4,6 +4,7 @@ import base64
 import gzip
 import hashlib
 import json
+import re
 from pathlib import Path
 from string import Template
 
@@ -23,6 +24,11 @@ COMMAND = (
     f"monte_carlo.num_cases={NUM_STARTS}",
 )
 VIEW = PROJECT / "pipeline" / "report" / "flight_view"
+PLAYER = PROJECT / "pipeline" / "player"
+#: a link to a page of the site
+LINK = re.compile(r'href="([\w/.-]+\.html)"')
+#: pages of the site that are made elsewhere
+AT_ROOT = {"changes": "CHANGELOG.md", "contributing": "CONTRIBUTING.md", "support": "SUPPORT.md"}
 #: number, what it says, and the page with its command
 FACTS = (
     ("99.1 %", "of 1,000 starts that no training used succeed, the Sun anywhere", "reference/results.html"),
@@ -45,18 +51,29 @@ def experiment() -> Experiment:
     return compose_experiment([*COMMAND]).experiment
 
 
-def page() -> str:
-    """Return the page as HTML."""
-    table = json.loads((FOLDER / "flight.json").read_text(encoding="utf-8"))
-    module = base64.b64encode(gzip.compress((FOLDER / "flight.wasm").read_bytes(), 9, mtime=0)).decode()
+def page(*, is_alone: bool = False) -> str:
+    """Return the page as HTML; alone, not in the site, its links lead to the sources of the pages."""
+    from docs.home_table import table  # noqa: PLC0415 - it reads what is flown from here
+
+    content = table()
+    module = base64.b64encode(
+        gzip.compress((PLAYER / "modules" / "plain.wasm").read_bytes(), 9, mtime=0)
+    ).decode()
     style = "".join(path.read_text(encoding="utf-8") for path in (VIEW / "view.css", FOLDER / "home.css"))
-    parts = (VIEW / "view.js", FOLDER / "flight.js", FOLDER / "home.js")
+    scripts = PLAYER / "scripts"
+    parts = (
+        VIEW / "view.js",
+        scripts / "module.js",
+        scripts / "reasons.js",
+        FOLDER / "flight.js",
+        FOLDER / "home.js",
+    )
     code = "".join(path.read_text(encoding="utf-8").replace("\nexport ", "\n") for path in parts)
     # an end tag in a text would end the script
-    constants = json.dumps(table, separators=(",", ":")).replace("</", "<\\/")
+    constants = json.dumps(content, separators=(",", ":")).replace("</", "<\\/")
     script = f'const TABLE = {constants};\nconst MODULE = "{module}";\n{code}'
     template = Template((FOLDER / "home.html").read_text(encoding="utf-8"))
-    return template.substitute(
+    text = template.substitute(
         SCRIPT=script,
         SCRIPT_HASH=hash_of(script),
         STYLE=style,
@@ -65,9 +82,16 @@ def page() -> str:
         ICON=picture("assets/favicon"),
         MOTION=picture("images/drawings/motion"),
         SLICE=picture("images/drawings/slice_of_rules"),
-        NUM_OTHERS=table["num_starts"] - 1,
+        NUM_OTHERS=content["num_starts"] - 1,
         FACTS="".join(f'<li><a href="{link}"><b>{number}</b></a>{text}</li>' for number, text, link in FACTS),
     )
+    return LINK.sub(lambda found: f'href="{source_of(found[1])}"', text) if is_alone else text
+
+
+def source_of(link: str) -> str:
+    """Return where the source of a page of the site lies, from the folder of the page alone."""
+    name = link.removesuffix(".html")
+    return f"../{AT_ROOT[name]}" if name in AT_ROOT else f"../docs/{name}.md"
 
 
 def picture(name: str) -> str:
@@ -85,7 +109,7 @@ def main() -> None:
     """Write the page, and say where it is."""
     path = PROJECT / "build" / "home.html"
     path.parent.mkdir(exist_ok=True)
-    path.write_text(page(), encoding="utf-8")
+    path.write_text(page(is_alone=True), encoding="utf-8")
     print(path.relative_to(PROJECT))
 
 

@@ -4,40 +4,40 @@ const PIECE = 8, HEADER = 4; // of fis_tools/engines/packing.py
 const LAYOUT = ["inputs", "terms0", "terms1", "terms2", "points0", "points1", "points2", "values0", "values1", "values2",
   "outputTerms", "outputPoints", "outputValues", "pieces", "ranks", "rules"];
 
-/** Start the module; `table` is flight.json. */
+/** Start the module; `table` is of docs/home.py. */
 export async function openFlights(bytes, table) {
-  const { instance } = await WebAssembly.instantiate(bytes, { env: { sin: Math.sin, cos: Math.cos } });
-  const code = instance.exports;
-  const address = { content: Number(code.content_address()), zeros: Number(code.zeros_address()) };
-  const view = (name, Kind = Float64Array, offset = 0) => {
-    const { block, offset: start, bytes: size } = table.arrays[name];
-    return new Kind(code.memory.buffer, address[block] + start + offset, (size - offset) / Kind.BYTES_PER_ELEMENT | 0);
-  };
+  const module = await openModule(bytes, table.snapshot), { view } = module;
   const log = name => view(`results.log.${name}`), marks = name => view(`results.log.${name}`, Uint8Array);
   const rows = view("flights.law.layout", BigInt64Array);
   const layouts = table.systems.map((_, index) =>
     Object.fromEntries(LAYOUT.map((name, column) => [name, Number(rows[index * LAYOUT.length + column])])));
   const values = view("flights.values"), rules = view("flights.rules", BigInt64Array);
+  // what a flight does not decide it does not write, so that of the flight before would stay
+  const logged = Object.keys(table.snapshot.arrays).filter(name => name.startsWith("results.log.")).map(name => view(name, Uint8Array));
   const lanes = view("work.scratch", Float64Array, table.inputs), sharesByTerm = view("shares");
-  const check = status => { if (status) throw new Error(`the compiled flight stopped with status ${status}`); };
   return {
     table, layouts, values, rules, view, order: [],
     starts: view("flights.cases"), outcomes: view("results.outcomes"), tracks: view("results.tracks", Float32Array),
-    points: view("flights.world.points"), freeMotion: view("free_motion"),
+    points: view("flights.world.points"), freeMotion: view("freeMotion"),
     log: {
       position: log("position_m"), velocity: log("velocity_m_s"), force: log("force_hill_n"), sun: log("sun_angle_rad"),
-      inputs: log("fis_input"), spent: log("delta_v_m_s"), numCandidates: view("results.log.num_candidates", BigInt64Array),
-      isInspected: marks("is_inspected"), isDecided: marks("is_decided"),
+      asked: log("force_asked_n"), change: log("safety_force_hill_n"), inputs: log("fis_input"), spent: log("delta_v_m_s"),
+      numCandidates: view("results.log.num_candidates", BigInt64Array), isInspected: marks("is_inspected"), isDecided: marks("is_decided"),
     },
     /** Fly flights first to last - 1; one alone may be logged, and all be tracked. */
     fly(first, last, { isLogged = false, isTracked = false } = {}) {
-      const samples = isLogged ? table.num_controls + 1 : 0, tracked = isTracked ? table.num_starts : 0;
-      check(code.fly(BigInt(first), BigInt(last), BigInt(samples), BigInt(tracked)));
+      if (isLogged) logged.forEach(array => array.fill(0));
+      module.set("first", first);
+      module.set("last", last);
+      module.set("results.log.position_m:length0", isLogged ? table.num_controls + 1 : 0);
+      module.set("results.tracks:length0", isTracked ? table.num_starts : 0);
+      module.call("fly");
     },
     /** Return what each of the rules that are packed adds to an output, in its unit. */
     shares(index, inputs) {
       inputs.forEach((value, column) => { lanes[2 * column] = lanes[2 * column + 1] = value; });
-      check(code.share(BigInt(index)));
+      module.set("system", index);
+      module.call("share");
       return this.order[index].map(position => sharesByTerm[position]);
     },
   };

@@ -5,11 +5,6 @@ const isStill = matchMedia("(prefers-reduced-motion: reduce)").matches;
 const radians = degrees => degrees * Math.PI / 180, degrees = angle => angle * 180 / Math.PI;
 const PART = 33; // flights between two chances for the page to answer
 
-async function inflated(text) {
-  const bytes = Uint8Array.from(atob(text), letter => letter.charCodeAt(0));
-  return new Response(new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"))).arrayBuffer();
-}
-
 const flights = await openFlights(await inflated(MODULE), TABLE);
 const { log, outcomes, tracks, starts } = flights;
 const others = starts.slice(), width = starts.length / TABLE.num_starts;
@@ -24,13 +19,18 @@ const padded = flights.points.length / 3;
 const SLIDERS = { azimuth: 45, elevation: 35.5, distance: 75, sun: 0 };
 const chosen = { ...SLIDERS };
 const three = (array, k) => [array[3 * k], array[3 * k + 1], array[3 * k + 2]];
-const decision = k => Math.min(TABLE.num_controls - 1, k - k % stride);
 
 const flown = {
   numSamples, periodS: TABLE.control_period_s, radius: TABLE.radius_m, limits: [TABLE.min_distance_m, TABLE.max_distance_m],
+  stride, maxForce: TABLE.max_force_n, coastsWhenComplete: TABLE.coasts_when_complete, numCounted: TABLE.num_points,
   points: Array.from({ length: TABLE.num_points }, (_, j) => [0, 1, 2].map(axis => flights.points[axis * padded + j])),
   position: k => three(log.position, k),
-  force: k => three(log.force, decision(k)),
+  force: k => k < numSamples - 1 ? three(log.force, k) : [0, 0, 0],
+  asked: k => three(log.asked, k),
+  change: k => three(log.change, k),
+  isDecided: k => log.isDecided[k] > 0,
+  isGiven: () => false,
+  numSeen: k => flown.points.filter((_, j) => flown.isSeen(k, j)).length,
   sun: k => [Math.cos(log.sun[k]), Math.sin(log.sun[k]), 0],
   isSeen: (k, j) => log.isInspected[k * TABLE.num_points + j] > 0,
   spent: k => log.spent[k],
@@ -39,26 +39,16 @@ const flown = {
     return Array.from({ length: rows.length / 18 }, (_, at) => [0, 1, 2].map(axis =>
       state.reduce((sum, value, column) => sum + rows[18 * at + 6 * axis + column] * value, 0)));
   },
-  reasons: k => reasons(decision(k)),
+  reason: (k, axis) => reasonAt(flown, k, axis),
+  reasons(k) {
+    document.querySelectorAll(".fires").forEach(cell => cell.classList.remove("fires"));
+    return told(flown, k, TABLE.reasons, (decided, axis) => {
+      const rule = mostMoving(axis, decided, Math.sign(flown.force(decided)[axis]));
+      if (decided === k) $(`cell-${axis}-${rule}`)?.classList.add("fires");
+      return ruleText(axis, rule);
+    });
+  },
 };
-
-/** Return what the deputy does after a decision, and the rule that moves each component most. */
-function reasons(k) {
-  const force = three(log.force, k), rows = [];
-  document.querySelectorAll(".fires").forEach(cell => cell.classList.remove("fires"));
-  if (!log.isDecided[k]) {
-    const isComplete = flown.points.every((_, j) => flown.isSeen(k, j));
-    return [{ text: "Coasting.", detail: isComplete ? "All points are inspected." : "Free motion will show all points but one at most." }];
-  }
-  force.forEach((part, axis) => {
-    if (!part) return;
-    const rule = mostMoving(axis, k, Math.sign(part));
-    $(`cell-${axis}-${rule}`)?.classList.add("fires");
-    rows.push({ size: Math.abs(part), text: pushText(axis, part), detail: ruleText(axis, rule) });
-  });
-  rows.sort((a, b) => b.size - a.size);
-  return rows.length ? rows : [{ text: "No push.", detail: "No rule asks for enough." }];
-}
 
 function mostMoving(axis, k, sign) {
   const first = (k * systems.length + axis) * (log.inputs.length / (TABLE.num_controls * systems.length));
@@ -76,10 +66,8 @@ function flyOwn() {
   const e = radians(chosen.elevation), a = radians(chosen.azimuth), d = chosen.distance;
   starts.set([Math.sin(a) * Math.cos(e) * d, Math.cos(a) * Math.cos(e) * d, Math.sin(e) * d, 0, 0, 0, radians(chosen.sun), 0]);
   flights.fly(0, 1, { isLogged: true });
-  view.farthest = 0;
-  view.said = "";
+  view.renew();
   writeAddress();
-  view.draw();
 }
 
 function startFrom(kind, [x, y], { eye, right, up }) {
@@ -110,27 +98,41 @@ function showSliders() {
 // --- all flights, as the rules were and as they are ---
 
 let job = 0, first = null, latest = null;
-async function flyAll() {
-  const mine = ++job, began = performance.now();
-  pack(flights, systems);
-  flyOwn();
-  const isTracked = $("cloud").checked;
+
+/** Fly all other starts; return what became of them and their outcomes, or null where another job began meanwhile. */
+async function flyOthers(mine, isTracked) {
   for (let start = 1; start < TABLE.num_starts; start += PART) {
     await new Promise(resolve => setTimeout(resolve));
     if (mine !== job) return null;
     flights.fly(start, Math.min(TABLE.num_starts, start + PART), { isTracked });
   }
-  const rows = Array.from({ length: TABLE.num_starts - 1 }, (_, i) => outcomes.subarray((i + 1) * numOutcomes, (i + 2) * numOutcomes));
+  const rows = Array.from({ length: TABLE.num_starts - 1 }, (_, i) => outcomes.slice((i + 1) * numOutcomes, (i + 2) * numOutcomes));
   const needed = Math.ceil(TABLE.num_points * TABLE.threshold_percent / 100 - 1e-9);
   const mean = values => values.reduce((sum, value) => sum + value, 0) / values.length;
   const isIn = row => row[TABLE.outcomes.outside] === 0;
-  latest = {
+  return {
     success: 100 * mean(rows.map(row => +(isIn(row) && row[TABLE.outcomes.inspected] >= needed))),
     fuel: mean(rows.map(row => row[TABLE.outcomes.delta_v])), outside: rows.filter(row => !isIn(row)).length,
+    areOutside: rows.map(row => !isIn(row)),
   };
-  first ??= latest;
+}
+
+async function flyAll() {
+  const mine = ++job, began = performance.now();
+  if (isEdited() && !first) { // what others are compared with is the controller as it is
+    pack(flights, TABLE.systems);
+    const unchanged = await flyOthers(mine, false);
+    if (!unchanged) return null;
+    first = unchanged;
+  }
+  pack(flights, systems);
+  flyOwn();
+  const isTracked = $("cloud").checked, packed = JSON.stringify(systems), found = await flyOthers(mine, isTracked);
+  if (!found) return null;
+  latest = { ...found, systems: packed };
+  if (!isEdited()) first = latest;
   showMany(performance.now() - began);
-  view.others = isTracked ? rows.map((row, i) => ({ isOutside: !isIn(row), path: track(i + 1) })) : [];
+  view.others = isTracked ? found.areOutside.map((isOutside, i) => ({ isOutside, path: track(i + 1) })) : [];
   view.draw();
   return latest;
 }
@@ -251,17 +253,22 @@ function askGuess() {
   const answers = ["About as good", "A few more fail", "Most fail"].map((text, guess) => {
     const button = element("button", { class: "plain", type: "button" }, text);
     button.addEventListener("click", async () => {
-      const before = first.success;
+      const before = latest?.systems === JSON.stringify(systems) ? latest : await flyAll();
+      if (!before) return;
+      const was = system.rules[at].then, numRules = systems.reduce((sum, each) => sum + each.rules.length, 0);
       system.rules[at].then = wanted;
       const after = await changed(`cell-${index}-${at}`);
       if (!after) return;
-      const lost = before - after.success, truth = lost < 2 ? 0 : after.success >= 50 ? 1 : 2;
+      const lost = before.success - after.success, truth = lost < 2 ? 0 : after.success >= 50 ? 1 : 2;
+      const why = was === wanted ? "It pushed down already: nothing was changed." : `One rule of ${numRules} did that; a network would not have told which.`;
       $("guess").replaceChildren(element("p", {}, element("b", {}, guess === truth ? "You guessed it. " : "Not quite. "),
-        `${before.toFixed(1)} % succeeded, now ${after.success.toFixed(1)} %; ${after.outside} of ${TABLE.num_starts - 1} leave the limits. One rule of 27 did that; a network would not have told which. Put it back below, or change another.`));
+        `${before.success.toFixed(1)} % succeeded, now ${after.success.toFixed(1)} %; ${after.outside} of ${TABLE.num_starts - 1} leave the limits. ${why} Put it back below, or change another.`));
     });
     return button;
   });
-  $("guess").replaceChildren(question, ...answers);
+  // the question tells what the champion's own rule says
+  const isOwn = system.rules[at].then === TABLE.systems[index].rules[at].then;
+  $("guess").replaceChildren(...(isOwn ? [question, ...answers] : [element("p", { class: "small" }, "Put the champion's own rules back to be asked a question.")]));
 }
 
 // --- the address, and a file ---
@@ -320,7 +327,7 @@ function asYaml() {
 // --- begin ---
 
 // for whoever looks from the console, and the tests
-globalThis.flightPage = { flights, systems, flown, flyAll, asYaml, mostMoving, isLit };
+globalThis.flightPage = { flights, systems, flown, flyAll, asYaml, mostMoving, isLit: facesSun };
 
 const view = new FlightView($("scene"), flown, { touch: startFrom, onTime: writeAddress });
 globalThis.flightPage.view = view;
@@ -341,7 +348,7 @@ $("save").addEventListener("click", () => {
   link.click();
   URL.revokeObjectURL(link.href);
 });
-addEventListener("hashchange", () => { const k = readAddress(); showSliders(); showRules(); if (k !== null) view.sample = k; flyAll(); });
+addEventListener("hashchange", () => { const k = readAddress(); showSliders(); showRules(); askGuess(); if (k !== null) view.show(k); flyAll(); });
 
 const requested = readAddress();
 showSliders();

@@ -5,6 +5,7 @@ import sys
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -58,7 +59,9 @@ from pipeline.flight.state.log import Scenario
 from pipeline.proof.apart import check_apart, is_installed
 from pipeline.proof.verdict import NotProvable, theorem_of
 from pipeline.recording.recorder import FlightRecorder
-from pipeline.report.board import render_board
+from pipeline.report.board import gravest, render_board
+from pipeline.report.board_flights import MOST_FOLLOWED, flights_of_board
+from pipeline.report.evidence import number as written
 from pipeline.report.evidence import render_evidence
 from pipeline.report.figures.flights import draw_flight, draw_tube
 from pipeline.report.figures.style import Illustration
@@ -347,11 +350,34 @@ def _tube_drawn(
 
 
 def _board(experiment: Experiment, folder: Path, gathered: Mapping[str, Any]) -> str:
-    """Return the page that a board signs, with the first case."""
+    """Return the page that a board signs, with the first cases and the gravest verdict's worst flight."""
     mission, controller = experiment.mission, controller_of_run(experiment, folder)
-    tracks, points = Campaign(mission, controller).tracks(list(_scenarios(experiment, 1)))
-    flight = draw_flight(tracks[0], points.number, mission, experiment.report.dots_per_inch)
-    return render_board(gathered, controller.systems, flight)
+    num_cases = gathered["conditions"]["num_cases"]
+    campaign = Campaign(mission, controller, experiment.assurance.workers)
+    tracks, _ = campaign.tracks(list(_scenarios(experiment, min(MOST_FOLLOWED, num_cases))))
+    flights = flights_of_board(mission, tracks, num_cases)
+    made = datetime.now(UTC).date()
+    worst = _worst_drawn(experiment, folder, gathered)
+    return render_board(gathered, controller.systems, flights, worst, made, controller.force_axes)
+
+
+def _worst_drawn(
+    experiment: Experiment, folder: Path, gathered: Mapping[str, Any]
+) -> tuple[str, Illustration] | None:
+    """Return the recorded flight that fails the gravest open requirement most, in words and drawn."""
+    requirement = gravest(gathered["requirements"])
+    if requirement is None:
+        return None
+    worst, mission = requirement["worst"], experiment.mission
+    recording = reader.read(folder / worst["recording"], (DEPUTY_CONTROL, DEPUTY_STATE, MISSION))
+    (track, *_), facts = track_of(recording, mission)
+    name = f"{requirement['id']} {requirement['title']}"
+    words = (
+        f"{name}: {worst['found_by']} has the least margin that is known, "
+        f"{written(worst['margin'])} {worst['unit']}".rstrip()
+        + f" ({worst['recording']})."
+    )
+    return words, draw_flight(track, facts.number, mission, experiment.report.dots_per_inch)
 
 
 def _domain(experiment: Experiment, controller: Controller, folder: Path) -> Domain | None:

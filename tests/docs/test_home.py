@@ -9,12 +9,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from playwright.sync_api import expect
 
 from docs import home
 from docs.home import CONTROLLER, FILE, NUM_STARTS, experiment
 from fis_tools.analysis import shapley
 from fis_tools.engines.compiler import compile
 from fis_tools.formats.serialize import load
+from fis_tools.model.thrust import REASONS
 from pipeline.controllers import source
 from pipeline.flight.fly.simulation import fly_all, fly_logged
 from pipeline.scenarios import evaluation_scenarios
@@ -231,7 +233,117 @@ def test_the_page_fits_and_axe_finds_nothing(opened, page_text, axe, width, sche
 
 
 def test_the_first_page_is_small(page_text):
-    assert len(gzip.compress(page_text.encode())) < 100_000
+    assert len(gzip.compress(page_text.encode())) < 125_000
     assert '<link rel="icon" href="data:' in page_text  # some browsers ask for it, others do not
     assert not re.search(r"https?://(?!www\.w3\.org/2000/svg)", page_text.partition("<script")[0])
-    assert Path(home.FOLDER, "flight.wasm").stat().st_size < 200_000
+    assert Path(home.PLAYER, "modules", "plain.wasm").stat().st_size < 200_000
+
+
+def test_each_reason_is_the_products(shown):
+    mission, controller, starts = flights()
+    names, kinds = list(REASONS), set()
+    for index in (3, 70, 140):
+        shown.evaluate(f"() => flightPage.flights.fly({index}, {index + 1}, {{ isLogged: true }})")
+        log = fly_logged(mission, controller, starts[index])
+        reasons = shown.evaluate(
+            """() => Array.from({ length: flightPage.flown.numSamples - 1 }, (_, k) =>
+                [0, 1, 2].map(axis => flightPage.flown.reason(k, axis)))"""
+        )
+        expected = [[names[code] for code in row] for row in log.reason.tolist()]
+        assert reasons == expected, index
+        kinds |= {name for row in expected for name in row}
+    assert {"fired", "silent", "dead_band", "waiting", "coasting"} <= kinds
+
+
+def test_nothing_is_said_that_was_not_decided_at_the_sample(opened, page_text):
+    address = "#azimuth=-60&elevation=0&distance=75&sun=270&k=360"
+    page = opened(page_text, reduced_motion="reduce")
+    page.evaluate("address => { location.hash = address; }", address)
+    expect(page.locator(".why")).to_have_text(
+        "The flight ends here. Nothing is decided any more; the dashed path is free motion."
+    )
+    mission, *_ = flights()
+    rows = mission.num_controls
+    force = logged(page, "force", 3 * rows, np.float64).reshape(rows, 3)
+    decided = logged(page, "isDecided", rows, np.uint8)
+    (push, *_) = np.flatnonzero(np.any(force != 0.0, axis=1))
+    stride = round(float(dict(load(FILE).attributes)["decision_period_s"]) / mission.control_period_s)
+    assert push % stride == 0
+    assert decided[push]
+    said = [
+        " ".join(row["text"] for row in page.evaluate("k => flightPage.flown.reasons(k)", int(k)))
+        for k in (push, push + 1)
+    ]
+    minutes, seconds = divmod(push * mission.control_period_s, 60)
+    assert said[0].startswith("Push ")
+    assert said[1].startswith(f"At {minutes:.0f} min {seconds:02.0f} s: push ")
+    assert page.evaluate("k => flightPage.flown.force(k)", int(push + 1)) == [0.0, 0.0, 0.0]
+
+
+def test_edited_rules_are_compared_with_the_champion(opened, page_text):
+    mission, controller, starts = flights()
+    outcomes = fly_all(mission, controller, list(starts)[1:])
+    share = 100 * np.mean(outcomes.is_success(mission.inspection_threshold_percent) & ~outcomes.is_violated)
+    page = opened(page_text, reduced_motion="reduce")
+    page.evaluate("() => { location.hash = 'rules=0-7-0'; }")
+    page.wait_for_function("() => document.getElementById('many').textContent.includes('(was')")
+    assert f"(was {share:.1f})" in page.locator("#many").inner_text()
+    # the question's answer is about one rule, whatever else was changed
+    edited = page.evaluate("() => flightPage.systems")
+    page.get_by_role("button", name="The champion's own rules").click()
+    for cell in ("#cell-1-0", "#cell-2-0"):
+        page.locator(f"{cell} button").click()
+    page.get_by_role("button", name="Most fail").click()
+    page.get_by_text("One rule of 27 did that").wait_for()
+    before = float(re.findall(r"([\d.]+) % succeeded", page.locator("#guess").inner_text())[0])
+    page.evaluate(
+        "() => { flightPage.systems[0].rules[7].then = flightPage.flights.table.systems[0].rules[7].then; }"
+    )
+    assert edited != page.evaluate("() => flightPage.systems")
+    again = page.evaluate("async () => (await flightPage.flyAll()).success")
+    assert again == pytest.approx(before, abs=0.05)
+
+
+def test_shortcuts_stay_the_browsers_and_sliders_have_names(shown):
+    for name in ("Direction in the orbit plane", "North or south of the plane", "Distance", "The Sun"):
+        assert shown.get_by_role("slider", name=name, exact=True).count() == 1
+    read = "() => [flightPage.view.angles, flightPage.view.zoom]"
+    before = shown.evaluate(read)
+    shown.locator("canvas").focus()
+    was_prevented = shown.evaluate(
+        """() => ["ctrlKey", "altKey", "metaKey"].flatMap(held => ["ArrowLeft", "+", "-", " "].map(key =>
+            !document.querySelector("canvas").dispatchEvent(new KeyboardEvent("keydown",
+                { key, [held]: true, cancelable: true, bubbles: true }))))"""
+    )
+    assert not any(was_prevented)
+    assert shown.evaluate(read) == before
+
+
+def test_a_drag_by_finger_does_not_scroll(opened, page_text):
+    page = opened(page_text, 400, has_touch=True, is_mobile=True, reduced_motion="reduce")
+    assert page.locator("canvas").evaluate("each => getComputedStyle(each).touchAction") == "pinch-zoom"
+
+
+def test_a_picture_is_painted_once_a_changed_sample(opened, page_text):
+    page = opened(page_text, reduced_motion="reduce")
+    page.wait_for_function("() => document.getElementById('many').textContent.includes('succeed')")
+    painted = page.evaluate(
+        """async () => {
+            const { view } = flightPage, paint = view.paint.bind(view), samples = [];
+            view.paint = () => { samples.push(view.sample); paint(); };
+            view.show(0);
+            view.play();
+            await new Promise(resolve => setTimeout(resolve, 2500));
+            view.pause();
+            return samples;
+        }"""
+    )
+    assert len(painted) > 10
+    assert len(painted) == len(set(painted))
+
+
+def test_links_lead_somewhere_without_the_site():
+    text = home.page(is_alone=True).partition("<script")[0]
+    links = re.findall(r'href="(?!data:|#)([^"]+)"', text)
+    assert len(links) > 10
+    assert [link for link in links if not (home.PROJECT / "build" / link).is_file()] == []

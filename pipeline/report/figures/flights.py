@@ -238,7 +238,7 @@ def draw_flight(track: Floats, num_points: int, mission: Mission, dots_per_inch:
         plane.set(xlim=(-frame, frame), ylim=(-frame, frame), aspect="equal")
         plane.set(xlabel="along-track (m)", ylabel="radial (m)")
         far.plot(time, distances, color=style.BLUE, linewidth=0.9)
-        far.set(xlabel="time (s)", ylabel="distance (m)", xlim=(0.0, time[-1]), ylim=(0.0, None))
+        far.set(xlabel="time (s)", ylabel="distance (m)", xlim=(0.0, time[-1]))
         if is_reach:
             speeds = np.linalg.norm(track[:, 3:6], axis=1)
             progress.plot(time, speeds, color=style.BLUE, linewidth=0.9)
@@ -249,6 +249,7 @@ def draw_flight(track: Floats, num_points: int, mission: Mission, dots_per_inch:
                 far.axhline(limit, color=style.MUTED, linestyle=style.DOTS, linewidth=0.9)
             progress.plot(time, 100.0 * (1.0 - track[:, TRACK_LEFT] / num_points), color=style.BLUE)
             progress.set(ylabel="points inspected (%)", ylim=(0.0, 104.0))
+        far.set_ylim(0.0)
         progress.set(xlabel="time (s)", xlim=(0.0, time[-1]))
         third = "the speed below its limit" if is_reach else "the points inspected"
         caption = style.caption_of("flight_of_board", third=third)

@@ -39,15 +39,24 @@ export class FlightView {
   /** Show another flight, at the same time and from the same angle. */
   replace(flight) {
     this.flight = flight;
-    this.farthest = null;
     this.part("time").max = flight.numSamples - 1;
-    this.show(this.sample);
+    this.sample = Math.min(this.sample, flight.numSamples - 1);
+    this.renew();
+  }
+
+  /** Draw a flight that was flown anew. */
+  renew() {
+    this.farthest = null;
+    this.said = "";
+    this.draw();
   }
 
   // --- time ---
 
   show(sample) {
-    this.sample = Math.max(0, Math.min(this.flight.numSamples - 1, sample));
+    const chosen = Math.max(0, Math.min(this.flight.numSamples - 1, Math.round(sample)));
+    if (chosen === this.sample && this.isPainted) return;
+    this.sample = chosen;
     this.draw();
   }
 
@@ -121,6 +130,7 @@ export class FlightView {
       this.zoomBy(Math.exp(-event.deltaY / 500));
     }, { passive: false });
     canvas.addEventListener("keydown", event => {
+      if (event.ctrlKey || event.altKey || event.metaKey) return; // the browser's own
       const turn = { ArrowLeft: ["yaw", 0.09], ArrowRight: ["yaw", -0.09], ArrowUp: ["pitch", 0.09], ArrowDown: ["pitch", -0.09] }[event.key];
       if (turn) this.angles[turn[0]] += turn[1];
       else if (event.key === "+" || event.key === "-") this.zoomBy(event.key === "+" ? 1.1 : 1 / 1.1);
@@ -205,6 +215,7 @@ export class FlightView {
     const { canvas, pen, flight, colour } = this, ratio = devicePixelRatio || 1;
     const width = canvas.clientWidth, height = canvas.clientHeight;
     if (!width) return;
+    this.isPainted = true;
     if (canvas.width !== Math.round(width * ratio) || canvas.height !== Math.round(height * ratio)) {
       canvas.width = Math.round(width * ratio); canvas.height = Math.round(height * ratio);
     }
@@ -281,7 +292,7 @@ export class FlightView {
   sphere(centre, radius, sun, { eye, right, up }, k) {
     const { pen, flight, colour } = this;
     const towards = [dot(sun, right), -dot(sun, up)], facing = dot(sun, eye);
-    const isLitNow = flight.isLit ?? ((_, index) => isLit(points[index], sun));
+    const isLitNow = flight.isLit ?? ((_, index) => facesSun(points[index], sun));
     const points = flight.pointsAt?.(k) ?? flight.points, hasBody = flight.isSphere !== false;
     const gradient = pen.createLinearGradient(centre[0] - towards[0] * radius, centre[1] - towards[1] * radius,
       centre[0] + towards[0] * radius + 1e-6, centre[1] + towards[1] * radius);
@@ -297,7 +308,10 @@ export class FlightView {
       pen.beginPath(); pen.arc(x, y, Math.max(1.5, radius * (0.035 + 0.035 * Math.max(0, depth) / flight.radius)), 0, TURN);
       if (flight.isSeen(k, index)) { pen.fillStyle = colour.seen; pen.fill(); }
       else if (isLitNow(k, index)) { pen.strokeStyle = colour.lit; pen.lineWidth = Math.max(1.2, radius * 0.02); pen.stroke(); }
-      else { pen.fillStyle = colour.dark; pen.fill(); }
+      else { // smaller, for those who tell colours badly
+        pen.beginPath(); pen.arc(x, y, Math.max(1, radius * (0.015 + 0.015 * Math.max(0, depth) / flight.radius)), 0, TURN);
+        pen.fillStyle = colour.dark; pen.fill();
+      }
     });
   }
 
@@ -347,7 +361,7 @@ export class FlightView {
 }
 
 /** Return whether a point of a sphere faces the Sun. */
-export function isLit(point, sun) {
+export function facesSun(point, sun) {
   return dot(point, sun) > 0;
 }
 

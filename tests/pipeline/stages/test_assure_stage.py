@@ -4,25 +4,29 @@ import hashlib
 import html
 import re
 import shutil
+from datetime import date
+from itertools import product
 
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from scipy.integrate import solve_ivp
 
 from fis_tools.analysis.domain import from_mapping
 from fis_tools.formats import serialize
-from fis_tools.words.text import sentence
 from pipeline.command_line.cli import main
 from pipeline.evaluation.assurance.conditions import changed_settings
 from pipeline.evaluation.assurance.judgements import judge
 from pipeline.evaluation.assurance.repeats import earlier_tries
 from pipeline.report.board import render_board
+from pipeline.report.board_flights import flights_of_board, limits_of
 from pipeline.report.evidence import OF_PAPER, OF_RUN, render_evidence
 from pipeline.report.figures.flights import draw_flight
 from pipeline.run import artifacts, manifests
 from pipeline.settings.experiment import Mission
 from pipeline.settings.places import conf_folder, requirements_path
 from tests.browser import serious_violations
+from tests.fis_tools.control_systems import build_simulation
 from tests.policies import check_policy, check_references, source_hash
 
 pytestmark = pytest.mark.slow
@@ -253,23 +257,69 @@ def test_a_controller_without_systems_has_no_domain_and_what_is_asked_of_them_is
     assert {entry["id"]: entry["verdict"] for entry in gathered["requirements"]}["R6"] == "not shown"
 
 
-def test_the_board_reads_verdicts_a_flight_and_what_is_not_covered(assured, evidence):
+def test_the_board_reads_verdicts_flights_and_what_is_not_covered(assured, evidence):
     text = (assured / artifacts.BOARD_PAGE).read_text(encoding="utf-8")
     check_policy(text)
     check_references(text)
     assert not re.search(r"<script|<link|src=|https?:", text)
-    assert {"verdicts", "flight", "rules", "uncovered", "signatures"} <= set(
-        re.findall(r'<section id="(\w+)"', text)
-    )
+    sections = {"conditions", "verdicts", "flights", "worst", "rules", "uncovered", "decision"}
+    assert sections <= set(re.findall(r'<section id="(\w+)"', text))
     words = html.unescape(" ".join(re.sub("<[^>]*>", " ", text).split()))
+    num_open = sum(entry["verdict"] != "shown" for entry in evidence["requirements"])
+    total = len(evidence["requirements"])
+    assert re.search(
+        rf"for the board {total - num_open} of {total} requirements (is|are) shown, {num_open} ", words
+    )
     for entry in evidence["requirements"]:
-        assert entry["sentence"] in words
+        assert entry["text"].rstrip(".") in words
         if entry["verdict"] != "shown":
             assert f"{entry['id']} {entry['title']} is {entry['verdict']}." in words
     assert "Flights longer than 3,600 s, starts other than at 50 to 100 m and at rest." in words
     systems = serialize.load(conf_folder() / "controller" / "champion_any_sun.yaml").systems
     assert f"{sum(len(system.rules) for system in systems)} rules do not fit on a sheet" in words
-    assert evidence["controller"]["sha256"] in words
+    hashes = evidence["controller"]["sha256"], evidence["config_hash"], evidence["sources"]
+    assert all(each in words for each in hashes)
+    assert "200 m R2" in words  # the limit that one page once lacked
+    assert "15 m R1" in words
+
+
+def test_free_motion_after_the_end_is_where_an_integrator_leads():
+    mission = Mission()
+    rng = np.random.default_rng(3)
+    states = np.column_stack([rng.uniform(-150.0, 150.0, (20, 3)), rng.uniform(-0.3, 0.3, (20, 3))])
+    tracks = np.repeat(states[:, np.newaxis], mission.num_controls + 1, axis=1)
+    flights = flights_of_board(mission, tracks, 20)
+    n = mission.orbit.mean_motion_rad_s
+
+    def moves(_, state):
+        x, _, z, vx, vy, vz = state
+        return [vx, vy, vz, 3 * n * n * x + 2 * n * vy, -2 * n * vx, -n * n * z]
+
+    times = np.arange(0.0, 1801.0, 30.0)
+    expected = [
+        np.linalg.norm(
+            solve_ivp(moves, (0.0, 1800.0), state, t_eval=times, rtol=1e-11, atol=1e-9).y[:3], axis=0
+        )
+        for state in states
+    ]
+    np.testing.assert_allclose(flights.after_s, times)
+    np.testing.assert_allclose(flights.after_m, expected, rtol=1e-6)
+    for minutes in (5, 30):
+        share = 100 * np.mean([np.any(far[: 2 * minutes + 1] > 200.0) for far in expected])
+        assert flights.percent_beyond(200.0, minutes) == share
+
+
+def test_every_distance_that_a_requirement_names_is_a_line(evidence):
+    named = {
+        float(value): entry["id"]
+        for entry in evidence["requirements"]
+        for value in re.findall(
+            r"(?:distance|farthest)(?:\[\d+\])? [<>]=? ([\d.]+) m", entry["formula"] or ""
+        )
+    }
+    limits = limits_of(evidence["requirements"])
+    assert [limit.value_m for limit in limits] == sorted(named)
+    assert all(named[limit.value_m] in limit.names for limit in limits)
 
 
 @pytest.mark.parametrize("name", ["champion_27", "champion_docking"])
@@ -277,13 +327,25 @@ def test_the_page_of_the_flagship_is_printed_on_two_sheets_with_all_its_rules(ev
     systems = serialize.load(conf_folder() / "controller" / f"{name}.yaml").systems
     track = np.linspace([-70.0, 5.0, 3.0, *[0.1] * 12], [20.0, 60.0, 3.0, *[0.0] * 12], 361)
     flight = draw_flight(track, 99, Mission(), 50)
-    # as long as sentences become: all are shown in words, and a claim is repeated
-    text = render_board(evidence, systems, flight)
-    for system in systems:
-        for rule in system.rules:
-            assert html.escape(sentence(rule)) in text
+    flights = flights_of_board(Mission(), np.repeat(track[np.newaxis], 200, axis=0), 200)
+    text = render_board(evidence, systems, flights, ("Its words.", flight), date(2026, 1, 2), "hill")
+    # grids: each force is scikit-fuzzy's at the rule's own values
+    shown = [
+        [float(value) for value in re.findall(r"<b>([+\-]?[\d.]+) N</b>", part)]
+        for part in text.replace("−", "-").split('<div class="grid">')[1:]
+    ]
+    for system, forces in zip(systems, shown, strict=True):
+        peaks = [[term.membership.peak for term in each.terms] for each in system.inputs]
+        names, expected = [each.name for each in system.inputs], []
+        for point in product(*peaks):
+            simulation = build_simulation(system)
+            simulation.inputs(dict(zip(names, point, strict=True)))
+            simulation.compute()
+            expected.append(simulation.output[system.outputs[0].name])
+        np.testing.assert_allclose(forces, expected, rtol=5e-3, atol=1e-6)
     printed = opened(text).pdf(prefer_css_page_size=True)
     assert len(re.findall(rb"/Type\s*/Page\b(?!s)", printed)) == 2
+    assert "2 January 2026" in text
 
 
 @pytest.mark.parametrize("width", [1280, 390])

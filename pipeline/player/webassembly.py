@@ -1,33 +1,31 @@
 """Functions that numba compiled as a WebAssembly module, by the LLVM that numba brings.
 
-The arguments are folded into the module: arrays lie in its memory, numbers are constants.
+Nothing is folded into a module: each leaf of a function's arguments is loaded from a slot, so that one module
+runs whatever has its types. What fills the slots is a snapshot, see `pipeline.player.memory`.
 """
 
 import re
 import shutil
-import struct
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numba
-import numpy as np
 from llvmlite import binding
-from numba import types
 
 from fis_tools.compiled import borrowed_code  # noqa: F401 - registers our vectors with numba
 from fis_tools.compiled.shipped.build import without_wrappers
+from pipeline.player.memory import Leaf
 
 FEATURES = "+simd128,+bulk-memory,+sign-ext,+nontrapping-fptoint,+mutable-globals"
-#: the two lengths that a call chooses: one flight is logged, or all are tracked
-CHOSEN = {"results.log.position_m": "%logged", "results.tracks": "%tracked"}
 
-#: what numba's code calls: room for arrays that it makes, none of which outlives a call
+#: what numba's code calls: room for arrays that it makes, of which the topmost is freed, and products of
+#: 128 bits, by which indices are divided
 RUNTIME = """
-@heap = internal global [65536 x i8] zeroinitializer, align 64
+@heap = internal global [1048576 x i8] zeroinitializer, align 64
 @heap_end = internal global i64 0
 
 define ptr @NRT_MemInfo_alloc_aligned(i64 %size, i32 %align) {
@@ -47,7 +45,48 @@ define ptr @NRT_MemInfo_alloc_aligned(i64 %size, i32 %align) {
   store i64 %size, ptr %size_field
   ret ptr %info
 }
-define void @NRT_MemInfo_call_dtor(ptr %info) { ret void }
+define void @NRT_MemInfo_call_dtor(ptr %info) {
+  %size_field = getelementptr i8, ptr %info, i64 32
+  %size = load i64, ptr %size_field
+  %more = add i64 %size, 191
+  %rounded = and i64 %more, -64
+  %place = ptrtoint ptr %info to i64
+  %start = ptrtoint ptr @heap to i64
+  %offset = sub i64 %place, %start
+  %above = add i64 %offset, %rounded
+  %end = load i64, ptr @heap_end
+  %is_top = icmp eq i64 %end, %above
+  %freed = select i1 %is_top, i64 %offset, i64 %end
+  store i64 %freed, ptr @heap_end
+  ret void
+}
+define void @__multi3(ptr %product, i64 %a, i64 %a_high, i64 %b, i64 %b_high) {
+  %a0 = and i64 %a, 4294967295
+  %a1 = lshr i64 %a, 32
+  %b0 = and i64 %b, 4294967295
+  %b1 = lshr i64 %b, 32
+  %p00 = mul i64 %a0, %b0
+  %p01 = mul i64 %a0, %b1
+  %p10 = mul i64 %a1, %b0
+  %p11 = mul i64 %a1, %b1
+  %carried = lshr i64 %p00, 32
+  %middle = add i64 %p10, %carried
+  %middle_low = and i64 %middle, 4294967295
+  %middle_high = lshr i64 %middle, 32
+  %other = add i64 %p01, %middle_low
+  %other_high = lshr i64 %other, 32
+  %high0 = add i64 %p11, %middle_high
+  %high1 = add i64 %high0, %other_high
+  %low = mul i64 %a, %b
+  %cross1 = mul i64 %a_high, %b
+  %cross2 = mul i64 %a, %b_high
+  %high2 = add i64 %high1, %cross1
+  %high3 = add i64 %high2, %cross2
+  store i64 %low, ptr %product
+  %high_field = getelementptr i64, ptr %product, i64 1
+  store i64 %high3, ptr %high_field
+  ret void
+}
 declare double @llvm.sqrt.f64(double)
 define double @sqrt(double %x) {
   %root = call double @llvm.sqrt.f64(double %x)
@@ -57,80 +96,11 @@ define double @sqrt(double %x) {
 
 
 class Translated(NamedTuple):
-    """A function as LLVM's module of numba's code, and the code that calls it with the folded arguments."""
+    """A function as LLVM's module of numba's code, and the code that calls it with what is in its slots."""
 
     name: str
     module: Any
     entry: str
-
-
-class Operand(NamedTuple):
-    """A leaf of the arguments as LLVM writes it."""
-
-    kind: str
-    text: str
-
-
-class Memory:
-    """Arrays in the memory of the module: those with content in one block, those of zeros in another."""
-
-    def __init__(self) -> None:
-        self.content = bytearray()
-        self.num_zeros = 0
-        self.arrays: dict[str, dict[str, Any]] = {}
-        self._by_address: dict[int, dict[str, Any]] = {}
-        self._held: list[Any] = []
-
-    def add(self, name: str, array: Any) -> str:
-        """Store an array once, and return its address; views from its first element share it."""
-        array = np.asarray(array)
-        address = array.__array_interface__["data"][0]
-        held = self._by_address.get(address) if array.nbytes else None
-        if held is None or held["bytes"] < array.nbytes:
-            held = self._store(array.tobytes())
-            self._by_address[address] = held
-            self._held.append(array)
-        self.arrays[name] = held
-        return f"ptr getelementptr (i8, ptr @{held['block']}, i64 {held['offset']})"
-
-    def _store(self, content: bytes) -> dict[str, Any]:
-        if not any(content):
-            offset = self.num_zeros
-            self.num_zeros += -(-(len(content) + 16) // 64) * 64
-            return {"block": "zeros", "offset": offset, "bytes": len(content)}
-        self.content += bytes(-len(self.content) % 64)
-        offset = len(self.content)
-        self.content += content + bytes(16)
-        return {"block": "content", "offset": offset, "bytes": len(content)}
-
-
-def operands(memory: Memory, value: Any, kind: Any, name: str) -> Iterator[Operand]:
-    """Yield the leaves of an argument in numba's order, with its arrays stored in the memory."""
-    if isinstance(kind, types.NoneType):
-        yield Operand("ptr", "ptr null")
-    elif isinstance(kind, types.BaseTuple):
-        fields = getattr(kind, "fields", None) or map(str, range(len(kind.types)))
-        for field, member, member_kind in zip(fields, value, kind.types, strict=True):
-            yield from operands(memory, member, member_kind, f"{name}.{field}".removeprefix("."))
-    elif isinstance(kind, types.Record):
-        yield Operand("ptr", memory.add(name, value))
-    elif isinstance(kind, types.Array):
-        array = np.ascontiguousarray(value)
-        # its owner and parent, which nothing counts here, then size, item size, data, shape and strides
-        yield from (Operand("ptr", "ptr null"), Operand("ptr", "ptr null"))
-        yield from (Operand("i64", f"i64 {array.size}"), Operand("i64", f"i64 {array.itemsize}"))
-        yield Operand("ptr", memory.add(name, array))
-        lengths = [CHOSEN.get(name, array.shape[0]) if array.ndim else None, *array.shape[1:]][: array.ndim]
-        yield from (Operand("i64", f"i64 {number}") for number in (*lengths, *array.strides))
-    elif isinstance(kind, types.Boolean):
-        yield Operand("i8", f"i8 {int(bool(value))}")
-    elif isinstance(kind, types.Integer):
-        yield Operand("i64", f"i64 {value if isinstance(value, str) else int(value)}")
-    elif isinstance(kind, types.Float):
-        (bits,) = struct.unpack("<Q", struct.pack("<d", value))
-        yield Operand("double", f"double 0x{bits:016X}")
-    else:
-        raise TypeError(f"the argument {name} is of numba's type {kind}, which is not folded into the module")
 
 
 def code_of(function: Any, kinds: tuple[Any, ...], name: str, target: Any) -> tuple[str, list[str]]:
@@ -151,26 +121,36 @@ def code_of(function: Any, kinds: tuple[Any, ...], name: str, target: Any) -> tu
     return text, [parameter.split()[0] for parameter in parameters.split(", ")]
 
 
-def entry(name: str, chosen: tuple[str, ...], leaves: list[Operand], parameters: list[str]) -> str:
-    """Return the LLVM code of a function that calls numba's with the folded arguments.
+def entry(name: str, leaves: Sequence[Leaf], parameters: list[str], types: int) -> str:
+    """Return the LLVM code of a function that calls numba's with what its slots hold.
+
+    It is exported with where its slots are, and with what its types are told by.
 
     Raises
     ------
     ValueError
-        Where they are not what numba's function takes.
+        Where the leaves are not what numba's function takes.
     """
     # where the result and the exception go precede the arguments
     if [leaf.kind for leaf in leaves] != parameters[2:]:
         raise ValueError(f"numba passes the arguments of {name} in another way than this module assumes")
-    given = ", ".join(f"i64 %{argument}" for argument in chosen)
-    passed = ", ".join(leaf.text for leaf in leaves)
+    slots = f"@{name}_slots"
+    loads = "\n".join(
+        f"  %a{index} = load {leaf.kind}, ptr getelementptr (i64, ptr {slots}, i64 {index})"
+        for index, leaf in enumerate(leaves)
+    )
+    passed = ", ".join(f"{leaf.kind} %a{index}" for index, leaf in enumerate(leaves))
     return f"""
 declare i32 @{name}_compiled({", ".join(parameters)})
-define i32 @{name}({given}) {{
+{slots} = internal global [{len(leaves)} x i64] zeroinitializer, align 64
+define ptr @{name}_at() {{ ret ptr {slots} }}
+define i32 @{name}_types() {{ ret i32 {types} }}
+define i32 @{name}() {{
   %result = alloca i64, align 8
   %exception = alloca ptr, align 8
   store ptr null, ptr %exception
   store i64 0, ptr @heap_end
+{loads}
   %status = call i32 @{name}_compiled(ptr %result, ptr %exception, {passed})
   ret i32 %status
 }}
@@ -187,44 +167,23 @@ def target_machine() -> Any:
 
 
 def translate(
-    memory: Memory,
-    target: Any,
-    name: str,
-    function: Any,
-    arguments: tuple[Any, ...],
-    names: tuple[str, ...],
-    chosen: tuple[str, ...],
+    target: Any, name: str, function: Any, kinds: tuple[Any, ...], leaves: Sequence[Leaf], types: int
 ) -> Translated:
-    """Return a function in LLVM's code, with its arguments stored in the memory under their names.
-
-    A call gives the chosen integers: first the arguments without a name, in order, then lengths of `CHOSEN`.
-    """
-    kinds = tuple(map(numba.typeof, arguments))
+    """Return a function of arguments of some of numba's types in LLVM's code, called by its slots."""
     text, parameters = code_of(function, kinds, f"{name}_compiled", target)
-    module = binding.parse_assembly(text)
-    free = iter(chosen)
-    leaves = []
-    for value, kind, argument in zip(arguments, kinds, names, strict=True):
-        given = f"%{next(free)}" if not argument else value
-        leaves.extend(operands(memory, given, kind, argument))
-    return Translated(name, module, entry(name, chosen, leaves, parameters))
+    return Translated(name, binding.parse_assembly(text), entry(name, leaves, parameters, types))
 
 
-def write_module(path: Path, target: Any, memory: Memory, functions: Sequence[Translated]) -> None:
-    """Write a WebAssembly module that exports the functions, and the addresses of the memory's two blocks."""
-    blocks = "".join(f"\\{byte:02X}" for byte in memory.content)
+def write_module(path: Path, target: Any, functions: Sequence[Translated]) -> None:
+    """Write a WebAssembly module that exports the functions, where their slots are, and their types."""
     shim = f"""
 target datalayout = "{target.target_data}"
 target triple = "{target.triple}"
-@content = internal global [{len(memory.content)} x i8] c"{blocks}", align 64
-@zeros = internal global [{memory.num_zeros} x i8] zeroinitializer, align 64
-define ptr @content_address() {{ ret ptr @content }}
-define ptr @zeros_address() {{ ret ptr @zeros }}
 {RUNTIME}{"".join(function.entry for function in functions)}"""
     whole = binding.parse_assembly(shim)
     for function in functions:
         whole.link_in(function.module)
-    exported = (*(function.name for function in functions), "content_address", "zeros_address")
+    exported = tuple(f"{function.name}{end}" for function in functions for end in ("", "_at", "_types"))
     for defined in whole.functions:
         if not defined.is_declaration and defined.name not in exported:
             defined.linkage = binding.Linkage.internal
