@@ -6,7 +6,7 @@ from collections.abc import Collection, Mapping
 from typing import Any
 
 from pipeline.player.arguments import Arguments
-from pipeline.player.memory import Memory, Location, packed, types_of
+from pipeline.player.memory import Location, Memory, packed, types_of
 
 
 def snapshot_of(
