@@ -95,6 +95,10 @@ define double @sqrt(double %x) {
 """
 
 
+#: what only the generated machine code calls, so that it must be kept until then
+CALLED_LATE = ("__multi3",)
+
+
 class Translated(NamedTuple):
     """A function as LLVM's module of numba's code, and the code that calls it with what is in its slots."""
 
@@ -185,7 +189,7 @@ target triple = "{target.triple}"
         whole.link_in(function.module)
     exported = tuple(f"{function.name}{end}" for function in functions for end in ("", "_at", "_types"))
     for defined in whole.functions:
-        if not defined.is_declaration and defined.name not in exported:
+        if not defined.is_declaration and defined.name not in (*exported, *CALLED_LATE):
             defined.linkage = binding.Linkage.internal
     whole.verify()
     options = binding.create_pipeline_tuning_options(speed_level=3)

@@ -77,14 +77,18 @@ def flights_of_board(mission: Mission, tracks: NDArray[np.floating], num_cases: 
     What follows is told of inspections alone: a flight to a goal ends there.
     """
     states = np.asarray(tracks[:, :, :6], dtype=np.float64)
-    distances: Floats = np.sqrt(np.sum(states[:, :, :3] ** 2, axis=2))
+    distances = _lengths(states[:, :, :3], 2)
     times = mission.control_period_s * np.arange(states.shape[1])
     if mission.problem.kind != "inspection":
         return BoardFlights(num_cases, times, distances)
     spacing = max(SPACING_S, mission.control_period_s)
     path = FreeMotion(mission, FOLLOWED_S).path(mission.num_controls, states[:, -1], FOLLOWED_S, spacing)
     after = np.linspace(0.0, FOLLOWED_S, len(path))
-    return BoardFlights(num_cases, times, distances, after, np.sqrt(np.sum(path**2, axis=1)).T)
+    return BoardFlights(num_cases, times, distances, after, _lengths(path, 1).T)
+
+
+def _lengths(vectors: Floats, axis: int) -> Floats:
+    return np.asarray(np.linalg.norm(vectors, axis=axis), dtype=np.float64)
 
 
 def limits_of(requirements: Sequence[Mapping[str, Any]]) -> list[Limit]:
