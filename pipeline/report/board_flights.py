@@ -78,12 +78,13 @@ def flights_of_board(mission: Mission, tracks: NDArray[np.floating], num_cases: 
     """
     states = np.asarray(tracks[:, :, :6], dtype=np.float64)
     distances = _lengths(states[:, :, :3], 2)
-    times = mission.control_period_s * np.arange(states.shape[1])
+    times = mission.control_period_s * np.arange(states.shape[1], dtype=np.float64)
     if mission.problem.kind != "inspection":
         return BoardFlights(num_cases, times, distances)
     spacing = max(SPACING_S, mission.control_period_s)
-    path = FreeMotion(mission, FOLLOWED_S).path(mission.num_controls, states[:, -1], FOLLOWED_S, spacing)
-    after = np.linspace(0.0, FOLLOWED_S, len(path))
+    motion = FreeMotion(mission, FOLLOWED_S)
+    path = motion.path(mission.num_controls, states[:, -1], FOLLOWED_S, spacing)
+    after: Floats = np.linspace(0.0, FOLLOWED_S, len(path))
     return BoardFlights(num_cases, times, distances, after, _lengths(path, 1).T)
 
 
