@@ -11,8 +11,9 @@ from pipeline.flight.fly.stepping import NUM_SEEN
 
 #: limits of a network: numbers in its layers, and multiplications to read it
 MOST_NUMBERS, MOST_STEPS = 8 << 20, 4_000_000_000
-#: what a policy gives: a force along each axis
+#: what a policy gives: a force along each axis; or for each axis how good each of three levels is
 NUM_FORCES: Final = 3
+NUM_LEVELS: Final = 3
 
 
 class UnreadableError(ValueError):
@@ -94,13 +95,14 @@ class Chain:
                 f"its layers have more than {MOST_NUMBERS:,} numbers; a policy is a small network"
             )
 
-    def network(self) -> Network:
+    def network(self, num_outputs: int = NUM_FORCES) -> Network:
         """Finish the last layer and return the network."""
         self.close(LINEAR)
         layers = self.layers
-        if self.width != NUM_FORCES:
+        if self.width != num_outputs:
+            what = "three forces" if num_outputs == NUM_FORCES else "three numbers for each of three forces"
             raise UnreadableError(
-                f"it answers with {self.width} numbers; a policy gives three forces along Hill axes"
+                f"it answers with {self.width} numbers; a policy gives {what} along Hill axes"
             )
         widths = [NUM_SEEN, *(len(layer.bias) for layer in layers)]
         return Network(

@@ -1,4 +1,4 @@
-"""A learned policy as a pilot: it has a learner's observations and decides at every control period.
+"""A learned policy as a pilot: it has a learner's observations and decides each control period, or each few.
 
 Flights are stepped one period at a time (`pipeline.flight.fly.stepping`) to ask the policy for its forces.
 These are then flown like any plan, which gives the same flights to the last digit; so the code that flies
@@ -16,7 +16,7 @@ from pipeline.array_types import Floats, Integers
 from pipeline.flight.control.controller import ControllerError
 from pipeline.flight.control.law import played
 from pipeline.flight.fly.plain import is_interpreted
-from pipeline.flight.fly.stepping import NUM_UNSEEN, SteppedFlights, observation_scales
+from pipeline.flight.fly.stepping import NUM_UNSEEN, SteppedFlights, observation_scales, periods_between
 from pipeline.flight.state.arrays import Plans
 from pipeline.flight.state.log import Scenario
 from pipeline.settings.experiment import Mission
@@ -38,12 +38,16 @@ class Network(NamedTuple):
 
 
 class Units(NamedTuple):
-    """The units of a network's inputs and outputs."""
+    """The units of a network's inputs and outputs, and when it decides."""
 
     #: outputs are shares of ``deputy.max_force_n``, clipped to -1 ... 1; else N
     forces_are_shares: bool = False
     #: inputs are divided by `pipeline.flight.fly.stepping.observation_scales`; else in their own units
     observations_are_normalized: bool = False
+    #: outputs say for each axis how good -levels_n, 0 and levels_n are, N; the best is fired
+    levels_n: float | None = None
+    #: time between decisions, s: what is decided is fired in the first control period, nothing in the others
+    decision_period_s: float | None = None
 
 
 #: those of files that say nothing else
@@ -132,6 +136,21 @@ class Policy:
         in_threads(decide, range(0, len(scenarios), BLOCK), workers=workers)
         return played(forces)
 
+    def _periods_between(self, mission: Mission) -> int:
+        try:
+            return periods_between(mission, self.units.decision_period_s)
+        except ValueError as error:
+            raise ControllerError(f"the policy's {error}") from error
+
+    def _forces(self, mission: Mission, outputs: Floats) -> Floats:
+        """Return the forces of a network's outputs, (n, 3), N."""
+        if self.units.levels_n is not None:
+            levels = outputs.reshape(len(outputs), 3, -1).argmax(axis=2) - 1.0
+            return np.asarray(levels * self.units.levels_n)
+        if self.units.forces_are_shares:
+            return np.asarray(np.clip(outputs, -1.0, 1.0) * mission.deputy.max_force_n)
+        return outputs.copy()
+
     def _decide(self, mission: Mission, scenarios: list[Scenario], forces: Floats) -> None:
         """Fly all starts side by side and write the forces decided in each control period."""
         is_tilted = any(scenario.sun_elevation_rad != 0.0 for scenario in scenarios)
@@ -139,13 +158,16 @@ class Policy:
         for flight, scenario in enumerate(scenarios):
             flights.start(flight, scenario)
         scales = observation_scales(mission).astype(np.float32)
+        num_periods = self._periods_between(mission)
         work, commanded = np.zeros((2, self.network.widths.max())), np.zeros((len(scenarios), 3))
+        outputs = np.zeros((len(scenarios), self.network.widths[-1]))
         flights.step(commanded)
         for k in range(mission.num_controls):
-            seen = flights.seen / scales if self.units.observations_are_normalized else flights.seen
-            answer(self.network, seen.astype(np.float64), work, commanded)
-            if self.units.forces_are_shares:
-                commanded = np.clip(commanded, -1.0, 1.0) * mission.deputy.max_force_n
+            commanded = np.zeros((len(scenarios), 3))
+            if k % num_periods == 0:
+                seen = flights.seen / scales if self.units.observations_are_normalized else flights.seen
+                answer(self.network, seen.astype(np.float64), work, outputs)
+                commanded = self._forces(mission, outputs)
             if mission.coast_when_complete:
                 commanded[flights.observed[:, NUM_UNSEEN] == 0.0] = 0.0
             forces[:, k] = commanded

@@ -80,7 +80,7 @@ class Graph:
         #: width of the values that the chain has come by
         self._widths: dict[str, int] = {}
 
-    def follow(self, output: str) -> Network:
+    def follow(self, output: str, num_outputs: int = NUM_FORCES) -> Network:
         """Return the network from the input to an output.
 
         Raises
@@ -103,7 +103,7 @@ class Graph:
             constants = [None if other in (name, "") else self._constant(other) for other in node.input]
             self._apply(chain, node, name, constants)
             self._widths[node.output[0]] = chain.width
-        return chain.network()
+        return chain.network(num_outputs)
 
     def _check(self, node: Any) -> None:
         """Raise UnreadableError unless an operator, with its attributes, is known."""

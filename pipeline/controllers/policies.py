@@ -4,6 +4,7 @@ Nothing in a file is executed: only the constants of its graph are read, and whi
 connect them. Of several outputs that of the forces is read, and what leads to it.
 """
 
+import math
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final
@@ -11,7 +12,7 @@ from typing import Any, Final
 import numpy as np
 
 from fis_tools.file_access import read_bytes
-from pipeline.controllers.layers import NUM_FORCES, UnreadableError
+from pipeline.controllers.layers import NUM_FORCES, NUM_LEVELS, UnreadableError
 from pipeline.controllers.learned import Network, Policy, Units
 from pipeline.controllers.operators import Graph
 from pipeline.flight.control.controller import Controller, ControllerError, PilotController
@@ -25,9 +26,11 @@ FLOAT, INTEGER, DOUBLE, EXTERNAL = 1, 7, 11, 1
 OUTPUT_NAMES: Final = ("actions", "action", "forces", "force")
 #: the metadata that are read, and the values that they may have; the first is that of files without them
 METADATA: Final[Mapping[str, tuple[str, ...]]] = {
-    "forces": ("newtons", "shares"),
+    "forces": ("newtons", "shares", "levels"),
     "observations": ("physical", "normalized"),
 }
+#: the metadata that are numbers: the force of a level, N, and the time between decisions, s
+LEVELS, DECISION_PERIOD = "levels_n", "decision_period_s"
 #: the metadata that names the output of the forces
 OUTPUT: Final = "output"
 CURE: Final = "onnx.helper.set_model_props(model, {...}) sets it"
@@ -73,7 +76,8 @@ def policy_of(name: str, source: bytes, label: str, weights: bytes | None = None
             model = _parse(source)
             if _take_in(model, Path(label).name, weights):
                 source = model.SerializeToString()
-            network, units = _network(model), _units(model)
+            units = _units(model)
+            network = _network(model, NUM_FORCES * (1 if units.levels_n is None else NUM_LEVELS))
     except UnreadableError as error:
         raise ControllerError(f"{label} cannot fly: {error}") from error
     return PilotController(name, Policy(network, source, units))
@@ -130,22 +134,45 @@ def _units(model: Any) -> Units:
             raise UnreadableError(
                 f"its metadata {key} is {value[:40]!r}; it must be {' or '.join(choices)} ({CURE})"
             )
-    is_default = (metadata.get(key, choices[0]) == choices[0] for key, choices in METADATA.items())
-    has_newtons, has_physical = is_default
-    return Units(forces_are_shares=not has_newtons, observations_are_normalized=not has_physical)
+    forces, observations = (metadata.get(key, choices[0]) for key, choices in METADATA.items())
+    if (forces == "levels") != (LEVELS in metadata):
+        raise UnreadableError(
+            f"its metadata forces is {forces}, and {LEVELS} is {metadata.get(LEVELS, 'missing')[:40]}; "
+            f"levels need their force in N, and other forces have none ({CURE})"
+        )
+    return Units(
+        forces_are_shares=forces == "shares",
+        observations_are_normalized=observations == "normalized",
+        levels_n=_positive(metadata, LEVELS),
+        decision_period_s=_positive(metadata, DECISION_PERIOD),
+    )
 
 
-def _network(model: Any) -> Network:
+def _positive(metadata: Mapping[str, str], key: str) -> float | None:
+    """Return a number above zero that metadata give; None if they do not."""
+    if key not in metadata:
+        return None
+    text = metadata[key][:40]
+    try:
+        number = float(text)
+    except ValueError:
+        number = math.nan
+    if not (math.isfinite(number) and number > 0.0):
+        raise UnreadableError(f"its metadata {key} is {text!r}; it must be a number above 0 ({CURE})")
+    return number
+
+
+def _network(model: Any, num_outputs: int) -> Network:
     """Read the layers from a model's input to its output of forces."""
     graph = model.graph
     if len(graph.node) + len(graph.initializer) > MOST_PARTS:
         raise UnreadableError(
             f"it has more than {MOST_PARTS:,} operators and constants; a policy is a small network"
         )
-    return Graph(graph, dict(_tensors(graph)), _values).follow(_output(model))
+    return Graph(graph, dict(_tensors(graph)), _values).follow(_output(model, num_outputs), num_outputs)
 
 
-def _output(model: Any) -> str:
+def _output(model: Any, num_outputs: int) -> str:
     """Return the name of the output of forces."""
     outputs = {output.name: output for output in model.graph.output}
     named = _metadata(model).get(OUTPUT)
@@ -158,7 +185,7 @@ def _output(model: Any) -> str:
     for name in OUTPUT_NAMES:
         if name in outputs:
             return name
-    fitting = [name for name, output in outputs.items() if _declared_width(output) == NUM_FORCES]
+    fitting = [name for name, output in outputs.items() if _declared_width(output) == num_outputs]
     if len(fitting) != 1:
         raise UnreadableError(
             f"it has {len(outputs)} outputs, and none is clearly the one with the forces; name it: "

@@ -60,6 +60,9 @@ class InspectionEnv(gymnasium.Env[Observation, NDArray[Any]]):
         action is a share, from -1 to 1, of ``deputy.max_force_n``.
     render_mode : str, optional
         ``rgb_array``, for `render`.
+    decision_period_s : float, optional
+        Time between actions, a multiple of the control period: each is fired in the first control period,
+        nothing in the others. By default there is an action in each.
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 10}  # noqa: RUF012 - as Gymnasium declares it
@@ -70,8 +73,9 @@ class InspectionEnv(gymnasium.Env[Observation, NDArray[Any]]):
         reward: Reward | None = None,
         levels_n: float | None = None,
         render_mode: str | None = None,
+        decision_period_s: float | None = None,
     ) -> None:
-        self.task: Task = task_of(obeyed(overrides), reward, levels_n)
+        self.task: Task = task_of(obeyed(overrides), reward, levels_n, decision_period_s)
         self.observation_space = self.task.observation_space()
         self.action_space = self.task.action_space()
         self._episodes = Episodes(self.task, 1)
@@ -92,7 +96,7 @@ class InspectionEnv(gymnasium.Env[Observation, NDArray[Any]]):
         return self._episodes.flights.seen[0], self._info()
 
     def step(self, action: NDArray[Any]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """Fly a control period under an action, (3,); after the last, the observation is the final one."""
+        """Fly to the next action under an action, (3,); after the last, the observation is the final one."""
         require_episode(self._is_over)
         rewards, terminated, truncated = self._episodes.step(np.asarray(action)[np.newaxis])
         self._is_over = bool(terminated[0] or truncated[0])
@@ -131,6 +135,8 @@ class InspectionVectorEnv(VectorEnv[Observation, NDArray[Any], NDArray[Any]]):
         ``rgb_array``, for `render`.
     max_episode_steps : int, optional
         Episodes are truncated after so many, or at the end of their flight.
+    decision_period_s : float, optional
+        As for one.
     """
 
     metadata = {  # noqa: RUF012 - as above
@@ -147,12 +153,13 @@ class InspectionVectorEnv(VectorEnv[Observation, NDArray[Any], NDArray[Any]]):
         levels_n: float | None = None,
         render_mode: str | None = None,
         max_episode_steps: int | None = None,
+        decision_period_s: float | None = None,
     ) -> None:
         for name, count in (("num_envs", num_envs), ("max_episode_steps", max_episode_steps)):
             if count is not None and count < 1:
                 raise ValueError(f"{name} is {count}; it must be at least 1")
         self.num_envs, self.render_mode, self._most_steps = num_envs, render_mode, max_episode_steps
-        self.task: Task = task_of(obeyed(overrides), reward, levels_n)
+        self.task: Task = task_of(obeyed(overrides), reward, levels_n, decision_period_s)
         self.single_observation_space = self.task.observation_space()
         self.single_action_space = self.task.action_space()
         self.observation_space = batch_space(self.single_observation_space, num_envs)
@@ -197,13 +204,15 @@ class InspectionVectorEnv(VectorEnv[Observation, NDArray[Any], NDArray[Any]]):
     def step(
         self, actions: NDArray[Any]
     ) -> tuple[Observation, NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
-        """Fly a control period in all, or start the next episode of those that ended with the last step."""
+        """Fly to the next action in all, or start the next episode of those that ended with the last step."""
         require_episode(None if not self._generators else False)
         for flight in np.flatnonzero(self._has_ended):
             self._start(int(flight))
         rewards, terminated, truncated = self._episodes.step(actions)
         if self._most_steps is not None:
-            truncated |= ~terminated & (self._episodes.flights.samples >= self._most_steps)
+            truncated |= ~terminated & (
+                self._episodes.flights.samples >= self._most_steps * self.task.num_periods
+            )
         self._has_ended = terminated | truncated
         return self._episodes.flights.seen, rewards, terminated, truncated, self._infos()
 

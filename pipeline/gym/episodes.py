@@ -139,12 +139,15 @@ class Task:
     reward : Reward
     levels_n : float, optional
         Commands are one of -levels_n, 0 and levels_n along each axis; by default any force up to the limit.
+    num_periods : int
+        Control periods of a step: in the first the command is fired, in the others nothing.
     """
 
     experiment: Experiment
     config: dict[str, Any]
     reward: Reward
     levels_n: float | None
+    num_periods: int = 1
 
     @property
     def mission(self) -> Mission:
@@ -223,7 +226,10 @@ def obeyed(overrides: Sequence[str]) -> Sequence[str]:
 
 
 def task_of(
-    overrides: Sequence[str] = (), reward: Reward | None = None, levels_n: float | None = None
+    overrides: Sequence[str] = (),
+    reward: Reward | None = None,
+    levels_n: float | None = None,
+    decision_period_s: float | None = None,
 ) -> Task:
     """Compose a task.
 
@@ -234,11 +240,14 @@ def task_of(
     reward : Reward, optional
     levels_n : float, optional
         See `Task`.
+    decision_period_s : float, optional
+        Time between commands, a multiple of the control period, which it is unless given.
 
     Raises
     ------
     ValueError
-        If the overrides do not compose, or the level is beyond what the thruster can do.
+        If the overrides do not compose, the level is beyond what the thruster can do, or the time between
+        commands is no multiple.
     """
     composed = compose_experiment([*BASE, *overrides])
     most = composed.experiment.mission.deputy.max_force_n
@@ -246,7 +255,8 @@ def task_of(
         raise ValueError(
             f"levels_n is {levels_n}; it must be above 0 and at most {most} N, deputy.max_force_n"
         )
-    return Task(composed.experiment, composed.config, reward or Reward(), levels_n)
+    num_periods = stepping.periods_between(composed.experiment.mission, decision_period_s)
+    return Task(composed.experiment, composed.config, reward or Reward(), levels_n, num_periods)
 
 
 class Episodes:
@@ -299,7 +309,7 @@ class Episodes:
         self._paid[is_new] = 0.0 if self.task.reward.as_afrl else self._inspected[is_new]
 
     def step(self, actions: NDArray[Any]) -> tuple[Floats, Booleans, Booleans]:
-        """Fly all by a control period, or bring those that were put at a start to their first sample.
+        """Fly all to their next action, or bring those that were put at a start to their first sample.
 
         Returns
         -------
@@ -310,8 +320,21 @@ class Episodes:
         truncated : (n,) array of bool
             The flight's time is over. See `Reward` for AFRL's ends.
         """
-        flights, reward = self.flights, self.task.reward
         forces = self.task.forces(actions, len(self._needed))
+        is_over = self.flights.samples < 0  # what is started in this step waits for the next one
+        rewards, terminated, truncated = self._step(forces)
+        for _ in range(self.task.num_periods - 1):
+            is_over |= terminated | truncated
+            if is_over.all():
+                break
+            with self.flights.resting(is_over):
+                further, has_ended, is_cut = self._step(np.zeros_like(forces))
+            rewards, terminated, truncated = rewards + further, terminated | has_ended, truncated | is_cut
+        return rewards, terminated, truncated
+
+    def _step(self, forces: Floats) -> tuple[Floats, Booleans, Booleans]:
+        """Fly by a control period, but what rests; see `step`."""
+        flights, reward = self.flights, self.task.reward
         is_begun = flights.samples >= 0
         rows = np.flatnonzero(is_begun)
         self._forces[rows, flights.samples[rows]] = forces[rows]

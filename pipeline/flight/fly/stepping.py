@@ -1,6 +1,8 @@
 """Flights stepped one control period at a time by external forces, each in lane 0 of vectors of its own."""
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any, Final
 
 import numpy as np
@@ -136,6 +138,24 @@ def observation_scales(mission: Mission) -> Floats:
     return np.repeat(amounts, (3, 3, 3, 6, 2, 1, 1))
 
 
+def periods_between(mission: Mission, decision_period_s: float | None) -> int:
+    """Return the control periods from one decision to the next; one unless the time between them is given.
+
+    Raises
+    ------
+    ValueError
+        If that is no multiple of the control period.
+    """
+    period = mission.control_period_s
+    given = period if decision_period_s is None else decision_period_s
+    count = round(given / period) if math.isfinite(given) else 0
+    if not (count >= 1 and abs(count * period - given) <= 1e-9 * given):
+        raise ValueError(
+            f"decision_period_s is {given:g}; it must be a multiple of control_period_s, {period:g}"
+        )
+    return count
+
+
 def check_given(numbers: Floats) -> None:
     """Raise ValueError unless what a learner or a policy gives is finite."""
     if not math.isfinite(numbers.sum()):
@@ -239,10 +259,18 @@ class SteppedFlights:
 
     def step_started(self) -> None:
         """Bring the flights that were put at a start to their first sample; the others rest."""
-        before, is_resting = self.samples.copy(), self.samples != NOT_STARTED
-        self.samples[is_resting] = RESTING
-        self._step(*self._arguments)
-        self.samples[is_resting] = before[is_resting]
+        with self.resting(self.samples != NOT_STARTED):
+            self._step(*self._arguments)
+
+    @contextmanager
+    def resting(self, which: Booleans) -> Iterator[None]:
+        """Let some flights, (n,), rest while others are stepped inside."""
+        before = self.samples.copy()
+        self.samples[which] = RESTING
+        try:
+            yield
+        finally:
+            self.samples[which] = before[which]
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the mission and the content of all arrays, for pickling."""

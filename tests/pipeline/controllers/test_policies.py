@@ -30,6 +30,7 @@ SCALES = np.array([100.0] * 3 + [0.5] * 3 + [10.0] * 3 + [1.0] * 6 + [99.0] * 2 
 CONSTANTS = {
     "w1": W1, "w1t": W1.T, "b1": B1, "w2": W2, "b2": B2, "scales": SCALES, "low": np.array(-1.0),
     "high": np.array(1.0), "force": np.array(0.03), "half": np.array([0.5]), "wide": np.ones((18, 3)),
+    "w9": RNG.normal(0.0, 0.8, (8, 9)),
     "zero": np.array(0.0), "column": np.ones((3, 1)), "infinite": np.array(np.inf), "large": np.array(1e38),
 }  # fmt: skip
 Step = tuple[str, Sequence[str], dict[str, Any]]
@@ -55,7 +56,7 @@ OTHERWISE: Sequence[Step] = (
 )
 
 
-def model(steps: Sequence[Step], kind: int = TensorProto.FLOAT) -> ModelProto:
+def model(steps: Sequence[Step], kind: int = TensorProto.FLOAT, width: int = 3) -> ModelProto:
     """A chain of operators; the empty name stands for what the one before gives."""
     nodes: list[NodeProto] = []
     for index, (operator, inputs, attributes) in enumerate(steps):
@@ -66,7 +67,7 @@ def model(steps: Sequence[Step], kind: int = TensorProto.FLOAT) -> ModelProto:
     tensors = [numpy_helper.from_array(CONSTANTS[name].astype(numbers), name) for name in dict.fromkeys(used)]
     ends = [
         helper.make_tensor_value_info(name, kind, [None, width])
-        for name, width in (("value0", NUM_SEEN), (f"value{len(steps)}", 3))
+        for name, width in (("value0", NUM_SEEN), (f"value{len(steps)}", width))
     ]
     graph = helper.make_graph(nodes, "policy", ends[:1], ends[1:], tensors)
     return helper.make_model(graph, opset_imports=[helper.make_opsetid("", 13)], ir_version=8)
@@ -194,9 +195,20 @@ def test_metadata_tell_the_units() -> None:
     assert read(made).pilot.units == Units(forces_are_shares=True, observations_are_normalized=True)
     helper.set_model_props(made, {"forces": "pounds"})
     with pytest.raises(
-        ControllerError, match="its metadata forces is 'pounds'; it must be newtons or shares"
+        ControllerError, match="its metadata forces is 'pounds'; it must be newtons or shares or levels"
     ):
         read(made)
+    for metadata, words in (
+        ({"forces": "levels"}, "forces is levels, and levels_n is missing"),
+        ({"levels_n": "0.1"}, "forces is newtons, and levels_n is 0.1"),
+        ({"forces": "levels", "levels_n": "-1"}, "levels_n is '-1'; it must be a number above 0"),
+        ({"decision_period_s": "soon"}, "decision_period_s is 'soon'; it must be a number above 0"),
+        ({"forces": "levels", "levels_n": "0.1"}, "answers with 3 numbers; a policy gives three numbers for"),
+    ):
+        wrong = model(LAYERS)
+        helper.set_model_props(wrong, metadata)
+        with pytest.raises(ControllerError, match=words):
+            read(wrong)
 
 
 def test_files_that_are_none_are_refused(tmp_path: Path) -> None:
@@ -234,7 +246,7 @@ def test_shares_of_the_greatest_force_fly_as_the_gym_flies_them(tmp_path: Path) 
         action, *_ = reference.run(None, {"input": seen[np.newaxis]})
         force = np.clip(action[0], -1.0, 1.0) * task.mission.deputy.max_force_n
         np.testing.assert_allclose(log.force_asked_n[k], force, atol=1e-5)
-        seen, *_ = env.step(action[0])
+        seen, *_ = env.step(np.clip(action[0], -1.0, 1.0))
 
 
 def test_a_path_stands_for_a_policy() -> None:
@@ -273,6 +285,32 @@ def test_a_policy_flies_in_the_gym_what_it_flies_here(flown) -> None:
     np.testing.assert_allclose(seen[:3], log.position_m[-1], atol=1e-2)
     assert info["num_inspected"] == log.is_inspected[-1].sum()
     assert info["delta_v_m_s"] == pytest.approx(log.delta_v_m_s[-1], rel=1e-4)
+
+
+@pytest.mark.slow
+def test_levels_are_chosen_once_a_minute_as_in_the_gym() -> None:
+    made = model([*LAYERS[:4], ("MatMul", ["", "w9"], {})], width=9)
+    helper.set_model_props(made, {"forces": "levels", "levels_n": "0.05", "decision_period_s": "60"})
+    task = task_of(OVERRIDES)
+    start = evaluation_scenarios(task.experiment)[0]
+    controller = read(made)
+    log = fly_logged(task.mission, controller, start)
+    env = InspectionEnv(OVERRIDES, levels_n=0.05, decision_period_s=60.0)
+    reference, ends = ReferenceEvaluator(made), [False]
+    seen, _ = env.reset(options={"scenario": start})
+    for decision in range(15):
+        (values,) = reference.run(None, {"value0": seen[np.newaxis]})
+        levels = values.reshape(3, 3).argmax(axis=1)
+        np.testing.assert_allclose(log.force_asked_n[6 * decision], 0.05 * (levels - 1.0), atol=1e-12)
+        assert not log.force_asked_n[6 * decision + 1 : 6 * decision + 6].any()
+        assert not any(ends)
+        seen, _, *ends, info = env.step(levels)
+    assert ends == [False, True]
+    np.testing.assert_allclose(seen[:3], log.position_m[-1], atol=1e-2)
+    assert info["delta_v_m_s"] == pytest.approx(log.delta_v_m_s[-1], rel=1e-6)
+    assert log.force_asked_n.any()
+    with pytest.raises(ControllerError, match="decision_period_s is 60; it must be a multiple"):
+        fly_logged(task_of([*OVERRIDES, "control_period_s=9"]).mission, controller, start)
 
 
 @pytest.mark.slow
