@@ -6,7 +6,7 @@ other controllers does not depend on policies, nor does its compilation.
 """
 
 from dataclasses import dataclass
-from math import exp, expm1, log1p, tanh
+from math import erfc, exp, expm1, log1p, sqrt, tanh
 from typing import NamedTuple
 
 import numpy as np
@@ -23,8 +23,10 @@ from pipeline.settings.experiment import Mission
 from pipeline.threads import in_threads
 
 #: activation of a layer: none, hyperbolic tangent, clipping to `low` and `high`, exponential linear unit and
-#: leaky rectifier with the factor `low` below zero, logistic function, softplus up to `high`
-LINEAR, TANH, CLIPPED, ELU, LEAKY, SIGMOID, SOFTPLUS = range(7)
+#: leaky rectifier with the factor `low` below zero, logistic function, softplus up to `high`, a number times
+#: its logistic function, a number times its normal probability, and all numbers of a layer less their mean,
+#: over the root of their variance plus `low`
+LINEAR, TANH, CLIPPED, ELU, LEAKY, SIGMOID, SOFTPLUS, SILU, GELU, NORMED = range(10)
 
 
 class Network(NamedTuple):
@@ -70,7 +72,26 @@ def activation(kind: int, x: float, low: float, high: float) -> float:
         y = 1.0 / (1.0 + exp(-x)) if x >= 0.0 else exp(x) / (1.0 + exp(x))
     elif kind == SOFTPLUS and x <= high:
         y = max(x, 0.0) + log1p(exp(-abs(x)))
+    elif kind == SILU:
+        y = x / (1.0 + exp(-x)) if x >= 0.0 else x * exp(x) / (1.0 + exp(x))
+    elif kind == GELU:
+        y = 0.5 * x * erfc(-x * sqrt(0.5))
     return y
+
+
+@compiled(error_model="numpy")
+def normalise(values: Floats, count: int, added: float) -> None:
+    """Subtract the mean of the first numbers, and divide by the root of their variance plus something."""
+    mean = 0.0
+    for j in range(count):
+        mean += values[j]
+    mean /= count
+    variance = 0.0
+    for j in range(count):
+        variance += (values[j] - mean) ** 2
+    deviation = sqrt(variance / count + added)
+    for j in range(count):
+        values[j] = (values[j] - mean) / deviation
 
 
 @compiled(nogil=True, error_model="numpy")
@@ -94,7 +115,9 @@ def answer(network: Network, seen: Floats, work: Floats, outputs: Floats) -> Non
                 for j in range(num_out):
                     work[after, j] += numbers[weights + j] * value
             kind, low, high = network.kinds[layer], network.low[layer], network.high[layer]
-            if kind != LINEAR:
+            if kind == NORMED:
+                normalise(work[after], num_out, low)
+            elif kind != LINEAR:
                 for j in range(num_out):
                     work[after, j] = activation(kind, work[after, j], low, high)
             now, after, first = after, now, added + num_out

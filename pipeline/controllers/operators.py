@@ -1,5 +1,6 @@
 """The operators of an ONNX graph that a policy may have, from its input to one of its outputs."""
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
@@ -8,7 +9,18 @@ from numpy.typing import NDArray
 
 from pipeline.array_types import Floats
 from pipeline.controllers.layers import NUM_FORCES, Chain, UnreadableError
-from pipeline.controllers.learned import CLIPPED, ELU, LEAKY, SIGMOID, SOFTPLUS, TANH, Network
+from pipeline.controllers.learned import (
+    CLIPPED,
+    ELU,
+    GELU,
+    LEAKY,
+    NORMED,
+    SIGMOID,
+    SILU,
+    SOFTPLUS,
+    TANH,
+    Network,
+)
 
 #: the operators, by the format's names; the last five as exporters write an identity or a softplus
 OPERATORS: Final = (
@@ -21,6 +33,8 @@ OPERATORS: Final = (
         "MatMul",
         "Clip",
         "Elu",
+        "Gelu",
+        "LayerNormalization",
         "LeakyRelu",
         "Relu",
         "Sigmoid",
@@ -34,7 +48,9 @@ ATTRIBUTES: Mapping[str, set[str]] = {
     "Cast": {"to", "saturate"},
     "Elu": {"alpha"},
     "Flatten": {"axis"},
+    "Gelu": {"approximate"},
     "Gemm": {"alpha", "beta", "transA", "transB"},
+    "LayerNormalization": {"axis", "epsilon", "stash_type"},
     "LeakyRelu": {"alpha"},
     "Reshape": {"allowzero"},
 }
@@ -119,6 +135,8 @@ class Graph:
         """Return the one input of an operator that is no constant, nor a condition or a shape."""
         if node.op_type == "Where":
             return self._softplus_input(node)
+        if node.op_type == "Mul" and (gate := self._gate(node)):
+            return gate[0]
         first = 1 if node.op_type in ("Expand", "Reshape") else len(node.input)
         names = [name for name in node.input[:first] if name and not self._is_constant(name)]
         if len(names) != 1 or len(node.output) != 1:
@@ -136,6 +154,37 @@ class Graph:
         if not (is_softplus and is_above):
             raise UnreadableError(f"its operator Where is no softplus with a threshold; {ONLY_CHAINS}")
         return str(name)
+
+    def _gate(self, node: Any) -> tuple[str, int, float] | None:
+        """Return the values that a product gates by a function of them, the kind of layer, and a factor.
+
+        That is x times its logistic function, or x times one plus the error function of x over the root of
+        two, as exporters write SiLU and twice GELU; None of other products.
+        """
+        for name, other in (node.input[:2], node.input[1::-1]):
+            made = self._made_by.get(other)
+            if made is None or self._is_constant(other):
+                continue
+            if (made.op_type, list(made.input)) == ("Sigmoid", [name]):
+                return str(name), SILU, 1.0
+            if made.op_type == "Add" and self._is_one_plus_erf(made, name):
+                return str(name), GELU, 2.0
+        return None
+
+    def _is_one_plus_erf(self, node: Any, name: str) -> bool:
+        """Return whether an operator adds one to the error function of values over the root of two."""
+        for erf, one in (node.input[:2], node.input[1::-1]):
+            made = self._made_by.get(erf)
+            if made is not None and made.op_type == "Erf" and self._is_number(one, 1.0):
+                scaled = self._made_by.get(_input(made, 0))
+                roots = {"Div": math.sqrt(2.0), "Mul": math.sqrt(0.5)}
+                if scaled is not None and scaled.op_type in roots and _input(scaled, 0) == name:
+                    return self._is_number(_input(scaled, 1), roots[scaled.op_type])
+        return False
+
+    def _is_number(self, name: str, number: float) -> bool:
+        values = self._constant(name)
+        return values is not None and values.size == 1 and math.isclose(values.item(), number, rel_tol=1e-6)
 
     def _is_constant(self, name: str) -> bool:
         """Return whether a name is a constant of the model, or a copy of one."""
@@ -170,6 +219,10 @@ class Graph:
                 fits = threshold is not None and threshold.size == 1
                 if fits:
                     chain.close(SOFTPLUS, high=threshold.item())
+            case "Mul" if gate := self._gate(node):
+                fits = True
+                chain.close(gate[1])
+                chain.scale(np.full(1, gate[2]), np.zeros(1))
             case _:
                 fits = _follow(chain, node.op_type, constants, attributes)
         if not fits:
@@ -228,9 +281,16 @@ def _follow(chain: Chain, operator: str, constants: Sequence[Any], attributes: M
             chain.scale(other, 0.0 * unity)
         case "Div", [None, np.ndarray() as other] if other.all():
             chain.scale(1.0 / other, 0.0 * unity)
+        case "LayerNormalization", [None, np.ndarray() as factor, *offset] if _is_of_last_axis(attributes):
+            chain.close(NORMED, attributes["epsilon"].f if "epsilon" in attributes else 1e-5)
+            chain.scale(factor, offset[0] if offset and offset[0] is not None else 0.0 * unity)
         case _:
             return False
     return True
+
+
+def _is_of_last_axis(attributes: Mapping[str, Any]) -> bool:
+    return "axis" not in attributes or attributes["axis"].i in (-1, 1)
 
 
 def _activation(
@@ -241,6 +301,8 @@ def _activation(
         kind, alpha, high = ACTIVATIONS[operator]
         return kind, attributes["alpha"].f if "alpha" in attributes else alpha, high
     match operator, constants:
+        case "Gelu", _ if "approximate" not in attributes or attributes["approximate"].s == b"none":
+            return GELU, 0.0, 0.0
         case "Clip", [None, *limits] if all(limit is None or limit.size == 1 for limit in limits):
             least, most = (None if limit is None else limit.item() for limit in (*limits, None, None)[:2])
             return CLIPPED, -np.inf if least is None else least, np.inf if most is None else most

@@ -30,8 +30,8 @@ SCALES = np.array([100.0] * 3 + [0.5] * 3 + [10.0] * 3 + [1.0] * 6 + [99.0] * 2 
 CONSTANTS = {
     "w1": W1, "w1t": W1.T, "b1": B1, "w2": W2, "b2": B2, "scales": SCALES, "low": np.array(-1.0),
     "high": np.array(1.0), "force": np.array(0.03), "half": np.array([0.5]), "wide": np.ones((18, 3)),
-    "w9": RNG.normal(0.0, 0.8, (8, 9)),
-    "zero": np.array(0.0), "column": np.ones((3, 1)), "infinite": np.array(np.inf), "large": np.array(1e38),
+    "w9": RNG.normal(0.0, 0.8, (8, 9)), "one": np.array(1.0), "root": np.array(np.sqrt(2.0)),
+    "scale": np.arange(1.0, 9.0), "zero": np.array(0.0), "column": np.ones((3, 1)), "infinite": np.array(np.inf), "large": np.array(1e38),
 }  # fmt: skip
 Step = tuple[str, Sequence[str], dict[str, Any]]
 LAYERS: Sequence[Step] = (
@@ -56,12 +56,30 @@ OTHERWISE: Sequence[Step] = (
 )
 
 
+#: what gates its numbers, or normalises them, as exporters write it, and as later versions of the format do
+GATED: Sequence[Step] = (
+    ("Div", ["", "scales"], {}),
+    ("Gemm", ["", "w1t", "b1"], {"transB": 1}),
+    ("Sigmoid", [""], {}),
+    ("Mul", ["value2", ""], {}),
+    ("LayerNormalization", ["", "scale", "b1"], {"axis": -1, "epsilon": 1e-4}),
+    ("Div", ["", "root"], {}),
+    ("Erf", [""], {}),
+    ("Add", ["", "one"], {}),
+    ("Mul", ["value5", ""], {}),
+    ("Mul", ["", "half"], {}),
+    ("Gelu", [""], {}),
+    ("MatMul", ["", "w2"], {}),
+)
+
+
 def model(steps: Sequence[Step], kind: int = TensorProto.FLOAT, width: int = 3) -> ModelProto:
     """A chain of operators; the empty name stands for what the one before gives."""
     nodes: list[NodeProto] = []
     for index, (operator, inputs, attributes) in enumerate(steps):
         names = [name or f"value{index}" for name in inputs]
         nodes.append(helper.make_node(operator, names, [f"value{index + 1}"], **attributes))
+    opset = 20 if {"Gelu", "LayerNormalization"} & {operator for operator, *_ in steps} else 13
     used = [name for _, inputs, _ in steps for name in inputs if name in CONSTANTS]
     numbers = np.float32 if kind == TensorProto.FLOAT else np.float64
     tensors = [numpy_helper.from_array(CONSTANTS[name].astype(numbers), name) for name in dict.fromkeys(used)]
@@ -70,14 +88,14 @@ def model(steps: Sequence[Step], kind: int = TensorProto.FLOAT, width: int = 3) 
         for name, width in (("value0", NUM_SEEN), (f"value{len(steps)}", width))
     ]
     graph = helper.make_graph(nodes, "policy", ends[:1], ends[1:], tensors)
-    return helper.make_model(graph, opset_imports=[helper.make_opsetid("", 13)], ir_version=8)
+    return helper.make_model(graph, opset_imports=[helper.make_opsetid("", opset)], ir_version=8)
 
 
 def read(made: ModelProto) -> Controller:
     return policy_of("policy", made.SerializeToString(), "policy.onnx")
 
 
-@pytest.mark.parametrize("steps", [LAYERS, OTHERWISE], ids=["layers", "otherwise"])
+@pytest.mark.parametrize("steps", [LAYERS, OTHERWISE, GATED], ids=["layers", "otherwise", "gated"])
 def test_a_network_answers_what_the_reference_of_the_format_does(steps) -> None:
     seen = RNG.normal(0.0, 1.0, (50, NUM_SEEN)) * SCALES
     outputs, pilot = np.empty((50, 3)), read(model(steps)).pilot
@@ -107,6 +125,16 @@ def test_a_network_answers_what_the_reference_of_the_format_does(steps) -> None:
         ([("Expand", [""], {}), *LAYERS], "its operator Expand does not take numbers and constants"),
         ([("Cast", [""], {"to": 7}), *LAYERS], "its operator Cast does not take numbers and constants"),
         ([("Where", [""], {}), *LAYERS], "its operator Where is no softplus with a threshold"),
+        ([*GATED[:6], ("Tanh", [""], {}), *GATED[7:]], "its operator Mul does not take the numbers of"),
+        (
+            [*GATED[:10], ("Gelu", [""], {"approximate": "tanh"}), GATED[-1]],
+            "its operator Gelu does not take",
+        ),
+        (
+            [*GATED[:2], ("LayerNormalization", ["", "scale"], {"axis": 0}), GATED[-1]],
+            "its operator LayerNorm",
+        ),
+        ([*GATED[:2], ("Erf", [""], {}), GATED[-1]], "it has the operator Erf; only a chain of"),
         (LAYERS[:4], "it answers with 8 numbers; a policy gives three forces"),
     ],
 )
