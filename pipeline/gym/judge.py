@@ -1,0 +1,234 @@
+"""Judge a controller on held-out starts: ``python -m pipeline.gym.judge WHAT``.
+
+The tasks, their starts and what is told are fixed by a version, so that results can be compared wherever they
+were made. No training draws these starts: those of environments have another place in the spawn key of the
+random numbers (`pipeline.scenarios`).
+"""
+
+import argparse
+import hashlib
+import json
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fis_tools.document import Document, Table, text
+from fis_tools.file_access import write_text
+from pipeline.command_line.config import compose_experiment
+from pipeline.controllers.source import named, sha256_of
+from pipeline.evaluation.beside_optimum import beside_optimum, summarise_times
+from pipeline.evaluation.monte_carlo import SUCCESS, episode_columns, fly_cases, fly_followed, summarise
+from pipeline.evaluation.statistics import statistic
+from pipeline.flight.control.controller import Controller, PilotController
+from pipeline.flight.control.law import played
+from pipeline.flight.fly.stepping import SteppedFlights
+from pipeline.flight.state.arrays import Plans
+from pipeline.flight.state.log import Scenario
+from pipeline.gym.episodes import Reward, Task
+from pipeline.optimum.solved import IncomparableError, solved_for
+from pipeline.run import maker
+from pipeline.run.artifacts import ArtifactError
+from pipeline.scenarios import evaluation_scenarios
+from pipeline.settings.experiment import Mission
+
+VERSION: Final = "Inspection-v1"
+#: three orbits of the paper's chief, s
+THREE_ORBITS_S: Final = 18_360
+#: what each task is, as on the command line
+TASKS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
+    {
+        "paper": ("sun=random",),
+        "parked": ("sun=random", f"after_s={THREE_ORBITS_S}"),
+        "leo": ("world=leo",),
+        "leo_real": ("world=leo", "navigation=fixes", "actuators=real"),
+        "afrl": ("world=afrl",),
+        "afrl_weighted": ("world=afrl_weighted",),
+        "docking": ("problem=docking",),
+    }
+)
+NUM_CASES: Final = 1000
+CONFIDENCE_PERCENT: Final = 95.0
+#: what is told of the flights: the name in the file, that in the columns of an evaluation, words, decimals
+MEANS: Final = (("delta_v_m_s", "delta-v (m/s)", 3), ("inspection_rate_percent", "inspected (%)", 2))
+SHARES: Final = (
+    (SUCCESS, "success (%)"),
+    ("violated", "outside the limits (%)"),
+    ("stays_orbit", "stays an orbit (%)"),
+    ("passively_safe", "passively safe (%)"),
+)
+
+#: from observations, (n, 19), as environments show them, to actions, (n, 3), shares of the greatest force
+Acting = Callable[[NDArray[np.float32]], NDArray[Any]]
+
+
+@dataclass(frozen=True)
+class ActingPilot:
+    """A function of observations as a pilot, see `pipeline.flight.control.controller.Pilot`."""
+
+    act: Acting
+    task: Task
+    source: bytes = b""
+
+    def __call__(self, mission: Mission, scenarios: list[Scenario], workers: int | None) -> Plans:
+        """Return the plans of flights from some starts, stepped side by side."""
+        is_tilted = any(scenario.sun_elevation_rad != 0.0 for scenario in scenarios)
+        flights = SteppedFlights(mission, len(scenarios), is_tilted=is_tilted)
+        for flight, scenario in enumerate(scenarios):
+            flights.start(flight, scenario)
+        forces = np.zeros((len(scenarios), mission.num_controls, 3))
+        flights.step(np.zeros((len(scenarios), 3)))
+        for k in range(mission.num_controls):
+            forces[:, k] = self.task.forces(self.act(flights.seen), len(scenarios))
+            flights.step(forces[:, k])
+        return played(forces)
+
+
+def seed_of(task: str) -> int:
+    """Return the seed of a task's starts: the first 31 bits of the SHA-256 of its name and version."""
+    return int.from_bytes(hashlib.sha256(f"{VERSION} {task}".encode()).digest()[:4]) >> 1
+
+
+def judge(
+    what: Controller | Acting | str,
+    task: str = "paper",
+    num_cases: int = NUM_CASES,
+    workers: int | None = None,
+) -> dict[str, Any]:
+    """Fly a task's held-out starts, and tell how.
+
+    Parameters
+    ----------
+    what : Controller, callable or str
+        A controller, its name or the path of its file; or a function from observations, (n, 19) float32, to
+        actions, (n, 3), as `pipeline.gym.env.InspectionVectorEnv` takes them.
+    task : str
+        Of `TASKS`.
+    num_cases : int
+        The first so many starts.
+    workers : int, optional
+        Threads; one per processor unless given.
+
+    Returns
+    -------
+    dict
+        Plain data: ``suite``, ``task``, what was flown by whom, ``figures`` with 95 % intervals over starts,
+        and ``regret``, beside the best plans known for other starts of the same task, where there are some.
+
+    Raises
+    ------
+    ValueError
+        If there is no such task, or the controller cannot fly it.
+    """
+    if task not in TASKS:
+        raise ValueError(f"there is no task {task!r}; there are {', '.join(TASKS)}")
+    words = [*TASKS[task], f"seed={seed_of(task)}", f"monte_carlo.num_cases={num_cases}"]
+    composed = compose_experiment(["+experiment=evaluate", "controller=coast", *words])
+    experiment, mission = composed.experiment, composed.experiment.mission
+    if isinstance(what, str):
+        controller: Controller = named(what, mission)
+    elif callable(what):
+        asked = Task(experiment, composed.config, Reward(), None)
+        controller = PilotController(getattr(what, "__name__", "policy"), ActingPilot(what, asked))
+    else:
+        controller = what
+    scenarios = evaluation_scenarios(experiment)
+    outcomes, after = fly_followed(mission, controller, scenarios, workers)
+    summary = summarise(episode_columns(mission, scenarios, outcomes, after), CONFIDENCE_PERCENT)
+    shown = [name for name, *_ in (*MEANS, *SHARES) if name in summary]
+    return {
+        "suite": VERSION,
+        "task": task,
+        "overrides": list(TASKS[task]),
+        "seed": experiment.seed,
+        "num_cases": num_cases,
+        "confidence_percent": CONFIDENCE_PERCENT,
+        "controller": {"name": controller.name, "sha256": sha256_of(controller)},
+        "figures": {name: summary[name] for name in shown},
+        "regret": _regret(replace(experiment, seed=1), controller, workers),
+        "product": maker.product_version(),
+    }
+
+
+def _regret(experiment: Any, controller: Controller, workers: int | None) -> dict[str, Any]:
+    """Return what a controller burns beyond the best plans known, and relative to what every plan burns."""
+    try:
+        solved = solved_for(experiment)
+    except (IncomparableError, ArtifactError) as reason:
+        return {"not_compared": str(reason)}
+    flown, _ = fly_cases(experiment.mission, controller, solved.scenarios, workers)
+    columns = beside_optimum(flown, solved.cases, solved.harder)
+    beyond = columns["delta_v_m_s"] - columns["optimum_as_seen_delta_v_m_s"]
+    spread = statistic(np.asarray(beyond), CONFIDENCE_PERCENT, -np.inf, np.inf)
+    times = summarise_times(columns, CONFIDENCE_PERCENT)
+    kept = ("num_cases", "num_successful", "times_optimum_as_seen", "times_bound")
+    return {
+        "regret_m_s": {"mean": spread.mean, "low": spread.low, "high": spread.high},
+        **{name: times[name] for name in kept},
+    }
+
+
+def table(judged: Sequence[Mapping[str, Any]]) -> str:
+    """Return results as a plain table, a column each."""
+    rows = [["task", *(str(result["task"]) for result in judged)]]
+    for name, words, decimals in MEANS:
+        rows.append([words, *(_mean(result["figures"].get(name), decimals) for result in judged)])
+    for name, words in SHARES:
+        rows.append([words, *(_share(result["figures"].get(name)) for result in judged)])
+    rows.append(
+        ["beyond the best plan (m/s)", *(_mean(result["regret"].get("regret_m_s"), 3) for result in judged)]
+    )
+    heads = ["", *(str(result["controller"]["name"]) for result in judged)]
+    return text.write(Document([Table(heads, rows, numbers=range(1, len(heads)))]))
+
+
+def _mean(measure: Mapping[str, Any] | None, decimals: int) -> str:
+    if measure is None:
+        return "-"
+    mean = f"{measure['mean']:.{decimals}f}"
+    if measure["low"] is None:
+        return mean
+    return f"{mean} ({measure['low']:.{decimals}f} to {measure['high']:.{decimals}f})"
+
+
+def _share(measure: Mapping[str, Any] | None) -> str:
+    if measure is None:
+        return "-"
+    share, low, high = (100.0 * measure[part] for part in ("fraction", "low", "high"))
+    return f"{share:.1f} ({low:.1f} to {high:.1f})"
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Judge controllers, print the table, and write the results if a file is named."""
+    parser = argparse.ArgumentParser(
+        prog="python -m pipeline.gym.judge",
+        description=f"Fly the held-out starts of {VERSION}; tell fuel, success and regret with intervals.",
+    )
+    parser.add_argument(
+        "what", nargs="+", help="controllers by name or path: champion_27, my.yaml, policy.onnx"
+    )
+    parser.add_argument("--task", choices=TASKS, action="append", help="paper unless given; may be repeated")
+    parser.add_argument("--cases", type=int, default=NUM_CASES, help="the first so many starts")
+    parser.add_argument("-o", "--output", type=Path, help="a JSON file of the results, for others to compare")
+    options = parser.parse_args(arguments)
+    judged = []
+    try:
+        for task in options.task or ["paper"]:
+            for what in options.what:
+                sys.stderr.write(f"  {task}: {what}\n")
+                judged.append(judge(what, task, options.cases))
+    except ValueError as error:
+        parser.error(str(error))
+    sys.stdout.write(table(judged))
+    if options.output:
+        write_text(options.output, json.dumps(judged, indent=1) + "\n")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
