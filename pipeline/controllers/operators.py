@@ -173,9 +173,9 @@ class Graph:
 
     def _is_one_plus_erf(self, node: Any, name: str) -> bool:
         """Return whether an operator adds one to the error function of values over the root of two."""
-        for erf, one in (node.input[:2], node.input[1::-1]):
+        for erf, number in (node.input[:2], node.input[1::-1]):
             made = self._made_by.get(erf)
-            if made is not None and made.op_type == "Erf" and self._is_number(one, 1.0):
+            if made is not None and made.op_type == "Erf" and self._is_number(number, 1.0):
                 scaled = self._made_by.get(_input(made, 0))
                 roots = {"Div": math.sqrt(2.0), "Mul": math.sqrt(0.5)}
                 if scaled is not None and scaled.op_type in roots and _input(scaled, 0) == name:

@@ -133,8 +133,8 @@ def judge(
     if isinstance(what, str):
         controller: Controller = named(what, mission)
     elif callable(what):
-        asked = Task(experiment, composed.config, Reward(), None)
-        controller = PilotController(getattr(what, "__name__", "policy"), ActingPilot(what, asked))
+        flown = Task(experiment, composed.config, Reward(), None)
+        controller = PilotController(getattr(what, "__name__", "policy"), ActingPilot(what, flown))
     else:
         controller = what
     scenarios = evaluation_scenarios(experiment)
