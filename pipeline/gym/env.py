@@ -48,7 +48,7 @@ class InspectionEnv(gymnasium.Env[Observation, NDArray[Any]]):
 
     Observations are physical, in the order of `pipeline.flight.fly.stepping.OBSERVED`. An episode terminates
     outside the distance limits and when every point that counts is inspected; it is truncated when its time
-    is over.
+    is over. With ``after_s`` it lasts until then, and is outside if free motion leads there within that time.
 
     Parameters
     ----------

@@ -52,7 +52,8 @@ class Reward:
     per_delta_v : float
         Taken away for each m/s spent.
     success : float
-        Once, when enough points are inspected.
+        Once, when enough points are inspected; where a mission asks for what follows (``after_s``), at the
+        end of its time.
     outside : float
         Taken away where the flight ends outside the distance limits.
     too_far : float, optional
@@ -246,14 +247,20 @@ def task_of(
     Raises
     ------
     ValueError
-        If the overrides do not compose, the level is beyond what the thruster can do, or the time between
-        commands is no multiple.
+        If the overrides do not compose, the level is beyond what the thruster can do, the time between
+        commands is no multiple, or the reward looks at no end that the mission asks for.
     """
     composed = compose_experiment([*BASE, *overrides])
     most = composed.experiment.mission.deputy.max_force_n
     if levels_n is not None and not 0.0 < levels_n <= most:
         raise ValueError(
             f"levels_n is {levels_n}; it must be above 0 and at most {most} N, deputy.max_force_n"
+        )
+    after_s = composed.experiment.mission.after_s
+    if reward is not None and reward.as_afrl and after_s > 0.0:
+        raise ValueError(
+            f"after_s is {after_s:g}, and AFRL's episodes end as soon as enough is seen; leave it out, or "
+            "give another reward"
         )
     num_periods = stepping.periods_between(composed.experiment.mission, decision_period_s)
     return Task(composed.experiment, composed.config, reward or Reward(), levels_n, num_periods)
@@ -316,7 +323,8 @@ class Episodes:
         rewards : (n,) array
             Zero of those that were started.
         terminated : (n,) array of bool
-            Outside the distance limits, or every point that counts is inspected.
+            Outside the distance limits, or every point that counts is inspected. Where a mission asks for
+            what follows, it ends with its time, outside if free motion leads there.
         truncated : (n,) array of bool
             The flight's time is over. See `Reward` for AFRL's ends.
         """
@@ -347,11 +355,14 @@ class Episodes:
         is_enough = inspected >= self._needed
         rewards = reward.per_point * (inspected - self._paid)
         rewards -= reward.per_delta_v * (now[:, stepping.SPENT] - self._spent)
-        rewards += reward.success * self._succeeds(is_begun & is_enough & (self._paid < self._needed))
+        is_last, goes_on = flights.samples == self.task.mission.num_controls, self.task.mission.after_s > 0.0
+        is_due = is_last & ~is_outside if goes_on else self._paid < self._needed
+        rewards += reward.success * self._succeeds(is_begun & is_enough & is_due)
         too_far = reward.outside if reward.too_far is None else reward.too_far
         rewards -= np.where(is_far, too_far, reward.outside * is_outside)
-        terminated = is_begun & (is_outside | (now[:, stepping.NUM_UNSEEN] == 0.0))
-        truncated = is_begun & ~terminated & (flights.samples == self.task.mission.num_controls)
+        is_complete = (now[:, stepping.NUM_UNSEEN] == 0.0) & (not goes_on)
+        terminated = is_begun & (is_outside | is_complete)
+        truncated = is_begun & ~terminated & is_last
         if reward.as_afrl:
             terminated = is_begun & (is_outside & ~is_far | is_enough)
             truncated |= is_begun & is_far

@@ -27,6 +27,8 @@ from pipeline.settings.experiment import Mission
 
 #: prices of a metre, m/s: by which a point falls short, more where it is required, and outside the limits
 PRICE_OF_HEIGHT, PRICE_OF_REQUIRED, PRICE_OF_DISTANCE = 0.01, 0.03, 0.05
+#: of a metre by which errors may add to what is outside after a push, and after the end, m/s
+PRICE_OF_DOUBT = 0.003
 #: metres outside the limits that cost as much as a metre of a way that is too long
 WAY_AS_FAR = 5.0
 #: shortfall of a point that is never lit while the camera works, m
@@ -42,17 +44,26 @@ PLANS = 16
 class Tail(NamedTuple):
     """What free motion after a plan's pushes and its end depends on; without rows it costs nothing."""
 
-    # (T, 3, 6) from constants of free motion, the state where the plan begins, to positions so far apart, m
+    # (T, 3, 6) from constants of free motion to positions so far apart, m
     rows: Floats
+    offsets: Floats  # (T, 3) where drag leads from rest, m
     spacing: float  # in control periods
     constants: Floats  # (6,) without force
     kicks: Floats  # (L+1, 6, 3) what 1 N held over so many control periods adds to the constants
     num_after: int  # rows after the end at which both limits count
     num_passive: int  # rows after a push at which the least distance counts, besides those to the next push
+    # how far along the track the estimate where the plan begins may be off, squares, (T,), m^2
+    doubts: Floats
+    # what thrusters may fire wrongly of a force, along its axis and across it, squares of shares
+    scale_doubt: float
+    tilt_doubt: float
 
 
 #: free motion that costs nothing
-NO_TAIL = Tail(np.zeros((0, 3, 6)), 1.0, np.zeros(6), np.zeros((0, 6, 3)), 0, 0)
+NO_TAIL = Tail(
+    *(np.zeros((0, 3, 6)), np.zeros((0, 3)), 1.0, np.zeros(6), np.zeros((0, 6, 3)), 0, 0),
+    *(np.zeros(0), 0.0, 0.0),
+)
 
 
 class Outlook(NamedTuple):
@@ -280,12 +291,19 @@ def lead(genes: Floats, num_pushes: int, outlook: Outlook, effects: Floats, path
 
 
 @compiled(error_model="numpy")
-def constants_after(genes: Floats, num_pushes: int, outlook: Outlook, period: int, constants: Floats) -> None:
-    """Write the constants of free motion after the pushes of a plan that begin before a control period."""
-    kicks = outlook.tail.kicks
-    constants[:] = outlook.tail.constants
+def follow_pushes(
+    genes: Floats, num_pushes: int, outlook: Outlook, period: int, constants: Floats, doubts: Floats
+) -> None:
+    """Write the constants of free motion after the pushes of a plan that begin before a control period.
+
+    Columns of `doubts`, (6, 3 num_pushes), are what a deviation of each push along each axis adds to them.
+    """
+    tail, kicks = outlook.tail, outlook.tail.kicks
+    constants[:] = tail.constants
+    doubts[:] = 0.0
     for push in range(num_pushes):
         begin = 0 if push == 0 else outlook.step * int(genes[3 * num_pushes + push - 1])
+        square, longest = 0.0, 1
         for axis in range(3 if begin < period else 0):
             force = genes[3 * push + axis]
             if abs(force) >= outlook.least_force:
@@ -293,33 +311,66 @@ def constants_after(genes: Floats, num_pushes: int, outlook: Outlook, period: in
                 end = min(begin + periods, len(kicks) - 1)
                 for q in range(6):
                     constants[q] += (kicks[end, q, axis] - kicks[begin, q, axis]) * force / periods
+                square, longest = square + force * force, max(longest, periods)
+        if square * (tail.scale_doubt + tail.tilt_doubt) > 0.0:
+            end = min(begin + longest, len(kicks) - 1)
+            for axis in range(3):
+                force = genes[3 * push + axis]
+                along = force * force if abs(force) >= outlook.least_force else 0.0
+                wrong = np.sqrt(tail.scale_doubt * along + tail.tilt_doubt * (square - along)) / longest
+                for q in range(6):
+                    doubts[q, 3 * push + axis] = (kicks[end, q, axis] - kicks[begin, q, axis]) * wrong
 
 
 @compiled(error_model="numpy")
-def reach_of(rows: Floats, first: int, last: int, constants: Floats) -> tuple[float, float]:
-    """Return the least and the greatest distance of free motion at rows of a tail, m."""
-    least_square, most_square = np.inf, 0.0
-    for j in range(max(first, 0), min(last, len(rows) - 1) + 1):
-        square = 0.0
-        for axis in range(3):
-            along = 0.0
-            for q in range(6):
-                along += rows[j, axis, q] * constants[q]
-            square += along * along
-        least_square, most_square = min(least_square, square), max(most_square, square)
-    return np.sqrt(least_square), np.sqrt(most_square)
+def doubt_along(tail: Tail, j: int, doubts: Floats) -> float:
+    """Return how far along the track free motion may be off at a row of a tail, m."""
+    square = tail.doubts[j]
+    for column in range(doubts.shape[1]):
+        off = 0.0
+        for q in range(6):
+            off += tail.rows[j, 1, q] * doubts[q, column]
+        square += off * off
+    return np.sqrt(square)
 
 
 @compiled(error_model="numpy")
-def outside_later(genes: Floats, num_pushes: int, outlook: Outlook) -> float:
-    """Return the most metres outside the limits of free motion after a plan's pushes, and after the end.
+def reach_of(
+    tail: Tail, first: int, last: int, constants: Floats, doubts: Floats
+) -> tuple[float, float, float, float]:
+    """Return the least and the greatest distance of free motion at rows of a tail, m, and both with doubt.
 
-    After each push the thrusters may fail, at any time up to the next one, or up to the end.
+    Errors of estimates and thrusters grow along the track: they bring the deputy nearer there, and farther.
     """
-    tail, last, worst = outlook.tail, len(outlook.tail.kicks) - 1, 0.0
+    near_square, far_square, nearer_square, farther_square = np.inf, 0.0, np.inf, 0.0
+    for j in range(max(first, 0), min(last, len(tail.rows) - 1) + 1):
+        across, ahead, doubt = 0.0, 0.0, doubt_along(tail, j, doubts)
+        for axis in range(3):
+            along = tail.offsets[j, axis]
+            for q in range(6):
+                along += tail.rows[j, axis, q] * constants[q]
+            if axis == 1:
+                ahead = abs(along)
+            else:
+                across += along * along
+        square, near, far = across + ahead * ahead, max(0.0, ahead - doubt), ahead + doubt
+        near_square, far_square = min(near_square, square), max(far_square, square)
+        nearer_square = min(nearer_square, across + near * near)
+        farther_square = max(farther_square, across + far * far)
+    return np.sqrt(near_square), np.sqrt(far_square), np.sqrt(nearer_square), np.sqrt(farther_square)
+
+
+@compiled(error_model="numpy")
+def outside_later(genes: Floats, num_pushes: int, outlook: Outlook) -> tuple[float, float]:
+    """Return how far outside the limits free motion leads after a plan's pushes, and after the end, m.
+
+    After each push the thrusters may fail, at any time up to the next one, or up to the end. It is the most
+    of all these, and the sum of what errors may add to each.
+    """
+    tail, last, worst, doubtful = outlook.tail, len(outlook.tail.kicks) - 1, 0.0, 0.0
     if len(tail.rows) == 0:
-        return worst
-    constants = np.empty(6)
+        return worst, doubtful
+    constants, doubts = np.empty(6), np.empty((6, 3 * num_pushes))
     for push in range(num_pushes if tail.num_passive > 0 else 0):
         begin = 0 if push == 0 else outlook.step * int(genes[3 * num_pushes + push - 1])
         following = last
@@ -327,18 +378,20 @@ def outside_later(genes: Floats, num_pushes: int, outlook: Outlook) -> float:
             at = 0 if other == 0 else outlook.step * int(genes[3 * num_pushes + other - 1])
             if begin < at < following:
                 following = at
-        constants_after(genes, num_pushes, outlook, begin + 1, constants)
+        follow_pushes(genes, num_pushes, outlook, begin + 1, constants, doubts)
         first = int(np.ceil((begin + 1) / tail.spacing))
-        least, _ = reach_of(
-            tail.rows, first, int(np.ceil(following / tail.spacing)) + tail.num_passive, constants
-        )
-        worst = max(worst, outlook.nearest - least)
+        until = int(np.ceil(following / tail.spacing)) + tail.num_passive
+        near, _, nearer, _ = reach_of(tail, first, until, constants, doubts)
+        outside = max(0.0, outlook.nearest - near)
+        worst, doubtful = max(worst, outside), doubtful + max(0.0, outlook.nearest - nearer) - outside
     if tail.num_after > 0:
-        constants_after(genes, num_pushes, outlook, last, constants)
+        follow_pushes(genes, num_pushes, outlook, last, constants, doubts)
         end = int(np.ceil(last / tail.spacing))
-        least, greatest = reach_of(tail.rows, end, end + tail.num_after, constants)
-        worst = max(worst, outlook.nearest - least, greatest - outlook.farthest)
-    return worst
+        near, far, nearer, farther = reach_of(tail, end, end + tail.num_after, constants, doubts)
+        outside = max(0.0, outlook.nearest - near, far - outlook.farthest)
+        beyond = max(0.0, outlook.nearest - nearer, farther - outlook.farthest)
+        worst, doubtful = max(worst, outside), doubtful + beyond - outside
+    return worst, doubtful
 
 
 @compiled(error_model="numpy")
@@ -381,7 +434,8 @@ def price_pushes(genes: Floats, num_pushes: int, needed: int, outlook: Outlook, 
     )
     num_samples, num_points, num_plans = len(free), normals.shape[2], genes.shape[1]
     effects = np.ascontiguousarray(outlook.gain.transpose(2, 0, 1)).reshape(3, -1)
-    path, spent, outside = np.empty(3 * num_samples), np.empty(PLANS), np.empty(PLANS)
+    path, spent = np.empty(3 * num_samples), np.empty(PLANS)
+    outside, doubtful = np.empty(PLANS), np.empty(PLANS)
     positions, best = np.empty((num_samples, 3, PLANS)), np.empty((num_points, PLANS))
     is_flat = cos_incidence == 0.0 and max_range == np.inf
     left = np.arange(num_points)
@@ -394,7 +448,7 @@ def price_pushes(genes: Floats, num_pushes: int, needed: int, outlook: Outlook, 
             # spare lanes repeat the last plan
             plan = min(first + lane, num_plans - 1)
             spent[lane] = lead(genes[:, plan], num_pushes, outlook, effects, path)
-            outside[lane] = outside_later(genes[:, plan], num_pushes, outlook)
+            outside[lane], doubtful[lane] = outside_later(genes[:, plan], num_pushes, outlook)
             positions[:, :, lane] = path.reshape(-1, 3)
         best[:], num_left = NEVER, num_points
         for turn in range(num_samples):
@@ -432,4 +486,5 @@ def price_pushes(genes: Floats, num_pushes: int, needed: int, outlook: Outlook, 
         for lane in range(min(PLANS, num_plans - first)):
             cost = spent[lane] * outlook.delta_v_per_force
             cost = cost + price_shortfalls(best[:, lane], needed, outlook.required)
-            costs[first + lane] = cost + PRICE_OF_DISTANCE * outside[lane]
+            cost = cost + PRICE_OF_DISTANCE * outside[lane]
+            costs[first + lane] = cost + PRICE_OF_DOUBT * doubtful[lane]

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -30,18 +31,19 @@ from pipeline.flight.state.arrays import NUM_TRACKED, TRACK_BORESIGHT, World
 from pipeline.flight.state.log import Outcomes, Scenario
 from pipeline.flight.state.signals import constant
 from pipeline.flight.world.bounds import guard_of
-from pipeline.flight.world.chief import predicted_motion
-from pipeline.flight.world.coasting import rows_after
+from pipeline.flight.world.coasting import rows_after, tabulated
 from pipeline.flight.world.pack import pack_world
 from pipeline.physics.motion import motion_over, state_transition
 from pipeline.physics.transitions import follows_course
 from pipeline.settings.equipment import RealActuators
 from pipeline.settings.experiment import Mission
+from pipeline.settings.mission import TwoBody
 
 #: time between the samples at which plans are priced, s, by the number of pushes
 LOOK_S = {2: 30.0, 3: 20.0}
-#: time between the instants at which plans are priced by what follows them, s
-TAIL_S = 60.0
+#: time between the instants at which plans are priced by what follows them, s, and by how many standard
+#: deviations along the track, of the estimate and of what thrusters fire, that stays within the limits
+TAIL_S, TAIL_SPREADS = 60.0, 2.0
 #: by how much plans see points beyond their horizons, and keep inside the limits besides what the rules keep:
 #: for what happens between two samples, m, and for what is not known, in standard deviations of the position
 MARGIN_M, SPREADS = 0.3, 1.0
@@ -122,31 +124,44 @@ def tail_stride(mission: Mission) -> int:
     return max(1, round(TAIL_S / mission.control_period_s))
 
 
-@lru_cache(maxsize=32)
-def tail_of(mission: Mission, sample: int, beyond_s: float) -> tuple[Floats, Floats, Floats]:
-    """Return rows and kicks of a `Tail` from a sample to so long after the end, and constants by states.
+class Drift(NamedTuple):
+    """Free motion from a sample to beyond the end of a mission's flights, as a `Tail` has it."""
 
-    On a circle the constants of free motion are the state where it begins.
+    rows: Floats  # (T, 3, 6)
+    offsets: Floats  # (T, 3)
+    kicks: Floats  # (L+1, 6, 3)
+    constants: Floats  # (6, 6) from states, less `rest`, to constants
+    rest: Floats  # (6,) where drag has led from rest, m and m/s
+
+
+@lru_cache(maxsize=32)
+def drift_from(mission: Mission, sample: int, beyond_s: float) -> Drift:
+    """Return free motion from a sample to so long after the end.
+
+    About the Earth it is along the chief's orbit, with oblateness and drag, elsewhere that of a circle, where
+    the constants are the state in which it begins.
     """
-    stride, period, num_periods = (
-        tail_stride(mission),
-        mission.control_period_s,
-        mission.num_controls - sample,
-    )
-    count = int(np.ceil((num_periods + beyond_s / period) / stride)) + 1
-    _, motion = predicted_motion(mission, beyond_s + stride * period)
-    if follows_course(motion):
-        after = slice(sample + 1, mission.num_controls + 1)
-        rows, constants = motion.onward[sample::stride, :3][:count], motion.back[sample]
-        kicks = motion.back[after] @ motion.pushes[sample : mission.num_controls]
+    stride, period, num_controls = tail_stride(mission), mission.control_period_s, mission.num_controls
+    count = int(np.ceil((num_controls - sample + beyond_s / period) / stride)) + 1
+    if isinstance(mission.dynamics, TwoBody):
+        motion, drag = tabulated(mission, beyond_s + stride * period)
+        rows, offsets = (table[sample::stride, :3][:count] for table in (motion.onward, drag))
+        kicks = motion.back[sample + 1 : num_controls + 1] @ motion.pushes[sample:num_controls]
+        constants, rest = motion.back[sample], drag[sample]
     else:
-        n, constants = mission.orbit.mean_motion_rad_s, np.eye(6)
+        n, constants, offsets, rest = (
+            mission.orbit.mean_motion_rad_s,
+            np.eye(6),
+            np.zeros((count, 3)),
+            np.zeros(6),
+        )
         push = motion_over(mission.orbit, mission.deputy, (period,)).control[0]
         with plainly("pipeline"):
             rows = np.array([state_transition(n, j * stride * period)[:3] for j in range(count)])
-            kicks = np.array([state_transition(n, -(i + 1) * period) @ push for i in range(num_periods)])
+            backward = [state_transition(n, -(i + 1) * period) for i in range(num_controls - sample)]
+        kicks = np.array(backward) @ push
     sums = np.concatenate([np.zeros((1, 6, 3)), np.cumsum(kicks, axis=0)])
-    return np.ascontiguousarray(rows), sums, constants
+    return Drift(*(np.ascontiguousarray(each) for each in (rows, offsets, sums, constants, rest)))
 
 
 def spread_after(mission: Mission, sample: int, covariances: Floats, seconds: float) -> Floats:
@@ -175,6 +190,8 @@ class Deputies:
         Their starts, with positions and velocities as they believe them to be now.
     spreads_m : (m,)
         How far these may be off by the next decision, standard deviations.
+    covariances : (m, 6, 6)
+        Of these now; zero where they are known.
     sample : int
     lit : sequence of (K+1, P)
         Which points are lit when in each flight.
@@ -188,6 +205,7 @@ class Deputies:
     controller: RuleController
     believed: Sequence[Scenario]
     spreads_m: Floats
+    covariances: Floats
     sample: int
     lit: Sequence[Booleans]
     left: Bytes | None = None
@@ -197,7 +215,7 @@ class Deputies:
     def __post_init__(self) -> None:
         """Pack the mission as the deputies know it, from their sample on, with their safety layer."""
         world = pack_world(self.known)._replace(
-            first=self.sample, guard=guard_of(self.mission), after=rows_after(self.known, self.after_s)
+            first=self.sample, guard=guard_of(self.mission), after=rows_after(self.mission, self.after_s)
         )
         object.__setattr__(self, "world", world)
 
@@ -238,7 +256,10 @@ class Deputies:
         """Return the deputies of these flights alone."""
         left = None if self.left is None else self.left[flights]
         believed, lit = ([of[flight] for flight in flights] for of in (self.believed, self.lit))
-        return replace(self, believed=believed, spreads_m=self.spreads_m[flights], lit=lit, left=left)
+        spreads, covariances = self.spreads_m[flights], self.covariances[flights]
+        return replace(
+            self, believed=believed, spreads_m=spreads, covariances=covariances, lit=lit, left=left
+        )
 
     def fly(
         self,
@@ -319,19 +340,34 @@ class Deputies:
             step=self.step,
             rows=parts.rows,
             sums=parts.sums,
-            tail=self._tail(np.r_[scenario.position_m, scenario.velocity_m_s]),
+            tail=self._tail(flight),
         )
         return outlook, needed
 
-    def _tail(self, state: Floats) -> Tail:
-        """Return what prices what follows pushes and the end, of a flight in a state, (6,), m and m/s."""
+    def _tail(self, flight: int) -> Tail:
+        """Return what prices what follows pushes and the end, of a flight."""
         after, passive = self.after_s, self.constant("foresight_passive_s")
         if after == passive == 0.0:
             return NO_TAIL
-        rows, kicks, constants = tail_of(self.known, self.sample, max(after, passive))
-        stride = tail_stride(self.known)
-        counts = [int(np.ceil(time / (stride * self.known.control_period_s))) for time in (after, passive)]
-        return Tail(rows, float(stride), constants @ state, kicks, *counts)
+        drift = drift_from(self.mission, self.sample, max(after, passive))
+        stride, start, actuators = tail_stride(self.mission), self.believed[flight], self.mission.actuators
+        spacing_s = stride * self.mission.control_period_s
+        scale = tilt = 0.0
+        if isinstance(actuators, RealActuators):
+            scale, tilt = actuators.scale_error, float(np.radians(actuators.misalignment_deg))
+        ahead = drift.rows[:, 1] @ drift.constants
+        return Tail(
+            drift.rows,
+            drift.offsets,
+            float(stride),
+            drift.constants @ (np.r_[start.position_m, start.velocity_m_s] - drift.rest),
+            drift.kicks,
+            int(np.ceil(after / spacing_s)),
+            int(np.ceil(passive / spacing_s)),
+            TAIL_SPREADS**2 * np.einsum("ji,ik,jk->j", ahead, self.covariances[flight], ahead),
+            (TAIL_SPREADS * scale) ** 2,
+            (TAIL_SPREADS * tilt) ** 2,
+        )
 
     def _points(self, flight: int) -> tuple[Booleans, int, int]:
         """Return which points left are lit when, and how many of them a plan must see, at what price.
@@ -381,12 +417,20 @@ def later(
         replace(start, position_m=row[:3], velocity_m_s=row[3:6])
         for start, row in zip(scenarios, rows, strict=True)
     ]
-    spreads = np.zeros(len(scenarios))
+    spreads, covariances = np.zeros(len(scenarios)), np.zeros((len(scenarios), 6, 6))
     if is_filtered:
         covariances = rows[:, 6 + num_points :].reshape(-1, 6, 6)
         spreads = spread_after(mission, sample, covariances, period * mission.control_period_s)
     known = replace(deputies.known, attitude=replace(mission.attitude, mode="ideal"))
-    return replace(deputies, known=known, believed=believed, spreads_m=spreads, sample=sample, left=left)
+    return replace(
+        deputies,
+        known=known,
+        believed=believed,
+        spreads_m=spreads,
+        covariances=covariances,
+        sample=sample,
+        left=left,
+    )
 
 
 def at_start(
@@ -399,9 +443,10 @@ def at_start(
 ) -> Deputies:
     """Return the deputies at some starts, as they believe them to be; `period` as for `later`."""
     spreads, world = np.zeros(len(believed)), pack_world(known)
+    covariances = np.zeros((len(believed), 6, 6))
     if mission.navigation.mode == "fixes":
-        covariance = filter_of(mission).at_start[np.newaxis]
-        spreads[:] = spread_after(mission, 0, covariance, period * mission.control_period_s)
+        covariances[:] = filter_of(mission).at_start
+        spreads[:] = spread_after(mission, 0, covariances[:1], period * mission.control_period_s)
     work = make_workspace(world)
     lit = [lit_at_samples(world, starts_of([start]), work) for start in believed]
-    return Deputies(mission, known, controller, believed, spreads, 0, lit, lanes=lanes)
+    return Deputies(mission, known, controller, believed, spreads, covariances, 0, lit, lanes=lanes)

@@ -15,7 +15,7 @@ from fis_tools.engines.kernel import FEW_LANES
 from pipeline.array_types import Booleans, Bytes, Floats, Integers
 from pipeline.flight.cases.starts import cases_of
 from pipeline.flight.control.law import played
-from pipeline.flight.fly.many import start_lanes
+from pipeline.flight.fly.many import note_after, start_lanes
 from pipeline.flight.fly.plain import is_interpreted
 from pipeline.flight.fly.workspace import make_states, make_workspace, optics_in_use, points_of_cases
 from pipeline.flight.period.decide.thrust import command_given
@@ -116,6 +116,8 @@ def step_many(
             act(now, work, guard, errors, plans)
         after = Moment(world, state, flight, 1, k + 1)
         look(after, work, optics, clusters, errors, plans)
+        if k + 1 == world.num_controls:
+            note_after(after)
         write_observed(after, observed[flight])
         samples[flight] = k + 1
 

@@ -10,10 +10,14 @@ from pipeline.flight.reference.motion import transition
 
 #: of a metre by which a point falls short of being seen, and of a metre outside the limits, m/s
 PRICE_OF_HEIGHT, PRICE_OF_DISTANCE = 0.01, 0.05
+#: of a metre by which errors may add to what is outside, m/s
+PRICE_OF_DOUBT = 0.003
 #: what a metre costs more where a point is required, and of a way that is too long between two looks, m/s
 PRICE_OF_REQUIRED, PRICE_OF_WAY = 0.03, 0.25
 #: between the instants at which what follows a plan counts, s
 TAIL_S = 60.0
+#: of what is known
+SURE = (np.zeros((6, 6)), 0.0, 0.0)
 #: the shortfall of a point that is never lit in view of the camera, m
 NEVER = 1000.0
 
@@ -30,6 +34,7 @@ def price(
     step: int,
     sight: Floats,
     after: tuple[float, float] = (0.0, 0.0),
+    doubts: tuple[Floats, float, float] = SURE,
 ) -> float:
     """Return the price of a plan, m/s.
 
@@ -60,6 +65,7 @@ def price(
     """
     mission, period, sensor = flight.mission, flight.mission.control_period_s, flight.mission.sensor
     best, outside, price_of_ways, before = np.full(len(is_left), -NEVER), 0.0, 0.0, state
+    off, doubt = doubts[0], 0.0
     for k in range(begin, mission.num_controls + 1):
         if (k - begin) % step == 0:
             distance = float(np.linalg.norm(state[:3]))
@@ -75,45 +81,57 @@ def price(
                 room = np.minimum(room, sensor.max_range_m - margin - apart)
             room = np.minimum(room, distance - sight[k] - margin)
             best = np.where(flight.is_lit[k] & is_left, np.maximum(best, room), best)
-        outside = max(outside, _outside_later(flight, k, begin, state, pushes, limits, after))
+        certain, doubtful = _outside_later(flight, k, begin, (state, off), pushes, limits, after)
+        outside, doubt = max(outside, certain), doubt + doubtful
         phi, gamma = flight.step(k) if k < mission.num_controls else (np.eye(6), np.zeros((6, 3)))
-        state = phi @ state + gamma @ np.asarray(pushes.get(k, np.zeros(3)), dtype=np.float64)
+        force = np.asarray(pushes.get(k, np.zeros(3)), dtype=np.float64)
+        wrong = doubts[1] * force**2 + doubts[2] * (force @ force - force**2)
+        state, off = phi @ state + gamma @ force, phi @ off @ phi.T + (gamma * wrong) @ gamma.T
     short = np.cumsum(np.r_[0.0, np.sort(np.maximum(0.0, -best))])
     seen_worse = PRICE_OF_HEIGHT * short[needed[0]] + PRICE_OF_REQUIRED * short[needed[1]]
     spent = sum(float(np.abs(force).sum()) for force in pushes.values()) * period / mission.deputy.mass_kg
-    return float(spent + seen_worse + max(PRICE_OF_DISTANCE * outside, price_of_ways))
+    outside_worse = max(PRICE_OF_DISTANCE * outside, price_of_ways) + PRICE_OF_DOUBT * doubt
+    return float(spent + seen_worse + outside_worse)
 
 
 def _outside_later(
     flight: ReferenceFlight,
     k: int,
     begin: int,
-    state: Floats,
+    believed: tuple[Floats, Floats],
     pushes: dict[int, ArrayLike],
     limits: tuple[float, float, float],
     after: tuple[float, float],
-) -> float:
-    """Return by how many metres free motion from a sample of a plan leads outside, minute by minute.
+) -> tuple[float, float]:
+    """Return by how many metres free motion from a sample of a plan leads outside, and what errors may add.
 
-    The state counts where a push has just ended, or the next one begins, and at the end of the flight.
+    Motion is looked at minute by minute. Along the track what is believed, a state and its covariance, may be
+    off: the deputy may come nearer, and go farther. The state counts where a push has just ended, or the next
+    one begins, and at the end of the flight.
     """
     mission, (after_s, passive_s) = flight.mission, after
     n, period, stride = mission.orbit.mean_motion_rad_s, mission.control_period_s, flight.periods(TAIL_S)
-    outside, since = 0.0, k - begin
+    certain, doubtful, since, (state, off) = 0.0, 0.0, k - begin, believed
 
-    def distances(last_row: int) -> Floats:
-        rows = np.arange(-(-since // stride), last_row + 1)
-        times = period * (stride * rows - since)
-        return np.array([np.linalg.norm((transition(n, time)[0] @ state)[:3]) for time in times.tolist()])
+    def reach(last_row: int, way: float) -> tuple[float, float]:
+        times = period * (stride * np.arange(-(-since // stride), last_row + 1) - since)
+        ahead = [transition(n, time)[0] for time in times.tolist()]
+        x, y, z = np.array([(phi @ state)[:3] for phi in ahead]).T
+        doubt = np.sqrt([phi[1] @ off @ phi[1] for phi in ahead])
+        near, far = (np.maximum(0.0, np.abs(y) + sign * way * doubt) for sign in (-1.0, 1.0))
+        return float(np.linalg.norm([x, near, z], axis=0).min()), float(np.hypot(np.hypot(x, z), far).max())
 
     def num_rows(seconds: float) -> int:
         return int(np.ceil(seconds / (stride * period)))
 
     following = min([other for other in pushes if other >= k], default=mission.num_controls) - begin
+    counts = []
     if passive_s > 0.0 and k - 1 in pushes:
-        near = distances(-(-following // stride) + num_rows(passive_s))
-        outside = max(outside, limits[0] - float(near.min()))
+        counts.append((-(-following // stride) + num_rows(passive_s), np.inf))
     if after_s > 0.0 and k == mission.num_controls:
-        far = distances(-(-since // stride) + num_rows(after_s))
-        outside = max(outside, limits[0] - float(far.min()), float(far.max()) - limits[1])
-    return outside
+        counts.append((-(-since // stride) + num_rows(after_s), limits[1]))
+    for last_row, farthest in counts:
+        reached = [reach(last_row, way) for way in (0.0, 1.0)]
+        outside, beyond = (max(0.0, limits[0] - near, far - farthest) for near, far in reached)
+        certain, doubtful = max(certain, outside), doubtful + beyond - outside
+    return certain, doubtful

@@ -56,7 +56,7 @@ class FreeMotion:
 
     def __init__(self, mission: Mission, beyond_s: float) -> None:
         self._mission, self._period = mission, mission.control_period_s
-        self._tables = _tables(mission, beyond_s) if isinstance(mission.dynamics, TwoBody) else None
+        self._tables = tabulated(mission, beyond_s) if isinstance(mission.dynamics, TwoBody) else None
 
     def rows(self, k: int, seconds: float, spacing_s: float) -> Floats:
         """Return the rows, (J, 3, 7), of positions, m, by a state at sample k, m and m/s, and 1.
@@ -302,8 +302,11 @@ def _rows(mean_motion: float, seconds: float, count: int) -> Floats:
 
 
 @lru_cache(maxsize=4)
-def _tables(mission: Mission, beyond_s: float) -> tuple[Transitions, Floats]:
-    """Return motion about the Earth to beyond a flight's end, and where drag leads from rest, (N, 6)."""
+def tabulated(mission: Mission, beyond_s: float) -> tuple[Transitions, Floats]:
+    """Return motion about the Earth to beyond a flight's end, and where drag leads from rest, (N, 6).
+
+    Positions and velocities are in m and m/s, Hill axes. The mission's dynamics are those of two bodies.
+    """
     course, mass, dynamics = chief_course(mission, beyond_s), mission.deputy.mass_kg, mission.dynamics
     motion = transitions_of(course, mass)
     drag = np.zeros((len(motion.onward), 6))

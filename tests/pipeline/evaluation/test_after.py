@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from pipeline.evaluation.after import aftermath
@@ -12,62 +11,18 @@ from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.coasting import FreeMotion
 from pipeline.settings.mission import TwoBody
 from pipeline.settings.orbit import OrbitSettings
+from tests.pipeline.evaluation.propagated import Orbit, about_the_earth, linear
 from tests.pipeline.flight.cases import mission
 
-GRAVITY, EARTH, J2, DRAG = 3.986004418e14, 6_378_137.0, 1.08262668e-3, 3e-7
-AXIS, SLOPE = 6_878_137.0, np.radians(51.6)
-MEAN_MOTION = np.sqrt(GRAVITY / AXIS**3)
+ORBIT = Orbit(6_878_137.0, np.radians(51.6), j2=1.08262668e-3, drag=3e-7)
+MEAN_MOTION = ORBIT.rate
 ORBIT_S = 2.0 * np.pi / MEAN_MOTION
 PERIOD = 10.0
 
 
 def flown(dynamics):
-    orbit = OrbitSettings(kind="elements", semi_major_axis_m=AXIS, inclination_deg=51.6)
+    orbit = OrbitSettings(kind="elements", semi_major_axis_m=ORBIT.axis, inclination_deg=51.6)
     return mission(orbit=orbit, dynamics=dynamics, duration_s=2.0 * PERIOD)
-
-
-def linear(state, times):
-    """Distances by Clohessy and Wiltshire's equations."""
-    n = MEAN_MOTION
-
-    def rates(_, s):
-        return [*s[3:], 3.0 * n * n * s[0] + 2.0 * n * s[4], -2.0 * n * s[3], -n * n * s[2]]
-
-    path = solve_ivp(rates, (0.0, times[-1]), state, method="DOP853", rtol=1e-11, atol=1e-9, t_eval=times).y
-    return np.linalg.norm(path[:3], axis=0)
-
-
-def pull(position, pole):
-    r, height = np.linalg.norm(position), position @ pole
-    oblate = -1.5 * J2 * GRAVITY * EARTH**2 / r**5
-    oblate = oblate * ((1.0 - 5.0 * height**2 / r**2) * position + 2.0 * height * pole)
-    return -GRAVITY / r**3 * position + oblate
-
-
-def about_the_earth(state, times, began):
-    """Distances beside a chief about an oblate Earth, with drag; the state is that at the time `began`."""
-    pole = np.array([0.0, np.sin(SLOPE), np.cos(SLOPE)])
-    chief = np.array([AXIS, 0.0, 0.0, 0.0, MEAN_MOTION * AXIS, 0.0])
-
-    def alone(_, s):
-        return np.concatenate((s[3:], pull(s[:3], pole)))
-
-    def both(_, s):
-        slowed = -DRAG * np.linalg.norm(s[3:6]) * s[3:6] * AXIS / GRAVITY
-        pulls = pull(s[:3], pole)
-        return np.concatenate((s[3:6], pulls, s[9:], pull(s[:3] + s[6:9], pole) - pulls + slowed))
-
-    tight = {"method": "DOP853", "rtol": 1e-11, "atol": 1e-7}
-    if began > 0.0:
-        chief = solve_ivp(alone, (0.0, began), chief, **tight).y[:, -1]
-    position, velocity, momentum = chief[:3], chief[3:], np.cross(chief[:3], chief[3:])
-    i, k = position / np.linalg.norm(position), momentum / np.linalg.norm(momentum)
-    axes, r = np.array([i, np.cross(k, i), k]), np.linalg.norm(position)
-    rate = momentum / r**2 + r * (pull(position, pole) @ k) / np.linalg.norm(momentum) * i
-    apart = axes.T @ state[:3]
-    start = np.concatenate((position, velocity, apart, axes.T @ state[3:] + np.cross(rate, apart)))
-    path = solve_ivp(both, (0.0, times[-1]), start, t_eval=times, **tight).y
-    return np.linalg.norm(path[6:9], axis=0)
 
 
 def states(count, seed):
@@ -86,7 +41,7 @@ def states(count, seed):
 @pytest.mark.slow
 @pytest.mark.parametrize("is_linear", [True, False], ids=["linear", "about the Earth"])
 def test_flights_stay_and_are_safe_as_integrations_have_it(is_linear):
-    what = flown(TwoBody(j2=J2, drag_m_s2=DRAG) if not is_linear else mission().dynamics)
+    what = flown(TwoBody(j2=ORBIT.j2, drag_m_s2=ORBIT.drag) if not is_linear else mission().dynamics)
     ends, seen = states(24 if is_linear else 12, 3), []
     tracks = np.repeat(ends[:, np.newaxis], 3, axis=1)  # at the start, a period later, and at the end
     after = aftermath(what, tracks)
@@ -95,7 +50,7 @@ def test_flights_stay_and_are_safe_as_integrations_have_it(is_linear):
     is_first_orbit = times <= ORBIT_S
     for state in ends:
         of_end, *failures = (
-            linear(state, times) if is_linear else about_the_earth(state, times, began)
+            linear(MEAN_MOTION, state, times) if is_linear else about_the_earth(ORBIT, state, times, began)
             for began in ((2.0 * PERIOD, PERIOD, 2.0 * PERIOD) if not is_linear else (0.0, 0.0))
         )
         inside = (of_end >= low) & (of_end <= high)

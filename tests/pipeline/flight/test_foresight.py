@@ -15,7 +15,7 @@ from pipeline.flight.control.controller import ControllerError, from_fuzzy, open
 from pipeline.flight.control.law import law_of
 from pipeline.flight.fly import replanning
 from pipeline.flight.fly.foresight import price_pushes
-from pipeline.flight.fly.outlooks import at_start, finishing, later, rehearsing
+from pipeline.flight.fly.outlooks import TAIL_SPREADS, at_start, finishing, later, rehearsing
 from pipeline.flight.fly.population import fly_population
 from pipeline.flight.fly.pushes import Effort, search_pushes
 from pipeline.flight.fly.reference import reference_of
@@ -24,10 +24,12 @@ from pipeline.flight.fly.simulation import fly_all, fly_logged
 from pipeline.flight.reference.plans import price
 from pipeline.flight.state.log import REHEARSED as CHOSEN_AHEAD
 from pipeline.flight.world.pack import pack_world
+from pipeline.physics.motion import state_transition
 from pipeline.proof.verdict import NotProvable, system_of
 from pipeline.settings.mission import TwoBody
 from pipeline.settings.orbit import OrbitSettings
 from tests.fis_tools.sample_controllers import SHIPPED
+from tests.pipeline.evaluation.propagated import Orbit, about_the_earth
 from tests.pipeline.flight.as_written import assert_as_written
 from tests.pipeline.flight.cases import SEEING, mission, random_starts, with_attributes
 
@@ -75,16 +77,18 @@ ELLIPSE = {
         ({}, (12_000.0, 0.0)),
         ({}, (0.0, 5677.0)),
         ({}, (9_000.0, 3_000.0)),
+        ({"navigation": {"mode": "fixes"}, "actuators": {"kind": "real"}}, (9_000.0, 3_000.0)),
         pytest.param(ELLIPSE, (0.0, 0.0), marks=pytest.mark.slow),
     ],
     ids=[
         *("paper", "camera and shadow", "tumbling", "weak thrusters"),
-        *("what follows the end", "failures", "both", "ellipse"),
+        *("what follows the end", "failures", "both", "both, with errors", "ellipse"),
     ],
 )
 def test_a_plan_costs_what_the_reference_says(changes, after):
     flown, generator = mission(attitude={"mode": "ideal"}, **changes), np.random.default_rng(2)
     start, sample, count = replace(STARTS[0], sun_elevation_rad=0.2), 40, 5
+    is_unsure = flown.navigation.mode == "fixes"
     constants = {"coast_margin_m": "4.0", "coast_below_points": "6", "foresight_points": "3"}
     constants |= {"foresight_after_s": repr(after[0]), "foresight_passive_s": repr(after[1])}
     controller = foreseeing(**constants)
@@ -93,9 +97,12 @@ def test_a_plan_costs_what_the_reference_says(changes, after):
     believed = replace(
         start, position_m=np.array([40.0, -30.0, 20.0]), velocity_m_s=np.array([0.05, 0.0, 0.02])
     )
+    errors = np.random.default_rng(3).normal(0.0, [1.0] * 3 + [0.002] * 3, (1, 9, 6))
+    covariances = errors.transpose(0, 2, 1) @ errors * is_unsure
     deputies = replace(
         deputies, believed=[believed], spreads_m=np.ones(1), sample=sample, left=left[np.newaxis]
     )
+    deputies = replace(deputies, covariances=covariances)
     ((outlook, needed),) = deputies.outlooks()
     genes, costs = np.empty((7, count)), np.empty(count)
     genes[:6], genes[6] = generator.normal(0.0, 0.08, (6, count)), generator.uniform(0.0, 80.0, count)
@@ -106,6 +113,8 @@ def test_a_plan_costs_what_the_reference_says(changes, after):
     flight = reference_of(flown, SEEING, start)
     margin, step = 0.3 + 1.0, 3
     nearest, farthest = flown.deputy.min_distance_m + 4.0 + margin, flown.deputy.max_distance_m - 4.0 - margin
+    share, tilt = (0.05, np.radians(2.0)) if is_unsure else (0.0, 0.0)
+    doubts = TAIL_SPREADS**2 * covariances[0], (TAIL_SPREADS * share) ** 2, (TAIL_SPREADS * tilt) ** 2
     sight = np.full(flown.num_controls + 1, 10.0 / np.sin(np.radians(flown.sensor.half_angle_deg)))
     for plan, cost in zip(genes.T, costs, strict=True):
         both = np.where(np.abs(plan[:6]) < outlook.least_force, 0.0, plan[:6]).reshape(2, 3)
@@ -117,10 +126,34 @@ def test_a_plan_costs_what_the_reference_says(changes, after):
                     pushes.setdefault(at, np.zeros(3))[axis] += force / num_periods
         state, is_left = np.r_[believed.position_m, believed.velocity_m_s], left[: len(flight.points)] > 0
         counts, limits = (needed, outlook.required), (nearest, farthest, longest_way)
-        expected = price(flight, sample, state, is_left, pushes, counts, margin, limits, step, sight, after)
+        expected = price(
+            flight, sample, state, is_left, pushes, counts, margin, limits, step, sight, after, doubts
+        )
         # two integrators of an orbit differ by a micrometre
         assert cost == pytest.approx(expected, rel=1e-7 if changes is ELLIPSE else 1e-9, abs=1e-9)
         assert 0 < outlook.required < needed < is_left.sum()
+
+
+def test_what_follows_a_plan_about_the_earth_is_what_an_integrator_makes_of_it():
+    circle = Orbit(6_878_137.0, np.radians(51.6), j2=1.08262668e-3, drag=3e-7)
+    orbit = OrbitSettings(kind="elements", semi_major_axis_m=circle.axis, inclination_deg=51.6)
+    dynamics = TwoBody(j2=circle.j2, drag_m_s2=circle.drag)
+    flown = mission(attitude={"mode": "ideal"}, duration_s=1200.0, orbit=orbit, dynamics=dynamics)
+    controller = foreseeing(foresight_after_s="6000.0", foresight_passive_s="3000.0")
+    deputies = replace(at_start(flown, flown, controller, STARTS[:1], 0, 8), sample=30)
+    ((outlook, _),) = deputies.outlooks()
+    tail, times = outlook.tail, 60.0 * np.arange(len(outlook.tail.rows))
+    assert times[-1] == 900.0 + 6000.0
+    state = np.r_[STARTS[0].position_m, STARTS[0].velocity_m_s]
+    distances = np.linalg.norm(tail.rows @ tail.constants + tail.offsets, axis=1)
+    expected = about_the_earth(circle, state, times, 300.0)
+    np.testing.assert_allclose(distances, expected, rtol=0, atol=0.1)
+    free = [np.linalg.norm((state_transition(circle.rate, t) @ state)[:3]) for t in times.tolist()]
+    assert np.abs(free - expected).max() > 10.0  # oblateness and drag count
+    push = tail.rows[5:] @ tail.kicks[1, :, 1]  # of 1 N along the track from here on, 300 s later
+    gain = pack_world(flown).motion.control[0]
+    at = [state_transition(circle.rate, t - 10.0)[:3] @ gain[:, 1] for t in times[5:].tolist()]
+    np.testing.assert_allclose(push, at, rtol=0, atol=0.01 * np.abs(at).max())
 
 
 def test_a_search_has_the_same_bits_in_plain_python():

@@ -13,8 +13,9 @@ from benchmarks.field import is_enough_in_rso
 from pipeline import gym
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers.source import load
+from pipeline.flight.control.controller import coast
 from pipeline.flight.fly import stepping
-from pipeline.flight.fly.simulation import fly_logged
+from pipeline.flight.fly.simulation import fly_all, fly_logged
 from pipeline.flight.state.log import FlightLog, Scenario, empty_log
 from pipeline.flight.world.pack import inspection_points
 from pipeline.gym import InspectionEnv, task_of
@@ -268,3 +269,28 @@ def test_as_in_bsk_rl_enough_is_seen_only_once_many_points_were_lit_or_an_orbit_
         log.is_inspected[:] = is_lit & (np.cumsum(is_lit) <= num_seen)
         is_enough = is_enough_in_rso(mission, over_the_pole, log)
         assert (int(is_enough.argmax()) if is_enough.any() else None) == first
+
+
+@pytest.mark.slow
+def test_an_episode_is_judged_by_what_follows_it() -> None:
+    env = InspectionEnv(["duration_s=300", "after_s=3000", "inspection_threshold_percent=1"])
+    mission, seen = env.task.mission, set()
+    starts = [env.task.draw(np.random.default_rng(seed)) for seed in range(12)]
+    coasted = fly_all(mission, coast(), starts, 1)
+    for flight, start in enumerate(starts):
+        env.reset(options={"scenario": start})
+        for _ in range(mission.num_controls):
+            before = env._info()["num_inspected"]
+            _, reward, terminated, truncated, info = env.step(np.zeros(3))
+        assert info["outside_m"] == coasted.outside_m[flight]
+        assert (terminated, truncated) == (bool(info["outside_m"]), not info["outside_m"])
+        assert bool(info["is_success"]) == (not info["outside_m"])
+        points = info["num_inspected"] - before
+        assert reward == pytest.approx(0.1 * points + (-1.0 if terminated else 1.0))
+        seen.add(terminated)
+    assert seen == {True, False}
+
+
+def test_episodes_that_end_early_refuse_to_look_at_what_follows() -> None:
+    with pytest.raises(ValueError, match="after_s is 60, and AFRL's episodes end as soon as enough is seen"):
+        task_of(["after_s=60"], gym.AFRL)
