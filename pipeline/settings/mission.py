@@ -14,7 +14,7 @@ from pipeline.settings.conditions import Only
 from pipeline.settings.dispersions import Distribution, distributions, processes
 from pipeline.settings.equipment import Actuators, FilteredNavigation, Navigation, PositionFixes, Sensor
 from pipeline.settings.groups import Settings
-from pipeline.settings.orbit import OrbitSettings
+from pipeline.settings.orbit import OrbitSettings, least_radius
 from pipeline.settings.relations import check_relations
 
 #: beyond this many points a flight fills a computer's memory
@@ -363,6 +363,24 @@ class Mission(Settings, group=""):
         # on a circle oblateness turns Hill axes by half a degree more an orbit, and moves paths by a metre
         is_told = self.chief.initial_angular_velocity_rad_s is not None or self.duration_s > LONG_S
         return self.orbit.elements.eccentricity > 0.0 or (dynamics.j2 > 0.0 and is_told)
+
+    @property
+    def fastest_turn_rad_s(self) -> float:
+        """The greatest rate at which Hill axes turn in the flight: on an ellipse nearest to the planet."""
+        n, (size, e, *_) = self.orbit.mean_motion_rad_s, self.orbit.elements
+        if not self.has_true_course or e == 0.0:
+            return n
+        nearest = least_radius(self.orbit.elements, n * self.duration_s)
+        return n * math.sqrt(1.0 - e * e) * (size / nearest) ** 2
+
+    @property
+    def greatest_tide_per_s2(self) -> float:
+        """The greatest acceleration in the flight that holds a deputy above the chief, over its height."""
+        n, (size, e, *_) = self.orbit.mean_motion_rad_s, self.orbit.elements
+        if not self.has_true_course or e == 0.0:
+            return 3.0 * n**2
+        nearest = least_radius(self.orbit.elements, n * self.duration_s)
+        return 2.0 * n**2 * (size / nearest) ** 3 + self.fastest_turn_rad_s**2
 
     @property
     def num_controls(self) -> int:

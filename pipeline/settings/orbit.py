@@ -79,6 +79,31 @@ class KeplerElements(NamedTuple):
     true_anomaly_deg: float  # from the perigee
 
 
+def least_radius(elements: KeplerElements, mean_turn: float) -> float:
+    """Return the least distance from the planet's centre while the mean anomaly grows by an angle, m.
+
+    Parameters
+    ----------
+    elements : KeplerElements
+        At the start.
+    mean_turn : float
+        The mean motion times the duration, rad.
+    """
+    size, e = elements.semi_major_axis_m, elements.eccentricity
+    half = math.radians(elements.true_anomaly_deg) / 2.0
+    began = 2.0 * math.atan2(math.sqrt(1.0 - e) * math.sin(half), math.sqrt(1.0 + e) * math.cos(half))
+    began = math.remainder(began, 2.0 * math.pi)
+    mean = began - e * math.sin(began)
+    if mean <= 0.0 <= mean + mean_turn or mean + mean_turn >= 2.0 * math.pi:
+        return size * (1.0 - e)
+    # between two perigees the ends are the nearest: Kepler's equation, whose sides grow, by bisection
+    low, high = began, began + mean_turn / (1.0 - e)
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if middle - e * math.sin(middle) < mean + mean_turn else (low, middle)
+    return size * (1.0 - e * max(math.cos(began), math.cos(low)))
+
+
 class OrbitSettings(Settings, group="orbit"):
     """The chief's orbit about the Earth."""
 

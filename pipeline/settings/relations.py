@@ -254,9 +254,9 @@ def _after(mission: Mission) -> Iterator[str]:
 def _wheels(mission: Mission) -> Iterator[str]:
     """Check that the deputy's wheels can take up the rotation of Hill axes, about any axis."""
     most = mission.deputy.max_momentum_n_m_s
-    needed = mission.orbit.mean_motion_rad_s * max(math.hypot(*row) for row in mission.deputy.inertia_kg_m2)
+    needed = mission.fastest_turn_rad_s * max(math.hypot(*row) for row in mission.deputy.inertia_kg_m2)
     if mission.attitude.mode == "flown" and most is not None and not most >= needed:
-        yield f"to turn once an orbit takes {needed:.3g} N m s; raise the first, or lower another"
+        yield f"to turn with the orbit takes {needed:.3g} N m s; raise the first, or lower another"
 
 
 @relation("attitude.proportional_gain", "attitude.derivative_gain", "attitude_period_s")
@@ -282,8 +282,8 @@ def _gains(mission: Mission) -> Iterator[str]:
 @relation("deputy.max_force_n", "deputy.mass_kg", "orbit.mean_motion_rad_s", "deputy.min_distance_m")
 def _holding(mission: Mission) -> Iterator[str]:
     """Check that the thrusters can hold the deputy above the chief at its least distance."""
-    deputy, motion = mission.deputy, mission.orbit.mean_motion_rad_s
-    needed = 3.0 * deputy.mass_kg * motion**2 * deputy.min_distance_m
+    deputy = mission.deputy
+    needed = mission.greatest_tide_per_s2 * deputy.mass_kg * deputy.min_distance_m
     if not deputy.max_force_n >= needed:
         yield f"to stand still above the chief there takes {needed:.3g} N; raise the force, or lower another"
 
@@ -347,7 +347,7 @@ def _braking(mission: Mission) -> Iterator[str]:
     if safety.kind != "filter":
         return
     checks.within("safety.braking_force_n", mission.braking_force_n, 0.0, deputy.max_force_n, "N")
-    standing = 3.0 * mission.orbit.mean_motion_rad_s**2 * mission.keep_in_m * deputy.mass_kg
+    standing = mission.greatest_tide_per_s2 * mission.keep_in_m * deputy.mass_kg
     planned = safety.planned_braking_n if safety.probability is not None else standing
     for name, force in (("braking_force_n", mission.braking_force_n), ("planned_braking_n", planned)):
         if not standing <= force:

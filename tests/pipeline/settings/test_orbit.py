@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from pipeline.command_line.config import compose_experiment
@@ -147,3 +148,38 @@ def test_the_sun_of_a_compared_world_is_that_of_its_own_epoch():
         ["+experiment=baselines", words[0], "orbit.epoch=2027-03-20T12:00:00"]
     ).experiment
     assert in_world(experiment, "spring").sun == alone.sun != experiment.sun
+
+
+#: eccentricity, true anomaly at the start (degrees), duration (s): through the perigee, before and behind it,
+#: about the apogee, and most of an orbit
+ARCS = [
+    (0.725, 290.0, 6000.0),
+    (0.3, -30.0, 400.0),
+    (0.3, 20.0, 900.0),
+    (0.1, 150.0, 2000.0),
+    (0.05, 5.0, 9e3),
+]
+
+
+@pytest.mark.parametrize(("eccentricity", "anomaly", "duration"), ARCS)
+def test_an_ellipse_turns_hill_axes_and_pulls_as_an_integration_has_it(eccentricity, anomaly, duration):
+    size = 24_478_137.0
+    orbit = {"kind": "elements", "semi_major_axis_m": size, "eccentricity": eccentricity}
+    orbit |= {"true_anomaly_deg": anomaly % 360.0}
+    words = [f"orbit.{name}={value}" for name, value in orbit.items() if name != "kind"]
+    words = [*FLY, "orbit=elements", "dynamics=two_body", *words, f"duration_s={duration}"]
+    mission = compose_experiment(words).experiment.mission
+    gravity, parameter, angle = 3.986004418e14, size * (1.0 - eccentricity**2), np.radians(anomaly)
+    radius, speed = parameter / (1.0 + eccentricity * np.cos(angle)), np.sqrt(gravity / parameter)
+    start = [radius, 0.0, speed * eccentricity * np.sin(angle), speed * (1.0 + eccentricity * np.cos(angle))]
+    path = solve_ivp(
+        lambda _, s: [*s[2:], *(-gravity * s[:2] / np.hypot(*s[:2]) ** 3)],
+        *((0.0, duration), start),
+        **{"method": "DOP853", "rtol": 1e-10, "atol": 1e-3, "t_eval": np.linspace(0.0, duration, 4001)},
+    ).y
+    radii = np.hypot(path[0], path[1])
+    rates = (path[0] * path[3] - path[1] * path[2]) / radii**2
+    assert mission.fastest_turn_rad_s == pytest.approx(rates.max(), rel=1e-6)
+    assert mission.greatest_tide_per_s2 == pytest.approx(
+        (2.0 * gravity / radii**3 + rates**2).max(), rel=1e-6
+    )

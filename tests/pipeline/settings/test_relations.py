@@ -139,7 +139,7 @@ BOOM = ((30.0, 0.0, 0.0, 6.0),)
         ({"chief": {"keep_out_m": BOOM}, "problem": {"kind": "reach"}}, "only inspections know"),
         ({"sensor": {"rectangle_deg": (9.0, 6.0), "up": (1.0, 0.0, 0.0)}}, "along one line"),
         ({"sensor": {"rectangle_deg": (90.0, 6.0)}}, "less than 90"),
-        ({"deputy": {"max_momentum_n_m_s": 0.0011}}, r"to turn once an orbit takes 0.00111 N m s"),
+        ({"deputy": {"max_momentum_n_m_s": 0.0011}}, r"to turn with the orbit takes 0.00111 N m s"),
     ],
 )
 def test_rectangles_spheres_and_wheels_that_do_not_fit(settings, words):
