@@ -45,6 +45,7 @@ CAMPAIGNS = (
     "soak",
     "trainings",
     "tube",
+    "way_out",
     "worth",
 )
 PARTS = ("gym", "inference", "learning", "monte_carlo", "recording", "start", "steps", "tools", "training")
