@@ -17,6 +17,7 @@ MINIATURE = (
 FEW = {
     "robustness": ("compare.safety=[none]", "compare.controllers=[lqr]"),
     "reproduce": ("compare.controllers=[paper_champion,champion_27,natural_motion]",),
+    "headline": ("compare.controllers=[champion_27,lqr]",),
 }
 
 

@@ -297,7 +297,7 @@ def test_a_file_that_is_not_as_listed_is_not_run(tmp_path, monkeypatch):
     monkeypatch.setattr(load, "_digest", lambda compiled: facts["digest"])
     shipped = load.Shipped(function_of(name), {"key": facts})
     monkeypatch.setattr(load.hashlib, "sha256", _keyed(types, load.hashlib.sha256))
-    assert shipped._linked(types) is None
+    assert shipped._linked(types)[0] is None
 
 
 def _keyed(types, plain):
