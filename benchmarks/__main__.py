@@ -44,6 +44,7 @@ CAMPAIGNS = (
     "scaling",
     "soak",
     "trainings",
+    "translated",
     "tube",
     "way_out",
     "worth",

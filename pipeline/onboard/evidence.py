@@ -24,6 +24,14 @@ def loop_table(program: OnboardProgram) -> Iterator[str]:
         yield f"{loop.function},{loop.variable},{loop.most},{loop.file}:{loop.line}"
 
 
+def obligation_table(program: OnboardProgram) -> Iterator[str]:
+    """Return what ranges of whole numbers alone do not show of the C, and an analyser of any input must."""
+    yield "function,what might happen,python"
+    for each in program.translator.obligations:
+        what = each.what.partition(";")[0]
+        yield f'{each.function},"{what}",{each.file}:{each.line}'
+
+
 def traceability(source: Sources, runs: Mapping[int, int] | None) -> Iterator[str]:
     """Return which line of Python each line of C comes from, and how often the test vector runs it."""
     yield "line of controller.c,python,runs in main.c"

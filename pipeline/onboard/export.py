@@ -9,7 +9,14 @@ from fis_tools.file_access import filling, write_text
 from fis_tools.formats.c.text import WARNINGS, plain
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.state.log import Scenario
-from pipeline.onboard.evidence import line_runs, loop_table, rule_table, traceability, vector_source
+from pipeline.onboard.evidence import (
+    line_runs,
+    loop_table,
+    obligation_table,
+    rule_table,
+    traceability,
+    vector_source,
+)
 from pipeline.onboard.fmi import block_facts
 from pipeline.onboard.program import OnboardProgram
 from pipeline.onboard.recorded import Library, Recorded, differing, recorded
@@ -91,6 +98,7 @@ def _written(program: OnboardProgram, scenarios: Sequence[Scenario], folder: Pat
     _write_lines(evidence / "vector.c", vector_source(flights, logs))
     answers, measured = _answers(folder, flights), _measured(folder)
     _write_lines(evidence / "loops.csv", loop_table(program))
+    _write_lines(evidence / "obligations.csv", obligation_table(program))
     _write_lines(evidence / "rules.csv", rule_table(program, source, answers))
     _write_lines(evidence / "traceability.csv", traceability(source, line_runs(folder)))
     if measured is not None:

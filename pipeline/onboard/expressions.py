@@ -11,16 +11,16 @@ import numpy as np
 
 from fis_tools.compiled.decorator import Compiled
 from fis_tools.compiled.vectors import Three
+from pipeline.onboard.allowed import C_TYPES, TranslationError, union
 from pipeline.onboard.values import (
-    C_TYPES,
     Accumulator,
     Array,
     Expression,
-    TranslationError,
+    condition_of,
     is_known,
     is_scalar,
-    kind_of,
     leaves,
+    merged_kind,
     range_of,
     text_of,
 )
@@ -51,7 +51,15 @@ COMPARISONS: dict[type[ast.cmpop], Callable[[Any, Any], Any]] = {
 
 
 def _reads_arrays(value: Any) -> bool:
-    return any(isinstance(leaf, Expression) and re.search(r"\[|->", leaf.text) for leaf in leaves(value))
+    return any(
+        (isinstance(leaf, Expression) and re.search(r"\[|->", leaf.text))
+        or (isinstance(leaf, Array) and _reads_arrays((*leaf.indices, leaf.first)))
+        for leaf in leaves(value)
+    )
+
+
+def _has_call(node: ast.expr) -> bool:
+    return any(isinstance(part, ast.Call) for part in ast.walk(node))
 
 
 class Expressions(Writer, ABC):
@@ -75,6 +83,10 @@ class Expressions(Writer, ABC):
     def _value_name(self, node: ast.Name, frame: Frame) -> Any:
         if node.id in frame.names:
             return self._read(frame.names[node.id])
+        if node.id in frame.source.local_names:
+            raise TranslationError(
+                f"{node.id} is not bound on every way here, or counted a loop; give it a value before"
+            )
         if node.id in frame.globals:
             return self.wrapped(frame.globals[node.id], node.id)
         builtins = frame.globals["__builtins__"]
@@ -132,17 +144,17 @@ class Expressions(Writer, ABC):
             right = self.stable(right, "factor")
         if isinstance(right, Three) and is_scalar(left):
             left = self.stable(left, "factor")
-        return combine(left, right)
+        return self.whole(combine(left, right))
 
     def _value_unaryop(self, node: ast.UnaryOp, frame: Frame) -> Any:
         item = self.value(node.operand, frame)
         if isinstance(node.op, ast.Not):
-            return ~item if isinstance(item, Expression) else not item
-        if isinstance(item, Three):
-            raise TranslationError("the negative of three components")
-        if isinstance(node.op, ast.USub):
-            return -item
-        return ~item if isinstance(node.op, ast.Invert) else +item
+            return item.opposite() if isinstance(item, Expression) else not condition_of(item)
+        if not is_scalar(item):
+            raise TranslationError(f"the negative of a {type(item).__name__}; write it by its components")
+        if isinstance(node.op, ast.Invert):
+            raise TranslationError("`~` is not translated; write `not` before a condition")
+        return self.whole(-item) if isinstance(node.op, ast.USub) else +item
 
     def _value_boolop(self, node: ast.BoolOp, frame: Frame) -> Any:
         is_and = isinstance(node.op, ast.And)
@@ -156,23 +168,33 @@ class Expressions(Writer, ABC):
                     continue
                 return result
             self.function.lines += lines
+            if result is not None or isinstance(item, Expression):
+                condition_of(item)
             if not isinstance(item, Expression):
                 if bool(item) != is_and:  # decides, but for what was to be computed before
-                    return not is_and if result is None else self._both(result, not is_and, is_and)
+                    return item if result is None else self._both(result, not is_and, is_and)
+                if part is node.values[-1] and result is None:
+                    return item
                 continue
             result = item if result is None else self._both(result, item, is_and)
-        return is_and if result is None else result
+        return result
 
     @staticmethod
     def _both(left: Any, right: Any, is_and: bool) -> Any:
         return left & right if is_and else left | right
 
     def _value_compare(self, node: ast.Compare, frame: Frame) -> Any:
+        if len(node.comparators) > 1 and any(map(_has_call, node.comparators[1:])):
+            raise TranslationError("a chain of comparisons with calls; join two comparisons by `and`")
         left, *others = self.in_order([node.left, *node.comparators], frame)
         result = None
         for symbol, right in zip(node.ops, others, strict=True):
             if isinstance(symbol, ast.Is | ast.IsNot):
+                if left is not None and right is not None:
+                    raise TranslationError("`is` of anything but None; compare values by `==`")
                 item: Any = (left is right) == isinstance(symbol, ast.Is)
+            elif not (is_scalar(left) and is_scalar(right)) and not (is_known(left) and is_known(right)):
+                raise TranslationError("a comparison of what are no numbers")
             else:
                 if type(symbol) not in COMPARISONS:
                     raise TranslationError(f"comparison {type(symbol).__name__}")
@@ -187,6 +209,7 @@ class Expressions(Writer, ABC):
         condition = self.value(node.test, frame)
         if not isinstance(condition, Expression):
             return self.value(node.body if condition else node.orelse, frame)
+        condition_of(condition)
         first, second = self.apart(node.body, frame), self.apart(node.orelse, frame)
         if change_arrays([*first[1], *second[1]]):
             return self.either(condition, first, second)
@@ -202,11 +225,8 @@ class Expressions(Writer, ABC):
             if first is second:
                 return first
             raise TranslationError("a choice between what are no numbers")
-        kinds = {kind_of(first), kind_of(second)}
-        kind = "lane" if "lane" in kinds else kinds.pop() if len(kinds) == 1 else "double"
-        span = None
-        if kind == "int" and (a := range_of(first)) and (b := range_of(second)):
-            span = (min(a[0], b[0]), max(a[1], b[1]))
+        kind = merged_kind(first, second)
+        span = union(range_of(first), range_of(second)) if kind == "int" else None
         text = f"({condition.text} ? {text_of(first, C_TYPES[kind])} : {text_of(second, C_TYPES[kind])})"
         return Expression(text, kind, range=span)
 
@@ -248,6 +268,7 @@ class Expressions(Writer, ABC):
             return self.invoked(function, arguments, named)
         if isinstance(function, type) and issubclass(function, tuple) and hasattr(function, "_fields"):
             return function(*arguments, **named)
-        if all(is_known(item) for item in (*arguments, *named.values())):
-            return function(*arguments, **named)
-        raise TranslationError(f"a call of {getattr(function, '__name__', function)}")
+        raise TranslationError(
+            f"a call of {getattr(function, '__name__', function)}, which is neither compiled nor among the "
+            "operations that are written in C; call what is, or pass its result as an argument"
+        )

@@ -7,8 +7,10 @@ from dataclasses import replace
 from typing import Any
 
 from pipeline.onboard import statements
+from pipeline.onboard.allowed import Range, TranslationError, checked_range
 from pipeline.onboard.expressions import Expressions
-from pipeline.onboard.values import Array, Expression, TranslationError, Transpose, range_of, text_of
+from pipeline.onboard.growth import growth
+from pipeline.onboard.values import Array, Expression, Transpose, range_of, text_of
 from pipeline.onboard.writer import MOST_UNROLLED, Frame, Loop
 
 UNBOUNDED = "a loop without a constant bound; declare one for"
@@ -30,7 +32,7 @@ class Loops(Expressions, ABC):
         leading, last = (key.elts[:-1], key.elts[-1]) if isinstance(key, ast.Tuple) else ([], key)
         if leading:
             array = array.at(tuple(self.value(index, frame) for index in leading))
-        end = self._end_of(array, last, frame)
+        end, value = self._end_of(array, last, frame), self.stable(value, "value")
         index = self._counted("element", end, array.shape[0])
         part = array.at(index)
         if part.is_element:
@@ -45,7 +47,13 @@ class Loops(Expressions, ABC):
         """Return where a slice from the start of an array on ends."""
         if not (isinstance(array, Array) and isinstance(key, ast.Slice)) or key.lower or key.step:
             raise TranslationError("a slice that is none from the start of an array on")
-        return self.stable(self.value(key.upper, frame), "end") if key.upper else array.shape[0]
+        end = self.stable(self.value(key.upper, frame), "end") if key.upper else array.shape[0]
+        span = range_of(end)
+        if span is None or span[0] < 0 or span[1] > array.shape[0]:
+            self.doubt(f"a slice of {array.name} might not end from 0 to {array.shape[0]}")
+        if span is not None and span[0] < 0:
+            raise TranslationError(f"a slice that ends at {span[0]}; count from the start of {array.name}")
+        return end
 
     def _counted(self, name: str, end: Any, most: int, first: int = 0) -> Expression:
         """Begin a loop over the first elements of an array, and return what counts them."""
@@ -79,7 +87,8 @@ class Loops(Expressions, ABC):
         self.emit(f"int {index} = 0;")
         counter = self._counted("element", end, length, 1)
         element = text_of(self.element(array, counter), "double")
-        self.emit(f"if ({element} > {greatest}) {{")
+        # as NumPy, where one is NaN: the first of them is the greatest
+        self.emit(f"if (!({element} <= {greatest}) && ({greatest} == {greatest})) {{")
         self.emit(f"    {greatest} = {element};")
         self.emit(f"    {index} = {counter.text};")
         self.emit("}")
@@ -102,6 +111,8 @@ class Loops(Expressions, ABC):
                 items = [self.element(items, index) for index in range(items.shape[0])]
             if statements.has_break(body):
                 raise TranslationError("break in a loop that is written out")
+            else:
+                items = self.stable(tuple(items), "item")  # all are computed before the first is taken
             for item in items:
                 self.bind(statement.target, item, frame)
                 self._body(body, frame)
@@ -115,11 +126,18 @@ class Loops(Expressions, ABC):
         is_short = count is not None and (
             count <= MOST_UNROLLED or (frame.source.name, name) in self.setting.unrolled
         )
+        if name in frame.names and name != "_":
+            raise TranslationError(
+                f"{name} counts a loop and was bound before, and Python keeps its last number; use another "
+                "name"
+            )
         if is_short and not is_lanes and not statements.has_break(body):
             for number in range(first, end, step):
                 frame.names[name] = number
                 frame.variables.pop(name, None)
                 self._body(body, frame)
+            frame.names.pop(name, None)  # C's counters end with their loops
+            frame.variables.pop(name, None)
             return
         self._loop(statement, body, frame, (first, end, step), is_lanes)
 
@@ -161,11 +179,14 @@ class Loops(Expressions, ABC):
         self.loops.append(Loop(self.function.name, counter, runs, *self._line))
         change = f"++{counter}" if step == 1 else f"{counter} += {text_of(step, 'int')}"
         self.emit(f"for (int {counter} = {text_of(first, 'int')}; {condition}; {change}) {{")
+        changed = statements.assigned_names(body) - {name}
+        grown = self._grown(changed, body, frame, runs)
         lane, outer = self.function.lane, self.function.runs
         self.function.runs = outer * runs
         if is_lanes:
             self.function.lane, self.function.lanes = counter, runs
         self._nested(body, frame, {name: Expression(counter, "int", True, span)})
+        self._grow(frame, grown)
         self.function.lane, self.function.runs = lane, outer
 
     def _nested(self, body: list[ast.stmt], frame: Frame, names: dict[str, Any]) -> None:
@@ -176,16 +197,18 @@ class Loops(Expressions, ABC):
         self._body(body, inner)
         self.function.depth -= 1
         self.emit("}")
+        self.check_unchanged(statements.assigned_names(body) - names.keys(), frame, inner)
 
     def _body(self, body: list[ast.stmt], frame: Frame) -> None:
         if self.block(body, frame) is not None:
             raise TranslationError("return in a loop")
 
     def _write_while(self, statement: ast.While, frame: Frame) -> None:
+        if statement.orelse:
+            raise TranslationError("else of a loop")
         body = statements.without_jumps(statement.body, ast.Continue)
-        counts = statements.counted_by(body)
-        first = range_of(frame.names.get(counts)) if counts not in frame.variables else None
-        for name in sorted(statements.assigned_names(body) & frame.names.keys()):
+        changed = statements.assigned_names(body)
+        for name in sorted(changed & frame.names.keys()):
             self.make_variable(frame, name)
         declared = self.setting.bounds.get((frame.source.name, "while"))
         if declared is None:
@@ -195,13 +218,60 @@ class Loops(Expressions, ABC):
         self.emit(f"for (int {turn} = 0; {turn} < {limit}; ++{turn}) {{")
         goes_on = ast.copy_location(ast.UnaryOp(ast.Not(), statement.test), statement.test)
         leaves = ast.copy_location(ast.If(goes_on, [ast.Break()], []), statement.test)
-        if first is not None:
-            self._narrow(frame, counts, (first[0], first[1] + limit - 1))
+        grown = self._grown(changed, body, frame, limit)
+        outer, self.function.runs = self.function.runs, self.function.runs * limit
         self._nested([ast.fix_missing_locations(leaves), *body], frame, {})
-        if first is not None:
-            self._narrow(frame, counts, (first[0], first[1] + limit))
+        self.function.runs = outer
+        self._grow(frame, grown)
 
-    @staticmethod
-    def _narrow(frame: Frame, name: str, span: tuple[int, int]) -> None:
-        """Note between which whole numbers a variable lies from here on."""
-        frame.names[name] = frame.variables[name] = replace(frame.variables[name], range=span)
+    def _grown(self, names: set[str], body: list[ast.stmt], frame: Frame, runs: int) -> dict[str, Range]:
+        """Give whole numbers the ranges that they have in a loop; return those that they have after it."""
+        after: dict[str, Range] = {}
+        kept = {name: value for name, value in frame.names.items() if name not in names}
+        known = replace(frame, names=kept)
+        for name in sorted(names & frame.variables.keys()):
+            value = frame.names[name]
+            if not isinstance(value, Expression) or value.kind != "int":
+                frame.names[name] = frame.variables[name]
+                continue
+            change = growth(
+                body,
+                name,
+                lambda node: self._range_of_node(node, known),
+                lambda loop: self._runs_of(loop, known),
+            )
+            before, inside, after[name] = value.range, None, None
+            if before is not None and change is not None:
+                after[name] = before[0] + runs * change[0], before[1] + runs * change[1]
+                # downwards by one more: a test for the end stays in the C, where an analyser needs it
+                inside = before[0] + runs * change[0], before[1] + max(runs - 1, 0) * change[1]
+            frame.names[name] = replace(frame.variables[name], range=inside and checked_range(inside))
+        return after
+
+    def _grow(self, frame: Frame, ranges: dict[str, Range]) -> None:
+        for name, span in ranges.items():
+            frame.names[name] = replace(frame.variables[name], range=span and checked_range(span))
+
+    def _range_of_node(self, node: ast.expr, frame: Frame) -> Range:
+        """Return the range of what is added in a loop; None if it is not known before the loop."""
+        if isinstance(node, ast.Compare | ast.BoolOp) or (
+            isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not)
+        ):
+            return 0, 1
+        simple = (ast.Constant, ast.Name, ast.Attribute, ast.BinOp, ast.UnaryOp, ast.operator, ast.unaryop)
+        parts = list(ast.walk(node))
+        names = {part.id for part in parts if isinstance(part, ast.Name)}
+        if names - frame.names.keys() or not all(
+            isinstance(part, (*simple, ast.expr_context)) for part in parts
+        ):
+            return None
+        return range_of(self.apart(node, frame)[0])
+
+    def _runs_of(self, loop: ast.stmt, frame: Frame) -> int | None:
+        """Return how often the body of a loop in a loop runs at most; None if it is not known before."""
+        if not isinstance(loop, ast.For) or not isinstance(loop.iter, ast.Call):
+            return None
+        spans = [self._range_of_node(node, frame) for node in loop.iter.args]
+        known = [span[0] for span in spans if span is not None and span[0] == span[1]]
+        is_known = getattr(loop.iter.func, "id", "") == "range" and len(known) == len(spans)
+        return len(range(*known)) if is_known else None

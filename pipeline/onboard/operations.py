@@ -12,16 +12,18 @@ import numpy as np
 
 from fis_tools.compiled import vectors
 from pipeline.flight.period.look.guidance import POINTS
+from pipeline.onboard.allowed import TranslationError
 from pipeline.onboard.translator import Translator
 from pipeline.onboard.values import (
     Accumulator,
     Array,
     Expression,
     LaneConstant,
-    TranslationError,
     bare,
+    condition_of,
     count_of,
     kind_of,
+    merged_kind,
     range_of,
     text_of,
 )
@@ -60,7 +62,7 @@ def _extreme(name: str, compute: Callable[[Any, Any], Any], symbol: str) -> Call
         """Return the extreme of two values: as a number, a conditional of integers, or a call."""
         if _is_known(first, second):
             return compute(first, second)
-        if kind_of(first) == kind_of(second) == "int":
+        if merged_kind(first, second) == "int":
             a, b = text_of(first, "int"), text_of(second, "int")
             ranges = range_of(first), range_of(second)
             span = None
@@ -70,6 +72,8 @@ def _extreme(name: str, compute: Callable[[Any, Any], Any], symbol: str) -> Call
         return _call(name, second, first)
 
     def write(translator: Translator, first: Any, *others: Any) -> Any:
+        if not others:
+            raise TranslationError(f"`{compute.__name__}` of one value; give it two numbers or more")
         for other in others:
             first = pair(translator, first, other)
         return first
@@ -132,7 +136,7 @@ def _gather_rows(translator: Translator, array: Any, at: Any, offsets: Any, coun
         translator.put(out, (row, 0), translator.element(array, offset + row))
 
 
-def whole(_: Translator, value: Any) -> Any:
+def whole(translator: Translator, value: Any) -> Any:
     """Return a value as a whole number: a condition as 1 or 0."""
     if not isinstance(value, Expression):
         return int(value)
@@ -140,6 +144,7 @@ def whole(_: Translator, value: Any) -> Any:
         return value
     if value.kind == "bool":
         return Expression(f"({value.text} ? 1 : 0)", "int", range=(0, 1))
+    translator.doubt("a double might not fit into 32 bits as a whole number; count whole numbers instead")
     return Expression(f"(int){value.text}", "int", range=value.range)
 
 
@@ -174,6 +179,16 @@ def _same(_: Translator, value: Any) -> Any:
     return value
 
 
+def _double(_: Translator, value: Any) -> Any:
+    if not isinstance(value, Expression):
+        return float(value)
+    return value if value.kind in ("double", "lane") else Expression(f"({text_of(value, 'double')})")
+
+
+def _condition(_: Translator, value: Any) -> Any:
+    return condition_of(value) if isinstance(value, Expression) else bool(value)
+
+
 OPERATIONS: Mapping[Any, Callable[..., Any]] = {
     vectors.load: _load,
     vectors.store: _store,
@@ -194,8 +209,8 @@ OPERATIONS: Mapping[Any, Callable[..., Any]] = {
     max: _extreme("most", max, ">"),
     len: _length,
     int: whole,
-    float: _same,
-    bool: _same,
+    float: _double,
+    bool: _condition,
     abs: lambda _, value: abs(value),
     range: lambda _, *bounds: range(*bounds),
     enumerate: lambda _, items: list(enumerate(items)),

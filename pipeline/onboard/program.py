@@ -27,10 +27,11 @@ from pipeline.flight.state.arrays import Control, FlightState, FullOptics, Law, 
 from pipeline.flight.state.signals import CONSTANTS, SETTING, URGENCY
 from pipeline.flight.world.pack import pack_world
 from pipeline.flight.world.surface import surface_of
+from pipeline.onboard.allowed import TranslationError
 from pipeline.onboard.free_cells import FreeCells
 from pipeline.onboard.operations import OPERATIONS
 from pipeline.onboard.translator import Translator
-from pipeline.onboard.values import Array, Expression, Record, TranslationError
+from pipeline.onboard.values import Array, Expression, Record
 from pipeline.onboard.writer import Setting
 from pipeline.physics.sight import is_free
 from pipeline.settings.experiment import Mission
@@ -301,7 +302,14 @@ def translate(mission: Mission, controller: Controller, *, is_tilted: bool = Fal
         operations[is_free] = FreeCells(surface_of(mission))
     ranges = {"num_candidates": (0, world.num_points), "num_centres": (0, num_clusters(world.num_points))}
     translator = Translator(
-        Setting(operations, bounds=bounds(world), unrolled=UNROLLED, ranges=ranges, guarded=GUARDED)
+        Setting(
+            operations,
+            bounds=bounds(world),
+            unrolled=UNROLLED,
+            ranges=ranges,
+            guarded=GUARDED,
+            is_proved_apart=True,
+        )
     )
     now, work = moment(translator, world)
     control = Control(law, parameters, numbers.rules[0])  # type: ignore[arg-type]

@@ -10,6 +10,7 @@ Every kind of statement and of operation that is not handled is refused, with fi
 
 import ast
 import inspect
+import math
 import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -18,27 +19,37 @@ from typing import Any
 
 from fis_tools.compiled.vectors import Three
 from pipeline.onboard import statements
+from pipeline.onboard.allowed import C_TYPES, TranslationError, union
 from pipeline.onboard.expressions import OPERATORS, Computed
 from pipeline.onboard.loops import Loops
 from pipeline.onboard.values import (
-    C_TYPES,
     Accumulator,
     Array,
     Expression,
     LaneConstant,
-    TranslationError,
     bare,
     conclusions,
+    condition_of,
     count_of,
     is_known,
     is_scalar,
     kind_of,
     leaves,
     map_leaves,
+    merged_kind,
     range_of,
     text_of,
 )
-from pipeline.onboard.writer import PROJECT, Frame, Function, FunctionSource, Line, pruned
+from pipeline.onboard.writer import (
+    PROJECT,
+    Frame,
+    Function,
+    FunctionSource,
+    Line,
+    change_arrays,
+    in_either,
+    pruned,
+)
 
 
 class Translator(Loops):
@@ -48,20 +59,37 @@ class Translator(Loops):
         """Return the text of a compiled function."""
         if function not in self.sources:
             python = function.py_func
+            if python.__code__.co_freevars:
+                raise TranslationError(
+                    f"{python.__name__} reads {', '.join(python.__code__.co_freevars)} of the function "
+                    "around it; pass it as an argument"
+                )
             lines, first = inspect.getsourcelines(python)
             (node,) = ast.parse(textwrap.dedent("".join(lines))).body
             if not isinstance(node, ast.FunctionDef):
                 raise TranslationError(f"{python.__name__} is no plain function")
             body = node.body[1:] if ast.get_docstring(node) is not None else node.body
-            file = Path(inspect.getsourcefile(python) or "").resolve().relative_to(PROJECT).as_posix()
+            path = Path(inspect.getsourcefile(python) or "").resolve()
+            file = (path.relative_to(PROJECT) if path.is_relative_to(PROJECT) else path).as_posix()
             summary = (inspect.getdoc(python) or "").partition("\n\n")[0]
             self.sources[function] = FunctionSource(
-                file, first, python.__name__, summary, tuple(statements.without_jumps(body, ast.Return))
+                *(file, first, python.__name__, summary),
+                tuple(statements.without_jumps(body, ast.Return)),
+                frozenset(python.__code__.co_varnames),
             )
         return self.sources[function]
 
     def invoked(self, function: Any, arguments: list[Any], named: dict[str, Any]) -> Any:
         """Return what a compiled function returns; write it in place, or as a function of C."""
+        if function in self._open:
+            raise TranslationError(f"{function.__name__} calls itself; write a loop with a constant bound")
+        self._open.append(function)
+        try:
+            return self._invoked(function, arguments, named)
+        finally:
+            self._open.pop()
+
+    def _invoked(self, function: Any, arguments: list[Any], named: dict[str, Any]) -> Any:
         bound = inspect.signature(function.py_func).bind(*arguments, **named)
         bound.apply_defaults()
         names = dict(bound.arguments)
@@ -77,11 +105,12 @@ class Translator(Loops):
             while name in self._names:
                 name, count = f"{plain}_{count}", count + 1
             kept = len(self.functions), dict(self.members), dict(self.tables), len(self.loops)
+            obligations = dict(self.obligations)
             try:
                 return self._called(name, function, names)
             except NoResultError:
                 del self.functions[kept[0] :], self.loops[kept[3] :]
-                self.members, self.tables = kept[1], kept[2]
+                self.members, self.tables, self.obligations = kept[1], kept[2], obligations
                 self._inlined.add(function)
         source = self.source(function)
         frame = Frame(
@@ -193,6 +222,8 @@ class Translator(Loops):
 
     def _write_assign(self, statement: ast.Assign, frame: Frame) -> None:
         value = self.value(statement.value, frame)
+        if len(statement.targets) > 1:  # it is computed before one is written
+            value = self.stable(value, "value")
         for target in statement.targets:
             self.bind(target, value, frame)
 
@@ -216,23 +247,42 @@ class Translator(Loops):
         elif isinstance(target, ast.Subscript) and _ends_in_slice(target.slice):
             self.fill(self.value(target.value, frame), target.slice, value, frame)
         elif isinstance(target, ast.Subscript):
-            self.put(self.value(target.value, frame), self._key(target.slice, frame), value)
+            (owner, key), lines = self._element_of(target, frame)
+            if change_arrays(lines):  # by a call in the index, which Python makes after the value
+                value = self.stable(value, "value")
+            self.function.lines += lines
+            self.put(owner, key, value)
         else:
             raise TranslationError(f"{type(target).__name__} as a target")
 
+    def _element_of(self, target: ast.Subscript, frame: Frame) -> tuple[tuple[Any, Any], list[Line]]:
+        """Return an array and an index, and the lines that compute them, which are not written yet."""
+        outer, self.function.lines = self.function.lines, []
+        parts = self.value(target.value, frame), self._key(target.slice, frame)
+        lines, self.function.lines = self.function.lines, outer
+        return parts, lines
+
     def _write_augassign(self, statement: ast.AugAssign, frame: Frame) -> None:
-        target = statement.target
+        target, owner, key = statement.target, None, None
         if isinstance(target, ast.Name):
             before = self.value(ast.Name(target.id, ast.Load()), frame)
-        elif isinstance(target, ast.Subscript):
-            before = self.value(ast.Subscript(target.value, target.slice, ast.Load()), frame)
+        elif isinstance(target, ast.Subscript) and not _ends_in_slice(target.slice):
+            (owner, key), lines = self._element_of(target, frame)
+            self.function.lines += lines
+            before = self.element(owner, key)
         else:
             raise TranslationError(f"{type(target).__name__} as a target")
-        before, change = self.in_order([statement.value], frame, before)
+        if type(statement.op) not in OPERATORS:
+            raise TranslationError(f"operator {type(statement.op).__name__}")
+        owner, key, before, change = self.in_order([statement.value], frame, owner, key, before)
         if isinstance(statement.op, ast.Add) and is_scalar(change) and kind_of(change) == "bool":
             change = count_of(change, self.function.runs)
         if isinstance(change, Expression) and change.mask:
             self._count(statement, target, before, change, frame)
+            return
+        if isinstance(target, ast.Subscript):
+            change = float(change) if isinstance(change, LaneConstant) else change
+            self.put(owner, key, self._combined(OPERATORS[type(statement.op)], before, change))
             return
         most = self.setting.bounds.get((frame.source.name, getattr(target, "id", "")))
         if most is not None:
@@ -249,19 +299,30 @@ class Translator(Loops):
         self, statement: ast.AugAssign, target: ast.expr, before: Any, change: Expression, frame: Frame
     ) -> None:
         """Write a count of points that goes up by one where a mask holds, and never beyond their number."""
-        if not isinstance(statement.op, ast.Add) or not isinstance(target, ast.Name) or change.range is None:
-            raise TranslationError("a count that is no sum")
-        bound = f"{before.text} < {change.range[1]}"
+        if (
+            not isinstance(statement.op, ast.Add)
+            or not isinstance(target, ast.Name)
+            or change.range is None
+            or target.id not in frame.variables
+            or kind_of(before) != "int"
+        ):
+            raise TranslationError("a count that is no sum; begin with 0, and add conditions in a loop")
+        span = range_of(before)
+        self.whole(before)
+        bound = f"{before.text} < {max(change.range[1], (span or (0, 0))[1] + 1)}"
         self.emit(f"if ({bound}) {{" if change.mask == "true" else f"if ({change.mask} && ({bound})) {{")
         self.function.depth += 1
         self.emit(f"{before.text} += 1;")
         self.function.depth -= 1
         self.emit("}")
+        counted = None if span is None else (span[0], span[1] + 1)
+        frame.names[target.id] = replace(frame.variables[target.id], range=counted)
 
     def _write_if(self, statement: ast.If, frame: Frame) -> Any:
         condition = self.value(statement.test, frame)
         if not isinstance(condition, Expression):
             return self.block(statement.body if condition else statement.orelse, frame)
+        condition_of(condition)
         bound = statements.assigned_names([*statement.body, *statement.orelse])
         for name in sorted(bound & frame.names.keys()):
             self.make_variable(frame, name)
@@ -275,6 +336,10 @@ class Translator(Loops):
             branches.append((self.function.lines, inner, result))
             self.function.known, self.function.depth = known, self.function.depth - 1
         (first, names, result), (second, other_names, other_result) = branches
+        if result is None:
+            self.check_unchanged(bound, frame, names, other_names)
+            for name in sorted(bound & frame.variables.keys()):
+                frame.names[name] = in_either(names.names[name], other_names.names[name])
         declarations: list[Line] = []
         self.function.lines = declarations
         merged = None
@@ -312,7 +377,7 @@ class Translator(Loops):
                 self.function.lines += second
             self.emit("}")
         elif second:
-            self.emit(f"if ({bare((~condition).text)}) {{")
+            self.emit(f"if ({bare(condition.opposite().text)}) {{")
             self.function.lines += second
             self.emit("}")
 
@@ -329,11 +394,8 @@ class Translator(Loops):
             return first
         if not (is_scalar(first) and is_scalar(second)):
             raise TranslationError("branches that differ in what are no numbers")
-        kinds = {kind_of(first), kind_of(second)}
-        kind = kinds.pop() if len(kinds) == 1 else "double"
-        span = None
-        if kind == "int" and (a := range_of(first)) and (b := range_of(second)):
-            span = (min(a[0], b[0]), max(a[1], b[1]))
+        kind = merged_kind(first, second)
+        span = union(range_of(first), range_of(second)) if kind == "int" else None
         variable = self.fresh(name)
         self.emit(f"{C_TYPES[kind]} {variable};")
         kept = self.function.lines
@@ -362,5 +424,8 @@ def _is_same(first: Any, second: Any) -> bool:
             and first.text == second.text
         )
     if isinstance(first, Array) and isinstance(second, Array):
-        return first.name == second.name and not first.indices and not second.indices
-    return type(first) is type(second) and is_scalar(first) and bool(first == second)
+        is_whole = not first.indices and not second.indices and type(first.first) is type(second.first) is int
+        return first.name == second.name and is_whole and first.first == second.first
+    if not (type(first) is type(second) and is_scalar(first) and bool(first == second)):
+        return False
+    return not isinstance(first, float) or math.copysign(1.0, first) == math.copysign(1.0, second)

@@ -8,19 +8,23 @@ import math
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
 from fis_tools.formats.c.text import exact
-
-#: "lane" is a double of one point of the chief, where the flight works on a vector of points
-Kind = Literal["double", "lane", "int", "bool"]
-C_TYPES: dict[Kind, str] = {"double": "double", "lane": "double", "int": "int", "bool": "bool"}
-
-
-class TranslationError(Exception):
-    """Something that has no translation; the message names the file and the line."""
+from pipeline.onboard.allowed import (
+    Kind,
+    Range,
+    TranslationError,
+    check_compared,
+    checked_range,
+    common_kind,
+    decided,
+    negative_of,
+    range_of_result,
+    result_of,
+)
 
 
 class LaneConstant(float):
@@ -79,6 +83,7 @@ def text_of(value: Any, c_type: str | None = None) -> str:
     if c_type == "int" or (c_type is None and isinstance(value, int | np.integer)):
         if float(value) != int(value):
             raise TranslationError(f"{value} stands where a whole number is needed")
+        checked_range((int(value), int(value)))
         return str(int(value)) if value >= 0 else f"({int(value)})"
     return number_text(float(value))
 
@@ -95,10 +100,6 @@ def bare(text: str) -> str:
     return text[1:-1]
 
 
-#: least and greatest value of a whole number; None where it is not known
-Range = tuple[int, int] | None
-
-
 @dataclass(frozen=True, eq=False)
 class Expression:
     """A C expression; `is_name` where it is a constant of its function, `range` of whole numbers."""
@@ -113,7 +114,7 @@ class Expression:
     offset: int = 0
     #: of a condition: "&&", "||" or "!", and what it joins
     joins: tuple[str, tuple["Expression", ...]] = ("", ())
-    #: of a condition: whether it compares constants of its function
+    #: of a whole number or a condition: whether it is computed of constants of its function
     is_fixed: bool = False
 
     __array_ufunc__ = None  # so that NumPy's numbers leave arithmetic to it
@@ -127,14 +128,8 @@ class Expression:
         if not is_scalar(other):
             return NotImplemented
         left, right = (other, self) if is_right else (self, other)
-        kinds = {kind_of(left), kind_of(right)}
-        kind: Kind = "double"
-        if "lane" in kinds:
-            kind = "lane"
-        elif operator != "/" and kinds <= {"int", "bool"}:
-            kind = "int"
-        elif operator in ("//", "%"):
-            raise TranslationError(f"{operator} of doubles")
+        kind = result_of(operator, kind_of(left), kind_of(right))
+        span = range_of_result(operator, range_of(left), range_of(right)) if kind == "int" else None
         c_type = "int" if kind == "int" else "double"
         # of doubles nothing is left out: adding zero changes the sign of zero
         if kind == "int" and isinstance(right, int) and not isinstance(right, bool):
@@ -147,7 +142,7 @@ class Expression:
                 is_left_out = known == 0 and match[2] == "+" and is_whole(match[3])
                 text = match[3] if is_left_out else f"({shown} {match[2]} {match[3]})"
                 offset = left.offset + known - int(match[1])
-                return Expression(text, "int", range=_range_of(operator, left, right), offset=offset)
+                return Expression(text, "int", range=span, offset=offset, is_fixed=is_fixed(left))
         if kind == "int" and isinstance(left, int | np.integer) and operator + str(left) in ("*1", "+0"):
             return right
         symbol = "/" if operator == "//" else operator
@@ -155,9 +150,8 @@ class Expression:
         if kind != "int":
             return Expression(text, kind)
         offset = _offset_of(left) + (_offset_of(right) if operator == "+" else -_offset_of(right))
-        return Expression(
-            text, kind, range=_range_of(operator, left, right), offset=offset if operator in "+-" else 0
-        )
+        offset = offset if operator in "+-" else 0
+        return Expression(text, kind, range=span, offset=offset, is_fixed=is_fixed(left) and is_fixed(right))
 
     def __add__(self, other: Any) -> Any:
         return self._arithmetic(other, "+")
@@ -190,27 +184,31 @@ class Expression:
         return self._arithmetic(other, "%")
 
     def __neg__(self) -> "Expression":
-        reversed_range = (-self.range[1], -self.range[0]) if self.range else None
-        return Expression(f"(-{self.text})", self.kind, range=reversed_range)
+        span = checked_range((-self.range[1], -self.range[0])) if self.range else None
+        return Expression(f"(-{self.text})", negative_of(self.kind), range=span)
 
     def __pos__(self) -> "Expression":
+        negative_of(self.kind)
         return self
 
-    def __invert__(self) -> "Expression":
+    def opposite(self) -> "Expression":
+        """Return the condition that holds where this one does not."""
+        condition_of(self)
         symbol, joined = self.joins
         if symbol == "!" and not self.is_name:
             return joined[0]
         return Expression(f"(!{self.text})", "bool", joins=("!", (self,)))
 
     def __abs__(self) -> "Expression":
-        if self.kind == "int":
-            raise TranslationError("the absolute value of a whole number")
+        if self.kind not in ("double", "lane"):
+            raise TranslationError("the absolute value of a whole number or a condition; write a double")
         return Expression(f"fabs({bare(self.text)})", self.kind)
 
     def _compared(self, other: Any, operator: str) -> Any:
         if not is_scalar(other):
             return NotImplemented
-        is_decided = _decided(operator, range_of(self), range_of(other))
+        check_compared(kind_of(self), kind_of(other))
+        is_decided = decided(operator, range_of(self), range_of(other))
         if is_decided is not None:
             return is_decided
         c_type = "int" if {kind_of(self), kind_of(other)} <= {"int", "bool"} else "double"
@@ -237,6 +235,8 @@ class Expression:
         return self._compared(other, "!=")
 
     def _joined(self, other: Any, operator: str) -> Any:
+        condition_of(self)
+        condition_of(other)
         if isinstance(other, Expression):
             joins = (operator if operator in ("&&", "||") else "", (self, other))
             return Expression(f"({self.text} {operator} {other.text})", "bool", joins=joins)
@@ -244,7 +244,7 @@ class Expression:
             return self if other else False
         if operator == "||":
             return True if other else self
-        return ~self if other else self
+        return self.opposite() if other else self
 
     def __and__(self, other: Any) -> Any:
         return self._joined(other, "&&")
@@ -260,6 +260,27 @@ class Expression:
         return self._joined(other, "!=")
 
     __rxor__ = __xor__
+
+
+def is_fixed(value: Any) -> bool:
+    """Return whether a whole number is the same wherever its text stands in a function."""
+    return not isinstance(value, Expression) or value.is_name or value.is_fixed
+
+
+def condition_of(value: Any) -> Any:
+    """Return a condition; refuse a number or anything else that Python would take for one."""
+    if not is_scalar(value) or kind_of(value) != "bool":
+        raise TranslationError(
+            "a number, an array or None stands where a condition is needed; compare it, such as `x != 0.0`"
+        )
+    return value
+
+
+def merged_kind(*values: Any) -> Kind:
+    """Return the kind of what is one of some numbers, which depends on what is known on board alone."""
+    spans = [range_of(value) for value in values if kind_of(value) == "int"]
+    has_zero = any(span is None or span[0] <= 0 <= span[1] for span in spans)
+    return common_kind({kind_of(value) for value in values}, has_zero=has_zero)
 
 
 def count_of(condition: Any, most: int) -> Any:
@@ -287,37 +308,8 @@ def range_of(value: Any) -> Range:
     return (int(value), int(value)) if isinstance(value, int | np.integer) else None
 
 
-def _decided(operator: str, a: Range, b: Range) -> bool | None:
-    """Return how numbers from one range compare with those from another; None where it depends on them."""
-    if a is None or b is None:
-        return None
-    if operator in ("<", ">="):
-        is_less = True if a[1] < b[0] else False if a[0] >= b[1] else None
-        return is_less if operator == "<" or is_less is None else not is_less
-    if operator in (">", "<="):
-        return _decided("<" if operator == ">" else ">=", b, a)
-    return operator == "!=" if a[1] < b[0] or b[1] < a[0] else None
-
-
 def _offset_of(value: Any) -> int:
     return value.offset if isinstance(value, Expression) else int(value)
-
-
-def _range_of(operator: str, left: Any, right: Any) -> Range:
-    a, b = range_of(left), range_of(right)
-    if a is None or b is None:
-        return None
-    if operator == "+":
-        return a[0] + b[0], a[1] + b[1]
-    if operator == "-":
-        return a[0] - b[1], a[1] - b[0]
-    if operator == "*":
-        products = [x * y for x in a for y in b]
-        return min(products), max(products)
-    # Python and C agree on quotients and rests of what is not negative
-    if a[0] < 0 or b[0] <= 0:
-        raise TranslationError(f"{operator} of numbers that may be negative")
-    return (a[0] // b[1], a[1] // b[0]) if operator == "//" else (0, min(a[1], b[1] - 1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -359,14 +351,28 @@ class Array:
             (part,) = keys
             if part.stop is not None or part.step is not None:
                 raise TranslationError("a slice with an end")
-            return replace(self, first=self.first + (part.start or 0))
+            start = 0 if part.start is None else part.start
+            span = range_of(start)
+            if span is not None and span[0] < 0:
+                raise TranslationError(f"a slice from {span[0]} on; count from the start of {self.name}")
+            return replace(self, first=start + self.first)
         head, *others = keys
         left = self.shape_whole[len(self.indices) :]
         if isinstance(self.first, Expression) or self.first != 0:
+            span = range_of(head)
+            if span is None or span[0] < 0:
+                raise TranslationError(
+                    f"an index of a part of {self.name} might be negative; count from its start"
+                )
             head = head + self.first
+        if len((head, *others)) > len(left):
+            raise TranslationError(
+                f"{len((head, *others))} indices of {self.name}, which has {len(left)} axes"
+            )
         for number, (index, length) in enumerate(zip((head, *others), left, strict=False)):
-            if not isinstance(index, Expression) and not 0 <= index < length:
-                raise TranslationError(f"index {index} of axis {number} of {self.name}, which has {length}")
+            span = range_of(index)
+            if span is not None and not (span[0] >= 0 and span[1] < length) and span[0] == span[1]:
+                raise TranslationError(f"index {span[0]} of axis {number} of {self.name}, which has {length}")
         return replace(self, indices=(*self.indices, head, *others), first=0)
 
     @property

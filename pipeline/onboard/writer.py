@@ -11,20 +11,21 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 
 from fis_tools.formats.c.text import WORDS
+from pipeline.onboard.allowed import C_TYPES, TranslationError, check_stored, union
 from pipeline.onboard.values import (
-    C_TYPES,
     Accumulator,
     Array,
     Expression,
     LaneConstant,
     Record,
-    TranslationError,
     bare,
+    is_fixed,
     is_known,
     is_scalar,
     kind_of,
     leaves,
     map_leaves,
+    range_of,
     text_of,
 )
 
@@ -35,6 +36,8 @@ RESERVED = WORDS | frozenset(
         *("bool", "false", "true", "abs", "j0", "j1", "jn", "y0", "y1", "yn", "gamma"),
         *("sin", "cos", "tan", "sqrt", "floor", "ceil", "rint", "exp", "log", "pow", "least", "most"),
         *("total", "s", "near", "far", "time", "index", "signal"),
+        *("fabs", "atan", "atan2", "tan", "ldexp", "nearest_whole", "power_of_two", "finite_number"),
+        *("state", "three", "controller", "errno", "NAN", "INFINITY", "HUGE_VAL", "main", "asm"),
     }
 )
 #: loops of known length up to this are written out
@@ -62,6 +65,8 @@ class FunctionSource:
     name: str
     summary: str
     body: tuple[ast.stmt, ...]
+    #: every name that it binds
+    local_names: frozenset[str] = frozenset()
 
 
 @dataclass
@@ -71,6 +76,16 @@ class Line:
     text: str
     file: str = ""
     number: int = 0
+
+
+@dataclass(frozen=True)
+class Obligation:
+    """What ranges alone do not show of the C: an analyser of any input must."""
+
+    function: str
+    what: str
+    file: str
+    line: int
 
 
 @dataclass(frozen=True)
@@ -132,6 +147,9 @@ class Setting:
         Least and greatest of members of the state that hold whole numbers.
     guarded : frozenset of str
         Members of the state into which only finite numbers are written.
+    is_proved_apart : bool
+        Whether an analyser will show what ranges alone do not: that whole numbers fit into 32 bits, and that
+        indices lie inside their arrays. Else that is refused.
     """
 
     operations: Mapping[Any, Callable[..., Any]]
@@ -140,6 +158,7 @@ class Setting:
     unrolled: frozenset[tuple[str, str]] = frozenset()
     ranges: Mapping[str, tuple[int, int]] = field(default_factory=dict)
     guarded: frozenset[str] = frozenset()
+    is_proved_apart: bool = False
 
 
 class Writer:
@@ -151,9 +170,14 @@ class Writer:
         self.members: dict[str, tuple[tuple[int, ...], str]] = {}
         self.tables: dict[int, Array] = {}
         self.loops: list[Loop] = []
+        self.obligations: dict[Obligation, None] = {}
         self.sources: dict[Any, FunctionSource] = {}
         self._names: set[str] = set()
+        self._locals: set[str] = set()
         self._inlined: set[Any] = set()
+        self._open: list[
+            Any
+        ] = []  # the functions of Python that are being translated, each in the one before
         self._function: Function | None = None
         self._line: tuple[str, int] = ("", 0)
 
@@ -170,15 +194,29 @@ class Writer:
         """Write a line."""
         self.function.lines.append(Line("    " * self.function.depth + text, *self._line))
 
+    def doubt(self, what: str) -> None:
+        """Note what an analyser must show, or refuse it where none will."""
+        if not self.setting.is_proved_apart:
+            raise TranslationError(what)
+        self.obligations[Obligation(self.function.name, what, *self._line)] = None
+
+    def whole(self, value: Any) -> Any:
+        """Return a number that was computed; if it is whole, it fits into C's int."""
+        if isinstance(value, Expression) and value.kind == "int" and value.range is None:
+            self.doubt("a whole number might not fit into 32 bits; limit it by `min` and `max`")
+        return value
+
     def fresh(self, name: str) -> str:
         """Return a name for a variable that the function does not use yet, such as a given one."""
         name = re.sub(r"\W", "_", name) or "value"
-        if name in RESERVED or name in self._names or name[0].isdigit():
+        taken = self._names.union(table.name for table in self.tables.values())
+        if name in RESERVED or name in taken or name[0].isdigit():
             name = f"the_{name}"
         candidate, number = name, 2
         while candidate in self.function.names:
             candidate, number = f"{name}_{number}", number + 1
         self.function.names.add(candidate)
+        self._locals.add(candidate)
         return candidate
 
     @contextmanager
@@ -188,7 +226,9 @@ class Writer:
         self._line = (frame.source.file, number)
         try:
             yield
-        except (TranslationError, TypeError, AttributeError, IndexError, KeyError, ValueError) as error:
+        except (
+            *(TranslationError, TypeError, AttributeError, LookupError, ValueError, ArithmeticError),
+        ) as error:
             if isinstance(error, TranslationError) and re.match(r"\S+\.py:\d+: ", str(error)):
                 raise
             fact = f"{frame.source.file}:{number}: {error}, in {frame.source.name}"
@@ -226,6 +266,7 @@ class Writer:
                 raise TranslationError(f"an index that is not known, into {type(array).__name__}")
             return array[key]
         part = array.at(key)
+        self._check_indices(part)
         if not part.is_element:
             return part
         known = part.known
@@ -236,6 +277,23 @@ class Writer:
             span = (int(np.min(part.data)), int(np.max(part.data)))
         return Expression(self.array_text(part), part.kind, range=span)
 
+    def _check_indices(self, array: Array) -> None:
+        """Note, or refuse, indices that are not known to lie inside an array; the last one found is told."""
+        for number, (index, length) in enumerate(zip(array.indices, array.shape_whole, strict=False)):
+            if not isinstance(index, Expression):
+                continue
+            if index.kind != "int" and not (index.kind == "bool" and length > 1):
+                raise TranslationError(f"{index.text} indexes {array.name}, and is no whole number")
+            span = range_of(index)
+            is_inside = span is not None and span[0] >= 0 and span[1] < length
+            if not is_inside and length == 1:  # C leaves the axis out
+                raise TranslationError(
+                    f"an index of axis {number} of {array.name}, of length 1, might not be 0"
+                )
+            if not is_inside:
+                name = array.name.removeprefix("state->")
+                self.doubt(f"an index of axis {number} of {name} might not lie from 0 to {length - 1}")
+
     def array_text(self, array: Array) -> str:
         """Return an array, or an element of it, as C."""
         name = array.name
@@ -244,8 +302,6 @@ class Writer:
         text = name
         for index, length in zip(array.indices, array.shape_whole, strict=False):
             if length != 1:
-                if isinstance(index, Expression) and index.kind not in ("int", "bool"):
-                    raise TranslationError(f"{index.text} indexes {array.name}, and is no whole number")
                 text += f"[{bare(text_of(index, 'int'))}]"
         return text
 
@@ -253,7 +309,7 @@ class Writer:
         key = array.data.__array_interface__["data"][0], array.shape_whole, array.data.strides
         number = hash(key)
         if number not in self.tables:
-            names = {table.name for table in self.tables.values()}
+            names = self._locals.union(table.name for table in self.tables.values())
             name, count = array.name, 2
             while name in names or name in RESERVED:
                 name, count = f"{array.name}_{count}", count + 1
@@ -268,14 +324,27 @@ class Writer:
         if not isinstance(array, Array) or array.data is not None:
             raise TranslationError(f"writing into {type(array).__name__}")
         part = array.at(key)
+        self._check_indices(part)
         if not part.is_element:
             raise TranslationError(f"writing into a part of {part.name}")
+        if part.kind == "int":
+            check_stored("int", kind_of(value), is_zero_possible=True, what=part.name)
         text = bare(text_of(value, "int" if part.kind == "int" else "double"))
         if re.sub(r"^state->|_\d+$", "", part.name) in self.setting.guarded:
             text = f"finite_number({text})"
         self.emit(f"{self.array_text(part)} = {text};")
 
     # --- variables
+
+    @staticmethod
+    def check_unchanged(bound: set[str], frame: Frame, *inner: Frame) -> None:
+        """Refuse that a branch or a loop binds a name of anything but numbers anew."""
+        for name in sorted(bound & frame.names.keys() - frame.variables.keys()):
+            if any(each.names.get(name) is not frame.names[name] for each in inner):
+                raise TranslationError(
+                    f"{name}, which is no number, is bound anew in a branch or a loop; use another name, or "
+                    "branch where it is used"
+                )
 
     def stable(self, value: Any, name: str) -> Any:
         """Return a value whose expressions are constants of the function."""
@@ -286,6 +355,11 @@ class Writer:
                 for index in np.ndindex(leaf.shape):
                     settled[index] = settle(leaf[index], leaf_name)
                 return settled
+            if isinstance(leaf, Array):
+                first, *indices = (
+                    index if is_fixed(index) else settle(index, "at") for index in (leaf.first, *leaf.indices)
+                )
+                return replace(leaf, indices=tuple(indices), first=first)
             if not isinstance(leaf, Expression) or leaf.is_name:
                 return leaf
             variable = self.fresh(leaf_name)
@@ -309,7 +383,7 @@ class Writer:
             kind = kind_of(leaf)
             variable = self.fresh(leaf_name)
             self.emit(f"{C_TYPES[kind]} {variable} = {bare(text_of(leaf, C_TYPES[kind]))};")
-            return Expression(variable, kind)
+            return Expression(variable, kind, range=range_of(leaf) if kind == "int" else None)
 
         return map_leaves(value, declare, name)
 
@@ -321,7 +395,7 @@ class Writer:
         if len(leaves(value)) > 1:  # all are read before one is written
             value = self.stable(value, name)
         self._write(frame.variables[name], value)
-        self.make_variable(frame, name)
+        frame.names[name] = map_leaves(frame.variables[name], ranges_of(value))
 
     def _write(self, target: Any, value: Any) -> None:
         if isinstance(target, tuple):
@@ -332,8 +406,9 @@ class Writer:
                 raise TranslationError("a vector of points outside a loop over them")
             self.emit(f"{target.name}[{self.function.lane} % 8] = {bare(text_of(value, 'double'))};")
         elif isinstance(target, Expression):
-            if target.kind == "int" and kind_of(value) in ("double", "lane"):
-                raise TranslationError(f"{target.text} is a whole number that becomes a double")
+            span = range_of(value)
+            is_zero_possible = span is None or span[0] <= 0 <= span[1]
+            check_stored(target.kind, kind_of(value), is_zero_possible=is_zero_possible, what=target.text)
             c_type = C_TYPES[target.kind]
             if isinstance(value, Expression) and value.mask:
                 raise TranslationError("a count that is no sum")
@@ -344,10 +419,8 @@ class Writer:
             raise TranslationError(f"{target!r:.60} changes")
 
     def make_variable(self, frame: Frame, name: str) -> None:
-        """Let a name stand for variables of C from here on, if it stands for numbers; of any range."""
-        if name in frame.variables:
-            frame.variables[name] = frame.names[name] = map_leaves(frame.variables[name], _of_any_range)
-        elif all(is_scalar(leaf) for leaf in leaves(frame.names[name])):
+        """Let a name stand for variables of C from here on, if it stands for numbers."""
+        if name not in frame.variables and all(is_scalar(leaf) for leaf in leaves(frame.names[name])):
             frame.variables[name] = frame.names[name] = self.declared(frame.names[name], name)
 
     def _read(self, value: Any) -> Any:
@@ -364,8 +437,27 @@ class Writer:
         return map_leaves(value, read)
 
 
-def _of_any_range(leaf: Any, _: str) -> Any:
-    return replace(leaf, range=None) if isinstance(leaf, Expression) else leaf
+def ranges_of(value: Any) -> Callable[[Any, str], Any]:
+    """Return what gives variables, leaf by leaf, the ranges of a value's numbers."""
+    spans = iter([range_of(leaf) for leaf in leaves(value)])
+
+    def give(leaf: Any, _: str) -> Any:
+        span = next(spans)
+        return replace(leaf, range=span) if isinstance(leaf, Expression) and leaf.kind == "int" else leaf
+
+    return give
+
+
+def in_either(first: Any, second: Any) -> Any:
+    """Return variables, leaf by leaf, that lie in one of two ranges each."""
+    spans = iter([range_of(leaf) for leaf in leaves(second)])
+
+    def give(leaf: Any, _: str) -> Any:
+        span = next(spans)
+        is_whole = isinstance(leaf, Expression) and leaf.kind == "int"
+        return replace(leaf, range=union(leaf.range, span)) if is_whole else leaf
+
+    return map_leaves(first, give)
 
 
 _STORE = re.compile(r"\s*(\w+) = (.*);")
