@@ -27,7 +27,7 @@ from pipeline.settings.experiment import Mission
 
 #: prices of a metre, m/s: by which a point falls short, more where it is required, and outside the limits
 PRICE_OF_HEIGHT, PRICE_OF_REQUIRED, PRICE_OF_DISTANCE = 0.01, 0.03, 0.05
-#: of a metre by which errors may add to what is outside after a push, and after the end, m/s
+#: of a metre by which errors may add to what is outside after a push, m/s
 PRICE_OF_DOUBT = 0.003
 #: metres outside the limits that cost as much as a metre of a way that is too long
 WAY_AS_FAR = 5.0
@@ -337,12 +337,12 @@ def doubt_along(tail: Tail, j: int, doubts: Floats) -> float:
 @compiled(error_model="numpy")
 def reach_of(
     tail: Tail, first: int, last: int, constants: Floats, doubts: Floats
-) -> tuple[float, float, float, float]:
-    """Return the least and the greatest distance of free motion at rows of a tail, m, and both with doubt.
+) -> tuple[float, float, float]:
+    """Return the least and the greatest distance of free motion at rows of a tail, and the least in doubt, m.
 
-    Errors of estimates and thrusters grow along the track: they bring the deputy nearer there, and farther.
+    Errors of estimates and thrusters grow along the track: they bring the deputy nearer there.
     """
-    near_square, far_square, nearer_square, farther_square = np.inf, 0.0, np.inf, 0.0
+    near_square, far_square, nearer_square = np.inf, 0.0, np.inf
     for j in range(max(first, 0), min(last, len(tail.rows) - 1) + 1):
         across, ahead, doubt = 0.0, 0.0, doubt_along(tail, j, doubts)
         for axis in range(3):
@@ -353,11 +353,10 @@ def reach_of(
                 ahead = abs(along)
             else:
                 across += along * along
-        square, near, far = across + ahead * ahead, max(0.0, ahead - doubt), ahead + doubt
+        square, near = across + ahead * ahead, max(0.0, ahead - doubt)
         near_square, far_square = min(near_square, square), max(far_square, square)
         nearer_square = min(nearer_square, across + near * near)
-        farther_square = max(farther_square, across + far * far)
-    return np.sqrt(near_square), np.sqrt(far_square), np.sqrt(nearer_square), np.sqrt(farther_square)
+    return np.sqrt(near_square), np.sqrt(far_square), np.sqrt(nearer_square)
 
 
 @compiled(error_model="numpy")
@@ -365,7 +364,7 @@ def outside_later(genes: Floats, num_pushes: int, outlook: Outlook) -> tuple[flo
     """Return how far outside the limits free motion leads after a plan's pushes, and after the end, m.
 
     After each push the thrusters may fail, at any time up to the next one, or up to the end. It is the most
-    of all these, and the sum of what errors may add to each.
+    of all these, and the sum of what errors may add after each push.
     """
     tail, last, worst, doubtful = outlook.tail, len(outlook.tail.kicks) - 1, 0.0, 0.0
     if len(tail.rows) == 0:
@@ -381,16 +380,14 @@ def outside_later(genes: Floats, num_pushes: int, outlook: Outlook) -> tuple[flo
         follow_pushes(genes, num_pushes, outlook, begin + 1, constants, doubts)
         first = int(np.ceil((begin + 1) / tail.spacing))
         until = int(np.ceil(following / tail.spacing)) + tail.num_passive
-        near, _, nearer, _ = reach_of(tail, first, until, constants, doubts)
+        near, _, nearer = reach_of(tail, first, until, constants, doubts)
         outside = max(0.0, outlook.nearest - near)
         worst, doubtful = max(worst, outside), doubtful + max(0.0, outlook.nearest - nearer) - outside
     if tail.num_after > 0:
         follow_pushes(genes, num_pushes, outlook, last, constants, doubts)
         end = int(np.ceil(last / tail.spacing))
-        near, far, nearer, farther = reach_of(tail, end, end + tail.num_after, constants, doubts)
-        outside = max(0.0, outlook.nearest - near, far - outlook.farthest)
-        beyond = max(0.0, outlook.nearest - nearer, farther - outlook.farthest)
-        worst, doubtful = max(worst, outside), doubtful + beyond - outside
+        near, far, _ = reach_of(tail, end, end + tail.num_after, constants, doubts)
+        worst = max(worst, outlook.nearest - near, far - outlook.farthest)
     return worst, doubtful
 
 

@@ -106,7 +106,7 @@ def _outside_later(
     """Return by how many metres free motion from a sample of a plan leads outside, and what errors may add.
 
     Motion is looked at minute by minute. Along the track what is believed, a state and its covariance, may be
-    off: the deputy may come nearer, and go farther. The state counts where a push has just ended, or the next
+    off: after a push the deputy may come nearer. The state counts where a push has just ended, or the next
     one begins, and at the end of the flight.
     """
     mission, (after_s, passive_s) = flight.mission, after
@@ -118,20 +118,18 @@ def _outside_later(
         ahead = [transition(n, time)[0] for time in times.tolist()]
         x, y, z = np.array([(phi @ state)[:3] for phi in ahead]).T
         doubt = np.sqrt([phi[1] @ off @ phi[1] for phi in ahead])
-        near, far = (np.maximum(0.0, np.abs(y) + sign * way * doubt) for sign in (-1.0, 1.0))
-        return float(np.linalg.norm([x, near, z], axis=0).min()), float(np.hypot(np.hypot(x, z), far).max())
+        distances = np.linalg.norm([x, np.maximum(0.0, np.abs(y) - way * doubt), z], axis=0)
+        return float(distances.min()), float(distances.max())
 
     def num_rows(seconds: float) -> int:
         return int(np.ceil(seconds / (stride * period)))
 
     following = min([other for other in pushes if other >= k], default=mission.num_controls) - begin
-    counts = []
     if passive_s > 0.0 and k - 1 in pushes:
-        counts.append((-(-following // stride) + num_rows(passive_s), np.inf))
+        last_row = -(-following // stride) + num_rows(passive_s)
+        certain, beyond = (max(0.0, limits[0] - reach(last_row, way)[0]) for way in (0.0, 1.0))
+        doubtful = beyond - certain
     if after_s > 0.0 and k == mission.num_controls:
-        counts.append((-(-since // stride) + num_rows(after_s), limits[1]))
-    for last_row, farthest in counts:
-        reached = [reach(last_row, way) for way in (0.0, 1.0)]
-        outside, beyond = (max(0.0, limits[0] - near, far - farthest) for near, far in reached)
-        certain, doubtful = max(certain, outside), doubtful + beyond - outside
+        near, far = reach(-(-since // stride) + num_rows(after_s), 0.0)
+        certain = max(certain, limits[0] - near, far - limits[1])
     return certain, doubtful
