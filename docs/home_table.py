@@ -43,10 +43,9 @@ def table() -> dict[str, Any]:
     flown = experiment()
     mission, controller = flown.mission, source.named(CONTROLLER, flown.mission)
     starts = evaluation_scenarios(flown)
-    chosen = arguments_of(mission, controller, starts, num_tracked=NUM_STARTS)
-    if chosen is None:
+    to_fly = arguments_of(mission, controller, starts, num_tracked=NUM_STARTS)
+    if to_fly is None:
         raise ValueError(f"no module flies {CONTROLLER} in the page's world")
-    _, to_fly = chosen
     to_share = arguments_of_shares(to_fly, controller.systems)
     coasted = free_motion(mission.orbit.mean_motion_rad_s)
     functions = {"fly": to_fly, "share": to_share}

@@ -196,7 +196,7 @@ SOURCES: dict[str, tuple[str, ...]] = {
     "edit": (
         "fis_tools/edit",
         "pipeline/edit",
-        "pipeline/report/flight_view",
+        "pipeline/player/flight_view",
         f"{CONTROLLERS}/champion_27.yaml",
     ),
     "review": ("fis_tools/review", f"{CONTROLLERS}/paper_champion.yaml"),

@@ -24,13 +24,15 @@ class ScriptedPanel:
     script: Markup
 
 
-def policy(style: str = "", script: str = "") -> Markup:
+def policy(style: str = "", script: str = "", *, flies: bool = False) -> Markup:
     """Return the content security policy of a page: nothing runs but one script, nothing is fetched.
 
-    With the source of its style element, no other style is applied; without a script none runs.
+    With the source of its style element, no other style is applied; without a script none runs. Where the
+    script flies, it may compile WebAssembly and begin workers of its own.
     """
     allowed = source_hash(style) if style else "unsafe-inline"
-    runs = f"script-src '{source_hash(script)}'; " if script else ""
+    compiles, workers = (" 'wasm-unsafe-eval'", "worker-src blob:; ") if flies else ("", "")
+    runs = f"script-src '{source_hash(script)}'{compiles}; {workers}" if script else ""
     return Markup(
         "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; {}style-src '{}'; "
         "img-src data:; base-uri 'none'; form-action 'none'\">"

@@ -24,7 +24,7 @@ from pipeline.report.scene import PACKAGE, flight_table
 
 REASON_WORDS = tuple(REASONS.values())
 #: the scene that reports have
-VIEW = Path(__file__).parents[1] / "report" / "flight_view"
+VIEW = Path(__file__).parents[1] / "player" / "flight_view"
 
 
 class _SceneView(ui.element, component="scene.js", esm={"flight-view": str(VIEW)}):

@@ -1,4 +1,4 @@
-"""What the compiled flight takes, as its modules are built for: the parts that are always there."""
+"""What the compiled flight takes, as the module of pages is built for: the parts that are always there."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -6,14 +6,13 @@ from typing import Any, NamedTuple
 import numba
 import numpy as np
 
-from pipeline.array_types import Floats
 from pipeline.flight.cases.starts import cases_of
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.control.law import law_of
 from pipeline.flight.fly.many import NO_TRACKS, Results
 from pipeline.flight.fly.population import flights_of
 from pipeline.flight.fly.workspace import make_state, make_workspace
-from pipeline.flight.state.arrays import NUM_OUTCOMES, NUM_TRACKED, FullOptics, Guard
+from pipeline.flight.state.arrays import NUM_OUTCOMES, NUM_TRACKED, Guard
 from pipeline.flight.state.log import Scenario, empty_log
 from pipeline.flight.world.pack import pack_world
 from pipeline.player.memory import Leaf, Memory, leaves_of
@@ -35,10 +34,9 @@ NAMES = (
     "first",
     "last",
 )
-#: light of the modules: the paper's, and any other
-PLAIN, LIT = "plain", "lit"
 
-Parts = tuple[FullOptics | None, Guard | None, bool | None, bool | None, None]
+#: light other than the paper's, the safety layer, clusters, pushes that show setting points, errors
+Parts = tuple[None, Guard, None, bool, None]
 
 
 class Arguments(NamedTuple):
@@ -59,18 +57,12 @@ class Arguments(NamedTuple):
 
 
 def arguments_of(
-    mission: Mission,
-    controller: Controller,
-    starts: Sequence[Scenario],
-    openings: Floats | None = None,
-    module: str | None = None,
-    *,
-    num_tracked: int = 0,
-) -> tuple[str, Arguments] | None:
-    """Return which module flies some starts, and what `fly_many` takes for it; None if neither does.
+    mission: Mission, controller: Controller, starts: Sequence[Scenario], *, num_tracked: int = 0
+) -> Arguments | None:
+    """Return what `fly_many` takes for some starts in the module; None if the module does not fly them.
 
-    The safety layer and pushes that show setting points are always there, though they may be off; clusters
-    and errors of the deputies' model never are.
+    The safety layer and pushes that show setting points are always there, though they may be off; light and
+    cameras other than the paper's, clusters, and errors of the deputies' model never are.
 
     Parameters
     ----------
@@ -78,24 +70,19 @@ def arguments_of(
     controller : Controller
         Whose law does not depend on starts.
     starts : sequence of Scenario
-    openings : (m, n, 4) array, optional
-        Forces of the first control periods, see `fly_population`.
-    module : str, optional
-        One of `PLAIN` and `LIT`, in place of that which the mission needs.
     num_tracked : int
         Flights of which a track is kept.
     """
     world, cases = pack_world(mission), cases_of(mission, list(starts))
     law = law_of(controller, mission)
     (optics, _, clusters, _, errors), flights, _ = flights_of(
-        world, law, controller.numbers, cases, openings, controller.changes
+        world, law, controller.numbers, cases, changes=controller.changes
     )
-    if clusters or errors is not None:
+    if optics is not None or clusters or errors is not None:
         return None
-    module = module or (PLAIN if optics is None else LIT)
-    parts: Parts = (FullOptics(by_point=True) if module == LIT else None, world.guard, None, True, None)
+    parts: Parts = (None, world.guard, None, True, None)
     log = empty_log(mission.num_controls, mission.num_attitude_steps, world.num_points, len(law.axes))
     tracks = np.zeros((num_tracked, mission.num_controls + 1, NUM_TRACKED), np.float32)
     results = Results(np.zeros((len(starts), NUM_OUTCOMES)), log, tracks=tracks if num_tracked else NO_TRACKS)
     state, work = make_state(world, None, LANES), make_workspace(world, LANES)
-    return module, Arguments(NAMES, (*parts, flights, state, work, results, 0, 1))
+    return Arguments(NAMES, (*parts, flights, state, work, results, 0, 1))

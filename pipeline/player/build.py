@@ -1,10 +1,10 @@
-"""Build the modules of the player: ``python -m pipeline.player.build [plain] [lit]``.
+"""Build the module of the player: ``python -m pipeline.player.build``.
 
 It needs ``wasm-ld`` (``apt install lld-19``) and ``wasm-opt`` of binaryen 120 or later (``npm install
-binaryen``) on the path; whoever makes, reads or tests pages does not, for the modules are part of the
-package.
+binaryen``) on the path; whoever makes, reads or tests pages does not, for the module is part of the package.
 """
 
+import json
 import os
 import subprocess
 import sys
@@ -16,7 +16,7 @@ import numpy as np
 from pipeline.controllers import source
 from pipeline.flight.fly.many import fly_many
 from pipeline.flight.state.log import Scenario
-from pipeline.player.arguments import LIT, PLAIN, Arguments, arguments_of
+from pipeline.player.arguments import Arguments, arguments_of
 from pipeline.player.memory import Memory, types_of
 from pipeline.player.shares import arguments_of_shares, rule_shares
 from pipeline.player.webassembly import target_machine, translate, write_module
@@ -29,36 +29,38 @@ PORTABLE = {"NUMBA_OPT": "0", "NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES":
 CONTROLLER = "champion_27"
 
 
-def build(name: str) -> None:
-    """Write a module: the flight, and of the plain one the rules' shares as well."""
+def functions() -> list[tuple[str, Any, Arguments]]:
+    """Return the module's functions: the flight and the rules' shares, with arguments of their types."""
     mission = Mission()
     controller = source.named(CONTROLLER, mission)
     start = Scenario(np.array([75.0, 0.0, 0.0]), np.zeros(3), 0.0)
-    chosen = arguments_of(mission, controller, [start], module=name)
-    if chosen is None:
-        sys.exit("no module flies the paper's world; one of its parts was changed")
-    _, to_fly = chosen
-    functions: list[tuple[str, Any, Arguments]] = [("fly", fly_many, to_fly)]
-    if name == PLAIN:
-        functions.append(("share", rule_shares, arguments_of_shares(to_fly, controller.systems)))
-    target, translated = target_machine(), []
-    for function_name, function, arguments in functions:
+    to_fly = arguments_of(mission, controller, [start])
+    if to_fly is None:
+        sys.exit("the module does not fly the paper's world; one of its parts was changed")
+    to_share = arguments_of_shares(to_fly, controller.systems)
+    return [("fly", fly_many, to_fly), ("share", rule_shares, to_share)]
+
+
+def build() -> None:
+    """Write the module, and what its types are told by."""
+    target, translated, types = target_machine(), [], {}
+    for name, function, arguments in functions():
         leaves = arguments.leaves(Memory())
-        types = types_of(leaves)
-        translated.append(translate(target, function_name, function, arguments.kinds, leaves, types))
+        types[name] = types_of(leaves)
+        translated.append(translate(target, name, function, arguments.kinds, leaves, types[name]))
     FOLDER.mkdir(exist_ok=True)
-    write_module(FOLDER / f"{name}.wasm", target, translated)
-    sys.stdout.write(f"{name}.wasm: {(FOLDER / f'{name}.wasm').stat().st_size:,} bytes\n")
+    path = FOLDER / "flight.wasm"
+    write_module(path, target, translated)
+    (FOLDER / "types.json").write_text(f"{json.dumps(types)}\n", encoding="utf-8")
+    sys.stdout.write(f"{path.name}: {path.stat().st_size:,} bytes\n")
 
 
 def main() -> None:
-    """Build the modules that are named, or both, in a process of its own."""
-    names = [name for name in (PLAIN, LIT) if name in sys.argv[1:] or len(sys.argv) == 1]
+    """Build the module in a process of its own."""
     if PORTABLE.items() <= os.environ.items():
-        for name in names:
-            build(name)
+        build()
         return
-    command = [sys.executable, "-m", "pipeline.player.build", *names]
+    command = [sys.executable, "-m", "pipeline.player.build"]
     sys.exit(subprocess.run(command, env=os.environ | PORTABLE, check=False).returncode)  # noqa: S603
 
 

@@ -17,7 +17,7 @@ from pipeline.recording.events import points_in_words
 from pipeline.report import comparisons
 from pipeline.report.contents import Contents, FlightSet, ShownFlight
 from pipeline.report.figures.style import MOST_POINTS, Illustration, caption_of
-from pipeline.report.scene import scene_of_run
+from pipeline.report.scene import player_of_run
 from pipeline.run import artifacts, typed
 from pipeline.settings.experiment import Mission
 from pipeline.settings.keys import TAGS
@@ -56,11 +56,11 @@ def write(contents: Contents, illustrations: Mapping[str, Illustration]) -> str:
         heading = Heading(experiment.report.title, 1)
         return page(Document([heading, *_towards_goal(contents, illustrations)]), COLOURS)
     has_unseen = any(has_uninspectable(flights.summary) for _, flights, _ in contents.sets)
-    scene = scene_of_run(contents)
+    scene = player_of_run(contents)
     return template("pipeline.report", "templates", "report.html").render(
         typed=typed,
         TYPED=TYPED,
-        policy=policy(script=scene.script if scene else ""),
+        policy=policy(script=scene.script if scene else "", flies=scene is not None),
         scene=scene,
         contents=contents,
         experiment=experiment,

@@ -48,7 +48,7 @@ function timePlot(box, title, { lines, limits = [], unit, decimals, flight, afte
     drawing.append(draw("polyline", { fill: "none", stroke: "var(--ink)", "stroke-width": 1.7, "stroke-dasharray": dash, points }));
   }
   const cursor = draw("line", { y1: top, y2: height - bottom, stroke: "var(--accent)", "stroke-width": 2 });
-  const dot = draw("circle", { r: 4, fill: "var(--accent)" }), word = draw("text", { y: top + 11, style: "fill:var(--ink);font-weight:600" });
+  const dot = draw("circle", { r: 4, fill: "var(--accent)" }), word = draw("text", { y: top + 11, class: "now" });
   drawing.append(cursor, dot, word);
   let now = 0;
   const sampleAt = event => {

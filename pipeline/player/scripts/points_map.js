@@ -11,7 +11,7 @@ function mapped([x, y, z]) {
 
 /** Draw the map; returned is what shows a sample. `go(k)` moves the page's time. */
 function pointsMap(box, flight, seenAt, go, fileName) {
-  const drawing = draw("svg", { viewBox: `0 0 ${MAP.width} ${MAP.height + 16}`, role: "img", "aria-label": "Map of the chief's points" },
+  const drawing = draw("svg", { viewBox: `-6 -6 ${MAP.width + 12} ${MAP.height + 24}`, role: "img", "aria-label": "Map of the chief's points" },
     draw("rect", { width: MAP.width, height: MAP.height, fill: "none", stroke: "var(--grid)" }));
   const shapes = flight.points.map((point, j) => {
     const title = draw("title"), [cx, cy] = mapped(point);

@@ -36,7 +36,7 @@ export function clockWords(seconds) {
  * `flight` also has numSamples, periodS and reason(k, axis); `words` are the product's for each reason.
  */
 export function told(flight, k, words, pushed) {
-  if (k >= flight.numSamples - 1) return [{ text: "The flight ends here.", detail: "Nothing is decided any more; the dashed path is free motion." }];
+  if (k >= flight.numSamples - 1) return ENDED;
   const decision = k - k % flight.stride, force = flight.force(decision), at = clockWords(decision * flight.periodS);
   const axes = [0, 1, 2].filter(axis => force[axis]).sort((a, b) => Math.abs(force[b]) - Math.abs(force[a]));
   const rows = axes.map(axis => ({ text: pushText(axis, force[axis]), detail: pushed(decision, axis), axis }));

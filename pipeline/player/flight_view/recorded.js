@@ -1,5 +1,5 @@
 // A flight as the product flew it, from the arrays of a page, see pipeline/report/scene.py.
-import { FlightView, cross, plus, pushText, scaled } from "./view.js";
+import { FlightView, ENDED, cross, plus, pushText, scaled } from "./view.js";
 
 /** Return what FlightView shows. */
 export function recordedFlight(table) {
@@ -7,7 +7,8 @@ export function recordedFlight(table) {
   const floats = text => new Float32Array(bytes(text).buffer);
   const arrays = Object.fromEntries(["points", "attitude", "position", "velocity", "force", "sun", "spent", "coast"]
     .map(name => [name, floats(table[name] ?? "")]));
-  const isSeen = bytes(table.isSeen), isLitThen = bytes(table.isLit);
+  const isSeen = bytes(table.isSeen), isLitThen = bytes(table.isLit), isDecidedThen = bytes(table.isDecided ?? "");
+  const arrays64 = new Float64Array(bytes(table.inputs ?? "").buffer);
   const bit = (array, index) => (array[index >> 3] >> (index & 7) & 1) > 0;
   const three = (array, row) => [array[3 * row], array[3 * row + 1], array[3 * row + 2]];
   const numSamples = arrays.spent.length, last = numSamples - 2;
@@ -23,7 +24,11 @@ export function recordedFlight(table) {
     numSamples, periodS: table.periodS, radius: table.radius, limits: table.limits, isSphere: table.isSphere, points: held,
     pointsAt: arrays.attitude.length ? k => held.map(point => turned(quaternion(k), turned(quaternion(0), point, 1), -1)) : null,
     position: k => three(arrays.position, k),
-    force: k => three(arrays.force, Math.min(k, last)),
+    force: k => (k <= last ? three(arrays.force, k) : [0, 0, 0]),
+    numSeen: k => held.filter((_, j) => bit(isSeen, k * table.numPoints + j)).length,
+    stride: table.stride ?? 1,
+    isDecided: k => Boolean(table.isDecided) && k <= last && bit(isDecidedThen, k),
+    inputs: (k, system, count) => arrays64.subarray((k * table.numSystems + system) * 3).slice(0, count),
     sun: k => three(arrays.sun, k),
     spent: k => arrays.spent[k],
     isSeen: (k, j) => bit(isSeen, k * table.numPoints + j),
@@ -35,7 +40,8 @@ export function recordedFlight(table) {
         state.reduce((sum, value, column) => sum + arrays.coast[18 * at + 6 * axis + column] * value, 0)));
     },
     reasons(k) {
-      const period = Math.min(k, last), force = three(arrays.force, period), texts = table.reasons[period].map(index => table.texts[index]);
+      if (k > last) return ENDED;
+      const force = three(arrays.force, k), texts = table.reasons[k].map(index => table.texts[index]);
       const rows = force.flatMap((part, axis) => part ? [{ size: Math.abs(part), text: pushText(axis, part), detail: texts[axis] }] : []);
       rows.sort((a, b) => b.size - a.size);
       rows.forEach((row, at) => { if (row.detail === rows[at + 1]?.detail) row.detail = ""; });  // said once

@@ -20,13 +20,14 @@ const SPEED = 18; // samples a second
  * `touch(kind, direction)`, where given, hears of a start or a Sun that is dragged.
  */
 export class FlightView {
-  constructor(element, flight, { touch = null, onTime = () => {} } = {}) {
+  constructor(element, flight, { touch = null, onTime = () => {}, onSample = () => {} } = {}) {
     this.part = name => element.querySelector(`.${name}`);
     this.canvas = element.querySelector("canvas");
     this.pen = this.canvas.getContext("2d");
     this.flight = flight;
     this.touch = touch;
     this.onTime = onTime;
+    this.onSample = onSample;
     this.sample = 0;
     this.angles = { yaw: -0.42, pitch: 0.3 };
     this.zoom = 1;
@@ -261,6 +262,8 @@ export class FlightView {
       });
     }
     pen.fillStyle = colour.ink; pen.beginPath(); pen.arc(at[0], at[1], 6, 0, TURN); pen.fill();
+    if (k !== this.heard) this.onSample(k); // what others draw, once a painted sample
+    this.heard = k;
     this.triad(isNarrow);
     if (flight.points.length) this.closeUp(k, sun, here, isNarrow);
     this.say(k);
@@ -359,6 +362,9 @@ export class FlightView {
     }));
   }
 }
+
+/** What is said where a flight ends. */
+export const ENDED = [{ text: "The flight ends here.", detail: "Nothing is decided any more; the dashed path is free motion." }];
 
 /** Return whether a point of a sphere faces the Sun. */
 export function facesSun(point, sun) {
