@@ -112,9 +112,11 @@ def opening(browser: Browser, folder: Path) -> Iterator[Callable[..., Page]]:
         page.on("console", lambda message: complaints.append(f"console: {message.text}"))
         page.on("pageerror", lambda error: complaints.append(f"error: {error}"))
         page.on("dialog", lambda dialog: complaints.append(f"dialog: {dialog.message}"))
+        # what a page made itself, such as a worker, nobody is asked for
+        allowed = (path.as_uri(), "blob:", "data:")
         page.on(
             "request",
-            lambda request: request.url == path.as_uri() or complaints.append(f"request: {request.url}"),
+            lambda request: request.url.startswith(allowed) or complaints.append(f"request: {request.url}"),
         )
         page.goto(path.as_uri())
         return page

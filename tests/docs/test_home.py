@@ -2,7 +2,10 @@
 
 import base64
 import gzip
+import html
 import re
+import subprocess
+import sys
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -347,3 +350,12 @@ def test_links_lead_somewhere_without_the_site():
     links = re.findall(r'href="(?!data:|#)([^"]+)"', text)
     assert len(links) > 10
     assert [link for link in links if not (home.PROJECT / "build" / link).is_file()] == []
+
+
+def test_the_question_on_the_page_is_answered_by_a_proof(page_text):
+    (asked,) = re.findall(r"bounds tipper\.fis --ask &quot;([^&]+)&quot;|--ask \"([^\"]+)\"", page_text)[:1]
+    question = html.unescape("".join(asked))
+    path = home.PROJECT / "docs" / "examples" / "tipper.fis"
+    command = [sys.executable, "-m", "fis_tools", "bounds", path, "--ask", question]
+    printed = subprocess.run(command, capture_output=True, text=True, check=True).stdout  # noqa: S603
+    assert f"{question}: no, proved" in printed
