@@ -82,6 +82,8 @@ def check_references(text: str) -> None:
     page = Page(text)
     ids = page.values("id")
     assert len(ids) == len(set(ids))
-    wanted = set(re.findall(r"url\(#([^)]+)\)", text)) | set(" ".join(page.values("aria-labelledby")).split())
+    wanted = set(re.findall(r"url\(#([^)]+)\)", SCRIPT.sub("", text))) | set(
+        " ".join(page.values("aria-labelledby")).split()
+    )
     wanted |= {target[1:] for target in page.values("href") if target.startswith("#")}
     assert wanted <= set(ids)

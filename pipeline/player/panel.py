@@ -49,7 +49,7 @@ HILL = "hill"
 
 
 @dataclass(frozen=True)
-class Column:
+class CaseColumn:
     """A number of each case: its name, its words with their unit, and its decimals."""
 
     name: str
@@ -65,7 +65,7 @@ class PlayedCases:
     numbers: Integers
     is_good: Booleans
     starts: NDArray[Any]
-    columns: Sequence[Column]
+    columns: Sequence[CaseColumn]
 
 
 @dataclass(frozen=True)
@@ -168,11 +168,11 @@ def panel(run: PlayedRun) -> ScriptedPanel:
         "worker": "".join(_as_script(read(f"scripts/{name}.js", PACKAGE)) for name in ("module", "worker")),
         "starts": _packed(run.cases.starts.tobytes()) if flown and run.cases else "",
     }
-    own = [read(f"scripts/{name}.js", PACKAGE) for name in SCRIPTS]
+    of_player = [read(f"scripts/{name}.js", PACKAGE) for name in SCRIPTS]
     of_view = [read(f"{name}.js", VIEW) for name in ("view", "recorded")]
     of_review = [read(f"scripts/{name}.js", "fis_tools.review") for name in OF_REVIEW]
     code = _as_script(
-        "\n".join([transcribed.script(data) if data else NO_INFERENCE, *of_review, *of_view, *own])
+        "\n".join([transcribed.script(data) if data else NO_INFERENCE, *of_review, *of_view, *of_player])
     )
     body = template("pipeline", "player", "player.html").render(
         frame=Markup(read("frame.html", VIEW)),  # noqa: S704 - of this package

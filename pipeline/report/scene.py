@@ -22,7 +22,7 @@ from pipeline.flight.state.log import REHEARSED, FlightLog
 from pipeline.flight.world.pack import pack_world
 from pipeline.player.motion import free_motion
 from pipeline.player.panel import (
-    Column,
+    CaseColumn,
     PlayedCases,
     PlayedRun,
     flown_in_page,
@@ -120,7 +120,7 @@ def _played_cases(contents: Contents) -> PlayedCases | None:
         return np.array(values_at(episodes, name, rows))
 
     starts = starts_of({name: column(name) for name in STARTS if name in episodes}, STARTS)
-    columns = [Column(name, label, decimals, column(name)) for name, label, decimals in COLUMNS]
+    columns = [CaseColumn(name, label, decimals, column(name)) for name, label, decimals in COLUMNS]
     is_good = column(SUCCESS_COLUMN).astype(bool) & ~column("violated").astype(bool)
     return PlayedCases(column("case"), is_good, starts, columns)
 

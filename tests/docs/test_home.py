@@ -353,8 +353,8 @@ def test_links_lead_somewhere_without_the_site():
 
 
 def test_the_question_on_the_page_is_answered_by_a_proof(page_text):
-    (asked,) = re.findall(r"bounds tipper\.fis --ask &quot;([^&]+)&quot;|--ask \"([^\"]+)\"", page_text)[:1]
-    question = html.unescape("".join(asked))
+    (matched,) = re.findall(r"bounds tipper\.fis --ask &quot;([^&]+)&quot;|--ask \"([^\"]+)\"", page_text)[:1]
+    question = html.unescape("".join(matched))
     path = home.PROJECT / "docs" / "examples" / "tipper.fis"
     command = [sys.executable, "-m", "fis_tools", "bounds", path, "--ask", question]
     printed = subprocess.run(command, capture_output=True, text=True, check=True).stdout  # noqa: S603

@@ -18,7 +18,7 @@ from pipeline.flight.state.log import Scenario
 from pipeline.player.arguments import arguments_of
 from pipeline.player.build import functions
 from pipeline.player.memory import Memory, types_of
-from pipeline.player.panel import Column, PlayedCases, PlayedRun, module, panel, why_recorded
+from pipeline.player.panel import CaseColumn, PlayedCases, PlayedRun, module, panel, why_recorded
 from pipeline.report.scene import recorded_table
 from pipeline.scenarios import evaluation_scenarios
 from tests.browser import serious_violations
@@ -74,10 +74,10 @@ def played(*words, **changes):
     fuel = np.array([log.delta_v_m_s[-1] for log in logs])
     rate = np.array([100.0 * log.is_inspected[-1].mean() for log in logs])
     columns = [
-        Column("delta_v_m_s", "Δv, m/s", 3, fuel),
-        Column("inspection_rate_percent", "inspected, %", 1, rate),
-        Column("min_distance_m", "nearest, m", 1, far.min(axis=1)),
-        Column("max_distance_m", "farthest, m", 1, far.max(axis=1)),
+        CaseColumn("delta_v_m_s", "Δv, m/s", 3, fuel),
+        CaseColumn("inspection_rate_percent", "inspected, %", 1, rate),
+        CaseColumn("min_distance_m", "nearest, m", 1, far.min(axis=1)),
+        CaseColumn("max_distance_m", "farthest, m", 1, far.max(axis=1)),
     ]
     cases = PlayedCases(np.arange(NUM_CASES) + 100, rate >= 95.0, table, columns)
     return PlayedRun("", "trial", mission, controller, "fly RUN case=CASE", cases, 3, **changes)
