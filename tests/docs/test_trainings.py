@@ -48,8 +48,12 @@ def test_a_row_of_the_page_is_what_the_trainings_came_to(words, column, decimals
         values = of(penalty, column=column)
         numbers = re.findall(r"\d+(?:\.\d+)?", re.sub(r"(?<=\d),(?=\d{3})", "", cell))
         mean, low, high, least, greatest = map(float, numbers)
-        for told, value in ((mean, trim_mean(values, 0.25)), (least, values.min()), (greatest, values.max())):
-            assert told == pytest.approx(value, abs=0.51 * 10.0**-decimals if told < 1000.0 else 0.51)
+        for printed, value in (
+            (mean, trim_mean(values, 0.25)),
+            (least, values.min()),
+            (greatest, values.max()),
+        ):
+            assert printed == pytest.approx(value, abs=0.51 * 10.0**-decimals if printed < 1000.0 else 0.51)
         # the bootstrap's interval of the page is about that of other resamples
         generator = np.random.default_rng(5)
         means = [trim_mean(generator.choice(values, len(values)), 0.25) for _ in range(2000)]
