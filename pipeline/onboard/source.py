@@ -4,6 +4,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
+from hashlib import sha256
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from pipeline.flight.state.signals import BODY, CONSTANTS
 from pipeline.onboard.program import OnboardProgram
 from pipeline.onboard.values import Array, number_text
 from pipeline.onboard.writer import Function, Line, pruned
+from pipeline.run.maker import git_revision, product_version
 
 #: members of the state that the entries write or read
 OF_ENTRIES = frozenset(
@@ -25,6 +27,18 @@ OF_ENTRIES = frozenset(
 )
 #: positions are taken up to so many times the greatest distance allowed, speeds up to that within a time, s
 REACH, PASSAGE_S = 50.0, 2.0
+#: what a compiler must not do, where it says that it does
+FLOATING_POINT = """\
+#if defined __FINITE_MATH_ONLY__ && (__FINITE_MATH_ONLY__ > 0)
+#error "compile without -ffinite-math-only: NaN is told apart from numbers"
+#endif
+#if defined FLT_EVAL_METHOD && (FLT_EVAL_METHOD != 0)
+#error "compile for doubles that are rounded after each operation, such as with -msse2 -mfpmath=sse"
+#endif
+#ifdef __clang__
+#pragma STDC FP_CONTRACT OFF
+#endif
+"""
 #: lanes of vectors are bytes of a double; of whole numbers there are four
 BYTES = {"double": 8, "int": 4, "unsigned char": 1}
 
@@ -75,10 +89,12 @@ def sources(program: OnboardProgram) -> Sources:
         code += _definition(function)
     facts = _facts(program, members, {function.name for function in functions})
     code += [Line(text) for text in rendered("entries.c.jinja", **facts).splitlines()]
+    text = "".join(f"{line.text}\n" for line in code)
+    digest = sha256(text.encode()).hexdigest()
     header = {name: _declared(name, *member) for name, member in members.items()}
     return Sources(
-        rendered("controller.h.jinja", **facts | {"members": header.values()}),
-        "".join(f"{line.text}\n" for line in code),
+        rendered("controller.h.jinja", **facts | {"members": header.values(), "code_sha256": digest}),
+        text,
         [(number, line.file, line.number) for number, line in enumerate(code, start=1) if line.file],
         {table.name: table.num_bytes for table in tables},
         sum(int(np.prod(shape)) * BYTES[kind] for shape, kind in members.values()),
@@ -125,10 +141,34 @@ def _facts(program: OnboardProgram, members: Mapping[str, Any], functions: set[s
         "changed_n": LEAST_CHANGE_N,
         "silent_n": SILENT_N,
         "is_body": law.force_axes == BODY,
+        "safety_needs": _safety_needs(program),
+        "generator": " ".join(
+            filter(None, ("fuzzy-spacecraft-inspection", product_version(), git_revision()))
+        ),
         "axes": "body" if law.force_axes == BODY else "Hill",
         "reach_m": reach,
         "speed_m_s": reach / PASSAGE_S,
     }
+
+
+def _safety_needs(program: OnboardProgram) -> list[str]:
+    """Return bits of the status with which collision avoidance cannot go on: those of what it reads."""
+    functions = {each.name: each for each in program.translator.functions}
+    text, called = "", ["assure"]
+    for name in called:
+        if name in functions:
+            body = "\n".join(line.text for line in functions[name].lines)
+            called += sorted(set(re.findall(r"(\w+)\(state\b", body)) - set(called))
+            text += body
+    reads = {
+        "ATTITUDE": r"\bbelief_attitude\b",
+        "SUN": r"\bsun\w*\b",
+        "PARAMETERS": r"\bparameters\b",
+        "PERIOD": r"\b(now_)?k\b",
+    }
+    text = re.sub(r"\(state, (now_)?k\b", "", text)  # there the period is only passed on
+    needed = [bit for bit, pattern in reads.items() if re.search(pattern, text)]
+    return [f"CONTROLLER_BAD_{bit}" for bit in ("POSITION", "VELOCITY", "START", *needed)]
 
 
 def _rule_order(system: Any) -> list[int]:
@@ -284,4 +324,5 @@ def _opening(program: OnboardProgram) -> Iterator[str]:
         paragraphs += ["", f"{system.name}:"]
         paragraphs += [f"{number:3d}. {sentence(rule)}" for number, rule in enumerate(system.rules, start=1)]
     yield from comment(paragraphs).split("\n")
-    yield from ('#include "controller.h"', "", *OPENING.split("\n"))
+    yield from ('#include "controller.h"', "", "#include <float.h>", *OPENING.split("\n"))
+    yield from FLOATING_POINT.splitlines()

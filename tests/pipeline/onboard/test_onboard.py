@@ -4,11 +4,13 @@ import csv
 import errno
 import itertools
 import os
+import platform
 import re
 import shutil
 import subprocess
 from dataclasses import replace
 from functools import cache
+from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
@@ -35,6 +37,7 @@ from pipeline.onboard.fmi import variables
 from pipeline.onboard.program import NotTranslatableError, translate
 from pipeline.onboard.recorded import OUTPUT, Library, differing, recorded
 from pipeline.onboard.source import sources
+from pipeline.run.maker import product_version
 from tests import programs
 from tests.fis_tools.sample_controllers import SHIPPED
 from tests.pipeline.flight.cases import mission, random_starts
@@ -368,7 +371,7 @@ def test_the_tutorial_goes_as_it_says(tmp_path, monkeypatch, capfd):
 EMULATION = {"arm-none-eabi-gcc": "gcc-arm-none-eabi", "qemu-system-arm": "qemu-system-arm"}
 BAD = {
     "period": (1, (-1, 120, 2**31 - 1)),
-    "position_m": (2, (np.nan, np.inf, -1e9)),
+    "position_m": (2, (np.nan, np.inf, -1e9, 0.0)),
     "velocity_m_s": (4, (np.nan, -np.inf, 1e6)),
     "attitude": (8, (np.nan, 2.0)),
     "sun_angle": (16, (np.nan, 2.0)),
@@ -392,6 +395,48 @@ def test_an_input_out_of_range_fires_nothing_and_says_which(exported, library, f
         assert not np.any(answers["force_n"][0])
         # the next step is as if nothing had been
         assert not np.any(answers["status"][1:])
+
+
+def test_collision_avoidance_goes_on_without_what_it_does_not_need(tmp_path):
+    guarded = mission(duration_s=1200.0, safety={"kind": "filter"})
+    program = translate(guarded, controller("champion_27"))
+    library = written(program, tmp_path)
+    (start,) = random_starts(1, seed=5)
+    flight = recorded(program, start, fly_logged(guarded, program.controller, start))
+    closing, output = flight.steps[:1].copy(), np.zeros(1, OUTPUT)
+    closing["position_m"], closing["velocity_m_s"] = [[0.0, 16.0, 0.0]], [[0.0, -0.1, 0.0]]
+    lost = {"attitude": 0.0, "sun_angle": np.nan, "sun_elevation": np.nan, "period": 10**6, "given_n": np.nan}
+    for field, value in lost.items():
+        library.start(flight.start)
+        step = closing.copy()
+        step[field], step["is_given"] = value, field == "given_n"
+        library.step(step, output)
+        assert output["status"][0] == BAD[field][0]
+        assert output["force_n"][0, 1] > 0.0  # away from the chief
+        assert output["safety_limit"][0] == 1
+    for field in ("position_m", "velocity_m_s"):
+        step = closing.copy()
+        step[field] = np.nan
+        library.step(step, output)
+        assert not np.any(output["force_n"])
+
+
+@pytest.mark.parametrize("flag", ["-ffast-math", "-ffinite-math-only", "-mfpmath=387"])
+def test_a_compiler_that_takes_liberties_with_doubles_is_refused(exported, flag):
+    folder, _, _ = exported
+    words = [shutil.which("gcc"), "-std=c99", flag, "-fsyntax-only", folder / "controller.c"]
+    if flag.startswith("-m") and platform.machine() != "x86_64":
+        pytest.skip("another processor has no such unit")
+    done = subprocess.run(words, check=False, capture_output=True, text=True)  # noqa: S603
+    assert done.returncode
+    assert "compile " in done.stderr
+
+
+def test_the_header_names_the_code_and_what_wrote_it(exported):
+    folder, _, _ = exported
+    header, code = ((folder / f"controller.{end}").read_bytes() for end in "hc")
+    assert f'CONTROLLER_SHA256 "{sha256(code).hexdigest()}"' in header.decode()
+    assert f'CONTROLLER_GENERATOR "fuzzy-spacecraft-inspection {product_version()}' in header.decode()
 
 
 def test_constants_may_be_changed_in_flight(exported, library):
