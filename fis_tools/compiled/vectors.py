@@ -31,6 +31,13 @@ Index = int | tuple[int, ...]
 #: elements that `gather_rows` reads from each offset on
 ROW = 8
 
+#: what vectors can, as NumPy names it, and what masks can; compiled vectors have the same
+OF_VECTORS = (
+    *(np.add, np.subtract, np.multiply, np.divide, np.negative, np.absolute, np.sqrt, np.floor, np.rint),
+    *(np.less, np.less_equal, np.greater, np.greater_equal, np.equal, np.not_equal),
+)
+OF_MASKS = (np.bitwise_and, np.bitwise_or, np.bitwise_xor, np.invert)
+
 #: size of a cache line on most processors, bytes
 CACHE_LINE = 64
 
@@ -40,6 +47,20 @@ class Lanes(np.ndarray[Any, Any]):
 
     Division by zero is silent, as in compiled code: lanes that divide by zero are not the ones selected.
     """
+
+    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **kwargs: Any) -> Any:
+        """Compute what compiled vectors can; refuse the rest, which would only work until it is compiled."""
+        is_mask = any(isinstance(value, Lanes) and value.dtype == np.bool_ for value in inputs)
+        known = OF_MASKS if is_mask else OF_VECTORS
+        if ufunc not in known or method != "__call__" or kwargs:
+            names = ", ".join(each.__name__ for each in known)
+            kind, what = "masks" if is_mask else "vectors", ufunc.__name__
+            raise TypeError(
+                f"compiled {kind} have no {what if method == '__call__' else f'{what}.{method}'}; they have "
+                f"{names}, and the functions of fis_tools.compiled.vectors"
+            )
+        plain = [np.asarray(value) if isinstance(value, Lanes) else value for value in inputs]
+        return np.asarray(ufunc(*plain)).view(Lanes)
 
     def __truediv__(self, other: Any) -> Any:
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -136,7 +157,7 @@ def _row_from(array: Floats, at: Index) -> Floats:
 
 def gather(array: Floats, at: int, offsets: Vector) -> Vector:
     """Return elements of an array, shape (n,), at offsets from an index, cut to whole ones; see `load`."""
-    whole: NDArray[np.int64] = np.trunc(offsets).astype(np.int64)
+    whole: NDArray[np.int64] = np.trunc(np.asarray(offsets)).astype(np.int64)
     return array[at + whole].view(Lanes)
 
 
@@ -185,12 +206,12 @@ def total(vector: Vector) -> float:
 
 def some(mask: Mask) -> bool:
     """Return whether a mask holds in any lane."""
-    return bool(np.any(mask))
+    return bool(np.any(np.asarray(mask)))
 
 
 def count(mask: Mask) -> int:
     """Return the number of lanes in which a mask holds."""
-    return int(np.count_nonzero(mask))
+    return int(np.count_nonzero(np.asarray(mask)))
 
 
 def power_of_two(exponent: Vector) -> Vector:

@@ -375,3 +375,12 @@ def test_a_numba_without_what_vectors_need_is_told_with_its_cure() -> None:
     assert done.returncode != 0
     assert "lacks what compiled vectors are made with" in done.stderr
     assert "pip install 'numba>=0.62" in done.stderr
+
+
+@pytest.mark.parametrize("operation", [np.trunc, np.exp, np.maximum, np.sum, np.logical_and])
+def test_plain_vectors_refuse_what_compiled_ones_have_not(operation):
+    values = [splat(1.5, 4)] * operation.nin if isinstance(operation, np.ufunc) else [splat(1.5, 4)]
+    with pytest.raises(TypeError, match="compiled vectors have no"):
+        operation(*values)
+    with pytest.raises(TypeError, match="compiled masks have no add; they have bitwise_and"):
+        (splat(1.5, 4) > 1.0) + (splat(1.5, 4) > 2.0)
