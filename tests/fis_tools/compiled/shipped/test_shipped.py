@@ -3,6 +3,7 @@
 import hashlib
 import json
 import os
+import re
 import subprocess
 import sys
 import threading
@@ -12,11 +13,13 @@ import numba
 import numpy as np
 import pytest
 
+from benchmarks import objects
 from fis_tools.compiled import dispatchers
 from fis_tools.compiled.decorator import Compiled, compiled
 from fis_tools.compiled.shipped import build, load
 from fis_tools.compiled.shipped.arguments import Block, UnknownArgumentError, signature
 from fis_tools.compiled.shipped.identity import digest
+from tests.places import PROJECT
 
 SCALE = 3.0
 
@@ -329,3 +332,31 @@ def test_a_first_evaluation_compiles_nothing_and_flies_what_is_compiled(tmp_path
             assert "compiling" not in done.stderr
         outcomes.append((folder / "evaluate" / "episodes.parquet").read_bytes())
     assert outcomes[0] == outcomes[1]
+
+
+#: one call of each kind of flight, by the champions; each night of every champion
+RUNS = [*enumerate(objects.commands())][:: 1 if os.environ.get("EVERY_EXPERIMENT") == "1" else 4]
+#: what numba compiles all the same: it returns an array, or calls LAPACK
+NOT_SHIPPED = {"sun_direction_h", "tabulate", "state_transition", "motion_over"}
+FLOWN = """
+import sys
+from pipeline.__main__ import main
+
+for number, words in {runs!r}:
+    assert main([*words, f"hydra.run.dir={folder}/{{number}}"]) == 0
+"""
+
+
+@needs_family
+@pytest.mark.slow
+def test_flights_of_champions_come_compiled(tmp_path):
+    done = subprocess.run(  # noqa: S603
+        [sys.executable, "-c", FLOWN.format(runs=RUNS, folder=tmp_path)],
+        check=True,
+        capture_output=True,
+        text=True,
+        env=os.environ | {load.SWITCH: "1", "NUMBA_CACHE_DIR": str(tmp_path / "cache")},
+        cwd=PROJECT,
+    )
+    compiled_here = set(re.findall(r"compiling [\w.]+\.(\w+):", done.stderr))
+    assert compiled_here <= NOT_SHIPPED
