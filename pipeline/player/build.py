@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from fis_tools.file_access import write_text
 from pipeline.controllers import source
 from pipeline.flight.fly.many import fly_many
 from pipeline.flight.state.log import Scenario
@@ -51,7 +52,7 @@ def build() -> None:
     FOLDER.mkdir(exist_ok=True)
     path = FOLDER / "flight.wasm"
     write_module(path, target, translated)
-    (FOLDER / "types.json").write_text(f"{json.dumps(types)}\n", encoding="utf-8")
+    write_text(FOLDER / "types.json", f"{json.dumps(types)}\n")
     sys.stdout.write(f"{path.name}: {path.stat().st_size:,} bytes\n")
 
 

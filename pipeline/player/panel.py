@@ -2,7 +2,6 @@
 
 import base64
 import gzip
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.resources import files
@@ -13,7 +12,9 @@ from markupsafe import Markup
 from numpy.typing import NDArray
 
 from fis_tools.document.html import ScriptedPanel, read, template
+from fis_tools.file_access import read_shipped
 from fis_tools.model.thrust import COMPONENTS, REASONS
+from fis_tools.plain_text import parse_json
 from fis_tools.review import carried, transcribed
 from pipeline.array_types import Booleans, Floats, Integers
 from pipeline.flight.control.controller import Controller, RuleController
@@ -136,12 +137,11 @@ def flown_in_page(run: PlayedRun) -> dict[str, Any] | str:
 
 def module() -> bytes:
     """Return the compiled module."""
-    return (files(PACKAGE) / "modules" / "flight.wasm").read_bytes()
+    return (files(PACKAGE) / "modules" / "flight.wasm").read_bytes()  # file: a part of the package
 
 
 def _types_of_module() -> int:
-    text = (files(PACKAGE) / "modules" / "types.json").read_text(encoding="utf-8")
-    return int(json.loads(text)["fly"])
+    return int(parse_json(read_shipped(files(PACKAGE) / "modules" / "types.json"))["fly"])
 
 
 def panel(run: PlayedRun) -> ScriptedPanel:

@@ -18,6 +18,7 @@ from llvmlite import binding
 
 from fis_tools.compiled import borrowed_code  # noqa: F401 - registers our vectors with numba
 from fis_tools.compiled.shipped.build import without_wrappers
+from fis_tools.file_access import write_bytes
 from pipeline.player.memory import Leaf
 
 FEATURES = "+simd128,+bulk-memory,+sign-ext,+nontrapping-fptoint,+mutable-globals"
@@ -208,7 +209,7 @@ def _link(code: bytes, exported: tuple[str, ...], output: Path) -> None:
         sys.exit("wasm-ld and wasm-opt are needed: apt install lld-19, npm install binaryen, and set PATH")
     with tempfile.TemporaryDirectory() as scratch:
         unlinked, wide = Path(scratch, "flight.o"), Path(scratch, "flight.wasm")
-        unlinked.write_bytes(code)
+        write_bytes(unlinked, code)
         words = ["-mwasm64", "--no-entry", *(f"--export={name}" for name in exported), "--export-memory"]
         words += [
             "--allow-undefined",
