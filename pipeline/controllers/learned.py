@@ -88,7 +88,7 @@ def normalise(values: Floats, count: int, added: float) -> None:
     mean /= count
     variance = 0.0
     for j in range(count):
-        variance += (values[j] - mean) ** 2
+        variance += (values[j] - mean) * (values[j] - mean)
     deviation = sqrt(variance / count + added)
     for j in range(count):
         values[j] = (values[j] - mean) / deviation

@@ -265,10 +265,10 @@ class SixDofInspectionEnv(gymnasium.Env[NDArray[np.float32], NDArray[Any]]):
         points, normals = self._surface.points, self._surface.normals
         apart, height = points - position, np.sum(normals * points, axis=1)
         with plainly("pipeline"):
-            self._is_lit = is_sunlit(normals @ sun + optics.past_terminator, height)
+            self._is_lit = np.asarray(is_sunlit(normals @ sun + optics.past_terminator, height))
             squared = np.sum(apart * apart, axis=1)
             seen = is_resolved(optics, normals @ position - height, apart @ camera, squared)
-        self._is_inspected |= self._is_lit & seen
+        self._is_inspected |= self._is_lit & np.asarray(seen)
 
     def _for_this_step(self) -> float:
         """Return the reward for being alive and for facing the chief."""

@@ -59,6 +59,7 @@ def flown(ran, words):
 
 def commands_of(text):
     """The commands in what is printed, or in a page."""
+    text = re.sub(r"<script.*?</script>", "", text, flags=re.DOTALL)  # programs are no commands
     codes = re.findall(r"<code>(python -m .*?)</code>|: (python -m .*)|(python -m pipeline fly .*)", text)
     return [shlex.split(unescape("".join(code))) for code in codes]
 
