@@ -24,6 +24,16 @@ from pipeline.command_line.commands import SMALL
 from pipeline.settings.places import conf_folder
 
 FEW = ("stages=[scenario,evaluate]", "monte_carlo.num_cases=8")
+EXAMPLES = Path(__file__).parents[1] / "docs" / "examples"
+#: What should wait for no compiler, as words after ``python -m fis_tools``: README's commands.
+TOOLKIT: tuple[tuple[str, ...], ...] = (
+    ("review", str(EXAMPLES / "dimmer.fll"), "-o", "{scratch}/dimmer.html"),
+    ("audit", str(EXAMPLES / "tipper.fis")),
+    (
+        *("bounds", str(EXAMPLES / "pendulum.yaml")),
+        *("--where", "angle > 0.2, angular_velocity > 0", "--ask", "force < 0"),
+    ),
+)
 RECORDED = ("stages=[scenario,evaluate,record]", "monte_carlo.num_cases=8")
 
 
@@ -71,12 +81,17 @@ def run(folder: Path, family: str) -> None:
 
 def build(folder: Path, family: str) -> None:
     """Run all calls, and write an object of each function that numba compiles for them, with its facts."""
+    from fis_tools.__main__ import main as run_toolkit  # noqa: PLC0415 - as below
     from fis_tools.compiled.fingerprint import functions_of  # noqa: PLC0415 - as below
     from fis_tools.compiled.shipped import build as objects  # noqa: PLC0415 - it imports numba
     from fis_tools.compiled.shipped.identity import digest, facts_of  # noqa: PLC0415
     from pipeline.__main__ import main as run_pipeline  # noqa: PLC0415
 
     with noting() as calls, tempfile.TemporaryDirectory() as scratch:
+        for words in TOOLKIT:
+            print(f"{family}: {' '.join(words)}", file=sys.stderr, flush=True)
+            if code := run_toolkit([word.replace("{scratch}", scratch) for word in words]):
+                raise SystemExit(code)
         for number, words in enumerate(commands()):
             print(f"{family}: {' '.join(words)}", file=sys.stderr, flush=True)
             if code := run_pipeline([*words, f"hydra.run.dir={scratch}/{number}"]):

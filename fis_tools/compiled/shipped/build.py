@@ -26,12 +26,14 @@ def head(destructor: str, *, is_list: bool) -> str:
   store ptr {destructor}, ptr %destructor_field
   %own_field = getelementptr i8, ptr %info, i64 16
   store i64 {int(is_list)}, ptr %own_field
-  %data_field = getelementptr i8, ptr %info, i64 24
+{STORED}"""
+
+
+#: What gives a list other data, in LLVM's code.
+STORED = """  %data_field = getelementptr i8, ptr %info, i64 24
   store ptr %data, ptr %data_field
   %size_field = getelementptr i8, ptr %info, i64 32
   store i64 %size, ptr %size_field"""
-
-
 #: What numba's code calls for arrays and lists that it makes.
 RUNTIME = f"""
 declare ptr @malloc(i64)
@@ -89,26 +91,21 @@ define void @NRT_Free(ptr %data) {{
 """
 #: What some of numba's code calls besides: lists that grow, and arrays in another shape.
 FURTHER = {
-    "NRT_MemInfo_varsize_alloc": """
-define ptr @NRT_MemInfo_varsize_alloc(ptr %info, i64 %size) {
+    "NRT_MemInfo_varsize_alloc": f"""
+define ptr @NRT_MemInfo_varsize_alloc(ptr %info, i64 %size) {{
   %data = call ptr @malloc(i64 %size)
-  %data_field = getelementptr i8, ptr %info, i64 24
-  store ptr %data, ptr %data_field
-  %size_field = getelementptr i8, ptr %info, i64 32
-  store i64 %size, ptr %size_field
+{STORED}
   ret ptr %data
-}""",
-    "NRT_MemInfo_varsize_realloc": """
+}}""",
+    "NRT_MemInfo_varsize_realloc": f"""
 declare ptr @realloc(ptr, i64)
-define ptr @NRT_MemInfo_varsize_realloc(ptr %info, i64 %size) {
-  %data_field = getelementptr i8, ptr %info, i64 24
-  %before = load ptr, ptr %data_field
+define ptr @NRT_MemInfo_varsize_realloc(ptr %info, i64 %size) {{
+  %before_field = getelementptr i8, ptr %info, i64 24
+  %before = load ptr, ptr %before_field
   %data = call ptr @realloc(ptr %before, i64 %size)
-  store ptr %data, ptr %data_field
-  %size_field = getelementptr i8, ptr %info, i64 32
-  store i64 %size, ptr %size_field
+{STORED}
   ret ptr %data
-}""",
+}}""",
     "NRT_MemInfo_varsize_free": """
 define void @NRT_MemInfo_varsize_free(ptr %info, ptr %data) {
   call void @free(ptr %data)
@@ -122,15 +119,26 @@ forget:
 end:
   ret void
 }""",
-    # of arrays whose numbers lie one behind the other; of others it says no, and the call ends with an error
+    # of arrays whose numbers lie one behind the other, or that have none; of others it says no, and the
+    # call ends with an error
     "numba_attempt_nocopy_reshape": """
 define i32 @numba_attempt_nocopy_reshape(i64 %axes, ptr %shape, ptr %strides, i64 %new_axes, ptr %new_shape,
                                          ptr %new_strides, i64 %item_size, i32 %is_fortran) {
 entry:
-  br label %check
+  br label %count
+count:
+  %counted = phi i64 [ 0, %entry ], [ %counted_more, %count_next ]
+  %is_counted = icmp eq i64 %counted, %axes
+  br i1 %is_counted, label %check, label %count_next
+count_next:
+  %counted_field = getelementptr i64, ptr %shape, i64 %counted
+  %counted_length = load i64, ptr %counted_field
+  %counted_more = add i64 %counted, 1
+  %is_empty = icmp eq i64 %counted_length, 0
+  br i1 %is_empty, label %fill, label %count
 check:
-  %left = phi i64 [ %axes, %entry ], [ %axis, %next ]
-  %expected = phi i64 [ %item_size, %entry ], [ %more, %next ]
+  %left = phi i64 [ %axes, %count ], [ %axis, %next ]
+  %expected = phi i64 [ %item_size, %count ], [ %more, %next ]
   %is_checked = icmp eq i64 %left, 0
   br i1 %is_checked, label %fill, label %look
 look:
@@ -149,8 +157,8 @@ next:
 refused:
   ret i32 0
 fill:
-  %new_left = phi i64 [ %new_axes, %check ], [ %new_axis, %write ]
-  %new_stride = phi i64 [ %item_size, %check ], [ %new_more, %write ]
+  %new_left = phi i64 [ %new_axes, %check ], [ %new_axes, %count_next ], [ %new_axis, %write ]
+  %new_stride = phi i64 [ %item_size, %check ], [ %item_size, %count_next ], [ %new_more, %write ]
   %is_filled = icmp eq i64 %new_left, 0
   br i1 %is_filled, label %end, label %write
 write:

@@ -153,6 +153,28 @@ def test_what_is_sorted_grows_or_takes_another_shape():
     np.testing.assert_array_equal(out, again)
 
 
+@compiled
+def flatten(table, out):
+    """Copy a table, which may be empty, to a row."""
+    row = table.reshape(-1)
+    out[0] = len(row)
+    for index in range(len(row)):
+        out[1 + index] = row[index]
+
+
+@needs_family
+@pytest.mark.parametrize("shape", [(2, 3), (0, 15), (15, 0), (0, 0), (1, 4), (4, 1)])
+def test_tables_become_rows_also_empty_ones(shape):
+    full, again = np.arange(1.0, 1.0 + np.prod(shape)).reshape(shape), np.full(8, -1.0)
+    flatten.py_func(full, again)
+    # NumPy gives an empty array any strides
+    bare = np.lib.stride_tricks.as_strided(full, shape, (0, 0)) if full.size == 0 else full
+    for table in (full, bare):
+        out = np.full(8, -1.0)
+        linked(flatten, (table, out))(table, out)
+        np.testing.assert_array_equal(out, again)
+
+
 @needs_family
 @pytest.mark.parametrize("function", [measure, longest, is_longer, count])
 def test_numbers_are_returned(function):
