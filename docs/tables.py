@@ -7,6 +7,8 @@ Cells of other rows and columns stay as they are.
 """
 
 import argparse
+import csv
+import io
 import json
 import re
 import sys
@@ -24,6 +26,8 @@ from pipeline.run import artifacts, configuration
 
 PROJECT = Path(__file__).resolve().parents[1]
 PAGES = ("README.md", "docs/reference/results.md", "docs/explanation/foresight.md")
+#: by which help recommends controllers, and what it calls a setting of the Sun
+CHOICES, SUNS = "pipeline/command_line/choosing.csv", {"any": "random", "fixed": "fixed"}
 KEPT = PROJECT / "docs" / "results"
 MARK = re.compile(r"^<!-- table: (.+?) -->\n\n?((?:\|.*\n)+)", re.MULTILINE)
 LINK = re.compile(r"\[([^]]*)\]\([^)]*\)")
@@ -139,10 +143,10 @@ def main() -> None:
         for name, run in runs.items():
             path_of(name).write_text(json.dumps(run, indent=1) + "\n", encoding="utf-8")
     differing = 0
-    for page in PAGES:
+    for page, write in {**dict.fromkeys(PAGES, written), CHOICES: chosen}.items():
         path = PROJECT / page
         text = path.read_text(encoding="utf-8")
-        again = written(text, runs)
+        again = write(text, runs)
         if options.write:
             path.write_text(again, encoding="utf-8")
         for old, new in zip(text.splitlines(), again.splitlines(), strict=True):
@@ -193,6 +197,30 @@ def written(page: str, runs: Mapping[str, Mapping[str, Any]]) -> str:
         return match[0].replace(match[2], "\n".join([head, rule, *written_lines]) + "\n")
 
     return MARK.sub(table, page)
+
+
+def chosen(table: str, runs: Mapping[str, Mapping[str, Any]]) -> str:
+    """Return the table by which ``--help controller`` recommends controllers, with the figures of runs."""
+    head, *lines = csv.reader(table.splitlines())
+    flown = {
+        (row.controller, row.sun, row.safety == "none"): row
+        for row in map(row_of, runs["reproduce"]["comparison"]["rows"])
+    }
+    columns: tuple[Cell, ...] = _mean_fuel, of_share(SUCCESS), of_share("violated"), _under_the_layer
+    for line in lines:
+        name, _, world, sun, *cells, purpose, page = line
+        row = flown.get((name, SUNS[sun], True))
+        if world == "paper" and row is not None:
+            guarded = flown.get((name, SUNS[sun], False))
+            figures = [
+                column(row, guarded if column is _under_the_layer else None) if cell else ""
+                for column, cell in zip(columns, cells, strict=True)
+            ]
+            purpose = BY_RULES.sub(f"{100.0 - percent_ahead(row.summary):.2g} %", purpose)
+            line[4:] = [*figures, purpose, page]
+    made = io.StringIO()
+    csv.writer(made, lineterminator="\n").writerows([head, *lines])
+    return made.getvalue()
 
 
 def _name(row: ComparisonRow) -> str:

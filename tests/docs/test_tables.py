@@ -24,6 +24,20 @@ def test_a_page_prints_what_its_runs_gave(page):
     assert tables.written(text, {name: kept(name) for name in EXPERIMENTS}) == text
 
 
+def test_help_recommends_by_the_same_runs():
+    text = (PROJECT / tables.CHOICES).read_text(encoding="utf-8")
+    runs = {name: kept(name) for name in EXPERIMENTS}
+    assert tables.chosen(text, runs) == text
+    [fuel] = [
+        row["summary"]["delta_v_m_s"]["mean"]
+        for row in runs["reproduce"]["comparison"]["rows"]
+        if (row["controller"], row["sun"], row["safety"]) == ("champion_81", "random", "none")
+    ]
+    assert f"champion_81,81,paper,any,{fuel:.3f}," in tables.chosen(
+        text.replace(f"{fuel:.3f},", "9.999,"), runs
+    )
+
+
 @pytest.mark.parametrize("name", EXPERIMENTS)
 def test_a_run_is_of_what_ships(name):
     experiment = compose_experiment([f"+experiment={name}"]).experiment
@@ -48,6 +62,8 @@ def test_a_figure_that_differs_is_told(monkeypatch, capsys, tmp_path):
     page.write_text("\n".join(["<!-- table: headline -->", "", *lines, ""]))
     monkeypatch.setattr(tables, "PAGES", (str(page),))
     monkeypatch.setattr(tables, "KEPT", tmp_path)
+    monkeypatch.setattr(tables, "CHOICES", str(tmp_path / "choosing.csv"))
+    (tmp_path / "choosing.csv").write_text((PROJECT / "pipeline/command_line/choosing.csv").read_text())
     monkeypatch.setattr(tables, "run_of", lambda name, _folder: runs[name])
     monkeypatch.setattr("sys.argv", ["tables"])
     with pytest.raises(SystemExit, match="1 rows differ"):

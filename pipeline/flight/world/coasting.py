@@ -192,7 +192,8 @@ def is_on_arc(arcs: Arcs, constants: Floats, sample: int, state: Floats) -> bool
 def with_vertex(squares: Floats, j: int, ahead: bool, behind: bool) -> tuple[float, float]:
     """Return the least and the greatest at an instant and at the vertex of the parabola through three there.
 
-    The vertex counts where it is ahead of the instant, or behind it, by less than an interval.
+    The vertex counts where it is ahead of the instant, or behind it, by less than an interval. `squares` are
+    squares of distances, (J,), m^2, of which those beside `j` are known.
     """
     before, now, after = squares[j - 1], squares[j], squares[j + 1]
     slope, bend = 0.5 * (after - before), after - 2.0 * now + before
@@ -247,7 +248,7 @@ def note_extremes(arcs: Arcs, states: Floats, nearest: Floats, farthest: Floats)
 
 @compiled(error_model="numpy")
 def look_along(arcs: Arcs, constants: Floats, low: int, high: int, squares: Floats) -> None:
-    """Fill the squares of the distance, m^2, from an instant to another."""
+    """Fill the squares of the distance, (J,), m^2, from an instant to another; `constants` are six."""
     a, b, c, d, e, f = constants[0], constants[1], constants[2], constants[3], constants[4], constants[5]
     for axis in range(3):
         rows, offsets = arcs.rows[axis], arcs.offsets[axis]
@@ -259,7 +260,7 @@ def look_along(arcs: Arcs, constants: Floats, low: int, high: int, squares: Floa
 
 @compiled(error_model="numpy")
 def accumulate(squares: Floats, low: int, middle: int, high: int, least: Floats, most: Floats) -> None:
-    """Fill extremes between instants: before the middle from each to there, then from there to each."""
+    """Fill extremes, (J,), m^2: before the middle instant from each to there, then from there to each."""
     for j in range(middle - 1, low, -1):
         least[j], most[j] = with_vertex(squares, j, True, True)
         if j < middle - 1:
@@ -275,7 +276,7 @@ def accumulate(squares: Floats, low: int, middle: int, high: int, least: Floats,
 def within(
     squares: Floats, begin: int, end: int, low: int, middle: int, high: int, least: Floats, most: Floats
 ) -> tuple[float, float]:
-    """Return the extremes from an instant to another, with those that `accumulate` filled in between."""
+    """Return the extremes from an instant to another, m^2, with those that `accumulate` filled in between."""
     near, far = np.inf, 0.0
     if begin > end:
         return near, far

@@ -424,7 +424,7 @@ def test_collision_avoidance_goes_on_without_what_it_does_not_need(tmp_path):
 @pytest.mark.parametrize("flag", ["-ffast-math", "-ffinite-math-only", "-mfpmath=387"])
 def test_a_compiler_that_takes_liberties_with_doubles_is_refused(exported, flag):
     folder, _, _ = exported
-    words = [shutil.which("gcc"), "-std=c99", flag, "-fsyntax-only", folder / "controller.c"]
+    words = [programs.program("gcc", "gcc"), "-std=c99", flag, "-fsyntax-only", folder / "controller.c"]
     if flag.startswith("-m") and platform.machine() != "x86_64":
         pytest.skip("another processor has no such unit")
     done = subprocess.run(words, check=False, capture_output=True, text=True)  # noqa: S603

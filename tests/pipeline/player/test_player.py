@@ -172,6 +172,7 @@ def test_presses_and_keys_open_cases(ready):
     box = page.locator(".fuel-dots canvas").bounding_box()
     page.mouse.click(box["x"] + x, box["y"] + y)
     page.wait_for_function("() => player.row !== 3")
+    assert page.evaluate("() => [player.row, player.cases.numbers[player.row]]") == [8, 108]
     page.get_by_role("button", name="Open case", exact=False).nth(2).click()
     costly = np.argsort([-log.delta_v_m_s[-1] for log in run_of("champion_27")[3]], kind="stable")
     shows(page, 100 + int(costly[2]))
