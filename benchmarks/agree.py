@@ -4,6 +4,9 @@ Random systems from the registries, at inputs that look for trouble. The plain d
 compiled inference, on arrays and one by one, with C, and with a review page's scripts; each bound must hold
 what is attained in its box, shares must add up, and what is said to flip an output must. What differs is
 shrunk, and kept as a controller with the inputs in its name.
+
+With ``--programs`` files of random systems are also given to Octave and pyfuzzylite, and to jFuzzyLogic with
+``--jfuzzylogic CLASSPATH``; their answers must be those that we read these files to mean.
 """
 
 import argparse
@@ -15,6 +18,8 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.rivals import Missing
+from benchmarks.rivals.forms import rivals
 from fis_tools.array_types import Floats
 from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController, FuzzySystem
@@ -27,6 +32,8 @@ from tests.fis_tools.agreement.shrunk import shrunk
 
 #: systems that are compared together, and inputs of each
 BATCH, NUM_ROWS = 25, 24
+#: files that each other program is given after a batch
+FILES = 5
 
 
 def cases(seed: int, number: int, count: int) -> list[tuple[FuzzySystem, Floats]]:
@@ -71,7 +78,11 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("--first", action="store_true", help="end at the first difference, as it is")
     parser.add_argument("--most", type=int, default=20, help="differences that are shrunk, of each form")
     parser.add_argument("--keep", type=Path, default=Path("build/agree"), help="where what differs goes")
+    parser.add_argument("--programs", action="store_true", help="compare with other programs, too")
+    parser.add_argument("--jfuzzylogic", metavar="CLASSPATH", default="", help="its classes and jars")
     options = parser.parse_args(arguments)
+    known = rivals(options.jfuzzylogic) if options.programs or options.jfuzzylogic else {}
+    answered = Counter[str]()
     until, number = time.monotonic() + 60.0 * options.minutes, 0
     counts, num_rows, num_systems = Counter[str](), 0, 0
     with tempfile.TemporaryDirectory(prefix="agree-") as root:
@@ -85,6 +96,17 @@ def main(arguments: Sequence[str]) -> int:
                         print(differing[0])
                         return 1
                 continue
+            for name, rival in known.items():
+                generator = np.random.default_rng([options.seed, number, len(name)])
+                for text, system, rows in rival.cases(generator, FILES, NUM_ROWS):
+                    try:
+                        differing = rival.differences(name, text, system, rows, Path(root))
+                    except Missing:
+                        continue  # it cannot run what its file says, or is not there
+                    answered[name] += 1
+                    counts[name] += len(differing)
+                    for difference in differing[:1]:
+                        print(f"{keep(difference, options.keep)}\n  {difference}", flush=True)
             told_of = set[tuple[str, str]]()
             for difference in differences(batch, Path(root)):
                 counts[difference.form] += 1
@@ -98,4 +120,6 @@ def main(arguments: Sequence[str]) -> int:
     print("|---|---|")
     for name in (*FORMS, *CLAIMS):
         print(f"| {name} | {counts[name]} |")
+    for name in known:
+        print(f"| {name}, {answered[name]} of its files | {counts[name]} |")
     return 1 if counts else 0

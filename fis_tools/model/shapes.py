@@ -24,6 +24,8 @@ from fis_tools.model.membership import (
 
 #: Sampled memberships below this are set to zero: differences of denormal numbers lose all their digits.
 SMALLEST_MEMBERSHIP = 1e-290
+#: Exponents from which on a sigmoid differs from zero or one by less than 1e-12.
+SATURATED = 28.0
 
 
 def gaussian(x: Floats, mean: Floats, standard_deviation: Floats) -> Floats:
@@ -220,6 +222,20 @@ class SigmoidDifference(_TwoSigmoids):
         """Evaluate the formula."""
         first, second = self._sigmoids
         return np.abs(first.at(x) - second.at(x))
+
+    @property
+    def is_reversed(self) -> bool:
+        """Whether the second sigmoid exceeds the first somewhere, by more than rounding."""
+        if self.first_slope * self.second_slope < 0.0:
+            return True
+        if self.first_slope == self.second_slope:
+            return self.first_slope * (self.second_inflection - self.first_inflection) < 0.0
+        products = (self.first_slope * self.first_inflection, self.second_slope * self.second_inflection)
+        steeper = self.first_slope - self.second_slope
+        crossing = (products[0] - products[1]) / steeper
+        away = self.first_slope * (crossing - self.first_inflection)
+        where_reversed = -steeper * self.first_slope  # whether exponents grow towards there, or fall
+        return away * np.sign(where_reversed) < SATURATED  # both are as good as flat beyond
 
 
 @shape(

@@ -20,8 +20,10 @@ from fis_tools.model import FuzzySystem, Term, Variable, memberships_at, sample
 from fis_tools.words.text import number, sentence, shape_words, summary, with_unit
 
 #: a membership is on a straight line if it differs from it by a smaller part of itself and its neighbours, by
-#: rounding: a faint one may decide where others are zero
+#: rounding: a faint one may decide where others are zero, and one that is nearly whole where it is negated
 STRAIGHT = 1e-14
+#: of what is nearly whole, no less than its last digits
+LAST_DIGITS = 4.0 * np.finfo(float).eps
 
 
 def _bends(variable: Variable) -> Integers:
@@ -33,12 +35,17 @@ def _bends(variable: Variable) -> Integers:
     rows = np.array([sample(variable, term) for term in variable.terms])
     middle = (universe[1:-1] - universe[:-2]) / (universe[2:] - universe[:-2])
     straight = rows[:, :-2] + middle * (rows[:, 2:] - rows[:, :-2])
-    highest = np.max([rows[:, :-2], rows[:, 1:-1], rows[:, 2:]], axis=0)
-    is_bent = (np.abs(rows[:, 1:-1] - straight) > STRAIGHT * highest).any(axis=0)
+    three = np.array([rows[:, :-2], rows[:, 1:-1], rows[:, 2:]])
+    is_bent = (np.abs(rows[:, 1:-1] - straight) > _rounding(three.max(axis=0), three.min(axis=0))).any(axis=0)
     kept = np.flatnonzero([True, *is_bent, True])
     again = np.array([np.interp(universe, universe[kept], row[kept]) for row in rows])
-    is_equal = np.abs(again - rows) <= 10.0 * STRAIGHT * np.minimum(again, rows)
+    is_equal = np.abs(again - rows) <= 10.0 * _rounding(np.minimum(again, rows), np.maximum(again, rows))
     return kept if is_equal.all() else np.arange(len(universe))
+
+
+def _rounding(membership: Floats, of_complement: Floats) -> Floats:
+    """Return what counts as rounding of a membership, and of what a second one leaves to one."""
+    return np.minimum(STRAIGHT * membership, np.maximum(STRAIGHT * (1.0 - of_complement), LAST_DIGITS))
 
 
 Kind = Literal["input", "formula", "weighed", "cut", "implied", "silent"]

@@ -316,6 +316,8 @@ def _expressed_membership(variable: Variable, term: Term, dialect: Dialect) -> M
         (start, end), values = sorted((shape.start, shape.end)), (0.0, 1.0)
         return model.Polyline((start, end), values if shape.start < shape.end else values[::-1])
     has_no_word = dialect.words and dialect.words not in shape.entry.words
+    if isinstance(shape, model.SigmoidDifference) and dialect.words == "fcl":
+        has_no_word = shape.is_reversed  # jFuzzyLogic takes no absolute value
     if isinstance(shape, model.Sampled) or (
         has_no_word and not isinstance(shape, model.Ramp | model.Polyline)
     ):

@@ -18,6 +18,7 @@ from fis_tools.formats.exchange.fcl_words import (
     ACCUMULATIONS,
     AND,
     DUALS,
+    FUNCTIONS,
     FUZZYLITES_AND,
     FUZZYLITES_OR,
     METHODS,
@@ -292,6 +293,11 @@ def _shape(
         shape = foreign.FUZZYLITES.read(str(word), [repr(number) for number in numbers], None, where)
     else:
         shape = foreign.shape(name, numbers, known, {}, where)
+        if isinstance(shape, model.SigmoidDifference) and shape.is_reversed:
+            raise ControllerFileError(
+                f"{where}: the second sigmoid of {name} exceeds the first somewhere, where jFuzzyLogic takes "
+                "the difference for zero, others for its absolute value; write points, (x, y) (x, y)"
+            )
     return shape, _ends(shape)
 
 
@@ -324,9 +330,13 @@ def _number(tree: Node, inputs: Sequence[str], semantics: Semantics) -> Membersh
         return model.Constant(_numbers(tree, tree.children)[0])
     if tree.data == "formula":
         text = re.sub(r"(?i)^function", "", str(tree.children[0])).strip()
-        for word, ours in (("ln", "log"), ("log", "log10"), ("abs", "fabs")):
-            text = re.sub(rf"(?i)\b{word}\b(?=\s*\()", f"_{ours}", text)
-        return foreign.concluded_formula(re.sub(r"\b_(?=log|fabs)", "", text), inputs, f"line {line}")
+        if semantics == "fcl":
+            text = re.sub(
+                r"[^\W\d]\w*(?=\s*\()",
+                lambda word: foreign.choice(FUNCTIONS, word[0].lower(), f"line {line}: the function"),
+                text,
+            )
+        return foreign.concluded_formula(text, inputs, f"line {line}")
     if tree.data == "shape" and semantics == "fuzzylite":  # Tsukamoto's
         word, *words = tree.children
         return foreign.concluded(str(word), _numbers(tree, words), len(inputs), "fll", f"line {line}")

@@ -59,3 +59,13 @@ METHODS: dict[str, model.Defuzzifier] = {
     "RM": "lom",
     "MM": "mom",
 }
+#: Functions of its formulas, and what they are here.
+FUNCTIONS: dict[str, str] = {
+    "abs": "fabs",
+    "cos": "cos",
+    "exp": "exp",
+    "ln": "log",
+    "log": "log10",
+    "sin": "sin",
+    "tan": "tan",
+}

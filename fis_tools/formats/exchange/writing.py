@@ -24,10 +24,11 @@ from fis_tools.formats.exchange import dialect as dialects
 from fis_tools.formats.exchange import vocabulary
 from fis_tools.formats.exchange.antecedents import ANY, NotExpressible, any_term
 from fis_tools.formats.exchange.dialect import Dialect, Expressed, express, only_system
+from fis_tools.formats.exchange.fcl_words import FUNCTIONS
 from fis_tools.formats.exchange.foreign import RAMPS, TABLES
 from fis_tools.formats.mapping import from_mapping, refuse_problems, to_mapping
 from fis_tools.formats.serialize import Reading, Written
-from fis_tools.model import TOOLS, FuzzyController, FuzzySystem, Rule, Term, Variable, sample
+from fis_tools.model import TOOLS, FuzzyController, FuzzySystem, Rule, Term, Variable, numbers, sample
 from fis_tools.model.membership import Format
 from fis_tools.model.systems import reach
 from fis_tools.words.text import number
@@ -95,8 +96,8 @@ def term_words(term: Term, file_format: Format, is_set: bool) -> tuple[str, list
                 word, start, end = ("linsmf", start, end) if start < end else ("linzmf", end, start)
             return word, [repr(float(start)), repr(float(end))]
         case model.Linear(coefficients, constant):
-            numbers = (*coefficients, constant)
-            return shape.entry.words[file_format][0], [repr(float(number)) for number in numbers]
+            factors = (*coefficients, constant)
+            return shape.entry.words[file_format][0], [repr(float(factor)) for factor in factors]
     word, *order = shape.entry.words[file_format]
     return word, [repr(float(getattr(shape, name))) for name in order or shape.entry.kinds]
 
@@ -108,12 +109,27 @@ def _fcl_words(shape: model.MembershipFunction) -> tuple[str, list[str]]:
             return "", [f"({float(a)!r}, {float(b)!r})" for a, b in zip(x, y, strict=True)]
         case model.Constant(value):
             return "", [repr(float(value))]
-        case model.Formula(text):
-            return "FUNCTION", [text]
+        case model.Formula():
+            return "FUNCTION", [_in_fcl(shape.parsed)]
         case model.Cosine(centre, width):  # by half its width
             return "COSINE", [repr(0.5 * float(width)), repr(float(centre))]
     word, *order = shape.entry.words["fcl"]
     return word, [repr(float(getattr(shape, name))) for name in order or shape.entry.kinds]
+
+
+def _in_fcl(part: numbers.Part) -> str:
+    """Return a formula with the functions that jFuzzyLogic has; its log is the decimal one."""
+    if not part.parts:
+        return part.word or repr(part.number)
+    texts = [_in_fcl(each) for each in part.parts]
+    if part.word not in numbers.FUNCTIONS:
+        return f"({f' {part.word} '.join(texts)})"
+    words = {ours: word for word, ours in FUNCTIONS.items()} | {"abs": "abs"}
+    if part.word not in words:
+        raise NotExpressible(
+            f"a formula has {part.word}(), and FCL knows only {', '.join(FUNCTIONS)}; export as fll or json"
+        )
+    return f"{words[part.word]}({', '.join(texts)})"
 
 
 def losses(controller: FuzzyController, expressed: Expressed, dialect: Dialect) -> tuple[str, ...]:

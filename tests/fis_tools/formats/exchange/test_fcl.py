@@ -11,7 +11,19 @@ from fis_tools.errors import ControllerFileError
 from fis_tools.formats import serialize
 from fis_tools.formats.exchange import fcl
 from fis_tools.formats.exchange.antecedents import NotExpressible
-from fis_tools.model import And, Constant, Cosine, FuzzySystem, Gaussian, Is, Not, Or, Polyline
+from fis_tools.model import (
+    And,
+    Constant,
+    Cosine,
+    Formula,
+    FuzzySystem,
+    Gaussian,
+    Is,
+    Not,
+    Or,
+    Polyline,
+    SigmoidDifference,
+)
 from tests.fis_tools.formats.exchange.systems import FLAT, alone, without_comment
 
 TIP = """(* a comment *) // another
@@ -159,6 +171,9 @@ def test_formulas_and_numbers_that_are_equal():
             "'b' is unfinished: it",
         ),
         ("tip IS small", "tip IS very small", "'very' is no hedge of jFuzzyLogic's"),
+        ("gauss 0 2", "dsigm 2 4 2 1", "the second sigmoid of DSIGM exceeds the first somewhere"),
+        ("gauss 0 2", "dsigm 2 1 -2 4", "the second sigmoid of DSIGM exceeds the first somewhere"),
+        ("TERM big := 12;", "TERM big := FUNCTION acosh(food);", "the function 'acosh' cannot be read"),
     ],
 )
 def test_what_cannot_be_read_is_refused(old, new, words):
@@ -226,7 +241,33 @@ def test_a_system_of_our_own_is_written_as_jfuzzylogic_has_it():
     assert np.nanmax(np.abs(compile(bare)(rows) - compile(FLAT)(rows)) / spans) < 0.01
 
 
+FORMULA = TIP.replace("TERM big := 12", "TERM big := FUNCTION ln(service) + log(food) + abs(0 - food) ^ 2")
+
+
+@pytest.mark.parametrize("write", [str, lambda text: without_comment(fcl.write(alone(read(text))).text)])
+def test_functions_are_jfuzzylogics_where_they_are_read_and_written(write):
+    """Its `log` is the decimal one; its own answers."""
+    answers = compile(read(write(FORMULA)))(np.array([[7.0, 3.0], [9.0, 5.0]]))[:, 0]
+    np.testing.assert_allclose(answers, [32.4627235, 77.13686156], rtol=1e-9)
+
+
+def test_a_difference_of_sigmoids_with_a_negative_part_becomes_a_table():
+    """JFuzzyLogic takes it for zero there, and other programs for its absolute value."""
+    (term, *terms), *others = FLAT.inputs[0].terms, *FLAT.inputs[1:]
+    counts = []
+    for slope in (9.0, 7.0):
+        shape = SigmoidDifference(0.2, slope, 0.6, 9.0)
+        first = replace(FLAT.inputs[0], terms=(replace(term, membership=shape), *terms))
+        counts.append(fcl.write(alone(replace(FLAT, inputs=(first, *others)))).text.count("DSIGM"))
+    assert counts[0] == counts[1] + 1
+
+
 def test_what_fcl_cannot_say_is_refused():
+    formula = read(FORMULA)
+    (small, big), output = formula.outputs[0].terms, formula.outputs[0]
+    unknown = replace(output, terms=(small, replace(big, membership=Formula("acosh(food)"))))
+    with pytest.raises(NotExpressible, match=r"a formula has acosh\(\), and FCL knows only abs, cos"):
+        fcl.write(alone(replace(formula, outputs=(unknown,))))
     system = read(TIP)
     with pytest.raises(NotExpressible, match="no duals"):
         fcl.write(alone(replace(system, or_operator="bounded_sum")))
