@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.vectors import least, load, most, some, store
-from pipeline.array_types import Bytes, Floats
+from pipeline.array_types import Bytes, Floats, Integers
 from pipeline.flight.cases.starts import StartRows
 from pipeline.flight.fly.workspace import make_workspace, optics_in_use
 from pipeline.flight.period.look.optics import beam_of_case, note_lit, want_all
@@ -37,6 +37,8 @@ NEVER = -1e3
 ERROR_SHARE = 0.2
 #: of so many samples one is looked at first
 COARSE = 8
+#: control periods that no push takes
+MOST_PERIODS = 1e6
 #: plans that are evaluated side by side
 PLANS = 16
 
@@ -195,6 +197,25 @@ def note_lit_at_samples(
 
 
 @compiled(error_model="numpy")
+def num_periods(force: float, most_force: float) -> int:
+    """Return how many control periods a push takes that would be so large in one, N."""
+    periods, share = 1, abs(force) / most_force - 1e-9
+    if share > 1.0 and share < MOST_PERIODS:
+        periods = int(np.ceil(share))
+    return periods
+
+
+@compiled(error_model="numpy")
+def samples_coarsely(num_samples: int) -> Integers:
+    """Return samples in the order in which points are looked for: coarsely first, as most are soon seen."""
+    order, count = np.empty(num_samples, dtype=np.int64), 0
+    for offset in range(COARSE):
+        for k in range((COARSE - 1 - offset) % COARSE, num_samples, COARSE):
+            order[count], count = k, count + 1
+    return order
+
+
+@compiled(error_model="numpy")
 def lead_along(genes: Floats, num_pushes: int, outlook: Outlook, effects: Floats, path: Floats) -> float:
     """Write the positions of a plan at all samples into `path`; return the sum of its forces, N.
 
@@ -234,7 +255,7 @@ def hold(after: Floats, axis: int, force: float, outlook: Outlook) -> None:
 
     `force` would be that of one period, N; it is divided among as many as thrusters need.
     """
-    step, periods = outlook.step, max(1, int(np.ceil(abs(force) / outlook.most_force - 1e-9)))
+    step, periods = outlook.step, num_periods(force, outlook.most_force)
     late = (periods + step - 1) // step  # samples by which the push has ended
     ends, share = outlook.held[axis, 0], float(periods)
     during, ended = after[: 3 * late], after[3 * late :]
@@ -270,7 +291,7 @@ def push_on_course(path: Floats, axis: int, force: float, begin: int, outlook: O
     `force` would be that of one control period, N; it is divided among as many as thrusters need.
     """
     rows, sums, step = outlook.rows, outlook.sums, outlook.step
-    last, periods = len(sums) - 1, max(1, int(np.ceil(abs(force) / outlook.most_force - 1e-9)))
+    last, periods = len(sums) - 1, num_periods(force, outlook.most_force)
     first = min(begin * step, last)
     ended, share = min(first + periods, last), force / periods
     for sample in range(begin + 1, len(rows)):
@@ -299,15 +320,17 @@ def follow_pushes(
     Columns of `doubts`, (6, 3 num_pushes), are what a deviation of each push along each axis adds to them.
     """
     tail, kicks = outlook.tail, outlook.tail.kicks
-    constants[:] = tail.constants
-    doubts[:] = 0.0
+    for q in range(6):
+        constants[q] = tail.constants[q]
+        for column in range(3 * num_pushes):
+            doubts[q, column] = 0.0
     for push in range(num_pushes):
         begin = 0 if push == 0 else outlook.step * int(genes[3 * num_pushes + push - 1])
         square, longest = 0.0, 1
         for axis in range(3 if begin < period else 0):
             force = genes[3 * push + axis]
             if abs(force) >= outlook.least_force:
-                periods = max(1, int(np.ceil(abs(force) / outlook.most_force - 1e-9)))
+                periods = num_periods(force, outlook.most_force)
                 end = min(begin + periods, len(kicks) - 1)
                 for q in range(6):
                     constants[q] += (kicks[end, q, axis] - kicks[begin, q, axis]) * force / periods
@@ -360,8 +383,12 @@ def reach_of(
 
 
 @compiled(error_model="numpy")
-def outside_later(genes: Floats, num_pushes: int, outlook: Outlook) -> tuple[float, float]:
+def outside_later(
+    genes: Floats, num_pushes: int, outlook: Outlook, constants: Floats, doubts: Floats
+) -> tuple[float, float]:
     """Return how far outside the limits free motion leads after a plan's pushes, and after the end, m.
+
+    The last two are working space, (6,) and (6, 3 num_pushes).
 
     After each push the thrusters may fail, at any time up to the next one, or up to the end. It is the most
     of all these, and the sum of what errors may add after each push.
@@ -369,7 +396,6 @@ def outside_later(genes: Floats, num_pushes: int, outlook: Outlook) -> tuple[flo
     tail, last, worst, doubtful = outlook.tail, len(outlook.tail.kicks) - 1, 0.0, 0.0
     if len(tail.rows) == 0:
         return worst, doubtful
-    constants, doubts = np.empty(6), np.empty((6, 3 * num_pushes))
     for push in range(num_pushes if tail.num_passive > 0 else 0):
         begin = 0 if push == 0 else outlook.step * int(genes[3 * num_pushes + push - 1])
         following = last
@@ -436,16 +462,15 @@ def price_pushes(genes: Floats, num_pushes: int, needed: int, outlook: Outlook, 
     positions, best = np.empty((num_samples, 3, PLANS)), np.empty((num_points, PLANS))
     is_flat = cos_incidence == 0.0 and max_range == np.inf
     left = np.arange(num_points)
-    order, count = np.empty(num_samples, dtype=np.int64), 0
-    for offset in range(COARSE):
-        for k in range((COARSE - 1 - offset) % COARSE, num_samples, COARSE):
-            order[count], count = k, count + 1
+    order, constants, doubts = samples_coarsely(num_samples), np.empty(6), np.empty((6, 3 * num_pushes))
     for first in range(0, num_plans, PLANS):
         for lane in range(PLANS):
             # spare lanes repeat the last plan
             plan = min(first + lane, num_plans - 1)
             spent[lane] = lead(genes[:, plan], num_pushes, outlook, effects, path)
-            outside[lane], doubtful[lane] = outside_later(genes[:, plan], num_pushes, outlook)
+            outside[lane], doubtful[lane] = outside_later(
+                genes[:, plan], num_pushes, outlook, constants, doubts
+            )
             positions[:, :, lane] = path.reshape(-1, 3)
         best[:], num_left = NEVER, num_points
         for turn in range(num_samples):

@@ -7,12 +7,15 @@ compiled or not.
 """
 
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
 from fis_tools.compiled.decorator import compiled
-from pipeline.array_types import Floats
-from pipeline.flight.fly.foresight import Outlook, price_pushes
+from fis_tools.compiled.vectors import borrowed
+from pipeline.array_types import Floats, Integers
+from pipeline.flight.fly.foresight import Outlook
+from pipeline.flight.fly.prices import Pricing, price_up_to, pricing_of
 
 #: share of what is left of a flight after which no push begins; where what follows the end counts
 LATEST, LATEST_OF_ENDS = 0.85, 0.99
@@ -50,7 +53,7 @@ class PushSearch:
     genes : (G+1, 4 pushes - 1, plans)
         Of each generation, see `price_pushes`.
     costs : (G+1, plans)
-        Prices, m/s.
+        Prices, m/s; infinity of plans that were certain not to be followed up.
 
     Attributes
     ----------
@@ -96,62 +99,163 @@ class PushSearch:
         return genes[chosen], costs[chosen]
 
 
+class PlanSearch(NamedTuple):
+    """A search under way, for the cheapest of n plans of G genes."""
+
+    lowest: Floats  # (G,) bounds of genes
+    highest: Floats  # (G,)
+    plans: Floats  # (n, G) each the cheapest of its line so far
+    prices: Floats  # (n,) m/s
+    mutants: Floats  # (n, G) of the generation that is tried
+    costs: Floats  # (n,) their prices, m/s; infinity where they exceed those of the plans for certain
+    top: Integers  # (n / 8,) the cheapest plans
+    best: Floats  # (G,) the cheapest plan of all
+    cost: Floats  # (1,) its price, m/s
+
+
+@compiled(error_model="numpy")
+def rank(search: PlanSearch) -> None:
+    """Note the cheapest plans, of equals the first one first."""
+    prices, top = search.prices, search.top
+    for plan in range(len(prices)):
+        placed, is_behind = plan, False
+        for i in range(len(top)):
+            if i < plan and (is_behind or prices[placed] < prices[top[i]]):
+                top[i], placed = placed, top[i]
+                is_behind = True
+            elif i == plan:
+                top[i] = placed
+                placed = plan
+
+
+@compiled(error_model="numpy")
+def mutate(plan: int, drawn: Floats, search: PlanSearch) -> None:
+    """Write the mutant of a plan, from numbers from 0 to 1, (NUM_DRAWS + G,)."""
+    plans, num_plans, num_genes = search.plans, len(search.plans), search.plans.shape[1]
+    best = search.top[int(drawn[0] * len(search.top))]
+    plus, minus = int(drawn[1] * num_plans), int(drawn[2] * num_plans)
+    towards = LEAST_WEIGHT + (MOST_WEIGHT - LEAST_WEIGHT) * drawn[3]
+    along = LEAST_WEIGHT + (MOST_WEIGHT - LEAST_WEIGHT) * drawn[4]
+    kept = int(drawn[5] * num_genes)
+    for gene in range(num_genes):
+        value = plans[plan, gene]
+        if gene == kept or drawn[NUM_DRAWS + gene] < CROSSOVER:
+            mutant = value + towards * (plans[best, gene] - value)
+            mutant = mutant + along * (plans[plus, gene] - plans[minus, gene])
+            # beyond a bound it goes halfway there
+            if mutant < search.lowest[gene]:
+                mutant = 0.5 * (search.lowest[gene] + value)
+            elif mutant > search.highest[gene]:
+                mutant = 0.5 * (search.highest[gene] + value)
+            value = mutant
+        search.mutants[plan, gene] = value
+
+
+@compiled(nogil=True, error_model="numpy")
+def begin(
+    search: PlanSearch, num_pushes: int, num_lit: int, needed: int, outlook: Outlook, pricing: Pricing
+) -> None:
+    """Price the first generation; see `price_up_to`."""
+    search.cost[0] = np.inf
+    for plan in range(len(search.plans)):
+        cost = price_up_to(search.plans[plan], num_pushes, num_lit, needed, outlook, pricing, np.inf)
+        search.prices[plan] = cost
+        if cost < search.cost[0]:
+            search.cost[0] = cost
+            for gene in range(search.plans.shape[1]):
+                search.best[gene] = search.plans[plan, gene]
+
+
 @compiled(nogil=True, error_model="numpy")
 def evolve(
-    outlook: Outlook,
-    num_pushes: int,
-    needed: int,
-    lowest: Floats,
-    highest: Floats,
+    search: PlanSearch,
     draws: Floats,
+    num_pushes: int,
+    num_lit: int,
+    needed: int,
+    outlook: Outlook,
+    pricing: Pricing,
+    is_exact: bool,
+) -> None:
+    """Try a mutant of each plan: it takes its place if it costs at most as much.
+
+    `draws`, (n, NUM_DRAWS + G), are numbers from 0 to 1; where `is_exact`, mutants are priced to the end. See
+    `price_up_to` for the others.
+    """
+    num_plans, num_genes = len(search.plans), search.plans.shape[1]
+    rank(search)
+    for plan in range(num_plans):
+        mutate(plan, draws[plan], search)
+    for plan in range(num_plans):
+        mutant, price = search.mutants[plan], search.prices[plan]
+        limit = np.inf if is_exact else price
+        cost = price_up_to(mutant, num_pushes, num_lit, needed, outlook, pricing, limit)
+        search.costs[plan] = cost
+        if cost <= price:
+            search.prices[plan] = cost
+            for gene in range(num_genes):
+                search.plans[plan, gene] = search.mutants[plan, gene]
+            if cost < search.cost[0]:
+                search.cost[0] = cost
+                for gene in range(num_genes):
+                    search.best[gene] = search.mutants[plan, gene]
+
+
+@compiled(nogil=True, error_model="numpy")
+def evolve_all(
+    search: PlanSearch,
+    draws: Floats,
+    num_pushes: int,
+    num_lit: int,
+    needed: int,
+    outlook: Outlook,
+    pricing: Pricing,
+    is_exact: bool,
     genes: Floats,
     costs: Floats,
 ) -> None:
-    """Evolve plans from the first generation on.
+    """Evolve plans from the first generation on, whose genes are given, and write down what was tried.
 
     Parameters
     ----------
-    outlook, num_pushes, needed
-        As `price_pushes` takes them.
-    lowest, highest : (4 pushes - 1,)
-        Bounds of the genes.
-    draws : (G, plans, NUM_DRAWS + 4 pushes - 1)
+    search, num_pushes, num_lit, needed, outlook, pricing, is_exact
+        As `evolve` takes them.
+    draws : (G, n, NUM_DRAWS + 4 pushes - 1)
         Numbers from 0 to 1.
-    genes : (G+1, 4 pushes - 1, plans)
-        The first generation is given, the others are filled.
-    costs : (G+1, plans)
+    genes : (G+1, 4 pushes - 1, n)
+        All but the first are filled.
+    costs : (G+1, n)
         Filled, m/s.
     """
-    num_genes, num_plans = genes.shape[1], genes.shape[2]
-    num_best = max(2, num_plans // 8)
-    price_pushes(genes[0], num_pushes, needed, outlook, costs[0])
-    plans, prices = genes[0].copy(), costs[0].copy()
+    search, outlook, pricing = borrowed((search, outlook, pricing))
+    search.plans[:] = genes[0].T
+    begin(search, num_pushes, num_lit, needed, outlook, pricing)
+    costs[0] = search.prices
     for generation in range(len(draws)):
-        order, mutants = np.argsort(prices, kind="mergesort"), genes[generation + 1]
-        for plan in range(num_plans):
-            drawn = draws[generation, plan]
-            best = order[int(drawn[0] * num_best)]
-            plus, minus = int(drawn[1] * num_plans), int(drawn[2] * num_plans)
-            towards = LEAST_WEIGHT + (MOST_WEIGHT - LEAST_WEIGHT) * drawn[3]
-            along = LEAST_WEIGHT + (MOST_WEIGHT - LEAST_WEIGHT) * drawn[4]
-            kept = int(drawn[5] * num_genes)
-            for gene in range(num_genes):
-                value = plans[gene, plan]
-                if gene == kept or drawn[NUM_DRAWS + gene] < CROSSOVER:
-                    mutant = value + towards * (plans[gene, best] - value)
-                    mutant = mutant + along * (plans[gene, plus] - plans[gene, minus])
-                    # beyond a bound it goes halfway there
-                    if mutant < lowest[gene]:
-                        mutant = 0.5 * (lowest[gene] + value)
-                    elif mutant > highest[gene]:
-                        mutant = 0.5 * (highest[gene] + value)
-                    value = mutant
-                mutants[gene, plan] = value
-        price_pushes(mutants, num_pushes, needed, outlook, costs[generation + 1])
-        for plan in range(num_plans):
-            if costs[generation + 1, plan] <= prices[plan]:
-                prices[plan] = costs[generation + 1, plan]
-                plans[:, plan] = mutants[:, plan]
+        evolve(search, draws[generation], num_pushes, num_lit, needed, outlook, pricing, is_exact)
+        genes[generation + 1] = search.mutants.T
+        costs[generation + 1] = search.costs
+
+
+def search_of(lowest: Floats, highest: Floats, num_plans: int) -> PlanSearch:
+    """Return a search between bounds of genes that has not begun."""
+    num_genes = len(lowest)
+    return PlanSearch(
+        lowest=lowest,
+        highest=highest,
+        plans=np.empty((num_plans, num_genes)),
+        prices=np.empty(num_plans),
+        mutants=np.empty((num_plans, num_genes)),
+        costs=np.empty(num_plans),
+        top=np.zeros(num_best(num_plans), dtype=np.int64),
+        best=np.empty(num_genes),
+        cost=np.empty(1),
+    )
+
+
+def num_best(num_plans: int) -> int:
+    """Return how many of so many plans mutants lead to."""
+    return max(2, num_plans // 8)
 
 
 def search_pushes(
@@ -162,10 +266,13 @@ def search_pushes(
     effort: Effort,
     generator: np.random.Generator,
     last: Floats | None = None,
+    *,
+    is_exact: bool = False,
 ) -> PushSearch:
-    """Search for the cheapest plan, of components up to `reach_m_s`, by which so many points are seen.
+    """PlanSearch for the cheapest plan, of components up to `reach_m_s`, by which so many points are seen.
 
     The genes of a `last` plan, those of plans near it, and doing nothing are among the first, if it is given.
+    Where `is_exact`, all plans are priced to the end, also those that are not followed up.
     """
     num_samples, num_later = len(outlook.free), num_pushes - 1
     reach = reach_m_s / outlook.delta_v_per_force
@@ -188,5 +295,9 @@ def search_pushes(
         genes[0, :, num_near] = 0.0
     draws = generator.random((effort.num_generations, effort.num_plans, NUM_DRAWS + len(lowest)))
     costs = np.empty((effort.num_generations + 1, effort.num_plans))
-    evolve(outlook, num_pushes, needed, lowest, highest, draws, genes, costs)
+    if (outlook.normals == outlook.normals[0]).all() and (outlook.points == outlook.points[0]).all():
+        outlook = outlook._replace(normals=outlook.normals[:1], points=outlook.points[:1])
+    pricing, num_lit = pricing_of(outlook, num_pushes, reach)
+    search = search_of(lowest, highest, effort.num_plans)
+    evolve_all(search, draws, num_pushes, num_lit, needed, outlook, pricing, is_exact, genes, costs)
     return PushSearch(genes, costs)

@@ -122,7 +122,7 @@ def foresee(
                 before, starts = foreseen.openings[flights], [scenarios[flight] for flight in flights]
                 first, cases = first.only(flights), cases_of(mission, starts)
             deputies = later(first, starts, cases, before, sample, period)
-        choice = _Choice(deputies, before)
+        choice = _Choice(deputies, before, records=records)
         foreseen.openings[flights] = choice.openings
         foreseen.is_rehearsed[flights] = choice.is_rehearsed
         if records:
@@ -131,11 +131,14 @@ def foresee(
 
 
 class _Choice:
-    """What m deputies choose at a sample; `before` are their openings so far, (m, K, 4)."""
+    """What m deputies choose at a sample; `before` are their openings so far, (m, K, 4).
 
-    def __init__(self, deputies: Deputies, before: Floats) -> None:
+    Where it `records`, all plans are priced to the end, for the ones that come next to the cheapest.
+    """
+
+    def __init__(self, deputies: Deputies, before: Floats, *, records: bool) -> None:
         count, num_pushes = len(deputies.believed), deputies.num_pushes
-        self._deputies, self._before = deputies, before
+        self._deputies, self._before, self._records = deputies, before, records
         self._outlooks = deputies.outlooks()
         self._searches: list[PushSearch] = []
         self._num_priced = np.zeros(count, dtype=np.int64)
@@ -219,7 +222,9 @@ class _Choice:
         for number, effort in enumerate(efforts):
             key = deputies.sample, attempt, number
             generator = np.random.default_rng(np.random.SeedSequence(words, spawn_key=key))
-            search = search_pushes(outlook, num_pushes, needed, reach, effort, generator, last)
+            search = search_pushes(
+                outlook, num_pushes, needed, reach, effort, generator, last, is_exact=self._records
+            )
             searches.append(search)
         self._num_priced[flight] += sum(search.costs.size for search in searches)
         return min(searches, key=lambda search: search.cost)
