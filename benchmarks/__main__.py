@@ -27,6 +27,7 @@ CAMPAIGNS = (
     "edit",
     "field",
     "first_push",
+    "fleet",
     "flights",
     "foresight",
     "forge",

@@ -2,11 +2,15 @@
 
 import sys
 from contextlib import suppress
+from typing import TYPE_CHECKING
 
 from pipeline.run import maker
 from pipeline.run.engine import check_engine
 from pipeline.run.extras import require_packages
 from pipeline.settings.experiment import Experiment, SettingError
+
+if TYPE_CHECKING:
+    from pipeline.flight.control.controller import Controller
 
 
 def check_before(experiment: Experiment) -> None:
@@ -64,6 +68,7 @@ def check_before(experiment: Experiment) -> None:
         genome_of(controllers[0], experiment.optimizer.encoding)
     elif "search" not in experiment.stages:
         law_of(controllers[0], experiment.mission)
+    _check_fleet(experiment, controllers[0])
     names = experiment.compare.controllers if "compare" in experiment.stages else ()
     controllers += [named(name, experiment.mission) for name in names]
     for controller in controllers if experiment.mission.problem.kind == "reach" else ():
@@ -72,6 +77,14 @@ def check_before(experiment: Experiment) -> None:
                 f"note: {controller.name} senses {', '.join(sensed)}, which are about points to inspect, and "
                 "there are none where problem.kind is reach\n"
             )
+
+
+def _check_fleet(experiment: Experiment, controller: "Controller") -> None:
+    """Check that a controller that a fleet flies by plans for no deputy alone."""
+    if experiment.mission.has_fleet:
+        from pipeline.flight.fly.fleets import check_controller  # noqa: PLC0415 - compiled code
+
+        check_controller(controller)
 
 
 def _check_fit(experiment: Experiment) -> None:

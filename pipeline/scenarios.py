@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from pipeline.array_types import Floats
 from pipeline.flight.state.log import Scenario
 from pipeline.settings.experiment import Experiment, MonteCarlo, Sun
+from pipeline.settings.fleet import SEED_STEP
 from pipeline.settings.start_table import POSITION, VELOCITY, numbers
 from pipeline.settings.training import Starts
 
@@ -74,8 +75,36 @@ def direction_of(generator: np.random.Generator, directions: str = "angles") -> 
 def _drawn(
     experiment: Experiment, starts: Starts | MonteCarlo, stage: int, cases: Sequence[int]
 ) -> list[Scenario]:
-    """Draw the starts of some cases of a stage."""
-    return [draw(experiment.seed, stage, case, starts, experiment.sun) for case in cases]
+    """Draw the starts of some cases of a stage: of the evaluation's, those of a fleet."""
+    drawn = [
+        started(experiment, starts, draw(experiment.seed, stage, case, starts, experiment.sun))
+        for case in cases
+    ]
+    if not (experiment.mission.has_fleet and isinstance(starts, MonteCarlo)):
+        return drawn
+    return [replace(first, others=_others(experiment, starts, first)) for first in drawn]
+
+
+def started(experiment: Experiment, starts: Starts | MonteCarlo, drawn: Scenario) -> Scenario:
+    """Return a start with the velocity that closes its ellipse of free motion, if starts are parked."""
+    if not (isinstance(starts, MonteCarlo) and starts.parked):
+        return drawn
+    along = -2.0 * experiment.mission.orbit.mean_motion_rad_s * float(drawn.position_m[0])
+    return replace(drawn, velocity_m_s=np.array([0.0, along, 0.0]))
+
+
+def _others(experiment: Experiment, starts: Starts | MonteCarlo, first: Scenario) -> tuple[Scenario, ...]:
+    """Draw the starts of a fleet's other deputies, each with its own seed, under the Sun of the first."""
+    (seed, stage, case), sun = first.noise, experiment.sun
+    drawn = (
+        draw(seed + SEED_STEP * deputy, stage, case, starts, sun)
+        for deputy in range(1, experiment.mission.fleet.deputies)
+    )
+    angle, elevation = first.sun_angle_rad, first.sun_elevation_rad
+    return tuple(
+        replace(started(experiment, starts, other), sun_angle_rad=angle, sun_elevation_rad=elevation)
+        for other in drawn
+    )
 
 
 def training_scenarios(experiment: Experiment, round_index: int = 0) -> list[Scenario]:

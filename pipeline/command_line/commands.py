@@ -50,6 +50,7 @@ def parse_evaluation(parser: CommandParser, arguments: Sequence[str]) -> tuple[A
     if EXPERIMENT not in {override.key_or_group for override in overrides}:
         words.insert(0, f"+{EXPERIMENT}=evaluate")
     experiment = compose_experiment(words, command.config_dir).experiment
+    experiment.mission.require_one_deputy(parser.prog)
     check_before(experiment)
     return chosen, experiment
 

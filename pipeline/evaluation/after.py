@@ -35,11 +35,15 @@ class Aftermath(NamedTuple):
 def aftermath(mission: Mission, tracks: NDArray[Any], workers: int = 1) -> Aftermath | None:
     """Return what follows flights from their tracks, (n, K+1, 6 or more): position, m, and velocity, m/s.
 
+    Tracks of fleets, (n, D, K+1, 6 or more), tell it of each deputy: arrays of shape (n, D).
     None where an orbit is so long, and control periods so short, that there would be too many samples.
     """
     orbit = 2.0 * pi / mission.orbit.mean_motion_rad_s
     if ORBITS[-1] * orbit / mission.control_period_s > MOST_SAMPLES:
         return None
+    if tracks.ndim == 4:
+        each = aftermath(mission.of_each, tracks.reshape(-1, *tracks.shape[2:]), workers)
+        return None if each is None else Aftermath(*(so.reshape(tracks.shape[:2]) for so in each))
     motion, parts = FreeMotion(mission, ORBITS[-1] * orbit), list[Aftermath]()
     for first in range(0, len(tracks), CHUNK):
         states = np.asarray(tracks[first : first + CHUNK, :, :6], dtype=np.float64)

@@ -16,6 +16,7 @@ from pipeline.evaluation.after import Aftermath, aftermath, joined
 from pipeline.evaluation.statistics import Column, Columns, statistic, succeeds
 from pipeline.flight.cases.dispersions import drawn
 from pipeline.flight.control.controller import Controller
+from pipeline.flight.fly.fleets import OF_DEPUTIES, FleetOutcomes
 from pipeline.flight.goals.flights import fly_all
 from pipeline.flight.goals.reach import ReachOutcomes
 from pipeline.flight.state.arrays import NUM_PLACED, NUM_TRACKED
@@ -30,6 +31,8 @@ from pipeline.settings.experiment import Mission
 SUCCESS = "success_and_within_limits"
 #: flights whose tracks are held at a time, to tell what follows them
 FOLLOWED = 4096
+#: columns of deputies that are whole numbers
+COUNTED = ("inspected_count", "safety_periods")
 #: columns of flights that must reach a goal, besides those of all
 OF_REACHED = ("end_s", "end_speed_m_s", "excess_m_s")
 
@@ -43,9 +46,13 @@ def fly_tracked(
 ) -> tuple[Outcomes, NDArray[np.float32]]:
     """Fly all cases; return their outcomes, and their tracks, (n, K+1, num_tracked).
 
+    Those of fleets are (n, D, K+1, num_tracked).
+
     A track's columns are those of `pipeline.flight.fly.population.fly_population`, first the position (m).
     """
-    tracks = np.empty((len(scenarios), mission.num_controls + 1, num_tracked), dtype=np.float32)
+    deputies = (mission.fleet.deputies,) if mission.has_fleet else ()
+    shape = len(scenarios), *deputies, mission.num_controls + 1, num_tracked
+    tracks = np.empty(shape, dtype=np.float32)
     return fly_all(mission, controller, scenarios, workers, tracks), tracks
 
 
@@ -67,6 +74,42 @@ def fly_cases(
     outcomes, tracks = fly_tracked(mission, controller, scenarios, workers)
     after = aftermath(mission, tracks, workers or num_processors())
     return episode_columns(mission, scenarios, outcomes, after), tracks[..., :NUM_PLACED]
+
+
+def fly_fleets(
+    mission: Mission, controller: Controller, scenarios: list[Scenario], workers: int | None = None
+) -> tuple[dict[str, Column], dict[str, Column]]:
+    """Fly a fleet from each case's starts.
+
+    Returns
+    -------
+    episodes : dict of (n,) arrays
+        A column for each quantity of a fleet, see `episode_columns`.
+    deputies : dict of (n D,) arrays
+        A column for each quantity of a deputy.
+    """
+    outcomes, tracks = fly_tracked(mission, controller, scenarios, workers)
+    after = aftermath(mission, tracks, workers or num_processors())
+    assert isinstance(outcomes, FleetOutcomes)  # noqa: S101 - of a mission of fleets
+    episodes = episode_columns(mission, scenarios, outcomes, after)
+    return episodes, deputy_columns(scenarios, outcomes, after)
+
+
+def deputy_columns(
+    scenarios: list[Scenario], outcomes: FleetOutcomes, after: Aftermath | None
+) -> dict[str, Column]:
+    """Return the columns of `evaluate/deputies.parquet`, one entry per deputy of each case."""
+    case, deputy = np.indices(outcomes.of_deputies.shape[:2])
+    values = dict(zip(OF_DEPUTIES, outcomes.of_deputies.reshape(-1, len(OF_DEPUTIES)).T, strict=True))
+    starts = [start for scenario in scenarios for start in scenario.fleet]
+    return {
+        "case": case.ravel(),
+        "deputy": deputy.ravel() + 1,
+        **columns_of(starts),
+        **{name: part.astype(np.int64) if name in COUNTED else part for name, part in values.items()},
+        "violated": values["outside_m"] > 0.0,
+        **({} if after is None else {name: so.ravel() for name, so in after._asdict().items()}),
+    }
 
 
 def fly_followed(
@@ -93,7 +136,7 @@ def episode_columns(
     settings = [dict(drawn(mission, scenario)) for scenario in scenarios]
     return {
         "case": np.arange(len(scenarios)),
-        **columns_of(scenarios),
+        **({} if mission.has_fleet else columns_of(scenarios)),  # those of fleets are of their deputies
         "sun_angle_rad": np.array([scenario.sun_angle_rad for scenario in scenarios]),
         "delta_v_m_s": outcomes.delta_v_m_s,
         "inspected_count": counts,
@@ -110,13 +153,29 @@ def episode_columns(
         "inspectable_count": outcomes.inspectable_count,
         "inspectable_rate_percent": inspectable_rate(counts, outcomes.inspectable_count),
         **{name: vars(outcomes)[name] for name in OF_REACHED if isinstance(outcomes, ReachOutcomes)},
-        **({} if after is None else after._asdict()),
+        **(_of_fleet(outcomes) if isinstance(outcomes, FleetOutcomes) else {}),
+        **({} if after is None else {name: _of_all(so) for name, so in after._asdict().items()}),
         **_propellant(mission, settings, outcomes),
         **({} if mission.deputy.max_momentum_n_m_s is None else {"full_wheel_s": outcomes.full_wheel_s}),
         **{
             distribution.key: np.array([of[distribution.key] for of in settings])
             for distribution in distributions(mission.dispersions)
         },
+    }
+
+
+def _of_all(is_so: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return what is so in each case: of fleets, (n, D), what is so of all deputies."""
+    return np.asarray(is_so.all(axis=1)) if is_so.ndim > 1 else is_so
+
+
+def _of_fleet(outcomes: FleetOutcomes) -> dict[str, Column]:
+    """Return the columns that fleets alone have."""
+    spent = outcomes.of_deputies[..., OF_DEPUTIES.index("delta_v_m_s")]
+    return {
+        "greatest_delta_v_m_s": spent.max(axis=1),
+        "nearest_pair_m": outcomes.nearest_pair_m,
+        "enough_s": outcomes.enough_s,
     }
 
 
@@ -167,6 +226,8 @@ def summarised(episodes: Columns) -> tuple[list[str], dict[str, NDArray[np.bool_
     if "end_s" in episodes:
         names += OF_REACHED
         shares["held"] = episodes["excess_m_s"] == 0.0
+    if "nearest_pair_m" in episodes:  # of fleets
+        names += ["greatest_delta_v_m_s", "nearest_pair_m"]
     if "propellant_kg" in episodes:
         names.append("propellant_kg")
     if "full_wheel_s" in episodes:

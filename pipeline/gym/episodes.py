@@ -23,7 +23,7 @@ from pipeline.flight.state.log import FlightLog, Scenario, points_needed
 from pipeline.flight.world.pack import inspection_points
 from pipeline.physics.motion import HasMass, HasMeanMotion, free_path, motion_over
 from pipeline.recording.recorder import FlightRecorder
-from pipeline.scenarios import PRIORITY, direction_of, draw
+from pipeline.scenarios import PRIORITY, direction_of, draw, started
 from pipeline.settings.experiment import Experiment, Mission
 from pipeline.settings.groups import names_of
 
@@ -187,7 +187,8 @@ class Task:
     def draw(self, generator: np.random.Generator) -> Scenario:
         """Draw a start, as an evaluation does."""
         seed = int(generator.integers(MOST_SEED))
-        return draw(seed, EPISODES, 0, self.experiment.monte_carlo, self.experiment.sun)
+        cases = self.experiment.monte_carlo
+        return started(self.experiment, cases, draw(seed, EPISODES, 0, cases, self.experiment.sun))
 
     def forces(self, actions: NDArray[Any], num_flights: int) -> Floats:
         """Return the forces of actions, shape (n, 3), N, Hill axes.
@@ -251,6 +252,7 @@ def task_of(
         commands is no multiple, or the reward looks at no end that the mission asks for.
     """
     composed = compose_experiment([*BASE, *overrides])
+    composed.experiment.mission.require_one_deputy("pipeline.gym")
     most = composed.experiment.mission.deputy.max_force_n
     if levels_n is not None and not 0.0 < levels_n <= most:
         raise ValueError(

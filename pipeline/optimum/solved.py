@@ -139,17 +139,20 @@ def solved_for(experiment: Experiment) -> Solved:
     Raises
     ------
     IncomparableError
-        If its mission or its Sun differs from that of the plans, or it names none.
+        If its mission or its Sun differs from that of the plans, it is of fleets, or it names none.
     pipeline.run.artifacts.ArtifactError
         If the named plans cannot be read.
     """
     reference, sun = experiment.optimum.reference, experiment.sun
     if reference is None:
         raise IncomparableError("optimum.reference is null")
-    if experiment.mission.dispersions:
-        raise IncomparableError("settings are dispersed, and the plans know none of them")
-    if experiment.monte_carlo.table is not None:
-        raise IncomparableError("the starts are those of a file")
+    for is_so, words in (
+        (experiment.mission.has_fleet, "the plans are of one deputy"),
+        (bool(experiment.mission.dispersions), "settings are dispersed, and the plans know none of them"),
+        (experiment.monte_carlo.table is not None, "the starts are those of a file"),
+    ):
+        if is_so:
+            raise IncomparableError(words)
     if reference == SHIPPED and sun.mode not in SHIPPED_FOLDERS:
         raise IncomparableError(f"sun.mode is {sun.mode}; plans ship for sun=fixed and sun=random")
     if reference == SHIPPED:

@@ -61,6 +61,9 @@ def in_order(stages: Sequence[str], *others: str) -> list[str]:
 SHIPPED = "shipped"
 
 
+#: the stages that know of fleets; all others, also new ones, refuse them
+OF_FLEETS = ("scenario", "evaluate")
+
 #: where the cases of the evaluation count; assurance has its own
 EVALUATED = Only(*(f"stages={stage}" for stage in STAGES if stage != "assure"))
 
@@ -94,11 +97,20 @@ class MonteCarlo(Settings, group="monte_carlo"):
     """Directions of starts and speeds: even on the sphere, or by even angles, denser at the poles (AFRL)."""
     box: types.Box | None = None
     """Least and greatest x, y, z, x', y', z' of starts drawn evenly between them; null: the shell."""
+    parked: types.Flag = False
+    """Whether starts move along the track by -2 n x instead of being at rest: on closed ellipses."""
     table: Annotated[types.Text | None, Only("starts.kind=file")] = None
     """Starts in place of drawn ones, as CSV text."""
 
     def __post_init__(self) -> None:
-        """Check that the shell's bounds ascend."""
+        """Check that the shell's bounds ascend, and that starts have one velocity."""
+        others = (self.max_speed_m_s > 0.0, self.box is not None, self.table is not None)
+        for key, is_given in zip(("max_speed_m_s", "box", "table"), others, strict=True):
+            if self.parked and is_given:
+                raise SettingError(
+                    f"monte_carlo.parked is true, and monte_carlo.{key} gives starts other velocities; "
+                    "leave one of them out"
+                )
         checks.shell("monte_carlo", self.min_distance_m, self.max_distance_m)
         start_table.check_count("monte_carlo", self.num_cases, self.table)
         if self.only_cases is not None and self.only_cases[1] > self.num_cases:
@@ -369,6 +381,7 @@ class Experiment(Settings, group=""):
 
     def __post_init__(self) -> None:
         """Check settings that must fit together."""
+        self._check_fleets_and_starts()
         self._check_stages()
         check_controller(self.controller)
         self._check_start()
@@ -402,6 +415,34 @@ class Experiment(Settings, group=""):
     def sun_in_words(self) -> str:
         """The Sun of the evaluation: its mode, or that the starts define it."""
         return self.sun.mode if self.monte_carlo.table is None else "of the starts"
+
+    def _check_fleets_and_starts(self) -> None:
+        """Raise SettingError for fleets and parked starts where a run does not know them."""
+        cases, deputies = self.monte_carlo, self.mission.fleet.deputies
+        unaware = ", ".join(stage for stage in self.stages if stage not in OF_FLEETS)
+        for words, is_set, cure in (
+            (f"the stages {unaware} know", bool(unaware), f"choose stages=[{','.join(OF_FLEETS)}]"),
+            ("engine.kind=dask knows", self.engine.kind == "dask", "leave it out"),
+            ("starts.kind=file knows", cases.table is not None, "leave it out"),
+            ("monte_carlo.only_cases knows", cases.only_cases is not None, "leave it out"),
+            ("monte_carlo.stop_width knows", cases.stop_width is not None, "leave it out"),
+            ("monte_carlo.splitting_flights knows", cases.splitting_flights > 0, "leave it out"),
+            (
+                f"monte_carlo.num_cases={cases.num_cases} makes parts, which know",
+                "evaluate" in self.stages and cases.num_cases > self.engine.part_cases,
+                f"fly at most engine.part_cases={self.engine.part_cases}",
+            ),
+        ):
+            if self.mission.has_fleet and is_set:
+                raise SettingError(
+                    f"fleet.deputies is {deputies}, and {words} of one deputy; {cure}, or leave "
+                    "fleet.deputies out"
+                )
+        if cases.parked and ("assure" in self.stages or cases.splitting_flights):
+            raise SettingError(
+                "monte_carlo.parked is true, and neither assure nor monte_carlo.splitting_flights draws such "
+                "starts; leave one of them out"
+            )
 
     def _check_distance(self, what: str, distance_m: float) -> None:
         """Raise SettingError if a start is outside the limits of the flight, or inside the chief."""

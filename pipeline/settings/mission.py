@@ -1,7 +1,7 @@
 """One mission: its parts, clocks and limits, and how they must fit together."""
 
 import math
-from dataclasses import field
+from dataclasses import field, replace
 from functools import cached_property
 from typing import Annotated, Any, Literal
 
@@ -13,6 +13,7 @@ from pipeline.settings.checks import SettingError
 from pipeline.settings.conditions import Only
 from pipeline.settings.dispersions import Distribution, distributions, processes
 from pipeline.settings.equipment import Actuators, FilteredNavigation, Navigation, PositionFixes, Sensor
+from pipeline.settings.fleet import Fleet
 from pipeline.settings.groups import Settings
 from pipeline.settings.orbit import OrbitSettings, least_radius
 from pipeline.settings.relations import check_relations
@@ -273,6 +274,7 @@ class Mission(Settings, group=""):
     navigation: Navigation = field(default_factory=Navigation)
     actuators: Actuators = field(default_factory=Actuators)
     dynamics: Dynamics = field(default_factory=Dynamics)
+    fleet: Fleet = field(default_factory=Fleet)
     attitude_period_s: types.Positive = 1.0
     """Time between two torques; must divide control_period_s."""
     control_period_s: types.Positive = 10.0
@@ -321,6 +323,24 @@ class Mission(Settings, group=""):
             if is_set:
                 return f"{words}, which {planner} do not know of; set it to {cure} for them"
         return None
+
+    @property
+    def has_fleet(self) -> bool:
+        """Whether several deputies fly."""
+        return self.fleet.deputies > 1
+
+    @property
+    def of_each(self) -> "Mission":
+        """The mission as each deputy of a fleet flies it, as if alone."""
+        return replace(self, fleet=Fleet()) if self.has_fleet else self
+
+    def require_one_deputy(self, what: str) -> None:
+        """Raise SettingError in a mission of a fleet, for what knows of one deputy alone."""
+        if self.has_fleet:
+            raise SettingError(
+                f"fleet.deputies is {self.fleet.deputies}, and {what} knows of one deputy; leave "
+                "fleet.deputies out"
+            )
 
     @cached_property
     def varying(self) -> dict[str, Distribution]:

@@ -250,6 +250,20 @@ def _after(mission: Mission) -> Iterator[str]:
         yield "the reference coasts on by Clohessy and Wiltshire's equations alone; change one of them"
 
 
+@relation("fleet.deputies", "problem.kind", "flight", "guidance.engine", "after_s")
+def _fleet(mission: Mission) -> Iterator[str]:
+    """Check that what else the mission asks for knows of several deputies."""
+    if not mission.has_fleet:
+        return
+    for key, value in (("problem.kind", "reach"), ("flight", "reference"), ("guidance.engine", "sklearn")):
+        if setting(mission, key) == value:
+            yield f"{key}={value} knows of one deputy; change one of them"
+    if mission.dispersions:
+        yield "dispersions are given, which are of one deputy; leave one of them out"
+    if mission.after_s > 0.0:
+        yield "what follows a flight is asked of one deputy alone; leave one of them out"
+
+
 @relation("deputy.max_momentum_n_m_s", "deputy.inertia_kg_m2", "orbit.mean_motion_rad_s")
 def _wheels(mission: Mission) -> Iterator[str]:
     """Check that the deputy's wheels can take up the rotation of Hill axes, about any axis."""

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
 #: columns of ``scenarios.csv``: the set of flights, the index in it, and the start itself
 LABELS = ("set", "case")
+#: of fleets, after these: the deputy's number, from 1
+DEPUTY = "deputy"
 POSITION = tuple(f"position_{axis}_m" for axis in "xyz")
 VELOCITY = tuple(f"velocity_{axis}_m_s" for axis in "xyz")
 COLUMNS = (*LABELS, *POSITION, *VELOCITY, "sun_angle_rad", "sun_elevation_rad")

@@ -18,10 +18,10 @@ from pipeline.evaluation.assurance.case_space import case_space
 from pipeline.evaluation.assurance.rare import RARE, OutsideLimits
 from pipeline.evaluation.beside_optimum import beside_optimum, summarise_times, times_in_words
 from pipeline.evaluation.comparison import by_rules, spread
-from pipeline.evaluation.monte_carlo import SUCCESS, fly_cases, summarise_blocks
+from pipeline.evaluation.monte_carlo import SUCCESS, fly_cases, fly_fleets, summarise_blocks
 from pipeline.evaluation.ranks import sensitivity
 from pipeline.evaluation.splitting import POPULATIONS, RareShare, rare_share
-from pipeline.evaluation.statistics import Column
+from pipeline.evaluation.statistics import Column, statistic
 from pipeline.flight.control.controller import Controller
 from pipeline.optimum.solved import IncomparableError, solved_for
 from pipeline.run import artifacts, engine, tables, typed, writing
@@ -62,7 +62,8 @@ def run(experiment: Experiment, folder: Path) -> None:
         f"delta-v {spread(summary['delta_v_m_s'], 3)} m/s{by_rules(summary)}, "
         f"{_done_in_words(summary)}, "
         f"success {100 * summary[SUCCESS]['fraction']:.1f} %, "
-        f"outside {100 * summary['violated']['fraction']:.1f} %{_after_in_words(summary)}\n"
+        f"outside {100 * summary['violated']['fraction']:.1f} %{_after_in_words(summary)}"
+        f"{_fleet_in_words(experiment, summary)}\n"
     )
     sys.stderr.write(_stopped_in_words(summary))
     sys.stderr.write("" if rare is None else f"  outside: {rare.sentence}\n")
@@ -83,6 +84,7 @@ def _subject(experiment: Experiment, controller: Controller, num_cases: int) -> 
         **({} if cases.only_cases is None else {"only_cases": cases.only_cases}),
         **({} if cases.stop_width is None else {"stop": stop}),
         "seed": experiment.seed,
+        **({"fleet": asdict(experiment.mission.fleet)} if experiment.mission.has_fleet else {}),
         **({"tags": experiment.tags} if experiment.tags else {}),
         "confidence_percent": cases.confidence_percent,
     }
@@ -92,6 +94,8 @@ def _results(experiment: Experiment, episodes: Mapping[str, Column]) -> dict[str
     """Return the statistics of flights, whose intervals hold however their number came about."""
     confidence, whole = experiment.monte_carlo.confidence_percent, partial(blocks.blocks_of, episodes)
     summary = summarise_blocks(whole(), confidence)
+    if experiment.mission.has_fleet and np.isfinite(enough := episodes["enough_s"]).any():
+        summary["enough_s"] = asdict(statistic(enough[np.isfinite(enough)], confidence, 0.0))
     if experiment.monte_carlo.stop_width is None:
         return {**summary, "percentiles": blocks.percentiles(whole, confidence)}
     return {
@@ -131,6 +135,18 @@ def _after_in_words(summary: Mapping[str, Any]) -> str:
     return f"\n  without thrust from then on {stays:.1f} % stay an orbit; {safe:.1f} % are passively safe"
 
 
+def _fleet_in_words(experiment: Experiment, summary: Mapping[str, Any]) -> str:
+    """Return a line on what the deputies of fleets do beside one another; empty of one deputy."""
+    if not experiment.mission.has_fleet:
+        return ""
+    fleet, pair = experiment.mission.fleet, summary["nearest_pair_m"]
+    when = f", enough seen after {summary['enough_s']['mean']:.0f} s" if "enough_s" in summary else ""
+    return (
+        f"\n  {fleet.deputies} deputies together, who heed {fleet.sharing}; the most that one spends "
+        f"{spread(summary['greatest_delta_v_m_s'], 3)} m/s{when}; two come within {pair['minimum']:.1f} m"
+    )
+
+
 def _open_pool(experiment: Experiment, folder: Path) -> AbstractContextManager[TaskPool]:
     """Open what flies the parts of a campaign; the flights of a single part are flown here."""
     cases, settings = experiment.monte_carlo, experiment.engine
@@ -146,7 +162,7 @@ def _open_pool(experiment: Experiment, folder: Path) -> AbstractContextManager[T
 def _flown(
     experiment: Experiment, controller: Controller, folder: Path, pool: TaskPool
 ) -> Mapping[str, Column]:
-    """Fly all cases and write their table; trajectories too, unless they are flown in parts."""
+    """Fly all cases and write their table; trajectories too, unless they are flown in parts, or by fleets."""
     if _is_in_parts(experiment, folder):
         (folder / artifacts.TRAJECTORIES).unlink(missing_ok=True)
         cases, stop = experiment.monte_carlo, None
@@ -156,6 +172,12 @@ def _flown(
         parts.fly(experiment, controller, cases.cases, path, parts_folder, pool, stop)
         return tables.Columns(folder, artifacts.EPISODES)
     scenarios, workers = evaluation_scenarios(experiment), experiment.monte_carlo.workers
+    if experiment.mission.has_fleet:
+        (folder / artifacts.TRAJECTORIES).unlink(missing_ok=True)
+        episodes, deputies = fly_fleets(experiment.mission, controller, scenarios, workers)
+        tables.write_parquet(folder / artifacts.EPISODES, episodes)
+        tables.write_parquet(folder / artifacts.DEPUTIES, deputies)
+        return episodes
     episodes, tracks = fly_cases(experiment.mission, controller, scenarios, workers)
     tables.write_parquet(folder / artifacts.EPISODES, episodes)
     case, sample = np.indices(tracks.shape[:2], dtype=np.int32)

@@ -11,7 +11,7 @@ from pipeline.run.progress import Progress
 from pipeline.scenarios import evaluation_scenarios, training_scenarios
 from pipeline.settings.experiment import Experiment
 from pipeline.settings.sizes import MOST_LISTED
-from pipeline.settings.start_table import COLUMNS, EVALUATION, TRAINING
+from pipeline.settings.start_table import COLUMNS, DEPUTY, EVALUATION, LABELS, TRAINING
 
 #: starts that are drawn between two lines of progress
 BLOCK = 5000
@@ -33,7 +33,8 @@ def run(experiment: Experiment, folder: Path) -> None:
             (folder / artifacts.SCENARIOS).unlink(missing_ok=True)
             return
     is_listed = 0 < num_cases <= MOST_LISTED
-    tables.write_csv(folder / artifacts.SCENARIOS, COLUMNS, _rows(experiment, has_training, is_listed))
+    columns = (*LABELS, DEPUTY, *COLUMNS[len(LABELS) :]) if experiment.mission.has_fleet else COLUMNS
+    tables.write_csv(folder / artifacts.SCENARIOS, columns, _rows(experiment, has_training, is_listed))
 
 
 def _rows(experiment: Experiment, has_training: bool, is_listed: bool) -> Iterator[list[Any]]:
@@ -53,7 +54,9 @@ def _rows(experiment: Experiment, has_training: bool, is_listed: bool) -> Iterat
 
 
 def _rows_of(name: str, first: int, scenarios: Sequence[Scenario]) -> Iterator[list[Any]]:
-    """Yield the rows of some cases of a set, from a first one."""
-    for case, at in enumerate(scenarios, first):
-        suns = at.sun_angle_rad, at.sun_elevation_rad
-        yield [name, case, *at.position_m.tolist(), *at.velocity_m_s.tolist(), *suns]
+    """Yield the rows of some cases of a set, from a first one; of fleets a row each deputy, from 1."""
+    for case, scenario in enumerate(scenarios, first):
+        for deputy, at in enumerate(scenario.fleet, 1):
+            labels = [name, case, deputy] if scenario.others else [name, case]
+            suns = at.sun_angle_rad, at.sun_elevation_rad
+            yield [*labels, *at.position_m.tolist(), *at.velocity_m_s.tolist(), *suns]

@@ -102,7 +102,7 @@ def fly_population(
     outcomes = np.empty((num_pairs, NUM_OUTCOMES))
     workers = workers or num_processors()
     # flights of one vector stay together
-    shares = _shares(num_pairs, lanes if num_controllers == 1 else max(1, len(cases)), workers)
+    shares = shares_of(num_pairs, lanes if num_controllers == 1 else max(1, len(cases)), workers)
     workers, untaken = min(workers, len(shares)), iter(shares)
     tracks, known = NO_TRACKS if tracks is None else tracks, NOTHING_KNOWN if known is None else known
     results = Results(outcomes, tracks=tracks, known=known)
@@ -122,7 +122,7 @@ def fly_population(
     return outcomes_of(rows, num_inspectable, ahead if len(ahead) else np.zeros(len(cases)))
 
 
-def _shares(num_flights: int, whole: int, workers: int) -> list[tuple[int, int]]:
+def shares_of(num_flights: int, whole: int, workers: int) -> list[tuple[int, int]]:
     """Split flights into shares (first, last) of decreasing size, so that threads end together."""
     shares, first = [], 0
     while first < num_flights:

@@ -10,6 +10,7 @@ from fis_tools.engines.packing import Packed
 from pipeline.flight.cases.starts import Cases
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.fly import simulation
+from pipeline.flight.fly.fleets import fly_all_fleets
 from pipeline.flight.fly.population import fly_population
 from pipeline.flight.goals.reach import ended, judged
 from pipeline.flight.state.arrays import NUM_TRACKED, Law, World
@@ -27,7 +28,12 @@ def fly_all(
     workers: int | None = None,
     tracks: NDArray[np.float32] | None = None,
 ) -> Outcomes:
-    """Fly one controller from many starts; see `pipeline.flight.fly.simulation.fly_all`."""
+    """Fly one controller from many starts; see `pipeline.flight.fly.simulation.fly_all`.
+
+    In a mission of fleets, a fleet from the starts of each case; see `pipeline.flight.fly.fleets`.
+    """
+    if mission.has_fleet:
+        return fly_all_fleets(mission, controller, scenarios, workers, tracks)
     if mission.problem.kind == "inspection":
         return simulation.fly_all(mission, controller, scenarios, workers, tracks)
     parts = []

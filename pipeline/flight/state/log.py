@@ -30,7 +30,8 @@ class Scenario:
 
     The Sun's angle is in the orbit plane from +i towards +j, its elevation over that plane. `noise` is the
     seed, the stage and the case that errors of navigation and thrusters are drawn from; `settings` are given
-    values of the dispersed keys, in the order of the sorted keys; without them they are drawn.
+    values of the dispersed keys, in the order of the sorted keys; without them they are drawn. `others` are
+    the starts of the fleet's other deputies, under the same Sun.
     """
 
     position_m: Floats
@@ -39,6 +40,12 @@ class Scenario:
     sun_elevation_rad: float = 0.0
     noise: tuple[int, int, int] = (0, 0, 0)
     settings: tuple[float, ...] | None = None
+    others: "tuple[Scenario, ...]" = ()
+
+    @property
+    def fleet(self) -> "tuple[Scenario, ...]":
+        """The starts of all deputies, this one's first."""
+        return self, *self.others
 
     def generator(self, what: int) -> np.random.Generator:
         """Return the random generator for one kind of errors in the flight from here."""

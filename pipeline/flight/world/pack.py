@@ -156,7 +156,14 @@ def by_neighbourhood(points: Floats) -> NDArray[np.int64]:
 
 
 def pack_world(mission: Mission) -> World:
-    """Return a mission as the numbers that the compiled episode reads."""
+    """Return a mission as the numbers that the compiled episode reads.
+
+    Raises
+    ------
+    SettingError
+        If it is a fleet's: whoever flies fleets packs the mission `of_each` deputy.
+    """
+    mission.require_one_deputy("this flight")
     orbit, deputy, period = mission.orbit, mission.deputy, mission.control_period_s
     surface, attitudes = surface_of(mission), chief_attitudes(mission)
     points = surface.points

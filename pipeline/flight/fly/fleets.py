@@ -1,0 +1,318 @@
+"""Fleets: several deputies from the starts of each case, to the end, with what they exchange.
+
+The period is that of `pipeline.flight.period.steps`; the exchange stands between look and decide. One deputy
+alone flies by `pipeline.flight.fly.many`, whose code knows nothing of this.
+"""
+
+from dataclasses import dataclass
+from math import inf, sqrt
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fis_tools.compiled.decorator import compiled
+from fis_tools.compiled.vectors import borrowed, width_of
+from fis_tools.engines.kernel import LANES
+from fis_tools.processors import num_processors
+from pipeline.array_types import Bytes, Floats
+from pipeline.flight.cases.starts import cases_of
+from pipeline.flight.control.controller import Controller, ControllerError, OpenLoopController, RuleController
+from pipeline.flight.control.law import law_of, rehearsed_pushes
+from pipeline.flight.fly.many import (
+    NO_TRACKS,
+    FlightBatch,
+    is_given,
+    open_with,
+    start_lanes,
+    write_fired,
+    write_outcomes,
+    write_track,
+)
+from pipeline.flight.fly.population import flights_of, outcomes_of, shares_of
+from pipeline.flight.fly.replanning import foresees
+from pipeline.flight.fly.tours import tour_images
+from pipeline.flight.fly.workspace import make_state, make_workspace
+from pipeline.flight.period.decide.exchange import Exchange, begin, heed, pool, share_out
+from pipeline.flight.period.decide.urgency import note_deadlines
+from pipeline.flight.period.steps import act, decide, look
+from pipeline.flight.state.arrays import (
+    NUM_OUTCOMES,
+    Control,
+    FlightState,
+    FullOptics,
+    Guard,
+    Moment,
+    Workspace,
+    World,
+    allocated,
+)
+from pipeline.flight.state.errors import ModelErrors
+from pipeline.flight.state.log import Outcomes, Scenario, points_needed
+from pipeline.flight.state.signals import SETTING, URGENCY
+from pipeline.flight.world.pack import pack_world
+from pipeline.flight.world.surface import surface_of
+from pipeline.settings.experiment import Mission
+from pipeline.settings.fleet import SHARING
+from pipeline.threads import in_threads
+
+#: of a row of a fleet's results: points that any deputy has seen, the sample at which these are enough, or
+#: -1, and the least distance between two deputies at a sample, m
+SEEN, ENOUGH_AT, NEAREST_PAIR = range(3)
+
+
+class Messages(NamedTuple):
+    """What the deputies of m fleets tell one another: numbers of deputies from 1, 0 for none."""
+
+    seen_by: Bytes  # (m, K+1, P) that saw a point first, so far
+    left_to: Bytes  # (m, D, K, P) to which a deputy leaves a point
+
+
+class FleetResults(NamedTuple):
+    """Arrays into which m fleets of D deputies write their results."""
+
+    outcomes: Floats  # (m D, NUM_OUTCOMES) of each deputy
+    fleets: Floats  # (m, 3) of each fleet
+    seen_by: Bytes  # (m, P padded) number of the deputy that saw a point first, from 1; 0: none
+    tracks: NDArray[np.float32]  # (m D, K+1, NUM_PLACED or NUM_TRACKED), or empty
+    messages: Messages
+
+
+@compiled(error_model="numpy")
+def nearest_pair(now: Moment, first: int, deputies: int) -> float:
+    """Return the least distance between two deputies of the fleet whose first lane is given, m."""
+    position, least = now.state.truth.position, np.inf
+    for lane in range(first, first + deputies):
+        for other in range(first, lane):
+            square = 0.0
+            for axis in range(3):
+                apart = position[axis, lane] - position[axis, other]
+                square += apart * apart
+            least = min(least, sqrt(square))
+    return least
+
+
+@compiled(error_model="numpy")
+def note_fleets(now: Moment, exchange: Exchange, needed: Floats, results: FleetResults) -> None:
+    """Note at a sample how many points each fleet has seen, whether that is enough, and the nearest pair."""
+    deputies = exchange.deputies
+    for lane in range(0, now.num_lanes, deputies):
+        row, unseen = results.fleets[(now.first + lane) // deputies], exchange.unseen[lane // deputies]
+        row[SEEN] = now.state.lanes.num_counted[lane] - unseen.sum()
+        if row[ENOUGH_AT] < 0.0 and row[SEEN] >= needed[(now.first + lane) // deputies]:
+            row[ENOUGH_AT] = now.k
+        row[NEAREST_PAIR] = min(row[NEAREST_PAIR], nearest_pair(now, lane, deputies))
+
+
+@compiled(error_model="numpy")
+def note_seen(now: Moment, exchange: Exchange, messages: Messages) -> None:
+    """Note who saw which points so far."""
+    deputies = exchange.deputies
+    for lane in range(0, now.num_lanes, deputies):
+        for j in range(now.world.num_points):
+            messages.seen_by[(now.first + lane) // deputies, now.k, j] = (
+                exchange.seen_by[lane // deputies, j] + 1
+            )
+
+
+@compiled(error_model="numpy")
+def note_left(now: Moment, exchange: Exchange, messages: Messages) -> None:
+    """Note what is left to whom."""
+    deputies = exchange.deputies
+    for lane in range(now.num_lanes):
+        left = messages.left_to[(now.first + lane) // deputies, lane % deputies, now.k]
+        for j in range(now.world.num_points):
+            left[j] = exchange.left_to[lane, j] + 1
+
+
+@compiled(nogil=True, error_model="numpy")
+def fly_fleets(
+    optics: FullOptics | None,
+    guard: Guard | None,
+    clusters: bool | None,
+    pushes: bool | None,
+    errors: ModelErrors | None,
+    flights: FlightBatch,
+    exchange: Exchange,
+    needed: Floats,
+    state: FlightState,
+    work: Workspace,
+    results: FleetResults,
+    first: int,
+    last: int,
+) -> None:
+    """Fly deputies `first` to `last - 1`, whole fleets of one controller side by side.
+
+    See `pipeline.flight.period.steps` for the first five; `needed`, (m,), are the points that are enough. The
+    content of exchange, state and workspace, those of this thread, does not matter.
+    """
+    deputies = exchange.deputies
+    most = width_of(state.lanes) // deputies * deputies
+    flights, exchange, state, work, results = borrowed((flights, exchange, state, work, results))
+    world, law, tracks, has_messages = (
+        flights.world,
+        flights.law,
+        results.tracks,
+        len(results.messages.seen_by) > 0,
+    )
+    control = Control(law, flights.values[0, 0], flights.rules[0])
+    for start in range(first, last, most):
+        num_lanes = min(most, last - start)
+        now = Moment(world, state, start, num_lanes, 0)
+        start_lanes(now, flights.cases, flights.counted)
+        if law.needs & (URGENCY | SETTING):
+            note_deadlines(now, optics, work.deadlines, work.lit)
+        begin(now, exchange)
+        for k in range(world.first, world.last + 1):
+            now = Moment(world, state, start, num_lanes, k)
+            heed(now, exchange)
+            look(now, work, optics, None, errors, law.plans)
+            pool(now, exchange)
+            note_fleets(now, exchange, needed, results)
+            if has_messages:
+                note_seen(now, exchange, results.messages)
+            for lane in range(num_lanes if len(tracks) > 0 else 0):
+                write_track(now, lane, tracks[start + lane, k])
+            if k == world.last:
+                break
+            share_out(now, work, exchange, optics, clusters, control)
+            if has_messages:
+                note_left(now, exchange, results.messages)
+            if not is_given(now, flights.openings):
+                decide(now, work, optics, pushes, control)
+            open_with(now, flights.openings)
+            act(now, work, guard, errors, law.plans)
+            for lane in range(num_lanes if len(tracks) > 0 else 0):
+                write_fired(state, lane, tracks[start + lane, k])
+        write_outcomes(now, start, results.outcomes)
+        for lane in range(0, num_lanes, deputies):
+            for j in range(world.num_points):
+                results.seen_by[(start + lane) // deputies, j] = exchange.seen_by[lane // deputies, j] + 1
+
+
+def make_exchange(world: World, deputies: int, sharing: str, lanes: int) -> Exchange:
+    """Allocate what fleets in the lanes of one thread exchange."""
+    sizes = {"L": lanes, "F": lanes // deputies, "P": world.points.shape[2]}
+    exchange: Exchange = allocated(Exchange, sizes, deputies=deputies, sharing=SHARING.index(sharing))
+    return exchange
+
+
+NO_MESSAGES = Messages(np.zeros((0, 0, 0), dtype=np.uint8), np.zeros((0, 0, 0, 0), dtype=np.uint8))
+
+
+def room_for_messages(mission: Mission, count: int) -> Messages:
+    """Return room for what the deputies of some fleets tell one another."""
+    num_controls, num_points = mission.num_controls, len(surface_of(mission).points)
+    seen_by = np.zeros((count, num_controls + 1, num_points), dtype=np.uint8)
+    left_to = np.zeros((count, mission.fleet.deputies, num_controls, num_points), dtype=np.uint8)
+    return Messages(seen_by, left_to)
+
+
+#: columns of what each deputy of a fleet did, in the order of `FleetOutcomes.of_deputies`
+OF_DEPUTIES = (
+    *("delta_v_m_s", "inspected_count", "mean_distance_m", "min_distance_m", "max_distance_m", "outside_m"),
+    *("safety_periods", "safety_delta_v_m_s", "full_wheel_s"),
+)
+
+
+@dataclass(frozen=True)
+class FleetOutcomes(Outcomes):
+    """Results of m fleets: what all deputies spend together, see together, and the extremes of any.
+
+    A point counts once, for the deputy that saw it first. `mean_distance_m` is the mean over deputies.
+    """
+
+    enough_s: Floats  # (m,) when enough points are seen for a success; NaN where they never are
+    nearest_pair_m: Floats  # (m,) least distance between two deputies at a sample
+    of_deputies: Floats  # (m, D, len(OF_DEPUTIES))
+
+
+def check_controller(controller: Controller) -> None:
+    """Raise ControllerError for a controller that plans ahead, as if it were alone."""
+    is_ahead = foresees(controller) or tour_images(controller) or len(rehearsed_pushes(controller))
+    if is_ahead or not isinstance(controller, RuleController | OpenLoopController):
+        raise ControllerError(
+            f"controller {controller.name!r} plans for one deputy, and fleet.deputies is above 1; choose one "
+            "that goes by its rules alone, such as champion_27, or leave fleet.deputies out"
+        )
+
+
+def fly_all_fleets(
+    mission: Mission,
+    controller: Controller,
+    scenarios: list[Scenario],
+    workers: int | None = None,
+    tracks: NDArray[np.float32] | None = None,
+    lanes: int = LANES,
+    messages: Messages = NO_MESSAGES,
+) -> FleetOutcomes:
+    """Fly a fleet from the starts of each case, `Scenario.fleet`; arrays of shape (m,).
+
+    Parameters
+    ----------
+    tracks : (m, D, K+1, 3 or 15) float32, optional
+        Filled with the deputies' tracks, see `pipeline.flight.fly.population.fly_population`.
+    messages : Messages, optional
+        Filled with what they tell one another.
+
+    Raises
+    ------
+    ControllerError
+        If the controller plans ahead.
+    FlightError
+        If a flight's numbers are not finite.
+    """
+    check_controller(controller)
+    deputies, alone = mission.fleet.deputies, mission.of_each
+    world, law = pack_world(alone), law_of(controller, alone)
+    cases = cases_of(alone, [start for case in scenarios for start in case.fleet])
+    parts, flights, inspectable = flights_of(world, law, controller.numbers, cases)
+    count, num_points = len(scenarios), world.num_points
+    num_inspectable = inspectable[::deputies, :num_points].sum(axis=1, dtype=np.int64)
+    results = FleetResults(
+        np.empty((count * deputies, NUM_OUTCOMES)),
+        np.tile([0.0, -1.0, inf], (count, 1)),
+        np.zeros((count, inspectable.shape[1]), dtype=np.uint8),
+        NO_TRACKS if tracks is None else tracks.reshape(-1, *tracks.shape[2:]),
+        messages,
+    )
+    needed = points_needed(num_inspectable, mission.inspection_threshold_percent).astype(np.float64)
+    workers = workers or num_processors()
+    shares = shares_of(count * deputies, lanes // deputies * deputies, workers)
+    workers, untaken = min(workers, len(shares)), iter(shares)
+
+    def fly_shares(exchange: Exchange, state: FlightState, work: Workspace) -> None:
+        """Fly shares one after the other, each not taken by another thread."""
+        for first, last in untaken:
+            fly_fleets(*parts, flights, exchange, needed, state, work, results, first, last)
+
+    exchanges = [make_exchange(world, deputies, mission.fleet.sharing, lanes) for _ in range(workers)]
+    states = [make_state(world, parts[-1], lanes) for _ in range(workers)]
+    works = [make_workspace(world, lanes) for _ in range(workers)]
+    in_threads(fly_shares, exchanges, states, works, workers=workers)
+    rows = results.outcomes.reshape(count, deputies, NUM_OUTCOMES)
+    each = outcomes_of(rows, num_inspectable[:, np.newaxis], np.zeros((count, 1)))
+    return _together(mission, each, results)
+
+
+def _together(mission: Mission, each: Outcomes, results: FleetResults) -> FleetOutcomes:
+    """Return the outcomes of fleets from those of their deputies, (m, D)."""
+    deputies, enough_at = mission.fleet.deputies, results.fleets[:, ENOUGH_AT]
+    seen_first = [(results.seen_by == deputy).sum(axis=1) for deputy in range(1, deputies + 1)]
+    of_each = vars(each) | {"inspected_count": np.stack(seen_first, axis=1)}
+    return FleetOutcomes(
+        delta_v_m_s=each.delta_v_m_s.sum(axis=1),
+        inspected_count=np.rint(results.fleets[:, SEEN]).astype(np.int64),
+        inspectable_count=each.inspectable_count[:, 0],
+        mean_distance_m=each.mean_distance_m.mean(axis=1),
+        min_distance_m=each.min_distance_m.min(axis=1),
+        max_distance_m=each.max_distance_m.max(axis=1),
+        outside_m=each.outside_m.max(axis=1),
+        safety_periods=each.safety_periods.sum(axis=1),
+        safety_delta_v_m_s=each.safety_delta_v_m_s.sum(axis=1),
+        ahead_delta_v_m_s=each.ahead_delta_v_m_s.sum(axis=1),
+        full_wheel_s=each.full_wheel_s.sum(axis=1),
+        enough_s=np.where(enough_at < 0.0, np.nan, enough_at * mission.control_period_s),
+        nearest_pair_m=results.fleets[:, NEAREST_PAIR],
+        of_deputies=np.stack([of_each[name] for name in OF_DEPUTIES], axis=2).astype(np.float64),
+    )
