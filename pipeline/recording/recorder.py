@@ -36,6 +36,7 @@ from pipeline.flight.control.controller import (
     RuleController,
 )
 from pipeline.flight.control.law import decision_stride, rehearsed_pushes
+from pipeline.flight.fly.fleet_logs import DeputyLog
 from pipeline.flight.fly.tours import following, rehearsal_samples, tour_names
 from pipeline.flight.goals.reach import ended
 from pipeline.flight.state.log import FlightLog, Scenario
@@ -44,6 +45,7 @@ from pipeline.flight.world.pack import pack_world
 from pipeline.flight.world.surface import surface_of
 from pipeline.recording.events import events
 from pipeline.recording.firing import delay_of, is_fired
+from pipeline.recording.fleets import fleet_events
 from pipeline.recording.foresight import along_axes, recorded_decisions
 from pipeline.recording.points import lit_and_seen, parts_of_points, sensed_of_points
 from pipeline.run import configuration, maker
@@ -78,7 +80,7 @@ class FlightRecorder:
     """
 
     def __init__(self, experiment: Experiment, controller: Controller, config: Mapping[str, Any]) -> None:
-        mission = experiment.mission
+        mission, self._fleet = experiment.mission.of_each, experiment.mission.fleet
         self.controller = controller
         self._seed = experiment.seed
         self._near_limit_m = experiment.telemetry.near_limit_m
@@ -116,7 +118,14 @@ class FlightRecorder:
         )
         self._delay = delay_of(mission)
 
-    def record(self, path: Path, scenario: Scenario, log: FlightLog, scenario_id: str) -> None:
+    def record(
+        self,
+        path: Path,
+        scenario: Scenario,
+        log: FlightLog,
+        scenario_id: str,
+        of_fleet: DeputyLog | None = None,
+    ) -> None:
         """Write a flight as one file, which appears under its name when it is complete.
 
         Parameters
@@ -129,6 +138,8 @@ class FlightRecorder:
             Of this recorder's controller in its mission.
         scenario_id : str
             What the start is called.
+        of_fleet : DeputyLog, optional
+            Where the flight is that of a deputy of a fleet.
 
         Raises
         ------
@@ -141,14 +152,25 @@ class FlightRecorder:
             of_case._enter(mission_of_case(self.mission, scenario))
             of_case._record(path, replace(scenario, settings=settings), log, scenario_id)
         else:
-            self._record(path, scenario, log, scenario_id)
+            self._record(path, scenario, log, scenario_id, of_fleet)
 
-    def _record(self, path: Path, scenario: Scenario, log: FlightLog, scenario_id: str) -> None:
+    def _record(
+        self,
+        path: Path,
+        scenario: Scenario,
+        log: FlightLog,
+        scenario_id: str,
+        of_fleet: DeputyLog | None = None,
+    ) -> None:
         """Write a flight's metadata, attachments and messages to a file."""
-        metadata = {topics.EPISODE_METADATA: self._episode(scenario, scenario_id, log), **self._systems}
-        metadata |= self._rehearsals(log)
+        episode = self._episode(scenario, scenario_id, log)
+        if of_fleet is not None:
+            fleet, deputy = self._fleet, of_fleet.deputy
+            episode |= {"deputy": json.dumps(deputy), "fleet_deputies": json.dumps(fleet.deputies)}
+            episode["fleet_sharing"] = fleet.sharing
+        metadata = {topics.EPISODE_METADATA: episode, **self._systems, **self._rehearsals(log)}
         with EpisodeWriter(path, metadata=metadata, attachments=self._attachments) as writer:
-            self._write(writer, log)
+            self._write(writer, log, of_fleet)
 
     def _episode(self, scenario: Scenario, scenario_id: str, log: FlightLog) -> dict[str, str]:
         """Return the metadata that describes a flight: its start, settings, limits and camera."""
@@ -198,7 +220,7 @@ class FlightRecorder:
             topics.REHEARSAL_METADATA_PREFIX + what: record.to_metadata() for what, record in records.items()
         }
 
-    def _write(self, writer: EpisodeWriter, log: FlightLog) -> None:
+    def _write(self, writer: EpisodeWriter, log: FlightLog, of_fleet: DeputyLog | None) -> None:
         """Write topic by topic, and what happened, in words, as events of their time."""
         times: Floats = self.mission.control_period_s * np.arange(len(log.position_m), dtype=np.float64)
         position, quaternion = log.position_m, log.quaternion_b_from_h
@@ -242,7 +264,10 @@ class FlightRecorder:
         self._write_control(writer, times[: len(log.force_hill_n)], log)
         if (fuzzy := self.controller.fuzzy) is not None and (how := serialize.edited(fuzzy)) is not None:
             writer.log(times[0], "warning", f"{serialize.original_name(fuzzy)} was edited {how}")
-        for event in events(self.mission, log, self._near_limit_m, self.controller):
+        happened = events(self.mission, log, self._near_limit_m, self.controller)
+        if of_fleet is not None:
+            happened += fleet_events(self.mission, of_fleet, self._fleet.deputies)
+        for event in sorted(happened, key=lambda event: event.sample):
             writer.log(times[event.sample], event.level, event.text)
 
     def _write_pulls(self, writer: EpisodeWriter, times: Floats, log: FlightLog) -> None:

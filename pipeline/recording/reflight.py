@@ -68,13 +68,18 @@ def fly_again(path: Path) -> Reflight:
     Raises
     ------
     telemetry.RecordingError
-        If it cannot be read, or lacks what a flight needs.
+        If it cannot be read, lacks what a flight needs, or is of a fleet.
     pipeline.settings.experiment.SettingError
         If its configuration is none of this program's.
     """
     recording = telemetry.read(path)
     config = _attached(recording, CONFIG_ATTACHMENT, "configuration", configuration.parse)
     experiment = experiment_from(config)
+    if experiment.mission.has_fleet:
+        raise RecordingError(
+            f"{recording.path} is of one deputy of a fleet, which the others' messages belong to; repeat the "
+            "run that recorded it: python -m pipeline again RUN"
+        )
     _check_length(recording, experiment)
     scenario = _start_of(recording)
     controller = _controller_of(recording, experiment)

@@ -38,9 +38,9 @@ def summary(folder: Path | str) -> str:
     return shlex.join([*_PIPELINE, "summary", str(folder)])
 
 
-def replay(recording: Path | str) -> str:
-    """Return the command that shows a recorded flight."""
-    return shlex.join([*_TELEMETRY, "replay", str(recording)])
+def replay(*recordings: Path | str) -> str:
+    """Return the command that shows recorded flights, the first in full."""
+    return shlex.join([*_TELEMETRY, "replay", *map(str, recordings)])
 
 
 def campaign(folder: Path | str) -> str:

@@ -62,7 +62,7 @@ SHIPPED = "shipped"
 
 
 #: the stages that know of fleets; all others, also new ones, refuse them
-OF_FLEETS = ("scenario", "evaluate")
+OF_FLEETS = ("scenario", "evaluate", "record")
 
 #: where the cases of the evaluation count; assurance has its own
 EVALUATED = Only(*(f"stages={stage}" for stage in STAGES if stage != "assure"))
@@ -424,6 +424,11 @@ class Experiment(Settings, group=""):
             (f"the stages {unaware} know", bool(unaware), f"choose stages=[{','.join(OF_FLEETS)}]"),
             ("engine.kind=dask knows", self.engine.kind == "dask", "leave it out"),
             ("starts.kind=file knows", cases.table is not None, "leave it out"),
+            (
+                "telemetry.record_start without a case knows",
+                self.telemetry.record_start and self.case is None and "record" in self.stages,
+                "give case=0, for example",
+            ),
             ("monte_carlo.only_cases knows", cases.only_cases is not None, "leave it out"),
             ("monte_carlo.stop_width knows", cases.stop_width is not None, "leave it out"),
             ("monte_carlo.splitting_flights knows", cases.splitting_flights > 0, "leave it out"),

@@ -1,4 +1,4 @@
-"""Fly notable flights again, logged, and record each as a file: episodes/*.mcap."""
+"""Fly notable flights again, logged, and record each as a file, of fleets each deputy: episodes/*.mcap."""
 
 import math
 import re
@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from pipeline.controllers.source import controller_of_run
+from pipeline.flight.control.controller import Controller
+from pipeline.flight.fly.fleet_logs import fly_logged_fleet
 from pipeline.flight.goals.flights import achieved, fly_logged
 from pipeline.flight.state.log import FlightLog, Scenario
 from pipeline.flight.world.limits import metres_beyond
@@ -25,7 +27,9 @@ if TYPE_CHECKING:
 #: only the first of many random training scenarios are recorded
 MOST_TRAINING_FLIGHTS: Final = 8
 #: the files that this stage writes
-RECORDED_FILES: Final = re.compile(r"(training-\d+|((worst|median|best)-)?case-\d+|start)\.mcap(\.partial)?")
+RECORDED_FILES: Final = re.compile(
+    r"(training-\d+|((worst|median|best)-)?case-\d+(-deputy-\d+)?|start)\.mcap(\.partial)?"
+)
 
 
 @dataclass(frozen=True)
@@ -63,10 +67,17 @@ def run(experiment: Experiment, folder: Path) -> None:
         _record(experiment, folder, flights)
     else:
         sys.stderr.write("  nothing to record: telemetry.record_training, _ranked and _start are all false\n")
-    written = {f"{flight.name}.mcap" for flight in flights}
+    written = {f"{name}.mcap" for flight in flights for name in _names_of(experiment, flight)}
     for path in recordings.iterdir():
         if RECORDED_FILES.fullmatch(path.name) and path.name not in written:
             path.unlink()
+
+
+def _names_of(experiment: Experiment, flight: FlightToRecord) -> list[str]:
+    """Return the names of the files of a flight, without the ending: of a fleet one each deputy."""
+    if not experiment.mission.has_fleet:
+        return [flight.name]
+    return [deputy_file(flight.name, deputy) for deputy in range(1, experiment.mission.fleet.deputies + 1)]
 
 
 def flights_of(experiment: Experiment, folder: Path) -> list[FlightToRecord]:
@@ -119,13 +130,42 @@ def _record(experiment: Experiment, folder: Path, flights: list[FlightToRecord])
     controller = controller_of_run(experiment, folder)
     recorder = FlightRecorder(experiment, controller, configuration.read(folder))
     for flight in flights:
+        if experiment.mission.has_fleet:
+            paths = _record_fleet(experiment, folder, controller, recorder, flight)
+            continue
         log = fly_logged(experiment.mission, controller, flight.scenario)
         _check_repeated(flight, achieved(experiment.mission, log))
         path = folder / artifacts.RECORDINGS / f"{flight.name}.mcap"
         recorder.record(path, flight.scenario, log, flight.scenario_id)
         sys.stderr.write(f"  {path.relative_to(folder).as_posix()}: {_in_words(experiment.mission, log)}\n")
+        paths = [path]
     # the last: the best of an evaluation
-    sys.stderr.write(f"  to watch one: {typed.replay(path)}\n")
+    sys.stderr.write(f"  to watch one: {typed.replay(*paths)}\n")
+
+
+def _record_fleet(
+    experiment: Experiment,
+    folder: Path,
+    controller: Controller,
+    recorder: FlightRecorder,
+    flight: FlightToRecord,
+) -> list[Path]:
+    """Fly a fleet and record each deputy, with one line per deputy; return the files."""
+    logs, paths = fly_logged_fleet(experiment.mission, controller, flight.scenario), list[Path]()
+    spent = np.array([log.flight.delta_v_m_s[-1] for log in logs])
+    _check_repeated(flight, (int(np.count_nonzero(logs[0].seen_by[-1])), float(spent.sum())))
+    for log, start in zip(logs, flight.scenario.fleet, strict=True):
+        path = folder / artifacts.RECORDINGS / f"{deputy_file(flight.name, log.deputy)}.mcap"
+        recorder.record(path, start, log.flight, flight.scenario_id, log)
+        words = _in_words(experiment.mission, log.flight)
+        sys.stderr.write(f"  {path.relative_to(folder).as_posix()}: {words}\n")
+        paths.append(path)
+    return paths
+
+
+def deputy_file(name: str, deputy: int) -> str:
+    """Return the name of a deputy's recording, without the ending; deputies count from 1."""
+    return f"{name}-deputy-{deputy}"
 
 
 def _check_repeated(flight: FlightToRecord, flown: tuple[int, float]) -> None:

@@ -17,7 +17,7 @@ from telemetry.file import RecordingError
 
 #: keys with text, and with lists of words; all others have numbers
 TEXTS: Final = (
-    *("scenario_id", "product_version", "config_hash", "epoch"),
+    *("scenario_id", "product_version", "config_hash", "epoch", "fleet_sharing"),
     *("output_name", "output_unit", "output_axes"),
 )
 WORDS: Final = ("input_names", "input_units", "rules", "names")
@@ -27,7 +27,7 @@ NUMBERS_OF: Final[Mapping[str, int | None]] = {
     **dict.fromkeys(("settings", "costs_m_s", "holding", "paths_m")),
 }
 #: keys with whole numbers
-WHOLE: Final = ("seed", "noise", "holding", "num_tried")
+WHOLE: Final = ("seed", "noise", "holding", "num_tried", "deputy", "fleet_deputies")
 #: the greatest magnitudes of whole and of other numbers
 MOST_WHOLE: Final = 2**63 - 1
 MOST: Final = sys.float_info.max
@@ -129,6 +129,10 @@ class EpisodeDescription(Description):
         A flight is a success from this inspection rate on.
     end_s : float
         When a flight towards a goal ends: what follows does not count. None where it ends with its time.
+    deputy, fleet_deputies : int
+        Of a fleet, the deputy's number, from 1, and how many there are. Each has a recording.
+    fleet_sharing : str
+        What its deputies heed of one another.
     """
 
     scenario_id: str | None = None
@@ -151,6 +155,9 @@ class EpisodeDescription(Description):
     keep_out_m: tuple[float, ...] | None = None
     inspection_threshold_percent: float | None = None
     end_s: float | None = None
+    deputy: int | None = None
+    fleet_deputies: int | None = None
+    fleet_sharing: str | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

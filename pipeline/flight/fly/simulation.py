@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fis_tools.engines.kernel import LANES
-from pipeline.array_types import Floats
+from pipeline.array_types import Bytes, Floats
 from pipeline.flight.cases.dispersions import groups_of, mission_of_case
 from pipeline.flight.cases.starts import cases_of
 from pipeline.flight.control.controller import (
@@ -18,7 +18,7 @@ from pipeline.flight.control.controller import (
 )
 from pipeline.flight.control.law import law_of, planned, rehearsed_pushes
 from pipeline.flight.fly.logged import write_reasons
-from pipeline.flight.fly.many import Results, fly_many
+from pipeline.flight.fly.many import FlightBatch, Results, fly_many
 from pipeline.flight.fly.outlooks import finishing, rehearsing
 from pipeline.flight.fly.plain import is_interpreted, plain_if_interpreted
 from pipeline.flight.fly.population import check_finite, flights_of, fly_population, lanes_of_group
@@ -26,7 +26,8 @@ from pipeline.flight.fly.rehearsals import by_tours, rehearse_tours, rehearsed_o
 from pipeline.flight.fly.replanning import Foreseen, PlannedDecision, foresee, foresees, foresight_fields
 from pipeline.flight.fly.tours import following, tour_images
 from pipeline.flight.fly.workspace import make_state, make_workspace
-from pipeline.flight.state.arrays import NUM_OUTCOMES, Law, Plans
+from pipeline.flight.state.arrays import NUM_OUTCOMES, Law, Plans, World
+from pipeline.flight.state.errors import ModelErrors
 from pipeline.flight.state.log import FlightLog, Outcomes, Scenario, combined, empty_log
 from pipeline.flight.world.chief import chief_attitudes
 from pipeline.flight.world.pack import pack_world, sun_shares
@@ -229,20 +230,45 @@ def fly_logged(mission: Mission, controller: Controller, scenario: Scenario) -> 
         return log._replace(**ahead)
     world, cases = pack_world(mission), cases_of(mission, [scenario])
     law, numbers = law_for(controller, mission, [scenario], 1), controller.numbers
-    log = empty_log(mission.num_controls, mission.num_attitude_steps, world.num_points, len(law.axes))
-    log.mass_kg[:] = mission.deputy.mass_kg
+    log = room_for_log(mission, world, law)
     parts, flights, inspectable = flights_of(world, law, numbers, cases, openings, controller.changes)
     results = Results(np.empty((1, NUM_OUTCOMES)), log)
     state, work = make_state(world, parts[-1]), make_workspace(world)
     with plain_if_interpreted(mission):
         fly_many(*parts, flights, state, work, results, 0, 1)
+    return completed_log(mission, world, parts[-1], flights, inspectable, log)._replace(**ahead)
+
+
+def room_for_log(mission: Mission, world: World, law: Law) -> FlightLog:
+    """Return an empty log of a mission's flight."""
+    log = empty_log(mission.num_controls, mission.num_attitude_steps, world.num_points, len(law.axes))
+    log.mass_kg[:] = mission.deputy.mass_kg
+    return log
+
+
+def completed_log(
+    mission: Mission,
+    world: World,
+    errors: ModelErrors | None,
+    flights: FlightBatch,
+    inspectable: Bytes,
+    log: FlightLog,
+) -> FlightLog:
+    """Return the log of the only flight with what compiled code does not write, if its numbers are finite.
+
+    Raises
+    ------
+    FlightError
+        If they are not.
+    """
     num_counted = int(flights.counted[0, : world.num_points].sum())
     given = np.zeros(mission.num_controls, dtype=np.bool_)
-    given[: flights.openings.shape[1]] = flights.openings[0, :, 3] > 0.0 if openings is not None else False
-    write_reasons(world, law, parts[-1], log, num_counted, given)
+    if len(flights.openings):
+        given[: flights.openings.shape[1]] = flights.openings[0, :, 3] > 0.0
+    write_reasons(world, flights.law, errors, log, num_counted, given)
     log.quaternion_c_from_h[:] = chief_attitudes(mission)
     log.visible_sun_share[:] = sun_shares(mission, log.sun_angle_rad, log.sun_elevation_rad)
     log.is_inspectable[:] = inspectable[0, : world.num_points] > 0
     attitudes = log.quaternion_b_from_h, log.quaternion_c_from_h
     check_finite(log.position_m, log.velocity_m_s, *attitudes, log.force_hill_n)
-    return log._replace(**ahead)
+    return log

@@ -16,7 +16,7 @@ from pipeline.flight.goals.flights import fly_all
 from pipeline.flight.reference import fleet as reference
 from pipeline.flight.state.arrays import NUM_TRACKED, TRACK_FORCE, TRACK_LEFT
 from pipeline.scenarios import evaluation_scenarios
-from pipeline.settings.experiment import STAGES, SettingError
+from pipeline.settings.experiment import OF_FLEETS, STAGES, SettingError
 from pipeline.settings.fleet import SHARING
 
 EVALUATION = ("+experiment=evaluate_fleet", "controller=champion_27", "sun=random", "monte_carlo.num_cases=7")
@@ -202,7 +202,7 @@ def test_all_that_knows_one_deputy_refuses_fleets():
     experiment = experiment_of()
     mission, scenario = experiment.mission, evaluation_scenarios(experiment)[0]
     for stage in STAGES:
-        if stage not in ("scenario", "evaluate"):
+        if stage not in OF_FLEETS:
             with pytest.raises(SettingError, match=rf"fleet.deputies is 2, and the stages.* {stage} know"):
                 experiment_of(f"stages=[{stage}]")
     with pytest.raises(SettingError, match=r"this flight knows of one deputy; leave fleet.deputies out"):

@@ -1,15 +1,28 @@
 """An evaluation of fleets in miniature: its starts, its tables and its summary."""
 
 import csv
+import re
+from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
+import telemetry
+from pipeline.controllers.source import load
 from pipeline.evaluation.statistics import statistic
 from pipeline.flight.control.controller import ControllerError
+from pipeline.flight.fly.fleet_logs import DeputyLog, fly_logged_fleet
+from pipeline.flight.goals.flights import fly_all
+from pipeline.flight.state.arrays import NUM_TRACKED
 from pipeline.preflight import check_before
+from pipeline.recording.fleets import fleet_events
+from pipeline.recording.reflight import fly_again
 from pipeline.run import artifacts
+from pipeline.scenarios import evaluation_scenarios
+from telemetry import RecordingError
+from telemetry.file.topics import MISSION
 from tests.pipeline.stages.cases import carried_out, composed, prepared
 
 FLEET = ("controller=champion_27", "sun=random", "fleet.deputies=3")
@@ -67,3 +80,55 @@ def test_a_controller_that_plans_is_refused_before_a_folder_is_made():
     run = composed(*FLEET[1:], "controller=champion_27_rehearsed", experiment="evaluate_fleet")
     with pytest.raises(ControllerError, match="such as champion_27"):
         check_before(run.experiment)
+
+
+def test_each_deputy_is_recorded_as_it_flew(evaluated):
+    _, folder = evaluated
+    paths = sorted((folder / artifacts.RECORDINGS).iterdir())
+    assert len(paths) == 9
+    episodes = pq.read_table(folder / artifacts.EPISODES).to_pydict()
+    deputies = pq.read_table(folder / artifacts.DEPUTIES).to_pydict()
+    for path in paths:
+        case, deputy = map(int, re.fullmatch(r"\w+-case-(\d+)-deputy-(\d)\.mcap", path.name).groups())
+        recording = telemetry.read(path)
+        episode, row = recording.episode, 3 * case + deputy - 1
+        assert (episode.deputy, episode.fleet_deputies, episode.fleet_sharing) == (deputy, 3, "nearer")
+        assert episode.position_m[0] == deputies["position_x_m"][row]
+        mission = recording[MISSION]
+        assert mission["inspected_count"][-1] == episodes["inspected_count"][case]
+        assert mission["delta_v_m_s"][-1] == pytest.approx(deputies["delta_v_m_s"][row], abs=1e-12)
+        assert mission["distance_m"].max() == pytest.approx(deputies["max_distance_m"][row])
+        with pytest.raises(RecordingError, match=r"is of one deputy of a fleet"):
+            fly_again(path)
+
+
+@pytest.mark.parametrize("sharing", ["nothing", "mask", "leave", "nearer"])
+def test_a_deputys_log_has_the_bits_of_the_fleet(sharing):
+    words = ("controller=champion_27", "sun=random", f"fleet.sharing={sharing}")
+    experiment = composed(*words, experiment="evaluate_fleet").experiment
+    mission = replace(experiment.mission, duration_s=1800.0)
+    controller, scenario = load(experiment.controller, mission), evaluation_scenarios(experiment)[2]
+    tracks = np.zeros((1, 2, mission.num_controls + 1, NUM_TRACKED), np.float32)
+    outcomes = fly_all(mission, controller, [scenario], 1, tracks)
+    logs = fly_logged_fleet(mission, controller, scenario)
+    for row, log in enumerate(logs):
+        np.testing.assert_array_equal(log.flight.position_m.astype(np.float32), tracks[0, row, :, :3])
+        assert log.flight.delta_v_m_s[-1] == outcomes.of_deputies[0, row, 0]
+    assert np.count_nonzero(logs[0].seen_by[-1]) == outcomes.inspected_count[0]
+    assert any(log.left_to.any() for log in logs) == (sharing in ("leave", "nearer"))
+
+
+def test_what_is_left_is_told_in_words():
+    seen_by, left_to = np.zeros((5, 4), np.uint8), np.zeros((4, 4), np.uint8)
+    seen_by[3:, :2], seen_by[4, 2] = 2, 1
+    left_to[1:3, :2], left_to[1:, 3] = 2, 3
+    left_to[3, 2] = 2
+    flight = SimpleNamespace(is_inspectable=np.ones(4, np.bool_))
+    events = fleet_events(SimpleNamespace(control_period_s=60.0), DeputyLog(1, flight, seen_by, left_to), 3)
+    assert [(event.sample, event.text) for event in events] == [
+        (1, "left to deputy 2: 2 points, seen from 2 min later on"),
+        (1, "left to deputy 3: 1 point, which nobody saw"),
+        (3, "left to deputy 2: 1 point, seen from 1 min later on"),
+        (3, "coasts: all 2 unseen points are left to deputy 2 and deputy 3, and coasting keeps the limits"),
+        (4, "deputy 1 ends; seen first by deputy 1 1, deputy 2 2, deputy 3 0"),
+    ]

@@ -221,8 +221,16 @@ def share_out(
         promise(now, optics, exchange, margin, work.ahead, work.lit, work.seen)
         leave(now, exchange, margin)
     for lane in range(now.num_lanes):
-        choose_target(now, optics, lane, work.candidate_marks, work.lit)
-        if clusters is not None:
-            choose_cluster(
-                now, lane, work.candidate_marks, work.candidates, work.labels, work.distances, work.sums
-            )
+        choose_lane_target(now, work, optics, clusters, lane)
+
+
+@compiled(error_model="numpy")
+def choose_lane_target(
+    now: Moment, work: Workspace, optics: FullOptics | None, clusters: bool | None, lane: int
+) -> None:
+    """Choose the target of a lane among what its mask holds."""
+    choose_target(now, optics, lane, work.candidate_marks, work.lit)
+    if clusters is not None:
+        choose_cluster(
+            now, lane, work.candidate_marks, work.candidates, work.labels, work.distances, work.sums
+        )
