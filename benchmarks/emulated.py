@@ -9,6 +9,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.state.log import Scenario
 from pipeline.onboard.export import export
@@ -22,6 +24,14 @@ HEADING = (
     "| controller | commands that differ | mean instructions a period | most | at the start "
     "| code, kB | stack bound, bytes | stack used |\n"
     "|---|---|---|---|---|---|---|---|\n"
+)
+#: what is printed below, of controllers that plan on board
+PLANS = (
+    "| controller | instructions to look ahead | of the first generation | mean of a later one | most |\n"
+    "|---|---|---|---|---|\n"
+)
+_PLANNED = re.compile(
+    r"a plan: (\d+) instructions to look ahead, (\d+) the first generation, (\d+) a later one, (\d+) at most"
 )
 _PRINTED = re.compile(
     r"(Cortex-M\d): (\d+) instructions a period, (\d+) at most, (\d+) at the start; (\d+) bytes of stack, "
@@ -38,10 +48,15 @@ class Cost:
     num_different: int = 0
     #: instructions in a period and at the start, bytes of stack and of the state
     most: list[int] = field(default_factory=lambda: [0, 0, 0, 0])
+    #: instructions of plans: to look ahead, the first generation, the mean of later ones, the longest of them
+    plans: list[list[int]] = field(default_factory=list)
 
 
-def row(words: Sequence[str], program: OnboardProgram, starts: Sequence[Scenario]) -> str:
-    """Return a champion's row of the table: numbers of the Cortex-M7, then of the M4 where they differ."""
+def rows(words: Sequence[str], program: OnboardProgram, starts: Sequence[Scenario]) -> tuple[str, str]:
+    """Return a champion's row of the table: numbers of the Cortex-M7, then of the M4 where they differ.
+
+    Then its row of the table of plans; nothing if it does not plan on board.
+    """
     costs: dict[str, Cost] = {}
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
@@ -61,9 +76,15 @@ def row(words: Sequence[str], program: OnboardProgram, starts: Sequence[Scenario
         " / ".join(dict.fromkeys(pair)) for pair in zip(*columns, strict=True)
     )
     num_commands = next(iter(costs.values())).num_commands
+    name = f"`{words[0]}` {' '.join(f'`{word}`' for word in words[1:])}"
+    planned = ""
+    if program.planner is not None:
+        greatest = zip(*(np.max(cost.plans, axis=0) for cost in costs.values()), strict=True)
+        planned = f"| {name} | {' | '.join(' / '.join(f'{n:,}' for n in pair) for pair in greatest)} |"
     return (
-        f"| `{words[0]}` {' '.join(f'`{word}`' for word in words[1:])} | {different} of {num_commands:,} "
-        f"| {mean} | {most} | {at_start} | {code} | {bound} | {used} |"
+        f"| {name} | {different} of {num_commands:,} "
+        f"| {mean} | {most} | {at_start} | {code} | {bound} | {used} |",
+        planned,
     )
 
 
@@ -106,6 +127,8 @@ def emulate(folder: Path, starts: Any, steps: Any, costs: dict[str, Cost]) -> No
     matches = _PRINTED.findall(printed.stdout)
     if len(matches) != 2:
         raise RuntimeError(f"the emulation ended early: {printed.stdout}{printed.stderr}")
+    for (processor, *_), numbers in zip(matches, _PLANNED.findall(printed.stdout), strict=False):
+        costs.setdefault(processor, Cost()).plans.append(list(map(int, numbers)))
     for processor, *numbers in matches:
         mean, *most, num_commands, num_different = map(int, numbers)
         cost = costs.setdefault(processor, Cost())

@@ -4,7 +4,8 @@ A row is a world: delta-v and success by the rules alone, and with foresight, an
 rules fire, as on the page; below the table flights outside the limits, and processor time a start, once all
 is compiled. The missions are those of `benchmarks.missions`, for which controllers are scaled to the chief's
 size. With ``--turns N`` the processor time of one thread is measured against that of rehearsals instead, both
-from the same starts by turns.
+from the same starts by turns. With ``--on-board`` each controller with foresight is flown as it plans on
+board, by geometry alone, and as it plans in simulation.
 """
 
 import argparse
@@ -19,11 +20,13 @@ from pipeline.command_line.config import compose_experiment
 from pipeline.controllers.source import named
 from pipeline.evaluation.statistics import percent_ahead, statistic
 from pipeline.flight.control.controller import RuleController, from_fuzzy
-from pipeline.flight.fly.outlooks import rules_alone
+from pipeline.flight.fly.outlooks import bare, rules_alone
+from pipeline.flight.fly.replanning import foresees
 from pipeline.flight.fly.simulation import fly_all
 from pipeline.flight.state.log import Outcomes
 from pipeline.scenarios import evaluation_scenarios
 from pipeline.settings.experiment import Mission
+from pipeline.settings.places import conf_folder
 from pipeline.training.similarity import HOME, Similarity
 
 SMALL, LARGE, CONFIDENCE = "champion_27_rehearsed", "champion_leo_rehearsed", 95.0
@@ -117,6 +120,24 @@ def print_turns(name: str, num_turns: int, num_cases: int, seed: int) -> None:
     print(f"  {num_turns} turns of {num_cases} starts: {ratios.min():.2f} to {ratios.max():.2f}", flush=True)
 
 
+def print_on_board(num_cases: int, seed: int) -> None:
+    """Print how controllers fly by plans of geometry alone, beside how they fly by simulated ones."""
+    print("| controller | planned in simulation | planned on board | on board minus simulation (m/s) |")
+    print("|---|---|---|---|")
+    words = ["+experiment=evaluate", RANDOM_SUN, f"seed={seed}", f"monte_carlo.num_cases={num_cases}"]
+    for path in sorted((conf_folder() / "controller").glob("*champion*.yaml")):
+        job = compose_experiment([*words, f"controller={path.stem}"]).experiment
+        mission, starts = job.mission, list(evaluation_scenarios(job))
+        controller = named(path.stem, mission)
+        if not (isinstance(controller, RuleController) and foresees(controller)):
+            continue
+        flown = [fly_all(mission, each, starts) for each in (controller, bare(controller))]
+        off = flown[1].delta_v_m_s - flown[0].delta_v_m_s
+        half = 1.96 * off.std(ddof=1) / np.sqrt(len(off))
+        tallies = " | ".join(tally(mission, each, with_interval=False) for each in flown)
+        print(f"| `{path.stem}` | {tallies} | {off.mean():+.4f} ± {half:.4f} |", flush=True)
+
+
 def main(given: Sequence[str]) -> int:
     """Print a row for each world."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks foresight", description=__doc__)
@@ -127,9 +148,13 @@ def main(given: Sequence[str]) -> int:
     parser.add_argument("--cases", type=int, default=48, help="starts in each world")
     parser.add_argument("--seed", type=int, default=62)
     parser.add_argument("--turns", type=int, help="measure processor time by so many turns")
+    parser.add_argument("--on-board", action="store_true", help="compare plans on board with simulated ones")
     options = parser.parse_args(given)
     if unknown := set(options.names) - set(WORLDS):
         parser.error(f"no world {sorted(unknown)[0]!r}; they are {worlds}")
+    if options.on_board:
+        print_on_board(options.cases, options.seed)
+        return 0
     if options.turns:
         for name in options.names or REHEARSED:
             print_turns(name, options.turns, options.cases, options.seed)

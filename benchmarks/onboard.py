@@ -21,8 +21,10 @@ from benchmarks import emulated
 from benchmarks.scaling import words_of
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers import source
+from pipeline.flight.fly.replanning import foresees
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.state.log import Scenario
+from pipeline.onboard.allowed import NotTranslatableError
 from pipeline.onboard.export import export
 from pipeline.onboard.program import OnboardProgram, translate
 from pipeline.onboard.recorded import Library, differing, recorded
@@ -32,9 +34,12 @@ from pipeline.settings.places import conf_folder
 
 #: settings whose other kinds bring functions of their own on board
 KINDS: Mapping[str, type[Guidance | Safety]] = {"guidance": Guidance, "safety": Safety}
-#: missions that bring tables of their own: of what a chief's parts hide, and of an orbit that is no circle
+#: missions that bring tables of their own: of what a chief's parts hide, and of an orbit that is no circle;
+#: and in which what ships for another mission plans on board
 MISSIONS: tuple[tuple[str, ...], ...] = (
     ("champion_27", "sun=random", "chief=satellite"),
+    ("champion_leo_rehearsed", "sun=random"),
+    ("champion_leo_parked", "sun=random"),
     (
         *("champion_leo", "sun=random", "dynamics=two_body", "light=shadow", "orbit=elements"),
         *("orbit.semi_major_axis_m=9615714", "orbit.eccentricity=0.3", "orbit.true_anomaly_deg=290"),
@@ -99,8 +104,18 @@ def program_of(words: Sequence[str]) -> tuple[OnboardProgram, list[Scenario]]:
     """Return a champion's program, and its starts."""
     job = compose_experiment(["+experiment=evaluate", f"controller={words[0]}", *words[1:]])
     mission = job.experiment.mission
-    program = translate(mission, source.load(job.config["controller"], mission))
+    controller = source.load(job.config["controller"], mission)
+    try:
+        program = translate(mission, controller)
+    except NotTranslatableError:  # where plans are made anew in flight
+        program = translate(mission, controller, rules_alone=True)
     return program, list(evaluation_scenarios(job.experiment))
+
+
+def named_by(words: Sequence[str], program: OnboardProgram) -> str:
+    """Return what a row is of."""
+    rules = ", its rules" if foresees(program.controller) and program.planner is None else ""
+    return f"`{words[0]}` {' '.join(f'`{word}`' for word in words[1:])}{rules}"
 
 
 def libraries(folder: Path, *, is_by_all: bool) -> list[Library]:
@@ -131,7 +146,7 @@ def row(words: Sequence[str], num_flights: int, *, is_proved: bool, is_by_all: b
     proof = f"{alarms} | {reached:.1f} %" if is_proved else "|"
     size = exported.source
     return (
-        f"| `{words[0]}` {' '.join(f'`{word}`' for word in words[1:])} | {num_different} of {num_commands:,} "
+        f"| {named_by(words, program)} | {num_different} of {num_commands:,} "
         f"| {size.code.count(chr(10)):,} | {sum(size.tables.values()) / 1e3:.1f} | "
         f"{size.state_bytes / 1e3:.1f} | {proof} |"
     )
@@ -167,6 +182,7 @@ def main(arguments: Sequence[str]) -> None:
         parser.error("frama-c was not found: apt-get install frama-c-base")
     if not chosen.faults:
         sys.stdout.write(emulated.HEADING if chosen.emulate else HEADING)
+    plans: list[str] = []
     for words in champions():
         if chosen.only and not set(words) & set(chosen.only):
             continue
@@ -175,8 +191,11 @@ def main(arguments: Sequence[str]) -> None:
             line = ", ".join([f"`{words[0]}`: {len(FAULTS) - len(missed)} of {len(FAULTS)} found", *missed])
         elif chosen.emulate:
             program, starts = program_of(words)
-            line = emulated.row(words, program, starts[: chosen.flights])
+            line, planned = emulated.rows(words, program, starts[: chosen.flights])
+            plans += [planned] if planned else []
         else:
             line = row(words, chosen.flights, is_proved=chosen.prove, is_by_all=chosen.compilers)
         sys.stdout.write(line + "\n")
         sys.stdout.flush()
+    if plans:
+        sys.stdout.write("\n" + emulated.PLANS + "".join(f"{each}\n" for each in plans))

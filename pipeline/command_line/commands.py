@@ -82,12 +82,15 @@ def edit(arguments: Sequence[str]) -> int:
 def export_c(arguments: Sequence[str]) -> int:
     """Write the whole on-board function of a controller as C99, with evidence and wrappers.
 
-    Usage: python -m pipeline export_c controller=NAME [key=value ...] -o FOLDER [--flights N]
+    Usage: python -m pipeline export_c controller=NAME [key=value ...] -o FOLDER [--flights N] [--bare]
+    [--prefix NAME]
 
     Keys are those of +experiment=evaluate, such as controller=champion_27 or world=leo. The C is translated
     from the Python that flies. The commands of N recorded flights, 3 unless given, are compared bit by bit,
     and stand in the folder as a test vector. The folder must be new or empty. The exit code is 1 if a
-    command differs.
+    command differs. A controller with foresight searches for its plan on board; with --bare it has its rules
+    alone, and takes pushes that were planned on the ground as an input. With --prefix the names that other
+    files see begin with NAME instead of controller, so that several controllers link into one program.
 
     Returns
     -------
@@ -102,20 +105,31 @@ def export_c(arguments: Sequence[str]) -> int:
     parser = CommandParser("python -m pipeline export_c")
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="FOLDER")
     parser.add_argument("--flights", type=int, default=3, metavar="N")
+    parser.add_argument("--bare", action="store_true")
+    parser.add_argument("--prefix", default="controller", metavar="NAME")
     chosen, experiment = parse_evaluation(parser, arguments)
     within("--flights", chosen.flights, 1, 10000)
     folder: Path = chosen.output
     from pipeline.controllers.source import load  # noqa: PLC0415 - compiled code, needed once the rest is right
-    from pipeline.onboard import export, program  # noqa: PLC0415
+    from pipeline.onboard import allowed, export, program  # noqa: PLC0415
+    from pipeline.onboard.prefix import PrefixError, check_prefix  # noqa: PLC0415
     from pipeline.scenarios import evaluation_scenarios  # noqa: PLC0415
 
     mission = experiment.mission
     try:
+        check_prefix(chosen.prefix)
         translated = program.translate(
-            mission, load(experiment.controller, mission), is_tilted=any(experiment.sun.elevations_deg)
+            mission,
+            load(experiment.controller, mission),
+            is_tilted=any(experiment.sun.elevations_deg),
+            rules_alone=chosen.bare,
         )
-        exported = export.export(translated, evaluation_scenarios(experiment)[: chosen.flights], folder)
-    except program.NotTranslatableError as error:
+        exported = export.export(
+            translated, evaluation_scenarios(experiment)[: chosen.flights], folder, chosen.prefix
+        )
+    except PrefixError as error:
+        raise ConfigError(f"--prefix: {error}") from error
+    except allowed.NotTranslatableError as error:
         raise ConfigError(str(error)) from error
     except OSError as error:
         raise ConfigError(

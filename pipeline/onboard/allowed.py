@@ -29,6 +29,10 @@ class TranslationError(Exception):
     """Something that has no translation; the message names the file and the line."""
 
 
+class NotTranslatableError(TranslationError):
+    """A controller or a mission of which there is no on-board function; the text says why."""
+
+
 def _arithmetic() -> Iterator[tuple[tuple[str, Kind, Kind], Kind]]:
     numbers: tuple[Kind, ...] = ("double", "lane", "int")
     for left, right in product(numbers, numbers):

@@ -18,6 +18,7 @@ from pipeline.onboard.evidence import (
     vector_source,
 )
 from pipeline.onboard.fmi import block_facts
+from pipeline.onboard.prefix import USUAL, renamed
 from pipeline.onboard.program import OnboardProgram
 from pipeline.onboard.recorded import Library, Recorded, differing, recorded
 from pipeline.onboard.sizes import Sizes, sizes, stack_table
@@ -61,10 +62,13 @@ class Exported:
     sizes: Sizes | None
 
 
-def export(program: OnboardProgram, scenarios: Sequence[Scenario], folder: Path) -> Exported:
+def export(
+    program: OnboardProgram, scenarios: Sequence[Scenario], folder: Path, prefix: str = USUAL
+) -> Exported:
     """Write the on-board function, and compare it with flights from some starts.
 
-    The folder is new or empty, and stays so if anything fails.
+    The folder is new or empty, and stays so if anything fails. The names that other files see begin with the
+    prefix.
 
     Raises
     ------
@@ -74,11 +78,11 @@ def export(program: OnboardProgram, scenarios: Sequence[Scenario], folder: Path)
         If a file cannot be written.
     """
     with filling(folder) as unfinished:
-        return _written(program, scenarios, unfinished)
+        return _written(program, scenarios, unfinished, prefix)
 
 
-def _written(program: OnboardProgram, scenarios: Sequence[Scenario], folder: Path) -> Exported:
-    source = sources(program)
+def _written(program: OnboardProgram, scenarios: Sequence[Scenario], folder: Path, prefix: str) -> Exported:
+    source = sources(program, prefix)
     _write(folder / "controller.h", source.header)
     _write(folder / "controller.c", source.code)
     logs = [fly_logged(program.mission, program.controller, scenario) for scenario in scenarios]
@@ -88,15 +92,18 @@ def _written(program: OnboardProgram, scenarios: Sequence[Scenario], folder: Pat
         "world": program.world,
         "num_flights": len(flights),
         "parameters": program.parameters,
+        "planner": program.planner,
         "warnings": WARNINGS,
         "specified": _specified(source.code),
         **block_facts(source.code, program.world.num_points),
     }
     evidence = folder / "evidence"
     for name in EVIDENCE:
-        _write(evidence / name, rendered(f"evidence/{name}.jinja", **facts))
-    _write_lines(evidence / "vector.c", vector_source(flights, logs))
-    answers, measured = _answers(folder, flights), _measured(folder)
+        _write(evidence / name, renamed(rendered(f"evidence/{name}.jinja", **facts), prefix))
+    _write(
+        evidence / "vector.c", renamed("".join(f"{line}\n" for line in vector_source(flights, logs)), prefix)
+    )
+    answers, measured = _answers(folder, flights, prefix), _measured(folder)
     _write_lines(evidence / "loops.csv", loop_table(program))
     _write_lines(evidence / "obligations.csv", obligation_table(program))
     _write_lines(evidence / "rules.csv", rule_table(program, source, answers))
@@ -104,11 +111,13 @@ def _written(program: OnboardProgram, scenarios: Sequence[Scenario], folder: Pat
     if measured is not None:
         _write_lines(evidence / "stack.csv", stack_table(measured))
     for name in WRAPPERS:
-        _write(folder / "wrappers" / name, rendered(f"wrappers/{name}.jinja", **facts))
+        text = rendered(f"wrappers/{name}.jinja", **facts)
+        _write(folder / "wrappers" / renamed(name, prefix), renamed(text, prefix))
     different = [len(differing(*pair)) for pair in zip(answers, logs, strict=bool(answers))]
     num_commands = sum(len(flight.steps) for flight in flights)
     exported = Exported(source, len(flights), num_commands, sum(different) if answers else None, measured)
-    _write(folder / "README.md", rendered("README.md.jinja", program=program, exported=exported, **facts))
+    facts |= {"program": program, "exported": exported, "identity": source.identity, "prefix": prefix}
+    _write(folder / "README.md", renamed(rendered("README.md.jinja", **facts), prefix))
     return exported
 
 
@@ -121,10 +130,10 @@ def _write_lines(path: Path, lines: Iterable[str]) -> None:
     _write(path, "".join(f"{line}\n" for line in lines))
 
 
-def _answers(folder: Path, flights: Sequence[Recorded]) -> list[Any]:
+def _answers(folder: Path, flights: Sequence[Recorded], prefix: str) -> list[Any]:
     """Return what the C answers to recorded flights; nothing without gcc."""
     try:
-        library = Library(folder)
+        library = Library(folder, prefix=prefix)
     except FileNotFoundError:
         return []
     return [library.answers(flight) for flight in flights]

@@ -12,11 +12,12 @@ import numpy as np
 
 from fis_tools.compiled import vectors
 from pipeline.flight.period.look.guidance import POINTS
-from pipeline.onboard.allowed import TranslationError
+from pipeline.onboard.allowed import LEAST_INT, MOST_INT, TranslationError
 from pipeline.onboard.translator import Translator
 from pipeline.onboard.values import (
     Accumulator,
     Array,
+    Begun,
     Expression,
     LaneConstant,
     bare,
@@ -55,6 +56,12 @@ def _most(_: Translator, x: Any, y: Any) -> Any:
     return (x if x > y else y) if _is_known(x, y) else _call("most", x, y)
 
 
+def _limits(value: Any) -> tuple[int, int]:
+    """Return what a whole number is not beyond: its range, or what is known of it."""
+    limits = value.limits if isinstance(value, Expression) else None
+    return range_of(value) or limits or (LEAST_INT, MOST_INT)
+
+
 def _extreme(name: str, compute: Callable[[Any, Any], Any], symbol: str) -> Callable[..., Any]:
     """Return what writes Python's `min` or `max`, which keep the first of equal values."""
 
@@ -64,11 +71,11 @@ def _extreme(name: str, compute: Callable[[Any, Any], Any], symbol: str) -> Call
             return compute(first, second)
         if merged_kind(first, second) == "int":
             a, b = text_of(first, "int"), text_of(second, "int")
-            ranges = range_of(first), range_of(second)
-            span = None
-            if ranges[0] and ranges[1]:
-                span = (compute(ranges[0][0], ranges[1][0]), compute(ranges[0][1], ranges[1][1]))
-            return Expression(f"(({b} {symbol} {a}) ? {b} : {a})", "int", range=span)
+            lower, upper = zip(*(_limits(each) for each in (first, second)), strict=True)
+            limits = compute(*lower), compute(*upper)
+            is_limited = limits[0] > LEAST_INT and limits[1] < MOST_INT
+            span = limits if is_limited else None
+            return Expression(f"(({b} {symbol} {a}) ? {b} : {a})", "int", range=span, limits=limits)
         return _call(name, second, first)
 
     def write(translator: Translator, first: Any, *others: Any) -> Any:
@@ -154,7 +161,9 @@ def _power_of_two(_: Translator, exponent: Any) -> Any:
     return Expression(f"power_of_two({bare(exponent.text)})", exponent.kind)
 
 
-def _length(_: Translator, value: Any) -> int:
+def _length(_: Translator, value: Any) -> Any:
+    if isinstance(value, Begun) and not value.indices:
+        return value.count
     return int(value.shape[0]) if isinstance(value, Array) else len(value)
 
 
@@ -219,6 +228,7 @@ OPERATIONS: Mapping[Any, Callable[..., Any]] = {
     np.zeros: lambda translator, length: _empty(translator, length, "zeros"),
     np.sqrt: _function("sqrt", math.sqrt),
     np.rint: _function("nearest_whole", lambda x: float(np.rint(x))),
+    np.ceil: _function("ceil", lambda x: float(math.ceil(x))),
     np.floor: _function("floor", lambda x: float(math.floor(x))),
     math.sqrt: _function("sqrt", math.sqrt),
     math.cos: _function("cos", math.cos),

@@ -1,7 +1,7 @@
 """The flight's own `decide`, and what comes before it, translated for a mission and a controller."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, get_args, get_type_hints
 
 import numpy as np
@@ -10,9 +10,13 @@ from fis_tools.compiled import elementary
 from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.vectors import ROW, Three, least, load, width_of
 from fis_tools.engines import kernel, packing
+from fis_tools.engines.kernel import LANES
 from pipeline.array_types import Floats, Integers
+from pipeline.flight.cases.navigation import as_believed
 from pipeline.flight.control.controller import Controller, RuleController
 from pipeline.flight.control.law import law_of
+from pipeline.flight.fly.outlooks import at_start, bare, finishing
+from pipeline.flight.fly.replanning import foresees
 from pipeline.flight.fly.tours import tour_images, tour_names
 from pipeline.flight.fly.workspace import optics_in_use
 from pipeline.flight.period import steps
@@ -27,9 +31,10 @@ from pipeline.flight.state.arrays import Control, FlightState, FullOptics, Law, 
 from pipeline.flight.state.signals import CONSTANTS, SETTING, URGENCY
 from pipeline.flight.world.pack import pack_world
 from pipeline.flight.world.surface import surface_of
-from pipeline.onboard.allowed import TranslationError
+from pipeline.onboard.allowed import NotTranslatableError, TranslationError
 from pipeline.onboard.free_cells import FreeCells
 from pipeline.onboard.operations import OPERATIONS
+from pipeline.onboard.planner import ANYWHERE, PushPlanner, check, ranges_of, write_planner
 from pipeline.onboard.translator import Translator
 from pipeline.onboard.values import Array, Expression, Record
 from pipeline.onboard.writer import Setting
@@ -54,10 +59,6 @@ GUARDED = frozenset({"scratch_inputs", "commanded", "cuts", "zeros"})
 
 #: loops over terms of which `Values` must know which term it is
 UNROLLED = frozenset({("find_crossings", "term")})
-
-
-class NotTranslatableError(TranslationError):
-    """A controller or a mission of which there is no on-board function; the text says why."""
 
 
 class Values:
@@ -210,13 +211,17 @@ class OnboardProgram:
     translator : Translator
         With the functions `start_deadlines`, `find_target` (each if needed) and `decide`.
     controller, mission, world, law
-        What it is of.
+        What it is of; the controller plans as on board.
+    designed : RuleController
+        The controller as it was given.
     parameters : sequence of str
         Constants that it reads and that may be changed.
     choices : sequence of (str, mapping of str to float)
         What may be chosen in flight: what it is called, and its constants; first what it was designed with.
     is_sun_in_plane : bool
         Whether it takes the Sun to stand in the orbit plane, without reading its elevation.
+    planner : PushPlanner or None
+        What plans its pushes, with foresight.
     """
 
     translator: Translator
@@ -227,6 +232,8 @@ class OnboardProgram:
     parameters: Sequence[str]
     choices: Sequence[tuple[str, Mapping[str, float]]]
     is_sun_in_plane: bool
+    designed: RuleController
+    planner: PushPlanner | None = None
 
 
 def bounds(world: World) -> dict[tuple[str, str], Any]:
@@ -263,7 +270,9 @@ def _most_ranks(names: Mapping[str, Any]) -> int:
     return 1 + max(([*are_above, False].index(False) for are_above in highest), default=0)
 
 
-def translate(mission: Mission, controller: Controller, *, is_tilted: bool = False) -> OnboardProgram:
+def translate(
+    mission: Mission, controller: Controller, *, is_tilted: bool = False, rules_alone: bool = False
+) -> OnboardProgram:
     """Return the on-board function of a controller in a mission.
 
     Parameters
@@ -272,6 +281,8 @@ def translate(mission: Mission, controller: Controller, *, is_tilted: bool = Fal
     controller : Controller
     is_tilted : bool
         Whether the Sun may stand out of the orbit plane in a world of the paper's light and camera.
+    rules_alone : bool
+        Whether a controller with foresight takes its plan as an input, from the ground.
 
     Raises
     ------
@@ -280,6 +291,9 @@ def translate(mission: Mission, controller: Controller, *, is_tilted: bool = Fal
     """
     if not isinstance(controller, RuleController):
         raise NotTranslatableError(f"{controller.name!r} has no rules; choose a controller that has")
+    designed, flown, plans = controller, controller, foresees(controller) and not rules_alone
+    if plans:
+        flown, controller = bare(designed), finishing(designed)
     world, law = pack_world(mission), law_of(controller, mission)
     sensed = {variable.name for system in controller.systems for variable in system.inputs}
     has_clusters = world.has_clusters and bool(sensed & OF_TARGET)
@@ -300,7 +314,12 @@ def translate(mission: Mission, controller: Controller, *, is_tilted: bool = Fal
     }
     if world.occlusion.edge > 0:
         operations[is_free] = FreeCells(surface_of(mission))
-    ranges = {"num_candidates": (0, world.num_points), "num_centres": (0, num_clusters(world.num_points))}
+    ranges: dict[str, tuple[int, int]] = {
+        "num_candidates": (0, world.num_points),
+        "num_centres": (0, num_clusters(world.num_points)),
+    }
+    if plans:
+        ranges |= ranges_of(mission, flown)
     translator = Translator(
         Setting(
             operations,
@@ -340,11 +359,34 @@ def translate(mission: Mission, controller: Controller, *, is_tilted: bool = Fal
     translator.write("command_given", command_given, {"now": now, "force": force})
     if world.guard.is_on:
         translator.write("assure", assure, {"now": now, "cuts": work.cuts})
+    planner = None
+    if plans:
+        planner = _planner(translator, mission, flown, now, work, optics, law.decision_stride)
     named = [
         (name, dict(zip(CONSTANTS, choice.constants.tolist(), strict=True)))
         for name, choice in choices.items()
     ]
-    return OnboardProgram(translator, controller, mission, world, law, parameters.used, named, optics is None)
+    return OnboardProgram(
+        *(translator, flown, mission, world, law, parameters.used, named, optics is None),
+        *(designed, planner),
+    )
+
+
+def _planner(
+    translator: Translator,
+    mission: Mission,
+    controller: RuleController,
+    now: Moment,
+    work: Any,
+    optics: FullOptics | None,
+    lead: int,
+) -> PushPlanner:
+    """Write what plans the pushes of a controller with foresight."""
+    known, (start,) = as_believed(mission, [ANYWHERE])
+    check(mission, known, controller, len(pack_world(mission).points))
+    known = replace(known, attitude=replace(mission.attitude, mode="ideal"))
+    deputies = at_start(mission, known, controller, [start], 0, LANES)
+    return write_planner(translator, deputies, now, work, optics, lead)
 
 
 def moment(translator: Translator, world: World) -> tuple[Moment, Any]:

@@ -23,6 +23,7 @@ from pipeline.flight.fly.tours import rehearsal_samples, tour_images
 from pipeline.flight.fly.workspace import points_of_cases
 from pipeline.flight.period.look.optics import sun_after
 from pipeline.flight.state.log import REHEARSED, FlightLog, Scenario
+from pipeline.onboard.prefix import USUAL
 from pipeline.onboard.program import OnboardProgram
 
 #: what the comparison of bits rests on: no fused operations, no reordering
@@ -36,6 +37,7 @@ class Recorded(NamedTuple):
     steps: Any  # (K,) records of `step_type`
     choices: dict[int, int]  # from samples on, which of `OnboardProgram.choices` is followed
     parameters: list[list[float]]  # of each choice
+    plans: bool = False  # on board, from the first sample on
 
 
 def start_type(num_points: int) -> np.dtype[Any]:
@@ -95,7 +97,7 @@ def recorded(program: OnboardProgram, scenario: Scenario, log: FlightLog) -> Rec
     start["sun_angle"], start["sun_elevation"], start["counts"] = angle, elevation, counts
     steps = np.zeros(world.num_controls, step_type(world.num_points))
     steps["period"] = np.arange(world.num_controls)
-    is_given = (log.command_reason == REHEARSED).any(axis=1)
+    is_given = (log.command_reason == REHEARSED).any(axis=1) & (program.planner is None)
     steps["is_given"], steps["given_n"] = is_given, np.where(is_given[:, None], log.force_asked_n, 0.0)
     is_exact = mission.navigation.mode == "perfect"
     known = np.hstack([log.position_m, log.velocity_m_s]) if is_exact else log.estimate
@@ -106,13 +108,13 @@ def recorded(program: OnboardProgram, scenario: Scenario, log: FlightLog) -> Rec
             step["sun_angle"], step["sun_elevation"] = sun_after(world, angle, elevation, k)
     steps["unseen"] = (counts > 0) & ~log.is_inspected[:-1]
     rows = [[row[name] for name in program.parameters] for _, row in program.choices]
-    return Recorded(start, steps, _chosen(program, scenario), rows)
+    return Recorded(start, steps, _chosen(program, scenario), rows, program.planner is not None)
 
 
 def _chosen(program: OnboardProgram, scenario: Scenario) -> dict[int, int]:
     """Return which tour a flight's controller chose by rehearsals, from samples on."""
     controller, mission = program.controller, program.mission
-    if not tour_images(controller):
+    if program.planner is not None or not tour_images(controller):
         return {}
     (followed,) = rehearse_tours(mission, controller, [scenario], 1).followed
     return dict(zip(rehearsal_samples(controller, mission), followed.tolist(), strict=True))
@@ -131,7 +133,9 @@ def vector_of(flights: Sequence[Recorded], logs: Sequence[FlightLog]) -> tuple[A
 class Library:
     """The C of an on-board function, compiled for this machine."""
 
-    def __init__(self, folder: Path, compiler: str = "gcc", flags: Sequence[str] = FLAGS) -> None:
+    def __init__(
+        self, folder: Path, compiler: str = "gcc", flags: Sequence[str] = FLAGS, prefix: str = USUAL
+    ) -> None:
         path = shutil.which(compiler)
         if path is None:
             raise FileNotFoundError(f"{compiler} was not found; install it to compile what was written")
@@ -148,26 +152,41 @@ class Library:
             ]
             subprocess.run([path, *options], check=True)  # noqa: S603
             self._functions = ctypes.CDLL(os.fspath(library))
+        self._prefix = prefix
         self._state = (ctypes.c_double * (1 << 16))()
+
+    def _function(self, name: str) -> Any:
+        return getattr(self._functions, f"{self._prefix}_{name}")
 
     def start(self, start: Any) -> int:
         """Begin a flight, from a record of `start_type`; return the status."""
         start = np.ascontiguousarray(start)
-        return int(self._functions.controller_start(self._state, ctypes.c_void_p(start.ctypes.data)))
+        return int(self._function("start")(self._state, ctypes.c_void_p(start.ctypes.data)))
 
     def choose(self, parameters: Sequence[float]) -> None:
         """Change the constants that may be changed in flight."""
         self._state[: len(parameters)] = list(parameters)
 
+    def plan_from(self, step: Any) -> int:
+        """Begin a plan from a record of `step_type`; return the status."""
+        return int(self._function("plan_from")(self._state, ctypes.c_void_p(step.ctypes.data)))
+
+    def plan(self, budget: int = 1 << 20) -> int:
+        """Search by so many generations; return how many are left."""
+        return int(self._function("plan")(self._state, budget))
+
     def step(self, step: Any, output: Any) -> None:
         """Write what is answered to a record of `step_type` into one of `OUTPUT`, both of an array's."""
         addresses = (ctypes.c_void_p(record.ctypes.data) for record in (step, output))
-        self._functions.controller_step(self._state, *addresses)
+        self._function("step")(self._state, *addresses)
 
     def answers(self, flight: Recorded) -> Any:
         """Return what the on-board function answers to a flight's samples, (K,) records of `OUTPUT`."""
         outputs = np.zeros(len(flight.steps), OUTPUT)
         self.start(flight.start)
+        if flight.plans:
+            self.plan_from(flight.steps[:1])
+            self.plan()
         for k in range(len(outputs)):
             if k in flight.choices:
                 self.choose(flight.parameters[flight.choices[k]])

@@ -10,20 +10,27 @@ from typing import Any
 import numpy as np
 
 from fis_tools.document.html import environment, read
+from fis_tools.formats import serialize
 from fis_tools.formats.c.text import OPENING, broken, comment, plain, table
 from fis_tools.model import conjunctions
 from fis_tools.model.thrust import LOGIC_REASONS, REASONS, SILENT_N
 from fis_tools.words.text import sentence
 from pipeline.flight.state.log import LEAST_CHANGE_N
 from pipeline.flight.state.signals import BODY, CONSTANTS
+from pipeline.onboard.prefix import USUAL, renamed
 from pipeline.onboard.program import OnboardProgram
 from pipeline.onboard.values import Array, number_text
 from pipeline.onboard.writer import Function, Line, pruned
-from pipeline.run.maker import git_revision, product_version
+from pipeline.run.maker import git_revision, product_version, sources_hash
 
+#: under which what is exported may be used
+LICENCE = "MIT"
 #: members of the state that the entries write or read
 OF_ENTRIES = frozenset(
-    {"requested", "commanded", "coasts", "outputs", "leading", "num_unseen", "limit", "change"}
+    {
+        *("requested", "commanded", "coasts", "outputs", "leading", "num_unseen", "limit", "change"),
+        *("plan_state", "plan_best", "plan_cost", "plan_given"),
+    }
 )
 #: positions are taken up to so many times the greatest distance allowed, speeds up to that within a time, s
 REACH, PASSAGE_S = 50.0, 2.0
@@ -40,7 +47,7 @@ FLOATING_POINT = """\
 #endif
 """
 #: lanes of vectors are bytes of a double; of whole numbers there are four
-BYTES = {"double": 8, "int": 4, "unsigned char": 1}
+BYTES = {"double": 8, "int": 4, "unsigned int": 4, "unsigned char": 1}
 
 
 @dataclass(frozen=True)
@@ -56,6 +63,8 @@ class Sources:
         Bytes of each constant table.
     state_bytes : int
         Of ``struct controller``, without its parameters.
+    identity : mapping of str to str
+        SHA-256 of the code, the controller and the generator's sources; its revision, and the licence.
     """
 
     header: str
@@ -63,10 +72,11 @@ class Sources:
     origins: Sequence[tuple[int, str, int]]
     tables: Mapping[str, int]
     state_bytes: int
+    identity: Mapping[str, str]
 
 
-def sources(program: OnboardProgram) -> Sources:
-    """Return the source of a program."""
+def sources(program: OnboardProgram, prefix: str = USUAL) -> Sources:
+    """Return the source of a program; the names that other files see begin with the prefix."""
     functions = without_dead_stores(program.translator.functions)
     lines = [line for function in functions for line in function.lines]
     tables = [
@@ -82,23 +92,47 @@ def sources(program: OnboardProgram) -> Sources:
         if name in OF_ENTRIES | read_members
     }
     members |= {"num_unseen": ((1,), "double"), "started": ((1,), "int")}
+    if program.planner:
+        members |= program.planner.members
     code = [Line(text) for text in _opening(program)]
+    if program.planner:
+        at = next(i for i, line in enumerate(code) if line.text == "#include <stdbool.h>")
+        code[at + 1 : at + 1] = [Line(f"#include <{name}>") for name in ("stdint.h", "string.h")]
     code += [Line(text) for table in tables for text in table.definition()]
     code += [Line(text) for text in _helpers(lines)]
+    if program.planner:
+        drawn = int(np.prod(program.translator.members["drawn"][0]))
+        text = read("templates/draws.c", "pipeline.onboard").replace("DRAWN", str(drawn))
+        code += [Line(line) for line in text.splitlines()]
     for function in functions:
         code += _definition(function)
     facts = _facts(program, members, {function.name for function in functions})
     code += [Line(text) for text in rendered("entries.c.jinja", **facts).splitlines()]
-    text = "".join(f"{line.text}\n" for line in code)
-    digest = sha256(text.encode()).hexdigest()
+    text = renamed("".join(f"{line.text}\n" for line in code), prefix)
+    identity = {"code": sha256(text.encode()).hexdigest(), **_origin(program)}
     header = {name: _declared(name, *member) for name, member in members.items()}
     return Sources(
-        rendered("controller.h.jinja", **facts | {"members": header.values(), "code_sha256": digest}),
+        renamed(
+            rendered("controller.h.jinja", **facts | {"members": header.values(), "identity": identity}),
+            prefix,
+        ),
         text,
         [(number, line.file, line.number) for number, line in enumerate(code, start=1) if line.file],
         {table.name: table.num_bytes for table in tables},
         sum(int(np.prod(shape)) * BYTES[kind] for shape, kind in members.values()),
+        identity,
     )
+
+
+def _origin(program: OnboardProgram) -> dict[str, str]:
+    """Return what a source was made of and by: digests of controller and generator, and its revision."""
+    fuzzy = program.designed.fuzzy
+    return {
+        "controller": serialize.content_hash(fuzzy) if fuzzy is not None else "",
+        "generator": sources_hash(),
+        "revision": git_revision() or "",
+        "licence": LICENCE,
+    }
 
 
 @cache
@@ -125,6 +159,11 @@ def _facts(program: OnboardProgram, members: Mapping[str, Any], functions: set[s
         "name": plain(program.controller.name),
         "world": world,
         "law": law,
+        "planner": program.planner,
+        "given": "is_given" if program.planner else "input->is_given != 0",
+        "forces": ", ".join(
+            f"{'given' if program.planner else 'input->given_n'}[{axis}]" for axis in range(3)
+        ),
         "functions": functions,
         "members": {name: int(np.prod(shape)) for name, (shape, _) in members.items()},
         "parameters": {name: CONSTANTS[name].description for name in parameters},

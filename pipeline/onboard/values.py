@@ -108,6 +108,8 @@ class Expression:
     kind: Kind = "double"
     is_name: bool = False
     range: Range = None
+    #: of a whole number whose range is not known: what it is not beyond, one of them an end of C's int
+    limits: Range = None
     #: of a count: the condition under which it is 1
     mask: str = ""
     #: of a whole number: the sum of its addends that are known
@@ -387,6 +389,13 @@ class Array:
             return None
         value = self.data[self.indices]
         return value.item() if np.ndim(value) == 0 else None
+
+
+@dataclass(frozen=True, eq=False)
+class Begun(Array):
+    """An array of which the first rows are in use, as many as are counted on board."""
+
+    count: Any = 0
 
 
 @dataclass(frozen=True)

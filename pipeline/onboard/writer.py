@@ -36,7 +36,18 @@ RESERVED = WORDS | frozenset(
         *("bool", "false", "true", "abs", "j0", "j1", "jn", "y0", "y1", "yn", "gamma"),
         *("sin", "cos", "tan", "sqrt", "floor", "ceil", "rint", "exp", "log", "pow", "least", "most"),
         *("total", "s", "near", "far", "time", "index", "signal"),
-        *("fabs", "atan", "atan2", "tan", "ldexp", "nearest_whole", "power_of_two", "finite_number"),
+        *(
+            "fabs",
+            "atan",
+            "atan2",
+            "tan",
+            "ldexp",
+            "draw_numbers",
+            "drawn",
+            "nearest_whole",
+            "power_of_two",
+            "finite_number",
+        ),
         *("state", "three", "controller", "errno", "NAN", "INFINITY", "HUGE_VAL", "main", "asm"),
     }
 )
@@ -240,7 +251,7 @@ class Writer:
     def member(self, name: str, shape: tuple[int, ...], kind: str) -> Array:
         """Return a member of the state."""
         self.members.setdefault(name, (shape, kind))
-        return Array(f"state->{name}", shape, "int" if kind == "int" else "double")
+        return Array(f"state->{name}", shape, "double" if kind == "double" else "int")
 
     def wrapped(self, value: Any, name: str) -> Any:
         """Return an array of numbers as a table; anything else as it is."""
@@ -465,7 +476,7 @@ _DECLARATION = re.compile(r"\s*(?:const )?(?:double|int|bool) (\w+)(?: = (.*))?;
 #: what changes nothing but the state, and what reads alone
 _PURE_CALLS = frozenset(
     {
-        *("sqrt", "fabs", "floor", "cos", "sin", "atan", "atan2"),
+        *("sqrt", "fabs", "ceil", "floor", "cos", "sin", "atan", "atan2"),
         *("least", "most", "total", "nearest_whole", "power_of_two"),
     }
 )

@@ -38,7 +38,7 @@ ERROR_SHARE = 0.2
 #: of so many samples one is looked at first
 COARSE = 8
 #: control periods that no push takes
-MOST_PERIODS = 1e6
+MOST_PERIODS = 1_000_000
 #: plans that are evaluated side by side
 PLANS = 16
 
@@ -202,7 +202,7 @@ def num_periods(force: float, most_force: float) -> int:
     periods, share = 1, abs(force) / most_force - 1e-9
     if share > 1.0 and share < MOST_PERIODS:
         periods = int(np.ceil(share))
-    return periods
+    return max(1, min(periods, MOST_PERIODS))
 
 
 @compiled(error_model="numpy")
@@ -366,7 +366,8 @@ def reach_of(
     Errors of estimates and thrusters grow along the track: they bring the deputy nearer there.
     """
     near_square, far_square, nearer_square = np.inf, 0.0, np.inf
-    for j in range(max(first, 0), min(last, len(tail.rows) - 1) + 1):
+    count = len(tail.rows)
+    for j in range(max(0, min(first, count)), max(0, min(last + 1, count))):
         across, ahead, doubt = 0.0, 0.0, doubt_along(tail, j, doubts)
         for axis in range(3):
             along = tail.offsets[j, axis]

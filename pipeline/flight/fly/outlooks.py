@@ -15,6 +15,7 @@ from pipeline.flight.cases.navigation import filter_of
 from pipeline.flight.cases.starts import Cases, cases_of, starts_of
 from pipeline.flight.control.controller import RuleController, from_fuzzy
 from pipeline.flight.control.law import law_of
+from pipeline.flight.fly.aboard import note_products, num_needed
 from pipeline.flight.fly.foresight import (
     NO_TAIL,
     Geometry,
@@ -60,6 +61,12 @@ def finishing(controller: RuleController) -> RuleController:
     if points > 0.0:
         attributes["coast_below_points"] = repr(float(points))
     return _with(controller, attributes)
+
+
+@lru_cache(maxsize=32)
+def bare(controller: RuleController) -> RuleController:
+    """Return a controller that plans as on board, see `Deputies.is_bare`."""
+    return _with(controller, {**_without(controller), "foresight_bare": "1"})
 
 
 @lru_cache(maxsize=32)
@@ -252,6 +259,11 @@ class Deputies:
         guard = self.world.guard
         return min(self.world.max_force, guard.planned_force) if guard.is_on else self.world.max_force
 
+    @property
+    def is_bare(self) -> bool:
+        """Whether they plan as on board: by geometry alone, and sum by sum."""
+        return self.constant("foresight_bare") > 0.0
+
     def only(self, flights: Integers) -> "Deputies":
         """Return the deputies of these flights alone."""
         left = None if self.left is None else self.left[flights]
@@ -320,7 +332,7 @@ class Deputies:
             fastest = world.guard.braking_force * world.delta_v_per_force
             longest_way = seconds * (fastest - margin / (self.constant("foresight_period_s") or np.inf))
         outlook = Outlook(
-            free=parts.drift @ np.r_[scenario.position_m, scenario.velocity_m_s],
+            free=self._product(parts.drift, np.r_[scenario.position_m, scenario.velocity_m_s]),
             gain=parts.gain,
             points=parts.points,
             normals=parts.normals,
@@ -344,6 +356,19 @@ class Deputies:
         )
         return outlook, needed
 
+    @property
+    def drift(self) -> Floats:
+        """What leads from a state to the samples of an outlook without force, (S, 3, 6)."""
+        return _strided(self.known, self.sample, self.step).drift
+
+    def _product(self, rows: Floats, state: Floats) -> Floats:
+        """Return the products of rows of six numbers, (..., 6), with a state, (6,)."""
+        if not self.is_bare:
+            return np.asarray(rows @ state)
+        products = np.empty(rows.shape[:-1])
+        note_products(rows.reshape(-1, *rows.shape[-2:]), state, products.reshape(-1, rows.shape[-2]))
+        return products
+
     def _tail(self, flight: int) -> Tail:
         """Return what prices what follows pushes and the end, of a flight."""
         after, passive = self.after_s, self.constant("foresight_passive_s")
@@ -360,7 +385,7 @@ class Deputies:
             drift.rows,
             drift.offsets,
             float(stride),
-            drift.constants @ (np.r_[start.position_m, start.velocity_m_s] - drift.rest),
+            self._product(drift.constants, np.r_[start.position_m, start.velocity_m_s] - drift.rest),
             drift.kicks,
             int(np.ceil(after / spacing_s)),
             int(np.ceil(passive / spacing_s)),
@@ -379,6 +404,7 @@ class Deputies:
             Points to see, and of these the ones whose shortfall costs more: where more are planned for than
             the controller needs before it coasts, those that it needs.
         """
+        planned, accepted = self.constant("foresight_points"), self.constant("coast_below_points")
         is_lit = self.lit[flight]
         is_left = is_lit.any(axis=0)
         if self.left is not None:
@@ -386,11 +412,15 @@ class Deputies:
         is_lit = is_lit[self.sample :] & is_left
         num_left, num_lit = int(is_left.sum()), int(is_lit[:: self.step].any(axis=0).sum())
 
-        def all_but(missed: float) -> int:
-            return max(0, min(num_left - max(0, int(np.ceil(missed)) - 1), num_lit))
+        def all_but(below: float) -> int:
+            return int(num_needed(num_left, num_lit, num_missed(below)))
 
-        planned, accepted = self.constant("foresight_points"), self.constant("coast_below_points")
         return is_lit, all_but(planned or accepted), all_but(accepted) if planned else 0
+
+
+def num_missed(below: float) -> int:
+    """Return how many points may be missed where fewer than so many, not always a whole number, may."""
+    return max(0, int(np.ceil(below)) - 1)
 
 
 def later(

@@ -9,6 +9,7 @@ are rejected by a few of them. What these functions do is also written as C, see
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fis_tools.compiled.decorator import compiled
 from pipeline.array_types import Floats, Integers
@@ -44,21 +45,36 @@ class Pricing(NamedTuple):
 def pricing_of(outlook: Outlook, num_pushes: int, reach: float) -> tuple[Pricing, int]:
     """Return what prices plans of components up to `reach`, N, and how many points are lit at all."""
     num_samples, num_points = outlook.is_lit.shape
-    lit = np.flatnonzero(outlook.is_lit.any(axis=0))
-    points = np.zeros(num_points, dtype=np.int64)
-    points[: len(lit)] = lit
-    return Pricing(
+    pricing = Pricing(
         effects=np.ascontiguousarray(outlook.gain.transpose(2, 0, 1)).reshape(3, -1),
         samples=samples_coarsely(num_samples),
         is_weak=reach > outlook.most_force,
-        points=points,
+        points=np.zeros(num_points, dtype=np.int64),
         seen_at=np.zeros(num_points, dtype=np.int64),
         path=np.empty(3 * num_samples),
         room=np.empty(num_samples),
         shortfalls=np.empty(num_points),
         constants=np.empty(6),
         doubts=np.empty((6, 3 * num_pushes)),
-    ), len(lit)
+    )
+    return pricing, list_lit(outlook.is_lit, pricing.points, pricing.seen_at)
+
+
+@compiled(error_model="numpy")
+def list_lit(is_lit: NDArray[np.bool_], points: Integers, seen_at: Integers) -> int:
+    """Write which points are lit at any sample, and return how many; none was seen yet."""
+    num_lit = 0
+    for point in range(is_lit.shape[1]):
+        is_any = False
+        for sample in range(len(is_lit)):
+            if is_lit[sample, point] > 0:
+                is_any = True
+                break
+        seen_at[point] = 0
+        if is_any:
+            points[num_lit] = point
+            num_lit += 1
+    return num_lit
 
 
 @compiled(error_model="numpy", forceinline=True)
@@ -199,9 +215,10 @@ def height_of(point: int, outlook: Outlook, pricing: Pricing) -> float:
     """Return by how much a point is seen best, m; where it is seen at all, not more than at some sample."""
     best = raised(NEVER, point, pricing.seen_at[point], outlook, pricing)
     if best < 0.0:
-        for turn in range(len(outlook.free)):
+        for turn in range(len(pricing.samples)):
             sample = pricing.samples[turn]
-            best = raised(best, point, sample, outlook, pricing)
+            if sample < len(outlook.free):  # on board fewer are left in flight
+                best = raised(best, point, sample, outlook, pricing)
             if best >= 0.0:
                 pricing.seen_at[point] = sample
                 break

@@ -151,25 +151,27 @@ def mutate(plan: int, drawn: Floats, search: PlanSearch) -> None:
         search.mutants[plan, gene] = value
 
 
-@compiled(nogil=True, error_model="numpy")
-def begin(
-    search: PlanSearch, num_pushes: int, num_lit: int, needed: int, outlook: Outlook, pricing: Pricing
-) -> None:
-    """Price the first generation; see `price_up_to`."""
+@compiled(error_model="numpy")
+def begin(search: PlanSearch) -> None:
+    """Let the plans of the first generation be tried as if they took the place of any."""
     search.cost[0] = np.inf
     for plan in range(len(search.plans)):
-        cost = price_up_to(search.plans[plan], num_pushes, num_lit, needed, outlook, pricing, np.inf)
-        search.prices[plan] = cost
-        if cost < search.cost[0]:
-            search.cost[0] = cost
-            for gene in range(search.plans.shape[1]):
-                search.best[gene] = search.plans[plan, gene]
+        search.prices[plan] = np.inf
+        for gene in range(search.plans.shape[1]):
+            search.mutants[plan, gene] = search.plans[plan, gene]
 
 
-@compiled(nogil=True, error_model="numpy")
-def evolve(
+@compiled(error_model="numpy")
+def breed(search: PlanSearch, draws: Floats) -> None:
+    """Write a mutant of each plan; `draws`, (n, NUM_DRAWS + G), are numbers from 0 to 1."""
+    rank(search)
+    for plan in range(len(search.plans)):
+        mutate(plan, draws[plan], search)
+
+
+@compiled(error_model="numpy")
+def select_cheaper(
     search: PlanSearch,
-    draws: Floats,
     num_pushes: int,
     num_lit: int,
     needed: int,
@@ -177,27 +179,22 @@ def evolve(
     pricing: Pricing,
     is_exact: bool,
 ) -> None:
-    """Try a mutant of each plan: it takes its place if it costs at most as much.
+    """Price the mutants: each takes the place of its plan if it costs at most as much.
 
-    `draws`, (n, NUM_DRAWS + G), are numbers from 0 to 1; where `is_exact`, mutants are priced to the end. See
-    `price_up_to` for the others.
+    Where `is_exact`, mutants are priced to the end. See `price_up_to` for the others.
     """
-    num_plans, num_genes = len(search.plans), search.plans.shape[1]
-    rank(search)
-    for plan in range(num_plans):
-        mutate(plan, draws[plan], search)
-    for plan in range(num_plans):
-        mutant, price = search.mutants[plan], search.prices[plan]
+    for plan in range(len(search.plans)):
+        price = search.prices[plan]
         limit = np.inf if is_exact else price
-        cost = price_up_to(mutant, num_pushes, num_lit, needed, outlook, pricing, limit)
+        cost = price_up_to(search.mutants[plan], num_pushes, num_lit, needed, outlook, pricing, limit)
         search.costs[plan] = cost
         if cost <= price:
             search.prices[plan] = cost
-            for gene in range(num_genes):
+            for gene in range(search.plans.shape[1]):
                 search.plans[plan, gene] = search.mutants[plan, gene]
             if cost < search.cost[0]:
                 search.cost[0] = cost
-                for gene in range(num_genes):
+                for gene in range(search.plans.shape[1]):
                     search.best[gene] = search.mutants[plan, gene]
 
 
@@ -219,7 +216,7 @@ def evolve_all(
     Parameters
     ----------
     search, num_pushes, num_lit, needed, outlook, pricing, is_exact
-        As `evolve` takes them.
+        As `select_cheaper` takes them.
     draws : (G, n, NUM_DRAWS + 4 pushes - 1)
         Numbers from 0 to 1.
     genes : (G+1, 4 pushes - 1, n)
@@ -229,10 +226,12 @@ def evolve_all(
     """
     search, outlook, pricing = borrowed((search, outlook, pricing))
     search.plans[:] = genes[0].T
-    begin(search, num_pushes, num_lit, needed, outlook, pricing)
-    costs[0] = search.prices
+    begin(search)
+    select_cheaper(search, num_pushes, num_lit, needed, outlook, pricing, is_exact)
+    costs[0] = search.costs
     for generation in range(len(draws)):
-        evolve(search, draws[generation], num_pushes, num_lit, needed, outlook, pricing, is_exact)
+        breed(search, draws[generation])
+        select_cheaper(search, num_pushes, num_lit, needed, outlook, pricing, is_exact)
         genes[generation + 1] = search.mutants.T
         costs[generation + 1] = search.costs
 
@@ -269,7 +268,7 @@ def search_pushes(
     *,
     is_exact: bool = False,
 ) -> PushSearch:
-    """PlanSearch for the cheapest plan, of components up to `reach_m_s`, by which so many points are seen.
+    """Search for the cheapest plan, of components up to `reach_m_s`, by which so many points are seen.
 
     The genes of a `last` plan, those of plans near it, and doing nothing are among the first, if it is given.
     Where `is_exact`, all plans are priced to the end, also those that are not followed up.

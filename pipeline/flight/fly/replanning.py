@@ -8,7 +8,7 @@ are planned again from what the deputy knows by then, with the last plan among t
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -109,6 +109,8 @@ def foresee(
     known, believed = as_believed(mission, scenarios)
     period = ahead_stride(controller, mission, "foresight_period_s")
     samples = range(0, mission.num_controls, period) if period and known != mission else [0]
+    if controller.constants[constant("foresight_bare")] > 0.0:
+        known = replace(known, attitude=replace(mission.attitude, mode="ideal"))
     deputies = first = at_start(mission, known, controller, believed, period, lanes)
     foreseen = Foreseen(deputies.coasting(), np.zeros(len(scenarios), dtype=np.bool_))
     flights, starts, cases = np.arange(len(scenarios)), scenarios, None
@@ -154,6 +156,9 @@ class _Choice:
         anew = np.array([flight for flight, plan in enumerate(kept_plans) if plan is None], dtype=np.int64)
         if len(anew):
             searches = [self._searches[flight] for flight in anew]
+            if deputies.is_bare:
+                _, self.openings[anew] = self._planned(anew, searches)
+                return
             self.openings[anew], self.ends[:2, anew], is_short[anew] = self._ahead(anew, searches)
         if is_first:
             rehearsed_flights = deputies.fly(rehearsing(deputies.controller))
@@ -216,7 +221,9 @@ class _Choice:
         deputies, (outlook, needed) = self._deputies, self._outlooks[flight]
         last, reach = self._last(flight, num_pushes), deputies.constant("foresight_reach_m_s")
         start = deputies.believed[flight]
-        numbers = [*start.position_m, *start.velocity_m_s, start.sun_angle_rad, start.sun_elevation_rad]
+        numbers = [*start.position_m, *start.velocity_m_s]
+        if not deputies.is_bare:  # on board the Sun is known by its direction
+            numbers += [start.sun_angle_rad, start.sun_elevation_rad]
         words = np.array(numbers).view(np.uint32).tolist()
         searches = []
         for number, effort in enumerate(efforts):
@@ -253,8 +260,18 @@ class _Choice:
             Where coasting after a plan misses more points than it may, or leaves the limits.
         """
         deputies = self._deputies.only(flights)
-        sample, controller = deputies.sample, finishing(deputies.controller)
-        coasting = deputies.coasting()
+        controller = finishing(deputies.controller)
+        coasting, driven = self._planned(flights, searches)
+        flown = [deputies.fly(controller, openings) for openings in (coasting, driven)]
+        ends = np.array([rehearsed_costs(deputies.controller, end) for end in flown])
+        is_driven = ends[FINISHING] < ends[COASTING]
+        openings = np.where(is_driven[:, np.newaxis, np.newaxis], driven, coasting)
+        return openings, ends, ends[COASTING] > flown[COASTING].delta_v_m_s
+
+    def _planned(self, flights: Integers, searches: Sequence[PushSearch]) -> tuple[Floats, Floats]:
+        """Return the openings by the best plans of some flights, (m, K, 4): coasting, or with rules after."""
+        deputies = self._deputies.only(flights)
+        sample, coasting = deputies.sample, deputies.coasting()
         coasting[:, :sample] = self._before[flights, :sample]
         for openings, search in zip(coasting, searches, strict=True):
             for begin, *force in _pushes_of(search.best, deputies):
@@ -265,11 +282,7 @@ class _Choice:
         for openings in driven:
             fired = np.flatnonzero(np.any(openings[sample:, :3] != 0.0, axis=1))
             openings[sample + (fired[-1] + 1 if len(fired) else 0) :, 3] = 0.0
-        flown = [deputies.fly(controller, openings) for openings in (coasting, driven)]
-        ends = np.array([rehearsed_costs(deputies.controller, end) for end in flown])
-        is_driven = ends[FINISHING] < ends[COASTING]
-        openings = np.where(is_driven[:, np.newaxis, np.newaxis], driven, coasting)
-        return openings, ends, ends[COASTING] > flown[COASTING].delta_v_m_s
+        return coasting, driven
 
     def _last(self, flight: int, num_pushes: int) -> Floats | None:
         """Return the genes of what the last plan would still fire; None at the start.

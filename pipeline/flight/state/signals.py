@@ -306,6 +306,10 @@ CONSTANTS = {
     "foresight_passive_s": Chosen(
         "how long a failure of all thrusters after any push of a plan must not lead to the chief, s"
     ),
+    "foresight_bare": Chosen(
+        "not 0: plans are fired as geometry prices them, with the camera aimed at the chief; none is flown "
+        "ahead, as on board"
+    ),
 }
 
 

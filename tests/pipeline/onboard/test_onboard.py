@@ -32,9 +32,10 @@ from pipeline.flight.fly.stepping import SteppedFlights
 from pipeline.flight.fly.tours import tour_images
 from pipeline.flight.period.decide import urgency
 from pipeline.flight.state.log import REHEARSED
+from pipeline.onboard.allowed import NotTranslatableError
 from pipeline.onboard.export import export
 from pipeline.onboard.fmi import variables
-from pipeline.onboard.program import NotTranslatableError, translate
+from pipeline.onboard.program import translate
 from pipeline.onboard.recorded import OUTPUT, Library, differing, recorded
 from pipeline.onboard.source import sources
 from pipeline.run.maker import product_version

@@ -1,0 +1,206 @@
+"""A planner in C: it plans what the product plans, bit for bit, within the periods that it is given."""
+
+import shutil
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fis_tools.compiled.vectors import Three
+from fis_tools.formats import serialize
+from fis_tools.formats.serialize import content_hash
+from pipeline.flight.control.controller import from_fuzzy
+from pipeline.flight.fly.aboard import predict
+from pipeline.flight.fly.outlooks import at_start, finishing
+from pipeline.flight.fly.pushes import Effort, search_pushes
+from pipeline.flight.fly.replanning import FIRST, foresees
+from pipeline.flight.fly.simulation import fly_all, fly_logged
+from pipeline.flight.state.log import REHEARSED
+from pipeline.flight.world.pack import pack_world
+from pipeline.onboard.allowed import NotTranslatableError
+from pipeline.onboard.program import translate
+from pipeline.onboard.recorded import OUTPUT, Library, differing, recorded
+from pipeline.onboard.source import sources
+from tests.fis_tools.sample_controllers import SHIPPED
+from tests.pipeline.flight.cases import mission, random_starts
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc compiles what is written"),
+]
+SHORT = mission(duration_s=1200.0)
+EVERY = {name: from_fuzzy(serialize.load(path)) for name, path in SHIPPED.items()}
+PLANNING = {name: each for name, each in EVERY.items() if foresees(each)}
+#: little effort, which is enough for what is tried here
+QUICK = {2: (Effort(16, 9),) * 2, 3: (Effort(24, 9),) * 3}
+#: bits of the status, as the header defines them
+BAD_POSITION, BAD_START = 2, 64
+#: what writes into a state how many periods ahead it plans
+SHIM = "\nvoid set_lead(struct controller *state, int lead) { state->plan_lead = lead; }\n"
+
+
+@pytest.fixture(scope="module", autouse=True)
+def quick():
+    with pytest.MonkeyPatch.context() as patch:
+        for num_pushes, efforts in QUICK.items():
+            patch.setitem(FIRST, num_pushes, efforts)
+        yield
+
+
+def written(program, folder):
+    source = sources(program)
+    (folder / "controller.h").write_text(source.header)
+    (folder / "controller.c").write_text(source.code + SHIM)
+    return Library(folder, flags=("-std=c99", "-O1", "-ffp-contract=off"))
+
+
+@pytest.fixture(scope="module", params=PLANNING)
+def planning(request, tmp_path_factory):
+    program = translate(SHORT, PLANNING[request.param])
+    return program, written(program, tmp_path_factory.mktemp("planning"))
+
+
+def test_c_flies_the_plan_that_the_product_flies(planning):
+    program, library = planning
+    num_planned = 0
+    for start in random_starts(3, seed=7):
+        log = fly_logged(SHORT, program.controller, start)
+        flight = recorded(program, start, log)
+        assert flight.plans
+        assert not flight.steps["is_given"].any()
+        answers = library.answers(flight)
+        assert len(differing(answers, log)) == 0
+        is_planned = (answers["reason"] == REHEARSED).all(axis=1)
+        num_planned += np.count_nonzero(answers["force_n"][is_planned])
+        many = fly_all(SHORT, program.controller, [start])
+        assert many.delta_v_m_s[0] == log.delta_v_m_s[-1]
+    assert num_planned > 3
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"deputy": {"max_force_n": 0.02}, "safety": {"kind": "filter"}},
+        {"sensor": {"max_incidence_deg": 70.0, "max_range_m": 90.0}, "light": {"shadow": "conical"}},
+        {"chief": {"shape": "mesh"}},
+    ],
+    ids=["weak thrusters and safety layer", "camera and shadow", "shaped chief"],
+)
+def test_a_mission_of_another_kind_is_planned_in_the_same_way(changes, tmp_path):
+    flown = mission(duration_s=1200.0, **changes)
+    program = translate(flown, PLANNING["champion_27_rehearsed"], is_tilted=True)
+    library = written(program, tmp_path)
+    for start in random_starts(2, seed=3):
+        tilted = replace(start, sun_elevation_rad=0.2)
+        log = fly_logged(flown, program.controller, tilted)
+        answers = library.answers(recorded(program, tilted, log))
+        assert len(differing(answers, log)) == 0
+        assert (answers["reason"] == REHEARSED).any()
+
+
+def rules_flight(program, start):
+    """A flight of a program's rules without its plan."""
+    rules = finishing(program.controller)
+    log = fly_logged(SHORT, rules, start)
+    return recorded(replace(program, controller=rules), start, log), log
+
+
+def plan_at(program, start, state, sample, unseen):
+    """The forces of the plan that the product makes from a state at a sample on, (K - sample, 3), N."""
+    world = pack_world(SHORT)
+    known = replace(SHORT, attitude=replace(SHORT.attitude, mode="ideal"))
+    deputies = at_start(SHORT, known, program.controller, [start], 0, 8)
+    left = np.zeros((1, world.points.shape[2]), dtype=np.uint8)
+    left[0, : len(unseen)] = unseen
+    believed = replace(start, position_m=state[:3], velocity_m_s=state[3:])
+    ((outlook, needed),) = replace(deputies, sample=sample, believed=[believed], left=left).outlooks()
+    num_pushes, words = deputies.num_pushes, state.view(np.uint32).tolist()
+    searches = [
+        search_pushes(
+            *(outlook, num_pushes, needed, deputies.constant("foresight_reach_m_s"), effort),
+            np.random.default_rng(np.random.SeedSequence(words, spawn_key=(sample, 0, number))),
+        )
+        for number, effort in enumerate(FIRST[num_pushes])
+    ]
+    best = min(searches, key=lambda search: search.cost).best
+    forces = np.zeros((world.num_controls - sample, 3))
+    begins = [0, *(deputies.step * int(gene) for gene in best[3 * num_pushes :])]
+    for begin, push in zip(begins, best[: 3 * num_pushes].reshape(-1, 3), strict=True):
+        forces[begin] += np.where(np.abs(push) < outlook.least_force, 0.0, push)
+    return forces
+
+
+@pytest.mark.parametrize("lead", [1, 3])
+def test_a_plan_is_made_in_flight_from_where_the_deputy_will_be(planning, lead):
+    program, library = planning
+    (start,) = random_starts(1, seed=9)
+    flight, log = rules_flight(program, start)
+    num_searched = sum(effort.num_generations + 1 for effort in FIRST[program.planner.num_pushes])
+    library.start(flight.start)
+    library._functions.set_lead(library._state, lead)
+    outputs = np.zeros(len(flight.steps), OUTPUT)
+    budget = -(-num_searched // lead)
+    for k in range(len(flight.steps)):
+        library.step(flight.steps[k : k + 1], outputs[k : k + 1])
+        left = library.plan(budget)
+        assert left == max(0, num_searched - budget * (k + 1))
+    np.testing.assert_array_equal(outputs["force_n"][:lead], log.force_commanded_n[:lead])
+    state = np.r_[start.position_m, start.velocity_m_s]
+    predict(pack_world(SHORT), state, Three(*outputs["force_n"][0].tolist()), lead)
+    np.testing.assert_allclose(state[:3], log.position_m[lead], rtol=0, atol=1e-9)
+    expected = plan_at(program, start, state, lead, flight.steps["unseen"][0])
+    last = np.flatnonzero(expected.any(axis=1))[-1]
+    np.testing.assert_array_equal(outputs["force_n"][lead : lead + last + 1], expected[: last + 1])
+    assert (outputs["reason"][lead : lead + last + 1] == REHEARSED).all()
+    assert (outputs["reason"][lead + last + 1 :] != REHEARSED).all()
+
+
+def test_the_header_names_the_controller_as_it_ships(planning):
+    program, _ = planning
+    name = program.controller.name
+    assert sources(program).identity["controller"] == content_hash(PLANNING[name].fuzzy)
+
+
+def test_rules_fly_while_no_plan_is_ready_in_time(planning):
+    program, library = planning
+    (start,) = random_starts(1, seed=9)
+    flight, log = rules_flight(program, start)
+    library.start(flight.start)
+    outputs = np.zeros(len(flight.steps), OUTPUT)
+    for k in range(len(flight.steps)):
+        library.step(flight.steps[k : k + 1], outputs[k : k + 1])
+        library.plan(1)
+    assert len(differing(outputs, log)) == 0
+
+
+def test_nothing_is_planned_before_the_start_or_from_bad_input(planning):
+    program, library = planning
+    (start,) = random_starts(1, seed=2)
+    flight, _ = rules_flight(program, start)
+    library._state[:] = [0.0] * len(library._state)
+    assert library.plan() == 0
+    assert library.plan_from(flight.steps[:1]) == BAD_START
+    library.start(flight.start)
+    assert library.plan() == 0
+    bad = flight.steps[:1].copy()
+    bad["position_m"] = np.nan
+    assert library.plan_from(bad) == BAD_POSITION
+    assert library.plan(0) == 0
+    assert library.plan_from(flight.steps[:1]) == 0
+    assert library.plan(0) > library.plan(1) > library.plan(2) > 0
+    assert library.plan() == 0
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"navigation": {"mode": "fixes"}}, "plans again in flight where .* have errors"),
+        ({"actuators": {"kind": "real"}}, "plans again in flight"),
+        ({"chief": {"initial_angular_velocity_rad_s": (0.01, 0.0, 0.0)}}, "a chief that turns in Hill axes"),
+    ],
+)
+def test_what_is_not_exported_yet_is_refused_with_a_cure(changes, words):
+    flown = mission(duration_s=1200.0, **changes)
+    with pytest.raises(NotTranslatableError, match=rf"{words}.*; .*--bare"):
+        translate(flown, PLANNING["champion_27_rehearsed"])
+    assert translate(flown, PLANNING["champion_27_rehearsed"], rules_alone=True).planner is None
