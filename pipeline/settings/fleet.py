@@ -22,3 +22,5 @@ class Fleet(Settings, group="fleet", only=Only("fleet.deputies>1")):
     sharing: Literal["nothing", "mask", "leave", "nearer"] = "nearer"
     """What they heed of one another: nothing; mask, the points that any has seen; leave, also those that the
     coasting of others will show; nearer, also those that no coasting shows and another is nearer to."""
+    keep_apart_m: Annotated[types.NotNegative, Field(le=100)] = 0.0
+    """Least distance between two deputies at a sample, which safety=filter keeps; 0: none."""

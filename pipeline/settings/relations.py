@@ -264,6 +264,21 @@ def _fleet(mission: Mission) -> Iterator[str]:
         yield "what follows a flight is asked of one deputy alone; leave one of them out"
 
 
+@relation("fleet.keep_apart_m", "safety.kind", "navigation.mode", "actuators.kind", "dynamics.model")
+def _apart(mission: Mission) -> Iterator[str]:
+    """Check that deputies are kept apart by the safety layer, where all is as it takes it to be."""
+    if not mission.fleet.keep_apart_m > 0.0:
+        return
+    if mission.safety.kind != "filter" or mission.safety.probability is not None:
+        yield "it is the safety layer without margins for errors that keeps deputies apart; add safety=filter"
+    for key, exact in (("navigation.mode", "perfect"), ("actuators.kind", "ideal"), ("dynamics.model", "cw")):
+        if setting(mission, key) != exact:
+            yield (
+                f"{key} is {setting(mission, key)}, and deputies are kept apart only where nothing is "
+                f"inexact, with {exact}; change one of them"
+            )
+
+
 @relation("deputy.max_momentum_n_m_s", "deputy.inertia_kg_m2", "orbit.mean_motion_rad_s")
 def _wheels(mission: Mission) -> Iterator[str]:
     """Check that the deputy's wheels can take up the rotation of Hill axes, about any axis."""

@@ -11,11 +11,11 @@ from pipeline.array_types import Bytes, Floats
 from pipeline.flight.cases.starts import cases_of
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.control.law import law_of
-from pipeline.flight.fly.fleets import fly_all_fleets, room_for_messages
+from pipeline.flight.fly.fleets import Messages, fly_all_fleets, room_for_messages
 from pipeline.flight.fly.logged import write_period, write_sample
 from pipeline.flight.fly.many import FlightBatch, start_lanes
 from pipeline.flight.fly.population import flights_of
-from pipeline.flight.fly.simulation import completed_log, fly_logged, room_for_log
+from pipeline.flight.fly.simulation import completed_log, room_for_log
 from pipeline.flight.fly.workspace import make_state, make_workspace
 from pipeline.flight.period.decide.exchange import choose_lane_target
 from pipeline.flight.period.decide.urgency import note_deadlines
@@ -50,7 +50,10 @@ class DeputyLog:
 
 
 class Heard(NamedTuple):
-    """What one deputy knows by what others tell it: 1 for each point that counts, P padded."""
+    """What one deputy knows by what others tell it: 1 for each point that counts, P padded.
+
+    No rows where it heeds nothing.
+    """
 
     unseen: Floats  # (K+1, P) that none has seen by a sample
     wanted: Floats  # (K, P) and that is left to no other
@@ -66,6 +69,16 @@ def look_for(now: Moment, wanted: Floats) -> None:
     now.state.lanes.num_unseen[0] = num_unseen
 
 
+@compiled(error_model="numpy")
+def command_kept(now: Moment, kept: Floats) -> None:
+    """Command the force, N, that keeps the only deputy apart from others, and note for which limit."""
+    lanes = now.state.lanes
+    lanes.limit[0] = kept[3]
+    for axis in range(3):
+        change = kept[axis] - lanes.commanded[axis, 0]
+        lanes.change[axis, 0], lanes.commanded[axis, 0] = change, kept[axis]
+
+
 @compiled(nogil=True, error_model="numpy")
 def fly_heeding(
     optics: FullOptics | None,
@@ -75,34 +88,43 @@ def fly_heeding(
     errors: ModelErrors | None,
     flights: FlightBatch,
     heard: Heard,
+    kept: Floats | None,
     state: FlightState,
     work: Workspace,
     log: FlightLog,
 ) -> None:
     """Fly the only flight, by what is heard, and log it.
 
-    See `pipeline.flight.period.steps` for the first five.
+    See `pipeline.flight.period.steps` for the first five; `kept`, (K, 4), are its commands and limits where
+    it is kept apart from others.
     """
     flights, heard, state, work, log = borrowed((flights, heard, state, work, log))
-    world, law = flights.world, flights.law
+    world, law, heeds = flights.world, flights.law, len(heard.unseen) > 0
     control = Control(law, flights.values[0, 0], flights.rules[0])
     start_lanes(Moment(world, state, 0, 1, 0), flights.cases, flights.counted)
     if law.needs & (URGENCY | SETTING):
         note_deadlines(Moment(world, state, 0, 1, 0), optics, work.deadlines, work.lit)
     for k in range(world.first, world.last + 1):
         now = Moment(world, state, 0, 1, k)
-        if k > 0:
+        if k > 0 and heeds:
             look_for(now, heard.unseen[k - 1])
         look(now, work, optics, None, errors, law.plans)
-        look_for(now, heard.wanted[k] if k < world.last else heard.unseen[k])
+        if heeds:
+            look_for(now, heard.wanted[k] if k < world.last else heard.unseen[k])
         choose_lane_target(now, work, optics, clusters, 0)
-        look_for(now, heard.unseen[k])
+        if heeds:
+            look_for(now, heard.unseen[k])
         write_sample(now, work.signals, errors, flights.counted[0], log, flights.cases[0])
         if k == world.last:
             break
-        look_for(now, heard.wanted[k])
+        if heeds:
+            look_for(now, heard.wanted[k])
         decide(now, work, optics, pushes, control)
-        act(now, work, guard, errors, law.plans)
+        if kept is not None:
+            command_kept(now, kept[k])
+            act(now, work, None, errors, law.plans)
+        else:
+            act(now, work, guard, errors, law.plans)
         write_period(now, work, optics, control, errors, log, False)
 
 
@@ -118,28 +140,33 @@ def fly_logged_fleet(mission: Mission, controller: Controller, scenario: Scenari
     """
     messages = room_for_messages(mission, 1)
     fly_all_fleets(mission, controller, [scenario], 1, messages=messages)
-    seen_by, logs = messages.seen_by[0], []
-    for row, start in enumerate(scenario.fleet):
-        left_to = messages.left_to[0, row]
-        if mission.fleet.sharing == "nothing":
-            flight = fly_logged(mission.of_each, controller, start)
-        else:
-            flight = _fly_heeding(mission.of_each, controller, start, seen_by, left_to)
-        logs.append(DeputyLog(row + 1, flight, seen_by, left_to))
-    return logs
+    return [
+        DeputyLog(
+            row + 1,
+            _fly_heeding(mission, controller, start, messages, row),
+            messages.seen_by[0],
+            messages.left_to[0, row],
+        )
+        for row, start in enumerate(scenario.fleet)
+    ]
 
 
 def _fly_heeding(
-    mission: Mission, controller: Controller, start: Scenario, seen_by: Bytes, left_to: Bytes
+    mission: Mission, controller: Controller, start: Scenario, messages: Messages, row: int
 ) -> FlightLog:
-    """Fly one deputy by what it is told, and log it."""
-    world, law, cases = pack_world(mission), law_of(controller, mission), cases_of(mission, [start])
+    """Fly one deputy by what the others tell it, and log it."""
+    alone = mission.of_each
+    world, law, cases = pack_world(alone), law_of(controller, alone), cases_of(alone, [start])
     parts, flights, inspectable = flights_of(world, law, controller.numbers, cases)
-    unseen = np.tile(flights.counted[0].astype(np.float64), (len(seen_by), 1))
-    unseen[:, : world.num_points] *= seen_by == 0
+    unseen = np.tile(flights.counted[0].astype(np.float64), (mission.num_controls + 1, 1))
+    unseen[:, : world.num_points] *= messages.seen_by[0] == 0
     wanted = unseen[:-1].copy()
-    wanted[:, : world.num_points] *= left_to == 0
-    log = room_for_log(mission, world, law)
+    wanted[:, : world.num_points] *= messages.left_to[0, row] == 0
+    heard = Heard(unseen, wanted)
+    if mission.fleet.sharing == "nothing":
+        heard = Heard(unseen[:0], wanted[:0])
+    kept = messages.forces[0, row] if mission.fleet.keep_apart_m > 0.0 else None
+    log = room_for_log(alone, world, law)
     state, work = make_state(world, parts[-1]), make_workspace(world)
-    fly_heeding(*parts, flights, Heard(unseen, wanted), state, work, log)
-    return completed_log(mission, world, parts[-1], flights, inspectable, log)
+    fly_heeding(*parts, flights, heard, kept, state, work, log)
+    return completed_log(alone, world, parts[-1], flights, inspectable, log)

@@ -33,6 +33,7 @@ from pipeline.flight.fly.population import flights_of, outcomes_of, shares_of
 from pipeline.flight.fly.replanning import foresees
 from pipeline.flight.fly.tours import tour_images
 from pipeline.flight.fly.workspace import make_state, make_workspace
+from pipeline.flight.period.act.apart import Apart, assure_apart, num_half_spaces
 from pipeline.flight.period.decide.exchange import Exchange, begin, heed, pool, share_out
 from pipeline.flight.period.decide.urgency import note_deadlines
 from pipeline.flight.period.steps import act, decide, look
@@ -66,6 +67,8 @@ class Messages(NamedTuple):
 
     seen_by: Bytes  # (m, K+1, P) that saw a point first, so far
     left_to: Bytes  # (m, D, K, P) to which a deputy leaves a point
+    # (m, D, K, 4) where deputies are kept apart: commanded forces, N, Hill axes, and for which limit changed
+    forces: Floats
 
 
 class FleetResults(NamedTuple):
@@ -106,9 +109,9 @@ def note_fleets(now: Moment, exchange: Exchange, needed: Floats, results: FleetR
 
 @compiled(error_model="numpy")
 def note_seen(now: Moment, exchange: Exchange, messages: Messages) -> None:
-    """Note who saw which points so far."""
+    """Note who saw which points so far, where there is room."""
     deputies = exchange.deputies
-    for lane in range(0, now.num_lanes, deputies):
+    for lane in range(0, now.num_lanes if len(messages.seen_by) > 0 else 0, deputies):
         for j in range(now.world.num_points):
             messages.seen_by[(now.first + lane) // deputies, now.k, j] = (
                 exchange.seen_by[lane // deputies, j] + 1
@@ -117,12 +120,23 @@ def note_seen(now: Moment, exchange: Exchange, messages: Messages) -> None:
 
 @compiled(error_model="numpy")
 def note_left(now: Moment, exchange: Exchange, messages: Messages) -> None:
-    """Note what is left to whom."""
+    """Note what is left to whom, where there is room."""
     deputies = exchange.deputies
-    for lane in range(now.num_lanes):
+    for lane in range(now.num_lanes if len(messages.left_to) > 0 else 0):
         left = messages.left_to[(now.first + lane) // deputies, lane % deputies, now.k]
         for j in range(now.world.num_points):
             left[j] = exchange.left_to[lane, j] + 1
+
+
+@compiled(error_model="numpy")
+def note_forces(now: Moment, deputies: int, messages: Messages) -> None:
+    """Note the commands of deputies that are kept apart, where there is room."""
+    lanes = now.state.lanes
+    for lane in range(now.num_lanes if len(messages.forces) > 0 else 0):
+        row = messages.forces[(now.first + lane) // deputies, lane % deputies, now.k]
+        for axis in range(3):
+            row[axis] = lanes.commanded[axis, lane]
+        row[3] = lanes.limit[lane]
 
 
 @compiled(nogil=True, error_model="numpy")
@@ -133,6 +147,7 @@ def fly_fleets(
     pushes: bool | None,
     errors: ModelErrors | None,
     flights: FlightBatch,
+    apart: Apart | None,
     exchange: Exchange,
     needed: Floats,
     state: FlightState,
@@ -143,18 +158,14 @@ def fly_fleets(
 ) -> None:
     """Fly deputies `first` to `last - 1`, whole fleets of one controller side by side.
 
-    See `pipeline.flight.period.steps` for the first five; `needed`, (m,), are the points that are enough. The
-    content of exchange, state and workspace, those of this thread, does not matter.
+    See `pipeline.flight.period.steps` for the first five; `apart` is None where deputies are not kept apart,
+    and `needed`, (m,), are the points that are enough. The content of exchange, state and workspace, those of
+    this thread, does not matter.
     """
     deputies = exchange.deputies
     most = width_of(state.lanes) // deputies * deputies
     flights, exchange, state, work, results = borrowed((flights, exchange, state, work, results))
-    world, law, tracks, has_messages = (
-        flights.world,
-        flights.law,
-        results.tracks,
-        len(results.messages.seen_by) > 0,
-    )
+    world, law, tracks = flights.world, flights.law, results.tracks
     control = Control(law, flights.values[0, 0], flights.rules[0])
     for start in range(first, last, most):
         num_lanes = min(most, last - start)
@@ -169,19 +180,22 @@ def fly_fleets(
             look(now, work, optics, None, errors, law.plans)
             pool(now, exchange)
             note_fleets(now, exchange, needed, results)
-            if has_messages:
-                note_seen(now, exchange, results.messages)
+            note_seen(now, exchange, results.messages)
             for lane in range(num_lanes if len(tracks) > 0 else 0):
                 write_track(now, lane, tracks[start + lane, k])
             if k == world.last:
                 break
             share_out(now, work, exchange, optics, clusters, control)
-            if has_messages:
-                note_left(now, exchange, results.messages)
+            note_left(now, exchange, results.messages)
             if not is_given(now, flights.openings):
                 decide(now, work, optics, pushes, control)
             open_with(now, flights.openings)
-            act(now, work, guard, errors, law.plans)
+            if apart is not None:
+                assure_apart(now, apart)
+                note_forces(now, deputies, results.messages)
+                act(now, work, None, errors, law.plans)
+            else:
+                act(now, work, guard, errors, law.plans)
             for lane in range(num_lanes if len(tracks) > 0 else 0):
                 write_fired(state, lane, tracks[start + lane, k])
         write_outcomes(now, start, results.outcomes)
@@ -197,15 +211,17 @@ def make_exchange(world: World, deputies: int, sharing: str, lanes: int) -> Exch
     return exchange
 
 
-NO_MESSAGES = Messages(np.zeros((0, 0, 0), dtype=np.uint8), np.zeros((0, 0, 0, 0), dtype=np.uint8))
+NO_MESSAGES = Messages(
+    np.zeros((0, 0, 0), dtype=np.uint8), np.zeros((0, 0, 0, 0), dtype=np.uint8), np.zeros((0, 0, 0, 4))
+)
 
 
 def room_for_messages(mission: Mission, count: int) -> Messages:
     """Return room for what the deputies of some fleets tell one another."""
     num_controls, num_points = mission.num_controls, len(surface_of(mission).points)
     seen_by = np.zeros((count, num_controls + 1, num_points), dtype=np.uint8)
-    left_to = np.zeros((count, mission.fleet.deputies, num_controls, num_points), dtype=np.uint8)
-    return Messages(seen_by, left_to)
+    each = count, mission.fleet.deputies, num_controls
+    return Messages(seen_by, np.zeros((*each, num_points), dtype=np.uint8), np.zeros((*each, 4)))
 
 
 #: columns of what each deputy of a fleet did, in the order of `FleetOutcomes.of_deputies`
@@ -225,6 +241,14 @@ class FleetOutcomes(Outcomes):
     enough_s: Floats  # (m,) when enough points are seen for a success; NaN where they never are
     nearest_pair_m: Floats  # (m,) least distance between two deputies at a sample
     of_deputies: Floats  # (m, D, len(OF_DEPUTIES))
+
+
+def apart_of(mission: Mission) -> Apart | None:
+    """Return how far apart the deputies of a thread's fleets are kept; None where they are not."""
+    deputies, distance = mission.fleet.deputies, mission.fleet.keep_apart_m
+    if not distance > 0.0:
+        return None
+    return Apart(deputies, distance, np.zeros((num_half_spaces(deputies), 4)))
 
 
 def check_controller(controller: Controller) -> None:
@@ -284,7 +308,9 @@ def fly_all_fleets(
     def fly_shares(exchange: Exchange, state: FlightState, work: Workspace) -> None:
         """Fly shares one after the other, each not taken by another thread."""
         for first, last in untaken:
-            fly_fleets(*parts, flights, exchange, needed, state, work, results, first, last)
+            fly_fleets(
+                *parts, flights, apart_of(mission), exchange, needed, state, work, results, first, last
+            )
 
     exchanges = [make_exchange(world, deputies, mission.fleet.sharing, lanes) for _ in range(workers)]
     states = [make_state(world, parts[-1], lanes) for _ in range(workers)]

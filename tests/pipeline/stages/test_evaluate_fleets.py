@@ -14,13 +14,16 @@ from pipeline.controllers.source import load
 from pipeline.evaluation.statistics import statistic
 from pipeline.flight.control.controller import ControllerError
 from pipeline.flight.fly.fleet_logs import DeputyLog, fly_logged_fleet
+from pipeline.flight.fly.fleets import OF_DEPUTIES
 from pipeline.flight.goals.flights import fly_all
 from pipeline.flight.state.arrays import NUM_TRACKED
+from pipeline.flight.state.log import APART
 from pipeline.preflight import check_before
 from pipeline.recording.fleets import fleet_events
 from pipeline.recording.reflight import fly_again
 from pipeline.run import artifacts
 from pipeline.scenarios import evaluation_scenarios
+from pipeline.settings.fleet import SHARING
 from telemetry import RecordingError
 from telemetry.file.topics import MISSION
 from tests.pipeline.stages.cases import carried_out, composed, prepared
@@ -69,7 +72,7 @@ def test_the_summary_tells_of_the_fleet(evaluated):
     run, folder = evaluated
     summary = artifacts.read_json(folder, artifacts.SUMMARY)
     episodes = pq.read_table(folder / artifacts.EPISODES).to_pydict()
-    assert summary["fleet"] == {"deputies": 3, "sharing": "nearer"}
+    assert summary["fleet"] == {"deputies": 3, "sharing": "nearer", "keep_apart_m": 0.0}
     assert summary["optimum"] == {"not_compared": "the plans are of one deputy"}
     for name in ("delta_v_m_s", "greatest_delta_v_m_s", "nearest_pair_m"):
         assert summary[name]["mean"] == statistic(np.array(episodes[name]), 95.0).mean
@@ -102,9 +105,11 @@ def test_each_deputy_is_recorded_as_it_flew(evaluated):
             fly_again(path)
 
 
-@pytest.mark.parametrize("sharing", ["nothing", "mask", "leave", "nearer"])
-def test_a_deputys_log_has_the_bits_of_the_fleet(sharing):
-    words = ("controller=champion_27", "sun=random", f"fleet.sharing={sharing}")
+@pytest.mark.parametrize("keep_apart_m", [0, 95])
+@pytest.mark.parametrize("sharing", SHARING)
+def test_a_deputys_log_has_the_bits_of_the_fleet(sharing, keep_apart_m):
+    words = ["controller=champion_27", "sun=random", f"fleet.sharing={sharing}"]
+    words += ["safety=filter", f"fleet.keep_apart_m={keep_apart_m}"] if keep_apart_m else []
     experiment = composed(*words, experiment="evaluate_fleet").experiment
     mission = replace(experiment.mission, duration_s=1800.0)
     controller, scenario = load(experiment.controller, mission), evaluation_scenarios(experiment)[2]
@@ -114,6 +119,10 @@ def test_a_deputys_log_has_the_bits_of_the_fleet(sharing):
     for row, log in enumerate(logs):
         np.testing.assert_array_equal(log.flight.position_m.astype(np.float32), tracks[0, row, :, :3])
         assert log.flight.delta_v_m_s[-1] == outcomes.of_deputies[0, row, 0]
+        acted = outcomes.of_deputies[0, row, OF_DEPUTIES.index("safety_periods")]
+        assert np.count_nonzero(log.flight.safety_limit) == acted
+    if keep_apart_m:
+        assert any((log.flight.safety_limit == APART).any() for log in logs)
     assert np.count_nonzero(logs[0].seen_by[-1]) == outcomes.inspected_count[0]
     assert any(log.left_to.any() for log in logs) == (sharing in ("leave", "nearer"))
 
