@@ -23,7 +23,7 @@ COMMAND = (
     "sun=random",
     f"monte_carlo.num_cases={NUM_STARTS}",
 )
-VIEW = PROJECT / "pipeline" / "player" / "flight_view"
+VIEW = PROJECT / "telemetry" / "page"
 PLAYER = PROJECT / "pipeline" / "player"
 #: a link to a page of the site
 LINK = re.compile(r'href="([\w/.-]+\.html)"')
@@ -67,12 +67,13 @@ def page(*, is_alone: bool = False) -> str:
 
     content = table()
     module = base64.b64encode(
-        gzip.compress((PLAYER / "modules" / "flight.wasm").read_bytes(), 9, mtime=0)
+        gzip.compress((PLAYER / "modules" / "plain.wasm").read_bytes(), 9, mtime=0)
     ).decode()
     style = "".join(path.read_text(encoding="utf-8") for path in (VIEW / "view.css", FOLDER / "home.css"))
     scripts = PLAYER / "scripts"
     parts = (
         VIEW / "view.js",
+        VIEW / "scripts" / "arrays.js",
         scripts / "module.js",
         scripts / "reasons.js",
         FOLDER / "flight.js",

@@ -11,7 +11,7 @@ from fis_tools.model.thrust import REASONS
 from fis_tools.words.text import sentence
 from pipeline.controllers import source
 from pipeline.flight.state import arrays
-from pipeline.player.arguments import arguments_of
+from pipeline.player.arguments import PLAIN, arguments_of
 from pipeline.player.motion import free_motion
 from pipeline.player.shares import arguments_of_shares, triangle
 from pipeline.player.snapshot import snapshot_of
@@ -43,9 +43,9 @@ def table() -> dict[str, Any]:
     flown = experiment()
     mission, controller = flown.mission, source.named(CONTROLLER, flown.mission)
     starts = evaluation_scenarios(flown)
-    to_fly = arguments_of(mission, controller, starts, num_tracked=NUM_STARTS)
-    if to_fly is None:
-        raise ValueError(f"no module flies {CONTROLLER} in the page's world")
+    module, to_fly = arguments_of(mission, controller, starts, num_tracked=NUM_STARTS)
+    if module != PLAIN:
+        raise ValueError(f"another module flies {CONTROLLER} in the page's world than the page carries")
     to_share = arguments_of_shares(to_fly, controller.systems)
     coasted = free_motion(mission.orbit.mean_motion_rad_s)
     functions = {"fly": to_fly, "share": to_share}

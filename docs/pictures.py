@@ -193,12 +193,7 @@ SOURCES: dict[str, tuple[str, ...]] = {
     "front": (f"{FIGURES}/comparison.py", f"{FIGURES}/style.py", "conf/optimizer/front.yaml"),
     "safety": (f"{FIGURES}/trajectories.py", f"{FIGURES}/style.py", f"{CONTROLLERS}/paper_octants.yaml"),
     "tour": ("benchmarks/champion.py", f"{FIGURES}/trajectories.py", f"{CONTROLLERS}/champion_leo.yaml"),
-    "edit": (
-        "fis_tools/edit",
-        "pipeline/edit",
-        "pipeline/player/flight_view",
-        f"{CONTROLLERS}/champion_27.yaml",
-    ),
+    "edit": ("fis_tools/edit", "pipeline/edit", "telemetry/page", f"{CONTROLLERS}/champion_27.yaml"),
     "review": ("fis_tools/review", f"{CONTROLLERS}/paper_champion.yaml"),
 }
 

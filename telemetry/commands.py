@@ -6,6 +6,7 @@ it too: open it in Foxglove, or run `rerun FILE.mcap`.
 For example:
 
     python -m telemetry replay flight.mcap
+    python -m telemetry page flight.mcap
     python -m telemetry campaign outputs/evaluate/RUN
     python -m telemetry screenshot flight.mcap -o pictures
     python -m telemetry info flight.mcap
@@ -32,6 +33,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import App, CycloptsError, Parameter
 
+from fis_tools.file_access import replacing
 from fis_tools.streams import guarded
 from telemetry.file import RecordingError, tables
 from telemetry.file.compare import compare as comparison_of
@@ -239,6 +241,32 @@ def replay(files: tuple[Path, ...], /, shown: Shown = WINDOW) -> None:
     shown.look(replay.scene(files))
 
 
+def page(file: Path, /, *, output: Output = None) -> None:
+    """Write a page that plays a flight in any browser, and needs no other file.
+
+    Scene, distance, fuel, points and reasons show one time; pictures and numbers can be saved. It shows what
+    the recording has, whoever wrote it, and says what it does not tell. Nothing is fetched.
+
+    For example:
+
+        python -m telemetry page flight.mcap
+        python -m telemetry page flight.mcap -o flight.html
+
+    Parameters
+    ----------
+    file
+        a flight
+    output
+        where to [default: NAME.html in the folder of FILE]
+    """
+    from telemetry.page import recorded  # noqa: PLC0415 - as above
+
+    path = output or file.with_suffix(".html")
+    with replacing(path) as stream:
+        stream.write(recorded.write(file).encode())
+    print(path)
+
+
 def campaign(run: Path, /, shown: Shown = WINDOW) -> None:
     """Show all trajectories of an evaluation, coloured by outcome.
 
@@ -303,7 +331,7 @@ def screenshot(
 #: commands that there were, and what does their work
 GONE = {"training": "a run's report.html draws the training, and logger=tensorboard shows it live."}
 COMMANDS: tuple[Callable[..., int | None], ...] = (
-    *(replay, campaign, screenshot),
+    *(replay, page, campaign, screenshot),
     *(info, recover, export, compare),
 )
 

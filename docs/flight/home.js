@@ -18,7 +18,6 @@ const padded = flights.points.length / 3;
 
 const SLIDERS = { azimuth: 45, elevation: 35.5, distance: 75, sun: 0 };
 const chosen = { ...SLIDERS };
-const three = (array, k) => [array[3 * k], array[3 * k + 1], array[3 * k + 2]];
 
 const flown = {
   numSamples, periodS: TABLE.control_period_s, radius: TABLE.radius_m, limits: [TABLE.min_distance_m, TABLE.max_distance_m],

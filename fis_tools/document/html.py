@@ -92,21 +92,24 @@ def fragment(document: Document) -> str:
     return str(element("style", Markup(read("style.css"))) + _main(document))  # noqa: S704 - of this package
 
 
-def page(document: Document, style: str = "") -> str:
-    """Write a document as a page of its own, which runs nothing and fetches nothing; ``style`` is CSS.
+def page(document: Document, style: str = "", panel: ScriptedPanel | None = None) -> str:
+    """Write a document as a page of its own, which fetches nothing; ``style`` is CSS.
 
-    Headings of level 2 that have an id make its sections and its navigation.
+    It runs nothing but the script of a panel, which may fly; the panel follows the document. Headings of
+    level 2 that have an id make its sections and its navigation.
     """
     main = _main(document)
     style = Markup(read("style.css") + read("page.css") + style)  # noqa: S704 - of our packages
+    styled = "" if panel or "style=" in main or "<style" in main else style
     return template("fis_tools", "document", "page.html").render(
         title=document.title,
         style=style,
-        policy=policy("" if "style=" in main or "<style" in main else style),
+        policy=policy(styled, panel.script if panel else "", flies=panel is not None),
         navigation=[
             block for block in document.blocks if isinstance(block, Heading) and block.level == 2 and block.id
         ],
         body=main,
+        panel=panel,
     )
 
 

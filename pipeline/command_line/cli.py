@@ -78,7 +78,7 @@ def _command_of(arguments: Sequence[str]) -> Callable[[], int]:
     """Return a function that runs the requested command and returns its exit code."""
     first, *others = arguments or [""]
     if first.startswith(COMPARE) and "," in first:  # it is a group of settings, too
-        first, *others = "compare", *first.removeprefix(COMPARE).split(","), *others
+        first, *others = "compare", first.removeprefix(COMPARE), *others
     if first in COMMANDS:
         function: Callable[[Sequence[str]], int]
         function = getattr(import_module(f"pipeline.command_line.{COMMANDS[first]}"), first)

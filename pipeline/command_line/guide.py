@@ -8,7 +8,7 @@ usage: python -m pipeline +experiment=NAME [controller=NAME_OR_PATH] [key=value 
   python -m pipeline +experiment=assure controller=paper_champion  evidence for requirements
   python -m pipeline -m +experiment=train seed=1,2,3               a sweep
   python -m pipeline summary FOLDER                                the results of a sweep, or of other runs
-  python -m pipeline compare=RUN_A,RUN_B                           two runs on the cases that they share
+  python -m pipeline compare=RUN_A,RUN_B page=FILE.html            two runs on the cases that they share
   python -m pipeline merge RUN_A RUN_B                             one run of the shards of a campaign
   python -m pipeline resume=RUN_FOLDER                             go on where a run, or a sweep, stopped
   python -m pipeline verify RUN_FOLDER                             check its files, repeat its flights

@@ -4,17 +4,27 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from fis_tools.document import Document, text
+from fis_tools.document import Block, Document, text
+from pipeline.command_line import runs
 from pipeline.command_line.arguments import CommandParser
+from pipeline.controllers.source import controller_of_run
 from pipeline.evaluation import paired_runs, statistics
+from pipeline.evaluation.statistics import Columns
 from pipeline.report import sweep, sweep_page, verification
 from pipeline.report.contents import read_summary
-from pipeline.run import artifacts, configuration, tables, writing
+from pipeline.report.played import MOST_RUNS, EvaluatedRun
+from pipeline.run import artifacts, configuration, tables, typed, writing
 from pipeline.settings.schema import differences, present
 
 OK, DIFFERENT = 0, 1
 #: files that `summary` writes into a sweep's folder
 PAGE, RUNS, EFFECTS = "summary.html", "summary.parquet", "effects.parquet"
+#: runs that are compared at once
+MOST_COMPARED = MOST_RUNS
+#: what runs beside each other are called
+LETTERS = "ABCDEFGH"
+#: begins the word that says where a page goes
+TO_PAGE = "page="
 #: number of runs whose failures, or commands, are printed
 MOST_PRINTED = 20
 
@@ -55,7 +65,7 @@ def summary(given: Sequence[str]) -> int:
     results = sweep.gather_results(folder)
     tables.write_parquet(folder / RUNS, sweep.columns_of(results))
     tables.write_parquet(folder / EFFECTS, sweep.effect_columns(results))
-    writing.write_atomically(folder / PAGE, sweep_page.write(results))
+    writing.write_atomically(folder / PAGE, sweep_page.write(results, _offered(results)))
     parts = sweep_page.runs_table, sweep_page.settings_table, sweep_page.effects_table
     sys.stdout.write(text.write(Document([block for part in parts for block in part(results)])))
     sys.stdout.writelines(f"to fly {run.folder}: {run.fly}\n" for run in results.offered)
@@ -64,37 +74,75 @@ def summary(given: Sequence[str]) -> int:
     return OK
 
 
-def compare(given: Sequence[str]) -> int:
-    """Print two runs side by side on the cases that they share.
+def _offered(results: sweep.SweepResults) -> list[EvaluatedRun]:
+    """Return the runs that a sweep offers to be flown; none where one of them is not of this program."""
+    folders = [results.folder / run.folder for run in results.offered]
+    try:
+        return [_evaluated(folder, tables.read_or_open(folder, artifacts.EPISODES)) for folder in folders]
+    except runs.MISTAKES:  # the page does without
+        return []
 
-    Usage: python -m pipeline compare=RUN_A,RUN_B
+
+def _evaluated(folder: Path, episodes: Columns) -> EvaluatedRun:
+    experiment = runs.stored(folder).experiment
+    controller = controller_of_run(experiment, folder)
+    command = typed.fly(folder, "case=CASE")
+    return EvaluatedRun(folder.name, experiment, controller, episodes, command)
+
+
+def compare(given: Sequence[str]) -> int:
+    """Print runs side by side on the cases that they share, each against the first.
+
+    Usage: python -m pipeline compare=RUN_A,RUN_B[,RUN_C...] [page=FILE.html]
+
+    With page=FILE.html it also writes a page in which each case opens the flights of all runs beside each
+    other, under one time.
 
     Raises
     ------
     ConfigError, ValueError, OSError
         If there are not two, one cannot be read, was not evaluated, or they share no case.
     """
-    first, second = _folders("compare", given, 2)
-    configs = [present(configuration.read(folder)) for folder in (first, second)]
+    pages = [Path(word.removeprefix(TO_PAGE)).expanduser() for word in given if word.startswith(TO_PAGE)]
+    joined, *rest = [word for word in given if not word.startswith(TO_PAGE)] or [""]
+    first, *others = folders = _folders("compare", joined.split(","), *range(2, MOST_COMPARED + 1), rest=rest)
+    configs = [present(configuration.read(folder)) for folder in folders]
     confidence = float(read_summary(first).get("confidence_percent", sweep.CONFIDENCE_PERCENT))
-    here, there = (tables.read_or_open(folder, artifacts.EPISODES) for folder in (first, second))
-    compared = paired_runs.compare(here, there, confidence)
-    ahead = []
-    for episodes, rows in zip((here, there), paired_runs.common_cases(here, there), strict=True):
-        delta_v = episodes["delta_v_m_s"]
-        planned = episodes.get("ahead_delta_v_m_s", 0.0 * delta_v)
-        ahead.append(statistics.percent_ahead(delta_v[rows], planned[rows]))
-    table = sweep_page.compared_table((first.name, second.name), compared, ahead, confidence)
-    sys.stdout.write(text.write(Document(table)))
-    different = differences(configs[0], configs[1], but=(), words=("A", "B"))
-    sys.stdout.writelines(f"they differ in {key}\n" for key in different)
+    episodes = [tables.read_or_open(folder, artifacts.EPISODES) for folder in folders]
+    blocks: list[Block] = []
+    for letter, folder, there in zip(LETTERS[1 : len(folders)], others, episodes[1:], strict=True):
+        compared = paired_runs.compare(episodes[0], there, confidence)
+        ahead = []
+        for flown, rows in zip(
+            (episodes[0], there), paired_runs.common_cases(episodes[0], there), strict=True
+        ):
+            delta_v = flown["delta_v_m_s"]
+            planned = flown.get("ahead_delta_v_m_s", 0.0 * delta_v)
+            ahead.append(statistics.percent_ahead(delta_v[rows], planned[rows]))
+        blocks += sweep_page.compared_table((first.name, folder.name), compared, ahead, confidence, letter)
+    sys.stdout.write(text.write(Document(blocks)))
+    for letter, config in zip(LETTERS[1 : len(folders)], configs[1:], strict=True):
+        different = differences(configs[0], config, but=(), words=("A", letter))
+        sys.stdout.writelines(f"they differ in {key}\n" for key in different)
+    for path in pages:
+        writing.write_atomically(path, _side_by_side(folders, episodes, blocks))
+        sys.stdout.write(f"written: {path}\n")
     return OK
 
 
-def _folders(command: str, words: Sequence[str], *numbers: int) -> list[Path]:
+def _side_by_side(folders: Sequence[Path], episodes: Sequence[Columns], blocks: Sequence[Block]) -> str:
+    """Return the page of runs that are compared."""
+    played = [_evaluated(folder, flown) for folder, flown in zip(folders, episodes, strict=True)]
+    return sweep_page.write_compared(played, blocks)
+
+
+def _folders(command: str, words: Sequence[str], *numbers: int, rest: Sequence[str] = ()) -> list[Path]:
     """Return the folders that a command is given, which takes some number of them and nothing else."""
-    if len(words) not in numbers:
-        takes = f"{' or '.join(map(str, numbers))} {'folder' if numbers == (1,) else 'folders'}"
+    if len(words) not in numbers or rest:
+        counts = f"{numbers[0]} to {numbers[-1]}" if len(numbers) > 2 else " or ".join(map(str, numbers))
+        takes = f"{counts} {'folder' if numbers == (1,) else 'folders'}"
         parser = CommandParser(f"python -m pipeline {command}")
-        parser.error(f"{command} takes {takes} and nothing else, and {len(words)} words are given")
+        parser.error(
+            f"{command} takes {takes} and nothing else, and {len(words) + len(rest)} words are given"
+        )
     return [Path(word).expanduser() for word in words]

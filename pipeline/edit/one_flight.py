@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Iterator
 from functools import lru_cache, partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,11 +19,12 @@ from pipeline.edit.cases import EditorCases
 from pipeline.flight.state.log import FlightLog
 from pipeline.flight.state.signals import AXES
 from pipeline.recording.foresight import decision_at
-from pipeline.report.scene import PACKAGE, flight_table
+from pipeline.report.scene import flight_table
+from telemetry.page.panel import FOLDER, PACKAGE
 
 REASON_WORDS = tuple(REASONS.values())
 #: the scene that reports have
-VIEW = Path(__file__).parents[1] / "player" / "flight_view"
+VIEW = FOLDER
 
 
 class _SceneView(ui.element, component="scene.js", esm={"flight-view": str(VIEW)}):

@@ -52,16 +52,15 @@ def state_transition(mean_motion: float, duration: float) -> Floats:
     c = cos(angle)
     one_minus_c = 2.0 * sin(0.5 * angle) * sin(0.5 * angle)
     late = _angle_minus_sine(angle)
-    return np.array(
-        [
-            [1.0 + 3.0 * one_minus_c, 0.0, 0.0, s / n, 2.0 * one_minus_c / n, 0.0],
-            [-6.0 * late, 1.0, 0.0, -2.0 * one_minus_c / n, duration - 4.0 * late / n, 0.0],
-            [0.0, 0.0, c, 0.0, 0.0, s / n],
-            [3.0 * n * s, 0.0, 0.0, c, 2.0 * s, 0.0],
-            [-6.0 * n * one_minus_c, 0.0, 0.0, -2.0 * s, 1.0 - 4.0 * one_minus_c, 0.0],
-            [0.0, 0.0, -n * s, 0.0, 0.0, c],
-        ]
-    )
+    phi = np.zeros((6, 6))  # element by element: numba makes lists of rows
+    phi[0, 0], phi[0, 3], phi[0, 4] = 1.0 + 3.0 * one_minus_c, s / n, 2.0 * one_minus_c / n
+    phi[1, 0], phi[1, 1], phi[1, 3] = -6.0 * late, 1.0, -2.0 * one_minus_c / n
+    phi[1, 4] = duration - 4.0 * late / n
+    phi[2, 2], phi[2, 5] = c, s / n
+    phi[3, 0], phi[3, 3], phi[3, 4] = 3.0 * n * s, c, 2.0 * s
+    phi[4, 0], phi[4, 3], phi[4, 4] = -6.0 * n * one_minus_c, -2.0 * s, 1.0 - 4.0 * one_minus_c
+    phi[5, 2], phi[5, 5] = -n * s, c
+    return phi
 
 
 def input_matrix(mean_motion: float, duration: float, mass: float) -> Floats:

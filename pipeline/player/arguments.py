@@ -1,4 +1,4 @@
-"""What the compiled flight takes, as the module of pages is built for: the parts that are always there."""
+"""What the compiled flight takes, as the modules of pages are built for: the parts that are always there."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -6,13 +6,15 @@ from typing import Any, NamedTuple
 import numba
 import numpy as np
 
+from pipeline.array_types import Floats
 from pipeline.flight.cases.starts import cases_of
 from pipeline.flight.control.controller import Controller
-from pipeline.flight.control.law import law_of
 from pipeline.flight.fly.many import NO_TRACKS, Results
 from pipeline.flight.fly.population import flights_of
+from pipeline.flight.fly.simulation import law_for
 from pipeline.flight.fly.workspace import make_state, make_workspace
-from pipeline.flight.state.arrays import NUM_OUTCOMES, NUM_TRACKED, Guard
+from pipeline.flight.state.arrays import NUM_OUTCOMES, NUM_TRACKED, FullOptics, Guard
+from pipeline.flight.state.errors import ModelErrors
 from pipeline.flight.state.log import Scenario, empty_log
 from pipeline.flight.world.pack import pack_world
 from pipeline.player.memory import Leaf, Memory, leaves_of
@@ -35,8 +37,10 @@ NAMES = (
     "last",
 )
 
-#: light other than the paper's, the safety layer, clusters, pushes that show setting points, errors
-Parts = tuple[None, Guard, None, bool, None]
+#: the modules: of the paper's light and camera without errors, and of any other mission
+PLAIN, LIT = "plain", "lit"
+
+Parts = tuple[FullOptics | None, Guard, bool | None, bool, ModelErrors | None]
 
 
 class Arguments(NamedTuple):
@@ -56,33 +60,51 @@ class Arguments(NamedTuple):
         return [leaf for value, kind, name in each for leaf in leaves_of(memory, value, kind, name)]
 
 
-def arguments_of(
-    mission: Mission, controller: Controller, starts: Sequence[Scenario], *, num_tracked: int = 0
-) -> Arguments | None:
-    """Return what `fly_many` takes for some starts in the module; None if the module does not fly them.
+class ModuleArguments(NamedTuple):
+    """Which module flies some starts, and what `fly_many` takes for it."""
 
-    The safety layer and pushes that show setting points are always there, though they may be off; light and
-    cameras other than the paper's, clusters, and errors of the deputies' model never are.
+    module: str
+    arguments: Arguments
+
+
+def arguments_of(
+    mission: Mission,
+    controller: Controller,
+    starts: Sequence[Scenario],
+    openings: Floats | None = None,
+    *,
+    num_tracked: int = 0,
+) -> ModuleArguments | None:
+    """Return what flies some starts in a page; None if no module does.
+
+    The safety layer and pushes that show setting points are always there, though they may be off. The plain
+    module has no other light and no errors; the other one has both. In the paper's light it would decide
+    otherwise in the last digits, so that it does not fly there. Neither flies clusters.
 
     Parameters
     ----------
     mission : Mission
     controller : Controller
-        Whose law does not depend on starts.
     starts : sequence of Scenario
+    openings : (m, n, 4) array, optional
+        Forces of the first control periods, see `fly_population`.
     num_tracked : int
         Flights of which a track is kept.
     """
     world, cases = pack_world(mission), cases_of(mission, list(starts))
-    law = law_of(controller, mission)
+    law = law_for(controller, mission, list(starts), 1)
     (optics, _, clusters, _, errors), flights, _ = flights_of(
-        world, law, controller.numbers, cases, changes=controller.changes
+        world, law, controller.numbers, cases, openings, controller.changes
     )
-    if optics is not None or clusters or errors is not None:
+    if clusters or (optics is None and errors is not None):
         return None
     parts: Parts = (None, world.guard, None, True, None)
+    if optics is not None:
+        errors = ModelErrors(cases.fixes, cases.firing, world.course._replace(varying=cases.drag))
+        parts = (FullOptics(by_point=True), world.guard, True, True, errors)
     log = empty_log(mission.num_controls, mission.num_attitude_steps, world.num_points, len(law.axes))
     tracks = np.zeros((num_tracked, mission.num_controls + 1, NUM_TRACKED), np.float32)
     results = Results(np.zeros((len(starts), NUM_OUTCOMES)), log, tracks=tracks if num_tracked else NO_TRACKS)
-    state, work = make_state(world, None, LANES), make_workspace(world, LANES)
-    return Arguments(NAMES, (*parts, flights, state, work, results, 0, 1))
+    state, work = make_state(world, parts[-1], LANES), make_workspace(world, LANES)
+    arguments = Arguments(NAMES, (*parts, flights, state, work, results, 0, 1))
+    return ModuleArguments(PLAIN if optics is None else LIT, arguments)

@@ -1,27 +1,32 @@
-"""Build the module of the player: ``python -m pipeline.player.build``.
+"""Build the modules of the player: ``python -m pipeline.player.build [plain] [lit]``.
 
-It needs ``wasm-ld`` (``apt install lld-19``) and ``wasm-opt`` of binaryen 120 or later (``npm install
-binaryen``) on the path; whoever makes, reads or tests pages does not, for the module is part of the package.
+It needs ``wasm-ld`` (``apt install lld-19``) and ``wasm-opt`` of binaryen 132 or later (``npm install
+binaryen``) on the path; whoever makes, reads or tests pages does not, for the modules are part of the
+package.
 """
 
 import json
 import os
 import subprocess
 import sys
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from fis_tools.file_access import write_text
+from fis_tools.file_access import read_text, write_text
+from fis_tools.plain_text import parse_json
 from pipeline.controllers import source
 from pipeline.flight.fly.many import fly_many
 from pipeline.flight.state.log import Scenario
-from pipeline.player.arguments import Arguments, arguments_of
+from pipeline.player.arguments import LIT, PLAIN, Arguments, arguments_of
 from pipeline.player.memory import Memory, types_of
 from pipeline.player.shares import arguments_of_shares, rule_shares
 from pipeline.player.webassembly import target_machine, translate, write_module
 from pipeline.settings.experiment import Mission
+from pipeline.settings.mission import Light
 
 FOLDER = Path(__file__).parent / "modules"
 #: code for any processor, not yet optimised for this one; numba reads this when it is imported
@@ -30,38 +35,47 @@ PORTABLE = {"NUMBA_OPT": "0", "NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES":
 CONTROLLER = "champion_27"
 
 
-def functions() -> list[tuple[str, Any, Arguments]]:
-    """Return the module's functions: the flight and the rules' shares, with arguments of their types."""
-    mission = Mission()
+def functions(name: str) -> list[tuple[str, Any, Arguments]]:
+    """Return a module's functions: the flight, of the plain one the rules' shares, with arguments."""
+    mission = Mission() if name == PLAIN else replace(Mission(), light=Light(shadow="conical"))
     controller = source.named(CONTROLLER, mission)
     start = Scenario(np.array([75.0, 0.0, 0.0]), np.zeros(3), 0.0)
-    to_fly = arguments_of(mission, controller, [start])
-    if to_fly is None:
-        sys.exit("the module does not fly the paper's world; one of its parts was changed")
-    to_share = arguments_of_shares(to_fly, controller.systems)
-    return [("fly", fly_many, to_fly), ("share", rule_shares, to_share)]
+    chosen = arguments_of(mission, controller, [start])
+    if chosen is None or chosen.module != name:
+        sys.exit(f"the module {name} does not fly the world that it is built for; mend `arguments_of`")
+    to_fly = chosen.arguments
+    flight = ("fly", fly_many, to_fly)
+    if name == LIT:
+        return [flight]
+    return [flight, ("share", rule_shares, arguments_of_shares(to_fly, controller.systems))]
 
 
-def build() -> None:
-    """Write the module, and what its types are told by."""
-    target, translated, types = target_machine(), [], {}
-    for name, function, arguments in functions():
-        leaves = arguments.leaves(Memory())
-        types[name] = types_of(leaves)
-        translated.append(translate(target, name, function, arguments.kinds, leaves, types[name]))
-    FOLDER.mkdir(exist_ok=True)
-    path = FOLDER / "flight.wasm"
-    write_module(path, target, translated)
+def build(names: Sequence[str]) -> None:
+    """Write modules, and what their types are told by."""
+    path = FOLDER / "types.json"
+    types = parse_json(read_text(path)) if path.exists() else {}
+    for module in names:
+        target, translated, of_module = target_machine(), [], types.setdefault(module, {})
+        for name, function, arguments in functions(module):
+            leaves = arguments.leaves(Memory())
+            of_module[name] = types_of(leaves)
+            translated.append(translate(target, name, function, arguments.kinds, leaves, of_module[name]))
+        FOLDER.mkdir(exist_ok=True)
+        path = FOLDER / f"{module}.wasm"
+        # the first page flies a thousand times; of the other flights each is flown once
+        write_module(path, target, translated, is_small=module == LIT)
+        sys.stdout.write(f"{path.name}: {path.stat().st_size:,} bytes\n")
+        sys.stdout.flush()
     write_text(FOLDER / "types.json", f"{json.dumps(types)}\n")
-    sys.stdout.write(f"{path.name}: {path.stat().st_size:,} bytes\n")
 
 
 def main() -> None:
-    """Build the module in a process of its own."""
+    """Build the modules that are named, or both, in a process of its own."""
+    names = [name for name in (PLAIN, LIT) if name in sys.argv[1:] or len(sys.argv) == 1]
     if PORTABLE.items() <= os.environ.items():
-        build()
+        build(names)
         return
-    command = [sys.executable, "-m", "pipeline.player.build"]
+    command = [sys.executable, "-m", "pipeline.player.build", *names]
     sys.exit(subprocess.run(command, env=os.environ | PORTABLE, check=False).returncode)  # noqa: S603
 
 

@@ -21,6 +21,8 @@ from fis_tools.compiled.shipped.build import without_wrappers
 from fis_tools.file_access import write_bytes
 from pipeline.player.memory import Leaf
 
+#: of functions that are inlined in a module that shall be small
+FEW_INSTRUCTIONS = 25
 FEATURES = "+simd128,+bulk-memory,+sign-ext,+nontrapping-fptoint,+mutable-globals"
 
 #: what numba's code calls: room for arrays that it makes, of which the topmost is freed, and products of
@@ -179,8 +181,11 @@ def translate(
     return Translated(name, binding.parse_assembly(text), entry(name, leaves, parameters, types))
 
 
-def write_module(path: Path, target: Any, functions: Sequence[Translated]) -> None:
-    """Write a WebAssembly module that exports the functions, where their slots are, and their types."""
+def write_module(path: Path, target: Any, functions: Sequence[Translated], *, is_small: bool = False) -> None:
+    """Write a WebAssembly module that exports the functions, where their slots are, and their types.
+
+    It is fast unless it shall be small; its results are the same.
+    """
     shim = f"""
 target datalayout = "{target.target_data}"
 target triple = "{target.triple}"
@@ -193,15 +198,17 @@ target triple = "{target.triple}"
         if not defined.is_declaration and defined.name not in (*exported, *CALLED_LATE):
             defined.linkage = binding.Linkage.internal
     whole.verify()
-    options = binding.create_pipeline_tuning_options(speed_level=3)
-    options.loop_vectorization = options.slp_vectorization = options.loop_unrolling = True
+    options = binding.create_pipeline_tuning_options(speed_level=2 if is_small else 3)
+    options.loop_vectorization = options.slp_vectorization = options.loop_unrolling = not is_small
+    if is_small:
+        options.inlining_threshold = FEW_INSTRUCTIONS
     binding.create_pass_builder(target, options).getModulePassManager().run(
         whole, binding.create_pass_builder(target, options)
     )
-    _link(target.emit_object(whole), exported, path)
+    _link(target.emit_object(whole), exported, path, "-Os" if is_small else "-O3")
 
 
-def _link(code: bytes, exported: tuple[str, ...], output: Path) -> None:
+def _link(code: bytes, exported: tuple[str, ...], output: Path, level: str) -> None:
     """Link an object file, and let it run in 32-bit memory: numba's offsets are those of 64 bits."""
     linker = next((path for name in ("wasm-ld", "wasm-ld-19") if (path := shutil.which(name))), None)
     lowering = shutil.which("wasm-opt")
@@ -228,5 +235,5 @@ def _link(code: bytes, exported: tuple[str, ...], output: Path) -> None:
             "nontrapping-float-to-int",
             "mutable-globals",
         )
-        words = [*(f"--enable-{name}" for name in enabled), "--memory64-lowering", "-O3", "--strip-producers"]
+        words = [*(f"--enable-{name}" for name in enabled), "--memory64-lowering", level, "--strip-producers"]
         subprocess.run([lowering, *words, wide, "-o", output], check=True)  # noqa: S603

@@ -81,7 +81,7 @@ def fly_again(path: Path) -> Reflight:
             "run that recorded it: python -m pipeline again RUN"
         )
     _check_length(recording, experiment)
-    scenario = _start_of(recording)
+    scenario = start_of(recording)
     controller = _controller_of(recording, experiment)
     log = fly_logged(experiment.mission, controller, scenario)
     episode = recording.episode
@@ -130,7 +130,7 @@ def _attached(recording: Recording, name: str, what: str, parse: Callable[[bytes
     return content
 
 
-def _start_of(recording: Recording) -> Scenario:
+def start_of(recording: Recording) -> Scenario:
     """Return the start of a recorded flight."""
     episode = recording.episode
     if episode.position_m is None or episode.velocity_m_s is None or episode.sun_angle_rad is None:

@@ -10,7 +10,7 @@ import yaml
 from markupsafe import Markup
 
 from fis_tools.document import Block, Code, Document, Figure, Fold, Heading, Items, Mark, Paragraph, Table
-from fis_tools.document.html import element, page, read, template
+from fis_tools.document.html import ScriptedPanel, element, page, read, template
 from pipeline.evaluation.assurance.evidence import joint_words
 from pipeline.evaluation.assurance.judgements import ORDER
 from pipeline.evaluation.assurance.repeats import repeats_in_words
@@ -38,16 +38,24 @@ PROVED_SETS = {
 ROOM = 40.0
 
 
-def render_evidence(evidence: Mapping[str, Any], tube: Illustration | None = None) -> str:
-    """Render the page of the evidence that the stage assure gathers; it runs no script.
+def render_evidence(
+    evidence: Mapping[str, Any], tube: Illustration | None = None, worst: ScriptedPanel | None = None
+) -> str:
+    """Render the page of the evidence that the stage assure gathers.
 
     Parameters
     ----------
     evidence : mapping
     tube : Illustration, optional
         Of a proof about all starts.
+    worst : ScriptedPanel, optional
+        The player of the worst flights; without it the page runs no script.
     """
-    return page(document(evidence, tube), read("templates/evidence.css", "pipeline.report"))
+    shown = document(evidence, tube)
+    if worst:
+        heading = Heading("The worst flights", id="worst")
+        shown = Document([*shown.blocks, heading, Paragraph(caption_of("worst_flights"))])
+    return page(shown, read("templates/evidence.css", "pipeline.report"), worst)
 
 
 def document(evidence: Mapping[str, Any], tube: Illustration | None = None) -> Document:

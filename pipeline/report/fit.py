@@ -4,7 +4,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from fis_tools.document import Block, Code, Document, Heading, Items, Paragraph, Table
-from fis_tools.document.html import page, read
+from fis_tools.document.html import ScriptedPanel, page, read
+from pipeline.report.figures.style import caption_of
 from pipeline.run import typed
 
 #: rows of the table of flights, by their keys in the summary
@@ -15,7 +16,7 @@ HEADS = ("", "flights", "success", "outside", "points missed", "delta-v (m/s)")
 BY_RULES = "fuel by rules (%)"
 
 
-def render_fit(name: str, result: Mapping[str, Any]) -> str:
+def render_fit(name: str, result: Mapping[str, Any], player: ScriptedPanel | str = "") -> str:
     """Render the page.
 
     Parameters
@@ -24,9 +25,17 @@ def render_fit(name: str, result: Mapping[str, Any]) -> str:
         Of the controller.
     result : mapping
         Of `fit/summary.json`.
+    player : ScriptedPanel or str
+        The player of the flights that no choice has seen, or in words why there is none.
     """
     blocks = list(_blocks(name, result))
-    return page(Document(blocks), read("templates/report.css", "pipeline.report"))
+    if player:
+        what = (
+            f"They do not open here: {player}." if isinstance(player, str) else caption_of("fitted_flights")
+        )
+        blocks += [Heading("The flights that no choice has seen"), Paragraph(what)]
+    style = read("templates/report.css", "pipeline.report")
+    return page(Document(blocks), style, None if isinstance(player, str) else player)
 
 
 def _blocks(name: str, result: Mapping[str, Any]) -> Iterator[Block]:

@@ -17,7 +17,7 @@ from pipeline.recording.events import points_in_words
 from pipeline.report import comparisons
 from pipeline.report.contents import Contents, FlightSet, ShownFlight
 from pipeline.report.figures.style import MOST_POINTS, Illustration, caption_of
-from pipeline.report.scene import player_of_run
+from pipeline.report.played import player_of_run
 from pipeline.run import artifacts, typed
 from pipeline.settings.experiment import Mission
 from pipeline.settings.keys import TAGS

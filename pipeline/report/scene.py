@@ -14,51 +14,19 @@ from fis_tools.engines.compiler import compile
 from fis_tools.model.thrust import COMPONENTS, REASONS
 from fis_tools.words.text import sentence
 from pipeline.array_types import Booleans
-from pipeline.evaluation.blocks import number_of, values_at
-from pipeline.flight.cases.dispersions import mission_of_case
 from pipeline.flight.control.controller import Controller
-from pipeline.flight.goals.flights import fly_logged
 from pipeline.flight.state.log import REHEARSED, FlightLog
 from pipeline.flight.world.pack import pack_world
 from pipeline.player.motion import free_motion
-from pipeline.player.panel import (
-    CaseColumn,
-    PlayedCases,
-    PlayedRun,
-    flown_in_page,
-    panel,
-    starts_of,
-    why_recorded,
-)
 from pipeline.recording.events import chosen_ahead
 from pipeline.recording.firing import delay_of, is_fired
 from pipeline.recording.points import lit_and_seen
 from pipeline.report.contents import Contents, ShownFlight
-from pipeline.run import typed
-from pipeline.scenarios import evaluation_scenarios
 from pipeline.settings.experiment import Mission
-from pipeline.settings.start_table import POSITION, VELOCITY
+from telemetry.page.panel import PACKAGE
 
-PACKAGE = "pipeline.player.flight_view"
 #: what makes modules of scripts
 MODULE = re.compile(r"\n(?:import .*\n|export )")
-#: cases that a page has at most
-MOST_CASES = 10_000
-SUCCESS_COLUMN = "success"
-#: columns of the cases: names, words, decimals
-COLUMNS = (
-    ("delta_v_m_s", "Δv, m/s", 3),
-    ("inspection_rate_percent", "inspected, %", 1),
-    ("min_distance_m", "nearest, m", 1),
-    ("max_distance_m", "farthest, m", 1),
-)
-#: columns of starts, and where each belongs
-STARTS = {
-    **{name: f"position.{axis}" for axis, name in enumerate(POSITION)},
-    **{name: f"velocity.{axis}" for axis, name in enumerate(VELOCITY)},
-    "sun_angle_rad": "sun_angle",
-    "sun_elevation_rad": "sun_elevation",
-}
 #: what was asked for along these axes is what was fired there
 HILL = "hill"
 
@@ -71,69 +39,19 @@ def scene_of_run(contents: Contents) -> ScriptedPanel | None:
     return scene_of(contents.shown[0], contents.controller, mission)
 
 
-def player_of_run(contents: Contents) -> ScriptedPanel | None:
-    """Return the player of a run's flights; None without one.
-
-    It has the cases of the evaluation, which open where the module flies them, and besides them as recorded
-    the flights that stand out; without an evaluation it has the first flight that is shown.
-    """
-    mission, controller = contents.experiment.mission, contents.controller
-    if controller is None or mission.problem.kind != "inspection":
-        return None
-    name, cases = contents.experiment.name, _played_cases(contents)
-    if cases is None:
-        if not contents.shown:
-            return None
-        shown = contents.shown[0]
-        recorded = {0: recorded_table(shown.log, controller, mission)}
-        return panel(PlayedRun(shown.title, name, mission, controller, recorded=recorded))
-    fuel = next(column.values for column in cases.columns if column.name == "delta_v_m_s")
-    rate = next(column.values for column in cases.columns if column.name == "inspection_rate_percent")
-    order = np.argsort(fuel, kind="stable")
-    median, recorded = int(order[len(order) // 2]), {}
-    if why_recorded(mission, controller) or not _is_flown(mission, controller, cases):
-        rows = dict.fromkeys([median, int(order[-1]), int(np.argmin(rate))])
-        starts = evaluation_scenarios(contents.experiment, [int(cases.numbers[row]) for row in rows])
-        for row, start in zip(rows, starts, strict=True):
-            log = fly_logged(mission, controller, start)
-            recorded[row] = recorded_table(log, controller, mission_of_case(mission, start))
-    command = typed.fly(typed.RUN, "case=CASE")
-    return panel(PlayedRun("", name, mission, controller, command, cases, median, recorded))
-
-
-def _is_flown(mission: Mission, controller: Controller, cases: PlayedCases) -> bool:
-    return isinstance(flown_in_page(PlayedRun("", "", mission, controller, cases=cases)), dict)
-
-
-def _played_cases(contents: Contents) -> PlayedCases | None:
-    """Return the first cases of the evaluation; None without one, or without what is plotted."""
-    evaluation = contents.evaluation
-    if evaluation is None or evaluation.episodes is None:
-        return None
-    episodes = evaluation.episodes
-    count = min(MOST_CASES, number_of(episodes))
-    if not {"case", SUCCESS_COLUMN, *POSITION, *(name for name, *_ in COLUMNS)} <= set(episodes) or not count:
-        return None
-    rows = range(count)
-
-    def column(name: str) -> Any:
-        return np.array(values_at(episodes, name, rows))
-
-    starts = starts_of({name: column(name) for name in STARTS if name in episodes}, STARTS)
-    columns = [CaseColumn(name, label, decimals, column(name)) for name, label, decimals in COLUMNS]
-    is_good = column(SUCCESS_COLUMN).astype(bool) & ~column("violated").astype(bool)
-    return PlayedCases(column("case"), is_good, starts, columns)
-
-
 def recorded_table(log: FlightLog, controller: Controller, mission: Mission) -> dict[str, Any]:
     """Return a flight as the player takes it where it is not flown in the page."""
-    texts, of_sample = _reasons(mission, log, controller)
     return flight_table(log, mission) | {
-        "texts": texts,
-        "reasons": of_sample,
+        **told_reasons(log, controller, mission),
         "isDecided": _bits(log.is_decided),
         "inputs": base64.b64encode(np.ascontiguousarray(log.fis_input, "<f8").tobytes()).decode("ascii"),
     }
+
+
+def told_reasons(log: FlightLog, controller: Controller, mission: Mission) -> dict[str, Any]:
+    """Return why a flight fired what it fired: texts, and for each control period those of each axis."""
+    texts, of_sample = _reasons(mission, log, controller)
+    return {"texts": texts, "reasons": of_sample}
 
 
 def scene_of(flight: ShownFlight, controller: Controller, mission: Mission) -> ScriptedPanel:
@@ -146,10 +64,11 @@ def scene_of(flight: ShownFlight, controller: Controller, mission: Mission) -> S
         That was flown.
     mission : Mission
     """
-    texts, of_sample = _reasons(mission, flight.log, controller)
     is_linear = mission.dynamics.model == "cw"
     coast = _floats(free_motion(mission.orbit.mean_motion_rad_s)) if is_linear else ""
-    numbers = flight_table(flight.log, mission) | {"coast": coast, "texts": texts, "reasons": of_sample}
+    numbers = (
+        flight_table(flight.log, mission) | {"coast": coast} | told_reasons(flight.log, controller, mission)
+    )
     table = json.dumps(numbers, separators=(",", ":")).replace("<", "\\u003c")
     code = MODULE.sub("\n", read("view.js", PACKAGE) + read("recorded.js", PACKAGE))
     # files of this package, and JSON that cannot end a script

@@ -1,13 +1,16 @@
 """A sweep as tables and as a page: which setting is better, by how much, how sure; and the best to fly."""
 
 from collections.abc import Sequence
+from functools import reduce
 
 import numpy as np
 
 from fis_tools.document import Block, Code, Document, Figure, Heading, Items, Paragraph, Table, html
-from pipeline.evaluation.paired_runs import METRICS, REPLICATE, Compared, Effect, Metric
+from pipeline.evaluation.paired_runs import METRICS, REPLICATE, Compared, Effect, Metric, common_cases
+from pipeline.evaluation.statistics import Columns
 from pipeline.report.figures.comparison import front_of_runs
 from pipeline.report.figures.style import caption_of, illustrate, style
+from pipeline.report.played import EvaluatedRun, player_of_runs
 from pipeline.report.sweep import SweepResults
 from pipeline.run import typed
 
@@ -110,9 +113,16 @@ def differing(row: Compared | Effect) -> str:
 
 
 def compared_table(
-    names: tuple[str, str], compared: Sequence[Compared], ahead: Sequence[float], confidence: float
+    names: tuple[str, str],
+    compared: Sequence[Compared],
+    ahead: Sequence[float],
+    confidence: float,
+    letter: str = "B",
 ) -> list[Block]:
-    """Return two runs side by side, a line a metric; `ahead` is how much fuel they chose ahead, per cent."""
+    """Return two runs side by side, a line a metric; `ahead` is how much fuel they chose ahead, per cent.
+
+    The second is called by a letter.
+    """
     count = compared[0].difference.count
     rows = []
     for row in compared:
@@ -122,14 +132,59 @@ def compared_table(
         rows.append((_headed(row.metric), *means, differing(row), counts, p_value))
     if any(ahead):
         rows.append((FUEL_SHARES, *map(_shares, ahead), "", "", ""))
-    title = f"{count:,} common cases; B against A, {confidence:g} % intervals; {STAR}"
-    heads = ["", f"A: {names[0]}", f"B: {names[1]}", "B - A", "B better / worse / equal", "p"]
+    title = f"{count:,} common cases; {letter} against A, {confidence:g} % intervals; {STAR}"
+    better = f"{letter} better / worse / equal"
+    heads = ["", f"A: {names[0]}", f"{letter}: {names[1]}", f"{letter} - A", better, "p"]
     return [Paragraph(title), Table(heads, rows, numbers=range(1, len(heads))), Paragraph(TESTS)]
 
 
-def write(results: SweepResults) -> str:
-    """Write the page: HTML that needs no other file, asks for none, and runs no script."""
-    return html.page(_document(results), html.read("templates/report.css", "pipeline.report"))
+def write(results: SweepResults, played: Sequence[EvaluatedRun] = ()) -> str:
+    """Write the page: HTML that needs no other file, and asks for none.
+
+    Parameters
+    ----------
+    results : SweepResults
+    played : sequence of EvaluatedRun
+        The best runs, whose flights open side by side; the page of none runs no script.
+    """
+    return _with_player(_document(results), played, "sweep")
+
+
+def _with_player(document: Document, played: Sequence[EvaluatedRun], name: str) -> str:
+    """Write a page with the player of runs on the cases that they share."""
+    style = html.read("templates/report.css", "pipeline.report")
+    if not played:
+        return html.page(document, style)
+    rows = shared_rows([run.episodes for run in played])
+    player = player_of_runs(played, rows, name) if len(rows[0]) else "no case is common to all of them"
+    says = f"No flight opens here: {player}." if isinstance(player, str) else caption_of("side_by_side")
+    shown = [*document.blocks, Heading("The same case side by side"), Paragraph(says)]
+    return html.page(Document(shown), style, None if isinstance(player, str) else player)
+
+
+def write_compared(runs: Sequence[EvaluatedRun], blocks: Sequence[Block]) -> str:
+    """Write the page of runs that are compared: their tables, and each case's flights side by side.
+
+    Parameters
+    ----------
+    runs : sequence of EvaluatedRun
+    blocks : sequence of Block
+        What is said of them, each against the first.
+    """
+    names = " and ".join([", ".join(run.name for run in runs[:-1]), runs[-1].name])
+    return _with_player(Document([Heading(f"{names} compared", 1), *blocks]), runs, "compared")
+
+
+def shared_rows(episodes: Sequence[Columns]) -> list[list[int]]:
+    """Return the rows of the cases that all evaluations share, for each of them in one order."""
+    first, *others = episodes
+    pairs = [common_cases(first, other) for other in others]
+    common = reduce(np.intersect1d, [mine for mine, _ in pairs])
+    rows = [[int(row) for row in common]]
+    for mine, theirs in pairs:
+        there = dict(zip(mine.tolist(), theirs.tolist(), strict=True))
+        rows.append([int(there[row]) for row in rows[0]])
+    return rows
 
 
 def _document(results: SweepResults) -> Document:

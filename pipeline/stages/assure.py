@@ -65,6 +65,7 @@ from pipeline.report.evidence import number as written
 from pipeline.report.evidence import render_evidence
 from pipeline.report.figures.flights import draw_flight, draw_tube
 from pipeline.report.figures.style import Illustration
+from pipeline.report.played import player_of_worst
 from pipeline.run import artifacts, configuration, maker, tables, writing
 from pipeline.run.engine import TaskPool, open_pool
 from pipeline.run.progress import Progress
@@ -112,7 +113,10 @@ def run(experiment: Experiment, folder: Path) -> str:
     # first: whoever reads the evidence finds it in the ledger
     repeats.append(folder, gathered)
     writing.write_json(folder / artifacts.EVIDENCE, gathered)
-    page = render_evidence(gathered, _tube_drawn(experiment, folder, gathered["requirements"]))
+    requirements_told = gathered["requirements"]
+    controller = controller_of_run(experiment, folder)
+    player = player_of_worst(experiment, controller, folder, requirements_told)
+    page = render_evidence(gathered, _tube_drawn(experiment, folder, requirements_told), player)
     writing.write_atomically(folder / artifacts.EVIDENCE_PAGE, page)
     writing.write_atomically(folder / artifacts.BOARD_PAGE, _board(experiment, folder, gathered))
     for entry in gathered["requirements"]:

@@ -13,6 +13,7 @@ from typing import Any, Final
 import numpy as np
 
 from fis_tools.document import plain
+from fis_tools.document.html import ScriptedPanel
 from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController
 from pipeline.evaluation import fitting
@@ -24,6 +25,7 @@ from pipeline.flight.control.controller import ControllerError, from_fuzzy
 from pipeline.flight.state.descriptions import with_descriptions
 from pipeline.flight.state.log import Scenario
 from pipeline.report.fit import render_fit
+from pipeline.report.played import player_of_starts
 from pipeline.run import artifacts, manifests, tables, writing
 from pipeline.run.progress import Progress
 from pipeline.run.runner import Missed, Unimproved
@@ -68,7 +70,9 @@ def run(experiment: Experiment, folder: Path) -> Unimproved | Missed | None:
     fit = _Fit(experiment, folder)
     last, is_improved = fit.run()
     result = fit.summary() | {"improved": is_improved}
-    _write(experiment, folder, last.controller, result)
+    starts = fitting.rung_scenarios(experiment, len(experiment.fit.cases))
+    player = player_of_starts(experiment, last.mission, from_fuzzy(last.controller), starts)
+    _write(experiment, folder, last.controller, result, player)
     if not _reaches_goal(experiment, last.tally):
         return _missed(result, last)
     if is_improved:
@@ -416,7 +420,11 @@ def _named(experiment: Experiment, variant: Variant, base: FuzzyController) -> F
 
 
 def _write(
-    experiment: Experiment, folder: Path, controller: FuzzyController, result: Mapping[str, Any]
+    experiment: Experiment,
+    folder: Path,
+    controller: FuzzyController,
+    result: Mapping[str, Any],
+    player: ScriptedPanel | str,
 ) -> None:
     """Write the controller, for flights and for people, the summary, and the page."""
     facts = {**manifests.provenance(experiment, folder), "fitted_from": str(result["words"])}
@@ -425,5 +433,5 @@ def _write(
     writing.write_atomically(folder / artifacts.CHAMPION, serialize.dump_json(controller) + "\n")
     writing.write_atomically(folder / artifacts.FIT_CONTROLLER, serialize.dump_yaml(controller))
     writing.write_json(folder / artifacts.FIT, {"controller": controller.name, **result})
-    page = render_fit(controller.name, result)
+    page = render_fit(controller.name, result, player)
     writing.write_atomically(folder / artifacts.FIT_PAGE, page)

@@ -239,7 +239,7 @@ def test_the_first_page_is_small(page_text):
     assert len(gzip.compress(page_text.encode())) < 125_000
     assert '<link rel="icon" href="data:' in page_text  # some browsers ask for it, others do not
     assert not re.search(r"https?://(?!www\.w3\.org/2000/svg)", page_text.partition("<script")[0])
-    assert Path(home.PLAYER, "modules", "flight.wasm").stat().st_size < 200_000
+    assert Path(home.PLAYER, "modules", "plain.wasm").stat().st_size < 200_000
 
 
 def test_each_reason_is_the_products(shown):

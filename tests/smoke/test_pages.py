@@ -50,7 +50,7 @@ def test_experiments(words, capsys):
     if not words:
         assert cli.main(words) == 2
     elif needs_a_folder or "-m" in words:
-        others = ("resume=", "compare=", "+experiment=my_")
+        others = ("resume=", "compare=", "page=", "+experiment=my_")
         of_ours = [word for word in words if "=" in word and not word.startswith(others)]
         check_overrides(parse(rewrite_paths(of_ours)), options([conf_folder()]))
     else:

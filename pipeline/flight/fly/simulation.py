@@ -1,5 +1,7 @@
 """The simulation interface: from missions, starts and controllers to outcomes and logs."""
 
+from typing import Any, NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -192,17 +194,32 @@ def check_flown_ahead(mission: Mission, controller: Controller) -> None:
         )
 
 
-def fly_logged(mission: Mission, controller: Controller, scenario: Scenario) -> FlightLog:
-    """Fly one episode and log everything.
+class LookedAhead(NamedTuple):
+    """What a controller flies by once it has looked ahead.
+
+    Parameters
+    ----------
+    controller : Controller
+        That follows what was chosen.
+    openings : (1, n, 4) array, optional
+        As `fly_population` takes them.
+    fields : mapping of str to array
+        Of the flight's log.
+    """
+
+    controller: Controller
+    openings: Floats | None
+    fields: dict[str, Any]
+
+
+def looked_ahead(mission: Mission, controller: Controller, scenario: Scenario) -> LookedAhead:
+    """Let a controller look ahead in a case's own mission.
 
     Raises
     ------
     ControllerError
-        If the controller flies ahead in a mission whose flights are plain Python.
-    FlightError
-        If the flight's numbers are not finite.
+        If it does so in a mission whose flights are plain Python.
     """
-    mission = mission_of_case(mission, scenario)
     check_flown_ahead(mission, controller)
     of_tours, decisions = np.empty((0, 0)), list[PlannedDecision]()
     foreseen: Foreseen | None = None
@@ -219,6 +236,21 @@ def fly_logged(mission: Mission, controller: Controller, scenario: Scenario) -> 
     ahead = {"push_costs_m_s": of_pushes[0], "tour_costs_m_s": of_tours}
     if decisions:
         ahead |= foresight_fields(decisions)
+    return LookedAhead(controller, openings, ahead)
+
+
+def fly_logged(mission: Mission, controller: Controller, scenario: Scenario) -> FlightLog:
+    """Fly one episode and log everything.
+
+    Raises
+    ------
+    ControllerError
+        If the controller flies ahead in a mission whose flights are plain Python.
+    FlightError
+        If the flight's numbers are not finite.
+    """
+    mission = mission_of_case(mission, scenario)
+    controller, openings, ahead = looked_ahead(mission, controller, scenario)
     if mission.flight == "reference":
         from pipeline.flight.fly import reference  # noqa: PLC0415 - as above
 

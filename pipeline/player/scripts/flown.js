@@ -17,9 +17,7 @@ function beginWorker(source) {
     worker.postMessage({ ...message, id: count });
   });
 }
-
-const three = (array, k) => [array[3 * k], array[3 * k + 1], array[3 * k + 2]];
-const floatsOf = text => new Float32Array(bytesOf(text).buffer);
+globalThis.beginWorker = beginWorker; // for whoever looks from the console, and the tests
 
 /** Where free motion leads from a state over an orbit, by the matrices of a page. */
 function coasted(rows, state) {
@@ -27,11 +25,18 @@ function coasted(rows, state) {
     state.reduce((sum, value, column) => sum + rows[18 * at + 6 * axis + column] * value, 0)));
 }
 
-/** A flight from the log that a worker returns. */
-function flownFlight(shared, log) {
-  const { numPoints, numSamples } = shared, last = numSamples - 1, width = log.inputs.length / last / Math.max(1, shared.numSystems);
+/** What is said of a push where what is flown does not tell its reason. */
+const UNTOLD = "Its reason stands in a recording of this flight.";
+
+/** A flight from the log that a worker returns; `reasons`, where given, are a table of those that the product logged. */
+function flownFlight(shared, log, reasons) {
+  const { numPoints, numSamples, tellsReasons } = shared, last = numSamples - 1, width = log.inputs.length / last / Math.max(1, shared.numSystems);
+  const untold = () => ({ texts: [UNTOLD], reasons: Array.from({ length: last }, () => [0, 0, 0]) });
+  const table = reasons ?? (tellsReasons ? null : untold());
   const flight = {
     ...shared,
+    numCounted: log.counted.subarray(0, numPoints).reduce((sum, counts) => sum + counts, 0),
+    pointsAt: shared.attitude.length ? k => turnedPoints(shared.points, shared.attitude, k) : null,
     position: k => three(log.position, k),
     velocity: k => three(log.velocity, k),
     force: k => (k < last ? three(log.force, k) : [0, 0, 0]),
@@ -53,7 +58,7 @@ function flownFlight(shared, log) {
     inputs: (k, system, count) => log.inputs.subarray((k * shared.numSystems + system) * width).slice(0, count),
     coast: k => (shared.freeMotion.length ? coasted(shared.freeMotion, [...three(log.position, k), ...three(log.velocity, k)]) : null),
     reason: (k, axis) => reasonAt(flight, k, axis),
-    reasons: k => told(flight, k, shared.words, (decided, axis) => shared.pushed(flight, decided, axis)),
+    reasons: k => (table ? (k < last ? reasonsOf(table, k, flight.force(k)) : ENDED) : told(flight, k, shared.words, (decided, axis) => shared.pushed(flight, decided, axis))),
   };
   return flight;
 }

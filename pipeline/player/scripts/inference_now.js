@@ -1,5 +1,6 @@
 // What each system senses and concludes at the moment: its terms, filled as far as they hold, and its rules.
 
+const FIRED = 0.05; // as in the review of rules
 const TERMS = { width: 300, height: 66, left: 8, right: 292, top: 8, floor: 46 };
 
 /** A variable's terms; returned is {element, show(value, degrees, colour)}. */

@@ -2,7 +2,6 @@
 
 const LINE = 64, PAGE = 65536;
 const rounded = (value, step) => Math.ceil(value / step) * step;
-const bytesOf = text => Uint8Array.from(atob(text), letter => letter.charCodeAt(0));
 
 /** Undo base64 and gzip. */
 export async function inflated(text) {

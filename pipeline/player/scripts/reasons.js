@@ -24,12 +24,6 @@ export function reasonAt(flight, k, axis) {
 
 const capital = text => text[0].toUpperCase() + text.slice(1);
 
-/** A time of a flight, such as "20 min 30 s". */
-export function clockWords(seconds) {
-  const rest = Math.round(seconds % 60);
-  return `${Math.floor(seconds / 60)} min ${String(rest).padStart(2, "0")} s`;
-}
-
 /**
  * What the deputy does at a sample, as a list of {text, detail}; `pushed(k, axis)` says why a push came.
  *

@@ -1,4 +1,4 @@
-// Flies cases in a worker: told a module and a snapshot first, then a start for each case.
+// Flies cases in a worker: told a module and a snapshot first, then what each case has of its own.
 
 let module = null;
 
@@ -8,18 +8,22 @@ const LOGGED = {
 };
 const MARKS = { isSeen: "is_inspected", isDecided: "is_decided" };
 
-/** Fly a case, and return its log as arrays. */
-function flown({ start, counted }) {
+/** Fly a case, and return its log as arrays; `own` are bytes, those of the arrays `names` one after the other. */
+function flown({ names, own }) {
   // what a flight does not decide it does not write, so that of the flight before would stay
   for (const name of [...Object.values(LOGGED), ...Object.values(MARKS)]) module.view(`results.log.${name}`, Uint8Array).fill(0);
-  module.view("flights.cases").set(start);
-  if (counted) module.view("flights.counted", Uint8Array).set(counted);
+  let offset = 0;
+  for (const name of names) {
+    const array = module.view(name, Uint8Array);
+    array.set(own.subarray(offset, offset + array.length));
+    offset += array.length;
+  }
   module.set("first", 0);
   module.set("last", 1);
   module.call("fly");
   const copied = Object.entries(LOGGED).map(([name, field]) => [name, module.view(`results.log.${field}`).slice()]);
   const marks = Object.entries(MARKS).map(([name, field]) => [name, module.view(`results.log.${field}`, Uint8Array).slice()]);
-  return Object.fromEntries([...copied, ...marks]);
+  return Object.fromEntries([...copied, ...marks, ["counted", module.view("flights.counted", Uint8Array).slice()]]);
 }
 
 onmessage = async ({ data }) => {

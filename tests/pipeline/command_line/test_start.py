@@ -150,8 +150,8 @@ def test_paths_and_folders_are_quoted_for_the_grammar() -> None:
 def test_two_runs_are_compared_by_their_folders(ran) -> None:
     for words, message in (
         (["compare=outputs/a,b"], "outputs/a is no folder"),
-        (["compare=a,b", "seed=1"], "compare takes 2 folders and nothing else, and 3 words are given"),
-        (["compare=a,b,c"], "compare takes 2 folders"),
+        (["compare=a,b", "seed=1"], "compare takes 2 to 8 folders and nothing else, and 3 words are given"),
+        (["compare=a,b,c,d,e,f,g,h,i"], "compare takes 2 to 8 folders"),
         (["summary"], "summary takes 1 folder and nothing else, and 0 words are given"),
         (["verify", "a", "b", "c"], "verify takes 1 or 2 folders"),
         (["compare=default"], "no experiment is chosen"),

@@ -4,25 +4,30 @@ import base64
 import csv
 import json
 import re
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
 from playwright.sync_api import expect
 
+from benchmarks.scaling import words_of
 from fis_tools.document.html import policy
 from fis_tools.model.thrust import REASONS
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers import source
 from pipeline.flight.fly.simulation import fly_logged
-from pipeline.flight.state.arrays import CASE
-from pipeline.flight.state.log import Scenario
-from pipeline.player.arguments import arguments_of
-from pipeline.player.build import functions
+from pipeline.player import flown
+from pipeline.player.arguments import LIT, PLAIN
+from pipeline.player.build import FOLDER, functions
+from pipeline.player.flown import FlownCases, flown_in_page, looks_ahead, tells_reasons
 from pipeline.player.memory import Memory, types_of
-from pipeline.player.panel import CaseColumn, PlayedCases, PlayedRun, module, panel, why_recorded
+from pipeline.player.panel import panel
+from pipeline.player.runs import Carried, CaseColumn, CasePlot, PlayedCases, PlayedPage, PlayedRun
+from pipeline.report.played import PLOTS, carried_of
 from pipeline.report.scene import recorded_table
 from pipeline.scenarios import evaluation_scenarios
+from pipeline.settings.places import conf_folder
 from tests.browser import serious_violations
 
 pytestmark = pytest.mark.slow
@@ -37,15 +42,40 @@ FLOWN = (
     ("champion_27", "safety=filter", "deputy.mass_kg=20", "duration_s=2400"),
     ("champion_27_parking",),
 )
-LOG = """async row => {
-    const log = await player.ask({ start: player.starts.slice(8 * row, 8 * row + 8) });
-    const text = array => {
-        const bytes = new Uint8Array(array.buffer); let out = "";
-        for (const byte of bytes) out += String.fromCharCode(byte);
-        return btoa(out);
-    };
-    return Object.fromEntries(Object.entries(log).map(([name, array]) => [name, text(array)]));
+#: light other than the paper's
+ELEVATED = "sun.elevation_range_deg=[-30,30]"
+#: cases of controllers that look ahead, each of which takes long to choose
+NUM_AHEAD = 4
+#: what the shipped worlds and champions do not ask of the modules: plans, other errors, turning chiefs
+OTHERS = (
+    ("lqr", "sun=random"),
+    ("receding_horizon", "sun=random"),
+    ("champion_27", "navigation=fixes", "sun=random", ELEVATED),
+    ("champion_27", "chief.initial_angular_velocity_rad_s=[0,0,0.002]", "sun=random"),
+)
+#: bytes of an array as text
+TEXT = """array => {
+    const bytes = new Uint8Array(array.buffer, array.byteOffset, array.byteLength); let out = "";
+    for (const byte of bytes) out += String.fromCharCode(byte);
+    return btoa(out);
 }"""
+LOG = """async row => {
+    const side = player.sides[0], text = TEXT;
+    const log = await side.ask(side.caseOf(row));
+    return Object.fromEntries(Object.entries(log).map(([name, array]) => [name, text(array)]));
+}""".replace("TEXT", TEXT)
+
+
+def worlds():
+    """Each champion in its world, and each shipped world that has none with one of the paper's world."""
+    champions = sorted(path.stem for path in (conf_folder() / "controller").glob("champion*.yaml"))
+    flown = [words_of(name) for name in champions if "docking" not in name]
+    named = {word for words in flown for word in words}
+    names = sorted(path.stem for path in (conf_folder() / "world").glob("*.yaml"))
+    return [
+        *((words[0].partition("=")[2], *words[1:]) for words in flown),
+        *(("champion_27", f"world={name}") for name in names if f"world={name}" not in named),
+    ]
 
 
 @cache
@@ -56,24 +86,19 @@ def run_of(*words):
         [
             "+experiment=evaluate",
             f"controller={name}",
-            "sun=random",
+            *(() if any(word.startswith(("world=", "sun=")) for word in others) else ("sun=random",)),
             "seed=91",
             f"monte_carlo.num_cases={NUM_CASES}",
             *others,
         ]
     ).experiment
     controller = source.named(name, job.mission)
-    starts = evaluation_scenarios(job)
+    starts = evaluation_scenarios(job)[: NUM_AHEAD if looks_ahead(controller) else NUM_CASES]
     return job.mission, controller, starts, [fly_logged(job.mission, controller, start) for start in starts]
 
 
-def played(*words, **changes):
-    """Return a run as a player takes it."""
-    mission, controller, starts, logs = run_of(*words)
-    table = np.zeros(NUM_CASES, CASE)
-    for row, start in zip(table, starts, strict=True):
-        row["position"], row["velocity"] = start.position_m, start.velocity_m_s
-        row["sun_angle"], row["sun_elevation"] = start.sun_angle_rad, start.sun_elevation_rad
+def cases_of(logs):
+    """Return cases as a player takes them."""
     far = np.array([np.linalg.norm(log.position_m, axis=1) for log in logs])
     fuel = np.array([log.delta_v_m_s[-1] for log in logs])
     rate = np.array([100.0 * log.is_inspected[-1].mean() for log in logs])
@@ -83,15 +108,22 @@ def played(*words, **changes):
         CaseColumn("min_distance_m", "nearest, m", 1, far.min(axis=1)),
         CaseColumn("max_distance_m", "farthest, m", 1, far.max(axis=1)),
     ]
-    cases = PlayedCases(np.arange(NUM_CASES) + 100, rate >= 95.0, table, columns)
-    return PlayedRun("", "trial", mission, controller, "fly RUN case=CASE", cases, 3, **changes)
+    return PlayedCases(np.arange(len(logs)) + 100, [rate >= 95.0], columns, PLOTS)
 
 
 @cache
 def page_of(*words, recorded=()):
-    mission, controller, _, logs = run_of(*words)
-    tables = {row: recorded_table(logs[row], controller, mission) for row in recorded}
-    shown = panel(played(*words, recorded=tables))
+    mission, controller, starts, logs = run_of(*words)
+    run = PlayedRun("A", "trial", mission, controller, starts, [3], "fly RUN case=CASE")
+    carried = carried_of(run)
+    if recorded:
+        tables = {row: recorded_table(logs[row], controller, mission) for row in recorded}
+        carried = Carried(recorded=tables, why="it is a trial")
+    return as_page(panel(PlayedPage("", "trial", [(run, carried)], cases_of(logs), 3)))
+
+
+def as_page(shown):
+    """Return a panel as a page of its own."""
     head = f'<!doctype html><html lang="en"><meta charset="utf-8">{policy(script=shown.script, flies=True)}'
     head += '<meta name="viewport" content="width=device-width"><title>A run</title>'
     ours = ":root { color-scheme: light dark; } body { margin: 8px; background: var(--card); }"
@@ -105,7 +137,8 @@ def ready(opened):
 
     def open_page(*words, width=1280, address="", recorded=(), **options):
         page = opened(page_of(*words, recorded=recorded), width, reduced_motion="reduce", **options)
-        page.wait_for_function("() => player.flight")
+        # a busy machine may take long to compile the module
+        page.wait_for_function("() => player.sides?.[0].flight", timeout=300_000)
         if address:
             case = address.partition("case=")[2].partition("&")[0]
             page.evaluate("address => { location.hash = address; }", address)
@@ -115,13 +148,10 @@ def ready(opened):
     return open_page
 
 
-NAMED = "([k, axis]) => player.shared.pushed(player.flight, k, axis)"
-
-
 def shows(page, number):
     page.wait_for_function(
         """number => player.cases.numbers[player.row] === number
-            && player.part('which').textContent === `Case ${number}`""",
+            && player.part('which').textContent.endsWith(`Case ${number}`)""",
         arg=number,
     )
 
@@ -132,10 +162,25 @@ def decoded(text, kind):
 
 @pytest.mark.parametrize("words", FLOWN, ids="-".join)
 def test_a_page_flies_fresh_cases_to_the_products_bits(ready, words):
-    logs = run_of(*words)[3]
-    page = ready(*words)
-    for row, log in enumerate(logs):
-        again = page.evaluate(LOG, row)
+    assert_flown(ready(*words), run_of(*words)[3], range(NUM_CASES))
+
+
+@pytest.mark.parametrize("words", [*worlds(), *OTHERS], ids="-".join)
+def test_every_mission_of_the_shipped_worlds_flies_in_a_page(ready, monkeypatch, words):
+    # pages carry fewer of the cases that have much of their own
+    monkeypatch.setattr(flown, "MOST_AHEAD", NUM_CASES)
+    monkeypatch.setattr(flown, "MOST_BYTES", 10_000_000)
+    mission, controller, starts, logs = run_of(*words)
+    chosen = flown_in_page(PlayedRun("", "", mission, controller, starts))
+    assert isinstance(chosen, FlownCases), chosen
+    assert_flown(ready(*words), logs, chosen.rows or range(len(logs)))
+
+
+def assert_flown(page, logs, rows):
+    """Fail unless a page flies cases to the last bit of what the product logs."""
+    assert len(rows) == len(logs)
+    for row in rows:
+        log, again = logs[row], page.evaluate(LOG, row)
         assert decoded(again["position"], "<f8").tobytes() == log.position_m.tobytes(), row
         assert decoded(again["spent"], "<f8").tobytes() == log.delta_v_m_s.tobytes(), row
         assert np.array_equal(
@@ -152,8 +197,8 @@ def test_reasons_and_rules_are_the_products(ready, words):
         page.evaluate("row => player.open(row)", row)
         shows(page, 100 + row)
         reasons = page.evaluate(
-            """() => Array.from({ length: player.flight.numSamples - 1 }, (_, k) =>
-                [0, 1, 2].map(axis => player.flight.reason(k, axis)))"""
+            """() => Array.from({ length: player.sides[0].flight.numSamples - 1 }, (_, k) =>
+                [0, 1, 2].map(axis => player.sides[0].flight.reason(k, axis)))"""
         )
         assert reasons == [[names[code] for code in codes] for codes in logs[row].reason.tolist()]
         table = recorded_table(logs[row], controller, mission)
@@ -161,7 +206,7 @@ def test_reasons_and_rules_are_the_products(ready, words):
             text = table["texts"][table["reasons"][k][axis]]
             if text.startswith("If "):
                 named = page.evaluate(
-                    "([k, axis]) => player.shared.pushed(player.flight, k, axis)", [k, axis]
+                    "([k, axis]) => player.sides[0].shared.pushed(player.sides[0].flight, k, axis)", [k, axis]
                 )
                 assert named.partition(": ")[2] == text
                 num_named += 1
@@ -195,7 +240,7 @@ def test_all_panels_show_one_time_and_the_address_keeps_it(ready):
     log = run_of("champion_27")[3][5]
     read = """() => {
         const all = words => [...document.querySelectorAll(`#player ${words}`)];
-        return { k: player.view.sample, slider: +document.querySelector("#player .time").value,
+        return { k: player.sides[0].view.sample, slider: +document.querySelector("#player .time").value,
             plots: all("svg[role=slider]").map(each => +each.getAttribute("aria-valuenow")),
             values: all("svg text.now").map(each => each.textContent) };
     }"""
@@ -203,7 +248,7 @@ def test_all_panels_show_one_time_and_the_address_keeps_it(ready):
         if key:
             page.locator("#player .distance svg").focus()
             page.keyboard.press(key)
-        page.wait_for_function("k => player.view.heard === k", arg=k)
+        page.wait_for_function("k => player.sides[0].view.heard === k", arg=k)
         seen = f"{log.is_inspected[k].sum()}"
         values = [f"{np.linalg.norm(log.position_m[k]):.1f} m", f"{log.delta_v_m_s[k]:.3f} m/s", seen]
         expect(page.locator("#player .count")).to_contain_text(f"{seen} of 99 points")
@@ -235,52 +280,112 @@ def test_numbers_and_pictures_are_saved(ready, tmp_path):
         assert (tmp_path / "picture").read_bytes().startswith(start)
 
 
-def test_a_module_refuses_a_snapshot_of_other_types(ready):
-    page = ready("champion_27")
+@pytest.mark.parametrize("words", [("champion_27",), ("champion_afrl", "world=afrl")], ids="-".join)
+def test_a_module_refuses_a_snapshot_of_other_types(ready, words):
+    page = ready(*words)
     message = page.evaluate(
         """async () => {
-            const { module, snapshot } = player.page, other = structuredClone(snapshot);
+            const { snapshot } = player.page.runs[0], other = structuredClone(snapshot);
             other.functions.fly.types += 1;
-            const ask = player.beginWorker(player.page.worker);
+            const ask = beginWorker(player.page.worker);
+            const module = player.page.modules[player.page.runs[0].module];
             return ask({ module, snapshot: other }).then(() => "", error => error.message);
         }"""
     )
     assert "is of other types than its snapshot" in message
 
 
-def test_the_module_is_of_the_types_that_the_product_has():
-    types = {name: types_of(arguments.leaves(Memory())) for name, _, arguments in functions()}
-    text = (module_folder() / "types.json").read_text(encoding="utf-8")
-    assert json.loads(text) == types
-    assert len(module()) < 200_000
+@pytest.mark.parametrize(("name", "most"), [(PLAIN, 200_000), (LIT, 230_000)])
+def test_the_modules_are_of_the_types_that_the_product_has(name, most):
+    types = {function: types_of(arguments.leaves(Memory())) for function, _, arguments in functions(name)}
+    assert json.loads((FOLDER / "types.json").read_text(encoding="utf-8"))[name] == types
+    assert len(flown.module(name)) < most
 
 
-def module_folder():
-    from pipeline.player.build import FOLDER  # noqa: PLC0415 - beside the module
-
-    return FOLDER
-
-
-def test_what_the_module_does_not_fly_is_recorded_or_says_how_to_fly_it(ready):
-    mission, controller, _, logs = run_of("champion_27_rehearsed")
-    assert why_recorded(mission, controller) == "its pushes were chosen by flights ahead"
-    page = ready("champion_27_rehearsed", recorded=(3, 5))
-    assert page.evaluate("() => player.flight.spent(360)") == pytest.approx(logs[3].delta_v_m_s[-1], rel=1e-6)
+def test_cases_that_a_page_does_not_carry_say_how_to_fly_them(ready):
+    _, _, _, logs = run_of("champion_27")
+    page = ready("champion_27", recorded=(3, 5))
+    assert page.evaluate("() => player.sides[0].flight.spent(360)") == pytest.approx(
+        logs[3].delta_v_m_s[-1], rel=1e-6
+    )
     page.evaluate("() => player.open(5)")
     shows(page, 105)
-    position = page.evaluate("() => player.flight.position(200)")
+    position = page.evaluate("() => player.sides[0].flight.position(200)")
     np.testing.assert_allclose(position, logs[5].position_m[200], rtol=1e-6)
     page.evaluate("() => player.open(6)")
     page.get_by_text("fly RUN case=106").wait_for()
     shows(page, 105)
 
 
-@pytest.mark.parametrize("words", ["world=rso", "navigation=fixes", "guidance=clusters"])
-def test_missions_of_other_types_have_no_snapshot(words):
-    name = "champion_rso" if words == "world=rso" else "champion_27"
-    job = compose_experiment(["+experiment=evaluate", f"controller={name}", words]).experiment
-    start = Scenario(np.array([75.0, 0.0, 0.0]), np.zeros(3), 0.0)
-    assert arguments_of(job.mission, source.named(name, job.mission), [start]) is None
+def test_reasons_that_are_not_told_by_what_is_flown_are_the_products(ready):
+    mission, controller, _, logs = run_of("champion_27_rehearsed")
+    assert not tells_reasons(mission, controller)
+    page = ready("champion_27_rehearsed")
+    table = recorded_table(logs[3], controller, mission)
+    k = int(np.flatnonzero(logs[3].force_hill_n.any(axis=1))[0])
+    axis = int(np.argmax(np.abs(logs[3].force_hill_n[k])))
+    details = page.evaluate("k => player.sides[0].flight.reasons(k).map(({ detail }) => detail)", k)
+    assert table["texts"][table["reasons"][k][axis]] in details
+
+
+AT_SAMPLE = "k => player.sides.every(({ view }) => view.sample === k && view.heard === k)"
+COMPARED = ("champion_27", "champion_27_parking")
+
+
+@pytest.fixture(scope="module")
+def compared():
+    """A page of two runs side by side."""
+    runs = [(name, *run_of(name)) for name in COMPARED]
+    cases = cases_of(runs[0][4])
+    fuel = [np.array([log.delta_v_m_s[-1] for log in logs]) for *_, logs in runs]
+    columns = [CaseColumn(f"fuel_{letter}", letter, 3, each) for letter, each in zip("AB", fuel, strict=True)]
+    plots = [CasePlot("fuel-B", "B beside A", ("fuel_A", "fuel_B"), is_paired=True)]
+    cases = PlayedCases(cases.numbers, [cases.succeeds[0]] * 2, columns, plots)
+    played = [
+        PlayedRun(name, name, mission, controller, starts) for name, mission, controller, starts, _ in runs
+    ]
+    return as_page(panel(PlayedPage("", "two", [(run, carried_of(run)) for run in played], cases, 3)))
+
+
+def test_runs_fly_a_case_side_by_side_under_one_time(opened, compared):
+    page = opened(compared, 1400, reduced_motion="reduce")
+    page.wait_for_function("() => player.sides?.every(side => side.flight)")
+    x, y = page.evaluate("() => player.dots[0].where(8)")
+    canvas = page.locator(".fuel-B canvas")
+    canvas.scroll_into_view_if_needed()
+    box = canvas.bounding_box()
+    page.mouse.click(box["x"] + x, box["y"] + y)
+    page.wait_for_function("() => player.row === 8")
+    spent = page.evaluate("() => player.sides.map(side => side.flight.spent(360))")
+    assert spent == [run_of(name)[3][8].delta_v_m_s[-1] for name in COMPARED]
+    page.locator(".side").nth(1).locator(".distance svg").focus()
+    for key, k in (("Home", 0), ("PageDown", 30), ("ArrowRight", 31)):
+        page.keyboard.press(key)
+        page.wait_for_function(AT_SAMPLE, arg=k)
+        sliders = page.locator("#player svg[role=slider]")
+        assert {each.get_attribute("aria-valuenow") for each in sliders.all()} == {str(k)}
+    assert page.locator("#player .playback:visible").count() == 1
+    assert page.evaluate("() => document.documentElement.scrollWidth") <= 1400
+
+
+@pytest.mark.parametrize("width", [400, 1400])
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_runs_side_by_side_fit_and_axe_finds_nothing(opened, compared, axe, width, scheme):
+    page = opened(compared, width, reduced_motion="reduce", color_scheme=scheme)
+    page.wait_for_function("() => player.sides?.every(side => side.flight)")
+    assert page.evaluate("() => document.documentElement.scrollWidth") <= width
+    assert serious_violations(page, axe) == []
+
+
+def test_a_page_of_ten_thousand_cases_is_small():
+    mission, controller, starts, logs = run_of("champion_27")
+    drawn = np.random.default_rng(0).normal(size=(10_000, 3))
+    many = [replace(starts[0], position_m=75.0 * row / np.linalg.norm(row)) for row in drawn]
+    run = PlayedRun("A", "trial", mission, controller, many)
+    values = np.random.default_rng(1).random(10_000)
+    columns = [replace(column, values=values) for column in cases_of(logs).columns]
+    cases = PlayedCases(np.arange(10_000), [values > 0.1], columns, PLOTS)
+    assert len(as_page(panel(PlayedPage("", "many", [(run, carried_of(run))], cases)))) < 1_500_000
 
 
 @pytest.mark.parametrize("width", [400, 1400, 1920])

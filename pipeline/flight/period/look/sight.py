@@ -136,7 +136,7 @@ def see(now: Moment, work: Workspace, optics: FullOptics | None, clusters: bool 
     store_three(truth.boresight, 0, to_hill(load_quaternion(truth.attitude), three_of(world.boresight)))
     for lane in range(now.num_lanes):
         inspect(now, optics, lane, work.candidate_marks, work.lit, work.seen)
-        if clusters is not None:
+        if clusters is not None and world.has_clusters:  # by the first the code is left out
             choose_cluster(
                 now, lane, work.candidate_marks, work.candidates, work.labels, work.distances, work.sums
             )

@@ -1,6 +1,27 @@
 // A flight as the product flew it, from the arrays of a page, see pipeline/report/scene.py.
 import { FlightView, ENDED, cross, plus, pushText, scaled } from "./view.js";
 
+/** What was fired at a sample, and why, from a table's texts and the indices of those of each axis. */
+export function reasonsOf({ texts: all, reasons }, k, force) {
+  const texts = reasons[k].map(index => all[index]);
+  const rows = force.flatMap((part, axis) => part ? [{ size: Math.abs(part), text: pushText(axis, part), detail: texts[axis] }] : []);
+  rows.sort((a, b) => b.size - a.size);
+  rows.forEach((row, at) => { if (row.detail === rows[at + 1]?.detail) row.detail = ""; }); // said once
+  return rows.length ? rows : [{ text: "No push.", detail: texts.find((text, axis) => texts.indexOf(text) !== axis) ?? texts[0] }];
+}
+
+/** Turn a vector by a quaternion, scalar last, of a change of axes; `sign` -1 turns it back. */
+function turned([x, y, z, w], vector, sign) {
+  const axis = [x, y, z].map(part => -sign * part), side = cross(axis, vector).map(part => 2 * part);
+  return plus(plus(vector, scaled(side, w)), cross(axis, side));
+}
+
+/** Where points at the start are at a sample, by the attitudes of a chief that turns. */
+export function turnedPoints(points, attitude, k) {
+  const quaternion = at => Array.from({ length: 4 }, (_, i) => attitude[4 * at + i]);
+  return points.map(point => turned(quaternion(k), turned(quaternion(0), point, 1), -1));
+}
+
 /** Return what FlightView shows. */
 export function recordedFlight(table) {
   const bytes = text => Uint8Array.from(atob(text), letter => letter.charCodeAt(0));
@@ -13,23 +34,16 @@ export function recordedFlight(table) {
   const three = (array, row) => [array[3 * row], array[3 * row + 1], array[3 * row + 2]];
   const numSamples = arrays.spent.length, last = numSamples - 2;
   const held = Array.from({ length: table.numPoints }, (_, j) => three(arrays.points, j));
-  const quaternion = k => Array.from({ length: 4 }, (_, i) => arrays.attitude[4 * k + i]);
-
-  /** Turn a vector by a quaternion, scalar last, of a change of axes; `sign` -1 turns it back. */
-  const turned = ([x, y, z, w], vector, sign) => {
-    const axis = [x, y, z].map(part => -sign * part), side = cross(axis, vector).map(part => 2 * part);
-    return plus(plus(vector, scaled(side, w)), cross(axis, side));
-  };
   return {
     numSamples, periodS: table.periodS, radius: table.radius, limits: table.limits, isSphere: table.isSphere, points: held,
-    pointsAt: arrays.attitude.length ? k => held.map(point => turned(quaternion(k), turned(quaternion(0), point, 1), -1)) : null,
+    pointsAt: arrays.attitude.length ? k => turnedPoints(held, arrays.attitude, k) : null,
     position: k => three(arrays.position, k),
     force: k => (k <= last ? three(arrays.force, k) : [0, 0, 0]),
     numSeen: k => held.filter((_, j) => bit(isSeen, k * table.numPoints + j)).length,
     stride: table.stride ?? 1,
     isDecided: k => Boolean(table.isDecided) && k <= last && bit(isDecidedThen, k),
     inputs: (k, system, count) => arrays64.subarray((k * table.numSystems + system) * 3).slice(0, count),
-    sun: k => three(arrays.sun, k),
+    sun: k => (arrays.sun.length ? three(arrays.sun, k) : null),
     spent: k => arrays.spent[k],
     isSeen: (k, j) => bit(isSeen, k * table.numPoints + j),
     isLit: (k, j) => bit(isLitThen, k * table.numPoints + j),
@@ -39,14 +53,7 @@ export function recordedFlight(table) {
       return Array.from({ length: arrays.coast.length / 18 }, (_, at) => [0, 1, 2].map(axis =>
         state.reduce((sum, value, column) => sum + arrays.coast[18 * at + 6 * axis + column] * value, 0)));
     },
-    reasons(k) {
-      if (k > last) return ENDED;
-      const force = three(arrays.force, k), texts = table.reasons[k].map(index => table.texts[index]);
-      const rows = force.flatMap((part, axis) => part ? [{ size: Math.abs(part), text: pushText(axis, part), detail: texts[axis] }] : []);
-      rows.sort((a, b) => b.size - a.size);
-      rows.forEach((row, at) => { if (row.detail === rows[at + 1]?.detail) row.detail = ""; });  // said once
-      return rows.length ? rows : [{ text: "No push.", detail: texts.find((text, axis) => texts.indexOf(text) !== axis) ?? texts[0] }];
-    },
+    reasons: k => (k > last ? ENDED : reasonsOf(table, k, three(arrays.force, k))),
   };
 }
 

@@ -14,18 +14,20 @@ const SPEED = 18; // samples a second
  * Show a flight in an element that holds a canvas, `.play`, `.time`, `.count` and `.why`.
  *
  * `flight` has numSamples, periodS, radius, limits, points and, of a sample k, position, velocity, force, sun (a
- * direction), isSeen(k, point), spent, coast(k) (positions of free motion), and reasons(k) (lists of {text, detail}).
- * It may have pointsAt(k) where the chief turns, isLit(k, point) where light is more than facing the Sun, and
- * isSphere false where the chief is none, and before, the positions of another flight from the same start.
- * `touch(kind, direction)`, where given, hears of a start or a Sun that is dragged.
+ * direction, or null where none is told), isSeen(k, point), spent, coast(k) (positions of free motion), and reasons(k) (lists of {text, detail}).
+ * It may have pointsAt(k) where the chief turns, isLit(k, point) where light is more than facing the Sun (or
+ * tellsLight false where which points are lit is not told), and isSphere false where the chief is none, and before, the positions of another flight from the same start.
+ * `touch(kind, direction)`, where given, hears of a start or a Sun that is dragged. A view that follows another, its
+ * `lead`, has no time of its own: whoever holds both shows it what the lead shows.
  */
 export class FlightView {
-  constructor(element, flight, { touch = null, onTime = () => {}, onSample = () => {} } = {}) {
+  constructor(element, flight, { touch = null, onTime = () => {}, onSample = () => {}, lead = null } = {}) {
     this.part = name => element.querySelector(`.${name}`);
     this.canvas = element.querySelector("canvas");
     this.pen = this.canvas.getContext("2d");
     this.flight = flight;
     this.touch = touch;
+    this.clock = lead ?? this;
     this.onTime = onTime;
     this.onSample = onSample;
     this.sample = 0;
@@ -135,7 +137,7 @@ export class FlightView {
       const turn = { ArrowLeft: ["yaw", 0.09], ArrowRight: ["yaw", -0.09], ArrowUp: ["pitch", 0.09], ArrowDown: ["pitch", -0.09] }[event.key];
       if (turn) this.angles[turn[0]] += turn[1];
       else if (event.key === "+" || event.key === "-") this.zoomBy(event.key === "+" ? 1.1 : 1 / 1.1);
-      else if (event.key === " ") this.isPlaying ? this.pause() : this.play();
+      else if (event.key === " ") this.clock.isPlaying ? this.clock.pause() : this.clock.play();
       else return;
       event.preventDefault();
       this.draw();
@@ -246,9 +248,8 @@ export class FlightView {
     this.half(path, k, true);
     this.sphere(centre, this.scale * flight.radius, sun, this.basis, k);
     this.half(path, k, false);
-    const sunEnd = this.on(scaled(sun, flight.radius + 0.45 * this.reach()));
-    this.arrow(this.on(scaled(sun, 1.4 * flight.radius)), sunEnd, colour.lit, 3, "Sun");
-    this.sunAt = sunEnd;
+    this.sunAt = sun && this.on(scaled(sun, flight.radius + 0.45 * this.reach()));
+    if (sun) this.arrow(this.on(scaled(sun, 1.4 * flight.radius)), this.sunAt, colour.lit, 3, "Sun");
     this.startAt = this.on(path[0]);
     pen.beginPath(); pen.arc(this.startAt[0], this.startAt[1], 7, 0, TURN); pen.strokeStyle = colour.ink; pen.lineWidth = 2; pen.stroke();
     const here = path[k], force = flight.force(k), size = norm(force);
@@ -294,8 +295,8 @@ export class FlightView {
   /** Draw the chief: its lit half, and its points that face the eye. */
   sphere(centre, radius, sun, { eye, right, up }, k) {
     const { pen, flight, colour } = this;
-    const towards = [dot(sun, right), -dot(sun, up)], facing = dot(sun, eye);
-    const isLitNow = flight.isLit ?? ((_, index) => facesSun(points[index], sun));
+    const towards = sun ? [dot(sun, right), -dot(sun, up)] : [0, 0], facing = sun ? dot(sun, eye) : 1;
+    const isLitNow = flight.isLit ?? ((_, index) => flight.tellsLight !== false && facesSun(points[index], sun));
     const points = flight.pointsAt?.(k) ?? flight.points, hasBody = flight.isSphere !== false;
     const gradient = pen.createLinearGradient(centre[0] - towards[0] * radius, centre[1] - towards[1] * radius,
       centre[0] + towards[0] * radius + 1e-6, centre[1] + towards[1] * radius);
@@ -347,8 +348,8 @@ export class FlightView {
   say(k) {
     const { flight } = this, minutes = Math.floor(k * flight.periodS / 60);
     const seen = flight.points.filter((_, index) => flight.isSeen(k, index)).length;
-    const total = flight.points.length ? `${seen} of ${flight.points.length} points` : "";
-    this.part("count").textContent = [`${minutes} min`, total, `${flight.spent(k).toFixed(2)} m/s`].filter(Boolean).join(" · ");
+    const total = flight.points.length ? `${seen} of ${flight.points.length} points` : "", spent = flight.spent(k);
+    this.part("count").textContent = [`${minutes} min`, total, Number.isFinite(spent) ? `${spent.toFixed(2)} m/s` : ""].filter(Boolean).join(" · ");
     this.part("time").value = k;
     this.part("time").setAttribute("aria-valuetext", total ? `${minutes} minutes, ${total} inspected` : `${minutes} minutes`);
     const reasons = flight.reasons(k), text = reasons.map(({ text: fact, detail }) => `${fact} ${detail}`).join("\n");
@@ -375,4 +376,10 @@ export function facesSun(point, sun) {
 export function pushText(axis, force) {
   const millinewtons = 1000 * Math.abs(force);
   return `Push ${AXES[axis][+(force > 0)]}, ${millinewtons < 1 ? +millinewtons.toPrecision(1) : millinewtons.toFixed(0)} mN.`;
+}
+
+/** A time of a flight, such as "20 min 30 s". */
+export function clockWords(seconds) {
+  const rest = Math.round(seconds % 60);
+  return `${Math.floor(seconds / 60)} min ${String(rest).padStart(2, "0")} s`;
 }

@@ -11,7 +11,7 @@ function mapped([x, y, z]) {
 
 /** Draw the map; returned is what shows a sample. `go(k)` moves the page's time. */
 function pointsMap(box, flight, seenAt, go, fileName) {
-  const drawing = draw("svg", { viewBox: `-6 -6 ${MAP.width + 12} ${MAP.height + 24}`, role: "img", "aria-label": "Map of the chief's points" },
+  const drawing = draw("svg", { viewBox: `-6 -6 ${MAP.width + 12} ${MAP.height + 24}`, role: "img", "aria-label": `Map of the chief's points${flight.of}` },
     draw("rect", { width: MAP.width, height: MAP.height, fill: "none", stroke: "var(--grid)" }));
   const shapes = flight.points.map((point, j) => {
     const title = draw("title"), [cx, cy] = mapped(point);
@@ -33,7 +33,7 @@ function pointsMap(box, flight, seenAt, go, fileName) {
       shape.setAttribute("fill", isSeen ? "var(--seen)" : isLit ? "var(--card)" : "var(--dark)");
       shape.setAttribute("stroke", isSeen ? "var(--seen)" : isLit ? "var(--lit)" : "none");
     });
-    const [x, y] = mapped(flight.position(k)), [sunX, sunY] = mapped(flight.sun(k));
+    const [x, y] = mapped(flight.position(k)), light = flight.sun(k), [sunX, sunY] = light ? mapped(light) : [-100, 0];
     deputy.setAttribute("transform", `translate(${x},${y})`);
     sun.setAttribute("cx", sunX);
     sun.setAttribute("cy", sunY);

@@ -2,14 +2,19 @@
 
 const DOTS = { left: 48, right: 10, top: 24, bottom: 36, reach: 24 };
 
-/** A scatter of two columns on a canvas; returned is what marks a case. `cases` has count, columns and isGood. */
-function scatter(box, title, [xColumn, yColumn], cases, open, fileName) {
+/**
+ * A scatter of two columns on a canvas; returned is what marks a case. `cases` has count, numbers and isGood.
+ *
+ * Where the columns are the same of two runs, axes are alike, with a line where both are equal.
+ */
+function scatter(box, { title, isPaired }, [xColumn, yColumn], cases, open, fileName) {
   const canvas = make("canvas", { tabindex: 0, role: "application", "aria-label": `${title}: arrow keys go from case to case by ${xColumn.label}, Enter opens its flight` });
   const tip = make("div", { class: "tip", hidden: true }), said = make("p", { class: "unseen", "aria-live": "polite" }), pen = canvas.getContext("2d");
   const X = xColumn.values, Y = yColumn.values, order = Array.from(X.keys()).sort((a, b) => X[a] - X[b]);
   const whole = values => { const [low, high] = extremes(Array.from(values)), room = 0.04 * (high - low || Math.abs(high) || 1); return [low - room, high + room]; };
-  let zoom = [whole(X), whole(Y)], hovered = null, chosen = null, x = null, y = null;
-  const again = make("button", { type: "button", class: "plain", click: () => { zoom = [whole(X), whole(Y)]; paint(); } }, "whole");
+  const both = isPaired ? [whole([...X, ...Y]), whole([...X, ...Y])] : [whole(X), whole(Y)];
+  let zoom = both, hovered = null, chosen = null, x = null, y = null;
+  const again = make("button", { type: "button", class: "plain", click: () => { zoom = both; paint(); } }, "whole");
   const save = savingButtons(title, fileName, null, () => [["case", Array.from(cases.numbers)], [xColumn.name, Array.from(X)], [yColumn.name, Array.from(Y)]]);
   save.prepend(again);
   box.replaceChildren(save, make("h4", {}, title), make("div", { class: "dots" }, canvas, tip), said);
@@ -19,9 +24,13 @@ function scatter(box, title, [xColumn, yColumn], cases, open, fileName) {
     for (const value of ticks(...zoom[0], 5)) { pen.fillText(shown(value), x(value), height - 20); pen.strokeRect(x(value), DOTS.top, 0, height - DOTS.top - DOTS.bottom); }
     pen.fillText(xColumn.label, width / 2, height - 4);
     pen.textAlign = "right";
-    for (const value of ticks(...zoom[1], 4)) { pen.fillText(shown(value), DOTS.left - 5, y(value) + 4); pen.strokeRect(DOTS.left, y(value), width - DOTS.left - DOTS.right, 0); }
+    for (const value of ticks(...zoom[1], 5)) { pen.fillText(shown(value), DOTS.left - 5, y(value) + 4); pen.strokeRect(DOTS.left, y(value), width - DOTS.left - DOTS.right, 0); }
     pen.textAlign = "left";
     pen.fillText(yColumn.label, 2, 12);
+  };
+  const equality = colour => {
+    const ends = zoom.flat(), [low, high] = [Math.min(...ends), Math.max(...ends)];
+    pen.beginPath(); pen.moveTo(x(low), y(low)); pen.lineTo(x(high), y(high)); pen.strokeStyle = colour; pen.lineWidth = 1; pen.stroke();
   };
   const mark = (row, colour) => { pen.beginPath(); pen.arc(x(X[row]), y(Y[row]), 7, 0, 2 * Math.PI); pen.strokeStyle = colour; pen.lineWidth = 2.5; pen.stroke(); };
   const paint = () => {
@@ -37,6 +46,7 @@ function scatter(box, title, [xColumn, yColumn], cases, open, fileName) {
     pen.beginPath();
     pen.rect(DOTS.left - 3, DOTS.top - 3, width - DOTS.left - DOTS.right + 6, height - DOTS.top - DOTS.bottom + 6);
     pen.clip();
+    if (isPaired) equality(colours.muted);
     pen.globalAlpha = 0.55;
     for (let row = 0; row < cases.count; row++) { // failures are squares, and drawn last
       if (!cases.isGood(row)) continue;
@@ -92,7 +102,7 @@ function scatter(box, title, [xColumn, yColumn], cases, open, fileName) {
 }
 
 /** Bars of how a column spreads; a bar opens its case nearest to the middle, and again the next. */
-function histogram(box, title, column, cases, open, fileName, count = 20) {
+function histogram(box, { title }, [column], cases, open, fileName, count = 20) {
   const [low, high] = extremes(Array.from(column.values)), step = (high - low || 1) / count;
   const bins = Array.from({ length: count }, () => []);
   column.values.forEach((value, row) => bins[Math.min(count - 1, Math.floor((value - low) / step))].push(row));
@@ -112,7 +122,7 @@ function histogram(box, title, column, cases, open, fileName, count = 20) {
   const drawing = draw("svg", { viewBox: `0 0 ${width} ${height}`, role: "group", "aria-label": `${title}: bars open cases` },
     ...ticks(0, most, 3).map(value => draw("text", { x: left - 5, y: y(value) + 4, "text-anchor": "end" }, shown(value))),
     ...ticks(low, high, 5).map(value => draw("text", { x: x(value), y: height - 10, "text-anchor": "middle" }, shown(value, 3))),
-    draw("text", { x: width - right, y: top + 2, "text-anchor": "end" }, column.label), ...bars.filter(Boolean));
+    draw("text", { x: width - right, y: top - 9, "text-anchor": "end" }, column.label), ...bars.filter(Boolean));
   const columns = () => [["from", bins.map((_, bin) => low + bin * step)], ["to", bins.map((_, bin) => low + (bin + 1) * step)], ["cases", bins.map(({ length }) => length)]];
   box.replaceChildren(savingButtons(title, fileName, () => drawing, columns), make("h4", {}, title), drawing);
   return row => bars.forEach((bar, bin) => { if (bar) bar.classList.toggle("now", bins[bin].includes(row)); });

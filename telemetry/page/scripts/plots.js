@@ -1,6 +1,6 @@
 // Quantities of a flight over time, all along one axis, with a cursor at the moment that the page shows.
 
-const PLOT = { height: 160, left: 46, right: 12, top: 10, bottom: 26 };
+const PLOT = { height: 170, left: 46, right: 12, top: 22, bottom: 26 };
 const STEPS = { ArrowLeft: -1, ArrowRight: 1, PageUp: -30, PageDown: 30, Home: -Infinity, End: Infinity };
 
 /** The axes of a plot of so many minutes: lines and words. */
@@ -22,7 +22,7 @@ function plotMarks(x, y, { limits, unit, after, end, width }) {
   return [
     ...(after ? [
       draw("rect", { x: x(end), y: top, width: x(end + after) - x(end), height: height - bottom - top, fill: "var(--grid)", opacity: 0.35 }),
-      draw("text", { x: x(end) + 4, y: top + 11 }, "after the end"),
+      draw("text", { x: x(end) + 4, y: top + 28 }, "after the end"),
     ] : []),
     ...limits.flatMap(limit => [
       draw("line", { x1: left, x2: width - right, y1: y(limit), y2: y(limit), stroke: "var(--push)", "stroke-dasharray": "3 4" }),
@@ -34,21 +34,22 @@ function plotMarks(x, y, { limits, unit, after, end, width }) {
 /**
  * A plot of a flight: `lines` are {name, values, first, dash}, a value a sample from sample `first` on.
  *
- * `go(k)` moves the page's time. The plot is {element, show(k)}.
+ * `highest` is what the axis holds, that of all flights beside each other. `go(k)` moves the page's time; returned is what
+ * shows a sample.
  */
-function timePlot(box, title, { lines, limits = [], unit, decimals, flight, after = 0, fileName }, go) {
+function timePlot(box, title, { lines, limits = [], unit, decimals, flight, after = 0, fileName, highest }, go) {
   const width = Math.max(260, box.clientWidth - 26), period = flight.periodS / 60, end = (flight.numSamples - 1) * period;
-  const most = 1.06 * Math.max(1e-9, ...limits, ...lines.flatMap(({ values }) => Array.from(values)));
+  const most = 1.06 * Math.max(1e-9, ...limits, highest);
   const { height, left, right, top, bottom } = PLOT;
   const x = linear(0, end + after, left, width - right), y = linear(0, most, height - bottom, top);
-  const drawing = draw("svg", { viewBox: `0 0 ${width} ${height}`, role: "slider", tabindex: 0, "aria-label": `Time, over ${title}`, "aria-valuemin": 0, "aria-valuemax": flight.numSamples - 1, "aria-valuenow": 0 },
+  const drawing = draw("svg", { viewBox: `0 0 ${width} ${height}`, role: "slider", tabindex: 0, "aria-label": `Time, over ${title}${flight.of}`, "aria-valuemin": 0, "aria-valuemax": flight.numSamples - 1, "aria-valuenow": 0 },
     ...plotAxes(x, y, most, end + after, width), ...plotMarks(x, y, { limits, unit, after, end, width }));
   for (const { values, first = 0, dash = "" } of lines) {
     const points = Array.from(values, (value, i) => `${x((first + i) * period).toFixed(1)},${y(value).toFixed(1)}`).join(" ");
     drawing.append(draw("polyline", { fill: "none", stroke: "var(--ink)", "stroke-width": 1.7, "stroke-dasharray": dash, points }));
   }
   const cursor = draw("line", { y1: top, y2: height - bottom, stroke: "var(--accent)", "stroke-width": 2 });
-  const dot = draw("circle", { r: 4, fill: "var(--accent)" }), word = draw("text", { y: top + 11, class: "now" });
+  const dot = draw("circle", { r: 4, fill: "var(--accent)" }), word = draw("text", { y: top - 9, class: "now" }); // above all lines and limits
   drawing.append(cursor, dot, word);
   let now = 0;
   const sampleAt = event => {

@@ -1,0 +1,251 @@
+"""The player of pages: the cases of a run, or of several runs on the cases that they share."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fis_tools.document.html import ScriptedPanel
+from pipeline.evaluation.blocks import number_of, values_at
+from pipeline.evaluation.monte_carlo import episode_columns
+from pipeline.evaluation.statistics import Columns
+from pipeline.flight.cases.dispersions import mission_of_case
+from pipeline.flight.control.controller import Controller
+from pipeline.flight.goals.flights import fly_all, fly_logged
+from pipeline.flight.state.log import FlightLog, Scenario
+from pipeline.player.flown import flown_in_page, tells_reasons
+from pipeline.player.panel import panel
+from pipeline.player.runs import Carried, CaseColumn, CasePlot, PlayedCases, PlayedPage, PlayedRun
+from pipeline.recording.reflight import start_of
+from pipeline.report.contents import Contents
+from pipeline.report.scene import recorded_table, told_reasons
+from pipeline.run import typed
+from pipeline.scenarios import evaluation_scenarios
+from pipeline.settings.experiment import Experiment, Mission
+from pipeline.settings.start_table import POSITION
+from telemetry.file.reader import read
+
+#: cases that a page has at most
+MOST_CASES = 10_000
+#: runs beside each other at most
+MOST_RUNS = 8
+SUCCESS_COLUMN = "success"
+#: columns of the cases: names, words, decimals
+COLUMNS = (
+    ("delta_v_m_s", "Δv, m/s", 3),
+    ("inspection_rate_percent", "inspected, %", 1),
+    ("min_distance_m", "nearest, m", 1),
+    ("max_distance_m", "farthest, m", 1),
+)
+FUEL, RATE = COLUMNS[0][0], COLUMNS[1][0]
+#: how a run's cases are drawn
+PLOTS = (
+    CasePlot("fuel-dots", "Fuel and what was inspected", (FUEL, RATE)),
+    CasePlot("distance-dots", "Nearest and farthest", ("min_distance_m", "max_distance_m")),
+    CasePlot("bars", "How the fuel spreads", (FUEL,)),
+)
+
+
+@dataclass(frozen=True)
+class EvaluatedRun:
+    """A run with its evaluation: what beside others it is called, and the command that flies its cases."""
+
+    name: str
+    experiment: Experiment
+    controller: Controller
+    episodes: Columns
+    command: str
+
+
+def player_of_run(contents: Contents) -> ScriptedPanel | None:
+    """Return the player of a run's flights; None without one.
+
+    It has the cases of the evaluation; without one, the first flight that is shown.
+    """
+    experiment, controller = contents.experiment, contents.controller
+    if controller is None or _why_hidden(experiment.mission):
+        return None
+    episodes = contents.evaluation.episodes if contents.evaluation else None
+    if episodes is None or not _has_columns(episodes):
+        if not contents.shown:
+            return None
+        shown = contents.shown[0]
+        return player_of_flight(experiment, controller, shown.log, shown.title, shown.scenario)
+    run = EvaluatedRun(experiment.name, experiment, controller, episodes, typed.fly(typed.RUN, "case=CASE"))
+    rows = range(min(MOST_CASES, number_of(episodes)))
+    return panel(_page([run], [rows], "", experiment.name))
+
+
+def player_of_flight(
+    experiment: Experiment, controller: Controller, log: FlightLog, title: str, start: Scenario
+) -> ScriptedPanel:
+    """Return the player of a flight that is no case."""
+    mission = experiment.mission
+    run = PlayedRun(experiment.name, experiment.name, mission, controller, [start])
+    recorded = {0: recorded_table(log, controller, mission)}
+    return panel(PlayedPage(title, experiment.name, [(run, Carried(recorded=recorded))]))
+
+
+def player_of_runs(
+    runs: Sequence[EvaluatedRun], rows: Sequence[Iterable[int]], file_name: str
+) -> ScriptedPanel | str:
+    """Return the player of several runs side by side, or in words why there is none.
+
+    Parameters
+    ----------
+    runs : sequence of EvaluatedRun
+    rows : sequence of (n,) int
+        Of each run's episodes, the cases that all share, in one order.
+    file_name : str
+        By which an address names the page.
+    """
+    if why := next(filter(None, (_why_hidden(run.experiment.mission) for run in runs)), ""):
+        return why
+    if not all(_has_columns(run.episodes) for run in runs):
+        return "the evaluations do not tell what is plotted"
+    shared = [list(each)[:MOST_CASES] for each in rows]
+    return panel(_page(list(runs)[:MOST_RUNS], shared, "", file_name))
+
+
+def player_of_starts(
+    experiment: Experiment, mission: Mission, controller: Controller, starts: Sequence[Scenario]
+) -> ScriptedPanel | str:
+    """Fly some starts by a controller, and return their player, or in words why there is none."""
+    if why := _why_hidden(mission):
+        return why
+    starts = list(starts)[:MOST_CASES]
+    outcomes = fly_all(mission, controller, starts, experiment.monte_carlo.workers)
+    episodes = episode_columns(mission, starts, outcomes)
+    columns = _columns([{name: np.asarray(episodes[name]) for name, *_ in COLUMNS}])
+    numbers = np.arange(len(starts))
+    cases = PlayedCases(numbers, [_succeeds(episodes, numbers.tolist())], columns, PLOTS)
+    order = np.argsort(columns[0].values, kind="stable")
+    first = int(order[len(order) // 2])
+    telling = [first, int(order[-1]), int(np.argmin(columns[1].values))]
+    run = PlayedRun(experiment.name, experiment.name, mission, controller, starts, telling)
+    return panel(PlayedPage("", experiment.name, [(run, carried_of(run))], cases, first))
+
+
+def player_of_worst(
+    experiment: Experiment, controller: Controller, folder: Path, requirements: Sequence[Mapping[str, Any]]
+) -> ScriptedPanel | None:
+    """Return the player of each requirement's worst known flight, a counterexample where it fails.
+
+    Parameters
+    ----------
+    experiment : Experiment
+    controller : Controller
+    folder : Path
+        Of the run, which has recordings of the flights.
+    requirements : sequence of mapping
+        As the stage assure writes them.
+    """
+    flown = [each for each in requirements if each.get("worst")]
+    if not flown or _why_hidden(experiment.mission):
+        return None
+    starts = [start_of(read(folder / each["worst"]["recording"], ())) for each in flown]
+    words = [
+        f"{each['id']} {each['title']}: {each['worst']['found_by']}, margin {each['worst']['margin']:.3g} "
+        f"{each['worst']['unit']}".rstrip()
+        for each in flown
+    ]
+    is_met = np.array([each["worst"]["margin"] >= 0.0 for each in flown])
+    outcome = ("meets it", "meets the requirement", "fails the requirement")
+    cases = PlayedCases(np.arange(1, len(flown) + 1), [is_met], words=words, outcome=outcome)
+    run = PlayedRun(
+        experiment.name, experiment.name, experiment.mission, controller, starts, range(len(starts))
+    )
+    return panel(PlayedPage("", "worst", [(run, carried_of(run))], cases))
+
+
+def _why_hidden(mission: Mission) -> str:
+    """Return in words why a page does not play a mission; empty if it does."""
+    if mission.has_fleet:
+        return "flights of a fleet are not shown in a page"
+    return "" if mission.problem.kind == "inspection" else "flights to a goal are not shown in a page"
+
+
+def _has_columns(episodes: Columns) -> bool:
+    wanted = {"case", SUCCESS_COLUMN, *POSITION, *(name for name, *_ in COLUMNS)}
+    return wanted <= set(episodes) and number_of(episodes) > 0
+
+
+def _page(
+    runs: Sequence[EvaluatedRun], rows: Sequence[Sequence[int]], title: str, file_name: str
+) -> PlayedPage:
+    values = [
+        {name: np.array(values_at(run.episodes, name, of_run)) for name, *_ in COLUMNS}
+        for run, of_run in zip(runs, rows, strict=True)
+    ]
+    numbers = np.array(values_at(runs[0].episodes, "case", rows[0]))
+    succeeds = [_succeeds(run.episodes, of_run) for run, of_run in zip(runs, rows, strict=True)]
+    columns, plots = (_columns(values), PLOTS) if len(runs) == 1 else _paired(values)
+    cases = PlayedCases(numbers, succeeds, columns, plots)
+    order = np.argsort(values[-1][FUEL] - (values[0][FUEL] if len(runs) > 1 else 0.0), kind="stable")
+    first = int(order[len(order) // 2])
+    telling = [first, int(order[-1]), int(order[0]), *(int(np.argmin(each[RATE])) for each in values)]
+    played = [
+        _played(run, [int(case) for case in values_at(run.episodes, "case", of_run)], telling)
+        for run, of_run in zip(runs, rows, strict=True)
+    ]
+    return PlayedPage(title, file_name, [(run, carried_of(run)) for run in played], cases, first)
+
+
+def _succeeds(episodes: Columns, rows: Sequence[int]) -> Any:
+    reached, violated = (
+        np.array(values_at(episodes, name, rows)).astype(bool) for name in (SUCCESS_COLUMN, "violated")
+    )
+    return reached & ~violated
+
+
+def _columns(values: Sequence[Mapping[str, Any]]) -> list[CaseColumn]:
+    return [CaseColumn(name, label, decimals, values[0][name]) for name, label, decimals in COLUMNS]
+
+
+def _paired(values: Sequence[Mapping[str, Any]]) -> tuple[list[CaseColumn], list[CasePlot]]:
+    """Return the fuel and rate of each run as columns, and plots of each run against the first."""
+    columns, plots = [], []
+    letters = [chr(ord("A") + index) for index in range(len(values))]
+    for name, label, decimals in COLUMNS[:2]:
+        for letter, of_run in zip(letters, values, strict=True):
+            columns.append(CaseColumn(f"{name}_{letter}", f"{letter}: {label}", decimals, of_run[name]))
+    for letter, of_run in zip(letters[1:], values[1:], strict=True):
+        more = of_run[FUEL] - values[0][FUEL]
+        columns.append(CaseColumn(f"more_{letter}", f"{letter} − A: Δv, m/s", 3, more))
+        for name, title in ((FUEL, "fuel"), (RATE, "what was inspected")):
+            both = f"{name}_A", f"{name}_{letter}"
+            plots.append(CasePlot(f"{title.split()[0]}-{letter}", f"{letter} beside A: {title}", both, True))
+        plots.append(CasePlot(f"more-{letter}", f"How much more {letter} burns", (f"more_{letter}",)))
+    return columns, plots
+
+
+def _played(run: EvaluatedRun, cases: Sequence[int], rows: Sequence[int]) -> PlayedRun:
+    experiment = run.experiment
+    starts = evaluation_scenarios(experiment, list(cases))
+    return PlayedRun(run.name, experiment.name, experiment.mission, run.controller, starts, rows, run.command)
+
+
+def carried_of(run: PlayedRun) -> Carried:
+    """Return what a page carries of a run's flights: those that a module flies, else a few as recorded."""
+    mission, controller = run.mission, run.controller
+    rows = list(dict.fromkeys(run.rows))
+    flown = flown_in_page(run)
+    if isinstance(flown, str):
+        recorded = {row: _recorded(run, row) for row in rows}
+        return Carried(recorded=recorded, why=flown)
+    why = "" if flown.rows is None else "what was drawn or chosen for it takes too much room"
+    if tells_reasons(mission, controller):
+        return Carried(flown.content, why=why)
+    carried_rows = rows if flown.rows is None else flown.rows
+    reasons = {row: told_reasons(_logged(run, row), controller, mission) for row in carried_rows}
+    return Carried(flown.content, reasons, why=why)
+
+
+def _logged(run: PlayedRun, row: int) -> FlightLog:
+    return fly_logged(run.mission, run.controller, run.starts[row])
+
+
+def _recorded(run: PlayedRun, row: int) -> dict[str, Any]:
+    return recorded_table(_logged(run, row), run.controller, mission_of_case(run.mission, run.starts[row]))

@@ -1,0 +1,60 @@
+"""The player as a part of a page, from what it is given as plain data; see ``scripts/player.js``."""
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from markupsafe import Markup
+
+from fis_tools.document.html import ScriptedPanel, read, template
+
+PACKAGE = "telemetry.page"
+FOLDER = Path(__file__).parent
+#: what makes elements and axes
+OF_REVIEW = ("elements", "scale")
+VIEWS = ("view", "recorded")
+SCRIPTS = (*("arrays", "saving", "plots", "points_map", "dots", "cases_table", "bouts"), *("side", "player"))
+
+
+def panel(
+    title: str, content: Mapping[str, Any], names: Sequence[str], more: Sequence[str] = ()
+) -> ScriptedPanel:
+    """Return the player.
+
+    Parameters
+    ----------
+    title : str
+    content : mapping
+        What the script is given.
+    names : sequence of str
+        Of the flights beside each other.
+    more : sequence of str
+        Scripts of whoever flies or infers in the page.
+    """
+    review = [read(f"scripts/{name}.js", "fis_tools.review") for name in OF_REVIEW]
+    views = [read(f"{name}.js", PACKAGE) for name in VIEWS]
+    scripts = [read(f"scripts/{name}.js", PACKAGE) for name in SCRIPTS]
+    code = as_script("\n".join([*review, *views, *more, *scripts]))
+    frame = read("frame.html", PACKAGE).replace(' id="scene"', "")  # there may be several
+    body = template("telemetry", "page", "player.html").render(
+        frame=Markup(frame),  # noqa: S704 - of this package
+        names=names,
+        has_cases=content["cases"] is not None,
+    )
+    style = Markup(read("view.css", PACKAGE) + read("player.css", PACKAGE))  # noqa: S704 - likewise
+    # files of our packages, and JSON that cannot end a script
+    script = Markup(f'"use strict";(() => {{\nconst PLAYER = {as_json(content)};\n{code}\n}})();')  # noqa: S704
+    return ScriptedPanel(title, style, Markup(body), script)  # noqa: S704 - escaped by the template
+
+
+def as_script(code: str) -> str:
+    """Make a script of modules."""
+    lines = [line for line in code.split("\n") if not line.startswith("import ")]
+    return "\n".join(line.removeprefix("export ") for line in lines)
+
+
+def as_json(content: Any) -> str:
+    """Return JSON that can stand inside a script element: no ``<``, ``>`` or ``&`` in it."""
+    text = json.dumps(content, separators=(",", ":"), allow_nan=False)
+    return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")

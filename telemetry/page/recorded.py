@@ -1,0 +1,218 @@
+"""A recording as a page that plays it: what the recording has is shown, and nothing else."""
+
+import base64
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fis_tools.document import Block, Document, Heading, Paragraph
+from fis_tools.document.html import page
+from telemetry.array_types import Booleans, Floats
+from telemetry.file import RecordingError, topics
+from telemetry.file.reader import read
+from telemetry.file.recording import Recording, TopicColumns
+from telemetry.page.panel import panel
+
+#: samples of a page; a longer recording is thinned
+MOST_SAMPLES = 5000
+#: names of the states of a point in a recording
+INSPECTED, LIT = 3, 1
+#: radius of the ball that stands for a chief without points, of the nearest distance
+BALL = 0.5
+UNKNOWN = "The recording does not say why."
+
+
+def write(file: Path) -> str:
+    """Return a page that plays a recording, and needs no other file.
+
+    Raises
+    ------
+    RecordingError
+        If it cannot be read, or does not say where the deputy is.
+    """
+    recording = read(file)
+    name = recording.episode.scenario_id or file.stem
+    flight, table = table_of(recording)
+    run: dict[str, Any] = {
+        **{"name": name, "fileName": file.stem, "command": "", "why": "", "flight": flight, "systems": []},
+        **{"recorded": {0: table}, "reasons": {}, "module": "", "snapshot": None, "own": None},
+    }
+    content: dict[str, Any] = {
+        **{"title": name, "fileName": file.stem, "runs": [run], "words": {}, "quadrature": ["", ""]},
+        **{"cases": None, "first": 0, "modules": {}, "worker": ""},
+    }
+    blocks: list[Block] = [Heading(name, 1), Paragraph(_about(recording, flight, file))]
+    return page(Document(blocks), "", panel("The flight", content, [name]))
+
+
+def _about(recording: Recording, flight: dict[str, Any], file: Path) -> str:
+    """Return what was recorded, and what was not, in words."""
+    minutes = (flight["numSamples"] - 1) * flight["periodS"] / 60.0
+    absent = {
+        "points of the chief": not flight["numPoints"],
+        "forces": not _rows(recording, topics.DEPUTY_CONTROL),
+        "where the Sun is, or what was spent": not _rows(recording, topics.MISSION),
+    }
+    missing = [what for what, is_absent in absent.items() if is_absent]
+    without = f" It does not tell {', '.join(missing)}." if missing else ""
+    return f"{file.name}: {minutes:.0f} minutes, a sample every {flight['periodS']:g} s.{without}"
+
+
+def _rows(recording: Recording, topic: str) -> int:
+    return len(recording.topics.get(topic, ()))
+
+
+def table_of(recording: Recording) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return what the flight has as a whole, and its samples, as ``recorded.js`` takes them.
+
+    Samples are evenly spaced: of a recording that is not, each is the last message until then.
+
+    Raises
+    ------
+    RecordingError
+        If the recording does not say where the deputy is.
+    """
+    if _rows(recording, topics.DEPUTY_STATE) < 2:
+        raise RecordingError(
+            f"{recording.path} has no two messages on {topics.DEPUTY_STATE}, so nothing can be played; "
+            "give a recording that says where the deputy is"
+        )
+    state = recording[topics.DEPUTY_STATE]
+    times = _times(state)
+    position = _at(state, "position_m", times)
+    points, attitude, is_seen, is_lit = _points(recording, times)
+    episode = recording.episode
+    limits = [limit for limit in (episode.min_distance_m, episode.max_distance_m) if limit is not None]
+    nearest = float(np.linalg.norm(position, axis=1).min())
+    flight = {
+        "numSamples": len(times),
+        "periodS": float(times[1] - times[0]),
+        "meanMotion": 0.0,
+        "radius": float(np.linalg.norm(points, axis=1).max()) if len(points) else BALL * nearest,
+        "isSphere": topics.CHIEF_ATTACHMENT not in recording.attachments,
+        "limits": limits,
+        "numPoints": len(points),
+        "points": _floats(points),
+        "freeMotion": "",
+        "numSystems": 0,
+    }
+    mission, control = (recording.topics.get(topic) for topic in (topics.MISSION, topics.DEPUTY_CONTROL))
+    texts, reasons = _reasons(recording, times)
+    spent = _at(mission, "delta_v_m_s", times) if mission else np.full(len(times), np.nan)
+    samples = {
+        "attitude": _floats(attitude),
+        "position": _floats(position),
+        "velocity": _floats(_at(state, "velocity_m_s", times)),
+        "force": _floats(_at(control, "force_hill_n", times) if control else np.zeros((len(times), 3))),
+        "sun": _floats(_sun(mission, times)) if mission else "",
+        "spent": _floats(spent),
+        "isSeen": _bits(is_seen),
+        "isLit": _bits(is_lit),
+        "texts": texts,
+        "reasons": reasons,
+    }
+    return flight, samples
+
+
+def _times(state: TopicColumns) -> Floats:
+    """Return evenly spaced times of samples, s."""
+    first, last = float(state.time_s[0]), float(state.time_s[-1])
+    gaps = np.diff(state.time_s)
+    usual = float(np.median(gaps[gaps > 0.0])) if np.any(gaps > 0.0) else 0.0
+    if usual <= 0.0:
+        raise RecordingError(
+            "all messages have one time, so nothing can be played; give a flight's recording"
+        )
+    count = min(MOST_SAMPLES, round((last - first) / usual) + 1)
+    return np.linspace(first, last, max(2, count))
+
+
+def _at(topic: TopicColumns, field: str, times: Floats) -> Floats:
+    """Return a field at some times: of the last message until then, or of the first."""
+    rows = np.searchsorted(topic.time_s, times + 1e-6, side="right") - 1
+    return np.asarray(topic[field][np.clip(rows, 0, len(topic) - 1)], dtype=np.float64)
+
+
+def _sun(mission: TopicColumns, times: Floats) -> Floats:
+    angle, height = (_at(mission, name, times) for name in ("sun_angle_rad", "sun_elevation_rad"))
+    return np.stack([np.cos(height) * np.cos(angle), np.cos(height) * np.sin(angle), np.sin(height)], axis=1)
+
+
+def _points(recording: Recording, times: Floats) -> tuple[Floats, Floats, Booleans, Booleans]:
+    """Return the points at the start, Hill axes, the chief's attitude, and which are seen and lit."""
+    cloud = recording.topics.get(topics.CHIEF_POINTS)
+    if not cloud or not len(cloud):
+        nothing = np.zeros((len(times), 0), dtype=np.bool_)
+        return np.zeros((0, 3)), np.zeros((0, 4)), nothing, nothing
+    state = _at(cloud, "state", times)
+    points = np.asarray(cloud["position_m"][0], dtype=np.float64)
+    turns = recording.topics.get(topics.TRANSFORMS)
+    is_chief = turns["child_frame"] == topics.CHIEF_FRAME if turns else np.zeros(0, dtype=np.bool_)
+    if turns is None or not is_chief.any():
+        return points, np.zeros((0, 4)), state == INSPECTED, state == LIT
+    rows = np.searchsorted(turns.time_s[is_chief], times + 1e-6, side="right") - 1
+    attitude = np.asarray(turns["quaternion"][is_chief], dtype=np.float64)[np.maximum(rows, 0)]
+    turns_in_flight = bool(np.any(np.abs(attitude - attitude[0]) > 1e-9))
+    in_hill = _turned(attitude[0], points)
+    return in_hill, attitude if turns_in_flight else np.zeros((0, 4)), state == INSPECTED, state == LIT
+
+
+def _turned(quaternion: Floats, vectors: Floats) -> Floats:
+    """Turn vectors by a quaternion, scalar last, read as an active rotation."""
+    axis, w = quaternion[:3], quaternion[3]
+    side = 2.0 * np.cross(axis, vectors)
+    return vectors + w * side + np.cross(axis, side)
+
+
+def _reasons(recording: Recording, times: Floats) -> tuple[list[str], list[list[int]]]:
+    """Return why each component of the force was fired, or nothing was, as texts and their indices.
+
+    Where a fuzzy system inferred what was fired, it is the rule with the largest share in it.
+    """
+    control = recording.topics.get(topics.DEPUTY_CONTROL)
+    texts: list[str] = [UNKNOWN]
+    indices = np.zeros((len(times), 3), dtype=np.int64)
+    if not control or not len(control):
+        return texts, indices.tolist()
+    if control["reason"].shape[1]:
+        rows = np.clip(np.searchsorted(control.time_s, times + 1e-6, side="right") - 1, 0, None)
+        words = np.unique(control["reason"])
+        known = {str(word): len(texts) + index for index, word in enumerate(words)}
+        texts += [f"{str(word).replace('_', ' ').capitalize()}." for word in words]
+        indices = np.vectorize(known.get, otypes=[np.int64])(control["reason"][rows].astype(str))
+    for name in recording.fis_names:
+        _name_rules(recording, name, times, texts, indices)
+    return texts, indices.tolist()
+
+
+def _name_rules(
+    recording: Recording, name: str, times: Floats, texts: list[str], indices: np.ndarray[Any, Any]
+) -> None:
+    """Put the leading rule of each inference of a system that was fired into the texts and their indices."""
+    description = recording.fis_description(name)
+    if description.output_name not in topics.FORCE_COMPONENTS or topics.fis_topic(name) not in recording:
+        return
+    axis = topics.FORCE_COMPONENTS.index(description.output_name)
+    fired, fired_s = recording.fired(name)
+    shares = recording[topics.fis_topic(name)]["shares_n"][fired]
+    if not shares.size:
+        return
+    leading = np.argmax(np.abs(shares), axis=1)
+    of_rule: dict[int, int] = {}
+    for rule in Counter(leading.tolist()):
+        of_rule[rule] = len(texts)
+        texts.append(f"Rule {rule + 1} of {name}: {description.rules[rule]}.")
+    samples = np.searchsorted(times, fired_s - 1e-6)
+    for sample, rule in zip(samples.tolist(), leading.tolist(), strict=True):
+        if sample < len(times):
+            indices[sample, axis] = of_rule[rule]
+
+
+def _floats(array: Any) -> str:
+    return base64.b64encode(np.ascontiguousarray(array, dtype="<f4").tobytes()).decode("ascii")
+
+
+def _bits(array: Booleans) -> str:
+    return base64.b64encode(np.packbits(array, axis=None, bitorder="little").tobytes()).decode("ascii")
