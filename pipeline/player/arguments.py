@@ -78,8 +78,8 @@ def arguments_of(
     """Return what flies some starts in a page; None if no module does.
 
     The safety layer and pushes that show setting points are always there, though they may be off. The plain
-    module has no other light and no errors; the other one has both. In the paper's light it would decide
-    otherwise in the last digits, so that it does not fly there. Neither flies clusters.
+    module has no other light, clusters and errors; the other one has all of them. In the paper's light it
+    would decide otherwise in the last digits, so that it does not fly there.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ def arguments_of(
     (optics, _, clusters, _, errors), flights, _ = flights_of(
         world, law, controller.numbers, cases, openings, controller.changes
     )
-    if clusters or (optics is None and errors is not None):
+    if optics is None and (clusters or errors is not None):
         return None
     parts: Parts = (None, world.guard, None, True, None)
     if optics is not None:

@@ -105,7 +105,7 @@ def flown_in_page(run: PlayedRun) -> FlownCases | str:
     prepared = _Prepared(mission, run.controller)
     flown = prepared.flown([starts[order[0]]])
     if flown is None:
-        return "clusters, and errors in the paper's light, are not flown in a page"
+        return "errors and clusters in the paper's light are not flown in a page"
     if _types_of_modules()[flown.module]["fly"] != types_of(flown.arguments.leaves(Memory())):
         return "the module is of other types than this controller's flights"
     if not prepared.looks_ahead and _size(flown, prepared.flown([starts[order[-1]]])) <= FEW_BYTES:

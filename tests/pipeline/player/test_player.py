@@ -46,11 +46,12 @@ FLOWN = (
 ELEVATED = "sun.elevation_range_deg=[-30,30]"
 #: cases of controllers that look ahead, each of which takes long to choose
 NUM_AHEAD = 4
-#: what the shipped worlds and champions do not ask of the modules: plans, other errors, turning chiefs
+#: what the shipped worlds and champions do not ask of the modules: plans, errors, clusters, turning chiefs
 OTHERS = (
     ("lqr", "sun=random"),
     ("receding_horizon", "sun=random"),
     ("champion_27", "navigation=fixes", "sun=random", ELEVATED),
+    ("champion_27", "guidance=clusters", "actuators=real", "sun=random", ELEVATED),
     ("champion_27", "chief.initial_angular_velocity_rad_s=[0,0,0.002]", "sun=random"),
 )
 #: bytes of an array as text
