@@ -49,6 +49,7 @@ def main(given: Sequence[str]) -> int:
     parser.add_argument("--seed", type=int, default=843)
     parser.add_argument("--controller", default="champion_27")
     parser.add_argument("--deputies", type=int, nargs="+", default=[1, 2, 3])
+    parser.add_argument("--sharing", nargs="+", default=SHARING, choices=SHARING)
     parser.add_argument("words", nargs="*", metavar="key=value", help="of an evaluation")
     options = parser.parse_args(given)
     shared = [f"seed={options.seed}", f"monte_carlo.num_cases={options.cases}", "sun=random"]
@@ -56,7 +57,7 @@ def main(given: Sequence[str]) -> int:
     print(HEAD)
     for start, keys in STARTS:
         for deputies in options.deputies:
-            for sharing in SHARING if deputies > 1 else ("",):
+            for sharing in options.sharing if deputies > 1 else ("",):
                 heeded = [f"fleet.sharing={sharing}"] if sharing else []
                 print(
                     start, deputies, sharing, row([*shared, *keys, *heeded], deputies), sep=" | ", flush=True

@@ -84,7 +84,7 @@ def _check_fleet(experiment: Experiment, controller: "Controller") -> None:
     if experiment.mission.has_fleet:
         from pipeline.flight.fly.fleets import check_controller  # noqa: PLC0415 - compiled code
 
-        check_controller(controller)
+        check_controller(experiment.mission, controller)
 
 
 def _check_fit(experiment: Experiment) -> None:

@@ -11,9 +11,9 @@ from pipeline.array_types import Bytes, Floats
 from pipeline.flight.cases.starts import cases_of
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.control.law import law_of
-from pipeline.flight.fly.fleets import Messages, fly_all_fleets, room_for_messages
+from pipeline.flight.fly.fleets import Messages, fly_all_fleets, opened, room_for_messages
 from pipeline.flight.fly.logged import write_period, write_sample
-from pipeline.flight.fly.many import FlightBatch, start_lanes
+from pipeline.flight.fly.many import FlightBatch, is_given, open_with, start_lanes
 from pipeline.flight.fly.population import flights_of
 from pipeline.flight.fly.simulation import completed_log, room_for_log
 from pipeline.flight.fly.workspace import make_state, make_workspace
@@ -119,13 +119,15 @@ def fly_heeding(
             break
         if heeds:
             look_for(now, heard.wanted[k])
+        is_opened = is_given(now, flights.openings)
         decide(now, work, optics, pushes, control)
+        open_with(now, flights.openings)
         if kept is not None:
             command_kept(now, kept[k])
             act(now, work, None, errors, law.plans)
         else:
             act(now, work, guard, errors, law.plans)
-        write_period(now, work, optics, control, errors, log, False)
+        write_period(now, work, optics, control, errors, log, is_opened)
 
 
 def fly_logged_fleet(mission: Mission, controller: Controller, scenario: Scenario) -> list[DeputyLog]:
@@ -140,10 +142,11 @@ def fly_logged_fleet(mission: Mission, controller: Controller, scenario: Scenari
     """
     messages = room_for_messages(mission, 1)
     fly_all_fleets(mission, controller, [scenario], 1, messages=messages)
+    flown, openings = opened(mission, controller, [scenario], 1)
     return [
         DeputyLog(
             row + 1,
-            _fly_heeding(mission, controller, start, messages, row),
+            _fly_heeding(mission, flown, start, messages, row, openings[row : row + 1]),
             messages.seen_by[0],
             messages.left_to[0, row],
         )
@@ -152,12 +155,12 @@ def fly_logged_fleet(mission: Mission, controller: Controller, scenario: Scenari
 
 
 def _fly_heeding(
-    mission: Mission, controller: Controller, start: Scenario, messages: Messages, row: int
+    mission: Mission, controller: Controller, start: Scenario, messages: Messages, row: int, openings: Floats
 ) -> FlightLog:
     """Fly one deputy by what the others tell it, and log it."""
     alone = mission.of_each
     world, law, cases = pack_world(alone), law_of(controller, alone), cases_of(alone, [start])
-    parts, flights, inspectable = flights_of(world, law, controller.numbers, cases)
+    parts, flights, inspectable = flights_of(world, law, controller.numbers, cases, openings)
     unseen = np.tile(flights.counted[0].astype(np.float64), (mission.num_controls + 1, 1))
     unseen[:, : world.num_points] *= messages.seen_by[0] == 0
     wanted = unseen[:-1].copy()

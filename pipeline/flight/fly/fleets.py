@@ -19,6 +19,7 @@ from pipeline.array_types import Bytes, Floats
 from pipeline.flight.cases.starts import cases_of
 from pipeline.flight.control.controller import Controller, ControllerError, OpenLoopController, RuleController
 from pipeline.flight.control.law import law_of, rehearsed_pushes
+from pipeline.flight.fly.divided import divided_openings, driven
 from pipeline.flight.fly.many import (
     NO_TRACKS,
     FlightBatch,
@@ -29,7 +30,9 @@ from pipeline.flight.fly.many import (
     write_outcomes,
     write_track,
 )
+from pipeline.flight.fly.outlooks import finishing
 from pipeline.flight.fly.population import flights_of, outcomes_of, shares_of
+from pipeline.flight.fly.rehearsals import rehearsed_costs
 from pipeline.flight.fly.replanning import foresees
 from pipeline.flight.fly.tours import tour_images
 from pipeline.flight.fly.workspace import make_state, make_workspace
@@ -251,14 +254,21 @@ def apart_of(mission: Mission) -> Apart | None:
     return Apart(deputies, distance, np.zeros((num_half_spaces(deputies), 4)))
 
 
-def check_controller(controller: Controller) -> None:
-    """Raise ControllerError for a controller that plans ahead, as if it were alone."""
-    is_ahead = foresees(controller) or tour_images(controller) or len(rehearsed_pushes(controller))
-    if is_ahead or not isinstance(controller, RuleController | OpenLoopController):
-        raise ControllerError(
-            f"controller {controller.name!r} plans for one deputy, and fleet.deputies is above 1; choose one "
-            "that goes by its rules alone, such as champion_27, or leave fleet.deputies out"
-        )
+def check_controller(mission: Mission, controller: Controller) -> None:
+    """Raise ControllerError for a controller that plans ahead as if it were alone, or for what is not so."""
+    refused = f"controller {controller.name!r} plans for one deputy, and fleet.deputies is above 1; "
+    cure = "choose one that goes by its rules alone, such as champion_27, or leave fleet.deputies out"
+    if not isinstance(controller, RuleController | OpenLoopController):
+        raise ControllerError(refused + cure)
+    if foresees(controller):
+        exact = mission.navigation.mode, mission.actuators.kind, mission.dynamics.model
+        if exact != ("perfect", "ideal", "cw"):
+            raise ControllerError(
+                f"controller {controller.name!r} divides its plans among deputies, once, where all is exact, "
+                f"and here are navigation={exact[0]}, actuators={exact[1]}, dynamics={exact[2]}; {cure}"
+            )
+    elif tour_images(controller) or len(rehearsed_pushes(controller)):
+        raise ControllerError(refused + cure)
 
 
 def fly_all_fleets(
@@ -282,15 +292,52 @@ def fly_all_fleets(
     Raises
     ------
     ControllerError
-        If the controller plans ahead.
+        If the controller plans ahead as if alone.
     FlightError
         If a flight's numbers are not finite.
     """
-    check_controller(controller)
+    check_controller(mission, controller)
+    flown, openings = opened(mission, controller, scenarios, workers, lanes)
+    return _fly(mission, flown, scenarios, workers, lanes, openings, tracks, messages)
+
+
+def opened(
+    mission: Mission,
+    controller: Controller,
+    scenarios: list[Scenario],
+    workers: int | None = None,
+    lanes: int = LANES,
+) -> tuple[Controller, Floats]:
+    """Return the controller that fleets fly, and their planned forces, (m D, K, 4), if it has foresight.
+
+    Each fleet's divided plans are flown ahead, with coasting after them and with the rules after them, beside
+    the rules alone; the cheapest is followed.
+    """
+    if not (isinstance(controller, RuleController) and foresees(controller)):
+        return controller, np.zeros((0, 0, 4))
+    flown, planned = finishing(controller), divided_openings(mission.of_each, controller, scenarios, workers)
+    ways = np.array([planned, driven(planned), np.zeros_like(planned)])
+    ends = [_fly(mission, flown, scenarios, workers, lanes, openings) for openings in ways]
+    cheapest = np.argmin([rehearsed_costs(controller, end) for end in ends], axis=0)
+    of_each = np.repeat(cheapest, mission.fleet.deputies)
+    return flown, np.ascontiguousarray(ways[of_each, np.arange(len(of_each))])
+
+
+def _fly(
+    mission: Mission,
+    controller: Controller,
+    scenarios: list[Scenario],
+    workers: int | None,
+    lanes: int,
+    openings: Floats,
+    tracks: NDArray[np.float32] | None = None,
+    messages: Messages = NO_MESSAGES,
+) -> FleetOutcomes:
+    """Fly fleets by rules, after planned forces, (m D, n, 4); see `fly_all_fleets`."""
     deputies, alone = mission.fleet.deputies, mission.of_each
     world, law = pack_world(alone), law_of(controller, alone)
     cases = cases_of(alone, [start for case in scenarios for start in case.fleet])
-    parts, flights, inspectable = flights_of(world, law, controller.numbers, cases)
+    parts, flights, inspectable = flights_of(world, law, controller.numbers, cases, openings)
     count, num_points = len(scenarios), world.num_points
     num_inspectable = inspectable[::deputies, :num_points].sum(axis=1, dtype=np.int64)
     results = FleetResults(
@@ -317,7 +364,9 @@ def fly_all_fleets(
     works = [make_workspace(world, lanes) for _ in range(workers)]
     in_threads(fly_shares, exchanges, states, works, workers=workers)
     rows = results.outcomes.reshape(count, deputies, NUM_OUTCOMES)
-    each = outcomes_of(rows, num_inspectable[:, np.newaxis], np.zeros((count, 1)))
+    forces = np.minimum(np.abs(openings[..., :3]) * (openings[..., 3:] > 0.0), world.max_force)
+    ahead = forces.sum(axis=(1, 2)) * world.delta_v_per_force if len(openings) else np.zeros(len(cases))
+    each = outcomes_of(rows, num_inspectable[:, np.newaxis], ahead.reshape(count, deputies))
     return _together(mission, each, results)
 
 

@@ -197,7 +197,7 @@ class _Choice:
         seconds = deputies.step * deputies.mission.control_period_s
         distinct = search.distinct(NUM_RECORDED, deputies.world.delta_v_per_force, seconds)
         for row, (genes, price) in enumerate(zip(*distinct, strict=True)):
-            pushes = _pushes_of(genes, deputies)
+            pushes = pushes_of(genes, deputies)
             plans[row, : len(pushes)], prices[row] = pushes, price
         missed = int(coasted.inspectable_count[0] - coasted.inspected_count[0])
         num_priced = int(self._num_priced[0])
@@ -274,7 +274,7 @@ class _Choice:
         sample, coasting = deputies.sample, deputies.coasting()
         coasting[:, :sample] = self._before[flights, :sample]
         for openings, search in zip(coasting, searches, strict=True):
-            for begin, *force in _pushes_of(search.best, deputies):
+            for begin, *force in pushes_of(search.best, deputies):
                 for axis, part in enumerate(force):
                     count = max(1, int(np.ceil(abs(part) / deputies.most_force - 1e-9)))
                     openings[int(begin) : int(begin) + count, axis] += part / count
@@ -305,7 +305,7 @@ class _Choice:
         return genes
 
 
-def _pushes_of(genes: Floats, deputies: Deputies) -> Floats:
+def pushes_of(genes: Floats, deputies: Deputies) -> Floats:
     """Return a plan's pushes, (n, 4): their samples, and forces, N, Hill axes."""
     num_pushes = (len(genes) + 1) // 4
     begins = np.r_[0.0, np.floor(genes[3 * num_pushes :])]

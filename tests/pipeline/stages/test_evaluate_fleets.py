@@ -80,7 +80,7 @@ def test_the_summary_tells_of_the_fleet(evaluated):
 
 
 def test_a_controller_that_plans_is_refused_before_a_folder_is_made():
-    run = composed(*FLEET[1:], "controller=champion_27_rehearsed", experiment="evaluate_fleet")
+    run = composed(*FLEET[1:], "controller=champion_27_one_push", experiment="evaluate_fleet")
     with pytest.raises(ControllerError, match="such as champion_27"):
         check_before(run.experiment)
 
