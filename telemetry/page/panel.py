@@ -15,6 +15,8 @@ FOLDER = Path(__file__).parent
 OF_REVIEW = ("elements", "scale")
 VIEWS = ("view", "recorded")
 SCRIPTS = (*("arrays", "saving", "plots", "points_map", "dots", "cases_table", "bouts"), *("side", "player"))
+#: what lines of comments begin with
+COMMENTS = ("//", "/**", "* ", "*/")
 
 
 def panel(
@@ -49,9 +51,10 @@ def panel(
 
 
 def as_script(code: str) -> str:
-    """Make a script of modules."""
-    lines = [line for line in code.split("\n") if not line.startswith("import ")]
-    return "\n".join(line.removeprefix("export ") for line in lines)
+    """Make a script of modules, without their comments and indents."""
+    lines = [line.strip() for line in code.split("\n")]
+    kept = [line for line in lines if line and not line.startswith(COMMENTS) and line != "*"]
+    return "\n".join(line.removeprefix("export ") for line in kept if not line.startswith("import "))
 
 
 def as_json(content: Any) -> str:

@@ -36,7 +36,7 @@ def write(file: Path) -> str:
     name = recording.episode.scenario_id or file.stem
     flight, table = table_of(recording)
     run: dict[str, Any] = {
-        **{"name": name, "fileName": file.stem, "command": "", "why": "", "flight": flight, "systems": []},
+        **{"name": name, "fileName": file.stem, "command": "", "why": "", "flight": flight, "systems": ""},
         **{"recorded": {0: table}, "reasons": {}, "module": "", "snapshot": None, "own": None},
     }
     content: dict[str, Any] = {

@@ -20,12 +20,13 @@ class Player {
     this.root = document.getElementById("player");
     this.part = name => this.root.querySelector(`.${name}`);
     Object.assign(this, { marks: [], dots: [], row: null, opening: 0, seconds: null, shownSides: [] });
-    const roots = this.root.querySelectorAll(".side"), isAlone = page.runs.length === 1;
-    this.sides = page.runs.map((run, index) => new Side(run, page, roots[index], isAlone ? "" : LETTERS[index]));
-    this.lead = this.sides[0];
   }
 
   async begin() {
+    const { page } = this, roots = this.root.querySelectorAll(".side"), isAlone = page.runs.length === 1;
+    for (const run of page.runs) if (run.systems.length) run.systems = JSON.parse(new TextDecoder().decode(await inflated(run.systems)));
+    this.sides = page.runs.map((run, index) => new Side(run, page, roots[index], isAlone ? "" : LETTERS[index]));
+    this.lead = this.sides[0];
     await Promise.all(this.sides.map(side => side.begin()));
     if (this.page.cases) this.showCases();
     this.chooseSides();
