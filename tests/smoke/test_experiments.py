@@ -44,6 +44,10 @@ def finished(request, tmp_path_factory) -> tuple[str, Path, list[str]]:
     return experiment, folder, yaml.safe_load(request.param.read_text(encoding="utf-8"))["stages"]
 
 
+def num_deputies(folder: Path) -> int:
+    return configuration.read(folder)["fleet"]["deputies"]
+
+
 def test_all_stages_finish_leave_their_files_and_the_manifest_knows_them(finished):
     experiment, folder, stages = finished
     manifest = manifests.read(folder)
@@ -60,6 +64,8 @@ def test_all_stages_finish_leave_their_files_and_the_manifest_knows_them(finishe
         written.discard(artifacts.REVIEW)  # of many controllers none is the run's
     if "evaluate" in stages and "nominal" not in artifacts.read_json(folder, artifacts.SUMMARY):
         written.discard(artifacts.NOMINAL_EPISODES)  # nothing is dispersed
+    # fleets have a table of their deputies in place of trajectories
+    written.discard(artifacts.TRAJECTORIES if num_deputies(folder) > 1 else artifacts.DEPUTIES)
     assert written
     for name in written:
         path = folder / name
@@ -78,10 +84,13 @@ def test_files_hold_every_generation_case_sample_and_flight(finished):
     if "evaluate" in stages:
         assert pq.read_table(folder / artifacts.EPISODES).num_rows == 3
         period = configuration.read(folder)["control_period_s"]
-        assert pq.read_table(folder / artifacts.TRAJECTORIES).num_rows == 3 * (1 + 600 / period)
+        if num_deputies(folder) > 1:
+            assert pq.read_table(folder / artifacts.DEPUTIES).num_rows == 3 * num_deputies(folder)
+        else:
+            assert pq.read_table(folder / artifacts.TRAJECTORIES).num_rows == 3 * (1 + 600 / period)
         assert artifacts.read_json(folder, artifacts.SUMMARY)["num_cases"] == 3
     recordings = list(folder.glob(f"{artifacts.RECORDINGS}/*"))
-    num_flights = 8 * ("train" in stages) + (3 if "evaluate" in stages else 1)
+    num_flights = 8 * ("train" in stages) + (3 * num_deputies(folder) if "evaluate" in stages else 1)
     assert len(recordings) == (num_flights if "record" in stages else 0)
     for path in recordings:
         flight = telemetry.read(path)
