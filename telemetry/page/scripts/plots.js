@@ -22,7 +22,7 @@ function plotMarks(x, y, { limits, unit, after, end, width }) {
   return [
     ...(after ? [
       draw("rect", { x: x(end), y: top, width: x(end + after) - x(end), height: height - bottom - top, fill: "var(--grid)", opacity: 0.35 }),
-      draw("text", { x: x(end) + 4, y: top + 28 }, "after the end"),
+      draw("text", { x: width - right, y: top - 9, "text-anchor": "end" }, "after the end"),
     ] : []),
     ...limits.flatMap(limit => [
       draw("line", { x1: left, x2: width - right, y1: y(limit), y2: y(limit), stroke: "var(--push)", "stroke-dasharray": "3 4" }),
@@ -72,7 +72,7 @@ function timePlot(box, title, { lines, limits = [], unit, decimals, flight, afte
   box.replaceChildren(savingButtons(title, fileName, () => drawing, columns), make("h4", {}, title), drawing);
   return k => {
     now = k;
-    const value = lines[0].values[k], at = x(k * period), isRight = at > width - 110;
+    const value = lines[0].values[k], at = x(k * period), isRight = at > (after ? x(end) - 70 : width - 110);
     Object.entries({ x1: at, x2: at }).forEach(([name, place]) => cursor.setAttribute(name, place));
     dot.setAttribute("cx", at);
     dot.setAttribute("cy", y(value));
