@@ -27,18 +27,16 @@ _ACCESS = tuple(f"{verb}{kind}" for verb in ("Get", "Set") for kind in ("Boolean
 NOT_OFFERED = {
     2: (
         *_ACCESS,
-        *("GetInteger", "SetInteger", "GetFMUstate", "SetFMUstate", "FreeFMUstate", "SerializedFMUstateSize"),
-        *("SerializeFMUstate", "DeSerializeFMUstate", "GetDirectionalDerivative", "SetRealInputDerivatives"),
+        *("GetInteger", "SetInteger", "GetDirectionalDerivative", "SetRealInputDerivatives"),
         *("GetRealOutputDerivatives", "CancelStep", "GetStatus", "GetRealStatus", "GetIntegerStatus"),
         *("GetBooleanStatus", "GetStringStatus"),
     ),
     3: (
         *_ACCESS,
         *(f"{verb}{kind}" for verb in ("Get", "Set") for kind in (*_TYPES, "Binary", "Clock")),
-        *(f"{verb}FMUState" for verb in ("Get", "Set", "Free", "Serialize", "Deserialize")),
         *(f"{verb}{kind}" for verb in ("Get", "Set") for kind in ("IntervalDecimal", "IntervalFraction")),
         *(f"{verb}{kind}" for verb in ("Get", "Set") for kind in ("ShiftDecimal", "ShiftFraction")),
-        *("SerializedFMUStateSize", "GetNumberOfVariableDependencies", "GetVariableDependencies"),
+        *("GetNumberOfVariableDependencies", "GetVariableDependencies"),
         *("GetDirectionalDerivative", "GetAdjointDerivative", "GetOutputDerivatives", "EnterEventMode"),
         *("EnterConfigurationMode", "ExitConfigurationMode", "EnterStepMode", "EvaluateDiscreteStates"),
         *("UpdateDiscreteStates", "ActivateModelPartition", "EnterContinuousTimeMode", "SetTime"),

@@ -184,6 +184,15 @@ def _empty(translator: Translator, length: Any, name: str = "local") -> Array:
     return Array(name, (length,))
 
 
+def _zeros(translator: Translator, shape: Any) -> Any:
+    """Return an array of C, or where the shape is known and has several axes, one of expressions."""
+    if not isinstance(shape, tuple):
+        return _empty(translator, shape, "zeros")
+    if any(isinstance(length, Expression) for length in shape):
+        raise TranslationError("an array whose shape is not known; give whole numbers")
+    return translator.made(np.full(shape, 0.0, dtype=object))
+
+
 def _same(_: Translator, value: Any) -> Any:
     return value
 
@@ -225,7 +234,7 @@ OPERATIONS: Mapping[Any, Callable[..., Any]] = {
     enumerate: lambda _, items: list(enumerate(items)),
     np.array: _matrix,
     np.empty: _empty,
-    np.zeros: lambda translator, length: _empty(translator, length, "zeros"),
+    np.zeros: _zeros,
     np.sqrt: _function("sqrt", math.sqrt),
     np.rint: _function("nearest_whole", lambda x: float(np.rint(x))),
     np.ceil: _function("ceil", lambda x: float(math.ceil(x))),

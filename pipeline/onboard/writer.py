@@ -130,6 +130,16 @@ class Function:
     signature: str = ""
 
 
+class Made(np.ndarray[Any, Any]):
+    """An array of expressions that is written in one function, and not in a branch or a loop there."""
+
+    where: tuple[Function, int] | None = None
+
+    def __array_finalize__(self, source: Any) -> None:
+        """Take over from what it is a copy of where it may be written."""
+        self.where = getattr(source, "where", None)
+
+
 @dataclass
 class Frame:
     """What a function of Python sees: its names, of which `variables` are variables of C."""
@@ -327,9 +337,24 @@ class Writer:
             self.tables[number] = Array(name, array.shape_whole, array.kind, array.data)
         return self.tables[number].name
 
+    @property
+    def _where(self) -> tuple[Function, int]:
+        """The function that is written, and how deep in branches and loops."""
+        return self.function, self.function.depth
+
+    def made(self, array: Any) -> Any:
+        """Return an array of expressions, which is written only where it is made."""
+        written = array.view(Made)
+        written.where = self._where
+        return written
+
     def put(self, array: Any, key: Any, value: Any) -> None:
         """Write a number into an array."""
         if isinstance(array, np.ndarray) and array.dtype == object:
+            if isinstance(array, Made) and array.where != self._where:
+                raise TranslationError(
+                    "an array of known shape is written in a branch or a loop; write it where it is made"
+                )
             array[key] = self.stable(value, "value")
             return
         if not isinstance(array, Array) or array.data is not None:

@@ -98,8 +98,7 @@ def note_light(
             sample += 1
             due += step
     for j in range(world.num_points):
-        if ever[j] > 0.0:
-            num_ever += 1
+        num_ever += ever[j] > 0.0
     return num_ever
 
 

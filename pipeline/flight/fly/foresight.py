@@ -200,7 +200,7 @@ def note_lit_at_samples(
 def num_periods(force: float, most_force: float) -> int:
     """Return how many control periods a push takes that would be so large in one, N."""
     periods, share = 1, abs(force) / most_force - 1e-9
-    if share > 1.0 and share < MOST_PERIODS:
+    if share == share and 1.0 < share < MOST_PERIODS:  # noqa: PLR0124 - NaN is told apart on board
         periods = int(np.ceil(share))
     return max(1, min(periods, MOST_PERIODS))
 

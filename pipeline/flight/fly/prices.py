@@ -72,8 +72,8 @@ def list_lit(is_lit: NDArray[np.bool_], points: Integers, seen_at: Integers) -> 
                 break
         seen_at[point] = 0
         if is_any:
-            points[num_lit] = point
-            num_lit += 1
+            points[min(num_lit, len(points) - 1)] = point
+        num_lit += is_any
     return num_lit
 
 
@@ -90,7 +90,7 @@ def sample_of(genes: Floats, num_pushes: int, push: int, num_samples: int) -> in
     begin = 0
     if push > 0:
         gene = genes[3 * num_pushes + push - 1]
-        if gene >= 0.0 and gene < num_samples:
+        if gene == gene and 0.0 <= gene < num_samples:  # noqa: PLR0124 - NaN is told apart on board
             begin = int(gene)
     return begin
 
@@ -281,8 +281,8 @@ def price_up_to(
             for i in range(num_short):
                 if shortfalls[i] > moved:
                     shortfalls[i], moved = moved, shortfalls[i]
-            shortfalls[num_short] = moved
-            num_short += 1
+            shortfalls[min(num_short, len(shortfalls) - 1)] = moved
+            num_short += best < 0.0
             for i in range(turn + 1):  # it comes first the next time
                 points[i], point = point, points[i]
             short = price_of_short(num_short, num_lit, needed, outlook.required, shortfalls)

@@ -595,3 +595,22 @@ def divisions(cells, x):
     """The same: whole numbers divided are a double."""
     for i in range(5):
         cells[0] += i / 2 + 7 / (i + 1) + x
+
+
+@compiled
+def matrix_of_zeros(cells, x):
+    """The same: elements of a small matrix, of which some stay zero."""
+    matrix = np.zeros((2, 3))
+    matrix[0, 1], matrix[1, 2] = x, 2.0 * x
+    for i in range(8):
+        cells[i] = matrix[0, 1] * i + matrix[1, 2] - matrix[0, 0]
+
+
+@compiled
+def matrix_in_a_branch(cells, x):
+    """Refused: an array of known shape is written in a branch or a loop"""
+    matrix = np.zeros((2, 3))
+    if x > 0.5:
+        matrix[0, 1] = x
+    for i in range(8):
+        cells[i] = matrix[0, 1] * i

@@ -16,8 +16,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from fmpy import simulate_fmu
+from fmpy import extract, read_model_description, simulate_fmu
 from fmpy.fmi1 import FMICallException
+from fmpy.fmi2 import FMU2Slave
+from fmpy.fmi3 import FMU3Slave
 from fmpy.validation import validate_fmu
 
 from benchmarks.onboard import FAULTS, proved
@@ -302,36 +304,98 @@ def test_a_wrapper_fits_the_names_and_types_of_its_host(exported, source, langua
     subprocess.run([*command, *folders], check=True, timeout=120)  # noqa: S603
 
 
-@pytest.mark.parametrize("version", [2, 3])
-def test_an_fmi_block_commands_the_same(exported, blocks, version):
-    _, program, _ = exported
-    path, period = blocks / f"fmi{version}.fmu", program.world.control_period
-    assert validate_fmu(str(path)) == []
-    (start,) = random_starts(1, seed=3)
-    log = fly_logged(SHORT, program.controller, start)
-    flight = recorded(program, start, log)
-    every = list(variables(program.world.num_points))
+def simulated(blocks, version, flight, *, begins_s=0.0, step_s=SHORT.control_period_s):
+    """The forces that an FMI block commands for a flight's inputs, from a time on."""
+    path, period = blocks / f"fmi{version}.fmu", SHORT.control_period_s
+    every = list(variables(flight.steps.dtype["unseen"].shape[0]))
     names = [each.name for each in every if each.causality == "input"]
     rows = np.zeros(len(flight.steps), [("time", "f8"), *((name, "f8") for name in names)])
-    rows["time"] = period * np.arange(len(rows))
+    rows["time"] = begins_s + period * np.arange(len(rows))
     for name in names:
         field, _, number = name.rstrip("]").partition("[")
         rows[name] = flight.steps[field][:, int(number) - 1] if number else flight.steps[field]
     forces = [f"force_n[{axis}]" for axis in (1, 2, 3)]
     points = [each.name for each in every if each.causality == "parameter"]
-    simulated = simulate_fmu(
+    result = simulate_fmu(
         str(path),
-        stop_time=period * len(rows),
-        step_size=period,
-        output_interval=period,
+        start_time=begins_s,
+        stop_time=begins_s + period * len(rows),
+        step_size=step_s,
+        output_interval=step_s,
         input=rows,
         output=forces,
         fmi_type="CoSimulation",
         start_values=dict(zip(points, flight.start["counts"].astype(float), strict=True)),
     )
-    commanded = np.stack([simulated[name][1:] for name in forces], axis=1)
+    return np.stack([result[name][1:] for name in forces], axis=1)
+
+
+@pytest.mark.parametrize("begins_s", [0.0, 1234.0])
+@pytest.mark.parametrize("version", [2, 3])
+def test_an_fmi_block_commands_the_same(exported, blocks, version, begins_s):
+    _, program, _ = exported
+    assert validate_fmu(str(blocks / f"fmi{version}.fmu")) == []
+    (start,) = random_starts(1, seed=3)
+    log = fly_logged(SHORT, program.controller, start)
+    commanded = simulated(blocks, version, recorded(program, start, log), begins_s=begins_s)
     assert np.array_equal(commanded, log.force_commanded_n)
     assert np.any(commanded)
+
+
+@pytest.fixture(params=[2, 3])
+def begun(request, blocks, tmp_path):
+    """A block of a version that has begun, and the references of its numbers by name."""
+    path, version = str(blocks / f"fmi{request.param}.fmu"), request.param
+    described = read_model_description(path)
+    block = {2: FMU2Slave, 3: FMU3Slave}[version](
+        guid=described.guid if version == 2 else described.instantiationToken,
+        modelIdentifier="controller",
+        unzipDirectory=extract(path, str(tmp_path)),
+        instanceName="begun",
+    )
+    block.instantiate()
+    if version == 2:
+        block.setupExperiment(startTime=0.0)
+    block.enterInitializationMode()
+    block.exitInitializationMode()
+    yield version, block, {each.name: each.valueReference for each in described.modelVariables}
+    block.freeInstance()
+
+
+def test_an_fmi_block_holds_no_force_for_longer_than_a_period(begun):
+    _, block, _ = begun
+    for seconds in (SHORT.control_period_s, 0.1 * SHORT.control_period_s):
+        block.doStep(0.0, seconds)
+    for seconds in (3.0 * SHORT.control_period_s, np.nan):
+        with pytest.raises(FMICallException, match="DoStep"):
+            block.doStep(SHORT.control_period_s, seconds)
+
+
+def test_an_fmi_block_goes_on_from_a_state_that_was_kept(exported, begun):
+    _, program, _ = exported
+    (start,) = random_starts(1, seed=3)
+    flight = recorded(program, start, fly_logged(SHORT, program.controller, start))
+    version, block, numbers = begun
+    put, read = (block.setReal, block.getReal) if version == 2 else (block.setFloat64, block.getFloat64)
+
+    def force(k):
+        step = flight.steps[k]
+        for name, values in (("position_m", step["position_m"]), ("velocity_m_s", step["velocity_m_s"])):
+            put([numbers[f"{name}[{axis}]"] for axis in (1, 2, 3)], values.tolist())
+        block.doStep(SHORT.control_period_s * k, SHORT.control_period_s)
+        return read([numbers[f"force_n[{axis}]"] for axis in (1, 2, 3)])
+
+    first = [force(k) for k in range(10)]
+    state = block.getFMUState()
+    then = [force(k) for k in range(10, 20)]
+    kept = block.serializeFMUState(state)
+    block.setFMUState(block.deserializeFMUState(kept))
+    assert [force(k) for k in range(10, 20)] == then
+    block.setFMUState(state)
+    assert [force(k) for k in range(10, 20)] == then
+    block.freeFMUState(state)
+    assert np.any(first)
+    assert np.any(then)
 
 
 @pytest.mark.parametrize("version", [2, 3])
