@@ -188,6 +188,20 @@ OUTSIDE = re.compile(
 )
 
 
+#: Where code goes that is not for this machine: the target and the processor, as LLVM names them.
+TARGETS = {"aarch64": ("aarch64-unknown-linux-gnu", "generic")}
+#: What counts references down in code that was made for x86-64, by the condition that none is left.
+COUNT_DOWN = re.compile(r"llvm\.x86\.atomic\.sub\.cc\.i64(?=\(.*i32 (?:4|immarg)\))")
+COUNTED_DOWN = """
+define i8 @counted_down(ptr %count, i64 %less, i32 %condition) alwaysinline {
+  %before = atomicrmw sub ptr %count, i64 %less acq_rel
+  %is_zero = icmp eq i64 %before, %less
+  %result = zext i1 %is_zero to i8
+  ret i8 %result
+}
+"""
+#: What LLVM's code says of its target.
+TARGET = re.compile(r"^target (?:datalayout|triple) = .*$", re.MULTILINE)
 #: Results that are handed on, as the module `struct` names them.
 NUMBERS = {types.float64: "d", types.int64: "q", types.boolean: "?"}
 
@@ -240,7 +254,8 @@ def object_of(text: str, name: str, kinds: tuple[Any, ...], family: str, *, retu
     Parameters
     ----------
     text : str
-        LLVM's code of numba's library, optimised for the family.
+        LLVM's code of numba's library, optimised for the family; for aarch64 for any, as long as it has no
+        instruction of that one alone.
     name : str
         Of numba's function in it.
     kinds : tuple
@@ -267,14 +282,18 @@ def object_of(text: str, name: str, kinds: tuple[Any, ...], family: str, *, retu
         raise NotShippedError("numba passes arguments in another way than a block has them")
     binding.initialize_all_targets()
     binding.initialize_all_asmprinters()
-    target = binding.Target.from_triple(binding.get_process_triple())
-    machine = target.create_target_machine(
-        cpu=family, opt=3, reloc="default", codemodel="jitdefault", jit=True
+    triple, cpu = TARGETS.get(family, (binding.get_process_triple(), family))
+    machine = binding.Target.from_triple(triple).create_target_machine(
+        cpu=cpu, opt=3, reloc="default", codemodel="jitdefault", jit=True
     )
+    text = TARGET.sub("", text)
+    if family in TARGETS:
+        text = COUNT_DOWN.sub("counted_down", text)
     whole = binding.parse_assembly(
         f'target datalayout = "{machine.target_data}"\ntarget triple = "{machine.triple}"\n'
         + RUNTIME
         + "".join(f"{code}\n" for part, code in (WITHOUT_PYTHON | FURTHER).items() if f"@{part}(" in text)
+        + (COUNTED_DOWN if "counted_down" in text else "")
         + _entry(name, parameters, returns=returns)
     )
     whole.link_in(binding.parse_assembly(text))
@@ -288,7 +307,9 @@ def object_of(text: str, name: str, kinds: tuple[Any, ...], family: str, *, retu
     passes.add_global_dead_code_eliminate_pass()
     passes.run(whole, binding.create_pass_builder(machine, options))
     outside = [each.name for each in whole.functions if each.is_declaration]
-    if unknown := [each for each in outside if not OUTSIDE.match(each)]:
+    if unknown := [
+        each for each in outside if not OUTSIDE.match(each) or (family in TARGETS and ".x86." in each)
+    ]:
         raise NotShippedError(f"it calls {', '.join(unknown)}")
     return bytes(machine.emit_object(whole))
 

@@ -4,6 +4,7 @@ import ctypes
 import hashlib
 import lzma
 import os
+import platform
 import struct
 import sys
 import threading
@@ -12,7 +13,7 @@ from contextlib import suppress
 from functools import cache
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from fis_tools.compiled.fingerprint import UnknownPartError
 from fis_tools.compiled.shipped.arguments import Block, UnknownArgumentError
@@ -24,10 +25,20 @@ CODE = Path(__file__).with_name("code")
 INDEX = CODE / "index.json"
 #: More than any of them has.
 MOST_BYTES = 1 << 24
-#: What a processor must have for the code of a family, the best first.
+
+
+class Family(NamedTuple):
+    """Processors that run the same code: the machine as `platform` names it, and what they must have."""
+
+    machine: str
+    features: tuple[str, ...] = ()
+
+
+#: The best first.
 FAMILIES = {
-    "x86-64-v4": ("avx512f", "avx512bw", "avx512cd", "avx512dq", "avx512vl"),
-    "x86-64-v3": ("avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe"),
+    "x86-64-v4": Family("x86_64", ("avx512f", "avx512bw", "avx512cd", "avx512dq", "avx512vl")),
+    "x86-64-v3": Family("x86_64", ("avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe")),
+    "aarch64": Family("aarch64"),
 }
 #: Set to 0, everything is compiled.
 SWITCH = "FIS_TOOLS_SHIPPED"
@@ -169,8 +180,8 @@ def family() -> str:
         from llvmlite import binding  # noqa: PLC0415 - it takes a moment, and not all ship with it
 
         features = binding.get_host_cpu_features()
-        for name, needed in FAMILIES.items():
-            if all(features.get(feature) for feature in needed):
+        for name, (machine, needed) in FAMILIES.items():
+            if machine == platform.machine() and all(features.get(feature) for feature in needed):
                 return name
     return ""
 
