@@ -19,7 +19,7 @@ from fis_tools.engines.inference import Inference, infer
 from fis_tools.errors import Mistake
 from fis_tools.formats import serialize
 from fis_tools.formats.exchange import writing
-from fis_tools.model import Constant, FuzzyController, FuzzySystem, Linear, Semantics
+from fis_tools.model import Constant, FuzzyController, FuzzySystem, Linear, Semantics, SigmoidDifference
 from tests.fis_tools.agreement import drawn, nearness
 from tests.fis_tools.agreement.nearness import Difference
 from tests.fis_tools.engines.random_systems import inputs_beyond
@@ -104,14 +104,17 @@ def _is_tie(system: FuzzySystem, answer: Floats, row: Floats) -> bool:
 def _is_matlabs(system: FuzzySystem) -> bool:
     """Whether Octave's toolkit does as MATLAB does, which it does not by its bisector, `som` and `lom`.
 
-    Nor with operators of its own, where these join what rules conclude, nor with a single rule.
+    Nor with operators of its own, where these join what rules conclude, with a single rule, or where a
+    difference of sigmoids is negative, which is zero there.
     """
     methods = {system.defuzzifier_of(output) for output in system.outputs}
     joins = {output.aggregation for output in system.outputs if not system.weighs(output)}
+    shapes = [term.membership for variable in system.variables for term in variable.terms]
     return (
         methods <= {"centroid", "weighted_average"}
         and joins <= {"max"}
         and len(system.rules) > 1
+        and not any(isinstance(shape, SigmoidDifference) and shape.is_reversed for shape in shapes)
         and system.implication in {"min", "product"}
     )
 
