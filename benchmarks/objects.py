@@ -36,16 +36,22 @@ TOOLKIT: tuple[tuple[str, ...], ...] = (
 )
 #: By the family that numba compiles for, those whose objects are made of it.
 MADE = {"x86-64-v4": ("x86-64-v4",), "x86-64-v3": ("x86-64-v3", "aarch64")}
+#: Environments whose first step should wait for none either, with what they are made of.
+ENVIRONMENTS: tuple[tuple[str, dict[str, Any]], ...] = (("Inspection-v0", {}), ("SixDofInspection-v0", {}))
 RECORDED = ("stages=[scenario,evaluate,record]", "monte_carlo.num_cases=8")
 
 
 def commands() -> list[tuple[str, ...]]:
-    """Return what should wait for no compiler, as words after ``python -m pipeline``: README's, champions."""
+    """Return what should wait for no compiler, as words after ``python -m pipeline``.
+
+    README's commands, a tutorial's, and each champion in its world.
+    """
     champions = sorted(path.stem for path in (conf_folder() / "controller").glob("*champion*.yaml"))
     return [
         ("+experiment=evaluate", "controller=champion_27", "monte_carlo.num_cases=20"),
         ("+experiment=train", "stages=[scenario,train]", *SMALL),
         ("+experiment=evaluate", "controller=champion_27", "safety=robust", *FEW),
+        ("+experiment=evaluate", "controller=paper_champion", "safety=filter", *FEW),
         *(("+experiment=evaluate", *words_of(name), *RECORDED) for name in champions),
     ]
 
@@ -94,6 +100,9 @@ def build(folder: Path, family: str) -> None:
             print(f"{family}: {' '.join(words)}", file=sys.stderr, flush=True)
             if code := run_toolkit([word.replace("{scratch}", scratch) for word in words]):
                 raise SystemExit(code)
+        for name, options in ENVIRONMENTS:
+            print(f"{family}: {name}", file=sys.stderr, flush=True)
+            step_once(name, options)
         for number, words in enumerate(commands()):
             print(f"{family}: {' '.join(words)}", file=sys.stderr, flush=True)
             if code := run_pipeline([*words, f"hydra.run.dir={scratch}/{number}"]):
@@ -128,6 +137,19 @@ def build(folder: Path, family: str) -> None:
             file.write_bytes(packed)
             about = {"family": each, "file": {"name": file.name, "sha256": objects.sha256(packed)}}
             (folder / f"{each}-{file.name}.json").write_text(json.dumps(facts | about), encoding="utf-8")
+
+
+def step_once(name: str, options: dict[str, Any]) -> None:
+    """Take a step in an environment, and in several of them."""
+    import gymnasium  # noqa: PLC0415 - as in build
+
+    for made in (
+        gymnasium.make(f"pipeline.gym:{name}", **options),
+        gymnasium.make_vec(f"pipeline.gym:{name}", 2, **options),
+    ):
+        made.reset(seed=1)
+        made.step(made.action_space.sample())
+        made.close()
 
 
 @contextmanager
