@@ -1,9 +1,12 @@
 """Arguments of compiled code as one block of numbers, and their types as a text, without numba."""
 
-from collections.abc import Iterator, Sequence
-from itertools import chain, zip_longest
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+from itertools import chain
 from math import prod
-from typing import Any
+from operator import is_
+from typing import Any, NamedTuple
+from weakref import ref
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +16,6 @@ _flags, _dtype, _shape, _strides, _interface = (
     getattr(np.ndarray, name).__get__
     for name in ("flags", "dtype", "shape", "strides", "__array_interface__")
 )
-#: In the place of an argument that there was none of before.
-_NOTHING: Any = (object(), "", [])
 #: The names of types of elements that have been described: a call describes the same ones many times.
 _names: dict[Any, str] = {}
 
@@ -38,9 +39,7 @@ def _kind(value: Any) -> str:  # noqa: PLR0911 - a case each
     if value is None:
         return "none"
     if isinstance(value, tuple):
-        fields = getattr(value, "_fields", None)
-        name = f"{type(value).__module__}.{type(value).__qualname__}{fields}" if fields else ""
-        return f"{name}({','.join(map(_kind, value))})"
+        return _of_tuple(value, ",".join(map(_kind, value)))
     if isinstance(value, np.ndarray):
         flags, dtype = _flags(value), _dtype(value)
         if not (flags.c_contiguous and flags.aligned and dtype.isnative):
@@ -57,6 +56,12 @@ def _kind(value: Any) -> str:  # noqa: PLR0911 - a case each
     raise UnknownArgumentError(f"{type(value).__qualname__} is none of the kinds that are passed on")
 
 
+def _of_tuple(value: tuple[Any, ...], kinds: str) -> str:
+    fields = getattr(value, "_fields", None)
+    name = f"{type(value).__module__}.{type(value).__qualname__}{fields}" if fields else ""
+    return f"{name}({kinds})"
+
+
 def _element(dtype: np.dtype[Any]) -> str:
     name = _names.get(dtype)
     if name is None:
@@ -64,18 +69,28 @@ def _element(dtype: np.dtype[Any]) -> str:
     return name
 
 
+class Packed(NamedTuple):
+    """An argument or part of a tuple: what gives it if it still lives, its types, its numbers, its parts."""
+
+    value: Callable[[], Any]
+    type: type
+    kind: str
+    numbers: list[int]
+    parts: "tuple[Packed, ...]"
+
+
 class Block:
     """Arguments in the order in which numba's code takes them, eight bytes for each number or pointer.
 
     The arrays are not copied: the block holds their addresses, and the arguments as long as it lives. What is
-    the same object as in an earlier block is taken from there.
+    the same object as in an earlier block is taken from there, within tuples, too.
 
     Parameters
     ----------
     arguments : sequence
         Contiguous arrays, records, named and plain tuples of these, numbers, truth values, None.
-    before : Block, optional
-        An earlier one.
+    before : tuple of Packed
+        The `parts` of an earlier one.
 
     Attributes
     ----------
@@ -83,8 +98,10 @@ class Block:
         The block; a float64 stands in it with its bits.
     address : int
         Of its first number.
-    kinds : list of str
-        The type of each argument, as in `signature`.
+    kinds : str
+        The types of the arguments, as `signature` tells them.
+    parts : tuple of Packed
+        The arguments, which this does not keep alive.
 
     Raises
     ------
@@ -92,30 +109,56 @@ class Block:
         For an argument of another kind, or an array that is not contiguous.
     """
 
-    def __init__(self, arguments: Sequence[Any], before: "Block | None" = None) -> None:
+    def __init__(self, arguments: Sequence[Any], before: tuple[Packed, ...] = ()) -> None:
         self.arguments = tuple(arguments)
-        self.kinds: list[str] = []
-        parts: list[list[int]] = []
-        held = before.held() if before is not None and len(before.arguments) == len(arguments) else ()
-        for value, (earlier, kind, part) in zip_longest(arguments, held, fillvalue=_NOTHING):
-            is_same = value is earlier
-            self.kinds.append(kind if is_same else _kind(value))
-            parts.append(part if is_same else [*_leaves(value)])
-        self._parts = parts
-        self.numbers: NDArray[np.int64] = np.array([*chain.from_iterable(parts)], dtype=np.int64)
+        self.parts = _packed_all(self.arguments, before)
+        self.kinds = ",".join(part.kind for part in self.parts)
+        numbers = [*chain.from_iterable(part.numbers for part in self.parts)]
+        self.numbers: NDArray[np.int64] = np.array(numbers, dtype=np.int64)
         self.address = int(self.numbers.ctypes.data)
 
-    def held(self) -> Iterator[tuple[Any, str, list[int]]]:
-        """Return each argument with its type and its numbers."""
-        return zip(self.arguments, self.kinds, self._parts, strict=True)
+
+def _packed_all(values: tuple[Any, ...], before: tuple[Packed, ...]) -> tuple[Packed, ...]:
+    if len(before) != len(values):
+        return tuple(_packed(value, _NOTHING) for value in values)
+    return tuple(
+        held if held.value() is value else _packed(value, held)
+        for value, held in zip(values, before, strict=True)
+    )
+
+
+def _packed(value: Any, before: Packed) -> Packed:
+    if isinstance(value, tuple):  # its parts alone are told again: no reference to it would let it go
+        parts = _packed_all(value, before.parts)
+        if type(value) is before.type and all(map(is_, parts, before.parts)):
+            return before
+        kind = _of_tuple(value, ",".join(part.kind for part in parts))
+        return Packed(
+            _no_value, type(value), kind, [*chain.from_iterable(part.numbers for part in parts)], parts
+        )
+    reference: Callable[[], Any] = _no_value  # a record would keep its memory alive
+    if isinstance(value, np.ndarray):
+        reference = ref(value)
+    elif not isinstance(value, np.void):
+        reference = partial(_itself, value)
+    return Packed(reference, type(value), _kind(value), [*_leaves(value)], ())
+
+
+def _itself(value: Any) -> Any:
+    return value
+
+
+def _no_value() -> Any:
+    """Return what no argument is."""
+    return _NOTHING
+
+
+_NOTHING = Packed(_no_value, Packed, "", [], ())
 
 
 def _leaves(value: Any) -> Iterator[int]:
     if value is None:
         yield 0
-    elif isinstance(value, tuple):
-        for part in value:
-            yield from _leaves(part)
     elif isinstance(value, np.ndarray):
         # its owner and parent, which this code counts no references of, then size, item size and data
         shape = _shape(value)

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from fis_tools.compiled.fingerprint import UnknownPartError
-from fis_tools.compiled.shipped.arguments import Block, UnknownArgumentError
+from fis_tools.compiled.shipped.arguments import Block, Packed, UnknownArgumentError
 from fis_tools.compiled.shipped.identity import digest
 from fis_tools.file_access import read_bytes, read_shipped
 from fis_tools.plain_text import parse_json
@@ -42,8 +42,6 @@ FAMILIES = {
 }
 #: Set to 0, everything is compiled.
 SWITCH = "FIS_TOOLS_SHIPPED"
-#: Up to so many numbers the last arguments of a function are kept: those that come again cost nothing.
-FEW = 100
 #: Room for what a function returns.
 MOST_RESULT_BYTES = 64
 #: The name of the function in each object.
@@ -61,7 +59,7 @@ class Shipped:
         self._compiled = compiled
         self._facts = facts
         self._codes: dict[str, tuple[Callable[[int, int], int] | None, str]] = {}
-        self._last: Block | None = None
+        self._last: tuple[Packed, ...] = ()
 
     def find(self, arguments: Sequence[Any]) -> "Callable[..., Any] | None":
         """Return what calls the code for arguments of these types; None if there is none.
@@ -72,13 +70,12 @@ class Shipped:
             block = Block(arguments, self._last)
         except UnknownArgumentError:
             return None
-        types = ",".join(block.kinds)
+        types = block.kinds
         if types not in self._codes:
             with _linking:
                 if types not in self._codes:
                     self._codes[types] = self._linked(types)
-        if len(block.numbers) <= FEW:  # of many the arrays are large, and should not live longer
-            self._last = block
+        self._last = block.parts
         code, result = self._codes[types]
         return None if code is None else Call(code, block, result)
 
@@ -111,7 +108,7 @@ class Call:
         block = self._block
         for given, held in zip(arguments, block.arguments, strict=True):
             if given is not held:
-                block = self._block = Block(arguments, block)
+                block = self._block = Block(arguments, block.parts)
                 break
         room = ctypes.create_string_buffer(MOST_RESULT_BYTES) if self._result else None
         status = self._code(block.address, 0 if room is None else ctypes.addressof(room))

@@ -1,5 +1,6 @@
 """Shipped machine code: is it of today's source, does it load, and does anything else compile?"""
 
+import gc
 import hashlib
 import json
 import os
@@ -7,6 +8,7 @@ import re
 import subprocess
 import sys
 import threading
+import weakref
 from typing import NamedTuple
 
 import numba
@@ -16,6 +18,7 @@ import pytest
 from benchmarks import objects
 from fis_tools.compiled import dispatchers
 from fis_tools.compiled.decorator import Compiled, compiled
+from fis_tools.compiled.shipped import arguments as shipped_arguments
 from fis_tools.compiled.shipped import build, load
 from fis_tools.compiled.shipped.arguments import Block, UnknownArgumentError, signature
 from fis_tools.compiled.shipped.identity import digest
@@ -248,9 +251,26 @@ def test_a_block_holds_addresses_and_bits():
 def test_what_comes_again_is_taken_from_the_block_before():
     first = arguments()
     second = (first[0], 4, *first[2:4], np.zeros(7))
-    numbers = Block(second, Block(first)).numbers
+    numbers = Block(second, Block(first).parts).numbers
     np.testing.assert_array_equal(numbers, Block(second).numbers)
     assert numbers[10] == 4
+
+
+def test_parts_of_tuples_come_again_too_and_live_no_longer_for_it(monkeypatch):
+    first = arguments()
+    before = Block(first).parts
+    packed = []
+    plain = shipped_arguments._leaves
+    monkeypatch.setattr(shipped_arguments, "_leaves", lambda value: packed.append(value) or plain(value))
+    again = (first[0]._replace(factor=0.75), *first[1:])
+    block = Block(again, before)
+    assert packed == [0.75]
+    np.testing.assert_array_equal(block.numbers, Block(again).numbers)
+    assert block.kinds == signature(again)
+    array = weakref.ref(first[0].left)
+    del first, again, block, packed[:]
+    gc.collect()
+    assert array() is None
 
 
 def source(body, constant="3.0", comment=""):
