@@ -122,7 +122,7 @@ def _packed_all(values: tuple[Any, ...], before: tuple[Packed, ...]) -> tuple[Pa
     if len(before) != len(values):
         return tuple(_packed(value, _NOTHING) for value in values)
     return tuple(
-        held if held.value() is value else _packed(value, held)
+        held if held.type is type(value) and held.value() is value else _packed(value, held)
         for value, held in zip(values, before, strict=True)
     )
 
@@ -130,7 +130,8 @@ def _packed_all(values: tuple[Any, ...], before: tuple[Packed, ...]) -> tuple[Pa
 def _packed(value: Any, before: Packed) -> Packed:
     if isinstance(value, tuple):  # its parts alone are told again: no reference to it would let it go
         parts = _packed_all(value, before.parts)
-        if type(value) is before.type and all(map(is_, parts, before.parts)):
+        is_same = type(value) is before.type and len(parts) == len(before.parts)
+        if is_same and all(map(is_, parts, before.parts)):
             return before
         kind = _of_tuple(value, ",".join(part.kind for part in parts))
         return Packed(

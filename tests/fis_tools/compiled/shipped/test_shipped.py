@@ -273,6 +273,22 @@ def test_parts_of_tuples_come_again_too_and_live_no_longer_for_it(monkeypatch):
     assert array() is None
 
 
+@pytest.mark.parametrize(
+    ("first", "second"),
+    [((), (1, 2)), ((1, 2), ()), ((1, (2.0,)), (1, (2.5,))), ((1,), (True,)), ((Pair(1, 2),), ((1, 2),))],
+)
+def test_what_only_looks_like_the_block_before_is_told_anew(first, second):
+    block = Block((second,), Block((first,)).parts)
+    assert block.kinds == signature((second,))
+    np.testing.assert_array_equal(block.numbers, Block((second,)).numbers)
+
+
+def test_nothing_in_the_place_of_an_array_that_is_gone_is_nothing():
+    before = Block((np.zeros(3),)).parts
+    gc.collect()
+    assert Block((None,), before).kinds == "none"
+
+
 def source(body, constant="3.0", comment=""):
     return f'''
 import numpy as np
