@@ -69,14 +69,14 @@ def _element(dtype: np.dtype[Any]) -> str:
     return name
 
 
-class Packed(NamedTuple):
+class Passed(NamedTuple):
     """An argument or part of a tuple: what gives it if it still lives, its types, its numbers, its parts."""
 
     value: Callable[[], Any]
     type: type
     kind: str
     numbers: list[int]
-    parts: "tuple[Packed, ...]"
+    parts: "tuple[Passed, ...]"
 
 
 class Block:
@@ -89,7 +89,7 @@ class Block:
     ----------
     arguments : sequence
         Contiguous arrays, records, named and plain tuples of these, numbers, truth values, None.
-    before : tuple of Packed
+    before : tuple of Passed
         The `parts` of an earlier one.
 
     Attributes
@@ -100,7 +100,7 @@ class Block:
         Of its first number.
     kinds : str
         The types of the arguments, as `signature` tells them.
-    parts : tuple of Packed
+    parts : tuple of Passed
         The arguments, which this does not keep alive.
 
     Raises
@@ -109,32 +109,32 @@ class Block:
         For an argument of another kind, or an array that is not contiguous.
     """
 
-    def __init__(self, arguments: Sequence[Any], before: tuple[Packed, ...] = ()) -> None:
+    def __init__(self, arguments: Sequence[Any], before: tuple[Passed, ...] = ()) -> None:
         self.arguments = tuple(arguments)
-        self.parts = _packed_all(self.arguments, before)
+        self.parts = _passed_all(self.arguments, before)
         self.kinds = ",".join(part.kind for part in self.parts)
         numbers = [*chain.from_iterable(part.numbers for part in self.parts)]
         self.numbers: NDArray[np.int64] = np.array(numbers, dtype=np.int64)
         self.address = int(self.numbers.ctypes.data)
 
 
-def _packed_all(values: tuple[Any, ...], before: tuple[Packed, ...]) -> tuple[Packed, ...]:
+def _passed_all(values: tuple[Any, ...], before: tuple[Passed, ...]) -> tuple[Passed, ...]:
     if len(before) != len(values):
-        return tuple(_packed(value, _NOTHING) for value in values)
+        return tuple(_passed(value, _NOTHING) for value in values)
     return tuple(
-        held if held.type is type(value) and held.value() is value else _packed(value, held)
+        held if held.type is type(value) and held.value() is value else _passed(value, held)
         for value, held in zip(values, before, strict=True)
     )
 
 
-def _packed(value: Any, before: Packed) -> Packed:
+def _passed(value: Any, before: Passed) -> Passed:
     if isinstance(value, tuple):  # its parts alone are told again: no reference to it would let it go
-        parts = _packed_all(value, before.parts)
+        parts = _passed_all(value, before.parts)
         is_same = type(value) is before.type and len(parts) == len(before.parts)
         if is_same and all(map(is_, parts, before.parts)):
             return before
         kind = _of_tuple(value, ",".join(part.kind for part in parts))
-        return Packed(
+        return Passed(
             _no_value, type(value), kind, [*chain.from_iterable(part.numbers for part in parts)], parts
         )
     reference: Callable[[], Any] = _no_value  # a record would keep its memory alive
@@ -142,7 +142,7 @@ def _packed(value: Any, before: Packed) -> Packed:
         reference = ref(value)
     elif not isinstance(value, np.void):
         reference = partial(_itself, value)
-    return Packed(reference, type(value), _kind(value), [*_leaves(value)], ())
+    return Passed(reference, type(value), _kind(value), [*_leaves(value)], ())
 
 
 def _itself(value: Any) -> Any:
@@ -154,7 +154,7 @@ def _no_value() -> Any:
     return _NOTHING
 
 
-_NOTHING = Packed(_no_value, Packed, "", [], ())
+_NOTHING = Passed(_no_value, Passed, "", [], ())
 
 
 def _leaves(value: Any) -> Iterator[int]:

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from fis_tools.compiled.fingerprint import UnknownPartError
-from fis_tools.compiled.shipped.arguments import Block, Packed, UnknownArgumentError
+from fis_tools.compiled.shipped.arguments import Block, Passed, UnknownArgumentError
 from fis_tools.compiled.shipped.identity import digest
 from fis_tools.file_access import read_bytes, read_shipped
 from fis_tools.plain_text import parse_json
@@ -59,7 +59,7 @@ class Shipped:
         self._compiled = compiled
         self._facts = facts
         self._codes: dict[str, tuple[Callable[[int, int], int] | None, str]] = {}
-        self._last: tuple[Packed, ...] = ()
+        self._last: tuple[Passed, ...] = ()
 
     def find(self, arguments: Sequence[Any]) -> "Callable[..., Any] | None":
         """Return what calls the code for arguments of these types; None if there is none.
