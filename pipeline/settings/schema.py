@@ -265,7 +265,7 @@ def differences(
     Returns
     -------
     list of str
-        Such as ``seed (then 1, now 2)``; a controller counts as one value.
+        Such as ``seed (then 1, now 2)``; a controller counts as one value, told by its name if that differs.
     """
 
     def flat(config: Config) -> dict[str, Any]:
@@ -274,12 +274,19 @@ def differences(
         return controller | dict(keys.leaves(counted, ()))
 
     first, second = flat(then), flat(now)
-    values = {key: (first.get(key), second.get(key)) for key in sorted({*first, *second})}
+    values = {key: _by_name(first.get(key), second.get(key)) for key in sorted({*first, *second})}
     return [
         f"{key} ({words[0]} {_short(before)}, {words[1]} {_short(after)})"
         for key, (before, after) in values.items()
         if before != after
     ]
+
+
+def _by_name(before: Any, after: Any) -> tuple[Any, Any]:
+    if isinstance(before, Mapping) and isinstance(after, Mapping):
+        names = before.get("name"), after.get("name")
+        return names if all(names) and names[0] != names[1] else (before, after)
+    return before, after
 
 
 def _short(value: Any) -> str:

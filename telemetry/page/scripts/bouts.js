@@ -18,7 +18,7 @@ function boutsList(box, flight, go) {
   const buttons = bouts.map(({ first, last, count, rows }) => make("button", { type: "button", click: () => go(first) },
     make("b", {}, `${time(first)} · ${rows.map(({ text }) => text).join(" ")}`), count > 1 ? ` and ${count - 1} more until ${time(last)}` : "", make("br"), rows[0].detail));
   const list = make("ol", { class: "bouts", tabindex: 0, "aria-label": `Pushes and their reasons${flight.of}` }, ...buttons.map(button => make("li", {}, button)));
-  box.replaceChildren(make("h4", {}, bouts.length ? `Why: ${bouts.length} bouts of pushes` : "No push in this flight"), ...(bouts.length ? [list] : []));
+  box.replaceChildren(make("h4", {}, bouts.length ? `Why: ${bouts.length} ${bouts.length === 1 ? "bout" : "bouts"} of pushes` : "No push in this flight"), ...(bouts.length ? [list] : []));
   return k => {
     const now = bouts.findLastIndex(({ first }) => first <= k);
     buttons.forEach((button, index) => {

@@ -9,6 +9,7 @@ import pytest
 from fis_tools.plain_text import MISSING_SIGN
 from pipeline.command_line.results import PAGE, RUNS
 from pipeline.run import artifacts, configuration, manifests, sweep, tables
+from pipeline.settings.schema import differences
 from pipeline.settings.types import MOST_TAG, MOST_TAG_NAME
 from tests.pipeline.command_line.cases import EVALUATE, FLY, use_stages
 
@@ -101,3 +102,15 @@ def test_two_runs_side_by_side_tell_their_tags(ran):
     page = Path("spring", artifacts.REPORT).read_text(encoding="utf-8")
     assert re.search(r"Noted about this run:.*?campaign.*?spring", page, re.DOTALL)
     assert configuration.read(Path("spring"))["tags"] == {"campaign": "spring"}
+
+
+@pytest.mark.parametrize(
+    ("other", "words"),
+    [
+        ({"name": "b"}, ["controller (A a, B b)"]),
+        ({"name": "a", "x": 1}, ["controller (A {'name': 'a'}, B {'name': 'a', 'x': 1})"]),
+    ],
+)
+def test_controllers_are_told_by_their_names_unless_these_are_the_same(other, words):
+    runs = {"controller": {"name": "a"}}, {"controller": other}
+    assert differences(*runs, but=(), words=("A", "B")) == words
