@@ -78,6 +78,7 @@ def extreme_mean(x: Floats, low: Floats, high: Floats, sign: int) -> float:
     """Return the least (1) or the greatest (-1) mean of points whose weights lie between bounds.
 
     Every switch from the lower to the upper bounds is tried. Faint weights have few digits, and are raised.
+    Where others then leave the range of numbers, nothing but the points' range is known.
     """
     for index in range(len(x)):
         if 0.0 < high[index] < FAINT or 0.0 < low[index] < FAINT:
@@ -88,6 +89,8 @@ def extreme_mean(x: Floats, low: Floats, high: Floats, sign: int) -> float:
         point = step if sign > 0 else len(x) - 1 - step
         area += high[point] - low[point]
         moment += (high[point] - low[point]) * x[point]
+        if not (np.isfinite(area) and np.isfinite(moment)):
+            return float(x[0] if sign > 0 else x[-1])
         if area > 0.0:
             extreme = min(extreme, sign * (moment / area))
     # without weights any point may be the mean

@@ -92,7 +92,8 @@ def neighbours(inferred: Inference) -> Iterator[Floats]:
     generator = np.random.default_rng(7)
     for number in range(NEIGHBOURS):
         memberships = [
-            _shaken(generator, held, variable) for variable, held in zip(system.inputs, degrees, strict=True)
+            _shaken(generator, held, variable, is_sampled=system.semantics == "scikit-fuzzy")
+            for variable, held in zip(system.inputs, degrees, strict=True)
         ]
         firing = _shaken(generator, inference._fire(system, memberships))
         with patch.object(defuzzification, "TIE", TIES[number % len(TIES)]):
@@ -100,11 +101,23 @@ def neighbours(inferred: Inference) -> Iterator[Floats]:
         yield np.array([output.value for output in outputs])
 
 
-def _shaken(generator: np.random.Generator, degrees: Floats, variable: Variable | None = None) -> Floats:
-    """Degrees with other last digits; those that are differences lose digits near zero."""
+def _shaken(
+    generator: np.random.Generator,
+    degrees: Floats,
+    variable: Variable | None = None,
+    *,
+    is_sampled: bool = False,
+) -> Floats:
+    """Degrees with other last digits; those that are differences lose digits near zero.
+
+    Those of tables are, and of all that is sampled on a universe.
+    """
     units = generator.choice([-UNITS, -1.0, 0.0, 1.0, UNITS], degrees.shape)
     sizes_of = degrees.copy()
     if variable is not None:
-        is_table = [isinstance(term.membership, shapes.Sampled | shapes.Polyline) for term in variable.terms]
+        is_table = [
+            is_sampled or isinstance(term.membership, shapes.Sampled | shapes.Polyline)
+            for term in variable.terms
+        ]
         sizes_of[is_table] = 1.0
     return np.clip(degrees + units * np.spacing(sizes_of) * (sizes_of > 0.0), 0.0, 1.0)
