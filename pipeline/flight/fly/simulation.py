@@ -197,7 +197,7 @@ def check_flown_ahead(mission: Mission, controller: Controller) -> None:
 class LookedAhead(NamedTuple):
     """What a controller flies by once it has looked ahead.
 
-    Parameters
+    Attributes
     ----------
     controller : Controller
         That follows what was chosen.
