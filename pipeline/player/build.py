@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from fis_tools.file_access import read_text, write_text
+from fis_tools.file_access import read_shipped, write_text
 from fis_tools.plain_text import parse_json
 from pipeline.controllers import source
 from pipeline.flight.fly.many import fly_many
@@ -53,7 +53,7 @@ def functions(name: str) -> list[tuple[str, Any, Arguments]]:
 def build(names: Sequence[str]) -> None:
     """Write modules, and what their types are told by."""
     path = FOLDER / "types.json"
-    types = parse_json(read_text(path)) if path.exists() else {}
+    types = parse_json(read_shipped(path)) if path.exists() else {}
     for module in names:
         target, translated, of_module = target_machine(), [], types.setdefault(module, {})
         for name, function, arguments in functions(module):

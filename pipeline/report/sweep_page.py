@@ -178,6 +178,8 @@ def write_compared(runs: Sequence[EvaluatedRun], blocks: Sequence[Block]) -> str
 def shared_rows(episodes: Sequence[Columns]) -> list[list[int]]:
     """Return the rows of the cases that all evaluations share, for each of them in one order."""
     first, *others = episodes
+    if not others:
+        return [[*range(len(first["delta_v_m_s"]))]]
     pairs = [common_cases(first, other) for other in others]
     common = reduce(np.intersect1d, [mine for mine, _ in pairs])
     rows = [[int(row) for row in common]]

@@ -27,7 +27,7 @@ ROUNDING = 1e-9
 #: the same of what the filter knows: with late fixes it goes on from its own rounding
 FILTERED = 1e-7
 #: change of the inputs by which a choice on a knife's edge is told, and how often it is tried
-NUDGE, NUDGES = 1e-12, 24
+NUDGE, NUDGES = 1e-12, 100
 #: accuracy of a tumbling chief's attitude, rad, see docs/reference/limits.md
 CHIEF_RAD = 2e-4
 #: the same of the axes about the Earth, in which the Sun stands, whose disc is 5e-3 rad across
@@ -152,8 +152,9 @@ def allowed(flight, k, log, name):
         return 0.0
     moved = moving_error(flight, k, log) if flight.orbit is not None else 0.0
     if name in TURNED:  # of an ideal attitude, the direction to where the deputy moves
-        nearest = np.linalg.norm(log.position_m[k : k + 2], axis=1).min()
-        return turning_error(flight, k, log, name) + moved / nearest
+        distances = np.linalg.norm(log.position_m[k : k + 2], axis=1)
+        moved += ROUNDING * distances.max()  # as positions are rounded
+        return turning_error(flight, k, log, name) + moved / distances.min()
     # inference agrees to 1e-12 of an output's range; the layer's change is rounded as what it is a change of
     ranges = [system.outputs[0].maximum - system.outputs[0].minimum for system in flight.controller.systems]
     force = 3e-12 * sum(ranges) + ROUNDING * np.abs(log.safety_force_hill_n[k]).max()
