@@ -37,7 +37,11 @@ TOOLKIT: tuple[tuple[str, ...], ...] = (
 #: By the family that numba compiles for, those whose objects are made of it.
 MADE = {"x86-64-v4": ("x86-64-v4",), "x86-64-v3": ("x86-64-v3", "aarch64")}
 #: Environments whose first step should wait for none either, with what they are made of.
-ENVIRONMENTS: tuple[tuple[str, dict[str, Any]], ...] = (("Inspection-v0", {}), ("SixDofInspection-v0", {}))
+ENVIRONMENTS: tuple[tuple[str, dict[str, Any]], ...] = (
+    ("Inspection-v0", {}),
+    ("SixDofInspection-v0", {}),
+    ("MultiInspection", {}),
+)
 RECORDED = ("stages=[scenario,evaluate,record]", "monte_carlo.num_cases=8")
 
 
@@ -143,6 +147,13 @@ def step_once(name: str, options: dict[str, Any]) -> None:
     """Take a step in an environment, and in several of them."""
     import gymnasium  # noqa: PLC0415 - as in build
 
+    if name == "MultiInspection":
+        from pipeline.gym.parallel import MultiInspectionEnv  # noqa: PLC0415 - as in build
+
+        fleet = MultiInspectionEnv(**options)
+        fleet.reset(seed=1)
+        fleet.step({agent: fleet.action_space(agent).sample() for agent in fleet.agents})
+        return
     for made in (
         gymnasium.make(f"pipeline.gym:{name}", **options),
         gymnasium.make_vec(f"pipeline.gym:{name}", 2, **options),

@@ -18,6 +18,7 @@ from gymnasium.wrappers import TransformObservation
 from gymnasium.wrappers.vector import TransformObservation as TransformVectorObservation
 from numpy.typing import NDArray
 
+from pipeline.array_types import Floats
 from pipeline.flight.fly.stepping import POSITION, SPENT, VELOCITY
 from pipeline.flight.goals.reach import limit_at
 from pipeline.flight.state.log import FlightLog
@@ -105,6 +106,11 @@ class InspectionEnv(gymnasium.Env[Observation, NDArray[Any]]):
 
     def _info(self) -> dict[str, Any]:
         return {name: float(values[0]) for name, values in self._episodes.facts.items()}
+
+    @property
+    def position_m(self) -> Floats:
+        """The true position now, shape (3,), Hill axes."""
+        return np.asarray(self._episodes.flights.positions[0])
 
     def render(self) -> NDArray[np.uint8] | None:
         """Return a picture of the episode so far, (height, width, 3), where `render_mode` asks for it."""
@@ -328,6 +334,10 @@ class ReachReward:
         Taken away, of a thrust's force over its mass (N/kg, as theirs) for each step.
     per_excess : float
         Taken away for each m/s above the limit on the speed, at each step.
+    for_excess : float
+        Taken away at each step above that limit.
+    counts_pay : bool
+        Whether what is so taken away, and not the excess, uses up ``problem.most_excess_m_s``.
     success, failure : float
         Given at the goal, with as much again for the share of the time that is left, the last period not
         counted; taken away where the deputy is too fast there or too far away, and where the time is over.
@@ -337,6 +347,8 @@ class ReachReward:
     halved_m: float = 100.0
     per_delta_v: float = 0.01
     per_excess: float = 1.0
+    for_excess: float = 0.0
+    counts_pay: bool = False
     success: float = 1.0
     failure: float = 1.0
 
@@ -356,6 +368,11 @@ class ReachEnv(InspectionEnv):
     render_mode : str, optional
         As of `pipeline.gym.env.InspectionEnv`.
 
+    Attributes
+    ----------
+    most_steps : int
+        Control periods after which the time is over; by default those of a flight.
+
     Raises
     ------
     ValueError
@@ -369,6 +386,7 @@ class ReachEnv(InspectionEnv):
         if self.task.mission.problem.kind != "reach":
             raise ValueError("overrides compose no flight with a goal; choose one by problem=NAME")
         self._paid = reward or ReachReward()
+        self.most_steps: int = self.task.mission.num_controls
         self._used = 0.0
 
     def step(self, action: NDArray[Any]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
@@ -378,9 +396,11 @@ class ReachEnv(InspectionEnv):
         observation, *_, info = super().step(action)
         distance, speed, spent = self._state()
         steps = self._episodes.num_samples(0) - 1
-        is_late = steps == mission.num_controls
+        is_late = steps == self.most_steps
         excess = max(speed - float(limit_at(problem, np.array(distance))), 0.0)
-        self._used = excess if steps == 1 else self._used + excess
+        for_speed = paid.per_excess * excess + paid.for_excess * (excess > 0.0)
+        used = for_speed if paid.counts_pay else excess
+        self._used = used if steps == 1 else self._used + used
         is_there, is_far = distance <= problem.goal_radius_m, distance > mission.deputy.max_distance_m
         is_docked = is_there and speed <= problem.goal_speed_m_s
         is_failed = (is_there and not is_docked) or is_far or is_late
@@ -389,7 +409,7 @@ class ReachEnv(InspectionEnv):
         reward = (
             paid.approach * nearer
             - paid.per_delta_v * (spent - spent_before) / mission.control_period_s
-            - paid.per_excess * excess
+            - for_speed
             + is_docked * paid.success * (1.0 + left)
             - is_failed * paid.failure
         )

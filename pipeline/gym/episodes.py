@@ -275,19 +275,25 @@ class Episodes:
     ----------
     task : Task
     num_episodes : int
+    flights : pipeline.flight.fly.stepping.SteppedFlights, optional
+        By default each flies alone; in a fleet, each counts what all have inspected.
 
     Attributes
     ----------
     flights : pipeline.flight.fly.stepping.SteppedFlights
         With what is observed and what is known now.
+    needed : (num_episodes,) array
+        Points, or their weight, that are enough.
     """
 
-    def __init__(self, task: Task, num_episodes: int) -> None:
+    def __init__(self, task: Task, num_episodes: int, flights: stepping.SteppedFlights | None = None) -> None:
         self.task = task
-        self.flights = stepping.SteppedFlights(task.mission, num_episodes, is_tilted=task.is_tilted)
+        self.flights = flights or stepping.SteppedFlights(
+            task.mission, num_episodes, is_tilted=task.is_tilted
+        )
         self._scenarios: list[Scenario | None] = [None] * num_episodes
         self._forces = np.zeros((num_episodes, task.mission.num_controls, 3))
-        self._needed = np.zeros(num_episodes)
+        self.needed = np.zeros(num_episodes)
         self._spent = np.zeros(num_episodes)
         #: points that are paid for, or their weight
         self._paid = np.zeros(num_episodes)
@@ -304,11 +310,11 @@ class Episodes:
         self.flights.start(episode, scenario)
         self._scenarios[episode] = scenario
         threshold = self.task.mission.inspection_threshold_percent
-        self._needed[episode] = points_needed(int(self.flights.inspectable[episode]), threshold)
+        self.needed[episode] = points_needed(int(self.flights.inspectable[episode]), threshold)
         if self._weights is not None:
             direction = direction_of(scenario.generator(PRIORITY)) if priority is None else priority
             self._weights[episode] = priority_weights(self._points, direction)
-            self._needed[episode] = threshold / 100.0
+            self.needed[episode] = threshold / 100.0
 
     def begin(self) -> None:
         """Bring the episodes that were put at a start to their first sample; the others rest."""
@@ -330,7 +336,7 @@ class Episodes:
         truncated : (n,) array of bool
             The flight's time is over. See `Reward` for AFRL's ends.
         """
-        forces = self.task.forces(actions, len(self._needed))
+        forces = self.task.forces(actions, len(self.needed))
         is_over = self.flights.samples < 0  # what is started in this step waits for the next one
         rewards, terminated, truncated = self._step(forces)
         for _ in range(self.task.num_periods - 1):
@@ -354,11 +360,11 @@ class Episodes:
         deputy = self.task.mission.deputy
         middle_m = 0.5 * (deputy.min_distance_m + deputy.max_distance_m)
         is_far = is_outside & (np.linalg.norm(now[:, : stepping.VELOCITY], axis=1) > middle_m)
-        is_enough = inspected >= self._needed
+        is_enough = inspected >= self.needed
         rewards = reward.per_point * (inspected - self._paid)
         rewards -= reward.per_delta_v * (now[:, stepping.SPENT] - self._spent)
         is_last, goes_on = flights.samples == self.task.mission.num_controls, self.task.mission.after_s > 0.0
-        is_due = is_last & ~is_outside if goes_on else self._paid < self._needed
+        is_due = is_last & ~is_outside if goes_on else self._paid < self.needed
         rewards += reward.success * self._succeeds(is_begun & is_enough & is_due)
         too_far = reward.outside if reward.too_far is None else reward.too_far
         rewards -= np.where(is_far, too_far, reward.outside * is_outside)
@@ -399,7 +405,7 @@ class Episodes:
             "delta_v_m_s": now[:, stepping.SPENT].copy(),
             "num_inspected": now[:, stepping.NUM_INSPECTED].copy(),
             "num_inspectable": self.flights.inspectable.copy(),
-            "is_success": (self._inspected >= self._needed) & (now[:, stepping.OUTSIDE] == 0.0),
+            "is_success": (self._inspected >= self.needed) & (now[:, stepping.OUTSIDE] == 0.0),
             "outside_m": now[:, stepping.OUTSIDE].copy(),
             "safety_periods": now[:, stepping.NUM_ACTED].copy(),
             "safety_delta_v_m_s": now[:, stepping.CORRECTED].copy(),

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any, Final
+from typing import Any, ClassVar, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,23 +60,24 @@ def state_of(states: FlightState, flight: int) -> FlightState:
 
 
 @compiled(error_model="numpy", forceinline=True)
-def write_observed(now: Moment, row: Floats) -> None:
-    """Write the observation of a flight."""
+def write_observed(now: Moment, lane: int, row: Floats) -> None:
+    """Write the observation of the flight in a lane."""
     lanes, belief = now.state.lanes, now.state.belief
-    flat = lanes.sun_height[0, 0]
-    write_three(row[POSITION:], lane_of(belief.position, 0, 0))
-    write_three(row[VELOCITY:], lane_of(belief.velocity, 0, 0))
-    write_three(row[TARGET:], lane_of(lanes.target, 0, 0))
-    write_three(row[BORESIGHT:], lane_of(belief.boresight, 0, 0))
-    write_three(row[SUN:], Three(flat * lanes.sun[0, 0], flat * lanes.sun[1, 0], lanes.sun_height[1, 0]))
-    row[NUM_INSPECTED] = lanes.num_counted[0] - lanes.num_unseen[0]
-    row[NUM_CANDIDATES] = lanes.num_candidates[0]
-    row[SPENT] = lanes.spent[0]
+    flat = lanes.sun_height[0, lane]
+    write_three(row[POSITION:], lane_of(belief.position, 0, lane))
+    write_three(row[VELOCITY:], lane_of(belief.velocity, 0, lane))
+    write_three(row[TARGET:], lane_of(lanes.target, 0, lane))
+    write_three(row[BORESIGHT:], lane_of(belief.boresight, 0, lane))
+    sun = Three(flat * lanes.sun[0, lane], flat * lanes.sun[1, lane], lanes.sun_height[1, lane])
+    write_three(row[SUN:], sun)
+    row[NUM_INSPECTED] = lanes.num_counted[lane] - lanes.num_unseen[lane]
+    row[NUM_CANDIDATES] = lanes.num_candidates[lane]
+    row[SPENT] = lanes.spent[lane]
     row[LEFT] = (now.world.num_controls - now.k) * now.world.control_period
-    row[NUM_UNSEEN] = lanes.num_unseen[0]
-    row[OUTSIDE] = lanes.beyond[0]
-    row[NUM_ACTED] = lanes.num_acted[0]
-    row[CORRECTED] = lanes.corrected[0]
+    row[NUM_UNSEEN] = lanes.num_unseen[lane]
+    row[OUTSIDE] = lanes.beyond[lane]
+    row[NUM_ACTED] = lanes.num_acted[lane]
+    row[CORRECTED] = lanes.corrected[lane]
 
 
 @compiled(nogil=True, error_model="numpy")
@@ -118,7 +119,7 @@ def step_many(
         look(after, work, optics, clusters, errors, plans)
         if k + 1 == world.num_controls:
             note_after(after)
-        write_observed(after, observed[flight])
+        write_observed(after, 0, observed[flight])
         samples[flight] = k + 1
 
 
@@ -177,6 +178,9 @@ class SteppedFlights:
         If the mission has dispersions, or guidance that cannot be stepped.
     """
 
+    #: the compiled function that flies all by a control period
+    stepper: ClassVar[Any] = step_many
+
     def __init__(self, mission: Mission, num_flights: int, *, is_tilted: bool) -> None:
         if mission.dispersions:
             raise ValueError("flights that are stepped share one world; leave dispersions out")
@@ -194,7 +198,7 @@ class SteppedFlights:
         self.inspectable = np.zeros(num_flights, dtype=np.int64)
         self._forces = np.zeros((num_flights, 3))
         self._lighting = make_workspace(world)
-        self._states = make_states(world, self._errors, FEW_LANES, num_flights)
+        self._states, *others = self._allocated()
         # they stay the same arrays, so that their types are resolved once
         self._arguments = (
             world,
@@ -205,18 +209,28 @@ class SteppedFlights:
             played(np.zeros((0, mission.num_controls, 3))),
             self._starts,
             self._counted,
+            *others,
             self._states,
             make_workspace(world, FEW_LANES),
             self.samples,
             self._forces,
             self.observed,
         )
-        self._step = step_many.prepared(*self._arguments)  # type: ignore[attr-defined]
+        self._step = self.stepper.prepared(*self._arguments)
+
+    def _allocated(self) -> tuple[Any, ...]:
+        """Return the states of all flights, and what else `stepper` takes before them."""
+        return (make_states(self._world, self._errors, FEW_LANES, len(self.samples)),)
 
     @property
     def seen(self) -> NDArray[np.float32]:
         """The observations now, shape (n, NUM_SEEN), in the order of `OBSERVED`."""
         return self.observed[:, :NUM_SEEN].astype(np.float32)
+
+    @property
+    def positions(self) -> Floats:
+        """The true positions now, shape (n, 3), m, Hill axes."""
+        return self._states.truth["position"][..., 0].copy()
 
     @property
     def is_inspected(self) -> Booleans:
