@@ -77,12 +77,12 @@ def flown(env: Any, law: Callable[..., np.ndarray], seed: int, observe: Callable
         rows.append(observe(agents))
         positions.append(np.array([env.deputies[agent].position for agent in agents]))
     assert set(terminated.values()) == set(truncated.values()) == {True}
-    told = zip(("counts", "own", "weights"), zip(*rows, strict=True), strict=False)
+    columns = zip(("counts", "own", "weights"), zip(*rows, strict=True), strict=False)
     return {
         "start": np.array(state), "actions": np.round(1024.0 * np.array(actions)).astype(np.int16),
         "rewards": np.array(rewards), "places": kept(positions),
         "status": np.array([env.status[agent] for agent in agents]),
-    } | {name: np.array(values) for name, values in told}  # fmt: skip
+    } | {name: np.array(values) for name, values in columns}  # fmt: skip
 
 
 def inspected(kind: Callable[..., Any], episode: int) -> dict[str, Any]:
