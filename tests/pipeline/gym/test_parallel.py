@@ -47,27 +47,27 @@ def test_the_same_actions_give_the_same_episode(name: str) -> None:
         starts = [Scenario(state[:3], state[3:], sun) for state in theirs["start"]]
         options = {"scenarios": starts} | ({"priority": theirs["priority"]} if "priority" in theirs else {})
         _, infos = env.reset(options=options)
-        positions, told, rewards = [theirs["start"][:, :3]], [infos], []
+        positions, rows, rewards = [theirs["start"][:, :3]], [infos], []
         for step, forces in enumerate(theirs["actions"] / 1024.0, 1):
             is_last = step == len(theirs["actions"])
             actions = dict(zip(env.agents, forces, strict=True))
             _, paid, terminated, truncated, infos = env.step(actions)
             assert set(terminated.values()) == set(truncated.values()) == {is_last}
             rewards.append(list(paid.values()))
-            told.append(infos)
+            rows.append(infos)
             if step % EVERY == 0 or is_last:
                 positions.append(env._positions)
         assert not env.agents
         np.testing.assert_allclose(positions, theirs["places"], rtol=0.0, atol=CLOSE_M)
         np.testing.assert_allclose(rewards, theirs["rewards"], rtol=0.0, atol=1e-6)
-        each = [[list(infos.values()) for infos in told][k] for k in range(len(told))]
+        each = [[list(infos.values()) for infos in rows][k] for k in range(len(rows))]
         if "own" in theirs:
             assert [[info["num_seen_first"] for info in row] for row in each] == theirs["own"].tolist()
             assert [row[0]["num_inspected"] for row in each] == theirs["counts"].tolist()
         if name == "fleet_weighted":
             weights = [row[-1]["weight_inspected"] for row in each]
             np.testing.assert_allclose(weights, theirs["weights"], rtol=0.0, atol=1e-12)
-        assert told[-1]["deputy_0"]["has_collided"] == ("Collision" in theirs["status"])
+        assert rows[-1]["deputy_0"]["has_collided"] == ("Collision" in theirs["status"])
         ends |= set(theirs["status"].tolist())
     assert ends >= {"Running", "Timeout", "Collision", "Crash"}
     assert len(ends & {"Success", "Out of Bounds", "Max Velocity Violation"}) >= (1 if name == "fleet" else 2)
@@ -128,9 +128,9 @@ def test_a_copy_goes_on_as_the_original_does() -> None:
     for _ in range(5):
         env.step(force)
     copy = pickle.loads(pickle.dumps(env))  # noqa: S301 - of our own
-    for one, other in zip(env.step(force)[:2], copy.step(force)[:2], strict=True):
+    for original, copied in zip(env.step(force)[:2], copy.step(force)[:2], strict=True):
         for agent in env.agents:
-            np.testing.assert_array_equal(one[agent], other[agent])
+            np.testing.assert_array_equal(original[agent], copied[agent])
 
 
 def test_what_cannot_be_is_refused() -> None:

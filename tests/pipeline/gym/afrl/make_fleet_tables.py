@@ -93,8 +93,8 @@ def inspected(kind: Callable[..., Any], episode: int) -> dict[str, Any]:
 
     def observe(agents: list[str]) -> tuple[Any, ...]:
         points = env.chief.inspection_points
-        own = [points.get_num_points_inspected(inspector_entity=env.deputies[agent]) for agent in agents]
-        return points.get_num_points_inspected(), own, points.get_total_weight_inspected()
+        counts = [points.get_num_points_inspected(inspector_entity=env.deputies[agent]) for agent in agents]
+        return points.get_num_points_inspected(), counts, points.get_total_weight_inspected()
 
     env.reset(seed=episode)  # the Sun moves on in flight
     sun, priority = env.sun.theta, env.chief.inspection_points.priority_vector
