@@ -3,6 +3,7 @@
 import gc
 import os
 import pickle
+import signal
 from typing import IO, Any
 
 import pytest
@@ -59,7 +60,12 @@ pytest_collection_modifyitems = selection.select
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Take the plan of the process that started this one."""
+    """Take the plan of the process that started this one, and heed the keyboard, as tests of it do.
+
+    A shell's background job ignores it, and so would what tests start.
+    """
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
     if config.option.record:
         config.pluginmanager.register(Recorder())
     if hasattr(config, "workerinput"):

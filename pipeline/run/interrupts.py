@@ -24,15 +24,18 @@ def remember(*also: str) -> None:
 
     For a process that is the program's own, or a launcher's worker: it keeps the handler and the hook to its
     end, as only they are told of exceptions in finalizers, which may come last. `main` called from a script
-    or a notebook replaces neither.
+    or a notebook replaces neither. What a shell starts in the background ignores the keyboard, and heeds the
+    other signals all the same.
 
     Parameters
     ----------
     *also : str
         Signals besides SIGINT, see `SIGNALS`; launchers end their workers by some of them.
     """
-    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+    keyboard = signal.getsignal(signal.SIGINT)
+    if keyboard is signal.default_int_handler:
         signal.signal(signal.SIGINT, _raise)
+    if keyboard in (signal.default_int_handler, signal.SIG_IGN):
         sys.unraisablehook = _print_unraisable
         for name in also:  # not all systems have all
             number = getattr(signal, name, None)

@@ -14,17 +14,25 @@ FLIGHTS = ("flight=reference", "duration_s=60", "monte_carlo.num_cases=20000", "
 WORDS = ("+experiment=evaluate", "controller=coast", "stages=[evaluate]", *FLIGHTS)
 
 
-@pytest.fixture(params=interrupts.SIGNALS)
-def name(request):
+#: and whether the process ignores the keyboard, as what a shell without job control starts by ``&`` does
+SENT = [*((name, "") for name in interrupts.SIGNALS), ("SIGTERM", "INT")]
+
+
+@pytest.fixture(params=SENT, ids=lambda sent: " ignoring ".join(filter(None, sent)))
+def sent(request):
     """A signal that is not ignored, as nohup would have it: what is started inherits that."""
-    before = signal.signal(signal.Signals[request.param], signal.SIG_DFL)
-    yield request.param
-    signal.signal(signal.Signals[request.param], before)
+    name, ignored = request.param
+    before = signal.signal(signal.Signals[name], signal.SIG_DFL)
+    yield name, ignored
+    signal.signal(signal.Signals[name], before)
 
 
-def test_a_signal_ends_a_run_in_a_sentence(name, tmp_path):
+def test_a_signal_ends_a_run_in_a_sentence(sent, tmp_path):
+    name, ignored = sent
     folder, number = tmp_path / "run", signal.Signals[name]
     command = [sys.executable, "-m", "pipeline", *WORDS, f"hydra.run.dir={folder}"]
+    if ignored:
+        command = ["sh", "-c", f'trap "" {ignored}; exec "$@"', "sh", *command]
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, cwd=PROJECT) as process:  # noqa: S603
         try:
             lines = iter(process.stderr.readline, "")
