@@ -34,15 +34,7 @@ from pipeline.flight.fly.tours import tour_images
 from pipeline.flight.period.decide.thrust import is_decision
 from pipeline.flight.period.decide.urgency import note_deadlines
 from pipeline.flight.period.steps import act, decide, look
-from pipeline.flight.state.arrays import (
-    Control,
-    FlightState,
-    FullOptics,
-    Guard,
-    Moment,
-    Workspace,
-    constant_of,
-)
+from pipeline.flight.state.arrays import Control, FlightState, FullOptics, Moment, Workspace, constant_of
 from pipeline.flight.state.errors import ModelErrors
 from pipeline.flight.state.lanes import clip, clip_three, load_quaternion, load_row
 from pipeline.flight.state.signals import BODY, CONSTANTS, FIRST_DEAD_BAND, SETTING, URGENCY
@@ -82,9 +74,7 @@ def command_linearly(now: Moment, control: Control, signals: Floats) -> None:
 @compiled(nogil=True, error_model="numpy")
 def fly_linearly(
     optics: FullOptics | None,
-    guard: Guard | None,
     clusters: bool | None,
-    pushes: bool | None,
     errors: ModelErrors | None,
     flights: FlightBatch,
     state: FlightState,
@@ -113,11 +103,11 @@ def fly_linearly(
             if k == world.num_controls:
                 write_outcomes(now, flight, results.outcomes)
                 break
-            decide(now, work, optics, pushes, control)
+            decide(now, work, optics, control)
             if is_decision(law, k):
                 command_linearly(now, control, work.signals)
             open_with(now, flights.openings)
-            act(now, work, guard, errors, law.plans)
+            act(now, work, errors, law.plans)
             for lane in range(num_lanes if len(tracks) > 0 else 0):
                 write_fired(state, lane, tracks[flight + lane, k])
         flight += num_lanes

@@ -13,7 +13,7 @@ from pipeline.flight.fly.many import NO_TRACKS, Results
 from pipeline.flight.fly.population import flights_of
 from pipeline.flight.fly.simulation import law_for
 from pipeline.flight.fly.workspace import make_state, make_workspace
-from pipeline.flight.state.arrays import NUM_OUTCOMES, NUM_TRACKED, FullOptics, Guard
+from pipeline.flight.state.arrays import NUM_OUTCOMES, NUM_TRACKED, FullOptics
 from pipeline.flight.state.errors import ModelErrors
 from pipeline.flight.state.log import Scenario, empty_log
 from pipeline.flight.world.pack import pack_world
@@ -23,24 +23,12 @@ from pipeline.settings.experiment import Mission
 #: flights side by side: WebAssembly's vectors hold two numbers
 LANES = 2
 #: arguments of `fly_many`
-NAMES = (
-    "optics",
-    "guard",
-    "clusters",
-    "pushes",
-    "errors",
-    "flights",
-    "state",
-    "work",
-    "results",
-    "first",
-    "last",
-)
+NAMES = ("optics", "clusters", "errors", "flights", "state", "work", "results", "first", "last")
 
 #: the modules: of the paper's light and camera without errors, and of any other mission
 PLAIN, LIT = "plain", "lit"
 
-Parts = tuple[FullOptics | None, Guard, bool | None, bool, ModelErrors | None]
+Parts = tuple[FullOptics | None, bool | None, ModelErrors | None]
 
 
 class Arguments(NamedTuple):
@@ -77,9 +65,8 @@ def arguments_of(
 ) -> ModuleArguments | None:
     """Return what flies some starts in a page; None if no module does.
 
-    The safety layer and pushes that show setting points are always there, though they may be off. The plain
-    module has no other light, clusters and errors; the other one has all of them. In the paper's light it
-    would decide otherwise in the last digits, so that it does not fly there.
+    The plain module has no other light, clusters and errors; the other one has all of them. In the paper's
+    light it would decide otherwise in the last digits, so that it does not fly there.
 
     Parameters
     ----------
@@ -93,15 +80,15 @@ def arguments_of(
     """
     world, cases = pack_world(mission), cases_of(mission, list(starts))
     law = law_for(controller, mission, list(starts), 1)
-    (optics, _, clusters, _, errors), flights, _ = flights_of(
+    (optics, clusters, errors), flights, _ = flights_of(
         world, law, controller.numbers, cases, openings, controller.changes
     )
     if optics is None and (clusters or errors is not None):
         return None
-    parts: Parts = (None, world.guard, None, True, None)
+    parts: Parts = (None, None, None)
     if optics is not None:
         errors = ModelErrors(cases.fixes, cases.firing, world.course._replace(varying=cases.drag))
-        parts = (FullOptics(by_point=True), world.guard, True, True, errors)
+        parts = (FullOptics(by_point=True), True, errors)
     log = empty_log(mission.num_controls, mission.num_attitude_steps, world.num_points, len(law.axes))
     tracks = np.zeros((num_tracked, mission.num_controls + 1, NUM_TRACKED), np.float32)
     results = Results(np.zeros((len(starts), NUM_OUTCOMES)), log, tracks=tracks if num_tracked else NO_TRACKS)

@@ -19,8 +19,8 @@ from pipeline.flight.fly.simulation import completed_log, room_for_log
 from pipeline.flight.fly.workspace import make_state, make_workspace
 from pipeline.flight.period.decide.exchange import choose_lane_target
 from pipeline.flight.period.decide.urgency import note_deadlines
-from pipeline.flight.period.steps import act, decide, look
-from pipeline.flight.state.arrays import Control, FlightState, FullOptics, Guard, Moment, Workspace
+from pipeline.flight.period.steps import act, decide, look, move_on
+from pipeline.flight.state.arrays import Control, FlightState, FullOptics, Moment, Workspace
 from pipeline.flight.state.errors import ModelErrors
 from pipeline.flight.state.log import FlightLog, Scenario
 from pipeline.flight.state.signals import SETTING, URGENCY
@@ -82,9 +82,7 @@ def command_kept(now: Moment, kept: Floats) -> None:
 @compiled(nogil=True, error_model="numpy")
 def fly_heeding(
     optics: FullOptics | None,
-    guard: Guard | None,
     clusters: bool | None,
-    pushes: bool | None,
     errors: ModelErrors | None,
     flights: FlightBatch,
     heard: Heard,
@@ -95,7 +93,7 @@ def fly_heeding(
 ) -> None:
     """Fly the only flight, by what is heard, and log it.
 
-    See `pipeline.flight.period.steps` for the first five; `kept`, (K, 4), are its commands and limits where
+    See `pipeline.flight.period.steps` for the first three; `kept`, (K, 4), are its commands and limits where
     it is kept apart from others.
     """
     flights, heard, state, work, log = borrowed((flights, heard, state, work, log))
@@ -120,13 +118,13 @@ def fly_heeding(
         if heeds:
             look_for(now, heard.wanted[k])
         is_opened = is_given(now, flights.openings)
-        decide(now, work, optics, pushes, control)
+        decide(now, work, optics, control)
         open_with(now, flights.openings)
         if kept is not None:
             command_kept(now, kept[k])
-            act(now, work, None, errors, law.plans)
+            move_on(now, work, errors, law.plans)
         else:
-            act(now, work, guard, errors, law.plans)
+            act(now, work, errors, law.plans)
         write_period(now, work, optics, control, errors, log, is_opened)
 
 

@@ -39,13 +39,12 @@ from pipeline.flight.fly.workspace import make_state, make_workspace
 from pipeline.flight.period.act.apart import Apart, assure_apart, num_half_spaces
 from pipeline.flight.period.decide.exchange import Exchange, begin, heed, pool, share_out
 from pipeline.flight.period.decide.urgency import note_deadlines
-from pipeline.flight.period.steps import act, decide, look
+from pipeline.flight.period.steps import act, decide, look, move_on
 from pipeline.flight.state.arrays import (
     NUM_OUTCOMES,
     Control,
     FlightState,
     FullOptics,
-    Guard,
     Moment,
     Workspace,
     World,
@@ -145,9 +144,7 @@ def note_forces(now: Moment, deputies: int, messages: Messages) -> None:
 @compiled(nogil=True, error_model="numpy")
 def fly_fleets(
     optics: FullOptics | None,
-    guard: Guard | None,
     clusters: bool | None,
-    pushes: bool | None,
     errors: ModelErrors | None,
     flights: FlightBatch,
     apart: Apart | None,
@@ -161,7 +158,7 @@ def fly_fleets(
 ) -> None:
     """Fly deputies `first` to `last - 1`, whole fleets of one controller side by side.
 
-    See `pipeline.flight.period.steps` for the first five; `apart` is None where deputies are not kept apart,
+    See `pipeline.flight.period.steps` for the first three; `apart` is None where deputies are not kept apart,
     and `needed`, (m,), are the points that are enough. The content of exchange, state and workspace, those of
     this thread, does not matter.
     """
@@ -191,14 +188,14 @@ def fly_fleets(
             share_out(now, work, exchange, optics, clusters, control)
             note_left(now, exchange, results.messages)
             if not is_given(now, flights.openings):
-                decide(now, work, optics, pushes, control)
+                decide(now, work, optics, control)
             open_with(now, flights.openings)
             if apart is not None:
                 assure_apart(now, apart)
                 note_forces(now, deputies, results.messages)
-                act(now, work, None, errors, law.plans)
+                move_on(now, work, errors, law.plans)
             else:
-                act(now, work, guard, errors, law.plans)
+                act(now, work, errors, law.plans)
             for lane in range(num_lanes if len(tracks) > 0 else 0):
                 write_fired(state, lane, tracks[start + lane, k])
         write_outcomes(now, start, results.outcomes)

@@ -27,16 +27,7 @@ from pipeline.flight.period.decide.urgency import note_deadlines
 from pipeline.flight.period.look.navigation import update_covariance
 from pipeline.flight.period.steps import act, decide, look
 from pipeline.flight.state import arrays
-from pipeline.flight.state.arrays import (
-    Control,
-    FlightState,
-    FullOptics,
-    Guard,
-    Law,
-    Moment,
-    Workspace,
-    World,
-)
+from pipeline.flight.state.arrays import Control, FlightState, FullOptics, Law, Moment, Workspace, World
 from pipeline.flight.state.errors import ModelErrors
 from pipeline.flight.state.lanes import attitude_of, flight_of, load_quaternion, load_row, write_row
 from pipeline.flight.state.log import NO_LOG, FlightLog
@@ -213,9 +204,7 @@ def open_with(now: Moment, openings: Floats) -> None:
 @compiled(nogil=True, error_model="numpy")
 def fly_many(
     optics: FullOptics | None,
-    guard: Guard | None,
     clusters: bool | None,
-    pushes: bool | None,
     errors: ModelErrors | None,
     flights: FlightBatch,
     state: FlightState,
@@ -226,7 +215,7 @@ def fly_many(
 ) -> None:
     """Fly flights `first` to `last - 1`, side by side those of one controller.
 
-    See `pipeline.flight.period.steps` for the first five. The content of state and workspace, those of this
+    See `pipeline.flight.period.steps` for the first three. The content of state and workspace, those of this
     thread, does not matter.
     """
     # not those that may be None: they must stay arguments for numba to leave code out
@@ -261,9 +250,9 @@ def fly_many(
             control = Control(law, flights.values[row, stretch], flights.rules[row])
             is_opened = is_given(now, flights.openings)
             if is_logged or not is_opened:
-                decide(now, work, optics, pushes, control)
+                decide(now, work, optics, control)
             open_with(now, flights.openings)
-            act(now, work, guard, errors, law.plans)
+            act(now, work, errors, law.plans)
             for lane in range(num_lanes if len(tracks) > 0 else 0):
                 write_fired(state, lane, tracks[flight + lane, k])
             if is_logged:

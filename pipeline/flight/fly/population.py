@@ -54,7 +54,7 @@ def flights_of(
     opened = np.zeros((0, 0, 4)) if openings is None else openings
     samples = np.array(changes, dtype=np.int64)
     flights = FlightBatch(world, law, values, rules, samples, cases.starts, counted, opened)
-    return parts_in_use(world, law, cases), flights, inspectable
+    return parts_in_use(world, cases), flights, inspectable
 
 
 def fly_population(

@@ -16,7 +16,7 @@ from pipeline.flight.fly.workspace import make_states
 from pipeline.flight.period.decide.exchange import Exchange, begin, choose_lane_target, heed, pool
 from pipeline.flight.period.decide.thrust import command_given
 from pipeline.flight.period.steps import act, look
-from pipeline.flight.state.arrays import FlightState, FullOptics, Guard, Moment, Plans, Workspace, World
+from pipeline.flight.state.arrays import FlightState, FullOptics, Moment, Plans, Workspace, World
 from pipeline.flight.state.errors import ModelErrors
 
 
@@ -24,7 +24,6 @@ from pipeline.flight.state.errors import ModelErrors
 def step_fleet(
     world: World,
     optics: FullOptics | None,
-    guard: Guard | None,
     clusters: bool | None,
     errors: ModelErrors | None,
     plans: Plans,
@@ -53,7 +52,7 @@ def step_fleet(
         for lane in range(width_of(state.lanes)):  # those without a deputy repeat the last, as at the start
             write_lane(state.lanes.requested, 0, lane, three_of(forces[min(lane, deputies - 1)]))
         command_given(now, load_three(state.lanes.requested, 0))
-        act(now, work, guard, errors, plans)
+        act(now, work, errors, plans)
     after = Moment(world, state, 0, deputies, k + 1)
     heed(after, exchange)
     look(after, work, optics, None, errors, plans)

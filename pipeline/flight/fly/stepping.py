@@ -20,7 +20,7 @@ from pipeline.flight.fly.plain import is_interpreted
 from pipeline.flight.fly.workspace import make_states, make_workspace, optics_in_use, points_of_cases
 from pipeline.flight.period.decide.thrust import command_given
 from pipeline.flight.period.steps import act, look
-from pipeline.flight.state.arrays import CASE, FlightState, FullOptics, Guard, Moment, Plans, Workspace, World
+from pipeline.flight.state.arrays import CASE, FlightState, FullOptics, Moment, Plans, Workspace, World
 from pipeline.flight.state.errors import ModelErrors
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.state.signals import HILL_AXES
@@ -84,7 +84,6 @@ def write_observed(now: Moment, lane: int, row: Floats) -> None:
 def step_many(
     world: World,
     optics: FullOptics | None,
-    guard: Guard | None,
     clusters: bool | None,
     errors: ModelErrors | None,
     plans: Plans,
@@ -114,7 +113,7 @@ def step_many(
         else:
             width, force = width_of(state.lanes), forces[flight]
             command_given(now, Three(splat(force[0], width), splat(force[1], width), splat(force[2], width)))
-            act(now, work, guard, errors, plans)
+            act(now, work, errors, plans)
         after = Moment(world, state, flight, 1, k + 1)
         look(after, work, optics, clusters, errors, plans)
         if k + 1 == world.num_controls:
@@ -203,7 +202,6 @@ class SteppedFlights:
         self._arguments = (
             world,
             self._optics,
-            world.guard if world.guard.is_on or self._errors is not None else None,
             world.has_clusters or None,
             self._errors,
             played(np.zeros((0, mission.num_controls, 3))),

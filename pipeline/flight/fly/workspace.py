@@ -11,12 +11,11 @@ from pipeline.flight.cases.starts import Cases, StartRows
 from pipeline.flight.period.act.safety import MOST_CUTS
 from pipeline.flight.period.look.guidance import num_clusters
 from pipeline.flight.period.look.optics import note_inspectable
-from pipeline.flight.state.arrays import FlightState, FullOptics, Guard, Law, Workspace, World, allocated
+from pipeline.flight.state.arrays import FlightState, FullOptics, Workspace, World, allocated
 from pipeline.flight.state.errors import ModelErrors
-from pipeline.flight.state.signals import SETTING
 
-#: what `fly_many` is compiled for: light, safety layer, clusters, pushes, errors of the deputies' model
-Parts = tuple[FullOptics | None, Guard | None, bool | None, bool | None, ModelErrors | None]
+#: what `fly_many` is compiled for: light, clusters, errors of the deputies' model
+Parts = tuple[FullOptics | None, bool | None, ModelErrors | None]
 
 
 def make_states(world: World, errors: ModelErrors | None, lanes: int, count: int) -> FlightState:
@@ -55,22 +54,13 @@ def optics_in_use(world: World, elevations: Any) -> FullOptics | None:
     return FullOptics(by_point=world.occlusion.edge > 0 or world.reflection.is_on or is_rectangle or None)
 
 
-def parts_in_use(world: World, law: Law, cases: Cases) -> Parts:
+def parts_in_use(world: World, cases: Cases) -> Parts:
     """Return the parts of a flight that are compiled only when used; None for unused ones.
 
-    Light and camera beyond the paper's, the safety layer, clusters, pushes that show setting points, and
-    errors of the deputies' model. In worlds other than the paper's the safety layer and pushes are
-    always compiled, so that few variants serve many worlds.
+    Light and camera beyond the paper's, clusters, and errors of the deputies' model.
     """
-    optics, errors = optics_in_use(world, cases.starts.sun_elevation), cases.model_errors(world.course)
-    is_elsewhere = optics is not None or errors is not None
-    return (
-        optics,
-        world.guard if world.guard.is_on or is_elsewhere else None,
-        world.has_clusters or None,
-        bool(law.needs & SETTING) or is_elsewhere or None,
-        errors,
-    )
+    optics = optics_in_use(world, cases.starts.sun_elevation)
+    return optics, world.has_clusters or None, cases.model_errors(world.course)
 
 
 def points_of_cases(world: World, starts: StartRows, work: Workspace | None = None) -> tuple[Bytes, Bytes]:

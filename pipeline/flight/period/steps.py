@@ -6,11 +6,10 @@ of them; a flight's result does not depend on the others.
 
 Working arrays are arguments: what one function writes and a later one reads stands in the calls.
 
-`optics` is None where light and camera are the paper's, `guard` without the safety layer, `clusters` without
-guidance by clusters, `pushes` where no controller senses a push that shows setting points, and `errors` where
-the deputies know their state, their thrusters are ideal and motion is linear: numba leaves out the code that
-depends on them, which saves compiling what is not flown. With `optics` or `errors`, `guard` and `pushes` may
-be present but off, so that fewer variants are compiled.
+`optics` is None where light and camera are the paper's, `clusters` without guidance by clusters, and `errors`
+where the deputies know their state, their thrusters are ideal and motion is linear: numba leaves out the code
+that depends on them, which saves compiling, and passing by, what is not flown. What costs flights without it
+no time, such as the safety layer, is always compiled, so that there are few variants.
 """
 
 from fis_tools.compiled.decorator import compiled
@@ -30,7 +29,7 @@ from pipeline.flight.period.decide.tour import sense_tour
 from pipeline.flight.period.decide.urgency import sense_urgency
 from pipeline.flight.period.look.navigation import believe_truth, navigate, turn_by_sensing_error
 from pipeline.flight.period.look.sight import see
-from pipeline.flight.state.arrays import Control, FullOptics, Guard, Moment, Plans, Workspace
+from pipeline.flight.state.arrays import Control, FullOptics, Moment, Plans, Workspace
 from pipeline.flight.state.errors import ModelErrors
 from pipeline.flight.state.lanes import load_row
 from pipeline.flight.state.signals import ANGLES, APPROACH, ORBIT, PREVIEW, SETTING, TOUR, URGENCY
@@ -59,9 +58,7 @@ def look(
 
 
 @compiled(error_model="numpy", forceinline=True)
-def decide(
-    now: Moment, work: Workspace, optics: FullOptics | None, pushes: bool | None, control: Control
-) -> None:
+def decide(now: Moment, work: Workspace, optics: FullOptics | None, control: Control) -> None:
     """Sense what the controller needs, and command a force."""
     law, signals, deadlines = control.law, work.signals, work.deadlines
     sense_position(now, signals)
@@ -80,7 +77,7 @@ def decide(
             decide_to_coast(now, control, signals)
         if law.needs & URGENCY:  # before what leans towards the urgent direction
             sense_urgency(now, optics, control, deadlines, work.lit, signals)
-        if pushes is not None and law.needs & SETTING:
+        if law.needs & SETTING:
             setting, looks = work.setting, work.looks
             sense_push(now, optics, control, deadlines, setting, looks, work.lit, work.seen, signals)
         if law.needs & TOUR:
@@ -89,11 +86,17 @@ def decide(
 
 
 @compiled(error_model="numpy", forceinline=True)
-def act(now: Moment, work: Workspace, guard: Guard | None, errors: ModelErrors | None, plans: Plans) -> None:
+def act(now: Moment, work: Workspace, errors: ModelErrors | None, plans: Plans) -> None:
     """Keep the commands safe, fire, turn and move over the control period that follows."""
-    world, state, lanes = now.world, now.state, now.state.lanes
-    if guard is not None and guard.is_on:
+    if now.world.guard.is_on:
         assure(now, work.cuts)
+    move_on(now, work, errors, plans)
+
+
+@compiled(error_model="numpy", forceinline=True)
+def move_on(now: Moment, work: Workspace, errors: ModelErrors | None, plans: Plans) -> None:
+    """Fire what is commanded, turn and move over the control period that follows."""
+    world, state, lanes = now.world, now.state, now.state.lanes
     aim_over(now, work.aims, plans, state.belief, lanes.commanded, world.num_attitude_steps)
     force = load_three(lanes.commanded, 0)
     store_three(lanes.force, 0, force)
