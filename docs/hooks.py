@@ -11,6 +11,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from mkdocs.config.defaults import MkDocsConfig
+from mkdocs.exceptions import PluginError
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 
@@ -46,7 +47,9 @@ INTERNAL = {
 #: modules of the same kind, beside such folders
 INTERNAL_MODULES = {"commands"}
 #: sections of the navigation that end with those pages of a folder that are not listed
-GROWING = {"How-to guides": "how-to", "Decisions": "decisions"}
+GROWING = {"How-to guides": "how-to"}
+#: what stands at an address whose page went into another; mkdocs-redirects would bring a second mkdocs
+MOVED = '<meta charset="utf-8"><meta http-equiv="refresh" content="0; url={0}"><a href="{0}">Moved</a>'
 HEADINGS, *CHOICES = table()
 #: tables that stand on pages where a comment of Markdown has their name
 TABLES: dict[str, tuple[tuple[str, ...], list[tuple[str, ...]]]] = {
@@ -120,6 +123,26 @@ def on_page_markdown(markdown: str, page: Page, **_: Any) -> str:
 def on_page_content(html: str, **_: Any) -> str:
     """Give each cell of a table but the first of its row the head of its column, for narrow screens."""
     return re.sub(r"<table>.*?</table>", _with_heads, html, flags=re.DOTALL)
+
+
+def on_post_build(config: MkDocsConfig) -> None:
+    """Let each old address, as `extra.moved` lists them, lead to the page and the heading that stand for it.
+
+    Raises
+    ------
+    PluginError
+        Where the site lacks the page or the heading.
+    """
+    site = Path(config.site_dir)
+    for old, new in config.extra["moved"].items():
+        page, _, heading = new.replace(".md", ".html").partition("#")
+        target = site / page
+        if not target.is_file() or (heading and f'id="{heading}"' not in target.read_text(encoding="utf-8")):
+            raise PluginError(f"mkdocs.yml: extra.moved leads from {old} to {new}, which the site lacks")
+        path = (site / old).with_suffix(".html")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        address = os.path.relpath(target, path.parent) + (heading and f"#{heading}")
+        path.write_text(MOVED.format(address), encoding="utf-8")
 
 
 def _with_heads(table: re.Match[str]) -> str:

@@ -2,7 +2,7 @@
 
 An interval holds for every input of its box, and a question answered with no has been refuted on boxes that
 cover the region: both are proofs about the numbers that `fis_tools.engines.inference` computes. What is
-proved, and how, stands in docs/decisions/bounds.md.
+proved, and how, stands in docs/explanation/proof.md.
 """
 
 from collections.abc import Mapping, Sequence

@@ -7,7 +7,7 @@ it branches on a comparison: it must call `select`, `least` or `most` instead, w
 
 This module defines the operations in NumPy: a vector is an array of shape (width,), a mask one of bools.
 `fis_tools.compiled.borrowed_code` gives the same operations to numba. Where an operation takes a `width`, it
-is a constant, a power of two up to 64. See docs/explanation/vectors.md.
+is a constant, a power of two up to 64. See docs/explanation/compiled-code.md.
 """
 
 from typing import Any, NamedTuple

@@ -4,7 +4,7 @@ Each number of an inference becomes a lower and an upper bound: memberships over
 rules, the cut of each output term. The least and the greatest centroid possible with cuts inside these bounds
 follow from a switch like that of N. N. Karnik and J. M. Mendel (Information Sciences 132, 2001): the
 aggregated set is as high as possible on one side of the centroid and as low on the other. Every step is
-rounded outward; docs/decisions/bounds.md gives the argument.
+rounded outward; docs/explanation/proof.md gives the argument.
 
 Bounds are rows of two numbers, the lower first.
 """
