@@ -37,7 +37,7 @@ SEARCHES = {
     "delta-v": "reference/results.html",
     "export C": "how-to/run-in-a-simulator.html",
     "how long does training take": "how-to/train-a-controller.html",
-    "docker": "how-to/run-in-a-container.html",
+    "docker": "how-to/run-on-many-machines.html",
 }
 
 

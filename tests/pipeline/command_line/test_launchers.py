@@ -38,7 +38,8 @@ SMALL = [
 TRAIN = ["-m", "+experiment=train", *SMALL, "seed=1,2"]
 #: until the jobs of SLURM's stand-in must have ended
 PATIENCE_S = 600.0
-PAGE = (PROJECT / "docs/how-to/run-on-a-cluster.md").read_text(encoding="utf-8")
+MACHINES = (PROJECT / "docs/how-to/run-on-many-machines.md").read_text(encoding="utf-8")
+PAGE = MACHINES.partition("## Sweeps as jobs\n")[2].partition("\n## ")[0]
 
 
 @pytest.fixture(scope="module")
@@ -81,12 +82,11 @@ def miniature(words: list[str]) -> list[str]:
 
 
 def commands_of_page() -> list[list[str]]:
-    """Return those of sweeps; `test_merged` types those of shards."""
+    """Return those of sweeps."""
     blocks = re.findall(r"```sh\n(.*?)```", PAGE, re.DOTALL)
     lines = [line for block in blocks for line in block.replace("\\\n", " ").splitlines()]
     results = [shlex.split(line, comments=True) for line in lines]
-    ours = [words[3:] for words in results if words[:3] == ["python", "-m", "pipeline"]]
-    return [words for words in ours if not any("shard-" in word for word in words)]
+    return [words[3:] for words in results if words[:3] == ["python", "-m", "pipeline"]]
 
 
 def check_lost(code: int, errors: str, folder: str) -> None:

@@ -15,7 +15,7 @@ PAGES = {
     "MOST": ("reference/limits.md", "Counts are at most {:,}"),
     "MOST_CASES": ("reference/limits.md", "cases of an evaluation {:,}"),
     "MOST_LISTED": ("reference/run-folder.md", "an evaluation with more than {:,} cases"),
-    "BLOCK_ROWS": ("how-to/fly-a-campaign.md", "blocks of {:,} rows"),
+    "BLOCK_ROWS": ("how-to/run-on-many-machines.md", "blocks of {:,} rows"),
 }
 #: the settings that a number bounds
 KEYS = {"MOST": "optimizer.generations", "MOST_CASES": "monte_carlo.num_cases"}
