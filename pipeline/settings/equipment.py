@@ -115,7 +115,7 @@ class RealActuators(Actuators, kind="real"):
     """Standard deviation of the scale along each Hill axis, a share, drawn once per flight."""
     misalignment_deg: Annotated[types.NotNegative, Field(le=90)] = 2.0
     """Standard deviation of the thrust's turn about each Hill axis, drawn once per flight."""
-    impulse_step_n_s: types.NotNegative = 0.0
+    impulse_step_n_s: types.Step = 0.0
     """Impulses along each axis are multiples of this; 0: any."""
     least_impulse_n_s: types.NotNegative = 0.04
     """Least impulse along an axis in a control period; less is not fired."""

@@ -176,6 +176,8 @@ Flag = Annotated[bool, Strict()]
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False), AfterValidator(_not_beyond)]
 Positive = Annotated[Number, Field(gt=0), AfterValidator(_not_vanishing)]
 NotNegative = Annotated[Number, Field(ge=0)]
+#: of what is rounded to multiples of it, unless it is zero; a quotient by less would overflow
+Step = Annotated[NotNegative, AfterValidator(_not_vanishing)]
 Share = Annotated[Number, Field(ge=0, le=1)]
 Tags = Annotated[dict[str, str], BeforeValidator(_tags), Freely()]
 Whole = Annotated[int, Strict(), BeforeValidator(_whole)]

@@ -121,6 +121,12 @@ def test_impossible_values(key, value, message):
     assert "\n" not in words
 
 
+def test_a_step_too_small_to_divide_by_is_refused():
+    """Rounding to it would make full thrust of any command."""
+    words = refusal_of(config_with({"actuators.impulse_step_n_s": 1e-311}, "actuators=real"))
+    assert "is 1e-311; it must be from 1e-09 to 1e+06 (N s)" in words
+
+
 def test_a_layer_that_keeps_the_deputy_off_its_goal_is_refused():
     with pytest.raises(SettingError, match="choose safety=none"):
         config_with({}, "problem=docking", "safety=filter")
