@@ -66,6 +66,8 @@ TABLES: dict[str, tuple[tuple[str, ...], list[tuple[str, ...]]]] = {
         [(f"`{name}`", each.description) for name, each in CONSTANTS.items()],
     ),
 }
+#: where the page on adding has a patch
+PATCH = re.compile(r"<!-- patch ([a-z-]+) -->")
 #: a link of Markdown: its target, and its place on the page
 LINK = re.compile(r"\]\(([^)#\s]+)(#[^)\s]*)?\)")
 
@@ -114,10 +116,13 @@ def on_page_markdown(markdown: str, page: Page, **_: Any) -> str:
         markdown = markdown.replace(f"<!-- {name} -->", "\n".join(lines))
     markdown = markdown.replace("<!-- keys -->", tables_of_keys())
     markdown = markdown.replace("<!-- messages -->", messages())
-    patch = PROJECT / "docs" / PurePosixPath(page.file.src_uri).with_suffix(".diff")
-    if patch.exists():
-        markdown = markdown.replace("<!-- patch -->", f"```diff\n{patch.read_text(encoding='utf-8')}```")
-    return markdown
+    return PATCH.sub(lambda named: _patch(named[1]), markdown)
+
+
+def _patch(name: str) -> str:
+    """Return the patch that adds something, as a block."""
+    text = (PROJECT / "docs" / "how-to" / f"add-a-{name}.diff").read_text(encoding="utf-8")
+    return f"```diff\n{text}```"
 
 
 def on_page_content(html: str, **_: Any) -> str:

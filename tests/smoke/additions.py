@@ -6,7 +6,7 @@ import subprocess
 from pathlib import Path
 
 from tests.places import PROJECT
-from tests.smoke.pages import DOCS, blocks
+from tests.smoke.pages import DOCS, blocks_of
 
 #: what is added, and the most files that its patch touches
 MOST = {
@@ -18,12 +18,23 @@ MOST = {
     "format": 3,
     "problem": 1,
     "setting": 1,
+    "thruster-law": 6,
+    "figure": 3,
+    "quantity": 1,
 }
+GUIDE = DOCS / "how-to" / "adding.md"
 LEFT_OUT = shutil.ignore_patterns(".git", ".venv", ".*_cache", "__pycache__", "build", "outputs")
 
 
 def patch_of(what: str) -> Path:
     return DOCS / "how-to" / f"add-a-{what}.diff"
+
+
+def section_of(what: str) -> str:
+    """The part of the guide that shows a patch."""
+    parts = GUIDE.read_text(encoding="utf-8").split("\n## ")
+    (section,) = [part for part in parts if f"<!-- patch {what} -->" in part]
+    return section
 
 
 def touched(what: str) -> list[str]:
@@ -40,8 +51,8 @@ def copy_with_additions(folder: Path) -> list[str]:
     subprocess.run(["git", "apply", *patches], cwd=folder, env=outside, check=True)  # noqa: S603, S607
     tests = [path for what in MOST for path in touched(what) if Path(path).name.startswith("test_")]
     for what in MOST:
-        for code in blocks(patch_of(what).with_suffix(".md"), "python"):
-            tests.append(f"tests/test_{what}_of_the_guide.py")
+        for code in blocks_of(section_of(what), "python"):
+            tests.append(f"tests/test_{what.replace('-', '_')}_of_the_guide.py")
             lines = [f"    {line}".rstrip() for line in code.splitlines()]
             (folder / tests[-1]).write_text("\n".join(["def test_it():", *lines, ""]), encoding="utf-8")
     return tests

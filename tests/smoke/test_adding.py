@@ -1,4 +1,4 @@
-"""The patches of the guides on adding apply to the tree, all of them together, and what they add works."""
+"""The patches of the guide on adding apply to the tree, all of them together, and what they add works."""
 
 from types import SimpleNamespace
 from typing import Any
@@ -8,7 +8,7 @@ import pytest
 from docs import hooks
 from pipeline.flight.state.signals import CONSTANTS, SIGNALS
 from tests.programs import run_python
-from tests.smoke.additions import MOST, copy_with_additions, patch_of, touched
+from tests.smoke.additions import MOST, copy_with_additions, patch_of, section_of, touched
 from tests.smoke.pages import DOCS
 
 #: tests that know what there is of what a patch adds; `python -m benchmarks additions` runs all others, too
@@ -27,12 +27,11 @@ KNOWING = (
 )
 
 
-def test_every_guide_has_a_patch_that_touches_few_files() -> None:
-    assert {path.stem for path in (DOCS / "how-to").glob("add-a-*.md")} == {f"add-a-{what}" for what in MOST}
+def test_every_section_has_a_patch_that_touches_few_files() -> None:
+    patches = {path.stem for path in (DOCS / "how-to").glob("*.diff")}
+    assert patches == {f"add-a-{what}" for what in MOST}
     for what, most in MOST.items():
-        page = patch_of(what).with_suffix(".md").read_text(encoding="utf-8")
-        assert f"({patch_of(what).name})" in page
-        assert "<!-- patch -->" in page
+        assert f"({patch_of(what).name})" in section_of(what)
         assert len(touched(what)) <= most, f"{what}: {touched(what)}"
 
 
@@ -43,8 +42,9 @@ def on_the_site(name: str) -> str:
 
 def test_the_site_shows_patches_keys_signals_and_constants() -> None:
     assert hooks.tables_of_keys() in on_the_site("reference/keys.md")
+    adding = on_the_site("how-to/adding.md")
     for what in MOST:
-        assert patch_of(what).read_text(encoding="utf-8") in on_the_site(f"how-to/add-a-{what}.md")
+        assert patch_of(what).read_text(encoding="utf-8") in adding
     rows = on_the_site("reference/signals.md").splitlines()
     for name, signal in SIGNALS.items():
         assert [row for row in rows if row.startswith(f"| `{name}` | {signal.unit} | {signal.description} |")]
