@@ -16,6 +16,7 @@ from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 
 from pipeline.command_line.guide import table
+from pipeline.evaluation.assurance.quantities import SHIPPED
 from pipeline.flight.state.signals import CONSTANTS, SIGNALS
 from pipeline.settings.schema import descriptions, in_code, of_group, rows_of, tables
 
@@ -61,6 +62,10 @@ TABLES: dict[str, tuple[tuple[str, ...], list[tuple[str, ...]]]] = {
         ],
     ),
     "choices": (tuple(HEADINGS[:-1]), [(f"`{name}`", *figures[:-1]) for name, *figures in CHOICES]),
+    "quantities": (
+        ("quantity", "unit", "meaning"),
+        [(f"`{name}`", each.unit, each.description) for name, each in SHIPPED.items()],
+    ),
     "constants": (
         ("constant", "meaning"),
         [(f"`{name}`", each.description) for name, each in CONSTANTS.items()],

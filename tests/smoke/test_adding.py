@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 
 from docs import hooks
+from pipeline.evaluation.assurance.quantities import SHIPPED
 from pipeline.flight.state.signals import CONSTANTS, SIGNALS
 from tests.programs import run_python
 from tests.smoke.additions import MOST, copy_with_additions, patch_of, section_of, touched
@@ -40,11 +41,14 @@ def on_the_site(name: str) -> str:
     return hooks.on_page_markdown((DOCS / name).read_text(encoding="utf-8"), page)
 
 
-def test_the_site_shows_patches_keys_signals_and_constants() -> None:
+def test_the_site_shows_patches_keys_quantities_signals_and_constants() -> None:
     assert hooks.tables_of_keys() in on_the_site("reference/keys.md")
     adding = on_the_site("how-to/adding.md")
     for what in MOST:
         assert patch_of(what).read_text(encoding="utf-8") in adding
+    formulas = on_the_site("how-to/assure-a-controller.md")
+    for name, quantity in SHIPPED.items():
+        assert f"| `{name}` | {quantity.unit} | {quantity.description} |" in formulas
     rows = on_the_site("reference/signals.md").splitlines()
     for name, signal in SIGNALS.items():
         assert [row for row in rows if row.startswith(f"| `{name}` | {signal.unit} | {signal.description} |")]
