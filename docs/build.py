@@ -35,7 +35,7 @@ SEARCHES = {
     "cite": "support.html",
     "Windows": "support.html",
     "delta-v": "reference/results.html",
-    "export C": "how-to/run-in-a-simulator.html",
+    "export C": "how-to/exchange-files.html",
     "how long does training take": "how-to/train-a-controller.html",
     "docker": "how-to/run-on-many-machines.html",
 }
