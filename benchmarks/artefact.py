@@ -1,6 +1,6 @@
 """Reproduce the paper over seeds: ``python -m benchmarks artefact FOLDER`` trains, evaluates, and tells.
 
-The arms, seeds, sizes and measures are those of docs/results/paper-protocol.md. Each arm is a sweep of
+The arms, seeds, sizes and measures are those of docs/results/paper.md. Each arm is a sweep of
 `+experiment=train_paper` in the folder; what is there goes on, so that the command may be stopped and typed
 again. In the end ``trainings.parquet`` has a row for each training and ``generations.parquet`` the course of
 each, and ``tables.md`` and ``trainings.png`` are made from them; ``SHA256SUMS`` tells them all.
