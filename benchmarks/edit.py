@@ -16,7 +16,7 @@ from pathlib import Path
 from playwright.sync_api import Page, sync_playwright
 
 from benchmarks.inference import _large_system
-from docs.screenshot import browser_found
+from docs.scripts.screenshot import browser_found
 from fis_tools.formats.serialize import dump_yaml
 from fis_tools.model import FuzzyController
 

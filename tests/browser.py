@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, BrowserContext, Page, sync_playwright
 
-from docs.screenshot import BROWSERS, browser_found
+from docs.scripts.screenshot import BROWSERS, browser_found
 from tests.programs import installed, missing
 
 #: no sandbox, no screen, and no word to anybody

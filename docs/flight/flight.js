@@ -4,7 +4,7 @@ const PIECE = 8, HEADER = 4; // of fis_tools/engines/packing.py
 const LAYOUT = ["inputs", "terms0", "terms1", "terms2", "points0", "points1", "points2", "values0", "values1", "values2",
   "outputTerms", "outputPoints", "outputValues", "pieces", "ranks", "rules"];
 
-/** Start the module; `table` is of docs/home.py. */
+/** Start the module; `table` is of docs/scripts/home.py. */
 export async function openFlights(bytes, table) {
   const module = await openModule(bytes, table.snapshot), { view } = module;
   const log = name => view(`results.log.${name}`), marks = name => view(`results.log.${name}`, Uint8Array);

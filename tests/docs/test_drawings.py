@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from docs.drawings import DRAWINGS, FOLDER
+from docs.scripts.drawings import DRAWINGS, FOLDER
 
 PAGES = "".join(path.read_text(encoding="utf-8") for path in Path("docs").rglob("*.md"))
 

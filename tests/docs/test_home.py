@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 from playwright.sync_api import expect
 
-from docs import home
-from docs.home import CONTROLLER, FILE, NUM_STARTS, experiment
+from docs.scripts import home
+from docs.scripts.home import CONTROLLER, FILE, NUM_STARTS, experiment
 from fis_tools.analysis import shapley
 from fis_tools.engines.compiler import compile
 from fis_tools.formats.serialize import load

@@ -8,7 +8,7 @@ import pytest
 from markdown import markdown
 from mkdocs.exceptions import PluginError
 
-from docs import build, hooks
+from docs.scripts import build, hooks
 
 TABLE = """
 | name | `unit` | its "meaning" |

@@ -6,7 +6,7 @@ import re
 
 import pytest
 
-from docs import tables
+from docs.scripts import tables
 from pipeline.command_line.config import compose_experiment
 from tests.places import PROJECT
 

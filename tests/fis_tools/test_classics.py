@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from docs.classics import paths
+from docs.scripts.classics import paths
 from fis_tools.engines.compiler import compile
 from fis_tools.engines.inference import infer
 from fis_tools.model import FuzzySystem

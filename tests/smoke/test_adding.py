@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from docs import hooks
+from docs.scripts import hooks
 from pipeline.evaluation.assurance.quantities import SHIPPED
 from pipeline.flight.state.signals import CONSTANTS, SIGNALS
 from tests.programs import run_python

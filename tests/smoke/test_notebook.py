@@ -8,7 +8,7 @@ import pytest
 from nbclient import NotebookClient
 from skfuzzy import control
 
-from docs.shown import PAGES, rerun, shown
+from docs.scripts.shown import PAGES, rerun, shown
 from tests.places import PROJECT
 from tests.smoke.pages import DOCS, blocks
 
@@ -57,7 +57,7 @@ def test_a_million_tips_are_computed_as_the_page_says() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", PAGES)
 def test_a_page_shows_what_its_commands_print(name, tmp_path):
-    """If this fails after a change that is meant: ``python -m docs.shown``."""
+    """If this fails after a change that is meant: ``python -m docs shown``."""
     page = (DOCS / name).read_text(encoding="utf-8")
     assert rerun(page, tmp_path) == page
 

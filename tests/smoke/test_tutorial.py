@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 import fis_tools.__main__ as review
-from docs.shown import BLOCK, LEFT_OUT, WIDTH, shown
+from docs.scripts.shown import BLOCK, LEFT_OUT, WIDTH, shown
 from pipeline.command_line import cli
 from telemetry import commands as telemetry
 from tests.places import PROJECT

@@ -23,7 +23,7 @@ from fmpy.fmi3 import FMU3Slave
 from fmpy.validation import validate_fmu
 
 from benchmarks.onboard import FAULTS, proved
-from docs.shown import BLOCK
+from docs.scripts.shown import BLOCK
 from fis_tools.formats import serialize
 from fis_tools.formats.c.text import WARNINGS
 from pipeline.command_line import cli

@@ -11,7 +11,7 @@ from operator import getitem
 import pytest
 import yaml
 
-from docs import hooks
+from docs.scripts import hooks
 from pipeline.command_line.config import compose_experiment
 from pipeline.settings.controllers import PLANNED
 from pipeline.settings.experiment import STAGES, Safety, SettingError, Sun

@@ -19,7 +19,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import telemetry
-from docs.hooks import messages
+from docs.scripts.hooks import messages
 from fis_tools.model.thrust import COMPONENTS, COUNTED, REASONS, UNKNOWN
 from fis_tools.plain_text import plain
 from telemetry import RecordingError

@@ -1,4 +1,4 @@
-"""The first page, one file with a flight, its rules and its compiled code: ``python -m docs.home``."""
+"""The first page, one file with a flight, its rules and its compiled code: ``python -m docs home``."""
 
 import base64
 import gzip
@@ -11,7 +11,7 @@ from string import Template
 from pipeline.command_line.config import compose_experiment
 from pipeline.settings.experiment import Experiment
 
-PROJECT = Path(__file__).resolve().parents[1]
+PROJECT = Path(__file__).resolve().parents[2]
 FOLDER = PROJECT / "docs" / "flight"
 CONTROLLER = "champion_27"
 FILE = PROJECT / "conf" / "controller" / f"{CONTROLLER}.yaml"
@@ -63,7 +63,7 @@ def experiment() -> Experiment:
 
 def page(*, is_alone: bool = False) -> str:
     """Return the page as HTML; alone, not in the site, its links lead to the sources of the pages."""
-    from docs.home_table import table  # noqa: PLC0415 - it reads what is flown from here
+    from docs.scripts.home_table import table  # noqa: PLC0415 - it reads what is flown from here
 
     content = table()
     module = base64.b64encode(

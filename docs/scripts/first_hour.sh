@@ -1,13 +1,13 @@
 #!/usr/bin/env bash
 # The first hour with the product, step by step, from the top of a fresh copy of the repository:
 #
-#   docs/first_hour.sh                   all steps, beginning with an environment of its own
-#   docs/first_hour.sh flight review     some steps, with the python that is on the path
+#   docs/scripts/first_hour.sh                   all steps, beginning with an environment of its own
+#   docs/scripts/first_hour.sh flight review     some steps, with the python that is on the path
 #
 # After each step it prints seconds of processor time, the largest memory of a process, and what the step left on disk.
 # Everything is written to the folder first_hour, or to $FIRST_HOUR; FIRST_HOUR_CASES=20 flies few cases and short searches.
 set -euo pipefail
-cd "$(dirname "$0")/.."
+cd "$(dirname "$0")/../.."
 folder=${FIRST_HOUR:-first_hour}
 cases=${FIRST_HOUR_CASES:-} searches=${FIRST_HOUR_CASES:+1}
 few=(${cases:+assurance.search_starts=8 assurance.search_population=5 assurance.search_generations=2 assurance.domain_cases=5})

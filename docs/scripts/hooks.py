@@ -1,7 +1,7 @@
 """What the site holds beside the pages of this folder.
 
 Pages that live elsewhere in the repository, one page of API reference for each folder of the packages, and
-what ``python -m docs.build`` made of real runs.
+what ``python -m docs build`` made of real runs.
 """
 
 import os
@@ -20,8 +20,8 @@ from pipeline.evaluation.assurance.quantities import SHIPPED
 from pipeline.flight.state.signals import CONSTANTS, SIGNALS
 from pipeline.settings.schema import descriptions, in_code, of_group, rows_of, tables
 
-PROJECT = Path(__file__).resolve().parents[1]
-#: made by ``python -m docs.build``
+PROJECT = Path(__file__).resolve().parents[2]
+#: made by ``python -m docs build``
 MADE = PROJECT / "build" / "docs"
 #: of recordings
 SCHEMA = PROJECT / "telemetry" / "file" / "schema" / "inspection.proto"

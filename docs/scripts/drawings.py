@@ -1,4 +1,4 @@
-"""Drawings of the ideas behind the pages, by the product's own laws: ``python -m docs.drawings``."""
+"""Drawings of the ideas behind the pages, by the product's own laws: ``python -m docs drawings``."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from docs import flown_drawings, mission_drawing, onboard_drawing
-from docs.drawing import Drawing
+from docs.scripts import flown_drawings, mission_drawing, onboard_drawing
+from docs.scripts.drawing import Drawing
 from fis_tools.compiled.decorator import plainly
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers import source
@@ -17,7 +17,7 @@ from pipeline.flight.state.signals import TOUR_WAVES
 from pipeline.physics.motion import state_transition
 from pipeline.scenarios import evaluation_scenarios
 
-FOLDER = Path(__file__).resolve().parent / "images" / "drawings"
+FOLDER = Path(__file__).resolve().parents[1] / "images" / "drawings"
 MEAN_MOTION, RADIUS_M, PERIOD_S = 0.0011068, 10.0, 2.0 * math.pi / 0.0011068
 
 

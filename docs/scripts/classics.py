@@ -10,7 +10,7 @@ from fis_tools.review import page
 from fis_tools.source import read_controller
 from fis_tools.words.text import sentences, summary
 
-EXAMPLES = Path(__file__).parent / "examples"
+EXAMPLES = Path(__file__).parents[1] / "examples"
 #: rule bases of fewer are listed
 MOST_RULES = 10
 #: what a file of MATLAB has no place for

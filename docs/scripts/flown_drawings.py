@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from docs.drawing import Drawing
+from docs.scripts.drawing import Drawing
 from fis_tools.engines.compiler import compile
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers import source

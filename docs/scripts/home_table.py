@@ -4,7 +4,7 @@ import re
 from dataclasses import asdict
 from typing import Any
 
-from docs.home import CONTROLLER, FILE, NUM_STARTS, experiment
+from docs.scripts.home import CONTROLLER, FILE, NUM_STARTS, experiment
 from fis_tools.formats.serialize import load
 from fis_tools.model import FuzzySystem, Variable, conjunctions
 from fis_tools.model.thrust import REASONS

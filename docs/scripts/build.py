@@ -1,4 +1,4 @@
-"""Build the site: ``python -m docs.build``.
+"""Build the site: ``python -m docs build``.
 
 Makes the pages that come from real runs (a champion evaluated, reported and reviewed; a small system
 reviewed; the help of every command), then the site, in ``build/site``. Nothing is fetched from a network.
@@ -17,12 +17,12 @@ from pathlib import Path
 from playwright.sync_api import TimeoutError as PlaywrightTimeout
 from playwright.sync_api import sync_playwright
 
-from docs import classics, home, pictures
-from docs.screenshot import browser_found
+from docs.scripts import classics, home, pictures
+from docs.scripts.screenshot import browser_found
 
-PROJECT = Path(__file__).resolve().parents[1]
+PROJECT = Path(__file__).resolve().parents[2]
 BUILD = PROJECT / "build"
-#: what the site takes over, as `docs.hooks` finds it
+#: what the site takes over, as `docs.scripts.hooks` finds it
 MADE = BUILD / "docs"
 CHAMPION = ("+experiment=evaluate", "controller=champion_27", "sun=random", "monte_carlo.num_cases=50")
 COMMANDS = ("pipeline", "fis_tools", "telemetry")
@@ -59,7 +59,7 @@ def main() -> None:
     (MADE / "reference" / "commands.md").write_text(commands_page(), encoding="utf-8")
     if changed := pictures.stale():
         print(
-            f"what draws these pictures has changed since: python -m docs.pictures {' '.join(changed)}",
+            f"what draws these pictures has changed since: python -m docs pictures {' '.join(changed)}",
             flush=True,
         )
     print("building the site", flush=True)

@@ -1,4 +1,4 @@
-"""Fly what the tables of results are of, and write their figures: ``python -m docs.tables``.
+"""Fly what the tables of results are of, and write their figures: ``python -m docs tables``.
 
 A table behind a line such as ``<!-- table: headline -->`` holds figures of one run, which is kept in
 ``docs/results``. The command flies that run anew, and refuses if a printed figure comes out differently;
@@ -24,7 +24,7 @@ from pipeline.controllers.source import named, sha256_of
 from pipeline.evaluation.comparison import PLANNED, SUCCESS, ComparisonRow, percent_ahead, row_of, spread
 from pipeline.run import artifacts, configuration
 
-PROJECT = Path(__file__).resolve().parents[1]
+PROJECT = Path(__file__).resolve().parents[2]
 PAGES = ("README.md", "docs/reference/results.md", "docs/explanation/foresight.md")
 #: by which help recommends controllers, and what it calls a setting of the Sun
 CHOICES, SUNS = "pipeline/command_line/choosing.csv", {"any": "random", "fixed": "fixed"}
@@ -131,7 +131,7 @@ TABLES = {
 def main() -> None:
     """Fly what the tables are of; write their figures, or refuse those that differ."""
     parser = argparse.ArgumentParser(
-        prog="python -m docs.tables", description="Fly what tables of results are of; refuse what differs."
+        prog="python -m docs tables", description="Fly what tables of results are of; refuse what differs."
     )
     parser.add_argument("--write", action="store_true", help="keep the new runs, and write their figures")
     parser.add_argument("folders", nargs="*", type=Path, help="runs that were flown already")

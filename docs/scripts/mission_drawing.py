@@ -5,9 +5,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from docs.drawing import Drawing
+from docs.scripts.drawing import Drawing
 
-STORED = Path(__file__).resolve().parents[1] / "benchmarks" / "missions.json"
+STORED = Path(__file__).resolve().parents[2] / "benchmarks" / "missions.json"
 #: px: a mission's row, the left end of the axis, and a percent along it
 ROW, LEFT, PERCENT = 26, 330, 3.2
 

@@ -1,6 +1,6 @@
 """The drawing of the way from the Python that flies to checked C."""
 
-from docs.drawing import Drawing, Pair
+from docs.scripts.drawing import Drawing, Pair
 
 WIDTH, HEIGHT = 560, 330
 #: the middle of each box and its width, px, and what stands in it

@@ -1,4 +1,4 @@
-"""Run the commands of the pages that show what commands print: ``python -m docs.shown``.
+"""Run the commands of the pages that show what commands print: ``python -m docs shown``.
 
 A fenced block with a title is written to a file of that name, a block of ``sh`` is run, and a block of
 ``text`` right behind it is what it printed; a line of ``…`` there stands for lines that are left out.
@@ -19,9 +19,9 @@ from pathlib import Path
 from unittest.mock import patch
 
 import fis_tools.__main__ as fis_tools
-from docs.screenshot import screenshot
+from docs.scripts.screenshot import screenshot
 
-PROJECT = Path(__file__).resolve().parents[1]
+PROJECT = Path(__file__).resolve().parents[2]
 PAGES = ("gallery.md", "tutorial/control-system-to-sign-off.md", "tutorial/first-fuzzy-system.md")
 PICTURES = PROJECT / "docs" / "images" / "gallery"
 #: a fenced block: its language, its title, what it holds

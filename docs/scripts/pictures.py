@@ -1,4 +1,4 @@
-"""Make the pictures of the pages anew: ``python -m docs.pictures [NAME ...]``, such as ``safety tour``.
+"""Make the pictures of the pages anew: ``python -m docs pictures [NAME ...]``, such as ``safety tour``.
 
 Without names all of them are made, in about a quarter of an hour: flown, trained, recorded and drawn by the
 commands that stand in this file. What is drawn by rerun's viewer needs a Vulkan driver, a page a browser.
@@ -20,13 +20,13 @@ from pathlib import Path
 from PIL import Image
 from playwright.sync_api import Page, sync_playwright
 
-from docs import film
-from docs.screenshot import browser_found, screenshot
+from docs.scripts import film
+from docs.scripts.screenshot import browser_found, screenshot
 from pipeline.command_line.runs import OK, UNIMPROVED
 from pipeline.report.figures.comparison import ControllerMark, compared
 from pipeline.report.figures.style import save, style
 
-PROJECT = Path(__file__).resolve().parents[1]
+PROJECT = Path(__file__).resolve().parents[2]
 IMAGES = PROJECT / "docs" / "images"
 HASHES = Path(__file__).with_suffix(".json")
 FIELD, RESULTS = "docs/results/field.md", "docs/reference/results.md"
@@ -184,7 +184,7 @@ MAKERS: dict[str, Callable[[Path], None]] = {
 SCENE, FIGURES, CONTROLLERS = "telemetry/scene", "pipeline/report/figures", "conf/controller"
 #: files and folders that draw a picture, beside its maker, or that it shows
 SOURCES: dict[str, tuple[str, ...]] = {
-    "flight": ("docs/film.py", f"{CONTROLLERS}/champion_27.yaml"),
+    "flight": ("docs/scripts/film.py", f"{CONTROLLERS}/champion_27.yaml"),
     "replay": (SCENE, f"{CONTROLLERS}/champion_27.yaml"),
     "satellite": (SCENE, f"{CONTROLLERS}/champion_any_sun.yaml"),
     "campaign": (SCENE, f"{CONTROLLERS}/paper_champion.yaml"),

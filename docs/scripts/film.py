@@ -7,8 +7,8 @@ from pathlib import Path
 from PIL import Image
 from playwright.sync_api import sync_playwright
 
-from docs import home
-from docs.screenshot import browser_found
+from docs.scripts import home
+from docs.scripts.screenshot import browser_found
 
 #: every so many samples is a frame; in most of the second half the deputy coasts
 SAMPLES = (*range(0, 150, 3), *range(150, 361, 12))
