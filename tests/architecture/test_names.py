@@ -79,7 +79,7 @@ def test_only_the_steps_of_a_period_take_the_whole_workspace():
         for path, tree in sources("pipeline/flight/period")
         for name in takers(tree, "Workspace")
     }
-    steps = {f"steps.py:{name}" for name in ("look", "decide", "act")}
+    steps = {f"steps.py:{name}" for name in ("look", "decide", "act", "move_on")}
     assert whole == steps | {
         "look/sight.py:see",
         "decide/exchange.py:share_out",

@@ -24,6 +24,7 @@ from pipeline.command_line.config import compose_experiment
 from pipeline.run import artifacts, configuration, sweep
 from pipeline.settings.experiment import STAGES
 from telemetry.commands import main as telemetry
+from tests import night
 from tests.hostile import kills
 from tests.hostile.replaced import UNREAD, count_of, kind_of, replaced
 from tests.pipeline.command_line.cases import use_stages
@@ -31,8 +32,6 @@ from tests.smoke import miniature
 
 pytestmark = pytest.mark.slow
 
-#: as each night: every text in every file, and all experiments; else half of the texts, drawn for each file
-IS_WHOLE = os.environ.get("EVERY_EXPERIMENT") == "1"
 #: in the environment
 WATCHED = "a-word-of-the-environment"
 MARKUP, FORMULA = "<script>alert(1)</script>", '=HYPERLINK("http://127.0.0.1:9/")'
@@ -102,9 +101,10 @@ def attacks(path: Path, rng: random.Random) -> Iterator[tuple[str, bytes]]:
     content = path.read_bytes()
     if not (count := count_of(path, content)):
         return
-    for text in rng.sample(HOSTILE, len(HOSTILE) if IS_WHOLE else len(HOSTILE) // 2):
+    # by day a fifth of the texts, drawn for each file
+    for text in rng.sample(HOSTILE, night.count(len(HOSTILE) // 5, len(HOSTILE))):
         yield text, replaced(path, content, text, rng.randrange(count))
-    for text in rng.sample(HOSTILE, 2 if IS_WHOLE else 1):
+    for text in rng.sample(HOSTILE, night.count(1, 2)):
         yield text, replaced(path, content, text)
 
 
@@ -183,8 +183,8 @@ def assert_harmless(folder: Path) -> None:
             assert not any(cell.startswith("=") for row in csv.reader(stream) for cell in row), path
 
 
-#: every fourth, or where all is walked: a run of each takes three minutes in all
-EXPERIMENTS = miniature.EXPERIMENTS[:: 1 if IS_WHOLE else 4]
+#: a run of each takes three minutes in all
+EXPERIMENTS = night.by_day(miniature.EXPERIMENTS, 8)
 
 
 @pytest.fixture(scope="module", params=EXPERIMENTS, ids=lambda path: path.stem)

@@ -11,6 +11,7 @@ from fis_tools.findings import explanation
 from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController, FuzzySystem
 from fis_tools.review import content, page
+from tests import night
 from tests.fis_tools import step_by_step
 from tests.fis_tools.engines import random_systems as drawn
 from tests.fis_tools.engines.random_systems import inputs_for
@@ -51,9 +52,10 @@ CONTROLLERS = {
     "champion": CHAMPION,
     "everything": GENERAL,
     "125 rules": FuzzyController("many", (autopilot_system(),)),
-    "random": FuzzyController("random", random_systems(seed=8, count=24)),
+    "random": FuzzyController("random", random_systems(seed=8, count=night.count(12, 24))),
     "sampled": FuzzyController(
-        "sampled", tuple(system for system in drawn.sampled_systems(9, 40) if not system.weighed)
+        "sampled",
+        tuple(system for system in drawn.sampled_systems(9, night.count(16, 40)) if not system.weighed),
     ),
 }
 

@@ -55,13 +55,13 @@ def nearest_of_drift(flight, k, state, seconds):
 
     times = np.arange(0.0, seconds + 1.0, 10.0)
     start = np.concatenate([chief, deputy])
-    path = solve_ivp(rates, (0.0, seconds), start, "DOP853", times, rtol=1e-12, atol=1e-9).y
+    path = solve_ivp(rates, (0.0, seconds), start, "DOP853", times, rtol=1e-10, atol=1e-4).y
     return np.linalg.norm(path[6:9] - path[:3], axis=0).min()
 
 
-def towards_the_chief(mission, start, sample):
-    """The same start, but free motion along the ellipse meets the chief at a sample."""
-    phi = reference_of(mission, coast(), start).predicted.between(0, sample)[:3]
+def towards_the_chief(predicted, start, sample):
+    """The same start, but free motion along the ellipse, as predicted, meets the chief at a sample."""
+    phi = predicted.between(0, sample)[:3]
     return replace(start, velocity_m_s=np.linalg.solve(phi[:, 3:], -phi[:, :3] @ start.position_m))
 
 
@@ -69,11 +69,13 @@ def towards_the_chief(mission, start, sample):
 def test_should_all_thrusters_fail_free_motion_along_the_ellipse_keeps_clear(name):
     """And if the layer counts with a circle it does not."""
     horizon, seen = 1800.0, {"true": [], "uniform": []}
+    safety = "safety=filter", f"safety.passive_horizon_s={horizon:g}"
+    begun, samples = starts(40.0, 90.0, 4, 3), (60, 90, 120, 150)
+    predicted = reference_of(mission_of(name, *safety, "orbit.course=true"), coast(), begun[0]).predicted
     for course, nearest in seen.items():
-        safety = "safety=filter", f"safety.passive_horizon_s={horizon:g}"
-        true, mission = (mission_of(name, *safety, f"orbit.course={each}") for each in ("true", course))
-        for anywhere, sample in zip(starts(40.0, 90.0, 4, 3), (60, 90, 120, 150), strict=True):
-            start = towards_the_chief(true, anywhere, sample)
+        mission = mission_of(name, *safety, f"orbit.course={course}")
+        for anywhere, sample in zip(begun, samples, strict=True):
+            start = towards_the_chief(predicted, anywhere, sample)
             log, flight = fly_logged(mission, coast(), start), reference_of(mission, coast(), start)
             states = np.hstack([log.position_m, log.velocity_m_s])
             nearest += [nearest_of_drift(flight, k, states[k], horizon) for k in (1, 30, 60, 90)]

@@ -3,7 +3,6 @@
 import base64
 import csv
 import json
-import os
 import re
 from dataclasses import replace
 from functools import cache
@@ -29,11 +28,12 @@ from pipeline.report.played import PLOTS, carried_of
 from pipeline.report.scene import recorded_table
 from pipeline.scenarios import evaluation_scenarios
 from pipeline.settings.places import conf_folder
+from tests import night
 from tests.browser import serious_violations
 
 pytestmark = pytest.mark.slow
 
-NUM_CASES = 16
+NUM_CASES = night.count(6, 16)
 #: tenths of a second that a busy machine may take for a picture
 PAINTS = 100
 NUMBER = f"monte_carlo.num_cases={NUM_CASES}"
@@ -46,7 +46,7 @@ FLOWN = (
 #: light other than the paper's
 ELEVATED = "sun.elevation_range_deg=[-30,30]"
 #: cases of controllers that look ahead, each of which takes long to choose
-NUM_AHEAD = 4
+NUM_AHEAD = night.count(2, 4)
 #: what the shipped worlds and champions do not ask of the modules: plans, errors, clusters, turning chiefs
 OTHERS = (
     ("lqr", "sun=random"),
@@ -167,8 +167,8 @@ def test_a_page_flies_fresh_cases_to_the_products_bits(ready, words):
     assert_flown(ready(*words), run_of(*words)[3], range(NUM_CASES))
 
 
-#: by day every third; each night all, also those that look far ahead
-MISSIONS = [*worlds(), *OTHERS][:: 1 if os.environ.get("EVERY_EXPERIMENT") == "1" else 3]
+#: all by night, also those that look far ahead
+MISSIONS = night.by_day([*worlds(), *OTHERS], 3)
 
 
 @pytest.mark.parametrize("words", MISSIONS, ids="-".join)

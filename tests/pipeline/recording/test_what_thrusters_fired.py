@@ -13,6 +13,7 @@ from pipeline.controllers.source import WITH_PATHS, named
 from pipeline.flight.state.log import Scenario
 from telemetry.file import reader
 from telemetry.scene import drawing
+from tests import night
 from tests.pipeline.flight.cases import PAUSING
 from tests.pipeline.flight.guarded import PASSIVE, guarded
 from tests.pipeline.recording import cases
@@ -31,12 +32,14 @@ FLOWN = [
 # with a shadow, for then all controllers under the layer fly by the same compiled code
 GUARDED = guarded(PASSIVE, duration_s=1800.0, light={"shadow": "conical"})
 START = Scenario(np.array([-40.0, 20.0, 30.0]), np.array([0.03, -0.02, -0.01]), 2.0, 0.0, (1, 0, 0))
+#: those in which the paper's rules meet the layer, and a controller waits
+CERTAIN = [("pausing", "guarded"), *({("paper", "guarded")} - {*night.by_day(FLOWN, 2)})]
 CALLED = ("fired", "clipped", "safety", "rehearsed", "parked")
 ROUNDING_N = 1e-12
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "world"), [*FLOWN, ("pausing", "guarded")])
+@pytest.mark.parametrize(("name", "world"), [*night.by_day(FLOWN, 2), *CERTAIN])
 def test_nothing_is_said_to_fire_that_did_not(name, world, tmp_path, monkeypatch):
     path, mission = tmp_path / "flight.mcap", GUARDED
     if world != "guarded":
