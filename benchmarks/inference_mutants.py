@@ -1,7 +1,7 @@
 """Change each form of inference, and count what ``agree`` finds: ``python -m benchmarks inference_mutants``.
 
 One operator or number of an engine's code is changed at a time, in a copy of the product; then random systems
-are compared for a minute of processor time at rest. What is compiled runs as plain Python, a hundred times as
+are compared for a minute of processor time. What is compiled runs as plain Python, a hundred times as
 slow. A change that says the same as before is not found.
 """
 
@@ -44,6 +44,8 @@ ENGINES: Mapping[str, Sequence[str]] = {
         f"fis_tools/analysis/{name}.py" for name in ("shapley", "weighted_shares", "contribution")
     ),
 }
+#: by the clock, even of a busy machine
+MOST_S = 1800
 #: those whose code numba would compile anew for each change
 COMPILED = ("compiled", "kernel", "bounds")
 
@@ -102,7 +104,7 @@ def first_difference(top: Path, seed: int, *, is_plain: bool) -> str:
     environment["NUMBA_DISABLE_JIT"] = str(int(is_plain))
     try:
         done = subprocess.run(  # noqa: S603
-            command, cwd=top, env=environment, check=False, capture_output=True, text=True, timeout=600
+            command, cwd=top, env=environment, check=False, capture_output=True, text=True, timeout=MOST_S
         )
     except subprocess.TimeoutExpired:
         return "it does not end"
