@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Any, ClassVar, Final
 
 import numpy as np
-from gymnasium.spaces import Box, MultiDiscrete
+from gymnasium.spaces import Space
 from numpy.typing import NDArray
 
 from pipeline.array_types import Booleans, Floats
@@ -16,6 +16,7 @@ from pipeline.flight.fly.stepped_fleet import SteppedFleet
 from pipeline.flight.state.log import Scenario
 from pipeline.gym.env import Observation, ReachEnv, ReachReward, require_episode
 from pipeline.gym.episodes import AFRL, Episodes, Reward, Task, obeyed, task_of
+from pipeline.gym.six_dof import AFRL_SIX_DOF, AFRL_SIX_DOF_FLEET, POSITION, SixDofInspectionEnv, SixDofReward
 from pipeline.scenarios import PRIORITY, direction_of
 
 try:
@@ -69,18 +70,22 @@ class DeputiesEnv(ParallelEnv[str, Observation, NDArray[Any]]):  # type: ignore[
         self._generator = np.random.default_rng()
         self._is_over: bool | None = None  # before the first episode
 
-    def observation_space(self, agent: str) -> "Box[np.float32]":
+    def observation_space(self, agent: str) -> Space[Any]:
         """Return what an agent observes: that of one deputy, see `pipeline.gym.env`."""
         return self._observed[agent]
 
-    def action_space(self, agent: str) -> "Box[np.float32] | MultiDiscrete":
+    def action_space(self, agent: str) -> Space[Any]:
         """Return what an agent commands: that of one deputy, see `pipeline.gym.env`."""
         return self._commanded[agent]
 
     def _set_spaces(self) -> None:
         # the same object at each call, as PettingZoo asks: a space that is sampled from has a generator
-        self._observed = {agent: self.task.observation_space() for agent in self.possible_agents}
-        self._commanded = {agent: self.task.action_space() for agent in self.possible_agents}
+        self._observed: dict[str, Space[Any]] = {
+            agent: self.task.observation_space() for agent in self.possible_agents
+        }
+        self._commanded: dict[str, Space[Any]] = {
+            agent: self.task.action_space() for agent in self.possible_agents
+        }
 
     def reset(
         self, seed: int | None = None, options: dict[str, Any] | None = None
@@ -319,3 +324,83 @@ class MultiReachEnv(DeputiesEnv):
 
     def _facts(self) -> Sequence[dict[str, Any]]:
         return [info for _, info in self._told]
+
+
+class MultiSixDofInspectionEnv(DeputiesEnv):
+    """Inspect the chief together, each deputy turning itself; see `pipeline.gym.six_dof.SixDofInspectionEnv`.
+
+    As in `MultiInspectionEnv`, all know which points any has inspected; a point that is new to the fleet pays
+    each deputy, and so does success, but for a deputy whose free motion would then lead into the chief.
+
+    Parameters
+    ----------
+    overrides : sequence of str
+        Of the world, as on the command line.
+    num_deputies : int
+    reward : SixDofReward, optional
+        By default AFRL's of one deputy, and as published that of several.
+    collision_m : float
+        Nearer than that to each other, deputies collide, which ends the episode and costs nothing.
+    as_published : bool
+        As in safe-autonomy-sims 4.2.3: an episode's end, of whatever kind, tells that it terminated *and*
+        that it was truncated; it lasts 1,000 s; the attitude's Euler angles stand for the camera's direction
+        where facing the chief is paid.
+    """
+
+    metadata: ClassVar[dict[str, Any]] = {"name": "multi_six_dof_inspection_v0", "render_modes": []}
+
+    def __init__(
+        self,
+        overrides: Sequence[str] = ("world=afrl_six_dof",),
+        num_deputies: int = 2,
+        reward: SixDofReward | None = None,
+        collision_m: float = 10.0,
+        *,
+        as_published: bool = False,
+    ) -> None:
+        super().__init__(num_deputies, collision_m, as_published=as_published)
+        lasting = [f"duration_s={PUBLISHED_S}"] if as_published else []
+        paid = reward or (AFRL_SIX_DOF_FLEET if as_published else AFRL_SIX_DOF)
+        self._envs = [SixDofInspectionEnv([*overrides, *lasting], paid) for _ in self.possible_agents]
+        self.task = self._envs[0].task
+        self._set_spaces()
+
+    def _set_spaces(self) -> None:
+        self._observed = dict.fromkeys(self.possible_agents, self._envs[0].observation_space)
+        self._commanded = dict.fromkeys(self.possible_agents, self._envs[0].action_space)
+
+    def _start(self, starts: Sequence[Scenario], priority: Floats | None) -> None:
+        if priority is None:
+            priority = direction_of(starts[0].generator(PRIORITY))
+        for env, start in zip(self._envs, starts, strict=True):
+            env.reset(options={"scenario": start, "priority": priority})
+        self._seen_by = np.full(len(self._envs[0].is_inspected), -1)
+        self._exchange()
+
+    def _fly(self, actions: NDArray[Any]) -> tuple[Floats, Booleans, Booleans]:
+        for env, action in zip(self._envs, actions, strict=True):
+            env.fly(action)
+        self._exchange()
+        rewards, terminated, truncated = zip(*(env.judge() for env in self._envs), strict=True)
+        return np.array(rewards), np.array(terminated), np.array(truncated)
+
+    def _exchange(self) -> None:
+        """Tell all what any has inspected; a point is the first deputy's that saw it."""
+        for deputy, env in enumerate(self._envs):
+            self._seen_by[(self._seen_by < 0) & env.is_inspected] = deputy
+        for env in self._envs:
+            env.is_inspected[:] = self._seen_by >= 0
+
+    @property
+    def _positions(self) -> Floats:
+        return np.array([env.state[POSITION] for env in self._envs])
+
+    @property
+    def _observations(self) -> Sequence[Observation]:
+        return [env.observation for env in self._envs]
+
+    def _facts(self) -> Sequence[dict[str, Any]]:
+        first = [
+            {"num_seen_first": float((self._seen_by == deputy).sum())} for deputy in range(len(self._envs))
+        ]
+        return [env.facts | of_it for env, of_it in zip(self._envs, first, strict=True)]

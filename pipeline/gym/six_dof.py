@@ -4,7 +4,7 @@ Hill's equations of motion and Euler's are joined by forces along body axes.
 """
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from math import exp
 from typing import Any, Final
 
@@ -13,10 +13,11 @@ import numpy as np
 from gymnasium.spaces import Box
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
+from scipy.spatial.transform import Rotation
 
 from fis_tools.compiled.decorator import compiled, plainly
 from fis_tools.compiled.three import Three, three_of, times
-from pipeline.array_types import Floats
+from pipeline.array_types import Booleans, Floats
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.chief import chief_attitudes
 from pipeline.flight.world.pack import optics_of
@@ -56,16 +57,22 @@ class SixDofReward(Reward):
     facing, facing_width : float
         For each step, times ``exp(-(1 - c)^2 / width)``, with c the cosine from the camera to the chief, not
         negative.
+    faces_by_angles : bool
+        Whether the attitude's Euler angles, of any sign, stand for the camera's direction, as in AFRL's
+        environment of several deputies.
     """
 
     alive: float = 0.001
     alive_s: float = 3000.0
     facing: float = 0.0005
     facing_width: float = 0.15
+    faces_by_angles: bool = False
 
 
 #: of AFRL's WeightedSixDofInspectionEnv (safe-autonomy-sims 4.2.3)
 AFRL_SIX_DOF: Final = SixDofReward(**asdict(AFRL_WEIGHTED) | {"per_delta_v": 0.005, "too_far": 1.0})
+#: of their WeightedSixDofMultiInspectionEnv
+AFRL_SIX_DOF_FLEET: Final = replace(AFRL_SIX_DOF, per_delta_v=0.001, faces_by_angles=True)
 
 
 #: where a state has its parts: position (m) and velocity (m/s), Hill axes; attitude; inertial rate (rad/s)
@@ -203,7 +210,13 @@ class SixDofInspectionEnv(gymnasium.Env[NDArray[np.float32], NDArray[Any]]):
             weight is inspected inside the distance limits, whatever free flight would do after that.
         """
         require_episode(self._is_over)
-        mission, deputy, reward = self._mission, self._mission.deputy, self._reward
+        self.fly(action)
+        reward, terminated, truncated = self.judge()
+        return self._observed(), reward, terminated, truncated, self._info()
+
+    def fly(self, action: NDArray[Any]) -> None:
+        """Fly a control period under an action, (6,), and look; `judge` tells what that was worth."""
+        mission, deputy = self._mission, self._mission.deputy
         shares = shares_of(action, (6,))
         force, torque = shares[:3] * deputy.max_force_n, shares[3:] * deputy.max_torque_n_m
         push, hill_rate = force / deputy.mass_kg, mission.orbit.mean_motion_rad_s
@@ -217,10 +230,15 @@ class SixDofInspectionEnv(gymnasium.Env[NDArray[np.float32], NDArray[Any]]):
         self._look()
         per_force = mission.control_period_s / deputy.mass_kg
         self._spent += np.abs(force).sum() * per_force
+        self._used = (np.abs(force).sum() + np.abs(torque).sum()) * per_force  # as AFRL counts it
+
+    def judge(self) -> tuple[float, bool, bool]:
+        """Return the reward of the last control period, and whether it terminated or truncated all."""
+        mission, deputy, reward = self._mission, self._mission.deputy, self._reward
         distance = np.linalg.norm(self._state[POSITION])
         has_crashed, is_far = distance < deputy.min_distance_m, distance > deputy.max_distance_m
         gained = reward.per_point * (self.weight_inspected - self._paid)
-        gained -= reward.per_delta_v * (np.abs(force).sum() + np.abs(torque).sum()) * per_force  # as AFRL
+        gained -= reward.per_delta_v * self._used
         gained += self._for_this_step() - reward.outside * has_crashed
         gained -= (reward.outside if reward.too_far is None else reward.too_far) * is_far
         if self._has_enough:
@@ -230,12 +248,27 @@ class SixDofInspectionEnv(gymnasium.Env[NDArray[np.float32], NDArray[Any]]):
         terminated = bool(has_crashed or self._has_enough)
         truncated = bool(is_far or self._k == mission.num_controls)
         self._is_over = terminated or truncated
-        return self._observed(), float(gained), terminated, truncated, self._info()
+        return float(gained), terminated, truncated
 
     @property
     def state(self) -> Floats:
         """Position (m), velocity (m/s), attitude from Hill to body axes, inertial rate (rad/s), (13,)."""
         return self._state.copy()
+
+    @property
+    def is_inspected(self) -> Booleans:
+        """Which points are inspected, (P,); what others have seen may be added."""
+        return self._is_inspected
+
+    @property
+    def observation(self) -> NDArray[np.float32]:
+        """The observation now."""
+        return self._observed()
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """What is known beside it."""
+        return self._info()
 
     @property
     def weight_inspected(self) -> float:
@@ -274,8 +307,11 @@ class SixDofInspectionEnv(gymnasium.Env[NDArray[np.float32], NDArray[Any]]):
         """Return the reward for being alive and for facing the chief."""
         reward, position = self._reward, self._state[POSITION]
         facing = -float(self._camera @ position) / np.linalg.norm(position)
+        if reward.faces_by_angles:
+            angles = Rotation.from_quat(self._state[ATTITUDE]).as_euler("XYZ")
+            facing = -float(angles @ position) / np.linalg.norm(position)
         gained = reward.alive * (self._k * self._mission.control_period_s <= reward.alive_s)
-        if facing >= 0.0:
+        if facing >= 0.0 or reward.faces_by_angles:
             gained += reward.facing * exp(-((1.0 - facing) ** 2) / reward.facing_width)
         return gained
 

@@ -16,16 +16,21 @@ from pipeline.flight.control.controller import open_loop
 from pipeline.flight.fly.fleets import fly_all_fleets, room_for_messages
 from pipeline.flight.state.log import Scenario
 from pipeline.gym import AFRL_WEIGHTED, Reward
-from pipeline.gym.parallel import MultiInspectionEnv, MultiReachEnv
-from tests.pipeline.gym.test_against_afrl import CLOSE_M, EVERY, table
+from pipeline.gym.parallel import MultiInspectionEnv, MultiReachEnv, MultiSixDofInspectionEnv
+from tests.pipeline.gym.test_against_afrl import CLOSE_M, EVERY, GREATEST, table
 
 pytestmark = pytest.mark.slow
 
+#: as their chief is
+AT_REST = "chief.initial_angular_velocity_rad_s=[0,0,0]"
 #: their environments' tables, with ours
 PUBLISHED: dict[str, Any] = {
     "fleet": lambda number: MultiInspectionEnv(num_deputies=number, as_published=True),
     "fleet_weighted": lambda number: MultiInspectionEnv(
         ["world=afrl_weighted", "inspection_threshold_percent=50"], number, AFRL_WEIGHTED, as_published=True
+    ),
+    "fleet_six_dof": lambda number: MultiSixDofInspectionEnv(
+        ["world=afrl_six_dof", AT_REST, "inspection_threshold_percent=45"], number, as_published=True
     ),
     "fleet_docking": lambda number: MultiReachEnv(num_deputies=number, as_published=True),
 }
@@ -48,7 +53,7 @@ def test_the_same_actions_give_the_same_episode(name: str) -> None:
         options = {"scenarios": starts} | ({"priority": theirs["priority"]} if "priority" in theirs else {})
         _, infos = env.reset(options=options)
         positions, rows, rewards = [theirs["start"][:, :3]], [infos], []
-        for step, forces in enumerate(theirs["actions"] / 1024.0, 1):
+        for step, forces in enumerate(theirs["actions"] / GREATEST[: theirs["actions"].shape[2]], 1):
             is_last = step == len(theirs["actions"])
             actions = dict(zip(env.agents, forces, strict=True))
             _, paid, terminated, truncated, infos = env.step(actions)
@@ -64,7 +69,7 @@ def test_the_same_actions_give_the_same_episode(name: str) -> None:
         if "own" in theirs:
             assert [[info["num_seen_first"] for info in row] for row in each] == theirs["own"].tolist()
             assert [row[0]["num_inspected"] for row in each] == theirs["counts"].tolist()
-        if name == "fleet_weighted":
+        if name in ("fleet_weighted", "fleet_six_dof"):
             weights = [row[-1]["weight_inspected"] for row in each]
             np.testing.assert_allclose(weights, theirs["weights"], rtol=0.0, atol=1e-12)
         assert rows[-1]["deputy_0"]["has_collided"] == ("Collision" in theirs["status"])
@@ -73,7 +78,7 @@ def test_the_same_actions_give_the_same_episode(name: str) -> None:
     assert len(ends & {"Success", "Out of Bounds", "Max Velocity Violation"}) >= (1 if name == "fleet" else 2)
 
 
-@pytest.mark.parametrize("kind", [MultiInspectionEnv, MultiReachEnv])
+@pytest.mark.parametrize("kind", [MultiInspectionEnv, MultiReachEnv, MultiSixDofInspectionEnv])
 @pytest.mark.parametrize("number", [1, 3])
 def test_pettingzoos_own_tests_pass(kind: Any, number: int) -> None:
     parallel_api_test(kind(num_deputies=number), num_cycles=200)

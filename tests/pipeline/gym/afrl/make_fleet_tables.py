@@ -7,12 +7,14 @@ the chief, in two one leaves. Those that dock come in at a share of the limit on
 
 import functools
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from importlib import import_module
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 from make_tables import HERE, kept
+from scipy.spatial.transform import Rotation
 
 #: number of deputies, what they do, and at most how many s, of inspection
 INSPECTIONS = [(2, "random", 1000), (3, "random", 1000), (2, "random", 1000), (3, "random", 1000)]
@@ -50,6 +52,22 @@ def inspecting(env: Any, what: str, episode: int, k: int, number: int, deputy: A
     return towards(deputy, 40.0 * flat + np.array([0.0, 0.0, 25.0 * number]))
 
 
+def turning(env: Any, what: str, episode: int, k: int, number: int, deputy: Any) -> np.ndarray:
+    """Return that force along body axes, N, and the torque of a law that faces the chief, N m."""
+    body = Rotation.from_quat(deputy.orientation).inv()
+    gone = body.apply(-deputy.position) / np.linalg.norm(deputy.position)
+    torque = 0.0573 * (0.0016 * np.cross([1.0, 0.0, 0.0], gone) - 0.06 * deputy.angular_velocity)
+    return np.concatenate([body.apply(inspecting(env, what, episode, k, number, deputy)), torque])
+
+
+def rounded(actions: Sequence[np.ndarray]) -> np.ndarray:
+    """Return actions within their limits that single precision holds: forces, N, and torques, N m, if any."""
+    forces, torques = np.split(np.asarray(actions), [3], axis=1)
+    forces = np.round(1024.0 * np.clip(forces, -1.0, 1.0)) / 1024.0
+    torques = np.round(2.0**20 * np.clip(torques, -0.00099, 0.00099)) / 2.0**20
+    return np.hstack([forces, torques]).astype(np.float32)
+
+
 def docking(env: Any, what: str, episode: int, k: int, number: int, deputy: Any, share: float) -> np.ndarray:
     """Return the force of a deputy that docks, N, Hill axes."""
     if what == "random":
@@ -69,23 +87,24 @@ def flown(env: Any, law: Callable[..., np.ndarray], seed: int, observe: Callable
     actions, rewards, rows = [], [], [observe(agents)]
     positions = [np.array(state)[:, :3]]
     while env.agents:
-        forces = [law(len(actions), number, env.deputies[agent]) for number, agent in enumerate(agents)]
-        rounded = (np.round(1024.0 * np.clip(forces, -1.0, 1.0)) / 1024.0).astype(np.float32)
-        _, paid, terminated, truncated, _ = env.step(dict(zip(agents, rounded, strict=True)))
-        actions.append(rounded)
+        wanted = [law(len(actions), number, env.deputies[agent]) for number, agent in enumerate(agents)]
+        actions.append(rounded(wanted))
+        _, paid, terminated, truncated, _ = env.step(dict(zip(agents, actions[-1], strict=True)))
         rewards.append([paid[agent] for agent in agents])
         rows.append(observe(agents))
         positions.append(np.array([env.deputies[agent].position for agent in agents]))
     assert set(terminated.values()) == set(truncated.values()) == {True}
     columns = zip(("counts", "own", "weights"), zip(*rows, strict=True), strict=False)
     return {
-        "start": np.array(state), "actions": np.round(1024.0 * np.array(actions)).astype(np.int16),
+        "start": np.array(state), "actions": np.array(actions),
         "rewards": np.array(rewards), "places": kept(positions),
         "status": np.array([env.status[agent] for agent in agents]),
     } | {name: np.array(values) for name, values in columns}  # fmt: skip
 
 
-def inspected(kind: Callable[..., Any], episode: int) -> dict[str, Any]:
+def inspected(
+    kind: Callable[..., Any], episode: int, law: Callable[..., np.ndarray] = inspecting
+) -> dict[str, Any]:
     """Fly an episode of inspection."""
     deputies, what, seconds = INSPECTIONS[episode]
     env = kind(num_agents=deputies, max_time=seconds)
@@ -98,7 +117,7 @@ def inspected(kind: Callable[..., Any], episode: int) -> dict[str, Any]:
 
     env.reset(seed=episode)  # the Sun moves on in flight
     sun, priority = env.sun.theta, env.chief.inspection_points.priority_vector
-    flight = flown(env, functools.partial(inspecting, env, what, episode), episode, observe)
+    flight = flown(env, functools.partial(law, env, what, episode), episode, observe)
     return flight | {"sun": sun, "priority": priority}
 
 
@@ -123,16 +142,21 @@ def write(name: str, flights: list[dict[str, Any]]) -> None:
 def main() -> None:
     """Write all tables."""
     sys.path.insert(0, sys.argv[1])
-    from safe_autonomy_sims.pettingzoo.docking import multidocking_v0  # noqa: PLC0415 - found only now
-    from safe_autonomy_sims.pettingzoo.inspection import multi_inspection_v0, weighted_multi_inspection_v0  # noqa: PLC0415 - as above
-    from safe_autonomy_simulation.sims.inspection import target  # noqa: PLC0415 - as above
+    theirs = "safe_autonomy_sims.pettingzoo."
+    docks = import_module(theirs + "docking.multidocking_v0")
+    plain = import_module(theirs + "inspection.multi_inspection_v0")
+    weighted = import_module(theirs + "inspection.weighted_multi_inspection_v0")
+    turned = import_module(theirs + "inspection.sixdof_multi_inspection_v0")
+    target = import_module("safe_autonomy_simulation.sims.inspection.target")
 
-    write("fleet_docking", [docked(multidocking_v0.MultiDockingEnv, number) for number in range(10)])
-    write("fleet", [inspected(multi_inspection_v0.MultiInspectionEnv, number) for number in range(10)])
+    write("fleet_docking", [docked(docks.MultiDockingEnv, number) for number in range(10)])
+    write("fleet", [inspected(plain.MultiInspectionEnv, number) for number in range(10)])
     placed = functools.partial(target.p.InspectionPointSet, points_algorithm="fibonacci")
     target.p = SimpleNamespace(InspectionPointSet=placed)
-    kind = functools.partial(weighted_multi_inspection_v0.WeightedMultiInspectionEnv, success_threshold=0.5)
+    kind = functools.partial(weighted.WeightedMultiInspectionEnv, success_threshold=0.5)
     write("fleet_weighted", [inspected(kind, number) for number in range(10)])
+    kind = functools.partial(turned.WeightedSixDofMultiInspectionEnv, success_threshold=0.45)
+    write("fleet_six_dof", [inspected(kind, number, turning) for number in range(10)])
 
 
 if __name__ == "__main__":
