@@ -18,10 +18,10 @@ from gymnasium.wrappers import TransformObservation
 from gymnasium.wrappers.vector import TransformObservation as TransformVectorObservation
 from numpy.typing import NDArray
 
-from pipeline.array_types import Floats
+from pipeline.array_types import Booleans, Floats
 from pipeline.flight.fly.stepping import POSITION, SPENT, VELOCITY
 from pipeline.flight.goals.reach import limit_at
-from pipeline.flight.state.log import FlightLog
+from pipeline.flight.state.log import FlightLog, Scenario
 from pipeline.gym.episodes import Episodes, Reward, Task, obeyed, task_of
 
 Observation = NDArray[np.float32]
@@ -106,6 +106,36 @@ class InspectionEnv(gymnasium.Env[Observation, NDArray[Any]]):
 
     def _info(self) -> dict[str, Any]:
         return {name: float(values[0]) for name, values in self._episodes.facts.items()}
+
+    @property
+    def scenario(self) -> Scenario:
+        """The start of the episode."""
+        return self._episodes.scenario(0)
+
+    @property
+    def num_flown(self) -> int:
+        """Control periods of the episode so far."""
+        return self._episodes.num_samples(0) - 1
+
+    @property
+    def state(self) -> Floats:
+        """Position (m) and velocity (m/s) as the deputy knows them, shape (6,), Hill axes."""
+        return self._episodes.flights.observed[0, : VELOCITY + 3].copy()
+
+    @property
+    def is_inspected(self) -> Booleans:
+        """Which points are inspected, (P,)."""
+        return self._episodes.flights.is_inspected[0]
+
+    @property
+    def weight_inspected(self) -> float:
+        """The weight of these points, or their number where all count alike."""
+        return float(self._episodes.inspected[0])
+
+    @property
+    def priority(self) -> Floats:
+        """The direction of the priority, (3,); zero where points have none."""
+        return self._episodes.priorities[0].copy()
 
     @property
     def position_m(self) -> Floats:

@@ -299,6 +299,8 @@ class Episodes:
         self._paid = np.zeros(num_episodes)
         self._points = inspection_points(task.mission)
         self._weights: Floats | None = None
+        #: directions of the priority, where points have one
+        self.priorities = np.zeros((num_episodes, 3))
         if task.mission.chief.weights == "priority":
             self._weights = np.zeros((num_episodes, len(self._points)))
 
@@ -313,6 +315,7 @@ class Episodes:
         self.needed[episode] = points_needed(int(self.flights.inspectable[episode]), threshold)
         if self._weights is not None:
             direction = direction_of(scenario.generator(PRIORITY)) if priority is None else priority
+            self.priorities[episode] = direction
             self._weights[episode] = priority_weights(self._points, direction)
             self.needed[episode] = threshold / 100.0
 
@@ -321,7 +324,7 @@ class Episodes:
         is_new = self.flights.samples == stepping.NOT_STARTED
         self.flights.step_started()
         self._spent[is_new] = self.flights.observed[is_new, stepping.SPENT]
-        self._paid[is_new] = 0.0 if self.task.reward.as_afrl else self._inspected[is_new]
+        self._paid[is_new] = 0.0 if self.task.reward.as_afrl else self.inspected[is_new]
 
     def step(self, actions: NDArray[Any]) -> tuple[Floats, Booleans, Booleans]:
         """Fly all to their next action, or bring those that were put at a start to their first sample.
@@ -355,7 +358,7 @@ class Episodes:
         rows = np.flatnonzero(is_begun)
         self._forces[rows, flights.samples[rows]] = forces[rows]
         flights.step(forces)
-        now, inspected = flights.observed, self._inspected
+        now, inspected = flights.observed, self.inspected
         is_outside = now[:, stepping.OUTSIDE] > 0.0
         deputy = self.task.mission.deputy
         middle_m = 0.5 * (deputy.min_distance_m + deputy.max_distance_m)
@@ -379,7 +382,7 @@ class Episodes:
         return np.where(is_begun, rewards, 0.0), terminated, truncated
 
     @property
-    def _inspected(self) -> Floats:
+    def inspected(self) -> Floats:
         """Points that each episode has inspected, as a number or as their weight."""
         if self._weights is None:
             return self.flights.observed[:, stepping.NUM_INSPECTED].copy()
@@ -405,21 +408,26 @@ class Episodes:
             "delta_v_m_s": now[:, stepping.SPENT].copy(),
             "num_inspected": now[:, stepping.NUM_INSPECTED].copy(),
             "num_inspectable": self.flights.inspectable.copy(),
-            "is_success": (self._inspected >= self.needed) & (now[:, stepping.OUTSIDE] == 0.0),
+            "is_success": (self.inspected >= self.needed) & (now[:, stepping.OUTSIDE] == 0.0),
             "outside_m": now[:, stepping.OUTSIDE].copy(),
             "safety_periods": now[:, stepping.NUM_ACTED].copy(),
             "safety_delta_v_m_s": now[:, stepping.CORRECTED].copy(),
-        } | ({} if self._weights is None else {"weight_inspected": self._inspected})
+        } | ({} if self._weights is None else {"weight_inspected": self.inspected})
 
     def num_samples(self, episode: int) -> int:
         """Return the number of samples of an episode so far."""
         return int(self.flights.samples[episode]) + 1
 
-    def log(self, episode: int) -> tuple[Scenario, FlightLog]:
-        """Fly an episode again with the forces that were commanded, and without force from then on."""
-        scenario, mission = self._scenarios[episode], self.task.mission
+    def scenario(self, episode: int) -> Scenario:
+        """Return the start of an episode."""
+        scenario = self._scenarios[episode]
         if scenario is None:
             raise ValueError("there is no episode yet; call reset first")
+        return scenario
+
+    def log(self, episode: int) -> tuple[Scenario, FlightLog]:
+        """Fly an episode again with the forces that were commanded, and without force from then on."""
+        scenario, mission = self.scenario(episode), self.task.mission
         return scenario, fly_logged(mission, open_loop("episode", self._played(episode)), scenario)
 
     def record(self, episode: int, path: Path) -> None:

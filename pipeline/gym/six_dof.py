@@ -174,12 +174,12 @@ class SixDofInspectionEnv(gymnasium.Env[NDArray[np.float32], NDArray[Any]]):
         super().reset(seed=seed)
         scenario: Scenario = options.get("scenario") or self.task.draw(self.np_random)
         priority = options.get("priority")
-        self._priority = direction_of(scenario.generator(PRIORITY)) if priority is None else priority
+        self.priority = direction_of(scenario.generator(PRIORITY)) if priority is None else priority
         num_points = len(self._surface.points)
         self._weights = np.full(num_points, 1.0 / num_points)
         if self._mission.chief.weights == "priority":
-            self._weights = priority_weights(self._surface.points, self._priority)
-        self._sun_angle, self._k, self._spent, self._paid = scenario.sun_angle_rad, 0, 0.0, 0.0
+            self._weights = priority_weights(self._surface.points, self.priority)
+        self.scenario, self.num_flown, self._spent, self._paid = scenario, 0, 0.0, 0.0
         turned = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]
         self._state = np.concatenate((scenario.position_m, scenario.velocity_m_s, turned))
         self._is_inspected = np.zeros(num_points, dtype=np.bool_)
@@ -226,7 +226,7 @@ class SixDofInspectionEnv(gymnasium.Env[NDArray[np.float32], NDArray[Any]]):
         flown = solve_ivp(rates, (0.0, mission.control_period_s), self._state, args=settings)
         self._state = flown.y[:, -1]
         self._state[RATE] = np.clip(self._state[RATE], -self._max_rate, self._max_rate)
-        self._k += 1
+        self.num_flown += 1
         self._look()
         per_force = mission.control_period_s / deputy.mass_kg
         self._spent += np.abs(force).sum() * per_force
@@ -246,7 +246,7 @@ class SixDofInspectionEnv(gymnasium.Env[NDArray[np.float32], NDArray[Any]]):
             gained += reward.success if nearest >= deputy.min_distance_m else -reward.success
         self._paid = self.weight_inspected
         terminated = bool(has_crashed or self._has_enough)
-        truncated = bool(is_far or self._k == mission.num_controls)
+        truncated = bool(is_far or self.num_flown == mission.num_controls)
         self._is_over = terminated or truncated
         return float(gained), terminated, truncated
 
@@ -283,8 +283,10 @@ class SixDofInspectionEnv(gymnasium.Env[NDArray[np.float32], NDArray[Any]]):
     def _sun(self) -> Floats:
         """The unit vector towards the Sun, Hill axes."""
         mission = self._mission
-        time = self._k * mission.control_period_s
-        return np.asarray(sun_direction_h(sun_angle(self._sun_angle, mission.orbit.mean_motion_rad_s, time)))
+        time = self.num_flown * mission.control_period_s
+        return np.asarray(
+            sun_direction_h(sun_angle(self.scenario.sun_angle_rad, mission.orbit.mean_motion_rad_s, time))
+        )
 
     @property
     def _camera(self) -> Floats:
@@ -293,7 +295,7 @@ class SixDofInspectionEnv(gymnasium.Env[NDArray[np.float32], NDArray[Any]]):
 
     def _look(self) -> None:
         """Inspect what is lit and in view, in the chief's axes, by the formulas of every flight."""
-        axes, optics = dcm_b_from_h(self._chief[self._k]), self._optics
+        axes, optics = dcm_b_from_h(self._chief[self.num_flown]), self._optics
         position, camera, sun = axes @ self._state[POSITION], axes @ self._camera, axes @ self._sun
         points, normals = self._surface.points, self._surface.normals
         apart, height = points - position, np.sum(normals * points, axis=1)
@@ -310,18 +312,18 @@ class SixDofInspectionEnv(gymnasium.Env[NDArray[np.float32], NDArray[Any]]):
         if reward.faces_by_angles:
             angles = Rotation.from_quat(self._state[ATTITUDE]).as_euler("XYZ")
             facing = -float(angles @ position) / np.linalg.norm(position)
-        gained = reward.alive * (self._k * self._mission.control_period_s <= reward.alive_s)
+        gained = reward.alive * (self.num_flown * self._mission.control_period_s <= reward.alive_s)
         if facing >= 0.0 or reward.faces_by_angles:
             gained += reward.facing * exp(-((1.0 - facing) ** 2) / reward.facing_width)
         return gained
 
     def _observed(self) -> NDArray[np.float32]:
         """Return the observation: state, directions (Sun, target, priority), weight inspected, time left."""
-        axes, is_wanted = dcm_b_from_h(self._chief[self._k]), self._is_lit & ~self._is_inspected
+        axes, is_wanted = dcm_b_from_h(self._chief[self.num_flown]), self._is_lit & ~self._is_inspected
         target = self._surface.points[is_wanted].sum(axis=0) @ axes
         length = max(float(np.linalg.norm(target)), 1e-9)
-        left = (self._mission.num_controls - self._k) * self._mission.control_period_s
-        state, directions = self._state, (self._sun, target / length, self._priority @ axes)
+        left = (self._mission.num_controls - self.num_flown) * self._mission.control_period_s
+        state, directions = self._state, (self._sun, target / length, self.priority @ axes)
         parts = state[POSITION], state[VELOCITY], state[ATTITUDE], state[RATE], *directions
         return np.concatenate((*parts, [self.weight_inspected, left])).astype(np.float32)
 

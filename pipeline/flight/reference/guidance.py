@@ -38,15 +38,18 @@ def starting_centres(candidates: Floats, position: Floats, before: Floats) -> Fl
     return np.array(centres)
 
 
-def clustered(candidates: Floats, centres: Floats) -> Floats:
-    """Return the centres of clusters, by Lloyd's algorithm (IEEE Trans. Information Theory 28, 1982)."""
+def clustered(candidates: Floats, centres: Floats, tolerance: float = 0.0) -> Floats:
+    """Return the centres of clusters, by Lloyd's algorithm (IEEE Trans. Information Theory 28, 1982).
+
+    It begins at `centres`, and ends after 50 steps or where these move by less than scikit-learn's tolerance.
+    """
     if len(centres) == 1:
         return candidates.mean(axis=0, keepdims=True)
     # slow to import, and used only here
     from sklearn.cluster import KMeans  # noqa: PLC0415
     from threadpoolctl import threadpool_limits  # noqa: PLC0415
 
-    means = KMeans(len(centres), init=centres, n_init=1, max_iter=50, tol=0, algorithm="lloyd")
+    means = KMeans(len(centres), init=centres, n_init=1, max_iter=50, tol=tolerance, algorithm="lloyd")
     with threadpool_limits(limits=1, user_api="openmp"):
         return np.asarray(means.fit(candidates).cluster_centers_, dtype=np.float64)
 

@@ -53,17 +53,22 @@ def regular_placement(num_points: int, radius_m: float) -> Floats:
     sphere, 2004). It returns about the requested number of points, 99 for 100: ring by ring from +k to -k,
     inside a ring from +i towards +j.
     """
+    angles = regular_angles(num_points)
+    points = [(sin(polar) * cos(turned), sin(polar) * sin(turned), cos(polar)) for polar, turned in angles]
+    return radius_m * np.array(points)
+
+
+def regular_angles(num_points: int) -> list[tuple[float, float]]:
+    """Return the angles of these points from +k, and about it from +i towards +j, rad."""
     area = 4.0 * pi / num_points
     num_rings = max(1, floor(pi / sqrt(area) + 0.5))
     azimuth_spacing = area * num_rings / pi
-    points = []
+    angles = []
     for ring in range(num_rings):
         polar = pi * (ring + 0.5) / num_rings
         num_on_ring = max(1, floor(2.0 * pi * sin(polar) / azimuth_spacing + 0.5))
-        for step in range(num_on_ring):
-            azimuth = 2.0 * pi * step / num_on_ring
-            points.append((sin(polar) * cos(azimuth), sin(polar) * sin(azimuth), cos(polar)))
-    return radius_m * np.array(points)
+        angles += [(polar, 2.0 * pi * step / num_on_ring) for step in range(num_on_ring)]
+    return angles
 
 
 def fibonacci_placement(num_points: int, radius_m: float) -> Floats:
