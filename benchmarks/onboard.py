@@ -56,8 +56,9 @@ FAULTS: Mapping[str, tuple[str, str]] = {
     "a loop that runs once too often": (r"(for \(int j = 0; j) < (\w+); ", r"\1 <= \2; "),
     "twice the force": (r"(state->commanded\[0\] = finite_number\()", r"\g<1>2.0 * "),
     "a period out of range": (
-        r"\(output->status == 0\) && \(period >= 0\) && \(period < CONTROLLER_NUM_PERIODS\)",
-        "output->status == 0",
+        r"if \((is_fit\(output->status, CONTROLLER_NEEDED_BY_RULES\)) && \(period >= 0\) && "
+        r"\(period < CONTROLLER_NUM_PERIODS\)\)",
+        r"if (\1)",
     ),
     "a signal that is not finite": (r"finite_number\(state->signals", "(state->signals"),
     "a rule before the first": (r"state->leading\[system\] >= 0", "state->leading[system] >= -1"),

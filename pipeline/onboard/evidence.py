@@ -10,8 +10,10 @@ from typing import Any
 
 import numpy as np
 
+from fis_tools.file_access import read_text
 from fis_tools.words.text import sentence
 from pipeline.flight.state.log import FlightLog
+from pipeline.onboard.messages import REQUIREMENTS
 from pipeline.onboard.program import OnboardProgram
 from pipeline.onboard.recorded import Recorded, vector_of
 from pipeline.onboard.source import Sources
@@ -30,6 +32,19 @@ def obligation_table(program: OnboardProgram) -> Iterator[str]:
     for each in program.translator.obligations:
         what = each.what.partition(";")[0]
         yield f'{each.function},"{what}",{each.file}:{each.line}'
+
+
+def requirement_table(folder: Path) -> Iterator[str]:
+    """Return which lines of the C name each requirement that they serve."""
+    yield "requirement,file,line,text"
+    for file in ("controller.c", "packets.c"):
+        lines = read_text(folder / file).splitlines()  # file: written just now
+        for number, line in enumerate(lines, start=1):
+            for name in re.findall(
+                r"\bB\d+\b", " ".join(re.findall(r"\(([^()]*)\)", line)) if "*" in line else ""
+            ):
+                if name in REQUIREMENTS:
+                    yield f'{name},{file},{number},"{REQUIREMENTS[name]}"'
 
 
 def traceability(source: Sources, runs: Mapping[int, int] | None) -> Iterator[str]:

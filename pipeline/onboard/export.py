@@ -13,6 +13,7 @@ from pipeline.onboard.evidence import (
     line_runs,
     loop_table,
     obligation_table,
+    requirement_table,
     rule_table,
     traceability,
     vector_source,
@@ -26,14 +27,15 @@ from pipeline.onboard.source import Sources, rendered, sources
 
 #: functions of the source whose meaning is told to the analyser, since it does not know the library's
 SPECIFIED = ("nearest_whole", "power_of_two")
-#: a folder's files that are filled in, beside the source
+#: a folder's files that are filled in, beside the source: messages as octets, and the page on them
+MESSAGES = ("packets.h", "packets.c", "interface.md")
 EVIDENCE = (
     *("any_input.c", "main.c", "vector.h", "check.sh", "prove.sh"),
     *("emulate.sh", "cortex/board.c", "cortex/board.h", "cortex/board.ld", "cortex/sums.c"),
 )
 WRAPPERS = (
     *("README.md", "fprime/Controller.fpp", "fprime/Controller.hpp", "fprime/Controller.cpp"),
-    *("cfs/inspection_app.c", "cfs/inspection_msgids.h"),
+    *("cfs/inspection_app.c", "cfs/inspection_msgids.h", "cfs/inspection.xml"),
     *("basilisk/inspectionController.c", "basilisk/inspectionController.h", "simulink/controller_sfun.c"),
     *("basilisk/inspectionController.i", "basilisk/CMakeLists.txt"),
     *("fmi/fmi.c", "fmi/modelDescription2.xml", "fmi/modelDescription3.xml", "fmi/build.sh"),
@@ -88,15 +90,20 @@ def _written(program: OnboardProgram, scenarios: Sequence[Scenario], folder: Pat
     logs = [fly_logged(program.mission, program.controller, scenario) for scenario in scenarios]
     flights = [recorded(program, scenario, log) for scenario, log in zip(scenarios, logs, strict=True)]
     facts = {
+        "interface": source.interface,
+        "parameters": source.interface.parameters,
+        "identity": source.identity,
         "name": plain(program.controller.name),
         "world": program.world,
         "num_flights": len(flights),
-        "parameters": program.parameters,
         "planner": program.planner,
         "warnings": WARNINGS,
         "specified": _specified(source.code),
-        **block_facts(source.code, program.world.num_points),
+        "token": source.identity["code"],
+        **block_facts(source.interface),
     }
+    for name in MESSAGES:
+        _write(folder / name, renamed(rendered(f"{name}.jinja", **facts), prefix))
     evidence = folder / "evidence"
     for name in EVIDENCE:
         _write(evidence / name, renamed(rendered(f"evidence/{name}.jinja", **facts), prefix))
@@ -106,6 +113,7 @@ def _written(program: OnboardProgram, scenarios: Sequence[Scenario], folder: Pat
     answers, measured = _answers(folder, flights, prefix), _measured(folder)
     _write_lines(evidence / "loops.csv", loop_table(program))
     _write_lines(evidence / "obligations.csv", obligation_table(program))
+    _write_lines(evidence / "requirements.csv", requirement_table(folder))
     _write_lines(evidence / "rules.csv", rule_table(program, source, answers))
     _write_lines(evidence / "traceability.csv", traceability(source, line_runs(folder)))
     if measured is not None:
@@ -116,7 +124,7 @@ def _written(program: OnboardProgram, scenarios: Sequence[Scenario], folder: Pat
     different = [len(differing(*pair)) for pair in zip(answers, logs, strict=bool(answers))]
     num_commands = sum(len(flight.steps) for flight in flights)
     exported = Exported(source, len(flights), num_commands, sum(different) if answers else None, measured)
-    facts |= {"program": program, "exported": exported, "identity": source.identity, "prefix": prefix}
+    facts |= {"program": program, "exported": exported, "prefix": prefix}
     _write(folder / "README.md", renamed(rendered("README.md.jinja", **facts), prefix))
     return exported
 

@@ -23,6 +23,9 @@ from pipeline.flight.fly.tours import rehearsal_samples, tour_images
 from pipeline.flight.fly.workspace import points_of_cases
 from pipeline.flight.period.look.optics import sun_after
 from pipeline.flight.state.log import REHEARSED, FlightLog, Scenario
+from pipeline.onboard.interface import dtype_of
+from pipeline.onboard.messages import OUTPUT as ANSWERED
+from pipeline.onboard.messages import START, STEP
 from pipeline.onboard.prefix import USUAL
 from pipeline.onboard.program import OnboardProgram
 
@@ -42,26 +45,12 @@ class Recorded(NamedTuple):
 
 def start_type(num_points: int) -> np.dtype[Any]:
     """Return the layout of ``struct controller_start_input``."""
-    fields = [("sun_angle", "f8", 2), ("sun_elevation", "f8", 2), ("counts", "u1", num_points)]
-    return np.dtype(fields, align=True)
+    return dtype_of(START, num_points)
 
 
 def step_type(num_points: int) -> np.dtype[Any]:
     """Return the layout of ``struct controller_step_input``."""
-    return np.dtype(
-        [
-            ("period", "i4"),
-            ("is_given", "i4"),
-            ("position_m", "f8", 3),
-            ("velocity_m_s", "f8", 3),
-            ("attitude", "f8", 4),
-            ("sun_angle", "f8", 2),
-            ("sun_elevation", "f8", 2),
-            ("given_n", "f8", 3),
-            ("unseen", "u1", num_points),
-        ],
-        align=True,
-    )
+    return dtype_of(STEP, num_points)
 
 
 def vector_type(num_points: int) -> np.dtype[Any]:
@@ -71,17 +60,7 @@ def vector_type(num_points: int) -> np.dtype[Any]:
 
 
 #: the layout of ``struct controller_output``
-OUTPUT = np.dtype(
-    [
-        ("status", "i4"),
-        ("force_n", "f8", 3),
-        ("inferred_n", "f8", 3),
-        ("reason", "i4", 3),
-        ("leading_rule", "i4", 3),
-        ("safety_limit", "i4"),
-    ],
-    align=True,
-)
+OUTPUT = dtype_of(ANSWERED, 0)
 
 
 def recorded(program: OnboardProgram, scenario: Scenario, log: FlightLog) -> Recorded:
@@ -174,6 +153,11 @@ class Library:
     def plan(self, budget: int = 1 << 20) -> int:
         """Search by so many generations; return how many are left."""
         return int(self._function("plan")(self._state, budget))
+
+    def change(self, change: Any, changed: Any) -> int:
+        """Change a parameter, both records with the layout of the messages; return the status."""
+        addresses = (ctypes.c_void_p(record.ctypes.data) for record in (change, changed))
+        return int(self._function("change")(self._state, *addresses))
 
     def step(self, step: Any, output: Any) -> None:
         """Write what is answered to a record of `step_type` into one of `OUTPUT`, both of an array's."""

@@ -1,7 +1,7 @@
 """A program as C99: a header and a source, which call nothing but ``math.h``."""
 
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from hashlib import sha256
@@ -16,12 +16,17 @@ from fis_tools.model import conjunctions
 from fis_tools.model.thrust import LOGIC_REASONS, REASONS, SILENT_N
 from fis_tools.words.text import sentence
 from pipeline.flight.state.log import LEAST_CHANGE_N
-from pipeline.flight.state.signals import BODY, CONSTANTS
+from pipeline.flight.state.signals import BODY
+from pipeline.onboard.constant_tables import BYTES, ConstantTable
+from pipeline.onboard.dead_stores import without_dead_stores
+from pipeline.onboard.fields import offsets
+from pipeline.onboard.interface import Interface, interface_of
+from pipeline.onboard.messages import ABOUTS, INPUT_REASON, MODES, REQUIREMENTS
 from pipeline.onboard.prefix import USUAL, renamed
 from pipeline.onboard.program import OnboardProgram
-from pipeline.onboard.values import Array, number_text
-from pipeline.onboard.writer import Function, Line, pruned
-from pipeline.run.maker import git_revision, product_version, sources_hash
+from pipeline.onboard.values import number_text
+from pipeline.onboard.writer import Function, Line
+from pipeline.run.maker import DISTRIBUTION, git_revision, product_version, sources_hash
 
 #: under which what is exported may be used
 LICENCE = "MIT"
@@ -32,8 +37,6 @@ OF_ENTRIES = frozenset(
         *("plan_state", "plan_best", "plan_cost", "plan_given"),
     }
 )
-#: positions are taken up to so many times the greatest distance allowed, speeds up to that within a time, s
-REACH, PASSAGE_S = 50.0, 2.0
 #: what a compiler must not do, where it says that it does
 FLOATING_POINT = """\
 #if defined __FINITE_MATH_ONLY__ && (__FINITE_MATH_ONLY__ > 0)
@@ -46,8 +49,6 @@ FLOATING_POINT = """\
 #pragma STDC FP_CONTRACT OFF
 #endif
 """
-#: lanes of vectors are bytes of a double; of whole numbers there are four
-BYTES = {"double": 8, "int": 4, "unsigned int": 4, "unsigned char": 1}
 
 
 @dataclass(frozen=True)
@@ -65,6 +66,7 @@ class Sources:
         Of ``struct controller``, without its parameters.
     identity : mapping of str to str
         SHA-256 of the code, the controller and the generator's sources; its revision, and the licence.
+    interface : Interface
     """
 
     header: str
@@ -73,11 +75,12 @@ class Sources:
     tables: Mapping[str, int]
     state_bytes: int
     identity: Mapping[str, str]
+    interface: Interface
 
 
 def sources(program: OnboardProgram, prefix: str = USUAL) -> Sources:
     """Return the source of a program; the names that other files see begin with the prefix."""
-    functions = without_dead_stores(program.translator.functions)
+    functions = without_dead_stores(program.translator.functions, OF_ENTRIES)
     lines = [line for function in functions for line in function.lines]
     tables = [
         table for each in program.translator.tables.values() if (table := ConstantTable(each, lines)).is_used
@@ -92,6 +95,8 @@ def sources(program: OnboardProgram, prefix: str = USUAL) -> Sources:
         if name in OF_ENTRIES | read_members
     }
     members |= {"num_unseen": ((1,), "double"), "started": ((1,), "int")}
+    members |= {f"last_{name}": ((3,), "double") for name in ("position", "velocity")}
+    members |= dict.fromkeys(("last_period", "repeats"), ((1,), "int"))
     if program.planner:
         members |= program.planner.members
     code = [Line(text) for text in _opening(program)]
@@ -106,7 +111,8 @@ def sources(program: OnboardProgram, prefix: str = USUAL) -> Sources:
         code += [Line(line) for line in text.splitlines()]
     for function in functions:
         code += _definition(function)
-    facts = _facts(program, members, {function.name for function in functions})
+    interface = _interface(program, members)
+    facts = _facts(program, members, interface, {function.name for function in functions})
     code += [Line(text) for text in rendered("entries.c.jinja", **facts).splitlines()]
     text = renamed("".join(f"{line.text}\n" for line in code), prefix)
     identity = {"code": sha256(text.encode()).hexdigest(), **_origin(program)}
@@ -121,6 +127,7 @@ def sources(program: OnboardProgram, prefix: str = USUAL) -> Sources:
         {table.name: table.num_bytes for table in tables},
         sum(int(np.prod(shape)) * BYTES[kind] for shape, kind in members.values()),
         identity,
+        interface,
     )
 
 
@@ -139,8 +146,20 @@ def _origin(program: OnboardProgram) -> dict[str, str]:
 def _environment() -> Any:
     options = {"autoescape": lambda name: name.endswith(".xml.jinja")}  # beside XML, code
     forms = environment("pipeline.onboard", "templates", keep_trailing_newline=True, **options)
-    forms.filters |= {"exact": number_text}
+    forms.filters |= {"exact": number_text, "octets": _octets}
+    forms.globals |= {
+        **{"abouts": ABOUTS, "modes": MODES, "input_reason": INPUT_REASON, "requirements": REQUIREMENTS},
+        "reasons": {reason: REASONS[reason] for reason in (*LOGIC_REASONS, "safety", "rehearsed", "parked")},
+        "reason_numbers": {reason: number for number, reason in enumerate(REASONS)},
+        "generator": " ".join(filter(None, (DISTRIBUTION, product_version(), git_revision()))),
+        "offsets": offsets,
+    }
     return forms
+
+
+def _octets(digits: str) -> list[str]:
+    """Return hexadecimal digits as octets of C."""
+    return [f"0x{octet:02x}U" for octet in bytes.fromhex(digits)]
 
 
 def rendered(template: str, **facts: Any) -> str:
@@ -148,66 +167,47 @@ def rendered(template: str, **facts: Any) -> str:
     return str(_environment().get_template(template).render(facts))
 
 
-def _facts(program: OnboardProgram, members: Mapping[str, Any], functions: set[str]) -> dict[str, Any]:
+def _interface(program: OnboardProgram, members: Mapping[str, Any]) -> Interface:
+    """Return the interface of a program."""
+    (_, designed), *_ = program.choices
+    return interface_of(
+        program.world,
+        # where it decides anything, a Sun that this C does not model is refused
+        is_sun_in_plane=program.is_sun_in_plane and not {"sun", "sun_at_start"}.isdisjoint(members),
+        parameters={name: designed[name] for name in program.parameters},
+        members=members,
+        functions=program.translator.functions,
+        axes="body" if program.law.force_axes == BODY else "Hill",
+        limits="0 none, 1 keep out, 2 keep in, 3 speed, 4 passive safety",
+    )
+
+
+def _facts(
+    program: OnboardProgram, members: Mapping[str, Any], interface: Interface, functions: set[str]
+) -> dict[str, Any]:
     """Return what the templates ask for."""
     world, law, parameters = program.world, program.law, program.parameters
     systems = program.controller.systems
     orders = [_rule_order(system) for system in systems]
     longest = max(map(len, orders), default=0)
-    reach = REACH * world.max_distance
     return {
         "name": plain(program.controller.name),
         "world": world,
         "law": law,
+        "interface": interface,
+        "parameters": interface.parameters,
         "planner": program.planner,
-        "given": "is_given" if program.planner else "input->is_given != 0",
-        "forces": ", ".join(
-            f"{'given' if program.planner else 'input->given_n'}[{axis}]" for axis in range(3)
-        ),
         "functions": functions,
         "members": {name: int(np.prod(shape)) for name, (shape, _) in members.items()},
-        "parameters": {name: CONSTANTS[name].description for name in parameters},
         "choices": [name for name, _ in program.choices],
-        # where it decides anything, a Sun that this C does not model is refused
-        "is_sun_in_plane": program.is_sun_in_plane and not {"sun", "sun_at_start"}.isdisjoint(members),
         "rows": [[row[name] for name in parameters] or [0.0] for _, row in program.choices],
         "table": table,
         "rule_order": [[*order, *[0] * (longest - len(order))] for order in orders],
         "systems": [int(axis) for axis in law.axes],
-        "limits": "0 none, 1 keep out, 2 keep in, 3 speed, 4 passive safety",
-        "reasons": {reason: REASONS[reason] for reason in (*LOGIC_REASONS, "safety", "rehearsed", "parked")},
-        "reason_numbers": {reason: number for number, reason in enumerate(REASONS)},
         "changed_n": LEAST_CHANGE_N,
         "silent_n": SILENT_N,
         "is_body": law.force_axes == BODY,
-        "safety_needs": _safety_needs(program),
-        "generator": " ".join(
-            filter(None, ("fuzzy-spacecraft-inspection", product_version(), git_revision()))
-        ),
-        "axes": "body" if law.force_axes == BODY else "Hill",
-        "reach_m": reach,
-        "speed_m_s": reach / PASSAGE_S,
     }
-
-
-def _safety_needs(program: OnboardProgram) -> list[str]:
-    """Return bits of the status with which collision avoidance cannot go on: those of what it reads."""
-    functions = {each.name: each for each in program.translator.functions}
-    text, called = "", ["assure"]
-    for name in called:
-        if name in functions:
-            body = "\n".join(line.text for line in functions[name].lines)
-            called += sorted(set(re.findall(r"(\w+)\(state\b", body)) - set(called))
-            text += body
-    reads = {
-        "ATTITUDE": r"\bbelief_attitude\b",
-        "SUN": r"\bsun\w*\b",
-        "PARAMETERS": r"\bparameters\b",
-        "PERIOD": r"\b(now_)?k\b",
-    }
-    text = re.sub(r"\(state, (now_)?k\b", "", text)  # there the period is only passed on
-    needed = [bit for bit, pattern in reads.items() if re.search(pattern, text)]
-    return [f"CONTROLLER_BAD_{bit}" for bit in ("POSITION", "VELOCITY", "START", *needed)]
 
 
 def _rule_order(system: Any) -> list[int]:
@@ -218,108 +218,6 @@ def _rule_order(system: Any) -> list[int]:
 
 def _declared(name: str, shape: tuple[int, ...], kind: str) -> str:
     return f"{kind} {name}{''.join(f'[{length}]' for length in shape if length != 1)};"
-
-
-class ConstantTable:
-    """A constant table; where the last indices are always known, it holds only what is read.
-
-    Parameters
-    ----------
-    table : Array
-    lines : iterable of Line
-        All that may read it.
-    """
-
-    def __init__(self, table: Array, lines: Iterable[Line]) -> None:
-        self.name, self.kind = table.name, table.kind
-        self.c_type = "unsigned char" if np.asarray(table.data).dtype == np.uint8 else table.kind
-        index = r"\[[^\[\]]*(?:\[[^\[\]]*\][^\[\]]*)*\]"
-        accesses = re.compile(rf"(?<![\w>.]){self.name}((?:{index})+)")
-        texts = [text for line in lines for text in accesses.findall(line.text)]
-        data = np.asarray(table.data)
-        self.data = data.reshape([length for length in data.shape if length != 1] or [1])
-        self.is_used, self._columns, self._pattern = bool(texts), [], None
-        strides = [re.match(r"\[(\d+) \* (\w+)\]", text) for text in texts]
-        self._stride = 1
-        if (
-            self.data.ndim > 1
-            and texts
-            and all(strides)
-            and len({match[1] for match in strides if match}) == 1
-        ):
-            self._stride = int(strides[0][1])  # type: ignore[index]
-            self.data = self.data[:: self._stride]
-        if self.data.ndim == 1:
-            return
-        last = r"\[(\d+)\]" * (self.data.ndim - 1)
-        keys = [re.fullmatch(rf"(?:{index}){last}", text) for text in texts]
-        if texts and all(keys):
-            self._columns = sorted({tuple(map(int, key.groups())) for key in keys if key})
-            self._pattern = re.compile(rf"(?<![\w>.]){self.name}({index}){last}")
-            columns = [self.data[(slice(None), *column)] for column in self._columns]  # type: ignore[arg-type]
-            self.data = np.stack(columns, axis=1)
-
-    @property
-    def num_bytes(self) -> int:
-        """What it takes."""
-        return int(self.data.size) * BYTES[self.c_type]
-
-    def renamed(self, line: Line) -> Line:
-        """Return a line that reads the columns that are kept."""
-        if self._pattern is None:
-            return line
-
-        def rename(match: re.Match[str]) -> str:
-            column = self._columns.index(tuple(map(int, match.groups()[1:])))
-            return f"{self.name}{self._row(match[1])}[{column}]"
-
-        text = self._pattern.sub(rename, line.text)
-        return Line(text, line.file, line.number)
-
-    def _row(self, index: str) -> str:
-        """Return a first index, of the rows that are kept."""
-        return index.replace(f"[{self._stride} * ", "[") if self._stride > 1 else index
-
-    def definition(self) -> list[str]:
-        """Return its definition in C."""
-        values = self.data.astype(int if self.kind == "int" else float)
-        return table(self.c_type, self.name, values.tolist()).split("\n")
-
-
-_STORE = re.compile(r"\s*state->(\w+(?:\[\d+\])*) = (.*);")
-
-
-def without_dead_stores(functions: Iterable[Function]) -> list[Function]:
-    """Leave out what is written to elements of the state that nothing reads, and what that alone needs."""
-    functions = list(functions)
-    while True:
-        elements, wholes = _read(line for function in functions for line in function.lines)
-        is_changed = False
-        for function in functions:
-            kept = []
-            for line in function.lines:
-                match = _STORE.fullmatch(line.text)
-                name = match[1].partition("[")[0] if match else ""
-                if match is None or match[1] in elements or name in wholes | OF_ENTRIES:
-                    kept.append(line)
-            kept = pruned(kept)
-            is_changed |= len(kept) < len(function.lines)
-            function.lines = kept
-        if not is_changed:
-            return functions
-
-
-def _read(lines: Iterable[Line]) -> tuple[set[str], set[str]]:
-    """Return the elements of the state that lines read, and the arrays of which they read some element."""
-    elements, wholes = set(), set()
-    for line in lines:
-        match = _STORE.fullmatch(line.text)
-        text = match[2] if match else line.text
-        for name, indices in re.findall(r"state->(\w+)((?:\[\d+\])*)", text):
-            if match is None or name + indices != match[1]:  # a sum that only adds to itself is not read
-                elements.add(name + indices)
-        wholes |= set(re.findall(r"state->(\w+)(?:\[\d+\])*\[[^\]\d]", text))
-    return elements, wholes
 
 
 def _helpers(lines: Sequence[Line]) -> Iterator[str]:

@@ -83,10 +83,11 @@ def shipped(request, tmp_path_factory):
 
 def test_a_step_before_the_start_or_with_a_parameter_that_is_no_number_fires_nothing(shipped):
     program, library, flight, _ = shipped
-    output = np.zeros(1, OUTPUT)
+    output, step = np.zeros(1, OUTPUT), flight.steps[:1].copy()
+    step["is_given"] = 0  # what is given is fired, whatever the parameters are
 
     def refused(bit):
-        library.step(flight.steps[:1], output)
+        library.step(step, output)
         return output["status"][0] == bit and not np.any(output["force_n"])
 
     (_, designed), *_ = program.choices
@@ -304,10 +305,10 @@ def test_a_wrapper_fits_the_names_and_types_of_its_host(exported, source, langua
     subprocess.run([*command, *folders], check=True, timeout=120)  # noqa: S603
 
 
-def simulated(blocks, version, flight, *, begins_s=0.0, step_s=SHORT.control_period_s):
+def simulated(blocks, version, interface, flight, *, begins_s=0.0, step_s=SHORT.control_period_s, **starts):
     """The forces that an FMI block commands for a flight's inputs, from a time on."""
     path, period = blocks / f"fmi{version}.fmu", SHORT.control_period_s
-    every = list(variables(flight.steps.dtype["unseen"].shape[0]))
+    every = list(variables(interface))
     names = [each.name for each in every if each.causality == "input"]
     rows = np.zeros(len(flight.steps), [("time", "f8"), *((name, "f8") for name in names)])
     rows["time"] = begins_s + period * np.arange(len(rows))
@@ -315,7 +316,7 @@ def simulated(blocks, version, flight, *, begins_s=0.0, step_s=SHORT.control_per
         field, _, number = name.rstrip("]").partition("[")
         rows[name] = flight.steps[field][:, int(number) - 1] if number else flight.steps[field]
     forces = [f"force_n[{axis}]" for axis in (1, 2, 3)]
-    points = [each.name for each in every if each.causality == "parameter"]
+    points = [each.name for each in every if each.variability == "fixed"]
     result = simulate_fmu(
         str(path),
         start_time=begins_s,
@@ -325,7 +326,7 @@ def simulated(blocks, version, flight, *, begins_s=0.0, step_s=SHORT.control_per
         input=rows,
         output=forces,
         fmi_type="CoSimulation",
-        start_values=dict(zip(points, flight.start["counts"].astype(float), strict=True)),
+        start_values=dict(zip(points, flight.start["counts"].astype(float), strict=True)) | starts,
     )
     return np.stack([result[name][1:] for name in forces], axis=1)
 
@@ -333,13 +334,35 @@ def simulated(blocks, version, flight, *, begins_s=0.0, step_s=SHORT.control_per
 @pytest.mark.parametrize("begins_s", [0.0, 1234.0])
 @pytest.mark.parametrize("version", [2, 3])
 def test_an_fmi_block_commands_the_same(exported, blocks, version, begins_s):
-    _, program, _ = exported
+    _, program, result = exported
     assert validate_fmu(str(blocks / f"fmi{version}.fmu")) == []
     (start,) = random_starts(1, seed=3)
     log = fly_logged(SHORT, program.controller, start)
-    commanded = simulated(blocks, version, recorded(program, start, log), begins_s=begins_s)
+    given = blocks, version, result.source.interface, recorded(program, start, log)
+    commanded = simulated(*given, begins_s=begins_s)
     assert np.array_equal(commanded, log.force_commanded_n)
     assert np.any(commanded)
+    bands = [each for each in result.source.interface.parameters if "dead_band" in each.name]
+    deaf = {each.name: each.limits[1] for each in bands}
+    assert not np.any(simulated(*given, begins_s=begins_s, **deaf))
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_an_fmi_block_tells_units_and_ranges(exported, blocks, version):
+    fields = exported[2].source.interface
+    described = read_model_description(str(blocks / f"fmi{version}.fmu"))
+    variables = {each.name.partition("[")[0]: each for each in described.modelVariables}
+    for field in (*fields.step, *fields.parameters, *fields.output):
+        if field.name == "period":
+            continue
+        variable = variables[field.name]
+        assert (variable.unit or "") == field.unit
+        assert variable.description == field.comment
+        limits = [None if limit is None else float(limit) for limit in (variable.min, variable.max)]
+        assert limits == ([None, None] if field.limits is None else list(map(float, field.limits)))
+    assert {variables[each.name].variability for each in fields.parameters} == {"tunable"}
+    units = {each.unit for each in fields.step if each.unit}
+    assert {unit.name for unit in described.unitDefinitions} >= units
 
 
 @pytest.fixture(params=[2, 3])
@@ -446,20 +469,25 @@ BAD = {
 
 
 @pytest.mark.parametrize("field", BAD)
-def test_an_input_out_of_range_fires_nothing_and_says_which(exported, library, field):
-    _, program, _ = exported
+def test_an_input_out_of_range_says_which_and_ends_what_needs_it(exported, library, field):
+    _, program, result = exported
     (start,) = random_starts(1, seed=2)
-    flight = recorded(program, start, fly_logged(SHORT, program.controller, start))
+    log = fly_logged(SHORT, program.controller, start)
+    flight = recorded(program, start, log)
     bit, values = BAD[field]
+    interface = result.source.interface
+    (described,) = (each for each in interface.step if each.name == field)
     for value in values:
         steps = flight.steps[:3].copy()
         steps[field][0] = value
         steps["is_given"][0] = field == "given_n"
         answers = library.answers(flight._replace(steps=steps))
         assert answers["status"][0] == bit
-        assert not np.any(answers["force_n"][0])
+        is_needed = "rules" in interface.needed_by(described)
+        assert np.array_equal(answers["force_n"][0], np.zeros(3) if is_needed else log.force_commanded_n[0])
         # the next step is as if nothing had been
         assert not np.any(answers["status"][1:])
+    assert described.name == "attitude" or is_needed
 
 
 def test_collision_avoidance_goes_on_without_what_it_does_not_need(tmp_path):

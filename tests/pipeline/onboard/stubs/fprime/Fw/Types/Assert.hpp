@@ -1,0 +1,2 @@
+#include <cassert>
+#define FW_ASSERT(CONDITION, ...) assert(CONDITION)

@@ -1,0 +1,1 @@
+#include "FpConfig.hpp"
