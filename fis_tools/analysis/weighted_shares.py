@@ -20,7 +20,7 @@ import numpy as np
 from fis_tools.analysis.contribution import concluded_numbers
 from fis_tools.analysis.quadrature import quadrature
 from fis_tools.array_types import Booleans, Floats
-from fis_tools.engines.codes import WEIGHTED_SUM
+from fis_tools.engines.codes import RAISED_WEIGHT, WEIGHTED_SUM
 from fis_tools.engines.program import Program, Weighing
 
 #: Step of the trapezoidal rule in the logarithm of t: its error is about ``exp(-pi^2 / STEP)``.
@@ -56,6 +56,8 @@ def weighted_shares(
     """
     strengths = firing[:, weighing.rules] * weighing.weights
     numbers = concluded_numbers(program, weighing, firing, strengths, inputs)
+    if weighing.defuzzifier != WEIGHTED_SUM:
+        strengths = strengths * RAISED_WEIGHT  # as inference does
     products = np.where(strengths > 0.0, strengths * np.where(strengths > 0.0, numbers, 0.0), 0.0)
     weights, sums = np.zeros(firing.shape), np.zeros(firing.shape)
     for column, rule in enumerate(weighing.rules):

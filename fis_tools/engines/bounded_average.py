@@ -16,7 +16,8 @@ from fis_tools.engines.program import Weighing
 @compiled(error_model="numpy", nogil=True)
 def weigh(weighing: Weighing, low: Floats, high: Floats, strengths: Floats, out: Floats) -> None:
     """Bound one weighted output, for bounded firing strengths, (n, rules, 2), of boxes in the universes."""
-    count = len(weighing.rules)
+    count, is_sum = len(weighing.rules), weighing.defuzzifier == codes.WEIGHTED_SUM
+    scale = 1.0 if is_sum else codes.RAISED_WEIGHT
     weights, numbers = np.empty((count, 2)), np.empty((count, 2))
     for box in range(len(strengths)):
         for index in range(count):
@@ -24,18 +25,20 @@ def weigh(weighing: Weighing, low: Floats, high: Floats, strengths: Floats, out:
             weight = weighing.weights[index]
             weights[index] = widened(least * weight, greatest * weight)
             numbers[index] = _number(weighing, index, low[box], high[box], weights[index])
+            weights[index] *= scale
         least_total, greatest_total = weights[:, 0].sum(), weights[:, 1].sum()
         if greatest_total == 0.0:
             out[box] = weighing.default, weighing.default
             continue
         size = np.abs(numbers).max()
-        if weighing.defuzzifier == codes.WEIGHTED_SUM:
+        if is_sum:
             least = np.minimum(weights[:, 0] * numbers[:, 0], weights[:, 1] * numbers[:, 0]).sum()
             greatest = np.maximum(weights[:, 0] * numbers[:, 1], weights[:, 1] * numbers[:, 1]).sum()
             size *= greatest_total
         else:
             least, greatest = _least_average(weights, numbers[:, 0]), -_least_average(weights, -numbers[:, 1])
-        slack = 4 * EPSILON * (count + 4) * size
+        # what products of faint strengths lose is no more, as they are raised
+        slack = 4 * EPSILON * (count + 4) * size + count / codes.RAISED_WEIGHT
         least, greatest = least - slack, greatest + slack
         if least_total == 0.0 and not np.isnan(weighing.default):  # NaN is no output, which nothing bounds
             least, greatest = min(least, weighing.default), max(greatest, weighing.default)

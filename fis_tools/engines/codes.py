@@ -7,6 +7,9 @@ import numpy as np
 from fis_tools import model
 from fis_tools.compiled.decorator import compiled
 
+#: By which the strengths that an average weighs by are multiplied: a power of two changes no digit, and
+#: products of the faintest keep theirs.
+RAISED_WEIGHT = 2.0**128
 #: Operations as numbers, since compiled functions have no strings.
 AND_CODES = range(7)
 OR_CODES = range(7, 14)

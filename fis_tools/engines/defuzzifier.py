@@ -289,6 +289,7 @@ def weigh_rows(  # noqa: PLR0912 - a branch for each kind of conclusion
     clipped = np.empty(num_inputs)
     size = 0 if accumulation == codes.UNBOUNDED_SUM else len(rules)
     numbers, strengths = np.empty(size), np.empty(size)
+    scale = 1.0 if weighing.defuzzifier == codes.WEIGHTED_SUM else codes.RAISED_WEIGHT
     for sample in range(len(firing)):
         for column in range(num_inputs):
             clipped[column] = min(max(values[sample, column], universes[column, 0]), universes[column, 1])
@@ -311,13 +312,13 @@ def weigh_rows(  # noqa: PLR0912 - a branch for each kind of conclusion
                 if np.isinf(number):
                     number = weighing.high if number > 0.0 else weighing.low
             if accumulation == codes.UNBOUNDED_SUM:
-                total += strength
-                moment += strength * number
+                total += strength * scale
+                moment += strength * scale * number
             else:
                 count = _join(accumulation, numbers, strengths, count, number, strength)
         for index in range(count):
-            total += strengths[index]
-            moment += strengths[index] * numbers[index]
+            total += strengths[index] * scale
+            moment += strengths[index] * scale * numbers[index]
         if total == 0.0:
             out[sample] = weighing.default
         else:

@@ -14,6 +14,7 @@ import numpy as np
 
 from fis_tools import model
 from fis_tools.array_types import Floats, Integers
+from fis_tools.engines.codes import RAISED_WEIGHT
 from fis_tools.engines.defuzzification import DEFUZZIFIERS, crossings, defuzzify_sampled
 from fis_tools.engines.degrees import tabulated
 from fis_tools.engines.inputs import Values, as_rows
@@ -283,7 +284,8 @@ def _default(system: FuzzySystem, variable: Variable) -> float:
 
 def _weigh(system: FuzzySystem, variable: Variable, firing: Floats, values: Values) -> OutputInference:
     """Weight each rule's conclusion by its strength, one after the other."""
-    conclusions, total, moment = [], 0.0, 0.0
+    is_sum = system.defuzzifier_of(variable) == "weighted_sum"
+    conclusions, total, moment, scale = [], 0.0, 0.0, 1.0 if is_sum else RAISED_WEIGHT
     joined: dict[
         float, float
     ] = {}  # strengths by the number, where a program joins rules that conclude the same
@@ -297,15 +299,15 @@ def _weigh(system: FuzzySystem, variable: Variable, firing: Floats, values: Valu
                 accumulate: Any = ACCUMULATIONS[variable.accumulation]
                 joined[number] = accumulate(joined[number], strength) if number in joined else strength
             else:
-                total, moment = total + strength, moment + strength * number
+                total, moment = total + strength * scale, moment + strength * scale * number
         conclusions.append((index, strength, number))
         cuts[term] = strength if np.isnan(cuts[term]) else cuts[term] + strength
     for number in sorted(joined):
-        total, moment = total + joined[number], moment + joined[number] * number
+        total, moment = total + joined[number] * scale, moment + joined[number] * scale * number
     rules, strengths, numbers = zip(*conclusions, strict=True) if conclusions else ((), (), ())
     value = _default(system, variable)
     if total > 0.0:
-        value = moment if system.defuzzifier_of(variable) == "weighted_sum" else moment / total
+        value = moment if is_sum else moment / total
     weighing = WeightedConclusions(np.array(rules, dtype=np.int64), np.array(strengths), np.array(numbers))
     return OutputInference(variable, cuts, np.empty(0), np.empty(0), value, total == 0.0, weighing)
 

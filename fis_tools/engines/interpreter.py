@@ -259,6 +259,7 @@ def average_rows(antecedents: Antecedents, weighing: Weighing, values: Floats, o
     program, weighed = borrowed((antecedents, weighing))
     rules, weights, parameters = weighed.rules, weighed.weights, weighed.parameters
     num_inputs = len(program.inputs)
+    scale = 1.0 if weighed.defuzzifier == codes.WEIGHTED_SUM else codes.RAISED_WEIGHT
     work = np.zeros((program.inputs[:, 0].sum() + len(program.steps)) * LANES), np.zeros(num_inputs * LANES)
     slots, inputs = borrowed(work)
     answers = np.empty(LANES)
@@ -273,6 +274,7 @@ def average_rows(antecedents: Antecedents, weighing: Weighing, values: Floats, o
                     if parameters[index, column] != 0.0:
                         number += load(inputs, column * LANES, LANES) * parameters[index, column]
                 number = select(strength != 0.0, number, 0.0)  # it may be infinite at infinite inputs
+            strength *= scale
             total += strength
             moment += strength * number
         fires = total != 0.0

@@ -119,11 +119,11 @@ def _bisectors(sampling: int, x: Floats, low: Floats, high: Floats) -> tuple[flo
     """
     first, last = -1, len(x) - 1
     left_high, left_low = 0.0, 0.0
-    right_low, right_high = low.sum(), high.sum()
+    right_lows, right_highs = _sums_from(low), _sums_from(high)
     share, tie = 4 * EPSILON * (len(x) + 4) + 4.0 * TIE, 4.0 * TIE * high.sum()
     for point in range(len(x)):
         left_high, left_low = left_high + high[point], left_low + low[point]
-        right_low, right_high = right_low - low[point], right_high - high[point]
+        right_low, right_high = right_lows[point + 1], right_highs[point + 1]
         if first < 0 and left_high >= right_low * (1.0 - share) - share * left_high:
             first = point
         if left_low >= right_high * (1.0 + share) + share * left_low:
@@ -142,6 +142,15 @@ def _bisectors(sampling: int, x: Floats, low: Floats, high: Floats) -> tuple[flo
 
 
 @compiled(error_model="numpy", nogil=True)
+def _sums_from(heights: Floats) -> Floats:
+    """Return sums of heights from each point on, and zero: differences would lose what is faint."""
+    sums = np.zeros(len(heights) + 1)
+    for point in range(len(heights) - 1, -1, -1):
+        sums[point] = sums[point + 1] + heights[point]
+    return sums
+
+
+@compiled(error_model="numpy", nogil=True)
 def _meetings(x: Floats, low: Floats, high: Floats) -> tuple[float, float]:
     """Return the first and the last point at which jFuzzyLogic's walks from both ends may meet.
 
@@ -153,23 +162,22 @@ def _meetings(x: Floats, low: Floats, high: Floats) -> tuple[float, float]:
     """
     last = len(x) - 1
     share = 4 * EPSILON * (len(x) + 4) + 4.0 * TIE
-    inner_low, inner_high = low[1:last].sum(), high[1:last].sum()
+    rests_low, rests_high = _sums_from(low[:last]), _sums_from(high[:last])
+    inner_low, inner_high = rests_low[1], rests_high[1]
     before_low, to_high = 0.0, 0.0
     least, greatest = last, 0
-    rest_high, rest_low = inner_high, inner_low
     end = 0
     for point in range(1, last):
         end = point if high[point] > 0.0 else end
     for point in range(1, end + 1):
         to_high += high[point]
-        rest_low -= low[point]
+        rest_high, rest_low = rests_high[point], rests_low[point + 1]
         # of S(1..k), S(k+1..n-1); of S(1..k-1), S(k..n-1)
         if to_high > 0.0 and to_high >= rest_low * (1.0 - share) - share * inner_low:
             least = min(least, point)
         if before_low <= rest_high * (1.0 + share) + share * inner_high:
             greatest = max(greatest, point)
         before_low += low[point]
-        rest_high -= high[point]
     if inner_low == 0.0 and high[last] > 0.0:
         greatest = last
     # points are added up from the first one, by steps as wide as the first

@@ -64,6 +64,14 @@ static void weigh(double strength, double number, double *total, double *moment)
     }
 }
 
+/* The same for an average: a power of two changes no digit, and products of faint strengths keep theirs. */
+static void weigh_in(double strength, double number, double *total, double *moment)
+{
+    const double raised = strength * 340282366920938463463374607431768211456.0;
+
+    weigh(raised, number, total, moment);
+}
+
 /* The input inside of its universe. */
 static double inside(double x, double low, double high)
 {

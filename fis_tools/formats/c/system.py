@@ -258,7 +258,9 @@ class System:
         if output.kind == "weighed":
             strength = scaled if weight == 1.0 else f"({scaled})"
             concluded = self._number(output.terms[row].membership, strength, output.variable)
-            return f"weigh({strength}, {concluded}, &total_{word}, &moment_{word})"
+            is_sum = self.system.defuzzifier_of(output.variable) == "weighted_sum"
+            weigh = "weigh" if is_sum else "weigh_in"
+            return f"{weigh}({strength}, {concluded}, &total_{word}, &moment_{word})"
         if output.kind == "implied":
             values = {
                 "sampled": f"memberships_{self.name}__{word}[{row}]",
