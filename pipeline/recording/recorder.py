@@ -147,30 +147,18 @@ class FlightRecorder:
             If the disk refuses.
         """
         settings = tuple(value for _, value in drawn(self.mission, scenario))
+        of_case = self
         if settings:  # drawn for this flight alone
-            of_case = copy(self)
+            of_case, scenario = copy(self), replace(scenario, settings=settings)
             of_case._enter(mission_of_case(self.mission, scenario))
-            of_case._record(path, replace(scenario, settings=settings), log, scenario_id)
-        else:
-            self._record(path, scenario, log, scenario_id, of_fleet)
-
-    def _record(
-        self,
-        path: Path,
-        scenario: Scenario,
-        log: FlightLog,
-        scenario_id: str,
-        of_fleet: DeputyLog | None = None,
-    ) -> None:
-        """Write a flight's metadata, attachments and messages to a file."""
-        episode = self._episode(scenario, scenario_id, log)
+        episode = of_case._episode(scenario, scenario_id, log)
         if of_fleet is not None:
             fleet, deputy = self._fleet, of_fleet.deputy
             episode |= {"deputy": json.dumps(deputy), "fleet_deputies": json.dumps(fleet.deputies)}
             episode["fleet_sharing"] = fleet.sharing
-        metadata = {topics.EPISODE_METADATA: episode, **self._systems, **self._rehearsals(log)}
+        metadata = {topics.EPISODE_METADATA: episode, **self._systems, **of_case._rehearsals(log)}
         with EpisodeWriter(path, metadata=metadata, attachments=self._attachments) as writer:
-            self._write(writer, log, of_fleet)
+            of_case._write(writer, log, of_fleet)
 
     def _episode(self, scenario: Scenario, scenario_id: str, log: FlightLog) -> dict[str, str]:
         """Return the metadata that describes a flight: its start, settings, limits and camera."""
