@@ -252,7 +252,9 @@ def task_of(
         commands is no multiple, or the reward looks at no end that the mission asks for.
     """
     composed = compose_experiment([*BASE, *overrides])
-    composed.experiment.mission.require_one_deputy("pipeline.gym")
+    composed.experiment.mission.require_one_deputy(
+        "pipeline.gym", "pipeline.gym.parallel.MultiInspectionEnv(num_deputies=...)"
+    )
     most = composed.experiment.mission.deputy.max_force_n
     if levels_n is not None and not 0.0 < levels_n <= most:
         raise ValueError(

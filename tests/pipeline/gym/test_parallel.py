@@ -15,7 +15,7 @@ from pipeline.command_line.config import compose_experiment
 from pipeline.flight.control.controller import open_loop
 from pipeline.flight.fly.fleets import fly_all_fleets, room_for_messages
 from pipeline.flight.state.log import Scenario
-from pipeline.gym import AFRL_WEIGHTED, Reward
+from pipeline.gym import AFRL_WEIGHTED, InspectionEnv, Reward
 from pipeline.gym.parallel import MultiInspectionEnv, MultiReachEnv, MultiSixDofInspectionEnv
 from tests.pipeline.gym.test_against_afrl import CLOSE_M, EVERY, GREATEST, table
 
@@ -141,6 +141,8 @@ def test_a_copy_goes_on_as_the_original_does() -> None:
 def test_what_cannot_be_is_refused() -> None:
     with pytest.raises(ValueError, match="num_deputies is 7; it must be from 1 to 6"):
         MultiInspectionEnv(num_deputies=7)
+    with pytest.raises(ValueError, match=r"fleet.deputies out, or take pipeline.gym.parallel.MultiInsp"):
+        InspectionEnv(["fleet.deputies=2"])
     env = MultiInspectionEnv(num_deputies=2)
     env.reset(seed=1)
     with pytest.raises(ValueError, match="actions are of deputy_0; each of deputy_0, deputy_1 needs one"):
