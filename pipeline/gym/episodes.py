@@ -215,10 +215,15 @@ def obeyed(overrides: Sequence[str]) -> Sequence[str]:
     Raises
     ------
     ValueError
-        If one is of something else, such as the controller.
+        If one is of something else, such as the controller or a fleet.
     """
     for override in parse(overrides):
         key = override.key_or_group
+        if key.partition(".")[0] == "fleet":
+            raise ValueError(
+                f"{override.input_line} is of fleets; leave it out, and for several deputies take "
+                "pipeline.gym.parallel.MultiInspectionEnv(num_deputies=...)"
+            )
         if OBEYED.isdisjoint((key, key.partition(".")[0])):
             raise ValueError(
                 f"{override.input_line} changes no episode; leave it out: only the world, the Sun and the "
@@ -252,9 +257,7 @@ def task_of(
         commands is no multiple, or the reward looks at no end that the mission asks for.
     """
     composed = compose_experiment([*BASE, *overrides])
-    composed.experiment.mission.require_one_deputy(
-        "pipeline.gym", "pipeline.gym.parallel.MultiInspectionEnv(num_deputies=...)"
-    )
+    composed.experiment.mission.require_one_deputy("pipeline.gym")
     most = composed.experiment.mission.deputy.max_force_n
     if levels_n is not None and not 0.0 < levels_n <= most:
         raise ValueError(

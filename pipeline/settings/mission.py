@@ -334,12 +334,12 @@ class Mission(Settings, group=""):
         """The mission as each deputy of a fleet flies it, as if alone."""
         return replace(self, fleet=Fleet()) if self.has_fleet else self
 
-    def require_one_deputy(self, what: str, beside: str = "") -> None:
-        """Raise SettingError in a mission of a fleet, for what knows of one deputy alone; or what to take."""
+    def require_one_deputy(self, what: str) -> None:
+        """Raise SettingError in a mission of a fleet, for what knows of one deputy alone."""
         if self.has_fleet:
             raise SettingError(
                 f"fleet.deputies is {self.fleet.deputies}, and {what} knows of one deputy; leave "
-                f"fleet.deputies out{beside and f', or take {beside}'}"
+                "fleet.deputies out"
             )
 
     @cached_property
