@@ -141,7 +141,7 @@ def test_a_copy_goes_on_as_the_original_does() -> None:
 def test_what_cannot_be_is_refused() -> None:
     with pytest.raises(ValueError, match="num_deputies is 7; it must be from 1 to 6"):
         MultiInspectionEnv(num_deputies=7)
-    with pytest.raises(ValueError, match="fleet.deputies=2 is of fleets; leave it out"):
+    with pytest.raises(ValueError, match=r"fleet.deputies=2 is of fleets; leave it out"):
         InspectionEnv(["fleet.deputies=2"])
     env = MultiInspectionEnv(num_deputies=2)
     env.reset(seed=1)
