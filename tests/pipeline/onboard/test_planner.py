@@ -18,6 +18,7 @@ from pipeline.flight.fly.simulation import fly_all, fly_logged
 from pipeline.flight.state.log import REHEARSED
 from pipeline.flight.world.pack import pack_world
 from pipeline.onboard.allowed import NotTranslatableError
+from pipeline.onboard.messages import MODES
 from pipeline.onboard.program import translate
 from pipeline.onboard.recorded import OUTPUT, Library, differing, recorded
 from pipeline.onboard.source import sources
@@ -171,6 +172,20 @@ def test_rules_fly_while_no_plan_is_ready_in_time(planning):
         library.step(flight.steps[k : k + 1], outputs[k : k + 1])
         library.plan(1)
     assert len(differing(outputs, log)) == 0
+
+
+def test_a_plan_goes_on_without_what_it_does_not_need(planning):
+    program, library = planning
+    (start,) = random_starts(1, seed=7)
+    flight = recorded(program, start, fly_logged(SHORT, program.controller, start))
+    lost = flight.steps.copy()
+    lost["sun_angle"][1:], lost["attitude"][1:], lost["age_points"][1:] = np.nan, 0.0, 99
+    well, answers = library.answers(flight), library.answers(flight._replace(steps=lost))
+    is_planned = well["mode"] == list(MODES).index("PLAN")
+    np.testing.assert_array_equal(answers["force_n"][is_planned], well["force_n"][is_planned])
+    np.testing.assert_array_equal(answers["mode"] == list(MODES).index("PLAN"), is_planned)
+    assert np.any(answers["force_n"][1:])
+    assert not np.any(answers["force_n"][1:][~is_planned[1:]])
 
 
 def test_nothing_is_planned_before_the_start_or_from_bad_input(planning):
