@@ -69,9 +69,11 @@ def variables(interface: Interface) -> Iterator[BlockVariable]:
     """Return the variables in the order of their references: inputs, parameters, outputs."""
     numbers = count()
     for field, causality, variability in _fields(interface):
+        # an age beyond its limits says that an input is old, which a host may say
+        limits = None if field in interface.ages else field.limits
         for index, start in enumerate(field.starts, start=1):
             name = f"{field.name}[{index}]" if field.is_array else field.name
-            facts = field.comment, field.unit, field.limits, causality, variability
+            facts = field.comment, field.unit, limits, causality, variability
             yield BlockVariable(next(numbers), name, *facts, None if causality == "output" else start)
 
 
