@@ -47,8 +47,6 @@ INTERNAL = {
 }
 #: modules of the same kind, beside such folders
 INTERNAL_MODULES = {"commands"}
-#: sections of the navigation that end with those pages of a folder that are not listed
-GROWING = {"How-to guides": "how-to"}
 #: what stands at an address whose page went into another; mkdocs-redirects would bring a second mkdocs
 MOVED = '<meta charset="utf-8"><meta http-equiv="refresh" content="0; url={0}"><a href="{0}">Moved</a>'
 HEADINGS, *CHOICES = table()
@@ -78,11 +76,7 @@ LINK = re.compile(r"\]\(([^)#\s]+)(#[^)\s]*)?\)")
 
 
 def on_config(config: MkDocsConfig) -> MkDocsConfig:
-    """Complete the navigation: pages that it does not list, and the API reference."""
-    listed = str(config.nav)
-    for title, folder in GROWING.items():
-        pages = (f"{folder}/{path.name}" for path in sorted((PROJECT / "docs" / folder).glob("*.md")))
-        section(config.nav, title).extend(page for page in pages if f"'{page}'" not in listed)
+    """Complete the navigation by the API reference."""
     for package in PACKAGES:
         pages = [{name: uri} for name, uri, _ in api_pages() if name.partition(".")[0] == package]
         section(config.nav, "Python").append({package: pages})
