@@ -291,6 +291,10 @@ def translate(
     """
     if not isinstance(controller, RuleController):
         raise NotTranslatableError(f"{controller.name!r} has no rules; choose a controller that has")
+    if mission.safety.kind == "filter" and mission.safety.keep_way_out:
+        raise NotTranslatableError(
+            "safety.keep_way_out is true, which needs the period and is not flown on board; leave it out"
+        )
     designed, flown, plans = controller, controller, foresees(controller) and not rules_alone
     if plans:
         flown, controller = bare(designed), finishing(designed)

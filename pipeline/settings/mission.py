@@ -251,6 +251,8 @@ class Safety(Settings, group="safety", only=Only("safety.kind=filter")):
     """How long free drift stays outside the keep-out sphere; 0: off."""
     keep_in_horizon_s: types.NotNegative = 0.0
     """How long free drift stays inside the keep-in sphere; 0: off."""
+    keep_way_out: Annotated[types.Flag, Only("problem.kind=inspection")] = False
+    """Whether one push onto a closed ellipse between the spheres is always left; the last period fires it."""
 
 
 #: numbers that all flights of an evaluation share, since samples and decisions depend on them

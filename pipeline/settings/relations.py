@@ -279,6 +279,30 @@ def _apart(mission: Mission) -> Iterator[str]:
             )
 
 
+@relation(
+    *("safety.keep_way_out", "safety.probability", "navigation.mode", "actuators.kind"),
+    *("dynamics.model", "orbit.course", "fleet.keep_apart_m"),
+)
+def _way_out(mission: Mission) -> Iterator[str]:
+    """Check that where a way out without thrust is kept, motion and forces are those that it counts with."""
+    if mission.safety.kind != "filter" or not mission.safety.keep_way_out:
+        return
+    astray = 6.0 * math.pi / mission.orbit.mean_motion_rad_s * 0.001
+    for key, exact in (("navigation.mode", "perfect"), ("actuators.kind", "ideal"), ("dynamics.model", "cw")):
+        if (value := setting(mission, key)) != exact:
+            yield (
+                "safety.keep_way_out=true is kept only where nothing is inexact, as an error of 1 mm/s leads "
+                f"{astray:.2g} m astray in an orbit, and {key} is {value}; choose {exact}, or leave it out"
+            )
+    if mission.has_true_course or mission.dispersions or mission.safety.probability is not None:
+        yield (
+            "safety.keep_way_out=true counts with a circle and exact settings; leave out orbit.course=true, "
+            "dispersions and safety.probability, or safety.keep_way_out"
+        )
+    if mission.fleet.keep_apart_m > 0.0:
+        yield "safety.keep_way_out=true knows of no other deputies; leave one of them out"
+
+
 @relation("deputy.max_momentum_n_m_s", "deputy.inertia_kg_m2", "orbit.mean_motion_rad_s")
 def _wheels(mission: Mission) -> Iterator[str]:
     """Check that the deputy's wheels can take up the rotation of Hill axes, about any axis."""

@@ -14,10 +14,22 @@ from fis_tools.engines.interval import NotBounded
 from fis_tools.model import FuzzySystem
 from pipeline.array_types import Floats
 from pipeline.evaluation.assurance.conditions import shell_in_words
-from pipeline.evaluation.assurance.formula import Always, Conjunction, Formula, Predicate, Until, Window
+from pipeline.evaluation.assurance.formula import (
+    OF_COASTING,
+    Always,
+    Conjunction,
+    Eventually,
+    Formula,
+    Predicate,
+    Until,
+    Window,
+    kind_of,
+)
+from pipeline.evaluation.assurance.open_starts import start_without_way_out
 from pipeline.evaluation.assurance.requirements import Question, Requirement, RequirementError
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.period.act.safety import STANDING, most_exceeded
+from pipeline.flight.period.act.way_out import is_open
 from pipeline.flight.state.arrays import Guard
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.bounds import ROUNDING_M, SafetyBounds, bounds_of, is_exact, norm, spheres_of
@@ -148,6 +160,10 @@ class SafetyProof:
         The set from which starts are drawn, in words.
     are_all_safe : bool
         Whether every start in that set is certainly a safe state.
+    exception : str
+        If not, and it is known, one that need not be, in words.
+    stays : bool
+        Whether flights end on a closed ellipse between the spheres (`safety.keep_way_out`).
     """
 
     is_on: bool
@@ -160,23 +176,47 @@ class SafetyProof:
     failing: tuple[str, ...] = ()
     assumed: tuple[str, ...] = ()
     probability: float = 1.0
+    exception: str = ""
+    stays: bool = False
 
     def proves(self, formula: Formula) -> bool:
         """Return whether the layer's proof implies a formula, for all flights at their samples."""
         are_safe = self.are_all_safe and self.num_safe == self.num_starts
-        is_proved = self.is_on and not self.failing and are_safe
-        return is_proved and _follows(formula, (self.keep_out_m, self.keep_in_m))
+        return self.is_on and not self.failing and are_safe and self.implies(formula)
+
+    def implies(self, formula: Formula) -> bool:
+        """Return whether a formula follows from what the layer keeps, if its premises hold."""
+        return _follows(formula, (self.keep_out_m, self.keep_in_m), stays=self.stays)
 
 
-def _follows(formula: Formula, distances_m: tuple[float, float]) -> bool:
-    """Return whether a formula holds wherever the distance is between two values; False if unclear."""
+def _follows(formula: Formula, distances_m: tuple[float, float], *, stays: bool) -> bool:
+    """Return whether a formula holds wherever the distance is between two values; False if unclear.
+
+    That of free motion from the last sample is, too, if a flight stays.
+    """
     match formula:
         case Conjunction(left, right):
-            return _follows(left, distances_m) and _follows(right, distances_m)
+            return _follows(left, distances_m, stays=stays) and _follows(right, distances_m, stays=stays)
         case Always(_, Predicate((("distance", factor),), constant)):
-            # linear: positive at both ends means positive between them
-            return all(factor * distance + constant > 0.0 for distance in distances_m)
+            return _is_positive(factor, constant, distances_m)
+        case Eventually(Window(0.0, math.inf), Always(Window(0.0, math.inf), part)):  # at the last sample
+            return stays and _follows_at_end(part, distances_m)
     return False
+
+
+def _follows_at_end(formula: Formula, distances_m: tuple[float, float]) -> bool:
+    """Return whether a formula holds where free motion stays between two distances; False if unclear."""
+    match formula:
+        case Conjunction(left, right):
+            return _follows_at_end(left, distances_m) and _follows_at_end(right, distances_m)
+        case Predicate(((name, factor),), constant) if kind_of(name) in ("distance", *OF_COASTING):
+            return _is_positive(factor, constant, distances_m)
+    return False
+
+
+def _is_positive(factor: float, constant: float, distances_m: tuple[float, float]) -> bool:
+    """Return whether a linear function of a distance is positive between two: if it is at both of them."""
+    return all(factor * distance + constant > 0.0 for distance in distances_m)
 
 
 def premises(mission: Mission, bounds: SafetyBounds) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -275,15 +315,25 @@ def safety_proof(
         # the limits themselves, and half of what is kept for rounding: all margins are for errors
         (out, far), spare = spheres_of(mission, bounds), 0.5 * ROUNDING_M
         spheres = out - bounds.keep_out_m - spare, far + bounds.keep_in_m + spare
-    num_safe, is_whole = 0, False
+    num_safe, is_whole, exception, stays = 0, False, "", is_on and mission.safety.keep_way_out
     if is_on:
         world = pack_world(mission)
-        is_whole = are_safe(world.guard, *shell)
         flying = ((Three(*scenario.position_m), Three(*scenario.velocity_m_s)) for scenario in scenarios)
-        num_safe = sum(most_exceeded(world, 0, scenario, STANDING)[2] <= 0.0 for scenario in flying)
+        if stays:
+            outside = start_without_way_out(world, shell)
+            is_whole = outside is None
+            exception = "" if outside is None else f"near ({', '.join(f'{x:g}' for x in outside)}) m"
+            num_safe = sum(is_open(world, 0, scenario) for scenario in flying)
+        else:
+            is_whole = are_safe(world.guard, *shell)
+            num_safe = sum(most_exceeded(world, 0, scenario, STANDING)[2] <= 0.0 for scenario in flying)
     near, far, speed = shell
     counts, starts = (len(scenarios), num_safe), shell_in_words(near, far, speed)
-    return SafetyProof(is_on, *spheres, *counts, starts, is_whole, failing, assumed, probability)
+    return SafetyProof(
+        *(is_on, *spheres, *counts, starts, is_whole, failing, assumed, probability),
+        exception=exception,
+        stays=stays,
+    )
 
 
 @dataclass(frozen=True)

@@ -214,6 +214,7 @@ def _of_the_layer(requirement: Requirement, proof: SafetyProof) -> MethodResult:
     """Judge a requirement by the safety layer's proof; return the verdict, with the reason in words."""
     times = "all samples" if proof.probability == 1.0 else "flights at all times"
     spheres = f"{times} from {proof.keep_out_m:g} to {proof.keep_in_m:g} m"
+    spheres += ", and ends on an ellipse between them" if proof.stays else ""
     if not proof.is_on:
         why = "the safety layer was off: its proof says nothing about these flights"
     elif proof.failing:
@@ -222,7 +223,8 @@ def _of_the_layer(requirement: Requirement, proof: SafetyProof) -> MethodResult:
         starts = f"{proof.num_starts - proof.num_safe:,} of {proof.num_starts:,} starts"
         why = f"{starts} are not safe states, from which the proof begins"
     elif not proof.are_all_safe:
-        why = f"starts {proof.starts} need not be safe states, from which the proof begins"
+        such = f", such as one {proof.exception}," if proof.exception else ""
+        why = f"starts {proof.starts}{such} need not be safe states, from which the proof begins"
     elif requirement.formula is None or not proof.proves(requirement.formula):
         why = f"the safety layer keeps {spheres}, from which this does not follow"
     else:

@@ -20,6 +20,7 @@ from pipeline.flight.period.act.aim import aim_at_once, aim_over
 from pipeline.flight.period.act.attitude import turn_deputies
 from pipeline.flight.period.act.move import move, move_about_earth
 from pipeline.flight.period.act.safety import assure
+from pipeline.flight.period.act.way_out import keep_way_out
 from pipeline.flight.period.decide.motion import sense_angles, sense_approach, sense_orbit, sense_position
 from pipeline.flight.period.decide.parking import may_park, sense_parking
 from pipeline.flight.period.decide.preview import preview
@@ -90,6 +91,8 @@ def act(now: Moment, work: Workspace, errors: ModelErrors | None, plans: Plans) 
     """Keep the commands safe, fire, turn and move over the control period that follows."""
     if now.world.guard.is_on:
         assure(now, work.cuts)
+        if now.world.guard.way_out is not None:
+            keep_way_out(now)
     move_on(now, work, errors, plans)
 
 

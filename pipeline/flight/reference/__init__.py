@@ -28,6 +28,7 @@ file           law
 `parking`      the push onto a closed ellipse inside the limits
 `thrust`       inference, dead bands, coasting: the force that is requested, and why
 `safety`       the least change of a force that keeps the limits
+`way_out`      the forces after which one still leads onto a closed ellipse
 `fleet`        what several deputies tell one another, and leave to one another
 `actuators`    impulses, delays, errors and layouts of thrusters, propellant
 `wheels`       what reaction wheels hold

@@ -18,6 +18,7 @@ from pipeline.flight.reference.pointing import Instant, looking, next_y, turn_th
 from pipeline.flight.reference.safety import SafetyLayer
 from pipeline.flight.reference.state import Look, ReferenceState
 from pipeline.flight.reference.thrust import Decision, decide, reasons
+from pipeline.flight.reference.way_out import WayOut
 from pipeline.flight.reference.wheels import momentum_at_start
 
 
@@ -95,6 +96,11 @@ def act(
     if mission.safety.kind == "filter":
         layer = SafetyLayer(mission, flight.errors.margins, flight.predicted, k)
         commanded, limit = layer.assured(seen.known, requested)
+        if mission.safety.keep_way_out:
+            safe = commanded
+            way_out = WayOut(layer, mission.orbit.mean_motion_rad_s, k, mission.num_controls)
+            commanded = way_out.admitted(seen.known, safe)
+            limit = "way_out" if np.any(commanded != safe) else limit
     remember_command(flight, k, state, seen, commanded)
     thrust = actuators.fired(flight, k, commanded, state.commands, seen.attitude, state.mass)
     remember_fired(flight, k, state, seen, thrust, state.mass)

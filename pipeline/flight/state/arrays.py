@@ -47,6 +47,9 @@ class Guard(NamedTuple):
     checks: Motion  # (2 + J) the state itself, stopped, and after 1 ... J periods of free drift
     num_kept_out: int  # rows of positions that must stay outside the inner sphere
     num_kept_in: int  # and inside the outer one
+    # True where a way out without thrust is kept, `pipeline.flight.period.act.way_out`; else None, which is
+    # known at compile time
+    way_out: bool | None
 
 
 class FullOptics(NamedTuple):

@@ -136,7 +136,7 @@ def guard_of(mission: Mission) -> Guard:
     motion = motion_over(mission.orbit, mission.deputy, (period,))
     stop = stop_of(motion)
     if safety.kind == "none":
-        return Guard(False, 0.0, np.inf, np.inf, 0.0, np.inf, np.inf, 0.0, stop, motion, 0, 0)
+        return Guard(False, 0.0, np.inf, np.inf, 0.0, np.inf, np.inf, 0.0, stop, motion, 0, 0, None)
     bounds = bounds_of(mission)
     keep_out, keep_in = spheres_of(mission, bounds)
     num_drifts = [ceil(time / period - 1e-9) for time in (safety.passive_horizon_s, safety.keep_in_horizon_s)]
@@ -155,6 +155,7 @@ def guard_of(mission: Mission) -> Guard:
         checks=joined(now, stopped(motion, stop), motion_over(mission.orbit, mission.deputy, drifts)),
         num_kept_out=STANDING + num_drifts[0],
         num_kept_in=STANDING + num_drifts[1],
+        way_out=safety.keep_way_out or None,
     )
 
 

@@ -55,6 +55,18 @@ OTHERS = (
     ("champion_27", "guidance=clusters", "actuators=real", "sun=random", ELEVATED),
     ("champion_27", "chief.initial_angular_velocity_rad_s=[0,0,0.002]", "sun=random"),
 )
+#: an ellipse, and a transfer orbit's
+ELLIPSE = "orbit=elements", "orbit.semi_major_axis_m=9615714", "orbit.eccentricity=0.3"
+STEEP = "orbit=elements", "orbit.semi_major_axis_m=24478137", "orbit.eccentricity=0.725"
+TURNING = "chief.initial_angular_velocity_rad_s=[0.001,0,0.002]"
+#: a true course of the chief, along which all that deputies predict goes, and a Sun that moves
+COURSES = (
+    ("champion_27", "dynamics=two_body", *ELLIPSE, "sun=random", ELEVATED),
+    ("champion_leo", "dynamics=low_orbit", *ELLIPSE, "navigation=fixes", "actuators=real", "sun=random"),
+    ("champion_27", "dynamics=two_body", *STEEP, TURNING, "safety=filter", "sun=random"),
+    ("champion_leo_rehearsed", "dynamics=two_body", *STEEP, "light=shadow", "sun=random", "duration_s=1800"),
+    ("champion_27", "dynamics=low_orbit", "orbit.course=true", "orbit.epoch=2026-11-26T12:00:00", TURNING),
+)
 #: bytes of an array as text
 TEXT = """array => {
     const bytes = new Uint8Array(array.buffer, array.byteOffset, array.byteLength); let out = "";
@@ -168,7 +180,7 @@ def test_a_page_flies_fresh_cases_to_the_products_bits(ready, words):
 
 
 #: all by night, also those that look far ahead
-MISSIONS = night.by_day([*worlds(), *OTHERS], 3)
+MISSIONS = night.by_day([*worlds(), *OTHERS, *COURSES], 3)
 
 
 @pytest.mark.parametrize("words", MISSIONS, ids="-".join)

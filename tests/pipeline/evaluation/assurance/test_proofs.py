@@ -120,6 +120,35 @@ def test_the_layer_proves_what_follows_from_its_spheres():
     assert why.startswith("starts at 50 to 100 m and up to 0.5 m/s need not be safe states")
 
 
+STAYS = "eventually always (coasting_farthest <= 200 m and coasting_distance >= 15 m)"
+
+
+@pytest.mark.slow
+def test_the_layer_proves_that_flights_stay_where_it_keeps_a_way_out():
+    kept = experiment("safety=filter", "safety.keep_way_out=true").mission
+    starts = [replace(start, position_m=0.9 * start.position_m) for start in scenarios(20)]
+    proof = safety_proof(kept, starts, (50.0, 94.0, 0.0))
+    assert (proof.num_safe, proof.are_all_safe, proof.stays) == (20, True, True)
+    claims = {
+        STAYS: True,
+        KEPT: True,
+        "eventually always (coasting_distance[86400] >= 15.5 m)": True,
+        "eventually always (coasting_farthest <= 198 m)": False,  # rounding
+        "eventually[0:600] always (coasting_farthest <= 200 m)": False,
+        "always (coasting_distance >= 15 m)": False,  # a way out is a push
+        "eventually always (speed <= 10 m/s)": False,
+    }
+    assert {text: proof.proves(parse(text, UNITS)) for text in claims} == claims
+    bare = safety_proof(experiment("safety=filter").mission, starts, (50.0, 94.0, 0.0))
+    assert bare.proves(parse(KEPT, UNITS))
+    assert not bare.proves(parse(STAYS, UNITS))
+    # twice as far along the track as high: starts far above the chief have no way out
+    higher = safety_proof(kept, [replace(starts[0], position_m=np.array([99.5, 0.0, 0.0]))], SHELL)
+    assert (higher.num_safe, higher.are_all_safe) == (0, False)
+    why = verdicts.results_by_method(Evidence(REQUIREMENT, proof=replace(higher, num_safe=1)))["safety_layer"]
+    assert why.why.startswith("starts at 50 to 100 m and at rest, such as one near (94.25, ")
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("overrides", [(), ("world=rso",), ("world=afrl",), ("safety=robust", "world=leo")])
 def test_a_shell_is_safe_only_if_all_states_in_it_are(overrides):
