@@ -33,7 +33,7 @@ from tests.browser import serious_violations
 
 pytestmark = pytest.mark.slow
 
-NUM_CASES = night.count(6, 16)
+NUM_CASES = 16
 #: tenths of a second that a busy machine may take for a picture
 PAINTS = 100
 NUMBER = f"monte_carlo.num_cases={NUM_CASES}"
@@ -46,7 +46,7 @@ FLOWN = (
 #: light other than the paper's
 ELEVATED = "sun.elevation_range_deg=[-30,30]"
 #: cases of controllers that look ahead, each of which takes long to choose
-NUM_AHEAD = night.count(2, 4)
+NUM_AHEAD = 4
 #: what the shipped worlds and champions do not ask of the modules: plans, errors, clusters, turning chiefs
 OTHERS = (
     ("lqr", "sun=random"),
