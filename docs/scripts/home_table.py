@@ -50,7 +50,7 @@ def table() -> dict[str, Any]:
     coasted = free_motion(mission.orbit.mean_motion_rad_s)
     functions = {"fly": to_fly, "share": to_share}
     snapshot = snapshot_of(functions, SHARED, CHOSEN, freeMotion=coasted)
-    scratch, file = to_share.values[4].dtype, load(FILE)
+    scratch, file = to_share.named("scratch").dtype, load(FILE)
     return {
         "snapshot": snapshot,
         "controller": file.name,
@@ -58,7 +58,7 @@ def table() -> dict[str, Any]:
         "systems": [_system(system) for system in file.systems],
         "attributes": dict(file.attributes),
         "reasons": REASONS,
-        "num_points": to_fly.values[5].world.num_points,
+        "num_points": to_fly.named("flights").world.num_points,
         "num_starts": NUM_STARTS,
         "num_controls": mission.num_controls,
         "control_period_s": mission.control_period_s,

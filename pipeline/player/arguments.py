@@ -37,6 +37,10 @@ class Arguments(NamedTuple):
     names: tuple[str, ...]
     values: tuple[Any, ...]
 
+    def named(self, name: str) -> Any:
+        """Return the argument of a name."""
+        return self.values[self.names.index(name)]
+
     @property
     def kinds(self) -> tuple[Any, ...]:
         """Their types for numba."""

@@ -85,8 +85,7 @@ def most_firing(systems: Sequence[FuzzySystem]) -> int:
 
 def arguments_of_shares(to_fly: Arguments, systems: Sequence[FuzzySystem]) -> Arguments:
     """Return what `rule_shares` takes for the systems of flights, in arrays that the flights share."""
-    by_name = dict(zip(to_fly.names, to_fly.values, strict=True))
-    flights, work = by_name["flights"], by_name["work"]
+    flights, work = to_fly.named("flights"), to_fly.named("work")
     shares = np.zeros(max(len(system.rules) for system in systems))
     given = flights.values[0, 0], flights.rules[0], flights.law.layout, 0, work.scratch
     return Arguments(NAMES, (*given, *games(most_firing(systems)), shares))
