@@ -282,8 +282,10 @@ class TwoLineOrbit(OrbitSettings, kind="tle"):
         Raises
         ------
         SettingError
-            Without the package sgp4, or if the satellite has decayed by then.
+            Without lines or the package sgp4, or if the satellite has decayed by then.
         """
+        if not self.tle:
+            raise SettingError("orbit.kind is tle, and orbit.tle is empty; give its two lines")
         try:
             from sgp4.api import Satrec  # noqa: PLC0415 - optional
         except ImportError as error:

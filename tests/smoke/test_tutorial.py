@@ -83,7 +83,7 @@ def test_your_own_case_goes_as_the_tutorial_says(tmp_path, monkeypatch, capsys):
 def test_the_first_hour_goes_as_its_script_plays_it(steps, tmp_path):
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     environment = os.environ | {"FIRST_HOUR": str(tmp_path), "FIRST_HOUR_CASES": "20", "PATH": path}
-    script = [str(PROJECT / "docs" / "first_hour.sh"), *steps]
+    script = [str(PROJECT / "docs" / "scripts" / "first_hour.sh"), *steps]
     done = subprocess.run(script, env=environment, capture_output=True, text=True, check=False)  # noqa: S603
     assert done.returncode == 0, done.stderr
     assert "Traceback" not in done.stderr

@@ -119,6 +119,8 @@ def test_a_line_that_was_copied_wrongly_is_refused():
         OrbitSettings(kind="tle", tle=(wrong, VANGUARD[1]))
     with pytest.raises(SettingError, match="it must be line 2 of a set"):
         OrbitSettings(kind="tle", tle=(VANGUARD[0], VANGUARD[0]))
+    with pytest.raises(SettingError, match=r"orbit.tle is empty; give its two lines"):
+        Mission(orbit={"kind": "tle"})
 
 
 def test_the_sun_follows_the_epoch_unless_it_is_given():
