@@ -47,6 +47,8 @@ INTERNAL = {
 }
 #: modules of the same kind, beside such folders
 INTERNAL_MODULES = {"commands"}
+#: pages that the search puts before others: a word as short as C begins many words of all pages
+SOUGHT = {"how-to/exchange-files.md"}
 #: what stands at an address whose page went into another; mkdocs-redirects would bring a second mkdocs
 MOVED = '<meta charset="utf-8"><meta http-equiv="refresh" content="0; url={0}"><a href="{0}">Moved</a>'
 HEADINGS, *CHOICES = table()
@@ -109,6 +111,8 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 def on_page_markdown(markdown: str, page: Page, **_: Any) -> str:
     """Fill tables and patches in, and let links to pages that live elsewhere lead to them in the site."""
+    if page.file.src_uri in SOUGHT:
+        page.meta["search"] = {"boost": 2}
     markdown = relinked(markdown, f"docs/{page.file.src_uri}", page.file.src_uri)
     for name, (head, rows) in TABLES.items():
         lines = (f"| {' | '.join(row)} |" for row in (head, ("---",) * len(head), *rows))
