@@ -165,10 +165,13 @@ def test_an_address_brings_the_flight_back(opened, page_text):
     first.locator("#sun").fill("200")
     first.locator("#cell-1-4 button").click()
     first.wait_for_function("() => location.hash.includes('rules=')")
+    first.evaluate("() => flightPage.flyAll()")
+    other.wait_for_function("() => globalThis.flightPage !== undefined")
     other.evaluate("address => { location.hash = address; }", first.evaluate("() => location.hash"))
-    read = "() => [flightPage.flown.position(200), flightPage.systems]"
     other.wait_for_function("() => document.getElementById('azimuth').value === '-120'")
-    assert first.evaluate(read) == other.evaluate(read)
+    read = "() => JSON.stringify([flightPage.flown.position(200), flightPage.systems])"
+    # flights are flown after the sliders move
+    other.wait_for_function(f"expected => ({read})() === expected", arg=first.evaluate(read))
 
 
 def test_a_start_is_dragged(shown):
