@@ -3,6 +3,7 @@
 AFRL's safe-autonomy-sims has both, with rules of its own; with ``as_published`` they hold here, too.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, ClassVar, Final
@@ -36,7 +37,7 @@ MOST_DEPUTIES: Final = 6
 PUBLISHED_S: Final = 1010.0
 
 
-class DeputiesEnv(ParallelEnv[str, Observation, NDArray[Any]]):  # type: ignore[misc]
+class DeputiesEnv(ParallelEnv[str, Observation, NDArray[Any]], ABC):  # type: ignore[misc]
     """What environments of several deputies have in common: agents, starts, and one end for all.
 
     An end of one deputy ends the episode of all, and so does a collision: two deputies nearer to each other
@@ -167,23 +168,26 @@ class DeputiesEnv(ParallelEnv[str, Observation, NDArray[Any]]):  # type: ignore[
         }
 
     @property
+    @abstractmethod
     def _positions(self) -> Floats:
         """True positions, (D, 3), m, Hill axes."""
-        raise NotImplementedError
 
     @property
+    @abstractmethod
     def _observations(self) -> Sequence[Observation]:
-        raise NotImplementedError
+        """What each deputy observes now."""
 
+    @abstractmethod
     def _facts(self) -> Sequence[dict[str, Any]]:
-        raise NotImplementedError
+        """Return what is known of each deputy beside that."""
 
+    @abstractmethod
     def _start(self, starts: Sequence[Scenario], priority: Floats | None) -> None:
-        raise NotImplementedError
+        """Put the deputies at starts; the priority, (3,), is drawn unless given."""
 
+    @abstractmethod
     def _fly(self, actions: NDArray[Any]) -> tuple[Floats, Booleans, Booleans]:
         """Fly to the next action; return each deputy's reward, and whether it terminated or was truncated."""
-        raise NotImplementedError
 
 
 class MultiInspectionEnv(DeputiesEnv):

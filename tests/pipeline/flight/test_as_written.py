@@ -236,8 +236,8 @@ def test_a_flight(name: str) -> None:
     phases=(Phase.generate,) if DRAWN <= 6 else tuple(Phase),  # making a failure small takes minutes
 )
 @given(data=st.data())
-def fly_any(kind: str, data: st.DataObject) -> None:
-    """Fly flights of a kind, drawn by Hypothesis, as they are written."""
+def fly_any(kind: str, compared: list[str], data: st.DataObject) -> None:
+    """Fly flights of a kind, drawn by Hypothesis, as they are written; note each that was compared."""
     base, undrawn, is_tilted = KINDS[kind]
     what = data.draw(drawn.mission(base, UNDRAWN + undrawn))
     start = data.draw(drawn.scenario(what, is_tilted))
@@ -246,6 +246,7 @@ def fly_any(kind: str, data: st.DataObject) -> None:
         assert_as_written(what, controller, start)
     except (SettingError, ControllerError, FlightError):  # as a whole it is refused, or leaves all bounds
         reject()
+    compared.append(kind)
 
 
 @pytest.mark.slow
@@ -254,7 +255,9 @@ def test_any_flight(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """The same flights whatever ran before: Hypothesis tries the numbers in loaded modules, too."""
     monkeypatch.setattr(providers, "_get_local_constants", providers.Constants)
     monkeypatch.setattr(providers, "CONSTANTS_CACHE", providers.LRUCache(1024))
-    fly_any(kind=kind)
+    compared: list[str] = []
+    fly_any(kind=kind, compared=compared)
+    assert len(compared) >= DRAWN
 
 
 @pytest.mark.slow

@@ -210,7 +210,7 @@ def test_what_a_description_says_is_what_flights_sense(claim):
     prefix, chosen = claim
     constants = ALWAYS.get(prefix, {}) | {name: VALUES[name] for name in chosen}
     world = SHADOWED if "tour_wait_s" in chosen else {}
-    CLAIMS[claim](*sensed(prefix, constants, **world))
+    CLAIMS[claim](*sensed(prefix, constants, **world))  # each claim asserts what it says
 
 
 FILES = sorted(
