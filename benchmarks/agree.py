@@ -26,7 +26,7 @@ from fis_tools.formats import serialize
 from fis_tools.model import FuzzyController, FuzzySystem
 from tests.fis_tools.agreement import drawn
 from tests.fis_tools.agreement.claims import CLAIMS
-from tests.fis_tools.agreement.compared import differences
+from tests.fis_tools.agreement.compared import DEFINITION, differences
 from tests.fis_tools.agreement.forms import FORMS
 from tests.fis_tools.agreement.nearness import Difference
 from tests.fis_tools.agreement.shrunk import shrunk
@@ -97,7 +97,7 @@ def main(arguments: Sequence[str]) -> int:
             number, num_systems = number + 1, num_systems + len(batch)
             num_rows += sum(len(rows) for _, rows in batch)
             if options.first:
-                for form in (*FORMS, *CLAIMS):
+                for form in (DEFINITION, *FORMS, *CLAIMS):
                     if differing := differences(batch, Path(root), (form,)):
                         print(differing[0])
                         return 1
@@ -124,7 +124,7 @@ def main(arguments: Sequence[str]) -> int:
                 print(f"{keep(small, options.keep)}\n  {small}", flush=True)
     print(f"\n{num_systems} systems, {num_rows} inputs, seed {options.seed}\n\n| compared | differences |")
     print("|---|---|")
-    for name in (*FORMS, *CLAIMS):
+    for name in (DEFINITION, *FORMS, *CLAIMS):
         print(f"| {name} | {counts[name]} |")
     for name in known:
         print(f"| {name}, {answered[name]} of its files | {counts[name]} |")

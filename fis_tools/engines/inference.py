@@ -172,7 +172,8 @@ def _interval_outputs(system: FuzzySystem, firing: Floats, clipped: Floats) -> l
     for variable, lower, upper in zip(system.outputs, inferred[::2], inferred[1::2], strict=True):
         x, low, high = upper.universe, lower.aggregated, upper.aggregated
         if upper.weighing is not None and lower.weighing is not None:
-            order = np.argsort(upper.weighing.numbers)[: np.count_nonzero(upper.weighing.strengths)]
+            fired = np.flatnonzero(upper.weighing.strengths)
+            order = fired[np.argsort(upper.weighing.numbers[fired])]
             x = upper.weighing.numbers[order]
             low, high = lower.weighing.strengths[order], upper.weighing.strengths[order]
         value = upper.value if upper.is_default else _reduced(system, x, low, high)

@@ -11,13 +11,26 @@ from tests.fis_tools.agreement.claims import CLAIMS
 from tests.fis_tools.agreement.forms import FORMS, Case
 from tests.fis_tools.agreement.nearness import Difference, is_near
 
+#: the name under which the definition's own errors are told
+DEFINITION = "definition"
+
 
 def differences(cases: Sequence[Case], folder: Path, forms: Sequence[str] = tuple(FORMS)) -> list[Difference]:
-    """Compare all forms with the definition, and what is claimed about outputs with the outputs."""
+    """Compare all forms with the definition, and what is claimed about outputs with the outputs.
+
+    An error of the definition itself is a difference, and its system is left out of the rest.
+    """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)
-        inferred = [[infer(system, row) for row in rows] for system, rows in cases]
-        differing = []
+        differing, inferred, answered = list[Difference](), list[list[Inference]](), list[Case]()
+        for system, rows in cases:
+            steps = [_defined(system, row) for row in rows]
+            if errors := [step for step in steps if isinstance(step, Difference)]:
+                differing.append(errors[0])
+            else:
+                inferred.append([step for step in steps if isinstance(step, Inference)])
+                answered.append((system, rows))
+        cases = answered
         for form in forms:
             if form in FORMS:
                 answers = _answers(form, cases, folder)
@@ -34,6 +47,13 @@ def differences(cases: Sequence[Case], folder: Path, forms: Sequence[str] = tupl
                     except Exception as error:  # noqa: BLE001 - as above
                         differing.append(Difference(claim, system, rows[0], "an answer", repr(error)))
     return differing
+
+
+def _defined(system: FuzzySystem, row: Floats) -> Inference | Difference:
+    try:
+        return infer(system, row)
+    except Exception as error:  # noqa: BLE001 - it is a finding, whatever it is
+        return Difference(DEFINITION, system, row, "an answer", repr(error))
 
 
 def _answers(form: str, cases: Sequence[Case], folder: Path) -> list[Floats | Exception | None]:

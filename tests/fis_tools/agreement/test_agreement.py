@@ -127,3 +127,19 @@ def test_a_surface_or_a_change_that_is_off_is_found(tmp_path, monkeypatch, claim
 
     monkeypatch.setattr(claims.comparison, "_change", moved)
     assert compared.differences(cases(6), tmp_path, (claim,))
+
+
+def test_an_error_of_the_definition_is_a_difference(tmp_path, monkeypatch):
+    right = compared.infer
+
+    def wrong(system, row):
+        if row[0] > system.inputs[0].maximum:
+            raise ZeroDivisionError
+        return right(system, row)
+
+    monkeypatch.setattr(compared, "infer", wrong)
+    made = cases(6)
+    beyond = {system.name for system, rows in made if any(row[0] > system.inputs[0].maximum for row in rows)}
+    differing = compared.differences(made, tmp_path, (compared.DEFINITION,))
+    assert beyond
+    assert {difference.system.name for difference in differing} == beyond
