@@ -33,6 +33,8 @@ from tests.fis_tools.agreement.shrunk import shrunk
 
 #: systems that are compared together, and inputs of each
 BATCH, NUM_ROWS = 25, 24
+#: what is compared with the definition, which itself must give an answer
+COMPARED = (DEFINITION, *FORMS, *CLAIMS)
 #: files that each other program is given after a batch
 FILES = 5
 
@@ -82,13 +84,14 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("--minutes", type=float, default=1.0)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--first", action="store_true", help="end at the first difference, as it is")
+    parser.add_argument("--only", choices=COMPARED, action="append", help="a comparison, or several")
     parser.add_argument("--most", type=int, default=20, help="differences that are shrunk, of each form")
     parser.add_argument("--keep", type=Path, default=Path("build/agree"), help="where what differs goes")
     parser.add_argument("--programs", action="store_true", help="compare with other programs, too")
     parser.add_argument("--jfuzzylogic", metavar="CLASSPATH", default="", help="its classes and jars")
     options = parser.parse_args(arguments)
     known = rivals(options.jfuzzylogic) if options.programs or options.jfuzzylogic else {}
-    answered = Counter[str]()
+    compared, answered = tuple(options.only or COMPARED), Counter[str]()
     until, number = processor_s() + 60.0 * options.minutes, 0
     counts, num_rows, num_systems = Counter[str](), 0, 0
     with tempfile.TemporaryDirectory(prefix="agree-") as root:
@@ -97,7 +100,7 @@ def main(arguments: Sequence[str]) -> int:
             number, num_systems = number + 1, num_systems + len(batch)
             num_rows += sum(len(rows) for _, rows in batch)
             if options.first:
-                for form in (DEFINITION, *FORMS, *CLAIMS):
+                for form in compared:
                     if differing := differences(batch, Path(root), (form,)):
                         print(differing[0])
                         return 1
@@ -114,7 +117,7 @@ def main(arguments: Sequence[str]) -> int:
                     for difference in differing[:1]:
                         print(f"{keep(difference, options.keep)}\n  {difference}", flush=True)
             told_of = set[tuple[str, str]]()
-            for difference in differences(batch, Path(root)):
+            for difference in differences(batch, Path(root), compared):
                 counts[difference.form] += 1
                 key = (difference.form, difference.system.name)
                 if key in told_of or counts[difference.form] > options.most:
@@ -124,7 +127,7 @@ def main(arguments: Sequence[str]) -> int:
                 print(f"{keep(small, options.keep)}\n  {small}", flush=True)
     print(f"\n{num_systems} systems, {num_rows} inputs, seed {options.seed}\n\n| compared | differences |")
     print("|---|---|")
-    for name in (DEFINITION, *FORMS, *CLAIMS):
+    for name in compared:
         print(f"| {name} | {counts[name]} |")
     for name in known:
         print(f"| {name}, {answered[name]} of its files | {counts[name]} |")

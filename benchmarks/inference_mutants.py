@@ -1,8 +1,8 @@
 """Change each form of inference, and count what ``agree`` finds: ``python -m benchmarks inference_mutants``.
 
 One operator or number of an engine's code is changed at a time, in a copy of the product; then random systems
-are compared for a minute of processor time. What is compiled runs as plain Python, a hundred times as
-slow. A change that says the same as before is not found.
+are compared for a minute of processor time, in that form alone. What is compiled runs as plain Python, a
+hundred times as slow. A change that says the same as before is not found.
 """
 
 import argparse
@@ -44,6 +44,16 @@ ENGINES: Mapping[str, Sequence[str]] = {
         f"fis_tools/analysis/{name}.py" for name in ("shapley", "weighted_shares", "contribution")
     ),
 }
+#: what is compared, as the change can show there alone
+COMPARED: Mapping[str, Sequence[str]] = {
+    "definition": ("arrays", "one by one"),
+    "compiled": ("one by one", "arrays", "bounds"),
+    "kernel": ("arrays",),
+    "C": ("C",),
+    "page": ("page",),
+    "bounds": ("bounds", "no"),
+    "shares": ("explain",),
+}
 #: by the clock, even of a busy machine
 MOST_S = 1800
 #: those whose code numba would compile anew for each change
@@ -60,17 +70,15 @@ def main(arguments: Sequence[str]) -> int:
     with tempfile.TemporaryDirectory(prefix="mutants-") as scratch:
         top = Path(scratch) / "copy"
         shutil.copytree(Path.cwd(), top, ignore=shutil.ignore_patterns(".git", "build", "__pycache__"))
-        if difference := first_difference(top, options.seed, is_plain=False):
-            parser.error(f"without a change something differs: {difference}")
         print("| engine | changes | found |\n|---|---|---|", flush=True)
         for engine in options.only or ENGINES:
             draw = random.Random(options.seed)  # noqa: S311 - the same each time
             paths = [path for name in ENGINES[engine] for path in files(top / name)]
             every = [mutant for path in paths for mutant in mutants_of(top, path, draw)]
             chosen = draw.sample(every, min(options.number, len(every)))
-            count = sum(
-                is_noticed(top, mutant, options.seed, is_plain=engine in COMPILED) for mutant in chosen
-            )
+            if difference := first_difference(top, options.seed, engine):
+                parser.error(f"without a change something differs: {difference}")
+            count = sum(is_noticed(top, mutant, options.seed, engine) for mutant in chosen)
             print(f"| {engine} | {len(chosen)} | {count} |", flush=True)
     return 0
 
@@ -80,7 +88,7 @@ def files(path: Path) -> list[Path]:
     return sorted(path.rglob("*.py")) if path.is_dir() else [path]
 
 
-def is_noticed(top: Path, mutant: Mapping[str, Any], seed: int, *, is_plain: bool) -> bool:
+def is_noticed(top: Path, mutant: Mapping[str, Any], seed: int, engine: str) -> bool:
     """Return whether a change is found, and print it if not."""
     path = top / mutant["path"]
     intact = path.read_text(encoding="utf-8")
@@ -89,7 +97,7 @@ def is_noticed(top: Path, mutant: Mapping[str, Any], seed: int, *, is_plain: boo
     lines[number] = mutant["line"][: mutant["start"]] + mutant["new"] + mutant["line"][mutant["end"] :]
     path.write_text("\n".join(lines), encoding="utf-8")
     try:
-        difference = first_difference(top, seed, is_plain=is_plain)
+        difference = first_difference(top, seed, engine)
     finally:
         path.write_text(intact, encoding="utf-8")
     words = f"{mutant['path']}:{number + 1} {mutant['line'].strip()} -> {mutant['new']}"
@@ -97,11 +105,12 @@ def is_noticed(top: Path, mutant: Mapping[str, Any], seed: int, *, is_plain: boo
     return bool(difference)
 
 
-def first_difference(top: Path, seed: int, *, is_plain: bool) -> str:
+def first_difference(top: Path, seed: int, engine: str) -> str:
     """Return what the comparison finds first in a copy, or the end of an error; "" if nothing."""
     command = [sys.executable, "-m", "benchmarks", "agree", "--first", "--minutes=1", f"--seed={seed}"]
+    command += [f"--only={name}" for name in COMPARED[engine]]
     environment = os.environ | {"PYTHONPATH": str(top), "PYTHONDONTWRITEBYTECODE": "1"}
-    environment["NUMBA_DISABLE_JIT"] = str(int(is_plain))
+    environment["NUMBA_DISABLE_JIT"] = str(int(engine in COMPILED))
     try:
         done = subprocess.run(  # noqa: S603
             command, cwd=top, env=environment, check=False, capture_output=True, text=True, timeout=MOST_S
