@@ -75,12 +75,12 @@ def direction_of(generator: np.random.Generator, directions: str = "angles") -> 
 def _drawn(
     experiment: Experiment, starts: Starts | MonteCarlo, stage: int, cases: Sequence[int]
 ) -> list[Scenario]:
-    """Draw the starts of some cases of a stage: of the evaluation's, those of a fleet."""
+    """Draw the starts of some cases of a stage; in a mission of fleets, those of all deputies."""
     drawn = [
         started(experiment, starts, draw(experiment.seed, stage, case, starts, experiment.sun))
         for case in cases
     ]
-    if not (experiment.mission.has_fleet and isinstance(starts, MonteCarlo)):
+    if not experiment.mission.has_fleet:
         return drawn
     return [replace(first, others=_others(experiment, starts, first)) for first in drawn]
 

@@ -62,7 +62,7 @@ SHIPPED = "shipped"
 
 
 #: the stages that know of fleets; all others, also new ones, refuse them
-OF_FLEETS = ("scenario", "evaluate", "record")
+OF_FLEETS = ("scenario", "train", "evaluate", "record")
 
 #: where the cases of the evaluation count; assurance has its own
 EVALUATED = Only(*(f"stages={stage}" for stage in STAGES if stage != "assure"))
@@ -424,6 +424,11 @@ class Experiment(Settings, group=""):
             (f"the stages {unaware} know", bool(unaware), f"choose stages=[{','.join(OF_FLEETS)}]"),
             ("engine.kind=dask knows", self.engine.kind == "dask", "leave it out"),
             ("starts.kind=file knows", cases.table is not None, "leave it out"),
+            (
+                f"starts.kind={self.starts.kind} knows",
+                "train" in self.stages and self.starts.kind != "random",
+                "choose starts=random",
+            ),
             (
                 "telemetry.record_start without a case knows",
                 self.telemetry.record_start and self.case is None and "record" in self.stages,

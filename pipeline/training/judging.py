@@ -101,10 +101,10 @@ def flights_from(
     """Return the function that flies genomes of shape (n, num_genes) from some starts; outcomes of (n, m).
 
     Controllers that rehearse images of a tour do so in training too, one task of the pool each; first
-    pushes are left to the rules.
+    pushes are left to the rules. So do fleets, of which outcomes are those of all deputies together.
     """
     mission, workers = experiment.mission, experiment.optimizer.workers
-    if tour_images(genome.template):
+    if mission.has_fleet or tour_images(genome.template):
 
         def fly_ahead(genomes: Floats) -> Outcomes:
             threads = pool.threads(workers)
@@ -120,7 +120,7 @@ def flights_from(
 def fly_fuzzy(
     mission: Mission, fuzzy: FuzzyController, scenarios: list[Scenario], workers: int | None
 ) -> Outcomes:
-    """Fly a fuzzy controller, which may rehearse, from some starts."""
+    """Fly a fuzzy controller, which may rehearse, or a fleet of it, from some starts."""
     return fly_all(mission, from_fuzzy(fuzzy), scenarios, workers)
 
 
