@@ -19,15 +19,15 @@ from typing import Final
 BUGS: Final = (
     ("pipeline/physics/illumination.py", "apart >= sun + earth", "apart >= sun - earth"),
     ("pipeline/flight/fly/foresight.py", "(1.0 + ERROR_SHARE) * off", "(1.0 + ERROR_SHARE) + off"),
-    ("pipeline/recording/events.py", "1000.0 * mission.control_period_s", "100.0 * mission.control_period_s"),
+    (
+        "pipeline/recording/foresight.py",
+        "MM_PER_M * mission.control_period_s",
+        "0.1 * MM_PER_M * mission.control_period_s",
+    ),
     ("pipeline/evaluation/statistics.py", "share + z * z / (2 * number)", "share - z * z / (2 * number)"),
     ("pipeline/settings/orbit.py", "EARTH_RADIUS_M + self.altitude_m", "EARTH_RADIUS_M - self.altitude_m"),
     ("pipeline/training/similarity.py", "speed * mass * home.", "speed * mass * mission."),
-    (
-        "telemetry/file/reader.py",
-        "round(end_s * topics.NANOSECONDS) + 1",
-        "round(end_s * topics.NANOSECONDS)",
-    ),
+    ("telemetry/file/reader.py", "limit + epoch_ns", "limit - epoch_ns"),
     ("fis_tools/engines/degrees.py", "abs((x - c) / a), 2.0 * b)", "abs((x - c) / a), b)"),
     ("fis_tools/findings/audit/answers.py", "if part >= thresholds.reach:", "if part < thresholds.reach:"),
     ("conf/world/afrl.yaml", "mean_motion_rad_s: 0.001027", "mean_motion_rad_s: 0.00127"),

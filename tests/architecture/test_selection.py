@@ -5,6 +5,7 @@ from collections import Counter
 
 import pytest
 
+from benchmarks import planted
 from tests import durations
 from tests.distance import distances
 from tests.places import PROJECT
@@ -67,3 +68,9 @@ def test_a_file_without_durations_is_taken_whole():
 def test_most_files_of_tests_are_measured():
     known = durations.read()
     assert len(known["fast"].keys() | known["slow"].keys()) > 0.8 * len(FILES)
+
+
+@pytest.mark.parametrize(("name", "before", "after"), planted.BUGS)
+def test_each_bug_can_be_planted(name, before, after):
+    assert (PROJECT / name).read_text(encoding="utf-8").count(before) == 1
+    assert before != after
