@@ -60,7 +60,7 @@ def write(contents: Contents, illustrations: Mapping[str, Illustration]) -> str:
     return template("pipeline.report", "templates", "report.html").render(
         typed=typed,
         TYPED=TYPED,
-        policy=policy(script=scene.script if scene else "", flies=scene is not None),
+        policy=policy(scripts=scene.scripts if scene else (), flies=scene is not None),
         scene=scene,
         contents=contents,
         experiment=experiment,

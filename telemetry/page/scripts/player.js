@@ -3,10 +3,10 @@
 const LETTERS = "ABCDEFGH";
 
 /** The cases of a set of runs: their numbers, columns, words, and which run succeeds in them. */
-function readCases({ numbers, columns, succeeds, words, outcome }, letters) {
+function readCases({ steps, columns, succeeds, words, outcome }, letters) {
   const marks = succeeds.map(bytesOf), succeedsIn = marks.map(mark => row => (mark[row >> 3] >> (row & 7) & 1) > 0);
   return {
-    numbers: new Int32Array(bytesOf(numbers).buffer),
+    numbers: new Int32Array(bytesOf(steps).buffer).map((sum => step => (sum += step))(0)),
     columns: columns.map(column => ({ ...column, values: floatsOf(column.values) })),
     words, letters, outcome, succeeds: succeedsIn,
     isGood: row => succeedsIn.every(succeedsAt => succeedsAt(row)),

@@ -57,8 +57,8 @@ class Side {
 
   /** What a worker needs to fly a row. */
   caseOf(row) {
-    const { names, size } = this.run.own, place = this.placeOf(row);
-    return { names, own: this.own.slice(place * size, (place + 1) * size) };
+    const { names, size } = this.run.own, place = this.placeOf(row), count = this.own.length / size;
+    return { names, own: Uint8Array.from({ length: size }, (_, at) => this.own[at * count + place]) };
   }
 
   /** Return a row's flight: recorded with the page, or flown now. */

@@ -138,7 +138,7 @@ def page_of(*words, recorded=()):
 
 def as_page(shown):
     """Return a panel as a page of its own."""
-    head = f'<!doctype html><html lang="en"><meta charset="utf-8">{policy(script=shown.script, flies=True)}'
+    head = f'<!doctype html><html lang="en"><meta charset="utf-8">{policy(scripts=shown.scripts, flies=True)}'
     head += '<meta name="viewport" content="width=device-width"><title>A run</title>'
     ours = ":root { color-scheme: light dark; } body { margin: 8px; background: var(--card); }"
     body = f"<body class=page><main><h1>A run</h1><h2>Cases</h2>{shown.body}</main>"
@@ -152,7 +152,7 @@ def ready(opened):
     def open_page(*words, width=1280, address="", recorded=(), **options):
         page = opened(page_of(*words, recorded=recorded), width, reduced_motion="reduce", **options)
         # a busy machine may take long to compile the module
-        page.wait_for_function("() => player.sides?.[0].flight", timeout=300_000)
+        page.wait_for_function("() => globalThis.player?.sides?.[0].flight", timeout=300_000)
         if address:
             case = address.partition("case=")[2].partition("&")[0]
             page.evaluate("address => { location.hash = address; }", address)
@@ -367,7 +367,7 @@ def compared():
 
 def test_runs_fly_a_case_side_by_side_under_one_time(opened, compared):
     page = opened(compared, 1400, reduced_motion="reduce")
-    page.wait_for_function("() => player.sides?.every(side => side.flight)")
+    page.wait_for_function("() => globalThis.player?.sides?.every(side => side.flight)")
     x, y = page.evaluate("() => player.dots[0].where(8)")
     canvas = page.locator(".fuel-B canvas")
     canvas.scroll_into_view_if_needed()
@@ -390,7 +390,7 @@ def test_runs_fly_a_case_side_by_side_under_one_time(opened, compared):
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_runs_side_by_side_fit_and_axe_finds_nothing(opened, compared, axe, width, scheme):
     page = opened(compared, width, reduced_motion="reduce", color_scheme=scheme)
-    page.wait_for_function("() => player.sides?.every(side => side.flight)")
+    page.wait_for_function("() => globalThis.player?.sides?.every(side => side.flight)")
     assert page.evaluate("() => document.documentElement.scrollWidth") <= width
     assert serious_violations(page, axe) == []
 
@@ -415,4 +415,4 @@ def test_the_player_fits_and_axe_finds_nothing(ready, axe, width, scheme):
 
 
 def test_a_player_adds_little_to_a_page():
-    assert len(page_of("champion_27")) < 400_000
+    assert len(page_of("champion_27")) < 200_000

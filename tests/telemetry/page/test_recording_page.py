@@ -12,7 +12,7 @@ from tests.telemetry.synthetic_flight import NUM_POINTS
 
 pytestmark = pytest.mark.slow
 
-READY = "() => globalThis.player.sides?.[0].flight"
+READY = "() => globalThis.player?.sides?.[0].flight"
 AT = """k => {
     const side = player.sides[0], { flight } = side;
     player.lead.view.show(k);
