@@ -26,10 +26,9 @@ export function turnedPoints(points, attitude, k) {
 export function recordedFlight(table) {
   const bytes = text => Uint8Array.from(atob(text), letter => letter.charCodeAt(0));
   const floats = text => new Float32Array(bytes(text).buffer);
-  const arrays = Object.fromEntries(["points", "attitude", "position", "velocity", "force", "sun", "spent", "coast"]
+  const arrays = Object.fromEntries(["points", "attitude", "position", "velocity", "force", "sun", "spent", "coast", "inputs"]
     .map(name => [name, floats(table[name] ?? "")]));
   const isSeen = bytes(table.isSeen), isLitThen = bytes(table.isLit), isDecidedThen = bytes(table.isDecided ?? "");
-  const arrays64 = new Float64Array(bytes(table.inputs ?? "").buffer);
   const bit = (array, index) => (array[index >> 3] >> (index & 7) & 1) > 0;
   const three = (array, row) => [array[3 * row], array[3 * row + 1], array[3 * row + 2]];
   const numSamples = arrays.spent.length, last = numSamples - 2;
@@ -42,7 +41,7 @@ export function recordedFlight(table) {
     numSeen: k => held.filter((_, j) => bit(isSeen, k * table.numPoints + j)).length,
     stride: table.stride ?? 1,
     isDecided: k => Boolean(table.isDecided) && k <= last && bit(isDecidedThen, k),
-    inputs: (k, system, count) => arrays64.subarray((k * table.numSystems + system) * 3).slice(0, count),
+    inputs: (k, system, count) => arrays.inputs.subarray((k * table.numSystems + system) * 3).slice(0, count),
     sun: k => (arrays.sun.length ? three(arrays.sun, k) : null),
     spent: k => arrays.spent[k],
     isSeen: (k, j) => bit(isSeen, k * table.numPoints + j),

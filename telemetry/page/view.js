@@ -15,6 +15,7 @@ const SPEED = 18; // samples a second
  *
  * `flight` has numSamples, periodS, radius, limits, points and, of a sample k, position, velocity, force, sun (a
  * direction, or null where none is told), isSeen(k, point), spent, coast(k) (positions of free motion), and reasons(k) (lists of {text, detail}).
+ * `fellows` are deputies of the same fleet, {letter, flight}, whose paths are drawn thin.
  * It may have pointsAt(k) where the chief turns, isLit(k, point) where light is more than facing the Sun (or
  * tellsLight false where which points are lit is not told), and isSphere false where the chief is none, and before, the positions of another flight from the same start.
  * `touch(kind, direction)`, where given, hears of a start or a Sun that is dragged. A view that follows another, its
@@ -34,6 +35,7 @@ export class FlightView {
     this.angles = { yaw: -0.42, pitch: 0.3 };
     this.zoom = 1;
     this.others = [];
+    this.fellows = [];
     this.said = "";
     this.part("time").max = flight.numSamples - 1;
     this.listen();
@@ -262,12 +264,22 @@ export class FlightView {
         this.arrow(at, this.on(end), colour.push, 3.5, AXES[axis][+(part > 0)]);
       });
     }
+    this.fellows.forEach(fellow => this.fellow(fellow, k * flight.periodS));
     pen.fillStyle = colour.ink; pen.beginPath(); pen.arc(at[0], at[1], 6, 0, TURN); pen.fill();
     if (k !== this.heard) this.onSample(k); // what others draw, once a painted sample
     this.heard = k;
     this.triad(isNarrow);
     if (flight.points.length) this.closeUp(k, sun, here, isNarrow);
     this.say(k);
+  }
+
+  /** Draw where another deputy of the same fleet has flown until a time, s. */
+  fellow({ letter, flight }, seconds) {
+    const { pen, colour } = this, last = Math.min(flight.numSamples - 1, Math.round(seconds / flight.periodS));
+    this.line(Array.from({ length: last + 1 }, (_, k) => flight.position(k)), colour.muted, 1.5);
+    const [x, y] = this.on(flight.position(last));
+    pen.fillStyle = colour.muted; pen.beginPath(); pen.arc(x, y, 5, 0, TURN); pen.fill();
+    this.word(letter, x, y + 4, colour.muted, "600 ");
   }
 
   /** Return the distance that the picture must hold, m. */

@@ -126,7 +126,7 @@ class Side {
       boutsList(this.part("events"), flight, to),
       ...this.showNow.map(show => k => show(flight, k)),
     ];
-    for (const part of ["map", "progress"]) this.part(part).hidden = !flight.points.length;
+    for (const part of ["map", "progress", "key"]) this.part(part).hidden = !flight.points.length;
     this.part("fuel").hidden = !isSpent;
   }
 
