@@ -281,6 +281,45 @@ def test_all_panels_show_one_time_and_the_address_keeps_it(ready):
     expect(page.locator("#player .why")).to_have_text(re.compile(r"^\s*The flight ends here\."))
 
 
+#: points of a drag by a finger, of 10 by 4 pixels each
+NUM_DRAGGED = 16
+#: what such a drag may move
+MOVED = "() => [player.lead.view.angles.yaw, player.lead.view.angles.pitch, player.lead.view.sample]"
+
+
+def test_a_drag_by_finger_turns_the_view_and_moves_the_time_but_no_page(ready):
+    page = ready("champion_27", width=400, has_touch=True, is_mobile=True)
+    fingers = page.context.new_cdp_session(page)
+
+    def drag(part):
+        """Drag up and to the left by a finger from the middle of a part; return how far the page scrolled."""
+        element = page.locator(f"#player {part}").first
+        element.evaluate("each => each.scrollIntoView({ block: 'center' })")
+        box = element.bounding_box()
+        before = page.evaluate("() => scrollY")
+        x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+        for step in range(NUM_DRAGGED):
+            points = [{"x": x - 4 * step, "y": y - 10 * step}]
+            kind = "touchMove" if step else "touchStart"
+            fingers.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+            page.wait_for_timeout(16)
+        fingers.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+        page.wait_for_timeout(300)
+        return page.evaluate("() => scrollY") - before
+
+    assert drag(".distance h4") > 100  # elsewhere it does
+    yaw, pitch, k = page.evaluate(MOVED)
+    assert drag(".scene canvas") == 0
+    turned_yaw, turned_pitch, same = page.evaluate(MOVED)
+    assert turned_yaw - yaw > 0.3
+    assert pitch - turned_pitch > 0.3
+    assert same == k
+    for plot in (".distance", ".fuel", ".progress"):
+        page.evaluate("() => player.lead.view.show(350)")
+        assert drag(f"{plot} svg[role=slider]") == 0
+        page.wait_for_function("() => player.lead.view.sample < 200")
+
+
 def test_numbers_and_pictures_are_saved(ready, tmp_path):
     page = ready("champion_27", address="case=102&k=10")
     log = run_of("champion_27")[3][2]
