@@ -40,7 +40,7 @@ FUEL = "delta_v_m_s"
 BARS = CasePlot("bars", "How the fuel spreads", (FUEL,))
 
 
-class Measures(NamedTuple):
+class CaseMeasures(NamedTuple):
     """What a page tells of cases: columns by name, words and decimals, and plots of them.
 
     Of runs beside each other it has the first two columns; the second tells which case is worst, by its
@@ -54,7 +54,7 @@ class Measures(NamedTuple):
 
 
 MEASURES = {
-    "inspection": Measures(
+    "inspection": CaseMeasures(
         (
             (FUEL, "Δv, m/s", 3),
             ("inspection_rate_percent", "inspected, %", 1),
@@ -69,7 +69,7 @@ MEASURES = {
         ("fuel", "what was inspected"),
         np.argmin,
     ),
-    "reach": Measures(
+    "reach": CaseMeasures(
         (
             (FUEL, "Δv, m/s", 3),
             ("end_s", "end, s", 0),
@@ -293,12 +293,12 @@ def _succeeds(episodes: Columns, rows: Sequence[int]) -> Any:
     return reached & ~violated
 
 
-def _columns(measures: Measures, values: Mapping[str, Any]) -> list[CaseColumn]:
+def _columns(measures: CaseMeasures, values: Mapping[str, Any]) -> list[CaseColumn]:
     return [CaseColumn(name, label, decimals, values[name]) for name, label, decimals in measures.columns]
 
 
 def _paired(
-    measures: Measures, values: Sequence[Mapping[str, Any]]
+    measures: CaseMeasures, values: Sequence[Mapping[str, Any]]
 ) -> tuple[list[CaseColumn], list[CasePlot]]:
     """Return the first two measures of each run as columns, and plots of each run against the first."""
     columns, plots = [], []

@@ -217,15 +217,16 @@ def _reasons(recording: Recording, times: Floats) -> tuple[list[str], list[list[
         indices = np.vectorize(known.get, otypes=[np.int64])(control["reason"][rows].astype(str))
     for name in recording.fis_names:
         _name_rules(recording, name, times, texts, indices)
-    if any(recording.fis_description(name).output_axes == BODY for name in recording.fis_names):
+    is_body = any(recording.fis_description(name).output_axes == BODY for name in recording.fis_names)
+    if is_body and control["force_asked_n"].shape[1]:
         _along_deputy(np.abs(_at(control, "force_asked_n", times)), texts, indices)
     return texts, indices.tolist()
 
 
-def _along_deputy(asked: Floats, texts: list[str], indices: np.ndarray[Any, Any]) -> None:
+def _along_deputy(forces: Floats, texts: list[str], indices: np.ndarray[Any, Any]) -> None:
     """Give all axes the reason of the largest force asked: along the deputy's, not those of the page."""
     rows = np.arange(len(indices))
-    indices[:] = indices[rows, np.argmax(asked, axis=1)][:, np.newaxis]
+    indices[:] = indices[rows, np.argmax(forces, axis=1)][:, np.newaxis]
     for index, text in enumerate(texts):
         if text.startswith("Rule "):
             texts[index] = f"Along the deputy's axes: {text}"

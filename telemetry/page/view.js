@@ -258,10 +258,19 @@ export class FlightView {
     const at = this.on(here), [startX, startY] = this.startAt;
     if (!size || Math.hypot(at[0] - startX, at[1] - startY) > 60) this.word("start", startX, startY + 4, colour.ink); // else arrows are there
     if (size > 0) {
+      const words = [];
       force.forEach((part, axis) => {
         if (!part) return;
         const end = here.slice(); end[axis] += Math.sign(part) * (26 + Math.min(130, 450 * Math.abs(part))) / this.scale;
-        this.arrow(at, this.on(end), colour.push, 3.5, AXES[axis][+(part > 0)]);
+        const to = this.on(end);
+        this.arrow(at, to, colour.push, 3.5);
+        words.push([AXES[axis][+(part > 0)], to[0], to[1] - 10]);
+      });
+      // apart from each other, from the top down
+      words.sort((a, b) => a[2] - b[2]).forEach(([word, x, y], index) => {
+        for (const [, otherX, otherY] of words.slice(0, index)) if (Math.abs(otherX - x) < 50) y = Math.max(y, otherY + 15);
+        words[index][2] = y;
+        this.word(word, x, y, colour.push, "600 ");
       });
     }
     this.fellows.forEach(fellow => this.fellow(fellow, k * flight.periodS));
