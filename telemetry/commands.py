@@ -241,29 +241,30 @@ def replay(files: tuple[Path, ...], /, shown: Shown = WINDOW) -> None:
     shown.look(replay.scene(files))
 
 
-def page(file: Path, /, *, output: Output = None) -> None:
-    """Write a page that plays a flight in any browser, and needs no other file.
+def page(files: tuple[Path, ...], /, *, output: Output = None) -> None:
+    """Write a page that plays flights in any browser, and needs no other file.
 
     Scene, distance, fuel, points and reasons show one time; pictures and numbers can be saved. It shows what
-    the recording has, whoever wrote it, and says what it does not tell. Nothing is fetched.
+    the recordings have, whoever wrote them, and says what they do not tell. Nothing is fetched.
 
     For example:
 
         python -m telemetry page flight.mcap
         python -m telemetry page flight.mcap -o flight.html
+        python -m telemetry page deputy-1.mcap deputy-2.mcap
 
     Parameters
     ----------
-    file
-        a flight
+    files
+        flights, beside each other; deputies of one fleet show each other's paths
     output
-        where to [default: NAME.html in the folder of FILE]
+        where to [default: NAME.html in the folder of the first of FILES]
     """
     from telemetry.page import recorded  # noqa: PLC0415 - as above
 
-    path = output or file.with_suffix(".html")
+    path = output or files[0].with_suffix(".html")
     with replacing(path) as stream:
-        stream.write(recorded.write(file).encode())
+        stream.write(recorded.write(*files).encode())
     print(path)
 
 

@@ -2,6 +2,7 @@
 
 import base64
 import hashlib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
@@ -16,23 +17,33 @@ from fis_tools.file_access import read_shipped
 
 @dataclass(frozen=True)
 class ScriptedPanel:
-    """A part of a page that runs a script of its own: its title, style, body and script."""
+    """A part of a page that runs a script of its own: its title, style, body and script.
+
+    ``packed`` is the script that this script unpacks and begins, if it does.
+    """
 
     title: str
     style: Markup
     body: Markup
     script: Markup
+    packed: str = ""
+
+    @property
+    def scripts(self) -> tuple[str, ...]:
+        """What the policy of its page allows to run."""
+        return (self.script, self.packed) if self.packed else (self.script,)
 
 
-def policy(style: str = "", script: str = "", *, flies: bool = False) -> Markup:
-    """Return the content security policy of a page: nothing runs but one script, nothing is fetched.
+def policy(style: str = "", scripts: Sequence[str] = (), *, flies: bool = False) -> Markup:
+    """Return the content security policy of a page: nothing runs but its scripts, nothing is fetched.
 
     With the source of its style element, no other style is applied; without a script none runs. Where the
-    script flies, it may compile WebAssembly and begin workers of its own.
+    scripts fly, they may compile WebAssembly and begin workers of their own.
     """
     allowed = source_hash(style) if style else "unsafe-inline"
     compiles, workers = (" 'wasm-unsafe-eval'", "worker-src blob:; ") if flies else ("", "")
-    runs = f"script-src '{source_hash(script)}'{compiles}; {workers}" if script else ""
+    hashes = " ".join(f"'{source_hash(script)}'" for script in scripts)
+    runs = f"script-src {hashes}{compiles}; {workers}" if scripts else ""
     return Markup(
         "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; {}style-src '{}'; "
         "img-src data:; base-uri 'none'; form-action 'none'\">"
@@ -104,7 +115,7 @@ def page(document: Document, style: str = "", panel: ScriptedPanel | None = None
     return template("fis_tools", "document", "page.html").render(
         title=document.title,
         style=style,
-        policy=policy(styled, panel.script if panel else "", flies=panel is not None),
+        policy=policy(styled, panel.scripts if panel else (), flies=panel is not None),
         navigation=[
             block for block in document.blocks if isinstance(block, Heading) and block.level == 2 and block.id
         ],

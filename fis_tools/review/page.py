@@ -166,7 +166,7 @@ def _assemble(data: object, script: str, panel: html.ScriptedPanel | None, **wor
         data=Markup(carried.as_json(data)),  # noqa: S704 - no character of it ends a script element
         style_hash=source_hash(style),
         panel=panel,
-        script_hashes=[source_hash(each) for each in (script, *([panel.script] if panel else []))],
+        script_hashes=[source_hash(each) for each in (script, *(panel.scripts if panel else []))],
     )
 
 

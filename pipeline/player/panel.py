@@ -10,7 +10,7 @@ from fis_tools.review import carried, transcribed
 from pipeline.flight.world.chief import chief_attitudes
 from pipeline.flight.world.pack import inspection_points
 from pipeline.player.arguments import PLAIN
-from pipeline.player.flown import PACKAGE, as_text, module, packed, tells_reasons
+from pipeline.player.flown import PACKAGE, as_text, module, tells_reasons
 from pipeline.player.motion import free_motion
 from pipeline.player.runs import Carried, PlayedCases, PlayedPage, PlayedRun
 from telemetry.page import panel as recorded
@@ -38,7 +38,7 @@ def panel(page: PlayedPage) -> ScriptedPanel:
         "quadrature": carried.quadrature_data(systems) if systems else ["", ""],
         "cases": _cases(page.cases) if page.cases else None,
         "first": page.first,
-        "modules": {name: packed(module(name)) for name in modules},
+        "modules": {name: recorded.packed(module(name)) for name in modules},
         "worker": recorded.as_script("\n".join(worker)) if modules else "",
     }
     code = [transcribed.script(data) if data else NO_INFERENCE]
@@ -64,7 +64,7 @@ def _run(run: PlayedRun, of_run: Carried) -> dict[str, Any]:
         "why": of_run.why,
         "flight": _flight(run, is_plain=flown["module"] == PLAIN),
         # memberships at all samples, which shrink by five sixths
-        "systems": packed(carried.as_json(data).encode()) if data else "",
+        "systems": recorded.packed(carried.as_json(data).encode()) if data else "",
         "recorded": dict(of_run.recorded),
         "reasons": dict(of_run.reasons),
         **flown,
@@ -124,9 +124,8 @@ def _cases(cases: PlayedCases) -> dict[str, Any]:
         for plot in cases.plots
     ]
     succeeds = [as_text(np.packbits(marks, bitorder="little"), "u1") for marks in cases.succeeds]
-    numbers = as_text(cases.numbers, "<i4")
     return {
-        "numbers": numbers,
+        "steps": as_text(np.diff(cases.numbers, prepend=0), "<i4"),
         "succeeds": succeeds,
         "columns": columns,
         "plots": plots,

@@ -88,6 +88,8 @@ class Contents:
     training_round : int, optional
         Whose starts the training flights have, from 1, where each round has its own.
     comparison : sequence of ComparisonRow
+    compared : mapping of str to (n,) array, optional
+        Its flights, one entry each.
     beside : BesideOptimum
         The controller beside the minimum-fuel plans.
     pairs : sequence of Pair
@@ -116,6 +118,7 @@ class Contents:
     spread: comparisons.Spread
     training_round: int | None
     comparison: Sequence[ComparisonRow]
+    compared: Columns | None
     beside: comparisons.BesideOptimum
     pairs: Sequence[comparisons.FlightBesidePlan]
     without_safety: comparisons.Without | None
@@ -175,6 +178,7 @@ def gather(experiment: Experiment, folder: Path) -> Contents:
         evaluation=evaluation,
         spread=comparisons.spread_of(folder, summary),
         comparison=comparisons.read_comparison(folder),
+        compared=read_compared(folder),
         beside=beside,
         pairs=comparisons.fly_pairs(experiment, controller, beside) if controller else (),
         without_safety=comparisons.fly_without(experiment, controller, episodes) if controller else None,
@@ -238,6 +242,13 @@ def read_summary(folder: Path) -> dict[str, Any]:
                 f"repeat the stage {artifacts.stage_of(artifacts.SUMMARY)}"
             )
     return dict(summary)
+
+
+def read_compared(folder: Path) -> Columns | None:
+    """Read the flights of the stage compare; None if they are not there."""
+    if not (folder / artifacts.COMPARISON_EPISODES).exists():
+        return None
+    return tables.read_parquet(folder, artifacts.COMPARISON_EPISODES)
 
 
 def tracks_of(rows: Columns, cases: NDArray[Any]) -> NDArray[np.floating]:

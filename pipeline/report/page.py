@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from fis_tools.document import Block, Code, Document, Heading, Paragraph, Table
-from fis_tools.document.html import page, policy, template
+from fis_tools.document.html import ScriptedPanel, page, policy, template
 from fis_tools.words.text import summary
 from pipeline.evaluation import comparison
 from pipeline.evaluation.monte_carlo import SUCCESS
@@ -17,7 +17,7 @@ from pipeline.recording.events import points_in_words
 from pipeline.report import comparisons
 from pipeline.report.contents import Contents, FlightSet, ShownFlight
 from pipeline.report.figures.style import MOST_POINTS, Illustration, caption_of
-from pipeline.report.played import player_of_run
+from pipeline.report.played import compared_in, player_of_comparison, player_of_run
 from pipeline.run import artifacts, typed
 from pipeline.settings.experiment import Mission
 from pipeline.settings.keys import TAGS
@@ -52,16 +52,21 @@ def write(contents: Contents, illustrations: Mapping[str, Illustration]) -> str:
     """
     experiment, rows = contents.experiment, contents.comparison
     mission = experiment.mission
+    scene = player_of_comparison(contents) if contents.is_comparison else player_of_run(contents)
     if mission.problem.kind == "reach":
         heading = Heading(experiment.report.title, 1)
-        return page(Document([heading, *_towards_goal(contents, illustrations)]), COLOURS)
+        shown = [heading, *_towards_goal(contents, illustrations)]
+        if words := _words_of_player(contents, scene):
+            shown += [Heading("Flights", id="flights"), Paragraph(words)]
+        return page(Document(shown), COLOURS, scene if isinstance(scene, ScriptedPanel) else None)
+    says, scene = _words_of_player(contents, scene), scene if isinstance(scene, ScriptedPanel) else None
     has_unseen = any(has_uninspectable(flights.summary) for _, flights, _ in contents.sets)
-    scene = player_of_run(contents)
     return template("pipeline.report", "templates", "report.html").render(
         typed=typed,
         TYPED=TYPED,
-        policy=policy(script=scene.script if scene else "", flies=scene is not None),
+        policy=policy(scripts=scene.scripts if scene else (), flies=scene is not None),
         scene=scene,
+        says=says,
         contents=contents,
         experiment=experiment,
         success=SUCCESS,
@@ -89,6 +94,20 @@ def write(contents: Contents, illustrations: Mapping[str, Illustration]) -> str:
         illustrations=illustrations,
         artifacts=artifacts,
     )
+
+
+def _words_of_player(contents: Contents, player: ScriptedPanel | str | None) -> str:
+    """Return what a page says of the flights that it plays, or why it plays none; empty if it has none."""
+    if isinstance(player, str):
+        return f"No flight opens here: {player}."
+    if player is None or not (contents.is_comparison or contents.evaluation):
+        return ""
+    if contents.is_comparison:
+        world, sun = compared_in(contents.experiment)
+        there = [f"in the world {world}"] if world else []
+        there += [f"under the Sun {sun}"] if len(contents.experiment.compare.suns) > 1 else []
+        return caption_of("side_by_side") + (f" The flights are those {' '.join(there)}." if there else "")
+    return caption_of("flights_to_goal")
 
 
 def has_uninspectable(flown: Mapping[str, Any]) -> bool:

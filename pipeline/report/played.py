@@ -1,18 +1,22 @@
 """The player of pages: the cases of a run, or of several runs on the cases that they share."""
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from fis_tools.document.html import ScriptedPanel
+from fis_tools.errors import ControllerFileError
+from pipeline.controllers.source import named
 from pipeline.evaluation.blocks import number_of, values_at
+from pipeline.evaluation.contenders import guarded, labelled, under
 from pipeline.evaluation.monte_carlo import episode_columns
 from pipeline.evaluation.statistics import Columns
 from pipeline.flight.cases.dispersions import mission_of_case
-from pipeline.flight.control.controller import Controller
+from pipeline.flight.control.controller import Controller, ControllerError
 from pipeline.flight.goals.flights import fly_all, fly_logged
 from pipeline.flight.state.log import FlightLog, Scenario
 from pipeline.player.flown import flown_in_page, tells_reasons
@@ -32,20 +36,56 @@ MOST_CASES = 10_000
 #: runs beside each other at most
 MOST_RUNS = 8
 SUCCESS_COLUMN = "success"
-#: columns of the cases: names, words, decimals
-COLUMNS = (
-    ("delta_v_m_s", "Δv, m/s", 3),
-    ("inspection_rate_percent", "inspected, %", 1),
-    ("min_distance_m", "nearest, m", 1),
-    ("max_distance_m", "farthest, m", 1),
-)
-FUEL, RATE = COLUMNS[0][0], COLUMNS[1][0]
-#: how a run's cases are drawn
-PLOTS = (
-    CasePlot("fuel-dots", "Fuel and what was inspected", (FUEL, RATE)),
-    CasePlot("distance-dots", "Nearest and farthest", ("min_distance_m", "max_distance_m")),
-    CasePlot("bars", "How the fuel spreads", (FUEL,)),
-)
+FUEL = "delta_v_m_s"
+BARS = CasePlot("bars", "How the fuel spreads", (FUEL,))
+
+
+class CaseMeasures(NamedTuple):
+    """What a page tells of cases: columns by name, words and decimals, and plots of them.
+
+    Of runs beside each other it has the first two columns; the second tells which case is worst, by its
+    ``worst`` value.
+    """
+
+    columns: tuple[tuple[str, str, int], ...]
+    plots: tuple[CasePlot, ...]
+    titles: tuple[str, str]
+    worst: Callable[[Any], Any]
+
+
+MEASURES = {
+    "inspection": CaseMeasures(
+        (
+            (FUEL, "Δv, m/s", 3),
+            ("inspection_rate_percent", "inspected, %", 1),
+            ("min_distance_m", "nearest, m", 1),
+            ("max_distance_m", "farthest, m", 1),
+        ),
+        (
+            CasePlot("fuel-dots", "Fuel and what was inspected", (FUEL, "inspection_rate_percent")),
+            CasePlot("distance-dots", "Nearest and farthest", ("min_distance_m", "max_distance_m")),
+            BARS,
+        ),
+        ("fuel", "what was inspected"),
+        np.argmin,
+    ),
+    "reach": CaseMeasures(
+        (
+            (FUEL, "Δv, m/s", 3),
+            ("end_s", "end, s", 0),
+            ("end_speed_m_s", "speed at the end, m/s", 4),
+            ("excess_m_s", "most above the limit, m/s", 4),
+        ),
+        (
+            CasePlot("fuel-dots", "Fuel and when the flight ends", (FUEL, "end_s")),
+            CasePlot("speed-dots", "When the flight ends, and how fast", ("end_s", "end_speed_m_s")),
+            BARS,
+        ),
+        ("fuel", "when the flight ends"),
+        np.argmax,
+    ),
+}
+PLOTS = MEASURES["inspection"].plots
 
 
 @dataclass(frozen=True)
@@ -68,7 +108,7 @@ def player_of_run(contents: Contents) -> ScriptedPanel | None:
     if controller is None or _why_hidden(experiment.mission):
         return None
     episodes = contents.evaluation.episodes if contents.evaluation else None
-    if episodes is None or not _has_columns(episodes):
+    if episodes is None or not _has_columns(episodes, experiment.mission):
         if not contents.shown:
             return None
         shown = contents.shown[0]
@@ -76,6 +116,48 @@ def player_of_run(contents: Contents) -> ScriptedPanel | None:
     run = EvaluatedRun(experiment.name, experiment, controller, episodes, typed.fly(typed.RUN, "case=CASE"))
     rows = range(min(MOST_CASES, number_of(episodes)))
     return panel(_page([run], [rows], "", experiment.name))
+
+
+def player_of_comparison(contents: Contents) -> ScriptedPanel | str:
+    """Return the player of the flights of a comparison, side by side, or in words why there is none.
+
+    They are those of the first world, under the run's Sun if it is among those compared, else the last.
+    """
+    experiment, flights = contents.experiment, contents.compared
+    if flights is None:
+        return "the comparison's flights were not kept"
+    world, sun = compared_in(experiment)
+    try:
+        runs = list(_contenders(under(experiment, world, sun), flights, world))
+    except (ControllerError, ControllerFileError) as error:
+        return f"a controller of the comparison is not there any more ({error})"
+    if not all(rows for _, rows in runs):
+        return "the comparison's flights are not those of its configuration"
+    return player_of_runs([run for run, _ in runs], [rows for _, rows in runs], experiment.name)
+
+
+def compared_in(experiment: Experiment) -> tuple[str, str]:
+    """Return the world and the Sun of the flights of a comparison that a page plays."""
+    suns, mode = experiment.compare.suns, experiment.sun.mode
+    return [*experiment.compare.worlds, ""][0], mode if mode in suns else suns[-1]
+
+
+def _contenders(there: Experiment, flights: Columns, world: str) -> Iterator[tuple[EvaluatedRun, list[int]]]:
+    """Yield each controller under each safety layer as a run, with its rows in the flights."""
+    compare = there.compare
+    of_lot = (flights["world"] == world) & (flights["sun"] == there.sun.mode)
+    for name, layer in product(compare.controllers, compare.safety):
+        mission = guarded(there.mission, layer)
+        controller = named(name, mission)
+        label = labelled(name, compare.controllers, controller)
+        rows = np.flatnonzero(of_lot & (flights["controller"] == label) & (flights["safety"] == layer))
+        is_runs = not world and mission == there.mission
+        command = typed.fly(typed.RUN, "case=CASE", f"controller={name}") if is_runs else ""
+        words = label if layer == "none" else f"{label}, safety layer"
+        yield (
+            EvaluatedRun(words, replace(there, mission=mission), controller, flights, command),
+            rows.tolist(),
+        )
 
 
 def player_of_flight(
@@ -103,7 +185,7 @@ def player_of_runs(
     """
     if why := next(filter(None, (_why_hidden(run.experiment.mission) for run in runs)), ""):
         return why
-    if not all(_has_columns(run.episodes) for run in runs):
+    if not all(_has_columns(run.episodes, run.experiment.mission) for run in runs):
         return "the evaluations do not tell what is plotted"
     shared = [list(each)[:MOST_CASES] for each in rows]
     return panel(_page(list(runs)[:MOST_RUNS], shared, "", file_name))
@@ -118,12 +200,13 @@ def player_of_starts(
     starts = list(starts)[:MOST_CASES]
     outcomes = fly_all(mission, controller, starts, experiment.monte_carlo.workers)
     episodes = episode_columns(mission, starts, outcomes)
-    columns = _columns([{name: np.asarray(episodes[name]) for name, *_ in COLUMNS}])
+    measures = MEASURES[mission.problem.kind]
+    columns = _columns(measures, {name: np.asarray(episodes[name]) for name, *_ in measures.columns})
     numbers = np.arange(len(starts))
-    cases = PlayedCases(numbers, [_succeeds(episodes, numbers.tolist())], columns, PLOTS)
+    cases = PlayedCases(numbers, [_succeeds(episodes, numbers.tolist())], columns, measures.plots)
     order = np.argsort(columns[0].values, kind="stable")
     first = int(order[len(order) // 2])
-    telling = [first, int(order[-1]), int(np.argmin(columns[1].values))]
+    telling = [first, int(order[-1]), int(measures.worst(columns[1].values))]
     run = PlayedRun(experiment.name, experiment.name, mission, controller, starts, telling)
     return panel(PlayedPage("", experiment.name, [(run, carried_of(run))], cases, first))
 
@@ -164,28 +247,38 @@ def _why_hidden(mission: Mission) -> str:
     """Return in words why a page does not play a mission; empty if it does."""
     if mission.has_fleet:
         return "flights of a fleet are not shown in a page"
-    return "" if mission.problem.kind == "inspection" else "flights to a goal are not shown in a page"
+    return ""
 
 
-def _has_columns(episodes: Columns) -> bool:
-    wanted = {"case", SUCCESS_COLUMN, *POSITION, *(name for name, *_ in COLUMNS)}
+def _has_columns(episodes: Columns, mission: Mission) -> bool:
+    names = (name for name, *_ in MEASURES[mission.problem.kind].columns)
+    wanted = {"case", SUCCESS_COLUMN, *POSITION, *names}
     return wanted <= set(episodes) and number_of(episodes) > 0
 
 
 def _page(
     runs: Sequence[EvaluatedRun], rows: Sequence[Sequence[int]], title: str, file_name: str
 ) -> PlayedPage:
+    measures = MEASURES[runs[0].experiment.mission.problem.kind]
     values = [
-        {name: np.array(values_at(run.episodes, name, of_run)) for name, *_ in COLUMNS}
+        {name: np.array(values_at(run.episodes, name, of_run)) for name, *_ in measures.columns}
         for run, of_run in zip(runs, rows, strict=True)
     ]
     numbers = np.array(values_at(runs[0].episodes, "case", rows[0]))
     succeeds = [_succeeds(run.episodes, of_run) for run, of_run in zip(runs, rows, strict=True)]
-    columns, plots = (_columns(values), PLOTS) if len(runs) == 1 else _paired(values)
+    is_alone = len(runs) == 1
+    columns, plots = (
+        (_columns(measures, values[0]), measures.plots) if is_alone else _paired(measures, values)
+    )
     cases = PlayedCases(numbers, succeeds, columns, plots)
-    order = np.argsort(values[-1][FUEL] - (values[0][FUEL] if len(runs) > 1 else 0.0), kind="stable")
+    order = np.argsort(values[-1][FUEL] - (0.0 if is_alone else values[0][FUEL]), kind="stable")
     first = int(order[len(order) // 2])
-    telling = [first, int(order[-1]), int(order[0]), *(int(np.argmin(each[RATE])) for each in values)]
+    telling = [
+        first,
+        int(order[-1]),
+        int(order[0]),
+        *(int(measures.worst(each[measures.columns[1][0]])) for each in values),
+    ]
     played = [
         _played(run, [int(case) for case in values_at(run.episodes, "case", of_run)], telling)
         for run, of_run in zip(runs, rows, strict=True)
@@ -200,21 +293,26 @@ def _succeeds(episodes: Columns, rows: Sequence[int]) -> Any:
     return reached & ~violated
 
 
-def _columns(values: Sequence[Mapping[str, Any]]) -> list[CaseColumn]:
-    return [CaseColumn(name, label, decimals, values[0][name]) for name, label, decimals in COLUMNS]
+def _columns(measures: CaseMeasures, values: Mapping[str, Any]) -> list[CaseColumn]:
+    return [CaseColumn(name, label, decimals, values[name]) for name, label, decimals in measures.columns]
 
 
-def _paired(values: Sequence[Mapping[str, Any]]) -> tuple[list[CaseColumn], list[CasePlot]]:
-    """Return the fuel and rate of each run as columns, and plots of each run against the first."""
+def _paired(
+    measures: CaseMeasures, values: Sequence[Mapping[str, Any]]
+) -> tuple[list[CaseColumn], list[CasePlot]]:
+    """Return the first two measures of each run as columns, and plots of each run against the first."""
     columns, plots = [], []
     letters = [chr(ord("A") + index) for index in range(len(values))]
-    for name, label, decimals in COLUMNS[:2]:
+    is_pair = len(values) == 2  # the table of more has room for their fuel
+    for name, label, decimals in measures.columns[:2]:
         for letter, of_run in zip(letters, values, strict=True):
-            columns.append(CaseColumn(f"{name}_{letter}", f"{letter}: {label}", decimals, of_run[name]))
+            is_told = name == FUEL or is_pair
+            words = f"{name}_{letter}", f"{letter}: {label}", decimals
+            columns.append(CaseColumn(*words, of_run[name], is_told))
     for letter, of_run in zip(letters[1:], values[1:], strict=True):
         more = of_run[FUEL] - values[0][FUEL]
-        columns.append(CaseColumn(f"more_{letter}", f"{letter} − A: Δv, m/s", 3, more))
-        for name, title in ((FUEL, "fuel"), (RATE, "what was inspected")):
+        columns.append(CaseColumn(f"more_{letter}", f"{letter} − A: Δv, m/s", 3, more, is_pair))
+        for (name, *_), title in zip(measures.columns, measures.titles, strict=False):
             both = f"{name}_A", f"{name}_{letter}"
             plots.append(CasePlot(f"{title.split()[0]}-{letter}", f"{letter} beside A: {title}", both, True))
         plots.append(CasePlot(f"more-{letter}", f"How much more {letter} burns", (f"more_{letter}",)))

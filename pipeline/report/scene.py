@@ -44,7 +44,7 @@ def recorded_table(log: FlightLog, controller: Controller, mission: Mission) -> 
     return flight_table(log, mission) | {
         **told_reasons(log, controller, mission),
         "isDecided": _bits(log.is_decided),
-        "inputs": base64.b64encode(np.ascontiguousarray(log.fis_input, "<f8").tobytes()).decode("ascii"),
+        "inputs": _floats(log.fis_input),
     }
 
 

@@ -157,8 +157,11 @@ def _with_player(document: Document, played: Sequence[EvaluatedRun], name: str) 
         return html.page(document, style)
     rows = shared_rows([run.episodes for run in played])
     player = player_of_runs(played, rows, name) if len(rows[0]) else "no case is common to all of them"
-    says = f"No flight opens here: {player}." if isinstance(player, str) else caption_of("side_by_side")
-    shown = [*document.blocks, Heading("The same case side by side"), Paragraph(says)]
+    is_alone = len(played) == 1
+    says = caption_of("flights_of_one" if is_alone else "side_by_side")
+    says = f"No flight opens here: {player}." if isinstance(player, str) else says
+    heading = f"The flights of {played[0].name}" if is_alone else "The same case side by side"
+    shown = [*document.blocks, Heading(heading), Paragraph(says)]
     return html.page(Document(shown), style, None if isinstance(player, str) else player)
 
 

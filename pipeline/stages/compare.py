@@ -8,12 +8,12 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from threading import Event, Lock
 
-from fis_tools.formats.serialize import EDITED, EDITED_NAME
 from pipeline.array_types import Floats
 from pipeline.controllers.source import named
 from pipeline.evaluation import comparison
 from pipeline.evaluation.after import Aftermath, joined
 from pipeline.evaluation.beside_optimum import beside_optimum, summarise_times
+from pipeline.evaluation.contenders import guarded, labelled, under
 from pipeline.evaluation.monte_carlo import episode_columns, fly_cases, fly_followed, summarise
 from pipeline.flight.control.controller import Controller, Planner, PlanningController
 from pipeline.flight.state.log import Outcomes, Scenario, combined
@@ -22,8 +22,7 @@ from pipeline.run import artifacts, tables, writing
 from pipeline.run.engine import open_pool
 from pipeline.run.progress import Progress
 from pipeline.scenarios import evaluation_scenarios
-from pipeline.settings.experiment import Experiment, Mission, Safety
-from pipeline.settings.schema import in_world
+from pipeline.settings.experiment import Experiment, Mission
 
 Row = tuple[comparison.ComparisonRow, dict[str, comparison.Column]]
 
@@ -64,10 +63,10 @@ class Lot:
 
 def _lots(experiment: Experiment, world: str) -> list[Lot]:
     """Return the flights to compare in a world, a lot for each Sun setting."""
-    in_that_world, lots = in_world(experiment, world), []
+    lots = []
     for sun in experiment.compare.suns:
-        under = replace(in_that_world, sun=replace(in_that_world.sun, mode=sun))
-        lots.append(Lot(under, world, evaluation_scenarios(under), None if world else _solved(under)))
+        there = under(experiment, world, sun)
+        lots.append(Lot(there, world, evaluation_scenarios(there), None if world else _solved(there)))
     return lots
 
 
@@ -162,7 +161,7 @@ def _rows(lot: Lot, name: str, controller: Controller, note: Note) -> list[Row]:
             columns = beside_optimum(beside, lot.solved.cases, lot.solved.harder)
             times = summarise_times(columns, experiment.monte_carlo.confidence_percent)
         row = comparison.ComparisonRow(
-            controller=label_of(name, experiment.compare.controllers) + _edited(name, controller),
+            controller=labelled(name, experiment.compare.controllers, controller),
             source=comparison.FLOWN,
             sun=experiment.sun.mode,
             safety=layer,
@@ -205,23 +204,6 @@ class _Remembering:
         if key not in self._known:
             self._known[key] = self._planner(scenario, decision, state)
         return self._known[key]
-
-
-def label_of(name: str, names: Sequence[str]) -> str:
-    """Return a controller's name in the table: its file's name if that is unique."""
-    stem = Path(name).stem
-    return stem if [Path(other).stem for other in names].count(stem) == 1 else name
-
-
-def _edited(name: str, controller: Controller) -> str:
-    """Return what a label adds where a file was changed after training, and its own name does not say so."""
-    changed = controller.fuzzy is not None and controller.fuzzy.name.endswith(EDITED_NAME)
-    return EDITED_NAME if changed and EDITED not in Path(name).stem else ""
-
-
-def guarded(mission: Mission, layer: str) -> Mission:
-    """Return a mission with a safety layer; the filter has the mission's own parameters."""
-    return replace(mission, safety=Safety() if layer == "none" else replace(mission.safety, kind="filter"))
 
 
 def _fly_cases(

@@ -1,6 +1,8 @@
 // A flight as the product flew it, from the arrays of a page, see pipeline/report/scene.py.
 import { FlightView, ENDED, cross, plus, pushText, scaled } from "./view.js";
 
+const ROUNDED_N = 1e-12; // what turning axes leaves of a force along one that has none
+
 /** What was fired at a sample, and why, from a table's texts and the indices of those of each axis. */
 export function reasonsOf({ texts: all, reasons }, k, force) {
   const texts = reasons[k].map(index => all[index]);
@@ -26,23 +28,23 @@ export function turnedPoints(points, attitude, k) {
 export function recordedFlight(table) {
   const bytes = text => Uint8Array.from(atob(text), letter => letter.charCodeAt(0));
   const floats = text => new Float32Array(bytes(text).buffer);
-  const arrays = Object.fromEntries(["points", "attitude", "position", "velocity", "force", "sun", "spent", "coast"]
+  const arrays = Object.fromEntries(["points", "attitude", "position", "velocity", "force", "sun", "spent", "coast", "inputs"]
     .map(name => [name, floats(table[name] ?? "")]));
   const isSeen = bytes(table.isSeen), isLitThen = bytes(table.isLit), isDecidedThen = bytes(table.isDecided ?? "");
-  const arrays64 = new Float64Array(bytes(table.inputs ?? "").buffer);
   const bit = (array, index) => (array[index >> 3] >> (index & 7) & 1) > 0;
   const three = (array, row) => [array[3 * row], array[3 * row + 1], array[3 * row + 2]];
   const numSamples = arrays.spent.length, last = numSamples - 2;
+  const force = k => three(arrays.force, k).map(part => (Math.abs(part) < ROUNDED_N ? 0 : part));
   const held = Array.from({ length: table.numPoints }, (_, j) => three(arrays.points, j));
   return {
     numSamples, periodS: table.periodS, radius: table.radius, limits: table.limits, isSphere: table.isSphere, points: held,
     pointsAt: arrays.attitude.length ? k => turnedPoints(held, arrays.attitude, k) : null,
     position: k => three(arrays.position, k),
-    force: k => (k <= last ? three(arrays.force, k) : [0, 0, 0]),
+    force: k => (k <= last ? force(k) : [0, 0, 0]),
     numSeen: k => held.filter((_, j) => bit(isSeen, k * table.numPoints + j)).length,
     stride: table.stride ?? 1,
     isDecided: k => Boolean(table.isDecided) && k <= last && bit(isDecidedThen, k),
-    inputs: (k, system, count) => arrays64.subarray((k * table.numSystems + system) * 3).slice(0, count),
+    inputs: (k, system, count) => arrays.inputs.subarray((k * table.numSystems + system) * 3).slice(0, count),
     sun: k => (arrays.sun.length ? three(arrays.sun, k) : null),
     spent: k => arrays.spent[k],
     isSeen: (k, j) => bit(isSeen, k * table.numPoints + j),
@@ -53,7 +55,7 @@ export function recordedFlight(table) {
       return Array.from({ length: arrays.coast.length / 18 }, (_, at) => [0, 1, 2].map(axis =>
         state.reduce((sum, value, column) => sum + arrays.coast[18 * at + 6 * axis + column] * value, 0)));
     },
-    reasons: k => (k > last ? ENDED : reasonsOf(table, k, three(arrays.force, k))),
+    reasons: k => (k > last ? ENDED : reasonsOf(table, k, force(k))),
   };
 }
 

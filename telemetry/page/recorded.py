@@ -2,6 +2,7 @@
 
 import base64
 from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,30 +22,62 @@ MOST_SAMPLES = 5000
 INSPECTED, LIT = 3, 1
 #: radius of the ball that stands for a chief without points, of the nearest distance
 BALL = 0.5
+OF_FLEET = (
+    "The deputies fly together: each scene has the path of the others, thin, and a point counts as inspected "
+    "once a deputy knows that one of them has seen it."
+)
+#: of forces along the deputy's axes
+BODY = "body"
 UNKNOWN = "The recording does not say why."
 
 
-def write(file: Path) -> str:
-    """Return a page that plays a recording, and needs no other file.
+def write(*files: Path) -> str:
+    """Return a page that plays recordings beside each other, and needs no other file.
+
+    Those of the deputies of one fleet show each other's paths.
 
     Raises
     ------
     RecordingError
-        If it cannot be read, or does not say where the deputy is.
+        If one cannot be read, or does not say where the deputy is.
     """
-    recording = read(file)
-    name = recording.episode.scenario_id or file.stem
-    flight, table = table_of(recording)
-    run: dict[str, Any] = {
-        **{"name": name, "fileName": file.stem, "command": "", "why": "", "flight": flight, "systems": ""},
-        **{"recorded": {0: table}, "reasons": {}, "module": "", "snapshot": None, "own": None},
-    }
+    recordings = [read(file) for file in files]
+    names = [_name(recording, file) for recording, file in zip(recordings, files, strict=True)]
+    runs, blocks = list[dict[str, Any]](), list[Block]([Heading(" and ".join(names), 1)])
+    for recording, file, name in zip(recordings, files, names, strict=True):
+        flight, table = table_of(recording)
+        runs.append(
+            {
+                **{"name": name, "fileName": file.stem, "command": "", "why": "", "flight": flight},
+                **{"systems": "", "recorded": {0: table}, "reasons": {}},
+                **{"module": "", "snapshot": None, "own": None},
+            }
+        )
+        blocks.append(Paragraph(_about(recording, flight, file)))
+    is_fleet = _is_fleet(recordings)
+    if is_fleet:
+        blocks.append(Paragraph(OF_FLEET))
     content: dict[str, Any] = {
-        **{"title": name, "fileName": file.stem, "runs": [run], "words": {}, "quadrature": ["", ""]},
-        **{"cases": None, "first": 0, "modules": {}, "worker": ""},
+        **{"title": names[0], "fileName": files[0].stem, "runs": runs, "words": {}, "quadrature": ["", ""]},
+        **{"cases": None, "first": 0, "modules": {}, "worker": "", "isFleet": is_fleet},
     }
-    blocks: list[Block] = [Heading(name, 1), Paragraph(_about(recording, flight, file))]
-    return page(Document(blocks), "", panel("The flight", content, [name]))
+    return page(Document(blocks), "", panel("The flight", content, names))
+
+
+def _name(recording: Recording, file: Path) -> str:
+    episode = recording.episode
+    name = episode.scenario_id or file.stem
+    return name if episode.deputy is None else f"{name}, deputy {episode.deputy}"
+
+
+def _is_fleet(recordings: Sequence[Recording]) -> bool:
+    """Return whether recordings are those of different deputies of one fleet."""
+    episodes = [recording.episode for recording in recordings]
+    deputies = {episode.deputy for episode in episodes}
+    flights = {(episode.scenario_id, episode.seed, episode.fleet_deputies) for episode in episodes}
+    return (
+        len(recordings) > 1 and None not in deputies and len(deputies) == len(episodes) and len(flights) == 1
+    )
 
 
 def _about(recording: Recording, flight: dict[str, Any], file: Path) -> str:
@@ -184,7 +217,19 @@ def _reasons(recording: Recording, times: Floats) -> tuple[list[str], list[list[
         indices = np.vectorize(known.get, otypes=[np.int64])(control["reason"][rows].astype(str))
     for name in recording.fis_names:
         _name_rules(recording, name, times, texts, indices)
+    is_body = any(recording.fis_description(name).output_axes == BODY for name in recording.fis_names)
+    if is_body and control["force_asked_n"].shape[1]:
+        _along_deputy(np.abs(_at(control, "force_asked_n", times)), texts, indices)
     return texts, indices.tolist()
+
+
+def _along_deputy(forces: Floats, texts: list[str], indices: np.ndarray[Any, Any]) -> None:
+    """Give all axes the reason of the largest force asked: along the deputy's, not those of the page."""
+    rows = np.arange(len(indices))
+    indices[:] = indices[rows, np.argmax(forces, axis=1)][:, np.newaxis]
+    for index, text in enumerate(texts):
+        if text.startswith("Rule "):
+            texts[index] = f"Along the deputy's axes: {text}"
 
 
 def _name_rules(

@@ -15,6 +15,7 @@ const SPEED = 18; // samples a second
  *
  * `flight` has numSamples, periodS, radius, limits, points and, of a sample k, position, velocity, force, sun (a
  * direction, or null where none is told), isSeen(k, point), spent, coast(k) (positions of free motion), and reasons(k) (lists of {text, detail}).
+ * `fellows` are deputies of the same fleet, {letter, flight}, whose paths are drawn thin.
  * It may have pointsAt(k) where the chief turns, isLit(k, point) where light is more than facing the Sun (or
  * tellsLight false where which points are lit is not told), and isSphere false where the chief is none, and before, the positions of another flight from the same start.
  * `touch(kind, direction)`, where given, hears of a start or a Sun that is dragged. A view that follows another, its
@@ -34,6 +35,7 @@ export class FlightView {
     this.angles = { yaw: -0.42, pitch: 0.3 };
     this.zoom = 1;
     this.others = [];
+    this.fellows = [];
     this.said = "";
     this.part("time").max = flight.numSamples - 1;
     this.listen();
@@ -256,18 +258,37 @@ export class FlightView {
     const at = this.on(here), [startX, startY] = this.startAt;
     if (!size || Math.hypot(at[0] - startX, at[1] - startY) > 60) this.word("start", startX, startY + 4, colour.ink); // else arrows are there
     if (size > 0) {
+      const words = [];
       force.forEach((part, axis) => {
         if (!part) return;
         const end = here.slice(); end[axis] += Math.sign(part) * (26 + Math.min(130, 450 * Math.abs(part))) / this.scale;
-        this.arrow(at, this.on(end), colour.push, 3.5, AXES[axis][+(part > 0)]);
+        const to = this.on(end);
+        this.arrow(at, to, colour.push, 3.5);
+        words.push([AXES[axis][+(part > 0)], to[0], to[1] - 10]);
+      });
+      // apart from each other, from the top down
+      words.sort((a, b) => a[2] - b[2]).forEach(([word, x, y], index) => {
+        for (const [, otherX, otherY] of words.slice(0, index)) if (Math.abs(otherX - x) < 50) y = Math.max(y, otherY + 15);
+        words[index][2] = y;
+        this.word(word, x, y, colour.push, "600 ");
       });
     }
+    this.fellows.forEach(fellow => this.fellow(fellow, k * flight.periodS));
     pen.fillStyle = colour.ink; pen.beginPath(); pen.arc(at[0], at[1], 6, 0, TURN); pen.fill();
     if (k !== this.heard) this.onSample(k); // what others draw, once a painted sample
     this.heard = k;
     this.triad(isNarrow);
     if (flight.points.length) this.closeUp(k, sun, here, isNarrow);
     this.say(k);
+  }
+
+  /** Draw where another deputy of the same fleet has flown until a time, s. */
+  fellow({ letter, flight }, seconds) {
+    const { pen, colour } = this, last = Math.min(flight.numSamples - 1, Math.round(seconds / flight.periodS));
+    this.line(Array.from({ length: last + 1 }, (_, k) => flight.position(k)), colour.muted, 1.5);
+    const [x, y] = this.on(flight.position(last));
+    pen.fillStyle = colour.muted; pen.beginPath(); pen.arc(x, y, 5, 0, TURN); pen.fill();
+    this.word(letter, x, y + 4, colour.muted, "600 ");
   }
 
   /** Return the distance that the picture must hold, m. */

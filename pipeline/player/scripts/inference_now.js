@@ -65,7 +65,7 @@ function systemNow(box, system, index) {
     conclusion.show(steps.outputs[0].value, Array.from(steps.outputs[0].cuts, cut => (Number.isNaN(cut) ? 0 : cut)));
     const strongest = steps.firing.reduce((best, strength, rule) => (strength > steps.firing[best] ? rule : best), 0);
     grid?.cells.forEach((cell, rule) => {
-      cell.style.setProperty("--strength", `${Math.round(50 * steps.firing[rule])}%`);
+      cell.style.setProperty("--strength", `${Math.round(35 * steps.firing[rule])}%`);
       cell.classList.toggle("most", rule === strongest && steps.firing[rule] > 0);
     });
   };

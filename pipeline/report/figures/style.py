@@ -238,7 +238,7 @@ class Illustration:
     def block(self) -> document.Figure:
         """The picture above its caption, as a block of a page."""
         caption = element("figcaption", self.caption)
-        return document.Figure(element("figure", Markup(self.element), caption))  # noqa: S704 - drawn here
+        return document.Figure(element("figure", Markup(self.element), caption, tabindex="0"))  # noqa: S704 - drawn here
 
 
 def illustrate(name: str, caption: str, figure: Figure, dots_per_inch: int) -> Illustration:

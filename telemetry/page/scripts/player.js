@@ -3,10 +3,10 @@
 const LETTERS = "ABCDEFGH";
 
 /** The cases of a set of runs: their numbers, columns, words, and which run succeeds in them. */
-function readCases({ numbers, columns, succeeds, words, outcome }, letters) {
+function readCases({ steps, columns, succeeds, words, outcome }, letters) {
   const marks = succeeds.map(bytesOf), succeedsIn = marks.map(mark => row => (mark[row >> 3] >> (row & 7) & 1) > 0);
   return {
-    numbers: new Int32Array(bytesOf(numbers).buffer),
+    numbers: new Int32Array(bytesOf(steps).buffer).map((sum => step => (sum += step))(0)),
     columns: columns.map(column => ({ ...column, values: floatsOf(column.values) })),
     words, letters, outcome, succeeds: succeedsIn,
     isGood: row => succeedsIn.every(succeedsAt => succeedsAt(row)),
@@ -28,6 +28,7 @@ class Player {
     this.sides = page.runs.map((run, index) => new Side(run, page, roots[index], isAlone ? "" : LETTERS[index]));
     this.lead = this.sides[0];
     await Promise.all(this.sides.map(side => side.begin()));
+    this.fleet = page.isFleet ? await Promise.all(this.sides.map(async side => ({ letter: side.letter, flight: await side.flightOf(0) }))) : [];
     if (this.page.cases) this.showCases();
     this.chooseSides();
     const address = new URLSearchParams(location.hash.slice(1)), row = this.rowOf(address), k = Number(address.get("k"));
@@ -82,7 +83,7 @@ class Player {
   async open(row, seconds = null) {
     const turn = ++this.opening, said = this.part("said"), number = this.cases?.numbers[row];
     const asked = this.sides.filter(({ root }) => !root.hidden), able = asked.filter(side => side.canOpen(row));
-    const refused = asked.filter(side => !side.canOpen(row)).map(side => side.refusal(number)).join(" ");
+    const refused = asked.filter(side => !side.canOpen(row)).map(side => side.refusal(number)).join("\n");
     said.textContent = refused;
     if (!able.length) return;
     let flights;
@@ -95,6 +96,7 @@ class Player {
     if (turn !== this.opening) return;
     const still = matchMedia("(prefers-reduced-motion: reduce)").matches ? 1 / 3 : 0;
     this.take(able, flights);
+    able.forEach(side => { side.view.fellows = this.fleet.filter(({ letter }) => letter !== side.letter); });
     const whole = (this.lead.flight.numSamples - 1) * this.lead.flight.periodS;
     this.row = row;
     this.seconds = Math.min(Math.max(0, seconds ?? this.seconds ?? still * whole), whole);
@@ -131,7 +133,7 @@ class Player {
       const succeeds = this.cases?.succeeds[index];
       side.draw({
         title: side.letter ? `${side.letter}: ${side.run.name}` : which,
-        outcome: [side.letter ? which : "", succeeds ? this.cases.outcome[succeeds(this.row) ? 1 : 2] : ""].filter(Boolean).join(" · "),
+        outcome: [side.letter && this.cases ? which : "", succeeds ? this.cases.outcome[succeeds(this.row) ? 1 : 2] : ""].filter(Boolean).join(" · "),
         fileName: `${side.run.fileName}-${number === undefined ? "flight" : `case-${number}`}`, extents, go,
       });
     }

@@ -57,8 +57,8 @@ class Side {
 
   /** What a worker needs to fly a row. */
   caseOf(row) {
-    const { names, size } = this.run.own, place = this.placeOf(row);
-    return { names, own: this.own.slice(place * size, (place + 1) * size) };
+    const { names, size } = this.run.own, place = this.placeOf(row), count = this.own.length / size;
+    return { names, own: Uint8Array.from({ length: size }, (_, at) => this.own[at * count + place]) };
   }
 
   /** Return a row's flight: recorded with the page, or flown now. */
@@ -126,7 +126,7 @@ class Side {
       boutsList(this.part("events"), flight, to),
       ...this.showNow.map(show => k => show(flight, k)),
     ];
-    for (const part of ["map", "progress"]) this.part(part).hidden = !flight.points.length;
+    for (const part of ["map", "progress", "key"]) this.part(part).hidden = !flight.points.length;
     this.part("fuel").hidden = !isSpent;
   }
 

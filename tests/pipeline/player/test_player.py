@@ -138,7 +138,7 @@ def page_of(*words, recorded=()):
 
 def as_page(shown):
     """Return a panel as a page of its own."""
-    head = f'<!doctype html><html lang="en"><meta charset="utf-8">{policy(script=shown.script, flies=True)}'
+    head = f'<!doctype html><html lang="en"><meta charset="utf-8">{policy(scripts=shown.scripts, flies=True)}'
     head += '<meta name="viewport" content="width=device-width"><title>A run</title>'
     ours = ":root { color-scheme: light dark; } body { margin: 8px; background: var(--card); }"
     body = f"<body class=page><main><h1>A run</h1><h2>Cases</h2>{shown.body}</main>"
@@ -152,7 +152,7 @@ def ready(opened):
     def open_page(*words, width=1280, address="", recorded=(), **options):
         page = opened(page_of(*words, recorded=recorded), width, reduced_motion="reduce", **options)
         # a busy machine may take long to compile the module
-        page.wait_for_function("() => player.sides?.[0].flight", timeout=300_000)
+        page.wait_for_function("() => globalThis.player?.sides?.[0].flight", timeout=300_000)
         if address:
             case = address.partition("case=")[2].partition("&")[0]
             page.evaluate("address => { location.hash = address; }", address)
@@ -281,6 +281,45 @@ def test_all_panels_show_one_time_and_the_address_keeps_it(ready):
     expect(page.locator("#player .why")).to_have_text(re.compile(r"^\s*The flight ends here\."))
 
 
+#: points of a drag by a finger, of 10 by 4 pixels each
+NUM_DRAGGED = 16
+#: what such a drag may move
+MOVED = "() => [player.lead.view.angles.yaw, player.lead.view.angles.pitch, player.lead.view.sample]"
+
+
+def test_a_drag_by_finger_turns_the_view_and_moves_the_time_but_no_page(ready):
+    page = ready("champion_27", width=400, has_touch=True, is_mobile=True)
+    fingers = page.context.new_cdp_session(page)
+
+    def drag(part):
+        """Drag up and to the left by a finger from the middle of a part; return how far the page scrolled."""
+        element = page.locator(f"#player {part}").first
+        element.evaluate("each => each.scrollIntoView({ block: 'center' })")
+        box = element.bounding_box()
+        before = page.evaluate("() => scrollY")
+        x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+        for step in range(NUM_DRAGGED):
+            points = [{"x": x - 4 * step, "y": y - 10 * step}]
+            kind = "touchMove" if step else "touchStart"
+            fingers.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+            page.wait_for_timeout(16)
+        fingers.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+        page.wait_for_timeout(300)
+        return page.evaluate("() => scrollY") - before
+
+    assert drag(".distance h4") > 100  # elsewhere it does
+    yaw, pitch, k = page.evaluate(MOVED)
+    assert drag(".scene canvas") == 0
+    turned_yaw, turned_pitch, same = page.evaluate(MOVED)
+    assert turned_yaw - yaw > 0.3
+    assert pitch - turned_pitch > 0.3
+    assert same == k
+    for plot in (".distance", ".fuel", ".progress"):
+        page.evaluate("() => player.lead.view.show(350)")
+        assert drag(f"{plot} svg[role=slider]") == 0
+        page.wait_for_function("() => player.lead.view.sample < 200")
+
+
 def test_numbers_and_pictures_are_saved(ready, tmp_path):
     page = ready("champion_27", address="case=102&k=10")
     log = run_of("champion_27")[3][2]
@@ -367,7 +406,7 @@ def compared():
 
 def test_runs_fly_a_case_side_by_side_under_one_time(opened, compared):
     page = opened(compared, 1400, reduced_motion="reduce")
-    page.wait_for_function("() => player.sides?.every(side => side.flight)")
+    page.wait_for_function("() => globalThis.player?.sides?.every(side => side.flight)")
     x, y = page.evaluate("() => player.dots[0].where(8)")
     canvas = page.locator(".fuel-B canvas")
     canvas.scroll_into_view_if_needed()
@@ -390,7 +429,7 @@ def test_runs_fly_a_case_side_by_side_under_one_time(opened, compared):
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_runs_side_by_side_fit_and_axe_finds_nothing(opened, compared, axe, width, scheme):
     page = opened(compared, width, reduced_motion="reduce", color_scheme=scheme)
-    page.wait_for_function("() => player.sides?.every(side => side.flight)")
+    page.wait_for_function("() => globalThis.player?.sides?.every(side => side.flight)")
     assert page.evaluate("() => document.documentElement.scrollWidth") <= width
     assert serious_violations(page, axe) == []
 
@@ -415,4 +454,4 @@ def test_the_player_fits_and_axe_finds_nothing(ready, axe, width, scheme):
 
 
 def test_a_player_adds_little_to_a_page():
-    assert len(page_of("champion_27")) < 400_000
+    assert len(page_of("champion_27")) < 200_000

@@ -88,7 +88,7 @@ def test_the_section_tells_the_rows(folder):
 @pytest.mark.slow
 def test_no_column_of_a_comparison_is_hidden_at_any_width(folder, opened):
     page = opened((folder / artifacts.REPORT).read_text(encoding="utf-8"))
-    assert page.locator("#comparison table").count() == 2
+    assert page.locator("#comparison table.stacked").count() == 2
     assert_tables_fit(page)
     assert page.evaluate("document.documentElement.scrollWidth") <= WIDTHS[-1]
 

@@ -9,6 +9,7 @@ import pytest
 
 from pipeline.controllers.source import load, named
 from pipeline.evaluation.comparison import HEADER, concatenate, row_of
+from pipeline.evaluation.contenders import label_of
 from pipeline.evaluation.monte_carlo import summarise
 from pipeline.flight.fly.simulation import fly_all
 from pipeline.run import artifacts, tables
@@ -142,7 +143,7 @@ def test_a_column_that_few_rows_have_is_nan_in_the_others(finished):
 
 def test_two_files_of_one_name_are_told_apart():
     names = ["lqr", "a/mine.yaml", "b/mine.yaml", "c/other.csv"]
-    assert [compare.label_of(name, names) for name in names] == ["lqr", "a/mine.yaml", "b/mine.yaml", "other"]
+    assert [label_of(name, names) for name in names] == ["lqr", "a/mine.yaml", "b/mine.yaml", "other"]
 
 
 def test_an_edited_file_is_not_called_as_the_champion_it_was(tmp_path):

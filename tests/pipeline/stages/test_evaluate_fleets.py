@@ -25,7 +25,10 @@ from pipeline.run import artifacts
 from pipeline.scenarios import evaluation_scenarios
 from pipeline.settings.fleet import SHARING
 from telemetry import RecordingError
-from telemetry.file.topics import MISSION
+from telemetry.file.reader import read
+from telemetry.file.topics import DEPUTY_STATE, MISSION
+from telemetry.page import recorded
+from tests.browser import serious_violations
 from tests.pipeline.stages.cases import carried_out, composed, prepared
 
 FLEET = ("controller=champion_27", "sun=random", "fleet.deputies=3")
@@ -141,3 +144,38 @@ def test_what_is_left_is_told_in_words():
         (3, "coasts: all 2 unseen points are left to deputy 2 and deputy 3, and coasting keeps the limits"),
         (4, "deputy 1 ends; seen first by deputy 1 1, deputy 2 2, deputy 3 0"),
     ]
+
+
+@pytest.mark.slow
+def test_deputies_of_a_fleet_show_each_others_paths(opened, axe, evaluated):
+    files = sorted((evaluated[1] / artifacts.RECORDINGS).glob("best-*"))
+    page = opened(recorded.write(*files), 1400, reduced_motion="reduce")
+    page.wait_for_function("() => globalThis.player?.sides?.[0].flight")
+    # two of the three stand beside each other
+    first, second = page.evaluate(
+        """k => {
+            player.lead.view.show(k);
+            const at = ({ letter, flight }) => [letter, flight.position(k)];
+            return player.shownSides.map(({ view }) => view.fellows.map(at));
+        }""",
+        20,
+    )
+    flown = [read(file)[DEPUTY_STATE]["position_m"][20] for file in files]
+    for seen, others in ((first, (1, 2)), (second, (0, 2))):
+        assert [letter for letter, _ in seen] == ["ABC"[other] for other in others]
+        for (_, position), other in zip(seen, others, strict=True):
+            np.testing.assert_allclose(position, flown[other], rtol=1e-6)
+    assert "The deputies fly together" in page.locator("main").inner_text()
+    assert serious_violations(page, axe) == []
+
+
+def test_rules_along_the_deputys_axes_are_not_said_of_other_axes(tmp_path):
+    run = prepared(tmp_path, "controller=paper_champion", "duration_s=1200", experiment="fly")
+    carried_out(run, tmp_path)
+    recording = read(next((tmp_path / artifacts.RECORDINGS).iterdir()))
+    assert {recording.fis_description(name).output_axes for name in recording.fis_names} == {"body"}
+    _, table = recorded.table_of(recording)
+    texts = [text for text in table["texts"] if text.startswith(("Rule ", "Along the deputy's axes: Rule "))]
+    assert texts
+    assert all(text.startswith("Along") for text in texts)
+    assert all(len(set(of_axes)) == 1 for of_axes in table["reasons"])

@@ -12,7 +12,7 @@ from tests.telemetry.synthetic_flight import NUM_POINTS
 
 pytestmark = pytest.mark.slow
 
-READY = "() => globalThis.player.sides?.[0].flight"
+READY = "() => globalThis.player?.sides?.[0].flight"
 AT = """k => {
     const side = player.sides[0], { flight } = side;
     player.lead.view.show(k);
@@ -84,3 +84,11 @@ def test_a_recording_without_places_is_refused(ran, flight_file, tmp_path):
         writer.start()
         writer.finish()
     assert "says where the deputy is" in ran("page", path, code=2).err
+
+
+def test_recordings_that_are_not_of_one_fleet_stand_beside_each_other(opened, flight_file):
+    text = recorded.write(flight_file, flight_file)
+    page = opened(text, 1400, reduced_motion="reduce")
+    page.wait_for_function(READY)
+    assert page.evaluate("() => player.sides.map(({ view }) => view.fellows.length)") == [0, 0]
+    assert "fly together" not in text

@@ -1,0 +1,103 @@
+"""Flights of a comparison and flights to a goal on the page of a report: they open, or it says why not."""
+
+import numpy as np
+import pytest
+
+from pipeline.run import artifacts, tables
+from tests.browser import serious_violations
+from tests.pipeline.report.runs import run_of
+
+READY = "() => globalThis.player?.sides?.some(side => side.flight)"
+#: of the runs that are shown, the fuel of a case
+SPENT = """async number => {
+    const row = player.cases.numbers.indexOf(number);
+    await player.open(row);
+    return player.sides.map(({ run, flight }) => [run.name, flight?.spent(flight.numSamples - 1)]);
+}"""
+CONTROLLERS = "compare.controllers=[champion_27,lqr]"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    made = tmp_path_factory.mktemp("compared")
+    run_of(made, ("compare", "report"), "+experiment=baselines", CONTROLLERS, "sun=random")
+    return made
+
+
+def page_in(folder):
+    return (folder / artifacts.REPORT).read_text(encoding="utf-8")
+
+
+@pytest.mark.slow
+def test_a_case_of_a_comparison_flies_by_each_controller_and_layer(opened, folder):
+    page = opened(page_in(folder), 1400, reduced_motion="reduce")
+    page.wait_for_function(READY)
+    assert "The flights are those under the Sun random." in page.locator("#comparison").inner_text()
+    flights = tables.read_parquet(folder, artifacts.COMPARISON_EPISODES)
+    for box in page.locator(".chosen input").all():
+        box.check()
+    for case in (0, 7):
+        shown = dict(page.evaluate(SPENT, case))
+        for controller in ("champion_27", "lqr"):
+            for layer, words in (("none", ""), ("filter", ", safety layer")):
+                (row,) = np.flatnonzero(
+                    (flights["controller"] == controller)
+                    & (flights["safety"] == layer)
+                    & (flights["sun"] == "random")
+                    & (flights["case"] == case)
+                )
+                assert shown.pop(f"{controller}{words}") == flights["delta_v_m_s"][row]
+        assert not shown
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("width", [400, 1400])
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_the_page_of_a_comparison_fits_and_axe_finds_nothing(opened, axe, folder, width, scheme):
+    page = opened(page_in(folder), width, color_scheme=scheme, reduced_motion="reduce")
+    page.wait_for_function(READY)
+    assert page.evaluate("() => document.documentElement.scrollWidth") <= width
+    assert serious_violations(page, axe) == []
+
+
+def test_a_comparison_whose_flights_are_gone_says_so(folder, tmp_path):
+    words = ("+experiment=baselines", CONTROLLERS, "sun=random")
+    for name in (artifacts.COMPARISON, artifacts.COMPARISON_TABLE):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_bytes((folder / name).read_bytes())
+    run_of(tmp_path, ("report",), *words)
+    assert "No flight opens here: the comparison&#39;s flights were not kept." in page_in(tmp_path)
+    tables.write_parquet(
+        tmp_path / artifacts.COMPARISON_EPISODES,
+        {name: values[:3] for name, values in _columns(folder).items()},
+    )
+    run_of(tmp_path, ("report",), *words)
+    assert "No flight opens here: the comparison&#39;s flights are not those of its" in page_in(tmp_path)
+
+
+def _columns(folder):
+    flights = tables.read_parquet(folder, artifacts.COMPARISON_EPISODES)
+    return {name: flights[name] for name in flights}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_flights_to_a_goal_are_shown_as_recorded(opened, axe, tmp_path, scheme):
+    words = ("+experiment=compare_docking", "compare.controllers=[champion_docking,coast]")
+    run_of(tmp_path, ("compare", "report"), *words)
+    page = opened(page_in(tmp_path), 1400, color_scheme=scheme, reduced_motion="reduce")
+    page.wait_for_function(READY)
+    flights = _columns(tmp_path)
+    number = page.evaluate("() => player.cases.numbers[player.row]")
+    shown = page.evaluate(SPENT, number)
+    assert [name for name, _ in shown] == ["champion_docking", "coast"]
+    for name, spent in shown:
+        row = np.flatnonzero((flights["controller"] == name) & (flights["case"] == number))[0]
+        assert spent == pytest.approx(flights["delta_v_m_s"][row], rel=1e-6)
+    assert not page.locator("#player .key").first.is_visible()  # there are no points
+    refused = page.evaluate(
+        "() => [...player.cases.numbers.keys()].find(row => !player.sides[0].canOpen(row))"
+    )
+    page.evaluate("row => player.open(row)", refused)
+    assert "flights to a goal are not flown in a page" in page.locator("#player .said").inner_text()
+    assert serious_violations(page, axe) == []
