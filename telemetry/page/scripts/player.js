@@ -31,12 +31,13 @@ class Player {
     this.fleet = page.isFleet ? await Promise.all(this.sides.map(async side => ({ letter: side.letter, flight: await side.flightOf(0) }))) : [];
     if (this.page.cases) this.showCases();
     this.chooseSides();
-    const address = new URLSearchParams(location.hash.slice(1)), row = this.rowOf(address), k = Number(address.get("k"));
-    await this.open(row ?? this.page.first, row !== null && Number.isFinite(k) ? this.secondsAt(k) : null);
+    // before the first flight, which may take a while
     addEventListener("hashchange", () => {
       const now = new URLSearchParams(location.hash.slice(1)), asked = this.rowOf(now);
       if (asked !== null) this.open(asked, this.secondsAt(Number(now.get("k")) || 0));
     });
+    const address = new URLSearchParams(location.hash.slice(1)), row = this.rowOf(address), k = Number(address.get("k"));
+    await this.open(row ?? this.page.first, row !== null && Number.isFinite(k) ? this.secondsAt(k) : null);
     addEventListener("resize", onceIdle(() => this.draw()));
   }
 
