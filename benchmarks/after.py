@@ -52,11 +52,10 @@ def main(arguments: Sequence[str]) -> int:
     print("|---|---|---|" + "---|" * len(heads))
     for name in names:
         words = [f"seed={options.seed}", f"monte_carlo.num_cases={options.cases}", "sun=random", *changes]
-        experiment = compose_experiment(["+experiment=evaluate", *words]).experiment
-        mission = experiment.mission
-        flown, tracks = fly_tracked(
-            mission, source.named(name, mission), evaluation_scenarios(experiment), None
-        )
+        job = compose_experiment(["+experiment=evaluate", f"controller={name}", *words])
+        experiment, mission = job.experiment, job.experiment.mission
+        controller = source.load(job.config["controller"], mission)
+        flown, tracks = fly_tracked(mission, controller, evaluation_scenarios(experiment), None)
         shares = [flown.is_success(mission.inspection_threshold_percent) & ~flown.is_violated]
         ends = tracks[:, -1, STATE].astype(np.float64)
         shares += [stays(mission, ends, 60.0 * minutes) for minutes in MINUTES]

@@ -17,7 +17,8 @@ pair costs v or more (a point with itself if it does alone): if no P - N points 
 plan sees both ends of one, and costs v or more. The largest such v is the bound.
 
 Distance limits, camera, occlusion by a mesh and the force limit are dropped, so that the bound holds with
-any of them. It is not an estimate: less is impossible, but the true minimum may be far above it.
+any of them. Motion is linear here, also on a true course. It is not an estimate: less is impossible, but the
+true minimum may be far above it.
 """
 
 from bisect import bisect_left
@@ -106,7 +107,7 @@ def _pair_costs(
     missing = _missing(problem) * problem.delta_v_per_force
     sightings: dict[int, Sighting] = {}
     for j in points.tolist():
-        sighting = Sighting(slopes_of(problem.gain, problem.normals[:, :, j]), missing[:, j], costs[:, j])
+        sighting = Sighting(slopes_to(problem, j), missing[:, j], costs[:, j])
         takes[j, j] = min(float(costs[:, j].min()), ceiling)
         takes |= {(i, j): price_pair(sighting, other, WEIGHTS, ceiling) for i, other in sightings.items()}
         sightings[j] = sighting
@@ -123,10 +124,22 @@ def sample_costs(problem: PlanningProblem) -> Floats:
     missing = _missing(problem) * problem.delta_v_per_force
     costs = np.where(missing <= 0.0, 0.0, inf)
     for k in range(1, len(missing)):
-        slopes = np.einsum("aj,mab->mbj", problem.normals[k], problem.gain[1 : k + 1])
+        slopes = np.einsum("aj,mab->mbj", problem.normals[k], problem.effects_on(k))
         steepest = np.abs(slopes).max(axis=(0, 1))
         costs[k] = np.divide(np.maximum(missing[k], 0.0), steepest, out=costs[k], where=steepest > 0.0)
     return np.where(problem.is_lit, costs, inf)
+
+
+def slopes_to(problem: PlanningProblem, point: int) -> Floats:
+    """Return the slopes of a point's height at every sample, shape (K+1, K, 3), m/N."""
+    normals = problem.normals[:, :, point]
+    if not problem.is_on_course:
+        return np.asarray(slopes_of(problem.gain, normals))
+    constants = np.einsum("ka,kaq->kq", normals, problem.rows)
+    slopes = np.einsum("kq,iqf->kif", constants, problem.kicks)
+    num_samples, num_periods = slopes.shape[:2]
+    slopes[np.arange(num_samples)[:, np.newaxis] <= np.arange(num_periods)] = 0.0
+    return np.asarray(slopes)
 
 
 @compiled(nogil=True, error_model="numpy")

@@ -11,7 +11,7 @@ from pipeline.array_types import Floats
 from pipeline.flight.state.log import FlightLog, Scenario, points_needed
 from pipeline.optimum.bound import delta_v_bound
 from pipeline.optimum.polish import PolishedPlan, step
-from pipeline.optimum.problem import PlanningProblem, flown, problem_of, seen_as
+from pipeline.optimum.problem import PlanningProblem, flown, flown_as, problem_of
 from pipeline.optimum.search import LATEST, search
 from pipeline.settings.experiment import Mission, Optimum
 
@@ -192,12 +192,12 @@ def total(done: PolishedPlan) -> float:
 
 
 def finish(problem: PlanningProblem, forces: Floats, needed: int) -> FlownPlan:
-    """Polish on all periods, with the camera as in each step's flight; return the best flight."""
+    """Polish on all periods, with camera and course as in each step's flight; return the best flight."""
     log = flown(problem, forces)
     best = judge(problem, forces, log)
     prices, last = np.zeros(problem.num_points), np.inf
     for _ in range(FINE_STEPS):
-        problem = seen_as(problem, log)
+        problem = flown_as(problem, forces, log)
         done = step(problem, forces, needed, prices, 1)
         forces, prices = done.forces, done.prices
         log = flown(problem, forces)

@@ -158,6 +158,12 @@ def _rows(
 ) -> tuple[Floats, Floats]:
     """Turn constraints ``direction . position_k >= least`` into rows over the forces of some periods."""
     directions, samples = np.array([direction for direction, *_ in demands]), [k for _, k, _ in demands]
+    least = np.array([bound - float(direction @ problem.free[k]) for direction, k, bound in demands])
+    if problem.is_on_course:
+        constants = np.einsum("ra,raq->rq", directions, problem.rows[samples])
+        slopes = np.einsum("rq,iqf->rif", constants, problem.kicks[periods])
+        slopes[np.array(samples)[:, np.newaxis] <= periods] = 0.0
+        return slopes.reshape(len(demands), -1), least
     gain = problem.gain.transpose(1, 0, 2).reshape(3, -1)
     # effect of a force on later samples; in parts, as a larger product wakes the threads of BLAS
     parts = np.array_split(directions, len(directions) // ROWS_AT_ONCE + 1)
@@ -165,8 +171,7 @@ def _rows(
     # a force fired at that sample or later has no effect
     since = np.maximum(np.array(samples)[:, np.newaxis] - periods, 0)
     matrix = slopes[np.arange(len(demands))[:, np.newaxis], since].reshape(len(demands), -1)
-    least = [bound - float(direction @ problem.free[k]) for direction, k, bound in demands]
-    return matrix, np.array(least)
+    return matrix, least
 
 
 class LeastForces(NamedTuple):

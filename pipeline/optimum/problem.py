@@ -1,6 +1,9 @@
 """One case as linear algebra: the effect of forces on the position, and the visibility of points.
 
-The Clohessy-Wiltshire motion is linear: the position at sample k is ``free_k + sum_i gain_(k-i) force_i``.
+The Clohessy-Wiltshire motion is linear: the position at sample k is ``free_k + sum_i gain_(k-i) force_i``. On
+a true course it is ``free_k + rows_k sum_i (sums_(i+1) - sums_i) force_i``, which leaves out the second order
+of the distance, drag and sunlight: polishing takes what they do from its last flight (`flown_as`).
+
 The paper's first condition of view, ``p . r >= d_c |p|``, is linear in the position r as well: a point is
 seen from beyond its tangent plane. Its second one, the camera's cone, holds for every point above the horizon
 once the deputy is at least ``d_s/sin(beta - e)`` away, where e is the camera's pointing error from the chief.
@@ -9,7 +12,8 @@ into a cone or a sphere, of which each step takes the tangent; occlusion by a me
 by the Sun, are evaluated along a path.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +32,6 @@ from pipeline.physics.motion import free_path
 from pipeline.physics.quaternion import seen_from_hill
 from pipeline.physics.sight import Occlusion, cell_of
 from pipeline.settings.experiment import Mission, SettingError
-from pipeline.settings.relations import MOST_CIRCULAR
 
 
 @compiled(nogil=True, error_model="numpy")
@@ -81,6 +84,8 @@ class PlanningProblem:
         away.
     delta_v_per_force : float
         m/s for 1 N held over a period.
+    rows, sums : (K+1, 3, 6), (K+1, 6, 3)
+        On a true course in place of the gain, as of an `Outlook`; elsewhere empty.
     """
 
     mission: Mission
@@ -100,6 +105,8 @@ class PlanningProblem:
     is_lit: NDArray[np.bool_]
     sight: Floats
     delta_v_per_force: float
+    rows: Floats = field(default_factory=lambda: np.zeros((0, 3, 6)))
+    sums: Floats = field(default_factory=lambda: np.zeros((0, 6, 3)))
 
     @property
     def num_controls(self) -> int:
@@ -116,9 +123,23 @@ class PlanningProblem:
         """Whether a point is seen from everywhere beyond a plane, with no limit on incidence or range."""
         return self.cos_incidence == 0.0 and self.max_range == np.inf
 
+    @property
+    def is_on_course(self) -> bool:
+        """Whether motion follows the chief's true course."""
+        return len(self.rows) > 0
+
+    @cached_property
+    def kicks(self) -> Floats:
+        """On a true course, what 1 N held over each period adds to the constants of motion, (K, 6, 3)."""
+        return np.asarray(np.diff(self.sums, axis=0))
+
+    def effects_on(self, k: int) -> Floats:
+        """Return the effect of 1 N held over each period before sample k on the position then, (k, 3, 3)."""
+        return np.asarray(self.rows[k] @ self.kicks[:k] if self.is_on_course else self.gain[k:0:-1])
+
 
 def check_light(mission: Mission) -> None:
-    """Raise SettingError for a mission with an orbit, light, a camera or limits that plans do not know.
+    """Raise SettingError for a mission with light, a camera or limits that plans do not know.
 
     Raises
     ------
@@ -133,12 +154,6 @@ def check_light(mission: Mission) -> None:
         raise SettingError(
             f"after_s is {mission.after_s:g}, and plans of least fuel do not know of what follows a flight; "
             "set after_s=0 for them"
-        )
-    eccentricity = mission.orbit.elements.eccentricity
-    if mission.has_true_course and eccentricity > MOST_CIRCULAR:
-        raise SettingError(
-            f"orbit.eccentricity is {eccentricity:g}; plans of least fuel count with a circle, up to "
-            f"{MOST_CIRCULAR:g}: set orbit.course=uniform to take the orbit as one"
         )
     if (refusal := mission.refusal_of_plans("plans of least fuel")) is not None:
         raise SettingError(refusal)
@@ -156,9 +171,15 @@ def problem_of(mission: Mission, scenario: Scenario) -> PlanningProblem:
     world = pack_world(mission)
     num_controls, geometry = world.num_controls, geometry_of(mission, world)
     start = np.r_[scenario.position_m, scenario.velocity_m_s]
-    free = free_path(world.motion, start, num_controls + 1)[:, :3].copy()
-    times = np.arange(num_controls + 1) * world.control_period
-    angles = [sun_angle(scenario.sun_angle_rad, world.mean_motion, time) for time in times.tolist()]
+    if len(geometry.rows) > 0:
+        free = geometry.rows @ (geometry.back[0] @ start)
+        sun = sun_direction_h(scenario.sun_angle_rad, scenario.sun_elevation_rad)
+        suns = world.transitions.suns[: num_controls + 1] @ sun
+    else:
+        free = free_path(world.motion, start, num_controls + 1)[:, :3].copy()
+        times = np.arange(num_controls + 1) * world.control_period
+        angles = [sun_angle(scenario.sun_angle_rad, world.mean_motion, time) for time in times.tolist()]
+        suns = np.array([sun_direction_h(angle, scenario.sun_elevation_rad) for angle in angles])
     problem = PlanningProblem(
         mission=mission,
         scenario=scenario,
@@ -171,18 +192,26 @@ def problem_of(mission: Mission, scenario: Scenario) -> PlanningProblem:
         cos_incidence=geometry.cos_incidence,
         max_range=geometry.max_range,
         most_sunward=world.optics.most_sunward,
-        suns=np.array([sun_direction_h(angle, scenario.sun_elevation_rad) for angle in angles]),
+        suns=suns,
         occlusion=world.occlusion,
         chief_axes=world.chief_axes,
         is_lit=lit_at_samples(world, starts_of([scenario])),
         sight=np.zeros(num_controls + 1),
         delta_v_per_force=world.delta_v_per_force,
+        rows=geometry.rows,
+        sums=geometry.sums,
     )
     return seen_as(problem, flown(problem, np.zeros((0, 3))))
 
 
 def path_of(problem: PlanningProblem, forces: Floats) -> Floats:
     """Return the positions under forces of shape (K, 3), N, as an array of shape (K+1, 3), m."""
+    if problem.is_on_course:
+        held = np.zeros((problem.num_controls, 3))
+        held[: len(forces)] = forces
+        added = np.cumsum(np.einsum("kqa,ka->kq", problem.kicks, held), axis=0)
+        constants = np.concatenate([np.zeros((1, 6)), added])
+        return np.asarray(problem.free + np.einsum("kaq,kq->ka", problem.rows, constants))
     path = problem.free.copy()
     for i in np.flatnonzero(np.any(forces != 0.0, axis=1)):
         path[i + 1 :] += problem.gain[1 : len(path) - i] @ forces[i]
@@ -192,6 +221,17 @@ def path_of(problem: PlanningProblem, forces: Floats) -> Floats:
 def flown(problem: PlanningProblem, forces: Floats) -> FlightLog:
     """Fly forces by the simulator, with the mission's attitude."""
     return fly_logged(problem.mission, open_loop("plan", forces), problem.scenario)
+
+
+def flown_as(problem: PlanningProblem, forces: Floats, log: FlightLog) -> PlanningProblem:
+    """Return the problem as a flight of forces had it: pointing, and on a true course the paths.
+
+    What linear motion leaves out then moves the paths without force, so that those of the forces are flown.
+    """
+    problem = seen_as(problem, log)
+    if not problem.is_on_course:
+        return problem
+    return replace(problem, free=problem.free + (log.position_m - path_of(problem, forces)))
 
 
 def seen_as(problem: PlanningProblem, log: FlightLog) -> PlanningProblem:

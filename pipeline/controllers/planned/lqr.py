@@ -3,14 +3,16 @@
 The error between the deputy's state and the ring's follows the same linear dynamics as the deputy, so that
 the force ``-K error`` minimises the sum over all control periods of ``error' Q error + f' R f``. Q and R are
 diagonal by Bryson's rule: each entry is one over the square of the tolerance (Bryson and Ho, Applied Optimal
-Control, 1975). K follows from the discrete-time algebraic Riccati equation, solved by SciPy.
+Control, 1975). K follows from the discrete-time algebraic Riccati equation, solved by SciPy. It is that of
+the mean motion also on an ellipse, where the route is one of true motion and errors die out long before the
+orbit's rate changes.
 """
 
 import numpy as np
 from scipy.linalg import solve_discrete_are
 
 from pipeline.array_types import Floats
-from pipeline.controllers.planned.paths import Routes, check_within_limits, elements_matrix, ring_elements
+from pipeline.controllers.planned.paths import Routes, check_ring, elements_matrix, ring_elements
 from pipeline.flight.control.controller import Controller, RegulatorController
 from pipeline.flight.control.law import played
 from pipeline.flight.state.arrays import Plans
@@ -71,7 +73,7 @@ class LqrRegulator:
     def __init__(self, settings: Lqr, mission: Mission) -> None:
         self.routes = Routes(mission) if settings.follows == "route" else None
         if self.routes is None:
-            check_within_limits(settings, mission)
+            check_ring(settings, mission)
         self.settings, self.dead_band_n = settings, settings.dead_band_n
         motion = motion_over(mission.orbit, mission.deputy, (mission.control_period_s,))
         self.gain = gain(settings, motion.transition[0], motion.control[0])

@@ -18,7 +18,7 @@ from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.three import three_of
 from fis_tools.compiled.vectors import borrowed
 from pipeline.array_types import Floats
-from pipeline.controllers.planned.paths import CENTRE_RADIAL, elements_matrix
+from pipeline.controllers.planned.paths import CENTRE_RADIAL, check_circle, elements_matrix
 from pipeline.flight.cases.starts import starts_of
 from pipeline.flight.control.controller import Controller, PlanningController
 from pipeline.flight.fly.workspace import make_workspace, optics_in_use
@@ -50,6 +50,7 @@ class NaturalMotionPlanner:
         self.settings = settings
         if (refusal := mission.refusal_of_plans("paths of natural motion")) is not None:
             raise SettingError(refusal)
+        check_circle("the path of natural_motion", "choose another controller", mission)
         self.world = pack_world(mission)
         deputy = mission.deputy
         self.limits = deputy.min_distance_m + settings.margin_m, deputy.max_distance_m - settings.margin_m

@@ -12,7 +12,8 @@ brings it to the other side sooner.
 
 *The route* takes shadow, incidence and range into account, which the ring ignores. It is planned once, at the
 start, by the search for minimum-fuel plans (`pipeline.optimum`), as a few burns after which, by Clohessy and
-Wiltshire's equations and the world's law of sight, free motion shows enough for a success.
+Wiltshire's equations or along the chief's true course, and by the world's law of sight, free motion shows
+enough for a success.
 """
 
 import math
@@ -24,6 +25,7 @@ import numpy as np
 from pipeline.array_types import Floats
 from pipeline.flight.cases.navigation import as_believed
 from pipeline.flight.state.log import Scenario, points_needed
+from pipeline.flight.world.chief import predicted_motion
 from pipeline.flight.world.pack import pack_world
 from pipeline.optimum.plan import descend, total
 from pipeline.optimum.problem import check_light, problem_of
@@ -31,6 +33,7 @@ from pipeline.optimum.search import search
 from pipeline.physics.motion import free_path
 from pipeline.settings.controllers import Ring
 from pipeline.settings.experiment import Mission, SettingError
+from pipeline.settings.relations import MOST_CIRCULAR
 
 #: indices of the elements
 CENTRE_RADIAL, CENTRE_ALONG_TRACK, RING_RADIAL, RING_ALONG_TRACK, HEIGHT, HEIGHT_RATE = range(6)
@@ -51,13 +54,30 @@ def elements_matrix(mean_motion: float) -> Floats:
     )
 
 
-def check_within_limits(ring: Ring, mission: Mission) -> None:
-    """Raise SettingError for a ring that leaves the distance limits.
+def check_circle(what: str, cure: str, mission: Mission) -> None:
+    """Raise SettingError on an eccentric course for a path that is closed about a circle alone.
 
     Raises
     ------
     SettingError
     """
+    eccentricity = mission.orbit.elements.eccentricity
+    if mission.has_true_course and eccentricity > MOST_CIRCULAR:
+        raise SettingError(
+            f"orbit.eccentricity is {eccentricity:g}, and {what} is an ellipse of free motion that closes "
+            f"about a circle alone, up to {MOST_CIRCULAR:g}; {cure}, or set orbit.course=uniform to take the "
+            "orbit as a circle"
+        )
+
+
+def check_ring(ring: Ring, mission: Mission) -> None:
+    """Raise SettingError for a ring that leaves the distance limits, or that the orbit does not close.
+
+    Raises
+    ------
+    SettingError
+    """
+    check_circle("controller.follows=ring", "set controller.follows=route", mission)
     deputy = mission.deputy
     farthest = math.hypot(2.0 * ring.ring_size_m, ring.max_height_m)
     if not (deputy.min_distance_m <= ring.ring_size_m and farthest <= deputy.max_distance_m):
@@ -159,6 +179,12 @@ class Routes:
         motion = pack_world(mission).motion
         states = np.empty((len(forces) + 1 + self.beyond, 6))
         states[0] = np.r_[start.position_m, start.velocity_m_s]
+        if problem.is_on_course:
+            _, course = predicted_motion(mission, self.beyond * mission.control_period_s)
+            held = np.concatenate([forces, np.zeros((self.beyond, 3))])
+            for k, force in enumerate(held):
+                states[k + 1] = course.steps[k] @ states[k] + course.pushes[k] @ force
+            return Route(forces, states)
         for k, force in enumerate(forces):
             states[k + 1] = motion.transition[0] @ states[k] + motion.control[0] @ force
         states[len(forces) :] = free_path(motion, states[len(forces)], self.beyond + 1)

@@ -18,13 +18,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.array_types import Floats
-from pipeline.controllers.planned.paths import Routes, check_within_limits, elements_matrix, ring_elements
+from pipeline.controllers.planned.paths import Routes, check_ring, elements_matrix, ring_elements
 from pipeline.flight.control.controller import Controller, PlanningController
 from pipeline.flight.state.arrays import World
 from pipeline.flight.state.log import Scenario
+from pipeline.flight.world.chief import predicted_motion
 from pipeline.flight.world.pack import pack_world
 from pipeline.optimum.polish import least_forces
 from pipeline.physics.motion import repeated
+from pipeline.physics.transitions import Transitions, follows_course
 from pipeline.settings.controllers import RecedingHorizon
 from pipeline.settings.experiment import Mission, SettingError
 
@@ -61,21 +63,27 @@ class Horizon:
     path: Floats
 
 
-def horizon_of(world: World, length: int, spacing: int) -> Horizon:
-    """Return a horizon of some periods, with a force in every `spacing`-th."""
+def horizon_of(world: World, course: Transitions, decision: int, length: int, spacing: int) -> Horizon:
+    """Return a horizon of some periods from a decision on, with a force in every `spacing`-th."""
     motion = repeated(world.motion, length)
     periods = np.arange(0, length, spacing)
-    responses = np.zeros((length, 6, len(periods), 3))
+    free, responses = motion.transition, np.zeros((length, 6, len(periods), 3))
     for sample in range(1, length + 1):
         for column, period in enumerate(periods[periods < sample].tolist()):
             responses[sample - 1, :, column] = motion.control[sample - 1 - period]
+    if follows_course(course):
+        begun, onward = decision + periods, course.onward[decision + 1 : decision + length + 1]
+        kicks = course.back[begun + 1] @ course.pushes[begun]
+        free = onward @ course.back[decision]
+        responses = np.einsum("sij,pjf->sipf", onward, kicks)
+        responses *= (periods < np.arange(1, length + 1)[:, np.newaxis])[:, np.newaxis, :, np.newaxis]
     flat = responses.reshape(length, 6, -1)
     elements = elements_matrix(world.mean_motion)
     return Horizon(
         periods=periods,
-        free_end=elements @ motion.transition[-1],
+        free_end=elements @ free[-1],
         end=elements @ flat[-1],
-        free=motion.transition[:, :3],
+        free=free[:, :3],
         path=flat[:, :3],
     )
 
@@ -104,21 +112,26 @@ class RecedingHorizonPlanner:
         first, least = periods(settings.first_horizon_s), periods(settings.horizon_s)
         self.decisions = range(0, self.world.num_controls, self.solution_period)
         self.lengths = {k: max(first - k, least) for k in self.decisions}
-        spacing = periods(settings.force_spacing_s)
-        self.horizons = {
-            length: horizon_of(self.world, length, spacing) for length in sorted(set(self.lengths.values()))
+        spacing, beyond_s = periods(settings.force_spacing_s), first * mission.control_period_s
+        _, course = predicted_motion(mission, beyond_s)
+        # on a circle all of a length are the same
+        first_of = {length: k for k, length in reversed(self.lengths.items())}
+        begins = {k: k if follows_course(course) else first_of[length] for k, length in self.lengths.items()}
+        distinct = {
+            k: horizon_of(self.world, course, k, self.lengths[k], spacing) for k in set(begins.values())
         }
+        self.horizons = {k: distinct[begin] for k, begin in begins.items()}
         of_pairs = settings.centre_tolerance_m, settings.ring_tolerance_m, settings.height_tolerance_m
         self.tolerances = np.repeat(of_pairs, 2)
         self.routes = Routes(mission, first) if settings.follows == "route" else None
         if self.routes is None:
-            check_within_limits(settings, mission)
+            check_ring(settings, mission)
         self.elements = elements_matrix(self.world.mean_motion)
 
     def __call__(self, scenario: Scenario, decision: int, state: Floats) -> Floats:
         """Return the forces up to the next solution, shape (rows, 3), N, Hill axes; see `Planner`."""
         length = self.lengths[decision]
-        horizon = self.horizons[length]
+        horizon = self.horizons[decision]
         solved = self.solve(horizon, state, self.wanted(scenario, decision + length))
         forces = np.zeros((self.solution_period, 3))
         is_next = horizon.periods < self.solution_period

@@ -215,16 +215,19 @@ def _of_the_layer(requirement: Requirement, proof: SafetyProof) -> MethodResult:
     times = "all samples" if proof.probability == 1.0 else "flights at all times"
     spheres = f"{times} from {proof.keep_out_m:g} to {proof.keep_in_m:g} m"
     spheres += ", and ends on an ellipse between them" if proof.stays else ""
+    such = f", such as one {proof.exception}," if proof.exception else ""
+    state = "safe states, from which the proof begins"
+    if proof.stays:
+        state = "states with a way out, from which the proof begins; lower monte_carlo.max_distance_m"
     if not proof.is_on:
         why = "the safety layer was off: its proof says nothing about these flights"
     elif proof.failing:
         why = f"premises of the safety layer's proof fail: {'; '.join(proof.failing)}"
     elif proof.num_safe < proof.num_starts:
         starts = f"{proof.num_starts - proof.num_safe:,} of {proof.num_starts:,} starts"
-        why = f"{starts} are not safe states, from which the proof begins"
+        why = f"{starts}{such} are not {state}"
     elif not proof.are_all_safe:
-        such = f", such as one {proof.exception}," if proof.exception else ""
-        why = f"starts {proof.starts}{such} need not be safe states, from which the proof begins"
+        why = f"starts {proof.starts}{such} need not be {state}"
     elif requirement.formula is None or not proof.proves(requirement.formula):
         why = f"the safety layer keeps {spheres}, from which this does not follow"
     else:

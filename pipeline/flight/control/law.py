@@ -19,8 +19,6 @@ from pipeline.flight.control.controller import (
     ControllerError,
     OpenLoopController,
     Planner,
-    PlanningController,
-    RegulatorController,
     RuleController,
     has_constants,
     sensed_by,
@@ -29,7 +27,6 @@ from pipeline.flight.state.arrays import AIMED, Law, Plans, Turns
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.state.signals import AXES, CONSTANTS, FORCE_AXES, NOTHING, SIGNALS, constant, slot
 from pipeline.settings.experiment import Mission
-from pipeline.settings.relations import MOST_CIRCULAR
 from pipeline.threads import in_threads
 
 #: fractions of the reach that the candidate first pushes of a rehearsal have along each Hill axis; radial
@@ -158,13 +155,11 @@ def check_tour(controller: Controller, mission: Mission) -> None:
 
 def check_course(controller: Controller, mission: Mission) -> None:
     """Raise ControllerError for what a controller computes by a circle's motion, where that leads astray."""
-    what, is_ellipse = "", mission.orbit.elements.eccentricity > MOST_CIRCULAR
+    what = ""
     if "closest_approach" in sensed_by(controller):
         what = "senses closest_approach, which is that of a circular orbit"
     elif controller.constants[constant("park_below_points")] > 0.0:
         what = "parks on an ellipse that is closed about a circular orbit alone"
-    elif is_ellipse and isinstance(controller, PlanningController | RegulatorController):
-        what = f"plans by the free motion of a circle, up to an eccentricity of {MOST_CIRCULAR:g}"
     if what and mission.has_true_course:
         raise ControllerError(
             f"controller {controller.name!r} {what}, and orbit.eccentricity is "

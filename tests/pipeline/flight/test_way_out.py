@@ -17,6 +17,7 @@ from pipeline.flight.period.act.safety import free_state
 from pipeline.flight.period.act.way_out import is_open, spare_at, way_out
 from pipeline.flight.reference.motion import pushed
 from pipeline.flight.state.log import WAY_OUT
+from pipeline.flight.world.bounds import bounds_of
 from pipeline.flight.world.pack import pack_world
 from pipeline.onboard.allowed import NotTranslatableError
 from pipeline.onboard.program import translate
@@ -181,3 +182,18 @@ def test_a_shell_is_open_only_if_all_starts_in_it_have_a_way_out(words):
 def test_where_anything_is_inexact_it_is_refused(words, fault):
     with pytest.raises(SettingError, match=fault):
         experiment(*words)
+
+
+def test_margins_for_errors_would_be_wider_than_the_shell_between_the_spheres():
+    """Along the track a velocity that is off by v leads 3 T v astray in an orbit's time T."""
+    for words, speed_astray_m, thrust_astray_m in (
+        (("navigation=fixes", "actuators=real"), 1367.0, 98.0),
+        (("navigation=perfect", "actuators=real"), 0.0, 98.0),
+    ):
+        composed = compose_experiment(["+experiment=evaluate", "safety=robust", *words])
+        mission = composed.experiment.mission
+        errors, drift_s = bounds_of(mission).errors, 3.0 * ORBIT_S
+        assert drift_s * errors.speed_m_s == pytest.approx(speed_astray_m, abs=1.0)
+        period_s, mass_kg = mission.control_period_s, mission.deputy.mass_kg
+        assert drift_s * errors.force_n * period_s / mass_kg == pytest.approx(thrust_astray_m, abs=1.0)
+        assert drift_s * errors.share * 0.01 == pytest.approx(36.0, abs=2.5)

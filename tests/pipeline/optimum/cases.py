@@ -27,3 +27,14 @@ def random_forces(num_controls: int, scale: float, seed: int = 0) -> Floats:
     forces = np.zeros((num_controls, 3))
     forces[generator.integers(0, num_controls // 2, 4)] = generator.normal(0.0, scale, (4, 3))
     return forces
+
+
+#: from 35,000 km down to a perigee, beside which Clohessy and Wiltshire's equations err by hundreds of metres
+TRANSFER = (
+    "dynamics=two_body",
+    "orbit=elements",
+    "orbit.semi_major_axis_m=24478137",
+    "orbit.eccentricity=0.725",
+    "orbit.true_anomaly_deg=290",
+    "sun=random",
+)

@@ -8,13 +8,14 @@ import pytest
 from scipy.optimize import linprog
 
 from pipeline.flight.fly.foresight import NEVER, PLANS, PRICE_OF_DISTANCE, PRICE_OF_HEIGHT
+from pipeline.flight.reference.light import sun_direction
 from pipeline.optimum import bound, polish
-from pipeline.optimum.bound import can_cover, delta_v_bound, price_pair, sample_costs, slopes_of, unavoidable
+from pipeline.optimum.bound import can_cover, delta_v_bound, price_pair, sample_costs, slopes_to, unavoidable
 from pipeline.optimum.plan import num_agreeing, solve
-from pipeline.optimum.problem import flown, margins_along, path_of, seen_as
+from pipeline.optimum.problem import flown, flown_as, margins_along, path_of, seen_as
 from pipeline.optimum.search import priced
 from pipeline.scenarios import evaluation_scenarios
-from tests.pipeline.optimum.cases import composed, problem, random_forces
+from tests.pipeline.optimum.cases import TRANSFER, composed, problem, random_forces
 
 
 @pytest.mark.parametrize("tumbling", [(), ("chief=tumbling",)])
@@ -24,6 +25,27 @@ def test_paths_are_those_of_the_simulator(tumbling):
     log = flown(case, forces)
     assert np.abs(path_of(case, forces) - log.position_m).max() < 1e-8
     assert np.abs(forces).sum() * case.delta_v_per_force == pytest.approx(log.delta_v_m_s[-1], rel=1e-12)
+
+
+def test_paths_beside_an_ellipse_are_those_of_the_simulator_and_a_flight_takes_the_rest():
+    case = problem(0, *TRANSFER, "light=shadow", "sensor.min_sun_angle_deg=20")
+    forces = random_forces(case.num_controls, 0.1)
+    log = flown(case, forces)
+    assert np.abs(path_of(case, forces) - log.position_m).max() < 0.02
+    corrected = flown_as(case, forces, log)
+    assert np.abs(path_of(corrected, forces) - log.position_m).max() < 1e-9
+    suns = [sun_direction(*angles) for angles in zip(log.sun_angle_rad, log.sun_elevation_rad, strict=True)]
+    np.testing.assert_allclose(case.suns, suns, rtol=0.0, atol=1e-9)
+    by_circle = problem(0, *TRANSFER, "orbit.course=uniform")
+    assert np.abs(path_of(by_circle, forces) - log.position_m).max() > 20.0
+
+
+@pytest.mark.slow
+def test_a_plan_beside_an_ellipse_holds_in_flight():
+    few = ("optimum.points=60", "optimum.restarts=1", "optimum.kicks=0", "optimum.burns=2")
+    plan = planned(*TRANSFER, *few)
+    assert plan.flight.is_feasible(60)
+    assert 0.0 <= plan.bound <= plan.flight.delta_v < 0.5
 
 
 #: a Sun out of the plane, the Earth's shadow, a camera of little sight
@@ -101,7 +123,7 @@ def test_a_camera_that_looks_away_sees_nothing():
     assert margins_along(case, case.free)[0].max() == -np.inf
 
 
-@pytest.mark.parametrize("world", [(), STRICT])
+@pytest.mark.parametrize("world", [(), STRICT, (*TRANSFER, "attitude=ideal")])
 def test_the_search_pays_for_what_is_spent_short_and_outside(world):
     # what blinds the camera is left to the polishing
     case = replace(problem(0, *world), most_sunward=np.inf)
@@ -125,8 +147,9 @@ def test_the_search_pays_for_what_is_spent_short_and_outside(world):
         assert costs[column] == priced(case, many[:, [column]], 2, 95, (60.0, 120.0))[0] != costs[0]
 
 
-def test_rows_are_the_slopes_of_what_is_demanded():
-    case = problem(1)
+@pytest.mark.parametrize("world", [(), TRANSFER])
+def test_rows_are_the_slopes_of_what_is_demanded(world):
+    case = problem(1, *world)
     forces = random_forces(case.num_controls, 0.1)
     path = path_of(case, forces)
     sample, point, step = 200, 17, 1e-4
@@ -154,15 +177,16 @@ def least_by_linear_program(case, demands) -> float:
     for point, k in demands:
         normal = case.normals[k, :, point]
         slopes = np.zeros((case.num_controls, 3))
-        slopes[:k] = normal @ case.gain[k:0:-1]
+        slopes[:k] = normal @ case.effects_on(k)
         rows.append(np.r_[-slopes.ravel(), slopes.ravel()])
         missing.append(normal @ case.free[k] - case.radius)
     solved = linprog(np.full(len(rows[0]), case.delta_v_per_force), A_ub=np.array(rows), b_ub=missing)
     return solved.fun if solved.status == 0 else np.inf
 
 
-def test_one_point_takes_what_the_linear_program_says_and_those_never_lit_cannot_be_seen():
-    case = problem(0, SHORT)
+@pytest.mark.parametrize("world", [(), TRANSFER])
+def test_one_point_takes_what_the_linear_program_says_and_those_never_lit_cannot_be_seen(world):
+    case = problem(0, SHORT, *world)
     costs = sample_costs(case).min(axis=0)
     ever = case.is_lit.any(axis=0)
     assert np.array_equal(np.isinf(costs), ~ever)
@@ -176,18 +200,16 @@ def test_one_point_takes_what_the_linear_program_says_and_those_never_lit_cannot
 
 
 @pytest.mark.slow
-def test_a_pair_takes_no_more_than_the_linear_program_says_and_nearly_as_much():
-    case = problem(1, "duration_s=160.0")
+@pytest.mark.parametrize("world", [(), TRANSFER])
+def test_a_pair_takes_no_more_than_the_linear_program_says_and_nearly_as_much(world):
+    case = problem(1, "duration_s=160.0", *world)
     costs = sample_costs(case)
     finite = np.where(np.isinf(costs.min(axis=0)), -1.0, costs.min(axis=0))
     first = int(finite.argmax())
     # the other as far round as there is one that is lit and unseen
     second = int(np.where(finite > 0.0, case.normals[0, :, first] @ case.normals[0], 2.0).argmin())
     missing = (case.radius - np.einsum("ka,kaj->kj", case.free, case.normals)) * case.delta_v_per_force
-    sightings = (
-        bound.Sighting(slopes_of(case.gain, case.normals[:, :, j]), missing[:, j], costs[:, j])
-        for j in (first, second)
-    )
+    sightings = (bound.Sighting(slopes_to(case, j), missing[:, j], costs[:, j]) for j in (first, second))
     pair = price_pair(*sightings, np.linspace(0.0, np.pi / 2, 41), np.inf)
     when = [np.flatnonzero(case.is_lit[1:, j]) + 1 for j in (first, second)]
     true = min(least_by_linear_program(case, [(first, k), (second, m)]) for k, m in product(*when))

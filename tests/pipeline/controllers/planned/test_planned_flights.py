@@ -164,3 +164,56 @@ def test_the_receding_horizon_ends_on_it(route: Route) -> None:
     beyond = plan_for.routes(START).states
     np.testing.assert_allclose(plan_for.elements @ beyond[300], plan_for.wanted(START, 300), atol=1e-12)
     np.testing.assert_array_equal(beyond[: len(route.states)], route.states[: len(beyond)])
+
+
+#: beside a transfer orbit, where a circle's equations lead hundreds of metres astray
+ELLIPSE = (
+    *("dynamics=two_body", "orbit=elements", "orbit.semi_major_axis_m=24478137", "orbit.eccentricity=0.725"),
+    *("orbit.true_anomaly_deg=290", "sun=random", "duration_s=3000"),
+)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["lqr", "receding_horizon"])
+def test_routes_beside_an_ellipse_are_paths_of_true_motion(kind):
+    words = (*ELLIPSE, "controller.follows=route")
+    mission, scenarios = cases.starts(kind, *words)
+    controller = load(cases.composed(kind, *words).experiment.controller, mission)
+    log = fly_logged(mission, controller, scenarios[0])
+    if kind == "lqr":
+        route = controller.regulator.routes(scenarios[0])
+        # what the regulator answers to is of the second order in the distance
+        np.testing.assert_allclose(route.states[: len(log.position_m), :3], log.position_m, atol=0.05)
+        np.testing.assert_allclose(log.force_hill_n, route.forces, atol=0.002)
+        return
+    planner = controller.planner
+    for decision in list(planner.decisions)[::7]:
+        horizon = planner.horizons[decision]
+        ahead = slice(decision, min(decision + planner.lengths[decision], mission.num_controls))
+        forces = log.force_hill_n[ahead]
+        # forces fired after the next decision are others than the horizon has
+        solved = np.zeros((len(horizon.periods), 3))
+        count = np.searchsorted(horizon.periods, planner.solution_period)
+        solved[:count] = forces[horizon.periods[:count]]
+        state = np.r_[log.position_m[decision], log.velocity_m_s[decision]]
+        path = horizon.free @ state + horizon.path @ solved.ravel()
+        last = min(planner.solution_period, len(forces))
+        np.testing.assert_allclose(
+            path[:last], log.position_m[decision + 1 : decision + last + 1], rtol=0.0, atol=0.01
+        )
+
+
+@pytest.mark.parametrize(
+    ("kind", "words"),
+    [
+        ("lqr", "controller.follows=ring is an ellipse .* set controller.follows=route"),
+        ("receding_horizon", "controller.follows=ring is an ellipse .* set controller.follows=route"),
+        ("natural_motion", "the path of natural_motion is an ellipse .* choose another controller"),
+    ],
+)
+def test_ellipses_that_close_about_a_circle_alone_are_refused(kind, words):
+    experiment = cases.composed(kind, *ELLIPSE).experiment
+    with pytest.raises(SettingError, match=f"orbit.eccentricity is 0.725, and {words}"):
+        load(experiment.controller, experiment.mission)
+    uniform = cases.composed(kind, *ELLIPSE, "orbit.course=uniform").experiment
+    load(uniform.controller, uniform.mission)

@@ -33,8 +33,7 @@ def test_a_single_burn_is_found_where_it_is_the_least(plans):
     # to change the swing along k, a burn of size d at one time gives d/n in one direction; no sum of
     # several, that point in other directions, gives as much for less
     plan_for = cases.planner("receding_horizon", height_tolerance_m=1e-6, centre_tolerance_m=1e-3)
-    length = max(plan_for.horizons)
-    horizon = plan_for.horizons[length]
+    length, horizon = plan_for.lengths[0], plan_for.horizons[0]
     state = np.array([80.0, 0.0, 5.0, 0.0, -2.0 * MEAN_MOTION * 80.0, 0.0])
     for index, force in ((0, 0.05), (len(horizon.periods) // 2, -0.08)):
         forces = np.zeros((length, 3))
@@ -59,7 +58,7 @@ def test_no_force_where_free_motion_is_enough(plans):
 def test_a_solution_ends_on_the_ring_unless_the_limits_forbid(plans):
     plan_for, _ = plans
     num_there = 0
-    settings, horizon = plan_for.settings, plan_for.horizons[max(plan_for.horizons)]
+    settings, horizon = plan_for.settings, plan_for.horizons[0]
     length = len(horizon.path)
     for start in STARTS:
         wanted = ring_of(settings, start, length)

@@ -147,6 +147,11 @@ def test_the_layer_proves_that_flights_stay_where_it_keeps_a_way_out():
     assert (higher.num_safe, higher.are_all_safe) == (0, False)
     why = verdicts.results_by_method(Evidence(REQUIREMENT, proof=replace(higher, num_safe=1)))["safety_layer"]
     assert why.why.startswith("starts at 50 to 100 m and at rest, such as one near (94.25, ")
+    none = verdicts.results_by_method(Evidence(REQUIREMENT, proof=higher))["safety_layer"].why
+    assert none.startswith("1 of 1 starts, such as one near (94.25, ")
+    assert none.endswith(
+        "not states with a way out, from which the proof begins; lower monte_carlo.max_distance_m"
+    )
 
 
 @pytest.mark.slow
