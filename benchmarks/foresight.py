@@ -4,8 +4,9 @@ A row is a world: delta-v and success by the rules alone, and with foresight, an
 rules fire, as on the page; below the table flights outside the limits, and processor time a start, once all
 is compiled. The missions are those of `benchmarks.missions`, for which controllers are scaled to the chief's
 size. With ``--turns N`` the processor time of one thread is measured against that of rehearsals instead, both
-from the same starts by turns. With ``--on-board`` each controller with foresight is flown as it plans on
-board, by geometry alone, and as it plans in simulation.
+from the same starts by turns. With ``--on-board`` controllers with foresight, or those that ``--only``
+names, are flown as they plan on board, by geometry alone, and as they plan in simulation; the last column is
+processor time, s.
 """
 
 import argparse
@@ -120,22 +121,26 @@ def print_turns(name: str, num_turns: int, num_cases: int, seed: int) -> None:
     print(f"  {num_turns} turns of {num_cases} starts: {ratios.min():.2f} to {ratios.max():.2f}", flush=True)
 
 
-def print_on_board(num_cases: int, seed: int) -> None:
+def print_on_board(num_cases: int, seed: int, only: Sequence[str]) -> None:
     """Print how controllers fly by plans of geometry alone, beside how they fly by simulated ones."""
-    print("| controller | planned in simulation | planned on board | on board minus simulation (m/s) |")
-    print("|---|---|---|---|")
+    print("| controller | planned in simulation | planned on board | on board minus simulation (m/s) | s |")
+    print("|---|---|---|---|---|")
     words = ["+experiment=evaluate", RANDOM_SUN, f"seed={seed}", f"monte_carlo.num_cases={num_cases}"]
     for path in sorted((conf_folder() / "controller").glob("*champion*.yaml")):
+        if only and path.stem not in only:
+            continue
         job = compose_experiment([*words, f"controller={path.stem}"]).experiment
         mission, starts = job.mission, list(evaluation_scenarios(job))
         controller = named(path.stem, mission)
         if not (isinstance(controller, RuleController) and foresees(controller)):
             continue
+        began = time.process_time()
         flown = [fly_all(mission, each, starts) for each in (controller, bare(controller))]
+        seconds = time.process_time() - began
         off = flown[1].delta_v_m_s - flown[0].delta_v_m_s
         half = 1.96 * off.std(ddof=1) / np.sqrt(len(off))
         tallies = " | ".join(tally(mission, each, with_interval=False) for each in flown)
-        print(f"| `{path.stem}` | {tallies} | {off.mean():+.4f} ± {half:.4f} |", flush=True)
+        print(f"| `{path.stem}` | {tallies} | {off.mean():+.4f} ± {half:.4f} | {seconds:.0f} |", flush=True)
 
 
 def main(given: Sequence[str]) -> int:
@@ -149,11 +154,14 @@ def main(given: Sequence[str]) -> int:
     parser.add_argument("--seed", type=int, default=62)
     parser.add_argument("--turns", type=int, help="measure processor time by so many turns")
     parser.add_argument("--on-board", action="store_true", help="compare plans on board with simulated ones")
+    parser.add_argument(
+        "--only", nargs="*", default=[], metavar="CONTROLLER", help="with --on-board: of these"
+    )
     options = parser.parse_args(given)
     if unknown := set(options.names) - set(WORLDS):
         parser.error(f"no world {sorted(unknown)[0]!r}; they are {worlds}")
     if options.on_board:
-        print_on_board(options.cases, options.seed)
+        print_on_board(options.cases, options.seed, options.only)
         return 0
     if options.turns:
         for name in options.names or REHEARSED:

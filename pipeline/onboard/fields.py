@@ -55,6 +55,8 @@ class InterfaceField:
         Of the status, set where it is out of range; "" where any value is well.
     member : str
         Of the state, into which it is copied.
+    step_bit : str
+        Of the status, set where a step is given what does not go with it.
     start : float or sequence of float
         What a block starts with.
     """
@@ -73,6 +75,7 @@ class InterfaceField:
     source: str = ""
     bit: str = ""
     member: str = ""
+    step_bit: str = ""
     start: float | Sequence[float] = 0.0
 
     @property

@@ -11,7 +11,7 @@ import numpy as np
 from pipeline.flight.state.arrays import World
 from pipeline.flight.state.signals import CONSTANTS
 from pipeline.onboard.fields import POINTS, InterfaceField
-from pipeline.onboard.messages import CHANGE, CHANGED, FIELD_BITS, OTHER_BITS, OUTPUT, START, STEP
+from pipeline.onboard.messages import CHANGE, CHANGED, FIELD_BITS, OTHER_BITS, OUTPUT, START, START_BITS, STEP
 from pipeline.onboard.writer import Function
 
 #: positions are taken up to so many times the greatest distance allowed, speeds up to that within a time, s
@@ -20,6 +20,8 @@ REACH, PASSAGE_S = 50.0, 2.0
 SUN_TURNS_DEG = 2.0
 #: control periods for which other inputs serve: what moves for one, and points, of which only fewer are left
 OLDEST = {"navigation": 1, "attitude": 1, "points": 6}
+#: functions of C without which nothing is computed from what a start is given
+CHECKED_BY = {"START_SUN": "suns_apart", "START_POINTS": "note_deadlines"}
 #: beyond this no parameter is one
 MOST_PARAMETER = 1e9
 #: units of parameters by the ends of their names
@@ -83,6 +85,10 @@ class Interface:
         """Whether collision avoidance may go on alone."""
         return "safety" in self.needs
 
+    def has(self, bit: str) -> bool:
+        """Whether the status may have a bit."""
+        return any(each.name == bit for each in self.bits)
+
     def needed_by(self, field: InterfaceField) -> list[str]:
         """Return which ways of deciding cannot go on without a field."""
         bit = field.bit or f"OLD_{field.source.upper()}"
@@ -140,8 +146,11 @@ def interface_of(
     bits += [
         StatusBit(name, *row) for name, row in OTHER_BITS.items() if parameters or name != "BAD_PARAMETERS"
     ]
+    written = {each.name for each in functions}
+    bits += [StatusBit(name, *row) for name, row in START_BITS.items() if CHECKED_BY[name] in written]
     bits.sort(key=lambda bit: bit.number)
     needs = _needs(step, set(members), functions)
+    needs["rules"] += [bit.name for bit in bits if bit.name in START_BITS]
     return Interface(start, step, output, [_parameter(*each) for each in parameters.items()], bits, needs)
 
 

@@ -8,6 +8,9 @@ from typing import NamedTuple
 
 from pipeline.onboard.fields import POINTS, InterfaceField
 
+#: a step's Sun is not that of the start, turned on, where they are farther apart
+APART_DEG = 4.0
+
 
 class InputSource(NamedTuple):
     """What measures some inputs, which have one age, and the bit of the status where that is too great."""
@@ -25,7 +28,7 @@ SOURCES = (
 )
 
 
-def _sun(name: str, about: str, member: str, source: str = "") -> InterfaceField:
+def _sun(name: str, about: str, member: str, source: str = "", step_bit: str = "") -> InterfaceField:
     return InterfaceField(
         name,
         "double",
@@ -35,15 +38,24 @@ def _sun(name: str, about: str, member: str, source: str = "") -> InterfaceField
         source=source,
         bit="BAD_SUN",
         member=member,
+        step_bit=step_bit,
         start=(1.0, 0.0),
     )
 
 
 ANGLE, ELEVATION = "the Sun's angle in the orbit plane", "the Sun's elevation over that plane"
 START = (
-    _sun("sun_angle", ANGLE, "sun_at_start"),
-    _sun("sun_elevation", ELEVATION, "height_at_start"),
-    InterfaceField("counts", "flags", "not 0 where a point counts", POINTS, member="unseen", start=1.0),
+    _sun("sun_angle", ANGLE, "sun_at_start", step_bit="START_SUN"),
+    _sun("sun_elevation", ELEVATION, "height_at_start", step_bit="START_SUN"),
+    InterfaceField(
+        "counts",
+        "flags",
+        "not 0 where a point counts",
+        POINTS,
+        member="unseen",
+        step_bit="START_POINTS",
+        start=1.0,
+    ),
 )
 STEP = (
     InterfaceField("period", "int", "of control, from 0 on", limits=(0, "last_period"), bit="BAD_PERIOD"),
@@ -149,6 +161,7 @@ REQUIREMENTS = {
     "B6": "Collision avoidance needs position and velocity, and no more than it reads.",
     "B7": "Messages are the same octets on every processor.",
     "B8": "Before a start that is well, nothing is fired.",
+    "B9": "What a start was given is held against each step; where it does not fit, the rules give way.",
 }
 #: what messages are, by the name of their structure
 ABOUTS = {
@@ -163,6 +176,11 @@ OTHER_BITS = {
     "BAD_START": (64, "controller_start() was not called, or returned another status than 0"),
     "BAD_PARAMETERS": (128, "a parameter is out of its range"),
     "STALE": (256, "a host sets it where no new input came since the last step"),
+}
+#: bits that a step sets where a field of the start does not go with it
+START_BITS = {
+    "START_SUN": (8192, f"the Sun is over {APART_DEG:g}° from where that of the start has turned to"),
+    "START_POINTS": (16384, "a point is to be inspected that did not count at the start"),
 }
 #: numbers of bits that a field of a step sets
 FIELD_BITS = {

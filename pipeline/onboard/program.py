@@ -35,6 +35,7 @@ from pipeline.onboard.allowed import NotTranslatableError, TranslationError
 from pipeline.onboard.free_cells import FreeCells
 from pipeline.onboard.operations import OPERATIONS
 from pipeline.onboard.planner import ANYWHERE, PushPlanner, check, ranges_of, write_planner
+from pipeline.onboard.restart import write_restart
 from pipeline.onboard.translator import Translator
 from pipeline.onboard.values import Array, Expression, Record
 from pipeline.onboard.writer import Setting
@@ -366,6 +367,7 @@ def translate(
     planner = None
     if plans:
         planner = _planner(translator, mission, flown, now, work, optics, law.decision_stride)
+    write_restart(translator, now, is_in_plane=optics is None)
     named = [
         (name, dict(zip(CONSTANTS, choice.constants.tolist(), strict=True)))
         for name, choice in choices.items()

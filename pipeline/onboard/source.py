@@ -20,10 +20,11 @@ from pipeline.flight.state.signals import BODY
 from pipeline.onboard.constant_tables import BYTES, ConstantTable
 from pipeline.onboard.dead_stores import without_dead_stores
 from pipeline.onboard.fields import offsets
-from pipeline.onboard.interface import Interface, interface_of
+from pipeline.onboard.interface import CHECKED_BY, Interface, interface_of
 from pipeline.onboard.messages import ABOUTS, INPUT_REASON, MODES, REQUIREMENTS
 from pipeline.onboard.prefix import USUAL, renamed
 from pipeline.onboard.program import OnboardProgram
+from pipeline.onboard.restart import MOST_APART
 from pipeline.onboard.values import number_text
 from pipeline.onboard.writer import Function, Line
 from pipeline.run.maker import DISTRIBUTION, git_revision, product_version, sources_hash
@@ -97,6 +98,8 @@ def sources(program: OnboardProgram, prefix: str = USUAL) -> Sources:
     members |= {"num_unseen": ((1,), "double"), "started": ((1,), "int")}
     members |= {f"last_{name}": ((3,), "double") for name in ("position", "velocity")}
     members |= dict.fromkeys(("last_period", "repeats"), ((1,), "int"))
+    if any(function.name == CHECKED_BY["START_POINTS"] for function in functions):
+        members["counted"] = ((program.world.num_points,), "unsigned char")
     if program.planner:
         members |= program.planner.members
     code = [Line(text) for text in _opening(program)]
@@ -206,6 +209,7 @@ def _facts(
         "systems": [int(axis) for axis in law.axes],
         "changed_n": LEAST_CHANGE_N,
         "silent_n": SILENT_N,
+        "most_apart": MOST_APART,
         "is_body": law.force_axes == BODY,
     }
 

@@ -7,18 +7,20 @@ import shutil
 import struct
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from fis_tools.formats import serialize
 from pipeline.flight.control.controller import from_fuzzy
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.state.log import REHEARSED
 from pipeline.onboard.export import export
-from pipeline.onboard.messages import MODES, REQUIREMENTS, SOURCES
+from pipeline.onboard.messages import APART_DEG, MODES, REQUIREMENTS, SOURCES, START, START_BITS
 from pipeline.onboard.program import translate
 from pipeline.onboard.recorded import OUTPUT, Library, recorded
 from tests import programs
@@ -296,6 +298,88 @@ def test_a_given_force_needs_no_sun_but_a_position(library, flight):
         np.testing.assert_array_equal(answer["force_n"], push["given_n"])
         assert (answer["reason"] == REHEARSED).all()
     assert answered(library, flight, **push, position_m=np.nan)["mode"] == OFF
+
+
+@pytest.fixture(scope="module", params=[False, True], ids=["in plane", "tilted"])
+def restart(request, tmp_path_factory):
+    """The C of a controller, and a flight of it, with the Sun in the orbit plane or not."""
+    program = translate(GUARDED, from_fuzzy(serialize.load(SHIPPED["champion_27"])), is_tilted=request.param)
+    folder, (start,) = tmp_path_factory.mktemp("restart"), random_starts(1, seed=5)
+    start = replace(start, sun_elevation_rad=0.4 * request.param)
+    exported = export(program, [start], folder)
+    log = fly_logged(GUARDED, program.controller, start)
+    return exported.source.interface, Library(folder), recorded(program, start, log), program.world
+
+
+def restarted(library, flight, sample, **given):
+    """What a start with some fields changed returns, and what is answered to a later step."""
+    start, output = flight.start.copy(), np.zeros(1, OUTPUT)
+    for name, value in given.items():
+        start[name] = value
+    status = library.start(start)
+    library.step(flight.steps[sample : sample + 1], output)
+    return status, output[0]
+
+
+def test_a_start_in_the_middle_of_a_flight_goes_on_with_it(restart):
+    _, library, flight, _ = restart
+    whole = library.answers(flight)
+    assert not np.any(whole["status"])
+    for sample in range(0, len(whole), 7):
+        status, answer = restarted(library, flight, sample)
+        assert (status, answer["status"], answer["mode"]) == (0, 0, RULES)
+        np.testing.assert_array_equal(answer["inferred_n"], whole["inferred_n"][sample])
+
+
+def misgiven(flight, field, sample):
+    """A field of a start that does not go with a step: turned by ten degrees, or without a point."""
+    value = flight.start[field.name]
+    if field.kind == "flags":
+        return value & (np.arange(len(value)) != np.flatnonzero(flight.steps["unseen"][sample])[0])
+    assert field.is_unit
+    cosine, sine = np.cos(np.radians(10.0)), np.sin(np.radians(10.0))
+    return cosine * value[0] - sine * value[1], cosine * value[1] + sine * value[0]
+
+
+@pytest.mark.parametrize("field", START, ids=lambda field: field.name)
+def test_each_input_of_a_start_is_held_against_the_steps_that_follow(restart, field):
+    interface, library, flight, _ = restart
+    (described,) = (each for each in interface.start if each.name == field.name)
+    number, _ = START_BITS[field.step_bit]
+    assert field.step_bit in interface.needs["rules"]
+    assert not {field.step_bit} & {*interface.needs["plan"], *interface.needs["safety"]}
+    for sample in (0, 40):
+        status, answer = restarted(library, flight, sample, **{field.name: misgiven(flight, field, sample)})
+        if described.in_plane:  # then it is refused at once
+            assert (status, answer["status"], answer["mode"]) == (16, 64, OFF)
+        else:
+            assert (status, answer["status"], answer["mode"]) == (0, number, SAFETY)
+
+
+def test_the_sun_of_the_restart_is_not_taken_for_that_of_the_first_period(restart):
+    _, library, flight, world = restart
+    for sample in range(0, 30):
+        now = {name: flight.steps[name][sample] for name in ("sun_angle", "sun_elevation")}
+        first = np.append(now["sun_elevation"][0] * now["sun_angle"], now["sun_elevation"][1])
+        turn = -world.mean_motion * world.control_period * sample  # Hill axes turn about the third one
+        turned = Rotation.from_euler("z", turn).apply(first)
+        off_deg = np.degrees(np.arccos(min(1.0, float(first @ turned))))
+        assert restarted(library, flight, sample, **now)[1]["status"] == (off_deg > APART_DEG) * 8192
+    assert off_deg > APART_DEG
+
+
+def test_a_start_is_not_blamed_for_what_a_step_lacks(restart):
+    interface, library, flight, _ = restart
+    for field in interface.start:
+        if field.in_plane:
+            continue
+        age = "age_points" if field.name == "counts" else "age_sun"
+        steps = flight.steps.copy()
+        steps[age] = 99
+        wrong = {field.name: misgiven(flight, field, 0)}
+        _, answer = restarted(library, flight._replace(steps=steps), 0, **wrong)
+        (old,) = (each.bit for each in SOURCES if f"age_{each.name}" == age)
+        assert answer["status"] == old
 
 
 def test_a_parameter_is_changed_by_number_and_read_back(exported, interface, library, flight):

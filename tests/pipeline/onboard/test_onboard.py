@@ -404,8 +404,13 @@ def test_an_fmi_block_goes_on_from_a_state_that_was_kept(exported, begun):
 
     def force(k):
         step = flight.steps[k]
-        for name, values in (("position_m", step["position_m"]), ("velocity_m_s", step["velocity_m_s"])):
-            put([numbers[f"{name}[{axis}]"] for axis in (1, 2, 3)], values.tolist())
+        turn = program.world.mean_motion * program.world.control_period * k  # since the start's Sun, at 0
+        sun = np.array([np.cos(turn), -np.sin(turn)])
+        for name, values in (
+            *(("position_m", step["position_m"]), ("velocity_m_s", step["velocity_m_s"])),
+            ("sun_angle", sun),
+        ):
+            put([numbers[f"{name}[{axis}]"] for axis in range(1, 1 + len(values))], values.tolist())
         block.doStep(SHORT.control_period_s * k, SHORT.control_period_s)
         return read([numbers[f"force_n[{axis}]"] for axis in (1, 2, 3)])
 

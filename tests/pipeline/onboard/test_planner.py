@@ -18,7 +18,7 @@ from pipeline.flight.fly.simulation import fly_all, fly_logged
 from pipeline.flight.state.log import REHEARSED
 from pipeline.flight.world.pack import pack_world
 from pipeline.onboard.allowed import NotTranslatableError
-from pipeline.onboard.messages import MODES
+from pipeline.onboard.messages import MODES, START_BITS
 from pipeline.onboard.program import translate
 from pipeline.onboard.recorded import OUTPUT, Library, differing, recorded
 from pipeline.onboard.source import sources
@@ -200,6 +200,9 @@ def test_nothing_is_planned_before_the_start_or_from_bad_input(planning):
     bad = flight.steps[:1].copy()
     bad["position_m"] = np.nan
     assert library.plan_from(bad) == BAD_POSITION
+    bad = flight.steps[:1].copy()
+    bad["sun_angle"] = -bad["sun_angle"]  # whose light the search has is that of the start's
+    assert library.plan_from(bad) == START_BITS["START_SUN"][0]
     assert library.plan(0) == 0
     assert library.plan_from(flight.steps[:1]) == 0
     assert library.plan(0) > library.plan(1) > library.plan(2) > 0
