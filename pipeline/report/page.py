@@ -17,9 +17,9 @@ from pipeline.recording.events import points_in_words
 from pipeline.report import comparisons
 from pipeline.report.contents import Contents, FlightSet, ShownFlight
 from pipeline.report.figures.style import MOST_POINTS, Illustration, caption_of
-from pipeline.report.played import compared_in, player_of_comparison, player_of_run
+from pipeline.report.played import compared_in, player_of_comparison, player_of_run, shown_of
 from pipeline.run import artifacts, typed
-from pipeline.settings.experiment import Mission
+from pipeline.settings.experiment import Experiment, Mission
 from pipeline.settings.keys import TAGS
 from pipeline.settings.start_table import POSITION
 
@@ -96,6 +96,15 @@ def write(contents: Contents, illustrations: Mapping[str, Illustration]) -> str:
     )
 
 
+def _left_out(experiment: Experiment) -> str:
+    """Return in words which flights of a comparison its page has no room for; empty if it has all."""
+    shown, compare = shown_of(experiment), experiment.compare
+    if len(shown) == len(compare.controllers) * len(compare.safety):
+        return ""
+    count = f"{len(shown)} of {len(compare.controllers)} controllers"
+    return f" The page has room for {count} with safety={compare.safety[0]}."
+
+
 def _words_of_player(contents: Contents, player: ScriptedPanel | str | None) -> str:
     """Return what a page says of the flights that it plays, or why it plays none; empty if it has none."""
     if isinstance(player, str):
@@ -106,7 +115,8 @@ def _words_of_player(contents: Contents, player: ScriptedPanel | str | None) -> 
         world, sun = compared_in(contents.experiment)
         there = [f"in the world {world}"] if world else []
         there += [f"under the Sun {sun}"] if len(contents.experiment.compare.suns) > 1 else []
-        return caption_of("side_by_side") + (f" The flights are those {' '.join(there)}." if there else "")
+        where = f" The flights are those {' '.join(there)}." if there else ""
+        return caption_of("side_by_side") + where + _left_out(contents.experiment)
     return caption_of("flights_to_goal")
 
 

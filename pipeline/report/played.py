@@ -142,11 +142,23 @@ def compared_in(experiment: Experiment) -> tuple[str, str]:
     return [*experiment.compare.worlds, ""][0], mode if mode in suns else suns[-1]
 
 
+def shown_of(experiment: Experiment) -> Sequence[tuple[str, str]]:
+    """Return the controllers and safety layers of a comparison for which its page has room.
+
+    Where there are too many, they are the first controllers under the first layer alone.
+    """
+    compare = experiment.compare
+    every = list(product(compare.controllers, compare.safety))
+    if len(every) <= MOST_RUNS:
+        return every
+    return [(name, compare.safety[0]) for name in compare.controllers[:MOST_RUNS]]
+
+
 def _contenders(there: Experiment, flights: Columns, world: str) -> Iterator[tuple[EvaluatedRun, list[int]]]:
     """Yield each controller under each safety layer as a run, with its rows in the flights."""
     compare = there.compare
     of_lot = (flights["world"] == world) & (flights["sun"] == there.sun.mode)
-    for name, layer in product(compare.controllers, compare.safety):
+    for name, layer in shown_of(there):
         mission = guarded(there.mission, layer)
         controller = named(name, mission)
         label = labelled(name, compare.controllers, controller)
@@ -188,7 +200,7 @@ def player_of_runs(
     if not all(_has_columns(run.episodes, run.experiment.mission) for run in runs):
         return "the evaluations do not tell what is plotted"
     shared = [list(each)[:MOST_CASES] for each in rows]
-    return panel(_page(list(runs)[:MOST_RUNS], shared, "", file_name))
+    return panel(_page(list(runs)[:MOST_RUNS], shared[:MOST_RUNS], "", file_name))
 
 
 def player_of_starts(

@@ -41,7 +41,7 @@ from pipeline.onboard.program import translate
 from pipeline.onboard.recorded import OUTPUT, Library, differing, recorded
 from pipeline.onboard.source import sources
 from pipeline.run.maker import product_version
-from tests import programs
+from tests import night, programs
 from tests.fis_tools.sample_controllers import SHIPPED
 from tests.pipeline.flight.cases import mission, random_starts
 from tests.smoke.pages import DOCS
@@ -206,6 +206,7 @@ def test_the_analyser_finds_no_error_for_any_input_and_reaches_what_is_written(e
     assert reached >= 98.0
 
 
+@pytest.mark.skipif(not night.IS_WHOLE, reason="a minute and a half of the analyser: each night")
 def test_the_check_of_a_folder_fails_if_the_analyser_leaves_an_alarm(exported, tmp_path):
     programs.program("frama-c", "frama-c-base")
     folder = shutil.copytree(exported[0], tmp_path / "faulty")

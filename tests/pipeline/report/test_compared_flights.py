@@ -3,6 +3,9 @@
 import numpy as np
 import pytest
 
+from pipeline.command_line.config import compose_experiment
+from pipeline.report.page import _left_out
+from pipeline.report.played import shown_of
 from pipeline.run import artifacts, tables
 from tests.browser import serious_violations
 from tests.pipeline.report.runs import run_of
@@ -101,3 +104,25 @@ def test_flights_to_a_goal_are_shown_as_recorded(opened, axe, tmp_path, scheme):
     page.evaluate("row => player.open(row)", refused)
     assert "flights to a goal are not flown in a page" in page.locator("#player .said").inner_text()
     assert serious_violations(page, axe) == []
+
+
+@pytest.mark.parametrize(
+    ("controllers", "layers", "shown", "words"),
+    [
+        (["lqr", "coast"], "none,filter", 4, ""),
+        (
+            [f"champion_{name}" for name in ("27", "81", "any_sun")] + ["lqr", "coast"],
+            "none,filter",
+            5,
+            "5 of 5",
+        ),
+        ([*(f"coast{number}.yaml" for number in range(9))], "filter", 8, "8 of 9"),
+    ],
+)
+def test_a_page_says_whose_flights_it_has_no_room_for(controllers, layers, shown, words):
+    listed = f"compare.controllers=[{','.join(controllers)}]", f"compare.safety=[{layers}]"
+    compare = compose_experiment(["+experiment=baselines", *listed]).experiment
+    assert len(shown_of(compare)) == shown
+    layer = layers.partition(",")[0]
+    room = f" The page has room for {words} controllers with safety={layer}." if words else ""
+    assert _left_out(compare) == room
