@@ -174,7 +174,7 @@ def test_a_run_is_reported_and_verified(tmp_path, ran):
     assert f"{spent['mean']:.3f} ± {spent['standard_deviation']:.3f}" in page
     assert f"{100 * summary['held']['fraction']:.1f} % are never above the limit" in page
     # the player's empty panels follow; of a flight to a goal it shows others
-    told, flights, _ = page.partition('<section id="flights"')
+    before, flights, _ = page.partition('<section id="flights"')
     assert flights
-    assert "points" not in told
+    assert "points" not in before
     assert ran("verify", tmp_path).out.count("equal to the last bit") == 3
