@@ -40,14 +40,6 @@ def test_paths_beside_an_ellipse_are_those_of_the_simulator_and_a_flight_takes_t
     assert np.abs(path_of(by_circle, forces) - log.position_m).max() > 20.0
 
 
-@pytest.mark.slow
-def test_a_plan_beside_an_ellipse_holds_in_flight():
-    few = ("optimum.points=60", "optimum.restarts=1", "optimum.kicks=0", "optimum.burns=2")
-    plan = planned(*TRANSFER, *few)
-    assert plan.flight.is_feasible(60)
-    assert 0.0 <= plan.bound <= plan.flight.delta_v < 0.5
-
-
 #: a Sun out of the plane, the Earth's shadow, a camera of little sight
 STRICT = (
     "attitude=ideal",
@@ -68,11 +60,12 @@ def planned(*overrides):
 
 
 @pytest.mark.slow
-def test_a_plan_for_a_strict_world_holds_in_flight():
+@pytest.mark.parametrize(("world", "points"), [(STRICT, 30), (TRANSFER, 60)], ids=["strict", "ellipse"])
+def test_a_plan_holds_in_flight(world, points):
     """Its demands are met by tangents, the flight judges by what they are tangents of."""
-    few = ("optimum.points=30", "optimum.restarts=1", "optimum.kicks=0", "optimum.burns=2")
-    plan = planned(*STRICT, *few)
-    assert plan.flight.is_feasible(30)
+    few = (f"optimum.points={points}", "optimum.restarts=1", "optimum.kicks=0", "optimum.burns=2")
+    plan = planned(*world, *few)
+    assert plan.flight.is_feasible(points)
     assert 0.0 <= plan.bound <= plan.flight.delta_v < 0.5
 
 
