@@ -224,7 +224,7 @@ def flown(problem: PlanningProblem, forces: Floats) -> FlightLog:
 
 
 def flown_as(problem: PlanningProblem, forces: Floats, log: FlightLog) -> PlanningProblem:
-    """Return the problem as a flight of forces had it: pointing, and on a true course the paths.
+    """Return the problem as a flight of forces, (n, 3), N, had it: pointing, and on a true course the paths.
 
     What linear motion leaves out then moves the paths without force, so that those of the forces are flown.
     """
