@@ -19,6 +19,9 @@ from fis_tools.engines.sampling import aggregate
 EPSILON = float(np.finfo(np.float64).eps)
 #: The least strength that others are divided by.
 FAINTEST = 1e-280
+#: Lower heights below this are counted as zero: a product on the way to them may be denormal, and has so few
+#: digits that they may pass the upper ones.
+UNSURE = 1e-140
 
 
 @compiled(error_model="numpy", nogil=True)
@@ -33,6 +36,9 @@ def bound_sampled(conclusion: Conclusion, strengths: Floats, out: Floats) -> Non
         aggregate(conclusion, strengths[box, :, 1].copy(), cuts, high)
         low *= 1.0 - rounding
         high *= 1.0 + rounding
+        for point in range(len(x)):
+            if low[point] < UNSURE:
+                low[point], high[point] = 0.0, max(low[point], high[point])
         first = 1 if _walks(conclusion) else 0  # jFuzzyLogic's walk leaves out the first point
         if not high[first:].any():
             out[box] = default, default
