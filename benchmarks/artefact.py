@@ -5,7 +5,8 @@ The arms, seeds, sizes and measures are those of docs/results/paper.md. Each arm
 again. In the end ``trainings.parquet`` has a row for each training and ``generations.parquet`` the course of
 each, and ``tables.md`` and ``trainings.png`` are made from them; ``SHA256SUMS`` tells them all.
 ``--tables`` makes these two anew from the two files of rows, and nothing else; ``--arms 2`` flies the first
-two arms alone.
+two arms alone. ``--rows docs/results/trainings.parquet`` takes the trainings of that file as flown, and flies
+the others.
 
 Whatever is known by ``key=value`` goes to each sweep, such as ``engine=dask``.
 """
@@ -98,6 +99,7 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("--generations", type=int, default=GENERATIONS)
     parser.add_argument("--arms", type=int, default=None, help="only the first so many of them")
     parser.add_argument("--tables", action="store_true", help="only read the rows of a folder")
+    parser.add_argument("--rows", type=Path, default=None, help="rows of trainings that need no flying")
     options = parser.parse_args(arguments)
     if not options.tables:
         train_all(parser, options)
@@ -142,30 +144,43 @@ def train_all(parser: argparse.ArgumentParser, options: argparse.Namespace) -> N
     kept.write_text(json.dumps(sizes) + "\n", encoding="utf-8")
     paper = serialize.load(Path(__file__).parents[1] / "conf" / "controller" / "paper.yaml")
     (folder / WIDER).write_text(serialize.dump_json(with_three_inputs(paper)), encoding="utf-8")
+    kept_rows = parquet.read_table(options.rows).to_pylist() if options.rows else []
+    flown = {(row["arm"], row["seed"]): row for row in kept_rows}
     rows: list[dict[str, Any]] = []
     courses: list[dict[str, Any]] = []
-    for index, (name, (levels, words)) in enumerate(islice(arms().items(), options.arms)):
+    for index, (name, (levels, changes)) in enumerate(islice(arms().items(), options.arms)):
         sweep = folder / f"arm{index}"
         count = options.seeds if is_main(levels) else options.seeds_of_others
-        print(f"{name}: {count} seeds in {sweep}", file=sys.stderr, flush=True)
-        command = [
-            *("-m", "+experiment=train_paper", f"seed=range({FIRST_SEED},{FIRST_SEED + count})"),
-            *("stages=[scenario,train,evaluate]", f"optimizer.generations={options.generations}"),
-            *(f"hydra.sweep.dir={sweep}", *(word.format(folder=folder) for word in words), *options.keys),
-        ]
-        if (sweep / "sweep.json").exists():
-            command = [f"resume={sweep}"]
-        subprocess.run([sys.executable, "-m", "pipeline", *command], check=False)  # noqa: S603
-        runs = [sweep / f"seed={seed}" for seed in range(FIRST_SEED, FIRST_SEED + count)]
-        if missing := [run.name for run in runs if not (run / "evaluate" / "episodes.parquet").exists()]:
-            parser.error(f"of {name}, {', '.join(missing)} did not end; type the command again to go on")
+        seeds = range(FIRST_SEED, FIRST_SEED + count)
+        missing = [seed for seed in seeds if (name, seed) not in flown]
+        if missing:
+            print(f"{name}: {len(missing)} seeds in {sweep}", file=sys.stderr, flush=True)
+            listed = "seed=" + ",".join(map(str, missing))
+            words = [word.format(folder=folder) for word in changes]
+            fly(sweep, [listed, f"optimizer.generations={options.generations}", *words, *options.keys])
+        runs = [sweep / f"seed={seed}" for seed in missing]
+        if unfinished := [run.name for run in runs if not (run / "evaluate" / "episodes.parquet").exists()]:
+            parser.error(f"of {name}, {', '.join(unfinished)} did not end; type the command again to go on")
         for run in runs:
             row, course = read(run)
-            rows.append({"arm": name, **dict.fromkeys((*FACTORS, "alone"), "as there"), **levels, **row})
+            unchanged = dict.fromkeys((*FACTORS, "alone"), "as there")
+            flown[name, row["seed"]] = {"arm": name, **unchanged, **levels, **row}
             courses += [{"arm": name, "seed": row["seed"], **generation} for generation in course]
+        rows += [flown[name, seed] for seed in seeds]
         # after each arm, so that what is flown so far can be told
         parquet.write_table(pa.Table.from_pylist(rows), folder / TRAININGS)
         parquet.write_table(pa.Table.from_pylist(courses), folder / COURSES)
+
+
+def fly(sweep: Path, words: Sequence[str]) -> None:
+    """Train and evaluate what some words ask for in a sweep, or go on with what is there."""
+    command = [
+        *("-m", "+experiment=train_paper", "stages=[scenario,train,evaluate]"),
+        *(f"hydra.sweep.dir={sweep}", *words),
+    ]
+    if (sweep / "sweep.json").exists():
+        command = [f"resume={sweep}"]
+    subprocess.run([sys.executable, "-m", "pipeline", *command], check=False)  # noqa: S603
 
 
 def is_main(levels: Mapping[str, str]) -> bool:

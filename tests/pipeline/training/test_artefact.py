@@ -5,11 +5,14 @@ import statistics
 import numpy as np
 import pytest
 
+from pyarrow import parquet
+
 from benchmarks import artefact
 from fis_tools.engines.inference import infer
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers import source
 from pipeline.settings.experiment import Mission
+from tests.places import PROJECT
 
 
 @pytest.fixture(scope="module")
@@ -61,6 +64,17 @@ def test_tables_hold_interquartile_means_and_differences_of_pairs():
     assert cells[0].endswith("1.00 to 100.00")
     # each pair differs by one
     assert cells[2] == "+1.00 (+1.00 to +1.00)"
+
+
+def test_trainings_whose_rows_are_given_are_not_flown_again(tmp_path, capsys):
+    given = PROJECT / "docs" / "results" / artefact.TRAININGS
+    main = list(artefact.arms())[:2]
+    assert artefact.main([str(tmp_path), "--rows", str(given), "--arms", "2"]) == 0
+    assert capsys.readouterr().err == ""
+    rows = parquet.read_table(given).to_pylist()
+    assert parquet.read_table(tmp_path / artefact.TRAININGS).to_pylist() == [
+        row for row in rows if row["arm"] in main
+    ]
 
 
 def test_the_protocols_counts_are_told():
