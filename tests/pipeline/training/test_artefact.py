@@ -4,7 +4,6 @@ import statistics
 
 import numpy as np
 import pytest
-
 from pyarrow import parquet
 
 from benchmarks import artefact
