@@ -26,7 +26,10 @@ NUM_BOXES, NUM_POINTS = 60, 4
 
 
 def bounds(claim: str, system: FuzzySystem, rows: Floats, steps: list[Inference]) -> Iterator[Difference]:
-    """Each output lies inside the bounds of boxes around its inputs: points, small and large ones."""
+    """Each output lies inside the bounds of boxes around its inputs: points, small and large ones.
+
+    That is what compiled inference gives, and what the definition does, unless rounding decides between them.
+    """
     try:
         program = interval.pack(system)
     except interval.NotBounded:
@@ -35,19 +38,26 @@ def bounds(claim: str, system: FuzzySystem, rows: Floats, steps: list[Inference]
     limits = np.array([system.limits_of(variable) for variable in system.inputs])
     spans = np.array([variable.span for variable in system.inputs])
     held = np.clip(rows, limits[:, 0], limits[:, 1])
-    is_finite = np.isfinite(held).all(axis=1)
+    is_finite, given = np.isfinite(held).all(axis=1), compile(system)(rows)
     for width in (0.0, 1e-12, 1e-3, 0.3):
         down, up = generator.random((2, *rows.shape)) * width * spans
         least, greatest, _ = interval.bound(program, held - down, held + up)
         for index in np.flatnonzero(is_finite):
-            values = steps[index].values
-            slack = 1e-12 * sizes(system, values)
-            below, above = least[index] - slack > values, greatest[index] + slack < values
-            if (below | above | (np.isnan(least[index]) & ~np.isnan(values))).any():
-                box = (
-                    f"{[*zip(least[index].tolist(), greatest[index].tolist(), strict=True)]} of width {width}"
-                )
-                yield Difference(claim, system, rows[index], str(values.tolist()), box)
+            values, box = steps[index].values, (least[index], greatest[index])
+            is_broken = not _is_inside(system, given[index], *box)
+            if is_broken or not _is_inside(system, values, *box):
+                around = () if is_broken else neighbours(steps[index])
+                if not any(_is_inside(system, near, *box) for near in around):
+                    ends = [*zip(*(end.tolist() for end in box), strict=True)]
+                    answers = str([given[index].tolist(), values.tolist()])
+                    yield Difference(claim, system, rows[index], answers, f"{ends} of width {width}")
+
+
+def _is_inside(system: FuzzySystem, values: Floats, least: Floats, greatest: Floats) -> bool:
+    """Whether outputs lie between bounds, as far as rounding decides nothing; no number has none."""
+    slack = 1e-12 * sizes(system, values)
+    is_beyond = (least - slack > values) | (greatest + slack < values)
+    return not (is_beyond | (np.isnan(least) & ~np.isnan(values))).any()
 
 
 def explain(claim: str, system: FuzzySystem, rows: Floats, steps: list[Inference]) -> Iterator[Difference]:

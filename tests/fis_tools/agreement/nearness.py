@@ -20,6 +20,8 @@ from fis_tools.model.intervals import has_intervals, twin
 TOLERANCE = 1e-9
 #: heights that are no more than rounding
 FAINTEST = 1e-13
+#: what rounding may leave of a degree that it takes away
+LEAST = 2.0**-60
 #: how many neighbours of strengths are tried, by how many units in the last place
 NEIGHBOURS, UNITS = 60, 64.0
 
@@ -113,6 +115,9 @@ def _shaken(
     Those of tables are, and of all that is sampled on a universe.
     """
     units = generator.choice([-UNITS, -1.0, 0.0, 1.0, UNITS], degrees.shape)
+    # of what rounding takes away, nothing is left or next to nothing: where a conclusion grows without end as
+    # its strength goes to zero, any answer beyond is right
+    least = generator.choice([0.0, LEAST], degrees.shape) * (degrees > 0.0)
     sizes_of = degrees.copy()
     if variable is not None:
         is_table = [
@@ -120,4 +125,4 @@ def _shaken(
             for term in variable.terms
         ]
         sizes_of[is_table] = 1.0
-    return np.clip(degrees + units * np.spacing(sizes_of) * (sizes_of > 0.0), 0.0, 1.0)
+    return np.clip(degrees + units * np.spacing(sizes_of) * (sizes_of > 0.0), np.minimum(degrees, least), 1.0)
