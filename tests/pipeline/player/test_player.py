@@ -180,7 +180,7 @@ def test_a_page_flies_fresh_cases_to_the_products_bits(ready, words):
 
 
 #: all by night, also those that look far ahead
-MISSIONS = night.by_day([*worlds(), *OTHERS, *COURSES], 3)
+MISSIONS = night.by_day([*worlds(), *OTHERS, *COURSES], 6)
 
 
 @pytest.mark.parametrize("words", MISSIONS, ids="-".join)
