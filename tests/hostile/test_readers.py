@@ -38,7 +38,9 @@ CORPUS = sorted((PROJECT / "tests" / "hostile" / "corpus").iterdir())
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("reader", "name"), night.by_day([giant for giant in GIANTS if giant[0] != "recording"], 2))
+@pytest.mark.parametrize(
+    ("reader", "name"), night.by_day([giant for giant in GIANTS if giant[0] != "recording"], 2)
+)
 def test_a_giant_is_read_or_refused_soon_and_in_little_memory(reader, name, tmp_path):
     content = GIANTS[reader, name](READERS[reader].samples[0])
     assert len(content) <= SIZE
