@@ -68,7 +68,8 @@ def open_page(window: BrowserContext) -> Iterator[Callable[..., Page]]:
             lambda request: request.url.startswith(origins) or complaints.append(f"request: {request.url}"),
         )
         page.goto(address)
-        # where processors are busy the framework may reload a page that has not connected, and lose what was typed
+        # where processors are busy the framework may reload a page that has not connected, and lose what was
+        # typed
         page.wait_for_function("window.did_handshake")
         return page
 

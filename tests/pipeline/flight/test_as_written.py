@@ -42,8 +42,8 @@ DRAWN = int(os.environ.get("DRAWN_FLIGHTS", "4"))
 #: no two of these can be drawn at a time, or their kinds would be compiled apart
 UNDRAWN = ("guidance", "chief.shape", "path", "light.reflection", "actuators.kind")
 
-#: of each kind that is compiled apart (the last for these flights alone): a mission, what is not drawn of it, and whether its Sun is out of the
-#: orbit plane
+#: of each kind that is compiled apart (the last for these flights alone): a mission, what is not drawn of it,
+#: and whether its Sun is out of the orbit plane
 KINDS = {
     "the paper's light and camera, clusters, the safety layer": (
         mission(guidance={"kind": "clusters"}, safety=vars(EARLY), attitude={"mode": "ideal"}),

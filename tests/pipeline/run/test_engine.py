@@ -227,7 +227,8 @@ def test_a_lost_scheduler_is_told_and_what_is_done_is_kept(tmp_path, monkeypatch
                 [artifacts.OPTIMUM_CASES, artifacts.OPTIMUM_FORCES],
             ),
             (
-                """+experiment=baselines compare.controllers=[coast,lqr] monte_carlo.num_cases=4 duration_s=300
+                """+experiment=baselines compare.controllers=[coast,lqr] monte_carlo.num_cases=4
+            duration_s=300
             stages=[compare] monte_carlo.workers=2""",
                 [artifacts.COMPARISON_EPISODES, artifacts.COMPARISON_TABLE],
             ),
