@@ -198,7 +198,7 @@ def problem_of(mission: Mission, scenario: Scenario) -> PlanningProblem:
         is_lit=lit_at_samples(world, starts_of([scenario])),
         sight=np.zeros(num_controls + 1),
         delta_v_per_force=world.delta_v_per_force,
-        rows=geometry.rows,
+        rows=np.ascontiguousarray(geometry.rows),  # as code for it comes compiled
         sums=geometry.sums,
     )
     return seen_as(problem, flown(problem, np.zeros((0, 3))))

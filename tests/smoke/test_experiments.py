@@ -11,6 +11,7 @@ from fis_tools.formats import serialize
 from pipeline.command_line.cli import main
 from pipeline.command_line.runs import MISSED, OK, UNIMPROVED, UNPROVED
 from pipeline.run import artifacts, configuration, manifests
+from tests import night
 from tests.policies import Page, check_policy
 from tests.smoke import miniature
 from tests.state import unchanged
@@ -27,7 +28,11 @@ SELDOM |= {artifacts.EPISODE_PARTS}
 FILES = {name for key, name in vars(artifacts).items() if key.isupper() and isinstance(name, str)} - SELDOM
 
 
-@pytest.fixture(scope="module", params=miniature.EXPERIMENTS, ids=lambda path: path.stem)
+#: a run of each takes a minute in all
+EXPERIMENTS = night.by_day(miniature.EXPERIMENTS, 2)
+
+
+@pytest.fixture(scope="module", params=EXPERIMENTS, ids=lambda path: path.stem)
 def finished(request, tmp_path_factory) -> tuple[str, Path, list[str]]:
     """An experiment, the folder of its run, and its stages."""
     experiment = request.param.stem

@@ -16,6 +16,7 @@ from fis_tools.findings.explanation import Explanation, Flip, explain, flips, mi
 from fis_tools.formats.serialize import load
 from fis_tools.model import FuzzySystem, Triangular
 from fis_tools.model.systems import with_semantics
+from tests import night
 from tests.fis_tools.control_systems import ReferenceEngine
 from tests.fis_tools.sample_controllers import EXAMPLES, FORCE_X, FORCE_Z, ROOM, SHIPPED, ramp_system, terms
 
@@ -104,7 +105,7 @@ def test_parts_of_the_whole_are_told_where_they_are_parts() -> None:
     assert sum(int(part[1]) for part in parts if part) == 100
     for path in SHIPPED.values():
         for system in load(path).systems:
-            for start in spread_inputs(system, 12):
+            for start in spread_inputs(system, night.count(3, 12)):
                 explanation = explain(system, start)
                 (output,) = explanation.outputs
                 for words in explanation.conclusions(output):

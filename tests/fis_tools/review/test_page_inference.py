@@ -20,7 +20,7 @@ from tests.fis_tools.sample_controllers import GENERAL, SHIPPED
 
 pytestmark = pytest.mark.slow
 
-NUM_SAMPLES = 200
+NUM_SAMPLES = night.count(100, 200)
 INFER = """([place, rows]) => rows.map((row) => {
   const told = review.infer(review.systems[place], row);
   return { values: told.outputs.map(({ value }) => String(value)), firing: [...told.firing] };
@@ -52,10 +52,10 @@ CONTROLLERS = {
     "champion": CHAMPION,
     "everything": GENERAL,
     "125 rules": FuzzyController("many", (autopilot_system(),)),
-    "random": FuzzyController("random", random_systems(seed=8, count=night.count(12, 24))),
+    "random": FuzzyController("random", random_systems(seed=8, count=night.count(6, 24))),
     "sampled": FuzzyController(
         "sampled",
-        tuple(system for system in drawn.sampled_systems(9, night.count(16, 40)) if not system.weighed),
+        tuple(system for system in drawn.sampled_systems(9, night.count(8, 40)) if not system.weighed),
     ),
 }
 

@@ -1,6 +1,7 @@
 """Tables of forces, and controllers by any of their ways into a run."""
 
 import logging
+from contextlib import nullcontext
 from dataclasses import replace
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 
 from benchmarks import linear_law
 from fis_tools.analysis.measures import measure
+from fis_tools.compiled.decorator import plain, plainly
 from fis_tools.findings.audit import audit
 from fis_tools.formats import serialize
 from fis_tools.genes.stretches import rounded
@@ -21,6 +23,7 @@ from pipeline.flight.control.law import decision_stride
 from pipeline.flight.fly.simulation import fly_all, fly_logged
 from pipeline.scenarios import evaluation_scenarios
 from pipeline.settings.schema import experiment_from
+from tests import night
 from tests.pipeline.command_line.cases import plain_config
 from tests.places import PROJECT
 
@@ -72,7 +75,12 @@ def test_tables_that_cannot_be_flown(content, message, tmp_path):
         read_played(path, MISSION)
 
 
-def test_first_push_is_the_limited_sum_of_the_signals_beyond_the_dead_band() -> None:
+def test_first_push_is_the_limited_sum_of_the_signals_beyond_the_dead_band(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """By day as plain Python, to the same bits: compiling takes twenty seconds, for two periods' flights."""
+    if not night.IS_WHOLE:
+        monkeypatch.setattr(linear_law, "fly_linearly", plain(linear_law.fly_linearly))
     words = ["+experiment=evaluate", "controller=champion_27", "sun=random", "monte_carlo.num_cases=8"]
     experiment = compose_experiment(words).experiment
     mission = replace(experiment.mission, duration_s=experiment.mission.control_period_s)
@@ -80,7 +88,7 @@ def test_first_push_is_the_limited_sum_of_the_signals_beyond_the_dead_band() -> 
     champion = named("champion_27", mission)
     genes = np.array([0.6, 0.4, 0.1, 0.7, 0.55, 0.5, 0.8, 0.3, 0.9])
     controller = linear_law.LinearLaw(champion).decode(genes)
-    with linear_law.flying():
+    with linear_law.flying(), nullcontext() if night.IS_WHOLE else plainly("pipeline"):
         flown = fly_all(mission, controller, starts)
     slopes = controller.numbers.values[0, linear_law.place_of(controller)].reshape(3, linear_law.NUMBERS)
     bands = [float(dict(champion.fuzzy.attributes)[f"dead_band_force_{axis}_n"]) for axis in "xyz"]

@@ -18,6 +18,7 @@ from pipeline.flight.state.arrays import NUM_TRACKED, TRACK_FORCE, TRACK_LEFT
 from pipeline.scenarios import evaluation_scenarios
 from pipeline.settings.experiment import OF_FLEETS, STAGES, SettingError
 from pipeline.settings.fleet import SHARING
+from tests import night
 
 EVALUATION = ("+experiment=evaluate_fleet", "controller=champion_27", "sun=random", "monte_carlo.num_cases=7")
 
@@ -47,7 +48,7 @@ FLEETS = {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", FLEETS)
+@pytest.mark.parametrize("name", night.by_day([*FLEETS], 2))  # each is compiled apart
 def test_fleets_are_those_of_the_reference_period_by_period(name):
     words = ("duration_s=600", "attitude=ideal", "monte_carlo.num_cases=2", *FLEETS[name])
     deputies = 3 if "fleet.deputies=3" in words else 2

@@ -245,10 +245,11 @@ def test_a_flight_that_begins_at_a_later_sample_is_that_of_a_shorter_mission() -
     starts = [replace(start, noise=(1, 2, case)) for case, start in enumerate(random_starts(3, seed=2))]
     late = [replace(start, sun_angle_rad=start.sun_angle_rad - turned) for start in starts]
     drawn, shorter = cases_of(real, starts), cases_of(rest, late)
+    # contiguous, as all code is compiled for
     errors = drawn.fixes.errors._replace(
-        of_fixes=drawn.fixes.errors.of_fixes[:, first // 3 :],
-        of_sight=drawn.fixes.errors.of_sight[:, first // 3 :],
-        of_attitude=drawn.fixes.errors.of_attitude[:, first:],
+        of_fixes=drawn.fixes.errors.of_fixes[:, first // 3 :].copy(),
+        of_sight=drawn.fixes.errors.of_sight[:, first // 3 :].copy(),
+        of_attitude=drawn.fixes.errors.of_attitude[:, first:].copy(),
     )
     shorter = replace(shorter, fixes=shorter.fixes._replace(errors=errors), firing=drawn.firing)
     tracks = [np.zeros((3, each.num_controls + 1, 15), dtype=np.float32) for each in (real, rest)]

@@ -180,7 +180,7 @@ def test_a_page_flies_fresh_cases_to_the_products_bits(ready, words):
 
 
 #: all by night, also those that look far ahead
-MISSIONS = night.by_day([*worlds(), *OTHERS, *COURSES], 3)
+MISSIONS = night.by_day([*worlds(), *OTHERS, *COURSES], 6)
 
 
 @pytest.mark.parametrize("words", MISSIONS, ids="-".join)
@@ -425,8 +425,11 @@ def test_runs_fly_a_case_side_by_side_under_one_time(opened, compared):
     assert page.evaluate("() => document.documentElement.scrollWidth") <= 1400
 
 
-@pytest.mark.parametrize("width", [400, 1400])
-@pytest.mark.parametrize("scheme", ["light", "dark"])
+#: by day each width and each scheme
+SHOWN = night.by_day([(400, "light"), (400, "dark"), (1400, "dark"), (1400, "light"), (1920, "light")], 2)
+
+
+@pytest.mark.parametrize(("width", "scheme"), [each for each in SHOWN if each[0] < 1920])
 def test_runs_side_by_side_fit_and_axe_finds_nothing(opened, compared, axe, width, scheme):
     page = opened(compared, width, reduced_motion="reduce", color_scheme=scheme)
     page.wait_for_function("() => globalThis.player?.sides?.every(side => side.flight)")
@@ -445,8 +448,7 @@ def test_a_page_of_ten_thousand_cases_is_small():
     assert len(as_page(panel(PlayedPage("", "many", [(run, carried_of(run))], cases)))) < 1_500_000
 
 
-@pytest.mark.parametrize("width", [400, 1400, 1920])
-@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize(("width", "scheme"), [*SHOWN, *([(1920, "dark")] if night.IS_WHOLE else [])])
 def test_the_player_fits_and_axe_finds_nothing(ready, axe, width, scheme):
     page = ready("champion_27", width=width, color_scheme=scheme)
     assert page.evaluate("() => document.documentElement.scrollWidth") <= width

@@ -11,6 +11,7 @@ import pytest
 from fis_tools.formats import serialize
 from fis_tools.review import page as review_page
 from pipeline.command_line.cli import main
+from tests import night
 from tests.pipeline.proof.cases import NEAR
 
 REQUIREMENT = """schema: requirements
@@ -87,11 +88,13 @@ def test_a_requirement_is_shown_by_the_checked_proof_of_its_run_alone(
         assert repeated(3) == missing
         assert verdict() == ("not shown", "prove/theorem.json is of other flights; repeat the stage prove")
         assert "tube-figure_1" not in page.read_text()
-    for changes in ({"num_periods": 2}, {"num_periods": "many"}, {"fault": None, "num_periods": -1}):
+    for changes in night.by_day(
+        ({"num_periods": 2}, {"num_periods": "many"}, {"fault": None, "num_periods": -1}), 2
+    ):
         theorem.write_text(json.dumps(written | changes))
         assert repeated(3) == missing
         assert verdict()[0] == "not shown"
-    for damage in ("[", "[]", "[" * 100_000, "null", '{"fault": NaN}'):
+    for damage in night.by_day(("[", "[]", "[" * 100_000, "null", '{"fault": NaN}'), 2):
         theorem.write_text(damage)
         assert repeated(3) == missing
         assert re.search("cannot be read|is of other flights", verdict()[1])

@@ -18,6 +18,7 @@ from pipeline.run import artifacts, cluster, maker, tables
 from pipeline.run.cluster import SUBMITTED_PER_WORKER, EngineError
 from pipeline.run.engine import HERE, check_engine, open_pool
 from pipeline.settings.experiment import Engine, SettingError
+from tests import night
 
 LOCAL, DASK = Engine(kind="local"), Engine(kind="dask")
 SQUARES = [(number, 2) for number in range(40)]
@@ -218,32 +219,36 @@ def test_a_lost_scheduler_is_told_and_what_is_done_is_kept(tmp_path, monkeypatch
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "names"),
-    [
-        (
-            """+experiment=optimum monte_carlo.num_cases=3 optimum.points=30 optimum.restarts=2
+    night.by_day(
+        [
+            (
+                """+experiment=optimum monte_carlo.num_cases=3 optimum.points=30 optimum.restarts=2
             optimum.kicks=0 duration_s=600 optimum.workers=2""",
-            [artifacts.OPTIMUM_CASES, artifacts.OPTIMUM_FORCES],
-        ),
-        (
-            """+experiment=baselines compare.controllers=[coast,lqr] monte_carlo.num_cases=4 duration_s=300
+                [artifacts.OPTIMUM_CASES, artifacts.OPTIMUM_FORCES],
+            ),
+            (
+                """+experiment=baselines compare.controllers=[coast,lqr] monte_carlo.num_cases=4
+            duration_s=300
             stages=[compare] monte_carlo.workers=2""",
-            [artifacts.COMPARISON_EPISODES, artifacts.COMPARISON_TABLE],
-        ),
-        (
-            """+experiment=assure controller=paper_champion assurance.num_cases=20 assurance.searches=3
+                [artifacts.COMPARISON_EPISODES, artifacts.COMPARISON_TABLE],
+            ),
+            (
+                """+experiment=assure controller=paper_champion assurance.num_cases=20 assurance.searches=3
             assurance.search_starts=8 assurance.search_population=6 assurance.search_generations=2
             assurance.domain_cases=8 assurance.workers=2 engine.part_cases=6""",
-            [artifacts.ASSURED_CASES, artifacts.SEARCHED],
-        ),
-        (
-            """+experiment=train_readable optimizer=tour controller=champion_27_one_push
+                [artifacts.ASSURED_CASES, artifacts.SEARCHED],
+            ),
+            (
+                """+experiment=train_readable optimizer=tour controller=champion_27_one_push
             optimizer.generations=2 optimizer.population_size=6 optimizer.rounds=1 starts.num_cases=4
             starts.num_hard=0 optimizer.validation_cases=4 duration_s=600 stages=[train]
             optimizer.workers=2""",
-            [artifacts.LOGBOOK, artifacts.HISTORY],
-        ),
-    ],
-    ids=["optimum", "compare", "assure", "train"],
+                [artifacts.LOGBOOK, artifacts.HISTORY],
+            ),
+        ],
+        2,
+    ),
+    ids=night.by_day(["optimum", "compare", "assure", "train"], 2),
 )
 def test_other_stages_write_the_same_tables(words, names, tmp_path):
     codes = [

@@ -25,6 +25,7 @@ from pipeline.report.figures.flights import draw_flight
 from pipeline.run import artifacts, manifests
 from pipeline.settings.experiment import Mission
 from pipeline.settings.places import conf_folder, requirements_path
+from tests import night
 from tests.browser import serious_violations
 from tests.fis_tools.control_systems import build_simulation
 from tests.policies import check_policy, check_references, source_hash
@@ -352,8 +353,11 @@ def test_the_page_of_the_flagship_is_printed_on_two_sheets_with_all_its_rules(ev
     assert "2 January 2026" in text
 
 
-@pytest.mark.parametrize("width", [1280, 390])
-@pytest.mark.parametrize("scheme", ["light", "dark"])
+#: by day each of both
+SHOWN = night.by_day([(1280, "light"), (1280, "dark"), (390, "dark"), (390, "light")], 2)
+
+
+@pytest.mark.parametrize(("width", "scheme"), SHOWN)
 @pytest.mark.parametrize("name", [artifacts.EVIDENCE_PAGE, artifacts.BOARD_PAGE])
 def test_axe_finds_nothing_serious_on_the_pages(assured, opened, axe, width, scheme, name):
     text = (assured / name).read_text(encoding="utf-8")
