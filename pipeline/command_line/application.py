@@ -22,6 +22,7 @@ from omegaconf import DictConfig
 
 from pipeline.command_line import endings, runs
 from pipeline.command_line.config import COMPOSED_FROM, Job, checked_job, errors_in_words, hydra_apart
+from pipeline.command_line.hydra_parts import composing_once
 from pipeline.command_line.overrides import first_line, parse
 from pipeline.command_line.sweeps import RESUMED, Sweep, literal, new_job, recorded_command, unfinished
 from pipeline.run import interrupts, sweep
@@ -207,7 +208,7 @@ def run_application(words: Sequence[str], command: Sequence[str]) -> int:
 def _call(invocation: Invocation) -> None:
     """Call the application; raise its errors in our words."""
     try:
-        with errors_in_words(), interrupts.heeded():
+        with errors_in_words(), interrupts.heeded(), composing_once():
             application()
     except Refused as refused:
         raise refused.args[0] from None
