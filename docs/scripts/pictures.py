@@ -22,7 +22,7 @@ from playwright.sync_api import Page, sync_playwright
 
 from docs.scripts import film
 from docs.scripts.screenshot import browser_found, screenshot
-from pipeline.command_line.runs import OK, UNIMPROVED
+from pipeline.command_line.endings import OK, UNIMPROVED
 from pipeline.report.figures.comparison import ControllerMark, compared
 from pipeline.report.figures.style import save, style
 

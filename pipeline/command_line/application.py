@@ -20,8 +20,9 @@ from hydra.experimental.callback import Callback
 from hydra.types import RunMode
 from omegaconf import DictConfig
 
-from pipeline.command_line import runs
+from pipeline.command_line import endings, runs
 from pipeline.command_line.config import COMPOSED_FROM, Job, checked_job, errors_in_words, hydra_apart
+from pipeline.command_line.hydra_parts import composing_once
 from pipeline.command_line.overrides import first_line, parse
 from pipeline.command_line.sweeps import RESUMED, Sweep, literal, new_job, recorded_command, unfinished
 from pipeline.run import interrupts, sweep
@@ -131,7 +132,7 @@ def run_task(config: DictConfig) -> int:
     try:
         invocation.code = runs.run_new(replace(invocation.job, folder=folder), invocation.command)
     except Exception as error:  # noqa: BLE001 - raised by `run_application`, or kept
-        invocation.code, invocation.error = runs.FAULT, error
+        invocation.code, invocation.error = endings.FAULT, error
     return invocation.code
 
 
@@ -152,12 +153,12 @@ def _run_of_sweep(config: DictConfig, folder: Path, words: list[str], invocation
     except Exception as error:
         if invocation is not None and invocation.shows_tracebacks:
             raise
-        ending = sweep.Ending(runs.MISTAKE, runs.error_sentence(error))
-        if isinstance(error, runs.MISTAKES):
-            sys.stderr.write(runs.error_text(error))
+        ending = sweep.Ending(endings.MISTAKE, endings.error_sentence(error))
+        if isinstance(error, endings.MISTAKES):
+            sys.stderr.write(endings.error_text(error))
         else:
             traceback.print_exc()
-            ending = sweep.Ending(runs.FAULT, f"a fault of the program: {type(error).__name__}: {error}")
+            ending = sweep.Ending(endings.FAULT, f"a fault of the program: {type(error).__name__}: {error}")
     sweep.write_ending(folder, ending)
     if invocation is not None and invocation.sweep is not None:
         invocation.sweep.report(folder, ending)
@@ -207,14 +208,14 @@ def run_application(words: Sequence[str], command: Sequence[str]) -> int:
 def _call(invocation: Invocation) -> None:
     """Call the application; raise its errors in our words."""
     try:
-        with errors_in_words(), interrupts.heeded():
+        with errors_in_words(), interrupts.heeded(), composing_once():
             application()
     except Refused as refused:
         raise refused.args[0] from None
     except SystemExit as end:  # Hydra has printed what was asked for, or with 1 why it could not
         if end.code not in (None, 0, 1):
             raise
-        invocation.code = runs.MISTAKE if end.code else runs.OK
+        invocation.code = endings.MISTAKE if end.code else endings.OK
     except KeyboardInterrupt as interrupt:
         if invocation.sweep is None:
             raise

@@ -8,7 +8,6 @@ from typing import Any, Final, NoReturn
 
 from fis_tools import plain_yaml
 from fis_tools.file_access import read_bytes, read_shipped
-from pipeline.command_line.hydra_parts import get_args_parser
 from pipeline.settings.keys import KNOWN, choices_of, did_you_mean
 from pipeline.settings.places import conf_folder
 
@@ -88,6 +87,8 @@ def parse_arguments(arguments: Sequence[str]) -> CommandLine:
             f"there is no command {first}{choices_of(first, sorted(COMMANDS), 'commands')}. An experiment is "
             "started with +experiment=NAME, settings with key=value; see python -m pipeline --help"
         )
+    from pipeline.command_line.hydra_parts import get_args_parser  # noqa: PLC0415 - Hydra
+
     parser = CommandParser("python -m pipeline", parents=[get_args_parser()], conflict_handler="resolve")
     parser.add_argument("--version", action="store_true")
     parser.add_argument("--config-dir", "-cd", type=Path)

@@ -11,7 +11,7 @@ from typing import Any, Final
 
 from fis_tools.compiled.notice import WARMING
 from fis_tools.compiled.shipped.load import shipped_words
-from pipeline.command_line import runs
+from pipeline.command_line import endings
 from pipeline.command_line.arguments import EXPERIMENT, CommandParser, ConfigError, is_change, parse_arguments
 from pipeline.command_line.config import compose_experiment
 from pipeline.command_line.overrides import read_overrides, words_of
@@ -76,7 +76,7 @@ def edit(arguments: Sequence[str]) -> int:
     from pipeline.edit.opening import open_editor  # noqa: PLC0415 - the other commands do without a server
 
     open_editor(experiment, chosen.port, opens_browser=not chosen.no_browser)
-    return runs.OK
+    return endings.OK
 
 
 def export_c(arguments: Sequence[str]) -> int:
@@ -142,12 +142,12 @@ def export_c(arguments: Sequence[str]) -> int:
     )
     if exported.num_different is None:
         sys.stdout.write("not compared with recorded flights, for gcc was not found\n")
-        return runs.OK
+        return endings.OK
     sys.stdout.write(
         f"{exported.num_different} of {exported.num_commands} commands of {exported.num_flights} recorded "
         "flights differ from those of this C\n"
     )
-    return runs.OK if exported.num_different == 0 else runs.FAULT
+    return endings.OK if exported.num_different == 0 else endings.FAULT
 
 
 def warm(given: Sequence[str]) -> int:
@@ -168,7 +168,7 @@ def warm(given: Sequence[str]) -> int:
     parser.add_argument("--info", action="store_true", help="tell what comes compiled, and run nothing")
     if parser.parse_args(given).info:
         sys.stdout.write("".join(f"{line}\n" for line in shipped_words()))
-        return runs.OK
+        return endings.OK
     with tempfile.TemporaryDirectory() as folder:
         for number, words in enumerate(WARMED):
             sys.stderr.write(f"[{number + 1}/{len(WARMED)}] {' '.join(words)}\n")
@@ -177,4 +177,4 @@ def warm(given: Sequence[str]) -> int:
             done = subprocess.run(command, check=False, stdout=subprocess.DEVNULL, env=warming)  # noqa: S603
             if done.returncode:
                 return done.returncode
-    return runs.OK
+    return endings.OK

@@ -19,7 +19,8 @@ from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBase
 from yaml import YAMLError
 
 from pipeline.command_line.arguments import EXPERIMENT, ConfigError
-from pipeline.command_line.overrides import HYDRA, first_line, options, parse, quoted, top_of
+from pipeline.command_line.choices import HYDRA, options, top_of
+from pipeline.command_line.overrides import first_line, parse, quoted
 from pipeline.flight.state.signals import CONSTANTS
 from pipeline.settings import start_table
 from pipeline.settings.checks import SettingError

@@ -35,8 +35,7 @@ from textwrap import TextWrapper
 
 from fis_tools.file_access import read_shipped, read_text
 from pipeline.command_line.arguments import ConfigError
-from pipeline.command_line.config import compose_node, plain
-from pipeline.command_line.overrides import options
+from pipeline.command_line.choices import options
 from pipeline.settings import schema
 from pipeline.settings.keys import unknown, value_at
 
@@ -129,6 +128,8 @@ def _listing(rows: dict[str, str]) -> list[str]:
 
 def _experiment(name: str, experiments: dict[str, str], folders: Sequence[Path]) -> str:
     """Return the help on an experiment: its purpose, and the keys that people change, with their values."""
+    from pipeline.command_line.config import compose_node, plain  # noqa: PLC0415 - Hydra
+
     config, groups = plain(compose_node([f"+experiment={name}"], folders), resolve=False), options(folders)
     unread, stages = schema.idle(config, stages=True), value_at(config, "stages")
     lines = [f"+experiment={name}: {experiments[name]}", f"  stages={schema.as_yaml(stages)}"]

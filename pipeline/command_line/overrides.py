@@ -1,7 +1,6 @@
 """Overrides in Hydra's grammar: parsed, and checked against the known keys and the options of groups."""
 
 import os
-import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, cast
@@ -11,6 +10,7 @@ from hydra.core.override_parser.types import Glob, Override, OverrideType, Quote
 from hydra.errors import OverrideParseException
 
 from pipeline.command_line.arguments import EXPERIMENT, FOLDERS, ConfigError, check_folder
+from pipeline.command_line.choices import HYDRA, options, top_of
 from pipeline.settings.keys import KNOWN, choices_of, did_you_mean, is_key
 from pipeline.settings.places import conf_folder
 
@@ -23,34 +23,6 @@ SUFFIXES = {
 }
 #: of a sweep, which checks all before any begins
 MOST_RUNS = 10_000
-HYDRA = "hydra"
-#: folders of the configuration that are not groups of options: Hydra's own, and requirements, read by name
-NOT_CHOSEN = (HYDRA, "requirements")
-
-
-def options(folders: Sequence[Path]) -> dict[str, list[str]]:
-    """Return the groups of some configuration folders and the options of each, without `NOT_CHOSEN`.
-
-    Returns
-    -------
-    dict of str to list of str
-        Group, such as ``controller`` or ``controller/champions``, to the sorted names of its options; a file
-        in a group's subfolder is also an option ``subfolder/name`` of the group.
-    """
-    groups: dict[str, set[str]] = {}
-    for folder in folders:
-        for path in folder.rglob("*.yaml"):
-            parts = path.relative_to(folder).with_suffix("").parts
-            # files whose names begin with _ hold what several options share
-            if not path.stem.startswith("_") and parts[0] not in NOT_CHOSEN:
-                for cut in range(1, len(parts)):
-                    groups.setdefault("/".join(parts[:cut]), set()).add("/".join(parts[cut:]))
-    return {group: sorted(names) for group, names in sorted(groups.items())}
-
-
-def top_of(key: str) -> str:
-    """Return the first name of a key or group."""
-    return re.split("[./]", key, maxsplit=1)[0]
 
 
 def words_of(overrides: Iterable[Override]) -> list[str]:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from fis_tools.document import Block, Document, text
-from pipeline.command_line import runs
+from pipeline.command_line import endings, runs
 from pipeline.command_line.arguments import CommandParser
 from pipeline.controllers.source import controller_of_run
 from pipeline.evaluation import paired_runs, statistics
@@ -79,7 +79,7 @@ def _offered(results: sweep.SweepResults) -> list[EvaluatedRun]:
     folders = [results.folder / run.folder for run in results.offered]
     try:
         return [_evaluated(folder, tables.read_or_open(folder, artifacts.EPISODES)) for folder in folders]
-    except runs.MISTAKES:  # the page does without
+    except endings.MISTAKES:  # the page does without
         return []
 
 

@@ -9,11 +9,12 @@ from typing import Any
 
 from hydra.core.override_parser.types import Override
 
-from fis_tools.errors import MissingExtra
 from fis_tools.streams import print_result
 from pipeline.command_line.arguments import EXPERIMENT, ConfigError
+from pipeline.command_line.choices import top_of
 from pipeline.command_line.config import Job, compose_experiment
-from pipeline.command_line.overrides import top_of, words_of
+from pipeline.command_line.endings import MISSED, MISTAKES, OK, UNIMPROVED, UNPROVED
+from pipeline.command_line.overrides import words_of
 from pipeline.preflight import check_before
 from pipeline.run import artifacts, configuration, manifests, typed
 from pipeline.run.lock import held
@@ -21,33 +22,12 @@ from pipeline.run.runner import Missed, Unimproved, run_stages
 from pipeline.settings import schema
 from pipeline.settings.keys import TAGS, in_todays_words, with_values
 
-#: exit codes; from the fourth on: a proof asked for was not found, training gained nothing, a fit misses its
-#: goal, Ctrl-C
-OK, FAULT, MISTAKE, UNPROVED, UNIMPROVED, MISSED, INTERRUPTED = 0, 1, 2, 3, 4, 5, 130
 #: those of stages that end with a sentence of their own; any other sentence is of a proof
 CODES = {Unimproved: UNIMPROVED, Missed: MISSED}
-#: errors of the user's
-MISTAKES = (ValueError, OSError, MemoryError, MissingExtra)
-
 #: the key that names a logger
 LOGGER = "logger.kind"
 #: groups that may be changed when a stage is repeated on an earlier run's files: those no other stage reads
 OWN_GROUPS = {"record": ("telemetry", "case"), "assure": ("assurance",), "report": ("report",)}
-
-
-def error_sentence(error: Exception) -> str:
-    """Return the message of an error; one for lack of memory has none of its own."""
-    if not isinstance(error, MemoryError):
-        return str(error)
-    return (
-        "there is not enough memory for this; lower monte_carlo.num_cases, optimizer.population_size or "
-        "duration_s, or lengthen control_period_s"
-    )
-
-
-def error_text(error: Exception) -> str:
-    """Return the message of a user error, with its notes."""
-    return "\n".join([f"error: {error_sentence(error)}", *getattr(error, "__notes__", ())]) + "\n"
 
 
 def run_new(job: Job, command: Sequence[str]) -> int:
@@ -252,8 +232,3 @@ def stored(folder: Path) -> Job:
             f"{folder / artifacts.CONFIG} is no configuration of this program's ({error}); use the program "
             "that made the run, or start a new run"
         ) from error
-
-
-def most_telling(codes: Iterable[int]) -> int:
-    """Return the exit code for several runs: a failure's, else that of one that lacks something, else 0."""
-    return max(codes, key=(OK, UNPROVED, UNIMPROVED, MISSED, FAULT, MISTAKE).index, default=OK)

@@ -10,8 +10,9 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 from pipeline.command_line.arguments import EXPERIMENT, ConfigError
+from pipeline.command_line.choices import options
 from pipeline.command_line.config import compose_node, plain
-from pipeline.command_line.overrides import SUFFIXES, options
+from pipeline.command_line.overrides import SUFFIXES
 from pipeline.run.sweep import SweptRun
 from pipeline.settings import start_table
 from pipeline.settings.keys import is_key, value_at, with_values

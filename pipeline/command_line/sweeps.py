@@ -16,9 +16,11 @@ from omegaconf import DictConfig, OmegaConf, read_write
 
 from pipeline.command_line import runs, stored_words
 from pipeline.command_line.arguments import EXPERIMENT, ConfigError
+from pipeline.command_line.choices import HYDRA, top_of
 from pipeline.command_line.config import Job, check_stages, checked_job, errors_in_words
+from pipeline.command_line.endings import FAULT, most_telling
 from pipeline.command_line.hydra_parts import DEFAULT_SWEEPER, split_arguments
-from pipeline.command_line.overrides import HYDRA, SUFFIXES, quoted, top_of, words_of
+from pipeline.command_line.overrides import SUFFIXES, quoted, words_of
 from pipeline.preflight import check_before
 from pipeline.run import artifacts, configuration, lock, sweep, typed
 from pipeline.run.sweep import DONE, Ending, SweptRun, state_of
@@ -168,9 +170,9 @@ class Sweep:
             + (f"; to try the others again: {self.cure}" if left else "")
             + f"\nto see what came out: {typed.summary(runs.shown_path(self.folder))}\n"
         )
-        lost = {run.folder: runs.FAULT for run in left}
-        endings = {run.folder: sweep.read_ending(self.folder / run.folder) for run in self.runs}
-        return runs.most_telling(ending.code or lost.get(name, 0) for name, ending in endings.items())
+        lost = {run.folder: FAULT for run in left}
+        ended = {run.folder: sweep.read_ending(self.folder / run.folder) for run in self.runs}
+        return most_telling(ending.code or lost.get(name, 0) for name, ending in ended.items())
 
 
 def unfinished(folder: Path) -> list[SweptRun]:

@@ -20,8 +20,9 @@ from docs.scripts import pictures
 from docs.scripts.shown import PAGES as SHOWN_PAGES
 from fis_tools.formats import serialize
 from pipeline.command_line import cli
+from pipeline.command_line.choices import options
 from pipeline.command_line.config import conf_folder
-from pipeline.command_line.overrides import check_overrides, options, parse, rewrite_paths
+from pipeline.command_line.overrides import check_overrides, parse, rewrite_paths
 from telemetry import commands as telemetry_commands
 from tests.fis_tools.review.cases import log_flight
 from tests.places import PROJECT

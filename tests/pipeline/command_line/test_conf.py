@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 import yaml
 
+from pipeline.command_line.choices import options
 from pipeline.command_line.config import compose_experiment, conf_folder
-from pipeline.command_line.overrides import options
 from pipeline.settings.keys import KNOWN, value_at
 from pipeline.settings.schema import schema
 from tests.pipeline.command_line.cases import FLY, leaves, plain_config

@@ -13,7 +13,7 @@ from joblib.externals.loky import get_reusable_executor
 
 from pipeline.command_line.cli import main
 from pipeline.command_line.config import LAUNCHERS
-from pipeline.command_line.runs import OK, UNIMPROVED
+from pipeline.command_line.endings import OK, UNIMPROVED
 from pipeline.run import artifacts, manifests, sweep, tables
 from tests import slurm
 from tests.hostile import faults, kills

@@ -2,15 +2,18 @@
 
 import re
 import tomllib
+from importlib import metadata
 from pathlib import Path
 from subprocess import CompletedProcess
 
 import pytest
 import yaml
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 
 from fis_tools.compiled.notice import WARMING
 from fis_tools.formats import serialize
-from pipeline.command_line import cli, commands, overrides
+from pipeline.command_line import choices, cli, commands, overrides
 from pipeline.command_line.arguments import parse_arguments
 from pipeline.command_line.config import compose_experiment, conf_folder
 from pipeline.command_line.guide import TEMPLATE
@@ -37,6 +40,28 @@ print([name for name in unused if name in sys.modules])
     assert run_python("-c", code, folder=tmp_path).stdout == "2 []\n[]\n"
 
 
+def test_the_help_loads_no_library_but_what_checks_settings_and_reads_yaml(tmp_path):
+    """Hydra, whose options stand in it, takes as long to load as all else."""
+    code = """
+import sys
+from importlib.metadata import packages_distributions
+before = set(sys.modules)
+from pipeline.__main__ import main
+main(["--help"])
+names = {name.partition(".")[0] for name in set(sys.modules) - before}
+print("loaded:", *sorted({of for name in names for of in packages_distributions().get(name, ())}))
+"""
+    (line,) = re.findall("^loaded: (.*)$", run_python("-c", code, folder=tmp_path).stdout, re.MULTILINE)
+    assert set(map(canonicalize_name, line.split())) <= with_dependencies("pydantic") | {"pyyaml"}
+
+
+def with_dependencies(name: str) -> set[str]:
+    """Return a distribution with all that it requires, without its extras, by their canonical names."""
+    required = [Requirement(text) for text in metadata.requires(name) or ()]
+    needed = {each.name for each in required if each.marker is None or each.marker.evaluate({"extra": ""})}
+    return {canonicalize_name(name)}.union(*map(with_dependencies, needed))
+
+
 def test_ctrl_c_while_the_program_is_loaded_ends_in_a_sentence(tmp_path):
     code = """
 import sys
@@ -45,7 +70,7 @@ class Stopping:
     def find_spec(self, name, path, target=None):
         if name == "hydra": raise KeyboardInterrupt
 sys.meta_path.insert(0, Stopping())
-sys.exit(main())
+sys.exit(main(["+experiment=fly"]))
 """
     done = run_python("-c", code, folder=tmp_path, code=130)
     assert "nothing to keep" in done.stderr.strip().splitlines()[-1]
@@ -77,7 +102,7 @@ def test_help_lists_experiments_controllers_and_signals(arguments, code, capsys,
     monkeypatch.chdir(tmp_path)
     assert cli.main(arguments) == code
     text = capsys.readouterr().out
-    groups = overrides.options([conf_folder()])
+    groups = choices.options([conf_folder()])
     for name in (*groups["experiment"], *groups["controller"]):
         # each with a sentence behind it
         assert re.search(rf"^  {re.escape(name)} +\S.*\.?$", text, re.MULTILINE), name

@@ -12,8 +12,8 @@ from scipy.optimize import nnls
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2, kstest, norm, truncnorm, uniform
 
+from pipeline.command_line.choices import options
 from pipeline.command_line.config import compose_experiment, conf_folder
-from pipeline.command_line.overrides import options
 from pipeline.flight.cases.actuators import thrust_errors
 from pipeline.flight.cases.dispersions import groups_of, mission_of_case
 from pipeline.flight.cases.navigation import errors_of

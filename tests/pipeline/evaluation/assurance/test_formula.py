@@ -12,8 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from pipeline.command_line.choices import options
 from pipeline.command_line.config import compose_experiment
-from pipeline.command_line.overrides import options
 from pipeline.evaluation.assurance import formula as stl
 from pipeline.evaluation.assurance import requirements, robustness
 from pipeline.evaluation.assurance.requirements import METHODS, Question, RequirementError, parse_requirements
