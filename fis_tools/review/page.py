@@ -35,7 +35,7 @@ _DID = {"flight": "flew", "log": "answered"}
 
 #: joined in this order
 SCRIPTS = (
-    *("elements", "scale", "palette", "pointing", "canvases", "carried", "inference"),
+    *("elements", "scale", "palette", "pointing", "canvases", "systems", "carried", "inference"),
     *("shares", "sign_change", "state", "tables", "memberships", "inference_view", "rules_view"),
     *("response", "heat_map", "solid", "surface_view", "flight_view", "signature", "page"),
 )

@@ -3,11 +3,11 @@
 const LETTERS = "ABCDEFGH";
 
 /** The cases of a set of runs: their numbers, columns, words, and which run succeeds in them. */
-function readCases({ steps, columns, succeeds, words, outcome }, letters) {
+async function readCases({ steps, columns, succeeds, words, outcome }, letters) {
   const marks = succeeds.map(bytesOf), succeedsIn = marks.map(mark => row => (mark[row >> 3] >> (row & 7) & 1) > 0);
   return {
     numbers: new Int32Array(bytesOf(steps).buffer).map((sum => step => (sum += step))(0)),
-    columns: columns.map(column => ({ ...column, values: floatsOf(column.values) })),
+    columns: await Promise.all(columns.map(async column => ({ ...column, values: Float64Array.from(new BigInt64Array((await planesOf(column.values, 8)).buffer), value => Number(value) / column.parts) }))),
     words, letters, outcome, succeeds: succeedsIn,
     isGood: row => succeedsIn.every(succeedsAt => succeedsAt(row)),
     get count() { return this.numbers.length; },
@@ -23,13 +23,17 @@ class Player {
   }
 
   async begin() {
+    const sheet = new CSSStyleSheet();
+    sheet.replaceSync(PLAYER_STYLE);
+    document.adoptedStyleSheets.push(sheet);
+    this.root.classList.add("begun");
     const { page } = this, roots = this.root.querySelectorAll(".side"), isAlone = page.runs.length === 1;
     for (const run of page.runs) if (run.systems.length) run.systems = JSON.parse(new TextDecoder().decode(await inflated(run.systems)));
     this.sides = page.runs.map((run, index) => new Side(run, page, roots[index], isAlone ? "" : LETTERS[index]));
     this.lead = this.sides[0];
     await Promise.all(this.sides.map(side => side.begin()));
     this.fleet = page.isFleet ? await Promise.all(this.sides.map(async side => ({ letter: side.letter, flight: await side.flightOf(0) }))) : [];
-    if (this.page.cases) this.showCases();
+    if (this.page.cases) await this.showCases();
     this.chooseSides();
     // before the first flight, which may take a while
     addEventListener("hashchange", () => {
@@ -52,8 +56,8 @@ class Player {
   }
 
   /** Draw the cases as the page describes their plots, and as a table. */
-  showCases() {
-    this.cases = readCases(this.page.cases, this.sides.map(({ letter }) => letter));
+  async showCases() {
+    this.cases = await readCases(this.page.cases, this.sides.map(({ letter }) => letter));
     const open = row => this.open(row), columns = names => names.map(name => this.cases.columns.find(column => column.name === name));
     const card = (name, label) => { const box = make("section", { class: `card ${name}`, "aria-label": label }); this.part("cases").append(box); return box; };
     for (const plot of this.page.cases.plots) {
