@@ -22,7 +22,7 @@ VIEWS = ("view", "recorded")
 STYLES = ("view", "player")
 SCRIPTS = (*("saving", "plots", "points_map", "dots", "cases_table", "bouts"), *("side", "player"))
 #: zlib's words for a header of gzip, and for how much it gathers before it begins a block
-WITH_HEADER, SHORT_BLOCKS = 31, 6
+WITH_HEADER, LENGTHS = 31, (5, 6, 7, 8)
 #: what lines of comments begin with
 COMMENTS = ("//", "/**", "* ", "*/")
 #: a comment after code, and blanks of a style that say nothing
@@ -83,9 +83,9 @@ def dense(content: bytes) -> str:
 
 
 def _deflated(content: bytes) -> bytes:
-    """Compress bytes as gzip does; its blocks are shorter than usual, as content of many kinds wants it."""
-    made = zlib.compressobj(9, zlib.DEFLATED, WITH_HEADER, SHORT_BLOCKS)
-    return made.compress(content) + made.flush()
+    """Compress bytes as gzip does, by blocks of the length that suits the content best."""
+    makers = [zlib.compressobj(9, zlib.DEFLATED, WITH_HEADER, length) for length in LENGTHS]
+    return min((maker.compress(content) + maker.flush() for maker in makers), key=len)
 
 
 def planes(values: Any, kind: str) -> str:

@@ -43,6 +43,7 @@ class Player {
     const address = new URLSearchParams(location.hash.slice(1)), row = this.rowOf(address), k = Number(address.get("k"));
     await this.open(row ?? this.page.first, row !== null && Number.isFinite(k) ? this.secondsAt(k) : null);
     addEventListener("resize", onceIdle(() => this.draw()));
+    document.addEventListener("sought", ({ detail }) => this.seek(detail));
   }
 
   secondsAt(k) {
@@ -110,7 +111,7 @@ class Player {
     this.marks.forEach(mark => mark(row));
     this.lead.view.show(this.lead.sampleAt(this.seconds));
     this.showTime(this.seconds);
-    document.dispatchEvent(new CustomEvent("opened"));
+    this.tell("played", { number, systems: this.lead.sensed(), time: this.seconds });
   }
 
   /** Give flights to their sides; the longest has the time that counts. */
@@ -127,12 +128,28 @@ class Player {
     this.shownSides = sides;
   }
 
+  /** Tell others of the page what is played. */
+  tell(what, detail) {
+    document.dispatchEvent(new CustomEvent(what, { detail }));
+  }
+
+  /** Show a time that others of the page ask for, of a case if they name one that opens. */
+  seek({ number, time }) {
+    const row = this.cases?.numbers.indexOf(number) ?? -1;
+    if (row >= 0 && row !== this.row && this.sides.some(side => side.canOpen(row))) this.open(row, time);
+    else this.go(time);
+  }
+
+  go(seconds) {
+    this.lead.view.pause();
+    this.lead.view.show(this.lead.sampleAt(seconds));
+  }
+
   /** Draw what belongs to the flights as a whole, with plots to one scale. */
   draw() {
     const all = this.shownSides.map(side => side.extents());
     const extents = Object.fromEntries(Object.keys(all[0]).map(name => [name, Math.max(...all.map(each => each[name]))]));
-    const go = seconds => { this.lead.view.pause(); this.lead.view.show(this.lead.sampleAt(seconds)); };
-    const number = this.cases?.numbers[this.row];
+    const go = seconds => this.go(seconds), number = this.cases?.numbers[this.row];
     for (const side of this.shownSides) {
       const index = this.sides.indexOf(side), which = this.cases?.words[this.row] ?? (number === undefined ? this.page.title : `Case ${number}`);
       const succeeds = this.cases?.succeeds[index];
@@ -152,6 +169,7 @@ class Player {
     this.remember ??= onceIdle(() => {
       if (this.cases) history.replaceState(null, "", `#run=${encodeURIComponent(this.page.fileName)}&case=${this.cases.numbers[this.row]}&k=${this.lead.sampleAt(this.seconds)}`);
     });
+    this.tell("moved", { time: seconds });
     if (this.hasShown) this.remember();
     this.hasShown = true;
   }
