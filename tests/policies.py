@@ -10,7 +10,7 @@ from html.parser import HTMLParser
 
 META = re.compile(r'<meta http-equiv="Content-Security-Policy" content="([^"]*)">')
 SCRIPT = re.compile(r"<script(?![^>]*application/json)[^>]*>(.*?)</script>", re.DOTALL)
-PACKED = re.compile(r'atob\("([^"]+)"\)')
+PACKED = re.compile(r'text = "([^"]+)", size')
 HANDLER = re.compile(r"<[a-z][^>]*\son[a-z]+\s*=", re.IGNORECASE)
 
 
@@ -21,7 +21,8 @@ def source_hash(text: str) -> str:
 
 def begun(script: str) -> list[str]:
     """Return a script, and the one that it unpacks and begins, if it does."""
-    return [script, *(gzip.decompress(base64.b64decode(text)).decode() for text in PACKED.findall(script))]
+    packed = (base64.b85decode(text.replace(",", "<")) for text in PACKED.findall(script))
+    return [script, *(gzip.decompress(each).decode() for each in packed)]
 
 
 def check_policy(page: str) -> None:

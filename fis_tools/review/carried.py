@@ -111,7 +111,9 @@ def _variable(variable: Variable, *more: str) -> dict[str, Any]:
     """Return a variable as plain data, with more of its properties, by their names."""
     fields = {key: getattr(variable, key) for key in ("name", "unit", "minimum", "maximum", *more)}
     terms = [{"name": term.name, "values": _doubles(sample(variable, term))} for term in variable.terms]
-    return fields | {"universe": _doubles(variable.universe), "terms": terms}
+    # evenly spaced points are counted out by the page
+    universe = variable.num_points if variable.points is None else _doubles(variable.universe)
+    return fields | {"universe": universe, "terms": terms}
 
 
 def _input(system: FuzzySystem, variable: Variable) -> dict[str, Any]:
@@ -126,7 +128,7 @@ def _input(system: FuzzySystem, variable: Variable) -> dict[str, Any]:
         if isinstance(shape, Polyline):
             carried |= {"points": _doubles(np.array(shape.x)), "heights": _doubles(np.array(shape.y))}
         if isinstance(shape, Sampled):
-            carried |= {"points": data["universe"], "heights": carried["values"]}
+            carried |= {"points": _doubles(variable.universe), "heights": carried["values"]}
     return data | {"clip": variable.is_clipped}
 
 

@@ -11,7 +11,7 @@ from markupsafe import Markup
 
 from fis_tools.analysis import arrays, flights, shapley
 from fis_tools.document import Block, Document, Figure, Fold, Heading, Items, Paragraph, Table, html
-from fis_tools.document.html import element, png_address, read, source_hash, template, void
+from fis_tools.document.html import element, png_address, read, template, void
 from fis_tools.engines.compiler import compile
 from fis_tools.errors import MissingExtra
 from fis_tools.findings.audit import Audit, audit, report
@@ -35,7 +35,7 @@ _DID = {"flight": "flew", "log": "answered"}
 
 #: joined in this order
 SCRIPTS = (
-    *("elements", "scale", "palette", "pointing", "canvases", "carried", "inference"),
+    *("elements", "scale", "palette", "pointing", "canvases", "systems", "carried", "inference"),
     *("shares", "sign_change", "state", "tables", "memberships", "inference_view", "rules_view"),
     *("response", "heat_map", "solid", "surface_view", "flight_view", "signature", "page"),
 )
@@ -138,7 +138,6 @@ def write(
         sections=[block for block in opening_blocks if isinstance(block, Heading) and block.id],
         part=part,
         option=f" --system {shlex.quote(part)}" if part else "",
-        has_pictures=bool(controller.wires),
         fingerprint=fingerprint,
         checks=checks,
         noun=noun,
@@ -159,14 +158,15 @@ def _assemble(data: object, script: str, panel: html.ScriptedPanel | None, **wor
     """Render the template with words, data, style sheet and scripts."""
     # joined: where a panel's markup were added, the selectors before it would be escaped
     style = "".join((read("style.css", __package__), content.level_styles(), panel.style if panel else ""))
+    scripts = (script, *(panel.scripts if panel else ()))
     return template("fis_tools", "review", "page.html").render(
         words,
         style=Markup(style),  # noqa: S704 - a file of this package
         script=Markup(script),  # noqa: S704 - files of this package
         data=Markup(carried.as_json(data)),  # noqa: S704 - no character of it ends a script element
-        style_hash=source_hash(style),
+        # what plays sets styles of single elements
+        policy=html.policy("" if panel else style, scripts, flies=panel is not None),
         panel=panel,
-        script_hashes=[source_hash(each) for each in (script, *(panel.scripts if panel else []))],
     )
 
 

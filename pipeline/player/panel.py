@@ -16,8 +16,10 @@ from pipeline.player.runs import Carried, PlayedCases, PlayedPage, PlayedRun
 from telemetry.page import panel as recorded
 
 #: of the review of rules, which the player infers with
-OF_REVIEW = ("carried", "inference", "shares", "memberships")
-SCRIPTS = ("module", "reasons", "flown", "inference_now")
+OF_REVIEW = ("systems", "inference", "shares", "memberships")
+SCRIPTS = ("reasons", "flown", "inference_now")
+#: decimals of a column beyond those that are shown
+MORE = 2
 #: where no system is inferred
 NO_INFERENCE = "const TRANSCRIBED = { FUZZY: {}, SHAPES: {}, DEFUZZIFIERS: {} };"
 
@@ -115,7 +117,8 @@ def _cases(cases: PlayedCases) -> dict[str, Any]:
             "label": each.label,
             "decimals": each.decimals,
             "isTold": each.is_told,
-            "values": as_text(each.values, "<f4"),
+            "values": recorded.planes(np.round(each.values * 10.0 ** (each.decimals + MORE)), "<i8"),
+            "parts": 10 ** (each.decimals + MORE),
         }
         for each in cases.columns
     ]

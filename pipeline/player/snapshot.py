@@ -1,12 +1,11 @@
 """What a module flies: a mission, a controller and starts as the slots and the memory of its functions."""
 
-import base64
-import gzip
 from collections.abc import Collection, Mapping
 from typing import Any
 
 from pipeline.player.arguments import Arguments
 from pipeline.player.memory import Location, Memory, packed, types_of
+from telemetry.page.panel import packed as as_text
 
 
 def snapshot_of(
@@ -36,10 +35,9 @@ def snapshot_of(
     described = {name: _described(arguments, memory, chosen) for name, arguments in functions.items()}
     for name, array in arrays.items():
         memory.add(name, array)
-    content = gzip.compress(bytes(memory.content), 9, mtime=0)
     return {
         "functions": described,
-        "content": base64.b64encode(content).decode("ascii"),
+        "content": as_text(bytes(memory.content)),
         "numZeros": memory.num_zeros,
         "arrays": {
             name: [int(location.is_zero), *location[1:]]
@@ -54,7 +52,7 @@ def _described(arguments: Arguments, memory: Memory, chosen: Collection[str]) ->
     locations = [(index, leaf.value) for index, leaf in enumerate(leaves) if isinstance(leaf.value, Location)]
     return {
         "types": types_of(leaves),
-        "slots": base64.b64encode(gzip.compress(b"".join(map(packed, leaves)), 9, mtime=0)).decode("ascii"),
+        "slots": as_text(b"".join(map(packed, leaves))),
         "content": [index for index, location in locations if not location.is_zero],
         "zeros": [index for index, location in locations if location.is_zero],
         "chosen": {leaf.name: index for index, leaf in enumerate(leaves) if leaf.name in chosen},

@@ -1,15 +1,11 @@
-"""A flight in three dimensions on the page of a report, and why each push came."""
+"""A logged flight as the player of a page takes it, and why each push came."""
 
 import base64
-import json
-import re
 from typing import Any
 
 import numpy as np
-from markupsafe import Markup
 
 from fis_tools.analysis import shapley
-from fis_tools.document.html import ScriptedPanel, read
 from fis_tools.engines.compiler import compile
 from fis_tools.model.thrust import COMPONENTS, REASONS
 from fis_tools.words.text import sentence
@@ -17,26 +13,13 @@ from pipeline.array_types import Booleans
 from pipeline.flight.control.controller import Controller
 from pipeline.flight.state.log import REHEARSED, FlightLog
 from pipeline.flight.world.pack import pack_world
-from pipeline.player.motion import free_motion
 from pipeline.recording.events import chosen_ahead
 from pipeline.recording.firing import delay_of, is_fired
 from pipeline.recording.points import lit_and_seen
-from pipeline.report.contents import Contents, ShownFlight
 from pipeline.settings.experiment import Mission
-from telemetry.page.panel import PACKAGE
 
-#: what makes modules of scripts
-MODULE = re.compile(r"\n(?:import .*\n|export )")
 #: what was asked for along these axes is what was fired there
 HILL = "hill"
-
-
-def scene_of_run(contents: Contents) -> ScriptedPanel | None:
-    """Return the scene of the first flight that a report shows in detail; None without one."""
-    mission = contents.experiment.mission
-    if not contents.shown or contents.controller is None or mission.problem.kind != "inspection":
-        return None
-    return scene_of(contents.shown[0], contents.controller, mission)
 
 
 def recorded_table(log: FlightLog, controller: Controller, mission: Mission) -> dict[str, Any]:
@@ -52,29 +35,6 @@ def told_reasons(log: FlightLog, controller: Controller, mission: Mission) -> di
     """Return why a flight fired what it fired: texts, and for each control period those of each axis."""
     texts, of_sample = _reasons(mission, log, controller)
     return {"texts": texts, "reasons": of_sample}
-
-
-def scene_of(flight: ShownFlight, controller: Controller, mission: Mission) -> ScriptedPanel:
-    """Return the scene of a flight that inspects.
-
-    Parameters
-    ----------
-    flight : ShownFlight
-    controller : Controller
-        That was flown.
-    mission : Mission
-    """
-    is_linear = mission.dynamics.model == "cw"
-    coast = _floats(free_motion(mission.orbit.mean_motion_rad_s)) if is_linear else ""
-    numbers = (
-        flight_table(flight.log, mission) | {"coast": coast} | told_reasons(flight.log, controller, mission)
-    )
-    table = json.dumps(numbers, separators=(",", ":")).replace("<", "\\u003c")
-    code = MODULE.sub("\n", read("view.js", PACKAGE) + read("recorded.js", PACKAGE))
-    # files of this package, and JSON that cannot end a script
-    script = Markup(f"{{\n{code}\nshowRecorded({table});\n}}")  # noqa: S704
-    style, frame = (Markup(read(name, PACKAGE)) for name in ("view.css", "frame.html"))  # noqa: S704 - likewise
-    return ScriptedPanel(flight.title, style, frame, script)
 
 
 def flight_table(log: FlightLog, mission: Mission) -> dict[str, Any]:

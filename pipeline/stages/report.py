@@ -8,7 +8,7 @@ from fis_tools.review import page as review
 from pipeline.report.contents import Contents, gather
 from pipeline.report.page import write
 from pipeline.report.pictures import OWN_FILES, draw
-from pipeline.report.scene import scene_of_run
+from pipeline.report.played import player_of_run
 from pipeline.run import artifacts, writing
 from pipeline.settings.experiment import Experiment
 
@@ -46,7 +46,7 @@ def _write_review(contents: Contents, folder: Path) -> None:
         return
     try:
         recordings = [folder / name for name in contents.recordings]
-        page = review.write(fuzzy, recordings, panel=scene_of_run(contents))
+        page = review.write(fuzzy, recordings, panel=player_of_run(contents))
     except ControllerFileError as error:
         raise artifacts.ArtifactError(f"{error}; repeat the stage record") from error
     writing.write_atomically(path, page)

@@ -1,12 +1,14 @@
 """The player as a part of a page, from what it is given as plain data; see ``scripts/player.js``."""
 
 import base64
-import gzip
 import json
+import re
+import zlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from markupsafe import Markup
 
 from fis_tools.document.html import ScriptedPanel, read, template
@@ -16,9 +18,16 @@ FOLDER = Path(__file__).parent
 #: what makes elements and axes
 OF_REVIEW = ("elements", "scale")
 VIEWS = ("view", "recorded")
-SCRIPTS = (*("arrays", "saving", "plots", "points_map", "dots", "cases_table", "bouts"), *("side", "player"))
+#: which the script applies
+STYLES = ("view", "player")
+SCRIPTS = (*("saving", "plots", "points_map", "dots", "cases_table", "bouts"), *("side", "player"))
+#: zlib's words for a header of gzip, and for how much it gathers before it begins a block
+WITH_HEADER, LENGTHS = 31, (5, 6, 7, 8)
 #: what lines of comments begin with
 COMMENTS = ("//", "/**", "* ", "*/")
+#: a comment after code, and blanks of a style that say nothing
+AFTER_CODE = re.compile(r"\s+// [^\"'`]*$")
+BLANK = re.compile(r"\s*([{};])\s*")
 
 
 def panel(
@@ -39,30 +48,50 @@ def panel(
     review = [read(f"scripts/{name}.js", "fis_tools.review") for name in OF_REVIEW]
     views = [read(f"{name}.js", PACKAGE) for name in VIEWS]
     scripts = [read(f"scripts/{name}.js", PACKAGE) for name in SCRIPTS]
-    code = as_script("\n".join([*review, *views, *more, *scripts]))
+    # beside a worker's, which has it too, and so shrinks
+    code = as_script("\n".join([read("scripts/arrays.js", PACKAGE), *review, *views, *more, *scripts]))
     frame = read("frame.html", PACKAGE).replace(' id="scene"', "")  # there may be several
     body = template("telemetry", "page", "player.html").render(
         frame=Markup(frame),  # noqa: S704 - of this package
         names=names,
         has_cases=content["cases"] is not None,
     )
-    style = Markup(read("view.css", PACKAGE) + read("player.css", PACKAGE))  # noqa: S704 - likewise
-    script = f'"use strict";(() => {{\nconst PLAYER = {as_json(content)};\n{code}\n}})();'
-    unpacking = as_script(read("scripts/unpack.js", PACKAGE)).replace("PACKED", packed(script.encode()))
-    # a file of this package around base64; what the template wrote is escaped
-    return ScriptedPanel(title, style, Markup(body), Markup(unpacking), script)  # noqa: S704
+    style = as_json(BLANK.sub(r"\1", "".join(read(f"{name}.css", PACKAGE) for name in STYLES)))
+    given = f"const PLAYER_STYLE = {style}, PLAYER = {as_json(content)};"
+    script = f'"use strict";(() => {{\n{given}\n{code}\n}})();'
+    unpacking = as_script(read("scripts/unpack.js", PACKAGE)).replace("PACKED", dense(script.encode()))
+    # a file of this package around digits; what the template wrote is escaped
+    first = Markup(read("first.css", PACKAGE))  # noqa: S704 - of this package
+    return ScriptedPanel(title, first, Markup(body), Markup(unpacking), script)  # noqa: S704
 
 
 def as_script(code: str) -> str:
     """Make a script of modules, without their comments and indents."""
-    lines = [line.strip() for line in code.split("\n")]
+    lines = [AFTER_CODE.sub("", line).strip() for line in code.split("\n")]
     kept = [line for line in lines if line and not line.startswith(COMMENTS) and line != "*"]
     return "\n".join(line.removeprefix("export ") for line in kept if not line.startswith("import "))
 
 
 def packed(content: bytes) -> str:
     """Return bytes as text, compressed."""
-    return base64.b64encode(gzip.compress(content, 9, mtime=0)).decode("ascii")
+    return base64.b64encode(_deflated(content)).decode("ascii")
+
+
+def dense(content: bytes) -> str:
+    """Return bytes as shorter text, compressed, in digits of base 85: RFC 1924's, with a comma for ``<``."""
+    return base64.b85encode(_deflated(content)).decode("ascii").replace("<", ",")
+
+
+def _deflated(content: bytes) -> bytes:
+    """Compress bytes as gzip does, by blocks of the length that suits the content best."""
+    makers = [zlib.compressobj(9, zlib.DEFLATED, WITH_HEADER, length) for length in LENGTHS]
+    return min((maker.compress(content) + maker.flush() for maker in makers), key=len)
+
+
+def planes(values: Any, kind: str) -> str:
+    """Return an array as text, compressed with bytes of one rank beside each other, which shrink more."""
+    numbers = np.ascontiguousarray(values, dtype=kind)
+    return packed(numbers.view(np.uint8).reshape(len(numbers), -1).T.tobytes())
 
 
 def as_json(content: Any) -> str:

@@ -1,5 +1,5 @@
 // A flight as the product flew it, from the arrays of a page, see pipeline/report/scene.py.
-import { FlightView, ENDED, cross, plus, pushText, scaled } from "./view.js";
+import { ENDED, cross, plus, pushText, scaled } from "./view.js";
 
 const ROUNDED_N = 1e-12; // what turning axes leaves of a force along one that has none
 
@@ -22,6 +22,12 @@ function turned([x, y, z, w], vector, sign) {
 export function turnedPoints(points, attitude, k) {
   const quaternion = at => Array.from({ length: 4 }, (_, i) => attitude[4 * at + i]);
   return points.map(point => turned(quaternion(k), turned(quaternion(0), point, 1), -1));
+}
+
+/** Where free motion leads from a state over an orbit, by the matrices of a page. */
+export function coasted(rows, state) {
+  return Array.from({ length: rows.length / 18 }, (_, at) => [0, 1, 2].map(axis =>
+    state.reduce((sum, value, column) => sum + rows[18 * at + 6 * axis + column] * value, 0)));
 }
 
 /** Return what FlightView shows. */
@@ -51,17 +57,8 @@ export function recordedFlight(table) {
     isLit: (k, j) => bit(isLitThen, k * table.numPoints + j),
     coast(k) {
       if (!arrays.coast.length) return null;
-      const state = [...three(arrays.position, k), ...three(arrays.velocity, k)];
-      return Array.from({ length: arrays.coast.length / 18 }, (_, at) => [0, 1, 2].map(axis =>
-        state.reduce((sum, value, column) => sum + arrays.coast[18 * at + 6 * axis + column] * value, 0)));
+      return coasted(arrays.coast, [...three(arrays.position, k), ...three(arrays.velocity, k)]);
     },
     reasons: k => (k > last ? ENDED : reasonsOf(table, k, force(k))),
   };
-}
-
-/** Show a flight in the only scene of a page. */
-export function showRecorded(table) {
-  const flight = recordedFlight(table), view = new FlightView(document.getElementById("scene"), flight);
-  if (matchMedia("(prefers-reduced-motion: reduce)").matches) view.show(Math.round(flight.numSamples / 3));
-  else view.show(0);
 }

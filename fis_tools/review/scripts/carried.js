@@ -1,29 +1,5 @@
 // What the page carries: the controller's systems and its flights, decoded once.
 
-/** Decode the base64 of little-endian doubles. */
-function decodeDoubles(text) {
-  const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
-  return new Float64Array(bytes.buffer);
-}
-
-function decodeVariable(variable) {
-  const decode = (thing, keys) =>
-    Object.fromEntries(keys.filter((key) => key in thing).map((key) => [key, decodeDoubles(thing[key])]));
-  const terms = variable.terms.map((term) => ({
-    ...term,
-    ...decode(term, ["values", "sampled", "numbers", "points", "heights"]),
-  }));
-  return { ...variable, ...decode(variable, ["universe", "points"]), terms };
-}
-
-function decodeSystem(system) {
-  return {
-    ...system,
-    inputs: system.inputs.map(decodeVariable),
-    outputs: system.outputs.map(decodeVariable),
-  };
-}
-
 /** Decode a flight: for each system its times, its inputs a row a sample, and how often each rule fired. */
 function decodeFlight(flight) {
   const systems = flight.systems.map((flown) => {

@@ -2,6 +2,7 @@
 
 const MOST_ROWS = 8;
 const FIRED = 0.05;
+const PLAYED = "the flight that plays, every decision";
 const STRIP = { left: 64, right: 14, top: 10, output: 66, gap: 8, row: 11, foot: 36 };
 
 /** The flight and the time that all systems of the page show together. */
@@ -20,17 +21,49 @@ class FlightClock {
     this.listeners.forEach((listener) => listener());
   }
 
+  /** Set what is shown, and let a player of the page show it too. */
+  choose(flight, time) {
+    this.set(flight, time);
+    document.dispatchEvent(new CustomEvent("sought", { detail: { number: caseIn(this.flights[flight].name), time } }));
+  }
+
+  /**
+   * Follow a player of the page: the flight that it plays is one of the flights, and has its time.
+   *
+   * It tells `played`, with a case's number, if it is one, and, by system, the times and inputs of its decisions, and `moved`, with
+   * a time.
+   */
+  followPlayer() {
+    const played = { name: PLAYED, systems: [], count: 0 };
+    this.flights.push(played);
+    document.addEventListener("played", ({ detail: { number, systems, time } }) => {
+      Object.assign(played, { systems, count: played.count + 1 });
+      const recorded = this.flights.findIndex(({ name }) => number !== undefined && caseIn(name) === number);
+      this.set(recorded >= 0 ? recorded : this.flights.indexOf(played), time);
+    });
+    document.addEventListener("moved", ({ detail: { time } }) => {
+      if (time !== this.time) this.set(this.flight, time);
+    });
+  }
+
   follow(listener) {
     this.listeners.push(listener);
     listener();
   }
 }
 
+/** The number of the case that a flight's name ends with; null without one. */
+function caseIn(name) {
+  const digits = name.match(/case-(\d+)$/)?.[1];
+  return digits ? Number(digits) : null;
+}
+
 /** Infer a whole flight: its output and firing strengths, a row a sample. */
 function inferFlight(system, flown) {
   const firing = flown.inputs.map((row) => fire(system, fuzzify(system, clipInputs(system, row))));
   const outputs = firing.map((strengths) => conclude(system, 0, strengths).value);
-  return { ...flown, firing, outputs };
+  const often = (rule) => firing.filter((strengths) => strengths[rule] >= FIRED).length / firing.length;
+  return { fired: Float64Array.from(system.rules, (_, rule) => often(rule)), ...flown, firing, outputs };
 }
 
 /** Which rules have a row: those that fire at all, by how often or by their number. */
@@ -167,9 +200,10 @@ function flightView(element, state, place, clock, scale) {
   const { system } = state;
   const known = new Map();
   const inferredOf = (flight) => {
-    const flown = clock.flights[flight].systems[place];
-    if (flown && !known.has(flight)) known.set(flight, inferFlight(system, flown));
-    return known.get(flight) ?? null;
+    const { systems, count = 0 } = clock.flights[flight], flown = systems[place];
+    if (!flown) return null;
+    if (known.get(flight)?.count !== count) known.set(flight, { ...inferFlight(system, flown), count });
+    return known.get(flight);
   };
   const about = `Output of ${system.name} and firing of its rules over time`;
   const canvas = make("canvas", { class: "strip", role: "img", tabindex: "0", "aria-label": about });
@@ -214,16 +248,16 @@ function flightView(element, state, place, clock, scale) {
     return Math.min(Math.max(time, times[0]), times.at(-1));
   };
   const goTo = (event) => {
-    if (drawn && (event.type !== "pointermove" || event.buttons === 1)) clock.set(clock.flight, timeAt(event));
+    if (drawn && (event.type !== "pointermove" || event.buttons === 1)) clock.choose(clock.flight, timeAt(event));
   };
   const placeOf = ({ offsetX }) => [(offsetX - STRIP.left) / (canvas.clientWidth - STRIP.left - STRIP.right)];
   const zooming = makeZoomable(canvas, [part], placeOf, paint, `the time of ${system.name}`);
   tellUnder(canvas, (event) => (drawn ? stripWordsAt(system, drawn, timeAt(event), event.offsetY) : null));
   canvas.addEventListener("pointerdown", goTo);
   canvas.addEventListener("pointermove", goTo);
-  slider.addEventListener("input", () => clock.set(clock.flight, drawn.inferred.times[Number(slider.value)]));
+  slider.addEventListener("input", () => clock.choose(clock.flight, drawn.inferred.times[Number(slider.value)]));
   const names = clock.flights.map(({ name }) => name);
-  const flights = choice(clock.noun === "flight" ? "Flight" : "Log", names, 0, (chosen) => clock.set(chosen, clock.time));
+  const flights = choice(clock.noun === "flight" ? "Flight" : "Log", names, 0, (chosen) => clock.choose(chosen, clock.time));
   const orders = choice("Rules by", ["how often they fire", "their number"], 0, (chosen) => {
     isByNumber = chosen === 1;
     show();

@@ -85,6 +85,7 @@ followTheme();
 followPrinting();
 prepareTables();
 const clock = new FlightClock(carried.flights, carried.noun);
+if (document.getElementById("player")) clock.followPlayer();
 const scale = brightnessScale(carried.brightness);
 states.forEach((state, place) => fillSystem(state, place, clock, scale, carried.quadrature));
 showPoints(states);

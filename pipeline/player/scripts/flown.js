@@ -19,12 +19,6 @@ function beginWorker(source) {
 }
 globalThis.beginWorker = beginWorker; // for whoever looks from the console, and the tests
 
-/** Where free motion leads from a state over an orbit, by the matrices of a page. */
-function coasted(rows, state) {
-  return Array.from({ length: rows.length / 18 }, (_, at) => [0, 1, 2].map(axis =>
-    state.reduce((sum, value, column) => sum + rows[18 * at + 6 * axis + column] * value, 0)));
-}
-
 /** What is said of a push where what is flown does not tell its reason. */
 const UNTOLD = "Its reason stands in a recording of this flight.";
 

@@ -20,11 +20,6 @@ function reshaped(memory, [count, shape, strides, newCount, newShape, newStrides
   return 1;
 }
 
-/** Undo base64 and gzip. */
-export async function inflated(text) {
-  return new Response(new Blob([bytesOf(text)]).stream().pipeThrough(new DecompressionStream("gzip"))).arrayBuffer();
-}
-
 /**
  * Start a module, and put a snapshot into its memory.
  *

@@ -98,6 +98,7 @@ function scatter(box, { title, isPaired }, [xColumn, yColumn], cases, open, file
   });
   new ResizeObserver(painted).observe(canvas);
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", painted);
+  document.getElementById("theme")?.addEventListener("change", painted);
   return { mark: row => { chosen = row; painted(); }, where: row => [x(X[row]), y(Y[row])] };
 }
 

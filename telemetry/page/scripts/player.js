@@ -3,11 +3,11 @@
 const LETTERS = "ABCDEFGH";
 
 /** The cases of a set of runs: their numbers, columns, words, and which run succeeds in them. */
-function readCases({ steps, columns, succeeds, words, outcome }, letters) {
+async function readCases({ steps, columns, succeeds, words, outcome }, letters) {
   const marks = succeeds.map(bytesOf), succeedsIn = marks.map(mark => row => (mark[row >> 3] >> (row & 7) & 1) > 0);
   return {
     numbers: new Int32Array(bytesOf(steps).buffer).map((sum => step => (sum += step))(0)),
-    columns: columns.map(column => ({ ...column, values: floatsOf(column.values) })),
+    columns: await Promise.all(columns.map(async column => ({ ...column, values: Float64Array.from(new BigInt64Array((await planesOf(column.values, 8)).buffer), value => Number(value) / column.parts) }))),
     words, letters, outcome, succeeds: succeedsIn,
     isGood: row => succeedsIn.every(succeedsAt => succeedsAt(row)),
     get count() { return this.numbers.length; },
@@ -23,13 +23,17 @@ class Player {
   }
 
   async begin() {
+    const sheet = new CSSStyleSheet();
+    sheet.replaceSync(PLAYER_STYLE);
+    document.adoptedStyleSheets.push(sheet);
+    this.root.classList.add("begun");
     const { page } = this, roots = this.root.querySelectorAll(".side"), isAlone = page.runs.length === 1;
     for (const run of page.runs) if (run.systems.length) run.systems = JSON.parse(new TextDecoder().decode(await inflated(run.systems)));
     this.sides = page.runs.map((run, index) => new Side(run, page, roots[index], isAlone ? "" : LETTERS[index]));
     this.lead = this.sides[0];
     await Promise.all(this.sides.map(side => side.begin()));
     this.fleet = page.isFleet ? await Promise.all(this.sides.map(async side => ({ letter: side.letter, flight: await side.flightOf(0) }))) : [];
-    if (this.page.cases) this.showCases();
+    if (this.page.cases) await this.showCases();
     this.chooseSides();
     // before the first flight, which may take a while
     addEventListener("hashchange", () => {
@@ -39,6 +43,7 @@ class Player {
     const address = new URLSearchParams(location.hash.slice(1)), row = this.rowOf(address), k = Number(address.get("k"));
     await this.open(row ?? this.page.first, row !== null && Number.isFinite(k) ? this.secondsAt(k) : null);
     addEventListener("resize", onceIdle(() => this.draw()));
+    document.addEventListener("sought", ({ detail }) => this.seek(detail));
   }
 
   secondsAt(k) {
@@ -52,8 +57,8 @@ class Player {
   }
 
   /** Draw the cases as the page describes their plots, and as a table. */
-  showCases() {
-    this.cases = readCases(this.page.cases, this.sides.map(({ letter }) => letter));
+  async showCases() {
+    this.cases = await readCases(this.page.cases, this.sides.map(({ letter }) => letter));
     const open = row => this.open(row), columns = names => names.map(name => this.cases.columns.find(column => column.name === name));
     const card = (name, label) => { const box = make("section", { class: `card ${name}`, "aria-label": label }); this.part("cases").append(box); return box; };
     for (const plot of this.page.cases.plots) {
@@ -106,7 +111,7 @@ class Player {
     this.marks.forEach(mark => mark(row));
     this.lead.view.show(this.lead.sampleAt(this.seconds));
     this.showTime(this.seconds);
-    document.dispatchEvent(new CustomEvent("opened"));
+    this.tell("played", { number, systems: this.lead.sensed(), time: this.seconds });
   }
 
   /** Give flights to their sides; the longest has the time that counts. */
@@ -123,12 +128,28 @@ class Player {
     this.shownSides = sides;
   }
 
+  /** Tell others of the page what is played. */
+  tell(what, detail) {
+    document.dispatchEvent(new CustomEvent(what, { detail }));
+  }
+
+  /** Show a time that others of the page ask for, of a case if they name one that opens. */
+  seek({ number, time }) {
+    const row = this.cases?.numbers.indexOf(number) ?? -1;
+    if (row >= 0 && row !== this.row && this.sides.some(side => side.canOpen(row))) this.open(row, time);
+    else this.go(time);
+  }
+
+  go(seconds) {
+    this.lead.view.pause();
+    this.lead.view.show(this.lead.sampleAt(seconds));
+  }
+
   /** Draw what belongs to the flights as a whole, with plots to one scale. */
   draw() {
     const all = this.shownSides.map(side => side.extents());
     const extents = Object.fromEntries(Object.keys(all[0]).map(name => [name, Math.max(...all.map(each => each[name]))]));
-    const go = seconds => { this.lead.view.pause(); this.lead.view.show(this.lead.sampleAt(seconds)); };
-    const number = this.cases?.numbers[this.row];
+    const go = seconds => this.go(seconds), number = this.cases?.numbers[this.row];
     for (const side of this.shownSides) {
       const index = this.sides.indexOf(side), which = this.cases?.words[this.row] ?? (number === undefined ? this.page.title : `Case ${number}`);
       const succeeds = this.cases?.succeeds[index];
@@ -148,6 +169,7 @@ class Player {
     this.remember ??= onceIdle(() => {
       if (this.cases) history.replaceState(null, "", `#run=${encodeURIComponent(this.page.fileName)}&case=${this.cases.numbers[this.row]}&k=${this.lead.sampleAt(this.seconds)}`);
     });
+    this.tell("moved", { time: seconds });
     if (this.hasShown) this.remember();
     this.hasShown = true;
   }

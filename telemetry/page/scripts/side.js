@@ -95,6 +95,16 @@ class Side {
     return Math.min(Math.max(0, Math.round(seconds / this.flight.periodS)), this.flight.numSamples - 1);
   }
 
+  /** What each system sensed when it decided: times, and inputs a row a decision; null of one that never did. */
+  sensed() {
+    const { flight } = this, decided = [];
+    for (let k = 0; k < flight.numSamples - 1; k += flight.stride) if (flight.isDecided(k)) decided.push(k);
+    return this.systems.map((system, index) => decided.length ? {
+      times: decided.map(k => k * flight.periodS), inputs: decided.map(k => flight.inputs(k, index, system.inputs.length)),
+      numInferences: decided.length, isTimed: true, points: [],
+    } : null);
+  }
+
   get distances() {
     return Array.from({ length: this.flight.numSamples }, (_, k) => Math.hypot(...this.flight.position(k)));
   }

@@ -102,7 +102,7 @@ def as_page(cases: Sequence[Case], folder: Path) -> list[Floats | None]:
     inference = transcribed.script([each["system"] for each in requested.values()])
     scripts = Path(review_page.__file__).with_name("scripts")
     path = folder / "page.js"
-    parts = (read_shipped(scripts / f"{name}.js") for name in ("carried", "inference"))
+    parts = (read_shipped(scripts / f"{name}.js") for name in ("systems", "inference"))
     path.write_text("\n".join([inference, *parts, _DRIVER]), "utf-8")
     command = ["node", str(path)]
     done = subprocess.run(  # noqa: S603

@@ -77,6 +77,18 @@ def _worded_once():
         yield
 
 
+def test_universes_have_every_bit_of_those_of_python(opened):
+    carried = """() => review.systems.map(({ inputs, outputs }) =>
+        [...inputs, ...outputs].map(({ universe }) => [...universe]))"""
+    num_uneven = 0
+    for name in ("champion", "everything", "sampled"):
+        systems = CONTROLLERS[name].systems
+        counted = opened(page.write(CONTROLLERS[name])).evaluate(carried)
+        assert counted == [[variable.universe.tolist() for variable in each.variables] for each in systems]
+        num_uneven += sum(variable.points is not None for each in systems for variable in each.variables)
+    assert num_uneven
+
+
 @pytest.mark.parametrize("name", CONTROLLERS)
 def test_outputs_and_firing_are_those_of_python(opened, name):
     controller = CONTROLLERS[name]

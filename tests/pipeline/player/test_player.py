@@ -24,7 +24,7 @@ from pipeline.player.flown import FlownCases, flown_in_page, looks_ahead, tells_
 from pipeline.player.memory import Memory, types_of
 from pipeline.player.panel import panel
 from pipeline.player.runs import Carried, CaseColumn, CasePlot, PlayedCases, PlayedPage, PlayedRun
-from pipeline.report.played import PLOTS, carried_of
+from pipeline.report.played import PLOTS, carried_of, player_of_starts
 from pipeline.report.scene import recorded_table
 from pipeline.scenarios import evaluation_scenarios
 from pipeline.settings.places import conf_folder
@@ -455,5 +455,9 @@ def test_the_player_fits_and_axe_finds_nothing(ready, axe, width, scheme):
     assert serious_violations(page, axe) == []
 
 
-def test_a_player_adds_little_to_a_page():
-    assert len(page_of("champion_27")) < 200_000
+def test_a_player_of_a_thousand_cases_adds_little_to_a_page():
+    words = ("+experiment=evaluate", "controller=champion_27", "sun=random", "monte_carlo.num_cases=1000")
+    job = compose_experiment(words).experiment
+    controller = source.named("champion_27", job.mission)
+    shown = player_of_starts(job, job.mission, controller, evaluation_scenarios(job))
+    assert sum(len(part.encode()) for part in (shown.style, shown.body, shown.script)) < 200_000

@@ -21,7 +21,7 @@ from pipeline.flight.fly.simulation import fly_logged
 from pipeline.report.contents import command_of, gather, read_evaluation, tracks_of
 from pipeline.report.page import write
 from pipeline.report.pictures import draw
-from pipeline.report.scene import scene_of_run
+from pipeline.report.played import player_of_run
 from pipeline.run import artifacts, manifests, tables
 from pipeline.run.artifacts import ArtifactError
 from pipeline.run.writing import write_json
@@ -123,7 +123,7 @@ def test_the_controller_is_reviewed_on_a_page_of_its_own(trained):
     assert artifacts.REVIEW in [link.get("href") for link in page.all("a")]
     for system in champion.systems:
         assert summary(system) in page.text["controller"]
-    panel = scene_of_run(gather(experiment, folder))
+    panel = player_of_run(gather(experiment, folder))
     assert (folder / artifacts.REVIEW).read_text() == review.write(champion, panel=panel)
 
 
@@ -134,7 +134,7 @@ def test_the_review_is_along_the_recorded_flights_and_goes_with_its_controller(t
     path = tmp_path / artifacts.REVIEW
     recordings = sorted((tmp_path / artifacts.RECORDINGS).glob("*.mcap"))
     assert "along the flight" in path.read_text()
-    panel = scene_of_run(gather(experiment, tmp_path))
+    panel = player_of_run(gather(experiment, tmp_path))
     one_axis = serialize.load(tmp_path / "one_axis.json")
     assert path.read_text() == review.write(one_axis, recordings, panel=panel)
     (tmp_path / artifacts.CONTROLLER).unlink()

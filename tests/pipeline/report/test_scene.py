@@ -1,4 +1,4 @@
-"""The flight in three dimensions on a report's page: what it shows is what was flown and recorded."""
+"""A logged flight as the player of a page takes it: what it shows is what was flown and recorded."""
 
 import base64
 import json
@@ -16,7 +16,8 @@ from pipeline.flight.state.log import REHEARSED
 from pipeline.recording.firing import delay_of
 from pipeline.recording.recorder import FlightRecorder
 from pipeline.report.contents import ShownFlight
-from pipeline.report.scene import scene_of
+from pipeline.report.played import player_of_flight
+from pipeline.report.scene import recorded_table
 from pipeline.scenarios import start_shown
 from tests.browser import serious_violations
 
@@ -31,7 +32,7 @@ FLOWN = (
 
 @pytest.fixture(scope="module", params=FLOWN, ids=lambda words: words[0])
 def flown(request):
-    """A job, a controller, its logged flight, and the scene of it."""
+    """A job, a controller, its logged flight, and its table."""
     name, *words = request.param
     job = compose_experiment(["+experiment=fly", f"controller={name}", *words])
     mission = job.experiment.mission
@@ -39,12 +40,7 @@ def flown(request):
     _, start = start_shown(job.experiment)
     log = fly_logged(mission, controller, start)
     shown = ShownFlight("start", "Flight", start, log)
-    return job, controller, shown, scene_of(shown, controller, mission)
-
-
-def table_of(scene):
-    """Return the numbers and texts that the script is given."""
-    return json.loads(scene.script.rpartition("showRecorded(")[2].rpartition(");")[0])
+    return job, controller, shown, recorded_table(log, controller, mission)
 
 
 def floats(text):
@@ -56,18 +52,18 @@ def bits(text, shape):
     return unpacked[: np.prod(shape)].reshape(shape).astype(bool)
 
 
-def test_a_scene_holds_the_flight(flown):
-    _, _, shown, scene = flown
-    log, table = shown.log, table_of(scene)
+def test_a_table_holds_the_flight(flown):
+    _, _, shown, table = flown
+    log = shown.log
     assert np.array_equal(floats(table["position"]), log.position_m.astype(np.float32).ravel())
     assert np.array_equal(bits(table["isSeen"], log.is_inspected.shape), log.is_inspected)
     assert not np.any(bits(table["isLit"], log.is_inspected.shape) & log.is_inspected)
-    assert len(scene.script) < 200_000
+    assert len(json.dumps(table)) < 200_000
 
 
 def test_a_push_names_the_rule_that_recordings_give_the_largest_share(flown, tmp_path):
-    job, controller, shown, scene = flown
-    log, table, mission = shown.log, table_of(scene), job.experiment.mission
+    job, controller, shown, table = flown
+    log, mission = shown.log, job.experiment.mission
     texts = [[table["texts"][index] for index in row] for row in table["reasons"]]
     recorder = FlightRecorder(job.experiment, controller, job.config)
     recorder.record(tmp_path / "flight.mcap", shown.scenario, log, "start")
@@ -97,10 +93,13 @@ def test_a_push_names_the_rule_that_recordings_give_the_largest_share(flown, tmp
 
 @pytest.mark.parametrize("width", [400, 1400])
 def test_a_page_shows_it(flown, opened, axe, width):
-    log, scene = flown[2].log, flown[3]
-    head = f"<html lang=en><title>A flight</title><style>{scene.style}</style>"
-    body = f"<main><h1>A flight</h1>{scene.body}</main><script>{scene.script}</script>"
+    job, controller, shown, _ = flown
+    log = shown.log
+    player = player_of_flight(job.experiment, controller, log, shown.title, shown.scenario)
+    head = f"<html lang=en><title>A flight</title><style>{player.style}</style>"
+    body = f"<main><h1>A flight</h1><h2>Flight</h2>{player.body}</main><script>{player.script}</script>"
     page = opened(head + body, width, reduced_motion="reduce")
+    page.wait_for_function("() => globalThis.player?.sides?.[0].flight")
     page.locator(".time").fill("30")
     count = int(log.is_inspected[30].sum())
     expect(page.locator(".count")).to_contain_text(f"{count} of {log.is_inspected.shape[1]} points")
