@@ -12,21 +12,16 @@ except ModuleNotFoundError as error:
     ) from error
 
 from pipeline.flight.fly.stepping import OBSERVED
-from pipeline.gym.env import (
-    InspectionEnv,
-    InspectionVectorEnv,
-    NormalizedObservation,
-    NormalizedVectorObservation,
-    ReachEnv,
-    ReachReward,
-)
+from pipeline.gym.env import InspectionEnv, ReachEnv, ReachReward
 from pipeline.gym.episodes import AFRL, AFRL_WEIGHTED, Reward, Task, task_of
+from pipeline.gym.normalized import NormalizedObservation, NormalizedVectorObservation
 from pipeline.gym.six_dof import AFRL_SIX_DOF, SixDofInspectionEnv, SixDofReward
+from pipeline.gym.vector import InspectionVectorEnv
 
 gymnasium.register(
     "Inspection-v0",
     entry_point="pipeline.gym.env:InspectionEnv",
-    vector_entry_point="pipeline.gym.env:InspectionVectorEnv",
+    vector_entry_point="pipeline.gym.vector:InspectionVectorEnv",
 )
 gymnasium.register("SixDofInspection-v0", entry_point="pipeline.gym.six_dof:SixDofInspectionEnv")
 gymnasium.register("Reach-v0", entry_point="pipeline.gym.env:ReachEnv")

@@ -106,7 +106,7 @@ def judge(
     ----------
     what : Controller, callable or str
         A controller, its name or the path of its file; or a function from observations, (n, 19) float32, to
-        actions, (n, 3), as `pipeline.gym.env.InspectionVectorEnv` takes them.
+        actions, (n, 3), as `pipeline.gym.vector.InspectionVectorEnv` takes them.
     task : str
         Of `TASKS`.
     num_cases : int

@@ -192,6 +192,28 @@ def test_cleanrls_loop_runs(mode):
     assert lengths == [10] * 4
 
 
+@pytest.mark.slow
+def test_the_last_step_of_an_episode_starts_the_next_where_asked_as_with_gymnasiums_own():
+    mode = AutoresetMode.SAME_STEP
+    many = gymnasium.make_vec(ID, num_envs=2, autoreset_mode=mode, **SHORT)
+    theirs = SyncVectorEnv([lambda: InspectionEnv(**SHORT)] * 2, autoreset_mode=mode)
+    for envs in (many, theirs):
+        envs.reset(seed=2)
+    for number in range(12):
+        (seen, rewards, *ends, infos), (seen_there, rewards_there, *ends_there, infos_there) = (
+            envs.step(np.full((2, 3), 0.1, dtype=np.float32)) for envs in (many, theirs)
+        )
+        np.testing.assert_array_equal(seen, seen_there)
+        np.testing.assert_array_equal(rewards, rewards_there)
+        np.testing.assert_array_equal(ends, ends_there)
+        assert ("final_obs" in infos) == ("final_obs" in infos_there) == (number == 9)
+        if number == 9:
+            for name in ("final_obs", "_final_obs", "_final_info"):
+                np.testing.assert_array_equal(list(infos[name]), list(infos_there[name]))
+            for name, values in infos_there["final_info"].items():
+                np.testing.assert_array_equal(infos["final_info"][name], values)
+
+
 def test_stable_baselines3_trains(tmp_path):
     """As its documentation begins; left out where it, and torch with it, is not installed."""
     baselines = pytest.importorskip("stable_baselines3", reason="Stable-Baselines3 brings torch, of 200 MB")
