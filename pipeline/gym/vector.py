@@ -18,7 +18,7 @@ class InspectionVectorEnv(VectorEnv[Observation, NDArray[Any], NDArray[Any]]):
     """Flights side by side, see `pipeline.gym.env.InspectionEnv`.
 
     Flight i of a seed is that of seed + i alone.
-    An episode that ended is followed by the next.
+    Observations are of shape (num_envs, 19), in physical units; actions (num_envs, 3), in Hill axes.
 
     Parameters
     ----------
@@ -35,6 +35,11 @@ class InspectionVectorEnv(VectorEnv[Observation, NDArray[Any], NDArray[Any]]):
         ``NEXT_STEP``: the step after an episode's last starts the next; its action is ignored, its reward
         zero. ``SAME_STEP``: the last step does, and gives ``final_obs`` and ``final_info`` beside it.
         ``DISABLED``: `reset` does, of those in ``reset_mask``.
+
+    Raises
+    ------
+    ValueError
+        If there is no flight or no step, or as `pipeline.gym.episodes.task_of` raises it.
     """
 
     metadata = {  # noqa: RUF012 - as Gymnasium declares it

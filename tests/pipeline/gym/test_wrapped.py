@@ -214,6 +214,20 @@ def test_the_last_step_of_an_episode_starts_the_next_where_asked_as_with_gymnasi
                 np.testing.assert_array_equal(infos["final_info"][name], values)
 
 
+@pytest.mark.slow
+def test_no_episode_follows_by_itself_where_asked():
+    many = gymnasium.make_vec(ID, num_envs=2, autoreset_mode=AutoresetMode.DISABLED, **SHORT)
+    many.reset(seed=1)
+    ended = [step[2] | step[3] for step in fly(many, 10)]
+    assert ended[-1].all()
+    assert not any(each.any() for each in ended[:-1])
+    with pytest.raises(ResetNeeded, match="call reset for the next"):
+        fly(many, 1)
+    many.reset(options={"reset_mask": np.ones(2, dtype=np.bool_)})
+    ((*_, terminated, truncated, _),) = fly(many, 1)
+    assert not (terminated | truncated).any()
+
+
 def test_stable_baselines3_trains(tmp_path):
     """As its documentation begins; left out where it, and torch with it, is not installed."""
     baselines = pytest.importorskip("stable_baselines3", reason="Stable-Baselines3 brings torch, of 200 MB")
