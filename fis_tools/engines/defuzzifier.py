@@ -296,7 +296,7 @@ def weigh_rows(  # noqa: PLR0912 - a branch for each kind of conclusion
         total, moment, count = 0.0, 0.0, 0
         for index in range(len(rules)):
             strength = firing[sample, rules[index]] * weights[index]
-            if strength == 0.0:
+            if strength <= 0.0:  # beside its last knot a table may leave less than nothing
                 continue
             if is_constant:
                 number = parameters[index, num_inputs]

@@ -268,6 +268,7 @@ def average_rows(antecedents: Antecedents, weighing: Weighing, values: Floats, o
         total, moment = splat(0.0, LANES), splat(0.0, LANES)
         for index in range(len(rules)):
             strength = load(slots, program.rule_slots[rules[index]] * LANES, LANES) * weights[index]
+            strength = select(strength < 0.0, 0.0, strength)  # a table may leave less than nothing
             number = splat(parameters[index, num_inputs], LANES)
             if not weighed.is_constant:
                 for column in range(num_inputs):

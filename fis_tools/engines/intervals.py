@@ -46,7 +46,7 @@ def weigh_interval(
         used = 0
         for index in range(count):
             high[used] = firing[sample, upper.rules[index]] * upper.weights[index]
-            if high[used] == 0.0:  # what it would conclude may be infinite
+            if high[used] <= 0.0:  # what it would conclude may be infinite
                 continue
             low[used] = firing[sample, lower.rules[index]] * lower.weights[index]
             x[used] = upper.parameters[index, num_inputs]

@@ -13,7 +13,7 @@ import numpy as np
 from fis_tools.array_types import Floats
 from fis_tools.engines import defuzzification, inference
 from fis_tools.engines.inference import Inference
-from fis_tools.model import FuzzySystem, Variable, shapes
+from fis_tools.model import FuzzySystem, Variable, fuzzylite_shapes, shapes
 from fis_tools.model.intervals import has_intervals, twin
 
 #: of an output's range, or of its size
@@ -26,6 +26,8 @@ LEAST = 2.0**-60
 NEIGHBOURS, UNITS = 60, 64.0
 
 
+#: shapes whose degrees are differences, so that near zero they err by the last digits of one
+DIFFERENCES = shapes.Sampled | shapes.Polyline | shapes.SigmoidDifference | fuzzylite_shapes.Cosine
 #: what counts as equal heights
 TIES = tuple(defuzzification.TIE * factor for factor in (1.0, 0.5, 2.0))
 
@@ -112,17 +114,15 @@ def _shaken(
 ) -> Floats:
     """Degrees with other last digits; those that are differences lose digits near zero.
 
-    Those of tables are, and of all that is sampled on a universe.
+    All that is sampled on a universe is interpolated, so is a difference, and may fall below zero.
     """
     units = generator.choice([-UNITS, -1.0, 0.0, 1.0, UNITS], degrees.shape)
+    sizes_of = np.abs(degrees)
+    if variable is not None:
+        is_difference = [is_sampled or isinstance(term.membership, DIFFERENCES) for term in variable.terms]
+        sizes_of[is_difference] = 1.0
     # of what rounding takes away, nothing is left or next to nothing: where a conclusion grows without end as
     # its strength goes to zero, any answer beyond is right
-    least = generator.choice([0.0, LEAST], degrees.shape) * (degrees > 0.0)
-    sizes_of = degrees.copy()
-    if variable is not None:
-        is_table = [
-            is_sampled or isinstance(term.membership, shapes.Sampled | shapes.Polyline)
-            for term in variable.terms
-        ]
-        sizes_of[is_table] = 1.0
-    return np.clip(degrees + units * np.spacing(sizes_of) * (sizes_of > 0.0), np.minimum(degrees, least), 1.0)
+    least = generator.choice([0.0, LEAST], degrees.shape) * (sizes_of > 0.0)
+    least = np.where(degrees > 0.0, np.minimum(degrees, least), least)
+    return np.clip(degrees + units * np.spacing(sizes_of) * (sizes_of > 0.0), least, 1.0)
