@@ -18,7 +18,7 @@ from pipeline.array_types import Floats
 from pipeline.flight.state.log import Scenario
 from pipeline.settings.experiment import Experiment, MonteCarlo, Sun
 from pipeline.settings.fleet import SEED_STEP
-from pipeline.settings.start_table import POSITION, VELOCITY, numbers
+from pipeline.settings.start_table import DEPUTY, POSITION, VELOCITY, numbers
 from pipeline.settings.training import Starts
 
 #: first part of the spawn key: evaluation; training round r as ``TRAINING + r``; the candidates for its hard
@@ -208,11 +208,23 @@ class DrawnCases(Sequence[Scenario]):
 
 
 def _given(table: str, seed: int, stage: int, cases: Sequence[int] | None = None) -> list[Scenario]:
-    """Return the starts in a table, or some of them; their random errors are those of a seed and a stage."""
+    """Return the starts in a table, or some of them; their random errors are those of a seed and a stage.
+
+    Where cases are of fleets, those of further deputies are of further seeds, as those of drawn starts.
+    """
     columns = _numbers(table)
-    chosen = range(len(columns[POSITION[0]])) if cases is None else cases
-    starts = starts_in({name: column[np.asarray(chosen, np.intp)] for name, column in columns.items()})
-    return [replace(start, noise=(seed, stage, case)) for case, start in zip(chosen, starts, strict=True)]
+    deputies = int(columns.get(DEPUTY, np.ones(1)).max())
+    chosen = range(len(columns[POSITION[0]]) // deputies) if cases is None else cases
+    rows = deputies * np.asarray(chosen, np.intp)
+    fleets = [
+        [
+            replace(start, noise=(seed + SEED_STEP * deputy, stage, case))
+            for case, start in zip(chosen, starts, strict=True)
+        ]
+        for deputy in range(deputies)
+        for starts in [starts_in({name: column[rows + deputy] for name, column in columns.items()})]
+    ]
+    return [replace(first, others=tuple(others)) for first, *others in zip(*fleets, strict=True)]
 
 
 @lru_cache(maxsize=2)  # of training and of the evaluation, each of whose parts asks for some rows

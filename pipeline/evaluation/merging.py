@@ -56,6 +56,10 @@ class Shard:
         """Who flew them."""
         return [self.manifest["makers"][index] for index in self.manifest["made_by"][EVALUATE]]
 
+    def rows(self, name: str) -> int:
+        """Return how many rows a table has of each case."""
+        return int(value_at(self.config, "fleet.deputies")) if name == artifacts.DEPUTIES else 1
+
     def columns(self, name: str) -> tables.Columns:
         """Return the columns of a table of its cases."""
         return tables.Columns(self.folder, name)
@@ -88,14 +92,18 @@ def read_shard(folder: Path, config: Mapping[str, Any]) -> Shard:
         if artifacts.file_hash(path) != manifest.get("sha256", {}).get(name):
             raise MergeError(f"{path} was changed since it was written; restore it, or fly the shard again")
     for name in _tables_of(config):
-        if not np.array_equal(shard.columns(name)["case"], shard.cases):
+        if not np.array_equal(shard.columns(name)["case"], np.repeat(shard.cases, shard.rows(name))):
             raise MergeError(f"{folder / name} has other cases than its {ONLY}; fly the shard again")
     return shard
 
 
 def _tables_of(config: Mapping[str, Any]) -> list[str]:
-    """Return the tables of flights of a shard: with dispersions, if there are any, and without."""
-    return list(parts.FOLDERS) if config.get("dispersions") else [artifacts.EPISODES]
+    """Return the tables of a shard's flights, also of a fleet's deputies, and without its dispersions."""
+    return [
+        artifacts.EPISODES,
+        *([artifacts.DEPUTIES] if value_at(config, "fleet.deputies") > 1 else []),
+        *([artifacts.NOMINAL_EPISODES] if config.get("dispersions") else []),
+    ]
 
 
 def whole_of(shards: Sequence[Shard]) -> dict[str, Any]:
@@ -168,7 +176,9 @@ def _differing(first: Iterator[Columns], second: Iterator[Columns]) -> Iterator[
     for here, there in zip(first, second, strict=True):
         zeros = np.zeros(len(here["case"]))
         for column in dict.fromkeys((*here, *there)):
-            is_other = here.get(column, zeros) != there.get(column, zeros)
+            first_of, second_of = here.get(column, zeros), there.get(column, zeros)
+            are_missing = np.isnan(first_of) & np.isnan(second_of)
+            is_other = (first_of != second_of) & ~are_missing
             if np.any(is_other):
                 yield int(here["case"][np.argmax(is_other)]), column
 
@@ -176,13 +186,14 @@ def _differing(first: Iterator[Columns], second: Iterator[Columns]) -> Iterator[
 def _blocks(shard: Shard, name: str, start: int, stop: int) -> Iterator[Columns]:
     """Yield cases of a shard's table in blocks whose bounds do not depend on the shard."""
     left: dict[str, Column] = {}
+    length = BLOCK_ROWS * shard.rows(name)
     for block in shard.columns(name).blocks():
         is_asked = (block["case"] >= start) & (block["case"] < stop)
         part = {column: block[column][is_asked] for column in block}
         left = {column: np.concatenate((left[column], part[column])) for column in part} if left else part
-        while len(left["case"]) >= BLOCK_ROWS:
-            yield {column: values[:BLOCK_ROWS] for column, values in left.items()}
-            left = {column: values[BLOCK_ROWS:] for column, values in left.items()}
+        while len(left["case"]) >= length:
+            yield {column: values[:length] for column, values in left.items()}
+            left = {column: values[length:] for column, values in left.items()}
     if left and len(left["case"]):
         yield left
 

@@ -1,5 +1,7 @@
 """Parts of a campaign: tables of consecutive cases, each of which certifies itself.
 
+Flights of fleets fill two tables, one with a row for each deputy; a part is there if both certify it.
+
 In its file stand, beside the rows, who made them, their hash, and statistics from which shares, means and
 deviations of the whole follow. A part that tells other than it holds is not used.
 """
@@ -19,10 +21,11 @@ from typing import Any, Final
 import numpy as np
 
 from fis_tools.plain_text import parse_json
-from pipeline.evaluation.monte_carlo import episode_columns, fly_followed, summarised
+from pipeline.evaluation.monte_carlo import deputy_columns, episode_columns, fly_followed, summarised
 from pipeline.evaluation.sequential import LOOK_CASES, Stop
 from pipeline.evaluation.statistics import Column, Columns
 from pipeline.flight.control.controller import Controller
+from pipeline.flight.fly.fleets import FleetOutcomes
 from pipeline.run import artifacts, maker, manifests, tables
 from pipeline.run.engine import TaskPool
 from pipeline.run.progress import Progress
@@ -34,6 +37,7 @@ MAKERS, ROWS, STATISTICS = "makers", "rows_sha256", "statistics"
 #: where the parts of a table are until it is written
 FOLDERS: Final = {
     artifacts.EPISODES: f"{artifacts.EPISODE_PARTS}/cases",
+    artifacts.DEPUTIES: f"{artifacts.EPISODE_PARTS}/deputies",
     artifacts.NOMINAL_EPISODES: f"{artifacts.EPISODE_PARTS}/nominal",
 }
 #: the name of a part's file: its first case, and the one after its last
@@ -43,11 +47,20 @@ CURE: Final = "remove it and go on with resume=, which flies its cases again"
 
 @dataclass(frozen=True)
 class CasePart:
-    """A file with the cases from a first one up to another, which it does not hold."""
+    """A file with the cases from a first one up to another, which it does not hold.
+
+    Parameters
+    ----------
+    path : Path
+    first, past : int
+    rows : int
+        Of each case, one after the other: as many as there are deputies in a table of theirs.
+    """
 
     path: Path
     first: int
     past: int
+    rows: int = 1
 
     @property
     def columns(self) -> Columns:
@@ -69,7 +82,7 @@ class CasePart:
                 raise ValueError("it names no maker")
             if any(not made_by.keys() >= manifests.MAKER_SHAPE.keys() for made_by in makers):
                 raise ValueError("it names a maker without program or processor")
-            if not np.array_equal(columns["case"], np.arange(self.first, self.past)):
+            if not np.array_equal(columns["case"], np.arange(self.first, self.past).repeat(self.rows)):
                 raise ValueError("its cases are not those of its name")
             if claims[ROWS] != rows_hash(columns):
                 raise ValueError("its rows are not those whose hash it tells")
@@ -122,9 +135,9 @@ def sufficient(columns: Columns) -> dict[str, Any]:
     dict
         ``count``; ``true``, by share the number of flights; ``sums``, by quantity the sum of its values and
         of their squares, both rounded once (Shewchuk, Discrete & Computational Geometry 18, 1997), so that
-        every machine adds alike.
+        every machine adds alike. Of a table of deputies, which is not summarised, the number of rows alone.
     """
-    names, shares = summarised(columns)
+    names, shares = summarised(columns) if "deputy" not in columns else ([], {})
     values = {name: np.asarray(columns[name], dtype=np.float64) for name in names}
     return {
         "count": len(columns["case"]),
@@ -133,7 +146,7 @@ def sufficient(columns: Columns) -> dict[str, Any]:
     }
 
 
-def kept(folder: Path, cases: range) -> Iterator[CasePart]:
+def kept(folder: Path, cases: range, rows: int = 1) -> Iterator[CasePart]:
     """Yield the parts in a folder that certify themselves, in the order of cases, none of them twice.
 
     Their makers are named in the manifest. Of others it is told that their cases are flown again.
@@ -143,7 +156,7 @@ def kept(folder: Path, cases: range) -> Iterator[CasePart]:
         first, end = _bounds(path)
         if not past <= first < end <= cases.stop:
             continue
-        part = CasePart(path, first, end)
+        part = CasePart(path, first, end, rows)
         try:
             makers = part.check(part.columns, tables.notes_of(path))
         except artifacts.ArtifactError as error:
@@ -173,7 +186,7 @@ def missing(there: Sequence[CasePart], cases: range, length: int) -> list[tuple[
 
 
 def join(path: Path, whole: Sequence[CasePart], num_cases: int | None = None) -> None:
-    """Join parts, or their first cases, in the order of cases, byte for byte as if written at once.
+    """Join parts of a table, or their first cases, in the order of cases, as if written at once to the byte.
 
     Raises
     ------
@@ -185,55 +198,82 @@ def join(path: Path, whole: Sequence[CasePart], num_cases: int | None = None) ->
     def check(path: Path, columns: Columns, notes: Mapping[str, str]) -> None:
         by_path[path].check(columns, notes)
 
-    tables.join_parquet(path, list(by_path), check, num_cases)
+    tables.join_parquet(path, list(by_path), check, num_cases and num_cases * whole[0].rows)
 
 
 def fly(
     experiment: Experiment,
     controller: Controller,
     cases: range,
-    path: Path,
-    parts_folder: Path,
+    written: Mapping[Path, Path],
     pool: TaskPool,
     stop: Stop | None = None,
 ) -> None:
-    """Fly cases, each part into a file, and join them; a resumed run flies only what is missing."""
+    """Fly cases, each part into a file, and join them; a resumed run flies only what is missing.
+
+    Parameters
+    ----------
+    experiment : Experiment
+    controller : Controller
+    cases : range
+    written : mapping of Path to Path
+        For each table that the flights fill, the folder of its parts and its path: episodes first.
+    pool : TaskPool
+    stop : Stop, optional
+    """
     if not experiment.resume:
-        shutil.rmtree(parts_folder, ignore_errors=True)
-    there = list(kept(parts_folder, cases))
-    taken = (stop.take(part.first, part.columns) for part in there) if stop else ()
+        for folder in written:
+            shutil.rmtree(folder, ignore_errors=True)
+    rows = dict(zip(written, (1, experiment.mission.fleet.deputies), strict=False))
+    there = _kept_in_all(rows, cases)
+    taken = (stop.take(part.first, part.columns) for part, *_ in there) if stop else ()
     end = next(filter(None, taken), None)
     # a resumed run may be cut into other parts
     length = min(experiment.engine.part_cases, LOOK_CASES) if stop else experiment.engine.part_cases
-    left = [] if end else missing(there, cases, length)
+    left = [] if end else missing([part for part, *_ in there], cases, length)
     threads = pool.threads(experiment.monte_carlo.workers)
     tasks = [(experiment, controller, bounds, threads) for bounds in left]
     with (
         Progress("part:", len(there) + len(left), len(there)) as progress,
         closing(pool.run(fly_and_certify, tasks)) as results,
     ):
-        for index, (columns, certificate) in results:
-            part = CasePart(path_of(parts_folder, *left[index]), *left[index])
-            write(part.path, columns, certificate)
-            there.append(part)
+        for index, flown in results:
+            made = _parts_of(rows, *left[index])
+            for part, (columns, certificate) in zip(made, flown, strict=True):
+                write(part.path, columns, certificate)
+            there.append(made)
             progress.show(len(there))
-            if stop and (end := stop.take(part.first, columns)):
+            if stop and (end := stop.take(made[0].first, flown[0][0])):
                 break
-    there.sort(key=lambda part: part.first)
-    join(path, [part for part in there if end is None or part.first < end], end)
+    there.sort(key=lambda made: made[0].first)
+    for path, whole in zip(written.values(), zip(*there, strict=True), strict=True):
+        join(path, [part for part in whole if end is None or part.first < end], end)
 
 
-def fly_and_certify(*task: Any) -> tuple[dict[str, Column], dict[str, str]]:
-    """Return the columns that `fly_part` does, and their certificate, see `certified`."""
-    columns = fly_part(*task)
-    return columns, certified(columns, [maker.present_maker()])
+def _parts_of(rows: Mapping[Path, int], first: int, past: int) -> list[CasePart]:
+    """Return some cases' part of each table, by the folder of its parts and its rows of a case."""
+    return [CasePart(path_of(folder, first, past), first, past, of_each) for folder, of_each in rows.items()]
+
+
+def _kept_in_all(rows: Mapping[Path, int], cases: range) -> list[list[CasePart]]:
+    """Return the parts that all tables have, see `kept`."""
+    by_table = [{(part.first, part.past) for part in kept(folder, cases, rows[folder])} for folder in rows]
+    return [_parts_of(rows, *bounds) for bounds in sorted(set.intersection(*by_table))]
+
+
+def fly_and_certify(*task: Any) -> list[tuple[dict[str, Column], dict[str, str]]]:
+    """Return the tables that `fly_part` does, each with its certificate, see `certified`."""
+    makers = [maker.present_maker()]
+    return [(columns, certified(columns, makers)) for columns in fly_part(*task)]
 
 
 def fly_part(
     experiment: Experiment, controller: Controller, bounds: tuple[int, int], workers: int | None
-) -> dict[str, Column]:
-    """Fly the cases from the first bound up to the second; return the columns of their table."""
+) -> list[dict[str, Column]]:
+    """Fly the cases from the first bound up to the second; return the columns of each table."""
     scenarios = evaluation_scenarios(experiment, range(*bounds))
     outcomes, after = fly_followed(experiment.mission, controller, scenarios, workers)
-    columns = episode_columns(experiment.mission, scenarios, outcomes, after)
-    return columns | {"case": np.arange(*bounds)}
+    filled = [episode_columns(experiment.mission, scenarios, outcomes, after)]
+    if isinstance(outcomes, FleetOutcomes):
+        filled.append(deputy_columns(scenarios, outcomes, after))
+    return [columns | {"case": columns["case"] + bounds[0]} for columns in filled]

@@ -422,11 +422,9 @@ class Experiment(Settings, group=""):
         unaware = ", ".join(stage for stage in self.stages if stage not in OF_FLEETS)
         for words, is_set, cure in (
             (f"the stages {unaware} know", bool(unaware), f"choose stages=[{','.join(OF_FLEETS)}]"),
-            ("engine.kind=dask knows", self.engine.kind == "dask", "leave it out"),
-            ("starts.kind=file knows", cases.table is not None, "leave it out"),
             (
                 f"starts.kind={self.starts.kind} knows",
-                "train" in self.stages and self.starts.kind != "random",
+                "train" in self.stages and self.starts.kind == "octants",
                 "choose starts=random",
             ),
             (
@@ -434,19 +432,18 @@ class Experiment(Settings, group=""):
                 self.telemetry.record_start and self.case is None and "record" in self.stages,
                 "give case=0, for example",
             ),
-            ("monte_carlo.only_cases knows", cases.only_cases is not None, "leave it out"),
-            ("monte_carlo.stop_width knows", cases.stop_width is not None, "leave it out"),
             ("monte_carlo.splitting_flights knows", cases.splitting_flights > 0, "leave it out"),
-            (
-                f"monte_carlo.num_cases={cases.num_cases} makes parts, which know",
-                "evaluate" in self.stages and cases.num_cases > self.engine.part_cases,
-                f"fly at most engine.part_cases={self.engine.part_cases}",
-            ),
         ):
             if self.mission.has_fleet and is_set:
                 raise SettingError(
                     f"fleet.deputies is {deputies}, and {words} of one deputy; {cure}, or leave "
                     "fleet.deputies out"
+                )
+        for table in filter(None, {self.starts.rows, cases.table}):
+            if (given := start_table.num_deputies(table)) != deputies:
+                raise SettingError(
+                    f"fleet.deputies is {deputies}, and the starts are of {given} each case; give starts of "
+                    "as many, with a column deputy, or change fleet.deputies"
                 )
         if cases.parked and ("assure" in self.stages or cases.splitting_flights):
             raise SettingError(

@@ -1,7 +1,7 @@
 """Starts as a table: CSV text with the columns of ``scenarios.csv``.
 
 A file of starts becomes part of the configuration, so that a run, its recordings and a resumed run have
-the same starts even if the file changes.
+the same starts even if the file changes. Of fleets it has a row for each deputy, those of a case in order.
 """
 
 import csv
@@ -27,7 +27,9 @@ LABELS = ("set", "case")
 DEPUTY = "deputy"
 POSITION = tuple(f"position_{axis}_m" for axis in "xyz")
 VELOCITY = tuple(f"velocity_{axis}_m_s" for axis in "xyz")
-COLUMNS = (*LABELS, *POSITION, *VELOCITY, "sun_angle_rad", "sun_elevation_rad")
+SUN = ("sun_angle_rad", "sun_elevation_rad")
+COLUMNS = (*LABELS, *POSITION, *VELOCITY, *SUN)
+OF_FLEETS = (*LABELS, DEPUTY, *POSITION, *VELOCITY, *SUN)
 #: required columns: by default starts are at rest, and the Sun is in the orbit plane
 NEEDED = (*POSITION, "sun_angle_rad")
 #: prefixes of the sets of training and of an evaluation
@@ -48,7 +50,7 @@ def split(text: str, key: str) -> tuple[str, str]:
     columns = _columns(text, key)
     cases = columns.pop("case", None)
     labels = columns.pop("set", None) or [""] * len(columns[NEEDED[0]])
-    _check_cases(labels, cases or (), key)
+    _check_cases(labels, cases or (), columns.get(DEPUTY, ("1",) * len(labels)), key)
 
     def table(begin: str) -> str:
         rows = list(zip(*columns.values(), strict=True))
@@ -61,16 +63,16 @@ def split(text: str, key: str) -> tuple[str, str]:
     return made
 
 
-def _check_cases(labels: Sequence[str], cases: Sequence[str], key: str) -> None:
+def _check_cases(labels: Sequence[str], cases: Sequence[str], deputies: Sequence[str], key: str) -> None:
     """Raise SettingError unless the cases of each set, where given, are numbered 0, 1, 2, … in order."""
     counts: Counter[str] = Counter()
-    for number, (label, case) in enumerate(zip(labels, cases, strict=False), 1):
-        if case != str(counts[label]):
+    for number, (label, case, deputy) in enumerate(zip(labels, cases, deputies, strict=False), 1):
+        counts[label] += deputy == "1"
+        if case != str(counts[label] - 1):
             raise SettingError(
-                f"{key}: row {number} is case {case!r}, but would be flown as case {counts[label]}, with the "
-                "errors and settings that this one draws; drop the column, or give all cases from 0"
+                f"{key}: row {number} is case {case!r}, but would be flown as case {counts[label] - 1}, with "
+                "the errors and settings that this one draws; drop the column, or give all cases from 0"
             )
-        counts[label] += 1
 
 
 def numbers(text: str, key: str) -> Mapping[str, "NDArray[np.float64]"]:
@@ -90,7 +92,41 @@ def numbers(text: str, key: str) -> Mapping[str, "NDArray[np.float64]"]:
                 if math.isfinite(float(cell)):
                     continue
             raise SettingError(f"{key}: row {row} has {name} {cell!r}; write a finite number")
-    return {name: np.array(list(map(float, cells))) for name, cells in columns.items()}
+    read = {name: np.array(list(map(float, cells))) for name, cells in columns.items()}
+    _check_deputies(read, key)
+    return read
+
+
+def _check_deputies(columns: Mapping[str, "NDArray[np.float64]"], key: str) -> None:
+    """Raise SettingError unless the deputies of each case stand in order, under one Sun."""
+    if DEPUTY not in columns:
+        return
+    given = columns[DEPUTY].tolist()
+    deputies = int(max(given))
+    suns = list(zip(*(columns[name].tolist() for name in SUN if name in columns), strict=True))
+    for row, (deputy, sun) in enumerate(zip(given, suns, strict=True)):
+        first = row - row % deputies
+        if deputy != row - first + 1:
+            raise SettingError(
+                f"{key}: row {row + 1} is of deputy {deputy:g}, and deputy {row - first + 1} of {deputies} "
+                "is due; give the deputies of each case in order, each case as many"
+            )
+        if sun != suns[first]:
+            raise SettingError(
+                f"{key}: row {row + 1} has another Sun than row {first + 1}, of the same case; give all "
+                "deputies of a case one Sun"
+            )
+    if len(given) % deputies:
+        raise SettingError(
+            f"{key}: the last case has {len(given) % deputies} of {deputies} deputies; give each case as many"
+        )
+
+
+def num_deputies(text: str) -> int:
+    """Return how many deputies start in each case of a table."""
+    if DEPUTY not in text.partition("\n")[0]:  # a long table is not read for nothing
+        return 1
+    return int(max(numbers(text, "the table of starts")[DEPUTY]))
 
 
 def read_starts(config: dict[str, Any]) -> None:
@@ -113,17 +149,17 @@ def read_starts(config: dict[str, Any]) -> None:
         raise SettingError(f"{path} cannot be read ({error}); give a CSV file of starts") from error
     starts["table"], cases["table"] = split(text, str(path))
     for group in (starts, cases):
-        group["num_cases"] = num_rows(group["table"])
+        group["num_cases"] = num_cases_in(group["table"])
 
 
-def num_rows(text: str) -> int:
-    """Return the number of starts in a table."""
-    return text.strip().count("\n")
+def num_cases_in(text: str) -> int:
+    """Return the number of cases in a table."""
+    return text.strip().count("\n") // num_deputies(text)
 
 
 def check_count(group: str, num_cases: int, table: str | None) -> None:
     """Raise SettingError if a table of starts is given whose length is not `num_cases`."""
-    num_given = num_cases if table is None else num_rows(table)
+    num_given = num_cases if table is None else num_cases_in(table)
     if num_cases != num_given:
         raise SettingError(
             f"{group}.num_cases is {num_cases}, but {num_given} starts are given; leave {group}.num_cases "
@@ -159,13 +195,13 @@ def _columns(text: str, key: str) -> dict[str, list[str]]:
     if not rows:
         raise SettingError(f"{key} has no row below its header; give at least one start")
     for name in header:
-        if name not in COLUMNS:
+        if name not in OF_FLEETS:
             raise SettingError(
-                f"{key} has a column {name!r}{did_you_mean(name, COLUMNS)}; the columns are "
-                f"{', '.join(COLUMNS)}, of which {', '.join(NEEDED)} are needed"
+                f"{key} has a column {name!r}{did_you_mean(name, OF_FLEETS)}; the columns are "
+                f"{', '.join(OF_FLEETS)}, of which {', '.join(NEEDED)} are needed"
             )
     missing = [name for name in NEEDED if name not in header]
     if missing or len(set(header)) != len(header):
         wrong = f"lacks {', '.join(missing)}" if missing else "has a column twice"
-        raise SettingError(f"{key} {wrong}; its columns are {', '.join(COLUMNS)}, each once")
+        raise SettingError(f"{key} {wrong}; its columns are {', '.join(OF_FLEETS)}, each once")
     return dict(zip(header, map(list, zip(*rows, strict=True)), strict=True))

@@ -168,8 +168,9 @@ def _flown(
         cases, stop = experiment.monte_carlo, None
         if cases.stop_width is not None:
             stop = sequential.Stop(cases.stop_quantity, cases.stop_width, cases.confidence_percent)
-        path, parts_folder = folder / artifacts.EPISODES, folder / parts.FOLDERS[artifacts.EPISODES]
-        parts.fly(experiment, controller, cases.cases, path, parts_folder, pool, stop)
+        names = [artifacts.EPISODES, *([artifacts.DEPUTIES] if experiment.mission.has_fleet else [])]
+        written = {folder / parts.FOLDERS[name]: folder / name for name in names}
+        parts.fly(experiment, controller, cases.cases, written, pool, stop)
         return tables.Columns(folder, artifacts.EPISODES)
     scenarios, workers = evaluation_scenarios(experiment), experiment.monte_carlo.workers
     if experiment.mission.has_fleet:
@@ -237,7 +238,7 @@ def _nominal(
     is_shard = experiment.monte_carlo.only_cases is not None
     name = artifacts.NOMINAL_EPISODES if is_shard else NOMINAL
     parts_folder = folder / parts.FOLDERS[artifacts.NOMINAL_EPISODES]
-    parts.fly(undispersed, controller, cases, folder / name, parts_folder, pool)
+    parts.fly(undispersed, controller, cases, {parts_folder: folder / name}, pool)
     return tables.Columns(folder, name)
 
 

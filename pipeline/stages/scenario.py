@@ -11,7 +11,7 @@ from pipeline.run.progress import Progress
 from pipeline.scenarios import evaluation_scenarios, training_scenarios
 from pipeline.settings.experiment import Experiment
 from pipeline.settings.sizes import MOST_LISTED
-from pipeline.settings.start_table import COLUMNS, DEPUTY, EVALUATION, LABELS, TRAINING
+from pipeline.settings.start_table import COLUMNS, EVALUATION, OF_FLEETS, TRAINING
 
 #: starts that are drawn between two lines of progress
 BLOCK = 5000
@@ -33,7 +33,7 @@ def run(experiment: Experiment, folder: Path) -> None:
             (folder / artifacts.SCENARIOS).unlink(missing_ok=True)
             return
     is_listed = 0 < num_cases <= MOST_LISTED
-    columns = (*LABELS, DEPUTY, *COLUMNS[len(LABELS) :]) if experiment.mission.has_fleet else COLUMNS
+    columns = OF_FLEETS if experiment.mission.has_fleet else COLUMNS
     tables.write_csv(folder / artifacts.SCENARIOS, columns, _rows(experiment, has_training, is_listed))
 
 

@@ -209,8 +209,7 @@ def test_all_that_knows_one_deputy_refuses_fleets():
     with pytest.raises(SettingError, match=r"this flight knows of one deputy; leave fleet.deputies out"):
         fly_logged(mission, named("champion_27", mission), scenario)
     for words in (
-        *("engine.kind=dask", "monte_carlo.only_cases=[0,3]", "monte_carlo.stop_width=0.1"),
-        *("monte_carlo.splitting_flights=1000", "engine.part_cases=3", "after_s=600", "flight=reference"),
+        *("monte_carlo.splitting_flights=1000", "after_s=600", "flight=reference"),
         *("problem=docking", "+dispersions.deputy.mass_kg={kind:normal,mean:12.0,std:0.1}"),
         ("guidance=clusters", "guidance.engine=sklearn"),
     ):

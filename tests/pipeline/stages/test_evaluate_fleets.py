@@ -10,7 +10,9 @@ import pyarrow.parquet as pq
 import pytest
 
 import telemetry
+from pipeline.command_line.cli import main
 from pipeline.controllers.source import load
+from pipeline.evaluation import merging, parts
 from pipeline.evaluation.statistics import statistic
 from pipeline.flight.control.controller import ControllerError
 from pipeline.flight.fly.fleet_logs import DeputyLog, fly_logged_fleet
@@ -23,13 +25,14 @@ from pipeline.recording.fleets import fleet_events
 from pipeline.recording.reflight import fly_again
 from pipeline.run import artifacts
 from pipeline.scenarios import evaluation_scenarios
+from pipeline.settings.checks import SettingError
 from pipeline.settings.fleet import SHARING
 from telemetry import RecordingError
 from telemetry.file.reader import read
 from telemetry.file.topics import DEPUTY_STATE, MISSION
 from telemetry.page import recorded
 from tests.browser import serious_violations
-from tests.pipeline.stages.cases import carried_out, composed, prepared
+from tests.pipeline.stages.cases import MINIATURE, carried_out, composed, prepared
 
 FLEET = ("controller=champion_27", "sun=random", "fleet.deputies=3")
 
@@ -179,3 +182,91 @@ def test_rules_along_the_deputys_axes_are_not_said_of_other_axes(tmp_path):
     assert texts
     assert all(text.startswith("Along") for text in texts)
     assert all(len(set(of_axes)) == 1 for of_axes in table["reasons"])
+
+
+#: what a run of fleets writes of all flights
+WRITTEN = (artifacts.EPISODES, artifacts.DEPUTIES, artifacts.SUMMARY)
+
+
+def unlike(folder, other):
+    return [name for name in WRITTEN if (folder / name).read_bytes() != (other / name).read_bytes()]
+
+
+@pytest.mark.parametrize("engine", ["local", "dask"])
+def test_fleets_in_parts_are_those_at_once(evaluated, tmp_path, engine):
+    words = [*FLEET, *MINIATURE, "+experiment=evaluate_fleet", "stages=[scenario,evaluate]"]
+    assert main([*words, "engine.part_cases=2", f"engine.kind={engine}", f"hydra.run.dir={tmp_path}"]) == 0
+    assert unlike(tmp_path, evaluated[1]) == []
+
+
+def test_a_part_without_its_deputies_is_flown_again(evaluated, tmp_path, monkeypatch):
+    run = prepared(tmp_path, *FLEET, "engine.part_cases=2", experiment="evaluate_fleet")
+    monkeypatch.setattr(parts, "join", lambda *_: 1 / 0)  # killed once all parts are flown
+    with pytest.raises(ZeroDivisionError):
+        carried_out(run, tmp_path, "evaluate")
+    monkeypatch.undo()
+    folders = [tmp_path / parts.FOLDERS[name] for name in (artifacts.EPISODES, artifacts.DEPUTIES)]
+    assert [len(list(folder.iterdir())) for folder in folders] == [3, 3]
+    parts.path_of(folders[1], 2, 4).unlink()
+    flown, fly_part = [], parts.fly_part
+    monkeypatch.setattr(parts, "fly_part", lambda *task: flown.append(task[2]) or fly_part(*task))
+    carried_out(replace(run, experiment=replace(run.experiment, resume=True)), tmp_path, "evaluate")
+    assert flown == [(2, 4)]
+    assert unlike(tmp_path, evaluated[1]) == []
+
+
+def test_the_shards_of_fleets_are_the_whole(evaluated, tmp_path, monkeypatch, ran):
+    monkeypatch.setattr(merging, "BLOCK_ROWS", 2)
+    words = [*FLEET, *MINIATURE, "+experiment=evaluate_fleet", "stages=[scenario,evaluate]"]
+    for name, cases in (("a", "[0,4]"), ("b", "[3,5]")):
+        ran(*words, f"monte_carlo.only_cases={cases}", f"hydra.run.dir={tmp_path / name}")
+    ran("merge", str(tmp_path / "b"), str(tmp_path / "a"), "-o", str(tmp_path / "merged"))
+    assert unlike(tmp_path / "merged", evaluated[1]) == []
+
+
+def test_fleets_stop_at_an_asked_width(tmp_path):
+    words = *FLEET, "monte_carlo.num_cases=60", "monte_carlo.stop_width=3", "stages=[scenario,evaluate]"
+    carried_out(prepared(tmp_path, *words, experiment="evaluate_fleet"), tmp_path)
+    summary = artifacts.read_json(tmp_path, artifacts.SUMMARY)
+    assert summary["stop"]["most_cases"] == 60
+    assert len(pq.read_table(tmp_path / artifacts.DEPUTIES)) == 3 * summary["num_cases"]
+
+
+def test_the_starts_of_a_run_are_a_table_of_starts(evaluated, tmp_path):
+    words = (
+        *FLEET,
+        "starts=file",
+        f"starts.path={evaluated[1] / artifacts.SCENARIOS}",
+        "stages=[scenario,evaluate]",
+    )
+    carried_out(prepared(tmp_path, *words, experiment="evaluate_fleet"), tmp_path)
+    assert (tmp_path / artifacts.DEPUTIES).read_bytes() == (evaluated[1] / artifacts.DEPUTIES).read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda rows: rows[:-1], r"the last case has 2 of 3 deputies"),
+        (lambda rows: [*rows[:2], rows[3], *rows[4:]], r"row 3 is of deputy 1, and deputy 3 of 3 is due"),
+        (
+            lambda rows: [row | {"sun_angle_rad": str(n)} for n, row in enumerate(rows)],
+            "row 2 has another Sun",
+        ),
+        (lambda rows: [row for row in rows if row["deputy"] != "3"], "is 3, and the starts are of 2 each"),
+        (
+            lambda rows: [row | {"case": "0"} for row in rows],
+            "row 4 is case '0', but would be flown as case 1",
+        ),
+    ],
+)
+def test_a_table_of_unequal_fleets_is_refused(evaluated, tmp_path, change, words):
+    with (evaluated[1] / artifacts.SCENARIOS).open(newline="") as stream:
+        rows = change(list(csv.DictReader(stream)))
+    if words.startswith("row 3"):
+        rows = [{name: row[name] for name in row if name != "case"} for row in rows]
+    with (tmp_path / "starts.csv").open("w", newline="") as stream:
+        writer = csv.DictWriter(stream, rows[0])
+        writer.writeheader()
+        writer.writerows(rows)
+    with pytest.raises(SettingError, match=words):
+        composed(*FLEET, "starts=file", f"starts.path={tmp_path / 'starts.csv'}", experiment="evaluate_fleet")
