@@ -22,5 +22,9 @@ class Fleet(Settings, group="fleet", only=Only("fleet.deputies>1")):
     sharing: Literal["nothing", "mask", "leave", "nearer"] = "nearer"
     """What they heed of one another: nothing; mask, the points that any has seen; leave, also those that the
     coasting of others will show; nearer, also those that no coasting shows and another is nearer to."""
+    delay_periods: Annotated[types.Whole, Field(ge=0, le=60)] = 0
+    """Control periods until what a deputy tells is heard; 0: it is in the same one."""
+    lost_percent: Annotated[types.NotNegative, Field(le=100)] = 0.0
+    """Share of messages, one from each deputy to each other in each control period, that are lost."""
     keep_apart_m: Annotated[types.NotNegative, Field(le=100)] = 0.0
     """Least distance between two deputies at a sample, which safety=filter keeps; 0: none."""

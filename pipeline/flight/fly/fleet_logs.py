@@ -159,8 +159,8 @@ def _fly_heeding(
     alone = mission.of_each
     world, law, cases = pack_world(alone), law_of(controller, alone), cases_of(alone, [start])
     parts, flights, inspectable = flights_of(world, law, controller.numbers, cases, openings)
-    unseen = np.tile(flights.counted[0].astype(np.float64), (mission.num_controls + 1, 1))
-    unseen[:, : world.num_points] *= messages.seen_by[0] == 0
+    unseen = np.zeros((mission.num_controls + 1, flights.counted.shape[1]))
+    unseen[:, : world.num_points] = messages.unseen[0, row]
     wanted = unseen[:-1].copy()
     wanted[:, : world.num_points] *= messages.left_to[0, row] == 0
     heard = Heard(unseen, wanted)

@@ -36,8 +36,9 @@ from pipeline.flight.fly.rehearsals import rehearsed_costs
 from pipeline.flight.fly.replanning import foresees
 from pipeline.flight.fly.tours import tour_images
 from pipeline.flight.fly.workspace import make_state, make_workspace
-from pipeline.flight.period.act.apart import Apart, assure_apart, num_half_spaces
+from pipeline.flight.period.act.apart import Apart, assure_apart, make_apart
 from pipeline.flight.period.decide.exchange import Exchange, begin, heed, pool, share_out
+from pipeline.flight.period.decide.link import Link
 from pipeline.flight.period.decide.urgency import note_deadlines
 from pipeline.flight.period.steps import act, decide, look, move_on
 from pipeline.flight.state.arrays import (
@@ -56,7 +57,7 @@ from pipeline.flight.state.signals import SETTING, URGENCY
 from pipeline.flight.world.pack import pack_world
 from pipeline.flight.world.surface import surface_of
 from pipeline.settings.experiment import Mission
-from pipeline.settings.fleet import SHARING
+from pipeline.settings.fleet import SHARING, Fleet
 from pipeline.threads import in_threads
 
 #: of a row of a fleet's results: points that any deputy has seen, the sample at which these are enough, or
@@ -68,6 +69,7 @@ class Messages(NamedTuple):
     """What the deputies of m fleets tell one another: numbers of deputies from 1, 0 for none."""
 
     seen_by: Bytes  # (m, K+1, P) that saw a point first, so far
+    unseen: Bytes  # (m, D, K+1, P) 1 where a point counts and none has seen it that a deputy knows of
     left_to: Bytes  # (m, D, K, P) to which a deputy leaves a point
     # (m, D, K, 4) where deputies are kept apart: commanded forces, N, Hill axes, and for which limit changed
     forces: Floats
@@ -111,13 +113,17 @@ def note_fleets(now: Moment, exchange: Exchange, needed: Floats, results: FleetR
 
 @compiled(error_model="numpy")
 def note_seen(now: Moment, exchange: Exchange, messages: Messages) -> None:
-    """Note who saw which points so far, where there is room."""
+    """Note who saw which points so far, and what each deputy knows of it, where there is room."""
     deputies = exchange.deputies
     for lane in range(0, now.num_lanes if len(messages.seen_by) > 0 else 0, deputies):
         for j in range(now.world.num_points):
             messages.seen_by[(now.first + lane) // deputies, now.k, j] = (
                 exchange.seen_by[lane // deputies, j] + 1
             )
+    for lane in range(now.num_lanes if len(messages.unseen) > 0 else 0):
+        unseen = messages.unseen[(now.first + lane) // deputies, lane % deputies, now.k]
+        for j in range(now.world.num_points):
+            unseen[j] = exchange.known[lane, j]
 
 
 @compiled(error_model="numpy")
@@ -191,7 +197,7 @@ def fly_fleets(
                 decide(now, work, optics, control)
             open_with(now, flights.openings)
             if apart is not None:
-                assure_apart(now, apart)
+                assure_apart(now, apart, exchange.link)
                 note_forces(now, deputies, results.messages)
                 move_on(now, work, errors, law.plans)
             else:
@@ -204,15 +210,37 @@ def fly_fleets(
                 results.seen_by[(start + lane) // deputies, j] = exchange.seen_by[lane // deputies, j] + 1
 
 
-def make_exchange(world: World, deputies: int, sharing: str, lanes: int) -> Exchange:
+#: part of the spawn key of the random numbers for messages that are lost
+LOST = (1 << 10) + 1
+NO_LOSSES: Bytes = np.zeros((0, 0, 0, 0), dtype=np.uint8)
+
+
+def lost_messages(mission: Mission, scenarios: list[Scenario]) -> Bytes:
+    """Draw which messages of fleets are lost, (m, K+1, D, D), see `Link.lost`; empty if none ever is."""
+    share, deputies = mission.fleet.lost_percent / 100.0, mission.fleet.deputies
+    if not share > 0.0:
+        return NO_LOSSES
+    shape = mission.num_controls + 1, deputies, deputies
+    draws = (scenario.generator(LOST).random(shape, dtype=np.float32) < share for scenario in scenarios)
+    return np.array([draw.view(np.uint8) for draw in draws])
+
+
+def make_exchange(world: World, fleet: Fleet, lanes: int, lost: Bytes = NO_LOSSES) -> Exchange:
     """Allocate what fleets in the lanes of one thread exchange."""
-    sizes = {"L": lanes, "F": lanes // deputies, "P": world.points.shape[2]}
-    exchange: Exchange = allocated(Exchange, sizes, deputies=deputies, sharing=SHARING.index(sharing))
+    deputies, points = fleet.deputies, world.points.shape[2]
+    sizes = {"L": lanes, "F": lanes // deputies, "P": points, "D": deputies, "S": fleet.delay_periods + 1}
+    link = allocated(Link, sizes, delay=fleet.delay_periods, lost=lost)
+    exchange: Exchange = allocated(
+        Exchange, sizes, deputies=deputies, sharing=SHARING.index(fleet.sharing), link=link
+    )
     return exchange
 
 
 NO_MESSAGES = Messages(
-    np.zeros((0, 0, 0), dtype=np.uint8), np.zeros((0, 0, 0, 0), dtype=np.uint8), np.zeros((0, 0, 0, 4))
+    np.zeros((0, 0, 0), dtype=np.uint8),
+    np.zeros((0, 0, 0, 0), dtype=np.uint8),
+    np.zeros((0, 0, 0, 0), dtype=np.uint8),
+    np.zeros((0, 0, 0, 4)),
 )
 
 
@@ -221,7 +249,9 @@ def room_for_messages(mission: Mission, count: int) -> Messages:
     num_controls, num_points = mission.num_controls, len(surface_of(mission).points)
     seen_by = np.zeros((count, num_controls + 1, num_points), dtype=np.uint8)
     each = count, mission.fleet.deputies, num_controls
-    return Messages(seen_by, np.zeros((*each, num_points), dtype=np.uint8), np.zeros((*each, 4)))
+    unseen = np.zeros((count, mission.fleet.deputies, num_controls + 1, num_points), dtype=np.uint8)
+    left_to = np.zeros((*each, num_points), dtype=np.uint8)
+    return Messages(seen_by, unseen, left_to, np.zeros((*each, 4)))
 
 
 #: columns of what each deputy of a fleet did, in the order of `FleetOutcomes.of_deputies`
@@ -245,10 +275,8 @@ class FleetOutcomes(Outcomes):
 
 def apart_of(mission: Mission) -> Apart | None:
     """Return how far apart the deputies of a thread's fleets are kept; None where they are not."""
-    deputies, distance = mission.fleet.deputies, mission.fleet.keep_apart_m
-    if not distance > 0.0:
-        return None
-    return Apart(deputies, distance, np.zeros((num_half_spaces(deputies), 4)))
+    fleet = mission.fleet
+    return make_apart(fleet.deputies, fleet.keep_apart_m, fleet.delay_periods) if fleet.keep_apart_m else None
 
 
 def check_controller(mission: Mission, controller: Controller) -> None:
@@ -356,7 +384,8 @@ def _fly(
                 *parts, flights, apart_of(mission), exchange, needed, state, work, results, first, last
             )
 
-    exchanges = [make_exchange(world, deputies, mission.fleet.sharing, lanes) for _ in range(workers)]
+    lost = lost_messages(mission, scenarios)
+    exchanges = [make_exchange(world, mission.fleet, lanes, lost) for _ in range(workers)]
     states = [make_state(world, parts[-1], lanes) for _ in range(workers)]
     works = [make_workspace(world, lanes) for _ in range(workers)]
     in_threads(fly_shares, exchanges, states, works, workers=workers)

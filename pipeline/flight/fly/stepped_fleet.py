@@ -18,6 +18,7 @@ from pipeline.flight.period.decide.thrust import command_given
 from pipeline.flight.period.steps import act, look
 from pipeline.flight.state.arrays import FlightState, FullOptics, Moment, Plans, Workspace, World
 from pipeline.flight.state.errors import ModelErrors
+from pipeline.settings.fleet import Fleet
 
 
 @compiled(nogil=True, error_model="numpy")
@@ -77,7 +78,8 @@ class SteppedFleet(SteppedFlights):
 
     def _allocated(self) -> tuple[Any, ...]:
         """Return the state of the fleet, and what its deputies exchange."""
-        self._exchange = make_exchange(self._world, len(self.samples), "mask", FEW_LANES)
+        fleet = Fleet(deputies=len(self.samples), sharing="mask")
+        self._exchange = make_exchange(self._world, fleet, FEW_LANES)
         return make_states(self._world, self._errors, FEW_LANES, 1), self._exchange
 
     @property
@@ -98,4 +100,5 @@ class SteppedFleet(SteppedFlights):
 
     def _arrays(self) -> list[Any]:
         """Return the arrays that change as the fleet is started and stepped."""
-        return [*super()._arrays(), *(part for part in self._exchange if isinstance(part, np.ndarray))]
+        exchanged = (*self._exchange, *self._exchange.link)
+        return [*super()._arrays(), *(part for part in exchanged if isinstance(part, np.ndarray))]

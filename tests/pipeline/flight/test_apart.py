@@ -6,95 +6,22 @@ from scipy.optimize import LinearConstraint, minimize
 
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers.source import load
-from pipeline.flight.fly.fleets import apart_of
-from pipeline.flight.fly.workspace import make_state
 from pipeline.flight.goals.flights import fly_all
-from pipeline.flight.period.act.apart import assure_apart
-from pipeline.flight.reference.motion import pushed
-from pipeline.flight.reference.safety import SafetyLayer
-from pipeline.flight.state.arrays import Moment
-from pipeline.flight.world.pack import pack_world
 from pipeline.scenarios import evaluation_scenarios
 from pipeline.settings.experiment import SettingError
-
-APART_M = 10.0
-WORDS = ("+experiment=evaluate_fleet", "controller=champion_27", "sun=random", "safety=filter")
-
-
-def mission_of(deputies: int, *words: str):
-    fleet = (f"fleet.deputies={deputies}", f"fleet.keep_apart_m={APART_M:g}")
-    return compose_experiment([*WORDS, *fleet, *words]).experiment.mission
-
-
-class Fleet:
-    """Deputies whose commands are corrected by the product, and moved by SciPy's matrix exponential."""
-
-    def __init__(self, mission, states: np.ndarray) -> None:
-        self.mission, self.states = mission, states
-        self._world, self._apart = pack_world(mission.of_each), apart_of(mission)
-        self._state = make_state(self._world, None)
-        self.layer = SafetyLayer(mission.of_each)
-        # P, from a state to the place of its stop
-        self.stops = self.layer.checks[1]
-
-    def corrected(self, forces: np.ndarray) -> np.ndarray:
-        count, lanes = len(self.states), self._state
-        for lane in range(lanes.truth.position.shape[1]):
-            row = min(lane, count - 1)
-            lanes.truth.position[:, lane], lanes.truth.velocity[:, lane] = np.split(self.states[row], 2)
-            lanes.lanes.commanded[:, lane] = forces[row]
-        assure_apart(Moment(self._world, self._state, 0, count, 0), self._apart)
-        return np.array(lanes.lanes.commanded[:, :count].T)
-
-    def move(self, forces: np.ndarray) -> None:
-        period = self.mission.control_period_s
-        moved = zip(self.states, forces, strict=True)
-        self.states = np.array([pushed(self.mission, state, force, period) for state, force in moved])
-
-    def aims(self) -> np.ndarray:
-        """Forces with which each deputy's next stop would be where the next deputy's is, within the clip."""
-        stop_places = self.states @ self.stops.T
-        free = self.states @ (self.stops @ self.layer.phi).T
-        gain = self.stops @ self.layer.gamma
-        wanted = np.linalg.solve(gain, (np.roll(stop_places, -1, axis=0) - free).T).T
-        return np.clip(wanted, -1.0, 1.0)
-
-    def least(self) -> float:
-        positions = self.states[:, :3]
-        pairs = [np.linalg.norm(positions[i] - positions[:i], axis=1).min() for i in range(1, len(positions))]
-        return float(min(pairs))
-
-
-def drawn(mission, deputies: int, random: np.random.Generator, spread_m: float = 35.0) -> Fleet:
-    """Fleets whose stops are apart and between the spheres, and can be stopped at."""
-    while True:
-        states = random.normal(0.0, [*[spread_m] * 3, *[0.1] * 3], (deputies, 6))
-        states[:, 0] += 2.0 * (35.0 - spread_m)
-        fleet = Fleet(mission, states)
-        stop_places = states @ fleet.stops.T
-        gaps = [np.linalg.norm(stop_places[i] - stop_places[:i], axis=1).min() for i in range(1, deputies)]
-        if min(gaps) >= APART_M and all(fleet.layer.excesses(state, 2).max() < 0.0 for state in states):
-            return fleet
+from tests.pipeline.flight.attacks import APART_M, LINKS, WORDS, attacks, drawn, mission_of
 
 
 @pytest.mark.parametrize("deputies", [2, 3, 5])
-def test_deputies_that_aim_at_one_another_never_come_nearer(deputies):
-    mission, random = mission_of(deputies), np.random.default_rng([84, deputies])
+@pytest.mark.parametrize("link", LINKS)
+def test_deputies_that_aim_at_one_another_never_come_nearer(deputies, link):
     least, unguarded, changed = np.inf, np.inf, 0
-    for attack in range(6):
-        fleet = drawn(mission, deputies, random)
-        alone = Fleet(mission, fleet.states.copy())
-        for k in range(40):
-            wanted = fleet.aims() if attack % 3 or k % 4 else random.uniform(-1.0, 1.0, (deputies, 3))
-            forces = fleet.corrected(wanted)
-            changed += int(np.abs(forces - wanted).max() > 1e-6)
-            assert np.abs(forces).max() <= 1.0
-            fleet.move(forces)
-            alone.move(alone.aims())
-            least, unguarded = min(least, fleet.least()), min(unguarded, alone.least())
-            distances = np.linalg.norm(fleet.states[:, :3], axis=1)
-            assert mission.keep_out_m - 1e-5 <= distances.min()
-            assert distances.max() <= mission.keep_in_m + 1e-5
+    for fleet, alone, num_changed in attacks(deputies, link, 6, 84):
+        changed += num_changed
+        least, unguarded = min(least, fleet.least()), min(unguarded, alone.least())
+        distances = np.linalg.norm(fleet.states[:, :3], axis=1)
+        assert fleet.mission.keep_out_m - 1e-5 <= distances.min()
+        assert distances.max() <= fleet.mission.keep_in_m + 1e-5
     assert least >= APART_M
     assert unguarded < 0.6 * APART_M
     assert changed > 60

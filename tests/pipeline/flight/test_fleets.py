@@ -9,7 +9,7 @@ from scipy.linalg import expm
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers.source import load, named
 from pipeline.flight.control.controller import ControllerError, coast
-from pipeline.flight.fly.fleets import OF_DEPUTIES, fly_all_fleets, room_for_messages
+from pipeline.flight.fly.fleets import OF_DEPUTIES, fly_all_fleets, lost_messages, room_for_messages
 from pipeline.flight.fly.reference import reference_of
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.goals.flights import fly_all
@@ -44,6 +44,9 @@ FLEETS = {
     "who leave what is nearer to others": ("fleet.sharing=nearer", "fleet.deputies=3"),
     "with fixes and real thrusters": ("navigation=fixes", "actuators=real"),
     "in a low orbit": ("world=leo",),
+    "who hear late": ("fleet.delay_periods=3", "monte_carlo.parked=true"),
+    "who lose messages": ("fleet.lost_percent=60", "fleet.deputies=3", "monte_carlo.parked=true"),
+    "who hear a mask late or never": ("fleet.sharing=mask", "fleet.delay_periods=1", "fleet.lost_percent=30"),
 }
 
 
@@ -55,14 +58,18 @@ def test_fleets_are_those_of_the_reference_period_by_period(name):
     outcomes, tracks, mission, controller, scenarios = flown(*words, deputies=deputies)
     case = 1
     flights = [reference_of(mission.of_each, controller, start) for start in scenarios[case].fleet]
-    fleet, num_left = reference.start(flights), 0
+    fleet, num_left, lost = reference.start(flights), 0, lost_messages(mission, [scenarios[case]])
     for k in range(mission.num_controls + 1):
         truths = [state.truth.copy() for state in fleet.deputies]
-        looks, acts = reference.fleet_period(flights, k, fleet, mission.fleet.sharing)
+        looks, acts = reference.fleet_period(
+            flights, k, fleet, mission.fleet, lost[0, k] > 0 if len(lost) else None
+        )
         np.testing.assert_allclose(tracks[case, :, k, :6], truths, rtol=1e-5, atol=1e-4, err_msg=f"{k}")
         if mission.fleet.sharing != "nothing":
             is_open = fleet.seen_by == reference.NOBODY
-            assert (tracks[case, :, k, TRACK_LEFT] == is_open.sum()).all(), k
+            known = np.array([state.is_inspected for state in fleet.deputies])
+            if acts:
+                assert (tracks[case, :, k, TRACK_LEFT] == (~known).sum(axis=1)).all(), k
             num_left += sum((look.is_inspected & is_open).sum() for look in looks)
         if acts:
             fired = [act.thrust.fired for act in acts]

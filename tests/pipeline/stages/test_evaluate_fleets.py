@@ -78,7 +78,13 @@ def test_the_summary_tells_of_the_fleet(evaluated):
     run, folder = evaluated
     summary = artifacts.read_json(folder, artifacts.SUMMARY)
     episodes = pq.read_table(folder / artifacts.EPISODES).to_pydict()
-    assert summary["fleet"] == {"deputies": 3, "sharing": "nearer", "keep_apart_m": 0.0}
+    assert summary["fleet"] == {
+        "deputies": 3,
+        "sharing": "nearer",
+        "delay_periods": 0,
+        "lost_percent": 0.0,
+        "keep_apart_m": 0.0,
+    }
     assert summary["optimum"] == {"not_compared": "the plans are of one deputy"}
     for name in ("delta_v_m_s", "greatest_delta_v_m_s", "nearest_pair_m"):
         assert summary[name]["mean"] == statistic(np.array(episodes[name]), 95.0).mean
@@ -112,9 +118,10 @@ def test_each_deputy_is_recorded_as_it_flew(evaluated):
 
 
 @pytest.mark.parametrize("keep_apart_m", [0, 95])
+@pytest.mark.parametrize("link", [(), ("fleet.delay_periods=2", "fleet.lost_percent=30")], ids=["", "late"])
 @pytest.mark.parametrize("sharing", SHARING)
-def test_a_deputys_log_has_the_bits_of_the_fleet(sharing, keep_apart_m):
-    words = ["controller=champion_27", "sun=random", f"fleet.sharing={sharing}"]
+def test_a_deputys_log_has_the_bits_of_the_fleet(sharing, link, keep_apart_m):
+    words = ["controller=champion_27", "sun=random", f"fleet.sharing={sharing}", *link]
     words += ["safety=filter", f"fleet.keep_apart_m={keep_apart_m}"] if keep_apart_m else []
     experiment = composed(*words, experiment="evaluate_fleet").experiment
     mission = replace(experiment.mission, duration_s=1800.0)

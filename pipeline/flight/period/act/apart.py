@@ -4,9 +4,15 @@ docs/explanation/fleets.md has the construction and its proof. The force ``f_sto
 within a control period, at ``p = P s`` (`pipeline.flight.period.act.safety`). Between two deputies lies the
 plane midway between their stops p_i and p_j, across ``u = (p_i - p_j) / |p_i - p_j|``. Each keeps its next
 sample and its next stop half the least distance on its own side. Both are linear in the force that is sought.
+
+A deputy that did not hear where another stops keeps both in a cube around its own stop, so small that they
+stay apart wherever the other may be by now, and whichever plane or cube it keeps.
 """
 
-from typing import NamedTuple
+from math import sqrt
+from typing import Annotated, NamedTuple
+
+import numpy as np
 
 from fis_tools.compiled.decorator import compiled
 from fis_tools.compiled.three import (
@@ -21,6 +27,7 @@ from fis_tools.compiled.three import (
     write_three,
 )
 from fis_tools.compiled.vectors import splat, store, width_of
+from fis_tools.engines.kernel import LANES
 from pipeline.array_types import Floats
 from pipeline.flight.period.act.safety import (
     HALVINGS,
@@ -36,7 +43,8 @@ from pipeline.flight.period.act.safety import (
     next_state,
     project,
 )
-from pipeline.flight.state.arrays import Moment, World
+from pipeline.flight.period.decide.link import Link, arrives
+from pipeline.flight.state.arrays import Moment, World, allocated
 from pipeline.flight.state.lanes import clip_three
 from pipeline.flight.state.log import APART, SAFE, SPEED
 from pipeline.physics.motion import (
@@ -53,16 +61,27 @@ ROUNDING = 1e-9
 
 
 class Apart(NamedTuple):
-    """How far apart deputies are kept."""
+    """How far apart the D deputies of fleets side by side are kept, and what each knows of the others' stops.
+
+    Of L lanes; S = delay + 2 samples of stops are kept, the latest in place of the oldest.
+    """
 
     deputies: int  # of a fleet
     distance: float  # m
-    cuts: Floats  # (2 (deputies - 1) + MOST_CUTS, 4) half-spaces g . f >= b: the planes, then other limits
+    # half-spaces g . f >= b: two for each plane, twelve of a cube, then those of other limits
+    cuts: Annotated[Floats, "N", 4]
+    stops: Annotated[Floats, "S", "L", 3]  # m
+    # at least so far from a lane's stop is that of each deputy of its fleet, as it knows, m
+    gaps: Annotated[Floats, "L", "D"]
+    # (u_x, u_y, u_z, level): beyond this plane, u . r <= level, the other has kept its stop; level NaN: none
+    planes: Annotated[Floats, "L", "D", 4]
 
 
-def num_half_spaces(deputies: int) -> int:
-    """Return the number of half-spaces that keep a deputy of a fleet apart and inside its limits."""
-    return 2 * (deputies - 1) + MOST_CUTS
+def make_apart(deputies: int, distance: float, delay: int, lanes: int = LANES) -> Apart:
+    """Allocate what keeps the deputies of one thread's fleets apart."""
+    sizes = {"N": 2 * (deputies - 1) + 12 + MOST_CUTS, "S": delay + 2, "L": lanes, "D": deputies}
+    apart: Apart = allocated(Apart, sizes, deputies=deputies, distance=distance)
+    return apart
 
 
 @compiled(error_model="numpy")
@@ -74,28 +93,97 @@ def stop_of_lane(now: Moment, lane: int) -> Three:
 
 
 @compiled(error_model="numpy")
-def place_planes(now: Moment, apart: Apart, lane: int, free: Flying) -> int:
-    """Write the half-spaces of forces that keep a deputy on its side of each plane; return their number.
+def nearer_by(gap: float, distance: float) -> float:
+    """Return how near to a stop one that is at least `gap` away may be after a control period, m.
 
-    Two deputies whose stops are nearer than the least distance keep what they have.
+    Whether it keeps to its side of the plane between them, or to its cube.
     """
-    world, cuts, num_planes = now.world, apart.cuts, 0
-    first, stop = lane - lane % apart.deputies, stop_of_lane(now, lane)
+    return 0.5 * (gap + min(gap, distance))
+
+
+@compiled(error_model="numpy")
+def gap_heard(apart: Apart, now: Moment, lane: int, other: int, distance: float, delay: int) -> float:
+    """Return how far from a lane's stop another's is at least, by where it was a delay before, m."""
+    size = len(apart.stops)
+    stop = three_of(apart.stops[(now.k - delay) % size, lane])
+    gap = length(stop - three_of(apart.stops[(now.k - delay) % size, other]))
+    for k in range(now.k - delay + 1, now.k + 1):
+        moved = three_of(apart.stops[k % size, lane])
+        gap, stop = nearer_by(gap, distance) - length(moved - stop), moved
+    return gap
+
+
+@compiled(error_model="numpy")
+def sense_gaps(now: Moment, apart: Apart, link: Link, distance: float) -> None:
+    """Note at a sample where all stop, and how near to each the others may stop, by what it heard of them.
+
+    All starts are known to all.
+    """
+    deputies, size, k = apart.deputies, len(apart.stops), now.k
+    for lane in range(now.num_lanes):
+        stop = stop_of_lane(now, lane)
+        for axis, value in enumerate((stop.x, stop.y, stop.z)):
+            apart.stops[k % size, lane, axis] = value
+    for lane in range(now.num_lanes):
+        first, stop = lane - lane % deputies, three_of(apart.stops[k % size, lane])
+        before = three_of(apart.stops[(k - 1) % size, lane])
+        for deputy in range(deputies):
+            gap, plane = apart.gaps[lane, deputy], apart.planes[lane, deputy]
+            if k == 0:
+                gap = length(stop - three_of(apart.stops[0, first + deputy]))
+            elif np.isnan(plane[3]):
+                gap = nearer_by(gap, distance) - length(stop - before)
+            else:
+                gap = dot(three_of(plane), stop) - plane[3]
+            if k > 0 and arrives(link, now, lane, deputy, deputies):
+                gap = max(gap, gap_heard(apart, now, lane, first + deputy, distance, link.delay))
+            apart.gaps[lane, deputy] = gap
+
+
+@compiled(error_model="numpy")
+def place_side(world: World, free: Flying, along: Three, level: float, cuts: Floats) -> None:
+    """Write the two half-spaces of forces after which sample and stop have a component, m, at least."""
     step, rows = propagator_of(world.motion, 0), position_rows_of(world.guard.checks, 1)
-    for other in range(first, first + apart.deputies):
+    write_three(cuts[0], effect_along(step, along, Three(0.0, 0.0, 0.0)))
+    cuts[0, 3] = level - dot(along, free[0])
+    p, q = position_gradients(rows, along)
+    write_three(cuts[1], effect_along(step, p, q))
+    cuts[1, 3] = level - dot(p, free[0]) - dot(q, free[1])
+
+
+@compiled(error_model="numpy")
+def place_planes(now: Moment, apart: Apart, link: Link, lane: int, free: Flying) -> int:
+    """Write the half-spaces of forces that keep a deputy apart from all others; return their number.
+
+    From those it has just heard it stays on its side of planes, for all others in one cube. Two deputies
+    whose stops are nearer than the least distance keep what they have.
+    """
+    world, cuts, num_planes, room = now.world, apart.cuts, 0, np.inf
+    first, slot = lane - lane % apart.deputies, now.k % len(apart.stops)
+    stop, distance = three_of(apart.stops[slot, lane]), apart.distance + 2.0 * SLACK
+    for deputy in range(apart.deputies):
+        other, plane = first + deputy, apart.planes[lane, deputy]
+        plane[3] = np.nan
         if other == lane:
             continue
-        other_stop = stop_of_lane(now, other)
+        if link.delay > 0 or not arrives(link, now, lane, deputy, apart.deputies):
+            room = min(room, 0.5 * (apart.gaps[lane, deputy] - distance))
+            continue
+        other_stop = three_of(apart.stops[slot, other])
         between = stop - other_stop
-        distance = length(between)
-        along = between / max(distance, TOLERANCE)
-        level = 0.5 * (dot(along, stop + other_stop) + min(distance, apart.distance + 2.0 * SLACK))
-        write_three(cuts[num_planes], effect_along(step, along, Three(0.0, 0.0, 0.0)))
-        cuts[num_planes, 3] = level - dot(along, free[0])
-        p, q = position_gradients(rows, along)
-        write_three(cuts[num_planes + 1], effect_along(step, p, q))
-        cuts[num_planes + 1, 3] = level - dot(p, free[0]) - dot(q, free[1])
+        along = between / max(length(between), TOLERANCE)
+        half = 0.5 * min(length(between), distance)
+        level = 0.5 * dot(along, stop + other_stop)
+        write_three(plane, along)
+        plane[3] = level - half
+        place_side(world, free, along, level + half, cuts[num_planes:])
         num_planes += 2
+    for axis in range(3 if room < np.inf else 0):
+        for side in (-1.0, 1.0):
+            along = Three(side * (axis == 0), side * (axis == 1), side * (axis == 2))
+            level = dot(along, stop) - max(room, 0.0) / sqrt(3.0)
+            place_side(world, free, along, level, cuts[num_planes:])
+            num_planes += 2
     return num_planes
 
 
@@ -163,16 +251,17 @@ def corrected(
 
 
 @compiled(error_model="numpy")
-def assure_apart(now: Moment, apart: Apart) -> None:
+def assure_apart(now: Moment, apart: Apart, link: Link) -> None:
     """Correct the commands that lead a deputy over a plane, or beyond what the safety layer limits."""
     world, lanes, belief, k = now.world, now.state.lanes, now.state.belief, now.k
     store(lanes.limit, 0, splat(0.0, width_of(lanes)))
     store_three(lanes.change, 0, same(0.0, width_of(lanes)))
     num_checks, most = len(world.guard.checks.transition), world.guard.planned_force
+    sense_gaps(now, apart, link, apart.distance + 2.0 * SLACK)
     for lane in range(now.num_lanes):
         known = lane_of(belief.position, 0, lane), lane_of(belief.velocity, 0, lane)
         requested, free = lane_of(lanes.commanded, 0, lane), free_state(world, k, known)
-        num_planes = place_planes(now, apart, lane, free)
+        num_planes = place_planes(now, apart, link, lane, free)
         limit = most_exceeded(world, k, next_state(world, k, free, requested), num_checks)[0]
         if limit == SAFE and max(abs(requested.x), abs(requested.y), abs(requested.z)) > most:
             limit = SPEED

@@ -2,8 +2,8 @@
 
 The deputies of a fleet are neighbouring lanes, and fleets lie side by side. In each control period a deputy
 tells which points it has seen, which of the others coasting to the flight's end would show it, and where it
-believes to be. It leaves points only while its own coasting stays within its limits: with nothing left to do
-it coasts.
+believes to be; `pipeline.flight.period.decide.link` brings it to the others. It leaves points only while its
+own coasting stays within its limits: with nothing left to do it coasts.
 """
 
 from math import sqrt
@@ -25,6 +25,7 @@ from fis_tools.compiled.three import (
 )
 from fis_tools.compiled.vectors import Vector, count, least, load, select, some, splat, store
 from pipeline.array_types import Floats, Integers
+from pipeline.flight.period.decide.link import Link, hear_promises, hear_seen, tell_seen
 from pipeline.flight.period.decide.preview import coast_on
 from pipeline.flight.period.decide.thrust import COAST_MARGIN, is_decision
 from pipeline.flight.period.look.guidance import POINTS
@@ -44,8 +45,10 @@ class Exchange(NamedTuple):
 
     deputies: int  # of a fleet
     sharing: int
+    link: Link
     unseen: Annotated[Floats, "F", "P"]  # 1 where a point counts and no deputy has seen it
     seen_by: Annotated[Integers, "F", "P"]  # the first deputy that saw a point, or `NOBODY`
+    known: Annotated[Floats, "L", "P"]  # 1 where a point counts and none has seen it that a deputy knows of
     ahead: Annotated[Floats, "L", "P"]  # 1 where coasting would not show a deputy such a point either
     left_to: Annotated[Integers, "L", "P"]  # the deputy that a point is left to, or `NOBODY`
     # least distance inside the limits while coasting to the end, m; negative outside
@@ -55,35 +58,43 @@ class Exchange(NamedTuple):
 @compiled(error_model="numpy")
 def begin(now: Moment, exchange: Exchange) -> None:
     """Begin fleets at their starts, where nothing is seen."""
-    for lane in range(0, now.num_lanes, exchange.deputies):
-        exchange.unseen[lane // exchange.deputies] = now.state.unseen[lane]
+    for lane in range(now.num_lanes):
+        if lane % exchange.deputies == 0:
+            exchange.unseen[lane // exchange.deputies] = now.state.unseen[lane]
+        exchange.known[lane] = now.state.unseen[lane]
+        exchange.ahead[lane] = 1.0
     exchange.seen_by[:] = NOBODY
 
 
 @compiled(error_model="numpy")
 def heed(now: Moment, exchange: Exchange) -> None:
-    """Leave every deputy what no deputy of its fleet has seen."""
+    """Leave every deputy what no deputy of its fleet has seen that it knows of."""
     state = now.state
     for lane in range(now.num_lanes if exchange.sharing > NOTHING else 0):
-        unseen, num_unseen = exchange.unseen[lane // exchange.deputies], 0.0
+        known, num_unseen = exchange.known[lane], 0.0
         for j in range(now.world.num_points):
-            state.unseen[lane, j] = unseen[j]
-            num_unseen += unseen[j]
+            state.unseen[lane, j] = known[j]
+            num_unseen += known[j]
         state.lanes.num_unseen[lane] = num_unseen
 
 
 @compiled(error_model="numpy")
 def pool(now: Moment, exchange: Exchange) -> None:
-    """Gather what the deputies have seen at a sample, and let them heed it.
+    """Gather what the deputies have seen at a sample, and let them heed what they hear of it.
 
     A point is the first deputy's that saw it; at one sample the first of the fleet's.
     """
-    deputies = exchange.deputies
+    deputies, link = exchange.deputies, exchange.link
+    tell_seen(now, link)
     for lane in range(now.num_lanes):
         unseen, seen_by = exchange.unseen[lane // deputies], exchange.seen_by[lane // deputies]
         for j in range(now.world.num_points):
             if unseen[j] > 0.0 and now.state.unseen[lane, j] == 0.0:
                 unseen[j], seen_by[j] = 0.0, lane % deputies
+    for lane in range(now.num_lanes):
+        exchange.known[lane] = now.state.unseen[lane]
+        if exchange.sharing > NOTHING:
+            hear_seen(now, link, lane, deputies, exchange.known[lane])
     heed(now, exchange)
 
 
@@ -134,7 +145,7 @@ def promise(
     sense_room(now, exchange)
     for lane in range(now.num_lanes):
         ahead = exchange.ahead[lane]
-        ahead[:] = exchange.unseen[lane // exchange.deputies]
+        ahead[:] = exchange.known[lane]
         if exchange.room[0, lane] >= margin and state.lanes.num_unseen[lane] > 0.0:
             position = lane_of(state.belief.position, 0, lane)
             velocity = lane_of(state.belief.velocity, 0, lane)
@@ -146,10 +157,9 @@ def promise(
 @compiled(error_model="numpy")
 def taker(now: Moment, exchange: Exchange, lane: int, point: int) -> int:
     """Return the deputy of its fleet that a lane leaves a point to, or `NOBODY`."""
-    deputies, deputy = exchange.deputies, lane % exchange.deputies
-    first = lane - deputy
+    deputies, deputy, link = exchange.deputies, lane % exchange.deputies, exchange.link
     for other in range(deputies):
-        if other != deputy and exchange.ahead[first + other, point] == 0.0:
+        if other != deputy and link.heard_ahead[lane, other, point] == 0.0:
             return other
     if exchange.sharing < NEARER or exchange.ahead[lane, point] == 0.0:
         return NOBODY
@@ -158,7 +168,9 @@ def taker(now: Moment, exchange: Exchange, lane: int, point: int) -> int:
     for other in range(deputies):
         along, square = 0.0, 0.0
         for axis in range(3):
-            component = now.state.belief.position[axis, first + other]
+            component = link.heard_positions[lane, other, axis]
+            if other == deputy:
+                component = now.state.belief.position[axis, lane]
             along += component * points[axis, point]
             square += component * component
         if along > greatest * sqrt(square):
@@ -172,7 +184,7 @@ def leave(now: Moment, exchange: Exchange, margin: float) -> None:
     state = now.state
     for lane in range(now.num_lanes):
         for j in range(now.world.num_points):
-            is_open = exchange.room[0, lane] >= margin and exchange.unseen[lane // exchange.deputies, j] > 0.0
+            is_open = exchange.room[0, lane] >= margin and exchange.known[lane, j] > 0.0
             other = taker(now, exchange, lane, j) if is_open else NOBODY
             exchange.left_to[lane, j] = other
             if other != NOBODY:
@@ -216,10 +228,16 @@ def share_out(
 ) -> None:
     """Leave points to one another where a force is decided on, and choose targets among what is left."""
     exchange.left_to[:] = NOBODY
-    if exchange.sharing >= LEAVE and is_decision(control.law, now.k):
-        margin = constant_of(control, COAST_MARGIN)
-        promise(now, optics, exchange, margin, work.ahead, work.lit, work.seen)
-        leave(now, exchange, margin)
+    if exchange.sharing >= LEAVE:
+        margin, link = constant_of(control, COAST_MARGIN), exchange.link
+        is_due = is_decision(control.law, now.k)
+        if is_due:
+            promise(now, optics, exchange, margin, work.ahead, work.lit, work.seen)
+        link.ahead[now.k % len(link.ahead)] = exchange.ahead
+        for lane in range(now.num_lanes):
+            hear_promises(now, link, lane, exchange.deputies)
+        if is_due:
+            leave(now, exchange, margin)
     for lane in range(now.num_lanes):
         choose_lane_target(now, work, optics, clusters, lane)
 
