@@ -28,6 +28,7 @@ CAMPAIGNS = (
     "field",
     "first_push",
     "fleet",
+    "fleet_attacks",
     "flights",
     "foresight",
     "forge",
