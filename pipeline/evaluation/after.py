@@ -4,13 +4,14 @@ Motion is that of `pipeline.flight.world.coasting`.
 """
 
 from collections.abc import Sequence
+from itertools import combinations
 from math import pi
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.array_types import Booleans
+from pipeline.array_types import Booleans, Floats
 from pipeline.flight.world.coasting import FreeMotion
 from pipeline.settings.experiment import Mission
 
@@ -38,8 +39,8 @@ def aftermath(mission: Mission, tracks: NDArray[Any], workers: int = 1) -> After
     Tracks of fleets, (n, D, K+1, 6 or more), tell it of each deputy: arrays of shape (n, D).
     None where an orbit is so long, and control periods so short, that there would be too many samples.
     """
-    orbit = 2.0 * pi / mission.orbit.mean_motion_rad_s
-    if ORBITS[-1] * orbit / mission.control_period_s > MOST_SAMPLES:
+    orbit = _orbit_s(mission)
+    if orbit is None:
         return None
     if tracks.ndim == 4:
         each = aftermath(mission.of_each, tracks.reshape(-1, *tracks.shape[2:]), workers)
@@ -56,6 +57,31 @@ def aftermath(mission: Mission, tracks: NDArray[Any], workers: int = 1) -> After
         is_safe = np.asarray(np.min(nearest[:, 1:], axis=1) >= low)
         parts.append(Aftermath(stay[0], stay[1], is_safe))
     return joined(parts)
+
+
+def _orbit_s(mission: Mission) -> float | None:
+    """Return the time of an orbit, s; None where it has too many samples."""
+    orbit = 2.0 * pi / mission.orbit.mean_motion_rad_s
+    return orbit if ORBITS[-1] * orbit / mission.control_period_s <= MOST_SAMPLES else None
+
+
+def coasting_pairs(mission: Mission, tracks: NDArray[Any], workers: int = 1) -> Floats:
+    """Return how near two deputies would come within an orbit if all thrusters failed, (n,), m.
+
+    At any sample after the start, which is not the controllers', and all at the same. `tracks` are those of n
+    fleets, (n, D, K+1, 6 or more). NaN where an orbit has too many samples.
+    """
+    orbit, nearest = _orbit_s(mission), np.full(len(tracks), np.inf)
+    if orbit is None:
+        return np.full(len(tracks), np.nan)
+    motion = FreeMotion(mission, ORBITS[-1] * orbit)
+    for first in range(0, len(tracks), CHUNK):
+        part = slice(first, first + CHUNK)
+        for pair in combinations(range(tracks.shape[1]), 2):
+            states = tracks[part, list(pair), :, :6].astype(np.float64)
+            between, _ = motion.distances(states[:, 0] - states[:, 1], orbit, workers, is_relative=True)
+            nearest[part] = np.minimum(nearest[part], between[:, 1:].min(axis=1))
+    return nearest
 
 
 def joined(parts: Sequence[Aftermath | None]) -> Aftermath | None:

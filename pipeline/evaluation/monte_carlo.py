@@ -3,7 +3,7 @@
 import math
 from collections import defaultdict
 from collections.abc import Iterable
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from fis_tools.processors import num_processors
 from pipeline.constants import STANDARD_GRAVITY_M_S2
 from pipeline.evaluation import blocks
-from pipeline.evaluation.after import Aftermath, aftermath, joined
+from pipeline.evaluation.after import Aftermath, aftermath, coasting_pairs, joined
 from pipeline.evaluation.statistics import Column, Columns, statistic, succeeds
 from pipeline.flight.cases.dispersions import drawn
 from pipeline.flight.control.controller import Controller
@@ -88,8 +88,7 @@ def fly_fleets(
     deputies : dict of (n D,) arrays
         A column for each quantity of a deputy.
     """
-    outcomes, tracks = fly_tracked(mission, controller, scenarios, workers)
-    after = aftermath(mission, tracks, workers or num_processors())
+    outcomes, after = _followed(mission, *fly_tracked(mission, controller, scenarios, workers), workers)
     assert isinstance(outcomes, FleetOutcomes)  # noqa: S101 - of a mission of fleets
     episodes = episode_columns(mission, scenarios, outcomes, after)
     return episodes, deputy_columns(scenarios, outcomes, after)
@@ -120,10 +119,21 @@ def fly_followed(
         return fly_all(mission, controller, scenarios, workers), None
     outcomes, after = [], []
     for first in range(0, len(scenarios), FOLLOWED):
-        part, tracks = fly_tracked(mission, controller, scenarios[first : first + FOLLOWED], workers)
+        flown = fly_tracked(mission, controller, scenarios[first : first + FOLLOWED], workers)
+        part, following = _followed(mission, *flown, workers)
         outcomes.append(part)
-        after.append(aftermath(mission, tracks, workers or num_processors()))
+        after.append(following)
     return combined(outcomes), joined(after)
+
+
+def _followed(
+    mission: Mission, outcomes: Outcomes, tracks: NDArray[np.float32], workers: int | None
+) -> tuple[Outcomes, Aftermath | None]:
+    """Return outcomes with what free motion of fleets would lead to, and what follows flights."""
+    workers = workers or num_processors()
+    if isinstance(outcomes, FleetOutcomes):
+        outcomes = replace(outcomes, coasting_pair_m=coasting_pairs(mission, tracks, workers))
+    return outcomes, aftermath(mission, tracks, workers)
 
 
 def episode_columns(
@@ -176,6 +186,7 @@ def _of_fleet(outcomes: FleetOutcomes) -> dict[str, Column]:
         "greatest_delta_v_m_s": spent.max(axis=1),
         "nearest_pair_m": outcomes.nearest_pair_m,
         "enough_s": outcomes.enough_s,
+        **({} if np.isnan(pairs := outcomes.coasting_pair_m).any() else {"coasting_pair_m": pairs}),
     }
 
 
@@ -228,6 +239,8 @@ def summarised(episodes: Columns) -> tuple[list[str], dict[str, NDArray[np.bool_
         shares["held"] = episodes["excess_m_s"] == 0.0
     if "nearest_pair_m" in episodes:  # of fleets
         names += ["greatest_delta_v_m_s", "nearest_pair_m"]
+    if "coasting_pair_m" in episodes:
+        names.append("coasting_pair_m")
     if "propellant_kg" in episodes:
         names.append("propellant_kg")
     if "full_wheel_s" in episodes:

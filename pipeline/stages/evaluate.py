@@ -141,9 +141,12 @@ def _fleet_in_words(experiment: Experiment, summary: Mapping[str, Any]) -> str:
         return ""
     fleet, pair = experiment.mission.fleet, summary["nearest_pair_m"]
     when = f", enough seen after {summary['enough_s']['mean']:.0f} s" if "enough_s" in summary else ""
+    near = f"two come within {pair['minimum']:.1f} m"
+    if "coasting_pair_m" in summary:
+        near += f", {summary['coasting_pair_m']['minimum']:.1f} m in an orbit if all thrusters fail at once"
     return (
         f"\n  {fleet.deputies} deputies together, who heed {fleet.sharing}; the most that one spends "
-        f"{spread(summary['greatest_delta_v_m_s'], 3)} m/s{when}; two come within {pair['minimum']:.1f} m"
+        f"{spread(summary['greatest_delta_v_m_s'], 3)} m/s{when}; {near}"
     )
 
 

@@ -38,7 +38,6 @@ from pipeline.flight.fly.tours import tour_images
 from pipeline.flight.fly.workspace import make_state, make_workspace
 from pipeline.flight.period.act.apart import Apart, assure_apart, make_apart
 from pipeline.flight.period.decide.exchange import Exchange, begin, heed, pool, share_out
-from pipeline.flight.period.decide.link import Link
 from pipeline.flight.period.decide.urgency import note_deadlines
 from pipeline.flight.period.steps import act, decide, look, move_on
 from pipeline.flight.state.arrays import (
@@ -52,6 +51,7 @@ from pipeline.flight.state.arrays import (
     allocated,
 )
 from pipeline.flight.state.errors import ModelErrors
+from pipeline.flight.state.link import Link
 from pipeline.flight.state.log import Outcomes, Scenario, points_needed
 from pipeline.flight.state.signals import SETTING, URGENCY
 from pipeline.flight.world.pack import pack_world
@@ -270,6 +270,8 @@ class FleetOutcomes(Outcomes):
 
     enough_s: Floats  # (m,) when enough points are seen for a success; NaN where they never are
     nearest_pair_m: Floats  # (m,) least distance between two deputies at a sample
+    # (m,) within an orbit, if all thrusters fail at one sample; NaN where that is not followed
+    coasting_pair_m: Floats
     of_deputies: Floats  # (m, D, len(OF_DEPUTIES))
 
 
@@ -415,5 +417,6 @@ def _together(mission: Mission, each: Outcomes, results: FleetResults) -> FleetO
         full_wheel_s=each.full_wheel_s.sum(axis=1),
         enough_s=np.where(enough_at < 0.0, np.nan, enough_at * mission.control_period_s),
         nearest_pair_m=results.fleets[:, NEAREST_PAIR],
+        coasting_pair_m=np.full(len(enough_at), np.nan),
         of_deputies=np.stack([of_each[name] for name in OF_DEPUTIES], axis=2).astype(np.float64),
     )

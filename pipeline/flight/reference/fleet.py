@@ -19,7 +19,7 @@ NOBODY = -1
 
 
 @dataclass
-class Told:
+class Broadcast:
     """What D deputies tell at a sample.
 
     Attributes
@@ -46,7 +46,7 @@ class FleetState:
     deputies : list of ReferenceState
     seen_by : (P,)
         The first deputy that saw a point, the first of the fleet at one sample; `NOBODY`.
-    told : list of Told
+    broadcasts : list of Broadcast
         What they told at each sample.
     heard : (D, D)
         The sample of the last message that the first heard of the second; -1 before any.
@@ -54,7 +54,7 @@ class FleetState:
 
     deputies: list[ReferenceState]
     seen_by: Integers
-    told: list[Told]
+    broadcasts: list[Broadcast]
     heard: Integers
 
 
@@ -96,16 +96,16 @@ def fleet_period(
     for deputy, seen in enumerate(looks):
         fleet.seen_by[seen.is_inspected & (fleet.seen_by == NOBODY)] = deputy
     is_known = np.array([seen.is_inspected for seen in looks])
-    shown = fleet.told[-1].is_shown if fleet.told else np.zeros_like(is_known)
+    shown = fleet.broadcasts[-1].is_shown if fleet.broadcasts else np.zeros_like(is_known)
     positions = np.array([seen.known[:3] for seen in looks])
-    fleet.told.append(Told(is_known.copy(), shown, positions))
+    fleet.broadcasts.append(Broadcast(is_known.copy(), shown, positions))
     arrives = np.full((count, count), k >= link.delay_periods)
     if is_lost is not None:
         arrives &= ~is_lost
     fleet.heard[arrives] = k - link.delay_periods
     if sharing != "nothing":
         for receiver, sender in np.argwhere(arrives).tolist():
-            is_known[receiver] |= fleet.told[k - link.delay_periods].is_seen[sender]
+            is_known[receiver] |= fleet.broadcasts[k - link.delay_periods].is_seen[sender]
     if k == flights[0].mission.num_controls:
         return looks, []
     left = left_to(flights, k, looks, is_known, fleet, sharing)
@@ -145,19 +145,19 @@ def left_to(
     for deputy, flight in enumerate(flights):
         if stays[deputy]:
             is_shown[deputy] |= ~preview(flight, k, looks[deputy].known, is_known[deputy])[0]
-    fleet.told[k].is_shown = is_shown
+    fleet.broadcasts[k].is_shown = is_shown
     for deputy in range(len(flights)):
         heard = fleet.heard[deputy]
         # all know where all start
-        places = [fleet.told[max(at, 0)].positions[other] for other, at in enumerate(heard)]
-        places[deputy] = looks[deputy].known[:3]
-        bearings = np.array([place / np.linalg.norm(place) for place in places])
+        origins = [fleet.broadcasts[max(at, 0)].positions[other] for other, at in enumerate(heard)]
+        origins[deputy] = looks[deputy].known[:3]
+        bearings = np.array([origin / np.linalg.norm(origin) for origin in origins])
         nearest = np.argmax(bearings @ flights[0].surface_at(k)[0].T, axis=0)
         for point in np.flatnonzero(is_open[deputy] & stays[deputy]).tolist():
             others = [
                 other
                 for other, at in enumerate(heard)
-                if other != deputy and at >= 0 and fleet.told[at].is_shown[other, point]
+                if other != deputy and at >= 0 and fleet.broadcasts[at].is_shown[other, point]
             ]
             if others:
                 left[deputy, point] = others[0]

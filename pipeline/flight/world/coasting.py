@@ -81,7 +81,7 @@ class FreeMotion:
         return np.asarray((rows.reshape(-1, 7) @ known.T).reshape(len(rows), 3, len(states)))
 
     def distances(
-        self, states: Floats, seconds: float, workers: int = 1, sample: int = 0
+        self, states: Floats, seconds: float, workers: int = 1, sample: int = 0, *, is_relative: bool = False
     ) -> tuple[Floats, Floats]:
         """Return the least and the greatest distance of free motion from the states of flights on.
 
@@ -96,6 +96,8 @@ class FreeMotion:
             Threads.
         sample : int
             That of the first state.
+        is_relative : bool
+            Whether states are differences of two deputies', which drag moves alike.
 
         Returns
         -------
@@ -103,6 +105,9 @@ class FreeMotion:
             m.
         """
         whole = self._arcs(seconds)
+        if is_relative:
+            names = ("drift", "offsets", "end_offsets")
+            whole = whole._replace(**{name: np.zeros_like(getattr(whole, name)) for name in names})
         arcs = Arcs(
             *(table if name in BY_INSTANT else table[sample:] for name, table in whole._asdict().items())
         )

@@ -13,6 +13,8 @@ import telemetry
 from pipeline.command_line.cli import main
 from pipeline.controllers.source import load
 from pipeline.evaluation import merging, parts
+from pipeline.evaluation.after import coasting_pairs
+from pipeline.evaluation.monte_carlo import fly_fleets
 from pipeline.evaluation.statistics import statistic
 from pipeline.flight.control.controller import ControllerError
 from pipeline.flight.fly.fleet_logs import DeputyLog, fly_logged_fleet
@@ -32,6 +34,7 @@ from telemetry.file.reader import read
 from telemetry.file.topics import DEPUTY_STATE, MISSION
 from telemetry.page import recorded
 from tests.browser import serious_violations
+from tests.pipeline.evaluation.propagated import linear
 from tests.pipeline.stages.cases import MINIATURE, carried_out, composed, prepared
 
 FLEET = ("controller=champion_27", "sun=random", "fleet.deputies=3")
@@ -277,3 +280,23 @@ def test_a_table_of_unequal_fleets_is_refused(evaluated, tmp_path, change, words
         writer.writerows(rows)
     with pytest.raises(SettingError, match=words):
         composed(*FLEET, "starts=file", f"starts.path={tmp_path / 'starts.csv'}", experiment="evaluate_fleet")
+
+
+def test_how_near_two_would_drift_is_what_scipy_says():
+    """Of a few samples' relative motion, integrated; the least over all of a fleet is among all of them."""
+    experiment = composed(*FLEET, "duration_s=900", experiment="evaluate_fleet").experiment
+    mission, rate = experiment.mission, experiment.mission.orbit.mean_motion_rad_s
+    scenarios = evaluation_scenarios(experiment)[:2]
+    controller, shape = load(experiment.controller, mission), (2, 3, mission.num_controls + 1, NUM_TRACKED)
+    tracks = np.zeros(shape, np.float32)
+    fly_all(mission, controller, scenarios, 1, tracks)
+    times = np.linspace(0.0, 2.0 * np.pi / rate, 700)
+    for fleet, nearest in zip(tracks, coasting_pairs(mission, tracks), strict=True):
+        each = [
+            linear(rate, (fleet[first, k, :6] - fleet[other, k, :6]).astype(np.float64), times).min()
+            for first, other in ((0, 1), (0, 2), (1, 2))
+            for k in range(1, mission.num_controls + 1)
+        ]
+        assert nearest == pytest.approx(min(each), abs=0.05)
+    episodes, _ = fly_fleets(mission, controller, scenarios, 1)
+    np.testing.assert_array_equal(episodes["coasting_pair_m"], coasting_pairs(mission, tracks))

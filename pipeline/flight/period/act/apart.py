@@ -43,9 +43,9 @@ from pipeline.flight.period.act.safety import (
     next_state,
     project,
 )
-from pipeline.flight.period.decide.link import Link, arrives
 from pipeline.flight.state.arrays import Moment, World, allocated
 from pipeline.flight.state.lanes import clip_three
+from pipeline.flight.state.link import Link, arrives
 from pipeline.flight.state.log import APART, SAFE, SPEED
 from pipeline.physics.motion import (
     drifted_position,

@@ -2,7 +2,7 @@
 
 The deputies of a fleet are neighbouring lanes, and fleets lie side by side. In each control period a deputy
 tells which points it has seen, which of the others coasting to the flight's end would show it, and where it
-believes to be; `pipeline.flight.period.decide.link` brings it to the others. It leaves points only while its
+believes to be; `pipeline.flight.state.link` brings it to the others. It leaves points only while its
 own coasting stays within its limits: with nothing left to do it coasts.
 """
 
@@ -25,13 +25,13 @@ from fis_tools.compiled.three import (
 )
 from fis_tools.compiled.vectors import Vector, count, least, load, select, some, splat, store
 from pipeline.array_types import Floats, Integers
-from pipeline.flight.period.decide.link import Link, hear_promises, hear_seen, tell_seen
 from pipeline.flight.period.decide.preview import coast_on
 from pipeline.flight.period.decide.thrust import COAST_MARGIN, is_decision
 from pipeline.flight.period.look.guidance import POINTS
 from pipeline.flight.period.look.optics import beam_now, lit_points
 from pipeline.flight.period.look.sight import choose_cluster
 from pipeline.flight.state.arrays import Control, FullOptics, Moment, Workspace, World, constant_of
+from pipeline.flight.state.link import Link, hear_promises, hear_seen, tell_seen
 from pipeline.physics.motion import drifted_position, drifted_velocity, propagator_of
 from pipeline.physics.transitions import constants_at, follows_course, position_at
 
