@@ -50,7 +50,6 @@ def parse_evaluation(parser: CommandParser, arguments: Sequence[str]) -> tuple[A
     if EXPERIMENT not in {override.key_or_group for override in overrides}:
         words.insert(0, f"+{EXPERIMENT}=evaluate")
     experiment = compose_experiment(words, command.config_dir).experiment
-    experiment.mission.require_one_deputy(parser.prog)
     check_before(experiment)
     return chosen, experiment
 
@@ -72,6 +71,7 @@ def edit(arguments: Sequence[str]) -> int:
     parser.add_argument("--port", type=int, default=0, metavar="PORT")
     parser.add_argument("--no-browser", action="store_true")
     chosen, experiment = parse_evaluation(parser, arguments)
+    experiment.mission.require_one_deputy(parser.prog)
     within("--port", chosen.port, 0, 65535)
     from pipeline.edit.opening import open_editor  # noqa: PLC0415 - the other commands do without a server
 
@@ -88,7 +88,8 @@ def export_c(arguments: Sequence[str]) -> int:
     Keys are those of +experiment=evaluate, such as controller=champion_27 or world=leo. The C is translated
     from the Python that flies. The commands of N recorded flights, 3 unless given, are compared bit by bit,
     and stand in the folder as a test vector. The folder must be new or empty. The exit code is 1 if a
-    command differs. A controller with foresight searches for its plan on board; with --bare it has its rules
+    command differs. Of fleets each deputy flies the same function; what others are known to have seen is an
+    input. A controller with foresight searches for its plan on board; with --bare it has its rules
     alone, and takes pushes that were planned on the ground as an input. With --prefix the names that other
     files see begin with NAME instead of controller, so that several controllers link into one program.
 
@@ -118,14 +119,19 @@ def export_c(arguments: Sequence[str]) -> int:
     mission = experiment.mission
     try:
         check_prefix(chosen.prefix)
+        export.check_fleet(mission.fleet)
         translated = program.translate(
-            mission,
+            mission.of_each,
             load(experiment.controller, mission),
             is_tilted=any(experiment.sun.elevations_deg),
             rules_alone=chosen.bare,
         )
         exported = export.export(
-            translated, evaluation_scenarios(experiment)[: chosen.flights], folder, chosen.prefix
+            translated,
+            evaluation_scenarios(experiment)[: chosen.flights],
+            folder,
+            chosen.prefix,
+            mission.fleet,
         )
     except PrefixError as error:
         raise ConfigError(f"--prefix: {error}") from error

@@ -1,14 +1,16 @@
 """The on-board function of a controller as a folder: its source, the evidence for it, and wrappers."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from fis_tools.file_access import filling, write_text
 from fis_tools.formats.c.text import WARNINGS, plain
+from pipeline.flight.fly.fleet_logs import fly_logged_fleet
 from pipeline.flight.fly.simulation import fly_logged
-from pipeline.flight.state.log import Scenario
+from pipeline.flight.state.log import FlightLog, Scenario
+from pipeline.onboard.allowed import NotTranslatableError
 from pipeline.onboard.evidence import (
     line_runs,
     loop_table,
@@ -24,6 +26,7 @@ from pipeline.onboard.program import OnboardProgram
 from pipeline.onboard.recorded import Library, Recorded, differing, recorded
 from pipeline.onboard.sizes import Sizes, sizes, stack_table
 from pipeline.onboard.source import Sources, rendered, sources
+from pipeline.settings.fleet import Fleet
 
 #: functions of the source whose meaning is told to the analyser, since it does not know the library's
 SPECIFIED = ("nearest_whole", "power_of_two")
@@ -40,6 +43,8 @@ WRAPPERS = (
     *("basilisk/inspectionController.i", "basilisk/CMakeLists.txt"),
     *("fmi/fmi.c", "fmi/modelDescription2.xml", "fmi/modelDescription3.xml", "fmi/build.sh"),
 )
+#: no fleet
+ALONE = Fleet()
 
 
 @dataclass(frozen=True)
@@ -64,10 +69,27 @@ class Exported:
     sizes: Sizes | None
 
 
+def check_fleet(fleet: Fleet) -> None:
+    """Raise NotTranslatableError for what deputies do together that no function on board does."""
+    for key, value, is_there, cure in (
+        ("sharing", fleet.sharing, fleet.sharing in ("nothing", "mask"), "choose mask"),
+        ("keep_apart_m", f"{fleet.keep_apart_m:g}", not fleet.keep_apart_m > 0.0, "leave it out"),
+    ):
+        if fleet.deputies > 1 and not is_there:
+            raise NotTranslatableError(
+                f"fleet.{key} is {value}; on board a deputy takes as input which points others are known to "
+                f"have seen, and nothing decides which to leave, or keeps deputies apart: {cure}"
+            )
+
+
 def export(
-    program: OnboardProgram, scenarios: Sequence[Scenario], folder: Path, prefix: str = USUAL
+    program: OnboardProgram,
+    scenarios: Sequence[Scenario],
+    folder: Path,
+    prefix: str = USUAL,
+    fleet: Fleet = ALONE,
 ) -> Exported:
-    """Write the on-board function, and compare it with flights from some starts.
+    """Write the on-board function, and compare it with flights from some starts, of each deputy.
 
     The folder is new or empty, and stays so if anything fails. The names that other files see begin with the
     prefix.
@@ -80,15 +102,28 @@ def export(
         If a file cannot be written.
     """
     with filling(folder) as unfinished:
-        return _written(program, scenarios, unfinished, prefix)
+        return _written(program, scenarios, unfinished, prefix, fleet)
 
 
-def _written(program: OnboardProgram, scenarios: Sequence[Scenario], folder: Path, prefix: str) -> Exported:
+def _logged(
+    program: OnboardProgram, scenarios: Sequence[Scenario], fleet: Fleet
+) -> tuple[list[Scenario], list[FlightLog]]:
+    """Fly from some starts; return the start and the log of each flight, of fleets those of each deputy."""
+    mission = replace(program.mission, fleet=fleet)
+    if not mission.has_fleet:
+        return list(scenarios), [fly_logged(mission, program.controller, scenario) for scenario in scenarios]
+    logs = [log for case in scenarios for log in fly_logged_fleet(mission, program.controller, case)]
+    return [start for case in scenarios for start in case.fleet], [log.flight for log in logs]
+
+
+def _written(
+    program: OnboardProgram, scenarios: Sequence[Scenario], folder: Path, prefix: str, fleet: Fleet
+) -> Exported:
     source = sources(program, prefix)
     _write(folder / "controller.h", source.header)
     _write(folder / "controller.c", source.code)
-    logs = [fly_logged(program.mission, program.controller, scenario) for scenario in scenarios]
-    flights = [recorded(program, scenario, log) for scenario, log in zip(scenarios, logs, strict=True)]
+    starts, logs = _logged(program, scenarios, fleet)
+    flights = [recorded(program, start, log) for start, log in zip(starts, logs, strict=True)]
     facts = {
         "interface": source.interface,
         "parameters": source.interface.parameters,
@@ -124,7 +159,8 @@ def _written(program: OnboardProgram, scenarios: Sequence[Scenario], folder: Pat
     different = [len(differing(*pair)) for pair in zip(answers, logs, strict=bool(answers))]
     num_commands = sum(len(flight.steps) for flight in flights)
     exported = Exported(source, len(flights), num_commands, sum(different) if answers else None, measured)
-    facts |= {"program": program, "exported": exported, "prefix": prefix}
+    heeding = fleet if fleet.deputies > 1 and fleet.sharing != "nothing" else None
+    facts |= {"program": program, "exported": exported, "prefix": prefix, "fleet": heeding}
     _write(folder / "README.md", renamed(rendered("README.md.jinja", **facts), prefix))
     return exported
 
