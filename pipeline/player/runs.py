@@ -121,6 +121,8 @@ class PlayedPage:
     cases : PlayedCases, optional
     first : int
         Row of the case that is shown first.
+    is_fleet : bool
+        Whether the runs are the deputies of one fleet, in its cases.
     """
 
     title: str
@@ -128,3 +130,4 @@ class PlayedPage:
     runs: Sequence[tuple[PlayedRun, Carried]]
     cases: PlayedCases | None = None
     first: int = 0
+    is_fleet: bool = False

@@ -248,8 +248,12 @@ def _distances(log: FlightLog) -> Floats:
 
 def points_in_words(log: FlightLog, sample: int = -1) -> str:
     """Return the numbers of points inspected at a sample, inspectable, and in all, in words."""
-    count, inspectable = int(log.is_inspected[sample].sum()), int(log.is_inspectable.sum())
-    num_points = len(log.is_inspectable)
+    return seen_in_words(int(log.is_inspected[sample].sum()), log)
+
+
+def seen_in_words(count: int, log: FlightLog) -> str:
+    """Return a number of points among those that are inspectable, and all, in words."""
+    inspectable, num_points = int(log.is_inspectable.sum()), len(log.is_inspectable)
     if inspectable == num_points:
         return f"{count} of {num_points} points"
     return f"{count} of the {inspectable} points that can be inspected ({num_points} in all)"

@@ -14,13 +14,14 @@ from pipeline.evaluation.blocks import blocks_of
 from pipeline.evaluation.monte_carlo import SUCCESS
 from pipeline.evaluation.statistics import Columns
 from pipeline.flight.control.controller import Controller, open_loop
+from pipeline.flight.fly.fleet_logs import fly_logged_fleet
 from pipeline.flight.goals.flights import fly_all, fly_logged
 from pipeline.flight.state.log import FlightLog
 from pipeline.optimum.solved import IncomparableError, solved_for
 from pipeline.report.figures.comparison import ControllerMark
 from pipeline.run import artifacts, tables
 from pipeline.scenarios import evaluation_scenarios
-from pipeline.settings.experiment import Experiment, Safety
+from pipeline.settings.experiment import Experiment, Mission, Safety
 from pipeline.settings.keys import value_at
 
 #: starts that are drawn and flown at a time
@@ -282,12 +283,15 @@ class Without:
         So many of them would have left the limits.
     case : int
         The one that would have been farthest outside, or nearest to it.
+    deputy : int
+        Of a fleet, the one that would have been; 0 of one deputy.
     guarded, unguarded : FlightLog
-        That case with the layer and without.
+        That flight with the layer and without.
     """
 
     num_outside: int
     case: int
+    deputy: int
     guarded: FlightLog
     unguarded: FlightLog
 
@@ -314,7 +318,8 @@ def fly_without(experiment: Experiment, controller: Controller, episodes: Column
     # episodes of earlier versions do not tell
     if mission.safety.kind == "none" or episodes is None or "safety_periods" not in episodes:
         return None
-    unguarded, limits = replace(mission, safety=Safety()), mission.deputy
+    fleet = replace(mission.fleet, keep_apart_m=0.0)  # which the layer alone does
+    unguarded, limits = replace(mission, safety=Safety(), fleet=fleet), mission.deputy
     num_outside, worst, worst_case = 0, -math.inf, -1
     for part in _acted(episodes):
         scenarios = evaluation_scenarios(experiment, part)
@@ -329,5 +334,15 @@ def fly_without(experiment: Experiment, controller: Controller, episodes: Column
     if worst_case < 0:
         return None
     (start,) = evaluation_scenarios(experiment, [worst_case])
+    if mission.has_fleet:
+        fleets = [fly_logged_fleet(world, controller, start) for world in (mission, unguarded)]
+        deputy = int(np.argmax([_beyond(mission, each.flight) for each in fleets[1]]))
+        return Without(num_outside, worst_case, deputy + 1, *(each[deputy].flight for each in fleets))
     logs = (fly_logged(world, controller, start) for world in (mission, unguarded))
-    return Without(num_outside, worst_case, *logs)
+    return Without(num_outside, worst_case, 0, *logs)
+
+
+def _beyond(mission: Mission, log: FlightLog) -> float:
+    """Return how far a flight comes outside the distance limits, m; below zero inside."""
+    distances, limits = np.linalg.norm(log.position_m, axis=1), mission.deputy
+    return float(max(limits.min_distance_m - distances.min(), distances.max() - limits.max_distance_m))

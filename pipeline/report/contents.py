@@ -4,7 +4,7 @@ import csv
 import re
 import shlex
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -17,10 +17,11 @@ from pipeline.controllers.source import controller_of_run
 from pipeline.evaluation.blocks import blocks_of, number_of, values_at
 from pipeline.evaluation.comparison import PAPER_TEST, PAPER_TRAINING, ComparisonRow, Reported
 from pipeline.evaluation.front import COLUMNS as FRONT_COLUMNS
-from pipeline.evaluation.monte_carlo import SUCCESS, fly_cases, summarise
+from pipeline.evaluation.monte_carlo import SUCCESS, fly_cases, fly_fleets, summarise
 from pipeline.evaluation.ranks import from_worst_to_best
 from pipeline.evaluation.statistics import Columns, Fraction, Statistic
 from pipeline.flight.control.controller import Controller
+from pipeline.flight.fly.fleet_logs import DeputyLog, fly_logged_fleet
 from pipeline.flight.goals.flights import fly_logged
 from pipeline.flight.state.log import FlightLog, Scenario
 from pipeline.report import comparisons
@@ -52,26 +53,45 @@ class FlightSet:
         Positions, Hill axes.
     summary : mapping
         What ``evaluate/summary.json`` holds.
+    deputies : mapping of str to (n D,) array, optional
+        Of fleets, the columns of ``evaluate/deputies.parquet``.
     """
 
     episodes: Columns | None
     tracks_m: NDArray[np.floating] | None
     summary: Mapping[str, Any]
+    deputies: Columns | None = None
+
+    @property
+    def is_of_fleets(self) -> bool:
+        """Whether several deputies flew each case."""
+        return self.episodes is not None and "nearest_pair_m" in self.episodes
 
 
 @dataclass(frozen=True)
 class ShownFlight:
-    """A flight that is shown in detail."""
+    """A flight that is shown in detail; of a fleet, the log is that of its first deputy."""
 
     name: str
     title: str
     scenario: Scenario
     log: FlightLog
+    fleet: Sequence[DeputyLog] = ()
 
     @property
     def is_alone(self) -> bool:
         """Whether the flight was requested by a start or a case, and is not one of many."""
         return self.name == "start" or self.name.startswith("case-")
+
+    @property
+    def parts(self) -> Sequence["ShownFlight"]:
+        """The flights of the deputies of a fleet; of one deputy, this flight."""
+        if not self.fleet:
+            return [self]
+        return [
+            ShownFlight(f"{self.name}-deputy-{number}", f"{self.title}, deputy {number}", start, log.flight)
+            for number, (start, log) in enumerate(zip(self.scenario.fleet, self.fleet, strict=True), 1)
+        ]
 
 
 @dataclass(frozen=True)
@@ -160,6 +180,8 @@ def gather(experiment: Experiment, folder: Path) -> Contents:
     is_untrained = has_trained and not (folder / artifacts.CHAMPION).exists()
     controller = None if is_untrained else controller_of_run(experiment, folder)
     evaluation = read_evaluation(folder, experiment.monte_carlo.confidence_percent)
+    if evaluation and experiment.mission.has_fleet and (folder / artifacts.DEPUTIES).exists():
+        evaluation = replace(evaluation, deputies=tables.Columns(folder, artifacts.DEPUTIES))
     summary, episodes = (evaluation.summary, evaluation.episodes) if evaluation else ({}, None)
     beside = comparisons.read_beside(folder, summary)
     # recorded starts of a training are named there, too
@@ -273,9 +295,14 @@ def tracks_of(rows: Columns, cases: NDArray[Any]) -> NDArray[np.floating]:
 
 def fly_training(experiment: Experiment, controller: Controller, starts: list[Scenario]) -> FlightSet:
     """Fly the champion from the training starts."""
-    episodes, tracks = fly_cases(experiment.mission, controller, starts, experiment.optimizer.workers)
+    mission, workers = experiment.mission, experiment.optimizer.workers
+    deputies, tracks = None, None
+    if mission.has_fleet:
+        episodes, deputies = fly_fleets(mission, controller, starts, workers)
+    else:
+        episodes, tracks = fly_cases(mission, controller, starts, workers)
     summary = _summary(episodes, experiment.monte_carlo.confidence_percent)
-    return FlightSet(episodes, tracks, {**summary, "sun": experiment.sun_in_words})
+    return FlightSet(episodes, tracks, {**summary, "sun": experiment.sun_in_words}, deputies)
 
 
 def fly_shown(
@@ -300,10 +327,17 @@ def fly_shown(
         (case,) = values_at(episodes, "case", rows)
         (start,) = evaluation_scenarios(experiment, [case])
         chosen.append((f"median-case-{case}", f"Case {case}, the median of the evaluation", start))
-    return [
-        ShownFlight(name, title, scenario, fly_logged(experiment.mission, controller, scenario))
-        for name, title, scenario in chosen
-    ]
+    return [_flown(experiment, controller, *choice) for choice in chosen]
+
+
+def _flown(
+    experiment: Experiment, controller: Controller, name: str, title: str, scenario: Scenario
+) -> ShownFlight:
+    mission = experiment.mission
+    if mission.has_fleet:
+        fleet = fly_logged_fleet(mission, controller, scenario)
+        return ShownFlight(name, title, scenario, fleet[0].flight, fleet)
+    return ShownFlight(name, title, scenario, fly_logged(mission, controller, scenario))
 
 
 def read_numbers(folder: Path, name: str, names: Sequence[str]) -> dict[str, NDArray[np.float64]] | None:

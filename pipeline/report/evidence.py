@@ -16,8 +16,8 @@ from pipeline.evaluation.assurance.judgements import ORDER
 from pipeline.evaluation.assurance.repeats import repeats_in_words
 from pipeline.evaluation.assurance.requirements import METHODS as ALL_METHODS
 from pipeline.evaluation.assurance.requirements import SEVERITIES
+from pipeline.report.facts import sun_at_start
 from pipeline.report.figures.style import Illustration, caption_of
-from pipeline.report.page import sun_at_start
 from pipeline.run import artifacts, typed
 from pipeline.settings.keys import unit_of
 from pipeline.settings.schema import as_yaml

@@ -1,10 +1,7 @@
 """The page of a report: what it says in words and tables, put into the template; another one with a goal."""
 
-import math
 from collections.abc import Iterator, Mapping
 from typing import Any
-
-import numpy as np
 
 from fis_tools.document import Block, Code, Document, Heading, Paragraph, Table
 from fis_tools.document.html import ScriptedPanel, page, policy, template
@@ -12,12 +9,12 @@ from fis_tools.words.text import summary
 from pipeline.evaluation import comparison
 from pipeline.evaluation.monte_carlo import SUCCESS
 from pipeline.evaluation.statistics import Columns
-from pipeline.flight.state.log import inspectable_rate, points_needed
-from pipeline.recording.events import points_in_words
-from pipeline.report import comparisons
-from pipeline.report.contents import Contents, FlightSet, ShownFlight
+from pipeline.report import comparisons, fleets
+from pipeline.report.contents import Contents, FlightSet
+from pipeline.report.facts import facts_of, outcome_in_words
 from pipeline.report.figures.style import MOST_POINTS, Illustration, caption_of
 from pipeline.report.played import compared_in, player_of_comparison, player_of_run, shown_of
+from pipeline.report.played_fleets import WHY
 from pipeline.run import artifacts, typed
 from pipeline.settings.experiment import Experiment, Mission
 from pipeline.settings.keys import TAGS
@@ -70,17 +67,16 @@ def write(contents: Contents, illustrations: Mapping[str, Illustration]) -> str:
         contents=contents,
         experiment=experiment,
         success=SUCCESS,
-        means=[measure for measure in MEANS if has_unseen or measure[0] != INSPECTABLE],
+        means=_means(mission, has_unseen),
+        fleet=mission.fleet if mission.has_fleet else None,
+        fleets=fleets,
         shares=(("success", "inspect"), ("violated", "outside"), (SUCCESS, "success")),
         confidence=f"{experiment.monte_carlo.confidence_percent:g}",
         limits=f"{mission.deputy.min_distance_m:g} to {mission.deputy.max_distance_m:g} m",
         threshold=f"{mission.inspection_threshold_percent:g}",
-        start_name=next((flight.name for flight in contents.shown if flight.is_alone), "start"),
-        flights=[
-            (f"control-{flight_set.name}", flight_set.title, flight_facts(flight_set, mission))
-            for flight_set in contents.shown
-        ],
-        points_in_words=points_in_words,
+        start_name="".join(flight.name for flight in contents.shown if flight.is_alone and not flight.fleet),
+        flights=[facts for flight in contents.shown for facts in facts_of(flight, mission)],
+        outcome_in_words=outcome_in_words,
         has_uninspectable=has_uninspectable,
         has_unseen=has_unseen,
         cases=case_rows(contents.training),
@@ -111,6 +107,8 @@ def _words_of_player(contents: Contents, player: ScriptedPanel | str | None) -> 
         return f"No flight opens here: {player}."
     if player is None or not (contents.is_comparison or contents.evaluation):
         return ""
+    if contents.experiment.mission.has_fleet:
+        return caption_of("flights_of_fleets", why=WHY)
     if contents.is_comparison:
         world, sun = compared_in(contents.experiment)
         there = [f"in the world {world}"] if world else []
@@ -120,48 +118,35 @@ def _words_of_player(contents: Contents, player: ScriptedPanel | str | None) -> 
     return caption_of("flights_to_goal")
 
 
+def _means(mission: Mission, has_unseen: bool) -> list[tuple[str, int, str]]:
+    """Return the metrics of the summary, with their decimals and words."""
+    words = {"delta_v_m_s": "Δv of all (m/s)"} if mission.has_fleet else {}
+    shown = (measure for measure in MEANS if has_unseen or measure[0] != INSPECTABLE)
+    return [(name, decimals, words.get(name, label)) for name, decimals, label in shown]
+
+
 def has_uninspectable(flown: Mapping[str, Any]) -> bool:
     """Return whether the flights of a summary had points that no flight could inspect."""
     return INSPECTABLE in flown and flown[INSPECTABLE]["mean"] != flown["inspection_rate_percent"]["mean"]
 
 
-def flight_facts(flight: ShownFlight, mission: Mission) -> list[tuple[str, str]]:
-    """Return the facts listed beside a flight's pictures, as names and values."""
-    log = flight.log
-    counts = log.is_inspected.sum(axis=1)
-    inspectable = int(log.is_inspectable.sum())
-    needed = points_needed(inspectable, mission.inspection_threshold_percent)
-    reached = np.flatnonzero(counts >= needed)
-    distances = np.linalg.norm(log.position_m, axis=1)
-    scenario = flight.scenario
-    start = ", ".join(_signed(component, 2) for component in scenario.position_m)
-    after = f"after {reached[0] * mission.control_period_s:g} s" if reached.size else "not in this flight"
-    extremes = f"{distances.min():.1f} to {distances.max():.1f} m"
-    return [
-        ("start, Hill axes", f"({start}) m"),
-        ("Sun at the start", sun_at_start(scenario.sun_angle_rad, scenario.sun_elevation_rad, 1)),
-        ("Δv", f"{log.delta_v_m_s[-1]:.3f} m/s"),
-        ("inspected", f"{points_in_words(log)}, {inspectable_rate(counts[-1], inspectable):.2f} %"),
-        (f"{mission.inspection_threshold_percent:g} % reached", after),
-        ("distance", f"{extremes}, {distances.mean():.1f} m on average"),
-    ]
-
-
-def sun_at_start(angle_rad: float, elevation_rad: float, decimals: int) -> str:
-    """Return the Sun's angles at the start of a flight as text, in degrees."""
-    angle, elevation = (_signed(math.degrees(value), decimals) for value in (angle_rad, elevation_rad))
-    return f"{angle}°" + (f", {elevation}° over the orbit plane" if elevation_rad else "")
-
-
 def case_rows(training: FlightSet | None) -> list[list[str]]:
-    """Return a table row for each training flight; none if there are too many."""
+    """Return the headings of a table of training flights, and their rows; nothing if there are too many."""
     if training is None or training.episodes is None or len(training.episodes["case"]) > MOST_ROWS:
         return []
     start = ", ".join(f"{{{name}:.1f}}" for name in POSITION)
-    flown = ("{delta_v_m_s:.3f}", "{inspection_rate_percent:.2f}", "{mean_distance_m:.2f}")
-    cells = ("{case:.0f}", start, "{sun_deg:.1f}", *flown, *comparisons.ENDED)
-    rows = comparisons.rows_in_words(training.episodes, range(len(training.episodes["case"])), cells)
-    return [[cell.replace("-", "−") for cell in row] for row in rows]
+    columns = {
+        "case": "{case:.0f}",
+        **({} if training.is_of_fleets else {"start, Hill axes (m)": start}),  # each deputy has its own
+        "Sun (deg)": "{sun_deg:.1f}",
+        "Δv of all (m/s)" if training.is_of_fleets else "Δv (m/s)": "{delta_v_m_s:.3f}",
+        "rate (%)": "{inspection_rate_percent:.2f}",
+        "distance: mean (m)": "{mean_distance_m:.2f}",
+        **dict(zip(("extremes (m)", "outcome"), comparisons.ENDED, strict=True)),
+    }
+    numbers, cells = range(len(training.episodes["case"])), list(columns.values())
+    rows = comparisons.rows_in_words(training.episodes, numbers, cells)
+    return [list(columns), *([cell.replace("-", "−") for cell in row] for row in rows)]
 
 
 #: of a front's table on the page: heading, and how a value is written
@@ -190,11 +175,6 @@ def front_rows(front: Columns | None) -> list[list[str]]:
             for row in rows
         ),
     ]
-
-
-def _signed(value: float, decimals: int) -> str:
-    """Format a number with a true minus sign."""
-    return f"{value:.{decimals}f}".replace("-", "−")
 
 
 #: columns of an evaluation and shares of its flights, each with its words and, of columns, decimals

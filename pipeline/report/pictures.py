@@ -9,7 +9,7 @@ import numpy as np
 from pipeline.evaluation.blocks import blocks_of, number_of
 from pipeline.evaluation.comparison import ComparisonRow, worlds_of
 from pipeline.evaluation.monte_carlo import fly_tracked
-from pipeline.evaluation.statistics import Column
+from pipeline.evaluation.statistics import Column, Columns
 from pipeline.flight.state.log import FlightLog, points_needed
 from pipeline.flight.world.pack import inspection_points
 from pipeline.report.comparisons import marks_of
@@ -66,21 +66,23 @@ def _drawn(contents: Contents) -> Iterator[Drawn]:
         yield _comparison(contents.comparison, mission.inspection_threshold_percent)
     for flight in contents.shown:
         yield from _flight(flight, mission)
-    if contents.training is not None:
+    if contents.training is not None and contents.training.tracks_m is not None:
         yield _training(contents.training, mission)
     if contents.evaluation is not None and contents.evaluation.tracks_m is not None:
         count, figure = len(contents.evaluation.tracks_m), _by_outcome(contents.evaluation, mission)
         yield _captioned("trajectories-evaluation", figure, "evaluation", count=count)
     if (unsafe := contents.without_safety) is not None:
         figure = _two({"with": unsafe.guarded, "without": unsafe.unguarded}, mission)
-        yield _captioned("safety", figure, "safety", case=unsafe.case)
+        which = f"Case {unsafe.case}" + (f", deputy {unsafe.deputy}," if unsafe.deputy else "")
+        yield _captioned("safety", figure, "safety", which=which)
     if contents.beside.columns is not None:
         yield _captioned("optimum", beside_optimum(contents.beside.columns, needed), "optimum", needed=needed)
     for pair in contents.pairs:
         figure = _two({"controller": pair.controller, "plan of least fuel": pair.plan}, mission)
         yield _captioned(f"optimum-case-{pair.case}", figure, "optimum_case", **vars(pair))
-    if samples := list(_samples(contents)):
-        yield _captioned("distributions", distributions(samples, num_points), "distributions")
+    if samples := list(_samples(contents, num_points)):
+        caption = "distributions_of_fleets" if mission.has_fleet else "distributions"
+        yield _captioned("distributions", distributions(samples, num_points), caption)
     if contents.logbook is not None:
         yield _captioned("convergence", convergence(contents.logbook, num_points, needed), "convergence")
     yield from _front(contents)
@@ -114,15 +116,21 @@ def _comparison(rows: Sequence[ComparisonRow], threshold: float) -> Drawn:
 def _flight(flight: ShownFlight, mission: Mission) -> Iterator[Drawn]:
     """Yield the pictures of a flight: its controls and, of one alone, its trajectory."""
     title = flight.title
-    yield _captioned(f"control-{flight.name}", controls(flight.log, mission), "control", title=title)
-    if flight.is_alone:
+    for part in flight.parts:
+        yield _captioned(f"control-{part.name}", controls(part.log, mission), "control", title=part.title)
+    if flight.fleet:
+        paths = {f"deputy {each.deputy}": each.flight.position_m for each in flight.fleet}
+        colours = dict(zip(paths, style.PALETTE, strict=False))
+        tracks = Tracks(np.stack(list(paths.values())), list(colours.values()), colours)
+        yield _captioned(f"trajectories-{flight.name}", trajectories(tracks, mission), "fleet", title=title)
+    elif flight.is_alone:
         figure = trajectories(Tracks(flight.log.position_m[np.newaxis], [style.BLUE], {}), mission)
         yield _captioned(f"trajectories-{flight.name}", figure, "trajectory", title=title)
 
 
 def _training(training: FlightSet, mission: Mission) -> Drawn:
     """Draw the training flights: each in its own colour if they are few, else coloured by outcome."""
-    assert training.tracks_m is not None  # noqa: S101 - they were flown for this
+    assert training.tracks_m is not None  # noqa: S101 - so is it asked
     count = len(training.tracks_m)
     if count > MOST_TOLD_APART:
         figure, words = _by_outcome(training, mission), "Flights that ended otherwise stand apart."
@@ -172,7 +180,7 @@ def _by_outcome(flights: FlightSet, mission: Mission) -> style.Figure:
     return trajectories(tracks, mission)
 
 
-def _samples(contents: Contents) -> Iterator[Sample]:
+def _samples(contents: Contents, num_points: int) -> Iterator[Sample]:
     """Yield the quantities whose distributions are drawn."""
     for word, flights, reported in contents.sets:
         if flights.episodes is not None:
@@ -185,4 +193,18 @@ def _samples(contents: Contents) -> Iterator[Sample]:
             values = {name: np.concatenate(of) for name, of in drawn.items()}
             share = f", one in {every:,} drawn" if every > 1 else ""
             means = {name: float(flights.summary[name]["mean"]) for name in METRICS}
-            yield Sample(f"{word}, {count:,} flights{share}", values, reported.means, means)
+            is_of_fleets = flights.is_of_fleets  # which a paper of one deputy is not
+            paper_means = {} if is_of_fleets else reported.means
+            yield Sample(f"{word}, {count:,} flights{share}", values, paper_means, means)
+            if is_of_fleets and flights.deputies is not None:
+                yield _deputies(word, flights.deputies, num_points)
+
+
+def _deputies(word: str, deputies: Columns, num_points: int) -> Sample:
+    """Return what each deputy of the fleets spent, saw first, and how far it was."""
+    spent, seen, far = (
+        np.asarray(deputies[name], dtype=np.float64)
+        for name in ("delta_v_m_s", "inspected_count", "mean_distance_m")
+    )
+    values = dict(zip(METRICS, (spent, 100.0 * seen / num_points, far), strict=True))
+    return Sample(f"{word}, their {len(spent):,} deputies", values, {})

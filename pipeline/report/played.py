@@ -1,10 +1,10 @@
 """The player of pages: the cases of a run, or of several runs on the cases that they share."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -23,69 +23,25 @@ from pipeline.player.flown import flown_in_page, tells_reasons
 from pipeline.player.panel import panel
 from pipeline.player.runs import Carried, CaseColumn, CasePlot, PlayedCases, PlayedPage, PlayedRun
 from pipeline.recording.reflight import start_of
+from pipeline.report.case_measures import (
+    FUEL,
+    MOST_CASES,
+    CaseMeasures,
+    has_columns,
+    measures_of,
+    succeeds_in,
+    told_columns,
+)
 from pipeline.report.contents import Contents
+from pipeline.report.played_fleets import player_of_fleets
 from pipeline.report.scene import recorded_table, told_reasons
 from pipeline.run import typed
 from pipeline.scenarios import evaluation_scenarios
 from pipeline.settings.experiment import Experiment, Mission
-from pipeline.settings.start_table import POSITION
 from telemetry.file.reader import read
 
-#: cases that a page has at most
-MOST_CASES = 10_000
 #: runs beside each other at most
 MOST_RUNS = 8
-SUCCESS_COLUMN = "success"
-FUEL = "delta_v_m_s"
-BARS = CasePlot("bars", "How the fuel spreads", (FUEL,))
-
-
-class CaseMeasures(NamedTuple):
-    """What a page tells of cases: columns by name, words and decimals, and plots of them.
-
-    Of runs beside each other it has the first two columns; the second tells which case is worst, by its
-    ``worst`` value.
-    """
-
-    columns: tuple[tuple[str, str, int], ...]
-    plots: tuple[CasePlot, ...]
-    titles: tuple[str, str]
-    worst: Callable[[Any], Any]
-
-
-MEASURES = {
-    "inspection": CaseMeasures(
-        (
-            (FUEL, "Δv, m/s", 3),
-            ("inspection_rate_percent", "inspected, %", 1),
-            ("min_distance_m", "nearest, m", 1),
-            ("max_distance_m", "farthest, m", 1),
-        ),
-        (
-            CasePlot("fuel-dots", "Fuel and what was inspected", (FUEL, "inspection_rate_percent")),
-            CasePlot("distance-dots", "Nearest and farthest", ("min_distance_m", "max_distance_m")),
-            BARS,
-        ),
-        ("fuel", "what was inspected"),
-        np.argmin,
-    ),
-    "reach": CaseMeasures(
-        (
-            (FUEL, "Δv, m/s", 3),
-            ("end_s", "end, s", 0),
-            ("end_speed_m_s", "speed at the end, m/s", 4),
-            ("excess_m_s", "most above the limit, m/s", 4),
-        ),
-        (
-            CasePlot("fuel-dots", "Fuel and when the flight ends", (FUEL, "end_s")),
-            CasePlot("speed-dots", "When the flight ends, and how fast", ("end_s", "end_speed_m_s")),
-            BARS,
-        ),
-        ("fuel", "when the flight ends"),
-        np.argmax,
-    ),
-}
-PLOTS = MEASURES["inspection"].plots
 
 
 @dataclass(frozen=True)
@@ -105,10 +61,12 @@ def player_of_run(contents: Contents) -> ScriptedPanel | None:
     It has the cases of the evaluation; without one, the first flight that is shown.
     """
     experiment, controller = contents.experiment, contents.controller
-    if controller is None or _why_hidden(experiment.mission):
+    if controller is None:
         return None
     episodes = contents.evaluation.episodes if contents.evaluation else None
-    if episodes is None or not _has_columns(episodes, experiment.mission):
+    if experiment.mission.has_fleet:
+        return player_of_fleets(experiment, controller, episodes, contents.shown)
+    if episodes is None or not has_columns(episodes, experiment.mission):
         if not contents.shown:
             return None
         shown = contents.shown[0]
@@ -197,7 +155,7 @@ def player_of_runs(
     """
     if why := next(filter(None, (_why_hidden(run.experiment.mission) for run in runs)), ""):
         return why
-    if not all(_has_columns(run.episodes, run.experiment.mission) for run in runs):
+    if not all(has_columns(run.episodes, run.experiment.mission) for run in runs):
         return "the evaluations do not tell what is plotted"
     shared = [list(each)[:MOST_CASES] for each in rows]
     return panel(_page(list(runs)[:MOST_RUNS], shared[:MOST_RUNS], "", file_name))
@@ -212,10 +170,10 @@ def player_of_starts(
     starts = list(starts)[:MOST_CASES]
     outcomes = fly_all(mission, controller, starts, experiment.monte_carlo.workers)
     episodes = episode_columns(mission, starts, outcomes)
-    measures = MEASURES[mission.problem.kind]
-    columns = _columns(measures, {name: np.asarray(episodes[name]) for name, *_ in measures.columns})
+    measures = measures_of(mission)
+    columns = told_columns(measures, {name: np.asarray(episodes[name]) for name, *_ in measures.columns})
     numbers = np.arange(len(starts))
-    cases = PlayedCases(numbers, [_succeeds(episodes, numbers.tolist())], columns, measures.plots)
+    cases = PlayedCases(numbers, [succeeds_in(episodes, numbers.tolist())], columns, measures.plots)
     order = np.argsort(columns[0].values, kind="stable")
     first = int(order[len(order) // 2])
     telling = [first, int(order[-1]), int(measures.worst(columns[1].values))]
@@ -258,29 +216,23 @@ def player_of_worst(
 def _why_hidden(mission: Mission) -> str:
     """Return in words why a page does not play a mission; empty if it does."""
     if mission.has_fleet:
-        return "flights of a fleet are not shown in a page"
+        return "fleets are not shown beside each other"
     return ""
-
-
-def _has_columns(episodes: Columns, mission: Mission) -> bool:
-    names = (name for name, *_ in MEASURES[mission.problem.kind].columns)
-    wanted = {"case", SUCCESS_COLUMN, *POSITION, *names}
-    return wanted <= set(episodes) and number_of(episodes) > 0
 
 
 def _page(
     runs: Sequence[EvaluatedRun], rows: Sequence[Sequence[int]], title: str, file_name: str
 ) -> PlayedPage:
-    measures = MEASURES[runs[0].experiment.mission.problem.kind]
+    measures = measures_of(runs[0].experiment.mission)
     values = [
         {name: np.array(values_at(run.episodes, name, of_run)) for name, *_ in measures.columns}
         for run, of_run in zip(runs, rows, strict=True)
     ]
     numbers = np.array(values_at(runs[0].episodes, "case", rows[0]))
-    succeeds = [_succeeds(run.episodes, of_run) for run, of_run in zip(runs, rows, strict=True)]
+    succeeds = [succeeds_in(run.episodes, of_run) for run, of_run in zip(runs, rows, strict=True)]
     is_alone = len(runs) == 1
     columns, plots = (
-        (_columns(measures, values[0]), measures.plots) if is_alone else _paired(measures, values)
+        (told_columns(measures, values[0]), measures.plots) if is_alone else _paired(measures, values)
     )
     cases = PlayedCases(numbers, succeeds, columns, plots)
     order = np.argsort(values[-1][FUEL] - (0.0 if is_alone else values[0][FUEL]), kind="stable")
@@ -296,17 +248,6 @@ def _page(
         for run, of_run in zip(runs, rows, strict=True)
     ]
     return PlayedPage(title, file_name, [(run, carried_of(run)) for run in played], cases, first)
-
-
-def _succeeds(episodes: Columns, rows: Sequence[int]) -> Any:
-    reached, violated = (
-        np.array(values_at(episodes, name, rows)).astype(bool) for name in (SUCCESS_COLUMN, "violated")
-    )
-    return reached & ~violated
-
-
-def _columns(measures: CaseMeasures, values: Mapping[str, Any]) -> list[CaseColumn]:
-    return [CaseColumn(name, label, decimals, values[name]) for name, label, decimals in measures.columns]
 
 
 def _paired(

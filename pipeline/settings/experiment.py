@@ -62,7 +62,7 @@ SHIPPED = "shipped"
 
 
 #: the stages that know of fleets; all others, also new ones, refuse them
-OF_FLEETS = ("scenario", "train", "evaluate", "record")
+OF_FLEETS = ("scenario", "train", "evaluate", "record", "report")
 
 #: where the cases of the evaluation count; assurance has its own
 EVALUATED = Only(*(f"stages={stage}" for stage in STAGES if stage != "assure"))

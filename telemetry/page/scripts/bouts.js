@@ -28,7 +28,7 @@ function boutsList(box, flight, go) {
       if (index !== now) button.removeAttribute("aria-current");
       else if (!button.hasAttribute("aria-current")) {
         button.setAttribute("aria-current", "step");
-        list.scrollTop = Math.max(0, button.parentElement.offsetTop - list.offsetTop - 60);
+        list.scrollTop = Math.max(0, button.parentElement.offsetTop - 60);
       }
     });
   };

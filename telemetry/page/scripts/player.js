@@ -32,7 +32,6 @@ class Player {
     this.sides = page.runs.map((run, index) => new Side(run, page, roots[index], isAlone ? "" : LETTERS[index]));
     this.lead = this.sides[0];
     await Promise.all(this.sides.map(side => side.begin()));
-    this.fleet = page.isFleet ? await Promise.all(this.sides.map(async side => ({ letter: side.letter, flight: await side.flightOf(0) }))) : [];
     if (this.page.cases) await this.showCases();
     this.chooseSides();
     // before the first flight, which may take a while
@@ -89,12 +88,13 @@ class Player {
   async open(row, seconds = null) {
     const turn = ++this.opening, said = this.part("said"), number = this.cases?.numbers[row];
     const asked = this.sides.filter(({ root }) => !root.hidden), able = asked.filter(side => side.canOpen(row));
-    const refused = asked.filter(side => !side.canOpen(row)).map(side => side.refusal(number)).join("\n");
-    said.textContent = refused;
+    const refused = asked.filter(side => !side.canOpen(row)).map(side => side.refusal(number));
+    said.textContent = (this.page.isFleet ? refused.slice(0, 1) : refused).join("\n");
     if (!able.length) return;
-    let flights;
+    let flights, fleet;
     try {
       flights = await Promise.all(able.map(side => side.flightOf(row)));
+      fleet = await Promise.all(this.page.isFleet ? this.sides.map(async side => ({ side, letter: side.letter, flight: await side.flightOf(row) })) : []);
     } catch (error) {
       said.textContent = `This case could not be flown here: ${error.message}`;
       return;
@@ -102,7 +102,7 @@ class Player {
     if (turn !== this.opening) return;
     const still = matchMedia("(prefers-reduced-motion: reduce)").matches ? 1 / 3 : 0;
     this.take(able, flights);
-    able.forEach(side => { side.view.fellows = this.fleet.filter(({ letter }) => letter !== side.letter); });
+    able.forEach(here => { here.view.fellows = fleet.filter(({ side }) => side !== here); });
     const whole = (this.lead.flight.numSamples - 1) * this.lead.flight.periodS;
     this.row = row;
     this.seconds = Math.min(Math.max(0, seconds ?? this.seconds ?? still * whole), whole);
@@ -152,7 +152,7 @@ class Player {
     const go = seconds => this.go(seconds), number = this.cases?.numbers[this.row];
     for (const side of this.shownSides) {
       const index = this.sides.indexOf(side), which = this.cases?.words[this.row] ?? (number === undefined ? this.page.title : `Case ${number}`);
-      const succeeds = this.cases?.succeeds[index];
+      const succeeds = this.cases?.succeeds[this.page.isFleet ? 0 : index];
       side.draw({
         title: side.letter ? `${side.letter}: ${side.run.name}` : which,
         outcome: [side.letter && this.cases ? which : "", succeeds ? this.cases.outcome[succeeds(this.row) ? 1 : 2] : ""].filter(Boolean).join(" · "),

@@ -16,7 +16,7 @@ function pointsMap(box, flight, seenAt, go, fileName) {
   const shapes = flight.points.map((point, j) => {
     const title = draw("title"), [cx, cy] = mapped(point);
     const shape = draw("circle", { cx, cy, "stroke-width": 1.6, click: () => { if (seenAt[j] !== null) go(seenAt[j]); } }, title);
-    title.textContent = seenAt[j] === null ? `point ${j}: never inspected` : `point ${j}: inspected at ${clockWords(seenAt[j] * flight.periodS)}`;
+    title.textContent = seenAt[j] === null ? `point ${j}: never inspected` : `point ${j}: inspected at ${clockWords(seenAt[j] * flight.periodS)}${flight.seenBy ? `, first by ${flight.seenBy[j]}` : ""}`;
     drawing.append(shape);
     return shape;
   });

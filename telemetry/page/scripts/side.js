@@ -77,7 +77,7 @@ class Side {
   /** Why a row does not open here, and how it is flown. */
   refusal(number) {
     const { why, command } = this.run;
-    return `${this.letter ? `${this.letter}: case` : "Case"} ${number} is not part of this page: ${why}.${command ? ` This flies it: ${command.replace("CASE", number)}` : ""}`;
+    return `${this.letter && !this.page.isFleet ? `${this.letter}: case` : "Case"} ${number} is not part of this page: ${why}.${command ? ` This flies it: ${command.replace("CASE", number)}` : ""}`;
   }
 
   /** Take a flight; `lead` is the side whose time counts, this one or another, which `onSample` hears of. */
@@ -124,7 +124,7 @@ class Side {
     this.part("which").textContent = title;
     const points = flight.points.length ? `${this.counts[end]} of ${flight.points.length} points` : "";
     const isSpent = Number.isFinite(flight.spent(end));
-    this.part("outcome").textContent = [isSpent ? `${flight.spent(end).toFixed(3)} m/s` : "", points, `${Math.min(...far).toFixed(1)} to ${Math.max(...far).toFixed(1)} m`, outcome].filter(Boolean).join(" · ");
+    this.part("outcome").textContent = [isSpent ? `${flight.spent(end).toFixed(3)} m/s` : "", points, flight.seenBy ? `${flight.seenBy.split(this.letter).length - 1} seen first` : "", `${Math.min(...far).toFixed(1)} to ${Math.max(...far).toFixed(1)} m`, outcome].filter(Boolean).join(" · ");
     const all = value => Array.from({ length: numSamples }, (_, k) => value(k));
     this.panels = [
       timePlot(this.part("distance"), "Distance from the chief", { lines, limits: flight.limits, unit: "m", decimals: 1, flight, after: free.length ? AFTER_S / 60 : 0, fileName: name("distance"), highest: extents.distance }, to),

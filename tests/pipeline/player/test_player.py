@@ -24,7 +24,8 @@ from pipeline.player.flown import FlownCases, flown_in_page, looks_ahead, tells_
 from pipeline.player.memory import Memory, types_of
 from pipeline.player.panel import panel
 from pipeline.player.runs import Carried, CaseColumn, CasePlot, PlayedCases, PlayedPage, PlayedRun
-from pipeline.report.played import PLOTS, carried_of, player_of_starts
+from pipeline.report.case_measures import MEASURES
+from pipeline.report.played import carried_of, player_of_starts
 from pipeline.report.scene import recorded_table
 from pipeline.scenarios import evaluation_scenarios
 from pipeline.settings.places import conf_folder
@@ -122,7 +123,7 @@ def cases_of(logs):
         CaseColumn("min_distance_m", "nearest, m", 1, far.min(axis=1)),
         CaseColumn("max_distance_m", "farthest, m", 1, far.max(axis=1)),
     ]
-    return PlayedCases(np.arange(len(logs)) + 100, [rate >= 95.0], columns, PLOTS)
+    return PlayedCases(np.arange(len(logs)) + 100, [rate >= 95.0], columns, MEASURES["inspection"].plots)
 
 
 @cache
@@ -444,7 +445,7 @@ def test_a_page_of_ten_thousand_cases_is_small():
     run = PlayedRun("A", "trial", mission, controller, many)
     values = np.random.default_rng(1).random(10_000)
     columns = [replace(column, values=values) for column in cases_of(logs).columns]
-    cases = PlayedCases(np.arange(10_000), [values > 0.1], columns, PLOTS)
+    cases = PlayedCases(np.arange(10_000), [values > 0.1], columns, MEASURES["inspection"].plots)
     assert len(as_page(panel(PlayedPage("", "many", [(run, carried_of(run))], cases)))) < 1_500_000
 
 
