@@ -3,10 +3,10 @@
 This is the one file of the package that reads recordings.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -36,6 +36,25 @@ TOPIC_PREFIX = "/fis/"
 CONSTANTS_METADATA = "constants"
 CONTROL_TOPICS = "*/control"
 PULLS_TOPICS, PULLS_METADATA = "*/pulls", "pulls"
+#: where a flight ends
+MISSION_TOPIC = "/mission"
+
+
+class Logged(NamedTuple):
+    """All that is read of a flight or a table, at once.
+
+    Attributes
+    ----------
+    flown : sequence of FlownSystem
+    controller : FuzzyController, optional
+        Which the flight carries along; a table carries none.
+    outcome : FlightOutcome, optional
+        Of a flight.
+    """
+
+    flown: Sequence[FlownSystem]
+    controller: FuzzyController | None
+    outcome: FlightOutcome | None
 
 
 def is_flight(path: Path | str) -> bool:
@@ -74,19 +93,27 @@ def read_flight(
         If the file cannot be read, a log does not fit the controller it carries, or a table has not a column
         for each input.
     """
-    flown_systems, _ = _all_flown(path, controller)
-    return tuple(flown if all_periods else flown.at(flown.is_counted) for flown in flown_systems)
+    flown_systems, *_ = _all_flown(path, controller)
+    return _counted(flown_systems, all_periods)
 
 
-def flying(path: Path | str) -> FuzzyController | None:
-    """Return the controller stored in a logged flight; None for a table.
+def read_logged(
+    path: Path | str, all_periods: bool = False, controller: FuzzyController | None = None
+) -> Logged:
+    """Read a flight or a table once: what `read_flight` and `read_outcome` return, and the controller.
 
     Raises
     ------
     ControllerFileError
-        If the file cannot be read, or carries none.
+        As of these.
     """
-    return None if tables.is_table(path) else _controller_of(_read(path, topics=()))
+    flown_systems, recording, carried = _all_flown(path, controller, (MISSION_TOPIC,))
+    outcome = _outcome_of(recording) if recording is not None and is_flight(path) else None
+    return Logged(_counted(flown_systems, all_periods), carried, outcome)
+
+
+def _counted(flown_systems: Iterable[FlownSystem], all_periods: bool) -> tuple[FlownSystem, ...]:
+    return tuple(flown if all_periods else flown.at(flown.is_counted) for flown in flown_systems)
 
 
 def read_outcome(path: Path | str) -> FlightOutcome:
@@ -97,7 +124,11 @@ def read_outcome(path: Path | str) -> FlightOutcome:
     ControllerFileError
         If the flight cannot be read.
     """
-    recording = _read(path, topics=("/mission", CONTROL_TOPICS))
+    return _outcome_of(_read(path, topics=(MISSION_TOPIC, CONTROL_TOPICS)))
+
+
+def _outcome_of(recording: "Recording") -> FlightOutcome:
+    """Return the outcome of a flight from its recorded ends, distances and forces."""
     end, control = recording.outcome, _topic(recording, "/control")
     goal, is_success = recording.episode.inspection_threshold_percent, None
     if goal is not None and "inspected_count" in end:
@@ -108,7 +139,7 @@ def read_outcome(path: Path | str) -> FlightOutcome:
     is_outside = None
     if end and nearest is not None and farthest is not None:
         # the start may lie outside
-        distance = recording["/mission"]["distance_m"][1 : recording.last_sample + 1].astype(np.float64)
+        distance = recording[MISSION_TOPIC]["distance_m"][1 : recording.last_sample + 1].astype(np.float64)
         is_outside = bool(np.any((distance < nearest) | (distance > farthest)))
         if recording.episode.keep_out_m and not is_outside:
             is_outside = None  # spheres move, and where they are is not read here
@@ -148,7 +179,7 @@ def read_periods(
     ControllerFileError
         If the file cannot be read, does not fit the controller, or holds nothing of that time.
     """
-    flown_systems, recording = _all_flown(path, controller)
+    flown_systems, recording, _ = _all_flown(path, controller)
     starts = np.empty(0)
     if recording is not None:
         starts = recording.control_time_s[recording.control_time_s < recording.end_s]
@@ -328,19 +359,19 @@ def _controller_of(recording: "Recording") -> FuzzyController:
 
 
 def _all_flown(
-    path: Path | str, controller: FuzzyController | None
-) -> tuple[list[FlownSystem], "Recording | None"]:
-    """Return every inference along a flight and the recording; along a table every row, and None."""
+    path: Path | str, controller: FuzzyController | None, more: tuple[str, ...] = ()
+) -> tuple[list[FlownSystem], "Recording | None", FuzzyController | None]:
+    """Return every inference along a flight, the recording and its controller; of a table every row alone."""
     if tables.is_table(path):
         if controller is None:
             raise ControllerFileError(
                 f"{path} is a table, which carries no controller; say whose inputs it holds, as a controller "
                 "file"
             )
-        return [_tabled(path, system) for system in controller.systems], None
-    recording = _read(path, topics=(f"{TOPIC_PREFIX}*", CONTROL_TOPICS, PULLS_TOPICS))
+        return [_tabled(path, system) for system in controller.systems], None, None
+    recording = _read(path, topics=(f"{TOPIC_PREFIX}*", CONTROL_TOPICS, PULLS_TOPICS, *more))
     carried = _controller_of(recording)
-    return [_flown(recording, carried, system) for system in carried.systems], recording
+    return [_flown(recording, carried, system) for system in carried.systems], recording, carried
 
 
 def _flown(recording: "Recording", controller: FuzzyController, system: FuzzySystem) -> FlownSystem:

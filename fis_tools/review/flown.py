@@ -31,11 +31,14 @@ class Flight:
         What each system did on it, by the system's name.
     is_own : bool
         Whether the reviewed controller flew it: with systems and attributes as they are now.
+    outcome : FlightOutcome, optional
+        Of a flight.
     """
 
     name: str
     flown: Mapping[str, FlownSystem]
     is_own: bool
+    outcome: FlightOutcome | None = None
 
     @property
     def num_inferences(self) -> int:
@@ -69,13 +72,12 @@ def read_flights(
     systems = {system.name: system for system in controller.systems}
     flights_read = []
     for name, path in zip(_names(paths), paths, strict=True):
-        read = flights.read_flight(path, all_periods, controller)
+        read, flew, outcome = flights.read_logged(path, all_periods, controller)
         flights.require_same_inputs(path, (inferences.system for inferences in read), controller)
         flown = {
             inferences.system.name: inferences for inferences in read if inferences.system.name in systems
         }
-        flew = flights.flying(path)
-        flights_read.append(Flight(name, flown, flew is None or controller.acts_like(flew)))
+        flights_read.append(Flight(name, flown, flew is None or controller.acts_like(flew), outcome))
     return flights_read
 
 

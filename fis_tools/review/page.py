@@ -2,14 +2,13 @@
 
 import shlex
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from itertools import compress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from markupsafe import Markup
 
-from fis_tools.analysis import arrays, flights, shapley
+from fis_tools.analysis import arrays, shapley
 from fis_tools.document import Block, Document, Figure, Fold, Heading, Items, Paragraph, Table, html
 from fis_tools.document.html import element, png_address, read, template, void
 from fis_tools.engines.compiler import compile
@@ -84,16 +83,16 @@ def write(
     require_unwired([controller] if flight_paths else [], "a review along a log")
     paths = flown.recordings(flight_paths)
     logged = flown.read_flights(paths, controller, all_periods)
-    is_flight = [flights.is_flight(path) for path in paths]
-    noun = "flight" if any(is_flight) else "log"
-    went = [flights.read_outcome(path) for path in compress(paths, is_flight)]
+    ended = [flight for flight in logged if flight.outcome is not None]
+    noun = "flight" if ended else "log"
+    went = [flight.outcome for flight in ended if flight.outcome is not None]
     meanings = {name: meaning for evaluation in went for name, meaning in evaluation.constants.items()}
     fingerprint = serialize.fingerprint(controller)
     samples = {system.name: flown.samples_of(system, logged, noun) for system in systems}
     sensed = {name: some.inputs for name, some in samples.items() if some.are_flown}
     audited = audit(controller, sensed if logged else None)
     evaluated = flown.evaluations(flight_paths, fingerprint)
-    names = [flight.name for flight in compress(logged, is_flight)]
+    names = [flight.name for flight in ended]
     evidenced, requirements = (None, []) if evidence is None else content.read_evidence(evidence, fingerprint)
     title = "How it flew" if noun == "flight" else "How it answered"
     opening_blocks: list[Block] = [

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-import numba
 import numpy as np
 
 from pipeline.array_types import Floats
@@ -44,12 +43,14 @@ class Arguments(NamedTuple):
     @property
     def kinds(self) -> tuple[Any, ...]:
         """Their types for numba."""
-        return tuple(map(numba.typeof, self.values))
+        from numba import typeof  # noqa: PLC0415 - slow to import, and only who compiles needs it
+
+        return tuple(map(typeof, self.values))
 
     def leaves(self, memory: Memory) -> list[Leaf]:
         """Return their leaves, with their arrays stored in a memory."""
-        each = zip(self.values, self.kinds, self.names, strict=True)
-        return [leaf for value, kind, name in each for leaf in leaves_of(memory, value, kind, name)]
+        each = zip(self.values, self.names, strict=True)
+        return [leaf for value, name in each for leaf in leaves_of(memory, value, name)]
 
 
 class ModuleArguments(NamedTuple):

@@ -6,7 +6,6 @@ from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import types
 
 #: bytes between arrays, so that what reads whole vectors stays inside
 ROOM = 16
@@ -23,7 +22,10 @@ class Location(NamedTuple):
 
 
 class Leaf(NamedTuple):
-    """A leaf of arguments: LLVM's type, its name and numba's type, and its value or where its array lies."""
+    """A leaf of arguments: LLVM's type, its name and numba's type, and its value or where its array lies.
+
+    The type is numba's in words, which are written without numba: loading it takes longer than flying.
+    """
 
     kind: str
     name: str
@@ -64,15 +66,13 @@ class Memory:
         return Location(False, offset, len(content))
 
 
-def leaves_of(memory: Memory, value: Any, kind: Any, name: str) -> Iterator[Leaf]:
+def leaves_of(memory: Memory, value: Any, name: str) -> Iterator[Leaf]:
     """Yield the leaves of an argument in numba's order, with its arrays stored in the memory.
 
     Parameters
     ----------
     memory : Memory
     value : object
-    kind
-        Its type for numba.
     name : str
         Of the argument; a leaf's is its path from there.
 
@@ -81,32 +81,52 @@ def leaves_of(memory: Memory, value: Any, kind: Any, name: str) -> Iterator[Leaf
     TypeError
         If the argument has a part that is not passed to a module.
     """
-    if isinstance(kind, types.NoneType):
+    if value is None:
         yield Leaf("ptr", name, "none", 0)
-    elif isinstance(kind, types.BaseTuple):
-        kinds: Any = kind.types  # type: ignore[attr-defined]
-        fields = getattr(kind, "fields", None) or map(str, range(len(kinds)))
-        for field, member, member_kind in zip(fields, value, kinds, strict=True):
-            yield from leaves_of(memory, member, member_kind, f"{name}.{field}")
-    elif isinstance(kind, types.Record):
-        yield Leaf("ptr", name, str(kind), memory.add(name, value))
-    elif isinstance(kind, types.Array):
-        array = np.ascontiguousarray(value)
+    elif isinstance(value, tuple):
+        fields = getattr(value, "_fields", None) or map(str, range(len(value)))
+        for field, member in zip(fields, value, strict=True):
+            yield from leaves_of(memory, member, f"{name}.{field}")
+    elif isinstance(value, np.void):
+        yield Leaf("ptr", name, _type_of(value.dtype), memory.add(name, value))
+    elif isinstance(value, np.ndarray):
         # its owner and parent, which nothing counts here, then size, item size, data, shape and strides
         yield from (Leaf("ptr", f"{name}:{part}", "none", 0) for part in ("owner", "parent"))
-        yield Leaf("i64", f"{name}:size", "int64", array.size)
-        yield Leaf("i64", f"{name}:item", "int64", array.itemsize)
-        yield Leaf("ptr", name, str(kind), memory.add(name, array))
-        for part, numbers in (("length", array.shape), ("stride", array.strides)):
+        yield Leaf("i64", f"{name}:size", "int64", value.size)
+        yield Leaf("i64", f"{name}:item", "int64", value.itemsize)
+        yield Leaf("ptr", name, _type_of_array(value, name), memory.add(name, value))
+        for part, numbers in (("length", value.shape), ("stride", value.strides)):
             yield from (Leaf("i64", f"{name}:{part}{i}", "int64", number) for i, number in enumerate(numbers))
-    elif isinstance(kind, types.Boolean):
-        yield Leaf("i8", name, "bool", int(bool(value)))
-    elif isinstance(kind, types.Integer):
-        yield Leaf("i64", name, str(kind), int(value))
-    elif isinstance(kind, types.Float):
-        yield Leaf("double", name, str(kind), float(value))
+    elif isinstance(value, bool | np.bool_):
+        yield Leaf("i8", name, "bool", int(value))
+    elif isinstance(value, int | np.int64):
+        yield Leaf("i64", name, "int64", int(value))
+    elif isinstance(value, float):
+        yield Leaf("double", name, "float64", float(value))
     else:
-        raise TypeError(f"the argument {name} is of numba's type {kind}, which is not passed to a module")
+        kind = type(value).__qualname__
+        raise TypeError(f"the argument {name} is of the type {kind}, which is not passed to a module")
+
+
+def _type_of_array(array: Any, name: str) -> str:
+    """Return the type of a contiguous array, as numba tells it."""
+    if not (array.flags.c_contiguous and array.flags.aligned and array.dtype.isnative):
+        raise TypeError(f"the argument {name} is no contiguous array, and no other is passed to a module")
+    kept = "" if array.flags.writeable else "readonly "
+    return f"{kept}array({_type_of(array.dtype)}, {array.ndim}d, C)"
+
+
+def _type_of(dtype: np.dtype[Any]) -> str:
+    """Return the type of an array's elements, or of a record, as numba tells it."""
+    if dtype.subdtype is not None:
+        element, shape = dtype.subdtype
+        return f"nestedarray({_type_of(element)}, {shape})"
+    if dtype.fields is None:
+        return dtype.name
+    fields = (
+        f"{name}[type={_type_of(kind)};offset={offset}]" for name, (kind, offset, *_) in dtype.fields.items()
+    )
+    return f"Record({','.join(fields)};{dtype.itemsize};{dtype.isalignedstruct})"
 
 
 def types_of(leaves: Sequence[Leaf]) -> int:

@@ -16,7 +16,6 @@ from fis_tools.file_access import open_regular, open_text, read_bytes
 from pipeline.controllers.source import controller_of_run
 from pipeline.evaluation.blocks import blocks_of, number_of, values_at
 from pipeline.evaluation.comparison import PAPER_TEST, PAPER_TRAINING, ComparisonRow, Reported
-from pipeline.evaluation.front import COLUMNS as FRONT_COLUMNS
 from pipeline.evaluation.monte_carlo import SUCCESS, fly_cases, fly_fleets, summarise
 from pipeline.evaluation.ranks import from_worst_to_best
 from pipeline.evaluation.statistics import Columns, Fraction, Statistic
@@ -206,7 +205,7 @@ def gather(experiment: Experiment, folder: Path) -> Contents:
         without_safety=comparisons.fly_without(experiment, controller, episodes) if controller else None,
         shown=fly_shown(experiment, controller, starts, episodes, training_round) if controller else (),
         logbook=logbook,
-        front=read_numbers(folder, artifacts.FRONT, FRONT_COLUMNS),
+        front=_read_front(folder),
         manifest=manifest,
         config_text=artifacts.text_of(folder, artifacts.CONFIG),
         command=command_of(folder, manifest),
@@ -356,6 +355,15 @@ def read_numbers(folder: Path, name: str, names: Sequence[str]) -> dict[str, NDA
             rows = list(csv.DictReader(stream))
         columns = {name: np.array([float(row[name]) for row in rows]) for name in names}
     return columns if rows else None
+
+
+def _read_front(folder: Path) -> dict[str, NDArray[np.float64]] | None:
+    """Read the front of a training; None where there is none."""
+    if not (folder / artifacts.FRONT).exists():
+        return None
+    from pipeline.evaluation.front import COLUMNS  # noqa: PLC0415 - its search takes long to import
+
+    return read_numbers(folder, artifacts.FRONT, COLUMNS)
 
 
 def command_of(folder: Path, manifest: Mapping[str, Any]) -> str:

@@ -13,8 +13,12 @@ from pipeline.report import comparisons, fleets
 from pipeline.report.contents import Contents, FlightSet
 from pipeline.report.facts import facts_of, outcome_in_words
 from pipeline.report.figures.style import MOST_POINTS, Illustration, caption_of
+<<<<<<< HEAD
 from pipeline.report.played import compared_in, player_of_comparison, player_of_run, shown_of
 from pipeline.report.played_fleets import WHY
+=======
+from pipeline.report.played import compared_in, player_of_comparison, shown_of
+>>>>>>> wt-b
 from pipeline.run import artifacts, typed
 from pipeline.settings.experiment import Experiment, Mission
 from pipeline.settings.keys import TAGS
@@ -34,13 +38,15 @@ TYPED = "It was started, by whoever made this folder, with these words"
 MOST_ROWS = 64
 
 
-def write(contents: Contents, illustrations: Mapping[str, Illustration]) -> str:
+def write(contents: Contents, illustrations: Mapping[str, Illustration], player: ScriptedPanel | None) -> str:
     """Write the page.
 
     Parameters
     ----------
     contents : Contents
     illustrations : mapping of str to Illustration
+    player : ScriptedPanel, optional
+        Of the run's flights; a comparison has one of its own.
 
     Returns
     -------
@@ -49,7 +55,7 @@ def write(contents: Contents, illustrations: Mapping[str, Illustration]) -> str:
     """
     experiment, rows = contents.experiment, contents.comparison
     mission = experiment.mission
-    scene = player_of_comparison(contents) if contents.is_comparison else player_of_run(contents)
+    scene = player_of_comparison(contents) if contents.is_comparison else player
     if mission.problem.kind == "reach":
         heading = Heading(experiment.report.title, 1)
         shown = [heading, *_towards_goal(contents, illustrations)]

@@ -132,9 +132,8 @@ def sources_hash() -> str:
 def processor() -> dict[str, Any]:
     """Describe the processor, its compilation target, and the variants that libraries chose."""
     import numpy as np  # noqa: F401, PLC0415 - brings the linear algebra that is asked about
-    from threadpoolctl import threadpool_info  # noqa: PLC0415 - only runs need them
-
-    from fis_tools.compiled.numba_parts import binding  # noqa: PLC0415 - as above
+    from llvmlite import binding  # noqa: PLC0415 - only runs need them
+    from threadpoolctl import threadpool_info  # noqa: PLC0415 - as above
 
     host_features = binding.get_host_cpu_features()
     features = os.environ.get("NUMBA_CPU_FEATURES", host_features.flatten())

@@ -14,8 +14,6 @@ import numpy as np
 
 from pipeline.controllers.source import controller_of_run, sha256_of
 from pipeline.evaluation import blocks, parts, sequential
-from pipeline.evaluation.assurance.case_space import case_space
-from pipeline.evaluation.assurance.rare import RARE, OutsideLimits
 from pipeline.evaluation.beside_optimum import beside_optimum, summarise_times, times_in_words
 from pipeline.evaluation.comparison import by_rules, spread
 from pipeline.evaluation.monte_carlo import SUCCESS, fly_cases, fly_fleets, summarise_blocks
@@ -204,6 +202,10 @@ def _rare(experiment: Experiment, controller: Controller, pool: TaskPool) -> Rar
     cases, mission = experiment.monte_carlo, experiment.mission
     if not cases.splitting_flights or cases.only_cases is not None:
         return None
+    # searches for the worst case come with it, and take long to import
+    from pipeline.evaluation.assurance.case_space import case_space  # noqa: PLC0415
+    from pipeline.evaluation.assurance.rare import RARE, OutsideLimits  # noqa: PLC0415
+
     space, threads = case_space(experiment, is_exact=True), pool.threads(cases.workers)
     law = OutsideLimits(space, experiment.seed, mission, controller, threads)
     with Progress("population:", POPULATIONS, 0) as progress:

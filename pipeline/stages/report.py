@@ -3,6 +3,7 @@
 import sys
 from pathlib import Path
 
+from fis_tools.document.html import ScriptedPanel
 from fis_tools.errors import ControllerFileError
 from fis_tools.review import page as review
 from pipeline.report.contents import Contents, gather
@@ -22,7 +23,8 @@ def run(experiment: Experiment, folder: Path) -> None:
         If a file of the run exists and cannot be read.
     """
     contents = gather(experiment, folder)
-    _write_review(contents, folder)
+    player = player_of_run(contents)
+    _write_review(contents, folder, player)
     illustrations = {illustration.name: illustration for illustration in draw(contents)}
     pictures = folder / artifacts.FIGURES
     for name, illustration in illustrations.items():
@@ -30,14 +32,14 @@ def run(experiment: Experiment, folder: Path) -> None:
     for path in pictures.glob("*.png"):
         if OWN_FILES.fullmatch(path.name) and path.stem not in illustrations:
             path.unlink()
-    page = write(contents, illustrations)
+    page = write(contents, illustrations, player)
     writing.write_atomically(folder / artifacts.REPORT, page)
     sys.stderr.write(
         f"  {folder / artifacts.REPORT}: {len(illustrations)} pictures, {len(page) / 1e6:.1f} MB\n"
     )
 
 
-def _write_review(contents: Contents, folder: Path) -> None:
+def _write_review(contents: Contents, folder: Path, player: ScriptedPanel | None) -> None:
     """Write the review of the run's fuzzy controller; an earlier one is removed."""
     path = folder / artifacts.REVIEW
     fuzzy = contents.controller.fuzzy if contents.controller else None
@@ -46,7 +48,7 @@ def _write_review(contents: Contents, folder: Path) -> None:
         return
     try:
         recordings = [folder / name for name in contents.recordings]
-        page = review.write(fuzzy, recordings, panel=player_of_run(contents))
+        page = review.write(fuzzy, recordings, panel=player)
     except ControllerFileError as error:
         raise artifacts.ArtifactError(f"{error}; repeat the stage record") from error
     writing.write_atomically(path, page)

@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
 from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d import Axes3D
-from mpl_toolkits.mplot3d.art3d import Line3DCollection
+from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 from numpy.typing import NDArray
 
 from pipeline.array_types import Floats
@@ -173,11 +173,16 @@ def _draw_chief(ax: Axes3D, radius: float, towards_eye: Floats) -> None:
     normals = np.stack([np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth), np.cos(polar)])
     light = towards_eye + np.array([0.0, 0.0, 0.5])
     brightness = 0.5 + 0.5 * np.clip(np.tensordot(light / np.linalg.norm(light), normals, 1), 0.0, 1.0)
-    colours = brightness[..., np.newaxis] * np.array(colors.to_rgb("#c3cad2"))
-    x, y, z = radius * normals
-    plain = {"shade": False, "linewidth": 0, "antialiased": False}
-    sphere = ax.plot_surface(x, y, z, rstride=1, cstride=1, facecolors=colours, zorder=3.0, **plain)
+    # as `Axes3D.plot_surface` does, which looks at each of the 1,152 pieces and their colours by itself
+    colours = brightness[:-1, :-1].reshape(-1, 1) * np.array(colors.to_rgb("#c3cad2"))
+    points = radius * np.moveaxis(normals, 0, -1)
+    corners = points[:-1, :-1], points[:-1, 1:], points[1:, 1:], points[1:, :-1]
+    pieces = np.stack(corners, axis=2).reshape(-1, 4, 3)
+    sphere = Poly3DCollection(
+        pieces, facecolors=colours, edgecolors=colours, zorder=3.0, linewidth=0, antialiased=False
+    )
     sphere.set_rasterized(True)
+    ax.add_collection3d(sphere)
 
 
 def _draw_plane(ax: Axes, look: _Look, axes: tuple[int, int]) -> None:

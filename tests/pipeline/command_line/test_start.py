@@ -28,7 +28,10 @@ HEAVY += ["pipeline.flight.fly.many"]
 
 
 def test_a_mistake_and_a_flight_load_no_more_than_they_need(tmp_path):
-    """A mistake nothing heavy; a flight neither SciPy nor tables nor readers of other programs."""
+    """A mistake nothing heavy; a flight neither SciPy nor tables nor readers of other programs.
+
+    What evaluates and reports flights, and compiles none, loads neither numba nor searches.
+    """
     code = f"""
 import sys
 from pipeline.command_line.cli import main
@@ -36,8 +39,11 @@ print(main(["+experiment=fly", "sede=3"]), [name for name in {HEAVY} if name in 
 import pipeline.controllers.source, pipeline.stages.record
 unused = ("scipy", "pyarrow", "fis_tools.formats.exchange.dialect")
 print([name for name in unused if name in sys.modules])
+import pipeline.stages.evaluate, pipeline.stages.report
+from pipeline.run.maker import present_maker
+print(len(present_maker()), [name for name in ("numba", "deap") if name in sys.modules])
 """
-    assert run_python("-c", code, folder=tmp_path).stdout == "2 []\n[]\n"
+    assert run_python("-c", code, folder=tmp_path).stdout == "2 []\n[]\n4 []\n"
 
 
 def test_the_help_loads_no_library_but_what_checks_settings_and_reads_yaml(tmp_path):

@@ -9,6 +9,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from numba import types
 from playwright.sync_api import expect
 
 from benchmarks.scaling import words_of
@@ -21,7 +22,7 @@ from pipeline.player import flown
 from pipeline.player.arguments import LIT, PLAIN
 from pipeline.player.build import FOLDER, functions
 from pipeline.player.flown import FlownCases, flown_in_page, looks_ahead, tells_reasons
-from pipeline.player.memory import Memory, types_of
+from pipeline.player.memory import Memory, leaves_of, types_of
 from pipeline.player.panel import panel
 from pipeline.player.runs import Carried, CaseColumn, CasePlot, PlayedCases, PlayedPage, PlayedRun
 from pipeline.report.case_measures import MEASURES
@@ -358,6 +359,29 @@ def test_the_modules_are_of_the_types_that_the_product_has(name, most):
     types = {function: types_of(arguments.leaves(Memory())) for function, _, arguments in functions(name)}
     assert json.loads((FOLDER / "types.json").read_text(encoding="utf-8"))[name] == types
     assert len(flown.module(name)) < most
+
+
+@pytest.mark.parametrize("name", [PLAIN, LIT])
+def test_the_types_that_snapshots_tell_are_numbas(name):
+    for _, _, arguments in functions(name):
+        leaves = [leaf for leaf in arguments.leaves(Memory()) if ":" not in leaf.name]
+        assert [leaf.type for leaf in leaves] == [str(each) for each in inner_types(arguments.kinds)]
+
+
+def inner_types(kinds):
+    for kind in kinds:
+        yield from inner_types(kind.types) if isinstance(kind, types.BaseTuple) else (kind,)
+
+
+def test_what_no_module_takes_is_refused():
+    for value, words in (
+        (np.zeros((4, 4))[:, ::2], "no contiguous array"),
+        (np.zeros(2, ">f8"), "no contiguous array"),
+        (np.float32(1.0), "of the type float32"),
+        ("word", "of the type str"),
+    ):
+        with pytest.raises(TypeError, match=words):
+            list(leaves_of(Memory(), (value,), "given"))
 
 
 def test_cases_that_a_page_does_not_carry_say_how_to_fly_them(ready):

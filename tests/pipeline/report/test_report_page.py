@@ -274,7 +274,7 @@ def test_names_are_text_and_no_markup(trained):
     )
     illustrations = {drawn.name: drawn for drawn in draw(contents)}
     assert all(re.fullmatch(r"[a-z0-9-]+", name) for name in illustrations)
-    text = write(contents, illustrations)
+    text = write(contents, illustrations, player_of_run(contents))
     page = Page(text)
     assert HOSTILE not in text
     assert len(page.all("script")) == bool(contents.shown)
