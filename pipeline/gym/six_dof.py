@@ -194,7 +194,7 @@ class SixDofInspectionEnv(gymnasium.Env[NDArray[np.float32], NDArray[Any]]):
         ----------
         action : (6,) array
             Shares from -1 to 1 of the greatest force along each body axis, then of the greatest torque about
-            each; beyond them they are clipped.
+            each.
 
         Returns
         -------
