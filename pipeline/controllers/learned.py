@@ -6,7 +6,7 @@ other controllers does not depend on policies, nor does its compilation.
 """
 
 from dataclasses import dataclass
-from math import erfc, exp, expm1, log1p, sqrt, tanh
+from math import erfc, exp, expm1, log1p, pi, sqrt, tanh
 from typing import NamedTuple
 
 import numpy as np
@@ -24,9 +24,11 @@ from pipeline.threads import in_threads
 
 #: activation of a layer: none, hyperbolic tangent, clipping to `low` and `high`, exponential linear unit and
 #: leaky rectifier with the factor `low` below zero, logistic function, softplus up to `high`, a number times
-#: its logistic function, a number times its normal probability, and all numbers of a layer less their mean,
-#: over the root of their variance plus `low`
-LINEAR, TANH, CLIPPED, ELU, LEAKY, SIGMOID, SOFTPLUS, SILU, GELU, NORMED = range(10)
+#: its logistic function, a number times its normal probability, the same by a hyperbolic tangent near it, and
+#: all numbers of a layer less their mean, over the root of their variance plus `low`
+LINEAR, TANH, CLIPPED, ELU, LEAKY, SIGMOID, SOFTPLUS, SILU, GELU, GELU_TANH, NORMED = range(11)
+#: of the approximation of GELU by a hyperbolic tangent (Hendrycks and Gimpel, arXiv 1606.08415)
+CUBIC, SLOPE = 0.044715, sqrt(2.0 / pi)
 
 
 class Network(NamedTuple):
@@ -76,6 +78,8 @@ def activation(kind: int, x: float, low: float, high: float) -> float:
         y = x / (1.0 + exp(-x)) if x >= 0.0 else x * exp(x) / (1.0 + exp(x))
     elif kind == GELU:
         y = 0.5 * x * erfc(-x * sqrt(0.5))
+    elif kind == GELU_TANH:
+        y = 0.5 * x * (1.0 + tanh(SLOPE * (x + CUBIC * x * x * x)))
     return y
 
 

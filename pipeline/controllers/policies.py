@@ -12,9 +12,11 @@ from typing import Any, Final
 import numpy as np
 
 from fis_tools.file_access import read_bytes
+from pipeline.controllers.graph import Graph
 from pipeline.controllers.layers import NUM_FORCES, NUM_LEVELS, UnreadableError
 from pipeline.controllers.learned import Network, Policy, Units
-from pipeline.controllers.operators import Graph
+from pipeline.controllers.levels import before_levels
+from pipeline.controllers.operators import ChainReader
 from pipeline.flight.control.controller import Controller, ControllerError, PilotController
 
 MOST_BYTES = 16 << 20
@@ -77,7 +79,7 @@ def policy_of(name: str, source: bytes, label: str, weights: bytes | None = None
             if _take_in(model, Path(label).name, weights):
                 source = model.SerializeToString()
             units = _units(model)
-            network = _network(model, NUM_FORCES * (1 if units.levels_n is None else NUM_LEVELS))
+            network = _network(model, units)
     except UnreadableError as error:
         raise ControllerError(f"{label} cannot fly: {error}") from error
     return PilotController(name, Policy(network, source, units))
@@ -162,18 +164,22 @@ def _positive(metadata: Mapping[str, str], key: str) -> float | None:
     return number
 
 
-def _network(model: Any, num_outputs: int) -> Network:
-    """Read the layers from a model's input to its output of forces."""
-    graph = model.graph
-    if len(graph.node) + len(graph.initializer) > MOST_PARTS:
+def _network(model: Any, units: Units) -> Network:
+    """Read the layers from a model's input to its output of forces, or to what tells which level is best."""
+    if len(model.graph.node) + len(model.graph.initializer) > MOST_PARTS:
         raise UnreadableError(
             f"it has more than {MOST_PARTS:,} operators and constants; a policy is a small network"
         )
-    return Graph(graph, dict(_tensors(graph)), _values).follow(_output(model, num_outputs), num_outputs)
+    graph = Graph(model.graph, dict(_tensors(model.graph)), _values)
+    if units.levels_n is None:
+        return ChainReader(graph).follow(_output(model, NUM_FORCES), NUM_FORCES)
+    num_outputs = NUM_FORCES * NUM_LEVELS
+    output = before_levels(graph, _output(model, num_outputs, NUM_FORCES))
+    return ChainReader(graph).follow(output, num_outputs)
 
 
-def _output(model: Any, num_outputs: int) -> str:
-    """Return the name of the output of forces."""
+def _output(model: Any, *widths: int) -> str:
+    """Return the name of the output of forces, which has one of some widths."""
     outputs = {output.name: output for output in model.graph.output}
     named = _metadata(model).get(OUTPUT)
     if named is not None:
@@ -185,7 +191,7 @@ def _output(model: Any, num_outputs: int) -> str:
     for name in OUTPUT_NAMES:
         if name in outputs:
             return name
-    fitting = [name for name, output in outputs.items() if _declared_width(output) == num_outputs]
+    fitting = [name for name, output in outputs.items() if _declared_width(output) in widths]
     if len(fitting) != 1:
         raise UnreadableError(
             f"it has {len(outputs)} outputs, and none is clearly the one with the forces; name it: "
