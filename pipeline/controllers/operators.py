@@ -73,10 +73,12 @@ class ChainReader:
     Parameters
     ----------
     graph : pipeline.controllers.graph.Graph
+    num_seen : int
+        How many numbers the network is given.
     """
 
-    def __init__(self, graph: Graph) -> None:
-        self._graph = graph
+    def __init__(self, graph: Graph, num_seen: int) -> None:
+        self._graph, self._num_seen = graph, num_seen
         #: width of the values that the chain has come by
         self._widths: dict[str, int] = {}
 
@@ -97,7 +99,7 @@ class ChainReader:
             self._check(node)
             name = self._main_input(node)
             path.append((node, name))
-        chain = Chain()
+        chain = Chain(self._num_seen)
         self._widths[self._graph.input] = chain.width
         for node, name in reversed(path):
             constants = [None if other in (name, "") else self._graph.constant(other) for other in node.input]

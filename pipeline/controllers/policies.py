@@ -18,6 +18,8 @@ from pipeline.controllers.learned import Network, Policy, Units
 from pipeline.controllers.levels import before_levels
 from pipeline.controllers.operators import ChainReader
 from pipeline.flight.control.controller import Controller, ControllerError, PilotController
+from pipeline.flight.fly.published import NUM_OF_PRIORITY, NUM_PUBLISHED
+from pipeline.flight.fly.stepping import NUM_SEEN
 
 MOST_BYTES = 16 << 20
 #: operators and constants of a graph, counted before anything else
@@ -29,10 +31,12 @@ OUTPUT_NAMES: Final = ("actions", "action", "forces", "force")
 #: the metadata that are read, and the values that they may have; the first is that of files without them
 METADATA: Final[Mapping[str, tuple[str, ...]]] = {
     "forces": ("newtons", "shares", "levels"),
-    "observations": ("physical", "normalized"),
+    "observations": ("physical", "normalized", "published"),
 }
 #: the metadata that are numbers: the force of a level, N, and the time between decisions, s
 LEVELS, DECISION_PERIOD = "levels_n", "decision_period_s"
+#: how many numbers are observed with six degrees of freedom: by AFRL's agents, and by ours
+SIX_DOF: Final = (22, 24)
 #: the metadata that names the output of the forces
 OUTPUT: Final = "output"
 CURE: Final = "onnx.helper.set_model_props(model, {...}) sets it"
@@ -145,6 +149,7 @@ def _units(model: Any) -> Units:
     return Units(
         forces_are_shares=forces == "shares",
         observations_are_normalized=observations == "normalized",
+        observations_are_published=observations == "published",
         levels_n=_positive(metadata, LEVELS),
         decision_period_s=_positive(metadata, DECISION_PERIOD),
     )
@@ -171,11 +176,34 @@ def _network(model: Any, units: Units) -> Network:
             f"it has more than {MOST_PARTS:,} operators and constants; a policy is a small network"
         )
     graph = Graph(model.graph, dict(_tensors(model.graph)), _values)
+    if (width := _input_width(model, graph.input)) in SIX_DOF:
+        raise UnreadableError(
+            f"it takes the {width} numbers of flights with six degrees of freedom, in which a policy turns "
+            "the deputy; here a law of its own turns it: fly the policy in pipeline.gym.SixDofInspectionEnv"
+        )
+    is_published = units.observations_are_published
+    reader = ChainReader(graph, _num_published(width) if is_published else NUM_SEEN)
     if units.levels_n is None:
-        return ChainReader(graph).follow(_output(model, NUM_FORCES), NUM_FORCES)
+        return reader.follow(_output(model, NUM_FORCES), NUM_FORCES)
     num_outputs = NUM_FORCES * NUM_LEVELS
     output = before_levels(graph, _output(model, num_outputs, NUM_FORCES))
-    return ChainReader(graph).follow(output, num_outputs)
+    return reader.follow(output, num_outputs)
+
+
+def _input_width(model: Any, name: str) -> int:
+    (width,) = (_declared_width(value) for value in model.graph.input if value.name == name)
+    return width
+
+
+def _num_published(width: int) -> int:
+    """Return how many of the numbers that AFRL's agents observe an input of a declared width takes."""
+    known = (NUM_PUBLISHED, NUM_PUBLISHED + NUM_OF_PRIORITY)
+    if width not in known:
+        raise UnreadableError(
+            f"its input has the declared width {width}; of AFRL's observations there are {known[0]}, or "
+            f"{known[1]} where points have a priority"
+        )
+    return width
 
 
 def _output(model: Any, *widths: int) -> str:
@@ -200,9 +228,9 @@ def _output(model: Any, *widths: int) -> str:
     return fitting[0]
 
 
-def _declared_width(output: Any) -> int:
-    """Return the second size of an output's shape; zero if it declares none."""
-    sizes = output.type.tensor_type.shape.dim
+def _declared_width(value: Any) -> int:
+    """Return the second size of the shape of an input or output; zero if it declares none."""
+    sizes = value.type.tensor_type.shape.dim
     return int(sizes[1].dim_value) if len(sizes) == 2 else 0
 
 

@@ -18,20 +18,13 @@ from scipy.spatial.transform import Rotation
 from fis_tools.compiled.decorator import compiled, plainly
 from fis_tools.compiled.three import Three, three_of, times
 from pipeline.array_types import Booleans, Floats
+from pipeline.flight.fly.published import priority_weights
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.chief import chief_attitudes
 from pipeline.flight.world.pack import optics_of
 from pipeline.flight.world.surface import surface_of
 from pipeline.gym.env import Started, checked_options, require_episode
-from pipeline.gym.episodes import (
-    AFRL_WEIGHTED,
-    Reward,
-    nearest_in_orbit,
-    obeyed,
-    priority_weights,
-    shares_of,
-    task_of,
-)
+from pipeline.gym.episodes import AFRL_WEIGHTED, Reward, nearest_in_orbit, obeyed, shares_of, task_of
 from pipeline.physics.attitude import euler
 from pipeline.physics.illumination import sun_angle, sun_direction_h
 from pipeline.physics.quaternion import dcm_b_from_h, derivative, normalised

@@ -1,6 +1,7 @@
 """Learned policies answer as ONNX's own reference does, to what the gym shows, and are flown and recorded."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -22,9 +23,10 @@ from pipeline.flight.fly.simulation import fly_all, fly_logged
 from pipeline.flight.fly.stepping import NUM_SEEN, OBSERVED
 from pipeline.flight.state.log import FlightLog
 from pipeline.gym import InspectionEnv, NormalizedObservation, task_of
+from pipeline.gym.published import PublishedObservation
 from pipeline.recording.recorder import FlightRecorder
 from pipeline.recording.reflight import fly_again
-from pipeline.scenarios import evaluation_scenarios
+from pipeline.scenarios import CLUSTERS, evaluation_scenarios
 
 RNG = np.random.default_rng(4)
 W1, B1 = RNG.normal(0.0, 0.3, (NUM_SEEN, 8)), RNG.normal(0.0, 0.3, 8)
@@ -36,6 +38,7 @@ CONSTANTS = {
     "w9": RNG.normal(0.0, 0.8, (8, 9)), "one": np.array(1.0), "root": np.array(np.sqrt(2.0)),
     "scale": np.arange(1.0, 9.0), "zero": np.array(0.0), "column": np.ones((3, 1)),
     "infinite": np.array(np.inf), "large": np.array(1e38), "two": np.array(2.0), "small": np.array(1e-3),
+    "afrl11": RNG.normal(0.0, 0.05, (11, 8)), "afrl15": RNG.normal(0.0, 0.05, (15, 8)),
     "cubic": np.array(0.044715), "slope": np.array(np.sqrt(2.0 / np.pi)),
 }  # fmt: skip
 Step = tuple[str, Sequence[str], dict[str, Any]]
@@ -108,7 +111,9 @@ def changed(steps: Sequence[Step], index: int, *step: Any) -> list[Step]:
     return [*steps[:index], (step[0], step[1], step[2]), *steps[index + 1 :]]
 
 
-def model(steps: Sequence[Step], kind: int = TensorProto.FLOAT, width: int = 3) -> ModelProto:
+def model(
+    steps: Sequence[Step], kind: int = TensorProto.FLOAT, width: int = 3, num_seen: int = NUM_SEEN
+) -> ModelProto:
     """A chain of operators; the empty name stands for what the one before gives."""
     nodes: list[NodeProto] = []
     for index, (operator, inputs, attributes) in enumerate(steps):
@@ -126,7 +131,7 @@ def model(steps: Sequence[Step], kind: int = TensorProto.FLOAT, width: int = 3) 
     tensors = [numpy_helper.from_array(values, name) for name, values in rounded.items()]
     ends = [
         helper.make_tensor_value_info(name, kind, [None, width])
-        for name, width in (("value0", NUM_SEEN), (f"value{len(steps)}", width))
+        for name, width in (("value0", num_seen), (f"value{len(steps)}", width))
     ]
     graph = helper.make_graph(nodes, "policy", ends[:1], ends[1:], tensors)
     return helper.make_model(graph, opset_imports=[helper.make_opsetid("", opset)], ir_version=8)
@@ -395,6 +400,50 @@ def test_shares_of_the_greatest_force_fly_as_the_gym_flies_them(tmp_path: Path) 
         force = np.clip(action[0], -1.0, 1.0) * task.mission.deputy.max_force_n
         np.testing.assert_allclose(log.force_asked_n[k], force, atol=1e-5)
         seen, *_ = env.step(np.clip(action[0], -1.0, 1.0))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("world", ["afrl", "afrl_weighted"])
+def test_what_learned_from_afrls_observations_flies_as_in_the_gym(world: str) -> None:
+    num_seen = {"afrl": 11, "afrl_weighted": 15}[world]
+    steps: Sequence[Step] = (
+        ("MatMul", ["", f"afrl{num_seen}"], {}),
+        ("Tanh", [""], {}),
+        ("MatMul", ["", "w2"], {}),
+        ("Mul", ["small", ""], {}),
+    )
+    made = model(steps, num_seen=num_seen)
+    helper.set_model_props(made, {"forces": "shares", "observations": "published"})
+    task = task_of([f"world={world}", "duration_s=900"])
+    start, controller = evaluation_scenarios(task.experiment)[0], read(made)
+    log = fly_logged(task.mission, controller, start)
+    inner = InspectionEnv([f"world={world}", "duration_s=900"])
+    env = PublishedObservation(inner, start.generator(CLUSTERS))
+    reference = ReferenceEvaluator(model(steps, TensorProto.DOUBLE, num_seen=num_seen))
+    seen, _ = env.reset(options={"scenario": start})
+    for k in range(task.mission.num_controls):
+        (action,) = reference.run(None, {"value0": seen[np.newaxis]})
+        np.testing.assert_allclose(log.force_asked_n[k], action[0] * 1.0, rtol=0.0, atol=1e-8)
+        seen, *_, info = env.step(action[0])
+    assert info["num_inspected"] == log.is_inspected[-1].sum() > 0
+    assert np.abs(log.force_asked_n).max() > 1e-4
+    other = {"afrl": "afrl_weighted", "afrl_weighted": "afrl"}[world]
+    with pytest.raises(ControllerError, match=f"the policy takes {num_seen} of AFRL's numbers; in"):
+        fly_logged(task_of([f"world={other}", "duration_s=900"]).mission, controller, start)
+    with pytest.raises(ControllerError, match="AFRL's agents observe no Sun out of the orbit plane"):
+        fly_logged(task.mission, controller, replace(start, sun_elevation_rad=0.1))
+
+
+def test_what_takes_other_numbers_than_afrls_is_refused() -> None:
+    made = model(LAYERS)
+    helper.set_model_props(made, {"observations": "published"})
+    with pytest.raises(ControllerError, match="its input has the declared width 19; of AFRL's observations"):
+        read(made)
+    for width in (22, 24):
+        with pytest.raises(ControllerError, match=f"it takes the {width} numbers of flights with six"):
+            read(model(LAYERS, num_seen=width))
+    with pytest.raises(ControllerError, match=r"weights of shape \(11, 8\) follow 19 numbers"):
+        read(model((("MatMul", ["", "afrl11"], {}), ("MatMul", ["", "w2"], {})), num_seen=11))
 
 
 def test_a_path_stands_for_a_policy() -> None:
