@@ -12,7 +12,7 @@ from pipeline.array_types import Floats
 from pipeline.flight.fly.published import NUM_OF_PRIORITY, PublishedView
 from pipeline.flight.world.surface import surface_of
 from pipeline.gym.env import InspectionEnv
-from pipeline.gym.six_dof import SixDofInspectionEnv
+from pipeline.gym.six_dof import RATE, SixDofInspectionEnv
 
 
 class PublishedObservation(gymnasium.Wrapper[NDArray[np.float64], NDArray[Any], Any, NDArray[Any]]):
@@ -43,9 +43,14 @@ class PublishedObservation(gymnasium.Wrapper[NDArray[np.float64], NDArray[Any], 
             raise ValueError("AFRL's agents observe no Sun out of the orbit plane; leave its elevation out")
         mission = inner.task.mission
         self._inner, self._view = inner, PublishedView(mission, random or np.random.default_rng())
-        turning = [np.inf] * 3 + [1.0] * 4 if isinstance(inner, SixDofInspectionEnv) else []
+        turning = (
+            [*inner.observation_space.high[RATE], *[2.0] * 4]
+            if isinstance(inner, SixDofInspectionEnv)
+            else []
+        )
         most = 2.0 * pi + mission.orbit.mean_motion_rad_s * mission.duration_s
-        high = [*[np.inf] * 6, *turning, most, float(len(surface_of(mission).points)), *[1.0] * 3]
+        far = inner.observation_space.high
+        high = [*far[:6], *turning, most, float(len(surface_of(mission).points)), *[1.0] * 3]
         high += [1.0] * (NUM_OF_PRIORITY if mission.chief.weights == "priority" else 0)
         low = -np.array(high)
         low[6 + len(turning) : 8 + len(turning)] = 0.0

@@ -70,6 +70,8 @@ AFRL_SIX_DOF_FLEET: Final = replace(AFRL_SIX_DOF, per_delta_v=0.001, faces_by_an
 
 #: where a state has its parts: position (m) and velocity (m/s), Hill axes; attitude; inertial rate (rad/s)
 POSITION, VELOCITY, ATTITUDE, RATE = slice(0, 3), slice(3, 6), slice(6, 10), slice(10, 13)
+#: and an observation, after it, weight inspected and time left (s)
+WEIGHT_INSPECTED, TIME_LEFT = 22, 23
 
 
 @compiled
@@ -154,12 +156,23 @@ class SixDofInspectionEnv(gymnasium.Env[NDArray[np.float32], NDArray[Any]]):
         if changed or self.task.is_tilted:
             reason = ", ".join(changed) or "a Sun out of the orbit plane"
             raise ValueError(f"{reason}: this is not flown with six degrees of freedom; leave it out")
-        self.observation_space = Box(-np.inf, np.inf, (NUM_OBSERVED,), np.float32)
+        self.observation_space = self._space()
         self.action_space = Box(-1.0, 1.0, (6,), np.float32)
         self._surface, self._optics = surface_of(mission), optics_of(mission)
         self._inertia = np.array(mission.deputy.inertia_kg_m2)
         self._chief = chief_attitudes(mission)
         self._is_over: bool | None = None  # before the first episode
+
+    def _space(self) -> "Box[np.float32]":
+        """Return the space of observations; no flight can leave it."""
+        widest = self.task.observation_space().high
+        # numbers beside directions and quaternions, of which an integration leaves the length only about one
+        high = np.full(NUM_OBSERVED, 2.0)
+        high[POSITION], high[VELOCITY], high[TIME_LEFT] = widest[0], widest[3], widest[-1]
+        high[RATE] = self._max_rate * (1.0 + 1e-6)
+        low = -high
+        low[WEIGHT_INSPECTED:] = 0.0
+        return Box(low.astype(np.float32), high.astype(np.float32), dtype=np.float32)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> Started:
         """Start an episode: drawn, or ``options["scenario"]`` and ``options["priority"]``, (3,)."""
