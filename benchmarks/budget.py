@@ -30,7 +30,8 @@ def of_policy(path: str) -> str:
     training = json.loads(facts.get("training", "{}"))
     if "done" not in training:
         sys.exit(f"{path} does not say how it was trained; python -m benchmarks.ppo writes files that do")
-    return f"{training['done'] / 1e6:.1f} million control periods"
+    flights = f"{training['flights']:,} flights, " if "flights" in training else ""
+    return f"{flights}{training['done'] / 1e6:.1f} million control periods"
 
 
 def main(arguments: Sequence[str]) -> int:

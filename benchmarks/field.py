@@ -20,10 +20,11 @@ from pipeline.controllers.source import load, named
 from pipeline.evaluation.statistics import fraction
 from pipeline.flight.cases.starts import starts_of
 from pipeline.flight.fly.foresight import lit_at_samples
+from pipeline.flight.fly.published import priority_weights
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.state.log import FlightLog, Scenario, points_needed
 from pipeline.flight.world.pack import inspection_points, pack_world
-from pipeline.gym.episodes import nearest_in_orbit, priority_weights
+from pipeline.gym.episodes import nearest_in_orbit
 from pipeline.scenarios import PRIORITY, direction_of, evaluation_scenarios
 from pipeline.settings.experiment import Mission
 

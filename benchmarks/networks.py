@@ -19,7 +19,7 @@ from onnx import TensorProto, checker, helper, numpy_helper
 from pipeline.flight.fly.stepping import NUM_SEEN
 
 #: what follows a layer
-LINEAR, TANH, CLIP = "Affine", "tanh", "clip"
+LINEAR, TANH, RELU, CLIP = "Affine", "tanh", "relu", "clip"
 #: of an observation, what ARCH's network sees: position and velocity, radial and along the track
 ARCH_SEES: Final = (0, 1, 3, 4)
 
@@ -36,8 +36,8 @@ def write_policy(
         constants |= {f"weights{index}": weights, f"added{index}": added}
         inputs, name = [name, f"weights{index}", f"added{index}"], f"sum{index}"
         nodes.append(helper.make_node("Gemm", inputs, [name], transB=1))
-        if kind == TANH:
-            nodes.append(helper.make_node("Tanh", [name], [f"value{index}"]))
+        if kind in (TANH, RELU):
+            nodes.append(helper.make_node(kind.capitalize(), [name], [f"value{index}"]))
             name = f"value{index}"
         elif kind == CLIP:
             nodes.append(helper.make_node("Clip", [name, "low", "high"], [f"value{index}"]))

@@ -10,6 +10,7 @@ import json
 import sys
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -19,18 +20,66 @@ from numpy.typing import NDArray
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.monitor import Monitor
-from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv, VecNormalize
+from stable_baselines3.common.vec_env import DummyVecEnv, VecEnvWrapper, VecNormalize
 
-from benchmarks.networks import CLIP, TANH, write_policy
-from pipeline.gym import (
-    InspectionVectorEnv,
-    NormalizedObservation,
-    NormalizedVectorObservation,
-    ReachEnv,
-    Reward,
-    Task,
-    task_of,
-)
+from benchmarks.networks import CLIP, LINEAR, RELU, TANH, Layer, write_policy
+from pipeline.gym import NormalizedObservation, ReachEnv, Reward, Task, task_of
+from pipeline.gym.stable_baselines import BaselinesVecEnv
+
+#: offset between the seeds of the starts of two trainings
+SEEDS_APART: Final = 1_000_000
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How a policy is trained.
+
+    Parameters
+    ----------
+    model : mapping
+        Of `PPO`.
+    layers : tuple of int
+        Widths of those that are hidden.
+    log_std : float
+        Of the initial noise, a share of the greatest force.
+    words : tuple of str
+        Of the world, as on the command line.
+    decision_period_s : float, optional
+        As of the environments.
+    silent : float
+        A share of the force that is too small to fire, by which every force is less: so silence is easily
+        learned.
+    first_price, last_price : float
+        Of a m/s of fuel, with a point worth 0.1; it approaches the last geometrically between the shares
+        `dearer` of the steps, so that something is inspected before fuel is saved.
+    success : float
+        Paid once.
+    last_rate : float
+        Share of the learning rate that is left in the end, to which it falls linearly.
+    estimated : float
+        Share of the steps in which the means and spreads of observations are estimated.
+    """
+
+    num_envs: int
+    model: Mapping[str, Any]
+    layers: tuple[int, ...] = (64, 64)
+    log_std: float = -1.5
+    words: tuple[str, ...] = ()
+    decision_period_s: float | None = None
+    silent: float = 0.0
+    first_price: float = 0.1
+    last_price: float = 1.0
+    dearer: tuple[float, float] = (0.3, 0.9)
+    success: float = 1.0
+    last_rate: float = 1.0
+    estimated: float = 1.0
+
+    def price(self, done: float) -> float:
+        """Return the price of a m/s after a share of the steps."""
+        begins, ends = self.dearer
+        share = min(max((done - begins) / (ends - begins), 0.0), 1.0)
+        return self.first_price * (self.last_price / self.first_price) ** share
+
 
 #: what AFRL's two problems are trained with alike
 _OF_BOTH: Final[Mapping[str, Any]] = {
@@ -39,101 +88,98 @@ _OF_BOTH: Final[Mapping[str, Any]] = {
     "learning_rate": 5e-5,
     "clip_range": 0.3,
     "vf_coef": 1.0,
-    "layers": (256, 256),
-    "log_std": 0.0,
 }
+_WIDE: Final[Mapping[str, Any]] = {"layers": (256, 256), "log_std": 0.0}
 #: AFRL's settings (safe-autonomy-sims 6d71f7e, `configs/translational-inspection` and `configs/docking`:
 #: base files with what `task.yml` overrides, for 5 and 10 million steps) with RLlib's defaults for the rest;
-#: and settings that learn more from few steps. `num_envs`, `layers` and `log_std` (of the initial noise, a
-#: share of the largest force) are not `PPO`'s own.
-SETTINGS: Final[Mapping[str, Mapping[str, Any]]] = {
-    "afrl": {**_OF_BOTH, "num_envs": 1, "n_steps": 1500, "batch_size": 1500, "gamma": 0.99},
-    "afrl_docking": {**_OF_BOTH, "num_envs": 18, "n_steps": 2000, "batch_size": 3600, "gamma": 0.968559},
-    "ours": {
-        "num_envs": 64,
-        "n_steps": 128,
-        "batch_size": 1024,
-        "n_epochs": 10,
-        "gamma": 0.995,
-        "gae_lambda": 0.95,
-        "learning_rate": 3e-4,
-        "clip_range": 0.2,
-        "vf_coef": 0.5,
-        "layers": (64, 64),
-        "log_std": -1.5,
-    },
+#: settings that learn more from few steps; and a decision a minute
+SETTINGS: Final[Mapping[str, Settings]] = {
+    "afrl": Settings(1, {**_OF_BOTH, "n_steps": 1500, "batch_size": 1500, "gamma": 0.99}, **_WIDE),
+    "afrl_docking": Settings(
+        18, {**_OF_BOTH, "n_steps": 2000, "batch_size": 3600, "gamma": 0.968559}, **_WIDE
+    ),
+    "ours": Settings(
+        64,
+        {
+            "n_steps": 128,
+            "batch_size": 1024,
+            "n_epochs": 10,
+            "gamma": 0.995,
+            "gae_lambda": 0.95,
+            "learning_rate": 3e-4,
+        },
+    ),
+    "minute": Settings(
+        512,
+        {
+            "n_steps": 32,
+            "batch_size": 2048,
+            "n_epochs": 6,
+            "gamma": 0.995,
+            "gae_lambda": 0.95,
+            "learning_rate": 5e-4,
+        },
+        log_std=-2.0,
+        words=("deputy.max_force_n=0.3",),
+        decision_period_s=60.0,
+        silent=0.02,
+        first_price=0.3,
+        last_price=3.0,
+        dearer=(0.15, 0.65),
+        success=2.0,
+        last_rate=0.1,
+        estimated=0.3,
+    ),
 }
-#: initial price of a m/s; it approaches a different final price geometrically between these shares of
-#: the steps, so that something is inspected before fuel is saved
-FIRST_PRICE: Final = 0.1
-DEARER_FROM, DEARER_TO = 0.3, 0.9
-#: offset between the seeds of the starts of two trainings
-SEEDS_APART: Final = 100_000
 
 
-class Flights(VecEnv):
-    """Our flights as Stable-Baselines3 steps them.
+class PricedFlights(VecEnvWrapper):
+    """Flights whose fuel has a price that may change, and which fire nothing where little is asked for.
 
-    The step that restarts an episode counts as a step without reward: one in some hundreds. A time limit
-    ends an episode, as the remaining time is observed.
+    A time limit ends an episode, as the remaining time is observed.
 
     Parameters
     ----------
-    many : InspectionVectorEnv
+    flights : BaselinesVecEnv
         Its reward must have no price of fuel.
-    seed : int
+    settings : Settings
     """
 
-    def __init__(self, many: InspectionVectorEnv, seed: int) -> None:
-        self.task, self._seed, self.price = many.task, seed, FIRST_PRICE
-        self._many = NormalizedVectorObservation(many)
-        self._ended = np.zeros(many.num_envs, dtype=np.bool_)
-        self._spent, self._returns = np.zeros((2, many.num_envs))
+    def __init__(self, flights: BaselinesVecEnv, settings: Settings) -> None:
+        super().__init__(flights)
+        self.task, self.price = flights.task, settings.first_price
+        self._silent = settings.silent
+        self._spent, self._returns = np.zeros((2, flights.num_envs))
         #: for the finished episodes: return, rate, delta-v, whether it succeeded, whether it ended outside
         self.ends: list[tuple[float, ...]] = []
-        super().__init__(many.num_envs, self._many.single_observation_space, many.single_action_space)
+        self.num_ended = 0
 
     def reset(self) -> NDArray[np.float32]:
         """Start all episodes."""
-        return self._many.reset(seed=self._seed * SEEDS_APART)[0]
+        self._spent[:] = self._returns[:] = 0.0
+        return self.venv.reset()
 
     def step_async(self, actions: NDArray[Any]) -> None:
-        """Store the actions."""
-        self._actions = actions
+        """Store what is left of the actions."""
+        fired = np.sign(actions) * np.maximum(np.abs(actions) - self._silent, 0.0)
+        self.venv.step_async(fired)
 
     def step_wait(self) -> tuple[Any, ...]:
-        """Execute them."""
-        seen, rewards, terminated, truncated, info = self._many.step(self._actions)
-        began, self._ended = self._ended, terminated | truncated
-        spent, self._spent = info["delta_v_m_s"] - self._spent, info["delta_v_m_s"]
-        rewards = rewards - self.price * np.where(began, 0.0, spent)
+        """Execute it."""
+        seen, rewards, has_ended, infos = self.venv.step_wait()
+        spent = np.array([info["delta_v_m_s"] for info in infos])
+        rewards = rewards - self.price * (spent - self._spent)
         self._returns += rewards
-        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
-        for flight in np.flatnonzero(self._ended | began):
-            infos[flight]["terminal_observation"] = seen[flight]
-        rates = info["num_inspected"] / info["num_inspectable"]
-        facts = self._returns, rates, self._spent, info["is_success"], info["outside_m"] > 0.0
-        self.ends += [tuple(float(fact[flight]) for fact in facts) for flight in np.flatnonzero(self._ended)]
-        self._returns[self._ended] = 0.0
-        return seen, rewards.astype(np.float32), self._ended | began, infos
-
-    def close(self) -> None:
-        """Do nothing: nothing is open."""
-
-    def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
-        """Return nothing: there are no inner environments."""
-        return [None] * self.num_envs
-
-    def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
-        """Do nothing."""
-
-    def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> list[Any]:
-        """Return nothing."""
-        return []
-
-    def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
-        """Return that nothing is wrapped."""
-        return [False] * self.num_envs
+        for flight in np.flatnonzero(has_ended):
+            facts = infos[flight]
+            facts["TimeLimit.truncated"] = False
+            rate, is_outside = facts["num_inspected"] / facts["num_inspectable"], facts["outside_m"] > 0.0
+            each = self._returns[flight], rate, facts["delta_v_m_s"], facts["is_success"], is_outside
+            self.ends.append(tuple(map(float, each)))
+        self.num_ended += int(has_ended.sum())
+        self._spent = np.where(has_ended, 0.0, spent)
+        self._returns[has_ended] = 0.0
+        return seen, rewards.astype(np.float32), has_ended, infos
 
 
 class Goals(DummyVecEnv):
@@ -144,8 +190,9 @@ class Goals(DummyVecEnv):
         self.seed(seed * SEEDS_APART)
         self.task: Task = task_of(words)
         self.price = 0.0
-        #: as of `Flights`; the rate is the success
+        #: as of `PricedFlights`; the rate is the success
         self.ends: list[tuple[float, ...]] = []
+        self.num_ended = 0
 
     def step_wait(self) -> tuple[Any, ...]:
         """Step them."""
@@ -154,10 +201,74 @@ class Goals(DummyVecEnv):
             if "episode" in facts:
                 success, spent = facts["is_success"], facts["delta_v_m_s"]
                 self.ends.append((facts["episode"]["r"], success, spent, success, facts["outside_m"] > 0.0))
+                self.num_ended += 1
         return stepped
 
 
-def layers_of(model: PPO, flights: Flights | Goals, normal: VecNormalize) -> list[tuple[Any, Any]]:
+@dataclass(frozen=True)
+class Training:
+    """One training, and what it is about.
+
+    Parameters
+    ----------
+    folder : Path
+        Where policies are written.
+    settings : Settings
+    seed, steps : int
+    words : tuple of str
+        Of the world, after those of the settings.
+    outside : float
+        Taken away outside the limits.
+    every : int, optional
+        Steps between two policies that are written; none before the last unless given.
+    """
+
+    folder: Path
+    settings: Settings
+    seed: int = 1
+    steps: int = 1_000_000
+    words: tuple[str, ...] = ()
+    outside: float = 10.0
+    every: int | None = None
+    #: when it began, s
+    begun: float = field(default_factory=time.process_time)
+
+    def run(self) -> Path:
+        """Train, and return the file of the policy."""
+        torch.set_num_threads(1)
+        settings, words = self.settings, [*self.settings.words, *self.words]
+        self.folder.mkdir(parents=True, exist_ok=True)
+        flights: PricedFlights | Goals
+        if task_of(words).mission.problem.kind == "reach":
+            flights = Goals(settings.num_envs, words, self.seed)
+        else:
+            reward = Reward(per_delta_v=0.0, outside=self.outside, success=settings.success)
+            period = settings.decision_period_s
+            many = BaselinesVecEnv(settings.num_envs, words, reward=reward, decision_period_s=period)
+            flights = PricedFlights(many, settings)
+        normal = VecNormalize(flights, norm_reward=False, clip_obs=np.inf)
+        options = dict(settings.model)
+        rate, least = options.pop("learning_rate"), settings.last_rate
+        shape = {
+            "net_arch": list(settings.layers),
+            "activation_fn": torch.nn.Tanh,
+            "log_std_init": settings.log_std,
+        }
+        model = PPO(
+            "MlpPolicy",
+            normal,
+            learning_rate=lambda left: rate * (least + (1.0 - least) * left),
+            seed=self.seed,
+            device="cpu",
+            policy_kwargs=shape,
+            **options,
+        )
+        flights.seed(self.seed * SEEDS_APART)
+        model.learn(self.steps, callback=TrainingProgress(flights, normal, self))
+        return write(model, flights, normal, self, "policy")
+
+
+def layers_of(model: PPO, flights: PricedFlights | Goals, normal: VecNormalize) -> list[Layer]:
     """Return a policy's weights and biases, from observations in their units to shares of the force.
 
     The scaling of the observations, and that of the training, is merged into the first layer.
@@ -174,40 +285,59 @@ def layers_of(model: PPO, flights: Flights | Goals, normal: VecNormalize) -> lis
     return layers
 
 
-def write(model: PPO, flights: Flights | Goals, normal: VecNormalize, path: Path) -> None:
+def write(
+    model: PPO, flights: PricedFlights | Goals, normal: VecNormalize, training: Training, name: str
+) -> Path:
     """Write the noise-free policy as ONNX, from observations to a force in N, Hill axes.
 
     The description of the training, `training.json`, is included in the file.
     """
+    settings, task = training.settings, flights.task
     layers = layers_of(model, flights, normal)
     kinds = [*[TANH] * (len(layers) - 1), CLIP]
-    training = json.loads((path.parent / "training.json").read_text(encoding="utf-8"))
-    training = json.dumps({**training, "done": model.num_timesteps})
-    write_policy(layers, kinds, flights.task.mission.deputy.max_force_n, path, {"training": training})
+    if settings.silent > 0.0:  # what is above it, forwards and backwards, and their difference
+        both = np.vstack([np.eye(3), -np.eye(3)])
+        layers += [(both, np.full(6, -settings.silent)), (both.T, np.zeros(3))]
+        kinds += [RELU, LINEAR]
+    described = {
+        "seed": training.seed,
+        "steps": training.steps,
+        "words": [*settings.words, *training.words],
+        "outside": training.outside,
+        "settings": asdict(settings),
+        "done": model.num_timesteps * task.num_periods,
+        "flights": flights.num_ended,
+    }
+    text = json.dumps(described, indent=1)
+    (training.folder / "training.json").write_text(text + "\n", encoding="utf-8")
+    facts = {"training": json.dumps(described)}
+    if settings.decision_period_s is not None:
+        facts["decision_period_s"] = f"{settings.decision_period_s:g}"
+    path = training.folder / f"{name}.onnx"
+    write_policy(layers, kinds, task.mission.deputy.max_force_n, path, facts)
+    return path
 
 
 class TrainingProgress(BaseCallback):
     """Gradually raises the price of fuel, and regularly prints a line and writes the policy."""
 
-    def __init__(
-        self, flights: Flights | Goals, normal: VecNormalize, folder: Path, options: argparse.Namespace
-    ) -> None:
+    def __init__(self, flights: PricedFlights | Goals, normal: VecNormalize, training: Training) -> None:
         super().__init__()
-        self._flights, self._normal, self._folder, self._options = flights, normal, folder, options
-        self._due, self._started = options.every, time.monotonic()
+        self._flights, self._normal, self._training = flights, normal, training
+        self._due = training.every or training.steps
 
     def _on_step(self) -> bool:
         return True
 
     def _on_rollout_start(self) -> None:
-        done = self.num_timesteps / self._options.steps
-        share = np.clip((done - DEARER_FROM) / (DEARER_TO - DEARER_FROM), 0.0, 1.0)
-        self._flights.price = FIRST_PRICE * (self._options.price / FIRST_PRICE) ** share
+        done = self.num_timesteps / self._training.steps
+        self._flights.price = self._training.settings.price(done)
+        self._normal.training = done < self._training.settings.estimated
 
     def _on_rollout_end(self) -> None:
         if self.num_timesteps < self._due:
             return
-        self._due += self._options.every
+        self._due += self._training.every or self._training.steps
         ends = np.array(self._flights.ends).reshape(-1, 5)
         self._flights.ends.clear()
         line = "none ended"
@@ -215,12 +345,13 @@ class TrainingProgress(BaseCallback):
             line = "return {:.2f}, rate {:.3f}, {:.2f} m/s, success {:.2f}, outside {:.2f}".format(
                 *ends.mean(axis=0)
             )
-        seconds = time.monotonic() - self._started
+        seconds = time.process_time() - self._training.begun
         print(
             f"{self.num_timesteps:,} steps, {seconds:.0f} s, {len(ends)} episodes with noise: {line}",
             flush=True,
         )
-        write(self.model, self._flights, self._normal, self._folder / f"{self.num_timesteps}.onnx")
+        if self._training.every:
+            write(self.model, self._flights, self._normal, self._training, f"{self.num_timesteps}")
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -231,28 +362,17 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("--steps", type=int, default=1_000_000)
     parser.add_argument("--every", type=int, default=100_000, help="steps between two that are written")
     parser.add_argument("--settings", choices=list(SETTINGS), default="ours")
-    parser.add_argument("--price", type=float, default=1.0, help="of a m/s in the end; a point is worth 0.1")
+    parser.add_argument("--price", type=float, help="of a m/s in the end; a point is worth 0.1")
     parser.add_argument("--outside", type=float, default=10.0, help="taken away outside the limits")
     parser.add_argument("words", nargs="*", help="of the world, such as world=afrl deputy.max_force_n=0.02")
     options = parser.parse_args(arguments)
-    torch.set_num_threads(1)
-    chosen = dict(SETTINGS[options.settings])
-    options.folder.mkdir(parents=True, exist_ok=True)
-    settings = {name: value for name, value in vars(options).items() if name != "folder"}
-    text = json.dumps({**settings, "settings": {"name": options.settings, **chosen}}, indent=1)
-    (options.folder / "training.json").write_text(text + "\n", encoding="utf-8")
-    num_envs, layers, log_std = (chosen.pop(name) for name in ("num_envs", "layers", "log_std"))
-    flights: Flights | Goals
-    if task_of(options.words).mission.problem.kind == "reach":
-        flights = Goals(num_envs, options.words, options.seed)
-    else:
-        reward = Reward(per_delta_v=0.0, outside=options.outside)
-        flights = Flights(InspectionVectorEnv(num_envs, options.words, reward), options.seed)
-    normal = VecNormalize(flights, norm_reward=False, clip_obs=np.inf)
-    shape = {"net_arch": list(layers), "activation_fn": torch.nn.Tanh, "log_std_init": log_std}
-    model = PPO("MlpPolicy", normal, seed=options.seed, device="cpu", policy_kwargs=shape, **chosen)
-    model.learn(options.steps, callback=TrainingProgress(flights, normal, options.folder, options))
-    write(model, flights, normal, options.folder / "policy.onnx")
+    settings = SETTINGS[options.settings]
+    if options.price is not None:
+        settings = replace(settings, last_price=options.price)
+    words = tuple(options.words)
+    Training(
+        options.folder, settings, options.seed, options.steps, words, options.outside, options.every
+    ).run()
     return 0
 
 

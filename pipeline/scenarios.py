@@ -25,8 +25,9 @@ from pipeline.settings.training import Starts
 #: starts, ``HARD + r``; those on which the champion is chosen; and rung r of a fit as ``FITTING + r``
 EVALUATION, TRAINING, HARD, VALIDATION, FITTING = 0, 1, 1 << 20, 1 << 21, 1 << 22
 
-#: places in the spawn key of the random numbers for a start's velocity and for its points' priority
-SPEED, PRIORITY = 3, 1 << 10
+#: places in the spawn key of the random numbers for a start's velocity, for its points' priority, and for
+#: where clusters begin that AFRL's agents observe
+SPEED, PRIORITY, CLUSTERS = 3, 1 << 10, 1 << 11
 
 OCTANTS = np.array(list(product((1.0, -1.0), repeat=3))) / np.sqrt(3.0)
 

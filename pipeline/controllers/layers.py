@@ -38,11 +38,15 @@ class Chain:
     `weights` is None where the map has none yet, and stands for the identity.
     """
 
-    bias: Floats = field(default_factory=lambda: np.zeros(NUM_SEEN))
+    num_seen: int = NUM_SEEN
+    bias: Floats = field(init=False)
     weights: Floats | None = None
     layers: list[NetworkLayer] = field(default_factory=list)
     num_numbers: int = 0
     num_steps: int = 0
+
+    def __post_init__(self) -> None:
+        self.bias = np.zeros(self.num_seen)
 
     @property
     def width(self) -> int:
@@ -64,7 +68,7 @@ class Chain:
         if matrix.ndim != 2 or len(matrix) != self.width:
             raise UnreadableError(
                 f"weights of shape {matrix.shape} follow {self.width} numbers; the first layer takes "
-                f"the {NUM_SEEN} numbers that are observed"
+                f"the {self.num_seen} numbers that are observed"
             )
         num_rows = 1 if self.weights is None else len(self.weights)
         self._count(steps=num_rows * matrix.size, largest=num_rows * matrix.shape[1])
@@ -104,7 +108,7 @@ class Chain:
             raise UnreadableError(
                 f"it answers with {self.width} numbers; a policy gives {what} along Hill axes"
             )
-        widths = [NUM_SEEN, *(len(layer.bias) for layer in layers)]
+        widths = [self.num_seen, *(len(layer.bias) for layer in layers)]
         return Network(
             np.array(widths, dtype=np.int64),
             np.concatenate([part.ravel() for layer in layers for part in (layer.weights, layer.bias)]),

@@ -5,8 +5,9 @@ These are then flown like any plan, which gives the same flights to the last dig
 other controllers does not depend on policies, nor does its compilation.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from math import erfc, exp, expm1, log1p, sqrt, tanh
+from math import erfc, exp, expm1, log1p, pi, sqrt, tanh
 from typing import NamedTuple
 
 import numpy as np
@@ -16,17 +17,27 @@ from pipeline.array_types import Floats, Integers
 from pipeline.flight.control.controller import ControllerError
 from pipeline.flight.control.law import played
 from pipeline.flight.fly.plain import is_interpreted
-from pipeline.flight.fly.stepping import NUM_UNSEEN, SteppedFlights, observation_scales, periods_between
+from pipeline.flight.fly.published import PublishedView, num_published
+from pipeline.flight.fly.stepping import (
+    NUM_UNSEEN,
+    VELOCITY,
+    SteppedFlights,
+    observation_scales,
+    periods_between,
+)
 from pipeline.flight.state.arrays import Plans
 from pipeline.flight.state.log import Scenario
+from pipeline.scenarios import CLUSTERS, PRIORITY, direction_of
 from pipeline.settings.experiment import Mission
 from pipeline.threads import in_threads
 
 #: activation of a layer: none, hyperbolic tangent, clipping to `low` and `high`, exponential linear unit and
 #: leaky rectifier with the factor `low` below zero, logistic function, softplus up to `high`, a number times
-#: its logistic function, a number times its normal probability, and all numbers of a layer less their mean,
-#: over the root of their variance plus `low`
-LINEAR, TANH, CLIPPED, ELU, LEAKY, SIGMOID, SOFTPLUS, SILU, GELU, NORMED = range(10)
+#: its logistic function, a number times its normal probability, the same by a hyperbolic tangent near it, and
+#: all numbers of a layer less their mean, over the root of their variance plus `low`
+LINEAR, TANH, CLIPPED, ELU, LEAKY, SIGMOID, SOFTPLUS, SILU, GELU, GELU_TANH, NORMED = range(11)
+#: of the approximation of GELU by a hyperbolic tangent (Hendrycks and Gimpel, arXiv 1606.08415)
+CUBIC, SLOPE = 0.044715, sqrt(2.0 / pi)
 
 
 class Network(NamedTuple):
@@ -46,6 +57,8 @@ class Units(NamedTuple):
     forces_are_shares: bool = False
     #: inputs are divided by `pipeline.flight.fly.stepping.observation_scales`; else in their own units
     observations_are_normalized: bool = False
+    #: inputs are those of AFRL's agents, see `pipeline.flight.fly.published`
+    observations_are_published: bool = False
     #: outputs say for each axis how good -levels_n, 0 and levels_n are, N; the best is fired
     levels_n: float | None = None
     #: time between decisions, s: what is decided is fired in the first control period, nothing in the others
@@ -76,6 +89,8 @@ def activation(kind: int, x: float, low: float, high: float) -> float:
         y = x / (1.0 + exp(-x)) if x >= 0.0 else x * exp(x) / (1.0 + exp(x))
     elif kind == GELU:
         y = 0.5 * x * erfc(-x * sqrt(0.5))
+    elif kind == GELU_TANH:
+        y = 0.5 * x * (1.0 + tanh(SLOPE * (x + CUBIC * x * x * x)))
     return y
 
 
@@ -133,7 +148,7 @@ BLOCK = 128
 class Policy:
     """A network from observations to a force, see `pipeline.flight.control.controller.Pilot`."""
 
-    # from the numbers of `pipeline.flight.fly.stepping.OBSERVED` to a force, Hill axes
+    # from the numbers of `pipeline.flight.fly.stepping.OBSERVED`, or AFRL's, to a force, Hill axes
     network: Network
     source: bytes  # the file it was read from
     units: Units = NEWTONS
@@ -165,6 +180,46 @@ class Policy:
         except ValueError as error:
             raise ControllerError(f"the policy's {error}") from error
 
+    def _check_published(self, mission: Mission, *, is_tilted: bool) -> None:
+        """Raise ControllerError unless AFRL's agents would observe as many numbers in a mission."""
+        if is_tilted:
+            raise ControllerError(
+                "AFRL's agents observe no Sun out of the orbit plane; leave its elevation out"
+            )
+        if (given := num_published(mission)) != self.network.widths[0]:
+            raise ControllerError(
+                f"the policy takes {self.network.widths[0]} of AFRL's numbers; in this world, by "
+                f"chief.weights={mission.chief.weights}, there are {given}"
+            )
+
+    def _observer(
+        self, mission: Mission, scenarios: list[Scenario], flights: SteppedFlights
+    ) -> Callable[[], Floats]:
+        """Return a function that returns what the network is given now, (n, widths[0])."""
+        if not self.units.observations_are_published:
+            scales = observation_scales(mission).astype(np.float32)
+            divided = scales if self.units.observations_are_normalized else np.ones_like(scales)
+            return lambda: (flights.seen / divided).astype(np.float64)
+        views = [PublishedView(mission, scenario.generator(CLUSTERS)) for scenario in scenarios]
+        priorities = [direction_of(scenario.generator(PRIORITY)) for scenario in scenarios]
+
+        def observe() -> Floats:
+            states, is_inspected = flights.observed[:, : VELOCITY + 3], flights.is_inspected
+            return np.array(
+                [
+                    view.seen(
+                        flights.samples[flight],
+                        states[flight],
+                        scenarios[flight].sun_angle_rad,
+                        is_inspected[flight],
+                        priorities[flight],
+                    )
+                    for flight, view in enumerate(views)
+                ]
+            )
+
+        return observe
+
     def _forces(self, mission: Mission, outputs: Floats) -> Floats:
         """Return the forces of a network's outputs, (n, 3), N."""
         if self.units.levels_n is not None:
@@ -177,10 +232,12 @@ class Policy:
     def _decide(self, mission: Mission, scenarios: list[Scenario], forces: Floats) -> None:
         """Fly all starts side by side and write the forces decided in each control period."""
         is_tilted = any(scenario.sun_elevation_rad != 0.0 for scenario in scenarios)
+        if self.units.observations_are_published:
+            self._check_published(mission, is_tilted=is_tilted)
         flights = SteppedFlights(mission, len(scenarios), is_tilted=is_tilted)
         for flight, scenario in enumerate(scenarios):
             flights.start(flight, scenario)
-        scales = observation_scales(mission).astype(np.float32)
+        observe = self._observer(mission, scenarios, flights)
         num_periods = self._periods_between(mission)
         work, commanded = np.zeros((2, self.network.widths.max())), np.zeros((len(scenarios), 3))
         outputs = np.zeros((len(scenarios), self.network.widths[-1]))
@@ -188,8 +245,7 @@ class Policy:
         for k in range(mission.num_controls):
             commanded = np.zeros((len(scenarios), 3))
             if k % num_periods == 0:
-                seen = flights.seen / scales if self.units.observations_are_normalized else flights.seen
-                answer(self.network, seen.astype(np.float64), work, outputs)
+                answer(self.network, observe(), work, outputs)
                 commanded = self._forces(mission, outputs)
             if mission.coast_when_complete:
                 commanded[flights.observed[:, NUM_UNSEEN] == 0.0] = 0.0

@@ -1,26 +1,26 @@
 """The operators of an ONNX graph that a policy may have, from its input to one of its outputs."""
 
-import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.array_types import Floats
+from pipeline.controllers.graph import STANDARD, Graph, input_of
 from pipeline.controllers.layers import NUM_FORCES, Chain, UnreadableError
 from pipeline.controllers.learned import (
     CLIPPED,
     ELU,
     GELU,
+    GELU_TANH,
     LEAKY,
     NORMED,
     SIGMOID,
-    SILU,
     SOFTPLUS,
     TANH,
     Network,
 )
+from pipeline.controllers.written_out import gate, normalised_input, softplus_input
 
 #: the operators, by the format's names; the last five as exporters write an identity or a softplus
 OPERATORS: Final = (
@@ -63,36 +63,22 @@ ACTIVATIONS: Final[Mapping[str, tuple[int, float, float]]] = {
     "Softplus": (SOFTPLUS, 0.0, np.inf),
     "Tanh": (TANH, 0.0, 0.0),
 }
-#: the format's numbers of types of numbers
-FLOAT, DOUBLE = 1, 11
+#: the format's numbers of types of floating point, of single and double precision
+FLOATS: Final = (1, 11)
 
 
-class Graph:
-    """A graph of operators, and which of them makes each of its values.
+class ChainReader:
+    """Reads a chain of operators as the layers of a network.
 
     Parameters
     ----------
-    graph : onnx.GraphProto
-    tensors : mapping
-        Its constants by name.
-    values_of : callable
-        Returns the values of a constant with a name: float64, or int64 for a shape.
-
-    Raises
-    ------
-    UnreadableError
-        If it has several inputs.
+    graph : pipeline.controllers.graph.Graph
+    num_seen : int
+        How many numbers the network is given.
     """
 
-    def __init__(
-        self, graph: Any, tensors: Mapping[str, Any], values_of: Callable[[str, Any], NDArray[Any]]
-    ) -> None:
-        self._made_by = {name: node for node in graph.node for name in node.output}
-        self._tensors, self._values_of = tensors, values_of
-        inputs = [value.name for value in graph.input if value.name not in tensors]
-        if len(inputs) != 1:
-            raise UnreadableError(f"it has {len(inputs)} inputs; a policy has one")
-        self._input = inputs[0]
+    def __init__(self, graph: Graph, num_seen: int) -> None:
+        self._graph, self._num_seen = graph, num_seen
         #: width of the values that the chain has come by
         self._widths: dict[str, int] = {}
 
@@ -106,24 +92,24 @@ class Graph:
         """
         path: list[tuple[Any, str]] = []
         name = output
-        while name != self._input:
-            node = self._made_by.get(name)
-            if node is None or len(path) > len(self._made_by):
+        while name != self._graph.input:
+            node = self._graph.made_by.get(name)
+            if node is None or len(path) > len(self._graph.made_by):
                 raise UnreadableError(f"its output is not what the last operator gives; {ONLY_CHAINS}")
             self._check(node)
             name = self._main_input(node)
             path.append((node, name))
-        chain = Chain()
-        self._widths[self._input] = chain.width
+        chain = Chain(self._num_seen)
+        self._widths[self._graph.input] = chain.width
         for node, name in reversed(path):
-            constants = [None if other in (name, "") else self._constant(other) for other in node.input]
+            constants = [None if other in (name, "") else self._graph.constant(other) for other in node.input]
             self._apply(chain, node, name, constants)
             self._widths[node.output[0]] = chain.width
         return chain.network(num_outputs)
 
     def _check(self, node: Any) -> None:
         """Raise UnreadableError unless an operator, with its attributes, is known."""
-        if node.op_type not in OPERATORS or node.domain not in ("", "ai.onnx"):
+        if node.op_type not in OPERATORS or node.domain not in STANDARD:
             raise UnreadableError(f"it has the operator {node.op_type}; {ONLY_CHAINS}")
         unknown = {attribute.name for attribute in node.attribute} - ATTRIBUTES.get(node.op_type, set())
         if unknown:
@@ -134,72 +120,20 @@ class Graph:
     def _main_input(self, node: Any) -> str:
         """Return the one input of an operator that is no constant, nor a condition or a shape."""
         if node.op_type == "Where":
-            return self._softplus_input(node)
-        if node.op_type == "Mul" and (gate := self._gate(node)):
-            return gate[0]
+            if (name := softplus_input(self._graph, node)) is None:
+                raise UnreadableError(f"its operator Where is no softplus with a threshold; {ONLY_CHAINS}")
+            return name
+        if node.op_type == "Mul" and (gated := gate(self._graph, node)):
+            return gated[0]
+        if node.op_type == "Div" and (normalised := normalised_input(self._graph, node)):
+            return normalised[0]
         first = 1 if node.op_type in ("Expand", "Reshape") else len(node.input)
-        names = [name for name in node.input[:first] if name and not self._is_constant(name)]
+        names = [name for name in node.input[:first] if name and not self._graph.is_constant(name)]
         if len(names) != 1 or len(node.output) != 1:
             raise UnreadableError(
                 f"its operator {node.op_type} does not take the numbers of the one before; {ONLY_CHAINS}"
             )
         return names[0]
-
-    def _softplus_input(self, node: Any) -> str:
-        """Return the input of a softplus that is written as ``x if x > threshold else softplus(x)``."""
-        condition, name, other = (*node.input, "", "", "")[:3]
-        above, smooth = self._made_by.get(condition), self._made_by.get(other)
-        is_softplus = smooth is not None and (smooth.op_type, list(smooth.input)) == ("Softplus", [name])
-        is_above = above is not None and above.op_type == "Greater" and _input(above, 0) == name
-        if not (is_softplus and is_above):
-            raise UnreadableError(f"its operator Where is no softplus with a threshold; {ONLY_CHAINS}")
-        return str(name)
-
-    def _gate(self, node: Any) -> tuple[str, int, float] | None:
-        """Return the values that a product gates by a function of them, the kind of layer, and a factor.
-
-        That is x times its logistic function, or x times one plus the error function of x over the root of
-        two, as exporters write SiLU and twice GELU; None of other products.
-        """
-        for name, other in (node.input[:2], node.input[1::-1]):
-            made = self._made_by.get(other)
-            if made is None or self._is_constant(other):
-                continue
-            if (made.op_type, list(made.input)) == ("Sigmoid", [name]):
-                return str(name), SILU, 1.0
-            if made.op_type == "Add" and self._is_one_plus_erf(made, name):
-                return str(name), GELU, 2.0
-        return None
-
-    def _is_one_plus_erf(self, node: Any, name: str) -> bool:
-        """Return whether an operator adds one to the error function of values over the root of two."""
-        for erf, number in (node.input[:2], node.input[1::-1]):
-            made = self._made_by.get(erf)
-            if made is not None and made.op_type == "Erf" and self._is_number(number, 1.0):
-                scaled = self._made_by.get(_input(made, 0))
-                roots = {"Div": math.sqrt(2.0), "Mul": math.sqrt(0.5)}
-                if scaled is not None and scaled.op_type in roots and _input(scaled, 0) == name:
-                    return self._is_number(_input(scaled, 1), roots[scaled.op_type])
-        return False
-
-    def _is_number(self, name: str, number: float) -> bool:
-        values = self._constant(name)
-        return values is not None and values.size == 1 and math.isclose(values.item(), number, rel_tol=1e-6)
-
-    def _is_constant(self, name: str) -> bool:
-        """Return whether a name is a constant of the model, or a copy of one."""
-        if name in self._tensors:
-            return True
-        node = self._made_by.get(name)
-        return node is not None and node.op_type == "Identity" and _input(node, 0) in self._tensors
-
-    def _constant(self, name: str) -> Any:
-        """Return a constant's values, or None for what is a condition or a shape."""
-        if not self._is_constant(name):
-            return None
-        if name not in self._tensors:
-            name = self._made_by[name].input[0]
-        return self._values_of(name, self._tensors[name])
 
     def _apply(self, chain: Chain, node: Any, name: str, constants: Sequence[Any]) -> None:
         """Apply an operator to the values that have a name; None stands for them among its inputs."""
@@ -209,20 +143,23 @@ class Graph:
                 shape = None if len(constants) < 2 or constants[1] is None else constants[1].tolist()
                 fits = shape in ([-1, chain.width], [1, chain.width])
             case "Expand":
-                fits = self._has_shape_of_width(_input(node, 1), chain.width)
+                fits = self._has_shape_of_width(input_of(node, 1), chain.width)
             case "Flatten":
                 fits = "axis" not in attributes or attributes["axis"].i == 1
             case "Cast":
-                fits = "to" in attributes and attributes["to"].i in (FLOAT, DOUBLE)
+                fits = "to" in attributes and attributes["to"].i in FLOATS
             case "Where":
-                threshold = self._constant(_input(self._made_by[node.input[0]], 1))
+                threshold = self._graph.constant(input_of(self._graph.made_by[node.input[0]], 1))
                 fits = threshold is not None and threshold.size == 1
                 if fits:
                     chain.close(SOFTPLUS, high=threshold.item())
-            case "Mul" if gate := self._gate(node):
+            case "Mul" if gated := gate(self._graph, node):
                 fits = True
-                chain.close(gate[1])
-                chain.scale(np.full(1, gate[2]), np.zeros(1))
+                chain.close(gated[1])
+                chain.scale(np.full(1, gated[2]), np.zeros(1))
+            case "Div" if normalised := normalised_input(self._graph, node):
+                fits = True
+                chain.close(NORMED, normalised[1])
             case _:
                 fits = _follow(chain, node.op_type, constants, attributes)
         if not fits:
@@ -233,27 +170,22 @@ class Graph:
 
     def _has_shape_of_width(self, name: str, width: int) -> bool:
         """Return whether a value is the shape of values of a width."""
-        node = self._made_by.get(name)
-        return node is not None and node.op_type == "Shape" and self._width(_input(node, 0), 0) == width
+        node = self._graph.made_by.get(name)
+        return node is not None and node.op_type == "Shape" and self._width(input_of(node, 0), 0) == width
 
     def _width(self, name: str, depth: int) -> int:
         """Return the width of values beside the chain, made of it element by element; 0 if unknown."""
         if name in self._widths:
             return self._widths[name]
-        node = self._made_by.get(name)
+        node = self._graph.made_by.get(name)
         if node is None or depth > NUM_FORCES:
             return 0
         if node.op_type == "ConstantOfShape":
-            shape = self._made_by.get(_input(node, 0))
-            return self._width(_input(shape, 0), depth + 1) if shape and shape.op_type == "Shape" else 0
+            shape = self._graph.made_by.get(input_of(node, 0))
+            return self._width(input_of(shape, 0), depth + 1) if shape and shape.op_type == "Shape" else 0
         if node.op_type == "Add":
             return max((self._width(other, depth + 1) for other in node.input[:2]), default=0)
         return 0
-
-
-def _input(node: Any, index: int) -> str:
-    """Return the name of an operator's input; empty if it has none there."""
-    return str(node.input[index]) if index < len(node.input) else ""
 
 
 def _follow(chain: Chain, operator: str, constants: Sequence[Any], attributes: Mapping[str, Any]) -> bool:
@@ -301,8 +233,10 @@ def _activation(
         kind, alpha, high = ACTIVATIONS[operator]
         return kind, attributes["alpha"].f if "alpha" in attributes else alpha, high
     match operator, constants:
-        case "Gelu", _ if "approximate" not in attributes or attributes["approximate"].s == b"none":
-            return GELU, 0.0, 0.0
+        case "Gelu", _:
+            approximate = attributes["approximate"].s if "approximate" in attributes else b"none"
+            written = {b"none": GELU, b"tanh": GELU_TANH}
+            return (written[approximate], 0.0, 0.0) if approximate in written else None
         case "Clip", [None, *limits] if all(limit is None or limit.size == 1 for limit in limits):
             least, most = (None if limit is None else limit.item() for limit in (*limits, None, None)[:2])
             return CLIPPED, -np.inf if least is None else least, np.inf if most is None else most

@@ -12,10 +12,14 @@ from typing import Any, Final
 import numpy as np
 
 from fis_tools.file_access import read_bytes
+from pipeline.controllers.graph import Graph
 from pipeline.controllers.layers import NUM_FORCES, NUM_LEVELS, UnreadableError
 from pipeline.controllers.learned import Network, Policy, Units
-from pipeline.controllers.operators import Graph
+from pipeline.controllers.levels import before_levels
+from pipeline.controllers.operators import ChainReader
 from pipeline.flight.control.controller import Controller, ControllerError, PilotController
+from pipeline.flight.fly.published import NUM_OF_PRIORITY, NUM_PUBLISHED
+from pipeline.flight.fly.stepping import NUM_SEEN
 
 MOST_BYTES = 16 << 20
 #: operators and constants of a graph, counted before anything else
@@ -27,10 +31,12 @@ OUTPUT_NAMES: Final = ("actions", "action", "forces", "force")
 #: the metadata that are read, and the values that they may have; the first is that of files without them
 METADATA: Final[Mapping[str, tuple[str, ...]]] = {
     "forces": ("newtons", "shares", "levels"),
-    "observations": ("physical", "normalized"),
+    "observations": ("physical", "normalized", "published"),
 }
 #: the metadata that are numbers: the force of a level, N, and the time between decisions, s
 LEVELS, DECISION_PERIOD = "levels_n", "decision_period_s"
+#: how many numbers are observed with six degrees of freedom: by AFRL's agents, and by ours
+SIX_DOF: Final = (22, 24)
 #: the metadata that names the output of the forces
 OUTPUT: Final = "output"
 CURE: Final = "onnx.helper.set_model_props(model, {...}) sets it"
@@ -77,7 +83,7 @@ def policy_of(name: str, source: bytes, label: str, weights: bytes | None = None
             if _take_in(model, Path(label).name, weights):
                 source = model.SerializeToString()
             units = _units(model)
-            network = _network(model, NUM_FORCES * (1 if units.levels_n is None else NUM_LEVELS))
+            network = _network(model, units)
     except UnreadableError as error:
         raise ControllerError(f"{label} cannot fly: {error}") from error
     return PilotController(name, Policy(network, source, units))
@@ -143,6 +149,7 @@ def _units(model: Any) -> Units:
     return Units(
         forces_are_shares=forces == "shares",
         observations_are_normalized=observations == "normalized",
+        observations_are_published=observations == "published",
         levels_n=_positive(metadata, LEVELS),
         decision_period_s=_positive(metadata, DECISION_PERIOD),
     )
@@ -162,18 +169,45 @@ def _positive(metadata: Mapping[str, str], key: str) -> float | None:
     return number
 
 
-def _network(model: Any, num_outputs: int) -> Network:
-    """Read the layers from a model's input to its output of forces."""
-    graph = model.graph
-    if len(graph.node) + len(graph.initializer) > MOST_PARTS:
+def _network(model: Any, units: Units) -> Network:
+    """Read the layers from a model's input to its output of forces, or to what tells which level is best."""
+    if len(model.graph.node) + len(model.graph.initializer) > MOST_PARTS:
         raise UnreadableError(
             f"it has more than {MOST_PARTS:,} operators and constants; a policy is a small network"
         )
-    return Graph(graph, dict(_tensors(graph)), _values).follow(_output(model, num_outputs), num_outputs)
+    graph = Graph(model.graph, dict(_tensors(model.graph)), _values)
+    if (width := _input_width(model, graph.input)) in SIX_DOF:
+        raise UnreadableError(
+            f"it takes the {width} numbers of flights with six degrees of freedom, in which a policy turns "
+            "the deputy; here a law of its own turns it: fly the policy in pipeline.gym.SixDofInspectionEnv"
+        )
+    is_published = units.observations_are_published
+    reader = ChainReader(graph, _num_published(width) if is_published else NUM_SEEN)
+    if units.levels_n is None:
+        return reader.follow(_output(model, NUM_FORCES), NUM_FORCES)
+    num_outputs = NUM_FORCES * NUM_LEVELS
+    output = before_levels(graph, _output(model, num_outputs, NUM_FORCES))
+    return reader.follow(output, num_outputs)
 
 
-def _output(model: Any, num_outputs: int) -> str:
-    """Return the name of the output of forces."""
+def _input_width(model: Any, name: str) -> int:
+    (width,) = (_declared_width(value) for value in model.graph.input if value.name == name)
+    return width
+
+
+def _num_published(width: int) -> int:
+    """Return how many of the numbers that AFRL's agents observe an input of a declared width takes."""
+    known = (NUM_PUBLISHED, NUM_PUBLISHED + NUM_OF_PRIORITY)
+    if width not in known:
+        raise UnreadableError(
+            f"its input has the declared width {width}; of AFRL's observations there are {known[0]}, or "
+            f"{known[1]} where points have a priority"
+        )
+    return width
+
+
+def _output(model: Any, *widths: int) -> str:
+    """Return the name of the output of forces, which has one of some widths."""
     outputs = {output.name: output for output in model.graph.output}
     named = _metadata(model).get(OUTPUT)
     if named is not None:
@@ -185,7 +219,7 @@ def _output(model: Any, num_outputs: int) -> str:
     for name in OUTPUT_NAMES:
         if name in outputs:
             return name
-    fitting = [name for name, output in outputs.items() if _declared_width(output) == num_outputs]
+    fitting = [name for name, output in outputs.items() if _declared_width(output) in widths]
     if len(fitting) != 1:
         raise UnreadableError(
             f"it has {len(outputs)} outputs, and none is clearly the one with the forces; name it: "
@@ -194,9 +228,9 @@ def _output(model: Any, num_outputs: int) -> str:
     return fitting[0]
 
 
-def _declared_width(output: Any) -> int:
-    """Return the second size of an output's shape; zero if it declares none."""
-    sizes = output.type.tensor_type.shape.dim
+def _declared_width(value: Any) -> int:
+    """Return the second size of the shape of an input or output; zero if it declares none."""
+    sizes = value.type.tensor_type.shape.dim
     return int(sizes[1].dim_value) if len(sizes) == 2 else 0
 
 

@@ -2,6 +2,7 @@
 
 ``gymnasium.make("pipeline.gym:Inspection-v0", overrides=["world=leo"])`` makes one flight,
 ``gymnasium.make_vec("pipeline.gym:Inspection-v0", num_envs=64)`` many.
+`pipeline.gym.suite` has the tasks that results are compared on.
 """
 
 try:
@@ -12,6 +13,7 @@ except ModuleNotFoundError as error:
     ) from error
 
 from pipeline.flight.fly.stepping import OBSERVED
+from pipeline.gym import suite
 from pipeline.gym.env import InspectionEnv, ReachEnv, ReachReward
 from pipeline.gym.episodes import AFRL, AFRL_WEIGHTED, Reward, Task, task_of
 from pipeline.gym.normalized import NormalizedObservation, NormalizedVectorObservation
@@ -24,4 +26,5 @@ gymnasium.register(
     vector_entry_point="pipeline.gym.vector:InspectionVectorEnv",
 )
 gymnasium.register("SixDofInspection-v0", entry_point="pipeline.gym.six_dof:SixDofInspectionEnv")
+suite.register()
 gymnasium.register("Reach-v0", entry_point="pipeline.gym.env:ReachEnv")

@@ -228,7 +228,10 @@ class ReachEnv(InspectionEnv):
     """
 
     def __init__(
-        self, overrides: Sequence[str], reward: ReachReward | None = None, render_mode: str | None = None
+        self,
+        overrides: Sequence[str] = ("problem=docking",),
+        reward: ReachReward | None = None,
+        render_mode: str | None = None,
     ) -> None:
         super().__init__(overrides, render_mode=render_mode)
         if self.task.mission.problem.kind != "reach":

@@ -18,6 +18,7 @@ from pipeline.command_line.config import compose_experiment
 from pipeline.command_line.overrides import parse
 from pipeline.flight.control.controller import open_loop
 from pipeline.flight.fly import stepping
+from pipeline.flight.fly.published import priority_weights
 from pipeline.flight.fly.simulation import fly_logged
 from pipeline.flight.state.log import FlightLog, Scenario, points_needed
 from pipeline.flight.world.pack import inspection_points
@@ -75,13 +76,6 @@ class Reward:
 #: of AFRL's InspectionEnv and WeightedInspectionEnv (safe-autonomy-sims 4.2.3)
 AFRL: Final = Reward(per_point=0.01, per_delta_v=0.001, too_far=0.0, as_afrl=True)
 AFRL_WEIGHTED: Final = replace(AFRL, per_point=1.0)
-
-
-def priority_weights(points: Floats, priority: Floats) -> Floats:
-    """Return weights of points, (P,), of sum one, proportional to their angles from ``-priority``."""
-    cosines = points @ -priority / (np.linalg.norm(points, axis=1) * np.linalg.norm(priority))
-    angles = np.arccos(np.clip(cosines, -1.0, 1.0))
-    return np.asarray(angles / angles.sum())
 
 
 def nearest_in_orbit(orbit: HasMeanMotion, deputy: HasMass, state: Floats) -> float:

@@ -6,13 +6,11 @@ random numbers (`pipeline.scenarios`).
 """
 
 import argparse
-import hashlib
 import json
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, Final
 
 import numpy as np
@@ -31,27 +29,13 @@ from pipeline.flight.fly.stepping import SteppedFlights
 from pipeline.flight.state.arrays import Plans
 from pipeline.flight.state.log import Scenario
 from pipeline.gym.episodes import Reward, Task
+from pipeline.gym.suite import TASKS, VERSION, seed_of
 from pipeline.optimum.solved import IncomparableError, solved_for
 from pipeline.run import maker
 from pipeline.run.artifacts import ArtifactError
 from pipeline.scenarios import evaluation_scenarios
 from pipeline.settings.experiment import Mission
 
-VERSION: Final = "Inspection-v1"
-#: three orbits of the paper's chief, s
-THREE_ORBITS_S: Final = 18_360
-#: what each task is, as on the command line
-TASKS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
-    {
-        "paper": ("sun=random",),
-        "parked": ("sun=random", f"after_s={THREE_ORBITS_S}"),
-        "leo": ("world=leo",),
-        "leo_real": ("world=leo", "navigation=fixes", "actuators=real"),
-        "afrl": ("world=afrl",),
-        "afrl_weighted": ("world=afrl_weighted",),
-        "docking": ("problem=docking",),
-    }
-)
 NUM_CASES: Final = 1000
 CONFIDENCE_PERCENT: Final = 95.0
 #: what is told of the flights: the name in the file, that in the columns of an evaluation, words, decimals
@@ -87,11 +71,6 @@ class ActingPilot:
             forces[:, k] = self.task.forces(self.act(flights.seen), len(scenarios))
             flights.step(forces[:, k])
         return played(forces)
-
-
-def seed_of(task: str) -> int:
-    """Return the seed of a task's starts: the first 31 bits of the SHA-256 of its name and version."""
-    return int.from_bytes(hashlib.sha256(f"{VERSION} {task}".encode()).digest()[:4]) >> 1
 
 
 def judge(

@@ -24,8 +24,14 @@ class _Divide:
         return observations / self._scales
 
 
-def _normalised(task: Task | None, space: Any) -> tuple[_Divide, "Box[np.float32]"]:
-    """Return the scales to divide observations by, and the space of the divided ones."""
+def normalised(task: Task | None, space: Any) -> tuple[Observation, "Box[np.float32]"]:
+    """Return the scales to divide observations by, and the space of the divided ones.
+
+    Raises
+    ------
+    ValueError
+        If the observations of the space are not those of the task.
+    """
     scales = np.zeros(0) if task is None else task.scales
     if not (isinstance(space, Box) and space.shape == scales.shape):
         raise ValueError(
@@ -35,7 +41,7 @@ def _normalised(task: Task | None, space: Any) -> tuple[_Divide, "Box[np.float32
     divided = Box(
         (space.low / scales).astype(np.float32), (space.high / scales).astype(np.float32), dtype=np.float32
     )
-    return _Divide(scales.astype(np.float32)), divided
+    return scales.astype(np.float32), divided
 
 
 class NormalizedObservation(TransformObservation):
@@ -48,7 +54,8 @@ class NormalizedObservation(TransformObservation):
     """
 
     def __init__(self, env: gymnasium.Env[Observation, NDArray[Any]]) -> None:
-        super().__init__(env, *_normalised(getattr(env.unwrapped, "task", None), env.observation_space))
+        scales, space = normalised(getattr(env.unwrapped, "task", None), env.observation_space)
+        super().__init__(env, _Divide(scales), space)
 
 
 class NormalizedVectorObservation(TransformVectorObservation):
@@ -63,8 +70,8 @@ class NormalizedVectorObservation(TransformVectorObservation):
     def __init__(self, env: VectorEnv[Observation, NDArray[Any], NDArray[Any]]) -> None:
         many: Any = env.unwrapped
         task = many.task if hasattr(many, "task") else _common_task(many)
-        divide, space = _normalised(task, env.single_observation_space)
-        super().__init__(env, divide, single_observation_space=space)
+        scales, space = normalised(task, env.single_observation_space)
+        super().__init__(env, _Divide(scales), single_observation_space=space)
 
 
 def _common_task(many: Any) -> Task | None:

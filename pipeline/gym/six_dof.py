@@ -18,20 +18,13 @@ from scipy.spatial.transform import Rotation
 from fis_tools.compiled.decorator import compiled, plainly
 from fis_tools.compiled.three import Three, three_of, times
 from pipeline.array_types import Booleans, Floats
+from pipeline.flight.fly.published import priority_weights
 from pipeline.flight.state.log import Scenario
 from pipeline.flight.world.chief import chief_attitudes
 from pipeline.flight.world.pack import optics_of
 from pipeline.flight.world.surface import surface_of
 from pipeline.gym.env import Started, checked_options, require_episode
-from pipeline.gym.episodes import (
-    AFRL_WEIGHTED,
-    Reward,
-    nearest_in_orbit,
-    obeyed,
-    priority_weights,
-    shares_of,
-    task_of,
-)
+from pipeline.gym.episodes import AFRL_WEIGHTED, Reward, nearest_in_orbit, obeyed, shares_of, task_of
 from pipeline.physics.attitude import euler
 from pipeline.physics.illumination import sun_angle, sun_direction_h
 from pipeline.physics.quaternion import dcm_b_from_h, derivative, normalised
@@ -77,6 +70,8 @@ AFRL_SIX_DOF_FLEET: Final = replace(AFRL_SIX_DOF, per_delta_v=0.001, faces_by_an
 
 #: where a state has its parts: position (m) and velocity (m/s), Hill axes; attitude; inertial rate (rad/s)
 POSITION, VELOCITY, ATTITUDE, RATE = slice(0, 3), slice(3, 6), slice(6, 10), slice(10, 13)
+#: and an observation, after it, weight inspected and time left (s)
+WEIGHT_INSPECTED, TIME_LEFT = 22, 23
 
 
 @compiled
@@ -161,12 +156,23 @@ class SixDofInspectionEnv(gymnasium.Env[NDArray[np.float32], NDArray[Any]]):
         if changed or self.task.is_tilted:
             reason = ", ".join(changed) or "a Sun out of the orbit plane"
             raise ValueError(f"{reason}: this is not flown with six degrees of freedom; leave it out")
-        self.observation_space = Box(-np.inf, np.inf, (NUM_OBSERVED,), np.float32)
+        self.observation_space = self._space()
         self.action_space = Box(-1.0, 1.0, (6,), np.float32)
         self._surface, self._optics = surface_of(mission), optics_of(mission)
         self._inertia = np.array(mission.deputy.inertia_kg_m2)
         self._chief = chief_attitudes(mission)
         self._is_over: bool | None = None  # before the first episode
+
+    def _space(self) -> "Box[np.float32]":
+        """Return the space of observations; no flight can leave it."""
+        widest = self.task.observation_space().high
+        # numbers beside directions and quaternions, of which an integration leaves the length only about one
+        high = np.full(NUM_OBSERVED, 2.0)
+        high[POSITION], high[VELOCITY], high[TIME_LEFT] = widest[0], widest[3], widest[-1]
+        high[RATE] = self._max_rate * (1.0 + 1e-6)
+        low = -high
+        low[WEIGHT_INSPECTED:] = 0.0
+        return Box(low.astype(np.float32), high.astype(np.float32), dtype=np.float32)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> Started:
         """Start an episode: drawn, or ``options["scenario"]`` and ``options["priority"]``, (3,)."""
@@ -194,7 +200,7 @@ class SixDofInspectionEnv(gymnasium.Env[NDArray[np.float32], NDArray[Any]]):
         ----------
         action : (6,) array
             Shares from -1 to 1 of the greatest force along each body axis, then of the greatest torque about
-            each; beyond them they are clipped.
+            each.
 
         Returns
         -------

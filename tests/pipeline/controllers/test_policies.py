@@ -1,6 +1,7 @@
 """Learned policies answer as ONNX's own reference does, to what the gym shows, and are flown and recorded."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,9 @@ import onnx
 import pytest
 from onnx import ModelProto, NodeProto, TensorProto, helper, numpy_helper
 from onnx.reference import ReferenceEvaluator
+from onnx.reference.op_run import OpRun
+from onnx.utils import Extractor
+from scipy.special import erf
 
 from pipeline.command_line.overrides import ConfigError, rewrite_paths
 from pipeline.controllers.learned import Policy, Units, answer
@@ -19,9 +23,10 @@ from pipeline.flight.fly.simulation import fly_all, fly_logged
 from pipeline.flight.fly.stepping import NUM_SEEN, OBSERVED
 from pipeline.flight.state.log import FlightLog
 from pipeline.gym import InspectionEnv, NormalizedObservation, task_of
+from pipeline.gym.published import PublishedObservation
 from pipeline.recording.recorder import FlightRecorder
 from pipeline.recording.reflight import fly_again
-from pipeline.scenarios import evaluation_scenarios
+from pipeline.scenarios import CLUSTERS, evaluation_scenarios
 
 RNG = np.random.default_rng(4)
 W1, B1 = RNG.normal(0.0, 0.3, (NUM_SEEN, 8)), RNG.normal(0.0, 0.3, 8)
@@ -32,7 +37,9 @@ CONSTANTS = {
     "high": np.array(1.0), "force": np.array(0.03), "half": np.array([0.5]), "wide": np.ones((18, 3)),
     "w9": RNG.normal(0.0, 0.8, (8, 9)), "one": np.array(1.0), "root": np.array(np.sqrt(2.0)),
     "scale": np.arange(1.0, 9.0), "zero": np.array(0.0), "column": np.ones((3, 1)),
-    "infinite": np.array(np.inf), "large": np.array(1e38),
+    "infinite": np.array(np.inf), "large": np.array(1e38), "two": np.array(2.0), "small": np.array(1e-3),
+    "afrl11": RNG.normal(0.0, 0.05, (11, 8)), "afrl15": RNG.normal(0.0, 0.05, (15, 8)),
+    "cubic": np.array(0.044715), "slope": np.array(np.sqrt(2.0 / np.pi)),
 }  # fmt: skip
 Step = tuple[str, Sequence[str], dict[str, Any]]
 LAYERS: Sequence[Step] = (
@@ -74,7 +81,39 @@ GATED: Sequence[Step] = (
 )
 
 
-def model(steps: Sequence[Step], kind: int = TensorProto.FLOAT, width: int = 3) -> ModelProto:
+#: layer normalisation, and GELU near which a hyperbolic tangent is, operator by operator
+WRITTEN_OUT: Sequence[Step] = (
+    ("Div", ["", "scales"], {}),
+    ("Gemm", ["", "w1t", "b1"], {"transB": 1}),
+    ("ReduceMean", [""], {"axes": [-1]}),
+    ("Sub", ["value2", ""], {}),
+    ("Pow", ["", "two"], {}),
+    ("ReduceMean", [""], {"axes": [-1]}),
+    ("Add", ["", "small"], {}),
+    ("Sqrt", [""], {}),
+    ("Div", ["value4", ""], {}),
+    ("Mul", ["", "scale"], {}),
+    ("Mul", ["value10", "value10"], {}),
+    ("Mul", ["value10", ""], {}),
+    ("Mul", ["cubic", ""], {}),
+    ("Add", ["value10", ""], {}),
+    ("Mul", ["slope", ""], {}),
+    ("Tanh", [""], {}),
+    ("Add", ["one", ""], {}),
+    ("Mul", ["value10", ""], {}),
+    ("Mul", ["half", ""], {}),
+    ("MatMul", ["", "w2"], {}),
+)
+
+
+def changed(steps: Sequence[Step], index: int, *step: Any) -> list[Step]:
+    """A chain with another operator at an index."""
+    return [*steps[:index], (step[0], step[1], step[2]), *steps[index + 1 :]]
+
+
+def model(
+    steps: Sequence[Step], kind: int = TensorProto.FLOAT, width: int = 3, num_seen: int = NUM_SEEN
+) -> ModelProto:
     """A chain of operators; the empty name stands for what the one before gives."""
     nodes: list[NodeProto] = []
     for index, (operator, inputs, attributes) in enumerate(steps):
@@ -83,10 +122,16 @@ def model(steps: Sequence[Step], kind: int = TensorProto.FLOAT, width: int = 3) 
     opset = 20 if {"Gelu", "LayerNormalization"} & {operator for operator, *_ in steps} else 13
     used = [name for _, inputs, _ in steps for name in inputs if name in CONSTANTS]
     numbers = np.float32 if kind == TensorProto.FLOAT else np.float64
-    tensors = [numpy_helper.from_array(CONSTANTS[name].astype(numbers), name) for name in dict.fromkeys(used)]
+    # the weights of a file are of single precision; what it means by such a root is read as the root
+    exact = ("root", "slope", "cubic") if numbers is np.float64 else ()
+    rounded = {
+        name: CONSTANTS[name].astype(numbers if name in exact else np.float32).astype(numbers)
+        for name in used
+    }
+    tensors = [numpy_helper.from_array(values, name) for name, values in rounded.items()]
     ends = [
         helper.make_tensor_value_info(name, kind, [None, width])
-        for name, width in (("value0", NUM_SEEN), (f"value{len(steps)}", width))
+        for name, width in (("value0", num_seen), (f"value{len(steps)}", width))
     ]
     graph = helper.make_graph(nodes, "policy", ends[:1], ends[1:], tensors)
     return helper.make_model(graph, opset_imports=[helper.make_opsetid("", opset)], ir_version=8)
@@ -96,15 +141,32 @@ def read(made: ModelProto) -> Controller:
     return policy_of("policy", made.SerializeToString(), "policy.onnx")
 
 
-@pytest.mark.parametrize("steps", [LAYERS, OTHERWISE, GATED], ids=["layers", "otherwise", "gated"])
+class Erf(OpRun):
+    """The format's reference rounds it to single precision, and the roots in the next."""
+
+    def _run(self, values):
+        return (erf(values),)
+
+
+class Gelu(OpRun):
+    def _run(self, values, approximate="none"):
+        near = np.tanh(np.sqrt(2.0 / np.pi) * (values + 0.044715 * values**3))
+        return (0.5 * values * (1.0 + (near if approximate == "tanh" else erf(values / np.sqrt(2.0)))),)
+
+
+@pytest.mark.parametrize(
+    "steps",
+    [LAYERS, OTHERWISE, GATED, changed(GATED, 10, "Gelu", [""], {"approximate": "tanh"}), WRITTEN_OUT],
+    ids=["layers", "otherwise", "gated", "gated near it", "written out"],
+)
 def test_a_network_answers_what_the_reference_of_the_format_does(steps) -> None:
     seen = RNG.normal(0.0, 1.0, (50, NUM_SEEN)) * SCALES
     outputs, pilot = np.empty((50, 3)), read(model(steps)).pilot
     assert isinstance(pilot, Policy)
     answer(pilot.network, seen, np.zeros((2, NUM_SEEN)), outputs)
-    (expected,) = ReferenceEvaluator(model(steps, TensorProto.DOUBLE)).run(None, {"value0": seen})
-    # the weights of the file are of single precision
-    np.testing.assert_allclose(outputs, expected, rtol=1e-5, atol=1e-4 * np.abs(expected).max())
+    reference = ReferenceEvaluator(model(steps, TensorProto.DOUBLE), new_ops=[Erf, Gelu])
+    (expected,) = reference.run(None, {"value0": seen})
+    np.testing.assert_allclose(outputs, expected, rtol=0.0, atol=1e-8)
 
 
 @pytest.mark.parametrize(
@@ -127,7 +189,21 @@ def test_a_network_answers_what_the_reference_of_the_format_does(steps) -> None:
         ([("Cast", [""], {"to": 7}), *LAYERS], "its operator Cast does not take numbers and constants"),
         ([("Where", [""], {}), *LAYERS], "its operator Where is no softplus with a threshold"),
         ([*GATED[:6], ("Tanh", [""], {}), *GATED[7:]], "its operator Mul does not take the numbers"),
-        ([*GATED[:10], ("Gelu", [""], {"approximate": "tanh"}), GATED[-1]], "its operator Gelu does not"),
+        (changed(GATED, 10, "Gelu", [""], {"approximate": "cubic"}), "its operator Gelu does not take"),
+        *(
+            (changed(WRITTEN_OUT, *step), f"its operator {name} does not take the numbers of the one before")
+            for name, step in (
+                ("Div", (2, "ReduceMean", [""], {"axes": [0]})),
+                ("Div", (3, "Sub", ["", "value2"], {})),
+                ("Div", (4, "Pow", ["", "half"], {})),
+                ("Div", (5, "ReduceMean", [""], {"axes": [-1], "keepdims": 0})),
+                ("Div", (6, "Add", ["", "scale"], {})),
+                ("Mul", (10, "Mul", ["value10", "value9"], {})),
+                ("Mul", (12, "Mul", ["small", ""], {})),
+                ("Mul", (14, "Mul", ["two", ""], {})),
+                ("Mul", (16, "Add", ["two", ""], {})),
+            )
+        ),
         ([*GATED[:2], ("LayerNormalization", ["", "scale"], {"axis": 0}), GATED[-1]], "its operator Layer"),
         ([*GATED[:2], ("Erf", [""], {}), GATED[-1]], "it has the operator Erf; only a chain of"),
         (LAYERS[:4], "it answers with 8 numbers; a policy gives three forces"),
@@ -158,6 +234,60 @@ def test_what_learners_libraries_export_answers_as_the_reference_does(path: Path
     # the file that is kept, in recordings, holds all weights
     again = policy_of(path.stem, pilot.source, path.name).pilot
     np.testing.assert_array_equal(again.network.numbers, pilot.network.numbers)
+
+
+LEVELS = sorted((EXPORTS / "levels").glob("*.onnx"))
+
+
+@pytest.mark.parametrize("path", LEVELS, ids=lambda path: path.stem)
+def test_levels_are_those_that_exports_of_them_choose(path: Path) -> None:
+    seen = RNG.normal(0.0, 2.0, (100, NUM_SEEN)).astype(np.float32)
+    made, pilot = onnx.load(path), read_policy(path).pilot
+    outputs = np.empty((len(seen), 9))
+    answer(pilot.network, seen.astype(float), np.zeros((2, NUM_SEEN)), outputs)
+    chosen = outputs.reshape(-1, 3, 3).argmax(axis=2)
+    name, levels = made.graph.input[0].name, made.graph.output[0].name
+    reference = ReferenceEvaluator(Extractor(made).extract_model([name], [levels]))
+    expected = [reference.run(None, {name: row[np.newaxis]})[0][0] for row in seen]
+    np.testing.assert_array_equal(chosen, expected)
+    assert set(chosen.ravel()) == {0, 1, 2}
+
+
+def changed_choices(path: Path) -> Iterator[ModelProto]:
+    """A model with one attribute of its choice changed at a time."""
+    for index, node in enumerate(onnx.load(path).graph.node):
+        if node.op_type in ("ArgMax", "Split", "Concat", "Softmax"):
+            for number, attribute in enumerate(node.attribute):
+                if attribute.name in ("axis", "keepdims", "select_last_index"):
+                    made = onnx.load(path)
+                    other = made.graph.node[index].attribute[number]
+                    other.i = 0 if attribute.name == "axis" else 1 - attribute.i
+                    yield made
+
+
+@pytest.mark.parametrize("path", [path for path in LEVELS if path.stem != "sb3"], ids=lambda path: path.stem)
+def test_another_choice_than_the_largest_of_each_axis_is_refused(path: Path) -> None:
+    """That of Stable-Baselines3 has further outputs, which are not read."""
+    models = list(changed_choices(path))
+    assert len(models) >= 3
+    for made in models:
+        with pytest.raises(ControllerError, match="cannot fly: its operator"):
+            read(made)
+    made = onnx.load(path)
+    del made.metadata_props[:]
+    with pytest.raises(ControllerError, match="cannot fly: it has the operator"):
+        read(made)
+
+
+def test_a_choice_that_leads_in_a_circle_is_refused() -> None:
+    for operator in ("Identity", "Reshape", "ArgMax", "Concat", "Softmax"):
+        made = onnx.load(EXPORTS / "levels" / "shaped.onnx")
+        for node in made.graph.node:
+            if node.op_type in ("ArgMax", "Reshape"):
+                node.op_type, node.input[0] = operator, node.output[0]
+                del node.attribute[:]
+        with pytest.raises(ControllerError, match="cannot fly"):
+            read(made)
 
 
 def test_weights_beside_a_file_are_read_from_the_file_of_its_name_alone(tmp_path: Path) -> None:
@@ -270,6 +400,50 @@ def test_shares_of_the_greatest_force_fly_as_the_gym_flies_them(tmp_path: Path) 
         force = np.clip(action[0], -1.0, 1.0) * task.mission.deputy.max_force_n
         np.testing.assert_allclose(log.force_asked_n[k], force, atol=1e-5)
         seen, *_ = env.step(np.clip(action[0], -1.0, 1.0))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("world", ["afrl", "afrl_weighted"])
+def test_what_learned_from_afrls_observations_flies_as_in_the_gym(world: str) -> None:
+    num_seen = {"afrl": 11, "afrl_weighted": 15}[world]
+    steps: Sequence[Step] = (
+        ("MatMul", ["", f"afrl{num_seen}"], {}),
+        ("Tanh", [""], {}),
+        ("MatMul", ["", "w2"], {}),
+        ("Mul", ["small", ""], {}),
+    )
+    made = model(steps, num_seen=num_seen)
+    helper.set_model_props(made, {"forces": "shares", "observations": "published"})
+    task = task_of([f"world={world}", "duration_s=900"])
+    start, controller = evaluation_scenarios(task.experiment)[0], read(made)
+    log = fly_logged(task.mission, controller, start)
+    inner = InspectionEnv([f"world={world}", "duration_s=900"])
+    env = PublishedObservation(inner, start.generator(CLUSTERS))
+    reference = ReferenceEvaluator(model(steps, TensorProto.DOUBLE, num_seen=num_seen))
+    seen, _ = env.reset(options={"scenario": start})
+    for k in range(task.mission.num_controls):
+        (action,) = reference.run(None, {"value0": seen[np.newaxis]})
+        np.testing.assert_allclose(log.force_asked_n[k], action[0] * 1.0, rtol=0.0, atol=1e-8)
+        seen, *_, info = env.step(action[0])
+    assert info["num_inspected"] == log.is_inspected[-1].sum() > 0
+    assert np.abs(log.force_asked_n).max() > 1e-4
+    other = {"afrl": "afrl_weighted", "afrl_weighted": "afrl"}[world]
+    with pytest.raises(ControllerError, match=f"the policy takes {num_seen} of AFRL's numbers; in"):
+        fly_logged(task_of([f"world={other}", "duration_s=900"]).mission, controller, start)
+    with pytest.raises(ControllerError, match="AFRL's agents observe no Sun out of the orbit plane"):
+        fly_logged(task.mission, controller, replace(start, sun_elevation_rad=0.1))
+
+
+def test_what_takes_other_numbers_than_afrls_is_refused() -> None:
+    made = model(LAYERS)
+    helper.set_model_props(made, {"observations": "published"})
+    with pytest.raises(ControllerError, match="its input has the declared width 19; of AFRL's observations"):
+        read(made)
+    for width in (22, 24):
+        with pytest.raises(ControllerError, match=f"it takes the {width} numbers of flights with six"):
+            read(model(LAYERS, num_seen=width))
+    with pytest.raises(ControllerError, match=r"weights of shape \(11, 8\) follow 19 numbers"):
+        read(model((("MatMul", ["", "afrl11"], {}), ("MatMul", ["", "w2"], {})), num_seen=11))
 
 
 def test_a_path_stands_for_a_policy() -> None:

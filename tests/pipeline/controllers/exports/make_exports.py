@@ -1,12 +1,13 @@
 """Write small policies as the documentation of learners' libraries does, into this folder.
 
-Needs torch, onnxscript, stable-baselines3 and pipeline.gym: python make_exports.py. Made with torch 2.13.0
-and Stable-Baselines3 2.9.2; weights are random.
+Needs torch, onnxscript, stable-baselines3 and pipeline.gym: python make_exports.py. Made with torch 2.13.0,
+those of levels and those that are gated with 2.15.0, and Stable-Baselines3 2.9.2; weights are random.
 """
 
 from pathlib import Path
 
 import torch
+from onnx import helper, load, save
 from stable_baselines3 import PPO, SAC
 from torch import nn
 
@@ -69,6 +70,59 @@ def others():
     return nn.Sequential(*layers, nn.Linear(5, 3), nn.Hardtanh())
 
 
+class SplitLevels(nn.Module):
+    """As CleanRL chooses several actions, without noise."""
+
+    def __init__(self, network, probable):
+        super().__init__()
+        self.network, self.probable = network, probable
+
+    def forward(self, x):
+        parts = torch.split(self.network(x), [3, 3, 3], dim=1)
+        if self.probable:
+            return torch.cat([torch.softmax(part, 1).argmax(1, keepdim=True) for part in parts], 1)
+        return torch.stack([part.argmax(1) for part in parts], 1)
+
+
+class ShapedLevels(nn.Module):
+    """The numbers of each axis in a row."""
+
+    def __init__(self, network):
+        super().__init__()
+        self.network = network
+
+    def forward(self, x):
+        return self.network(x).reshape(-1, 3, 3).argmax(-1)
+
+
+def gated():
+    """What gates its numbers, and what normalises them."""
+    layers = [nn.Linear(19, 6), nn.LayerNorm(6), nn.SiLU(), nn.Linear(6, 6), nn.GELU(), nn.Linear(6, 5)]
+    return nn.Sequential(*layers, nn.GELU("tanh"), nn.Linear(5, 3))
+
+
+def export_levels():
+    """Write those whose answer is which level is best along each axis."""
+    env = NormalizedObservation(InspectionEnv(["duration_s=100"], levels_n=0.1))
+    ppo = PPO("MlpPolicy", env, policy_kwargs={"net_arch": [8]}, device="cpu", seed=1)
+    nn.init.orthogonal_(ppo.policy.action_net.weight)
+    network = nn.Sequential(nn.Linear(19, 8), nn.Tanh(), nn.Linear(8, 9))
+    (FOLDER / "levels").mkdir(exist_ok=True)
+    for name, module, options in (
+        ("sb3", OnnxablePolicy(ppo.policy), {"opset_version": 17, "dynamo": False}),
+        ("cleanrl", SplitLevels(network, probable=False), {"opset_version": 11, "dynamo": False}),
+        ("cleanrl_dynamo", SplitLevels(network, probable=False), {"external_data": False}),
+        ("probable_dynamo", SplitLevels(network, probable=True), {"external_data": False}),
+        ("shaped", ShapedLevels(network), {"dynamo": False}),
+        ("shaped_dynamo", ShapedLevels(network), {"external_data": False}),
+    ):
+        export(f"levels/{name}", module, **options)
+        path = FOLDER / "levels" / f"{name}.onnx"
+        model = load(path)
+        helper.set_model_props(model, {"forces": "levels", "levels_n": "0.1"})
+        save(model, path)
+
+
 def export(name, module, **options):
     """Write a file; PyTorch's present exporter also writes NAME.onnx.data."""
     torch.onnx.export(module.eval(), (SEEN,), str(FOLDER / f"{name}.onnx"), verbose=False, **options)
@@ -90,6 +144,9 @@ def main():
     export("cleanrl", cleanrls_actor(), dynamo=False)
     export("others_dynamo", others())
     export("others", others(), dynamo=False)
+    export_levels()
+    export("gated", gated(), opset_version=13, dynamo=False)
+    export("gated_dynamo", gated(), external_data=False)
 
 
 if __name__ == "__main__":

@@ -1,0 +1,61 @@
+"""The tasks that results are compared on: what each is, as which environment, and its held-out starts.
+
+A version fixes them. ``gymnasium.make("pipeline.gym:Inspection/paper-v1")`` makes a task's environment, to
+train in; `pipeline.gym.judge` flies the held-out starts.
+"""
+
+import hashlib
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any, Final
+
+import gymnasium
+
+from pipeline.gym.episodes import AFRL, AFRL_WEIGHTED, Reward
+
+FAMILY: Final = "Inspection"
+NUMBER: Final = "v1"
+VERSION: Final = f"{FAMILY}-{NUMBER}"
+#: three orbits of the paper's chief, s
+THREE_ORBITS_S: Final = 18_360
+#: what each task is, as on the command line
+TASKS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
+    {
+        "paper": ("sun=random",),
+        "parked": ("sun=random", f"after_s={THREE_ORBITS_S}"),
+        "leo": ("world=leo",),
+        "leo_real": ("world=leo", "navigation=fixes", "actuators=real"),
+        "afrl": ("world=afrl",),
+        "afrl_weighted": ("world=afrl_weighted",),
+        "docking": ("problem=docking",),
+    }
+)
+#: rewards of tasks that have one of their own
+REWARDS: Final[Mapping[str, Reward]] = MappingProxyType({"afrl": AFRL, "afrl_weighted": AFRL_WEIGHTED})
+
+
+def seed_of(task: str) -> int:
+    """Return the seed of a task's starts: the first 31 bits of the SHA-256 of its name and version."""
+    return int.from_bytes(hashlib.sha256(f"{VERSION} {task}".encode()).digest()[:4]) >> 1
+
+
+def id_of(task: str) -> str:
+    """Return the id of a task's environment in Gymnasium's registry."""
+    return f"{FAMILY}/{task}-{NUMBER}"
+
+
+def register() -> None:
+    """Register the environments of all tasks."""
+    for task, overrides in TASKS.items():
+        kwargs: dict[str, Any] = {"overrides": overrides}
+        if any(word.startswith("problem=") for word in overrides):
+            gymnasium.register(id_of(task), entry_point="pipeline.gym.env:ReachEnv", kwargs=kwargs)
+            continue
+        if task in REWARDS:
+            kwargs["reward"] = REWARDS[task]
+        gymnasium.register(
+            id_of(task),
+            entry_point="pipeline.gym.env:InspectionEnv",
+            vector_entry_point="pipeline.gym.vector:InspectionVectorEnv",
+            kwargs=kwargs,
+        )
