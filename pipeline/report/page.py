@@ -13,12 +13,8 @@ from pipeline.report import comparisons, fleets
 from pipeline.report.contents import Contents, FlightSet
 from pipeline.report.facts import facts_of, outcome_in_words
 from pipeline.report.figures.style import MOST_POINTS, Illustration, caption_of
-<<<<<<< HEAD
-from pipeline.report.played import compared_in, player_of_comparison, player_of_run, shown_of
-from pipeline.report.played_fleets import WHY
-=======
 from pipeline.report.played import compared_in, player_of_comparison, shown_of
->>>>>>> wt-b
+from pipeline.report.played_fleets import WHY
 from pipeline.run import artifacts, typed
 from pipeline.settings.experiment import Experiment, Mission
 from pipeline.settings.keys import TAGS

@@ -96,7 +96,7 @@ def test_figures_of_the_fleet_are_those_of_its_files(text, episodes, deputies):
     ):
         expected = [f"{number:.{decimals}f}" for number in (mean(values), stdev(values))]
         row = cell_of(rows, name)
-        assert row[1] == " ± ".join(expected)
+        assert row[1].replace("\N{NO-BREAK SPACE}", " ") == " ± ".join(expected)
         assert row[3:] == [f"{number:.{decimals}f}" for number in (min(values), max(values))]
     for number in (1, 2):
         mine = [row for row in deputies if row["deputy"] == number]
@@ -108,7 +108,7 @@ def test_figures_of_the_fleet_are_those_of_its_files(text, episodes, deputies):
         ):
             values = [each[name] for each in mine]
             shown = f"{mean(values):.{decimals}f} ± {stdev(values):.{decimals}f} ("
-            assert row[cell].startswith(shown)
+            assert row[cell].replace("\N{NO-BREAK SPACE}", " ").startswith(shown)
         nearest, farthest = (end([each[f"{end.__name__}_distance_m"] for each in mine]) for end in (min, max))
         assert row[4] == f"{nearest:.1f} to {farthest:.1f}"
         assert row[5] == f"{sum(each['violated'] for each in mine)} of {len(mine)}"
@@ -118,7 +118,7 @@ def test_the_time_is_that_of_fleets_that_see_enough(text, episodes):
     rows, times = Cells(text).rows, [time for time in episodes["enough_s"] if not np.isnan(time)]
     assert 1 < len(times) < len(episodes["enough_s"])
     shown = cell_of(rows, "time at which enough points are seen (s)")
-    assert shown[1] == f"{mean(times):.0f} ± {stdev(times):.0f}"
+    assert shown[1].replace("\N{NO-BREAK SPACE}", " ") == f"{mean(times):.0f} ± {stdev(times):.0f}"
     assert f"The time is that of the {len(times)} flights that see enough." in text
 
 
