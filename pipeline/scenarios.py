@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 
 from pipeline.array_types import Floats
 from pipeline.flight.state.log import Scenario
-from pipeline.settings.experiment import Experiment, MonteCarlo, Sun
+from pipeline.settings.experiment import Experiment, Sun
 from pipeline.settings.fleet import SEED_STEP
+from pipeline.settings.monte_carlo import MonteCarlo
 from pipeline.settings.start_table import DEPUTY, POSITION, VELOCITY, numbers
 from pipeline.settings.training import Starts
 

@@ -13,9 +13,9 @@ from pipeline.preflight import check_before
 from pipeline.run import artifacts
 from pipeline.run.lock import held
 from pipeline.settings import schema
-from pipeline.settings.experiment import STAGES, check_stage_names
 from pipeline.settings.keys import with_values
 from pipeline.settings.places import conf_folder
+from pipeline.settings.stages import STAGES, check_stage_names
 
 #: what a flight alone changes in the configuration of its run
 FLOWN: Final[Mapping[str, Any]] = {

@@ -11,7 +11,7 @@ from typing import Any, Final
 from fis_tools.file_access import open_regular, read_text
 from fis_tools.plain_text import parse_json
 from pipeline.settings import plugged
-from pipeline.settings.experiment import STAGES
+from pipeline.settings.stages import STAGES
 
 CONFIG: Final = "config.yaml"
 MANIFEST: Final = "manifest.json"

@@ -12,7 +12,8 @@ from typing import Any
 from fis_tools.streams import guarded
 from pipeline.run import artifacts, configuration, interrupts, maker, manifests, typed, writing
 from pipeline.settings import plugged
-from pipeline.settings.experiment import STAGES, Experiment, Mission, in_order
+from pipeline.settings.experiment import Experiment, Mission
+from pipeline.settings.stages import STAGES, in_order
 
 _LOG = logging.getLogger("pipeline")
 

@@ -21,10 +21,11 @@ from pipeline.settings.checks import SettingError
 from pipeline.settings.conditions import Only
 from pipeline.settings.controllers import PLANNED
 from pipeline.settings.dispersions import IN_TIME
-from pipeline.settings.experiment import STAGES, Experiment, Mission
+from pipeline.settings.experiment import Experiment, Mission
 from pipeline.settings.following import OF_EPOCH, following
 from pipeline.settings.groups import GROUPS, conditions_of, descendants_of, names_of, texts_of
 from pipeline.settings.mission import SHARED
+from pipeline.settings.stages import STAGES
 from pipeline.settings.types import Follows, Freely
 
 #: characters of a value in a message

@@ -10,13 +10,13 @@ from fis_tools.formats.serialize import FORMS
 from fis_tools.model.membership import SHAPES
 from pipeline.flight.state.signals import CONSTANTS, SIGNALS
 from pipeline.settings.controllers import PLANNED, ControllerSettings
-from pipeline.settings.experiment import STAGES
 from pipeline.settings.groups import tags_of
+from pipeline.settings.stages import STAGES
 from tests.places import PROJECT
 
 #: what can be added to, and the files that may enumerate it: the list itself, and what needs no addition
 LISTS: dict[str, tuple[Collection[str], set[str]]] = {
-    "stages": (STAGES, {"pipeline/settings/experiment.py"}),
+    "stages": (STAGES, {"pipeline/settings/stages.py"}),
     "signals": (SIGNALS, set()),
     "constants": (CONSTANTS, set()),
     # the second has the shapes whose formulas are compiled; others are tables

@@ -22,7 +22,7 @@ from pipeline.command_line.arguments import parse_arguments
 from pipeline.command_line.cli import main
 from pipeline.command_line.config import compose_experiment
 from pipeline.run import artifacts, configuration, sweep
-from pipeline.settings.experiment import STAGES
+from pipeline.settings.stages import STAGES
 from telemetry.commands import main as telemetry
 from tests import night
 from tests.hostile import kills

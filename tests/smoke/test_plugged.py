@@ -13,7 +13,7 @@ import telemetry
 from pipeline.evaluation.assurance.quantities import QUANTITIES, SHIPPED
 from pipeline.run import artifacts, configuration, maker, manifests, tables
 from pipeline.settings import plugged
-from pipeline.settings.experiment import STAGES, in_order
+from pipeline.settings.stages import STAGES, in_order
 from telemetry.file.topics import DEPUTY_STATE
 from tests.pipeline.command_line.cases import EVALUATE, use_stages
 from tests.programs import run_python

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 import yaml
 
-from pipeline.settings.experiment import STAGES
+from pipeline.settings.stages import STAGES
 from telemetry.commands import TERMINATED
 from telemetry.commands import main as telemetry_main
 from tests.places import PROJECT

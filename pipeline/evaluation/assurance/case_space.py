@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from pipeline.array_types import Floats
 from pipeline.flight.state.log import Scenario
 from pipeline.settings.dispersions import Distribution, distributions
-from pipeline.settings.experiment import Experiment, MonteCarlo, Sun
+from pipeline.settings.experiment import Experiment, Sun
+from pipeline.settings.monte_carlo import MonteCarlo
 
 #: share of a dispersed setting's values at either end that a search excludes: three standard deviations
 TAIL = 0.00135

@@ -7,10 +7,11 @@ from typing import Any
 import numpy as np
 
 from pipeline.settings.dispersions import distributions
-from pipeline.settings.experiment import Experiment, Mission, MonteCarlo
+from pipeline.settings.experiment import Experiment, Mission
 from pipeline.settings.groups import names_of
 from pipeline.settings.keys import value_at
 from pipeline.settings.mission import START_M, Sun
+from pipeline.settings.monte_carlo import MonteCarlo
 from pipeline.settings.schema import present, schema
 
 #: coordinates of a start and their units

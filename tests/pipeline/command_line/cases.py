@@ -11,7 +11,8 @@ from typing import Any
 import pytest
 
 from pipeline.command_line.config import compose_experiment
-from pipeline.settings.experiment import STAGES, Experiment
+from pipeline.settings.experiment import Experiment
+from pipeline.settings.stages import STAGES
 
 #: with a controller that needs no file of ours
 FLY = ["+experiment=fly", "controller=coast"]

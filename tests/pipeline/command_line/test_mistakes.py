@@ -6,8 +6,8 @@ import pytest
 
 from pipeline.command_line.cli import COMMANDS
 from pipeline.command_line.config import AT_THE_TOP
-from pipeline.settings.experiment import STAGES
 from pipeline.settings.places import conf_folder
+from pipeline.settings.stages import STAGES
 from tests.pipeline.command_line.cases import EVALUATE, FLY, use_stages
 
 LQR = ["+experiment=fly", "controller=lqr"]

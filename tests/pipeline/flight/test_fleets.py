@@ -16,8 +16,9 @@ from pipeline.flight.goals.flights import fly_all
 from pipeline.flight.reference import fleet as reference
 from pipeline.flight.state.arrays import NUM_TRACKED, TRACK_FORCE, TRACK_LEFT
 from pipeline.scenarios import evaluation_scenarios
-from pipeline.settings.experiment import OF_FLEETS, STAGES, SettingError
+from pipeline.settings.experiment import SettingError
 from pipeline.settings.fleet import SHARING
+from pipeline.settings.stages import OF_FLEETS, STAGES
 from tests import night
 
 EVALUATION = ("+experiment=evaluate_fleet", "controller=champion_27", "sun=random", "monte_carlo.num_cases=7")

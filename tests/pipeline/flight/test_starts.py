@@ -21,7 +21,8 @@ from pipeline.scenarios import (
     starts_in,
     training_scenarios,
 )
-from pipeline.settings.experiment import Experiment, MonteCarlo, SettingError, Sun
+from pipeline.settings.experiment import Experiment, SettingError, Sun
+from pipeline.settings.monte_carlo import MonteCarlo
 from pipeline.settings.training import Starts
 
 FIXED = Sun(mode="fixed", angle_deg=30.0)

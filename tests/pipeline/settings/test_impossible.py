@@ -14,9 +14,10 @@ import yaml
 from docs.scripts import hooks
 from pipeline.command_line.config import compose_experiment
 from pipeline.settings.controllers import PLANNED
-from pipeline.settings.experiment import STAGES, Safety, SettingError, Sun
+from pipeline.settings.experiment import Safety, SettingError, Sun
 from pipeline.settings.keys import value_at
 from pipeline.settings.schema import commented, completed, descriptions, experiment_from, schema, tables
+from pipeline.settings.stages import STAGES
 from tests.pipeline.command_line.cases import EVALUATE, FLY, leaves, plain_config
 from tests.pipeline.flight.cases import mission
 from tests.pipeline.flight.guarded import EARLY, guarded
