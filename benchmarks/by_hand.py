@@ -102,7 +102,7 @@ def decision(mission: Mission, system: FuzzySystem, words: str, log: FlightLog, 
         )
         yield f"| {index} | {joined} | {then} | {strength:.3f} |".replace("_", " ")
     yield "\nThe outline of the cut terms has the corners (N, degree) " + ", ".join(
-        f"({x + 0.0:.3f}, {degree:.3f})".replace("-0.000", "0.000") for x, degree in worked.corners
+        f"({x + 0.0:.4f}, {degree:.3f})".replace("-0.0000", "0.0000") for x, degree in worked.corners
     )
     area, moment = area_and_moment(worked.corners)
     flown = float(log.fis_output_n[0, number])

@@ -54,6 +54,15 @@ def serious_violations(shown: Page, axe: str) -> list[tuple[str, list[str]]]:
     ]
 
 
+#: what keeps a shortcut of the browser, such as Alt and an arrow or Ctrl and plus, from it
+SWALLOWED = """() => {
+    const keys = ["ArrowLeft", "ArrowRight", "ArrowUp", "PageDown", "Home", "+", "-", " "];
+    const isKept = (each, key, held) => !each.dispatchEvent(
+        new KeyboardEvent("keydown", { key, [held]: true, cancelable: true, bubbles: true }));
+    return [...document.querySelectorAll("canvas, input, select, button, [tabindex]")].filter(each =>
+        ["ctrlKey", "altKey", "metaKey"].some(held => keys.some(key => isKept(each, key, held)))
+    ).map(each => each.outerHTML.slice(0, 150));
+}"""
 #: of a phone, a laptop and a large screen
 WIDTHS = (400, 1400, 1920)
 #: the tables of a page by class and number of columns, all folds opened

@@ -217,7 +217,7 @@ function termsOf(index, variable, at) {
     const move = value => { movePeak(variable, order, value); changed(name); };
     handle.addEventListener("keydown", event => {
       const step = { ArrowLeft: -1, ArrowDown: -1, ArrowRight: 1, ArrowUp: 1 }[event.key];
-      if (step) { event.preventDefault(); move(term.peak + step * (high - low) / 50); }
+      if (step && !event.ctrlKey && !event.altKey && !event.metaKey) { event.preventDefault(); move(term.peak + step * (high - low) / 50); }
     });
     handle.addEventListener("pointerdown", event => {
       event.preventDefault();

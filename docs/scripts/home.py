@@ -42,7 +42,11 @@ def facts() -> list[tuple[str, str, str]]:
     starts, results = f"{run['num_cases']:,} starts", "reference/results.html"
     return [
         (f"{100 * success:.1f} %", f"of {starts} that no training used succeed, the Sun anywhere", results),
-        (f"{fuel:.3f} m/s", "of fuel on average; the paper's controllers burn 5.62, its Sun fixed", results),
+        (
+            f"{fuel:.3f} m/s",
+            "of fuel on average; the paper's controllers burn 5.62, under a Sun that it does not state",
+            results,
+        ),
         (
             "27 rules",
             "one page of them, in which the audit finds nothing to mend",

@@ -54,8 +54,8 @@ def _deputy_row(deputies: Columns, is_of: Any, confidence: float) -> list[str]:
     nearest, farthest = (np.asarray(deputies[f"{end}_distance_m"])[is_of] for end in ("min", "max"))
     means = [_mean(column[name], confidence, decimals) for name, (_, decimals) in OF_EACH.items()]
     outside = f"{np.count_nonzero(column['violated']):,} of {len(nearest):,}"
-    distances = f"{nearest.min():.1f} to {farthest.max():.1f}"
-    return [f"deputy\N{NO-BREAK SPACE}{column['deputy'][0]}", *means, distances, outside]
+    extremes = f"{nearest.min():.1f} to {farthest.max():.1f}"
+    return [f"deputy\N{NO-BREAK SPACE}{column['deputy'][0]}", *means, extremes, outside]
 
 
 def _mean(values: Any, confidence: float, decimals: int) -> str:

@@ -202,7 +202,7 @@ def _turned(quaternion: Floats, vectors: Floats) -> Floats:
 def _reasons(recording: Recording, times: Floats) -> tuple[list[str], list[list[int]]]:
     """Return why each component of the force was fired, or nothing was, as texts and their indices.
 
-    Where a fuzzy system inferred what was fired, it is the rule with the largest share in it.
+    Where a fuzzy system inferred what was fired, it is the rule with the largest share along it.
     """
     control = recording.topics.get(topics.DEPUTY_CONTROL)
     texts: list[str] = [UNKNOWN]
@@ -241,10 +241,10 @@ def _name_rules(
         return
     axis = topics.FORCE_COMPONENTS.index(description.output_name)
     fired, fired_s = recording.fired(name)
-    shares = recording[topics.fis_topic(name)]["shares_n"][fired]
+    shares, forces = (recording[topics.fis_topic(name)][part][fired] for part in ("shares_n", "output_n"))
     if not shares.size:
         return
-    leading = np.argmax(np.abs(shares), axis=1)
+    leading = np.argmax(shares * np.sign(forces)[:, np.newaxis], axis=1)
     of_rule: dict[int, int] = {}
     for rule in Counter(leading.tolist()):
         of_rule[rule] = len(texts)

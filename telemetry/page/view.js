@@ -257,24 +257,22 @@ export class FlightView {
     const here = path[k], force = flight.force(k), size = norm(force);
     const at = this.on(here), [startX, startY] = this.startAt;
     if (!size || Math.hypot(at[0] - startX, at[1] - startY) > 60) this.word("start", startX, startY + 4, colour.ink); // else arrows are there
-    if (size > 0) {
-      const words = [];
-      force.forEach((part, axis) => {
-        if (!part) return;
-        const end = here.slice(); end[axis] += Math.sign(part) * (26 + Math.min(130, 450 * Math.abs(part))) / this.scale;
-        const to = this.on(end);
-        this.arrow(at, to, colour.push, 3.5);
-        words.push([AXES[axis][+(part > 0)], to[0], to[1] - 10]);
-      });
-      // apart from each other, from the top down
-      words.sort((a, b) => a[2] - b[2]).forEach(([word, x, y], index) => {
-        for (const [, otherX, otherY] of words.slice(0, index)) if (Math.abs(otherX - x) < 50) y = Math.max(y, otherY + 15);
-        words[index][2] = y;
-        this.word(word, x, y, colour.push, "600 ");
-      });
-    }
+    const words = [], taken = sun ? [[this.sunAt[0], this.sunAt[1] - 10]] : [];
+    force.forEach((part, axis) => {
+      if (!part) return;
+      const end = here.slice(); end[axis] += Math.sign(part) * (26 + Math.min(130, 450 * Math.abs(part))) / this.scale;
+      const to = this.on(end);
+      this.arrow(at, to, colour.push, 3.5);
+      words.push([AXES[axis][+(part > 0)], to[0], to[1] - 10]);
+    });
     this.fellows.forEach(fellow => this.fellow(fellow, k * flight.periodS));
     pen.fillStyle = colour.ink; pen.beginPath(); pen.arc(at[0], at[1], 6, 0, TURN); pen.fill();
+    // before the deputy, and apart from each other and from the Sun's, from the top down
+    words.sort((a, b) => a[2] - b[2]).forEach(([word, x, y]) => {
+      for (const [otherX, otherY] of taken) if (Math.abs(otherX - x) < 50 && Math.abs(otherY - y) < 15) y = otherY + 15;
+      taken.push([x, y]);
+      this.word(word, x, y, colour.push, "600 ");
+    });
     if (k !== this.heard) this.onSample(k); // what others draw, once a painted sample
     this.heard = k;
     this.triad(isNarrow);

@@ -24,7 +24,7 @@ from fis_tools.model.thrust import REASONS
 from pipeline.controllers import source
 from pipeline.flight.fly.simulation import fly_all, fly_logged
 from pipeline.scenarios import evaluation_scenarios
-from tests.browser import serious_violations
+from tests.browser import SWALLOWED, serious_violations
 
 pytestmark = pytest.mark.slow
 
@@ -316,13 +316,8 @@ def test_shortcuts_stay_the_browsers_and_sliders_have_names(shown):
         assert shown.get_by_role("slider", name=name, exact=True).count() == 1
     read = "() => [flightPage.view.angles, flightPage.view.zoom]"
     before = shown.evaluate(read)
-    shown.locator("canvas").focus()
-    was_prevented = shown.evaluate(
-        """() => ["ctrlKey", "altKey", "metaKey"].flatMap(held => ["ArrowLeft", "+", "-", " "].map(key =>
-            !document.querySelector("canvas").dispatchEvent(new KeyboardEvent("keydown",
-                { key, [held]: true, cancelable: true, bubbles: true }))))"""
-    )
-    assert not any(was_prevented)
+    assert shown.locator(".handle").count() > 10
+    assert shown.evaluate(SWALLOWED) == []
     assert shown.evaluate(read) == before
 
 

@@ -38,7 +38,8 @@ class FlightClock {
     this.flights.push(played);
     document.addEventListener("played", ({ detail: { number, systems, time } }) => {
       Object.assign(played, { systems, count: played.count + 1 });
-      const recorded = this.flights.findIndex(({ name }) => number !== undefined && caseIn(name) === number);
+      const isOf = ({ name }) => number !== undefined && caseIn(name) === number;
+      const recorded = isOf(this.flights[this.flight]) ? this.flight : this.flights.findIndex(isOf);
       this.set(recorded >= 0 ? recorded : this.flights.indexOf(played), time);
     });
     document.addEventListener("moved", ({ detail: { time } }) => {
@@ -52,9 +53,9 @@ class FlightClock {
   }
 }
 
-/** The number of the case that a flight's name ends with; null without one. */
+/** The number of the case that a flight's name ends with, beside which deputy of a fleet it is; null without one. */
 function caseIn(name) {
-  const digits = name.match(/case-(\d+)$/)?.[1];
+  const digits = name.match(/case-(\d+)(-deputy-\d+)?$/)?.[1];
   return digits ? Number(digits) : null;
 }
 

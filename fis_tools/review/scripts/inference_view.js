@@ -38,7 +38,7 @@ function inputControl(state, place, id) {
   field.addEventListener("blur", follow);
   slider.addEventListener("keydown", (event) => {
     const direction = { ArrowLeft: -1, ArrowDown: -1, ArrowRight: 1, ArrowUp: 1, PageDown: -10, PageUp: 10 }[event.key];
-    if (!direction) return;
+    if (!direction || event.ctrlKey || event.altKey || event.metaKey) return; // the browser's own
     event.preventDefault();
     const moved = Number(slider.value) + (direction * (variable.maximum - variable.minimum)) / 100;
     state.setInput(place, Math.min(Math.max(moved, variable.minimum), variable.maximum));

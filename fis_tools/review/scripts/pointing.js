@@ -61,7 +61,7 @@ function makeZoomable(canvas, parts, placeOf, changed, about) {
     zoom(event.deltaY > 0 ? 1.25 : 0.8, placeOf(event));
   });
   canvas.addEventListener("keydown", (event) => {
-    if (!(event.key in ways) || event.ctrlKey || event.metaKey) return;
+    if (!(event.key in ways) || event.ctrlKey || event.altKey || event.metaKey) return;
     event.preventDefault();
     zoom(ways[event.key]);
   });

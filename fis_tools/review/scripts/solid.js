@@ -187,6 +187,7 @@ function makeTurnable(canvas, view, changed) {
   for (const end of ["pointerup", "pointercancel"]) canvas.addEventListener(end, () => (last = null));
   canvas.addEventListener("keydown", (event) => {
     const moves = { ArrowLeft: [0.1, 0], ArrowRight: [-0.1, 0], ArrowUp: [0, -0.08], ArrowDown: [0, 0.08] };
+    if (event.ctrlKey || event.altKey || event.metaKey) return; // the browser's own
     if (event.key === "Home") Object.assign(view, FIRST_VIEW);
     else if (!(event.key in moves)) return;
     event.preventDefault();

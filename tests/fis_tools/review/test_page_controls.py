@@ -9,6 +9,7 @@ from playwright.sync_api import expect
 from fis_tools.analysis import arrays
 from fis_tools.engines.inference import infer
 from fis_tools.words.text import sentence
+from tests.browser import SWALLOWED
 from tests.fis_tools.review.cases import (
     DRAWN,
     NUM_SAMPLES,
@@ -103,6 +104,13 @@ def test_the_surface_turns_by_mouse_and_by_keys(shown):
     assert pixels(shown, canvas) == dragged
     shown.keyboard.press("Home")
     assert pixels(shown, canvas) == first
+
+
+def test_shortcuts_stay_the_browsers(shown):
+    before = state(shown)
+    assert shown.locator("canvas.solid").count()
+    assert shown.evaluate(SWALLOWED) == []
+    np.testing.assert_array_equal(state(shown), before)
 
 
 def test_the_surface_is_that_of_python_and_follows_its_axes_and_held_inputs(shown):

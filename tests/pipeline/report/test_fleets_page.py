@@ -186,6 +186,19 @@ def test_the_page_of_a_fleet_fits_and_axe_finds_nothing(opened, axe, text, width
     assert serious_violations(page, axe) == []
 
 
+def test_a_recording_in_the_review_opens_its_case_with_all_deputies(opened, made):
+    folder, _ = made
+    page = opened((folder / artifacts.REVIEW).read_text(encoding="utf-8"), 1400, reduced_motion="reduce")
+    page.wait_for_function(READY)
+    page.evaluate("() => document.querySelectorAll('details').forEach(fold => { fold.open = true; })")
+    select = page.locator(".live.flight select").first
+    for path in sorted((folder / artifacts.RECORDINGS).glob("*-deputy-2.mcap")):
+        select.select_option(label=path.stem)
+        case = int(path.stem.split("-")[2])
+        page.wait_for_function("case_ => player.cases.numbers[player.row] === case_", arg=case)
+        assert select.locator("option:checked").inner_text() == path.stem
+
+
 def test_a_fleet_that_flies_alone_is_shown_with_all_deputies(opened, tmp_path):
     words = ("+experiment=fly", "controller=champion_27", "sun=random", "fleet.deputies=3", "case=4")
     experiment = run_of(tmp_path, ("record", "report"), *words)

@@ -19,6 +19,7 @@ from pipeline.report.contents import ShownFlight
 from pipeline.report.played import player_of_flight
 from pipeline.report.scene import recorded_table
 from pipeline.scenarios import start_shown
+from telemetry.page import recorded
 from tests.browser import serious_violations
 
 pytestmark = pytest.mark.slow
@@ -68,6 +69,7 @@ def test_a_push_names_the_rule_that_recordings_give_the_largest_share(flown, tmp
     recorder = FlightRecorder(job.experiment, controller, job.config)
     recorder.record(tmp_path / "flight.mcap", shown.scenario, log, "start")
     recording = telemetry.read(tmp_path / "flight.mcap")
+    _, page_table = recorded.table_of(recording)
     num_named = 0
     for system in controller.systems:
         topic = recording.topics[f"/fis/{system.name}"]
@@ -80,7 +82,10 @@ def test_a_push_names_the_rule_that_recordings_give_the_largest_share(flown, tmp
             k = round(time_s / mission.control_period_s) + delay_of(mission)
             force = log.force_hill_n[k, axis]
             if force and texts[k][axis].startswith("If "):
-                assert texts[k][axis] == f"{words[int(np.argmax(shares * np.sign(force)))]}."
+                rule = int(np.argmax(shares * np.sign(force)))
+                assert texts[k][axis] == f"{words[rule]}."
+                on_page = page_table["texts"][page_table["reasons"][k][axis]]
+                assert on_page.startswith(f"Rule {rule + 1} of {system.name}: ")
                 num_named += 1
     events = recording.topics["/log"]
     chosen = [text for text in events.columns["message"] if text.startswith(("planned", "rehearsed"))]
