@@ -43,16 +43,16 @@ FLEETS = {
     "who heed a mask": ("fleet.sharing=mask", "guidance=clusters"),
     "who leave what coasting shows": ("fleet.sharing=leave", "monte_carlo.parked=true"),
     "who leave what is nearer to others": ("fleet.sharing=nearer", "fleet.deputies=3"),
-    "with fixes and real thrusters": ("navigation=fixes", "actuators=real"),
-    "in a low orbit": ("world=leo",),
-    "who hear late": ("fleet.delay_periods=3", "monte_carlo.parked=true"),
+    "in a low orbit, with fixes and real thrusters": ("world=leo",),
+    "with fixes and real thrusters in the paper's light": ("navigation=fixes", "actuators=real"),
     "who lose messages": ("fleet.lost_percent=60", "fleet.deputies=3", "monte_carlo.parked=true"),
+    "who hear late": ("fleet.delay_periods=3", "monte_carlo.parked=true"),
     "who hear a mask late or never": ("fleet.sharing=mask", "fleet.delay_periods=1", "fleet.lost_percent=30"),
 }
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", night.by_day([*FLEETS], 2))  # each is compiled apart
+@pytest.mark.parametrize("name", night.by_day([*FLEETS], 2))  # the others are compiled for this alone
 def test_fleets_are_those_of_the_reference_period_by_period(name):
     words = ("duration_s=600", "attitude=ideal", "monte_carlo.num_cases=2", *FLEETS[name])
     deputies = 3 if "fleet.deputies=3" in words else 2
