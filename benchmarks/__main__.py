@@ -35,6 +35,7 @@ CAMPAIGNS = (
     "imitated",
     "inference_mutants",
     "kills",
+    "leaderboard",
     "missions",
     "networks",
     "never_worse",
