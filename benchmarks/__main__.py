@@ -36,6 +36,7 @@ CAMPAIGNS = (
     "imitated",
     "inference_mutants",
     "kills",
+    "leaderboard",
     "missions",
     "networks",
     "never_worse",

@@ -42,15 +42,11 @@ class PublishedObservation(gymnasium.Wrapper[NDArray[np.float64], NDArray[Any], 
         if inner.task.is_tilted:
             raise ValueError("AFRL's agents observe no Sun out of the orbit plane; leave its elevation out")
         mission = inner.task.mission
+        space: Any = inner.observation_space
         self._inner, self._view = inner, PublishedView(mission, random or np.random.default_rng())
-        turning = (
-            [*inner.observation_space.high[RATE], *[2.0] * 4]
-            if isinstance(inner, SixDofInspectionEnv)
-            else []
-        )
+        turning = [*space.high[RATE], *[2.0] * 4] if isinstance(inner, SixDofInspectionEnv) else []
         most = 2.0 * pi + mission.orbit.mean_motion_rad_s * mission.duration_s
-        far = inner.observation_space.high
-        high = [*far[:6], *turning, most, float(len(surface_of(mission).points)), *[1.0] * 3]
+        high = [*space.high[:6], *turning, most, float(len(surface_of(mission).points)), *[1.0] * 3]
         high += [1.0] * (NUM_OF_PRIORITY if mission.chief.weights == "priority" else 0)
         low = -np.array(high)
         low[6 + len(turning) : 8 + len(turning)] = 0.0
