@@ -22,21 +22,37 @@ MEASURES = (
     ("training: delta-v", "training_delta_v_m_s", 2),
 )
 ORDERS = {"strict": "strict order", "prices": "prices"}
+#: of the arms beside the paper's figures, as columns of the page: penalty, outputs and inputs
+BESIDE = (("strict", "0.3", "two"), ("prices", "0.3", "two"), ("strict", "1 N", "three"))
+#: the changes that the page tells, by their first words
+CHANGES = {
+    "prices in place": ("prices", "0.3", "two"),
+    "outputs up to 1 N": ("strict", "1 N", "two"),
+    "three inputs, 375": ("strict", "0.3", "three"),
+    "both: three": ("strict", "1 N", "three"),
+}
 
 
-def of(penalty, outputs="0.3", column=None):
+def of(penalty, outputs="0.3", inputs="two", *, column=None):
     """The trainings of an arm by their seeds, or a measure of them."""
     chosen = {
         row["seed"]: row
         for row in ROWS
-        if ORDERS[penalty] in row["penalty"] and outputs in row["outputs"] and row["inputs"].startswith("two")
+        if ORDERS[penalty] in row["penalty"]
+        and outputs in row["outputs"]
+        and row["inputs"].startswith(inputs)
     }
     return chosen if column is None else np.array([row[column] for row in chosen.values()])
 
 
 def test_each_arm_has_the_trainings_of_the_protocol():
     assert [sorted(of(penalty)) for penalty in ORDERS] == [list(range(1001, 1031))] * 2
-    assert sorted(of("strict", "1 N")) == list(range(1001, 1011))
+    for levels in CHANGES.values():
+        seeds = sorted(of(*levels))
+        assert seeds == list(range(1001, 1001 + len(seeds)))
+        assert len(seeds) >= 10
+    assert {row["arm"] for row in ROWS if row["alone"] == "as there"} == {row["arm"] for row in ROWS}
+    assert len({row["arm"] for row in ROWS}) == 1 + len(CHANGES)
 
 
 @pytest.mark.parametrize(("words", "column", "decimals"), MEASURES)
@@ -44,8 +60,8 @@ def test_a_row_of_the_page_is_what_the_trainings_came_to(words, column, decimals
     table = PAGE.partition("| | the paper | 30 trainings, a strict order")[2]
     [row] = [line for line in table.splitlines() if line.startswith(f"| {words}")][:1]
     cells = row.strip("|").split("|")[2:]
-    for penalty, cell in zip(ORDERS, cells, strict=True):
-        values = of(penalty, column=column)
+    for levels, cell in zip(BESIDE, cells, strict=True):
+        values = of(*levels, column=column)
         numbers = re.findall(r"\d+(?:\.\d+)?", re.sub(r"(?<=\d),(?=\d{3})", "", cell))
         mean, low, high, least, greatest = map(float, numbers)
         for printed, value in (
@@ -69,7 +85,11 @@ def test_counts_and_differences_are_those_of_the_trainings():
     assert f"only {seen[0]} and {seen[1]} of the 30" in PAGE
     assert f"And {outside[0]} and {outside[1]} of the 30" in PAGE
     strict = of("strict")
-    for words, arm in (("prices in place", of("prices")), ("outputs up to 1 N", of("strict", "1 N"))):
+    head = PAGE.partition("| | the paper | 30 trainings")[2].partition("\n")[0]
+    assert f"{len(of(*BESIDE[2]))} trainings, a strict order, 375 rules, outputs up to 1 N" in head
+    for words, levels in CHANGES.items():
+        arm = of(*levels)
+        arm = {seed: row for seed, row in arm.items() if seed in strict}
         [row] = [line for line in PAGE.splitlines() if line.startswith(f"| {words}")]
         cells = [cell.strip() for cell in row.strip("|").split("|")]
         assert int(cells[1]) == len(arm)
@@ -78,3 +98,10 @@ def test_counts_and_differences_are_those_of_the_trainings():
             after = trim_mean([row[column] for row in arm.values()], 0.25)
             before = trim_mean([strict[seed][column] for seed in arm], 0.25)
             assert float(cell.split()[0]) == pytest.approx(after - before, abs=0.51 * 10.0**-decimals)
+            # nine differences by the protocol, of which with 95 % none misses
+            pairs = np.array([[row[column], strict[seed][column]] for seed, row in arm.items()])
+            draws = np.random.default_rng(5).integers(len(pairs), size=(4000, len(pairs)))
+            changes = np.subtract(*trim_mean(pairs[draws], 0.25, axis=1).T)
+            low, high = (float(end) for end in re.findall(r"[+-]\d+\.\d+", cell)[1:])
+            again = np.percentile(changes, [2.5 / 9.0, 100.0 - 2.5 / 9.0])
+            np.testing.assert_allclose([low, high], again, atol=0.12 * np.ptp(again) + 10.0**-decimals)
