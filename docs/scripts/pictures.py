@@ -129,9 +129,9 @@ def tour(scratch: Path) -> None:
 
 def review(scratch: Path) -> None:
     """Draw the review page: one inference, and the rules along a flight."""
-    ran = run(scratch, "+experiment=fly", "controller=paper_champion")
+    ran = run(scratch, "+experiment=fly", "controller=champion_27")
     recording, page = ran / "episodes" / "start.mcap", scratch / "review.html"
-    python("fis_tools", "review", "conf/controller/paper_champion.yaml", "--flights", recording, "-o", page)
+    python("fis_tools", "review", "conf/controller/champion_27.yaml", "--flights", recording, "-o", page)
     screenshot(page, "One inference, step by step", IMAGES / "review.png", 1180, 1155)
 
 
@@ -194,7 +194,7 @@ SOURCES: dict[str, tuple[str, ...]] = {
     "safety": (f"{FIGURES}/trajectories.py", f"{FIGURES}/style.py", f"{CONTROLLERS}/paper_octants.yaml"),
     "tour": ("benchmarks/champion.py", f"{FIGURES}/trajectories.py", f"{CONTROLLERS}/champion_leo.yaml"),
     "edit": ("fis_tools/edit", "pipeline/edit", "telemetry/page", f"{CONTROLLERS}/champion_27.yaml"),
-    "review": ("fis_tools/review", f"{CONTROLLERS}/paper_champion.yaml"),
+    "review": ("fis_tools/review", f"{CONTROLLERS}/champion_27.yaml"),
 }
 
 

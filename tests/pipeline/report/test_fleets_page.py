@@ -57,7 +57,7 @@ class Cells(HTMLParser):
 
     def handle_data(self, data):
         if self._is_in:
-            self.rows[-1][-1] += data
+            self.rows[-1][-1] += data.replace("\N{NO-BREAK SPACE}", " ")
 
 
 @pytest.fixture(scope="module")
@@ -100,7 +100,7 @@ def test_figures_of_the_fleet_are_those_of_its_files(text, episodes, deputies):
         assert row[3:] == [f"{number:.{decimals}f}" for number in (min(values), max(values))]
     for number in (1, 2):
         mine = [row for row in deputies if row["deputy"] == number]
-        row = cell_of(rows, f"deputy\N{NO-BREAK SPACE}{number}")
+        row = cell_of(rows, f"deputy {number}")
         for cell, name, decimals in (
             (1, "delta_v_m_s", 3),
             (2, "inspected_count", 1),
