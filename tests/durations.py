@@ -94,6 +94,10 @@ class Recorder:
                 continue
         return sum(os.times()[:4]) + living - self._compiling_s
 
+    def pytest_collection_finish(self) -> None:
+        """Count from here: what importing all tests takes is not the first one's."""
+        self._last_s = self._spent()
+
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_makereport(self, item: pytest.Item) -> Iterator[None]:
         """Note what a phase took where every process can read it."""

@@ -2,6 +2,7 @@
 
 import re
 from collections import Counter
+from types import SimpleNamespace
 
 import pytest
 
@@ -59,6 +60,19 @@ def test_the_nearest_come_first_and_the_budget_holds():
     assert [steps[file] for file in chosen] == sorted(steps[file] for file in chosen)
     assert next(iter(chosen)) == "tests/pipeline/evaluation/test_statistics.py"
     assert not nearest([module], known, 0.0, of_file_s=1.0)
+
+
+def test_what_collecting_takes_is_no_test_s(monkeypatch):
+    monkeypatch.setattr(durations.event, "register", lambda *_: None)
+    seconds = iter((1.0, 21.0, 24.0))
+    monkeypatch.setattr(durations.Recorder, "_spent", lambda _: next(seconds))
+    recorder = durations.Recorder()
+    recorder.pytest_collection_finish()
+    made = recorder.pytest_runtest_makereport(None)
+    next(made)
+    with pytest.raises(StopIteration) as ended:
+        made.send(SimpleNamespace())
+    assert ended.value.value.processor_s == 3.0
 
 
 def test_a_file_without_durations_is_taken_whole():

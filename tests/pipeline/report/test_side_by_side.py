@@ -79,6 +79,8 @@ def test_the_section_tells_the_rows(folder):
     assert 'href="#comparison"' in page
     assert "2 controllers, flown side by side from 30 random starts each." in page
     assert (folder / artifacts.FIGURES / "comparison.png").exists()
+    sides = re.findall(r'<section class="side" aria-label="([^",]+)', page)
+    assert set(sides) == {"coast", "lqr"}
     # of one controller's flights there are none to tell of
     assert "controller <strong>" not in page
     assert "This run has no" not in page

@@ -24,6 +24,7 @@ from fis_tools.model.thrust import COMPONENTS, COUNTED, REASONS, UNKNOWN
 from fis_tools.plain_text import plain
 from telemetry import RecordingError
 from telemetry.file import topics
+from telemetry.file.columns import DECODERS
 from telemetry.file.messages import encode
 from telemetry.file.metadata import EpisodeDescription, FisDescription, Rehearsal, sealed, unsealed
 from telemetry.file.schema import inspection_pb2
@@ -178,6 +179,14 @@ def test_every_topic_has_a_place():
     headings = re.findall(r"^### `(.+)` · ", README + messages(), re.MULTILINE)
     for topic in (*topics.FIXED_TOPICS, topics.NAVIGATION, "/fis/<name>"):
         assert headings.count(topic) == 1, topic
+
+
+def test_a_word_of_a_later_version_is_unknown():
+    values = Control.Reason.DESCRIPTOR.values
+    words = [value.name.lower() for value in values]
+    later = Control(reason=[*(value.number for value in values), len(values), len(values) + 40])
+    decoded = DECODERS["inspection.Control"]([later.SerializeToString()])
+    assert decoded["reason"].tolist() == [[*words, words[0], words[0]]]
 
 
 @pytest.mark.parametrize("message", inspection_pb2.DESCRIPTOR.message_types_by_name)
