@@ -35,8 +35,9 @@ class Player {
     if (this.page.cases) await this.showCases();
     this.chooseSides();
     // before the first flight, which may take a while
-    addEventListener("hashchange", () => {
-      const now = new URLSearchParams(location.hash.slice(1)), asked = this.rowOf(now);
+    // by its address, as what is remembered meanwhile may stand in the page's own by now
+    addEventListener("hashchange", ({ newURL }) => {
+      const now = new URLSearchParams(new URL(newURL).hash.slice(1)), asked = this.rowOf(now);
       if (asked !== null) this.open(asked, this.secondsAt(Number(now.get("k")) || 0));
     });
     const address = new URLSearchParams(location.hash.slice(1)), row = this.rowOf(address), k = Number(address.get("k"));
