@@ -271,6 +271,9 @@ def test_margins_grow_with_the_errors_and_with_the_probability(world: tuple[str,
     assert bounds.keep_out_m < (11.0 if world == TANK else 10.5)
     surer = bounds_of(replace(mission, safety=replace(mission.safety, probability=0.9999)))
     assert surer.keep_out_m >= bounds.keep_out_m > bounds.keep_in_m > 0.0
+    near, far = spheres_of(mission, bounds)
+    assert near - mission.deputy.min_distance_m >= bounds.keep_out_m
+    assert mission.deputy.max_distance_m - far >= bounds.keep_in_m
 
 
 @pytest.mark.parametrize("late", ["delay_s=0", "delay_s=30"])

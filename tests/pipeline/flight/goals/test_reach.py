@@ -138,9 +138,9 @@ def test_each_spell_above_the_limit_is_told_where_it_begins(docked):
     for sample, excess in ((5, 0.01), (6, 0.03), (7, 0.02), (20, 0.01)):
         velocity[sample] *= (limits[sample] + excess) / np.linalg.norm(velocity[sample])
     happened = events(mission, log._replace(velocity_m_s=velocity), 5.0)
-    told = {event.sample: event.text for event in happened if "above the limit" in event.text}
-    assert told[5] == "above the limit on the speed for 3 s, by 0.030 m/s at most"
-    assert told[20] == "above the limit on the speed for 1 s, by 0.010 m/s at most"
+    words = {event.sample: event.text for event in happened if "above the limit" in event.text}
+    assert words[5] == "above the limit on the speed for 3 s, by 0.030 m/s at most"
+    assert words[20] == "above the limit on the speed for 1 s, by 0.010 m/s at most"
 
 
 def test_a_recording_counts_up_to_the_end_alone(docked, tmp_path):
