@@ -18,6 +18,7 @@ import numpy as np
 
 from fis_tools.document import Document, Table, text
 from fis_tools.file_access import write_text
+from pipeline.evaluation.monte_carlo import SUCCESS
 from pipeline.evaluation.statistics import statistic
 from pipeline.gym import task_of
 from pipeline.gym.judge import judge
@@ -30,7 +31,7 @@ LEARNED: Final[Mapping[str, tuple[str, ...]]] = {"minute": (), "ours": ("deputy.
 #: columns: what is told of each, and its decimals
 COLUMNS: Final[Mapping[str, tuple[str, int]]] = {
     "delta_v_m_s": ("delta-v (m/s)", 3),
-    "success": ("success (%)", 1),
+    SUCCESS: ("success (%)", 1),
     "violated": ("outside (%)", 1),
     "stays_orbit": ("stays an orbit (%)", 1),
     "regret_m_s": ("beyond the best plan (m/s)", 3),
@@ -92,20 +93,24 @@ def main(arguments: Sequence[str]) -> int:
     """Judge all of them, and print a row each."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks leaderboard", description=__doc__)
     parser.add_argument("--budget", type=float, default=1e6, help="control periods of a learner's training")
-    parser.add_argument("--seeds", type=int, default=3, help="trainings of each learner")
+    parser.add_argument("--seeds", type=int, default=3, help="trainings of each learner; 0 leaves them out")
+    parser.add_argument(
+        "-c", "--controller", action="append", help=f"beside them; {', '.join(FIXED)} unless given"
+    )
     parser.add_argument("--cases", type=int, default=1000, help="the first so many held-out starts")
     parser.add_argument("--task", choices=TASKS, default="paper")
     parser.add_argument("--folder", type=Path, default=Path("outputs/leaderboard"), help="of the policies")
     options = parser.parse_args(arguments)
-    if find_spec("stable_baselines3") is None:
+    if options.seeds and find_spec("stable_baselines3") is None:
         parser.error("learners need Stable-Baselines3; install it: python -m pip install stable-baselines3")
     rows: list[tuple[str, str, dict[str, Interval]]] = []
     results: list[dict[str, Any]] = []
-    for name in FIXED:
+    for name in options.controller or FIXED:
         print(f"  {name}", file=sys.stderr, flush=True)
         results.append(judge(name, options.task, options.cases))
         rows.append((name, "", figures_of(results[-1])))
-    for name in LEARNED:
+        print(f"    {cell(rows[-1][2], 'delta_v_m_s')} m/s", file=sys.stderr, flush=True)
+    for name in LEARNED if options.seeds else ():
         each, periods = [], 0
         for seed in range(1, options.seeds + 1):
             print(f"  PPO {name}, seed {seed}", file=sys.stderr, flush=True)
@@ -113,6 +118,7 @@ def main(arguments: Sequence[str]) -> int:
             path, periods = trained(name, options.task, options.budget, seed, folder)
             results.append(judge(str(path), options.task, options.cases) | {"periods": periods, "seed": seed})
             each.append(figures_of(results[-1]))
+            print(f"    {cell(each[-1], 'delta_v_m_s')} m/s", file=sys.stderr, flush=True)
         rows.append((f"PPO {name}, {options.seeds} trainings", f"{periods:,}", over_trainings(each)))
     heads = ["controller", "periods", *(words for words, _ in COLUMNS.values())]
     body = [

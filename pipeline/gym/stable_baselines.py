@@ -88,10 +88,13 @@ class BaselinesVecEnv(VecEnv):
     Parameters
     ----------
     num_envs : int
-    overrides, reward, levels_n, render_mode, max_episode_steps, decision_period_s
-        As of `pipeline.gym.vector.InspectionVectorEnv`.
+    overrides : sequence of str
+        Of the world, as on the command line.
     is_normalized : bool
         Whether observations are divided by `pipeline.gym.episodes.Task.scales`, so that they are about one.
+    settings
+        ``reward``, ``levels_n``, ``render_mode``, ``max_episode_steps`` and ``decision_period_s``, as of
+        `pipeline.gym.vector.InspectionVectorEnv`.
 
     Raises
     ------

@@ -6,6 +6,8 @@ It brings torch, of 200 MB and more; where it is not installed, its own classes 
 import numpy as np
 import pytest
 
+from pipeline.controllers.learned import answer
+from pipeline.controllers.policies import read_policy
 from pipeline.gym import InspectionEnv, NormalizedObservation
 from pipeline.gym.stable_baselines import BaselinesVecEnv, SameStepFlights
 
@@ -136,3 +138,33 @@ def test_what_flights_do_not_have_is_refused(baselines):
     many.set_options({"scenario": None})
     with pytest.raises(ValueError, match="reset knows no option 'scenario'; it takes none"):
         many.reset()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("silent", [0.0, 0.02])
+def test_a_policy_that_the_benchmark_writes_fires_what_its_model_does(baselines, silent, tmp_path):
+    from stable_baselines3.common.vec_env import VecNormalize  # noqa: PLC0415
+
+    from benchmarks import ppo  # noqa: PLC0415 - as it imports torch
+
+    options = {"n_steps": 16, "batch_size": 32}
+    settings = ppo.Settings(FLIGHTS, options, decision_period_s=20.0, silent=silent)
+    many = BaselinesVecEnv(FLIGHTS, SHORT, decision_period_s=20.0)
+    flights = ppo.PricedFlights(many, settings)
+    normal = VecNormalize(flights, norm_reward=False, clip_obs=np.inf)
+    shape = {"net_arch": [8], "activation_fn": baselines.common.torch_layers.nn.Tanh}
+    model = baselines.PPO("MlpPolicy", normal, seed=2, device="cpu", policy_kwargs=shape, **options)
+    model.learn(64)
+    model.policy.action_net.bias.data[0] = 3.0  # beyond the greatest force
+    path = ppo.write(model, flights, normal, ppo.Training(tmp_path, settings), "policy")
+    pilot = read_policy(path).pilot
+    assert pilot.units.decision_period_s == 20.0
+    seen = many.reset()
+    physical = (seen * flights.task.scales).astype(np.float64)
+    forces = np.empty((FLIGHTS, 3))
+    answer(pilot.network, physical, np.zeros((2, 19)), forces)
+    shares = np.clip(model.predict(normal.normalize_obs(seen), deterministic=True)[0], -1.0, 1.0)
+    expected = np.sign(shares) * np.maximum(np.abs(shares) - silent, 0.0)
+    np.testing.assert_allclose(forces, expected * flights.task.mission.deputy.max_force_n, atol=1e-5)
+    assert forces[:, 0] == pytest.approx(2.0 * (1.0 - silent))
+    assert '"flights"' in (tmp_path / "training.json").read_text(encoding="utf-8")
