@@ -328,3 +328,16 @@ def test_times_of_plans_are_those_of_decisions():
     controller = foreseeing(foresight_period_s="90.0", decision_period_s="60.0")
     with pytest.raises(ControllerError, match="foresight_period_s 90; give a multiple of the 60 s from one"):
         law_of(controller, MISSION)
+
+
+def test_the_rules_are_flown_where_they_end_cheapest_also_where_none_was_rehearsed():
+    choice = object.__new__(replanning._Choice)
+    nothing = math.nan
+    columns = [  # of a flight each: coasting and the rules after the best plan, the rules alone, rehearsed
+        ((0.3, 0.4, 0.2, nothing), True),
+        ((0.3, 0.4, 0.5, 0.2), True),
+        ((0.3, 0.2, 0.25, nothing), False),
+        ((0.3, 0.2, nothing, nothing), False),  # not flown ahead
+    ]
+    choice.ends = np.array([ends for ends, _ in columns]).T
+    assert choice.is_rehearsed.tolist() == [is_cheapest for _, is_cheapest in columns]

@@ -8,7 +8,7 @@ import pytest
 from pipeline.command_line.cli import main as pipeline
 from pipeline.command_line.config import compose_experiment
 from pipeline.gym import InspectionVectorEnv, judge
-from pipeline.run import artifacts
+from pipeline.run import artifacts, tables
 from pipeline.scenarios import EVALUATION, evaluation_scenarios
 
 pytestmark = pytest.mark.slow
@@ -60,6 +60,10 @@ def test_a_controller_is_judged_as_an_evaluation_has_it(tmp_path, capsys) -> Non
     assert paper["num_cases"] == 50
     assert paper["regret_m_s"]["low"] < paper["regret_m_s"]["mean"] < paper["regret_m_s"]["high"]
     assert leo["not_compared"]
+    # the same plans stand beside every evaluation
+    columns = tables.read_parquet(tmp_path / "paper", artifacts.BESIDE_OPTIMUM)
+    beyond = np.subtract(columns["delta_v_m_s"], columns["optimum_as_seen_delta_v_m_s"])
+    assert paper["regret_m_s"]["mean"] == pytest.approx(beyond.mean(), rel=1e-12)
 
 
 @pytest.mark.parametrize("task", judge.TASKS)
