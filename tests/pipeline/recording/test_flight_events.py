@@ -142,9 +142,10 @@ def test_it_begins_for_a_reason_and_ceases_with_an_account() -> None:
     assert samples == [100, 107, 113, 114, 359, 360, 360]
 
 
-def safety_words(*numbers: object) -> str:
-    """Return what the report says of the safety layer."""
-    return template("pipeline.report", "templates", "words.html").module.safety(*numbers).strip()
+def safety_words(flights: str, summary: object, without: object) -> str:
+    """Return what the report says of the safety layer of one deputy."""
+    words = template("pipeline.report", "templates", "words.html").module
+    return words.safety(flights, summary, None, without).strip()
 
 
 def test_the_report_tells_how_often_how_long_and_what_it_cost() -> None:
@@ -161,7 +162,7 @@ def test_the_report_tells_how_often_how_long_and_what_it_cost() -> None:
     assert words.endswith("at most 0.0912 m/s in one.")
     log = fly_logged(GUARDED, STEERING, STARTS[0])
     for count, how_many in ((0, "none"), (1, "one"), (14, "14")):
-        with_more = safety_words("evaluation", summary, Without(count, 3, log, log))
+        with_more = safety_words("evaluation", summary, Without(count, 3, 0, log, log))
         assert with_more == f"{words} Without it, {how_many} of these flights would have left the limits."
     idle = summary | {"safety_acted": {"count": 0, "fraction": 0.0, "low": 0.0, "high": 0.0038}}
     assert safety_words("training", idle, None).endswith("in 0 of 1,000 flights (0.0 %, 0.0 to 0.4 %).")
