@@ -126,5 +126,6 @@ def main(arguments: Sequence[str]) -> int:
     ]
     print(f"{VERSION}, {options.task}, {options.cases} starts")
     print(text.write(Document([Table(heads, body, numbers=range(1, len(heads)))])))
+    options.folder.mkdir(parents=True, exist_ok=True)
     write_text(options.folder / "judged.json", json.dumps(results, indent=1) + "\n")
     return 0

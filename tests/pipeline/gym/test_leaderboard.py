@@ -1,5 +1,7 @@
 """Rows of the leaderboard: intervals over starts for one controller, over trainings for a learner."""
 
+import json
+
 import numpy as np
 import pytest
 from scipy import stats
@@ -37,3 +39,11 @@ def test_without_a_learners_library_the_cure_is_told(monkeypatch, capsys):
     with pytest.raises(SystemExit):
         leaderboard.main([])
     assert "pip install stable-baselines3" in capsys.readouterr().err
+
+
+def test_a_new_folder_keeps_what_was_judged(tmp_path, capsys):
+    folder = tmp_path / "new" / "leaderboard"
+    assert leaderboard.main(["--folder", str(folder), "--seeds", "0", "--cases", "4", "-c", "lqr"]) == 0
+    table = capsys.readouterr().out
+    kept = json.loads((folder / "judged.json").read_text(encoding="utf-8"))
+    assert leaderboard.cell(leaderboard.figures_of(*kept), "delta_v_m_s") in table
