@@ -124,8 +124,16 @@ def export_levels():
 
 
 def export(name, module, **options):
-    """Write a file; PyTorch's present exporter also writes NAME.onnx.data."""
-    torch.onnx.export(module.eval(), (SEEN,), str(FOLDER / f"{name}.onnx"), verbose=False, **options)
+    """Write a file; PyTorch's present exporter also writes NAME.onnx.data.
+
+    It notes where in which files each node was made, which is left out: those are of one machine.
+    """
+    path = FOLDER / f"{name}.onnx"
+    torch.onnx.export(module.eval(), (SEEN,), str(path), verbose=False, **options)
+    model = load(path, load_external_data=False)
+    for part in (*model.graph.node, *model.graph.value_info, *model.graph.input, *model.graph.output):
+        del part.metadata_props[:]
+    save(model, path)
 
 
 def main():
