@@ -21,7 +21,7 @@ from fis_tools.file_access import write_text
 from pipeline.evaluation.monte_carlo import SUCCESS
 from pipeline.evaluation.statistics import statistic
 from pipeline.gym import task_of
-from pipeline.gym.judge import judge
+from pipeline.gym.judge import BY_RULES, fired_by_rules, judge
 from pipeline.gym.suite import TASKS, VERSION
 
 #: controllers that come with the product: rules, rules that park, foresight, and a regulator
@@ -103,12 +103,12 @@ def main(arguments: Sequence[str]) -> int:
     options = parser.parse_args(arguments)
     if options.seeds and find_spec("stable_baselines3") is None:
         parser.error("learners need Stable-Baselines3; install it: python -m pip install stable-baselines3")
-    rows: list[tuple[str, str, dict[str, Interval]]] = []
+    rows: list[tuple[str, str, dict[str, Interval], str]] = []
     results: list[dict[str, Any]] = []
     for name in options.controller or FIXED:
         print(f"  {name}", file=sys.stderr, flush=True)
         results.append(judge(name, options.task, options.cases))
-        rows.append((name, "", figures_of(results[-1])))
+        rows.append((name, "", figures_of(results[-1]), fired_by_rules(results[-1])))
         print(f"    {cell(rows[-1][2], 'delta_v_m_s')} m/s", file=sys.stderr, flush=True)
     for name in LEARNED if options.seeds else ():
         each, periods = [], 0
@@ -119,10 +119,11 @@ def main(arguments: Sequence[str]) -> int:
             results.append(judge(str(path), options.task, options.cases) | {"periods": periods, "seed": seed})
             each.append(figures_of(results[-1]))
             print(f"    {cell(each[-1], 'delta_v_m_s')} m/s", file=sys.stderr, flush=True)
-        rows.append((f"PPO {name}, {options.seeds} trainings", f"{periods:,}", over_trainings(each)))
-    heads = ["controller", "periods", *(words for words, _ in COLUMNS.values())]
+        rows.append((f"PPO {name}, {options.seeds} trainings", f"{periods:,}", over_trainings(each), ""))
+    heads = ["controller", "periods", *(words for words, _ in COLUMNS.values()), BY_RULES[1]]
     body = [
-        [name, periods, *(cell(figures, column) for column in COLUMNS)] for name, periods, figures in rows
+        [name, periods, *(cell(figures, column) for column in COLUMNS), by_rules]
+        for name, periods, figures, by_rules in rows
     ]
     print(f"{VERSION}, {options.task}, {options.cases} starts")
     print(text.write(Document([Table(heads, body, numbers=range(1, len(heads)))])))

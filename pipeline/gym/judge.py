@@ -21,6 +21,7 @@ from fis_tools.file_access import write_text
 from pipeline.command_line.config import compose_experiment
 from pipeline.controllers.source import named, sha256_of
 from pipeline.evaluation.beside_optimum import beside_optimum, summarise_times
+from pipeline.evaluation.comparison import percent_ahead
 from pipeline.evaluation.monte_carlo import SUCCESS, episode_columns, fly_cases, fly_followed, summarise
 from pipeline.evaluation.statistics import statistic
 from pipeline.flight.control.controller import Controller, PilotController
@@ -46,6 +47,8 @@ SHARES: Final = (
     ("stays_orbit", "stays an orbit (%)"),
     ("passively_safe", "passively safe (%)"),
 )
+#: told where some of it was chosen ahead: of the fuel, what rules fired
+BY_RULES: Final = ("fuel_by_rules_percent", "fuel that rules fire (%)", 1)
 
 #: from observations, (n, 19), as environments show them, to actions, (n, 3), shares of the greatest force
 Acting = Callable[[NDArray[np.float32]], NDArray[Any]]
@@ -120,6 +123,7 @@ def judge(
     outcomes, after = fly_followed(mission, controller, scenarios, workers)
     summary = summarise(episode_columns(mission, scenarios, outcomes, after), CONFIDENCE_PERCENT)
     shown = [name for name, *_ in (*MEANS, *SHARES) if name in summary]
+    ahead = percent_ahead(summary)
     return {
         "suite": VERSION,
         "task": task,
@@ -129,6 +133,7 @@ def judge(
         "confidence_percent": CONFIDENCE_PERCENT,
         "controller": {"name": controller.name, "sha256": sha256_of(controller)},
         "figures": {name: summary[name] for name in shown},
+        **({BY_RULES[0]: 100.0 - ahead} if ahead else {}),
         "regret": _regret(replace(experiment, seed=1), controller, workers),
         "product": maker.product_version(),
     }
@@ -162,8 +167,16 @@ def table(judged: Sequence[Mapping[str, Any]]) -> str:
     rows.append(
         ["beyond the best plan (m/s)", *(_mean(result["regret"].get("regret_m_s"), 3) for result in judged)]
     )
+    if any(BY_RULES[0] in result for result in judged):
+        rows.append([BY_RULES[1], *(fired_by_rules(result) for result in judged)])
     heads = ["", *(str(result["controller"]["name"]) for result in judged)]
     return text.write(Document([Table(heads, rows, numbers=range(1, len(heads)))]))
+
+
+def fired_by_rules(result: Mapping[str, Any]) -> str:
+    """Return what rules fired of the fuel, in per cent; nothing where no push was chosen ahead."""
+    name, _, decimals = BY_RULES
+    return f"{result[name]:.{decimals}f}" if name in result else ""
 
 
 def _mean(measure: Mapping[str, Any] | None, decimals: int) -> str:

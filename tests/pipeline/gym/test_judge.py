@@ -66,6 +66,19 @@ def test_a_controller_is_judged_as_an_evaluation_has_it(tmp_path, capsys) -> Non
     assert paper["regret_m_s"]["mean"] == pytest.approx(beyond.mean(), rel=1e-12)
 
 
+def test_of_fuel_that_is_chosen_ahead_it_is_told_what_rules_fire(tmp_path, capsys) -> None:
+    result = judge.judge("champion_27_one_push", num_cases=4)
+    words = [*judge.TASKS["paper"], f"seed={result['seed']}", "monte_carlo.num_cases=4"]
+    words += ["stages=[scenario,evaluate]", f"hydra.run.dir={tmp_path}"]
+    assert pipeline(["+experiment=evaluate", "controller=champion_27_one_push", *words]) == 0
+    columns = tables.read_parquet(tmp_path, artifacts.EPISODES)
+    by_rules = 1.0 - np.sum(columns["ahead_delta_v_m_s"]) / np.sum(columns["delta_v_m_s"])
+    assert 0.0 < by_rules < 1.0
+    assert result["fuel_by_rules_percent"] == pytest.approx(100.0 * by_rules)
+    assert f"{100.0 * by_rules:.1f}" in judge.table([result]).splitlines()[-1]
+    capsys.readouterr()
+
+
 @pytest.mark.parametrize("task", judge.TASKS)
 def test_each_task_is_flown(task) -> None:
     result = judge.judge("coast", task, num_cases=2)
