@@ -2,7 +2,8 @@
 
 One operator or number of an engine's code is changed at a time, in a copy of the product; then random systems
 are compared for a minute of processor time, in that form alone. What is compiled runs as plain Python, a
-hundred times as slow. A change that says the same as before is not found.
+hundred times as slow. Of C and pages what is written is changed (`benchmarks.written_mutants`), since their
+writers hold no inference. A change that says the same as before is not found.
 """
 
 import argparse
@@ -17,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.mutants import mutants_of
+from benchmarks.written_mutants import WRITTEN, num_found
 
 #: the code that only this form has, so that the others are right while it is changed
 ENGINES: Mapping[str, Sequence[str]] = {
@@ -34,8 +36,6 @@ ENGINES: Mapping[str, Sequence[str]] = {
         )
     ),
     "kernel": ("fis_tools/engines/kernel.py",),
-    "C": ("fis_tools/formats/c/system.py", "fis_tools/formats/c/transcribed"),
-    "page": ("fis_tools/review/transcribed.py", "fis_tools/review/carried.py"),
     "bounds": tuple(
         f"fis_tools/engines/{name}.py"
         for name in ("interval", "outward", "bounded_average", "bounded_centroid", "sampled_bounds")
@@ -49,8 +49,6 @@ COMPARED: Mapping[str, Sequence[str]] = {
     "definition": ("arrays", "one by one"),
     "compiled": ("one by one", "arrays", "bounds"),
     "kernel": ("arrays",),
-    "C": ("C",),
-    "page": ("page",),
     "bounds": ("bounds", "no"),
     "shares": ("explain",),
 }
@@ -64,14 +62,21 @@ def main(arguments: Sequence[str]) -> int:
     """Print a row for each engine, and each change that is not found."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks inference_mutants", description=__doc__)
     parser.add_argument("--number", type=int, default=50, help="of each engine")
-    parser.add_argument("--only", choices=tuple(ENGINES), action="append", help="an engine, or several")
+    engines = (*ENGINES, *WRITTEN)
+    parser.add_argument("--only", choices=engines, action="append", help="an engine, or several")
     parser.add_argument("--seed", type=int, default=1, help="of the changes and the systems")
     options = parser.parse_args(arguments)
     with tempfile.TemporaryDirectory(prefix="mutants-") as scratch:
         top = Path(scratch) / "copy"
         shutil.copytree(Path.cwd(), top, ignore=shutil.ignore_patterns(".git", "build", "__pycache__"))
         print("| engine | changes | found |\n|---|---|---|", flush=True)
-        for engine in options.only or ENGINES:
+        for engine in options.only or engines:
+            if engine in WRITTEN:
+                print(
+                    f"| {engine} | {options.number} | {num_found(engine, options.number, options.seed)} |",
+                    flush=True,
+                )
+                continue
             draw = random.Random(options.seed)  # noqa: S311 - the same each time
             paths = [path for name in ENGINES[engine] for path in files(top / name)]
             every = [mutant for path in paths for mutant in mutants_of(top, path, draw)]
