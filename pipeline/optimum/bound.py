@@ -16,9 +16,9 @@ minimised over all pairs of samples, is the pair's cost.
 pair costs v or more (a point with itself if it does alone): if no P - N points cover all edges, every such
 plan sees both ends of one, and costs v or more. The largest such v is the bound.
 
-Distance limits, camera, occlusion by a mesh and the force limit are dropped, so that the bound holds with
-any of them. Motion is linear here, also on a true course. It is not an estimate: less is impossible, but the
-true minimum may be far above it.
+Distance limits, also those after the end, camera, occlusion by a mesh and the force limit are dropped, so
+that the bound holds with any of them. Motion is linear here, also on a true course. It is not an estimate:
+less is impossible, but the true minimum may be far above it.
 """
 
 from bisect import bisect_left

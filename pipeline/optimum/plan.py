@@ -11,7 +11,7 @@ from pipeline.array_types import Floats
 from pipeline.flight.state.log import FlightLog, Scenario, points_needed
 from pipeline.optimum.bound import delta_v_bound
 from pipeline.optimum.polish import PolishedPlan, step
-from pipeline.optimum.problem import PlanningProblem, flown, flown_as, problem_of
+from pipeline.optimum.problem import PlanningProblem, flown, flown_after, flown_as, problem_of
 from pipeline.optimum.search import LATEST, search
 from pipeline.settings.experiment import Mission, Optimum
 
@@ -46,7 +46,8 @@ class FlownPlan:
     mean_distance, min_distance, max_distance : float
         Over all samples, m.
     outside : float
-        Largest distance of samples 1 … K outside the limits, m; zero inside.
+        Largest distance of samples 1 … K, and of what counts after the end, outside the limits, m; zero
+        inside.
     """
 
     forces: Floats
@@ -212,7 +213,8 @@ def judge(problem: PlanningProblem, forces: Floats, log: FlightLog) -> FlownPlan
     """Return a plan's flight with its results."""
     deputy = problem.mission.deputy
     distances = np.linalg.norm(log.position_m, axis=1)
-    outside = np.maximum(deputy.min_distance_m - distances[1:], distances[1:] - deputy.max_distance_m)
+    counted = np.r_[distances[1:], np.linalg.norm(flown_after(problem, log), axis=1)]
+    outside = np.maximum(deputy.min_distance_m - counted, counted - deputy.max_distance_m)
     return FlownPlan(
         forces=forces,
         delta_v=float(log.delta_v_m_s[-1]),

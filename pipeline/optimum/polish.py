@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.array_types import Floats, Integers
-from pipeline.optimum.problem import PlanningProblem, margins_along, path_of, sight_demands
+from pipeline.optimum.problem import PlanningProblem, margins_along, path_after, path_of, sight_demands
 
 Constraint = tuple[Floats, int, float]
 #: holds a solver for each thread
@@ -98,16 +98,21 @@ def step(problem: PlanningProblem, last: Floats, needed: int, prices: Floats, st
     margin = SIGHT_MARGIN if problem.is_flat else CURVED_MARGIN
     demands = [(direction, k, least + margin) for k, ((direction, least), *_) in required]
     bars = [(direction, k, least + margin) for k, (_, *others) in required for direction, least in others]
-    bars += _bars(problem, path, {int(best[j]) for j in chosen})
+    bars += _bars(problem, _whole(problem, path, last), {int(best[j]) for j in chosen})
     for _ in range(CUT_ROUNDS):
         done = _solve(problem, [*demands, *bars], periods)
-        cuts = list(_far_planes(problem, path_of(problem, done.forces), 0.0))
+        cuts = list(_far_planes(problem, _whole(problem, path_of(problem, done.forces), done.forces), 0.0))
         if not cuts:
             break
         bars += cuts
     new_prices = np.zeros(problem.num_points)
     new_prices[chosen] = done.prices[: len(chosen)]
     return replace(done, prices=new_prices)
+
+
+def _whole(problem: PlanningProblem, path: Floats, forces: Floats) -> Floats:
+    """Return a path with what follows its end, (K+1+J, 3), m: a constraint may be on any of these samples."""
+    return np.concatenate([path, path_after(problem, forces)]) if len(problem.free_after) else path
 
 
 def _solve(problem: PlanningProblem, rows: Sequence[Constraint], periods: Integers) -> PolishedPlan:
@@ -138,6 +143,7 @@ def _bars(problem: PlanningProblem, path: Floats, samples: set[int]) -> Iterable
     distances = np.linalg.norm(path, axis=1)
     for k in range(1, len(path)):
         outward = path[k] / distances[k]
+        # nothing is seen after the end, whose samples are none of these
         sight = problem.sight[k] + SIGHT_MARGIN if k in samples and np.isfinite(problem.sight[k]) else 0.0
         least = max(sight, deputy.min_distance_m + NEAR_MARGIN)
         if distances[k] < least + NEAR_REACH:
@@ -157,6 +163,13 @@ def _rows(
     problem: PlanningProblem, demands: Sequence[Constraint], periods: Integers
 ) -> tuple[Floats, Floats]:
     """Turn constraints ``direction . position_k >= least`` into rows over the forces of some periods."""
+    after = [(direction, k - len(problem.free), bound) for direction, k, bound in demands]
+    if is_after := [row for row, (_, j, _) in enumerate(after) if j >= 0]:
+        within = [row for row in range(len(demands)) if row not in set(is_after)]
+        matrix, least = np.empty((len(demands), 3 * len(periods))), np.empty(len(demands))
+        matrix[within], least[within] = _rows(problem, [demands[row] for row in within], periods)
+        matrix[is_after], least[is_after] = _rows_after(problem, [after[row] for row in is_after], periods)
+        return matrix, least
     directions, samples = np.array([direction for direction, *_ in demands]), [k for _, k, _ in demands]
     least = np.array([bound - float(direction @ problem.free[k]) for direction, k, bound in demands])
     if problem.is_on_course:
@@ -172,6 +185,16 @@ def _rows(
     since = np.maximum(np.array(samples)[:, np.newaxis] - periods, 0)
     matrix = slopes[np.arange(len(demands))[:, np.newaxis], since].reshape(len(demands), -1)
     return matrix, least
+
+
+def _rows_after(
+    problem: PlanningProblem, demands: Sequence[Constraint], periods: Integers
+) -> tuple[Floats, Floats]:
+    """Turn constraints on positions after the end into rows, as `_rows`."""
+    directions, instants = np.array([direction for direction, *_ in demands]), [j for _, j, _ in demands]
+    least = np.array([bound - float(direction @ problem.free_after[j]) for direction, j, bound in demands])
+    slopes = np.einsum("ra,rakb->rkb", directions, problem.gain_after[instants][:, :, periods])
+    return slopes.reshape(len(demands), -1), least
 
 
 class LeastForces(NamedTuple):

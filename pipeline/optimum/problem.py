@@ -10,6 +10,9 @@ once the deputy is at least ``d_s/sin(beta - e)`` away, where e is the camera's 
 The Sun's motion is known, and so is what is lit when. A limit on incidence or range bends the tangent plane
 into a cone or a sphere, of which each step takes the tangent; occlusion by a mesh, and blinding of the camera
 by the Sun, are evaluated along a path.
+
+Where a mission counts what follows its flights (`after_s`), free motion from their end is linear in the
+forces, too: its positions are samples beyond the last, at which nothing is seen and both limits hold.
 """
 
 from dataclasses import dataclass, field, replace
@@ -25,10 +28,12 @@ from pipeline.flight.cases.starts import starts_of
 from pipeline.flight.control.controller import open_loop
 from pipeline.flight.fly.foresight import geometry_of, lit_at_samples, sight_along
 from pipeline.flight.fly.simulation import fly_logged
+from pipeline.flight.state.arrays import World
 from pipeline.flight.state.log import FlightLog, Scenario
+from pipeline.flight.world.coasting import rows_after
 from pipeline.flight.world.pack import pack_world
 from pipeline.physics.illumination import sun_angle, sun_direction_h
-from pipeline.physics.motion import free_path
+from pipeline.physics.motion import free_path, repeated
 from pipeline.physics.quaternion import seen_from_hill
 from pipeline.physics.sight import Occlusion, cell_of
 from pipeline.settings.experiment import Mission, SettingError
@@ -86,6 +91,9 @@ class PlanningProblem:
         m/s for 1 N held over a period.
     rows, sums : (K+1, 3, 6), (K+1, 6, 3)
         On a true course in place of the gain, as of an `Outlook`; elsewhere empty.
+    free_after, gain_after : (J, 3), (J, 3, K, 3)
+        Positions after the end without force, m, and the effect of 1 N held over each period on them, m/N;
+        empty unless the mission counts what follows its flights.
     """
 
     mission: Mission
@@ -107,6 +115,8 @@ class PlanningProblem:
     delta_v_per_force: float
     rows: Floats = field(default_factory=lambda: np.zeros((0, 3, 6)))
     sums: Floats = field(default_factory=lambda: np.zeros((0, 6, 3)))
+    free_after: Floats = field(default_factory=lambda: np.zeros((0, 3)))
+    gain_after: Floats = field(default_factory=lambda: np.zeros((0, 3, 0, 3)))
 
     @property
     def num_controls(self) -> int:
@@ -149,11 +159,6 @@ def check_light(mission: Mission) -> None:
         raise SettingError(
             f"light.reflection is {mission.light.reflection}, which plans of least fuel do not know of; set "
             "light.reflection=none for them"
-        )
-    if mission.after_s > 0.0:
-        raise SettingError(
-            f"after_s is {mission.after_s:g}, and plans of least fuel do not know of what follows a flight; "
-            "set after_s=0 for them"
         )
     if (refusal := mission.refusal_of_plans("plans of least fuel")) is not None:
         raise SettingError(refusal)
@@ -201,7 +206,40 @@ def problem_of(mission: Mission, scenario: Scenario) -> PlanningProblem:
         rows=np.ascontiguousarray(geometry.rows),  # as code for it comes compiled
         sums=geometry.sums,
     )
+    if mission.after_s > 0.0:
+        problem = followed(problem, world)
     return seen_as(problem, flown(problem, np.zeros((0, 3))))
+
+
+def followed(problem: PlanningProblem, world: World) -> PlanningProblem:
+    """Return the problem with what follows the end, at the instants at which a flight looks at it."""
+    mission, scenario, num_controls = problem.mission, problem.scenario, problem.num_controls
+    rows = rows_after(mission, mission.after_s)
+    start = np.r_[scenario.position_m, scenario.velocity_m_s]
+    if problem.is_on_course:
+        onward, back = world.transitions.onward[num_controls], world.transitions.back[0]
+        end, effects = onward @ back @ start, np.einsum("qr,kra->qka", onward, problem.kicks)
+    else:
+        motion = repeated(world.motion, num_controls)
+        end, effects = motion.transition[-1] @ start, motion.control[::-1].transpose(1, 0, 2)
+    return replace(
+        problem,
+        free_after=rows[:, :, :6] @ end + rows[:, :, 6],
+        gain_after=np.einsum("jaq,qkb->jakb", rows[:, :, :6], effects),
+    )
+
+
+def path_after(problem: PlanningProblem, forces: Floats) -> Floats:
+    """Return the positions after the end under forces of shape (n, 3), N, as an array of shape (J, 3), m."""
+    if not len(problem.free_after):
+        return problem.free_after
+    return problem.free_after + np.einsum("jakb,kb->ja", problem.gain_after[:, :, : len(forces)], forces)
+
+
+def flown_after(problem: PlanningProblem, log: FlightLog) -> Floats:
+    """Return where free motion leads from the end of a flight, (J, 3), m, as the flight has it."""
+    rows = rows_after(problem.mission, problem.mission.after_s)
+    return np.asarray(rows[:, :, :6] @ np.r_[log.position_m[-1], log.velocity_m_s[-1]] + rows[:, :, 6])
 
 
 def path_of(problem: PlanningProblem, forces: Floats) -> Floats:
@@ -226,9 +264,13 @@ def flown(problem: PlanningProblem, forces: Floats) -> FlightLog:
 def flown_as(problem: PlanningProblem, forces: Floats, log: FlightLog) -> PlanningProblem:
     """Return the problem as a flight of forces, (n, 3), N, had it: pointing, and on a true course the paths.
 
-    What linear motion leaves out then moves the paths without force, so that those of the forces are flown.
+    What linear motion leaves out then moves the paths without force, so that those of the forces are flown;
+    so does what it leaves out of what follows the end, everywhere.
     """
     problem = seen_as(problem, log)
+    if len(problem.free_after):
+        beside = flown_after(problem, log) - path_after(problem, forces)
+        problem = replace(problem, free_after=problem.free_after + beside)
     if not problem.is_on_course:
         return problem
     return replace(problem, free=problem.free + (log.position_m - path_of(problem, forces)))

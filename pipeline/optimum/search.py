@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from pipeline.array_types import Floats
-from pipeline.flight.fly.foresight import Outlook, price_pushes
+from pipeline.flight.fly.foresight import NO_TAIL, Outlook, Tail, price_pushes
+from pipeline.flight.fly.outlooks import drift_from, tail_stride
 from pipeline.optimum.problem import PlanningProblem
 
 #: largest component of a burn, m/s: twice the most that any case is known to need
@@ -34,7 +35,25 @@ def outlook_of(problem: PlanningProblem, limits_m: tuple[float, float]) -> Outlo
     burns: dict[str, Any] = {"least_force": 0.0, "most_force": np.inf, "held": np.zeros((3, 1, 3)), "step": 1}
     shared = {name: getattr(problem, name) for name in Outlook._fields if hasattr(problem, name)}
     nearest, farthest = limits_m
-    return Outlook(**shared, **burns, nearest=nearest, farthest=farthest, longest_way=np.inf, required=0)
+    limits: dict[str, Any] = {"nearest": nearest, "farthest": farthest, "longest_way": np.inf}
+    return Outlook(**shared, **burns, **limits, required=0, tail=tail_of(problem))
+
+
+def tail_of(problem: PlanningProblem) -> Tail:
+    """Return what prices what follows a plan's end, where its mission counts that."""
+    mission, scenario = problem.mission, problem.scenario
+    if mission.after_s == 0.0:
+        return NO_TAIL
+    drift, stride = drift_from(mission, 0, mission.after_s), tail_stride(mission)
+    return NO_TAIL._replace(
+        rows=drift.rows,
+        offsets=drift.offsets,
+        spacing=float(stride),
+        constants=drift.constants @ (np.r_[scenario.position_m, scenario.velocity_m_s] - drift.rest),
+        kicks=drift.kicks,
+        num_after=int(np.ceil(mission.after_s / (stride * mission.control_period_s))),
+        doubts=np.zeros(len(drift.rows)),
+    )
 
 
 def search(problem: PlanningProblem, needed: int, num_burns: int, generator: np.random.Generator) -> Floats:

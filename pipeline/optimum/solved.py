@@ -100,6 +100,7 @@ def terms_of(mission: Mission) -> dict[str, Any]:
     terms["dynamics.model"] = moved.pop("model")
     if terms["dynamics.model"] != Dynamics().model:
         terms |= {f"dynamics.{key}": value for key, value in moved.items()}
+    terms["after_s"] = mission.after_s
     return _plain(terms)
 
 
@@ -166,6 +167,8 @@ def solved_for(experiment: Experiment) -> Solved:
         raise IncomparableError(f"{solved.folder} does not say of which mission its plans are, or has none")
     # plans of earlier versions omit settings that then had no alternative to the paper's
     theirs = _plain(_of_groups(Mission()) | {"dynamics.model": Dynamics().model}) | theirs
+    # plans that need not stay after their end are a mark for flights that must, but not the other way round
+    theirs["after_s"] = theirs.get("after_s") or ours["after_s"]
     differing = [key for key in ours if ours[key] != theirs.get(key)]
     if differing:
         key = differing[0]

@@ -7,12 +7,14 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
+from pipeline.evaluation.after import aftermath
 from pipeline.flight.fly.foresight import NEVER, PLANS, PRICE_OF_DISTANCE, PRICE_OF_HEIGHT
 from pipeline.flight.reference.light import sun_direction
+from pipeline.flight.world.coasting import LOOK_AFTER_S, FreeMotion
 from pipeline.optimum import bound, polish
 from pipeline.optimum.bound import can_cover, delta_v_bound, price_pair, sample_costs, slopes_to, unavoidable
 from pipeline.optimum.plan import num_agreeing, solve
-from pipeline.optimum.problem import flown, flown_as, margins_along, path_of, seen_as
+from pipeline.optimum.problem import flown, flown_as, margins_along, path_after, path_of, seen_as
 from pipeline.optimum.search import priced
 from pipeline.scenarios import evaluation_scenarios
 from tests.pipeline.optimum.cases import TRANSFER, composed, problem, random_forces
@@ -38,6 +40,37 @@ def test_paths_beside_an_ellipse_are_those_of_the_simulator_and_a_flight_takes_t
     np.testing.assert_allclose(case.suns, suns, rtol=0.0, atol=1e-9)
     by_circle = problem(0, *TRANSFER, "orbit.course=uniform")
     assert np.abs(path_of(by_circle, forces) - log.position_m).max() > 20.0
+
+
+@pytest.mark.parametrize("words", [(), ("world=leo",), TRANSFER], ids=["circle", "low orbit", "ellipse"])
+def test_what_follows_the_end_is_free_motion_from_there(words):
+    case = problem(0, *words, "after_s=6000")
+    forces = random_forces(case.num_controls, 0.05)
+    log = flown(case, forces)
+    motion = FreeMotion(case.mission, 6000.0)
+    end = np.r_[log.position_m[-1], log.velocity_m_s[-1]]
+    path = motion.path(case.num_controls, end[np.newaxis], 6000.0, LOOK_AFTER_S)[:, :, 0]
+    # in the low orbit equations of a circle leave out what drag and oblateness do
+    assert np.abs(path_after(case, forces) - path).max() < (100.0 if words == ("world=leo",) else 0.02)
+    assert np.abs(path_after(flown_as(case, forces, log), forces) - path).max() < 1e-9
+
+
+#: three orbits
+STAYING = "after_s=18355"
+
+
+@pytest.mark.slow
+def test_a_plan_that_must_stay_does_and_costs_no_less():
+    """Followed by what tells of every flight whether it stays."""
+    few = ("optimum.restarts=2", "optimum.kicks=0", "sun=random")
+    (leaves, stays), after = (planned(*few, *words) for words in ((), (STAYING,))), []
+    for plan in (leaves, stays):
+        assert plan.flight.is_feasible(plan.needed)
+        log = flown(problem(1, *few), plan.flight.forces)
+        track = np.concatenate([log.position_m, log.velocity_m_s], axis=1)
+        after.append(aftermath(composed(*few).experiment.mission, track[np.newaxis]))
+    assert [bool(each.stays_three_orbits[0]) for each in after] == [False, True]
+    assert stays.bound == leaves.bound <= leaves.flight.delta_v <= stays.flight.delta_v
 
 
 #: a Sun out of the plane, the Earth's shadow, a camera of little sight

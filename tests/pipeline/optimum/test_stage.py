@@ -243,6 +243,16 @@ def test_another_mission_is_not_compared(overrides, reason):
         solved_for(evaluation(*overrides))
 
 
+def test_plans_that_stay_are_compared_with_flights_that_must_alone(tmp_path):
+    carried_out(composed("duration_s=900", "after_s=600", *QUICK, "optimum.workers=1"), tmp_path)
+    words = ("duration_s=900", "optimum.points=30", f"optimum.reference={tmp_path}")
+    assert len(solved_for(evaluation(*words, "after_s=600")).cases["case"])
+    with pytest.raises(IncomparableError, match=r"after_s is 0\.0 here, and 600\.0 where"):
+        solved_for(evaluation(*words))
+    # those that ship need not stay, and are a mark for flights that must
+    assert len(solved_for(evaluation("after_s=600")).cases["case"]) == 50
+
+
 def test_what_no_plan_depends_on_does_not_matter():
     others = ("guidance.kind=clusters", "coast_when_complete=false", "inspection_threshold_percent=95.9")
     experiment = evaluation(*others, "deputy.initial_position_m=[60,0,0]", "seed=5")
