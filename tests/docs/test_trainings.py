@@ -30,6 +30,9 @@ CHANGES = {
     "outputs up to 1 N": ("strict", "1 N", "two"),
     "three inputs, 375": ("strict", "0.3", "three"),
     "both: three": ("strict", "1 N", "three"),
+    "prices, and outputs": ("prices", "1 N", "two"),
+    "prices, and three": ("prices", "0.3", "three"),
+    "all: prices, three": ("prices", "1 N", "three"),
 }
 
 
@@ -75,6 +78,12 @@ def test_a_row_of_the_page_is_what_the_trainings_came_to(words, column, decimals
         means = [trim_mean(generator.choice(values, len(values)), 0.25) for _ in range(2000)]
         again = np.percentile(means, [2.5, 97.5])
         np.testing.assert_allclose([low, high], again, atol=0.15 * np.ptp(again) + 10.0**-decimals)
+
+
+def test_the_fuel_of_prices_with_wide_outputs_and_375_rules_is_what_the_page_says():
+    values = of("prices", "1 N", "three", column="delta_v_m_s")
+    words = f"{trim_mean(values, 0.25):.2f} m/s ({{}}), {values.min():.2f} to {values.max():.2f}"
+    assert re.search(re.escape(words).replace(r"\{\}", r"1\.\d+–1\.\d+"), PAGE)
 
 
 def test_counts_and_differences_are_those_of_the_trainings():
