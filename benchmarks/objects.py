@@ -41,15 +41,25 @@ ENVIRONMENTS: tuple[tuple[str, dict[str, Any]], ...] = (
     ("Inspection-v0", {}),
     ("SixDofInspection-v0", {}),
     ("MultiInspection", {}),
+    ("Inspection-v0", {"overrides": ["world=afrl"]}),
+    ("Inspection-v0", {"overrides": ["world=leo"]}),
+    ("MultiInspection", {"overrides": ["world=paper"]}),
+    ("MultiInspection", {"overrides": ["world=leo"]}),
 )
 RECORDED = ("stages=[scenario,evaluate,record]", "monte_carlo.num_cases=8")
+#: each flight with a mass of its own, which fly fewer side by side
+MASSES = ("+dispersions.deputy.mass_kg={kind:normal,mean:12.0,std:0.5}",)
+WAY_OUT = ("safety=filter", "safety.keep_way_out=true", "monte_carlo.max_distance_m=94")
 
 
 def commands() -> list[tuple[str, ...]]:
     """Return what should wait for no compiler, as words after ``python -m pipeline``.
 
-    README's commands, a tutorial's, and each champion in its world.
+    README's commands, a tutorial's, each champion in its world, and flights of other structures that pages
+    tell of: with errors, around a chief that hides parts of itself, with a mass each, of fleets.
     """
+    evaluate = ("+experiment=evaluate", "controller=champion_27")
+    fleet = ("+experiment=evaluate_fleet", "controller=champion_27", "sun=random")
     champions = sorted(path.stem for path in (conf_folder() / "controller").glob("*champion*.yaml"))
     return [
         ("+experiment=evaluate", "controller=champion_27", "monte_carlo.num_cases=20"),
@@ -57,6 +67,15 @@ def commands() -> list[tuple[str, ...]]:
         ("+experiment=evaluate", "controller=champion_27", "safety=robust", *FEW),
         ("+experiment=evaluate", "controller=paper_champion", "safety=filter", *FEW),
         *(("+experiment=evaluate", *words_of(name), *RECORDED) for name in champions),
+        (*evaluate, "navigation=fixes", "actuators=real", *RECORDED),
+        (*evaluate, "chief=satellite", *RECORDED),
+        (*evaluate, "guidance=clusters", *FEW),
+        (*evaluate, *MASSES, "stages=[scenario,evaluate]", "monte_carlo.num_cases=10"),
+        (*evaluate, *WAY_OUT, *FEW),
+        ("+experiment=evaluate", "controller=natural_motion", *FEW),
+        (*fleet, *RECORDED),
+        (*fleet, "safety=filter", "fleet.keep_apart_m=10", *FEW),
+        ("+experiment=evaluate_fleet", "controller=champion_any_sun", "world=leo", *FEW),
     ]
 
 

@@ -17,7 +17,7 @@ import numba
 from llvmlite import binding
 
 from fis_tools.compiled import borrowed_code  # noqa: F401 - registers our vectors with numba
-from fis_tools.compiled.shipped.build import without_wrappers
+from fis_tools.compiled.shipped.build import without_words, without_wrappers
 from fis_tools.file_access import write_bytes
 from pipeline.player.memory import Leaf
 
@@ -114,7 +114,7 @@ def code_of(function: Any, kinds: tuple[Any, ...], name: str, target: Any) -> tu
     """Return numba's LLVM code of a function under a new name, and the LLVM types of its parameters."""
     dispatcher: Any = numba.njit(nogil=True, error_model="numpy")(function.py_func)
     dispatcher.compile(kinds)
-    text = without_wrappers(dispatcher.inspect_llvm(kinds))
+    text = without_words(without_wrappers(dispatcher.inspect_llvm(kinds)))
     pattern = rf"^define [^@\n]*@(\S*{function.py_func.__name__}[^\s(]*)\((.*)\)[^)\n]*{{$"
     (main, parameters), *_ = re.findall(pattern, text, re.MULTILINE)
     text = re.sub(r"^define (?:linkonce_odr |linkonce |weak |hidden )*", "define internal ", text, flags=re.M)

@@ -11,18 +11,17 @@ import threading
 import weakref
 from typing import NamedTuple
 
-import numba
 import numpy as np
 import pytest
 
 from benchmarks import objects
-from fis_tools.compiled import dispatchers
 from fis_tools.compiled.decorator import Compiled, compiled
 from fis_tools.compiled.shipped import arguments as shipped_arguments
 from fis_tools.compiled.shipped import build, load
 from fis_tools.compiled.shipped.arguments import Block, UnknownArgumentError, signature
 from fis_tools.compiled.shipped.identity import digest
 from tests import night
+from tests.fis_tools.compiled.shipped.made import object_for
 from tests.places import PROJECT
 
 SCALE = 3.0
@@ -64,18 +63,6 @@ def gather(x, out):
 def arguments(count=5, seed=1):
     left = np.random.default_rng(seed).normal(size=(count, 2))
     return Pair(left, 0.5), count, True, None, np.zeros(count)
-
-
-def object_for(family, function, given):
-    """The object file of a function, and the kind of its result."""
-    python = function.py_func
-    dispatcher = dispatchers.for_compiled_code(python, function.targetoptions)
-    kinds = tuple(map(numba.typeof, given))
-    dispatcher.compile(kinds)
-    overload = dispatcher.overloads[kinds]
-    text, name = overload.library.get_llvm_str(), overload.fndesc.llvm_func_name
-    result = build.result_kind(overload.signature.return_type)
-    return build.object_of(text, name, kinds, family, returns=bool(result)), result
 
 
 def linked(function, given):
