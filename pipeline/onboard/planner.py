@@ -249,13 +249,12 @@ class _Written:
         num_plans = self._search.plans.shape[0]
         count = num_tried(num_plans)
         begins = Expression("state->plan_tried", "int", range=(0, num_plans - count))
-        return self._search._replace(
-            **{
-                name: Begun(array.name, array.shape_whole, array.kind, count=count, begins=begins)
-                for name, array in self._search._asdict().items()
-                if name in ("plans", "prices", "mutants", "costs")
-            }
-        )
+        parts: dict[str, Any] = {
+            name: Begun(array.name, array.shape_whole, array.kind, count=count, begins=begins)
+            for name, array in self._search._asdict().items()
+            if name in ("plans", "prices", "mutants", "costs")
+        }
+        return self._search._replace(**parts)
 
     def _outlook(self, required: Any) -> Outlook:
         tail: Any = self._known.tail
