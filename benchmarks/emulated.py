@@ -27,11 +27,12 @@ HEADING = (
 )
 #: what is printed below, of controllers that plan on board
 PLANS = (
-    "| controller | instructions to look ahead | of the first generation | mean of a later one | most |\n"
+    "| controller | instructions to look ahead | of the first part | mean of a later one | most |\n"
     "|---|---|---|---|---|\n"
 )
 _PLANNED = re.compile(
-    r"a plan: (\d+) instructions to look ahead, (\d+) the first generation, (\d+) a later one, (\d+) at most"
+    r"a plan: (\d+) instructions to look ahead, (\d+) the first part of a generation, (\d+) a later one, "
+    r"(\d+) at most"
 )
 _PRINTED = re.compile(
     r"(Cortex-M\d): (\d+) instructions a period, (\d+) at most, (\d+) at the start; (\d+) bytes of stack, "
@@ -48,7 +49,7 @@ class Cost:
     num_different: int = 0
     #: instructions in a period and at the start, bytes of stack and of the state
     most: list[int] = field(default_factory=lambda: [0, 0, 0, 0])
-    #: instructions of plans: to look ahead, the first generation, the mean of later ones, the longest of them
+    #: instructions of plans: to look ahead, of the first part of a generation, mean and most of later ones
     plans: list[list[int]] = field(default_factory=list)
 
 

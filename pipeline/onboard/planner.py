@@ -27,7 +27,11 @@ from pipeline.settings.experiment import Mission
 #: a function, and its arguments
 Entry = tuple[Any, dict[str, Any]]
 #: whole numbers of a state that only the entries of the source read and write
-COUNTERS = (*("stage", "period", "search", "generation", "needed", "required", "num_lit", "last", "lead"),)
+COUNTERS = (
+    *("stage", "period", "search", "generation", "tried", "needed", "required", "num_lit", "last", "lead"),
+)
+#: of how many plans a part of a generation has at most: what a call tries at least
+MOST_TRIED = 8
 #: the state that an outlook's tables are read with: any will do
 ANYWHERE = Scenario(np.array([30.0, 0.0, 0.0]), np.zeros(3), 0.0, 0.0)
 
@@ -64,6 +68,8 @@ class PushPlanner:
     ----------
     num_pushes, num_plans, num_generations, num_searches : int
         Of these the first generation is one.
+    num_tried : int
+        Plans of a part of a generation.
     step, stride : int
         Control periods between the samples of an outlook, and between the rows of what follows it.
     num_beyond : float
@@ -81,6 +87,7 @@ class PushPlanner:
     num_plans: int
     num_generations: int
     num_searches: int
+    num_tried: int
     step: int
     stride: int
     num_beyond: float
@@ -100,6 +107,11 @@ def ranges_of(mission: Mission, controller: RuleController) -> dict[str, tuple[i
         "plan_seen_at": (0, mission.num_controls),
         "plan_top": (0, first.num_plans - 1),
     }
+
+
+def num_tried(num_plans: int) -> int:
+    """Return how many plans each part of a generation has, all parts alike."""
+    return max(count for count in range(1, MOST_TRIED + 1) if num_plans % count == 0)
 
 
 def check(mission: Mission, known: Mission, controller: RuleController, num_rows: int) -> None:
@@ -148,6 +160,7 @@ def write_planner(
         num_plans=first.num_plans,
         num_generations=first.num_generations + 1,
         num_searches=1 + len(others),
+        num_tried=num_tried(first.num_plans),
         step=deputies.step,
         stride=tail_stride(deputies.mission),
         num_beyond=num_after / deputies.world.control_period,
@@ -231,6 +244,18 @@ class _Written:
             cost=self._member("cost", 1),
         )
 
+    def _part(self) -> PlanSearch:
+        """Return the search with the plans alone that are tried in a call."""
+        num_plans = self._search.plans.shape[0]
+        count = num_tried(num_plans)
+        begins = Expression("state->plan_tried", "int", range=(0, num_plans - count))
+        parts: dict[str, Any] = {
+            name: Begun(array.name, array.shape_whole, array.kind, count=count, begins=begins)
+            for name, array in self._search._asdict().items()
+            if name in ("plans", "prices", "mutants", "costs")
+        }
+        return self._search._replace(**parts)
+
     def _outlook(self, required: Any) -> Outlook:
         tail: Any = self._known.tail
         if self.has_tail:  # of a circle's motion the constants are the state in which it begins
@@ -276,7 +301,7 @@ class _Written:
         required = self._number("required", 0, self._num_points)
         has_prices = self._deputies.constant("foresight_points") > 0.0
         selection = {
-            **search,
+            **{**search, "search": self._part()},
             **{name: self._number(name, 0, self._num_points) for name in ("num_lit", "needed")},
             **{"outlook": self._outlook(required if has_prices else 0), "pricing": self._pricing},
             "is_exact": False,

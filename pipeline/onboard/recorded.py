@@ -151,7 +151,7 @@ class Library:
         return int(self._function("plan_from")(self._state, ctypes.c_void_p(step.ctypes.data)))
 
     def plan(self, budget: int = 1 << 20) -> int:
-        """Search by so many generations; return how many are left."""
+        """Search by so many parts of generations; return how many are left."""
         return int(self._function("plan")(self._state, budget))
 
     def change(self, change: Any, changed: Any) -> int:

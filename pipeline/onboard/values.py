@@ -393,9 +393,18 @@ class Array:
 
 @dataclass(frozen=True, eq=False)
 class Begun(Array):
-    """An array of which the first rows are in use, as many as are counted on board."""
+    """An array of which some rows are in use: as many as are counted on board, from one of the state's on."""
 
     count: Any = 0
+    begins: Any = 0
+
+    def at(self, key: Any) -> Array:
+        """Return what an index leads to, or several."""
+        part = super().at(key)
+        if self.indices or not part.indices:
+            return part
+        row, *others = part.indices
+        return replace(part, indices=(row + self.begins, *others))
 
 
 @dataclass(frozen=True)

@@ -4,12 +4,13 @@ import itertools
 import re
 import shutil
 
+import numpy as np
 import pytest
 
 from pipeline.onboard.allowed import ARITHMETIC, COMPARED, KINDS, NEGATIVE, STORED
 from pipeline.onboard.expressions import OPERATORS
 from tests.pipeline.onboard import constructs, drawn
-from tests.pipeline.onboard.agreement import compared
+from tests.pipeline.onboard.agreement import NUM_CELLS, compared, flies_alike, is_open
 
 pytestmark = pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc compiles what is written")
 FUNCTIONS = [
@@ -111,6 +112,22 @@ def test_random_functions_do_the_same_or_are_refused(kind, tmp_path):
     agreement = compared(drawn.functions(0, 8, kind, tmp_path), tmp_path, shutil.which("gcc"))
     assert agreement.different == {}
     assert len(agreement.same) + len(agreement.refused) + len(agreement.without_result) == 8
+
+
+@pytest.mark.parametrize(("kind", "seed"), [("fill", 1_000_253), ("negative_condition", 1_000_197)])
+def test_what_numpy_refuses_or_leaves_open_is_no_difference(kind, seed, tmp_path):
+    """The maximum of two zeros, and the negative of a condition that NumPy made."""
+    agreement = compared(drawn.functions(seed, 1, kind, tmp_path), tmp_path, shutil.which("gcc"))
+    assert agreement.same == [f"{kind}_{seed}"], agreement
+
+
+def test_what_numpy_leaves_open_is_held_against_what_flies():
+    flown = np.arange(NUM_CELLS) * 0.5
+    constructs.maximum_of_zeros(flown, 1.0)
+    assert is_open(constructs.maximum_of_zeros)
+    assert flies_alike(constructs.maximum_of_zeros, 1.0, flown)
+    flown[6] = -flown[6]
+    assert not flies_alike(constructs.maximum_of_zeros, 1.0, flown)
 
 
 def test_most_plain_random_functions_are_translated(tmp_path):

@@ -19,6 +19,7 @@ from pipeline.flight.state.log import REHEARSED
 from pipeline.flight.world.pack import pack_world
 from pipeline.onboard.allowed import NotTranslatableError
 from pipeline.onboard.messages import MODES, START_BITS
+from pipeline.onboard.planner import MOST_TRIED, num_tried
 from pipeline.onboard.program import translate
 from pipeline.onboard.recorded import OUTPUT, Library, differing, recorded
 from pipeline.onboard.source import sources
@@ -136,7 +137,8 @@ def test_a_plan_is_made_in_flight_from_where_the_deputy_will_be(planning, lead):
     program, library = planning
     (start,) = random_starts(1, seed=9)
     flight, log = rules_flight(program, start)
-    num_searched = sum(effort.num_generations + 1 for effort in FIRST[program.planner.num_pushes])
+    planner = program.planner
+    num_searched = sum(effort.num_priced // planner.num_tried for effort in FIRST[planner.num_pushes])
     library.start(flight.start)
     library._functions.set_lead(library._state, lead)
     outputs = np.zeros(len(flight.steps), OUTPUT)
@@ -154,6 +156,25 @@ def test_a_plan_is_made_in_flight_from_where_the_deputy_will_be(planning, lead):
     np.testing.assert_array_equal(outputs["force_n"][lead : lead + last + 1], expected[: last + 1])
     assert (outputs["reason"][lead : lead + last + 1] == REHEARSED).all()
     assert (outputs["reason"][lead + last + 1 :] != REHEARSED).all()
+
+
+def test_a_call_tries_no_more_than_a_part_of_a_generation(planning):
+    """However many plans a generation has: a call must fit between two steps."""
+    program, library = planning
+    (start,) = random_starts(1, seed=2)
+    flight, _ = rules_flight(program, start)
+    library.start(flight.start)
+    library.plan_from(flight.steps[:1])
+    planner, num_left = program.planner, library.plan(0)
+    assert planner.num_plans % planner.num_tried == 0
+    assert planner.num_tried <= MOST_TRIED
+    assert num_left * planner.num_tried == planner.num_plans * planner.num_generations * planner.num_searches
+    assert [library.plan(1) for _ in range(num_left)] == list(range(num_left))[::-1]
+
+
+@pytest.mark.parametrize(("num_plans", "count"), [(6, 6), (8, 8), (12, 6), (32, 8), (64, 8), (17, 1)])
+def test_all_parts_of_a_generation_are_alike(num_plans, count):
+    assert num_tried(num_plans) == count
 
 
 def test_the_header_names_the_controller_as_it_ships(planning):
