@@ -55,7 +55,7 @@ def facts() -> list[tuple[str, str, str]]:
         (
             "0.5 m",
             "proved for another controller, which docks, from all starts of a benchmark",
-            "results/docking.html",
+            "results/field.html#docking",
         ),
     ]
 

@@ -241,7 +241,7 @@ def before(all_cases):
 
 @pytest.fixture(scope="module")
 def tutorial() -> str:
-    text = (PROJECT / "docs/tutorial/make-it-worse-make-it-better.md").read_text(encoding="utf-8")
+    text = (PROJECT / "docs/tutorial/fly-and-review.md").read_text(encoding="utf-8")
     return " ".join(text.split())
 
 
