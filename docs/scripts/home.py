@@ -26,7 +26,7 @@ COMMAND = (
 VIEW = PROJECT / "telemetry" / "page"
 PLAYER = PROJECT / "pipeline" / "player"
 #: a link to a page of the site
-LINK = re.compile(r'href="([\w/.-]+\.html)"')
+LINK = re.compile(r'href="([\w/.-]+\.html)(?:#[\w-]+)?"')
 #: pages of the site that are made elsewhere
 AT_ROOT = {"changes": "CHANGELOG.md", "contributing": "CONTRIBUTING.md", "support": "SUPPORT.md"}
 
