@@ -101,6 +101,7 @@ def judge(
     dict
         Plain data: ``suite``, ``task``, what was flown by whom, ``figures`` with 95 % intervals over starts,
         and ``regret``, beside the best plans known for other starts of the same task, where there are some.
+        ``fuel_by_rules_percent`` where some of the fuel was chosen ahead: what rules fired of it.
 
     Raises
     ------

@@ -10,8 +10,9 @@ from fis_tools.compiled.three import Three
 from pipeline.array_types import Floats
 from pipeline.flight.control.controller import RuleController
 from pipeline.flight.fly import aboard
+from pipeline.flight.fly.drift import tail_stride
 from pipeline.flight.fly.foresight import Outlook, samples_coarsely
-from pipeline.flight.fly.outlooks import Deputies, num_missed, tail_stride
+from pipeline.flight.fly.outlooks import Deputies, num_missed
 from pipeline.flight.fly.prices import Pricing, list_lit
 from pipeline.flight.fly.pushes import NUM_DRAWS, PlanSearch, breed, num_best, select_cheaper
 from pipeline.flight.fly.replanning import FIRST

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from pipeline.array_types import Floats
+from pipeline.flight.fly.drift import drift_from, tail_along
 from pipeline.flight.fly.foresight import NO_TAIL, Outlook, Tail, price_pushes
-from pipeline.flight.fly.outlooks import drift_from, tail_stride
 from pipeline.optimum.problem import PlanningProblem
 
 #: largest component of a burn, m/s: twice the most that any case is known to need
@@ -44,16 +44,9 @@ def tail_of(problem: PlanningProblem) -> Tail:
     mission, scenario = problem.mission, problem.scenario
     if mission.after_s == 0.0:
         return NO_TAIL
-    drift, stride = drift_from(mission, 0, mission.after_s), tail_stride(mission)
-    return NO_TAIL._replace(
-        rows=drift.rows,
-        offsets=drift.offsets,
-        spacing=float(stride),
-        constants=drift.constants @ (np.r_[scenario.position_m, scenario.velocity_m_s] - drift.rest),
-        kicks=drift.kicks,
-        num_after=int(np.ceil(mission.after_s / (stride * mission.control_period_s))),
-        doubts=np.zeros(len(drift.rows)),
-    )
+    drift = drift_from(mission, 0, mission.after_s)
+    state = np.r_[scenario.position_m, scenario.velocity_m_s] - drift.rest
+    return tail_along(mission, drift, drift.constants @ state, after_s=mission.after_s)
 
 
 def search(problem: PlanningProblem, needed: int, num_burns: int, generator: np.random.Generator) -> Floats:

@@ -3,11 +3,9 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from typing import NamedTuple
 
 import numpy as np
 
-from fis_tools.compiled.decorator import plainly
 from fis_tools.engines.kernel import LANES
 from pipeline.array_types import Booleans, Bytes, Floats, Integers
 from pipeline.flight.cases.actuators import thrusters_of
@@ -16,6 +14,7 @@ from pipeline.flight.cases.starts import Cases, cases_of, starts_of
 from pipeline.flight.control.controller import RuleController, from_fuzzy
 from pipeline.flight.control.law import law_of
 from pipeline.flight.fly.aboard import note_products, num_needed
+from pipeline.flight.fly.drift import drift_from, tail_along
 from pipeline.flight.fly.foresight import (
     NO_TAIL,
     Geometry,
@@ -32,19 +31,17 @@ from pipeline.flight.state.arrays import NUM_TRACKED, TRACK_BORESIGHT, World
 from pipeline.flight.state.log import Outcomes, Scenario
 from pipeline.flight.state.signals import constant
 from pipeline.flight.world.bounds import guard_of
-from pipeline.flight.world.coasting import rows_after, tabulated
+from pipeline.flight.world.coasting import rows_after
 from pipeline.flight.world.pack import pack_world
-from pipeline.physics.motion import motion_over, state_transition
 from pipeline.physics.transitions import follows_course
 from pipeline.settings.equipment import RealActuators
 from pipeline.settings.experiment import Mission
-from pipeline.settings.mission import TwoBody
 
 #: time between the samples at which plans are priced, s, by the number of pushes
 LOOK_S = {2: 30.0, 3: 20.0}
-#: time between the instants at which plans are priced by what follows them, s, and by how many standard
-#: deviations along the track, of the estimate and of what thrusters fire, that stays within the limits
-TAIL_S, TAIL_SPREADS = 60.0, 2.0
+#: by how many standard deviations along the track, of the estimate and of what thrusters fire, what follows
+#: plans stays within the limits
+TAIL_SPREADS = 2.0
 #: by how much plans see points beyond their horizons, and keep inside the limits besides what the rules keep:
 #: for what happens between two samples, m, and for what is not known, in standard deviations of the position
 MARGIN_M, SPREADS = 0.3, 1.0
@@ -124,51 +121,6 @@ def _strided(mission: Mission, sample: int, step: int) -> Geometry:
         normals=np.ascontiguousarray(geometry.normals[after]),
         held=by_steps(geometry.held, step),
     )
-
-
-def tail_stride(mission: Mission) -> int:
-    """Return the control periods between the rows of a tail."""
-    return max(1, round(TAIL_S / mission.control_period_s))
-
-
-class Drift(NamedTuple):
-    """Free motion from a sample to beyond the end of a mission's flights, as a `Tail` has it."""
-
-    rows: Floats  # (T, 3, 6)
-    offsets: Floats  # (T, 3)
-    kicks: Floats  # (L+1, 6, 3)
-    constants: Floats  # (6, 6) from states, less `rest`, to constants
-    rest: Floats  # (6,) where drag has led from rest, m and m/s
-
-
-@lru_cache(maxsize=32)
-def drift_from(mission: Mission, sample: int, beyond_s: float) -> Drift:
-    """Return free motion from a sample to so long after the end.
-
-    About the Earth it is along the chief's orbit, with oblateness and drag, elsewhere that of a circle, where
-    the constants are the state in which it begins.
-    """
-    stride, period, num_controls = tail_stride(mission), mission.control_period_s, mission.num_controls
-    count = int(np.ceil((num_controls - sample + beyond_s / period) / stride)) + 1
-    if isinstance(mission.dynamics, TwoBody):
-        motion, drag = tabulated(mission, beyond_s + stride * period)
-        rows, offsets = (table[sample::stride, :3][:count] for table in (motion.onward, drag))
-        kicks = motion.back[sample + 1 : num_controls + 1] @ motion.pushes[sample:num_controls]
-        constants, rest = motion.back[sample], drag[sample]
-    else:
-        n, constants, offsets, rest = (
-            mission.orbit.mean_motion_rad_s,
-            np.eye(6),
-            np.zeros((count, 3)),
-            np.zeros(6),
-        )
-        push = motion_over(mission.orbit, mission.deputy, (period,)).control[0]
-        with plainly("pipeline"):
-            rows = np.array([state_transition(n, j * stride * period)[:3] for j in range(count)])
-            backward = [state_transition(n, -(i + 1) * period) for i in range(num_controls - sample)]
-        kicks = np.array(backward) @ push
-    sums = np.concatenate([np.zeros((1, 6, 3)), np.cumsum(kicks, axis=0)])
-    return Drift(*(np.ascontiguousarray(each) for each in (rows, offsets, sums, constants, rest)))
 
 
 def spread_after(mission: Mission, sample: int, covariances: Floats, seconds: float) -> Floats:
@@ -374,24 +326,18 @@ class Deputies:
         after, passive = self.after_s, self.constant("foresight_passive_s")
         if after == passive == 0.0:
             return NO_TAIL
-        drift = drift_from(self.mission, self.sample, max(after, passive))
-        stride, start, actuators = tail_stride(self.mission), self.believed[flight], self.mission.actuators
-        spacing_s = stride * self.mission.control_period_s
+        drift, start = drift_from(self.mission, self.sample, max(after, passive)), self.believed[flight]
         scale = tilt = 0.0
-        if isinstance(actuators, RealActuators):
+        if isinstance(actuators := self.mission.actuators, RealActuators):
             scale, tilt = actuators.scale_error, float(np.radians(actuators.misalignment_deg))
         ahead = drift.rows[:, 1] @ drift.constants
-        return Tail(
-            drift.rows,
-            drift.offsets,
-            float(stride),
-            self._product(drift.constants, np.r_[start.position_m, start.velocity_m_s] - drift.rest),
-            drift.kicks,
-            int(np.ceil(after / spacing_s)),
-            int(np.ceil(passive / spacing_s)),
-            TAIL_SPREADS**2 * np.einsum("ji,ik,jk->j", ahead, self.covariances[flight], ahead),
-            (TAIL_SPREADS * scale) ** 2,
-            (TAIL_SPREADS * tilt) ** 2,
+        state = np.r_[start.position_m, start.velocity_m_s] - drift.rest
+        return tail_along(
+            self.mission, drift, self._product(drift.constants, state), after_s=after, passive_s=passive
+        )._replace(
+            doubts=TAIL_SPREADS**2 * np.einsum("ji,ik,jk->j", ahead, self.covariances[flight], ahead),
+            scale_doubt=(TAIL_SPREADS * scale) ** 2,
+            tilt_doubt=(TAIL_SPREADS * tilt) ** 2,
         )
 
     def _points(self, flight: int) -> tuple[Booleans, int, int]:
