@@ -116,8 +116,12 @@ def _whole(problem: PlanningProblem, path: Floats, forces: Floats) -> Floats:
 
 
 def _solve(problem: PlanningProblem, rows: Sequence[Constraint], periods: Integers) -> PolishedPlan:
-    """Solve one linear program; the prices are those of its constraints, in order."""
-    matrix, least = _rows(problem, rows, periods)
+    """Solve one linear program; the prices are those of its constraints, those after the end last."""
+    end = len(problem.free)
+    matrix, least = _rows(problem, [row for row in rows if row[1] < end], periods)
+    if after := [(direction, k - end, bound) for direction, k, bound in rows if k >= end]:
+        more, beyond = _rows_after(problem, after, periods)
+        matrix, least = np.concatenate([matrix, more]), np.concatenate([least, beyond])
     forces = np.zeros((problem.num_controls, 3))
     max_force = problem.mission.deputy.max_force_n
     # few forces are free: presolving the program takes longer than solving it
@@ -163,13 +167,6 @@ def _rows(
     problem: PlanningProblem, demands: Sequence[Constraint], periods: Integers
 ) -> tuple[Floats, Floats]:
     """Turn constraints ``direction . position_k >= least`` into rows over the forces of some periods."""
-    after = [(direction, k - len(problem.free), bound) for direction, k, bound in demands]
-    if is_after := [row for row, (_, j, _) in enumerate(after) if j >= 0]:
-        within = [row for row in range(len(demands)) if row not in set(is_after)]
-        matrix, least = np.empty((len(demands), 3 * len(periods))), np.empty(len(demands))
-        matrix[within], least[within] = _rows(problem, [demands[row] for row in within], periods)
-        matrix[is_after], least[is_after] = _rows_after(problem, [after[row] for row in is_after], periods)
-        return matrix, least
     directions, samples = np.array([direction for direction, *_ in demands]), [k for _, k, _ in demands]
     least = np.array([bound - float(direction @ problem.free[k]) for direction, k, bound in demands])
     if problem.is_on_course:
@@ -190,7 +187,7 @@ def _rows(
 def _rows_after(
     problem: PlanningProblem, demands: Sequence[Constraint], periods: Integers
 ) -> tuple[Floats, Floats]:
-    """Turn constraints on positions after the end into rows, as `_rows`."""
+    """Turn constraints ``direction . position >= least`` on instants after the end into rows, as `_rows`."""
     directions, instants = np.array([direction for direction, *_ in demands]), [j for _, j, _ in demands]
     least = np.array([bound - float(direction @ problem.free_after[j]) for direction, j, bound in demands])
     slopes = np.einsum("ra,rakb->rkb", directions, problem.gain_after[instants][:, :, periods])
