@@ -25,6 +25,8 @@ MINUTE_S, START_S = 55.0, 15.0
 NEAR_S = 120.0
 #: seconds of a file of tests of which nothing is recorded, and in which each process collects a file
 OF_A_NEW_FILE_S, OF_COLLECTING_S = 5.0, 0.2
+#: seconds of a test that no process shall begin last, while the others have nothing left to do
+DEAR_S = 5.0
 
 NONE: Final[Mapping[str, float]] = {}
 #: functions of tests by their files, the nearest first; those of a file that is new have no names
@@ -151,6 +153,15 @@ def shard_of(files: Iterable[str], count: int) -> dict[str, int]:
     return parts
 
 
+def dearest_first(files: Sequence[str]) -> list[str]:
+    """Return files of tests in the order in which they begin: those with a dear test first, the dearest."""
+    dearest = {
+        file: max(seconds / cases for seconds, cases in functions.values())
+        for file, functions in _merged(durations.read()).items()
+    }
+    return sorted(files, key=lambda file: -seconds if (seconds := dearest.get(file, 0.0)) >= DEAR_S else 0.0)
+
+
 def select(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Take what is planned out of what was collected, in its order."""
     plan = config.stash[PLAN]
@@ -163,10 +174,11 @@ def select(config: pytest.Config, items: list[pytest.Item]) -> None:
             -1 if item.get_closest_marker("slow") and name not in plan.chosen.get(file, ()) else 0
             for item, (file, name) in zip(items, functions, strict=True)
         ]
-    elif config.option.shard:
-        number, count = config.option.shard
-        parts = shard_of({file for file, _ in functions}, count)
-        ranks = [0 if parts[file] == number else -1 for file, _ in functions]
+    elif plan.way == "all":
+        number, count = config.option.shard or (1, 1)
+        files = list(dict.fromkeys(file for file, _ in functions))
+        parts, turns = shard_of(files, count), {file: n for n, file in enumerate(dearest_first(files))}
+        ranks = [turns[file] if parts[file] == number else -1 for file, _ in functions]
     else:
         return
     config.hook.pytest_deselected(items=[item for item, rank in zip(items, ranks, strict=True) if rank < 0])

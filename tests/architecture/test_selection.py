@@ -10,7 +10,7 @@ from benchmarks import planted
 from tests import durations
 from tests.distance import distances
 from tests.places import PROJECT
-from tests.selection import nearest, shard_of
+from tests.selection import DEAR_S, PLAN, Plan, dearest_first, nearest, select, shard_of
 
 FILES = sorted(path.relative_to(PROJECT).as_posix() for path in (PROJECT / "tests").rglob("test_*.py"))
 
@@ -28,6 +28,26 @@ def test_shards_take_equally_long():
     for file, part in shard_of(FILES, 4).items():
         seconds[part] += sum(s for speed in durations.SPEEDS for s, _ in known[speed].get(file, {}).values())
     assert max(seconds.values()) < 1.1 * min(seconds.values())
+
+
+def test_no_dear_test_is_begun_when_others_have_nothing_left_to_do(monkeypatch):
+    cheap, dear, dearer = ({"test_it": (each, 1)} for each in (0.1, DEAR_S, 2.0 * DEAR_S))
+    known = {"fast": {"b": cheap, "c": dear}, "slow": {"d": dearer, "e": {"test_it": (2.0 * DEAR_S, 10)}}}
+    monkeypatch.setattr(durations, "read", lambda: known)
+    assert dearest_first(["a", "b", "c", "d", "e"]) == ["d", "c", "a", "b", "e"]
+
+
+def test_all_tests_are_taken_once_each_with_those_of_its_file():
+    functions = [(file, str(n)) for n in range(3) for file in FILES]
+    items = [SimpleNamespace(nodeid="::".join(function)) for function in functions]
+    option, deselected = SimpleNamespace(shard=None), []
+    hook = SimpleNamespace(pytest_deselected=lambda *, items: deselected.extend(items))
+    config = SimpleNamespace(stash={PLAN: Plan("all")}, option=option, hook=hook)
+    select(config, items)
+    assert not deselected
+    taken = [durations.function_of(item.nodeid) for item in items]
+    assert sorted(taken) == sorted(functions)
+    assert taken == [(file, str(n)) for file in dearest_first(FILES) for n in range(3)]
 
 
 @pytest.mark.parametrize(
