@@ -39,6 +39,8 @@ PUSHES = {
     "force_y": "push ahead (+) or back (−)",
     "force_z": "push north (+) or south (−)",
 }
+#: how the deputy moves, by `dynamics.model`
+MOTION = {"cw": "by Clohessy and Wiltshire's equations", "two_body": "of two bodies about the planet"}
 #: letters of a hash that tell it from others at a glance
 SHORT = 16
 
@@ -168,7 +170,7 @@ def _conditions(evidence: Mapping[str, Any], made: date) -> Iterator[tuple[str, 
     yield "navigation, thrusters", f"{conditions['navigation']}, {conditions['thrusters']}", ""
     drawn = ", ".join(conditions["dispersed"]) or "nothing"
     yield "dispersed", drawn, ""
-    yield "motion", conditions["dynamics"], ""
+    yield "motion", MOTION.get(conditions["dynamics"], conditions["dynamics"]), ""
     period = f"every {conditions['sample_period_s']:g} s"
     yield "flights", f"{conditions['duration_s']:,g} s, sampled {period}", ""
 

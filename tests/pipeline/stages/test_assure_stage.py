@@ -18,12 +18,14 @@ from pipeline.command_line.cli import main
 from pipeline.evaluation.assurance.conditions import changed_settings
 from pipeline.evaluation.assurance.judgements import judge
 from pipeline.evaluation.assurance.repeats import earlier_tries
-from pipeline.report.board import render_board
+from pipeline.report.board import MOTION, render_board
 from pipeline.report.board_flights import flights_of_board, limits_of
 from pipeline.report.evidence import OF_PAPER, OF_RUN, render_evidence
 from pipeline.report.figures.flights import draw_flight
 from pipeline.run import artifacts, manifests
 from pipeline.settings.experiment import Mission
+from pipeline.settings.groups import variants_of
+from pipeline.settings.mission import Dynamics
 from pipeline.settings.places import conf_folder, requirements_path
 from tests import night
 from tests.browser import serious_violations
@@ -410,3 +412,7 @@ def test_flights_end_at_a_width_whatever_the_parts(tmp_path, monkeypatch, ran):
     (entry,) = artifacts.read_json(other, artifacts.EVIDENCE)["requirements"]
     assert (entry["cases"]["num_tries"], entry["cases"]["num_known"]) == (1, 0)
     assert entry["cases"]["confidence"] == pytest.approx(0.975)
+
+
+def test_the_board_reads_of_each_motion_in_words():
+    assert set(MOTION) == {kind.model for kind in variants_of(Dynamics)}
