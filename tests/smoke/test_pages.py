@@ -24,6 +24,7 @@ from pipeline.command_line.choices import options
 from pipeline.command_line.config import conf_folder
 from pipeline.command_line.overrides import check_overrides, parse, rewrite_paths
 from telemetry import commands as telemetry_commands
+from tests import night
 from tests.fis_tools.review.cases import log_flight
 from tests.places import PROJECT
 from tests.smoke.pages import DOCS, FOLLOWED, PAGES, calls_of, commands, name_of, sentences
@@ -39,6 +40,8 @@ NEED_A_FOLDER = (
 
 #: those of the README; a developer does not wait for all others
 QUICK = [words[3:] for words in commands(PROJECT / "README.md")]
+#: those whose experiment is composed; of the others by day each word is checked
+COMPOSED = [*QUICK, *night.by_day([each for each in calls_of("pipeline") if each not in QUICK], 2)]
 
 
 @pytest.mark.parametrize(
@@ -47,10 +50,10 @@ QUICK = [words[3:] for words in commands(PROJECT / "README.md")]
     ids=" ".join,
 )
 def test_experiments(words, capsys):
-    needs_a_folder = any(word.startswith(NEED_A_FOLDER) for word in words)
+    is_composed = words in COMPOSED and not any(word.startswith(NEED_A_FOLDER) for word in words)
     if not words:
         assert cli.main(words) == 2
-    elif needs_a_folder or "-m" in words:
+    elif not is_composed or "-m" in words:
         others = ("resume=", "compare=", "page=", "+experiment=my_")
         of_ours = [word for word in words if "=" in word and not word.startswith(others)]
         check_overrides(parse(rewrite_paths(of_ours)), options([conf_folder()]))
