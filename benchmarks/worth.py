@@ -38,7 +38,7 @@ from pipeline.training.judging import costs_of, evolved
 #: of the starts, which no training used
 SEED: Final = 777
 CONFIDENCE: Final = 95.0
-#: what a plan takes, as in docs/reference/speed.md
+#: what a plan takes, as in docs/explanation/compiled-code.md
 SECONDS: Final = "2.5 s a start"
 
 READABLE: Final = (

@@ -22,7 +22,7 @@ import fis_tools.__main__ as fis_tools
 from docs.scripts.screenshot import screenshot
 
 PROJECT = Path(__file__).resolve().parents[2]
-PAGES = ("gallery.md", "tutorial/control-system-to-sign-off.md", "tutorial/first-fuzzy-system.md")
+PAGES = ("tutorial/control-system-to-sign-off.md", "tutorial/first-fuzzy-system.md")
 PICTURES = PROJECT / "docs" / "images" / "gallery"
 #: a fenced block: its language, its title, what it holds
 BLOCK = re.compile(r'^```(\w+)(?: title="([^"]+)")?\n(.*?)^```$', re.MULTILINE | re.DOTALL)

@@ -1,4 +1,4 @@
-"""Which points the deputy's camera sees (docs/explanation/light-and-camera.md)."""
+"""Which points the deputy's camera sees (docs/explanation/motion.md)."""
 
 import numpy as np
 from scipy.spatial.transform import Rotation

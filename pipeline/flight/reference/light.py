@@ -1,4 +1,4 @@
-"""The Sun, the Earth's shadow, and which points are lit (docs/explanation/light-and-camera.md)."""
+"""The Sun, the Earth's shadow, and which points are lit (docs/explanation/motion.md)."""
 
 import numpy as np
 

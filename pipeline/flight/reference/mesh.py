@@ -1,4 +1,4 @@
-"""Parts of a chief that hide others (docs/explanation/light-and-camera.md, a chief of real shape).
+"""Parts of a chief that hide others (docs/explanation/motion.md, a chief of real shape).
 
 Directions fall into cells of a cube about the body, 32 x 32 of equal angles a face; a cell's answer is that
 of the ray from the point through the cell's middle.

@@ -1,4 +1,4 @@
-"""The thrust logic: what is requested, what is commanded, and why (docs/explanation/thrust.md)."""
+"""The thrust logic: what is requested, what is commanded, and why (docs/explanation/navigation.md)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

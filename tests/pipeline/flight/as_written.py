@@ -28,7 +28,7 @@ ROUNDING = 1e-9
 FILTERED = 1e-7
 #: change of the inputs by which a choice on a knife's edge is told, and how often it is tried
 NUDGE, NUDGES = 1e-12, 100
-#: accuracy of a tumbling chief's attitude, rad, see docs/reference/limits.md
+#: accuracy of a tumbling chief's attitude, rad, see docs/reference/keys.md
 CHIEF_RAD = 2e-4
 #: the same of the axes about the Earth, in which the Sun stands, whose disc is 5e-3 rad across
 SUN_RAD = 1e-6

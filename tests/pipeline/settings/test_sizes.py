@@ -12,8 +12,8 @@ from pipeline.settings.experiment import SettingError
 DOCS = Path(__file__).parents[3] / "docs"
 #: what pages say of each number
 PAGES = {
-    "MOST": ("reference/limits.md", "Counts are at most {:,}"),
-    "MOST_CASES": ("reference/limits.md", "cases of an evaluation {:,}"),
+    "MOST": ("reference/keys.md", "Counts are at most {:,}"),
+    "MOST_CASES": ("reference/keys.md", "cases of an evaluation {:,}"),
     "MOST_LISTED": ("reference/run-folder.md", "an evaluation with more than {:,} cases"),
     "BLOCK_ROWS": ("how-to/run-on-many-machines.md", "blocks of {:,} rows"),
 }
