@@ -30,6 +30,8 @@ from pipeline.settings.fleet import Fleet
 
 #: functions of the source whose meaning is told to the analyser, since it does not know the library's
 SPECIFIED = ("nearest_whole", "power_of_two")
+#: functions that call those of a search, or draw its numbers; and in which the analyser steps through it
+SEARCHING = ("main", "controller_plan", "advance_plan", "begin_plan", "draw_numbers")
 #: a folder's files that are filled in, beside the source: messages as octets, and the page on them
 MESSAGES = ("packets.h", "packets.c", "interface.md")
 EVIDENCE = (
@@ -133,7 +135,7 @@ def _written(
         "num_flights": len(flights),
         "planner": program.planner,
         "warnings": WARNINGS,
-        "specified": _specified(source.code),
+        "specified": _specified(source.code) + _joined(program),
         "token": source.identity["code"],
         **block_facts(source.interface),
     }
@@ -189,6 +191,12 @@ def _measured(folder: Path) -> Sizes | None:
         return sizes(folder)
     except FileNotFoundError:
         return None
+
+
+def _joined(program: OnboardProgram) -> str:
+    """Return the analyser's option by which ways through a search are joined at once, not after ten."""
+    names = [*SEARCHING, *program.planner.functions] if program.planner else []
+    return f"-eva-slevel-function {','.join(f'{name}:0' for name in names)} " if names else ""
 
 
 def _specified(code: str) -> str:

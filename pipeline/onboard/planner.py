@@ -11,7 +11,7 @@ from pipeline.array_types import Floats
 from pipeline.flight.control.controller import RuleController
 from pipeline.flight.fly import aboard
 from pipeline.flight.fly.drift import tail_stride
-from pipeline.flight.fly.foresight import Outlook, samples_coarsely
+from pipeline.flight.fly.foresight import Outlook, num_doubts, samples_coarsely
 from pipeline.flight.fly.outlooks import Deputies, num_missed
 from pipeline.flight.fly.prices import Pricing, list_lit
 from pipeline.flight.fly.pushes import NUM_DRAWS, PlanSearch, breed, num_best, select_cheaper
@@ -80,6 +80,8 @@ class PushPlanner:
     missed, missed_of_required : int
         Points that a plan may miss, and at a price of their own; the latter is -1 where all cost the same.
     has_tail : bool
+    functions : tuple of str
+        Of the C, that the search alone calls.
     members : mapping of str to (shape, kind)
         Of the state, that the entries alone use.
     """
@@ -96,6 +98,7 @@ class PushPlanner:
     missed: int
     missed_of_required: int
     has_tail: bool
+    functions: tuple[str, ...]
     members: Mapping[str, tuple[tuple[int, ...], str]] = field(default_factory=dict)
 
 
@@ -150,7 +153,7 @@ def write_planner(
     lead: int,
 ) -> PushPlanner:
     """Write the functions of a search as C, and return what their callers must know."""
-    search = _Written(translator, deputies)
+    search, num_before = _Written(translator, deputies), len(translator.functions)
     for name, (function, arguments) in {**search.of_outlooks(now, work, optics), **search.of_plans()}.items():
         translator.write(name, function, arguments)
     constant_of, num_pushes = deputies.constant, deputies.num_pushes
@@ -169,6 +172,7 @@ def write_planner(
         missed=num_missed(planned or constant_of("coast_below_points")),
         missed_of_required=num_missed(constant_of("coast_below_points")) if planned else -1,
         has_tail=search.has_tail,
+        functions=tuple(function.name for function in translator.functions[num_before:]),
         members={
             "plan_draws": ((8,), "unsigned int"),
             **{f"plan_{name}": ((1,), "int") for name in COUNTERS},
@@ -229,8 +233,12 @@ class _Written:
             room=self._member("room", num_samples),
             shortfalls=self._member("shortfalls", self._num_points),
             constants=self._member("drift", 6),
-            doubts=self._member("doubts", 6, 3 * self._num_pushes),
+            doubts=self._doubts(num_doubts(self._known.tail, self._num_pushes)),
         )
+
+    def _doubts(self, count: int) -> Any:
+        """Return where deviations of pushes are noted; C has no array without elements."""
+        return self._member("doubts", 6, count) if count else Array("state->no_doubts", (6, 0))
 
     def _search_of(self, num_genes: int, num_plans: int) -> PlanSearch:
         return PlanSearch(

@@ -312,17 +312,23 @@ def lead(genes: Floats, num_pushes: int, outlook: Outlook, effects: Floats, path
 
 
 @compiled(error_model="numpy")
+def num_doubts(tail: Tail, num_pushes: int) -> int:
+    """Return how many deviations of pushes there are: along each axis, none of thrusters without errors."""
+    return 3 * num_pushes if tail.scale_doubt + tail.tilt_doubt > 0.0 else 0
+
+
+@compiled(error_model="numpy")
 def follow_pushes(
     genes: Floats, num_pushes: int, outlook: Outlook, period: int, constants: Floats, doubts: Floats
 ) -> None:
     """Write the constants of free motion after the pushes of a plan that begin before a control period.
 
-    Columns of `doubts`, (6, 3 num_pushes), are what a deviation of each push along each axis adds to them.
+    Columns of `doubts`, see `num_doubts`, are what a deviation of each push along each axis adds to them.
     """
     tail, kicks = outlook.tail, outlook.tail.kicks
     for q in range(6):
         constants[q] = tail.constants[q]
-        for column in range(3 * num_pushes):
+        for column in range(doubts.shape[1]):
             doubts[q, column] = 0.0
     for push in range(num_pushes):
         begin = 0 if push == 0 else outlook.step * int(genes[3 * num_pushes + push - 1])
@@ -335,7 +341,7 @@ def follow_pushes(
                 for q in range(6):
                     constants[q] += (kicks[end, q, axis] - kicks[begin, q, axis]) * force / periods
                 square, longest = square + force * force, max(longest, periods)
-        if square * (tail.scale_doubt + tail.tilt_doubt) > 0.0:
+        if doubts.shape[1] > 0 and square * (tail.scale_doubt + tail.tilt_doubt) > 0.0:
             end = min(begin + longest, len(kicks) - 1)
             for axis in range(3):
                 force = genes[3 * push + axis]
@@ -389,7 +395,7 @@ def outside_later(
 ) -> tuple[float, float]:
     """Return how far outside the limits free motion leads after a plan's pushes, and after the end, m.
 
-    The last two are working space, (6,) and (6, 3 num_pushes).
+    The last two are working space, (6,) and (6, num_doubts).
 
     After each push the thrusters may fail, at any time up to the next one, or up to the end. It is the most
     of all these, and the sum of what errors may add after each push.
@@ -463,7 +469,8 @@ def price_pushes(genes: Floats, num_pushes: int, needed: int, outlook: Outlook, 
     positions, best = np.empty((num_samples, 3, PLANS)), np.empty((num_points, PLANS))
     is_flat = cos_incidence == 0.0 and max_range == np.inf
     left = np.arange(num_points)
-    order, constants, doubts = samples_coarsely(num_samples), np.empty(6), np.empty((6, 3 * num_pushes))
+    order, constants = samples_coarsely(num_samples), np.empty(6)
+    doubts = np.empty((6, num_doubts(outlook.tail, num_pushes)))
     for first in range(0, num_plans, PLANS):
         for lane in range(PLANS):
             # spare lanes repeat the last plan

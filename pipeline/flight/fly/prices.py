@@ -21,6 +21,7 @@ from pipeline.flight.fly.foresight import (
     PRICE_OF_REQUIRED,
     WAY_AS_FAR,
     Outlook,
+    num_doubts,
     num_periods,
     outside_later,
     samples_coarsely,
@@ -39,7 +40,7 @@ class Pricing(NamedTuple):
     room: Floats  # (S,) by how much farther away than its camera needs the deputy is, m
     shortfalls: Floats  # (P,) of points that are not seen, ascending, m
     constants: Floats  # (6,) of free motion, see `outside_later`
-    doubts: Floats  # (6, 3 pushes) likewise
+    doubts: Floats  # (6, `num_doubts`) likewise
 
 
 def pricing_of(outlook: Outlook, num_pushes: int, reach: float) -> tuple[Pricing, int]:
@@ -55,7 +56,7 @@ def pricing_of(outlook: Outlook, num_pushes: int, reach: float) -> tuple[Pricing
         room=np.empty(num_samples),
         shortfalls=np.empty(num_points),
         constants=np.empty(6),
-        doubts=np.empty((6, 3 * num_pushes)),
+        doubts=np.empty((6, num_doubts(outlook.tail, num_pushes))),
     )
     return pricing, list_lit(outlook.is_lit, pricing.points, pricing.seen_at)
 

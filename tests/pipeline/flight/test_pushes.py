@@ -140,3 +140,21 @@ def test_a_price_is_told_unless_it_exceeds_the_limit(kind):
                 priced = price_up_to(plan, num_pushes, num_lit, needed, outlook, pricing, limit)
                 assert priced == cost or (priced == np.inf and cost > limit)
         assert costs.min() < costs.max()
+
+
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind.startswith("parked")])
+def test_of_thrusters_without_errors_no_deviation_is_followed_and_no_price_changes(kind):
+    generator, num_pushes, has_errors = np.random.default_rng(2), 3, KINDS[kind][0] == NOISY
+    for outlook, needed in outlooks(kind, num_pushes):
+        reach, num_samples = 0.15 / outlook.delta_v_per_force, len(outlook.free)
+        pricing, num_lit = pricing_of(outlook, num_pushes, reach)
+        assert pricing.doubts.shape == (6, 3 * num_pushes if has_errors else 0)
+        followed = pricing._replace(doubts=np.empty((6, 3 * num_pushes)), points=pricing.points.copy())
+        for _ in range(40):
+            plan = generator.uniform(-reach, reach, 4 * num_pushes - 1)
+            plan[3 * num_pushes :] = generator.uniform(0.0, num_samples - 1, num_pushes - 1)
+            priced, expected = (
+                price_up_to(plan, num_pushes, num_lit, needed, outlook, each, np.inf)
+                for each in (pricing, followed)
+            )
+            assert priced == expected < np.inf
