@@ -8,6 +8,7 @@ import pytest
 from playwright.sync_api import Browser, BrowserContext, Page, sync_playwright
 
 from docs.scripts.screenshot import BROWSERS, browser_found
+from tests import night
 from tests.programs import installed, missing
 
 #: no sandbox, no screen, and no word to anybody
@@ -15,6 +16,8 @@ ARGUMENTS = (
     *("--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking"),
     *("--disable-component-update", "--disable-sync", "--force-color-profile=srgb"),
 )
+#: in what width and colours a page is looked at; by day each of both
+LOOKS = night.by_day([(1400, "light"), (1400, "dark"), (400, "dark"), (400, "light")], 2)
 
 
 @pytest.fixture(scope="session")

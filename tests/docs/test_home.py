@@ -24,7 +24,8 @@ from fis_tools.model.thrust import REASONS
 from pipeline.controllers import source
 from pipeline.flight.fly.simulation import fly_all, fly_logged
 from pipeline.scenarios import evaluation_scenarios
-from tests.browser import SWALLOWED, serious_violations
+from tests import night
+from tests.browser import LOOKS, SWALLOWED, serious_violations
 
 pytestmark = pytest.mark.slow
 
@@ -90,7 +91,7 @@ def test_edited_rules_fly_to_the_products_bits_as_saved(shown, tmp_path):
     (mission, _, _), starts = flights(), starts_of(shown)
     rng = np.random.default_rng(7)
     systems = load(FILE).systems
-    for case in range(30):
+    for case in range(night.count(10, 30)):
         rules, peaks = [], []
         for index, system in enumerate(systems):
             (output,) = system.outputs
@@ -229,8 +230,7 @@ def test_the_keyboard_reaches_everything(shown):
     assert shown.evaluate("() => flightPage.systems[0].inputs[0].terms[1].peak") > 0.0
 
 
-@pytest.mark.parametrize("width", [400, 1400])
-@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize(("width", "scheme"), LOOKS)
 def test_the_page_fits_and_axe_finds_nothing(opened, page_text, axe, width, scheme):
     page = opened(page_text, width, color_scheme=scheme, reduced_motion="reduce")
     page.wait_for_function("() => document.getElementById('many').textContent.includes('succeed')")

@@ -15,11 +15,18 @@ import fis_tools.__main__ as review
 from docs.scripts.shown import BLOCK, LEFT_OUT, WIDTH, shown
 from pipeline.command_line import cli
 from telemetry import commands as telemetry
+from tests import night
 from tests.places import PROJECT
 from tests.smoke.pages import DOCS, FOLLOWED
 
 PAGE = (DOCS / "tutorial" / "fly-and-review.md").read_text(encoding="utf-8")
 FEWER_STAGES = "stages=[scenario,evaluate]"
+#: what a reader waits for: by day a shorter training, and short searches, of which the page shows no number
+SHORTER = {
+    "+experiment=train_station": ["starts.num_cases=80", "optimizer.validation_cases=200"],
+    "+experiment=assure": ["assurance.searches=1", "assurance.search_generations=4"],
+}
+FEWER = {"+experiment=evaluate": [FEWER_STAGES]} | ({} if night.IS_WHOLE else SHORTER)
 
 
 @pytest.mark.slow
@@ -63,7 +70,7 @@ def test_your_own_case_goes_as_the_tutorial_says(tmp_path, monkeypatch, capsys):
             Path(title).write_text(text, encoding="utf-8")
         elif language == "sh":
             for _, _, module, *words in map(shlex.split, text.replace("\\\n", "").splitlines()):
-                fewer = [FEWER_STAGES] if "+experiment=evaluate" in words else []
+                fewer = [each for name, more in FEWER.items() if name in words for each in more]
                 assert mains[module]([*words, *fewer]) == 0
                 of_numbers = r"[\d.,]+" if "+experiment=train_station" in words else of_numbers
             out = "".join(capsys.readouterr())

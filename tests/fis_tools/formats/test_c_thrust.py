@@ -8,6 +8,7 @@ import pytest
 from fis_tools.formats.c import source
 from fis_tools.model import FuzzyController
 from fis_tools.source import read_controller
+from tests import night
 from tests.fis_tools.formats.test_c import run_in
 from tests.fis_tools.sample_controllers import GENERAL, SHIPPED
 from tests.programs import program
@@ -36,7 +37,7 @@ WRITTEN = {
 APART = ("champion_any_sun", "decisions, body", "bare", "general")
 
 
-@pytest.mark.parametrize("name", APART)
+@pytest.mark.parametrize("name", night.by_day(APART, 2))
 def test_gccs_analyser_finds_nothing(name: str, tmp_path: Path) -> None:
     (tmp_path / "controller.c").write_text(WRITTEN[name], encoding="utf-8")
     warnings = [word for word in source.FLAGS.split() if word != "-Werror"]
@@ -52,7 +53,7 @@ def found_by_cppcheck(folder: Path, text: str) -> set[str]:
     return set(run_in(folder, program("cppcheck", "cppcheck"), checks, *words.split()).stderr.split())
 
 
-@pytest.mark.parametrize("name", APART)
+@pytest.mark.parametrize("name", night.by_day(APART[::-1], 2))
 def test_cppcheck_finds_only_the_rules_of_misra_that_the_file_names(name: str, tmp_path: Path) -> None:
     named = set(re.findall(r"\((\d+\.\d+)\)", " ".join(WRITTEN[name].split("*/")[0].split(" * "))))
     assert named == {"8.9", "15.5"}

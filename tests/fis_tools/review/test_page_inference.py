@@ -20,7 +20,7 @@ from tests.fis_tools.sample_controllers import GENERAL, SHIPPED
 
 pytestmark = pytest.mark.slow
 
-NUM_SAMPLES = night.count(100, 200)
+NUM_SAMPLES = night.count(50, 200)
 INFER = """([place, rows]) => rows.map((row) => {
   const told = review.infer(review.systems[place], row);
   return { values: told.outputs.map(({ value }) => String(value)), firing: [...told.firing] };

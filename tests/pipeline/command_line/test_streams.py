@@ -13,6 +13,7 @@ import pytest
 from fis_tools.__main__ import main as review
 from pipeline.command_line.cli import main
 from telemetry.commands import main as telemetry
+from tests import night
 from tests.places import PROJECT
 
 FLIGHT = [sys.executable, "-m", "pipeline", "+experiment=fly", "controller=coast", "duration_s=600"]
@@ -22,6 +23,7 @@ PRINTERS = [
     ["fis_tools", "show", "docs/examples/tipper.fis"],
     ["telemetry", "--help"],
 ]
+HELPS = [["pipeline", "--help"], ["fis_tools", "bounds", "--help"], ["telemetry"]]
 
 
 def shell(command, redirection, **variables):
@@ -34,13 +36,19 @@ def shell(command, redirection, **variables):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("redirection", "note"),
-    [
-        (">&-", ""),
-        ("2>&-", ""),
-        ("<&- >&- 2>&-", ""),
-        ("2>/dev/full", ""),
-        (">/dev/full", "note: the work is done; standard output cannot be written (No space left on device)"),
-    ],
+    night.by_day(
+        [
+            (">&-", ""),
+            ("2>&-", ""),
+            ("<&- >&- 2>&-", ""),
+            ("2>/dev/full", ""),
+            (
+                ">/dev/full",
+                "note: the work is done; standard output cannot be written (No space left on device)",
+            ),
+        ],
+        2,
+    ),
 )
 def test_a_run_is_finished_whatever_became_of_its_streams(redirection, note, tmp_path):
     folder = tmp_path / "run"
@@ -111,7 +119,7 @@ def test_a_call_writes_escapes_to_a_stream_of_another_encoding(call):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("words", [["pipeline", "--help"], ["fis_tools", "bounds", "--help"], ["telemetry"]])
+@pytest.mark.parametrize("words", night.by_day(HELPS, 2))
 def test_help_is_whole_without_docstrings(words):
     whole, stripped = (shell([sys.executable, *option, "-m", *words], "") for option in ((), ("-OO",)))
     assert (stripped.returncode, stripped.stdout) == (whole.returncode, whole.stdout)
@@ -122,10 +130,10 @@ def test_help_is_whole_without_docstrings(words):
 def test_flights_are_the_same_without_assertions_and_docstrings(tmp_path):
     """The stripped ones in plain Python: compiled, each would be compiled for this test alone."""
     recordings = []
-    for option, is_plain in (("-B", "0"), ("-O", "1"), ("-OO", "1")):
+    for option, is_plain in night.by_day((("-B", "0"), ("-O", "1"), ("-OO", "1")), 2):
         folder = tmp_path / option
         words = [FLIGHT[0], option, *FLIGHT[1:], f"hydra.run.dir={folder}"]
         done = shell(words, "", NUMBA_DISABLE_JIT=is_plain)
         assert done.returncode == 0, done.stderr
         recordings.append((folder / "episodes" / "start.mcap").read_bytes())
-    assert recordings[0] == recordings[1] == recordings[2]
+    assert len(set(recordings)) == 1

@@ -298,7 +298,7 @@ PLAIN = (
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", PLAIN)
+@pytest.mark.parametrize("name", night.by_day(PLAIN, 2))
 def test_plain_python_flies_as_compiled_code_does_to_the_last_bit(name: str) -> None:
     """So that it can fly where there is no compiler."""
     what, controller, start = FLIGHTS[name]

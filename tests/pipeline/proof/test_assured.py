@@ -83,18 +83,20 @@ def test_a_requirement_is_shown_by_the_checked_proof_of_its_run_alone(
         assert "tube-figure_1" not in page.read_text()
     theorem, tube = folder / "prove" / "theorem.json", folder / "prove" / "tube.parquet"
     written, boxes = json.loads(theorem.read_text()), pq.read_table(tube)
-    for changes in ({"mass_kg": 11.0}, {"limit": [0.3, 0.002054, 0.0]}, {"controller_sha256": "0" * 64}):
+    for changes in night.by_day(
+        ({"mass_kg": 11.0}, {"limit": [0.3, 0.002054, 0.0]}, {"controller_sha256": "0" * 64}), 2
+    ):
         theorem.write_text(json.dumps(written | changes))
         assert repeated(3) == missing
         assert verdict() == ("not shown", "prove/theorem.json is of other flights; repeat the stage prove")
         assert "tube-figure_1" not in page.read_text()
     for changes in night.by_day(
-        ({"num_periods": 2}, {"num_periods": "many"}, {"fault": None, "num_periods": -1}), 2
+        ({"num_periods": "many"}, {"num_periods": 2}, {"fault": None, "num_periods": -1}), 3
     ):
         theorem.write_text(json.dumps(written | changes))
         assert repeated(3) == missing
         assert verdict()[0] == "not shown"
-    for damage in night.by_day(("[", "[]", "[" * 100_000, "null", '{"fault": NaN}'), 2):
+    for damage in night.by_day(("[", "[]", "[" * 100_000, "null", '{"fault": NaN}'), 3):
         theorem.write_text(damage)
         assert repeated(3) == missing
         assert re.search("cannot be read|is of other flights", verdict()[1])

@@ -3,10 +3,11 @@
 import pytest
 
 pytest.importorskip("flint", reason="the checker needs python-flint")
+from tests import night
 from tests.pipeline.proof.forged import STARTS, forge
 
 #: mutants of each certificate; each takes up to half a second where it is accepted
-QUICK, LONG = 40, 60
+QUICK, LONG = 40, night.count(20, 60)
 
 
 def count_false(name: str, number: int, folder) -> tuple[int, int]:

@@ -32,7 +32,7 @@ FLOWN = [
 # with a shadow, for then all controllers under the layer fly by the same compiled code
 GUARDED = guarded(PASSIVE, duration_s=1800.0, light={"shadow": "conical"})
 START = Scenario(np.array([-40.0, 20.0, 30.0]), np.array([0.03, -0.02, -0.01]), 2.0, 0.0, (1, 0, 0))
-DRAWN = night.by_day(FLOWN, 4)
+DRAWN = night.by_day(FLOWN, 7)
 #: those in which the paper's rules meet the layer, a controller waits, or the deputy docks
 CERTAIN = [
     ("pausing", "guarded"),

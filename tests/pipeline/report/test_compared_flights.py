@@ -7,7 +7,7 @@ from pipeline.command_line.config import compose_experiment
 from pipeline.report.page import _left_out
 from pipeline.report.played import shown_of
 from pipeline.run import artifacts, tables
-from tests.browser import serious_violations
+from tests.browser import LOOKS, serious_violations
 from tests.pipeline.report.runs import run_of
 
 READY = "() => globalThis.player?.sides?.some(side => side.flight)"
@@ -54,8 +54,7 @@ def test_a_case_of_a_comparison_flies_by_each_controller_and_layer(opened, folde
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("width", [400, 1400])
-@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize(("width", "scheme"), LOOKS)
 def test_the_page_of_a_comparison_fits_and_axe_finds_nothing(opened, axe, folder, width, scheme):
     page = opened(page_in(folder), width, color_scheme=scheme, reduced_motion="reduce")
     page.wait_for_function(READY)

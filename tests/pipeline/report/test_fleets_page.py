@@ -13,7 +13,7 @@ from pipeline.report.played_fleets import WHY
 from pipeline.run import artifacts
 from telemetry.file.reader import read
 from telemetry.file.topics import DEPUTY_STATE, MISSION
-from tests.browser import serious_violations
+from tests.browser import LOOKS, serious_violations
 from tests.pipeline.report.runs import run_of
 
 pytestmark = pytest.mark.slow
@@ -176,8 +176,7 @@ def test_a_case_opens_with_all_deputies_as_they_flew(opened, made, text, deputie
     assert f"python -m pipeline fly RUN case={others}" in said
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-@pytest.mark.parametrize("width", [400, 1400])
+@pytest.mark.parametrize(("width", "scheme"), LOOKS)
 def test_the_page_of_a_fleet_fits_and_axe_finds_nothing(opened, axe, text, width, scheme):
     page = opened(text, width, color_scheme=scheme, reduced_motion="reduce")
     page.wait_for_function(READY)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pipeline.run import artifacts, tables
-from tests.browser import serious_violations
+from tests.browser import LOOKS, serious_violations
 from tests.pipeline.report.runs import run_of
 from tests.policies import check_policy, check_references
 
@@ -88,8 +88,7 @@ def test_the_sliders_of_the_review_move_the_player(ready, folder):
     assert inferred == pytest.approx(sensed["inputs"][column], rel=1e-6)
 
 
-@pytest.mark.parametrize("width", [400, 1400])
-@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize(("width", "scheme"), LOOKS)
 def test_the_page_fits_and_axe_finds_nothing(ready, axe, width, scheme):
     page = ready(width, color_scheme=scheme)
     assert page.evaluate("() => document.documentElement.scrollWidth") <= width

@@ -7,6 +7,7 @@ import sys
 import pytest
 
 from pipeline.run import artifacts, interrupts
+from tests import night
 from tests.places import PROJECT
 
 #: in parts that take an hour, of which nothing is compiled
@@ -15,7 +16,7 @@ WORDS = ("+experiment=evaluate", "controller=coast", "stages=[evaluate]", *FLIGH
 
 
 #: and whether the process ignores the keyboard, as what a shell without job control starts by ``&`` does
-SENT = [*((name, "") for name in interrupts.SIGNALS), ("SIGTERM", "INT")]
+SENT = [*((name, "") for name in night.by_day(interrupts.SIGNALS, 2)), ("SIGTERM", "INT")]
 
 
 @pytest.fixture(params=SENT, ids=lambda sent: " ignoring ".join(filter(None, sent)))

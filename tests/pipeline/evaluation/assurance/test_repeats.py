@@ -11,9 +11,13 @@ from pipeline.evaluation.assurance.repeats import Try, tried
 from pipeline.evaluation.assurance.requirements import Requirement
 from pipeline.evaluation.sequential import Stop, share_interval
 from pipeline.run import artifacts, sweep
+from tests import night
 
 CLAIM = Requirement("R1", "", "", "", "", "", "", ("cases",), "x > 1", None, 0.95, 0.95)
 SHARE, CONFIDENCE = CLAIM.probability, CLAIM.confidence
+#: of tries, and how many of them may show what is not so: four standard deviations above a risk of 5 %
+NUM_HISTORIES = night.count(250, 1000)
+MOST_WRONG = NUM_HISTORIES * 0.05 + 4 * np.sqrt(NUM_HISTORIES * 0.05 * 0.95)
 
 
 def attempt(entry_of_seed, num_cases, seed, tries):
@@ -26,10 +30,10 @@ def attempt(entry_of_seed, num_cases, seed, tries):
 
 @pytest.mark.parametrize("plan", [[(1, 60), (2, 60)], [(1, 93), (1, 300), (2, 93), (2, 500)]])
 def test_trying_until_it_is_shown_keeps_the_confidence(plan):
-    """At a share just below the claimed one, in a thousand histories of many tries."""
+    """At a share just below the claimed one, in many histories of many tries."""
     rng = np.random.default_rng(1)
     num_shown = 0
-    for _ in range(1000):
+    for _ in range(NUM_HISTORIES):
         cases = {seed: rng.random(500) < SHARE - 1e-9 for seed in range(1, 12)}
         tries = []
         for turn in range(5):
@@ -40,11 +44,10 @@ def test_trying_until_it_is_shown_keeps_the_confidence(plan):
             if any(shown):
                 num_shown += 1
                 break
-    # binomial: four standard deviations above a risk of 5 %
-    assert num_shown <= 1000 * 0.05 + 4 * np.sqrt(1000 * 0.05 * 0.95)
+    assert num_shown <= MOST_WRONG
     # one test after the other without a memory is wrong more often
     alone = [any(judge(met - 0.5, met, SHARE, CONFIDENCE).verdict == "shown" for met in
-                 rng.random((10, 93)) < SHARE) for _ in range(1000)]  # fmt: skip
+                 rng.random((10, 93)) < SHARE) for _ in range(NUM_HISTORIES)]  # fmt: skip
     assert np.mean(alone) > 0.2
 
 
@@ -63,7 +66,7 @@ def test_stopping_at_a_width_and_going_on_until_it_is_shown_keeps_the_confidence
     """At a share just below the claimed one: three widths of three seeds, and a fixed number after them."""
     rng = np.random.default_rng(2)
     num_shown = 0
-    for _ in range(400):
+    for _ in range(NUM_HISTORIES):
         cases = {seed: rng.random(6000) < SHARE - 1e-9 for seed in range(3)}
         tries = []
         verdicts = [
@@ -71,7 +74,7 @@ def test_stopping_at_a_width_and_going_on_until_it_is_shown_keeps_the_confidence
         ]
         verdicts.append(attempt({3: rng.random(500) < SHARE - 1e-9}, 500, 3, tries).verdict)
         num_shown += "shown" in verdicts
-    assert num_shown <= 400 * 0.05 + 4 * np.sqrt(400 * 0.05 * 0.95)
+    assert num_shown <= MOST_WRONG
 
 
 def test_more_flights_of_a_seed_are_the_same_try_where_a_width_ends_them():
