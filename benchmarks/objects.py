@@ -64,6 +64,13 @@ def commands() -> list[tuple[str, ...]]:
     return [
         ("+experiment=evaluate", "controller=champion_27", "monte_carlo.num_cases=20"),
         ("+experiment=train", "stages=[scenario,train]", *SMALL),
+        (
+            "+experiment=train",
+            "stages=[scenario,train]",
+            "problem=docking",
+            "controller=champion_docking",
+            *SMALL,
+        ),
         ("+experiment=evaluate", "controller=champion_27", "safety=robust", *FEW),
         ("+experiment=evaluate", "controller=paper_champion", "safety=filter", *FEW),
         *(("+experiment=evaluate", *words_of(name), *RECORDED) for name in champions),
@@ -74,7 +81,7 @@ def commands() -> list[tuple[str, ...]]:
         (*evaluate, *WAY_OUT, *FEW),
         ("+experiment=evaluate", "controller=natural_motion", *FEW),
         (*fleet, *RECORDED),
-        (*fleet, "safety=filter", "fleet.keep_apart_m=10", *FEW),
+        (*fleet, "safety=filter", "fleet.keep_apart_m=10", *RECORDED),
         ("+experiment=evaluate_fleet", "controller=champion_any_sun", "world=leo", *FEW),
     ]
 
